@@ -1,0 +1,14 @@
+//! The vocabulary of shapes that all stages share.
+//!
+//! Points are `[f64; 3]` in model units; angles are radians; inside is f ≥ 0 and the outward normal is −∇f/|∇f|.
+#![forbid(unsafe_code)]
+
+mod cloud;
+mod field;
+mod kdtree;
+mod point;
+
+pub use cloud::{Column, PointCloud};
+pub use field::{Field, ParamField};
+pub use kdtree::KdTree;
+pub use point::{Aabb, Point3, cross, distance_squared, dot, norm, sub};

@@ -1,0 +1,75 @@
+//! Points, vectors and boxes.
+
+/// A point or vector in space: x, y, z.
+pub type Point3 = [f64; 3];
+
+/// a · b.
+pub fn dot(a: Point3, b: Point3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// a × b.
+pub fn cross(a: Point3, b: Point3) -> Point3 {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// a − b.
+pub fn sub(a: Point3, b: Point3) -> Point3 {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// |a|.
+pub fn norm(a: Point3) -> f64 {
+    dot(a, a).sqrt()
+}
+
+/// |a − b|².
+pub fn distance_squared(a: Point3, b: Point3) -> f64 {
+    dot(sub(a, b), sub(a, b))
+}
+
+/// An axis-parallel box; empty where a lower bound exceeds the upper one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    /// Lower corner.
+    pub lo: Point3,
+    /// Upper corner.
+    pub hi: Point3,
+}
+
+impl Aabb {
+    /// The box of nothing.
+    pub const EMPTY: Self = Self { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3] };
+
+    /// Smallest box around the points.
+    pub fn of<'a>(points: impl IntoIterator<Item = &'a Point3>) -> Self {
+        let mut b = Self::EMPTY;
+        for p in points {
+            b.add(*p);
+        }
+        b
+    }
+    /// Grows to hold `p`.
+    pub fn add(&mut self, p: Point3) {
+        for i in 0..3 {
+            self.lo[i] = self.lo[i].min(p[i]);
+            self.hi[i] = self.hi[i].max(p[i]);
+        }
+    }
+    /// Whether it holds no point.
+    pub fn is_empty(&self) -> bool {
+        (0..3).any(|i| self.lo[i] > self.hi[i])
+    }
+    /// Edge lengths, 0 for the empty box.
+    pub fn size(&self) -> Point3 {
+        std::array::from_fn(|i| (self.hi[i] - self.lo[i]).max(0.0))
+    }
+    /// Centre.
+    pub fn center(&self) -> Point3 {
+        std::array::from_fn(|i| 0.5 * self.lo[i] + 0.5 * self.hi[i])
+    }
+    /// Length of the diagonal.
+    pub fn diagonal(&self) -> f64 {
+        norm(self.size())
+    }
+}

@@ -1,0 +1,332 @@
+//! Forward-mode derivatives: truncated Taylor expansions.
+//!
+//! A function h(u) composes by Faà di Bruno's formula; products by Leibniz' rule. [`Jet1`] carries N first derivatives,
+//! [`Jet2`] and [`Jet3`] all derivatives in x, y, z to order 2 and 3 (symmetric ones stored once).
+
+use crate::Real;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// Index pairs i ≤ j in the order in which second derivatives are stored.
+const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+/// Where ∂²/∂xᵢ∂xⱼ is stored.
+const AT2: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+/// Index triples i ≤ j ≤ k in the order in which third derivatives are stored.
+const TRIPLES: [(usize, usize, usize); 10] =
+    [(0, 0, 0), (0, 0, 1), (0, 0, 2), (0, 1, 1), (0, 1, 2), (0, 2, 2), (1, 1, 1), (1, 1, 2), (1, 2, 2), (2, 2, 2)];
+
+/// Value and first derivatives by N variables.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Jet1<const N: usize> {
+    /// Value.
+    pub v: f64,
+    /// First derivatives.
+    pub g: [f64; N],
+}
+
+/// Value, gradient and Hessian in x, y, z.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Jet2 {
+    /// Value.
+    pub v: f64,
+    /// Gradient.
+    pub g: [f64; 3],
+    /// Second derivatives xx, xy, xz, yy, yz, zz.
+    pub h: [f64; 6],
+}
+
+/// Value and all derivatives to order 3 in x, y, z.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Jet3 {
+    /// Value.
+    pub v: f64,
+    /// Gradient.
+    pub g: [f64; 3],
+    /// Second derivatives xx, xy, xz, yy, yz, zz.
+    pub h: [f64; 6],
+    /// Third derivatives xxx, xxy, xxz, xyy, xyz, xzz, yyy, yyz, yzz, zzz.
+    pub t: [f64; 10],
+}
+
+impl<const N: usize> Jet1<N> {
+    /// The `i`-th variable at `v`.
+    pub fn variable(v: f64, i: usize) -> Self {
+        let mut g = [0.0; N];
+        g[i] = 1.0;
+        Self { v, g }
+    }
+    fn chain(&self, [f0, f1, ..]: [f64; 4]) -> Self {
+        Self { v: f0, g: self.g.map(|u| f1 * u) }
+    }
+    fn linear(&self, o: &Self, a: f64, b: f64) -> Self {
+        Self { v: a * self.v + b * o.v, g: std::array::from_fn(|i| a * self.g[i] + b * o.g[i]) }
+    }
+    fn product(&self, o: &Self) -> Self {
+        Self { v: self.v * o.v, g: std::array::from_fn(|i| self.v * o.g[i] + self.g[i] * o.v) }
+    }
+    fn flat(v: f64) -> Self {
+        Self { v, g: [0.0; N] }
+    }
+}
+
+impl Jet2 {
+    /// The coordinate `i` (0 = x, 1 = y, 2 = z) at `v`.
+    pub fn variable(v: f64, i: usize) -> Self {
+        let mut g = [0.0; 3];
+        g[i] = 1.0;
+        Self { v, g, h: [0.0; 6] }
+    }
+    /// ∂²/∂xᵢ∂xⱼ.
+    pub fn second(&self, i: usize, j: usize) -> f64 {
+        self.h[AT2[i][j]]
+    }
+    fn chain(&self, [f0, f1, f2, _]: [f64; 4]) -> Self {
+        let h = std::array::from_fn(|k| {
+            let (i, j) = PAIRS[k];
+            f1 * self.h[k] + f2 * self.g[i] * self.g[j]
+        });
+        Self { v: f0, g: self.g.map(|u| f1 * u), h }
+    }
+    fn linear(&self, o: &Self, a: f64, b: f64) -> Self {
+        Self {
+            v: a * self.v + b * o.v,
+            g: std::array::from_fn(|i| a * self.g[i] + b * o.g[i]),
+            h: std::array::from_fn(|i| a * self.h[i] + b * o.h[i]),
+        }
+    }
+    fn product(&self, o: &Self) -> Self {
+        let h = std::array::from_fn(|k| {
+            let (i, j) = PAIRS[k];
+            self.v * o.h[k] + self.g[i] * o.g[j] + self.g[j] * o.g[i] + self.h[k] * o.v
+        });
+        Self { v: self.v * o.v, g: std::array::from_fn(|i| self.v * o.g[i] + self.g[i] * o.v), h }
+    }
+    fn flat(v: f64) -> Self {
+        Self { v, g: [0.0; 3], h: [0.0; 6] }
+    }
+}
+
+impl Jet3 {
+    /// The coordinate `i` (0 = x, 1 = y, 2 = z) at `v`.
+    pub fn variable(v: f64, i: usize) -> Self {
+        let mut g = [0.0; 3];
+        g[i] = 1.0;
+        Self { v, g, h: [0.0; 6], t: [0.0; 10] }
+    }
+    /// ∂²/∂xᵢ∂xⱼ.
+    pub fn second(&self, i: usize, j: usize) -> f64 {
+        self.h[AT2[i][j]]
+    }
+    fn order2(&self) -> Jet2 {
+        Jet2 { v: self.v, g: self.g, h: self.h }
+    }
+    fn chain(&self, f: [f64; 4]) -> Self {
+        let low = self.order2().chain(f);
+        let [_, f1, f2, f3] = f;
+        let (g, s) = (&self.g, |i: usize, j: usize| self.h[AT2[i][j]]);
+        let t = std::array::from_fn(|n| {
+            let (i, j, k) = TRIPLES[n];
+            f1 * self.t[n] + f2 * (s(i, j) * g[k] + s(i, k) * g[j] + s(j, k) * g[i]) + f3 * g[i] * g[j] * g[k]
+        });
+        Self { v: low.v, g: low.g, h: low.h, t }
+    }
+    fn linear(&self, o: &Self, a: f64, b: f64) -> Self {
+        let low = self.order2().linear(&o.order2(), a, b);
+        Self { v: low.v, g: low.g, h: low.h, t: std::array::from_fn(|i| a * self.t[i] + b * o.t[i]) }
+    }
+    fn product(&self, o: &Self) -> Self {
+        let low = self.order2().product(&o.order2());
+        let (u, v) = (|i: usize, j: usize| self.h[AT2[i][j]], |i: usize, j: usize| o.h[AT2[i][j]]);
+        let t = std::array::from_fn(|n| {
+            let (i, j, k) = TRIPLES[n];
+            self.v * o.t[n]
+                + self.g[i] * v(j, k)
+                + self.g[j] * v(i, k)
+                + self.g[k] * v(i, j)
+                + u(i, j) * o.g[k]
+                + u(i, k) * o.g[j]
+                + u(j, k) * o.g[i]
+                + self.t[n] * o.v
+        });
+        Self { v: low.v, g: low.g, h: low.h, t }
+    }
+    fn flat(v: f64) -> Self {
+        Self { v, g: [0.0; 3], h: [0.0; 6], t: [0.0; 10] }
+    }
+}
+
+/// (uⁿ, n uⁿ⁻¹, n(n−1) uⁿ⁻², n(n−1)(n−2) uⁿ⁻³), each 0 where its factor is.
+fn power_derivatives(u: f64, n: i32) -> [f64; 4] {
+    let mut r = [0.0; 4];
+    let mut factor = 1.0;
+    for (k, r) in r.iter_mut().enumerate() {
+        *r = if factor == 0.0 { 0.0 } else { factor * Real::powi(&u, n - k as i32) };
+        factor *= f64::from(n - k as i32);
+    }
+    r
+}
+
+macro_rules! jet_is_real {
+    ([$($generic:tt)*] $jet:ty) => {
+        impl<$($generic)*> Add for $jet {
+            type Output = Self;
+            fn add(self, o: Self) -> Self { self.linear(&o, 1.0, 1.0) }
+        }
+        impl<$($generic)*> Sub for $jet {
+            type Output = Self;
+            fn sub(self, o: Self) -> Self { self.linear(&o, 1.0, -1.0) }
+        }
+        impl<$($generic)*> Neg for $jet {
+            type Output = Self;
+            fn neg(self) -> Self { self.chain([-self.v, -1.0, 0.0, 0.0]) }
+        }
+        impl<$($generic)*> Mul for $jet {
+            type Output = Self;
+            fn mul(self, o: Self) -> Self { self.product(&o) }
+        }
+        impl<$($generic)*> Div for $jet {
+            type Output = Self;
+            #[allow(clippy::suspicious_arithmetic_impl, reason = "u / v = u · v⁻¹")]
+            fn div(self, o: Self) -> Self {
+                let r = 1.0 / o.v;
+                let mut q = self.product(&o.chain([r, -r * r, 2.0 * r * r * r, -6.0 * r * r * r * r]));
+                q.v = self.v / o.v;
+                q
+            }
+        }
+        impl<$($generic)*> Real for $jet {
+            fn constant(c: f64) -> Self { Self::flat(c) }
+            fn value(&self) -> f64 { self.v }
+            fn sqrt(&self) -> Self {
+                let s = self.v.sqrt();
+                // At 0 the derivative is unbounded; 0 is the choice of a subgradient that keeps descent finite.
+                if s == 0.0 { return Self::flat(0.0); }
+                let d = 0.5 / s;
+                self.chain([s, d, -0.5 * d / self.v, 0.75 * d / (self.v * self.v)])
+            }
+            fn exp(&self) -> Self { let e = self.v.exp(); self.chain([e; 4]) }
+            fn ln(&self) -> Self {
+                let r = 1.0 / self.v;
+                self.chain([self.v.ln(), r, -r * r, 2.0 * r * r * r])
+            }
+            fn sin(&self) -> Self { let (s, c) = (self.v.sin(), self.v.cos()); self.chain([s, c, -s, -c]) }
+            fn cos(&self) -> Self { let (s, c) = (self.v.sin(), self.v.cos()); self.chain([c, -s, -c, s]) }
+            fn tan(&self) -> Self {
+                let t = self.v.tan();
+                let q = 1.0 + t * t;
+                self.chain([t, q, 2.0 * t * q, 2.0 * q * (1.0 + 3.0 * t * t)])
+            }
+            fn asin(&self) -> Self {
+                let (u, q) = (self.v, 1.0 - self.v * self.v);
+                let r = 1.0 / q.sqrt();
+                self.chain([u.asin(), r, u * r / q, (1.0 + 2.0 * u * u) * r / (q * q)])
+            }
+            fn acos(&self) -> Self {
+                let a = self.asin();
+                let mut r = -a;
+                r.v = self.v.acos();
+                r
+            }
+            fn atan(&self) -> Self {
+                let (u, q) = (self.v, 1.0 / (1.0 + self.v * self.v));
+                self.chain([u.atan(), q, -2.0 * u * q * q, (6.0 * u * u - 2.0) * q * q * q])
+            }
+            fn sinh(&self) -> Self { let (s, c) = (self.v.sinh(), self.v.cosh()); self.chain([s, c, s, c]) }
+            fn cosh(&self) -> Self { let (s, c) = (self.v.sinh(), self.v.cosh()); self.chain([c, s, c, s]) }
+            fn tanh(&self) -> Self {
+                let t = self.v.tanh();
+                let q = 1.0 - t * t;
+                self.chain([t, q, -2.0 * t * q, q * (6.0 * t * t - 2.0)])
+            }
+            fn abs(&self) -> Self { self.chain([self.v.abs(), Real::sign(&self.v), 0.0, 0.0]) }
+            fn square(&self) -> Self { self.chain([self.v * self.v, 2.0 * self.v, 2.0, 0.0]) }
+            fn powi(&self, n: i32) -> Self { self.chain(power_derivatives(self.v, n)) }
+            fn powf(&self, v: &Self) -> Self {
+                let mut r = (self.ln() * v.clone()).exp();
+                if self.v == 0.0 { return Self::flat(self.v.powf(v.v)); }
+                r.v = self.v.powf(v.v);
+                r
+            }
+            fn atan2(&self, x: &Self) -> Self {
+                // The angle differs from atan(y/x) or −atan(x/y) by a constant only.
+                let mut r = if x.v.abs() >= self.v.abs() { (self.clone() / x.clone()).atan() } else { -(x.clone() / self.clone()).atan() };
+                r.v = self.v.atan2(x.v);
+                r
+            }
+            fn floor(&self) -> Self { Self::flat(self.v.floor()) }
+            fn ceil(&self) -> Self { Self::flat(self.v.ceil()) }
+            fn trunc(&self) -> Self { Self::flat(self.v.trunc()) }
+            fn sign(&self) -> Self { Self::flat(Real::sign(&self.v)) }
+            fn min(&self, o: &Self) -> Self { if o.v < self.v { o.clone() } else { self.clone() } }
+            fn max(&self, o: &Self) -> Self { if o.v > self.v { o.clone() } else { self.clone() } }
+            fn less(&self, o: &Self) -> Self { Self::flat(Real::less(&self.v, &o.v)) }
+            fn less_eq(&self, o: &Self) -> Self { Self::flat(Real::less_eq(&self.v, &o.v)) }
+            fn select(&self, a: &Self, b: &Self) -> Self { if self.v != 0.0 { a.clone() } else { b.clone() } }
+        }
+    };
+}
+
+jet_is_real!([const N: usize] Jet1<N>);
+jet_is_real!([] Jet2);
+jet_is_real!([] Jet3);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A formula that visits every smooth operation, at a point where all are defined.
+    fn formula<R: Real>(x: &R, y: &R, z: &R) -> R {
+        let c = R::constant;
+        let a = (x.square() + y.square() + c(0.5)).sqrt() * z.sin() / (y.cosh() + c(1.0));
+        let b = (x.clone() * y.clone()).exp() - (z.square() + c(1.0)).ln() + x.atan() * y.tanh();
+        let d = x.powi(3) - z.powi(-2) + (y.clone() * c(0.3)).asin() + (x.clone() * c(0.2)).acos() + z.sinh() * x.cos();
+        let e = (x.square() + c(1.0)).powf(&(y.clone() + c(0.7))) + y.atan2(&(x.clone() - c(3.0))) + z.tan();
+        a + b.r_union(&d) * e.r_intersection(&x.abs())
+    }
+
+    const AT: [f64; 3] = [0.7, -0.4, 0.9];
+
+    /// Each order against central differences of the order below: the error must fall with the square of the step.
+    #[test]
+    fn derivatives_agree_with_differences() {
+        let jet = |p: [f64; 3]| {
+            let [x, y, z] = std::array::from_fn(|i| Jet3::variable(p[i], i));
+            formula(&x, &y, &z)
+        };
+        let here = jet(AT);
+        let step = 1e-5;
+        for axis in 0..3 {
+            let moved = |s: f64| {
+                let mut p = AT;
+                p[axis] += s;
+                jet(p)
+            };
+            let (u, l) = (moved(step), moved(-step));
+            let near = |d: f64, want: f64, what: &str| {
+                assert!((d - want).abs() < 1e-7 * (1.0 + want.abs()), "{what} by axis {axis}: {d} against {want}");
+            };
+            near((u.v - l.v) / (2.0 * step), here.g[axis], "first");
+            for j in 0..3 {
+                near((u.g[j] - l.g[j]) / (2.0 * step), here.second(axis, j), "second");
+            }
+            for (k, &(i, j)) in PAIRS.iter().enumerate() {
+                let mut t = [axis, i, j];
+                t.sort_unstable();
+                let n = TRIPLES.iter().position(|&q| q == (t[0], t[1], t[2])).expect("sorted triple");
+                near((u.h[k] - l.h[k]) / (2.0 * step), here.t[n], "third");
+            }
+        }
+    }
+
+    #[test]
+    fn lower_orders_are_the_heads_of_higher_ones() {
+        let [x, y, z] = std::array::from_fn(|i| Jet3::variable(AT[i], i));
+        let three = formula(&x, &y, &z);
+        let [x, y, z] = std::array::from_fn(|i| Jet2::variable(AT[i], i));
+        let two = formula(&x, &y, &z);
+        let [x, y, z] = std::array::from_fn(|i| Jet1::<3>::variable(AT[i], i));
+        let one = formula(&x, &y, &z);
+        assert_eq!((three.v, three.g, three.h), (two.v, two.g, two.h));
+        assert_eq!((one.v, one.g), (two.v, two.g));
+        assert_eq!(one.v, formula(&AT[0], &AT[1], &AT[2]));
+    }
+}
