@@ -1,1 +1,13 @@
-//! Implicit functions.
+//! Implicit functions: the expression, its readings and its evaluators, and the HyperFun language.
+//!
+//! - [`Graph`]: the tree of a model, built by hand or from a HyperFun program ([`hyperfun`]).
+//! - [`Tape`]: the compiled form; values, gradients, jets and intervals, in blocks of points.
+
+pub mod graph;
+pub mod library;
+mod native;
+pub mod ops;
+
+pub use graph::{Graph, Node, NodeId};
+pub use library::{Axis, Library, Native};
+pub use ops::{Binary, Direct, Ops, SetOp, Unary};

@@ -32,6 +32,8 @@ pub trait ParamField: Send + Sync {
     /// Weighted normal equations: Σ wᵢ fᵢ², Jᵀ W f into `gradient` (dim) and Jᵀ W J into `hessian` (dim × dim, full symmetric).
     /// `weights` empty means all 1. The sums run in a fixed order: the same bits each time.
     fn normal_equations(&self, points: &[Point3], weights: &[f64], a: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64;
+    /// f(pᵢ, a) and its gradient in space, point by point.
+    fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]);
     /// Σ wᵢ fᵢ², in the same order of summation as [`ParamField::normal_equations`].
     fn sum_of_squares(&self, points: &[Point3], weights: &[f64], a: &[f64]) -> f64;
 }

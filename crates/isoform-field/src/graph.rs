@@ -1,0 +1,544 @@
+//! The expression: a hash-consed graph in which set operations and library functions stay first-class nodes.
+//!
+//! A [`Graph`] is built through [`Ops`] (by the HyperFun executor, or by hand), read in three ways ([`crate::shape`]) and
+//! evaluated through a [`crate::Tape`]. [`Graph::eval`] evaluates it node by node in any [`Real`] type: slow, obvious, and the
+//! oracle for everything faster.
+
+use crate::library::{Library, Native};
+use crate::ops::{Binary, Direct, Ops, SetOp, Unary};
+use isoform_num::Real;
+use std::collections::{BTreeMap, HashMap};
+
+/// A node of a [`Graph`]. Nodes are numbered in the order of creation: arguments come before what uses them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct NodeId(pub(crate) u32);
+
+impl NodeId {
+    pub(crate) fn at(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// What a node computes.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Node {
+    /// A constant, by its bits.
+    Constant(u64),
+    /// Coordinate i of space, from 0.
+    X(u32),
+    /// Parameter i, from 0.
+    Param(u32),
+    /// A function of one argument.
+    Unary(Unary, NodeId),
+    /// A function of two arguments.
+    Binary(Binary, NodeId, NodeId),
+    /// An integer power.
+    PowI(NodeId, i32),
+    /// A set operation.
+    Set(SetOp, NodeId, NodeId),
+    /// The second where the first is not 0, else the third.
+    Select(NodeId, NodeId, NodeId),
+    /// A library function.
+    Library(Library, Box<[NodeId]>),
+    /// A function with an iteration inside.
+    Native(Native, Box<[NodeId]>),
+}
+
+/// An expression in coordinates x and parameters a, with shared subexpressions stored once.
+#[derive(Clone, Debug, Default)]
+pub struct Graph {
+    nodes: Vec<Node>,
+    known: HashMap<Node, NodeId>,
+    names: BTreeMap<NodeId, String>,
+}
+
+impl Graph {
+    /// An empty graph.
+    pub fn new() -> Self {
+        Self::default()
+    }
+    /// Number of nodes.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+    /// Whether there is no node.
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+    /// The node.
+    pub fn node(&self, id: NodeId) -> &Node {
+        &self.nodes[id.at()]
+    }
+    /// Coordinate `i` from 0.
+    pub fn x(&mut self, i: usize) -> NodeId {
+        self.insert(Node::X(i as u32))
+    }
+    /// Parameter `i` from 0.
+    pub fn param(&mut self, i: usize) -> NodeId {
+        self.insert(Node::Param(i as u32))
+    }
+    /// Gives a node a name for people (the variable that it is assigned to); the first name stays.
+    pub fn set_name(&mut self, id: NodeId, name: &str) {
+        self.names.entry(id).or_insert_with(|| name.to_owned());
+    }
+    /// The node's name, if it has one.
+    pub fn name(&self, id: NodeId) -> Option<&str> {
+        self.names.get(&id).map(String::as_str)
+    }
+
+    fn insert(&mut self, node: Node) -> NodeId {
+        if let Some(&id) = self.known.get(&node) {
+            return id;
+        }
+        let id = NodeId(u32::try_from(self.nodes.len()).expect("fewer than 2^32 nodes"));
+        self.nodes.push(node.clone());
+        self.known.insert(node, id);
+        id
+    }
+
+    /// The constant's value, if the node is one.
+    pub fn constant_value(&self, id: NodeId) -> Option<f64> {
+        match self.nodes[id.at()] {
+            Node::Constant(bits) => Some(f64::from_bits(bits)),
+            _ => None,
+        }
+    }
+
+    /// The arguments of a node, in order.
+    pub fn arguments(&self, id: NodeId) -> Vec<NodeId> {
+        match &self.nodes[id.at()] {
+            Node::Constant(_) | Node::X(_) | Node::Param(_) => Vec::new(),
+            Node::Unary(_, a) | Node::PowI(a, _) => vec![*a],
+            Node::Binary(_, a, b) | Node::Set(_, a, b) => vec![*a, *b],
+            Node::Select(c, a, b) => vec![*c, *a, *b],
+            Node::Library(_, args) | Node::Native(_, args) => args.to_vec(),
+        }
+    }
+
+    /// Which nodes the roots need, by index.
+    pub fn reachable(&self, roots: &[NodeId]) -> Vec<bool> {
+        let mut need = vec![false; self.nodes.len()];
+        for r in roots {
+            need[r.at()] = true;
+        }
+        for i in (0..self.nodes.len()).rev() {
+            if need[i] {
+                for a in self.arguments(NodeId(i as u32)) {
+                    need[a.at()] = true;
+                }
+            }
+        }
+        need
+    }
+
+    /// Rebuilds what `root` needs into `target`, with the inputs replaced: the copy of coordinate i is `x[i]`, of parameter i
+    /// `a[i]`. Names go along. Library nodes become `library(target, f, arguments)`.
+    pub fn rewrite<O: Ops>(
+        &self,
+        root: NodeId,
+        target: &mut O,
+        x: &[O::V],
+        a: &[O::V],
+        mut named: impl FnMut(&mut O, &O::V, &str),
+    ) -> O::V {
+        let need = self.reachable(&[root]);
+        let mut value: Vec<Option<O::V>> = vec![None; self.nodes.len()];
+        for i in 0..=root.at() {
+            if !need[i] {
+                continue;
+            }
+            let get = |id: &NodeId| value[id.at()].as_ref().expect("arguments precede their users");
+            let v = match &self.nodes[i] {
+                Node::Constant(bits) => target.constant(f64::from_bits(*bits)),
+                Node::X(k) => x[*k as usize].clone(),
+                Node::Param(k) => a[*k as usize].clone(),
+                Node::Unary(op, u) => target.unary(*op, get(u)),
+                Node::Binary(op, u, v) => target.binary(*op, get(u), get(v)),
+                Node::PowI(u, n) => target.powi(get(u), *n),
+                Node::Set(op, u, v) => target.set(*op, get(u), get(v)),
+                Node::Select(c, u, v) => target.select(get(c), get(u), get(v)),
+                Node::Library(f, args) => {
+                    let args: Vec<O::V> = args.iter().map(|id| get(id).clone()).collect();
+                    target.library(*f, &args)
+                }
+                Node::Native(f, args) => {
+                    let args: Vec<O::V> = args.iter().map(|id| get(id).clone()).collect();
+                    target.native(*f, &args)
+                }
+            };
+            if let Some(name) = self.names.get(&NodeId(i as u32)) {
+                named(target, &v, name);
+            }
+            value[i] = Some(v);
+        }
+        value[root.at()].take().expect("the root is needed")
+    }
+
+    /// f at a point, in any number type, with HyperFun's meaning (the algebraic reading).
+    ///
+    /// # Panics
+    /// If `x` or `a` is shorter than the inputs that the expression uses.
+    pub fn eval<R: Real>(&self, root: NodeId, x: &[R], a: &[R]) -> R {
+        self.rewrite(root, &mut Direct::<R>::new(), x, a, |_, _, _| {})
+    }
+
+    /// Number of coordinates and parameters that `root` uses (highest index plus one).
+    pub fn inputs(&self, root: NodeId) -> (usize, usize) {
+        let need = self.reachable(&[root]);
+        let mut n = (0, 0);
+        for (node, _) in self.nodes.iter().zip(&need).filter(|(_, need)| **need) {
+            match node {
+                Node::X(i) => n.0 = n.0.max(*i as usize + 1),
+                Node::Param(i) => n.1 = n.1.max(*i as usize + 1),
+                _ => {}
+            }
+        }
+        n
+    }
+
+    /// Expands library nodes into their formulas: what is left is arithmetic, set operations and native functions.
+    pub fn lowered(&mut self, root: NodeId) -> NodeId {
+        let source = self.clone();
+        let (nx, na) = source.inputs(root);
+        let x: Vec<NodeId> = (0..nx).map(|i| self.x(i)).collect();
+        let a: Vec<NodeId> = (0..na).map(|i| self.param(i)).collect();
+        source.rewrite(root, &mut Lowering(self), &x, &a, |_, _, _| {})
+    }
+
+    /// ∂root/∂xᵢ as an expression, of a lowered graph; `None` where a native function depends on xᵢ.
+    /// `memo` keeps the derivatives of one `axis` between calls.
+    pub fn derivative(&mut self, root: NodeId, axis: usize, memo: &mut HashMap<NodeId, NodeId>) -> Option<NodeId> {
+        if let Some(&d) = memo.get(&root) {
+            return Some(d);
+        }
+        let need = self.reachable(&[root]);
+        let zero = self.constant(0.0);
+        for (i, needed) in need.iter().enumerate().take(root.at() + 1) {
+            let id = NodeId(i as u32);
+            if !needed || memo.contains_key(&id) {
+                continue;
+            }
+            let arguments: Vec<NodeId> = self.arguments(id);
+            let d = if arguments.iter().all(|a| memo[a] == zero) {
+                if self.nodes[i] == Node::X(axis as u32) { self.constant(1.0) } else { zero }
+            } else {
+                self.chain_rule(id, &arguments, memo)?
+            };
+            memo.insert(id, d);
+        }
+        memo.get(&root).copied()
+    }
+
+    fn chain_rule(&mut self, id: NodeId, arguments: &[NodeId], d: &HashMap<NodeId, NodeId>) -> Option<NodeId> {
+        let node = self.nodes[id.at()].clone();
+        let du: Vec<NodeId> = arguments.iter().map(|a| d[a]).collect();
+        let zero = self.constant(0.0);
+        Some(match node {
+            Node::Constant(_) | Node::X(_) | Node::Param(_) => zero,
+            Node::Unary(op, u) => match op {
+                Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign => zero,
+                _ => {
+                    let slope = self.unary_slope(op, u, id);
+                    self.product(slope, du[0])
+                }
+            },
+            Node::PowI(u, n) => {
+                let p = self.powi(&u, n - 1);
+                let s = self.scale(f64::from(n), &p);
+                self.product(s, du[0])
+            }
+            Node::Binary(op, u, v) => match op {
+                Binary::Add => self.sum(du[0], du[1]),
+                Binary::Sub => self.difference(du[0], du[1]),
+                Binary::Mul => {
+                    let (p, q) = (self.product(du[0], v), self.product(u, du[1]));
+                    self.sum(p, q)
+                }
+                Binary::Div => {
+                    let q = self.product(id, du[1]);
+                    let n = self.difference(du[0], q);
+                    self.div(&n, &v)
+                }
+                Binary::Pow => {
+                    // (v u'/u + v' ln u) u^v
+                    let (q, l) = (self.div(&v, &u), self.unary(Unary::Ln, &u));
+                    let (p, q) = (self.product(q, du[0]), self.product(l, du[1]));
+                    let s = self.sum(p, q);
+                    self.product(s, id)
+                }
+                Binary::Atan2 => {
+                    // angle of (x = v, y = u): (v u' − u v')/(u² + v²)
+                    let (p, q) = (self.product(v, du[0]), self.product(u, du[1]));
+                    let n = self.difference(p, q);
+                    let (u2, v2) = (self.square(&u), self.square(&v));
+                    let r = self.add(&u2, &v2);
+                    self.div(&n, &r)
+                }
+                Binary::Less | Binary::LessEq => zero,
+            },
+            Node::Set(op, u, v) => self.set_derivative(op, id, [u, v], [du[0], du[1]]),
+            Node::Select(c, _, _) => self.select(&c, &du[1], &du[2]),
+            Node::Library(..) | Node::Native(..) => return None,
+        })
+    }
+
+    fn set_derivative(&mut self, op: SetOp, id: NodeId, [u, v]: [NodeId; 2], [du, dv]: [NodeId; 2]) -> NodeId {
+        match op {
+            SetOp::Max => {
+                let c = self.less(&u, &v);
+                self.select(&c, &dv, &du)
+            }
+            SetOp::Min => {
+                let c = self.less(&v, &u);
+                self.select(&c, &dv, &du)
+            }
+            SetOp::RUnion | SetOp::RIntersection => {
+                // (u u' + v v')/h with h = √(u² + v²) = |w − (u + v)|; 0 where h = 0.
+                let s = self.add(&u, &v);
+                let h = if op == SetOp::RUnion { self.sub(&id, &s) } else { self.sub(&s, &id) };
+                let (p, q) = (self.product(u, du), self.product(v, dv));
+                let n = self.sum(p, q);
+                let (zero, one) = (self.constant(0.0), self.constant(1.0));
+                let positive = self.less(&zero, &h);
+                let safe = self.select(&positive, &h, &one);
+                let r = self.div(&n, &safe);
+                let d = self.sum(du, dv);
+                if op == SetOp::RUnion { self.sum(d, r) } else { self.difference(d, r) }
+            }
+        }
+    }
+
+    fn unary_slope(&mut self, op: Unary, u: NodeId, id: NodeId) -> NodeId {
+        let one = self.constant(1.0);
+        match op {
+            Unary::Neg => self.constant(-1.0),
+            Unary::Abs => self.unary(Unary::Sign, &u),
+            Unary::Square => self.scale(2.0, &u),
+            Unary::Sqrt => {
+                // 0 at the root's singularity, as in the jets.
+                let (zero, half) = (self.constant(0.0), self.constant(0.5));
+                let positive = self.less(&zero, &id);
+                let safe = self.select(&positive, &id, &one);
+                let d = self.div(&half, &safe);
+                self.select(&positive, &d, &zero)
+            }
+            Unary::Exp => id,
+            Unary::Ln => self.div(&one, &u),
+            Unary::Sin => self.unary(Unary::Cos, &u),
+            Unary::Cos => {
+                let s = self.unary(Unary::Sin, &u);
+                self.neg(&s)
+            }
+            Unary::Tan | Unary::Tanh => {
+                let t2 = self.square(&id);
+                if op == Unary::Tan { self.add(&one, &t2) } else { self.sub(&one, &t2) }
+            }
+            Unary::Asin | Unary::Acos => {
+                let u2 = self.square(&u);
+                let q = self.sub(&one, &u2);
+                let q = self.sqrt(&q);
+                let r = self.div(&one, &q);
+                if op == Unary::Asin { r } else { self.neg(&r) }
+            }
+            Unary::Atan => {
+                let u2 = self.square(&u);
+                let q = self.add(&one, &u2);
+                self.div(&one, &q)
+            }
+            Unary::Sinh => self.unary(Unary::Cosh, &u),
+            Unary::Cosh => self.unary(Unary::Sinh, &u),
+            Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign => self.constant(0.0),
+        }
+    }
+
+    // In derivatives a factor or summand that is the constant 0 stands for "does not depend": it vanishes also beside an
+    // infinite partner, which plain constant folding must not assume.
+    fn product(&mut self, u: NodeId, v: NodeId) -> NodeId {
+        let zero = self.constant(0.0);
+        if u == zero || v == zero { zero } else { self.mul(&u, &v) }
+    }
+    fn sum(&mut self, u: NodeId, v: NodeId) -> NodeId {
+        let zero = self.constant(0.0);
+        if u == zero {
+            v
+        } else if v == zero {
+            u
+        } else {
+            self.add(&u, &v)
+        }
+    }
+    fn difference(&mut self, u: NodeId, v: NodeId) -> NodeId {
+        let zero = self.constant(0.0);
+        if v == zero {
+            u
+        } else if u == zero {
+            self.neg(&v)
+        } else {
+            self.sub(&u, &v)
+        }
+    }
+
+    fn folded(&self, args: &[NodeId]) -> Option<Vec<f64>> {
+        args.iter().map(|a| self.constant_value(*a)).collect()
+    }
+}
+
+/// Builds into a graph, expanding library functions.
+struct Lowering<'a>(&'a mut Graph);
+
+impl Ops for Lowering<'_> {
+    type V = NodeId;
+    fn constant(&mut self, c: f64) -> NodeId {
+        self.0.constant(c)
+    }
+    fn unary(&mut self, op: Unary, a: &NodeId) -> NodeId {
+        self.0.unary(op, a)
+    }
+    fn binary(&mut self, op: Binary, a: &NodeId, b: &NodeId) -> NodeId {
+        self.0.binary(op, a, b)
+    }
+    fn powi(&mut self, a: &NodeId, n: i32) -> NodeId {
+        self.0.powi(a, n)
+    }
+    fn set(&mut self, op: SetOp, a: &NodeId, b: &NodeId) -> NodeId {
+        self.0.set(op, a, b)
+    }
+    fn select(&mut self, condition: &NodeId, a: &NodeId, b: &NodeId) -> NodeId {
+        self.0.select(condition, a, b)
+    }
+    fn library(&mut self, f: Library, args: &[NodeId]) -> NodeId {
+        f.algebraic(self.0, args)
+    }
+    fn native(&mut self, f: Native, args: &[NodeId]) -> NodeId {
+        self.0.native(f, args)
+    }
+    fn known(&self, v: &NodeId) -> Option<f64> {
+        self.0.known(v)
+    }
+}
+
+impl Ops for Graph {
+    type V = NodeId;
+
+    fn constant(&mut self, c: f64) -> NodeId {
+        self.insert(Node::Constant(if c == 0.0 { 0.0f64.to_bits() } else { c.to_bits() }))
+    }
+    fn unary(&mut self, op: Unary, a: &NodeId) -> NodeId {
+        if let Some(c) = self.constant_value(*a) {
+            return self.constant(op.apply(&c));
+        }
+        match (op, &self.nodes[a.at()]) {
+            (Unary::Neg, Node::Unary(Unary::Neg, u)) => *u,
+            (Unary::Square | Unary::Abs, Node::Unary(Unary::Neg | Unary::Abs, u)) => {
+                let u = *u;
+                self.insert(Node::Unary(op, u))
+            }
+            _ => self.insert(Node::Unary(op, *a)),
+        }
+    }
+    fn binary(&mut self, op: Binary, a: &NodeId, b: &NodeId) -> NodeId {
+        let (ca, cb) = (self.constant_value(*a), self.constant_value(*b));
+        if let (Some(u), Some(v)) = (ca, cb) {
+            return self.constant(op.apply(&u, &v));
+        }
+        match (op, ca, cb) {
+            (Binary::Add, Some(0.0), _) | (Binary::Mul, Some(1.0), _) => *b,
+            (Binary::Add | Binary::Sub, _, Some(0.0)) | (Binary::Mul | Binary::Div, _, Some(1.0)) => *a,
+            (Binary::Sub, Some(0.0), _) | (Binary::Mul, Some(-1.0), _) => self.neg(b),
+            (Binary::Mul, _, Some(-1.0)) => self.neg(a),
+            (Binary::Mul, ..) if a == b => self.square(a),
+            // Commutative: one order, so that equal subexpressions meet.
+            (Binary::Add | Binary::Mul, ..) if b < a => self.insert(Node::Binary(op, *b, *a)),
+            _ => self.insert(Node::Binary(op, *a, *b)),
+        }
+    }
+    fn powi(&mut self, a: &NodeId, n: i32) -> NodeId {
+        match n {
+            0 => self.constant(1.0),
+            1 => *a,
+            2 => self.square(a),
+            _ => match self.constant_value(*a) {
+                Some(c) => self.constant(Real::powi(&c, n)),
+                None => self.insert(Node::PowI(*a, n)),
+            },
+        }
+    }
+    fn set(&mut self, op: SetOp, a: &NodeId, b: &NodeId) -> NodeId {
+        match self.folded(&[*a, *b]) {
+            Some(c) => self.constant(op.apply(&c[0], &c[1])),
+            None if a == b && matches!(op, SetOp::Max | SetOp::Min) => *a,
+            None => self.insert(Node::Set(op, *a, *b)),
+        }
+    }
+    fn select(&mut self, condition: &NodeId, a: &NodeId, b: &NodeId) -> NodeId {
+        match self.constant_value(*condition) {
+            Some(c) => {
+                if c != 0.0 {
+                    *a
+                } else {
+                    *b
+                }
+            }
+            None if a == b => *a,
+            None => self.insert(Node::Select(*condition, *a, *b)),
+        }
+    }
+    fn library(&mut self, f: Library, args: &[NodeId]) -> NodeId {
+        match self.folded(args) {
+            Some(c) => {
+                let v = f.algebraic(&mut Direct::<f64>::new(), &c);
+                self.constant(v)
+            }
+            None => self.insert(Node::Library(f, args.into())),
+        }
+    }
+    fn native(&mut self, f: Native, args: &[NodeId]) -> NodeId {
+        match self.folded(args) {
+            Some(c) => self.constant(f.eval(&c)),
+            None => self.insert(Node::Native(f, args.into())),
+        }
+    }
+    fn known(&self, v: &NodeId) -> Option<f64> {
+        self.constant_value(*v)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_num::Jet1;
+
+    #[test]
+    fn equal_subexpressions_are_one_node() {
+        let mut g = Graph::new();
+        let (x, y) = (g.x(0), g.x(1));
+        let a = g.add(&x, &y);
+        let b = g.add(&y, &x);
+        assert_eq!(a, b);
+        let m = g.mul(&a, &b);
+        assert_eq!(g.node(m), &Node::Unary(Unary::Square, a));
+    }
+
+    #[test]
+    fn symbolic_derivative_agrees_with_jets() {
+        let mut g = Graph::new();
+        let (x, y, z, a) = (g.x(0), g.x(1), g.x(2), g.param(0));
+        let s = g.library(Library::Sphere, &[x, y, z, a, y, a, a]);
+        let t = g.unary(Unary::Sin, &x);
+        let t = g.div(&t, &z);
+        let u = g.set(SetOp::RUnion, &s, &t);
+        let e = g.unary(Unary::Exp, &y);
+        let v = g.set(SetOp::Min, &u, &e);
+        let p = g.powi(&v, 3);
+        let q = g.binary(Binary::Atan2, &p, &z);
+        let root = g.lowered(q);
+        let at = [0.3, -0.2, 0.8];
+        let jets: [Jet1<3>; 3] = std::array::from_fn(|i| Jet1::variable(at[i], i));
+        let want = g.eval(q, &jets, &[Jet1::constant(0.4)]);
+        for axis in 0..3 {
+            let d = g.derivative(root, axis, &mut HashMap::new()).expect("no native function");
+            let got = g.eval(d, &at, &[0.4]);
+            assert!((got - want.g[axis]).abs() < 1e-12 * (1.0 + got.abs()), "{axis}: {got} against {}", want.g[axis]);
+        }
+    }
+}

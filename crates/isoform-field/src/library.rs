@@ -1,0 +1,488 @@
+//! The first-class functions of the HyperFun library: primitives, blends, signed distances.
+//!
+//! A new primitive is one variant here and one arm in each of [`Library::algebraic`] and [`Library::metric`]; its HyperFun
+//! name and the shape of its arguments stand in the table of `hyperfun::functions`.
+//! Formulas: HyperFun library (f ≥ 0 inside), ../../../docs/hyperfun.md; u = x − c throughout.
+
+use crate::native;
+use crate::ops::{Ops, SetOp};
+use isoform_num::Real;
+
+/// A coordinate axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[allow(missing_docs, reason = "the axis of its name")]
+pub enum Axis {
+    X,
+    Y,
+    Z,
+}
+
+impl Axis {
+    /// The other two coordinates and the axis itself, as indices; (p, q, axis) is right-handed.
+    pub fn indices(self) -> (usize, usize, usize) {
+        match self {
+            Self::X => (1, 2, 0),
+            Self::Y => (2, 0, 1),
+            Self::Z => (0, 1, 2),
+        }
+    }
+}
+
+/// A library function that stays one node of the tree. Arguments are flat, in HyperFun's order; a point is three of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Library {
+    /// x, c, R: R² − |u|²
+    Sphere,
+    /// x, c, a, b, d: 1 − (u₁/a)² − (u₂/b)² − (u₃/d)²
+    Ellipsoid,
+    /// x, c, R, r: r² − |u|² − R² + 2 R p, p the distance to the axis
+    Torus(Axis),
+    /// x, c, R: R² − p²
+    Cylinder(Axis),
+    /// x, c, a, b: 1 − (first other coordinate / a)² − (second / b)²
+    EllipticCylinder(Axis),
+    /// x, v, dx, dy, dz: R-intersection of the slabs (xᵢ − vᵢ)(vᵢ + dᵢ − xᵢ)
+    Block,
+    /// x, c, R: h² − (p/R)², double cone
+    Cone(Axis),
+    /// x, c, a, b: h² − (first other coordinate / a)² − (second / b)²
+    EllipticCone(Axis),
+    /// x, c, a, b, d, s1, s2: 1 − (|u₁/a|^(2/s2) + |u₂/b|^(2/s2))^(s2/s1) − |u₃/d|^(2/s1)
+    Superellipsoid,
+    /// f1, f2, a0, a1, a2: f1 | f2 + a0 / (1 + (f1/a1)² + (f2/a2)²)
+    BlendUnion,
+    /// f1, f2, a0, a1, a2: f1 & f2 + a0 / (1 + (f1/a1)² + (f2/a2)²)
+    BlendIntersection,
+    /// f1, f2, r: circular blend of max
+    DistanceBlendUnion,
+    /// f1, f2, r: circular blend of min
+    DistanceBlendIntersection,
+    /// f1, f2, R, alpha: SARDF union (Fayolle, Pasko, Schmitt)
+    SardfUnion,
+    /// f1, f2, R, alpha: SARDF intersection
+    SardfIntersection,
+    /// x, c, R: signed distance to the double cone
+    DistanceCone(Axis),
+    /// x, c, dir, R: R − |dir × u| / |dir|
+    DistanceCylinder,
+    /// x, c, R, r: r − √((p − R)² + h²)
+    DistanceTorus(Axis),
+    /// x, c, a, b, d: signed distance to the ellipsoid
+    DistanceEllipsoid,
+}
+
+/// Functions with an iteration inside, evaluated in any number type by Newton steps on the whole jet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Native {
+    /// u₁, u₂, u₃, a, b, d: signed distance of u to the ellipsoid about 0, positive inside
+    EllipsoidDistance,
+    /// f1, f2, R: second largest real root of m⁴ − 4√R m³ − 4R m² + 4√R (f1+f2) m − (f1²+f2²)
+    SardfRoot,
+    /// u, v: C's fmod
+    Fmod,
+    /// x, y, z: Perlin's gradient noise with a fixed permutation, in about \[−1, 1\]
+    PerlinNoise,
+}
+
+impl Native {
+    /// The function in any number type.
+    pub fn eval<R: Real>(self, args: &[R]) -> R {
+        match self {
+            Self::EllipsoidDistance => native::ellipsoid_distance(args),
+            Self::SardfRoot => native::sardf_root(args),
+            Self::Fmod => native::fmod(args),
+            Self::PerlinNoise => native::perlin(args),
+        }
+    }
+}
+
+/// How many of the leading arguments are points (three numbers each), how many are plain numbers.
+impl Library {
+    /// Number of flat arguments.
+    pub fn arity(self) -> usize {
+        match self {
+            Self::Sphere | Self::Cylinder(_) | Self::Cone(_) | Self::DistanceCone(_) => 7,
+            Self::EllipticCylinder(_) | Self::EllipticCone(_) | Self::Torus(_) | Self::DistanceTorus(_) => 8,
+            Self::Ellipsoid | Self::Block | Self::DistanceEllipsoid => 9,
+            Self::DistanceCylinder => 10,
+            Self::Superellipsoid => 11,
+            Self::BlendUnion | Self::BlendIntersection => 5,
+            Self::DistanceBlendUnion | Self::DistanceBlendIntersection => 3,
+            Self::SardfUnion | Self::SardfIntersection => 4,
+        }
+    }
+
+    /// Whether the first three arguments are the point at which a primitive is evaluated.
+    pub fn is_primitive(self) -> bool {
+        self.arity() >= 7
+    }
+
+    /// HyperFun's own value.
+    pub fn algebraic<O: Ops>(self, o: &mut O, args: &[O::V]) -> O::V {
+        debug_assert_eq!(args.len(), self.arity());
+        if !self.is_primitive() {
+            return self.combination(o, args);
+        }
+        let u: [O::V; 3] = std::array::from_fn(|i| o.sub(&args[i], &args[i + 3]));
+        let n = &args[6..];
+        match self {
+            Self::Sphere => {
+                let r2 = o.square(&n[0]);
+                let d2 = squares(o, &u);
+                o.sub(&r2, &d2)
+            }
+            Self::Cylinder(axis) => {
+                let (p, q, _) = axis.indices();
+                let (r2, p2, q2) = (o.square(&n[0]), o.square(&u[p]), o.square(&u[q]));
+                let s = o.sub(&r2, &p2);
+                o.sub(&s, &q2)
+            }
+            Self::Torus(axis) => {
+                let p = axis_distance(o, axis, &u);
+                let (r2, d2, big2) = (o.square(&n[1]), squares(o, &u), o.square(&n[0]));
+                let rp = o.mul(&n[0], &p);
+                let rp = o.scale(2.0, &rp);
+                let s = o.sub(&r2, &d2);
+                let s = o.sub(&s, &big2);
+                o.add(&s, &rp)
+            }
+            Self::Ellipsoid => quadric(o, &[(&u[0], &n[0]), (&u[1], &n[1]), (&u[2], &n[2])]),
+            Self::EllipticCylinder(axis) => {
+                let (i, j) = others(axis);
+                quadric(o, &[(&u[i], &n[0]), (&u[j], &n[1])])
+            }
+            Self::Block => {
+                let t: [O::V; 3] = std::array::from_fn(|i| {
+                    let end = o.add(&args[i + 3], &n[i]);
+                    let up = o.sub(&end, &args[i]);
+                    o.mul(&u[i], &up)
+                });
+                let s = o.set(SetOp::RIntersection, &t[0], &t[1]);
+                o.set(SetOp::RIntersection, &s, &t[2])
+            }
+            Self::Cone(axis) => {
+                let (p, q, h) = axis.indices();
+                let (h2, p2, q2) = (o.square(&u[h]), o.square(&u[p]), o.square(&u[q]));
+                let s = o.add(&p2, &q2);
+                let r2 = o.square(&n[0]);
+                let s = o.div(&s, &r2);
+                o.sub(&h2, &s)
+            }
+            Self::EllipticCone(axis) => {
+                let (i, j) = others(axis);
+                let (_, _, h) = axis.indices();
+                let q = quadric(o, &[(&u[i], &n[0]), (&u[j], &n[1])]);
+                let h2 = o.square(&u[h]);
+                let s = o.add(&h2, &q);
+                o.offset(&s, -1.0)
+            }
+            Self::Superellipsoid => superellipsoid(o, &u, n),
+            Self::DistanceCone(axis) => {
+                let p = axis_distance(o, axis, &u);
+                let (_, _, h) = axis.indices();
+                cone_distance(o, &u[h], &p, &n[0])
+            }
+            Self::DistanceCylinder => {
+                let (dir, r) = (&n[..3], &n[3]);
+                let d = distance_to_line(o, &u, dir);
+                o.sub(r, &d)
+            }
+            Self::DistanceTorus(axis) => {
+                let (_, _, h) = axis.indices();
+                let p = axis_distance(o, axis, &u);
+                torus_distance(o, &p, &u[h], &n[0], &n[1])
+            }
+            Self::DistanceEllipsoid => o.native(Native::EllipsoidDistance, &[&u[..], n].concat()),
+            _ => unreachable!("combinations returned above"),
+        }
+    }
+
+    /// Blends and SARDF operations of two values.
+    fn combination<O: Ops>(self, o: &mut O, args: &[O::V]) -> O::V {
+        let (f, g) = (&args[0], &args[1]);
+        match self {
+            Self::BlendUnion => {
+                let s = o.set(SetOp::RUnion, f, g);
+                let d = displacement(o, args);
+                o.add(&s, &d)
+            }
+            Self::BlendIntersection => {
+                let s = o.set(SetOp::RIntersection, f, g);
+                let d = displacement(o, args);
+                o.add(&s, &d)
+            }
+            Self::DistanceBlendIntersection => circular_intersection(o, f, g, &args[2]),
+            Self::DistanceBlendUnion => {
+                let (mf, mg) = (o.neg(f), o.neg(g));
+                let b = circular_intersection(o, &mf, &mg, &args[2]);
+                o.neg(&b)
+            }
+            Self::SardfIntersection => sardf_intersection(o, f, g, &args[2], &args[3]),
+            Self::SardfUnion => {
+                let (mf, mg) = (o.neg(f), o.neg(g));
+                let b = sardf_intersection(o, &mf, &mg, &args[2], &args[3]);
+                o.neg(&b)
+            }
+            _ => unreachable!("primitives are handled by the caller"),
+        }
+    }
+
+    /// The unit-gradient forms of a primitive, one per smooth side with the side's name, to be joined by min (a block is the
+    /// intersection of six half spaces); empty where none is known in closed form. Valid where the point's coordinates are a
+    /// rigid image of space.
+    pub fn metric<O: Ops>(self, o: &mut O, args: &[O::V]) -> Vec<(&'static str, O::V)> {
+        if !self.is_primitive() {
+            return Vec::new();
+        }
+        let u: [O::V; 3] = std::array::from_fn(|i| o.sub(&args[i], &args[i + 3]));
+        let n = &args[6..];
+        let one = |v| vec![("", v)];
+        match self {
+            Self::Sphere => {
+                let (r, d2) = (o.abs(&n[0]), squares(o, &u));
+                let d = o.sqrt(&d2);
+                one(o.sub(&r, &d))
+            }
+            Self::Cylinder(axis) => {
+                let (r, p) = (o.abs(&n[0]), axis_distance(o, axis, &u));
+                one(o.sub(&r, &p))
+            }
+            Self::Torus(axis) | Self::DistanceTorus(axis) => {
+                let (_, _, h) = axis.indices();
+                let p = axis_distance(o, axis, &u);
+                let r = o.abs(&n[1]);
+                one(torus_distance(o, &p, &u[h], &n[0], &r))
+            }
+            Self::Cone(axis) | Self::DistanceCone(axis) => {
+                let (_, _, h) = axis.indices();
+                let p = axis_distance(o, axis, &u);
+                let r = o.abs(&n[0]);
+                one(cone_distance(o, &u[h], &p, &r))
+            }
+            Self::Block => {
+                // For a negative size the slab's formula is symmetric in its two ends: the smaller end is the lower one.
+                let names = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
+                let mut sides = Vec::with_capacity(6);
+                for i in 0..3 {
+                    let size = o.abs(&n[i]);
+                    let shift = o.sub(&n[i], &size);
+                    let shift = o.scale(0.5, &shift);
+                    let low = o.add(&args[i + 3], &shift);
+                    let high = o.add(&low, &size);
+                    sides.push((names[i][0], o.sub(&args[i], &low)));
+                    sides.push((names[i][1], o.sub(&high, &args[i])));
+                }
+                sides
+            }
+            Self::DistanceCylinder | Self::DistanceEllipsoid => one(self.algebraic(o, args)),
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// The two other coordinates in rising order (HyperFun's order of half axes).
+fn others(axis: Axis) -> (usize, usize) {
+    match axis {
+        Axis::X => (1, 2),
+        Axis::Y => (0, 2),
+        Axis::Z => (0, 1),
+    }
+}
+
+/// u·u
+fn squares<O: Ops>(o: &mut O, u: &[O::V; 3]) -> O::V {
+    let q: [O::V; 3] = std::array::from_fn(|i| o.square(&u[i]));
+    let s = o.add(&q[0], &q[1]);
+    o.add(&s, &q[2])
+}
+
+/// Distance to the axis.
+fn axis_distance<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3]) -> O::V {
+    let (p, q, _) = axis.indices();
+    let (p2, q2) = (o.square(&u[p]), o.square(&u[q]));
+    let s = o.add(&p2, &q2);
+    o.sqrt(&s)
+}
+
+/// 1 − Σ (uᵢ/aᵢ)²
+fn quadric<O: Ops>(o: &mut O, terms: &[(&O::V, &O::V)]) -> O::V {
+    let mut s = o.constant(1.0);
+    for (u, a) in terms {
+        let t = o.div(u, a);
+        let t = o.square(&t);
+        s = o.sub(&s, &t);
+    }
+    s
+}
+
+fn superellipsoid<O: Ops>(o: &mut O, u: &[O::V; 3], n: &[O::V]) -> O::V {
+    let two = o.constant(2.0);
+    let (e1, e2) = (o.div(&two, &n[3]), o.div(&two, &n[4]));
+    let ratio = o.div(&n[4], &n[3]);
+    let term = |o: &mut O, i: usize, e: &O::V| {
+        let t = o.div(&u[i], &n[i]);
+        let t = o.abs(&t);
+        power_from_zero(o, &t, e)
+    };
+    let (a, b, c) = (term(o, 0, &e2), term(o, 1, &e2), term(o, 2, &e1));
+    let s = o.add(&a, &b);
+    let s = power_from_zero(o, &s, &ratio);
+    let one = o.constant(1.0);
+    let s = o.sub(&one, &s);
+    o.sub(&s, &c)
+}
+
+/// t^e for t ≥ 0, with 0^e = 0 and no derivative there.
+fn power_from_zero<O: Ops>(o: &mut O, t: &O::V, e: &O::V) -> O::V {
+    let zero = o.constant(0.0);
+    let tiny = o.constant(f64::MIN_POSITIVE);
+    let positive = o.less(&zero, t);
+    let safe = o.select(&positive, t, &tiny);
+    let p = o.binary(crate::ops::Binary::Pow, &safe, e);
+    o.select(&positive, &p, &zero)
+}
+
+/// h sin t − p cos t with tan t = R, for h = |axis coordinate|.
+fn cone_distance<O: Ops>(o: &mut O, h: &O::V, p: &O::V, r: &O::V) -> O::V {
+    let h = o.abs(h);
+    let rh = o.mul(r, &h);
+    let s = o.sub(&rh, p);
+    let r2 = o.square(r);
+    let q = o.offset(&r2, 1.0);
+    let q = o.sqrt(&q);
+    o.div(&s, &q)
+}
+
+/// r − √((p − R)² + h²)
+fn torus_distance<O: Ops>(o: &mut O, p: &O::V, h: &O::V, big: &O::V, r: &O::V) -> O::V {
+    let d = o.sub(p, big);
+    let (d2, h2) = (o.square(&d), o.square(h));
+    let s = o.add(&d2, &h2);
+    let s = o.sqrt(&s);
+    o.sub(r, &s)
+}
+
+/// |dir × u| / |dir|
+fn distance_to_line<O: Ops>(o: &mut O, u: &[O::V; 3], dir: &[O::V]) -> O::V {
+    let c: [O::V; 3] = std::array::from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        let (a, b) = (o.mul(&dir[j], &u[k]), o.mul(&dir[k], &u[j]));
+        o.sub(&a, &b)
+    });
+    let d: [O::V; 3] = std::array::from_fn(|i| dir[i].clone());
+    let (c2, d2) = (squares(o, &c), squares(o, &d));
+    let (c1, d1) = (o.sqrt(&c2), o.sqrt(&d2));
+    o.div(&c1, &d1)
+}
+
+/// a0 / (1 + (f/a1)² + (g/a2)²)
+fn displacement<O: Ops>(o: &mut O, args: &[O::V]) -> O::V {
+    let (p, q) = (o.div(&args[0], &args[3]), o.div(&args[1], &args[4]));
+    let (p2, q2) = (o.square(&p), o.square(&q));
+    let s = o.offset(&p2, 1.0);
+    let s = o.add(&s, &q2);
+    o.div(&args[2], &s)
+}
+
+/// min outside |f − g| ≤ r, else (2s − 4r + √((2s − 4r)² − 8 (f² + g² + r² − 2 r s))) / 4 with s = f + g.
+fn circular_intersection<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V) -> O::V {
+    let s = o.add(f, g);
+    let (s2, r4) = (o.scale(2.0, &s), o.scale(4.0, r));
+    let b = o.sub(&s2, &r4);
+    let (f2, g2, r2, b2) = (o.square(f), o.square(g), o.square(r), o.square(&b));
+    let rs = o.mul(r, &s2);
+    let c = o.add(&f2, &g2);
+    let c = o.add(&c, &r2);
+    let c = o.sub(&c, &rs);
+    let c8 = o.scale(8.0, &c);
+    let disc = o.sub(&b2, &c8);
+    let zero = o.constant(0.0);
+    // Rounding may push the discriminant below 0 at the blend's ends.
+    let disc = o.max(&disc, &zero);
+    let root = o.sqrt(&disc);
+    let sum = o.add(&b, &root);
+    let blend = o.scale(0.25, &sum);
+    let d = o.sub(f, g);
+    let d = o.abs(&d);
+    let apart = o.less(r, &d);
+    let m = o.min(f, g);
+    o.select(&apart, &m, &blend)
+}
+
+/// SARDF intersection; every branch is built, the conditions choose.
+fn sardf_intersection<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V, alpha: &O::V) -> O::V {
+    let zero = o.constant(0.0);
+    let small = |o: &mut O, v: &O::V| {
+        let (limit, a, zero) = (o.constant(1e-7), o.abs(v), o.constant(0.0));
+        let is = o.less(&a, &limit);
+        o.select(&is, &zero, v)
+    };
+    let (f, g) = (small(o, f), small(o, g));
+    let m = o.min(&f, &g);
+    let negative = sardf_both_negative(o, &f, &g, alpha);
+    let positive = sardf_both_positive(o, &f, &g, r, &m);
+    let (fp, gp) = (o.less(&zero, &f), o.less(&zero, &g));
+    let (fn_, gn) = (o.less(&f, &zero), o.less(&g, &zero));
+    let (both_p, both_n) = (o.mul(&fp, &gp), o.mul(&fn_, &gn));
+    // Different signs give the negative one, one zero gives min(other, 0): both are the minimum.
+    let rest = o.select(&both_n, &negative, &m);
+    o.select(&both_p, &positive, &rest)
+}
+
+fn sardf_both_negative<O: Ops>(o: &mut O, f: &O::V, g: &O::V, alpha: &O::V) -> O::V {
+    let (sum, f2, g2) = (o.add(f, g), o.square(f), o.square(g));
+    let s2 = o.add(&f2, &g2);
+    let zero = o.constant(0.0);
+    let one = o.constant(1.0);
+    let t = o.unary(crate::ops::Unary::Tan, alpha);
+    let t2 = o.square(&t);
+    let two_t = o.scale(2.0, &t);
+    let a = o.sub(&one, &t2);
+    let a = o.sub(&a, &two_t);
+    let b = o.mul(&two_t, &sum);
+    let c = o.neg(&s2);
+    let ac = o.mul(&a, &c);
+    let ac4 = o.scale(4.0, &ac);
+    let b2 = o.square(&b);
+    let disc = o.sub(&b2, &ac4);
+    let disc = o.max(&disc, &zero);
+    let root = o.sqrt(&disc);
+    let mb = o.neg(&b);
+    let num = o.sub(&mb, &root);
+    let two_a = o.scale(2.0, &a);
+    let d = o.div(&num, &two_a);
+    // f/g ≥ 1/t and f/g ≤ t, with both negative: f t ≤ g and f ≥ t g.
+    let (ft, gt) = (o.mul(f, &t), o.mul(g, &t));
+    let (first, second) = (o.less_eq(&ft, g), o.less_eq(&gt, f));
+    // For alpha = 0 both conditions would hold trivially on the axes only; t = 0 has no sectors.
+    let has = o.less(&zero, &t);
+    let (first, second) = (o.mul(&first, &has), o.mul(&second, &has));
+    let d = o.select(&second, g, &d);
+    o.select(&first, f, &d)
+}
+
+fn sardf_both_positive<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V, m: &O::V) -> O::V {
+    let (f2, g2) = (o.square(f), o.square(g));
+    let r4 = o.scale(4.0, r);
+    let (fq, gq) = (o.div(&f2, &r4), o.div(&g2, &r4));
+    let (c1, c2) = (o.less_eq(&fq, g), o.less_eq(&gq, f));
+    let inner = o.mul(&c1, &c2);
+    let root = o.native(Native::SardfRoot, &[f.clone(), g.clone(), r.clone()]);
+    let m2 = o.square(&root);
+    let near_value = o.select(&inner, &m2, m);
+    let far_value = circular_intersection(o, f, g, r);
+    // near: f ≤ R or g ≤ R or (f ≤ 2R and g ≤ 2R and (f−2R)² + (g−2R)² ≥ R²)
+    let r2 = o.scale(2.0, r);
+    let (a, b) = (o.less_eq(f, r), o.less_eq(g, r));
+    let (c, d) = (o.less_eq(f, &r2), o.less_eq(g, &r2));
+    let (df, dg) = (o.sub(f, &r2), o.sub(g, &r2));
+    let (df2, dg2) = (o.square(&df), o.square(&dg));
+    let circle = o.add(&df2, &dg2);
+    let rr = o.square(r);
+    let e = o.less_eq(&rr, &circle);
+    let corner = o.mul(&c, &d);
+    let corner = o.mul(&corner, &e);
+    let s = o.add(&a, &b);
+    let s = o.add(&s, &corner);
+    o.select(&s, &near_value, &far_value)
+}

@@ -1,0 +1,174 @@
+//! Functions with an iteration inside, for every number type.
+//!
+//! The iteration runs on plain values; two Newton steps in the number type then lift the result to a jet, since each step
+//! doubles the order to which the jet is right (the defining equation is evaluated exactly in the jet).
+
+use isoform_num::Real;
+
+/// Signed distance to an axis-parallel ellipsoid about 0, positive inside: `u[0..3]`, half axes `u[3..6]`.
+///
+/// The foot point is q = u s²/(t + s²) with Σ (u s/(t + s²))² = 1; the largest root t is bracketed and bisected on values,
+/// then polished by Newton (robust at the centre and on the principal planes, where the root is the end of the bracket).
+pub(crate) fn ellipsoid_distance<R: Real>(args: &[R]) -> R {
+    let v: Vec<f64> = args.iter().map(Real::value).collect();
+    if v.iter().any(|c| !c.is_finite()) {
+        return R::constant(f64::NAN);
+    }
+    let (u, s) = ([v[0].abs(), v[1].abs(), v[2].abs()], [v[3].abs(), v[4].abs(), v[5].abs()]);
+    let least = s.iter().copied().fold(f64::INFINITY, f64::min);
+    if least == 0.0 {
+        return R::constant(f64::NAN);
+    }
+    let g = |t: f64| (0..3).map(|i| (u[i] * s[i] / (t + s[i] * s[i])).powi(2)).sum::<f64>() - 1.0;
+    let (mut lo, mut hi) = (-least * least, (0..3).map(|i| (u[i] * s[i]).powi(2)).sum::<f64>().sqrt());
+    for _ in 0..200 {
+        let t = 0.5 * (lo + hi);
+        if t <= lo || t >= hi {
+            break;
+        }
+        if g(t) > 0.0 { lo = t } else { hi = t }
+    }
+    let t0 = 0.5 * (lo + hi);
+    let smooth = (0..3).all(|i| t0 + s[i] * s[i] > 1e-9 * s[i] * s[i]);
+    let inside = (0..3).map(|i| (u[i] / s[i]).powi(2)).sum::<f64>() <= 1.0;
+    if !smooth {
+        // On the medial axis: the foot point lies off the principal plane in the direction of the shortest half axis.
+        let mut q: [f64; 3] = std::array::from_fn(|i| {
+            let d = t0 + s[i] * s[i];
+            if d > 1e-9 * s[i] * s[i] { u[i] * s[i] * s[i] / d } else { 0.0 }
+        });
+        let short = (0..3).fold(0, |b, i| if s[i] < s[b] { i } else { b });
+        let rest: f64 = (0..3).filter(|&i| i != short).map(|i| (q[i] / s[i]).powi(2)).sum();
+        q[short] = s[short] * (1.0 - rest).max(0.0).sqrt();
+        let d = (0..3).map(|i| (u[i] - q[i]).powi(2)).sum::<f64>().sqrt();
+        return R::constant(if inside { d } else { -d });
+    }
+    let mut t = R::constant(t0);
+    let s2: Vec<R> = (3..6).map(|i| args[i].square()).collect();
+    for _ in 0..3 {
+        // Newton on g in the number type: g = Σ a − 1, g' = −2 Σ a/(t + s²) with a = (u s/(t + s²))².
+        let (mut value, mut slope) = (R::constant(-1.0), R::constant(0.0));
+        for i in 0..3 {
+            let d = t.clone() + s2[i].clone();
+            let a = (args[i].clone() * args[i + 3].clone() / d.clone()).square();
+            slope = slope + a.clone() / d;
+            value = value + a;
+        }
+        t = t + value / (slope * R::constant(2.0));
+    }
+    // u − q = u t/(t + s²): the distance is |t| times √Σ (u/(t + s²))², and t < 0 inside.
+    let mut sum = R::constant(0.0);
+    for i in 0..3 {
+        sum = sum + (args[i].clone() / (t.clone() + s2[i].clone())).square();
+    }
+    -t * sum.sqrt()
+}
+
+/// Second largest real root m of the SARDF quartic for f, g > 0 and R; 0 where there are fewer than two.
+pub(crate) fn sardf_root<R: Real>(args: &[R]) -> R {
+    let (f, g, r) = (args[0].value(), args[1].value(), args[2].value());
+    if !(f > 0.0 && g > 0.0 && r > 0.0) {
+        return R::constant(0.0);
+    }
+    let q = r.sqrt();
+    let c = [-(f * f + g * g), 4.0 * q * (f + g), -4.0 * r, -4.0 * q, 1.0];
+    let Some(m) = second_largest_root(&c) else { return R::constant(0.0) };
+    let (f, g, r) = (args[0].clone(), args[1].clone(), args[2].clone());
+    let q = r.sqrt();
+    let k = R::constant;
+    let mut m = k(m);
+    for _ in 0..3 {
+        let m2 = m.square();
+        let value = m2.square() - k(4.0) * q.clone() * m2.clone() * m.clone() - k(4.0) * r.clone() * m2.clone()
+            + k(4.0) * q.clone() * (f.clone() + g.clone()) * m.clone()
+            - (f.square() + g.square());
+        let slope = k(4.0) * m2.clone() * m.clone() - k(12.0) * q.clone() * m2 - k(8.0) * r.clone() * m.clone()
+            + k(4.0) * q.clone() * (f.clone() + g.clone());
+        if slope.value() == 0.0 {
+            break;
+        }
+        m = m - value / slope;
+    }
+    m
+}
+
+/// Real roots of a quartic (coefficients from constant to leading) by splitting at the roots of its derivatives.
+fn second_largest_root(c: &[f64; 5]) -> Option<f64> {
+    let roots = real_roots(c);
+    (roots.len() >= 2).then(|| roots[roots.len() - 2])
+}
+
+/// Real roots in rising order: between neighbouring roots of the derivative the polynomial is monotone and is bisected.
+fn real_roots(c: &[f64]) -> Vec<f64> {
+    let degree = c.len() - 1;
+    if degree == 1 {
+        return if c[1] != 0.0 { vec![-c[0] / c[1]] } else { Vec::new() };
+    }
+    let derivative: Vec<f64> = (1..=degree).map(|i| c[i] * i as f64).collect();
+    let bound = 1.0 + c[..degree].iter().map(|v| (v / c[degree]).abs()).fold(0.0, f64::max);
+    let mut cuts = vec![-bound];
+    cuts.extend(real_roots(&derivative).into_iter().filter(|v| v.abs() < bound));
+    cuts.push(bound);
+    let eval = |t: f64| c.iter().rev().fold(0.0, |s, k| s * t + k);
+    let mut roots = Vec::new();
+    for w in cuts.windows(2) {
+        let (mut lo, mut hi) = (w[0], w[1]);
+        let (a, b) = (eval(lo), eval(hi));
+        if a == 0.0 && lo > -bound {
+            roots.push(lo);
+            continue;
+        }
+        if a.signum() == b.signum() {
+            continue;
+        }
+        for _ in 0..200 {
+            let m = 0.5 * (lo + hi);
+            if m <= lo || m >= hi {
+                break;
+            }
+            if eval(m).signum() == a.signum() { lo = m } else { hi = m }
+        }
+        roots.push(0.5 * (lo + hi));
+    }
+    roots
+}
+
+/// C's fmod; the derivative by u is 1, by v −trunc(u/v).
+pub(crate) fn fmod<R: Real>(args: &[R]) -> R {
+    let (u, v) = (args[0].value(), args[1].value());
+    if !(u.is_finite() && v.is_finite()) || v == 0.0 {
+        return R::constant(f64::NAN);
+    }
+    let n = ((u - u % v) / v).round();
+    args[0].clone() - args[1].clone() * R::constant(n)
+}
+
+/// Ken Perlin's improved noise with a permutation of our own: p(i) from a fixed 64-bit mixing of i, the same on every machine.
+pub(crate) fn perlin<R: Real>(args: &[R]) -> R {
+    let cell: [f64; 3] = std::array::from_fn(|i| args[i].value().floor());
+    let p: [R; 3] = std::array::from_fn(|i| args[i].clone() - R::constant(cell[i]));
+    let k = R::constant;
+    let fade = |t: &R| t.powi(3) * (t.clone() * (t.clone() * k(6.0) - k(15.0)) + k(10.0));
+    let w: [R; 3] = std::array::from_fn(|i| fade(&p[i]));
+    let mut sum = k(0.0);
+    for corner in 0..8u32 {
+        let bit = |i: usize| (corner >> i) & 1;
+        let mut hash = 0x9E37_79B9_7F4A_7C15u64;
+        for (i, c) in cell.iter().enumerate() {
+            let at = (c + f64::from(bit(i))).clamp(-9e15, 9e15) as i64;
+            hash = (hash ^ at as u64).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            hash ^= hash >> 29;
+        }
+        let d: [R; 3] = std::array::from_fn(|i| p[i].clone() - k(f64::from(bit(i))));
+        // The twelve edge directions of a cube.
+        let n = (hash >> 33) % 12;
+        let (a, b) = [(0, 1), (0, 2), (1, 2)][(n / 4) as usize];
+        let sign = |s: u64| k(if s == 0 { 1.0 } else { -1.0 });
+        let mut term = sign(n & 1) * d[a].clone() + sign((n >> 1) & 1) * d[b].clone();
+        for i in 0..3 {
+            term = term * if bit(i) == 1 { w[i].clone() } else { k(1.0) - w[i].clone() };
+        }
+        sum = sum + term;
+    }
+    sum
+}

@@ -1,0 +1,250 @@
+//! One formula, many meanings: the operations a formula may use.
+//!
+//! Library functions and the HyperFun executor are written against [`Ops`]. Run with [`Direct`] they compute at once, in any
+//! [`Real`] number type (this is the oracle that every evaluator must agree with); run with a [`crate::Graph`] they build the
+//! expression.
+
+use crate::library::{Library, Native};
+use isoform_num::Real;
+use std::marker::PhantomData;
+
+/// Functions of one argument.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[allow(missing_docs, reason = "each is the function of its name")]
+pub enum Unary {
+    Neg,
+    Abs,
+    Square,
+    Sqrt,
+    Exp,
+    Ln,
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+    Sinh,
+    Cosh,
+    Tanh,
+    Floor,
+    Ceil,
+    Trunc,
+    Sign,
+}
+
+/// Functions of two arguments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Binary {
+    /// a + b
+    Add,
+    /// a − b
+    Sub,
+    /// a · b
+    Mul,
+    /// a / b
+    Div,
+    /// a^b for a > 0
+    Pow,
+    /// Angle of the point (x = b, y = a)
+    Atan2,
+    /// 1 where a < b, else 0
+    Less,
+    /// 1 where a ≤ b, else 0
+    LessEq,
+}
+
+/// Set operations on functions with f ≥ 0 inside. Subtraction is the intersection with the negated function.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum SetOp {
+    /// u + v + √(u² + v²), the R0-function (Rvachev 1963)
+    RUnion,
+    /// u + v − √(u² + v²)
+    RIntersection,
+    /// max(u, v)
+    Max,
+    /// min(u, v)
+    Min,
+}
+
+impl Unary {
+    /// The function in any number type.
+    pub fn apply<R: Real>(self, a: &R) -> R {
+        match self {
+            Self::Neg => -a.clone(),
+            Self::Abs => a.abs(),
+            Self::Square => a.square(),
+            Self::Sqrt => a.sqrt(),
+            Self::Exp => a.exp(),
+            Self::Ln => a.ln(),
+            Self::Sin => a.sin(),
+            Self::Cos => a.cos(),
+            Self::Tan => a.tan(),
+            Self::Asin => a.asin(),
+            Self::Acos => a.acos(),
+            Self::Atan => a.atan(),
+            Self::Sinh => a.sinh(),
+            Self::Cosh => a.cosh(),
+            Self::Tanh => a.tanh(),
+            Self::Floor => a.floor(),
+            Self::Ceil => a.ceil(),
+            Self::Trunc => a.trunc(),
+            Self::Sign => a.sign(),
+        }
+    }
+}
+
+impl Binary {
+    /// The function in any number type.
+    pub fn apply<R: Real>(self, a: &R, b: &R) -> R {
+        match self {
+            Self::Add => a.clone() + b.clone(),
+            Self::Sub => a.clone() - b.clone(),
+            Self::Mul => a.clone() * b.clone(),
+            Self::Div => a.clone() / b.clone(),
+            Self::Pow => a.powf(b),
+            Self::Atan2 => a.atan2(b),
+            Self::Less => a.less(b),
+            Self::LessEq => a.less_eq(b),
+        }
+    }
+}
+
+impl SetOp {
+    /// The function in any number type.
+    pub fn apply<R: Real>(self, a: &R, b: &R) -> R {
+        match self {
+            Self::RUnion => a.r_union(b),
+            Self::RIntersection => a.r_intersection(b),
+            Self::Max => a.max(b),
+            Self::Min => a.min(b),
+        }
+    }
+}
+
+/// What a formula can be written with. Conditions are numbers: 0 is false, everything else true.
+pub trait Ops {
+    /// A value: a number, or a node of the expression under construction.
+    type V: Clone;
+
+    /// The constant `c`.
+    fn constant(&mut self, c: f64) -> Self::V;
+    /// A function of one argument.
+    fn unary(&mut self, op: Unary, a: &Self::V) -> Self::V;
+    /// A function of two arguments.
+    fn binary(&mut self, op: Binary, a: &Self::V, b: &Self::V) -> Self::V;
+    /// a^n for an integer n.
+    fn powi(&mut self, a: &Self::V, n: i32) -> Self::V;
+    /// A set operation; stays first-class in an expression.
+    fn set(&mut self, op: SetOp, a: &Self::V, b: &Self::V) -> Self::V;
+    /// `a` where `condition` ≠ 0, `b` elsewhere.
+    fn select(&mut self, condition: &Self::V, a: &Self::V, b: &Self::V) -> Self::V;
+    /// A primitive or blend of the library; stays first-class in an expression. Arguments flat, in the order of [`Library`].
+    fn library(&mut self, f: Library, args: &[Self::V]) -> Self::V;
+    /// A function that is no formula (an iteration inside).
+    fn native(&mut self, f: Native, args: &[Self::V]) -> Self::V;
+    /// The value where it is known now: always when computing directly, for constants only when building an expression.
+    fn known(&self, v: &Self::V) -> Option<f64>;
+
+    /// a + b
+    fn add(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
+        self.binary(Binary::Add, a, b)
+    }
+    /// a − b
+    fn sub(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
+        self.binary(Binary::Sub, a, b)
+    }
+    /// a · b
+    fn mul(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
+        self.binary(Binary::Mul, a, b)
+    }
+    /// a / b
+    fn div(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
+        self.binary(Binary::Div, a, b)
+    }
+    /// −a
+    fn neg(&mut self, a: &Self::V) -> Self::V {
+        self.unary(Unary::Neg, a)
+    }
+    /// a²
+    fn square(&mut self, a: &Self::V) -> Self::V {
+        self.unary(Unary::Square, a)
+    }
+    /// √a
+    fn sqrt(&mut self, a: &Self::V) -> Self::V {
+        self.unary(Unary::Sqrt, a)
+    }
+    /// |a|
+    fn abs(&mut self, a: &Self::V) -> Self::V {
+        self.unary(Unary::Abs, a)
+    }
+    /// c · a
+    fn scale(&mut self, c: f64, a: &Self::V) -> Self::V {
+        let c = self.constant(c);
+        self.mul(&c, a)
+    }
+    /// a + c
+    fn offset(&mut self, a: &Self::V, c: f64) -> Self::V {
+        let c = self.constant(c);
+        self.add(a, &c)
+    }
+    /// min(a, b) as a set operation
+    fn min(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
+        self.set(SetOp::Min, a, b)
+    }
+    /// max(a, b) as a set operation
+    fn max(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
+        self.set(SetOp::Max, a, b)
+    }
+    /// 1 where a < b, else 0
+    fn less(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
+        self.binary(Binary::Less, a, b)
+    }
+    /// 1 where a ≤ b, else 0
+    fn less_eq(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
+        self.binary(Binary::LessEq, a, b)
+    }
+}
+
+/// Computes at once, in the number type `R`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Direct<R>(PhantomData<R>);
+
+impl<R> Direct<R> {
+    /// The evaluator; it has no state.
+    pub fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<R: Real> Ops for Direct<R> {
+    type V = R;
+
+    fn constant(&mut self, c: f64) -> R {
+        R::constant(c)
+    }
+    fn unary(&mut self, op: Unary, a: &R) -> R {
+        op.apply(a)
+    }
+    fn binary(&mut self, op: Binary, a: &R, b: &R) -> R {
+        op.apply(a, b)
+    }
+    fn powi(&mut self, a: &R, n: i32) -> R {
+        a.powi(n)
+    }
+    fn set(&mut self, op: SetOp, a: &R, b: &R) -> R {
+        op.apply(a, b)
+    }
+    fn select(&mut self, condition: &R, a: &R, b: &R) -> R {
+        condition.select(a, b)
+    }
+    fn library(&mut self, f: Library, args: &[R]) -> R {
+        f.algebraic(self, args)
+    }
+    fn native(&mut self, f: Native, args: &[R]) -> R {
+        f.eval(args)
+    }
+    fn known(&self, v: &R) -> Option<f64> {
+        Some(v.value())
+    }
+}
