@@ -1,1 +1,52 @@
-//! placeholder
+//! Points and meshes from files, and back.
+//!
+//! [`read`] takes PLY, XYZ and CSV text, OBJ, OFF, STL, PCD, LAS, LAZ and E57, from a path or from bytes, by name or by content, and gives a
+//! [`PointCloud`](isoform_geom::PointCloud) with a [`ReadReport`]; or a [`ReadError`] that says what, where, why and what to try.
+//! Files are streamed: a seeded uniform sample of a file that does not fit in memory is one option away ([`ReadOptions::max_points`]).
+//! [`write_path`] gives PLY, XYZ and CSV that read back bit by bit. [`inspect`] says what is in a cloud.
+//!
+//! No size that a file announces is believed before the bytes are there, and NaN ends here: points with one are dropped and counted.
+//!
+//! A new format is one file with `sniff` and `read` (and `write`), and one line in `registry.rs`.
+//!
+//! ```
+//! use isoform_io::{ReadOptions, Source, WriteOptions, inspect, read, write};
+//! let off = b"OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
+//! let (mesh, report) = read(Source::Bytes { name: "tetrahedron.off", bytes: off }, None, &ReadOptions::default())?;
+//! assert_eq!((mesh.points.len(), mesh.triangles.len()), (4, 4));
+//! assert_eq!(inspect(&mesh, &report).spacing, Some(1.0));
+//!
+//! let mut ply = Vec::new();
+//! write(&mesh, &mut ply, "ply", &WriteOptions::default())?;
+//! let (again, _) = read(Source::Bytes { name: "-", bytes: &ply }, None, &ReadOptions::default())?;
+//! assert_eq!(again, mesh);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod collect;
+mod color;
+mod e57;
+mod error;
+mod input;
+mod inspect;
+mod las;
+mod obj;
+mod off;
+mod pcd;
+mod ply;
+mod read;
+mod registry;
+mod roles;
+mod sample;
+mod stl;
+mod text;
+mod write;
+
+pub use color::deviation_colors;
+pub use error::{At, ErrorKind, Place, ReadError, WriteError};
+pub use input::Source;
+pub use inspect::{ColumnRange, Inspection, UnitGuess, inspect};
+pub use read::{MeshPoints, ReadOptions, ReadReport, read};
+pub use registry::{Format, format_named, formats};
+pub use write::{WriteOptions, WriteReport, write, write_atomic, write_path};

@@ -1,0 +1,381 @@
+//! From rows of a file to a [`PointCloud`]: sampling while streaming, dropping what is not finite, recentring.
+
+use crate::input::{Input, Result};
+use crate::{At, ErrorKind, MeshPoints, Place, ReadError, ReadOptions, ReadReport};
+use isoform_geom::{Aabb, Column, Point3, PointCloud, dot};
+
+/// A cloud whose centre is further from the origin than this many of its diagonals is moved there. Squared distances in f64 then still
+/// have 2⁵³/1000² ≈ 10¹⁰ steps per diagonal. Smaller would move scans that merely stand beside their origin, and surprise; larger would
+/// let geographic coordinates eat the digits of a fit.
+const FAR_IN_DIAGONALS: f64 = 1000.0;
+/// An axis is moved only if its centre is this far out; below, the subtraction would not be exact (see [`recenter`]).
+const AXIS_FAR_IN_DIAGONALS: f64 = 10.0;
+/// Normals whose length is off by more than this are scaled to 1; single precision writes stay as they are.
+const NORMAL_SLACK: f64 = 1e-3;
+
+/// What the numbers of a colour mean.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum ColorScale {
+    /// 0 to 255.
+    Byte,
+    /// 0 to 65535 by the book, 0 to 255 in many files; the largest value decides.
+    Word,
+    /// 0 to 1, 0 to 255 or 0 to 65535; the largest value decides.
+    Guess,
+}
+
+pub(crate) struct Collector {
+    limit: Option<usize>,
+    rng: fastrand::Rng,
+    normals: bool,
+    scale: Option<ColorScale>,
+    pub(crate) cloud: PointCloud,
+    colors: Vec<[f32; 3]>,
+    /// Number of each kept point among the finite ones; only filled while sampling.
+    order: Vec<u64>,
+    finite: u64,
+    /// Rows offered, good or bad.
+    pub(crate) rows: u64,
+    dropped: u64,
+    /// Rows that were dropped, ascending, where triangles need to know.
+    dropped_rows: Vec<u32>,
+    is_mesh: bool,
+    bounds: Aabb,
+    /// Largest index in a triangle, and where it stood.
+    highest: Option<(u64, At)>,
+}
+
+impl Collector {
+    pub(crate) fn new(options: &ReadOptions) -> Self {
+        Self {
+            limit: options.max_points,
+            rng: fastrand::Rng::with_seed(options.seed),
+            normals: false,
+            scale: None,
+            cloud: PointCloud::default(),
+            colors: Vec::new(),
+            order: Vec::new(),
+            finite: 0,
+            rows: 0,
+            dropped: 0,
+            dropped_rows: Vec::new(),
+            is_mesh: false,
+            bounds: Aabb::EMPTY,
+            highest: None,
+        }
+    }
+    /// There may be triangles, which count rows.
+    pub(crate) fn mesh(&mut self, options: &ReadOptions) {
+        self.is_mesh = true;
+        if matches!(options.mesh, MeshPoints::Samples(_)) {
+            self.limit = None; // samples on the triangles need all vertices
+        }
+    }
+    pub(crate) fn with_normals(&mut self) {
+        self.normals = true;
+    }
+    pub(crate) fn with_colors(&mut self, scale: ColorScale) {
+        self.scale = Some(scale);
+    }
+    pub(crate) fn with_columns(&mut self, names: impl IntoIterator<Item = String>) {
+        self.cloud.columns.extend(names.into_iter().map(|name| Column { name, values: Vec::new() }));
+    }
+
+    /// Takes a row; the slot to fill with its other values if it is kept. Reservoir sampling (Vitter 1985, Algorithm R): after i rows
+    /// each of them is held with the same probability.
+    #[inline]
+    pub(crate) fn offer(&mut self, p: Point3) -> Option<usize> {
+        let row = self.rows;
+        self.rows += 1;
+        if !p.iter().all(|v| v.is_finite()) {
+            self.dropped += 1;
+            if self.is_mesh
+                && let Ok(row) = u32::try_from(row)
+            {
+                self.dropped_rows.push(row);
+            }
+            return None;
+        }
+        self.bounds.add(p);
+        let i = self.finite;
+        self.finite += 1;
+        if let Some(k) = self.limit {
+            if i >= k as u64 {
+                let slot = self.rng.u64(0..=i) as usize;
+                if slot >= k {
+                    return None;
+                }
+                self.cloud.points[slot] = p;
+                self.order[slot] = i;
+                return Some(slot);
+            }
+            self.order.push(i);
+        }
+        self.cloud.points.push(p);
+        if self.normals {
+            self.cloud.normals.push([0.0; 3]);
+        }
+        if self.scale.is_some() {
+            self.colors.push([0.0; 3]);
+        }
+        for column in &mut self.cloud.columns {
+            column.values.push(f64::NAN);
+        }
+        Some(self.cloud.points.len() - 1)
+    }
+    #[inline]
+    pub(crate) fn set_normal(&mut self, slot: usize, n: Point3) {
+        self.cloud.normals[slot] = n;
+    }
+    #[inline]
+    pub(crate) fn set_color(&mut self, slot: usize, c: [f64; 3]) {
+        self.colors[slot] = c.map(|v| v as f32);
+    }
+    #[inline]
+    pub(crate) fn set_column(&mut self, slot: usize, column: usize, v: f64) {
+        self.cloud.columns[column].values[slot] = v;
+    }
+
+    fn is_sampled(&self) -> bool {
+        self.limit.is_some_and(|k| self.finite > k as u64)
+    }
+
+    /// Takes a polygon of rows as a fan of triangles.
+    pub(crate) fn polygon(&mut self, corners: &[u64], at: At) {
+        for &c in corners {
+            if self.highest.is_none_or(|(high, _)| c > high) {
+                self.highest = Some((c, at));
+            }
+        }
+        if self.is_sampled() || corners.iter().any(|&c| c > u64::from(u32::MAX)) {
+            return; // the triangles of a sample are not kept; the other case is refused at the end
+        }
+        for k in 2..corners.len() {
+            self.cloud.triangles.push([corners[0], corners[k - 1], corners[k]].map(|c| c as u32));
+        }
+    }
+
+    /// Puts it all together and writes the counts into the report.
+    pub(crate) fn finish(mut self, input: &Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+        if let Some((index, at)) = self.highest
+            && (index >= self.rows || index > u64::from(u32::MAX))
+        {
+            return Err(ReadError {
+                kind: if index >= self.rows { ErrorKind::Index } else { ErrorKind::TooLarge },
+                what: "a face names a point that is not there",
+                place: Place { file: input.name.clone(), at },
+                why: format!("index {index} (from 0) where the file has {} points", self.rows),
+                hint: "export the mesh again; if only the points matter, remove the faces",
+            });
+        }
+        report.rows = self.rows;
+        report.dropped_points = self.dropped;
+        report.subsampled = self.is_sampled();
+        if self.is_sampled() {
+            self.sort_by_row();
+            if self.highest.is_some() {
+                self.cloud.triangles = Vec::new();
+                report.warnings.push("the triangles are left out, because the points were sampled".into());
+            }
+        } else if !self.dropped_rows.is_empty() {
+            report.dropped_triangles += self.renumber();
+        }
+        if self.dropped > 0 {
+            report.warnings.push(format!("{} of {} points have coordinates that are not finite and were dropped", self.dropped, self.rows));
+        }
+        if report.dropped_triangles > 0 {
+            report.warnings.push(format!("{} triangles used dropped points and were dropped too", report.dropped_triangles));
+        }
+        self.finish_colors(report);
+        finish_normals(&mut self.cloud.normals, report);
+        for column in &self.cloud.columns {
+            let bad = column.values.iter().filter(|v| !v.is_finite()).count();
+            if bad > 0 {
+                report.warnings.push(format!("column \"{}\" has {bad} values that are not finite; they are kept as NaN", column.name));
+            }
+        }
+        for v in self.cloud.columns.iter_mut().flat_map(|c| &mut c.values) {
+            if !v.is_finite() {
+                *v = f64::NAN;
+            }
+        }
+        if options.recenter {
+            self.cloud.origin = far_center(&self.bounds);
+            recenter(&mut self.cloud.points, self.cloud.origin);
+        }
+        Ok(self.cloud)
+    }
+
+    /// The reservoir has no order; the file has.
+    fn sort_by_row(&mut self) {
+        let mut by_row: Vec<usize> = (0..self.order.len()).collect();
+        by_row.sort_unstable_by_key(|&i| self.order[i]);
+        fn permute<T: Copy>(values: &mut Vec<T>, by: &[usize]) {
+            if !values.is_empty() {
+                *values = by.iter().map(|&i| values[i]).collect();
+            }
+        }
+        permute(&mut self.cloud.points, &by_row);
+        permute(&mut self.cloud.normals, &by_row);
+        permute(&mut self.colors, &by_row);
+        for column in &mut self.cloud.columns {
+            permute(&mut column.values, &by_row);
+        }
+    }
+
+    /// Rows to points: an index goes down by the number of dropped rows before it. The number of triangles that lost a corner.
+    fn renumber(&mut self) -> u64 {
+        let gone = &self.dropped_rows;
+        let before = self.cloud.triangles.len();
+        self.cloud.triangles.retain_mut(|t| {
+            for c in t {
+                match gone.binary_search(c) {
+                    Ok(_) => return false,
+                    Err(lower) => *c -= lower as u32,
+                }
+            }
+            true
+        });
+        (before - self.cloud.triangles.len()) as u64
+    }
+
+    fn finish_colors(&mut self, report: &mut ReadReport) {
+        let Some(scale) = self.scale else { return };
+        let mut bad = 0;
+        let mut high = 0.0_f32;
+        for v in self.colors.iter_mut().flatten() {
+            if !v.is_finite() {
+                *v = 0.0;
+                bad += 1;
+            }
+            high = high.max(*v);
+        }
+        let factor = match scale {
+            ColorScale::Guess if high <= 1.0 => 255.0,
+            ColorScale::Word | ColorScale::Guess if high > 255.0 => 255.0 / 65535.0,
+            _ => 1.0,
+        };
+        self.cloud.colors = self.colors.iter().map(|c| c.map(|v| (v * factor).round().clamp(0.0, 255.0) as u8)).collect();
+        if bad > 0 {
+            report.warnings.push(format!("{bad} colour values are not finite and were set to 0"));
+        }
+    }
+}
+
+fn finish_normals(normals: &mut [Point3], report: &mut ReadReport) {
+    let (mut scaled, mut bad) = (0, 0);
+    for n in normals {
+        // Scaled first: the squares of large components overflow.
+        let high = n.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        if n.iter().any(|v| !v.is_finite()) {
+            *n = [0.0; 3];
+            bad += 1;
+        } else if high > 0.0 {
+            let m = n.map(|v| v / high);
+            let length = dot(m, m).sqrt();
+            if (length * high - 1.0).abs() > NORMAL_SLACK {
+                *n = m.map(|v| v / length);
+                scaled += 1;
+            }
+        }
+    }
+    if scaled > 0 {
+        report.warnings.push(format!("{scaled} normals were not of length 1 and were scaled"));
+    }
+    if bad > 0 {
+        report.warnings.push(format!("{bad} normals are not finite and were set to 0"));
+    }
+}
+
+/// Rounded centre of a cloud that is far from the origin, else zero.
+fn far_center(bounds: &Aabb) -> Point3 {
+    let (center, diagonal) = (bounds.center(), bounds.diagonal());
+    let far = center.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    if bounds.is_empty() || diagonal <= 0.0 || !diagonal.is_finite() || far <= FAR_IN_DIAGONALS * diagonal {
+        return [0.0; 3];
+    }
+    let step = 10.0_f64.powf(diagonal.log10().floor());
+    center.map(|c| {
+        let rounded = (c / step).round() * step;
+        if c.abs() > AXIS_FAR_IN_DIAGONALS * diagonal && rounded.is_finite() { rounded } else { 0.0 }
+    })
+}
+
+/// Subtracts the origin. Exact by Sterbenz's lemma: on an axis that is moved |p − origin| is at most 1.5 diagonals and |origin| over 9,
+/// so that p lies between origin/2 and 2·origin.
+fn recenter(points: &mut [Point3], origin: Point3) {
+    if origin != [0.0; 3] {
+        for p in points {
+            *p = std::array::from_fn(|k| p[k] - origin[k]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Source;
+    use proptest::prelude::*;
+
+    fn collect(points: &[Point3], options: &ReadOptions) -> (PointCloud, ReadReport) {
+        let input = Input::open(Source::Bytes { name: "t", bytes: b"" }).expect("bytes");
+        let mut collector = Collector::new(options);
+        for &p in points {
+            collector.offer(p);
+        }
+        let mut report = ReadReport::new("test", "t".into());
+        let cloud = collector.finish(&input, options, &mut report).expect("no faces");
+        (cloud, report)
+    }
+
+    #[test]
+    fn metres_and_millimetres_stay_and_utm_moves() {
+        let near = [[500.0, 20.0, 0.0], [550.0, 30.0, 5.0]];
+        assert_eq!(collect(&near, &ReadOptions::default()).0.origin, [0.0; 3]);
+        let utm = [[665_187.522077, 5_648_349.895035, 241.767693], [665_167.5, 5_648_300.25, 228.0]];
+        let (cloud, _) = collect(&utm, &ReadOptions::default());
+        assert_eq!(cloud.origin, [665_180.0, 5_648_330.0, 0.0]);
+        assert_eq!([cloud.absolute(0), cloud.absolute(1)], utm);
+        let stay = ReadOptions { recenter: false, ..Default::default() };
+        assert_eq!(collect(&utm, &stay).0.origin, [0.0; 3]);
+        assert_eq!(collect(&[[1e6, 1.0, 2.0]], &ReadOptions::default()).0.origin, [0.0; 3], "one point has no extent");
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_is_lost_by_moving(center in prop::array::uniform3(-1e7..1e7), offsets in prop::collection::vec(prop::array::uniform3(-1.0..1.0), 2..20)) {
+            let points: Vec<Point3> = offsets.iter().map(|o| std::array::from_fn(|k| center[k] + o[k])).collect();
+            let (cloud, _) = collect(&points, &ReadOptions::default());
+            for (i, p) in points.iter().enumerate() {
+                prop_assert_eq!(cloud.absolute(i), *p);
+            }
+        }
+    }
+
+    #[test]
+    fn samples_are_uniform_in_order_and_repeatable() {
+        let points: Vec<Point3> = (0..1000).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        let mut hits = [0_u32; 10];
+        for seed in 0..400 {
+            let options = ReadOptions { max_points: Some(100), seed, ..Default::default() };
+            let (cloud, report) = collect(&points, &options);
+            assert_eq!(cloud.points.len(), 100);
+            assert!(report.subsampled && report.rows == 1000);
+            assert!(cloud.points.is_sorted_by(|a, b| a[0] < b[0]));
+            assert_eq!(cloud, collect(&points, &options).0);
+            for p in &cloud.points {
+                hits[p[0] as usize / 100] += 1;
+            }
+        }
+        // 4000 expected per tenth, standard deviation 57 (hypergeometric); six of them.
+        assert!(hits.iter().all(|&h| h.abs_diff(4000) < 342), "{hits:?}");
+    }
+
+    #[test]
+    fn extremes_do_not_break_it() {
+        let huge = [[f64::MAX, f64::MAX, 0.0], [-f64::MAX, 1.0, f64::MIN_POSITIVE], [f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0]];
+        let (cloud, report) = collect(&huge, &ReadOptions::default());
+        assert_eq!((cloud.points.len(), report.dropped_points, cloud.origin), (2, 2, [0.0; 3]));
+        assert_eq!(collect(&huge, &ReadOptions { max_points: Some(0), ..Default::default() }).0.points.len(), 0);
+    }
+}

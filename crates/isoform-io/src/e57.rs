@@ -1,0 +1,260 @@
+//! E57 (ASTM E2807) through the crate `e57` (feature `e57`): all scans of the file in one frame, their poses applied.
+//!
+//! E57 is in metres by definition. What the crate leaves open is closed here: a file whose fields all have no bits would give points
+//! without end, and a panic in it is caught and reported as damage.
+
+use crate::input::{Input, Result};
+use crate::registry::Sniff;
+use crate::{ReadOptions, ReadReport};
+use isoform_geom::PointCloud;
+
+pub(crate) fn sniff(head: &[u8]) -> Sniff {
+    if head.starts_with(b"ASTM-E57") { Sniff::Yes } else { Sniff::No }
+}
+
+#[cfg(not(feature = "e57"))]
+pub(crate) fn read(input: &mut Input<'_>, _: &ReadOptions, _: &mut ReadReport) -> Result<PointCloud> {
+    let (kind, at) = (crate::ErrorKind::UnsupportedFormat, crate::At::File);
+    let hint = "convert it to PLY or LAS, or use a build with the feature e57";
+    Err(input.error(kind, at, "cannot read the E57 file", "this build does not read E57", hint))
+}
+
+#[cfg(feature = "e57")]
+pub(crate) use with_crate::read;
+
+#[cfg(feature = "e57")]
+mod with_crate {
+    use super::*;
+    use crate::collect::{Collector, ColorScale};
+    use crate::roles::{Layout, Role};
+    use crate::{At, ErrorKind, ReadError};
+    use e57::{E57Reader, Error, RecordDataType, RecordName, RecordValue};
+    use isoform_geom::Point3;
+    use std::io::BufReader;
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
+    /// Fields of a point; the standard knows some 20.
+    const MAX_FIELDS: usize = 256;
+
+    /// What a field means.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    enum Field {
+        Cartesian(usize),
+        Spherical(usize),
+        /// Not 0: no coordinates.
+        Invalid,
+        Normal(usize),
+        Color(usize),
+        Intensity,
+        Other,
+    }
+
+    fn field(name: &RecordName) -> Field {
+        match name {
+            RecordName::CartesianX => Field::Cartesian(0),
+            RecordName::CartesianY => Field::Cartesian(1),
+            RecordName::CartesianZ => Field::Cartesian(2),
+            RecordName::SphericalRange => Field::Spherical(0),
+            RecordName::SphericalAzimuth => Field::Spherical(1),
+            RecordName::SphericalElevation => Field::Spherical(2),
+            RecordName::CartesianInvalidState | RecordName::SphericalInvalidState => Field::Invalid,
+            RecordName::ColorRed => Field::Color(0),
+            RecordName::ColorGreen => Field::Color(1),
+            RecordName::ColorBlue => Field::Color(2),
+            RecordName::Intensity => Field::Intensity,
+            // The extension http://www.libe57.org/E57_NOR_surface_normals.txt.
+            RecordName::Unknown { name, .. } => match name.as_str() {
+                "normalX" => Field::Normal(0),
+                "normalY" => Field::Normal(1),
+                "normalZ" => Field::Normal(2),
+                _ => Field::Other,
+            },
+            _ => Field::Other,
+        }
+    }
+
+    pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+        report.units = Some("m".into());
+        let mut collector = Collector::new(options);
+        let outcome = {
+            let stream = BufReader::new(input.stream());
+            catch_unwind(AssertUnwindSafe(|| scans(stream, &mut collector, report)))
+        };
+        let failed =
+            |kind, why: String, hint| ReadError { kind, what: "cannot read the E57 file", place: input.place(At::File), why, hint };
+        match outcome {
+            Ok(Ok(())) => collector.finish(input, options, report),
+            Ok(Err(e)) => {
+                let kind = match e {
+                    Error::NotImplemented { .. } => ErrorKind::UnsupportedFormat,
+                    _ => ErrorKind::Corrupt,
+                };
+                Err(failed(kind, explain(&e), "get the file again; if it opens elsewhere, save it as LAS or PLY"))
+            }
+            Err(_) => Err(failed(ErrorKind::Corrupt, "its content contradicts itself".into(), "get the file again")),
+        }
+    }
+
+    /// The error with its causes, in one line.
+    fn explain(e: &Error) -> String {
+        let mut why = e.to_string();
+        let mut cause = std::error::Error::source(e);
+        while let Some(c) = cause {
+            let text = c.to_string();
+            if !why.contains(&text) {
+                why = format!("{why}: {text}");
+            }
+            cause = c.source();
+        }
+        why
+    }
+
+    fn invalid(desc: &str) -> Error {
+        Error::Invalid { desc: desc.into(), source: None }
+    }
+
+    fn scans<T: std::io::Read + std::io::Seek>(
+        stream: T,
+        collector: &mut Collector,
+        report: &mut ReadReport,
+    ) -> std::result::Result<(), Error> {
+        let mut reader = E57Reader::new(stream)?;
+        let scans = reader.pointclouds();
+        report.declared = Some(scans.iter().fold(0_u64, |sum, s| sum.saturating_add(s.records)));
+        let fields: Vec<Vec<Field>> = scans.iter().map(|s| s.prototype.iter().map(|r| field(&r.name)).collect()).collect();
+        // What any scan has becomes a value of all points.
+        let any = |f: fn(&Field) -> bool| fields.iter().flatten().any(f);
+        let mut names = vec!["x", "y", "z"];
+        if any(|f| matches!(f, Field::Normal(_))) {
+            names.extend(["nx", "ny", "nz"]);
+        }
+        if any(|f| matches!(f, Field::Color(_))) {
+            names.extend(["red", "green", "blue"]);
+        }
+        if any(|f| matches!(f, Field::Intensity)) {
+            names.push("intensity");
+        }
+        if scans.len() > 1 {
+            names.push("scan");
+            report.warn(format!("{} scans were put together; the column \"scan\" tells them apart", scans.len()));
+        }
+        let mut layout = Layout::named(names);
+        layout.scale = Some(ColorScale::Byte);
+        layout.announce(collector);
+        let mut row = vec![0.0; layout.roles.len()];
+        for (number, (scan, fields)) in scans.iter().zip(&fields).enumerate() {
+            if scan.records == 0 {
+                continue;
+            }
+            if fields.len() > MAX_FIELDS || !scan.prototype.iter().any(|r| has_bits(&r.data_type)) {
+                return Err(invalid("the points have no fields that hold data, or too many"));
+            }
+            let pose = Pose::of(scan);
+            let ranges = color_ranges(scan);
+            for raw in reader.pointcloud_raw(scan)? {
+                let raw = raw?;
+                let value = |i: usize| raw[i].to_f64(&scan.prototype[i].data_type);
+                let (mut p, mut s, mut n, mut c) = ([f64::NAN; 3], [f64::NAN; 3], [0.0; 3], [0.0; 3]);
+                let (mut intensity, mut is_invalid) = (f64::NAN, false);
+                for (i, f) in fields.iter().enumerate() {
+                    match *f {
+                        Field::Cartesian(k) => p[k] = value(i)?,
+                        Field::Spherical(k) => s[k] = value(i)?,
+                        Field::Invalid => is_invalid |= value(i)? != 0.0,
+                        Field::Normal(k) => n[k] = value(i)?,
+                        Field::Color(k) => c[k] = (value(i)? - ranges[k].0) / (ranges[k].1 - ranges[k].0) * 255.0,
+                        Field::Intensity => intensity = value(i)?,
+                        Field::Other => {}
+                    }
+                }
+                if !p.iter().all(|v| v.is_finite()) {
+                    p = from_spherical(s);
+                }
+                if is_invalid {
+                    p = [f64::NAN; 3];
+                }
+                let (p, n) = (pose.point(p), pose.rotate(n));
+                let mut column = [intensity, number as f64].into_iter().skip(usize::from(!layout.columns.iter().any(|c| c == "intensity")));
+                for (v, role) in row.iter_mut().zip(&layout.roles) {
+                    *v = match *role {
+                        Role::Position(k) => p[k],
+                        Role::Normal(k) => n[k],
+                        Role::Color(k) => c[k],
+                        _ => column.next().unwrap_or(f64::NAN),
+                    };
+                }
+                layout.offer(collector, &row);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a field takes room in the file: a whole number whose limits are equal takes none.
+    fn has_bits(kind: &RecordDataType) -> bool {
+        match kind {
+            RecordDataType::Single { .. } | RecordDataType::Double { .. } => true,
+            RecordDataType::ScaledInteger { min, max, .. } | RecordDataType::Integer { min, max } => min < max,
+        }
+    }
+
+    /// x = r cos ε cos θ, y = r cos ε sin θ, z = r sin ε.
+    fn from_spherical([r, azimuth, elevation]: Point3) -> Point3 {
+        let (se, ce) = elevation.sin_cos();
+        let (sa, ca) = azimuth.sin_cos();
+        [r * ce * ca, r * ce * sa, r * se]
+    }
+
+    /// Darkest and brightest value of each colour: the stated limits, else the limits of the type.
+    fn color_ranges(scan: &e57::PointCloud) -> [(f64, f64); 3] {
+        let number = |v: &RecordValue| match v {
+            RecordValue::Single(v) => f64::from(*v),
+            RecordValue::Double(v) => *v,
+            RecordValue::ScaledInteger(v) | RecordValue::Integer(v) => *v as f64,
+        };
+        let stated = scan.color_limits.as_ref().map(|l| {
+            [(&l.red_min, &l.red_max), (&l.green_min, &l.green_max), (&l.blue_min, &l.blue_max)]
+                .map(|(low, high)| low.as_ref().map(number).zip(high.as_ref().map(number)))
+        });
+        std::array::from_fn(|k| {
+            let record = scan.prototype.iter().find(|r| field(&r.name) == Field::Color(k));
+            let by_type = match record.map(|r| &r.data_type) {
+                Some(RecordDataType::Integer { min, max }) => Some((*min as f64, *max as f64)),
+                Some(RecordDataType::Single { min: Some(min), max: Some(max) }) => Some((f64::from(*min), f64::from(*max))),
+                Some(RecordDataType::Double { min: Some(min), max: Some(max) }) => Some((*min, *max)),
+                _ => None,
+            };
+            let range = stated.as_ref().and_then(|s| s[k]).or(by_type);
+            range.filter(|(low, high)| low < high).unwrap_or((0.0, 255.0))
+        })
+    }
+
+    /// p ↦ R p + t with R of a unit quaternion.
+    struct Pose {
+        rotation: [Point3; 3],
+        translation: Point3,
+    }
+
+    impl Pose {
+        fn of(scan: &e57::PointCloud) -> Self {
+            let t = scan.transform.clone().unwrap_or_default();
+            let q = &t.rotation;
+            let length = (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt();
+            let [w, x, y, z] = if length > 0.0 { [q.w, q.x, q.y, q.z].map(|v| v / length) } else { [1.0, 0.0, 0.0, 0.0] };
+            Self {
+                rotation: [
+                    [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+                    [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+                    [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+                ],
+                translation: [t.translation.x, t.translation.y, t.translation.z],
+            }
+        }
+        fn rotate(&self, p: Point3) -> Point3 {
+            self.rotation.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2])
+        }
+        fn point(&self, p: Point3) -> Point3 {
+            let q = self.rotate(p);
+            std::array::from_fn(|k| q[k] + self.translation[k])
+        }
+    }
+}

@@ -1,0 +1,334 @@
+//! A file or a block of bytes as a stream that knows where it is.
+
+use crate::{At, ErrorKind, Place, ReadError};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
+use std::path::Path;
+
+/// Longest line that is taken: long enough for a polygon with a million corners, short enough for memory.
+const MAX_LINE: usize = 16 << 20;
+/// Bytes that are read at a time.
+const BLOCK: usize = 1 << 18;
+
+/// Result of the readers.
+pub(crate) type Result<T> = std::result::Result<T, ReadError>;
+
+/// Where points come from.
+#[derive(Clone, Copy, Debug)]
+pub enum Source<'a> {
+    /// A file; it is streamed, not held.
+    Path(&'a Path),
+    /// Bytes in memory (standard input, an archive member) with a name for messages and for the format by its ending.
+    Bytes {
+        /// Name for messages, such as `-`.
+        name: &'a str,
+        /// All bytes.
+        bytes: &'a [u8],
+    },
+}
+
+pub(crate) trait Stream: BufRead + Seek + Send + Sync {}
+impl<T: BufRead + Seek + Send + Sync> Stream for T {}
+
+pub(crate) struct Input<'a> {
+    stream: Box<dyn Stream + 'a>,
+    /// Name in messages.
+    pub(crate) name: String,
+    /// Length in bytes.
+    pub(crate) size: u64,
+    /// Bytes consumed.
+    pub(crate) offset: u64,
+    /// Number of the line read last, from 1.
+    pub(crate) line: u64,
+    /// Lines end in a lone carriage return (Mac OS before 2001); decided at the first line end.
+    lone_cr: Option<bool>,
+}
+
+impl<'a> Input<'a> {
+    pub(crate) fn open(source: Source<'a>) -> Result<Self> {
+        let (name, stream, size): (String, Box<dyn Stream + 'a>, u64) = match source {
+            Source::Bytes { name, bytes } => (name.to_owned(), Box::new(Cursor::new(bytes)), bytes.len() as u64),
+            Source::Path(path) => {
+                let name = path.display().to_string();
+                let fail = |e: std::io::Error| ReadError {
+                    kind: ErrorKind::Unreadable,
+                    what: "cannot open the file",
+                    place: Place { file: name.clone(), at: At::File },
+                    why: e.to_string(),
+                    hint: "check the name and the permissions",
+                };
+                let mut file = std::fs::File::open(path).map_err(fail)?;
+                let meta = file.metadata().map_err(fail)?;
+                if meta.is_dir() {
+                    return Err(fail(std::io::Error::other("it is a folder, not a file")));
+                }
+                if meta.is_file() {
+                    (name, Box::new(BufReader::with_capacity(BLOCK, file)), meta.len())
+                } else {
+                    // A pipe or a device: no length and no seeking, so it is held.
+                    let mut bytes = Vec::new();
+                    file.read_to_end(&mut bytes).map_err(fail)?;
+                    let size = bytes.len() as u64;
+                    (name, Box::new(Cursor::new(bytes)), size)
+                }
+            }
+        };
+        Ok(Self { stream, name, size, offset: 0, line: 0, lone_cr: None })
+    }
+
+    pub(crate) fn error(&self, kind: ErrorKind, at: At, what: &'static str, why: impl Into<String>, hint: &'static str) -> ReadError {
+        ReadError { kind, what, place: self.place(at), why: why.into(), hint }
+    }
+    pub(crate) fn place(&self, at: At) -> Place {
+        Place { file: self.name.clone(), at }
+    }
+    /// The line read last, as a place.
+    pub(crate) fn at_line(&self, column: usize) -> At {
+        At::Line { line: self.line, column: column as u64 }
+    }
+    /// The next byte, as a place.
+    pub(crate) fn at_byte(&self) -> At {
+        At::Byte(self.offset)
+    }
+    pub(crate) fn unreadable(&self, e: &std::io::Error) -> ReadError {
+        let hint = "check the disk or the network share";
+        self.error(ErrorKind::Unreadable, self.at_byte(), "cannot read on", e.to_string(), hint)
+    }
+    pub(crate) fn truncated(&self, missing: impl Into<String>) -> ReadError {
+        let hint = "the file was cut off (an aborted copy or download?): get it again";
+        self.error(ErrorKind::Truncated, self.at_byte(), "the file ends too early", missing, hint)
+    }
+
+    /// The first bytes, without consuming them.
+    pub(crate) fn head(&mut self, n: usize) -> Result<Vec<u8>> {
+        let start = self.offset;
+        let mut head = Vec::new();
+        (&mut self.stream).take(n as u64).read_to_end(&mut head).map_err(|e| self.unreadable(&e))?;
+        self.seek(start)?;
+        Ok(head)
+    }
+    pub(crate) fn seek(&mut self, to: u64) -> Result<()> {
+        self.stream.seek(SeekFrom::Start(to)).map_err(|e| self.unreadable(&e))?;
+        self.offset = to;
+        Ok(())
+    }
+    /// Bytes left.
+    pub(crate) fn left(&self) -> u64 {
+        self.size.saturating_sub(self.offset)
+    }
+    /// The stream itself, for readers that do their own seeking.
+    pub(crate) fn stream(&mut self) -> &mut (dyn Stream + 'a) {
+        &mut *self.stream
+    }
+
+    /// Fills `to`, or says what was missing.
+    pub(crate) fn exact(&mut self, to: &mut [u8], missing: impl Fn() -> String) -> Result<()> {
+        match self.stream.read_exact(to) {
+            Ok(()) => {
+                self.offset += to.len() as u64;
+                Ok(())
+            }
+            Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => Err(self.truncated(missing())),
+            Err(e) => Err(self.unreadable(&e)),
+        }
+    }
+    /// Passes over `n` bytes.
+    pub(crate) fn skip(&mut self, n: u64, missing: impl Fn() -> String) -> Result<()> {
+        if n > self.left() {
+            return Err(self.truncated(missing()));
+        }
+        self.stream.seek_relative(n as i64).map_err(|e| self.unreadable(&e))?;
+        self.offset += n;
+        Ok(())
+    }
+
+    /// Reads a line without its end into `text`; false at the end of the file. Bytes that are not UTF-8 become U+FFFD.
+    pub(crate) fn read_line(&mut self, text: &mut String, bytes: &mut Vec<u8>) -> Result<bool> {
+        bytes.clear();
+        text.clear();
+        let mut ended = false;
+        let mut any = false;
+        while !ended {
+            let block = match self.stream.fill_buf() {
+                Ok(block) => block,
+                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => continue,
+                Err(e) => return Err(self.unreadable(&e)),
+            };
+            if block.is_empty() {
+                break;
+            }
+            any = true;
+            if self.lone_cr.is_none()
+                && let Some(at) = block.iter().position(|&b| b == b'\n' || b == b'\r')
+            {
+                // The last byte of a block cannot tell; the next call then decides, at worst by one odd line.
+                self.lone_cr = match (block[at], block.get(at + 1)) {
+                    (b'\n', _) | (_, Some(b'\n')) => Some(false),
+                    (_, None) if (self.offset + at as u64 + 1) < self.size => None,
+                    _ => Some(true),
+                };
+            }
+            let end = if self.lone_cr == Some(true) { b'\r' } else { b'\n' };
+            let at = block.iter().position(|&b| b == end);
+            let used = at.map_or(block.len(), |at| at + 1);
+            bytes.extend_from_slice(&block[..at.unwrap_or(block.len())]);
+            ended = at.is_some();
+            self.stream.consume(used);
+            self.offset += used as u64;
+            if bytes.len() > MAX_LINE {
+                let why = format!("line {} is longer than {} MiB", self.line + 1, MAX_LINE >> 20);
+                let hint = "this is probably not a text file; name the format";
+                return Err(self.error(ErrorKind::Corrupt, self.at_byte(), "cannot read the text", why, hint));
+            }
+        }
+        if !any {
+            return Ok(false);
+        }
+        self.line += 1;
+        if bytes.last() == Some(&b'\r') {
+            bytes.pop();
+        }
+        let bytes = if self.line == 1 { bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes) } else { bytes };
+        match std::str::from_utf8(bytes) {
+            Ok(ok) => text.push_str(ok),
+            Err(_) => text.push_str(&String::from_utf8_lossy(bytes)),
+        }
+        Ok(true)
+    }
+}
+
+/// Blank-separated words, over line ends, each with its place.
+pub(crate) struct Words {
+    text: String,
+    bytes: Vec<u8>,
+    at: usize,
+    /// Column of the word given last.
+    pub(crate) column: usize,
+}
+
+impl Words {
+    pub(crate) fn new() -> Self {
+        Self { text: String::new(), bytes: Vec::new(), at: 0, column: 0 }
+    }
+    /// The next word, `None` at the end of the file.
+    pub(crate) fn next(&mut self, input: &mut Input<'_>) -> Result<Option<&str>> {
+        loop {
+            let rest = &self.text.as_bytes()[self.at..];
+            if let Some(start) = rest.iter().position(|b| !b.is_ascii_whitespace()) {
+                let start = self.at + start;
+                let word = &self.text.as_bytes()[start..];
+                let end = start + word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
+                self.at = end;
+                self.column = start + 1;
+                return Ok(Some(&self.text[start..end]));
+            }
+            self.at = 0;
+            if !input.read_line(&mut self.text, &mut self.bytes)? {
+                return Ok(None);
+            }
+        }
+    }
+    /// The next word as a number.
+    pub(crate) fn number(&mut self, input: &mut Input<'_>, missing: impl Fn() -> String) -> Result<f64> {
+        match self.next(input)? {
+            None => Err(input.truncated(missing())),
+            Some(word) => match parse_number(word) {
+                Some(v) => Ok(v),
+                None => {
+                    let why = format!("\"{}\" is not a number", shorten(word));
+                    Err(input.error(ErrorKind::Number, input.at_line(self.column), "cannot read the values", why, "correct the line"))
+                }
+            },
+        }
+    }
+    /// Starts on a line that was read already.
+    pub(crate) fn set(&mut self, line: &str) {
+        self.text.clear();
+        self.text.push_str(line);
+        self.at = 0;
+    }
+}
+
+/// A decimal number; also with Fortran's D exponent, and the many spellings of "not a number".
+pub(crate) fn parse_number(word: &str) -> Option<f64> {
+    if let Ok(v) = word.parse() {
+        return Some(v);
+    }
+    let low = word.to_ascii_lowercase();
+    match low.as_str() {
+        "-nan" | "+nan" | "1.#qnan" | "-1.#ind" | "1.#ind" | "-1.#qnan" | "nan(ind)" | "-nan(ind)" | "n/a" | "na" | "null" => {
+            Some(f64::NAN)
+        }
+        "1.#inf" => Some(f64::INFINITY),
+        "-1.#inf" => Some(f64::NEG_INFINITY),
+        _ if low.contains('d') && low.bytes().all(|b| b.is_ascii_digit() || b"+-.d".contains(&b)) => low.replace('d', "e").parse().ok(),
+        _ => None,
+    }
+}
+
+/// At most 40 characters of a word, without control characters, for messages.
+pub(crate) fn shorten(word: &str) -> String {
+    let mut s: String = word.chars().take(40).map(|c| if c.is_control() { '.' } else { c }).collect();
+    if s.len() < word.len() {
+        s.push('…');
+    }
+    s
+}
+
+/// A unit that a comment or a header states, such as `units: mm` or `UNITS=inch`.
+pub(crate) fn stated_unit(comment: &str) -> Option<String> {
+    let low = comment.to_ascii_lowercase();
+    let rest = &low[low.find("unit")? + 4..];
+    let rest = rest.strip_prefix('s').unwrap_or(rest).trim_start();
+    let rest = rest.strip_prefix([':', '=']).or_else(|| rest.strip_prefix("are")).or_else(|| rest.strip_prefix("is")).unwrap_or(rest);
+    let word: String = rest.trim_start_matches([' ', '"', '\'', '\t']).chars().take_while(char::is_ascii_alphabetic).collect();
+    let unit = match word.as_str() {
+        "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => "mm",
+        "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => "cm",
+        "m" | "meter" | "meters" | "metre" | "metres" => "m",
+        "um" | "micron" | "microns" | "micrometer" | "micrometre" => "um",
+        "in" | "inch" | "inches" => "in",
+        "ft" | "foot" | "feet" => "ft",
+        _ => return None,
+    };
+    Some(unit.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines(bytes: &[u8]) -> Vec<String> {
+        let mut input = Input::open(Source::Bytes { name: "t", bytes }).expect("bytes");
+        let (mut text, mut buffer, mut all) = (String::new(), Vec::new(), Vec::new());
+        while input.read_line(&mut text, &mut buffer).expect("readable") {
+            all.push(text.clone());
+        }
+        all
+    }
+
+    #[test]
+    fn line_ends_of_three_worlds() {
+        let want = ["a", "", "b c"].map(String::from).to_vec();
+        assert_eq!(lines(b"a\n\nb c"), want);
+        assert_eq!(lines(b"a\r\n\r\nb c\r\n"), want);
+        assert_eq!(lines(b"\xef\xbb\xbfa\r\rb c\r"), want);
+        assert!(lines(b"").is_empty());
+    }
+
+    #[test]
+    fn numbers_of_many_hands() {
+        assert_eq!(parse_number("1.5D+03"), Some(1500.0));
+        assert_eq!(parse_number("-2e-3"), Some(-0.002));
+        assert!(parse_number("-nan").is_some_and(f64::is_nan));
+        assert_eq!(parse_number("dad"), None);
+        assert_eq!(parse_number(""), None);
+    }
+
+    #[test]
+    fn units_in_comments() {
+        assert_eq!(stated_unit("Units: mm").as_deref(), Some("mm"));
+        assert_eq!(stated_unit("UNITS=inch").as_deref(), Some("in"));
+        assert_eq!(stated_unit("a unitary thing"), None);
+        assert_eq!(stated_unit("nothing"), None);
+    }
+}

@@ -1,0 +1,234 @@
+//! LAS 1.0 to 1.4 (ASPRS), streamed; LAZ through the crate `laz` (feature `laz`).
+//!
+//! The header and the records are read here, because every size in them is checked against the length of the file first, and because
+//! a header costs less than the four crates that come with one.
+
+#[cfg(feature = "laz")]
+mod compressed;
+
+use crate::collect::{Collector, ColorScale};
+use crate::input::{Input, Result};
+use crate::registry::Sniff;
+use crate::roles::{Layout, Role};
+use crate::{At, ErrorKind, ReadError, ReadOptions, ReadReport};
+use isoform_geom::PointCloud;
+
+const WHAT: &str = "cannot read the LAS file";
+/// Bytes of each point record format from 0 to 10, without extra bytes.
+const RECORD: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
+
+pub(crate) fn sniff(head: &[u8]) -> Sniff {
+    if head.starts_with(b"LASF") { Sniff::Yes } else { Sniff::No }
+}
+
+pub(crate) fn u16_at(b: &[u8], at: usize) -> u16 {
+    u16::from_le_bytes([b[at], b[at + 1]])
+}
+pub(crate) fn u32_at(b: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(std::array::from_fn(|i| b[at + i]))
+}
+fn f64_at(b: &[u8], at: usize) -> f64 {
+    f64::from_le_bytes(std::array::from_fn(|i| b[at + i]))
+}
+
+pub(crate) struct Header {
+    pub(crate) points: u64,
+    /// Byte offset of the first record.
+    pub(crate) start: u64,
+    /// Bytes of a record.
+    pub(crate) record: u16,
+    /// Point record format, 0 to 10.
+    format: u8,
+    is_compressed: bool,
+    scale: [f64; 3],
+    offset: [f64; 3],
+    /// Data of the "laszip encoded" record.
+    pub(crate) laszip: Option<Vec<u8>>,
+}
+
+fn corrupt(input: &Input<'_>, at: At, why: impl Into<String>) -> ReadError {
+    input.error(ErrorKind::Corrupt, at, WHAT, why, "get the file again, or repair it with the software that made it")
+}
+
+fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
+    let mut b = [0_u8; 375];
+    input.exact(&mut b[..227], || "a LAS header has 227 bytes".into())?;
+    if &b[..4] != b"LASF" {
+        return Err(corrupt(input, At::Byte(0), "it does not start with LASF"));
+    }
+    let version = (b[24], b[25]);
+    let (day, year) = (u16_at(&b, 90), u16_at(&b, 92));
+    let size = u16_at(&b, 94);
+    let is_14 = version >= (1, 4) && size >= 375;
+    if is_14 {
+        input.exact(&mut b[227..375], || "a LAS 1.4 header has 375 bytes".into())?;
+    }
+    if version.0 != 1 || version.1 > 4 {
+        report.warn(format!("unknown LAS version {}.{}", version.0, version.1));
+    }
+    if (day, year) != (0, 0) && (!(1..=366).contains(&day) || !(2000..2200).contains(&year)) {
+        report.warn(format!("the creation date (day {day} of {year}) cannot be true"));
+    }
+    let legacy = u64::from(u32_at(&b, 107));
+    let points = if is_14 { u64::from_le_bytes(std::array::from_fn(|i| b[247 + i])) } else { legacy };
+    let mut header = Header {
+        points: if points == 0 { legacy } else { points },
+        start: u64::from(u32_at(&b, 96)),
+        record: u16_at(&b, 105),
+        format: b[104] & 0x3f,
+        is_compressed: b[104] & 0xc0 != 0,
+        scale: std::array::from_fn(|k| f64_at(&b, 131 + 8 * k)),
+        offset: std::array::from_fn(|k| f64_at(&b, 155 + 8 * k)),
+        laszip: None,
+    };
+    let Some(&least) = RECORD.get(usize::from(header.format)) else {
+        return Err(corrupt(input, At::Byte(104), format!("unknown point format {}", header.format)));
+    };
+    if header.record < least {
+        return Err(corrupt(input, At::Byte(105), format!("records of {} bytes; format {} needs {least}", header.record, header.format)));
+    }
+    if !header.scale.iter().all(|s| s.is_finite() && *s != 0.0) || !header.offset.iter().all(|o| o.is_finite()) {
+        return Err(corrupt(input, At::Byte(131), format!("scale {:?} and offset {:?}", header.scale, header.offset)));
+    }
+    if u64::from(size) > header.start || header.start > input.size || size < 227 {
+        let why = format!("a header of {size} bytes and points from byte {} in a file of {} bytes", header.start, input.size);
+        return Err(corrupt(input, At::Byte(94), why));
+    }
+    records(input, u64::from(size), u32_at(&b, 100), &mut header, report)?;
+    Ok(header)
+}
+
+/// Variable length records: the coordinate system for the unit, and the key to LAZ.
+fn records(input: &mut Input<'_>, from: u64, count: u32, header: &mut Header, report: &mut ReadReport) -> Result<()> {
+    input.seek(from)?;
+    for i in 0..count {
+        if input.offset + 54 > header.start {
+            report.warn(format!("{i} of {count} variable length records are there"));
+            break;
+        }
+        let mut b = [0; 54];
+        input.exact(&mut b, || "a variable length record is cut off".into())?;
+        let (user, id, length) = (&b[2..18], u16_at(&b, 18), u16_at(&b, 20));
+        let is = |name: &[u8]| user.starts_with(name);
+        let mut data = Vec::new();
+        if is(b"LASF_Projection") || is(b"laszip encoded") {
+            data.resize(usize::from(length), 0);
+            input.exact(&mut data, || "a variable length record is cut off".into())?;
+        } else {
+            input.skip(u64::from(length), || "a variable length record is cut off".into())?;
+        }
+        match id {
+            22204 if is(b"laszip encoded") => header.laszip = Some(data),
+            34735 if is(b"LASF_Projection") => geo_keys(&data, report),
+            2112 if is(b"LASF_Projection") => well_known_text(&String::from_utf8_lossy(&data), report),
+            _ => {}
+        }
+    }
+    input.seek(header.start)
+}
+
+/// GeoTIFF keys: 1024 says geographic or projected, 3076 the linear unit.
+fn geo_keys(data: &[u8], report: &mut ReadReport) {
+    for entry in data.chunks_exact(8).skip(1) {
+        match (u16_at(entry, 0), u16_at(entry, 6)) {
+            (1024, 2) => report.warn("the coordinates are longitude and latitude in degrees: angles, not lengths"),
+            (3076, 9001) => report.units = Some("m".into()),
+            (3076, 9002) => report.units = Some("ft".into()),
+            (3076, 9003) => report.units = Some("ft (US survey)".into()),
+            _ => {}
+        }
+    }
+}
+
+fn well_known_text(text: &str, report: &mut ReadReport) {
+    let low = text.to_ascii_lowercase();
+    if low.starts_with("geogcs") || low.starts_with("geogcrs") {
+        report.warn("the coordinates are longitude and latitude in degrees: angles, not lengths");
+    } else if low.contains("us survey foot") || low.contains("foot_us") {
+        report.units = Some("ft (US survey)".into());
+    } else if low.contains("unit[\"foot") {
+        report.units = Some("ft".into());
+    } else if low.contains("unit[\"met") {
+        report.units = Some("m".into());
+    }
+}
+
+/// Offsets of what is in a record beside the coordinates.
+struct Fields {
+    /// Classification, and the bits of it that are the class.
+    class: (usize, u8),
+    /// Bits of the return number in byte 14.
+    returns: u8,
+    time: Option<usize>,
+    color: Option<usize>,
+}
+
+impl Fields {
+    fn of(format: u8) -> Self {
+        let new = format >= 6;
+        Self {
+            class: if new { (16, 0xff) } else { (15, 0x1f) },
+            returns: if new { 0x0f } else { 0x07 },
+            time: match format {
+                1 | 3..=5 => Some(20),
+                6.. => Some(22),
+                _ => None,
+            },
+            color: match format {
+                2 => Some(20),
+                3 | 5 => Some(28),
+                7 | 8 | 10 => Some(30),
+                _ => None,
+            },
+        }
+    }
+}
+
+pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+    let header = header(input, report)?;
+    report.declared = Some(header.points);
+    let fields = Fields::of(header.format);
+    let mut names = vec!["x", "y", "z", "intensity", "classification", "return_number"];
+    names.extend(fields.time.map(|_| "gps_time"));
+    if fields.color.is_some() {
+        names.extend(["red", "green", "blue"]);
+    }
+    let mut layout = Layout::named(names);
+    layout.scale = layout.has(Role::Color(0)).then_some(ColorScale::Word);
+    let mut collector = Collector::new(options);
+    layout.announce(&mut collector);
+    let mut values: Vec<f64> = Vec::new();
+    let mut take = |record: &[u8]| {
+        values.clear();
+        for k in 0..3 {
+            let step = i32::from_le_bytes(std::array::from_fn(|i| record[4 * k + i]));
+            values.push(f64::from(step) * header.scale[k] + header.offset[k]);
+        }
+        values.push(f64::from(u16_at(record, 12)));
+        values.push(f64::from(record[fields.class.0] & fields.class.1));
+        values.push(f64::from(record[14] & fields.returns));
+        if let Some(at) = fields.time {
+            values.push(f64_at(record, at));
+        }
+        if let Some(at) = fields.color {
+            values.extend((0..3).map(|k| f64::from(u16_at(record, at + 2 * k))));
+        }
+        layout.offer(&mut collector, &values);
+    };
+    if header.is_compressed {
+        #[cfg(feature = "laz")]
+        compressed::records(input, &header, &mut take)?;
+        #[cfg(not(feature = "laz"))]
+        {
+            let hint = "convert it to LAS, or use a build with the feature laz";
+            return Err(input.error(ErrorKind::UnsupportedFormat, At::File, WHAT, "this build does not read LAZ", hint));
+        }
+    } else {
+        let mut record = vec![0; usize::from(header.record)];
+        for i in 0..header.points {
+            input.exact(&mut record, || format!("{i} of {} points are there", header.points))?;
+            take(&record);
+        }
+    }
+    collector.finish(input, options, report)
+}
