@@ -1,0 +1,112 @@
+//! Sums of squared residuals over points, as functions of the free variables.
+
+use crate::space::Space;
+use isoform_geom::{ParamField, Point3};
+use rayon::prelude::*;
+
+/// Points per piece of a parallel sum. Fixed, so that sums have the same bits for any number of threads; large enough that a
+/// piece (some hundred µs) pays for its dispatch.
+const PIECE: usize = 16_384;
+
+/// A function to be minimised: half of Σ wᵢ rᵢ(x)², or anything that can give a gradient and a positive semidefinite model.
+pub trait Objective {
+    /// Number of variables.
+    fn dim(&self) -> usize;
+    /// Twice the cost, i.e. Σ w r²; anything not finite counts as infinitely bad.
+    fn value(&mut self, x: &[f64]) -> f64;
+    /// The same with Jᵀ W r and Jᵀ W J (row-major): gradient and Gauss-Newton matrix of half the value.
+    fn model(&mut self, x: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64;
+    /// Greatest share of step `p` from `x` that is allowed beside the bounds.
+    fn step_limit(&self, _x: &[f64], _p: &[f64]) -> f64 {
+        1.0
+    }
+}
+
+/// Residuals of a field over points, with optional weights.
+pub struct Residuals<'a> {
+    field: &'a dyn ParamField,
+    points: &'a [Point3],
+    weights: &'a [f64],
+    space: &'a Space,
+    a: Vec<f64>,
+    ga: Vec<f64>,
+    ha: Vec<f64>,
+}
+
+impl<'a> Residuals<'a> {
+    /// All weights 1 when `weights` is empty.
+    pub fn new(field: &'a dyn ParamField, points: &'a [Point3], weights: &'a [f64], space: &'a Space) -> Self {
+        let n = field.dim();
+        Self { field, points, weights, space, a: vec![0.0; n], ga: vec![0.0; n], ha: vec![0.0; n * n] }
+    }
+}
+
+impl Objective for Residuals<'_> {
+    fn dim(&self) -> usize {
+        self.space.len()
+    }
+    fn value(&mut self, x: &[f64]) -> f64 {
+        self.space.parameters_at(x, &mut self.a);
+        sum_of_squares(self.field, self.points, self.weights, &self.a)
+    }
+    fn model(&mut self, x: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64 {
+        self.space.parameters_at(x, &mut self.a);
+        let f = normal_equations(self.field, self.points, self.weights, &self.a, &mut self.ga, &mut self.ha);
+        self.space.pull_back(&self.ga, &self.ha, gradient, hessian);
+        f
+    }
+    fn step_limit(&self, x: &[f64], p: &[f64]) -> f64 {
+        self.space.step_limit(x, p)
+    }
+}
+
+fn piece(weights: &[f64], k: usize) -> &[f64] {
+    if weights.is_empty() { weights } else { &weights[k * PIECE..((k + 1) * PIECE).min(weights.len())] }
+}
+
+/// Σ w f², in parallel over fixed pieces.
+pub fn sum_of_squares(field: &dyn ParamField, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
+    if points.len() <= PIECE {
+        return field.sum_of_squares(points, weights, a);
+    }
+    let parts: Vec<f64> =
+        points.par_chunks(PIECE).enumerate().map(|(k, p)| field.sum_of_squares(p, piece(weights, k), a)).collect();
+    parts.iter().sum()
+}
+
+/// Normal equations in the parameters, in parallel over fixed pieces.
+pub fn normal_equations(
+    field: &dyn ParamField, points: &[Point3], weights: &[f64], a: &[f64], gradient: &mut [f64], hessian: &mut [f64],
+) -> f64 {
+    if points.len() <= PIECE {
+        return field.normal_equations(points, weights, a, gradient, hessian);
+    }
+    let n = field.dim();
+    let parts: Vec<(f64, Vec<f64>, Vec<f64>)> = points
+        .par_chunks(PIECE)
+        .enumerate()
+        .map(|(k, p)| {
+            let (mut g, mut h) = (vec![0.0; n], vec![0.0; n * n]);
+            let f = field.normal_equations(p, piece(weights, k), a, &mut g, &mut h);
+            (f, g, h)
+        })
+        .collect();
+    gradient.fill(0.0);
+    hessian.fill(0.0);
+    let mut sum = 0.0;
+    for (f, g, h) in &parts {
+        sum += f;
+        gradient.iter_mut().zip(g).for_each(|(s, v)| *s += v);
+        hessian.iter_mut().zip(h).for_each(|(s, v)| *s += v);
+    }
+    sum
+}
+
+/// f(pᵢ, a), in parallel.
+pub fn values(field: &dyn ParamField, points: &[Point3], a: &[f64], out: &mut [f64]) {
+    if points.len() <= PIECE {
+        field.values(points, a, out);
+    } else {
+        points.par_chunks(PIECE).zip(out.par_chunks_mut(PIECE)).for_each(|(p, o)| field.values(p, a, o));
+    }
+}

@@ -1,0 +1,74 @@
+//! What a fit asks of a template: named parameters and three readings of one function.
+
+use isoform_geom::{ParamField, Point3};
+
+/// What a parameter measures. It sets the parameter's unit in the search and where starts and bounds come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// A position along x.
+    X,
+    /// A position along y.
+    Y,
+    /// A position along z.
+    Z,
+    /// A length, positive unless bounds say otherwise.
+    Length,
+    /// An angle in radians.
+    Angle,
+    /// A number without dimension, of order one.
+    Ratio,
+    /// Unknown; searched as if it were a length or a position, within its bounds.
+    #[default]
+    Number,
+}
+
+/// A parameter that follows others: `constant + Σ factor · a[index]`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tie {
+    /// Added to the sum.
+    pub constant: f64,
+    /// Zero-based index of a parameter, and its factor.
+    pub terms: Vec<(usize, f64)>,
+}
+
+/// One parameter of a template.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Parameter {
+    /// Name in reports, for example `a[3]` or `radius`.
+    pub name: String,
+    /// What it measures.
+    pub kind: Kind,
+    /// Least value; none leaves it to the data.
+    pub min: Option<f64>,
+    /// Greatest value; none leaves it to the data.
+    pub max: Option<f64>,
+    /// Where the template's author would start.
+    pub start: Option<f64>,
+    /// Held at this value.
+    pub fixed: Option<f64>,
+    /// Follows other parameters (takes precedence over `fixed`).
+    pub tie: Option<Tie>,
+    /// Unit for people; the fit does not use it.
+    pub unit: Option<String>,
+}
+
+impl Parameter {
+    /// A free parameter without limits.
+    pub fn new(name: impl Into<String>, kind: Kind) -> Self {
+        Self { name: name.into(), kind, ..Self::default() }
+    }
+}
+
+/// A function of space with parameters, read three ways.
+pub trait Template: Send + Sync {
+    /// The parameters, in the order of the vectors `a`.
+    fn parameters(&self) -> &[Parameter];
+    /// The model's own function. Its wide basins are searched.
+    fn algebraic(&self) -> &dyn ParamField;
+    /// Close to a signed distance. It is measured with, and the result polished.
+    fn metric(&self) -> &dyn ParamField;
+    /// Names of the smooth pieces of the surface.
+    fn part_names(&self) -> &[String];
+    /// The piece (index into [`Template::part_names`]) that decides the function at each point.
+    fn parts(&self, points: &[Point3], a: &[f64], out: &mut [u32]);
+}
