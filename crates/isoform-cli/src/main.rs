@@ -1,1 +1,52 @@
-fn main() {}
+//! The command `isoform`: arguments in, one library call, a document or files out.
+#![forbid(unsafe_code)]
+
+mod eval;
+mod model;
+mod output;
+
+use clap::{CommandFactory, Parser, Subcommand};
+use output::{Context, Failure, Global, Outcome};
+use std::process::ExitCode;
+
+/// Isoform: one shape, many forms.
+///
+/// Carries shapes between point clouds, implicit functions, patches and meshes, each way checked.
+#[derive(Parser)]
+#[command(name = "isoform", version, max_term_width = 110)]
+struct Cli {
+    #[command(flatten)]
+    global: Global,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    Eval(eval::Args),
+    /// Prints the completion script of a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+}
+
+fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
+    match verb {
+        Verb::Eval(args) => eval::run(&args, context),
+        Verb::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "isoform", &mut script);
+            Ok(Outcome::text(script))
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return output::usage(&error),
+    };
+    let context = Context::new(cli.global);
+    output::finish(&context, || run(cli.verb, &context))
+}

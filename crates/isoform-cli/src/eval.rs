@@ -1,0 +1,248 @@
+//! `isoform eval`: the values of a model at points.
+
+use crate::model;
+use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
+use isoform::field::hyperfun::{Mode, Model};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Evaluates a model at points
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  isoform eval part.hf --points scan.csv --params 1,2,0.5 -o values.csv
+
+POINTS: one point per line, x,y,z (as many columns as the model has coordinates; further columns, empty lines and
+lines with # are ignored). The table has the header x,y,z,f and a row per point with numbers that read back exactly;
+where a model has attributes, s1, s2, ... follow f. Where the evaluation fails, f is error:LINE:COLUMN:message.
+
+Exit code: 0, or 3 if some rows failed, 4 if all did.")]
+pub(crate) struct Args {
+    /// The model, a HyperFun program (- for stdin)
+    model: PathBuf,
+    /// The points, a table with commas (- for stdin)
+    #[arg(long, value_name = "POINTS")]
+    points: PathBuf,
+    /// The object to evaluate [default: my_model, else the first one]
+    #[arg(long, value_name = "NAME")]
+    object: Option<String>,
+    /// The parameters a[1], a[2], ...; missing ones are as annotated, else 0
+    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = parameters)]
+    params: Option<Parameters>,
+    /// Compute what the reference implementation computes, its faults included
+    #[arg(long)]
+    strict: bool,
+    /// What to give: the model's own value, its distance-like reading, or the name of the nearest part
+    #[arg(long, value_enum, default_value_t = Reading::Algebraic)]
+    reading: Reading,
+    /// The table, - or nothing for stdout
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Reading {
+    Algebraic,
+    Metric,
+    Part,
+}
+
+#[derive(Clone)]
+struct Parameters(Vec<f64>);
+
+fn parameters(text: &str) -> Result<Parameters, String> {
+    output::numbers(text).map(Parameters)
+}
+
+/// Rows per task: enough to make up for the start of one, few enough to share among threads.
+const CHUNK: usize = 2048;
+
+/// A point as written and as numbers.
+struct Row<'t> {
+    text: Vec<&'t str>,
+    x: Vec<f64>,
+}
+
+enum Cell {
+    Value(f64, Vec<f64>),
+    Error(String),
+}
+
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    if args.reading != Reading::Algebraic {
+        return Err(Failure::usage("this reading is not available yet").hint("--reading algebraic"));
+    }
+    if args.model == Path::new("-") && args.points == Path::new("-") {
+        return Err(Failure::usage("model and points cannot both come from stdin"));
+    }
+    let mode = if args.strict { Mode::Strict } else { Mode::Default };
+    let model = model::read(&args.model, args.object.as_deref(), mode, context)?;
+    let a = values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
+    let table = output::text(output::read_file(&args.points)?);
+    let rows = points(&args.points, &table, model.dimension())?;
+    let cells: Vec<Cell> = rows.par_chunks(CHUNK).flat_map_iter(|rows| evaluate(&model, rows, &a, context)).collect();
+
+    let failed = cells.iter().filter(|c| matches!(c, Cell::Error(_))).count();
+    let exit = match failed {
+        0 => DONE,
+        n if n == cells.len() => NO_RESULT,
+        _ => PARTIAL,
+    };
+    let first = cells.iter().find_map(|c| if let Cell::Error(e) = c { Some(e) } else { None });
+    if let Some(first) = first {
+        context.warn(format_args!("{failed} of {} rows failed, the first with {first}", cells.len()));
+    }
+    context.note(format_args!("{} rows of `{}` with a = {a:?}", cells.len(), model.name()));
+    let (columns, csv) = csv(&model, &rows, &cells);
+    let mut json = json!({"object": model.name(), "parameters": a, "rows": cells.len(), "failed": failed, "columns": columns});
+    let file = args.output.as_deref().filter(|p| *p != Path::new("-"));
+    let stdout = match file {
+        Some(path) => {
+            output::write_file(path, csv.as_bytes())?;
+            json["output"] = json!(path.display().to_string());
+            Vec::new()
+        }
+        None => {
+            json["table"] = rows.iter().zip(&cells).map(|(r, c)| json_row(r, c)).collect();
+            csv.into_bytes()
+        }
+    };
+    if exit == NO_RESULT {
+        json["error"] = json!({"code": "evaluation", "message": "every row failed", "where": {}, "why": first, "hint": "see the f column"});
+    }
+    Ok(Outcome { exit, json, stdout })
+}
+
+/// The parameters given, then where annotations start, then 0.
+fn values(model: &Model, given: &[f64]) -> Result<Vec<f64>, Failure> {
+    if given.len() > model.n_params() {
+        let message = format!("{} parameters for `{}`, which has {}", given.len(), model.name(), model.n_params());
+        return Err(Failure::usage(message));
+    }
+    let start = |i: usize| model.params()[i].start.unwrap_or(0.0);
+    Ok((0..model.n_params()).map(|i| given.get(i).copied().unwrap_or_else(|| start(i))).collect())
+}
+
+fn evaluate(model: &Model, rows: &[Row<'_>], a: &[f64], context: &Context) -> Vec<Cell> {
+    let mut evaluator = model.evaluator::<f64>();
+    let cell = |row: &Row<'_>| {
+        if context.is_late() {
+            return Cell::Error("error:1:1:not reached within the time limit".to_owned());
+        }
+        match evaluator.eval(&row.x, a, &[]) {
+            Ok(f) => Cell::Value(f, evaluator.attributes().to_vec()),
+            Err(e) => Cell::Error(format!("error:{}:{}:{}", e.line, e.column, e.message)),
+        }
+    };
+    rows.iter().map(cell).collect()
+}
+
+/// Names of the coordinates.
+fn coordinates(dimension: usize) -> Vec<String> {
+    match dimension {
+        1..=3 => ["x", "y", "z"][..dimension].iter().map(|&s| s.to_owned()).collect(),
+        _ => (1..=dimension).map(|i| format!("x{i}")).collect(),
+    }
+}
+
+/// Reads the first `dimension` columns of a table. A first line that holds the names of the coordinates is a header.
+fn points<'t>(path: &Path, table: &'t str, dimension: usize) -> Result<Vec<Row<'t>>, Failure> {
+    let mut rows = Vec::new();
+    let names = coordinates(dimension);
+    let mut first = true;
+    for (i, line) in table.strip_prefix('\u{feff}').unwrap_or(table).lines().enumerate() {
+        if line.trim().is_empty() || line.trim_start().starts_with('#') {
+            continue;
+        }
+        let text: Vec<&str> = if line.contains(',') {
+            line.split(',').map(str::trim).take(dimension).collect()
+        } else {
+            line.split([' ', '\t', ';']).filter(|w| !w.is_empty()).take(dimension).collect()
+        };
+        if std::mem::take(&mut first) && text.iter().map(|t| t.trim_matches('"')).eq(names.iter().map(String::as_str)) {
+            continue;
+        }
+        let fail = |at: usize, message: String| {
+            let column = line[..at.min(line.len())].chars().count() + 1;
+            Failure::input("points", message).at(path, i + 1, column).drawn(line)
+        };
+        if text.len() < dimension {
+            return Err(fail(line.len(), format!("{} columns, the model has {dimension} coordinates", text.len())));
+        }
+        let mut x = Vec::with_capacity(dimension);
+        for word in &text {
+            match word.parse::<f64>() {
+                Ok(v) if v.is_finite() => x.push(v),
+                _ => {
+                    let at = word.as_ptr() as usize - line.as_ptr() as usize;
+                    return Err(fail(at, format!("`{word}` is not a finite number")));
+                }
+            }
+        }
+        rows.push(Row { text, x });
+    }
+    Ok(rows)
+}
+
+/// The header's names and the table.
+fn csv(model: &Model, rows: &[Row<'_>], cells: &[Cell]) -> (Vec<String>, String) {
+    let attributes = model.n_attributes();
+    let mut columns = coordinates(model.dimension());
+    columns.push("f".to_owned());
+    columns.extend((1..=attributes).map(|i| format!("s{i}")));
+    let mut text = columns.join(",") + "\n";
+    for (row, cell) in rows.iter().zip(cells) {
+        for word in &row.text {
+            text += word;
+            text.push(',');
+        }
+        match cell {
+            Cell::Value(f, s) => {
+                text += &format!("{f:?}");
+                for v in s {
+                    text += &format!(",{v:?}");
+                }
+            }
+            Cell::Error(e) => {
+                text += &quoted(e);
+                text += &",".repeat(attributes);
+            }
+        }
+        text.push('\n');
+    }
+    (columns, text)
+}
+
+/// A field of a table, in quotes where it holds a comma or a quote.
+fn quoted(field: &str) -> String {
+    if field.contains([',', '"', '\n']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field.to_owned() }
+}
+
+fn json_row(row: &Row<'_>, cell: &Cell) -> Value {
+    let mut values: Vec<Value> = row.x.iter().map(|v| json!(v)).collect();
+    match cell {
+        Cell::Value(f, s) => {
+            values.push(json!(f));
+            values.extend(s.iter().map(|v| json!(v)));
+        }
+        Cell::Error(e) => values.push(json!(e)),
+    }
+    Value::Array(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_of_points() {
+        let read = |t: &str| points(Path::new("p"), t, 2).map(|r| r.into_iter().map(|r| r.x).collect::<Vec<_>>());
+        let ok = |t: &str| read(t).unwrap_or_else(|e| panic!("{}", e.message));
+        assert_eq!(ok("\u{feff}x,y\r\n# c\n\n1, 2.50 ,z\n-3e1\t4\n"), [[1.0, 2.5], [-30.0, 4.0]]);
+        for (bad, line, column) in [("1,2\n1,oops", 2, 3), ("1", 1, 2), ("1,nan", 1, 3), ("a,b", 1, 1), ("é,1", 1, 1), ("1,é,2", 1, 3)] {
+            let e = read(bad).err().unwrap_or_else(|| panic!("{bad} was read"));
+            assert_eq!((e.place.line, e.place.column), (Some(line), Some(column)), "{bad}");
+        }
+    }
+}

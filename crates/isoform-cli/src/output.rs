@@ -1,0 +1,348 @@
+//! What all verbs share: global options, failures, exit codes, stdout as data, stderr as talk.
+
+use clap::ArgAction;
+use serde_json::{Value, json};
+use std::fmt::Display;
+use std::fs;
+use std::io::{self, ErrorKind, Write};
+use std::panic::AssertUnwindSafe;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// Done and within tolerance.
+pub(crate) const DONE: u8 = 0;
+/// Wrong usage.
+pub(crate) const USAGE: u8 = 1;
+/// Unreadable or invalid input.
+pub(crate) const INPUT: u8 = 2;
+/// Done, but not in all parts or outside tolerance; output is written.
+pub(crate) const PARTIAL: u8 = 3;
+/// No result.
+pub(crate) const NO_RESULT: u8 = 4;
+/// A fault of ours.
+pub(crate) const INTERNAL: u8 = 5;
+
+/// Seed of everything random unless another is given.
+const DEFAULT_SEED: u64 = 1;
+
+#[derive(clap::Args)]
+pub(crate) struct Global {
+    /// Make stdout exactly one JSON document, on failure too
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// Number of threads; results do not depend on it [default: all cores]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    /// Seed of everything random
+    #[arg(long, global = true, value_name = "N", default_value_t = DEFAULT_SEED)]
+    pub(crate) seed: u64,
+    /// Say nothing on stderr but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// Say more on stderr
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    pub(crate) verbose: u8,
+    /// Stop after this time with the best so far: 30s, 2m, 1h
+    #[arg(long, global = true, value_name = "TIME", value_parser = duration)]
+    pub(crate) time_limit: Option<Duration>,
+}
+
+fn duration(text: &str) -> Result<Duration, String> {
+    let (number, unit) = match text.trim_end_matches(|c: char| c.is_ascii_alphabetic()) {
+        number if number.len() == text.len() => (text, "s"),
+        number => text.split_at(number.len()),
+    };
+    let scale = match unit {
+        "ms" => 1e-3,
+        "s" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3600.0,
+        _ => return Err(format!("`{unit}` is no unit of time; ms, s, m and h are")),
+    };
+    let seconds = number.parse::<f64>().map_err(|_| format!("`{number}` is not a number"))? * scale;
+    Duration::try_from_secs_f64(seconds).map_err(|e| e.to_string())
+}
+
+/// The settings of this run.
+pub(crate) struct Context {
+    pub(crate) global: Global,
+    /// When to stop.
+    pub(crate) deadline: Option<Instant>,
+}
+
+impl Context {
+    pub(crate) fn new(global: Global) -> Self {
+        let deadline = global.time_limit.and_then(|t| Instant::now().checked_add(t));
+        if let Some(n) = global.threads {
+            // Fails only if a pool exists already, and nothing has made one yet.
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(usize::from(n)).build_global();
+        }
+        Self { global, deadline }
+    }
+    pub(crate) fn is_late(&self) -> bool {
+        self.deadline.is_some_and(|d| Instant::now() >= d)
+    }
+    /// A line on stderr about something that may be wrong.
+    pub(crate) fn warn(&self, message: impl Display) {
+        if !self.global.quiet {
+            say(format_args!("warning: {message}"));
+        }
+    }
+    /// A line on stderr about what is going on, with -v.
+    pub(crate) fn note(&self, message: impl Display) {
+        if self.global.verbose > 0 {
+            say(message);
+        }
+    }
+}
+
+/// A closed stderr is no reason to fail.
+fn say(message: impl Display) {
+    let _ = writeln!(io::stderr().lock(), "{message}");
+}
+
+/// What a verb gives back: the exit code, the fields of the JSON document, and what goes to stdout without --json.
+pub(crate) struct Outcome {
+    pub(crate) exit: u8,
+    pub(crate) json: Value,
+    pub(crate) stdout: Vec<u8>,
+}
+
+impl Outcome {
+    pub(crate) fn text(stdout: Vec<u8>) -> Self {
+        let json = json!({"text": String::from_utf8_lossy(&stdout)});
+        Self { exit: DONE, json, stdout }
+    }
+}
+
+/// Where something is wrong.
+#[derive(Clone, Default)]
+pub(crate) struct Place {
+    pub(crate) file: Option<PathBuf>,
+    pub(crate) line: Option<usize>,
+    pub(crate) column: Option<usize>,
+    /// The text of the line, to be drawn with a caret.
+    pub(crate) text: Option<String>,
+}
+
+/// Why there is no result: what, where, why, and what to try.
+pub(crate) struct Failure {
+    pub(crate) exit: u8,
+    /// Short and fixed, for programs.
+    pub(crate) code: &'static str,
+    pub(crate) message: String,
+    pub(crate) place: Place,
+    pub(crate) why: String,
+    pub(crate) hint: String,
+}
+
+impl Failure {
+    pub(crate) fn new(exit: u8, code: &'static str, message: impl Into<String>) -> Self {
+        Self { exit, code, message: message.into(), place: Place::default(), why: String::new(), hint: String::new() }
+    }
+    pub(crate) fn usage(message: impl Into<String>) -> Self {
+        Self::new(USAGE, "usage", message)
+    }
+    pub(crate) fn input(code: &'static str, message: impl Into<String>) -> Self {
+        Self::new(INPUT, code, message)
+    }
+    /// A file that cannot be read or written.
+    pub(crate) fn file(path: &Path, verb: &str, error: &io::Error) -> Self {
+        let mut failure = Self::input("file", format!("cannot {verb} {}: {error}", path.display()));
+        failure.place.file = Some(path.to_owned());
+        failure
+    }
+    pub(crate) fn at(mut self, file: &Path, line: usize, column: usize) -> Self {
+        self.place = Place { file: Some(file.to_owned()), line: Some(line), column: Some(column), text: None };
+        self
+    }
+    pub(crate) fn drawn(mut self, text: &str) -> Self {
+        self.place.text = Some(text.to_owned());
+        self
+    }
+    pub(crate) fn why(mut self, why: impl Into<String>) -> Self {
+        self.why = why.into();
+        self
+    }
+    pub(crate) fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = hint.into();
+        self
+    }
+
+    fn json(&self) -> Value {
+        let mut at = serde_json::Map::new();
+        if let Some(file) = &self.place.file {
+            at.insert("file".into(), json!(file.display().to_string()));
+        }
+        if let Some(line) = self.place.line {
+            at.insert("line".into(), json!(line));
+        }
+        if let Some(column) = self.place.column {
+            at.insert("column".into(), json!(column));
+        }
+        json!({"code": self.code, "message": self.message, "where": at, "why": self.why, "hint": self.hint})
+    }
+
+    /// The message, its place first, the source line with a caret, why, and what to try.
+    fn text(&self) -> String {
+        let mut text = "error: ".to_owned();
+        if let (Some(file), Some(line), Some(column)) = (&self.place.file, self.place.line, self.place.column) {
+            text += &format!("{}:{line}:{column}: ", file.display());
+        }
+        text += &self.message;
+        if let (Some(line), Some(column), Some(source)) = (self.place.line, self.place.column, &self.place.text) {
+            text += &caret(line, column, source);
+        }
+        if !self.why.is_empty() {
+            text += &format!("\n  because {}", self.why);
+        }
+        if !self.hint.is_empty() {
+            text += &format!("\n  try: {}", self.hint);
+        }
+        text
+    }
+}
+
+/// Characters of a source line that are drawn on either side of the caret.
+const AROUND: usize = 60;
+
+fn caret(line: usize, column: usize, source: &str) -> String {
+    let skipped = column.saturating_sub(AROUND + 1);
+    let visible = |c: char| if c.is_control() { ' ' } else { c };
+    let shown: String = source.chars().skip(skipped).take(2 * AROUND).map(visible).collect();
+    let number = line.to_string();
+    let margin = " ".repeat(number.len());
+    let before = " ".repeat(column - 1 - skipped);
+    format!("\n {margin} |\n {number} | {}\n {margin} | {before}^", shown.trim_end())
+}
+
+/// Runs a verb and reports what comes of it.
+pub(crate) fn finish(context: &Context, verb: impl FnOnce() -> Result<Outcome, Failure>) -> ExitCode {
+    let result = std::panic::catch_unwind(AssertUnwindSafe(verb)).unwrap_or_else(|_| {
+        let failure = Failure::new(INTERNAL, "internal", "isoform made an error of its own");
+        Err(failure.hint("please report it, with the command and its input"))
+    });
+    match result {
+        Ok(outcome) => {
+            let bytes = if context.global.json { document(outcome.exit != NO_RESULT, outcome.json) } else { outcome.stdout };
+            match to_stdout(&bytes) {
+                Ok(()) => ExitCode::from(outcome.exit),
+                Err(error) => fail(false, &Failure::file(Path::new("stdout"), "write", &error)),
+            }
+        }
+        Err(failure) => fail(context.global.json, &failure),
+    }
+}
+
+fn fail(json: bool, failure: &Failure) -> ExitCode {
+    say(failure.text());
+    if json {
+        let _ = to_stdout(&document(false, json!({"error": failure.json()})));
+    }
+    ExitCode::from(failure.exit)
+}
+
+/// Arguments that clap refuses: exit 1, and 0 for --help and --version.
+pub(crate) fn usage(error: &clap::Error) -> ExitCode {
+    if !error.use_stderr() {
+        let _ = error.print();
+        return ExitCode::from(DONE);
+    }
+    let _ = error.print();
+    if std::env::args_os().any(|a| a == "--json") {
+        let text = error.render().to_string();
+        let message = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+        let failure = Failure::usage(message).hint("isoform --help");
+        let _ = to_stdout(&document(false, json!({"error": failure.json()})));
+    }
+    ExitCode::from(USAGE)
+}
+
+/// One JSON document: schema and ok before the rest.
+fn document(ok: bool, fields: Value) -> Vec<u8> {
+    let mut all = serde_json::Map::new();
+    all.insert("schema".into(), json!(1));
+    all.insert("ok".into(), json!(ok));
+    if let Value::Object(fields) = fields {
+        all.extend(fields);
+    }
+    let mut bytes = serde_json::to_vec_pretty(&Value::Object(all)).unwrap_or_default();
+    bytes.push(b'\n');
+    bytes
+}
+
+/// A reader that has seen enough is no error.
+fn to_stdout(bytes: &[u8]) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
+        Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
+        other => other,
+    }
+}
+
+/// Writes a file whole or not at all: to a temporary file beside it, which is then renamed. Devices and pipes are written to.
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    let failed = |e: io::Error| Failure::file(path, "write", &e);
+    let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    if fs::metadata(&path).is_ok_and(|m| !m.is_file()) {
+        return fs::write(&path, bytes).map_err(failed);
+    }
+    let name = path.file_name().ok_or_else(|| failed(io::Error::from(ErrorKind::InvalidFilename)))?;
+    let temporary = path.with_file_name(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
+    let written = fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, &path));
+    written.map_err(|e| {
+        let _ = fs::remove_file(&temporary);
+        failed(e)
+    })
+}
+
+/// Reads a file, or stdin for `-`.
+pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
+    if path == Path::new("-") {
+        let mut bytes = Vec::new();
+        return match io::Read::read_to_end(&mut io::stdin().lock(), &mut bytes) {
+            Ok(_) => Ok(bytes),
+            Err(e) => Err(Failure::file(Path::new("stdin"), "read", &e)),
+        };
+    }
+    fs::read(path).map_err(|e| Failure::file(path, "read", &e))
+}
+
+/// Text as UTF-8, else as Latin-1, which old programs have in their comments.
+pub(crate) fn text(bytes: Vec<u8>) -> String {
+    String::from_utf8(bytes).unwrap_or_else(|e| e.into_bytes().into_iter().map(char::from).collect())
+}
+
+/// A list of numbers with commas: `1,2.5,-3`.
+pub(crate) fn numbers(text: &str) -> Result<Vec<f64>, String> {
+    let number = |word: &str| match word.trim().parse::<f64>() {
+        Ok(v) if v.is_finite() => Ok(v),
+        _ => Err(format!("`{}` is not a number", word.trim())),
+    };
+    if text.trim().is_empty() { Ok(Vec::new()) } else { text.split(',').map(number).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations() {
+        assert_eq!(duration("30s"), Ok(Duration::from_secs(30)));
+        assert_eq!(duration("1.5m"), Ok(Duration::from_secs(90)));
+        assert_eq!(duration("250ms"), Ok(Duration::from_millis(250)));
+        assert_eq!(duration("7"), Ok(Duration::from_secs(7)));
+        for bad in ["", "s", "1y", "-1s", "1e999s"] {
+            assert!(duration(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn the_caret_stands_under_the_column() {
+        let drawn = caret(12, 5, "\tab c");
+        assert_eq!(drawn, "\n    |\n 12 |  ab c\n    |     ^");
+        let long = caret(1, 1000, &"x".repeat(2000));
+        assert!(long.lines().all(|l| l.chars().count() < 140));
+    }
+}

@@ -1,0 +1,505 @@
+//! Structured comments: what a program says of its parameters and of itself, invisible to other HyperFun readers.
+//!
+//! `-- @param a[3] radius length min=0.1 max=50 start=5 unit=mm : of the hole`; see docs/hyperfun.md.
+
+use super::ast::Object;
+use super::source::{Source, SyntaxError, Warning};
+use std::collections::BTreeMap;
+
+/// What kind of quantity a parameter is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// A coordinate along x.
+    X,
+    /// A coordinate along y.
+    Y,
+    /// A coordinate along z.
+    Z,
+    /// A length: it scales with the shape but does not move with it.
+    Length,
+    /// An angle in radians.
+    Angle,
+    /// A ratio: it neither moves nor scales.
+    Ratio,
+    /// Anything else.
+    #[default]
+    Number,
+}
+
+const KINDS: [(&str, Kind); 7] = [
+    ("x", Kind::X),
+    ("y", Kind::Y),
+    ("z", Kind::Z),
+    ("length", Kind::Length),
+    ("angle", Kind::Angle),
+    ("ratio", Kind::Ratio),
+    ("number", Kind::Number),
+];
+
+/// Which motions a fit may apply to the whole model besides its parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pose {
+    /// None: the parameters say everything.
+    None,
+    /// Translations.
+    Translate,
+    /// Translations and the choice of the model's axis.
+    Axis,
+    /// Rotations and translations.
+    Rigid,
+    /// Rotations, translations and a scale.
+    Similarity,
+}
+
+const POSES: [(&str, Pose); 5] =
+    [("none", Pose::None), ("translate", Pose::Translate), ("axis", Pose::Axis), ("rigid", Pose::Rigid), ("similarity", Pose::Similarity)];
+
+/// How a parameter is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fixed {
+    /// At the value it starts from.
+    AtStart,
+    /// At this value.
+    At(f64),
+}
+
+/// A parameter as a linear function of others: constant + Σ factor · a\[index\], indices from 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tie {
+    /// The constant.
+    pub constant: f64,
+    /// Index from 0 and factor, by rising index.
+    pub terms: Vec<(usize, f64)>,
+}
+
+/// A parameter a\[index + 1\].
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParamInfo {
+    /// Index from 0.
+    pub index: usize,
+    /// The annotated name, else "a\[i\]" with i from 1.
+    pub name: String,
+    /// What kind of quantity it is.
+    pub kind: Kind,
+    /// Lower bound.
+    pub min: Option<f64>,
+    /// Upper bound.
+    pub max: Option<f64>,
+    /// Where to start from.
+    pub start: Option<f64>,
+    /// Unit, as written.
+    pub unit: Option<String>,
+    /// Whether it is held.
+    pub fixed: Option<Fixed>,
+    /// What it follows.
+    pub tie: Option<Tie>,
+    /// The text after the colon.
+    pub description: String,
+}
+
+/// What annotations say of the whole program.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FileInfo {
+    /// `@title`
+    pub title: Option<String>,
+    /// `@fits`: what the template fits.
+    pub fits: Option<String>,
+    /// `@pose`
+    pub pose: Option<Pose>,
+    /// `@unit`: of lengths.
+    pub unit: Option<String>,
+}
+
+/// All annotations of a program.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Annotations {
+    pub(crate) file: FileInfo,
+    /// By object and index.
+    params: BTreeMap<(usize, usize), Param>,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Param {
+    info: ParamInfo,
+    /// Byte range of `start=…`, or the empty range where it would go.
+    pub(crate) start: (u32, u32),
+}
+
+impl Annotations {
+    /// Annotated parameters of an object, and what is said of the others.
+    pub(crate) fn params(&self, object: usize, n: usize) -> Vec<ParamInfo> {
+        (0..n).map(|i| self.param(object, i).map_or_else(|| plain(i), |p| p.info.clone())).collect()
+    }
+    pub(crate) fn param(&self, object: usize, index: usize) -> Option<&Param> {
+        self.params.get(&(object, index))
+    }
+}
+
+fn plain(index: usize) -> ParamInfo {
+    ParamInfo {
+        index,
+        name: format!("a[{}]", index + 1),
+        kind: Kind::Number,
+        min: None,
+        max: None,
+        start: None,
+        unit: None,
+        fixed: None,
+        tie: None,
+        description: String::new(),
+    }
+}
+
+/// A word of a comment and where it starts.
+#[derive(Clone, Copy)]
+struct Piece<'s> {
+    text: &'s str,
+    at: u32,
+}
+
+impl<'s> Piece<'s> {
+    fn trimmed(self) -> Self {
+        let start = self.text.len() - self.text.trim_start().len();
+        Self { text: self.text.trim(), at: self.at + start as u32 }
+    }
+    /// The first word and the rest.
+    fn word(self) -> (Self, Self) {
+        let p = self.trimmed();
+        let end = p.text.find(char::is_whitespace).unwrap_or(p.text.len());
+        (Self { text: &p.text[..end], at: p.at }, Self { text: &p.text[end..], at: p.at + end as u32 })
+    }
+    fn split(self, at: usize, skip: usize) -> (Self, Self) {
+        (Self { text: &self.text[..at], at: self.at }, Self { text: &self.text[at + skip..], at: self.at + (at + skip) as u32 })
+    }
+}
+
+type Read<T> = Result<T, SyntaxError>;
+
+/// Reads the annotations in the comments; one before or inside an object belongs to it.
+pub(crate) fn read(source: &Source, objects: &[Object], comments: &[(u32, u32)], warnings: &mut Vec<Warning>) -> Read<Annotations> {
+    let mut found = Annotations::default();
+    let mut ties: Vec<(usize, usize, Piece<'_>)> = Vec::new();
+    let mut object = 0;
+    for &(start, end) in comments {
+        while object < objects.len() && objects[object].span.1 <= start {
+            object += 1;
+        }
+        let comment = Piece { text: &source.text()[start as usize..end as usize], at: start };
+        let (key, rest) = comment.word();
+        let Some(name) = key.text.strip_prefix('@') else { continue };
+        let text = rest.trimmed();
+        let own = |text: Piece<'_>| Some(text.text.to_owned());
+        match name.to_ascii_lowercase().as_str() {
+            "title" => found.file.title = own(text),
+            "fits" => found.file.fits = own(text),
+            "unit" => found.file.unit = own(text),
+            "pose" => found.file.pose = Some(one_of(source, text, &POSES, "a pose")?),
+            "param" => {
+                let Some(o) = objects.get(object) else {
+                    return Err(source.error(key.at, "no object follows that this parameter could belong to", ""));
+                };
+                let (param, tie) = param(source, rest, o)?;
+                let index = param.info.index;
+                if let Some(tie) = tie {
+                    ties.push((object, index, tie));
+                }
+                let twin = |((o, _), p): (&(usize, usize), &Param)| *o == object && p.info.name.eq_ignore_ascii_case(&param.info.name);
+                if found.params.iter().any(twin) {
+                    return Err(source.error(key.at, format!("there is a parameter `{}` already", param.info.name), ""));
+                }
+                if found.params.insert((object, index), param).is_some() {
+                    return Err(source.error(key.at, format!("a[{}] is described already", index + 1), ""));
+                }
+            }
+            _ => {
+                let (line, column) = source.position(key.at);
+                let message = format!("`{}` is no annotation; known are @param, @title, @fits, @pose and @unit", key.text);
+                warnings.push(Warning { line, column, message });
+            }
+        }
+    }
+    resolve_ties(source, objects, &mut found, &ties)?;
+    Ok(found)
+}
+
+fn one_of<T: Copy>(source: &Source, word: Piece<'_>, table: &[(&str, T)], what: &str) -> Read<T> {
+    if let Some((_, v)) = table.iter().find(|(name, _)| word.text.eq_ignore_ascii_case(name)) {
+        return Ok(*v);
+    }
+    let names: Vec<&str> = table.iter().map(|(n, _)| *n).collect();
+    let known = names.join(", ");
+    Err(source.error(word.at, format!("`{}` is not {what}; known are {known}", word.text), known))
+}
+
+const KEYS: &str = "min=, max=, start=, unit=, fixed, fixed=, tie=";
+
+/// `a[i] [NAME [KIND]] [key=value …] [: description]`, and the text of its tie.
+fn param<'s>(source: &Source, text: Piece<'s>, object: &Object) -> Read<(Param, Option<Piece<'s>>)> {
+    let (text, description) = match text.text.find(':') {
+        Some(colon) => text.split(colon, 1),
+        None => text.split(text.text.len(), 0),
+    };
+    let (target, mut rest) = text.word();
+    let mut info = plain(index(source, target, object)?);
+    info.description = description.text.trim().to_owned();
+    let mut plain_words = 0;
+    let mut tie: Option<Piece<'s>> = None;
+    let mut in_tie = false;
+    let mut start = None;
+    let mut end = target.at + target.text.len() as u32;
+    loop {
+        let (word, after) = rest.word();
+        if word.text.is_empty() {
+            break;
+        }
+        rest = after;
+        let word_end = word.at + word.text.len() as u32;
+        if let Some(eq) = word.text.find('=') {
+            let (key, value) = word.split(eq, 1);
+            in_tie = false;
+            match key.text.to_ascii_lowercase().as_str() {
+                "min" => info.min = Some(number(source, value)?),
+                "max" => info.max = Some(number(source, value)?),
+                "start" => {
+                    info.start = Some(number(source, value)?);
+                    start = Some((word.at, word_end));
+                }
+                "unit" => info.unit = Some(value.text.to_owned()),
+                "fixed" => info.fixed = Some(Fixed::At(number(source, value)?)),
+                "tie" => {
+                    tie = Some(value);
+                    in_tie = true;
+                }
+                _ => return Err(source.error(key.at, format!("`{}` is no key of @param; known are {KEYS}", key.text), KEYS)),
+            }
+        } else if in_tie && let Some(t) = tie.as_mut() {
+            // The tie's expression goes on over spaces.
+            let length = (word_end - t.at) as usize;
+            let from = (t.at - text.at) as usize;
+            t.text = &text.text[from..from + length];
+        } else if word.text.eq_ignore_ascii_case("fixed") {
+            info.fixed = Some(Fixed::AtStart);
+        } else if plain_words == 0 {
+            if !word.text.chars().all(|c| c.is_alphanumeric() || c == '_') || word.text.starts_with(|c: char| c.is_ascii_digit()) {
+                return Err(source.error(word.at, format!("`{}` is no name: letters, digits and underscores", word.text), "a name"));
+            }
+            info.name = word.text.to_owned();
+            plain_words = 1;
+        } else if plain_words == 1 {
+            info.kind = one_of(source, word, &KINDS, "a kind of parameter")?;
+            plain_words = 2;
+        } else {
+            return Err(source.error(word.at, format!("`{}` is no key of @param; known are {KEYS}", word.text), KEYS));
+        }
+        end = word_end;
+    }
+    if let (Some(min), Some(max)) = (info.min, info.max)
+        && min > max
+    {
+        return Err(source.error(target.at, format!("min={min} is above max={max}"), ""));
+    }
+    if let Some(v) = info.start
+        && (info.min.is_some_and(|min| v < min) || info.max.is_some_and(|max| v > max))
+    {
+        return Err(source.error(target.at, format!("start={v} is outside the bounds"), ""));
+    }
+    if info.fixed.is_some() && tie.is_some() {
+        return Err(source.error(target.at, "a parameter is fixed or tied, not both", ""));
+    }
+    Ok((Param { info, start: start.unwrap_or((end, end)) }, tie))
+}
+
+/// The index from 0 of `a[i]`.
+fn index(source: &Source, word: Piece<'_>, object: &Object) -> Read<usize> {
+    let inner = word.text.strip_prefix(['a', 'A']).and_then(|t| t.strip_prefix('[')).and_then(|t| t.strip_suffix(']'));
+    match inner.and_then(|t| t.trim().parse::<usize>().ok()) {
+        Some(i) if (1..=object.n_params()).contains(&i) => Ok(i - 1),
+        Some(i) => {
+            let message = format!("a[{i}] does not exist: `{}` has a[{}]", object.name, object.n_params());
+            Err(source.error(word.at, message, ""))
+        }
+        None => Err(source.error(word.at, format!("a[i] with an index expected, found `{}`", word.text), "a[i]")),
+    }
+}
+
+fn number(source: &Source, word: Piece<'_>) -> Read<f64> {
+    match word.text.parse::<f64>() {
+        Ok(v) if v.is_finite() => Ok(v),
+        _ => Err(source.error(word.at, format!("`{}` is not a number", word.text), "a number")),
+    }
+}
+
+// ---- ties -----------------------------------------------------------------------------------------------------------------
+
+fn resolve_ties(source: &Source, objects: &[Object], found: &mut Annotations, ties: &[(usize, usize, Piece<'_>)]) -> Read<()> {
+    for &(object, index, text) in ties {
+        let names: BTreeMap<String, usize> =
+            found.params.range((object, 0)..(object + 1, 0)).map(|((_, i), p)| (p.info.name.to_ascii_lowercase(), *i)).collect();
+        let mut reader = Linear { source, text, at: 0, names: &names, n: objects[object].n_params(), depth: 0 };
+        let form = reader.sum()?;
+        if reader.peek().is_some() {
+            return reader.fail("an operator or the end expected");
+        }
+        let terms: Vec<(usize, f64)> = form.terms.into_iter().filter(|(_, f)| *f != 0.0).collect();
+        for (i, _) in &terms {
+            if *i == index || ties.iter().any(|(o, tied, _)| (*o, *tied) == (object, *i)) {
+                return Err(source.error(text.at, format!("a tie must follow free parameters; a[{}] is tied itself", i + 1), ""));
+            }
+        }
+        if let Some(param) = found.params.get_mut(&(object, index)) {
+            param.info.tie = Some(Tie { constant: form.constant, terms });
+        }
+    }
+    Ok(())
+}
+
+/// A linear form under construction.
+struct Form {
+    constant: f64,
+    terms: BTreeMap<usize, f64>,
+}
+
+impl Form {
+    fn scaled(mut self, k: f64) -> Self {
+        self.constant *= k;
+        self.terms.values_mut().for_each(|f| *f *= k);
+        self
+    }
+    fn plus(mut self, o: Self) -> Self {
+        self.constant += o.constant;
+        for (i, f) in o.terms {
+            *self.terms.entry(i).or_insert(0.0) += f;
+        }
+        self
+    }
+}
+
+/// Reads sums of products of numbers and parameters.
+struct Linear<'s> {
+    source: &'s Source,
+    text: Piece<'s>,
+    at: usize,
+    names: &'s BTreeMap<String, usize>,
+    n: usize,
+    depth: u32,
+}
+
+impl Linear<'_> {
+    fn peek(&mut self) -> Option<char> {
+        let rest = &self.text.text[self.at..];
+        self.at += rest.len() - rest.trim_start().len();
+        self.text.text[self.at..].chars().next()
+    }
+    fn take(&mut self, c: char) -> bool {
+        let is = self.peek() == Some(c);
+        if is {
+            self.at += c.len_utf8();
+        }
+        is
+    }
+    fn fail<T>(&self, message: &str) -> Read<T> {
+        let at = self.text.at + self.at as u32;
+        Err(self.source.error(at, format!("tie: {message}"), "a linear expression of other parameters"))
+    }
+    fn while_(&mut self, f: impl Fn(char) -> bool) -> &str {
+        let from = self.at;
+        let rest = &self.text.text[from..];
+        self.at += rest.find(|c| !f(c)).unwrap_or(rest.len());
+        &self.text.text[from..self.at]
+    }
+    fn sum(&mut self) -> Read<Form> {
+        let mut form = self.product()?;
+        loop {
+            if self.take('+') {
+                form = form.plus(self.product()?);
+            } else if self.take('-') {
+                form = form.plus(self.product()?.scaled(-1.0));
+            } else {
+                return Ok(form);
+            }
+        }
+    }
+    fn product(&mut self) -> Read<Form> {
+        let mut form = self.primary()?;
+        loop {
+            if self.take('*') {
+                let other = self.primary()?;
+                form = match (form.terms.is_empty(), other.terms.is_empty()) {
+                    (_, true) => form.scaled(other.constant),
+                    (true, false) => other.scaled(form.constant),
+                    (false, false) => return self.fail("a product of two parameters is not linear"),
+                };
+            } else if self.take('/') {
+                let other = self.primary()?;
+                if !other.terms.is_empty() || other.constant == 0.0 {
+                    return self.fail("only division by a number other than 0 is linear");
+                }
+                form = form.scaled(1.0 / other.constant);
+            } else {
+                return Ok(form);
+            }
+        }
+    }
+    fn primary(&mut self) -> Read<Form> {
+        self.depth += 1;
+        if self.depth > super::MAX_DEPTH {
+            return self.fail("nested too deep");
+        }
+        let form = self.inner_primary();
+        self.depth -= 1;
+        form
+    }
+    fn inner_primary(&mut self) -> Read<Form> {
+        if self.take('-') {
+            return Ok(self.primary()?.scaled(-1.0));
+        }
+        if self.take('+') {
+            return self.primary();
+        }
+        if self.take('(') {
+            let form = self.sum()?;
+            return if self.take(')') { Ok(form) } else { self.fail("`)` expected") };
+        }
+        match self.peek() {
+            Some(c) if c.is_ascii_digit() || c == '.' => {
+                let from = self.at;
+                self.while_(|c| c.is_ascii_digit() || c == '.');
+                let digits = self.at;
+                if self.text.text[self.at..].starts_with(['e', 'E']) {
+                    self.at += 1;
+                    if self.text.text[self.at..].starts_with(['+', '-']) {
+                        self.at += 1;
+                    }
+                    if self.while_(|c| c.is_ascii_digit()).is_empty() {
+                        self.at = digits;
+                    }
+                }
+                match self.text.text[from..self.at].parse::<f64>() {
+                    Ok(constant) if constant.is_finite() => Ok(Form { constant, terms: BTreeMap::new() }),
+                    _ => self.fail("a number expected"),
+                }
+            }
+            Some(c) if c.is_alphabetic() || c == '_' => {
+                let from = self.at;
+                let name = self.while_(|c| c.is_alphanumeric() || c == '_').to_ascii_lowercase();
+                let known = self.names.get(&name).copied();
+                let index = match known {
+                    None if name == "a" && self.take('[') => {
+                        let i = self.while_(|c| c.is_ascii_digit()).parse::<usize>().unwrap_or(0);
+                        if !self.take(']') || i == 0 || i > self.n {
+                            return self.fail("no such parameter");
+                        }
+                        i - 1
+                    }
+                    Some(i) => i,
+                    None => {
+                        self.at = from;
+                        return self.fail(&format!("no parameter `{name}`"));
+                    }
+                };
+                Ok(Form { constant: 0.0, terms: BTreeMap::from([(index, 1.0)]) })
+            }
+            _ => self.fail("a number or a parameter expected"),
+        }
+    }
+}

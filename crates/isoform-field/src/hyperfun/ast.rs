@@ -1,0 +1,186 @@
+//! The checked program: names are resolved to places in the object's memory.
+
+/// A binary operator. A chain of operators of one level is one node, so that long sums nest nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Operator {
+    Add,
+    Subtract,
+    Union,
+    Intersection,
+    Cartesian,
+    Difference,
+    Multiply,
+    Divide,
+    Power,
+    Less,
+    LessEq,
+    Greater,
+    GreaterEq,
+    Equal,
+    NotEqual,
+    And,
+    Or,
+}
+
+/// Precedence levels, loosest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Level {
+    Logic,
+    Comparison,
+    Sum,
+    Product,
+    Power,
+}
+
+impl Operator {
+    const ALL: [(&'static str, Self); 17] = [
+        ("+", Self::Add),
+        ("-", Self::Subtract),
+        ("|", Self::Union),
+        ("&", Self::Intersection),
+        ("@", Self::Cartesian),
+        ("\\", Self::Difference),
+        ("*", Self::Multiply),
+        ("/", Self::Divide),
+        ("^", Self::Power),
+        ("<", Self::Less),
+        ("<=", Self::LessEq),
+        (">", Self::Greater),
+        (">=", Self::GreaterEq),
+        ("=", Self::Equal),
+        ("/=", Self::NotEqual),
+        ("and", Self::And),
+        ("or", Self::Or),
+    ];
+    pub(crate) fn of(text: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(t, _)| *t == text).map(|(_, op)| *op)
+    }
+    pub(crate) fn text(self) -> &'static str {
+        Self::ALL.iter().find(|(_, op)| *op == self).map_or("", |(t, _)| t)
+    }
+    pub(crate) fn level(self) -> Level {
+        match self {
+            Self::And | Self::Or => Level::Logic,
+            Self::Less | Self::LessEq | Self::Greater | Self::GreaterEq | Self::Equal | Self::NotEqual => Level::Comparison,
+            Self::Add | Self::Subtract | Self::Union | Self::Intersection | Self::Cartesian | Self::Difference => Level::Sum,
+            Self::Multiply | Self::Divide => Level::Product,
+            Self::Power => Level::Power,
+        }
+    }
+    pub(crate) fn is_set_operator(self) -> bool {
+        matches!(self, Self::Union | Self::Intersection | Self::Cartesian | Self::Difference)
+    }
+}
+
+/// An array in the object's memory: items `start .. start + len`; `id` is its place in [`Object::arrays`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ArrayRef {
+    pub(crate) id: u32,
+    pub(crate) start: u32,
+    pub(crate) len: u32,
+}
+
+/// An expression. `at` is a byte offset: where an error of this node is reported.
+#[derive(Clone, Debug)]
+pub(crate) enum Expr {
+    Number { at: u32, value: f64 },
+    Variable { at: u32, slot: u32 },
+    Item { at: u32, array: ArrayRef, index: Box<Expr> },
+    Sign { at: u32, sign: &'static str, operand: Box<Expr> },
+    Not { at: u32, operand: Box<Expr> },
+    Group { at: u32, inner: Box<Expr> },
+    Chain { first: Box<Expr>, rest: Vec<Link> },
+    Function { at: u32, function: u16, arguments: Vec<Argument> },
+    Call { at: u32, object: u32, arguments: Vec<(u32, ArrayRef)> },
+}
+
+/// An operator with its right operand.
+#[derive(Clone, Debug)]
+pub(crate) struct Link {
+    pub(crate) at: u32,
+    pub(crate) operator: Operator,
+    pub(crate) operand: Expr,
+}
+
+/// An argument of a library function.
+#[derive(Clone, Debug)]
+pub(crate) enum Argument {
+    Number(Expr),
+    Array(u32, ArrayRef),
+}
+
+impl Expr {
+    /// Where the expression begins.
+    pub(crate) fn at(&self) -> u32 {
+        match self {
+            Self::Number { at, .. }
+            | Self::Variable { at, .. }
+            | Self::Item { at, .. }
+            | Self::Sign { at, .. }
+            | Self::Not { at, .. }
+            | Self::Group { at, .. }
+            | Self::Function { at, .. }
+            | Self::Call { at, .. } => *at,
+            Self::Chain { first, .. } => first.at(),
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(crate) enum Statement {
+    Assign { slot: u32, value: Expr },
+    AssignItem { array: ArrayRef, index: Expr, value: Expr },
+    AssignArray { array: ArrayRef, values: Vec<f64> },
+    If { at: u32, condition: Expr, then: Vec<Statement>, otherwise: Option<Vec<Statement>> },
+    While { at: u32, condition: Expr, body: Vec<Statement> },
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Array {
+    pub(crate) name: String,
+    pub(crate) len: u32,
+}
+
+/// Number of the arrays x, a and s, which come first in every object.
+pub(crate) const HEAD_ARRAYS: usize = 3;
+
+/// One object. Its memory holds x, a, s, the local arrays and the variables, in this order.
+#[derive(Clone, Debug)]
+pub(crate) struct Object {
+    pub(crate) name: String,
+    /// Byte range of the text from the name to the closing brace.
+    pub(crate) span: (u32, u32),
+    /// Whether the head declares s.
+    pub(crate) has_s: bool,
+    /// x, a, s, then the local ones.
+    pub(crate) arrays: Vec<Array>,
+    /// Where variables start in memory.
+    pub(crate) first_variable: u32,
+    pub(crate) variables: Vec<String>,
+    pub(crate) body: Vec<Statement>,
+    /// Where the result's assignment stands.
+    pub(crate) result_at: u32,
+    pub(crate) result: Expr,
+    /// How deep its evaluation nests, calls included.
+    pub(crate) depth: u32,
+}
+
+impl Object {
+    pub(crate) fn dimension(&self) -> usize {
+        self.arrays[0].len as usize
+    }
+    pub(crate) fn n_params(&self) -> usize {
+        self.arrays[1].len as usize
+    }
+    /// Size of s; 1 where the head has none.
+    pub(crate) fn n_s(&self) -> usize {
+        self.arrays[2].len as usize
+    }
+    /// Number of items in memory.
+    pub(crate) fn memory(&self) -> usize {
+        self.first_variable as usize + self.variables.len()
+    }
+    pub(crate) fn variable(&self, slot: u32) -> &str {
+        &self.variables[(slot - self.first_variable) as usize]
+    }
+}

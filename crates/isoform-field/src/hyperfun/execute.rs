@@ -1,0 +1,505 @@
+//! The executor: one meaning of the language for every machine.
+
+use super::ast::{Argument, ArrayRef, Expr, Link, Object, Operator, Statement};
+use super::functions::{Arguments, Call, Function, Run, Shape};
+use super::machine::{EPS, Machine};
+use super::{Mode, Program};
+use crate::ops::{Binary, SetOp, Unary};
+use std::cell::RefCell;
+
+/// Why a run ended early, at a byte offset of the program.
+#[derive(Debug)]
+pub(crate) enum Stop {
+    /// The program is at fault.
+    Error { at: u32, message: String },
+    /// The machine would have to know a value that it does not know.
+    Unknown { at: u32, why: String },
+}
+
+type Outcome<T> = Result<T, Box<Stop>>;
+
+fn error<T>(at: u32, message: impl Into<String>) -> Outcome<T> {
+    Err(Box::new(Stop::Error { at, message: message.into() }))
+}
+fn unknown<T>(at: u32, why: impl Into<String>) -> Outcome<T> {
+    Err(Box::new(Stop::Unknown { at, why: why.into() }))
+}
+
+/// Runs objects of one program on a machine; keeps its memory between runs.
+pub(crate) struct Executor<'p, M: Machine> {
+    program: &'p Program,
+    machine: RefCell<M>,
+    /// The frames of the objects that are being evaluated; unset items are `None`.
+    memory: Vec<Option<M::V>>,
+    /// Where the frame of the innermost object starts.
+    base: usize,
+    /// Operands of chains under evaluation.
+    operands: Vec<M::V>,
+    flat: Vec<M::V>,
+    steps: u64,
+    limit: u64,
+}
+
+impl<'p, M: Machine> Executor<'p, M> {
+    pub(crate) fn new(program: &'p Program, machine: M, limit: u64) -> Self {
+        Self {
+            program,
+            machine: RefCell::new(machine),
+            memory: Vec::new(),
+            base: 0,
+            operands: Vec::new(),
+            flat: Vec::new(),
+            steps: 0,
+            limit,
+        }
+    }
+    pub(crate) fn into_machine(self) -> M {
+        self.machine.into_inner()
+    }
+    fn m(&mut self) -> &mut M {
+        self.machine.get_mut()
+    }
+    fn is_strict(&self) -> bool {
+        self.program.mode == Mode::Strict
+    }
+
+    /// f at x with parameters a; `s` goes in and comes out. The slices must have the sizes of the object's head.
+    pub(crate) fn run(&mut self, object: usize, x: &[M::V], a: &[M::V], s: &mut [M::V]) -> Outcome<M::V> {
+        let program = self.program;
+        let object = &program.objects[object];
+        debug_assert_eq!((x.len(), a.len(), s.len()), (object.dimension(), object.n_params(), object.n_s()));
+        self.base = 0;
+        self.steps = 0;
+        self.operands.clear();
+        self.memory.clear();
+        self.memory.extend(x.iter().chain(a).chain(s.iter()).cloned().map(Some));
+        self.memory.resize(object.memory(), None);
+        let f = self.object(object)?;
+        let from = x.len() + a.len();
+        for (out, item) in s.iter_mut().zip(&self.memory[from..]) {
+            if let Some(item) = item {
+                *out = item.clone();
+            }
+        }
+        if !self.is_strict() && M::CHECKED && !self.m().known(&f).is_none_or(f64::is_finite) {
+            return error(object.result_at, "the result is not a finite number");
+        }
+        Ok(f)
+    }
+
+    /// The object whose frame is ready.
+    fn object(&mut self, object: &'p Object) -> Outcome<M::V> {
+        self.block(object, &object.body)?;
+        let f = self.eval(object, &object.result)?;
+        self.m().assigned(&f, &object.name);
+        Ok(f)
+    }
+
+    fn step(&mut self, at: u32, cost: usize) -> Outcome<()> {
+        self.steps += cost as u64;
+        if self.steps <= self.limit {
+            return Ok(());
+        }
+        let message = format!("stopped after {} steps: does this end?", self.limit);
+        if M::CHECKED { error(at, message) } else { unknown(at, message) }
+    }
+
+    // ---- statements -------------------------------------------------------------------------------------------------------
+
+    fn block(&mut self, object: &'p Object, statements: &'p [Statement]) -> Outcome<()> {
+        for statement in statements {
+            match statement {
+                Statement::Assign { slot, value } => {
+                    let v = self.eval(object, value)?;
+                    self.steps += 1;
+                    self.m().assigned(&v, object.variable(*slot));
+                    let at = self.base + *slot as usize;
+                    self.memory[at] = Some(v);
+                }
+                Statement::AssignItem { array, index, value } => {
+                    let v = self.eval(object, value)?;
+                    self.steps += 1;
+                    self.m().assigned(&v, "");
+                    let at = self.item(object, *array, index)?;
+                    self.memory[at] = Some(v);
+                }
+                Statement::AssignArray { array, values } => {
+                    self.steps += values.len() as u64;
+                    let start = self.base + array.start as usize;
+                    let machine = self.machine.get_mut();
+                    for (item, v) in self.memory[start..].iter_mut().zip(values) {
+                        *item = Some(machine.constant(*v));
+                    }
+                }
+                Statement::If { at, condition, then, otherwise } => {
+                    self.step(*at, 1)?;
+                    let otherwise = otherwise.as_deref().unwrap_or(&[]);
+                    let condition = self.condition(object, condition)?;
+                    match self.m().known(&condition) {
+                        Some(c) => self.block(object, if c != 0.0 { then } else { otherwise })?,
+                        None => self.both(object, *at, &condition, then, otherwise)?,
+                    }
+                }
+                Statement::While { at, condition, body } => loop {
+                    self.step(*at, 1)?;
+                    let c = self.condition(object, condition)?;
+                    match self.m().known(&c) {
+                        Some(c) if c != 0.0 => self.block(object, body)?,
+                        Some(_) => break,
+                        None => return unknown(*at, "whether the loop goes on depends on the point or the parameters"),
+                    }
+                },
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs both branches and chooses item by item.
+    fn both(&mut self, object: &'p Object, at: u32, c: &M::V, then: &'p [Statement], otherwise: &'p [Statement]) -> Outcome<()> {
+        self.step(at, object.memory())?;
+        let before = self.memory[self.base..].to_vec();
+        self.block(object, then)?;
+        let after_then: Vec<Option<M::V>> = self.memory.drain(self.base..).collect();
+        self.memory.extend(before);
+        self.block(object, otherwise)?;
+        let machine = self.machine.get_mut();
+        for (item, chosen) in self.memory[self.base..].iter_mut().zip(after_then) {
+            if let (Some(a), Some(b)) = (&chosen, &*item)
+                && machine.same(a, b)
+            {
+                continue;
+            }
+            if chosen.is_none() && item.is_none() {
+                continue;
+            }
+            let unset = machine.constant(f64::NAN);
+            let (a, b) = (chosen.unwrap_or_else(|| unset.clone()), item.clone().unwrap_or(unset));
+            *item = Some(machine.select(c, &a, &b));
+        }
+        Ok(())
+    }
+
+    /// A condition as 0 or 1.
+    fn condition(&mut self, object: &'p Object, condition: &'p Expr) -> Outcome<M::V> {
+        let v = self.eval(object, condition)?;
+        Ok(self.m().truth(&v))
+    }
+
+    // ---- expressions ------------------------------------------------------------------------------------------------------
+
+    /// Where an item lies in memory.
+    fn item(&mut self, object: &'p Object, array: ArrayRef, index: &'p Expr) -> Outcome<usize> {
+        let value = match index {
+            Expr::Number { value, .. } => *value,
+            _ => {
+                let v = self.eval(object, index)?;
+                match self.m().known(&v) {
+                    Some(value) => value,
+                    None => return unknown(index.at(), "the index depends on the point or the parameters"),
+                }
+            }
+        };
+        let i = (value + 0.5).floor();
+        if i >= 1.0 && i <= f64::from(array.len) {
+            return Ok(self.base + array.start as usize + i as usize - 1);
+        }
+        let name = &object.arrays[array.id as usize].name;
+        let message = format!("index {i} is out of range: `{name}` has the items 1 to {}", array.len);
+        if M::CHECKED { error(index.at(), message) } else { unknown(index.at(), message) }
+    }
+
+    fn read(&mut self, at: u32, place: usize, name: impl FnOnce() -> String) -> Outcome<M::V> {
+        match &self.memory[place] {
+            Some(v) => Ok(v.clone()),
+            None if M::CHECKED => error(at, format!("{} has no value yet", name())),
+            None => Ok(self.m().constant(f64::NAN)),
+        }
+    }
+
+    fn eval(&mut self, object: &'p Object, expr: &'p Expr) -> Outcome<M::V> {
+        self.steps += 1;
+        match expr {
+            Expr::Number { value, .. } => Ok(self.m().constant(*value)),
+            Expr::Variable { at, slot } => self.read(*at, self.base + *slot as usize, || format!("`{}`", object.variable(*slot))),
+            Expr::Item { at, array, index } => {
+                let place = self.item(object, *array, index)?;
+                let first = self.base + array.start as usize;
+                self.read(*at, place, || format!("`{}[{}]`", object.arrays[array.id as usize].name, place - first + 1))
+            }
+            Expr::Group { inner, .. } => self.eval(object, inner),
+            Expr::Sign { sign, operand, .. } => {
+                let v = self.eval(object, operand)?;
+                Ok(if *sign == "+" { v } else { self.m().neg(&v) })
+            }
+            Expr::Not { operand, .. } => {
+                let v = self.condition(object, operand)?;
+                let m = self.m();
+                let (zero, one) = (m.constant(0.0), m.constant(1.0));
+                let n = m.select(&v, &zero, &one);
+                Ok(m.boolean(n))
+            }
+            Expr::Chain { first, rest } => self.chain(object, first, rest),
+            Expr::Function { at, function, arguments } => self.function(object, *at, *function, arguments),
+            Expr::Call { at, object: called, arguments } => self.call(object, *at, *called, arguments),
+        }
+    }
+
+    /// Operands from the last to the first, as the reference does (it matters for functions that change their arguments),
+    /// then the operators from left to right.
+    fn chain(&mut self, object: &'p Object, first: &'p Expr, rest: &'p [Link]) -> Outcome<M::V> {
+        if let [link] = rest {
+            let right = self.eval(object, &link.operand)?;
+            let left = self.eval(object, first)?;
+            return self.operator(link, &left, &right);
+        }
+        let bottom = self.operands.len();
+        for link in rest.iter().rev() {
+            let v = self.eval(object, &link.operand)?;
+            self.operands.push(v);
+        }
+        let mut left = self.eval(object, first)?;
+        for link in rest {
+            let Some(right) = self.operands.pop() else { break };
+            left = self.operator(link, &left, &right)?;
+        }
+        debug_assert_eq!(self.operands.len(), bottom);
+        Ok(left)
+    }
+
+    fn operator(&mut self, link: &Link, u: &M::V, v: &M::V) -> Outcome<M::V> {
+        let strict = self.is_strict();
+        let m = self.machine.get_mut();
+        let compare = |m: &mut M, op: Binary, u: &M::V, v: &M::V| {
+            let c = m.binary(op, u, v);
+            m.boolean(c)
+        };
+        Ok(match link.operator {
+            Operator::Add => m.add(u, v),
+            Operator::Subtract => m.sub(u, v),
+            Operator::Multiply => m.mul(u, v),
+            Operator::Divide => {
+                let least = if strict { EPS } else { f64::MIN_POSITIVE };
+                if M::CHECKED && m.known(v).is_some_and(|v| v.abs() < least) {
+                    return error(link.at, "division by zero");
+                }
+                m.div(u, v)
+            }
+            Operator::Power => return power(m, link.at, strict, u, v),
+            Operator::Union => m.set(SetOp::RUnion, u, v),
+            Operator::Intersection | Operator::Cartesian => m.set(SetOp::RIntersection, u, v),
+            Operator::Difference => {
+                let v = m.neg(v);
+                m.set(SetOp::RIntersection, u, &v)
+            }
+            Operator::Less => compare(m, Binary::Less, u, v),
+            Operator::LessEq => compare(m, Binary::LessEq, u, v),
+            Operator::Greater => compare(m, Binary::Less, v, u),
+            Operator::GreaterEq => compare(m, Binary::LessEq, v, u),
+            Operator::Equal | Operator::NotEqual => {
+                let d = m.sub(u, v);
+                let (d, eps) = (m.abs(&d), m.constant(EPS));
+                if link.operator == Operator::Equal { compare(m, Binary::Less, &d, &eps) } else { compare(m, Binary::LessEq, &eps, &d) }
+            }
+            Operator::And | Operator::Or => {
+                let (u, v) = (m.truth(u), m.truth(v));
+                let c = if link.operator == Operator::And {
+                    let zero = m.constant(0.0);
+                    m.select(&u, &v, &zero)
+                } else {
+                    let one = m.constant(1.0);
+                    m.select(&u, &one, &v)
+                };
+                m.boolean(c)
+            }
+        })
+    }
+
+    fn call(&mut self, object: &'p Object, at: u32, called: u32, arguments: &'p [(u32, ArrayRef)]) -> Outcome<M::V> {
+        let program = self.program;
+        let callee = &program.objects[called as usize];
+        self.step(at, 1 + callee.memory())?;
+        for (at, array) in arguments.iter().rev() {
+            self.require_set(object, *at, *array)?;
+        }
+        let (caller, base) = (self.base, self.memory.len());
+        for (_, array) in arguments {
+            let from = caller + array.start as usize;
+            self.memory.extend_from_within(from..from + array.len as usize);
+        }
+        if arguments.len() < 3 {
+            let zero = self.m().constant(0.0);
+            self.memory.push(Some(zero));
+        }
+        self.memory.resize(base + callee.memory(), None);
+        self.base = base;
+        let f = self.object(callee)?;
+        self.base = caller;
+        if let Some((_, array)) = arguments.get(2) {
+            let (from, to) = (base + callee.dimension() + callee.n_params(), caller + array.start as usize);
+            for i in 0..array.len as usize {
+                self.memory[to + i] = self.memory[from + i].take();
+            }
+        }
+        self.memory.truncate(base);
+        Ok(f)
+    }
+
+    fn require_set(&mut self, object: &Object, at: u32, array: ArrayRef) -> Outcome<()> {
+        let start = self.base + array.start as usize;
+        let Some(i) = self.memory[start..start + array.len as usize].iter().position(Option::is_none) else { return Ok(()) };
+        if M::CHECKED {
+            let name = &object.arrays[array.id as usize].name;
+            return error(at, format!("`{name}` goes to a function, but `{name}[{}]` has no value yet", i + 1));
+        }
+        let unset = self.m().constant(f64::NAN);
+        for item in self.memory[start..start + array.len as usize].iter_mut().filter(|i| i.is_none()) {
+            *item = Some(unset.clone());
+        }
+        Ok(())
+    }
+
+    fn function(&mut self, object: &'p Object, at: u32, function: u16, arguments: &'p [Argument]) -> Outcome<M::V> {
+        let entry = &Function::<M>::TABLE[function as usize];
+        let mut args = Arguments::<M::V>::default();
+        let mut wrong_point = false;
+        for (i, argument) in arguments.iter().enumerate().rev() {
+            match argument {
+                Argument::Number(expr) => args.numbers[i] = Some(self.eval(object, expr)?),
+                Argument::Array(at, array) => {
+                    self.require_set(object, *at, *array)?;
+                    self.steps += u64::from(array.len);
+                    args.arrays[i] = (self.base + array.start as usize, array.len as usize);
+                    wrong_point |= entry.arguments[i].1 == Shape::Point && array.len != 3;
+                }
+            }
+        }
+        if wrong_point {
+            // Only in strict mode: otherwise the parser refuses it.
+            return Ok(self.m().constant(SENTINEL));
+        }
+        let v = match entry.run {
+            Run::Primitive(library, sentinel) => {
+                let mut flat = std::mem::take(&mut self.flat);
+                flat.clear();
+                for (i, (_, shape)) in entry.arguments.iter().enumerate() {
+                    match &args.numbers[i] {
+                        Some(v) if *shape == Shape::Number => flat.push(v.clone()),
+                        _ => {
+                            let start = args.arrays[i].0;
+                            flat.extend(self.memory[start..start + 3].iter().flatten().cloned());
+                        }
+                    }
+                }
+                let mut v = self.m().library(library, &flat);
+                if self.is_strict() {
+                    v = sentinel.apply(self.m(), &flat, v);
+                }
+                self.flat = flat;
+                self.m().suggest(&v, || part_name(object, entry.names[0], arguments));
+                v
+            }
+            Run::Formula(run) => {
+                let strict = self.is_strict();
+                let mut call = Call::new(&self.machine, &mut self.memory, &args, strict, self.limit.saturating_sub(self.steps));
+                match run(&mut call) {
+                    Ok(v) => {
+                        let spent = call.spent;
+                        let v = v.v;
+                        self.step(at, spent as usize)?;
+                        v
+                    }
+                    Err(fault) if fault.unknown => return unknown(at, fault.message),
+                    Err(fault) => return error(at, fault.message),
+                }
+            }
+        };
+        if M::CHECKED && !self.is_strict() {
+            let bad = |m: &M, v: &M::V| m.known(v).is_some_and(|v| if entry.may_overflow { v.is_nan() } else { !v.is_finite() });
+            let m = self.machine.get_mut();
+            let changed = entry.writes.filter(|&i| {
+                let (start, len) = args.arrays[i];
+                self.memory[start..start + len].iter().flatten().any(|v| bad(m, v))
+            });
+            if bad(m, &v) || changed.is_some() {
+                return error(at, format!("`{}` gives no finite number for these arguments", entry.names[0]));
+            }
+        }
+        Ok(v)
+    }
+}
+
+/// What the reference returns for bad arguments.
+pub(crate) const SENTINEL: f64 = -1111111111111.0;
+
+/// The name of an inline primitive: its centre's if that is a local array, else the function's without "hf".
+fn part_name(object: &Object, function: &str, arguments: &[Argument]) -> String {
+    match arguments.get(1) {
+        Some(Argument::Array(_, array)) if array.id >= 3 => object.arrays[array.id as usize].name.clone(),
+        _ => function.strip_prefix("hf").unwrap_or(function).to_ascii_lowercase(),
+    }
+}
+
+/// u ^ v: an integer power where v − ⌊v⌋ < EPS, else exp(v ln u). Strictly, u counts as 0 where |u| < EPS.
+fn power<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V) -> Outcome<M::V> {
+    let Some(exponent) = m.known(v) else { return Ok(open_power(m, strict, u, v)) };
+    let whole = exponent - exponent.floor() < EPS;
+    if M::CHECKED
+        && let Some(base) = m.known(u)
+    {
+        if if strict { base.abs() < EPS } else { base == 0.0 } {
+            if exponent <= EPS {
+                return error(at, "power of zero with an exponent that is not positive");
+            }
+            if strict {
+                return Ok(m.constant(0.0));
+            }
+        } else if base < 0.0 && !whole {
+            return error(at, "power of a negative number with an exponent that is not an integer");
+        }
+    }
+    let n = (exponent.abs() + 0.5).floor().copysign(exponent);
+    let p = if !whole {
+        m.binary(Binary::Pow, u, v)
+    } else if n.abs() <= f64::from(i32::MAX) {
+        m.powi(u, n as i32)
+    } else {
+        let size = m.abs(u);
+        m.binary(Binary::Pow, &size, v)
+    };
+    if M::CHECKED || !strict {
+        return Ok(p);
+    }
+    Ok(flattened(m, u, &p))
+}
+
+/// 0 where |u| < EPS, else p.
+fn flattened<M: Machine>(m: &mut M, u: &M::V, p: &M::V) -> M::V {
+    let (size, eps, zero) = (m.abs(u), m.constant(EPS), m.constant(0.0));
+    let c = m.less(&size, &eps);
+    m.select(&c, &zero, p)
+}
+
+/// u ^ v for an exponent that is not known: u^v for u > 0; else ±|u|^v for an integer v, NaN for another.
+fn open_power<M: Machine>(m: &mut M, strict: bool, u: &M::V, v: &M::V) -> M::V {
+    let (zero, one, nan, eps) = (m.constant(0.0), m.constant(1.0), m.constant(f64::NAN), m.constant(EPS));
+    let positive = m.less(&zero, u);
+    let size = m.abs(u);
+    let nothing = m.less_eq(&size, &zero);
+    let safe = m.select(&nothing, &one, &size);
+    let p = m.binary(Binary::Pow, &safe, v);
+    let n = m.unary(Unary::Floor, v);
+    let rest = m.sub(v, &n);
+    let whole = m.less(&rest, &eps);
+    let half = m.scale(0.5, &n);
+    let even = m.unary(Unary::Floor, &half);
+    let even = m.scale(2.0, &even);
+    let odd = m.less(&even, &n);
+    let minus = m.neg(&p);
+    let signed = m.select(&odd, &minus, &p);
+    let negative = m.select(&whole, &signed, &nan);
+    let rising = m.less(&eps, v);
+    let at_zero = m.select(&rising, &zero, &nan);
+    let other = m.select(&nothing, &at_zero, &negative);
+    let p = m.select(&positive, &p, &other);
+    if strict { flattened(m, u, &p) } else { p }
+}

@@ -1,0 +1,283 @@
+//! The library: one row per function in [`Function::TABLE`], with its names, arguments, meaning and a line of help.
+//!
+//! First-class primitives and blends stay nodes of the expression ([`crate::Library`]); all others are formulas that any
+//! machine runs, so that they compile too. Array sizes are known, so loops over elements unroll.
+
+mod attributes;
+mod convolution;
+mod maps;
+mod math;
+mod shapes;
+mod table;
+
+use super::Mode;
+use super::formula::{E, E3};
+use super::machine::Machine;
+use crate::library::Library;
+use crate::ops::Direct;
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::sync::LazyLock;
+
+/// The longest argument list.
+const MAX_ARGUMENTS: usize = 8;
+
+/// What an argument must be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Shape {
+    Number,
+    /// A point of space: an array of three items.
+    Point,
+    /// An array of at least so many items.
+    Array(u32),
+    /// An array of so many items for each element; its size says how many elements there are.
+    Elements(u32),
+    /// An array of at least so many items for each element.
+    Each(u32),
+    /// The points between elements: at least 3 (elements + 1) items; its size says how many elements there are.
+    Chain,
+}
+
+impl Shape {
+    /// What is wanted instead of an array of `len` items, if that does not do.
+    pub(crate) fn refuses(self, len: u32, elements: u32, mode: Mode) -> Option<String> {
+        match self {
+            Self::Number => None,
+            Self::Point => (len != 3 && mode == Mode::Default).then(|| "3 items, a point".to_owned()),
+            Self::Array(n) => (len < n).then(|| format!("at least {n} items")),
+            Self::Elements(k) => (len % k != 0).then(|| format!("{k} items for each element")),
+            Self::Each(k) => {
+                let n = u64::from(k) * u64::from(elements);
+                (u64::from(len) < n).then(|| format!("{n} items, {k} for each of {elements} elements"))
+            }
+            Self::Chain => (len < 6 || len % 3 != 0).then(|| "3 items for each point, and two points at least".to_owned()),
+        }
+    }
+    /// The number of elements that an array of `len` items means, if this shape says it.
+    pub(crate) fn elements(self, len: u32) -> Option<u32> {
+        match self {
+            Self::Elements(k) => Some(len / k),
+            Self::Chain => Some((len / 3).saturating_sub(1)),
+            _ => None,
+        }
+    }
+}
+
+/// Why a formula has no value.
+pub(crate) struct Fault {
+    pub(crate) message: String,
+    /// Not the program's fault: a value would have to be known.
+    pub(crate) unknown: bool,
+}
+
+type Outcome<'c, M> = Result<E<'c, M>, Fault>;
+
+/// How a function is computed.
+pub(crate) enum Run<M: Machine> {
+    Primitive(Library, Sentinel),
+    Formula(for<'c> fn(&mut Call<'c, M>) -> Outcome<'c, M>),
+}
+
+/// For which flat arguments the reference returns its sentinel instead of a value.
+#[derive(Clone, Copy)]
+pub(crate) enum Sentinel {
+    Never,
+    /// Where one of these is below the tolerance.
+    Small(&'static [usize]),
+    /// Where one of these is negative.
+    Negative(&'static [usize]),
+}
+
+impl Sentinel {
+    pub(crate) fn apply<M: Machine>(self, m: &mut M, flat: &[M::V], mut v: M::V) -> M::V {
+        let (which, limit) = match self {
+            Self::Never => return v,
+            Self::Small(which) => (which, super::machine::EPS),
+            Self::Negative(which) => (which, 0.0),
+        };
+        let (limit, sentinel) = (m.constant(limit), m.constant(super::execute::SENTINEL));
+        for &i in which {
+            let size = if matches!(self, Self::Small(_)) { m.abs(&flat[i]) } else { flat[i].clone() };
+            let bad = m.less(&size, &limit);
+            v = m.select(&bad, &sentinel, &v);
+        }
+        v
+    }
+}
+
+/// A row of the library.
+pub(crate) struct Function<M: Machine> {
+    /// The documented name, then others that mean the same.
+    pub(crate) names: &'static [&'static str],
+    pub(crate) arguments: &'static [(&'static str, Shape)],
+    pub(crate) run: Run<M>,
+    /// The argument that is changed in place.
+    pub(crate) writes: Option<usize>,
+    /// Whether an infinite value is no error: arithmetic may bring it back.
+    pub(crate) may_overflow: bool,
+    pub(crate) help: &'static str,
+}
+
+static NAMES: LazyLock<HashMap<String, u16>> = LazyLock::new(|| {
+    let table = Function::<Direct<f64>>::TABLE;
+    let rows = table.iter().enumerate();
+    rows.flat_map(|(i, row)| row.names.iter().map(move |n| (n.to_ascii_lowercase(), i as u16))).collect()
+});
+
+/// The function of a (lower-case) name.
+pub(crate) fn find(name: &str) -> Option<u16> {
+    NAMES.get(name).copied()
+}
+
+/// The row of a function, for everything but running it.
+pub(crate) fn entry(function: u16) -> &'static Function<Direct<f64>> {
+    &Function::<Direct<f64>>::TABLE[function as usize]
+}
+
+/// A library or mathematical function as users see it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FunctionHelp {
+    /// All names; letters fold.
+    pub names: Vec<&'static str>,
+    /// How it is called: `hfSphere(x, center, R)`.
+    pub signature: String,
+    /// What it gives.
+    pub help: &'static str,
+}
+
+/// All functions of the library, in the order of its documentation.
+pub fn library() -> Vec<FunctionHelp> {
+    let help = |row: &Function<Direct<f64>>| {
+        let arguments: Vec<&str> = row.arguments.iter().map(|(n, _)| *n).collect();
+        let signature = format!("{}({})", row.names[0], arguments.join(", "));
+        FunctionHelp { names: row.names.to_vec(), signature, help: row.help }
+    };
+    Function::<Direct<f64>>::TABLE.iter().map(help).collect()
+}
+
+/// Evaluated arguments: numbers, and where arrays lie in memory (start, length).
+pub(crate) struct Arguments<V> {
+    pub(crate) numbers: [Option<V>; MAX_ARGUMENTS],
+    pub(crate) arrays: [(usize, usize); MAX_ARGUMENTS],
+}
+
+impl<V> Default for Arguments<V> {
+    fn default() -> Self {
+        Self { numbers: [const { None }; MAX_ARGUMENTS], arrays: [(0, 0); MAX_ARGUMENTS] }
+    }
+}
+
+/// A function call under evaluation. All items of its arrays are set.
+pub(crate) struct Call<'c, M: Machine> {
+    machine: &'c RefCell<M>,
+    memory: &'c mut [Option<M::V>],
+    arguments: &'c Arguments<M::V>,
+    pub(crate) strict: bool,
+    /// Steps used, and how many there are left.
+    pub(crate) spent: u64,
+    left: u64,
+}
+
+impl<'c, M: Machine> Call<'c, M> {
+    pub(crate) fn new(
+        machine: &'c RefCell<M>,
+        memory: &'c mut [Option<M::V>],
+        arguments: &'c Arguments<M::V>,
+        strict: bool,
+        left: u64,
+    ) -> Self {
+        Self { machine, memory, arguments, strict, spent: 0, left }
+    }
+    /// The constant `v`.
+    fn c(&self, v: f64) -> E<'c, M> {
+        let v = self.machine.borrow_mut().constant(v);
+        E::new(self.machine, v)
+    }
+    /// Argument `i`, a number.
+    fn n(&self, i: usize) -> E<'c, M> {
+        match &self.arguments.numbers[i] {
+            Some(v) => E::new(self.machine, v.clone()),
+            None => self.c(f64::NAN),
+        }
+    }
+    /// The size of argument `i`, an array.
+    fn len(&self, i: usize) -> usize {
+        self.arguments.arrays[i].1
+    }
+    /// Item `k` (from 0) of argument `i`.
+    fn item(&self, i: usize, k: usize) -> E<'c, M> {
+        let (start, len) = self.arguments.arrays[i];
+        match &self.memory[start..start + len][k] {
+            Some(v) => E::new(self.machine, v.clone()),
+            None => self.c(f64::NAN),
+        }
+    }
+    fn put(&mut self, i: usize, k: usize, v: E<'c, M>) {
+        let (start, len) = self.arguments.arrays[i];
+        self.memory[start..start + len][k] = Some(v.v);
+    }
+    /// Items 3k, 3k + 1, 3k + 2 of argument `i`.
+    fn triple(&self, i: usize, k: usize) -> E3<'c, M> {
+        std::array::from_fn(|j| self.item(i, 3 * k + j))
+    }
+    fn point(&self, i: usize) -> E3<'c, M> {
+        self.triple(i, 0)
+    }
+    fn put_point(&mut self, i: usize, p: E3<'c, M>) {
+        for (k, v) in p.into_iter().enumerate() {
+            self.put(i, k, v);
+        }
+    }
+    /// The value of `v` where run-time errors are found.
+    fn value(&self, v: &E<'c, M>) -> Option<f64> {
+        if M::CHECKED { v.known() } else { None }
+    }
+    fn fail<T>(&self, message: impl Into<String>) -> Result<T, Fault> {
+        Err(Fault { message: message.into(), unknown: false })
+    }
+    /// Argument `i` where its value shapes the formula.
+    fn need(&self, i: usize, what: &str) -> Result<f64, Fault> {
+        let known = self.n(i).known();
+        known.ok_or_else(|| Fault { message: format!("{what} depends on the point or the parameters"), unknown: true })
+    }
+    /// Counts work against the step limit.
+    fn spend(&mut self, steps: u64) -> Result<(), Fault> {
+        self.spent = self.spent.saturating_add(steps);
+        if self.spent > self.left {
+            return Err(Fault { message: "stopped: too many steps".to_owned(), unknown: !M::CHECKED });
+        }
+        Ok(())
+    }
+    /// `new` where `condition` holds, else what is there.
+    fn put_where(&mut self, condition: &E<'c, M>, i: usize, k: usize, new: &E<'c, M>) {
+        let old = self.item(i, k);
+        let v = condition.select(new, &old);
+        self.put(i, k, v);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_row_is_sound() {
+        let mut seen = std::collections::BTreeSet::new();
+        for row in Function::<Direct<f64>>::TABLE {
+            assert!(!row.help.is_empty() && row.arguments.len() <= MAX_ARGUMENTS && !row.arguments.is_empty());
+            for name in row.names {
+                assert!(seen.insert(name.to_ascii_lowercase()), "{name} twice");
+            }
+            if let Run::Primitive(library, sentinel) = &row.run {
+                let flat: usize = row.arguments.iter().map(|(_, s)| if *s == Shape::Number { 1 } else { 3 }).sum();
+                assert_eq!(flat, library.arity(), "{:?}", row.names);
+                if let Sentinel::Small(which) | Sentinel::Negative(which) = sentinel {
+                    assert!(which.iter().all(|&i| (6..flat).contains(&i)));
+                }
+            }
+            if let Some(i) = row.writes {
+                assert_ne!(row.arguments[i].1, Shape::Number);
+            }
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! Tokens. Letters fold to lower case; two minus signs start a comment that runs to the end of the line.
+
+use super::source::Source;
+
+/// Reserved words that are not function names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Word {
+    X,
+    A,
+    S,
+    Array,
+    If,
+    Then,
+    Else,
+    Endif,
+    While,
+    Loop,
+    Endloop,
+    And,
+    Or,
+    Not,
+    Xor,
+}
+
+const WORDS: [(&str, Word); 15] = [
+    ("x", Word::X),
+    ("a", Word::A),
+    ("s", Word::S),
+    ("array", Word::Array),
+    ("if", Word::If),
+    ("then", Word::Then),
+    ("else", Word::Else),
+    ("endif", Word::Endif),
+    ("while", Word::While),
+    ("loop", Word::Loop),
+    ("endloop", Word::Endloop),
+    ("and", Word::And),
+    ("or", Word::Or),
+    ("not", Word::Not),
+    ("xor", Word::Xor),
+];
+
+/// Symbols; a longer one stands before its own beginning.
+const SYMBOLS: [&str; 24] =
+    ["<=", ">=", "/=", "^", "+", "-", "~", "/", "*", "&", "|", "\\", "@", ",", ";", "=", "(", ")", "[", "]", "{", "}", "<", ">"];
+
+/// Names of this length or longer are refused, as the reference does.
+const MAX_NAME: usize = 256;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Kind {
+    Word(Word),
+    Name,
+    Number(f64),
+    Symbol(&'static str),
+    /// A string "…"; no function takes one.
+    Text,
+    /// A character that starts no token, or a token that is too long.
+    Unknown,
+    End,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Token {
+    pub(crate) kind: Kind,
+    pub(crate) start: u32,
+    pub(crate) end: u32,
+}
+
+/// The tokens of a program, closed by `End`, and the byte ranges of its comments (without the two dashes).
+pub(crate) fn tokens(source: &Source) -> (Vec<Token>, Vec<(u32, u32)>) {
+    let text = source.text();
+    let bytes = text.as_bytes();
+    let (mut found, mut comments) = (Vec::new(), Vec::new());
+    let mut i = 0;
+    while i < bytes.len() {
+        let start = i;
+        let c = bytes[i];
+        let kind = match c {
+            b' ' | b'\t' | b'\n' | b'\r' | 0x0C => {
+                i += 1;
+                continue;
+            }
+            b'-' if bytes.get(i + 1) == Some(&b'-') => {
+                while i < bytes.len() && bytes[i] != b'\n' {
+                    i += 1;
+                }
+                comments.push((start as u32 + 2, i as u32));
+                continue;
+            }
+            b'a'..=b'z' | b'A'..=b'Z' => {
+                while i < bytes.len() && (bytes[i].is_ascii_alphanumeric() || bytes[i] == b'_') {
+                    i += 1;
+                }
+                let name = &text[start..i];
+                match WORDS.iter().find(|(w, _)| name.eq_ignore_ascii_case(w)) {
+                    Some((_, word)) => Kind::Word(*word),
+                    None if name.len() >= MAX_NAME => Kind::Unknown,
+                    None => Kind::Name,
+                }
+            }
+            b'0'..=b'9' => {
+                i = number_end(bytes, i);
+                number(&text[start..i])
+            }
+            b'.' if bytes.get(i + 1).is_some_and(u8::is_ascii_digit) => {
+                i = number_end(bytes, i);
+                number(&text[start..i])
+            }
+            b'"' => {
+                let closing = bytes[i + 1..].iter().position(|&b| b == b'"' || b == b'\n');
+                match closing {
+                    Some(n) if bytes[i + 1 + n] == b'"' => {
+                        i += n + 2;
+                        Kind::Text
+                    }
+                    _ => {
+                        i += 1;
+                        Kind::Unknown
+                    }
+                }
+            }
+            _ => match SYMBOLS.iter().find(|s| bytes[i..].starts_with(s.as_bytes())) {
+                Some(symbol) => {
+                    i += symbol.len();
+                    Kind::Symbol(symbol)
+                }
+                None => {
+                    i += text[i..].chars().next().map_or(1, char::len_utf8);
+                    Kind::Unknown
+                }
+            },
+        };
+        found.push(Token { kind, start: start as u32, end: i as u32 });
+    }
+    let end = bytes.len() as u32;
+    found.push(Token { kind: Kind::End, start: end, end });
+    (found, comments)
+}
+
+/// digits \[. digits\] \[e \[+-\] digits\] or . digits …
+fn number_end(bytes: &[u8], start: usize) -> usize {
+    let digits = |mut i: usize| {
+        while bytes.get(i).is_some_and(u8::is_ascii_digit) {
+            i += 1;
+        }
+        i
+    };
+    let mut i = digits(start);
+    if bytes.get(i) == Some(&b'.') {
+        i = digits(i + 1);
+    }
+    if matches!(bytes.get(i), Some(b'e' | b'E')) {
+        let sign = usize::from(matches!(bytes.get(i + 1), Some(b'+' | b'-')));
+        if bytes.get(i + 1 + sign).is_some_and(u8::is_ascii_digit) {
+            i = digits(i + 1 + sign);
+        }
+    }
+    i
+}
+
+/// Correctly rounded; a number beyond the range of f64 is no token.
+fn number(text: &str) -> Kind {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() => Kind::Number(v),
+        _ => Kind::Unknown,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kinds(text: &str) -> Vec<Kind> {
+        tokens(&Source::new(text)).0.into_iter().map(|t| t.kind).collect()
+    }
+
+    #[test]
+    fn numbers_in_all_forms() {
+        for (text, value) in [("5.", 5.0), (".5", 0.5), ("05", 5.0), ("1e0", 1.0), ("1e-05", 1e-5), ("2E+3", 2000.0), ("1.5e2", 150.0)] {
+            assert_eq!(kinds(text), [Kind::Number(value), Kind::End], "{text}");
+        }
+        assert_eq!(kinds("2e")[0], Kind::Number(2.0));
+        assert_eq!(kinds("1e999")[0], Kind::Unknown);
+        assert_eq!(kinds("1e999999999999999999999")[0], Kind::Unknown);
+    }
+
+    #[test]
+    fn two_dashes_comment_to_the_end_of_the_line() {
+        assert_eq!(kinds("a--b\n;"), [Kind::Word(Word::A), Kind::Symbol(";"), Kind::End]);
+        assert_eq!(kinds("- -"), [Kind::Symbol("-"), Kind::Symbol("-"), Kind::End]);
+    }
+
+    #[test]
+    fn strange_characters_are_unknown_tokens() {
+        assert_eq!(kinds("é?_\"x"), [Kind::Unknown, Kind::Unknown, Kind::Unknown, Kind::Unknown, Kind::Word(Word::X), Kind::End]);
+    }
+}

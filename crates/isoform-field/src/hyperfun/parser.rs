@@ -1,0 +1,594 @@
+//! Recursive descent over the tokens; names are checked and resolved on the way, so that the first error in text order is
+//! the one reported, at the token where the reference implementation reports it.
+
+use super::ast::{Argument, Array, ArrayRef, Expr, HEAD_ARRAYS, Level, Link, Object, Operator, Statement};
+use super::functions::{self, Shape};
+use super::lexer::{Kind, Token, Word};
+use super::source::{Source, SyntaxError, Warning};
+use super::{MAX_DEPTH, MAX_ITEMS, Mode};
+use std::collections::HashMap;
+
+type Parsed<T> = Result<T, SyntaxError>;
+
+#[derive(Clone, Copy)]
+enum Name {
+    Variable(u32),
+    Array(ArrayRef),
+}
+
+/// All objects of a program and what to warn about.
+pub(crate) fn parse(source: &Source, tokens: &[Token], mode: Mode) -> Parsed<(Vec<Object>, Vec<Warning>)> {
+    let mut parser = Parser {
+        source,
+        tokens,
+        at: 0,
+        mode,
+        objects: Vec::new(),
+        object_names: HashMap::new(),
+        names: HashMap::new(),
+        own_name: String::new(),
+        arrays: Vec::new(),
+        memory: 0,
+        variables: Vec::new(),
+        items: 0,
+        depth: 0,
+        deepest: 0,
+        warnings: Vec::new(),
+    };
+    while parser.kind() != Kind::End || parser.objects.is_empty() {
+        let object = parser.object()?;
+        parser.object_names.insert(object.name.clone(), parser.objects.len() as u32);
+        parser.objects.push(object);
+    }
+    Ok((parser.objects, parser.warnings))
+}
+
+struct Parser<'s> {
+    source: &'s Source,
+    tokens: &'s [Token],
+    at: usize,
+    mode: Mode,
+    objects: Vec<Object>,
+    object_names: HashMap<String, u32>,
+    // Of the object being read:
+    names: HashMap<String, Name>,
+    own_name: String,
+    arrays: Vec<Array>,
+    memory: u32,
+    variables: Vec<String>,
+    /// Array items of the whole program.
+    items: u64,
+    depth: u32,
+    deepest: u32,
+    warnings: Vec<Warning>,
+}
+
+impl Parser<'_> {
+    fn token(&self) -> Token {
+        self.tokens[self.at]
+    }
+    fn kind(&self) -> Kind {
+        self.token().kind
+    }
+    fn start(&self) -> u32 {
+        self.token().start
+    }
+    fn advance(&mut self) -> Token {
+        let token = self.token();
+        if token.kind != Kind::End {
+            self.at += 1;
+        }
+        token
+    }
+    /// The token as a name, lower case.
+    fn text(&self) -> String {
+        let token = self.token();
+        self.source.text()[token.start as usize..token.end as usize].to_ascii_lowercase()
+    }
+    fn is_symbol(&self, symbol: &str) -> bool {
+        matches!(self.kind(), Kind::Symbol(s) if s == symbol)
+    }
+    fn is_word(&self, word: Word) -> bool {
+        self.kind() == Kind::Word(word)
+    }
+
+    /// What stands here, for messages.
+    fn found(&self) -> String {
+        let token = self.token();
+        match token.kind {
+            Kind::End => "the end of the program".to_owned(),
+            _ => {
+                let text = &self.source.text()[token.start as usize..token.end as usize];
+                let short: String = text.chars().take(40).flat_map(char::escape_debug).collect();
+                format!("`{short}`")
+            }
+        }
+    }
+    fn expected<T>(&self, what: &str) -> Parsed<T> {
+        Err(self.source.error(self.start(), format!("{what} expected, found {}", self.found()), what))
+    }
+    fn fail<T>(&self, at: u32, message: impl Into<String>) -> Parsed<T> {
+        Err(self.source.error(at, message, ""))
+    }
+    fn symbol(&mut self, symbol: &str, what: &str) -> Parsed<()> {
+        if self.is_symbol(symbol) {
+            self.advance();
+            return Ok(());
+        }
+        self.expected(what)
+    }
+    fn word(&mut self, word: Word, what: &str) -> Parsed<()> {
+        if self.is_word(word) {
+            self.advance();
+            return Ok(());
+        }
+        self.expected(what)
+    }
+    fn nested<T>(&mut self, inner: impl FnOnce(&mut Self) -> Parsed<T>) -> Parsed<T> {
+        self.go_deeper(1)?;
+        self.depth += 1;
+        let result = inner(self);
+        self.depth -= 1;
+        result
+    }
+    fn go_deeper(&mut self, by: u32) -> Parsed<()> {
+        if self.depth + by > MAX_DEPTH {
+            return self.fail(self.start(), format!("nested more than {MAX_DEPTH} levels deep (calls of objects included)"));
+        }
+        self.deepest = self.deepest.max(self.depth + by);
+        Ok(())
+    }
+
+    // ---- objects ----------------------------------------------------------------------------------------------------------
+
+    fn object(&mut self) -> Parsed<Object> {
+        let start = self.start();
+        if self.kind() != Kind::Name {
+            return self.expected("the name of an object");
+        }
+        let name = self.text();
+        if functions::find(&name).is_some() {
+            return self.fail(start, format!("`{name}` is the name of a library function; an object needs another"));
+        }
+        if self.object_names.contains_key(&name) {
+            return self.fail(start, format!("there is an object `{name}` already"));
+        }
+        self.advance();
+        self.names.clear();
+        self.arrays.clear();
+        self.variables.clear();
+        self.memory = 0;
+        (self.depth, self.deepest) = (0, 0);
+        self.own_name.clone_from(&name);
+        let has_s = self.head()?;
+        self.symbol("{", "left brace `{`")?;
+        while self.is_word(Word::Array) {
+            self.advance();
+            self.declaration()?;
+        }
+        let first_variable = self.memory;
+        let body = self.block()?;
+        let result_at = self.start();
+        if self.kind() != Kind::Name || self.text() != name {
+            return self.expected(&format!("a statement or the result `{name} = ...`"));
+        }
+        self.advance();
+        self.symbol("=", "`=`")?;
+        let result = self.expr()?;
+        self.symbol(";", "semicolon `;`")?;
+        let end = self.token().end;
+        self.symbol("}", "right brace `}` after the result")?;
+        Ok(Object {
+            name,
+            span: (start, end),
+            has_s,
+            arrays: std::mem::take(&mut self.arrays),
+            first_variable,
+            variables: std::mem::take(&mut self.variables),
+            body,
+            result_at,
+            result,
+            depth: self.deepest,
+        })
+    }
+
+    /// (x\[n\], a\[n\] \[, s\[n\]\]); tells whether s is there.
+    fn head(&mut self) -> Parsed<bool> {
+        self.symbol("(", "left parenthesis `(`")?;
+        self.word(Word::X, "the coordinates `x[...]`")?;
+        self.head_array("x", 1)?;
+        self.symbol(",", "comma `,` and the parameters `a[...]`")?;
+        self.word(Word::A, "the parameters `a[...]`")?;
+        self.head_array("a", 0)?;
+        let has_s = self.is_symbol(",");
+        if has_s {
+            self.advance();
+            self.word(Word::S, "the attributes `s[...]`")?;
+            self.head_array("s", 1)?;
+        } else {
+            self.declare("s", 1)?;
+        }
+        self.symbol(")", if has_s { "right parenthesis `)`" } else { "right parenthesis `)` or comma `,`" })?;
+        Ok(has_s)
+    }
+    fn head_array(&mut self, name: &str, least: u32) -> Parsed<()> {
+        self.symbol("[", "left bracket `[`")?;
+        let len = self.size(least)?;
+        self.declare(name, len)?;
+        self.symbol("]", "right bracket `]`")
+    }
+    /// The size of an array: a number, rounded to the nearest.
+    fn size(&mut self, least: u32) -> Parsed<u32> {
+        let at = self.start();
+        let Kind::Number(value) = self.kind() else { return self.expected("the size, a number") };
+        let size = (value + 0.5).floor();
+        if size < f64::from(least) {
+            return self.fail(at, format!("the size must be at least {least}, not {value}"));
+        }
+        if size > MAX_ITEMS as f64 || self.items + size as u64 > MAX_ITEMS {
+            return self.fail(at, format!("the arrays of a program may have {MAX_ITEMS} items in all"));
+        }
+        self.advance();
+        self.items += size as u64;
+        Ok(size as u32)
+    }
+    fn declare(&mut self, name: &str, len: u32) -> Parsed<()> {
+        let array = ArrayRef { id: self.arrays.len() as u32, start: self.memory, len };
+        self.memory += len;
+        self.arrays.push(Array { name: name.to_owned(), len });
+        self.names.insert(name.to_owned(), Name::Array(array));
+        Ok(())
+    }
+    fn declaration(&mut self) -> Parsed<()> {
+        loop {
+            let at = self.start();
+            if self.kind() != Kind::Name {
+                return self.expected("the name of an array");
+            }
+            let name = self.text();
+            if functions::find(&name).is_some() || self.object_names.contains_key(&name) || name == self.own_name {
+                return self.fail(at, format!("`{name}` is the name of a function or object; the array needs another"));
+            }
+            if self.names.contains_key(&name) {
+                return self.fail(at, format!("there is an array `{name}` already"));
+            }
+            self.advance();
+            self.symbol("[", "left bracket `[`")?;
+            let len = self.size(1)?;
+            self.symbol("]", "right bracket `]`")?;
+            self.declare(&name, len)?;
+            if self.is_symbol(",") {
+                self.advance();
+                continue;
+            }
+            return self.symbol(";", "semicolon `;` or comma `,`");
+        }
+    }
+
+    // ---- statements -------------------------------------------------------------------------------------------------------
+
+    fn block(&mut self) -> Parsed<Vec<Statement>> {
+        let mut statements = Vec::new();
+        loop {
+            let statement = match self.kind() {
+                Kind::Word(Word::If) => self.nested(Self::if_statement)?,
+                Kind::Word(Word::While) => self.nested(Self::while_statement)?,
+                Kind::Word(Word::S) => self.assignment()?,
+                Kind::Name => {
+                    let name = self.text();
+                    if name == self.own_name || functions::find(&name).is_some() {
+                        return Ok(statements);
+                    }
+                    self.assignment()?
+                }
+                _ => return Ok(statements),
+            };
+            statements.push(statement);
+        }
+    }
+
+    fn if_statement(&mut self) -> Parsed<Statement> {
+        let at = self.advance().start;
+        let condition = self.condition()?.0;
+        self.word(Word::Then, "`then`")?;
+        let then = self.block()?;
+        let otherwise = if self.is_word(Word::Else) {
+            self.advance();
+            Some(self.block()?)
+        } else {
+            None
+        };
+        self.word(Word::Endif, if otherwise.is_some() { "`endif`" } else { "`else` or `endif`" })?;
+        self.symbol(";", "semicolon `;`")?;
+        Ok(Statement::If { at, condition, then, otherwise })
+    }
+
+    fn while_statement(&mut self) -> Parsed<Statement> {
+        let at = self.advance().start;
+        let condition = self.condition()?.0;
+        self.word(Word::Loop, "`loop`")?;
+        let body = self.block()?;
+        self.word(Word::Endloop, "`endloop`")?;
+        self.symbol(";", "semicolon `;`")?;
+        Ok(Statement::While { at, condition, body })
+    }
+
+    fn assignment(&mut self) -> Parsed<Statement> {
+        let name = self.text();
+        self.advance();
+        let statement = match self.names.get(&name).copied() {
+            Some(Name::Array(array)) if self.is_symbol("[") => {
+                self.advance();
+                let index = self.nested(Self::expr)?;
+                self.symbol("]", "right bracket `]`")?;
+                self.symbol("=", "`=`")?;
+                Statement::AssignItem { array, index, value: self.expr()? }
+            }
+            Some(Name::Array(array)) => {
+                self.symbol("=", "`[` or `=`")?;
+                Statement::AssignArray { array, values: self.literal(array.len)? }
+            }
+            known => {
+                self.symbol("=", "`=`")?;
+                let value = self.expr()?;
+                // Only now: the new name does not exist yet in its own first value.
+                let slot = match known {
+                    Some(Name::Variable(slot)) => slot,
+                    _ => self.new_variable(name)?,
+                };
+                Statement::Assign { slot, value }
+            }
+        };
+        self.symbol(";", "semicolon `;`")?;
+        Ok(statement)
+    }
+    fn new_variable(&mut self, name: String) -> Parsed<u32> {
+        let slot = self.memory;
+        self.memory += 1;
+        self.names.insert(name.clone(), Name::Variable(slot));
+        self.variables.push(name);
+        Ok(slot)
+    }
+
+    /// \[ number, … \] with exactly `len` signed numbers.
+    fn literal(&mut self, len: u32) -> Parsed<Vec<f64>> {
+        self.symbol("[", "left bracket `[`")?;
+        let mut values = Vec::new();
+        for i in 0..len {
+            if i > 0 {
+                self.symbol(",", &format!("comma `,` (the array has {len} items, each a signed number)"))?;
+            }
+            let negative = self.is_symbol("-");
+            if negative || self.is_symbol("+") {
+                self.advance();
+            }
+            let Kind::Number(value) = self.kind() else { return self.expected("a number") };
+            self.advance();
+            values.push(if negative { -value } else { value });
+        }
+        self.symbol("]", &format!("right bracket `]` after {len} numbers"))?;
+        Ok(values)
+    }
+
+    // ---- expressions ------------------------------------------------------------------------------------------------------
+
+    /// The operator of `level` that stands here.
+    fn operator(&self, level: Level) -> Option<Operator> {
+        let operator = match self.kind() {
+            Kind::Symbol(symbol) => Operator::of(symbol)?,
+            Kind::Word(Word::And) => Operator::And,
+            Kind::Word(Word::Or) => Operator::Or,
+            _ => return None,
+        };
+        (operator.level() == level).then_some(operator)
+    }
+
+    /// operand (operator operand)*, left to right.
+    fn chain(&mut self, level: Level, first: Expr, mut operand: impl FnMut(&mut Self) -> Parsed<Expr>) -> Parsed<Expr> {
+        let mut rest = Vec::new();
+        while let Some(operator) = self.operator(level) {
+            let at = self.advance().start;
+            rest.push(Link { at, operator, operand: operand(self)? });
+        }
+        Ok(if rest.is_empty() { first } else { Expr::Chain { first: Box::new(first), rest } })
+    }
+
+    /// A condition; tells also whether it is a plain expression. A parenthesis that turns out to hold a plain expression
+    /// becomes the beginning of one: `(x[1]+1)*2 > 3`.
+    fn condition(&mut self) -> Parsed<(Expr, bool)> {
+        let (first, plain) = self.comparison()?;
+        let plain = plain && self.operator(Level::Logic).is_none();
+        Ok((self.chain(Level::Logic, first, |p| Ok(p.comparison()?.0))?, plain))
+    }
+    fn comparison(&mut self) -> Parsed<(Expr, bool)> {
+        let (first, plain) = self.condition_primary()?;
+        let plain = plain && self.operator(Level::Comparison).is_none();
+        Ok((self.chain(Level::Comparison, first, |p| Ok(p.condition_primary()?.0))?, plain))
+    }
+    fn condition_primary(&mut self) -> Parsed<(Expr, bool)> {
+        let at = self.start();
+        if self.is_word(Word::Not) {
+            self.advance();
+            let operand = Box::new(self.nested(Self::condition_primary)?.0);
+            return Ok((Expr::Not { at, operand }, false));
+        }
+        if self.is_symbol("(") {
+            self.advance();
+            let (inner, plain) = self.nested(Self::condition)?;
+            self.symbol(")", "right parenthesis `)`")?;
+            let group = Expr::Group { at, inner: Box::new(inner) };
+            return if plain { Ok((self.expr_from(Some(group))?, true)) } else { Ok((group, false)) };
+        }
+        Ok((self.expr()?, true))
+    }
+
+    fn expr(&mut self) -> Parsed<Expr> {
+        self.expr_from(None)
+    }
+    /// An expression, whose first primary may be read already.
+    fn expr_from(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
+        let first = self.product(begun)?;
+        let sum = self.chain(Level::Sum, first, |p| p.product(None))?;
+        self.warn_of_precedence(&sum);
+        Ok(sum)
+    }
+    fn product(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
+        let first = self.power(begun)?;
+        self.chain(Level::Product, first, |p| p.power(None))
+    }
+    fn power(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
+        let first = match begun {
+            Some(expr) => expr,
+            None => self.unary()?,
+        };
+        self.chain(Level::Power, first, Self::unary)
+    }
+
+    fn unary(&mut self) -> Parsed<Expr> {
+        let token = self.token();
+        let at = token.start;
+        match token.kind {
+            Kind::Symbol(sign @ ("+" | "-" | "~")) => {
+                self.advance();
+                Ok(Expr::Sign { at, sign, operand: Box::new(self.nested(Self::unary)?) })
+            }
+            Kind::Symbol("(") => {
+                self.advance();
+                let inner = Box::new(self.nested(Self::expr)?);
+                self.symbol(")", "right parenthesis `)`")?;
+                Ok(Expr::Group { at, inner })
+            }
+            Kind::Number(value) => {
+                self.advance();
+                Ok(Expr::Number { at, value })
+            }
+            Kind::Name | Kind::Word(Word::X | Word::A | Word::S) => self.named(at),
+            _ => self.expected("an expression"),
+        }
+    }
+
+    fn named(&mut self, at: u32) -> Parsed<Expr> {
+        let name = self.text();
+        if let Some(function) = functions::find(&name) {
+            self.advance();
+            return self.function(at, function);
+        }
+        let next_is_parenthesis = matches!(self.tokens.get(self.at + 1), Some(Token { kind: Kind::Symbol("("), .. }));
+        match (self.names.get(&name).copied(), self.object_names.get(&name).copied()) {
+            (_, Some(object)) if next_is_parenthesis => {
+                self.advance();
+                self.call(at, object)
+            }
+            (Some(Name::Variable(slot)), _) => {
+                self.advance();
+                Ok(Expr::Variable { at, slot })
+            }
+            (Some(Name::Array(array)), _) => {
+                self.advance();
+                self.symbol("[", "left bracket `[`")?;
+                let index = Box::new(self.nested(Self::expr)?);
+                self.symbol("]", "right bracket `]`")?;
+                Ok(Expr::Item { at, array, index })
+            }
+            (None, Some(_)) => {
+                self.advance();
+                self.expected("left parenthesis `(`")
+            }
+            (None, None) => self.unassigned(at, &name, next_is_parenthesis),
+        }
+    }
+    fn unassigned<T>(&self, at: u32, name: &str, called: bool) -> Parsed<T> {
+        let message = if name == self.own_name {
+            format!("`{name}` is the result of this object and has no value here")
+        } else if called {
+            format!("there is no function `{name}`, and no object of this name before this one")
+        } else {
+            format!("`{name}` has no value here: nothing is assigned to it before")
+        };
+        self.fail(at, message)
+    }
+
+    fn function(&mut self, at: u32, function: u16) -> Parsed<Expr> {
+        self.symbol("(", "left parenthesis `(`")?;
+        let shapes = functions::entry(function).arguments;
+        let mut arguments = Vec::with_capacity(shapes.len());
+        let mut elements = 0;
+        for (i, (what, shape)) in shapes.iter().enumerate() {
+            if i > 0 {
+                self.symbol(",", &format!("comma `,` and the argument `{what}`"))?;
+            }
+            if *shape == Shape::Number {
+                arguments.push(Argument::Number(self.nested(Self::expr)?));
+                continue;
+            }
+            let (at, array) = self.array_argument(what)?;
+            elements = shape.elements(array.len).unwrap_or(elements);
+            if let Some(wanted) = shape.refuses(array.len, elements, self.mode) {
+                return self.fail(at, format!("`{what}` must be an array of {wanted}, this one has {}", array.len));
+            }
+            arguments.push(Argument::Array(at, array));
+        }
+        self.symbol(")", "right parenthesis `)`")?;
+        Ok(Expr::Function { at, function, arguments })
+    }
+
+    /// The bare name of an array.
+    fn array_argument(&mut self, what: &str) -> Parsed<(u32, ArrayRef)> {
+        let at = self.start();
+        let name = match self.kind() {
+            Kind::Name | Kind::Word(Word::X | Word::A | Word::S) => self.text(),
+            _ => return self.expected(&format!("the name of an array for `{what}`")),
+        };
+        let Some(Name::Array(array)) = self.names.get(&name).copied() else {
+            return self.expected(&format!("the name of an array for `{what}`"));
+        };
+        self.advance();
+        if !self.is_symbol(",") && !self.is_symbol(")") {
+            return self.fail(at, format!("`{what}` must be a whole array, its name alone"));
+        }
+        Ok((at, array))
+    }
+
+    fn call(&mut self, at: u32, object: u32) -> Parsed<Expr> {
+        let called = &self.objects[object as usize];
+        let (depth, name) = (called.depth, called.name.clone());
+        let wanted: Vec<(String, u32)> = called.arrays[..HEAD_ARRAYS].iter().map(|a| (a.name.clone(), a.len)).collect();
+        self.go_deeper(depth + 1)?;
+        self.symbol("(", "left parenthesis `(`")?;
+        let mut arguments = Vec::with_capacity(HEAD_ARRAYS);
+        for (i, (what, len)) in wanted.iter().enumerate() {
+            if i == 2 && *len == 1 && self.is_symbol(")") {
+                break;
+            }
+            if i > 0 {
+                self.symbol(",", &format!("comma `,` and the array for `{what}` of `{name}`"))?;
+            }
+            let (at, array) = self.array_argument(what)?;
+            if array.len != *len {
+                return self.fail(at, format!("`{what}` of `{name}` has {len} items, this array has {}", array.len));
+            }
+            arguments.push((at, array));
+        }
+        self.symbol(")", "right parenthesis `)`")?;
+        Ok(Expr::Call { at, object, arguments })
+    }
+
+    /// HyperFun's documentation puts set operators below + and −, its implementation on the same level.
+    fn warn_of_precedence(&mut self, sum: &Expr) {
+        let Expr::Chain { rest, .. } = sum else { return };
+        let mut links = rest.iter().skip_while(|l| !l.operator.is_set_operator());
+        let Some(set) = links.next() else { return };
+        if let Some(link) = links.find(|l| !l.operator.is_set_operator()) {
+            let (line, column) = self.source.position(link.at);
+            let (set, op) = (set.operator.text(), link.operator.text());
+            self.warnings.push(Warning {
+                line,
+                column,
+                message: format!(
+                    "`{op}` after `{set}` without parentheses: read from left to right, (u {set} v) {op} w; \
+                     HyperFun's documentation would read u {set} (v {op} w)"
+                ),
+            });
+        }
+    }
+}
