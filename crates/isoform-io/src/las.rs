@@ -187,7 +187,10 @@ impl Fields {
 pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
     let header = header(input, report)?;
     report.declared = Some(header.points);
-    let fields = Fields::of(header.format);
+    let mut fields = Fields::of(header.format);
+    if header.is_compressed && header.format >= 6 {
+        fields.time = None; // not unpacked, see compressed.rs
+    }
     let mut names = vec!["x", "y", "z", "intensity", "classification", "return_number"];
     names.extend(fields.time.map(|_| "gps_time"));
     if fields.color.is_some() {

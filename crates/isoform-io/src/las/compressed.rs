@@ -8,13 +8,16 @@ use super::{Header, corrupt, u32_at};
 use crate::input::{Input, Result};
 use crate::{At, ErrorKind};
 use laz::laszip::{ChunkTable, CompressorType};
-use laz::{LasZipDecompressor, LazItem, LazItemType, LazVlr};
-use std::io::{BufReader, ErrorKind as ErrorKindIo, Read, Seek};
+use laz::{DecompressionSelection, LasZipDecompressor, LazItem, LazItemType, LazVlr};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Points that one byte of LAZ can stand for. Real files have at most a few; a run of equal points may have some hundred. More would let
 /// a small file announce points without end.
 const POINTS_PER_BYTE: u64 = 1000;
+/// Stack of the thread; it takes memory only as far as it is used.
+const STACK: usize = 256 << 20;
+const MAX_DEPTH: usize = 32 << 20;
 /// Points that are unpacked at a time.
 const BATCH: u64 = 1024;
 
@@ -34,7 +37,7 @@ fn expected(item: &LazItem) -> (u16, u64) {
     }
 }
 
-pub(super) fn records(input: &mut Input<'_>, header: &Header, take: &mut impl FnMut(&[u8])) -> Result<()> {
+pub(super) fn records(input: &mut Input<'_>, header: &Header, take: &mut (impl FnMut(&[u8]) + Send)) -> Result<()> {
     if header.points == 0 {
         return Ok(());
     }
@@ -54,28 +57,69 @@ struct Failure {
     is_end: bool,
 }
 
+/// Refuses to read once the stack below it is deep; see the module's head.
+struct Guard<R> {
+    inner: BufReader<R>,
+    base: usize,
+}
+
+/// Address of the top of the stack, roughly.
+#[inline(never)]
+fn stack_address() -> usize {
+    let mark = 0_u8;
+    std::hint::black_box(&raw const mark) as usize
+}
+
+impl<R: Read> Read for Guard<R> {
+    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        if stack_address().abs_diff(self.base) > MAX_DEPTH {
+            return Err(io::Error::other("the compressed data is damaged"));
+        }
+        self.inner.read(to)
+    }
+}
+
+impl<R: Seek> Seek for Guard<R> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.inner.seek(to)
+    }
+}
+
+/// Unpacks in a thread of its own, for its stack; a panic ends the thread and is an error here.
 fn unpack(
+    stream: impl Read + Seek + Send + Sync,
+    vlr: LazVlr,
+    header: &Header,
+    take: &mut (impl FnMut(&[u8]) + Send),
+) -> std::result::Result<(), Failure> {
+    let failure = |why: &str| Failure { done: 0, why: why.into(), is_end: false };
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().name("laz".into()).stack_size(STACK);
+        let running = thread.spawn_scoped(scope, || unpack_here(stream, vlr, header, take));
+        let running = running.map_err(|e| failure(&format!("no thread could be started ({e})")))?;
+        running.join().unwrap_or_else(|_| Err(failure("the compressed data is damaged")))
+    })
+}
+
+fn unpack_here(
     stream: impl Read + Seek + Send + Sync,
     vlr: LazVlr,
     header: &Header,
     take: &mut impl FnMut(&[u8]),
 ) -> std::result::Result<(), Failure> {
-    let damaged = |done| Failure { done, why: "the compressed data is damaged".into(), is_end: false };
-    let stream = BufReader::with_capacity(1 << 16, stream);
-    let mut decoder = catch_unwind(AssertUnwindSafe(|| LasZipDecompressor::new(stream, vlr)))
-        .map_err(|_| damaged(0))?
-        .map_err(|e| Failure { done: 0, why: e.to_string(), is_end: false })?;
+    let stream = Guard { inner: BufReader::with_capacity(1 << 16, stream), base: stack_address() };
+    let failure = |done, e: &io::Error| Failure { done, why: e.to_string(), is_end: e.kind() == io::ErrorKind::UnexpectedEof };
+    // The layers of the newer formats are unpacked from memory, where no guard can stand: the time, which recurses, stays packed there.
+    let fields = DecompressionSelection::all().skip_gps_time();
+    let mut decoder =
+        LasZipDecompressor::selective(stream, vlr, fields).map_err(|e| Failure { done: 0, why: e.to_string(), is_end: false })?;
     let record = usize::from(header.record);
     let mut buffer = vec![0; BATCH as usize * record];
     let mut done = 0;
     while done < header.points {
         let n = BATCH.min(header.points - done);
         let out = &mut buffer[..n as usize * record];
-        catch_unwind(AssertUnwindSafe(|| decoder.decompress_many(out))).map_err(|_| damaged(done))?.map_err(|e| Failure {
-            done,
-            why: e.to_string(),
-            is_end: e.kind() == ErrorKindIo::UnexpectedEof,
-        })?;
+        decoder.decompress_many(out).map_err(|e| failure(done, &e))?;
         out.chunks_exact(record).for_each(&mut *take);
         done += n;
     }

@@ -6,10 +6,10 @@ use isoform_geom::{Column, PointCloud};
 use std::io::Cursor;
 
 /// A fixture: name with the usual ending, bytes.
-pub type Fixture = (&'static str, Vec<u8>);
+pub(crate) type Fixture = (&'static str, Vec<u8>);
 
 /// A tetrahedron with normals, colours and a column.
-pub fn cloud() -> PointCloud {
+pub(crate) fn cloud() -> PointCloud {
     PointCloud {
         points: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.25, 1.5]],
         normals: vec![[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.6, 0.0, 0.8]],
@@ -21,7 +21,7 @@ pub fn cloud() -> PointCloud {
 }
 
 /// One file per format and variant.
-pub fn fixtures() -> Vec<Fixture> {
+pub(crate) fn fixtures() -> Vec<Fixture> {
     let written = |format: &str, ascii: bool| {
         let mut bytes = Vec::new();
         let options = isoform_io::WriteOptions { ascii, ..Default::default() };
@@ -126,7 +126,7 @@ fn pcd() -> [Fixture; 3] {
 }
 
 /// Written by the crate `las`.
-pub fn las_file(format: u8, compressed: bool, n: usize) -> Vec<u8> {
+pub(crate) fn las_file(format: u8, compressed: bool, n: usize) -> Vec<u8> {
     let mut builder = las::Builder::from((1, if format >= 6 { 4 } else { 2 }));
     builder.point_format = las::point::Format::new(format).expect("known");
     builder.point_format.is_compressed = compressed;
@@ -140,11 +140,11 @@ pub fn las_file(format: u8, compressed: bool, n: usize) -> Vec<u8> {
 }
 
 /// Point `i` of [`las_file`].
-pub fn las_point(format: u8, i: usize) -> las::Point {
+pub(crate) fn las_point(format: u8, i: usize) -> las::Point {
     let t = i as f64;
     las::Point {
-        x: 665_187.5 + t * 0.125,
-        y: 5_648_349.25 - t * 0.25,
+        x: 665_187.5 + (t * 0.125) % 50.0,
+        y: 5_648_349.25 - (t * 0.25) % 60.0,
         z: 240.0 + (t * 0.5) % 7.0,
         intensity: (i * 7 % 300) as u16,
         return_number: 1,
@@ -157,7 +157,7 @@ pub fn las_point(format: u8, i: usize) -> las::Point {
 
 /// Written by the crate `e57`: a turned and a spherical scan.
 #[cfg(feature = "e57")]
-pub fn e57_file() -> Vec<u8> {
+pub(crate) fn e57_file() -> Vec<u8> {
     use e57::{E57Writer, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation};
     let mut file = Cursor::new(Vec::new());
     let mut writer = E57Writer::new(&mut file, "file").expect("memory");
@@ -202,7 +202,7 @@ pub fn e57_file() -> Vec<u8> {
 }
 
 /// Corrects the checksums of all pages (CRC-32C, big endian), so that damage gets past them.
-pub fn mend_e57(bytes: &mut [u8]) {
+pub(crate) fn mend_e57(bytes: &mut [u8]) {
     for page in bytes.chunks_exact_mut(1024) {
         let mut crc = !0_u32;
         for &b in &page[..1020] {
