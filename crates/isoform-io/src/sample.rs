@@ -3,8 +3,8 @@
 use crate::ReadReport;
 use isoform_geom::{Point3, PointCloud, cross, norm, sub};
 
-/// Uniform points on the triangles: a triangle by its share of the area, then p = (1−√r)a + √r(1−s)b + √r·s·c with r, s uniform on
-/// [0,1] (Turk 1990). Normals are those of the triangles; colours are interpolated; columns are left out.
+/// Uniform points on the triangles: a triangle by its share of the area, then p = (1−√r)a + √r(1−s)b + √r·s·c with r and s uniform
+/// between 0 and 1 (Turk 1990). Normals are those of the triangles; colours are interpolated; columns are left out.
 pub(crate) fn surface_samples(mesh: &PointCloud, n: usize, seed: u64, report: &mut ReadReport) -> PointCloud {
     let corner = |t: &[u32; 3], k: usize| mesh.points[t[k] as usize];
     let area_vector = |t: &[u32; 3]| cross(sub(corner(t, 1), corner(t, 0)), sub(corner(t, 2), corner(t, 0)));

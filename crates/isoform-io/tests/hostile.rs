@@ -143,10 +143,12 @@ fn every_prefix_of_every_file() {
 #[test]
 fn every_byte_of_the_binary_headers() {
     for (name, bytes) in common::fixtures().into_iter().filter(|f| ["las", "laz", "e57", "pcd", "stl"].iter().any(|e| f.0.ends_with(e))) {
-        for at in 0..bytes.len().min(700) {
-            for value in [0, 1, 0x7f, 0x80, 0xff] {
+        // The decoder of LAZ takes milliseconds to start: there only the header and its records, by two values.
+        let is_laz = name.ends_with("laz");
+        for at in 0..bytes.len().min(if is_laz { 340 } else { 700 }) {
+            for value in if is_laz { &[0, 0xff][..] } else { &[0, 1, 0x7f, 0x80, 0xff] } {
                 let mut changed = bytes.clone();
-                changed[at] = value;
+                changed[at] = *value;
                 if name.ends_with("e57") {
                     common::mend_e57(&mut changed);
                 }
