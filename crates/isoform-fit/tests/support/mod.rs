@@ -423,3 +423,25 @@ pub fn worst_error(a: &[f64]) -> f64 {
     let error = |order: [usize; N]| (0..N).map(|i| ((a[order[i]] - TRUTH[i]) / TRUTH[i]).abs()).fold(0.0, f64::max);
     error([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]).min(error([0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8]))
 }
+
+/// The parameters with the cylinders in the order nearer to the truth.
+pub fn canonical(a: &[f64]) -> [f64; N] {
+    let swapped = [0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8].map(|i: usize| a[i]);
+    let own = fixed(a);
+    let error = |a: &[f64; N]| (0..N).map(|i| ((a[i] - TRUTH[i]) / TRUTH[i]).abs()).fold(0.0, f64::max);
+    if error(&own) <= error(&swapped) { own } else { swapped }
+}
+
+/// Cramér-Rao deviations of the parameters for unit noise along the normals of the clean points.
+pub fn cramer_rao(clean: &[Point3]) -> [f64; N] {
+    let (mut g, mut h) = ([0.0; N], [0.0; N * N]);
+    Part(Reading::Metric).normal_equations(clean, &[], &TRUTH, &mut g, &mut h);
+    let mut l = h;
+    assert!(isoform_num::linalg::cholesky(&mut l, N));
+    std::array::from_fn(|i| {
+        let mut e = [0.0; N];
+        e[i] = 1.0;
+        isoform_num::linalg::cholesky_solve(&l, N, &mut e);
+        e[i].sqrt()
+    })
+}

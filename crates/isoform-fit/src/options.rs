@@ -1,0 +1,195 @@
+//! Settings, control and errors of a fit.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// A local method.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Local {
+    /// Levenberg-Marquardt ([`crate::lm`]).
+    #[default]
+    Lm,
+    /// Quasi-Newton ([`crate::bfgs`]), the paper's.
+    Bfgs,
+}
+
+/// How the minimum is sought.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Method {
+    /// Seeded restarts of Levenberg-Marquardt on a subsample until the best minimum recurs, confirmation, polish.
+    #[default]
+    Default,
+    /// The paper's local method, from the start alone, on all points.
+    Local(Local),
+    /// The paper's simulated annealing on all points.
+    Annealing,
+    /// The paper's hybrid: annealing until the mean of |f| falls below `threshold`, then the local method. Without a threshold, the
+    /// paper's 0.04 of the median |f| over starts drawn at random, a rule that needs no knowledge of f's scale.
+    Hybrid {
+        /// What follows the annealing.
+        local: Local,
+        /// Root of the mean f² at which it ends, in the units of f.
+        threshold: Option<f64>,
+    },
+}
+
+/// The loss of the polish.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Loss {
+    /// Robust where outliers were found or residuals have heavy tails, else least squares.
+    #[default]
+    Auto,
+    /// Least squares.
+    Squares,
+    /// Cauchy.
+    Cauchy,
+    /// Tukey's biweight, reached through Cauchy.
+    Tukey,
+}
+
+/// Settings of [`crate::fit`]. The defaults are meant for use as they are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// How the minimum is sought.
+    pub method: Method,
+    /// Loss of the polish.
+    pub loss: Loss,
+    /// Start of the caller; else the template's starts, else the data decide.
+    pub start: Option<Vec<f64>>,
+    /// Bounds by parameter, empty or one each; `None` leaves a parameter to the template and the data.
+    pub bounds: Vec<Option<(f64, f64)>>,
+    /// Of everything random.
+    pub seed: u64,
+    /// Points of the search. Fewer make minima of noise, more only cost time (512: 3 to 13 % of informed starts end elsewhere).
+    pub search_points: usize,
+    /// Points on which candidates are compared, and the first level of the polish.
+    pub confirm_points: usize,
+    /// Fewest starts before the search may stop; with a share q of starts that reach the best minimum, (1 − q)ⁿ of searches miss it.
+    pub least_starts: usize,
+    /// Most starts.
+    pub most_starts: usize,
+    /// How often the best minimum must be found.
+    pub recurrences: usize,
+    /// Bound on the estimated probability that a minimum as wide as the best one was missed.
+    pub miss: f64,
+    /// Whether isolated outliers are filtered before the search.
+    pub filter_outliers: bool,
+    /// About how many points of the model's surface are compared with the data.
+    pub surface_samples: usize,
+    /// Most evaluations of the annealing.
+    pub annealing_evaluations: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            method: Method::Default,
+            loss: Loss::Auto,
+            start: None,
+            bounds: Vec::new(),
+            seed: 2004,
+            search_points: 512,
+            confirm_points: 2048,
+            least_starts: 5,
+            most_starts: 64,
+            recurrences: 3,
+            miss: 1e-3,
+            filter_outliers: true,
+            surface_samples: 2000,
+            annealing_evaluations: 400_000,
+        }
+    }
+}
+
+/// Receives the phase and the share of it that is done.
+pub type Progress<'a> = dyn Fn(&str, f64) + Sync + 'a;
+
+/// Cancellation, a deadline and progress. The default has none of them.
+#[derive(Clone, Copy, Default)]
+pub struct Control<'a> {
+    /// Set from outside to stop; the best so far is given.
+    pub cancelled: Option<&'a AtomicBool>,
+    /// The same at a time.
+    pub deadline: Option<Instant>,
+    /// Told of phases.
+    pub progress: Option<&'a Progress<'a>>,
+}
+
+impl Control<'_> {
+    /// Whether to stop now.
+    pub fn stops(&self) -> bool {
+        self.cancelled.is_some_and(|c| c.load(Ordering::Relaxed)) || self.deadline.is_some_and(|d| Instant::now() >= d)
+    }
+    /// Tells how far a phase is.
+    pub fn report(&self, phase: &str, done: f64) {
+        if let Some(progress) = self.progress {
+            progress(phase, done);
+        }
+    }
+}
+
+impl std::fmt::Debug for Control<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Control").field("deadline", &self.deadline).finish_non_exhaustive()
+    }
+}
+
+/// Why there is no fit.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FitError {
+    /// A parameter's bounds are in the wrong order, equal or not numbers.
+    #[error("bounds of {name} are not an interval: {lo} to {hi}")]
+    Bounds {
+        /// Parameter.
+        name: String,
+        /// Lower bound.
+        lo: f64,
+        /// Upper bound.
+        hi: f64,
+    },
+    /// A tie runs in a circle, names a parameter that does not exist, or has a factor that is not finite.
+    #[error("{name} is tied in a circle or to a parameter that does not exist")]
+    Tie {
+        /// Parameter.
+        name: String,
+    },
+    /// Every parameter is fixed or tied to fixed ones.
+    #[error("no parameter is free")]
+    NothingFree,
+    /// A number at the door is NaN or infinite.
+    #[error("{what} is not finite (index {index})")]
+    NotFinite {
+        /// Which input.
+        what: &'static str,
+        /// Where in it.
+        index: usize,
+    },
+    /// The start or the bounds have another length than the parameters.
+    #[error("{what} has {found} values for {expected} parameters")]
+    Length {
+        /// Which input.
+        what: &'static str,
+        /// Values given.
+        found: usize,
+        /// Parameters of the template.
+        expected: usize,
+    },
+    /// Fewer points than free parameters, or all in one place.
+    #[error("{found} distinct points cannot fix {free} free parameters")]
+    TooFewPoints {
+        /// Distinct points, counted up to the number needed.
+        found: usize,
+        /// Free parameters.
+        free: usize,
+    },
+    /// The template has no finite value at the points, from none of the starts.
+    #[error("the template has no finite value on the points from any of {starts} starts")]
+    NoFiniteStart {
+        /// Starts tried.
+        starts: usize,
+    },
+    /// Cancelled or out of time before any result.
+    #[error("stopped before there was any result")]
+    Stopped,
+}

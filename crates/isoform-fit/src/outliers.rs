@@ -1,0 +1,162 @@
+//! Isolated outliers, found by the distance to their neighbours.
+//!
+//! A point is isolated when the mean distance d to its [`NEIGHBOURS`] nearest neighbours is far above the median of log d, by
+//! [`DEVIATIONS`] robust deviations. Scans of uneven density have sparse regions that are not outliers: a candidate is kept if its
+//! neighbours lie in a plane with it and are as sparse as itself. Clusters are not isolated; the loss of the polish is for them.
+
+use isoform_geom::{KdTree, Point3, sub};
+use isoform_num::linalg::symmetric_eigen;
+
+/// Neighbours whose mean distance is taken. Fewer let pairs of outliers pass, more cut into edges of the scan.
+const NEIGHBOURS: usize = 8;
+/// Robust standard deviations of log d above its median.
+const DEVIATIONS: f64 = 3.0;
+/// A candidate lies at least this many median distances from its neighbours, however even the scan.
+const LEAST_RATIO: f64 = 1.5;
+/// Share of the variance of a neighbourhood across its plane; 1/3 for a ball, 0 for a plane.
+const FLATNESS: f64 = 0.02;
+/// A sparse but flat neighbourhood is sparse throughout: d no more than this times that of the neighbours.
+const EVENNESS: f64 = 1.5;
+/// Most points in the tree: the spacing of larger clouds is that of a sample.
+const MOST: usize = 200_000;
+/// Points whose distances give median and deviation.
+const SAMPLE: usize = 1024;
+/// More than this share is never dropped before the search.
+pub(crate) const MOST_DROPPED: f64 = 0.4;
+
+/// What is known about the neighbourhood of points.
+pub(crate) struct Neighbourhood {
+    /// Tree over the points, or over a sample of them.
+    pub(crate) tree: KdTree,
+    /// Median of the mean distance to the neighbours.
+    pub(crate) spacing: f64,
+    sample: Vec<Point3>,
+    threshold: f64,
+}
+
+impl Neighbourhood {
+    /// `order` is a random order of the points.
+    pub(crate) fn new(points: &[Point3], order: &[u32]) -> Self {
+        let sample: Vec<Point3> = if points.len() <= MOST { points.to_vec() } else { order[..MOST].iter().map(|&i| points[i as usize]).collect() };
+        let tree = KdTree::new(&sample);
+        let mut found = Vec::new();
+        let mut d: Vec<f64> =
+            order.iter().take(SAMPLE).map(|&i| mean_distance(&tree, points[i as usize], &mut found)).filter(|d| *d > 0.0).map(f64::ln).collect();
+        if d.is_empty() {
+            return Self { tree, spacing: 0.0, sample, threshold: f64::INFINITY };
+        }
+        let centre = median(&mut d);
+        let mut off: Vec<f64> = d.iter().map(|v| (v - centre).abs()).collect();
+        let spread = 1.4826 * median(&mut off);
+        let threshold = (centre + (DEVIATIONS * spread).max(LEAST_RATIO.ln())).exp();
+        Self { tree, spacing: centre.exp(), sample, threshold }
+    }
+
+    /// Whether the point is isolated.
+    pub(crate) fn is_isolated(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> bool {
+        let d = mean_distance(&self.tree, p, found);
+        if d <= self.threshold {
+            return false;
+        }
+        let around: Vec<Point3> = found.iter().map(|&(_, i)| self.sample[i as usize]).collect();
+        if flatness(&around) > FLATNESS {
+            return true;
+        }
+        let mut theirs: Vec<f64> = around.iter().map(|q| mean_distance(&self.tree, *q, found)).collect();
+        d > EVENNESS * median(&mut theirs)
+    }
+
+    /// The first `want` points in `order` that are not isolated, and the share of isolated ones among those looked at.
+    pub(crate) fn keep(&self, points: &[Point3], order: &[u32], want: usize) -> (Vec<Point3>, f64) {
+        let (mut kept, mut seen, mut found) = (Vec::with_capacity(want), 0, Vec::new());
+        for &i in order {
+            if kept.len() == want {
+                break;
+            }
+            seen += 1;
+            if !self.is_isolated(points[i as usize], &mut found) {
+                kept.push(points[i as usize]);
+            }
+        }
+        let share = 1.0 - kept.len() as f64 / seen.max(1) as f64;
+        (kept, share)
+    }
+}
+
+/// Mean distance to the nearest neighbours, the point itself left out if it is in the tree.
+fn mean_distance(tree: &KdTree, p: Point3, found: &mut Vec<(f64, u32)>) -> f64 {
+    tree.nearest_k(p, NEIGHBOURS + 1, found);
+    let others = &found[found.len().min(1)..];
+    others.iter().map(|f| f.0.sqrt()).sum::<f64>() / others.len().max(1) as f64
+}
+
+/// Least share of the variance of the points along one direction.
+fn flatness(points: &[Point3]) -> f64 {
+    let n = points.len().max(1) as f64;
+    let mut centre = [0.0; 3];
+    for p in points {
+        for i in 0..3 {
+            centre[i] += p[i] / n;
+        }
+    }
+    let mut c = [0.0; 9];
+    for p in points {
+        let d = sub(*p, centre);
+        for i in 0..3 {
+            for j in 0..3 {
+                c[3 * i + j] += d[i] * d[j];
+            }
+        }
+    }
+    let (w, _) = symmetric_eigen(&c, 3);
+    let sum: f64 = w.iter().sum();
+    if sum > 0.0 { (w[0] / sum).max(0.0) } else { 0.0 }
+}
+
+/// Upper median; reorders.
+pub(crate) fn median(v: &mut [f64]) -> f64 {
+    if v.is_empty() {
+        return 0.0;
+    }
+    let at = v.len() / 2;
+    *v.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plane(n: usize, density: impl Fn(f64) -> f64) -> Vec<Point3> {
+        let mut random = fastrand::Rng::with_seed(3);
+        let mut points = Vec::new();
+        while points.len() < n {
+            let (u, v) = (random.f64(), random.f64());
+            if random.f64() < density(u) {
+                points.push([u, v, 1e-4 * random.f64()]);
+            }
+        }
+        points
+    }
+    fn share(points: &[Point3]) -> f64 {
+        let order: Vec<u32> = (0..points.len() as u32).collect();
+        Neighbourhood::new(points, &order).keep(points, &order, usize::MAX.min(points.len())).1
+    }
+
+    #[test]
+    fn uneven_density_is_no_reason() {
+        assert!(share(&plane(5000, |_| 1.0)) < 2e-3);
+        // 20 times sparser at one end.
+        assert!(share(&plane(5000, |u| 0.05 + 0.95 * u)) < 5e-3);
+        assert!(share(&plane(5000, |u| if u < 0.3 { 0.02 } else { 1.0 })) < 5e-3);
+    }
+
+    #[test]
+    fn a_cloud_around_a_plane_is_found() {
+        let mut points = plane(5000, |_| 1.0);
+        let mut random = fastrand::Rng::with_seed(4);
+        points.extend((0..500).map(|_| [random.f64(), random.f64(), random.f64() - 0.5]));
+        random.shuffle(&mut points);
+        let found = share(&points);
+        assert!(found > 0.7 / 11.0 && found < 1.0 / 11.0, "{found}");
+    }
+}

@@ -1,0 +1,163 @@
+//! What a fit tells.
+
+use crate::deviation::{DataToModel, ModelToData};
+use crate::search::Step;
+use crate::{Loss, lm};
+
+/// What is known about a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// The data fix it.
+    Determined,
+    /// The data fix it roughly: its deviation exceeds 2 % of the data's size (a tenth of a radian for an angle).
+    Weak,
+    /// The data leave it open, alone or together with others.
+    Undetermined,
+    /// The caller or the template fixed it.
+    Fixed,
+    /// It ran into a bound.
+    AtBound,
+}
+
+impl Status {
+    /// The word of the JSON contract.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Determined => "determined",
+            Self::Weak => "weak",
+            Self::Undetermined => "undetermined",
+            Self::Fixed => "fixed",
+            Self::AtBound => "at-bound",
+        }
+    }
+}
+
+/// A parameter's result.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Name, as the template gives it.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Standard deviation; none where the data leave the parameter open.
+    pub sd: Option<f64>,
+    /// 95 % interval.
+    pub ci95: Option<(f64, f64)>,
+    /// What is known.
+    pub status: Status,
+    /// Bounds that the fit kept.
+    pub bounds: (f64, f64),
+    /// Unit, as the template gives it.
+    pub unit: Option<String>,
+}
+
+/// Parameters that the data leave open together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Open {
+    /// Names.
+    pub parameters: Vec<String>,
+    /// The reason, as a sentence.
+    pub why: String,
+}
+
+/// Another minimum of the search.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OtherMinimum {
+    /// All parameters.
+    pub parameters: Vec<f64>,
+    /// Algebraic sum over the points used.
+    pub sum_f2: f64,
+    /// Starts that led there.
+    pub hits: usize,
+}
+
+/// Residuals of one piece of the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartStatistics {
+    /// Name.
+    pub name: String,
+    /// Used points that it is nearest to.
+    pub count: usize,
+    /// Root of the mean square of their residuals.
+    pub rms: f64,
+    /// Their mean: inside positive.
+    pub mean: f64,
+    /// Largest absolute residual.
+    pub max: f64,
+    /// Share of the piece's surface that no data support; none where no sample of it was met.
+    pub uncovered: Option<f64>,
+}
+
+/// The result of [`crate::fit`].
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// One per parameter.
+    pub parameters: Vec<Estimate>,
+    /// Algebraic Σ f² over the points used.
+    pub sum_f2: f64,
+    /// Root of the mean square of the metric residual of the points used.
+    pub rms: f64,
+    /// Robust standard deviation of the metric residual of all points: the noise.
+    pub noise: f64,
+    /// Points given.
+    pub n_points: usize,
+    /// Points that are not outliers.
+    pub n_used: usize,
+    /// Outliers.
+    pub n_outliers: usize,
+    /// Share of points found isolated before the search, and left out of it.
+    pub isolated: f64,
+    /// Typical distance of neighbouring points.
+    pub spacing: f64,
+    /// Deviation of the used data from the model.
+    pub data_to_model: DataToModel,
+    /// Deviation of the model's surface from the data.
+    pub model_to_data: ModelToData,
+    /// Starts run (throws of single pieces not counted).
+    pub starts: usize,
+    /// Starts that led to the best minimum.
+    pub hits: usize,
+    /// Evaluations of residuals with derivatives, on whatever number of points.
+    pub evaluations: usize,
+    /// Others found, best first.
+    pub other_minima: Vec<OtherMinimum>,
+    /// What the data leave open.
+    pub undetermined: Vec<Open>,
+    /// Sentences that a reader should know.
+    pub warnings: Vec<String>,
+    /// Whether the template fits.
+    pub acceptable: bool,
+    /// Why not, one sentence each.
+    pub reasons: Vec<String>,
+    /// Loss that the polish ended with.
+    pub loss: Loss,
+    /// Metric residual per point.
+    pub residuals: Vec<f64>,
+    /// Weight per point in the polish.
+    pub weights: Vec<f64>,
+    /// Whether a point is an outlier.
+    pub outliers: Vec<bool>,
+    /// Piece of the model per point.
+    pub parts: Vec<u32>,
+    /// By piece.
+    pub part_statistics: Vec<PartStatistics>,
+    /// Covariance of the parameters, row-major.
+    pub covariance: Vec<f64>,
+    /// Correlation of neighbouring residuals: near 0 for noise, near 1 where the model is systematically off.
+    pub neighbour_correlation: f64,
+    /// How sums fell.
+    pub history: Vec<Step>,
+    /// Why the method ended, for the local ones.
+    pub stop: Option<lm::Stop>,
+    /// Seconds by phase.
+    pub seconds: Vec<(&'static str, f64)>,
+    /// Whether all phases ran to their end; else this is the best so far.
+    pub complete: bool,
+}
+
+impl Fit {
+    /// The parameter vector.
+    pub fn values(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| p.value).collect()
+    }
+}
