@@ -1,0 +1,492 @@
+//! Evaluators that run a tape over blocks of points.
+//!
+//! Each slot holds one value per lane; the loops over lanes are compiled three times (baseline, AVX2, AVX-512) and chosen at run
+//! time. No fused multiply-add is used: every evaluator rounds like the oracle, on every machine.
+
+use crate::library::Native;
+use crate::ops::{Binary, SetOp, Unary};
+use crate::tape::{Op, Tape};
+use isoform_geom::Point3;
+use isoform_num::{Jet1, Real};
+
+/// Points per block. 32 lanes keep values and adjoints of some sixty slots in the first-level cache; 64 were slower by 40 %.
+pub(crate) const LANES: usize = 32;
+
+/// One value per lane, aligned to a cache line.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(crate) struct Lane<const L: usize>(pub(crate) [f64; L]);
+
+type Row = Lane<LANES>;
+const ZERO: Row = Lane([0.0; LANES]);
+
+/// Which derivatives a reverse sweep computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    /// ∂f/∂a
+    Params,
+    /// ∂f/∂x
+    Space,
+    /// Both
+    All,
+}
+
+/// The reverse sweep's plan for one operation.
+#[derive(Clone, Copy, Debug, Default)]
+struct Step {
+    /// The operation has an adjoint at all.
+    live: bool,
+    /// Bit k: argument k leads to a wanted input.
+    active: u8,
+    /// Bit k: the adjoint of argument k is stored, not added: it is the first contribution in the sweep.
+    first: u8,
+}
+
+/// Runs a function compiled for the best instruction set of this machine.
+macro_rules! dispatch {
+    ($(#[$doc:meta])* fn $name:ident($($arg:ident : $ty:ty),* $(,)?) $(-> $ret:ty)? = $body:path) => {
+        $(#[$doc])*
+        fn $name($($arg: $ty),*) $(-> $ret)? {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn avx2($($arg: $ty),*) $(-> $ret)? { $body($($arg),*) }
+                #[target_feature(enable = "avx512f,avx512dq,avx512vl")]
+                fn avx512($($arg: $ty),*) $(-> $ret)? { $body($($arg),*) }
+                if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") && is_x86_feature_detected!("avx512vl") {
+                    #[allow(unsafe_code, reason = "the processor was asked for AVX-512 in the line above")]
+                    return unsafe { avx512($($arg),*) };
+                }
+                if is_x86_feature_detected!("avx2") {
+                    #[allow(unsafe_code, reason = "the processor was asked for AVX2 in the line above")]
+                    return unsafe { avx2($($arg),*) };
+                }
+            }
+            $body($($arg),*)
+        }
+    };
+}
+pub(crate) use dispatch;
+
+/// Scratch space of the block evaluators for one tape and one thread.
+#[derive(Clone, Debug)]
+pub(crate) struct Block<'t> {
+    tape: &'t Tape,
+    slots: Vec<Row>,
+    adjoints: Vec<Row>,
+    plan: Vec<Step>,
+    /// Wanted inputs without a path from the result: their adjoints are zero.
+    unreached: Vec<u32>,
+    guard: bool,
+}
+
+impl<'t> Block<'t> {
+    /// Scratch for values only.
+    pub(crate) fn values(tape: &'t Tape) -> Self {
+        Self { tape, slots: vec![ZERO; tape.slots()], adjoints: Vec::new(), plan: Vec::new(), unreached: Vec::new(), guard: false }
+            .with_constants()
+    }
+
+    /// Scratch for values and the wanted derivatives of the first result.
+    pub(crate) fn gradients(tape: &'t Tape, wanted: Wanted) -> Self {
+        let (plan, unreached) = plan(tape, wanted);
+        // Where a branch is not taken its operations may be singular: 0 · ∞ must then stay 0.
+        let guard = tape.code.iter().any(|i| matches!(i.op, Op::Select | Op::Set(SetOp::Max | SetOp::Min)));
+        Self { tape, slots: vec![ZERO; tape.slots()], adjoints: vec![ZERO; tape.slots()], plan, unreached, guard }.with_constants()
+    }
+
+    fn with_constants(mut self) -> Self {
+        for (slot, &c) in self.slots.iter_mut().zip(&self.tape.constants) {
+            slot.0 = [c; LANES];
+        }
+        self
+    }
+
+    /// Sets the parameters and computes what depends on them alone. To be called before any block.
+    ///
+    /// # Panics
+    /// If `a` is shorter than the tape's parameters.
+    pub(crate) fn bind(&mut self, a: &[f64]) {
+        let first = self.tape.first_param();
+        for (slot, &v) in self.slots[first..].iter_mut().zip(&a[..self.tape.n_params]) {
+            slot.0 = [v; LANES];
+        }
+        forward(self.tape, 0, self.tape.uniform, &mut self.slots);
+    }
+
+    /// Loads up to [`LANES`] points; the last one fills the lanes that are left.
+    pub(crate) fn load(&mut self, points: &[Point3]) {
+        let first = self.tape.first_x();
+        for (axis, slot) in self.slots[first..first + self.tape.n_x.min(3)].iter_mut().enumerate() {
+            if let Ok(full) = <&[Point3; LANES]>::try_from(points) {
+                for (v, p) in slot.0.iter_mut().zip(full) {
+                    *v = p[axis];
+                }
+            } else {
+                for (l, v) in slot.0.iter_mut().enumerate() {
+                    *v = points[l.min(points.len() - 1)][axis];
+                }
+            }
+        }
+    }
+
+    /// Values at the loaded points.
+    pub(crate) fn forward(&mut self) -> &[f64; LANES] {
+        forward(self.tape, self.tape.uniform, self.tape.code.len(), &mut self.slots);
+        self.result(0)
+    }
+
+    /// Result `k` at the loaded points, after [`Block::forward`].
+    pub(crate) fn result(&self, k: usize) -> &[f64; LANES] {
+        &self.slots[self.tape.roots[k] as usize].0
+    }
+
+    /// Derivatives of the first result at the loaded points, after [`Block::forward`].
+    pub(crate) fn reverse(&mut self) {
+        for &slot in &self.unreached {
+            self.adjoints[slot as usize] = ZERO;
+        }
+        if !self.tape.natives.is_empty() {
+            // Native calls always add to their arguments, so these must start from zero.
+            self.adjoints.fill(ZERO);
+        }
+        self.adjoints[self.tape.roots[0] as usize] = Lane([1.0; LANES]);
+        if self.guard {
+            reverse_guarded(self.tape, &self.plan, &self.slots, &mut self.adjoints);
+        } else {
+            reverse_plain(self.tape, &self.plan, &self.slots, &mut self.adjoints);
+        }
+    }
+
+    /// ∂f/∂a, one row per parameter, after [`Block::reverse`].
+    pub(crate) fn by_params(&self) -> &[Row] {
+        let first = self.tape.first_param();
+        &self.adjoints[first..first + self.tape.n_params]
+    }
+
+    /// ∂f/∂x, one row per coordinate, after [`Block::reverse`].
+    pub(crate) fn by_space(&self) -> &[Row] {
+        let first = self.tape.first_x();
+        &self.adjoints[first..first + self.tape.n_x]
+    }
+}
+
+fn plan(tape: &Tape, wanted: Wanted) -> (Vec<Step>, Vec<u32>) {
+    let (x, p, code) = (tape.first_x(), tape.first_param(), tape.first_code());
+    let mut active = vec![false; tape.slots()];
+    let inputs: Vec<usize> = match wanted {
+        Wanted::Params => (p..code).collect(),
+        Wanted::Space => (x..p).collect(),
+        Wanted::All => (x..code).collect(),
+    };
+    for &i in &inputs {
+        active[i] = true;
+    }
+    for (k, i) in tape.code.iter().enumerate() {
+        active[code + k] = tape.arguments(i).any(|a| active[a as usize]);
+    }
+    let mut reached = vec![false; tape.slots()];
+    reached[tape.roots[0] as usize] = true;
+    let mut steps = vec![Step::default(); tape.code.len()];
+    for (k, i) in tape.code.iter().enumerate().rev() {
+        if !(reached[code + k] && active[code + k]) {
+            continue;
+        }
+        let step = &mut steps[k];
+        step.live = true;
+        // A selection passes nothing to its condition.
+        for (n, a) in tape.arguments(i).enumerate().filter(|(n, _)| !(i.op == Op::Select && *n == 0)) {
+            if active[a as usize] {
+                if i.op != Op::Native {
+                    step.active |= 1 << n;
+                    step.first |= u8::from(!reached[a as usize]) << n;
+                }
+                reached[a as usize] = true;
+            }
+        }
+    }
+    let unreached = inputs.into_iter().filter(|&i| !reached[i]).map(|i| i as u32).collect();
+    (steps, unreached)
+}
+
+#[inline(always)]
+fn map1(out: &mut Row, a: &Row, f: impl Fn(f64) -> f64) {
+    for l in 0..LANES {
+        out.0[l] = f(a.0[l]);
+    }
+}
+
+#[inline(always)]
+fn map2(out: &mut Row, a: &Row, b: &Row, f: impl Fn(f64, f64) -> f64) {
+    for l in 0..LANES {
+        out.0[l] = f(a.0[l], b.0[l]);
+    }
+}
+
+dispatch! { fn forward(tape: &Tape, from: usize, to: usize, slots: &mut [Row]) = forward_body }
+
+#[inline(always)]
+fn forward_body(tape: &Tape, from: usize, to: usize, slots: &mut [Row]) {
+    let first = tape.first_code();
+    for (k, i) in tape.code[from..to].iter().enumerate() {
+        let (s, rest) = slots.split_at_mut(first + from + k);
+        let out = &mut rest[0];
+        let a = i.a as usize;
+        match i.op {
+            Op::Binary(op) => {
+                let (a, b) = (&s[a], &s[i.b as usize]);
+                match op {
+                    Binary::Add => map2(out, a, b, |u, v| u + v),
+                    Binary::Sub => map2(out, a, b, |u, v| u - v),
+                    Binary::Mul => map2(out, a, b, |u, v| u * v),
+                    Binary::Div => map2(out, a, b, |u, v| u / v),
+                    Binary::Less => map2(out, a, b, |u, v| if u < v { 1.0 } else { 0.0 }),
+                    Binary::LessEq => map2(out, a, b, |u, v| if u <= v { 1.0 } else { 0.0 }),
+                    Binary::Pow => map2(out, a, b, f64::powf),
+                    Binary::Atan2 => map2(out, a, b, f64::atan2),
+                }
+            }
+            Op::Set(op) => {
+                let (a, b) = (&s[a], &s[i.b as usize]);
+                match op {
+                    SetOp::RUnion => map2(out, a, b, |u, v| u + v + (u * u + v * v).sqrt()),
+                    SetOp::RIntersection => map2(out, a, b, |u, v| u + v - (u * u + v * v).sqrt()),
+                    SetOp::Max => map2(out, a, b, |u, v| if v > u { v } else { u }),
+                    SetOp::Min => map2(out, a, b, |u, v| if v < u { v } else { u }),
+                }
+            }
+            Op::Unary(op) => {
+                let a = &s[a];
+                match op {
+                    Unary::Neg => map1(out, a, |u| -u),
+                    Unary::Abs => map1(out, a, f64::abs),
+                    Unary::Square => map1(out, a, |u| u * u),
+                    Unary::Sqrt => map1(out, a, f64::sqrt),
+                    _ => map1(out, a, |u| op.apply(&u)),
+                }
+            }
+            Op::PowI => powi(out, &s[a], i.c as i32),
+            Op::Select => {
+                let (c, u, v) = (&s[a], &s[i.b as usize], &s[i.c as usize]);
+                for l in 0..LANES {
+                    out.0[l] = if c.0[l] != 0.0 { u.0[l] } else { v.0[l] };
+                }
+            }
+            Op::Native => {
+                let (f, args) = &tape.natives[a];
+                native_values(*f, args, s, out);
+            }
+        }
+    }
+}
+
+#[inline(never)]
+fn native_values(f: Native, args: &[u32], s: &[Row], out: &mut Row) {
+    let mut at = vec![0.0; args.len()];
+    for l in 0..LANES {
+        for (v, &k) in at.iter_mut().zip(args) {
+            *v = s[k as usize].0[l];
+        }
+        out.0[l] = f.eval(&at);
+    }
+}
+
+/// The same products in the same order as `f64`'s [`Real::powi`].
+#[inline(always)]
+fn powi(out: &mut Row, a: &Row, n: i32) {
+    let mut base = *a;
+    out.0 = [1.0; LANES];
+    let mut k = n.unsigned_abs();
+    while k > 0 {
+        for l in 0..LANES {
+            if k & 1 == 1 {
+                out.0[l] *= base.0[l];
+            }
+            base.0[l] *= base.0[l];
+        }
+        k >>= 1;
+    }
+    if n < 0 {
+        for v in &mut out.0 {
+            *v = 1.0 / *v;
+        }
+    }
+}
+
+dispatch! { fn reverse_guarded(tape: &Tape, plan: &[Step], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<true> }
+dispatch! { fn reverse_plain(tape: &Tape, plan: &[Step], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<false> }
+
+/// Adds (or stores, the first time) `g · d` for each lane; with GUARD a zero adjoint stays zero whatever d is.
+#[inline(always)]
+fn pass<const GUARD: bool>(to: &mut Row, first: bool, g: &Row, d: impl Fn(usize) -> f64) {
+    let term = |l: usize| {
+        let v = g.0[l] * d(l);
+        if GUARD && g.0[l] == 0.0 { 0.0 } else { v }
+    };
+    if first {
+        for l in 0..LANES {
+            to.0[l] = term(l);
+        }
+    } else {
+        for l in 0..LANES {
+            to.0[l] += term(l);
+        }
+    }
+}
+
+#[inline(always)]
+fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoints: &mut [Row]) {
+    let first_code = tape.first_code();
+    for (k, (i, step)) in tape.code.iter().zip(plan).enumerate().rev() {
+        if !step.live {
+            continue;
+        }
+        let (low, high) = adjoints.split_at_mut(first_code + k);
+        let g = &high[0];
+        let w = &s[first_code + k];
+        let (ia, ib, ic) = (i.a as usize, i.b as usize, i.c as usize);
+        let (first_a, first_b, first_c) = (step.first & 1 != 0, step.first & 2 != 0, step.first & 4 != 0);
+        let (to_a, to_b, to_c) = (step.active & 1 != 0, step.active & 2 != 0, step.active & 4 != 0);
+        match i.op {
+            Op::Binary(op) => {
+                let (a, b) = (&s[ia].0, &s[ib].0);
+                match op {
+                    Binary::Add | Binary::Sub => {
+                        let sign = if op == Binary::Add { 1.0 } else { -1.0 };
+                        if to_a {
+                            pass::<false>(&mut low[ia], first_a, g, |_| 1.0);
+                        }
+                        if to_b {
+                            pass::<false>(&mut low[ib], first_b, g, |_| sign);
+                        }
+                    }
+                    Binary::Mul => {
+                        if to_a {
+                            pass::<GUARD>(&mut low[ia], first_a, g, |l| b[l]);
+                        }
+                        if to_b {
+                            pass::<GUARD>(&mut low[ib], first_b, g, |l| a[l]);
+                        }
+                    }
+                    Binary::Div => {
+                        if to_a {
+                            pass::<GUARD>(&mut low[ia], first_a, g, |l| 1.0 / b[l]);
+                        }
+                        if to_b {
+                            pass::<GUARD>(&mut low[ib], first_b, g, |l| -w.0[l] / b[l]);
+                        }
+                    }
+                    Binary::Pow => {
+                        if to_a {
+                            pass::<true>(&mut low[ia], first_a, g, |l| if w.0[l] == 0.0 { 0.0 } else { b[l] * w.0[l] / a[l] });
+                        }
+                        if to_b {
+                            pass::<true>(&mut low[ib], first_b, g, |l| if w.0[l] == 0.0 { 0.0 } else { a[l].ln() * w.0[l] });
+                        }
+                    }
+                    Binary::Atan2 => {
+                        let r = |l: usize| a[l] * a[l] + b[l] * b[l];
+                        if to_a {
+                            pass::<true>(&mut low[ia], first_a, g, |l| b[l] / r(l));
+                        }
+                        if to_b {
+                            pass::<true>(&mut low[ib], first_b, g, |l| -a[l] / r(l));
+                        }
+                    }
+                    Binary::Less | Binary::LessEq => clear(low, [(to_a && first_a, ia), (to_b && first_b, ib)]),
+                }
+            }
+            Op::Set(op) => {
+                let (a, b) = (&s[ia].0, &s[ib].0);
+                match op {
+                    SetOp::RUnion | SetOp::RIntersection => {
+                        // 1 ± u/h, h recovered from the value; at u = v = 0 the kink counts as flat.
+                        let sign = if op == SetOp::RUnion { 1.0 } else { -1.0 };
+                        let mut r = ZERO;
+                        for l in 0..LANES {
+                            let h = sign * (w.0[l] - (a[l] + b[l]));
+                            r.0[l] = if h > 0.0 { sign / h } else { 0.0 };
+                        }
+                        if to_a {
+                            pass::<GUARD>(&mut low[ia], first_a, g, |l| 1.0 + a[l] * r.0[l]);
+                        }
+                        if to_b {
+                            pass::<GUARD>(&mut low[ib], first_b, g, |l| 1.0 + b[l] * r.0[l]);
+                        }
+                    }
+                    SetOp::Max | SetOp::Min => {
+                        let second = |l: usize| if op == SetOp::Max { b[l] > a[l] } else { b[l] < a[l] };
+                        if to_a {
+                            pass::<true>(&mut low[ia], first_a, g, |l| if second(l) { 0.0 } else { 1.0 });
+                        }
+                        if to_b {
+                            pass::<true>(&mut low[ib], first_b, g, |l| if second(l) { 1.0 } else { 0.0 });
+                        }
+                    }
+                }
+            }
+            Op::Unary(op) => {
+                if !to_a {
+                    continue;
+                }
+                let (a, to) = (&s[ia].0, &mut low[ia]);
+                match op {
+                    Unary::Neg => pass::<false>(to, first_a, g, |_| -1.0),
+                    Unary::Square => pass::<GUARD>(to, first_a, g, |l| 2.0 * a[l]),
+                    Unary::Sqrt => pass::<GUARD>(to, first_a, g, |l| if w.0[l] == 0.0 { 0.0 } else { 0.5 / w.0[l] }),
+                    Unary::Abs => pass::<GUARD>(to, first_a, g, |l| Real::sign(&a[l])),
+                    _ => pass::<true>(to, first_a, g, |l| op.apply(&Jet1::<1>::variable(a[l], 0)).g[0]),
+                }
+            }
+            Op::PowI => {
+                if to_a {
+                    let n = i.c as i32;
+                    let mut p = ZERO;
+                    powi(&mut p, &s[ia], n - 1);
+                    pass::<GUARD>(&mut low[ia], first_a, g, |l| f64::from(n) * p.0[l]);
+                }
+            }
+            Op::Select => {
+                let c = &s[ia].0;
+                if to_b {
+                    pass::<true>(&mut low[ib], first_b, g, |l| if c[l] != 0.0 { 1.0 } else { 0.0 });
+                }
+                if to_c {
+                    pass::<true>(&mut low[ic], first_c, g, |l| if c[l] != 0.0 { 0.0 } else { 1.0 });
+                }
+            }
+            Op::Native => {
+                let (f, args) = &tape.natives[ia];
+                native_adjoints(*f, args, s, g, low);
+            }
+        }
+    }
+}
+
+/// Comparisons are flat: they pass zero, which matters where that is the first contribution.
+#[inline(always)]
+fn clear<const N: usize>(low: &mut [Row], slots: [(bool, usize); N]) {
+    for (first, slot) in slots {
+        if first {
+            low[slot] = ZERO;
+        }
+    }
+}
+
+/// Most arguments of a native function.
+const NATIVE_ARGUMENTS: usize = 6;
+
+#[inline(never)]
+fn native_adjoints(f: Native, args: &[u32], s: &[Row], g: &Row, low: &mut [Row]) {
+    for l in 0..LANES {
+        if g.0[l] == 0.0 {
+            continue;
+        }
+        let at: Vec<Jet1<NATIVE_ARGUMENTS>> =
+            args.iter().enumerate().map(|(n, &k)| Jet1::variable(s[k as usize].0[l], n)).collect();
+        let d = f.eval(&at).g;
+        for (n, &k) in args.iter().enumerate() {
+            low[k as usize].0[l] += g.0[l] * d[n];
+        }
+    }
+}

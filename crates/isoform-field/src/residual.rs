@@ -1,0 +1,297 @@
+//! A compiled model as the residual of a fit.
+
+use crate::block::{Block, LANES, Lane, Wanted, dispatch};
+use crate::tape::Tape;
+use isoform_geom::{Aabb, Field, ParamField, Point3};
+use isoform_num::{Interval, Jet2};
+use rayon::prelude::*;
+
+/// Points per piece of work: sums are taken per piece and then in the order of the pieces, whoever computed them.
+const PIECE: usize = 32 * LANES;
+
+/// A tape in x, y, z and parameters, evaluated in blocks, on all threads of the current pool for large inputs.
+#[derive(Clone, Debug)]
+pub struct Residual {
+    tape: Tape,
+}
+
+impl Residual {
+    /// The residual f(x; a) = first result of the tape.
+    pub fn new(tape: Tape) -> Self {
+        Self { tape }
+    }
+    /// The tape.
+    pub fn tape(&self) -> &Tape {
+        &self.tape
+    }
+
+    /// All values and derivatives of all inputs at once: `grad[i * (3 + dim) + k]`, x, y, z first. For benchmarks and checks.
+    pub fn all_gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], grad: &mut [f64]) {
+        let n = self.tape.n_x + self.tape.n_params;
+        for_pieces(points.len(), out, grad, n, |range, out, grad| {
+            let mut block = Block::gradients(&self.tape, Wanted::All);
+            block.bind(a);
+            for (k, chunk) in points[range].chunks(LANES).enumerate() {
+                block.load(chunk);
+                out[k * LANES..][..chunk.len()].copy_from_slice(&block.forward()[..chunk.len()]);
+                block.reverse();
+                let at = k * LANES * n;
+                for (i, row) in block.by_space().iter().chain(block.by_params()).enumerate() {
+                    for l in 0..chunk.len() {
+                        grad[at + l * n + i] = row.0[l];
+                    }
+                }
+            }
+        });
+    }
+}
+
+/// Calls `work(range, out piece, rows piece)` for each piece of the points, on several threads where it pays.
+fn for_pieces(
+    n: usize,
+    out: &mut [f64],
+    rows: &mut [f64],
+    width: usize,
+    work: impl Fn(std::ops::Range<usize>, &mut [f64], &mut [f64]) + Sync,
+) {
+    if n == 0 {
+        return;
+    }
+    let piece = |k: usize, out: &mut [f64], rows: &mut [f64]| {
+        let from = k * PIECE;
+        work(from..from + out.len(), out, rows);
+    };
+    let (out, rows) = (&mut out[..n], &mut rows[..n * width]);
+    if width == 0 {
+        if n <= PIECE || rayon::current_num_threads() == 1 {
+            work(0..n, out, rows);
+        } else {
+            out.par_chunks_mut(PIECE).enumerate().for_each(|(k, o)| piece(k, o, &mut []));
+        }
+        return;
+    }
+    if n <= PIECE || rayon::current_num_threads() == 1 {
+        work(0..n, out, rows);
+    } else {
+        out.par_chunks_mut(PIECE).zip(rows.par_chunks_mut(PIECE * width)).enumerate().for_each(|(k, (o, r))| piece(k, o, r));
+    }
+}
+
+/// Σ w f², Jᵀ W f and the lower triangle of Jᵀ W J over some points, accumulated eight lanes wide.
+struct Sums {
+    square: [f64; 8],
+    gradient: Vec<[f64; 8]>,
+    hessian: Vec<[f64; 8]>,
+}
+
+dispatch! {
+    /// Adds a block: `rows` are the derivatives by parameter, `f` the values, `w` the weights (0 in unused lanes).
+    fn accumulate(sums: &mut Sums, rows: &[Lane<LANES>], f: &[f64; LANES], w: &[f64; LANES]) = accumulate_body
+}
+
+#[inline(always)]
+fn dot8(into: &mut [f64; 8], a: &[f64; LANES], b: &[f64; LANES]) {
+    let mut s = *into;
+    for c in 0..LANES / 8 {
+        for l in 0..8 {
+            s[l] += a[8 * c + l] * b[8 * c + l];
+        }
+    }
+    *into = s;
+}
+
+#[inline(always)]
+fn accumulate_body(sums: &mut Sums, rows: &[Lane<LANES>], f: &[f64; LANES], w: &[f64; LANES]) {
+    let mut wf = Lane([0.0; LANES]);
+    for l in 0..LANES {
+        wf.0[l] = w[l] * f[l];
+    }
+    dot8(&mut sums.square, &wf.0, f);
+    let mut at = 0;
+    for (i, row) in rows.iter().enumerate() {
+        dot8(&mut sums.gradient[i], &wf.0, &row.0);
+        let mut wr = Lane([0.0; LANES]);
+        for l in 0..LANES {
+            wr.0[l] = w[l] * row.0[l];
+        }
+        for other in &rows[..=i] {
+            dot8(&mut sums.hessian[at], &wr.0, &other.0);
+            at += 1;
+        }
+    }
+}
+
+fn total(v: &[f64; 8]) -> f64 {
+    ((v[0] + v[4]) + (v[1] + v[5])) + ((v[2] + v[6]) + (v[3] + v[7]))
+}
+
+impl Residual {
+    /// Lane weights of a chunk; unused lanes get 0.
+    fn lane_weights(weights: &[f64], from: usize, n: usize) -> [f64; LANES] {
+        let mut w = [0.0; LANES];
+        if weights.is_empty() {
+            w[..n].fill(1.0);
+        } else {
+            w[..n].copy_from_slice(&weights[from..from + n]);
+        }
+        w
+    }
+
+    /// A sum over the pieces of the points, each computed by `work` into a vector, added in the order of the pieces.
+    fn reduce(&self, n: usize, len: usize, work: impl Fn(std::ops::Range<usize>) -> Vec<f64> + Sync) -> Vec<f64> {
+        let pieces = n.div_ceil(PIECE);
+        let range = |k: usize| k * PIECE..((k + 1) * PIECE).min(n);
+        let mut sum = vec![0.0; len];
+        let mut add = |part: Vec<f64>| sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
+        if pieces <= 1 || rayon::current_num_threads() == 1 {
+            (0..pieces).for_each(|k| add(work(range(k))));
+        } else {
+            let parts: Vec<Vec<f64>> = (0..pieces).into_par_iter().map(|k| work(range(k))).collect();
+            parts.into_iter().for_each(add);
+        }
+        sum
+    }
+}
+
+impl ParamField for Residual {
+    fn dim(&self) -> usize {
+        self.tape.n_params
+    }
+
+    fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]) {
+        for_pieces(points.len(), out, &mut [], 0, |range, out, _| {
+            let mut block = Block::values(&self.tape);
+            block.bind(a);
+            for (chunk, out) in points[range].chunks(LANES).zip(out.chunks_mut(LANES)) {
+                block.load(chunk);
+                out.copy_from_slice(&block.forward()[..chunk.len()]);
+            }
+        });
+    }
+
+    fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
+        let m = self.tape.n_params;
+        for_pieces(points.len(), out, jac, m, |range, out, jac| {
+            let mut block = Block::gradients(&self.tape, Wanted::Params);
+            block.bind(a);
+            for (k, chunk) in points[range].chunks(LANES).enumerate() {
+                block.load(chunk);
+                out[k * LANES..][..chunk.len()].copy_from_slice(&block.forward()[..chunk.len()]);
+                block.reverse();
+                for (i, row) in block.by_params().iter().enumerate() {
+                    for l in 0..chunk.len() {
+                        jac[(k * LANES + l) * m + i] = row.0[l];
+                    }
+                }
+            }
+        });
+    }
+
+    fn normal_equations(&self, points: &[Point3], weights: &[f64], a: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64 {
+        let m = self.tape.n_params;
+        let sum = self.reduce(points.len(), 1 + m + m * (m + 1) / 2, |range| {
+            let mut block = Block::gradients(&self.tape, Wanted::Params);
+            block.bind(a);
+            let mut sums = Sums { square: [0.0; 8], gradient: vec![[0.0; 8]; m], hessian: vec![[0.0; 8]; m * (m + 1) / 2] };
+            for (k, chunk) in points[range.clone()].chunks(LANES).enumerate() {
+                block.load(chunk);
+                block.forward();
+                block.reverse();
+                let w = Self::lane_weights(weights, range.start + k * LANES, chunk.len());
+                accumulate(&mut sums, block.by_params(), block.result(0), &w);
+            }
+            std::iter::once(&sums.square).chain(&sums.gradient).chain(&sums.hessian).map(total).collect()
+        });
+        gradient[..m].copy_from_slice(&sum[1..=m]);
+        let mut at = m + 1;
+        for i in 0..m {
+            for j in 0..=i {
+                hessian[i * m + j] = sum[at];
+                hessian[j * m + i] = sum[at];
+                at += 1;
+            }
+        }
+        sum[0]
+    }
+
+    fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {
+        for_pieces(points.len(), out, gradients.as_flattened_mut(), 3, |range, out, grad| {
+            let mut block = Block::gradients(&self.tape, Wanted::Space);
+            block.bind(a);
+            for (k, chunk) in points[range].chunks(LANES).enumerate() {
+                block.load(chunk);
+                out[k * LANES..][..chunk.len()].copy_from_slice(&block.forward()[..chunk.len()]);
+                block.reverse();
+                let rows = block.by_space();
+                for l in 0..chunk.len() {
+                    for (i, row) in rows.iter().enumerate().take(3) {
+                        grad[(k * LANES + l) * 3 + i] = row.0[l];
+                    }
+                }
+            }
+        });
+    }
+
+    fn sum_of_squares(&self, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
+        let sum = self.reduce(points.len(), 1, |range| {
+            let mut block = Block::values(&self.tape);
+            block.bind(a);
+            let mut sums = Sums { square: [0.0; 8], gradient: Vec::new(), hessian: Vec::new() };
+            for (k, chunk) in points[range.clone()].chunks(LANES).enumerate() {
+                block.load(chunk);
+                block.forward();
+                let w = Self::lane_weights(weights, range.start + k * LANES, chunk.len());
+                accumulate(&mut sums, &[], block.result(0), &w);
+            }
+            vec![total(&sums.square)]
+        });
+        sum[0]
+    }
+}
+
+/// A model with its parameters bound: a function of space alone.
+#[derive(Clone, Debug)]
+pub struct Bound {
+    residual: Residual,
+    a: Vec<f64>,
+}
+
+impl Bound {
+    /// f(x; a) with a fixed.
+    ///
+    /// # Panics
+    /// If `a` has the wrong length.
+    pub fn new(residual: Residual, a: &[f64]) -> Self {
+        assert_eq!(a.len(), residual.dim(), "one value per parameter");
+        Self { residual, a: a.to_vec() }
+    }
+    /// The values of the parameters.
+    pub fn parameters(&self) -> &[f64] {
+        &self.a
+    }
+
+    /// f over a box, with the tape shortened to what matters there.
+    pub fn bounds_and_rest(&self, region: Aabb) -> (Interval, Option<Self>) {
+        let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
+        let a: Vec<Interval> = self.a.iter().map(|&v| Interval::new(v, v)).collect();
+        let (range, rest) = self.residual.tape.bounds(&x, &a);
+        (range, rest.map(|tape| Self { residual: Residual::new(tape), a: self.a.clone() }))
+    }
+}
+
+impl Field for Bound {
+    fn value(&self, p: Point3) -> f64 {
+        self.residual.tape.eval(&p, &self.a, &mut Vec::new())
+    }
+    fn jet(&self, p: Point3) -> Jet2 {
+        let x: [Jet2; 3] = std::array::from_fn(|i| Jet2::variable(p[i], i));
+        let a: Vec<Jet2> = self.a.iter().map(|&v| isoform_num::Real::constant(v)).collect();
+        self.residual.tape.eval(&x, &a, &mut Vec::new())
+    }
+    fn bounds(&self, region: Aabb) -> Interval {
+        self.bounds_and_rest(region).0
+    }
+    fn values(&self, points: &[Point3], out: &mut [f64]) {
+        ParamField::values(&self.residual, points, &self.a, out);
+    }
+}

@@ -1,0 +1,296 @@
+//! The compiled expression: a flat list of operations on numbered slots.
+//!
+//! Slots are `[constants | x | parameters | operations]`, each written once. Operations that do not depend on x come first: they
+//! are computed once per call, not per point. Evaluators own their scratch space, the tape is shared freely between threads.
+//! [`Tape::eval`] serves any number type; the block evaluators in [`crate::block`] run 32 points at a time.
+
+use crate::graph::{Graph, Node, NodeId};
+use crate::library::Native;
+use crate::ops::{Binary, SetOp, Unary};
+use isoform_num::{Interval, Real};
+
+/// What an operation computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Op {
+    Unary(Unary),
+    Binary(Binary),
+    Set(SetOp),
+    /// slot a to the integer power in c
+    PowI,
+    /// slot a ? slot b : slot c
+    Select,
+    /// entry a of the list of native calls
+    Native,
+}
+
+/// One operation; its result goes to the next slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Instruction {
+    pub(crate) op: Op,
+    pub(crate) a: u32,
+    pub(crate) b: u32,
+    pub(crate) c: u32,
+}
+
+/// A compiled expression with one or more results.
+#[derive(Clone, Debug)]
+pub struct Tape {
+    pub(crate) n_x: usize,
+    pub(crate) n_params: usize,
+    pub(crate) constants: Vec<f64>,
+    pub(crate) code: Vec<Instruction>,
+    /// How many of `code` do not depend on x.
+    pub(crate) uniform: usize,
+    pub(crate) natives: Vec<(Native, Box<[u32]>)>,
+    pub(crate) roots: Vec<u32>,
+}
+
+/// Which branch of each min or max can be active over a region, from [`Tape::bounds`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Choice {
+    Both,
+    First,
+    Second,
+}
+
+impl Tape {
+    /// Compiles the expressions `roots`; library functions are expanded. `n_x` coordinates and `n_params` parameters are
+    /// inputs, used or not.
+    ///
+    /// # Panics
+    /// If an expression uses an input beyond `n_x` or `n_params`.
+    pub fn new(graph: &Graph, roots: &[NodeId], n_x: usize, n_params: usize) -> Self {
+        let mut g = graph.clone();
+        let roots: Vec<NodeId> = roots.iter().map(|&r| g.lowered(r)).collect();
+        let need = g.reachable(&roots);
+        let nodes: Vec<NodeId> = (0..g.len()).filter(|&i| need[i]).map(|i| NodeId(i as u32)).collect();
+        let constants: Vec<f64> = nodes.iter().filter_map(|&id| g.constant_value(id)).collect();
+        let mut varies = vec![false; g.len()];
+        for &id in &nodes {
+            varies[id.at()] = matches!(g.node(id), Node::X(_)) || g.arguments(id).iter().any(|a| varies[a.at()]);
+        }
+        let is_input = |id: &NodeId| matches!(g.node(*id), Node::Constant(_) | Node::X(_) | Node::Param(_));
+        let (varying, uniform): (Vec<NodeId>, Vec<NodeId>) =
+            nodes.iter().filter(|id| !is_input(id)).partition(|id| varies[id.at()]);
+        let mut slot = vec![u32::MAX; g.len()];
+        let mut next_constant = 0;
+        for &id in &nodes {
+            match g.node(id) {
+                Node::Constant(_) => {
+                    slot[id.at()] = next_constant;
+                    next_constant += 1;
+                }
+                Node::X(i) => {
+                    assert!((*i as usize) < n_x, "coordinate {} of {n_x}", i + 1);
+                    slot[id.at()] = constants.len() as u32 + i;
+                }
+                Node::Param(i) => {
+                    assert!((*i as usize) < n_params, "parameter {} of {n_params}", i + 1);
+                    slot[id.at()] = (constants.len() + n_x) as u32 + i;
+                }
+                _ => {}
+            }
+        }
+        let mut tape = Self { n_x, n_params, constants, code: Vec::new(), uniform: uniform.len(), natives: Vec::new(), roots: Vec::new() };
+        for id in uniform.into_iter().chain(varying) {
+            slot[id.at()] = (tape.first_code() + tape.code.len()) as u32;
+            let at = |n: &NodeId| slot[n.at()];
+            let (op, a, b, c) = match g.node(id) {
+                Node::Unary(op, u) => (Op::Unary(*op), at(u), 0, 0),
+                Node::Binary(op, u, v) => (Op::Binary(*op), at(u), at(v), 0),
+                Node::PowI(u, n) => (Op::PowI, at(u), 0, *n as u32),
+                Node::Set(op, u, v) => (Op::Set(*op), at(u), at(v), 0),
+                Node::Select(k, u, v) => (Op::Select, at(k), at(u), at(v)),
+                Node::Native(f, args) => {
+                    tape.natives.push((*f, args.iter().map(at).collect()));
+                    (Op::Native, tape.natives.len() as u32 - 1, 0, 0)
+                }
+                Node::Library(..) | Node::Constant(_) | Node::X(_) | Node::Param(_) => {
+                    unreachable!("expanded by lowering or an input")
+                }
+            };
+            tape.code.push(Instruction { op, a, b, c });
+        }
+        tape.roots = roots.iter().map(|r| slot[r.at()]).collect();
+        tape
+    }
+
+    /// Number of coordinates.
+    pub fn dimension(&self) -> usize {
+        self.n_x
+    }
+    /// Number of parameters.
+    pub fn n_params(&self) -> usize {
+        self.n_params
+    }
+    /// Number of operations.
+    pub fn len(&self) -> usize {
+        self.code.len()
+    }
+    /// Whether there is nothing to compute.
+    pub fn is_empty(&self) -> bool {
+        self.code.is_empty()
+    }
+    /// Number of results.
+    pub fn n_results(&self) -> usize {
+        self.roots.len()
+    }
+
+    pub(crate) fn first_x(&self) -> usize {
+        self.constants.len()
+    }
+    pub(crate) fn first_param(&self) -> usize {
+        self.constants.len() + self.n_x
+    }
+    pub(crate) fn first_code(&self) -> usize {
+        self.constants.len() + self.n_x + self.n_params
+    }
+    pub(crate) fn slots(&self) -> usize {
+        self.first_code() + self.code.len()
+    }
+
+    /// All slots of an operation's arguments.
+    pub(crate) fn arguments(&self, i: &Instruction) -> impl Iterator<Item = u32> + '_ {
+        let (fixed, list): (&[u32], &[u32]) = match i.op {
+            Op::Unary(_) | Op::PowI => (&[i.a], &[]),
+            Op::Binary(_) | Op::Set(_) => (&[i.a, i.b], &[]),
+            Op::Select => (&[i.a, i.b, i.c], &[]),
+            Op::Native => (&[], &self.natives[i.a as usize].1),
+        };
+        let fixed: Vec<u32> = fixed.to_vec();
+        fixed.into_iter().chain(list.iter().copied())
+    }
+
+    /// The first result at a point, in any number type. `scratch` may be reused between calls.
+    ///
+    /// # Panics
+    /// If `x` or `a` is shorter than the tape's inputs.
+    pub fn eval<R: Real>(&self, x: &[R], a: &[R], scratch: &mut Vec<R>) -> R {
+        self.run(x, a, scratch, Native::eval);
+        scratch[self.roots[0] as usize].clone()
+    }
+
+    /// All results at a point, in any number type.
+    pub fn eval_all<R: Real>(&self, x: &[R], a: &[R], scratch: &mut Vec<R>) -> Vec<R> {
+        self.run(x, a, scratch, Native::eval);
+        self.roots.iter().map(|&r| scratch[r as usize].clone()).collect()
+    }
+
+    fn run<R: Real>(&self, x: &[R], a: &[R], s: &mut Vec<R>, native: impl Fn(Native, &[R]) -> R) {
+        s.clear();
+        s.extend(self.constants.iter().map(|&c| R::constant(c)));
+        s.extend_from_slice(&x[..self.n_x]);
+        s.extend_from_slice(&a[..self.n_params]);
+        for i in &self.code {
+            let (p, q) = (i.a as usize, i.b as usize);
+            let v = match i.op {
+                Op::Unary(op) => op.apply(&s[p]),
+                Op::Binary(op) => op.apply(&s[p], &s[q]),
+                Op::Set(op) => op.apply(&s[p], &s[q]),
+                Op::PowI => s[p].powi(i.c as i32),
+                Op::Select => s[p].select(&s[q], &s[i.c as usize]),
+                Op::Native => {
+                    let (f, args) = &self.natives[p];
+                    let args: Vec<R> = args.iter().map(|&k| s[k as usize].clone()).collect();
+                    native(*f, &args)
+                }
+            };
+            s.push(v);
+        }
+    }
+
+    /// Bounds of the first result over a box of inputs, and a shorter tape for the same box: where the bounds decide which side
+    /// of a min or max is active, or which branch of a selection, the other one is dropped. The shorter tape computes the same
+    /// values in the box. R-functions depend on both arguments everywhere and are kept.
+    pub fn bounds(&self, x: &[Interval], a: &[Interval]) -> (Interval, Option<Self>) {
+        let mut s = Vec::new();
+        // A native function is an iteration: run on intervals it encloses nothing, so nothing is claimed of it.
+        self.run(x, a, &mut s, |_, _| Interval::ALL);
+        let mut decided = false;
+        let choices: Vec<Choice> = self
+            .code
+            .iter()
+            .map(|i| {
+                let choice = match i.op {
+                    Op::Set(SetOp::Max) => decide(&s[i.b as usize], &s[i.a as usize]),
+                    Op::Set(SetOp::Min) => decide(&s[i.a as usize], &s[i.b as usize]),
+                    Op::Select => {
+                        let c = &s[i.a as usize];
+                        if !c.contains(0.0) {
+                            Choice::First
+                        } else if c.lo() == 0.0 && c.hi() == 0.0 {
+                            Choice::Second
+                        } else {
+                            Choice::Both
+                        }
+                    }
+                    _ => Choice::Both,
+                };
+                decided |= choice != Choice::Both;
+                choice
+            })
+            .collect();
+        (s[self.roots[0] as usize], decided.then(|| self.simplified(&choices)))
+    }
+
+    fn simplified(&self, choices: &[Choice]) -> Self {
+        let first = self.first_code();
+        // Where each slot's value is found once decided operations are skipped.
+        let mut same: Vec<u32> = (0..self.slots() as u32).collect();
+        for (k, (i, choice)) in self.code.iter().zip(choices).enumerate() {
+            let (one, two) = if i.op == Op::Select { (i.b, i.c) } else { (i.a, i.b) };
+            match choice {
+                Choice::Both => {}
+                Choice::First => same[first + k] = same[one as usize],
+                Choice::Second => same[first + k] = same[two as usize],
+            }
+        }
+        let mut need = vec![false; self.slots()];
+        for r in &self.roots {
+            need[same[*r as usize] as usize] = true;
+        }
+        for (k, i) in self.code.iter().enumerate().rev() {
+            if need[first + k] {
+                for a in self.arguments(i) {
+                    need[same[a as usize] as usize] = true;
+                }
+            }
+        }
+        let mut place: Vec<u32> = (0..self.slots() as u32).collect();
+        let (mut code, mut natives) = (Vec::new(), Vec::new());
+        let mut uniform = 0;
+        for (k, i) in self.code.iter().enumerate() {
+            if !need[first + k] {
+                continue;
+            }
+            let at = |s: u32| place[same[s as usize] as usize];
+            let moved = match i.op {
+                Op::Unary(_) | Op::PowI => Instruction { a: at(i.a), ..*i },
+                Op::Binary(_) | Op::Set(_) => Instruction { a: at(i.a), b: at(i.b), ..*i },
+                Op::Select => Instruction { a: at(i.a), b: at(i.b), c: at(i.c), ..*i },
+                Op::Native => {
+                    let (f, args) = &self.natives[i.a as usize];
+                    natives.push((*f, args.iter().map(|&s| at(s)).collect()));
+                    Instruction { a: natives.len() as u32 - 1, ..*i }
+                }
+            };
+            place[first + k] = (first + code.len()) as u32;
+            code.push(moved);
+            uniform += usize::from(k < self.uniform);
+        }
+        let roots = self.roots.iter().map(|&r| place[same[r as usize] as usize]).collect();
+        Self { code, uniform, roots, natives, ..self.clone() }
+    }
+}
+
+/// For min(first, second): which side is surely not above the other. Ties keep the first, as evaluation does.
+fn decide(first: &Interval, second: &Interval) -> Choice {
+    // For max the caller swaps the arguments, and with them the meaning of the answer.
+    if first.hi() < second.lo() {
+        Choice::First
+    } else if second.hi() < first.lo() {
+        Choice::Second
+    } else {
+        Choice::Both
+    }
+}
