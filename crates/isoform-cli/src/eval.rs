@@ -74,7 +74,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         return Err(Failure::usage("this reading is not available yet").hint("--reading algebraic"));
     }
     if args.model == Path::new("-") && args.points == Path::new("-") {
-        return Err(Failure::usage("model and points cannot both come from stdin"));
+        return Err(Failure::usage("model and points cannot both be -").why("stdin can be read only once"));
     }
     let mode = if args.strict { Mode::Strict } else { Mode::Default };
     let model = model::read(&args.model, args.object.as_deref(), mode, context)?;

@@ -132,14 +132,14 @@ pub(crate) struct Failure {
     /// Short and fixed, for programs.
     pub(crate) code: &'static str,
     pub(crate) message: String,
-    pub(crate) place: Place,
+    pub(crate) place: Box<Place>,
     pub(crate) why: String,
     pub(crate) hint: String,
 }
 
 impl Failure {
     pub(crate) fn new(exit: u8, code: &'static str, message: impl Into<String>) -> Self {
-        Self { exit, code, message: message.into(), place: Place::default(), why: String::new(), hint: String::new() }
+        Self { exit, code, message: message.into(), place: Box::default(), why: String::new(), hint: String::new() }
     }
     pub(crate) fn usage(message: impl Into<String>) -> Self {
         Self::new(USAGE, "usage", message)
@@ -154,7 +154,7 @@ impl Failure {
         failure
     }
     pub(crate) fn at(mut self, file: &Path, line: usize, column: usize) -> Self {
-        self.place = Place { file: Some(file.to_owned()), line: Some(line), column: Some(column), text: None };
+        *self.place = Place { file: Some(file.to_owned()), line: Some(line), column: Some(column), text: None };
         self
     }
     pub(crate) fn drawn(mut self, text: &str) -> Self {

@@ -165,8 +165,8 @@ pub(crate) fn perlin<R: Real>(args: &[R]) -> R {
         let (a, b) = [(0, 1), (0, 2), (1, 2)][(n / 4) as usize];
         let sign = |s: u64| k(if s == 0 { 1.0 } else { -1.0 });
         let mut term = sign(n & 1) * d[a].clone() + sign((n >> 1) & 1) * d[b].clone();
-        for i in 0..3 {
-            term = term * if bit(i) == 1 { w[i].clone() } else { k(1.0) - w[i].clone() };
+        for (i, w) in w.iter().enumerate() {
+            term = term * if bit(i) == 1 { w.clone() } else { k(1.0) - w.clone() };
         }
         sum = sum + term;
     }

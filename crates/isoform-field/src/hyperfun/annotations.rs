@@ -423,11 +423,15 @@ impl Linear<'_> {
         let mut form = self.primary()?;
         loop {
             if self.take('*') {
+                let factor = self.at;
                 let other = self.primary()?;
                 form = match (form.terms.is_empty(), other.terms.is_empty()) {
                     (_, true) => form.scaled(other.constant),
                     (true, false) => other.scaled(form.constant),
-                    (false, false) => return self.fail("a product of two parameters is not linear"),
+                    (false, false) => {
+                        self.at = factor;
+                        return self.fail("a product of two parameters is not linear");
+                    }
                 };
             } else if self.take('/') {
                 let other = self.primary()?;

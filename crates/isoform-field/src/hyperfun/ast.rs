@@ -85,11 +85,11 @@ pub(crate) struct ArrayRef {
 pub(crate) enum Expr {
     Number { at: u32, value: f64 },
     Variable { at: u32, slot: u32 },
-    Item { at: u32, array: ArrayRef, index: Box<Expr> },
-    Sign { at: u32, sign: &'static str, operand: Box<Expr> },
-    Not { at: u32, operand: Box<Expr> },
-    Group { at: u32, inner: Box<Expr> },
-    Chain { first: Box<Expr>, rest: Vec<Link> },
+    Item { at: u32, array: ArrayRef, index: Box<Self> },
+    Sign { at: u32, sign: &'static str, operand: Box<Self> },
+    Not { at: u32, operand: Box<Self> },
+    Group { at: u32, inner: Box<Self> },
+    Chain { first: Box<Self>, rest: Vec<Link> },
     Function { at: u32, function: u16, arguments: Vec<Argument> },
     Call { at: u32, object: u32, arguments: Vec<(u32, ArrayRef)> },
 }
@@ -131,8 +131,8 @@ pub(crate) enum Statement {
     Assign { slot: u32, value: Expr },
     AssignItem { array: ArrayRef, index: Expr, value: Expr },
     AssignArray { array: ArrayRef, values: Vec<f64> },
-    If { at: u32, condition: Expr, then: Vec<Statement>, otherwise: Option<Vec<Statement>> },
-    While { at: u32, condition: Expr, body: Vec<Statement> },
+    If { at: u32, condition: Expr, then: Vec<Self>, otherwise: Option<Vec<Self>> },
+    While { at: u32, condition: Expr, body: Vec<Self> },
 }
 
 #[derive(Clone, Debug)]

@@ -361,18 +361,20 @@ impl<'p, M: Machine> Executor<'p, M> {
     fn function(&mut self, object: &'p Object, at: u32, function: u16, arguments: &'p [Argument]) -> Outcome<M::V> {
         let entry = &Function::<M>::TABLE[function as usize];
         let mut args = Arguments::<M::V>::default();
-        let mut wrong_point = false;
+        let (mut wrong_point, mut items) = (false, 0);
         for (i, argument) in arguments.iter().enumerate().rev() {
             match argument {
                 Argument::Number(expr) => args.numbers[i] = Some(self.eval(object, expr)?),
                 Argument::Array(at, array) => {
                     self.require_set(object, *at, *array)?;
-                    self.steps += u64::from(array.len);
+                    items += array.len as usize;
                     args.arrays[i] = (self.base + array.start as usize, array.len as usize);
                     wrong_point |= entry.arguments[i].1 == Shape::Point && array.len != 3;
                 }
             }
         }
+        // An item of an array is a formula, and as an expression it stays in memory.
+        self.step(at, if M::CHECKED { items } else { ITEM_COST * items })?;
         if wrong_point {
             // Only in strict mode: otherwise the parser refuses it.
             return Ok(self.m().constant(SENTINEL));
@@ -427,6 +429,10 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(v)
     }
 }
+
+/// What an array item that goes to a function counts against the limit of expressions: about the nodes that it makes, the
+/// largest are triangles with 150 nodes for 9 items.
+const ITEM_COST: usize = 16;
 
 /// What the reference returns for bad arguments.
 pub(crate) const SENTINEL: f64 = -1111111111111.0;

@@ -185,7 +185,7 @@ impl Model {
         &self.program.objects[self.object]
     }
 
-    /// Stops evaluations after so many steps (operations and statements).
+    /// Stops evaluations, and the construction of expressions, after so many steps (operations and statements).
     pub fn set_step_limit(&mut self, steps: u64) {
         self.step_limit = steps;
     }
@@ -262,7 +262,7 @@ impl Model {
         let a: Vec<NodeId> = (0..na).map(|i| graph.param(i)).collect();
         let mut s = vec![crate::ops::Ops::constant(graph, 0.0); ns];
         let machine = Symbolic::new(std::mem::take(graph));
-        let mut executor = Executor::new(&self.program, machine, COMPILE_LIMIT);
+        let mut executor = Executor::new(&self.program, machine, COMPILE_LIMIT.min(self.step_limit));
         let result = executor.run(self.object, &x, &a, &mut s);
         *graph = executor.into_machine().graph;
         result.map_err(|stop| {

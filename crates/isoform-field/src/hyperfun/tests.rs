@@ -1,1 +1,355 @@
 use super::*;
+use isoform_num::Jet1;
+
+fn model(text: &str) -> Model {
+    Model::parse(text, Mode::Default).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+fn refused(text: &str) -> SyntaxError {
+    Model::parse(text, Mode::Default).err().unwrap_or_else(|| panic!("accepted: {text}"))
+}
+fn body(text: &str) -> String {
+    format!("my_model(x[3],a[1]){{ {text} }}")
+}
+fn value(text: &str, x: f64) -> f64 {
+    match model(&body(text)).eval(&[x, 0.0, 0.0], &[0.0], &[]) {
+        Ok(e) => e.f,
+        Err(e) => panic!("{e}\n{text}"),
+    }
+}
+fn fault(text: &str, x: f64) -> RunError {
+    let m = model(&body(text));
+    m.eval(&[x, 0.0, 0.0], &[0.0], &[]).err().unwrap_or_else(|| panic!("no error: {text}"))
+}
+
+#[test]
+fn operators_of_one_level_go_from_left_to_right() {
+    assert_eq!(value("my_model = -2^2;", 0.0), 4.0);
+    assert_eq!(value("my_model = 2^3^2;", 0.0), 64.0);
+    assert_eq!(value("my_model = 2^-2;", 0.0), 0.25);
+    assert_eq!(value("my_model = 8/4/2 - 3 - 1;", 0.0), -3.0);
+    assert!((value("my_model = 1|2+3;", 0.0) - (3.0 + 5f64.sqrt() + 3.0)).abs() < 1e-15);
+    assert!((value("my_model = 1-2|3;", 0.0) - (2.0 + 10f64.sqrt())).abs() < 1e-15);
+}
+
+#[test]
+fn conditions_have_one_level_and_chain() {
+    let holds = |c: &str| value(&format!("v=0; if {c} then v=1; endif; my_model=v;"), 9.0) == 1.0;
+    assert!(!holds("1=1 or 1=2 and 1=2"));
+    assert!(holds("2<=x[1]<5.5"));
+    assert!(!holds("not 1=2"));
+    assert!(holds("not (1=2)"));
+    assert!(holds("(x[1]+1)*2 > 3"));
+    assert!(holds("((x[1]+1)*2 > 3) and ((x[1])) /= 2"));
+    assert!(holds("not not x[1]"));
+    assert!(!holds("0.0000001"));
+}
+
+#[test]
+fn in_place_maps_work_from_right_to_left() {
+    let p = "array p[3]; p = [1, 2, 3]; ";
+    assert_eq!(value(&format!("{p} my_model = p[1] + 10*hfShift3D(p, 1, 0, 0) + p[1];"), 0.0), 0.0 + 10.0 + 1.0);
+    // The shift stands right of both readings of p[1], except the last.
+    assert_eq!(value(&format!("{p} my_model = atan2(0, p[1]) + hfShift3D(p, 1, 0, 0);"), 0.0), 1.0);
+    assert_eq!(value(&format!("{p} my_model = max(hfShift3D(p, 5, 0, 0), p[1]);"), 0.0), 1.0);
+}
+
+#[test]
+fn objects_get_copies_and_give_back_s() {
+    let text = "inner(x[1], a[1], s[2]) { s = [5, 6]; t = a[1]; inner = t; }
+                my_model(x[1], a[1], s[2]) { v = inner(x, a, s); my_model = v + s[1] + 10*s[2]; }";
+    let e = model(text).eval(&[0.0], &[7.0], &[]).expect("it runs");
+    assert_eq!((e.f, e.s), (72.0, vec![5.0, 6.0]));
+    let text = "inner(x[3], a[1]) { t = hfShift3D(x, 1, 1, 1); inner = x[1]; }
+                my_model(x[3], a[1]) { my_model = inner(x, a) + 10*x[1]; }";
+    assert_eq!(model(text).eval(&[2.0, 0.0, 0.0], &[0.0], &[]).expect("it runs").f, 21.0);
+}
+
+#[test]
+fn attributes_come_in_and_go_out() {
+    let m = model("m(x[1], a[1], s[2]) { s[1] = s[2] + 1; m = 0; }");
+    assert_eq!(m.eval(&[0.0], &[0.0], &[3.0, 4.0]).expect("it runs").s, [5.0, 4.0]);
+    assert_eq!(m.eval(&[0.0], &[0.0], &[]).expect("it runs").s, [1.0, 0.0]);
+    assert_eq!(model("m(x[1], a[1]) { m = s[1]; }").n_attributes(), 0);
+}
+
+#[test]
+fn errors_are_reported_where_the_reference_does() {
+    for (text, column) in [
+        ("my_model = w;", 33),
+        ("my_model = 1 ", 36),
+        ("x[1]=2; my_model = 1;", 22),
+        ("s = 2; my_model = s;", 26),
+        ("array c[2]; c=[1+1,2]; my_model = c[1];", 38),
+        ("array c[3]; c=[1,2]; my_model = c[1];", 40),
+        ("my_model=1; y=2;", 34),
+        ("v=0; array c[3]; my_model=v;", 27),
+        ("array c[0]; my_model=1;", 30),
+        ("my_model=max(2);", 36),
+        ("my_model=sin(2,3);", 36),
+        ("my_model=hfSphere(x,1,2);", 42),
+        ("v=0; if x[1]>0 then v=1; my_model=v;", 47),
+        ("v=0; while v<1 v=v+1; endloop; my_model=v;", 37),
+        ("v=0; if x[1]>0 xor x[2]>0 then v=1; endif; my_model=v;", 37),
+        ("my_model=x[1] ? 2;", 36),
+        ("my_model=my_model+1;", 31),
+        ("my_model=x;", 32),
+        ("my_model=x[1)];", 34),
+        ("sin=1; my_model=2;", 22),
+        ("array sin[2]; my_model=2;", 28),
+        ("v=v; my_model=2;", 24),
+    ] {
+        let e = refused(&body(text));
+        assert_eq!((e.line, e.column), (1, column), "{text}: {e}");
+    }
+    assert_eq!(refused("").column, 1);
+    assert_eq!(refused("m(x[3],a[1]){ m=1; }\nm(x[3],a[1]){ m=2; }").line, 2);
+    let e = refused("b(x[3],a[2]){ b=1; }\nmy_model(x[3],a[1]){ my_model=b(x,a); }");
+    assert_eq!((e.line, e.column), (2, 35));
+    assert!(refused("b(x[3],a[1]){ b=1; }\nmy_model(x[3],a[1]){ my_model=b(1,2); }").column == 33);
+}
+
+#[test]
+fn run_time_errors_have_positions() {
+    for (text, column) in [
+        ("my_model=1/(x[1]-x[1]);", 32),
+        ("my_model=sqrt(0-1-abs(x[1]));", 31),
+        ("my_model=asin(2);", 31),
+        ("my_model=0^0;", 32),
+        ("my_model=(0-2)^0.5;", 36),
+        ("my_model=x[4];", 33),
+        ("my_model=x[0];", 33),
+        ("if x[1]>100 then v=1; endif; my_model=v;", 60),
+        ("array c[3]; c[1]=1; my_model=c[2];", 51),
+        ("array c[3]; c[1]=1; my_model=hfSphere(x,c,1);", 62),
+        ("my_model=tan(1.5707963);", 31),
+        ("my_model=mod(1,0);", 31),
+        ("my_model=exp(1000);", 22),
+        ("v=0; while 1 loop v=v+1; endloop; my_model=v;", 27),
+    ] {
+        let e = fault(text, 0.0);
+        assert_eq!((e.line, e.column), (1, column), "{text}: {e}");
+    }
+    assert_eq!(value("my_model = 1/(1+exp(1000));", 0.0), 0.0);
+}
+
+#[test]
+fn calls_that_multiply_are_stopped() {
+    let mut text = "o0(x[1], a[1]) { o0 = 1; }\n".to_owned();
+    for i in 1..60 {
+        text += &format!("o{i}(x[1], a[1]) {{ o{i} = o{0}(x,a) + o{0}(x,a); }}\n", i - 1);
+    }
+    let mut m = model(&text).object(Some("O59")).expect("it is there");
+    m.set_step_limit(100_000);
+    assert!(m.eval(&[0.0], &[0.0], &[]).is_err());
+    assert!(m.compile(&mut Graph::new()).is_err());
+}
+
+#[test]
+fn nesting_is_bounded() {
+    let nested = |n: usize, open: &str, close: &str| body(&format!("my_model = {}1{};", open.repeat(n), close.repeat(n)));
+    for (open, close) in [("(", ")"), ("- ", ""), ("abs(", ")"), ("x[", "]")] {
+        let deep = model(&nested(MAX_DEPTH as usize, open, close));
+        let _ = (deep.eval(&[1.0; 3], &[0.0], &[]), deep.pretty(), deep.compile(&mut Graph::new()));
+        assert!(refused(&nested(MAX_DEPTH as usize + 1, open, close)).message.contains("deep"), "{open}");
+        assert!(refused(&nested(200_000, open, close)).message.contains("deep"), "{open}");
+    }
+    let conditions = |n: usize| body(&format!("if {}1{} then v=1; endif; my_model=1;", "(".repeat(n), ")".repeat(n)));
+    let _ = model(&conditions(MAX_DEPTH as usize - 1)).eval(&[1.0; 3], &[0.0], &[]);
+    assert!(refused(&conditions(100_000)).message.contains("deep"));
+    let ifs = |n: usize| body(&format!("{} v=1; {} my_model=1;", "if x[1]>0 then ".repeat(n), "endif;".repeat(n)));
+    let _ = model(&ifs(MAX_DEPTH as usize - 1)).compile(&mut Graph::new());
+    assert!(refused(&ifs(100_000)).message.contains("deep"));
+    // Calls nest too, and a long sum does not.
+    let mut chain = "o0(x[1], a[1]) { o0 = 1; }\n".to_owned();
+    for i in 1..400 {
+        chain += &format!("o{i}(x[1], a[1]) {{ o{i} = o{}(x,a); }}\n", i - 1);
+    }
+    assert!(refused(&chain).message.contains("deep"));
+    let sum = model(&body(&format!("my_model = 0{};", "+1".repeat(300_000))));
+    assert_eq!(sum.eval(&[0.0; 3], &[0.0], &[]).expect("it runs").f, 300_000.0);
+}
+
+#[test]
+fn memory_is_bounded() {
+    assert!(refused("m(x[3],a[1]) { array c[999999999]; m=1; }").message.contains("items"));
+    assert!(refused("m(x[1e300],a[1]) { m=1; }").message.contains("items"));
+    assert!(refused("m(x[3],a[1]) { array c[600000], d[600000]; m=1; }").message.contains("items"));
+}
+
+#[test]
+fn warns_where_documented_precedence_differs() {
+    let warned = |e: &str| model(&body(&format!("my_model = {e};"))).warnings().len();
+    assert_eq!(warned("x[1]-1|2+3"), 1);
+    assert_eq!(warned("1|2-3+4"), 1);
+    assert_eq!(warned("x[1]-1|2*3"), 0);
+    assert_eq!(warned("(1|2)+3"), 0);
+    assert_eq!(warned("1+2|3"), 0);
+    assert_eq!(warned("sin(1&2+3)"), 1);
+}
+
+#[test]
+fn objects_are_chosen_by_folded_name() {
+    let m = model("ball(x[3],a[1]){ ball=7; }\nmy_model(x[3],a[1]){ my_model=8; }");
+    assert_eq!(m.name(), "my_model");
+    assert_eq!(m.clone().object(Some("BALL")).expect("it is there").name(), "ball");
+    let e = m.object(Some("cube")).expect_err("it is not there");
+    assert_eq!((e.name.as_str(), e.objects.len()), ("cube", 2));
+    assert_eq!(model("p(x[3],a[1]){ p=7; } q(x[3],a[1]){ q=7; }").name(), "p");
+}
+
+#[test]
+fn jets_give_derivatives_by_coordinates_and_parameters() {
+    let m = model("m(x[2], a[1]) { if x[1] > 0 then v = a[1]*x[1]^2; else v = x[2]; endif; m = v; }");
+    let x = [Jet1::<3>::variable(3.0, 0), Jet1::variable(1.0, 1)];
+    let f = m.eval_with(&x, &[Jet1::variable(2.0, 2)]).expect("it runs");
+    assert_eq!((f.v, f.g), (18.0, [12.0, 0.0, 9.0]));
+}
+
+#[test]
+fn what_cannot_be_an_expression_says_why() {
+    let why = |t: &str| model(&body(t)).compile(&mut Graph::new()).expect_err(t);
+    let e = why("my_model = x[x[1]];");
+    assert_eq!((e.column, e.why.contains("index")), (35, true));
+    assert!(why("v=0; while v<x[1] loop v=v+1; endloop; my_model=v;").why.contains("loop"));
+    assert!(why("v=0; while 1 loop v=v+1; endloop; my_model=v;").why.contains("steps"));
+    assert!(why("my_model = hfSawtooth(x[1], a[1], 1, 1);").why.contains("terms"));
+}
+
+#[test]
+fn branches_merge() {
+    let m = model(&body("v=1; if x[1]>0 then v=2; w=3; else v=4; endif; if x[1]>0 then v=v+w; endif; my_model=v;"));
+    let mut g = Graph::new();
+    let root = m.compile(&mut g).expect("it compiles");
+    assert_eq!(g.eval(root, &[1.0, 0.0, 0.0], &[0.0]), 5.0);
+    assert_eq!(g.eval(root, &[-1.0, 0.0, 0.0], &[0.0]), 4.0);
+}
+
+#[test]
+fn parts_are_named_after_variables_and_centres() {
+    let text = "my_model(x[3], a[3]) { array c1[3], c2[3]; c1[1]=a[1]; c1[2]=0; c1[3]=0; c2[1]=a[2]; c2[2]=1; c2[3]=1;
+                ball = hfSphere(x, c1, a[3]); both = ball | hfCylinderZ(x, c2, 2);
+                my_model = both \\ hfEllipsoid(x, a, 1, 2, 3); }";
+    let mut g = Graph::new();
+    let root = model(text).compile(&mut g).expect("it compiles");
+    let names: Vec<&str> = (0..g.len()).filter_map(|i| g.name(NodeId(i as u32))).collect();
+    for name in ["ball", "both", "c2", "my_model", "ellipsoid"] {
+        assert!(names.contains(&name), "{name} in {names:?}");
+    }
+    assert!(!names.contains(&"c1"));
+    assert_eq!(g.name(root), Some("my_model"));
+}
+
+const ANNOTATED: &str = "-- @title A ball on a rod
+-- @fits two pieces
+-- @pose rigid
+-- @unit mm
+-- @param a[1] radius length min=0.1 max=50 start=5 unit=mm : of the ball
+-- an ordinary comment
+my_model(x[3], a[4]) {
+  -- @param a[2] rod length tie=2*radius + a[3]/4 - 1 : of the rod
+  -- @param a[4] tilt angle fixed=0.5
+  array c[3]; c = [0,0,0]; my_model = hfSphere(x, c, a[1]) | hfCylinderZ(x, c, a[2]); }
+";
+
+#[test]
+fn annotations_describe_parameters() {
+    let m = model(ANNOTATED);
+    let p = m.params();
+    assert_eq!(p.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["radius", "rod", "a[3]", "tilt"]);
+    assert_eq!((p[0].kind, p[0].min, p[0].max, p[0].start), (Kind::Length, Some(0.1), Some(50.0), Some(5.0)));
+    assert_eq!((p[0].unit.as_deref(), p[0].description.as_str()), (Some("mm"), "of the ball"));
+    assert_eq!(p[1].tie, Some(Tie { constant: -1.0, terms: vec![(0, 2.0), (2, 0.25)] }));
+    assert_eq!((p[3].fixed, p[3].kind), (Some(Fixed::At(0.5)), Kind::Angle));
+    assert_eq!(m.info().pose, Some(Pose::Rigid));
+    assert_eq!(m.info().title.as_deref(), Some("A ball on a rod"));
+}
+
+#[test]
+fn bad_annotations_have_positions() {
+    let bad = |line: &str, column: usize, word: &str| {
+        let e = refused(&format!("\n-- @param {line}\nm(x[3], a[2]) {{ m = 1; }}"));
+        assert_eq!((e.line, e.column), (2, column), "{line}: {e}");
+        assert!(e.message.contains(word), "{e}");
+    };
+    bad("a[3] r", 11, "does not exist");
+    bad("b[1] r", 11, "a[i]");
+    bad("a[1] r size", 18, "length");
+    bad("a[1] r length mn=3", 25, "min=");
+    bad("a[1] r length min=three", 29, "not a number");
+    bad("a[1] r length min=3 max=2", 11, "above");
+    bad("a[1] r length start=9 max=2", 11, "bounds");
+    bad("a[1] r tie=a[2]*a[2]", 27, "linear");
+    bad("a[1] r tie=q", 22, "no parameter");
+    bad("a[1] r tie=r+1", 22, "free");
+    let e = refused("-- @pose sideways\nm(x[3], a[2]) { m = 1; }");
+    assert!(e.message.contains("rigid") && e.column == 10);
+    assert!(refused("m(x[3], a[1]) { m = 1; }\n-- @param a[1] r").message.contains("no object"));
+    assert!(refused("-- @param a[1] r\n-- @param a[2] R\nm(x[3], a[2]) { m = 1; }").message.contains("already"));
+    assert_eq!(model("-- @author me\nm(x[3], a[2]) { m = 1; }").warnings().len(), 1);
+    assert_eq!(model("-- mail me @ home\nm(x[3], a[2]) { m = 1; }").warnings().len(), 0);
+}
+
+#[test]
+fn fitted_programs_have_the_values_inside() {
+    let at = [0.3, 0.2, -1.0];
+    for text in [ANNOTATED.to_owned(), ANNOTATED.replace("my_model", "rod"), format!("b(x[3],a[1]) {{ b = 1; }} {ANNOTATED}")] {
+        let (m, a) = (model(&text), [1.5, 0.1, 0.0, 1e-7]);
+        let chosen = m.name().to_owned();
+        let want = m.eval(&at, &a, &[]).expect("it runs").f;
+        let printed = m.print_fitted(&a, None);
+        assert!(printed.contains("-- an ordinary comment"));
+        let again = model(&printed);
+        assert_eq!(again.name(), "my_model", "{chosen}");
+        assert_eq!(again.eval(&at, &[0.0], &[]).expect("it runs").f, want, "{printed}");
+    }
+    let turn = Placement { rotation: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], translation: [1.0, -2.0, 3.0], scale: 2.0 };
+    let m = model("-- template\nmy_model(x[3], a[1], s[2]) { s[1] = 4; my_model = x[1] + 10*x[2] + 100*x[3] + a[1]; }");
+    let moved = model(&m.print_fitted(&[7.0], Some(&turn)));
+    // p = Rᵀ(x − t)/2 with x − t = (2, 4, −6): R maps (4, −2, −6) to it.
+    let e = moved.eval(&[3.0, 2.0, -3.0], &[0.0], &[]).expect("it runs");
+    assert_eq!((e.f, e.s), (2.0 - 10.0 - 300.0 + 7.0, vec![4.0, 0.0]));
+}
+
+#[test]
+fn calls_of_a_renamed_object_follow() {
+    let text = "my_model(x[1], a[1]) { my_model = a[1]*x[1]; } other(x[1], a[1]) { my_model_template = 2; other = my_model(x, a); }";
+    let printed = model(text).print_fitted(&[5.0], None);
+    let m = model(&printed);
+    assert_eq!(m.eval(&[2.0], &[0.0], &[]).expect("it runs").f, 10.0);
+    assert_eq!(m.object(Some("other")).expect("it is there").eval(&[2.0], &[3.0], &[]).expect("it runs").f, 6.0);
+}
+
+#[test]
+fn start_values_are_replaced_in_place() {
+    let m = model(ANNOTATED);
+    let text = m.print_with_start(&[1.25, 2.0, 3.0, 0.5]);
+    assert!(text.contains("max=50 start=1.25 unit=mm : of the ball"), "{text}");
+    assert!(text.contains("tie=2*radius + a[3]/4 - 1 start=2.0 : of the rod"), "{text}");
+    let again = model(&text);
+    assert_eq!(again.params()[1].tie, m.params()[1].tie);
+    assert_eq!(again.params().iter().map(|p| p.start).collect::<Vec<_>>(), [Some(1.25), Some(2.0), None, Some(0.5)]);
+}
+
+#[test]
+fn printing_keeps_double_negation() {
+    let m = model(&body("my_model = 1 - - -x[1]^2;"));
+    let text = m.pretty();
+    assert_eq!(model(&text).pretty(), text);
+    assert_eq!(model(&text).eval(&[3.0, 0.0, 0.0], &[0.0], &[]).expect("it runs").f, -8.0);
+}
+
+#[test]
+fn the_library_lists_itself() {
+    let all = library();
+    let sphere = all.iter().find(|f| f.names[0] == "hfSphere").expect("it is there");
+    assert_eq!(sphere.signature, "hfSphere(x, center, R)");
+    assert!(all.iter().any(|f| f.names.contains(&"hfCylZ")));
+}
+
+#[test]
+fn a_strange_size_of_point_is_refused_or_the_sentinel() {
+    let text = "m(x[2], a[3]) { m = hfSphere(x, a, 1); }";
+    assert!(refused(text).message.contains("3 items"));
+    let strict = Model::parse(text, Mode::Strict).expect("the reference takes it");
+    assert_eq!(strict.eval(&[0.0; 2], &[0.0; 3], &[]).expect("it runs").f, -1111111111111.0);
+}

@@ -45,12 +45,12 @@ impl Shape {
             Self::Number => None,
             Self::Point => (len != 3 && mode == Mode::Default).then(|| "3 items, a point".to_owned()),
             Self::Array(n) => (len < n).then(|| format!("at least {n} items")),
-            Self::Elements(k) => (len % k != 0).then(|| format!("{k} items for each element")),
+            Self::Elements(k) => (!len.is_multiple_of(k)).then(|| format!("{k} items for each element")),
             Self::Each(k) => {
                 let n = u64::from(k) * u64::from(elements);
                 (u64::from(len) < n).then(|| format!("{n} items, {k} for each of {elements} elements"))
             }
-            Self::Chain => (len < 6 || len % 3 != 0).then(|| "3 items for each point, and two points at least".to_owned()),
+            Self::Chain => (len < 6 || !len.is_multiple_of(3)).then(|| "3 items for each point, and two points at least".to_owned()),
         }
     }
     /// The number of elements that an array of `len` items means, if this shape says it.

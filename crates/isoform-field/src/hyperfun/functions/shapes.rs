@@ -117,7 +117,7 @@ pub(super) fn sardf_difference<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'
 /// n ≤ 1: 0; else 2/(aπ) (1/2 − Σ sin(2π i f t)/i) for i = 1 … n − 1.
 pub(super) fn sawtooth<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let n = c.need(1, "the number of terms")?.trunc();
-    if !(n > 1.0) {
+    if n.is_nan() || n <= 1.0 {
         return Ok(c.c(0.0));
     }
     c.spend(n as u64)?;

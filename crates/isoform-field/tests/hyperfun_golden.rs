@@ -1,0 +1,126 @@
+//! HyperFun programs against values of the reference implementation: a few that are kept here, and all golden models where the
+//! shared data folder is present.
+
+use isoform_field::Graph;
+use isoform_field::hyperfun::{Mode, Model};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+struct Golden {
+    tolerance: f64,
+    columns: usize,
+    blocks: Vec<(Vec<f64>, Vec<Vec<f64>>)>,
+}
+
+fn numbers(text: &str) -> Vec<f64> {
+    text.split(',').map(|w| w.trim().parse().unwrap_or_else(|_| panic!("{w} is no number"))).collect()
+}
+
+fn golden(path: &Path) -> Golden {
+    let mut g = Golden { tolerance: f64::NAN, columns: 0, blocks: Vec::new() };
+    for line in fs::read_to_string(path).expect("readable").lines() {
+        if let Some(a) = line.strip_prefix("# a:") {
+            g.blocks.push((numbers(a), Vec::new()));
+        } else if let Some(columns) = line.strip_prefix("# columns:") {
+            g.columns = columns.split(',').position(|c| c.trim() == "f").expect("a column f");
+        } else if let Some((_, t)) = line.split_once("|df| <= ") {
+            g.tolerance = t.split('*').next().and_then(|t| t.parse().ok()).expect("a tolerance");
+        } else if !line.starts_with('#') && !line.is_empty() {
+            g.blocks.last_mut().expect("a block").1.push(numbers(line));
+        }
+    }
+    g
+}
+
+fn model(path: &Path, mode: Mode) -> Model {
+    let text = fs::read_to_string(path).expect("readable");
+    Model::parse(&text, mode).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// The strict value and the attributes against the table; the expression against the interpreter, in both modes. Returns how
+/// many values were compared.
+fn check(hf: &Path) -> usize {
+    let table = golden(&hf.with_extension("csv"));
+    let mut compared = 0;
+    for mode in [Mode::Strict, Mode::Default] {
+        let m = model(hf, mode);
+        let mut graph = Graph::new();
+        let root = m.compile(&mut graph);
+        let mut evaluator = m.evaluator::<f64>();
+        for (a, rows) in &table.blocks {
+            for row in rows {
+                let (x, want) = row.split_at(table.columns);
+                let place = || format!("{} {mode:?} a = {a:?} x = {x:?}", hf.display());
+                let f = evaluator.eval(x, a, &[]).unwrap_or_else(|e| panic!("{}: {e}", place()));
+                if let Ok(root) = root {
+                    let g = graph.eval(root, x, a);
+                    assert!((g - f).abs() <= 1e-12 * f.abs().max(1.0), "{}: expression {g}, program {f}", place());
+                }
+                if mode == Mode::Strict {
+                    assert!((f - want[0]).abs() <= table.tolerance * want[0].abs().max(1.0), "{}: {f} for {}", place(), want[0]);
+                    for (s, want) in evaluator.attributes().iter().zip(&want[1..]) {
+                        assert!((s - want).abs() <= table.tolerance * want.abs().max(1.0), "{}: {s} for {want}", place());
+                    }
+                    compared += 1;
+                }
+            }
+        }
+        // What is printed means the same.
+        let pretty = m.pretty();
+        let again = Model::parse(&pretty, mode).unwrap_or_else(|e| panic!("{}: {e}\n{pretty}", hf.display()));
+        assert_eq!(again.pretty(), pretty);
+        let (a, rows) = &table.blocks[0];
+        let fitted = Model::parse(&m.print_fitted(a, None), mode).unwrap_or_else(|e| panic!("{}: {e}", hf.display()));
+        for row in rows.iter().take(5) {
+            let x = &row[..table.columns];
+            let zero = vec![0.0; fitted.n_params()];
+            let f = m.eval(x, a, &[]).expect("it ran before");
+            assert_eq!(again.eval(x, a, &[]), Ok(f.clone()));
+            assert_eq!(fitted.eval(x, &zero, &[]), Ok(f));
+        }
+    }
+    compared
+}
+
+fn models(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
+    let mut found: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "hf")).collect();
+    found.retain(|p| p.with_extension("csv").exists());
+    found.sort();
+    found
+}
+
+fn own() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data")
+}
+
+fn shared() -> PathBuf {
+    std::env::var_os("ISOFORM_SHARED").map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from)
+}
+
+#[test]
+fn golden_values_kept_here() {
+    let found = models(&own());
+    assert!(found.len() >= 3);
+    assert!(found.iter().map(|hf| check(hf)).sum::<usize>() >= 30);
+}
+
+#[test]
+fn golden_values_of_the_shared_folder() {
+    let found = models(&shared().join("hyperfun/golden"));
+    if found.is_empty() {
+        println!("skipped: no golden models in {}", shared().display());
+        return;
+    }
+    let compared: usize = found.iter().map(|hf| check(hf)).sum();
+    println!("{compared} values of {} models", found.len());
+}
+
+/// The models that a template author would write must be expressions: what is interpreted cannot be meshed quickly.
+#[test]
+fn whole_models_compile() {
+    for hf in models(&own()) {
+        let m = model(&hf, Mode::Default);
+        m.compile(&mut Graph::new()).unwrap_or_else(|e| panic!("{}: {e}", hf.display()));
+    }
+}
