@@ -3,11 +3,19 @@
 //! - [`Graph`]: the tree of a model, built by hand or from a HyperFun program ([`hyperfun`]).
 //! - [`Tape`]: the compiled form; values, gradients, jets and intervals, in blocks of points.
 
+mod block;
 pub mod graph;
+pub mod hyperfun;
 pub mod library;
 mod native;
 pub mod ops;
+mod residual;
+mod shape;
+mod tape;
 
 pub use graph::{Graph, Node, NodeId};
 pub use library::{Axis, Library, Native};
 pub use ops::{Binary, Direct, Ops, SetOp, Unary};
+pub use residual::{Bound, Residual};
+pub use shape::{Part, Shape};
+pub use tape::Tape;

@@ -1,8 +1,37 @@
 //! Isoform: one shape, many forms.
+//!
+//! This crate gathers the others under one name and holds what joins them: [`FrepTemplate`] turns a HyperFun program into a
+//! template that [`fit`](mod@fit) fits to points.
+//!
+//! ```
+//! use isoform::FrepTemplate;
+//! use isoform::field::hyperfun::{Mode, Model};
+//! use isoform::fit::{Control, Options, fit};
+//!
+//! // Points of a ball of radius 2 about (1, 0, 0).
+//! let points: Vec<[f64; 3]> = (0..500)
+//!     .map(|i| {
+//!         let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 250.0 - 1.0);
+//!         let r = (1.0 - z * z).sqrt();
+//!         [1.0 + 2.0 * r * t.cos(), 2.0 * r * t.sin(), 2.0 * z]
+//!     })
+//!     .collect();
+//! let ball = "-- @pose translate
+//!     -- @param a[1] radius length
+//!     my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfSphere(x, c, a[1]); }";
+//! let model = Model::parse(ball, Mode::Default)?;
+//! let template = FrepTemplate::new(&model, &points)?;
+//! let result = fit(&points, &template, &Options::default(), &Control::default())?;
+//! assert!((result.parameters[0].value - 2.0).abs() < 1e-9);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
+
+mod template;
 
 pub use isoform_field as field;
 pub use isoform_fit as fit;
 pub use isoform_geom as geom;
 pub use isoform_io as io;
 pub use isoform_num as num;
+pub use template::{FrepTemplate, TemplateError};

@@ -1,0 +1,378 @@
+//! A HyperFun program as a template for fitting, with a pose of its own where the program or the caller asks for one.
+
+use isoform_field::hyperfun::{Fixed, Kind as ProgramKind, Model, NotCompilable, Placement, Pose};
+use isoform_field::{Graph, NodeId, Ops, Residual, Shape, Tape};
+use isoform_fit::{Kind, Parameter, Template, Tie};
+use isoform_geom::{Aabb, ParamField, Point3};
+use isoform_num::linalg::symmetric_eigen;
+
+/// Why a program is no template.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TemplateError {
+    /// The object does not describe a solid in space.
+    #[error("the model has {found} coordinates, a template for points in space has 3")]
+    Dimension {
+        /// Coordinates of the object.
+        found: usize,
+    },
+    /// The program is no expression: a loop or an index depends on the point or on a parameter.
+    #[error("the model cannot be fitted: {0}")]
+    NotCompilable(#[from] NotCompilable),
+}
+
+/// A rotation matrix by rows.
+type Rotation = [[f64; 3]; 3];
+
+const IDENTITY: Rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// A compiled HyperFun program: its own function to search with, the metric reading to measure with, and its parts.
+///
+/// With a pose, the point x of space becomes the model's point p = C(r)ᵀ R₀ᵀ (x − t) / scale: R₀ is a fixed base rotation, C(r) the
+/// Cayley rotation of the Rodrigues vector r (tan of half the angle along the axis), smooth everywhere below 180°. t, r and the
+/// scale are parameters behind the program's own.
+#[derive(Debug)]
+pub struct FrepTemplate {
+    model: Model,
+    pose: Pose,
+    base: Rotation,
+    parameters: Vec<Parameter>,
+    algebraic: Residual,
+    metric: Residual,
+    part: Residual,
+    part_names: Vec<String>,
+}
+
+impl FrepTemplate {
+    /// Compiles the model with the pose that the program asks for (`-- @pose`), none by default. The points give the base rotation.
+    pub fn new(model: &Model, points: &[Point3]) -> Result<Self, TemplateError> {
+        Self::with_pose(model, model.info().pose.unwrap_or(Pose::None), points)
+    }
+
+    /// The same with another pose than the program's.
+    pub fn with_pose(model: &Model, pose: Pose, points: &[Point3]) -> Result<Self, TemplateError> {
+        let base = if matches!(pose, Pose::None | Pose::Translate) { IDENTITY } else { upright_axes(points) };
+        Self::with_base(model, pose, base)
+    }
+
+    fn with_base(model: &Model, pose: Pose, base: Rotation) -> Result<Self, TemplateError> {
+        if model.dimension() != 3 {
+            return Err(TemplateError::Dimension { found: model.dimension() });
+        }
+        let mut graph = Graph::new();
+        let root = model.compile(&mut graph)?;
+        let shape = Shape::new(&mut graph, root);
+        let own = model.n_params();
+        let mut parameters: Vec<Parameter> = model.params().iter().map(own_parameter).collect();
+        parameters.extend(pose_parameters(pose));
+        let n = parameters.len();
+        let mut posed = Graph::new();
+        let (point, scale) = posed_point(&mut posed, pose, &base, own);
+        let a: Vec<NodeId> = (0..own).map(|i| posed.param(i)).collect();
+        let mut place = |id: NodeId| graph.rewrite(id, &mut posed, &point, &a, |_, _, _| {});
+        let (f, distance, part) = (place(root), place(shape.distance), place(shape.part));
+        let distance = scale.map_or(distance, |s| posed.mul(&distance, &s));
+        let compile = |root: NodeId| Residual::new(Tape::new(&posed, &[root], 3, n));
+        Ok(Self {
+            model: model.clone(),
+            pose,
+            base,
+            algebraic: compile(f),
+            metric: compile(distance),
+            part: compile(part),
+            part_names: shape.parts.into_iter().map(|p| p.name).collect(),
+            parameters,
+        })
+    }
+
+    /// The program.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+    /// The pose that is fitted.
+    pub fn pose(&self) -> Pose {
+        self.pose
+    }
+
+    /// Where the model lies, for values of all parameters; none without a pose.
+    pub fn placement(&self, values: &[f64]) -> Option<Placement> {
+        let q = &values[self.model.n_params()..];
+        let translation = match self.pose {
+            Pose::None => return None,
+            _ => [q[0], q[1], q[2]],
+        };
+        let r = match self.pose {
+            Pose::None | Pose::Translate => [0.0; 3],
+            Pose::Axis => [q[3], q[4], 0.0],
+            Pose::Rigid | Pose::Similarity => [q[3], q[4], q[5]],
+        };
+        let scale = if self.pose == Pose::Similarity { q[6] } else { 1.0 };
+        Some(Placement { rotation: product(&self.base, &cayley(r)), translation, scale })
+    }
+
+    /// The program with the values: plain HyperFun in the coordinates of the file whose points were fitted relative to `origin`.
+    pub fn fitted_program(&self, values: &[f64], origin: Point3) -> String {
+        let placement = match self.placement(values) {
+            Some(p) => Some(p),
+            None if origin != [0.0; 3] => Some(Placement { rotation: IDENTITY, translation: [0.0; 3], scale: 1.0 }),
+            None => None,
+        };
+        let moved = placement.map(|p| Placement { translation: std::array::from_fn(|i| p.translation[i] + origin[i]), ..p });
+        self.model.print_fitted(&values[..self.model.n_params()], moved.as_ref())
+    }
+}
+
+impl Template for FrepTemplate {
+    fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+    fn algebraic(&self) -> &dyn ParamField {
+        &self.algebraic
+    }
+    fn metric(&self) -> &dyn ParamField {
+        &self.metric
+    }
+    fn part_names(&self) -> &[String] {
+        &self.part_names
+    }
+    fn parts(&self, points: &[Point3], a: &[f64], out: &mut [u32]) {
+        let mut values = vec![0.0; points.len()];
+        self.part.values(points, a, &mut values);
+        for (o, v) in out.iter_mut().zip(values) {
+            *o = v as u32;
+        }
+    }
+}
+
+fn own_parameter(info: &isoform_field::hyperfun::ParamInfo) -> Parameter {
+    Parameter {
+        name: info.name.clone(),
+        kind: match info.kind {
+            ProgramKind::X => Kind::X,
+            ProgramKind::Y => Kind::Y,
+            ProgramKind::Z => Kind::Z,
+            ProgramKind::Length => Kind::Length,
+            ProgramKind::Angle => Kind::Angle,
+            ProgramKind::Ratio => Kind::Ratio,
+            ProgramKind::Number => Kind::Number,
+        },
+        min: info.min,
+        max: info.max,
+        start: info.start,
+        fixed: info.fixed.and_then(|f| match f {
+            Fixed::At(v) => Some(v),
+            Fixed::AtStart => info.start,
+        }),
+        tie: info.tie.as_ref().map(|t| Tie { constant: t.constant, terms: t.terms.clone() }),
+        unit: info.unit.clone(),
+    }
+}
+
+/// Rodrigues vectors are sought within this: 100° about each axis, so that with the base rotation every direction is in reach.
+const WIDEST_TURN: f64 = 1.2;
+
+fn pose_parameters(pose: Pose) -> Vec<Parameter> {
+    let position = [("pose_x", Kind::X), ("pose_y", Kind::Y), ("pose_z", Kind::Z)];
+    let turns: &[&str] = match pose {
+        Pose::None => return Vec::new(),
+        Pose::Translate => &[],
+        Pose::Axis => &["pose_rx", "pose_ry"],
+        Pose::Rigid | Pose::Similarity => &["pose_rx", "pose_ry", "pose_rz"],
+    };
+    let mut all: Vec<Parameter> = position.iter().map(|(name, kind)| Parameter::new(*name, *kind)).collect();
+    all.extend(turns.iter().map(|name| Parameter {
+        min: Some(-WIDEST_TURN),
+        max: Some(WIDEST_TURN),
+        ..Parameter::new(*name, Kind::Ratio)
+    }));
+    if pose == Pose::Similarity {
+        all.push(Parameter { min: Some(1e-3), max: Some(1e3), start: Some(1.0), ..Parameter::new("pose_scale", Kind::Ratio) });
+    }
+    all
+}
+
+/// The model's point as expressions of space and the pose's parameters (from index `first`), and the scale if there is one.
+fn posed_point(g: &mut Graph, pose: Pose, base: &Rotation, first: usize) -> ([NodeId; 3], Option<NodeId>) {
+    let x: [NodeId; 3] = std::array::from_fn(|i| g.x(i));
+    if pose == Pose::None {
+        return (x, None);
+    }
+    let moved: [NodeId; 3] = std::array::from_fn(|i| {
+        let t = g.param(first + i);
+        g.sub(&x[i], &t)
+    });
+    let turned = match pose {
+        Pose::None | Pose::Translate => moved,
+        Pose::Axis | Pose::Rigid | Pose::Similarity => {
+            let y: [NodeId; 3] = std::array::from_fn(|j| {
+                let terms: [NodeId; 3] = std::array::from_fn(|i| g.scale(base[i][j], &moved[i]));
+                let s = g.add(&terms[0], &terms[1]);
+                g.add(&s, &terms[2])
+            });
+            let zero = g.constant(0.0);
+            let r: [NodeId; 3] = std::array::from_fn(|i| if pose == Pose::Axis && i == 2 { zero } else { g.param(first + 3 + i) });
+            turned_back(g, &r, &y)
+        }
+    };
+    if pose != Pose::Similarity {
+        return (turned, None);
+    }
+    let scale = g.param(first + 6);
+    (turned.map(|p| g.div(&p, &scale)), Some(scale))
+}
+
+/// C(r)ᵀ y = ((1 − r²) y + 2 r (r·y) − 2 r × y) / (1 + r²)
+fn turned_back(g: &mut Graph, r: &[NodeId; 3], y: &[NodeId; 3]) -> [NodeId; 3] {
+    let dot = |g: &mut Graph, u: &[NodeId; 3], v: &[NodeId; 3]| {
+        let t: [NodeId; 3] = std::array::from_fn(|i| product_or_zero(g, u[i], v[i]));
+        let s = g.add(&t[0], &t[1]);
+        g.add(&s, &t[2])
+    };
+    let (r2, ry) = (dot(g, r, r), dot(g, r, y));
+    let one = g.constant(1.0);
+    let (less, more) = (g.sub(&one, &r2), g.add(&one, &r2));
+    let ry2 = g.scale(2.0, &ry);
+    // Divisions depend on the parameters only and are done once per call, not per point.
+    let (c, k) = (g.div(&less, &more), g.div(&one, &more));
+    let k2 = g.scale(2.0, &k);
+    std::array::from_fn(|i| {
+        let (j, l) = ((i + 1) % 3, (i + 2) % 3);
+        let (p, q) = (product_or_zero(g, r[j], y[l]), product_or_zero(g, r[l], y[j]));
+        let cross = g.sub(&p, &q);
+        let s = g.mul(&c, &y[i]);
+        let along = product_or_zero(g, r[i], ry2);
+        let along = product_or_zero(g, k, along);
+        let across = g.mul(&k2, &cross);
+        let s = g.add(&s, &along);
+        g.sub(&s, &across)
+    })
+}
+
+fn product_or_zero(g: &mut Graph, u: NodeId, v: NodeId) -> NodeId {
+    let zero = g.constant(0.0);
+    if u == zero || v == zero { zero } else { g.mul(&u, &v) }
+}
+
+fn product(a: &Rotation, b: &Rotation) -> Rotation {
+    std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
+}
+
+/// The rotation by 2 atan|r| about r.
+fn cayley(r: Point3) -> Rotation {
+    let r2 = isoform_geom::dot(r, r);
+    let skew = [[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]];
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let unit = f64::from(u8::from(i == j));
+            ((1.0 - r2) * unit + 2.0 * r[i] * r[j] + 2.0 * skew[i][j]) / (1.0 + r2)
+        })
+    })
+}
+
+/// The principal axes of the points as a rotation, with axes and signs chosen so that it turns as little as possible: scans mostly
+/// stand upright. Axes that the points hardly tell apart (moments within a tenth) are left where they are.
+fn upright_axes(points: &[Point3]) -> Rotation {
+    if points.len() < 4 {
+        return IDENTITY;
+    }
+    let center = Aabb::of(points).center();
+    let mut moments = [0.0; 9];
+    for p in points {
+        let d = isoform_geom::sub(*p, center);
+        for i in 0..3 {
+            for j in 0..3 {
+                moments[3 * i + j] += d[i] * d[j];
+            }
+        }
+    }
+    if moments.iter().any(|v| !v.is_finite()) {
+        return IDENTITY;
+    }
+    let (values, vectors) = symmetric_eigen(&moments, 3);
+    let alike = |i: usize, j: usize| values[j] - values[i] < 0.1 * values[j];
+    let axes: [Point3; 3] = std::array::from_fn(|k| [vectors[3 * k], vectors[3 * k + 1], vectors[3 * k + 2]]);
+    match (alike(0, 1), alike(1, 2)) {
+        (true, true) => IDENTITY,
+        (false, false) => nearest_frame(&axes),
+        // Two alike: only the third axis is known; turn the coordinate axis nearest to it into it, and nothing else.
+        (true, false) => shortest_turn(axes[2]),
+        (false, true) => shortest_turn(axes[0]),
+    }
+}
+
+/// The proper rotation with columns ± the axes in some order, of largest trace.
+fn nearest_frame(axes: &[Point3; 3]) -> Rotation {
+    const ORDERS: [([usize; 3], f64); 6] =
+        [([0, 1, 2], 1.0), ([1, 2, 0], 1.0), ([2, 0, 1], 1.0), ([0, 2, 1], -1.0), ([2, 1, 0], -1.0), ([1, 0, 2], -1.0)];
+    let det = isoform_geom::dot(axes[0], isoform_geom::cross(axes[1], axes[2])).signum();
+    let mut best = (f64::NEG_INFINITY, IDENTITY);
+    for (order, parity) in ORDERS {
+        for signs in 0..8u32 {
+            let sign = |k: usize| if signs >> k & 1 == 1 { -1.0 } else { 1.0 };
+            if sign(0) * sign(1) * sign(2) * parity * det < 0.0 {
+                continue;
+            }
+            let rotation: Rotation = std::array::from_fn(|i| std::array::from_fn(|j| sign(j) * axes[order[j]][i]));
+            let trace = rotation[0][0] + rotation[1][1] + rotation[2][2];
+            if trace > best.0 {
+                best = (trace, rotation);
+            }
+        }
+    }
+    best.1
+}
+
+/// The smallest rotation that takes a coordinate axis to ± the given direction.
+fn shortest_turn(direction: Point3) -> Rotation {
+    let k = (0..3).fold(0, |b, i| if direction[i].abs() > direction[b].abs() { i } else { b });
+    let sign = direction[k].signum();
+    let to = direction.map(|v| sign * v);
+    let mut from = [0.0; 3];
+    from[k] = 1.0;
+    // r = tan(angle/2) · axis, and tan(angle/2) = sin/(1 + cos).
+    let axis = isoform_geom::cross(from, to);
+    let c = 1.0 + isoform_geom::dot(from, to);
+    cayley(axis.map(|v| v / c))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_field::hyperfun::Mode;
+
+    const BLOCK: &str = "-- @pose rigid
+my_model(x[3], a[3]) { array v[3]; v[1] = 0-a[1]/2; v[2] = 0-a[2]/2; v[3] = 0-a[3]/2; my_model = hfBlock(x, v, a[1], a[2], a[3]); }";
+
+    #[test]
+    fn placement_undoes_the_pose() {
+        let model = Model::parse(BLOCK, Mode::Default).expect("a program");
+        let points: Vec<Point3> = (0..60).map(|i| [f64::from(i), f64::from(i * i % 17), f64::from(i % 3)]).collect();
+        let template = FrepTemplate::new(&model, &points).expect("a template");
+        let values = [2.0, 3.0, 4.0, 0.5, -0.25, 1.0, 0.3, -0.2, 0.1];
+        let place = template.placement(&values).expect("a pose");
+        // A corner of the model, carried to space: there the posed function vanishes.
+        let corner = [1.0, 1.5, 2.0];
+        let at: Point3 = std::array::from_fn(|i| (0..3).map(|k| place.rotation[i][k] * corner[k]).sum::<f64>() + place.translation[i]);
+        let mut d = [0.0];
+        template.metric().values(&[at], &values, &mut d);
+        assert!(d[0].abs() < 1e-12, "{}", d[0]);
+        // The printed program agrees with the template.
+        let printed = Model::parse(&template.fitted_program(&values, [10.0, 0.0, 0.0]), Mode::Default).expect("plain HyperFun");
+        let p = [0.7, 0.1, -0.4];
+        template.algebraic().values(&[p], &values, &mut d);
+        let f = printed.eval(&[p[0] + 10.0, p[1], p[2]], &[0.0], &[]).expect("a value").f;
+        assert!((f - d[0]).abs() < 1e-9 * (1.0 + f.abs()), "{f} against {}", d[0]);
+    }
+
+    #[test]
+    fn cayley_is_a_rotation() {
+        let r = cayley([0.3, -0.7, 0.2]);
+        let s = product(&r, &std::array::from_fn(|i| std::array::from_fn(|j| r[j][i])));
+        for i in 0..3 {
+            for j in 0..3 {
+                assert!((s[i][j] - IDENTITY[i][j]).abs() < 1e-15);
+            }
+        }
+        // A quarter turn about z takes x to y.
+        assert!((cayley([0.0, 0.0, 1.0])[1][0] - 1.0).abs() < 1e-15);
+    }
+}
