@@ -1,8 +1,8 @@
 //! `isoform eval`: the values of a model at points.
 
-use crate::model;
+use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
-use isoform::field::hyperfun::{Mode, Model};
+use isoform::field::hyperfun::Model;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -24,15 +24,11 @@ pub(crate) struct Args {
     /// The points, a table with commas (- for stdin)
     #[arg(long, value_name = "POINTS")]
     points: PathBuf,
-    /// The object to evaluate [default: my_model, else the first one]
-    #[arg(long, value_name = "NAME")]
-    object: Option<String>,
+    #[command(flatten)]
+    language: Language,
     /// The parameters a[1], a[2], ...; missing ones are as annotated, else 0
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = parameters)]
     params: Option<Parameters>,
-    /// Compute what the reference implementation computes, its faults included
-    #[arg(long)]
-    strict: bool,
     /// What to give: the model's own value, its distance-like reading, or the name of the nearest part
     #[arg(long, value_enum, default_value_t = Reading::Algebraic)]
     reading: Reading,
@@ -76,8 +72,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if args.model == Path::new("-") && args.points == Path::new("-") {
         return Err(Failure::usage("model and points cannot both be -").why("stdin can be read only once"));
     }
-    let mode = if args.strict { Mode::Strict } else { Mode::Default };
-    let model = model::read(&args.model, args.object.as_deref(), mode, context)?;
+    let model = model::read(&args.model, &args.language, context)?;
     let a = values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
     let table = output::text(output::read_file(&args.points)?);
     let rows = points(&args.points, &table, model.dimension())?;

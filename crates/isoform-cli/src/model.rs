@@ -1,13 +1,29 @@
 //! Reading HyperFun programs.
 
 use crate::output::{self, Context, Failure};
-use isoform::field::hyperfun::{Mode, Model};
+use isoform::field::hyperfun::{Mode, Model, Precedence};
 use std::path::Path;
 
+/// How a program is read; the same options for every verb.
+#[derive(clap::Args, Clone, Default)]
+pub(crate) struct Language {
+    /// The object to evaluate [default: my_model, else the first one]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) object: Option<String>,
+    /// Compute what the reference implementation computes, its faults included
+    #[arg(long)]
+    pub(crate) strict: bool,
+    /// Let set operators bind weaker than + and -, as HyperFun's documentation says
+    #[arg(long)]
+    pub(crate) documented_precedence: bool,
+}
+
 /// Reads a program, chooses its object and says what is doubtful in it.
-pub(crate) fn read(path: &Path, object: Option<&str>, mode: Mode, context: &Context) -> Result<Model, Failure> {
+pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Result<Model, Failure> {
     let text = output::text(output::read_file(path)?);
-    let model = Model::parse(&text, mode).map_err(|e| {
+    let mode = if language.strict { Mode::Strict } else { Mode::Default };
+    let precedence = if language.documented_precedence { Precedence::Documented } else { Precedence::Flat };
+    let model = Model::parse_with(&text, mode, precedence).map_err(|e| {
         let line = text.strip_prefix('\u{feff}').unwrap_or(&text).split('\n').nth(e.line - 1).unwrap_or_default();
         let failure = Failure::input("syntax", &e.message).at(path, e.line, e.column).drawn(line);
         if e.expected.is_empty() { failure } else { failure.hint(format!("{} there", e.expected)) }
@@ -15,7 +31,7 @@ pub(crate) fn read(path: &Path, object: Option<&str>, mode: Mode, context: &Cont
     for w in model.warnings() {
         context.warn(format_args!("{}:{}:{}: {}", path.display(), w.line, w.column, w.message));
     }
-    model.object(object).map_err(|e| {
+    model.object(language.object.as_deref()).map_err(|e| {
         let failure = Failure::usage(format!("{}: no object is called `{}`", path.display(), e.name));
         failure.hint(format!("--object with one of: {}", e.objects.join(", ")))
     })

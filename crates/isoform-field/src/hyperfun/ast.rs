@@ -110,6 +110,14 @@ pub(crate) enum Argument {
 }
 
 impl Expr {
+    /// Whether it is a number as written, with signs or without.
+    pub(crate) fn is_literal(&self) -> bool {
+        match self {
+            Self::Number { .. } => true,
+            Self::Sign { operand: inner, .. } | Self::Group { inner, .. } => inner.is_literal(),
+            _ => false,
+        }
+    }
     /// Where the expression begins.
     pub(crate) fn at(&self) -> u32 {
         match self {

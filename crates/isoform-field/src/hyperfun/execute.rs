@@ -284,7 +284,7 @@ impl<'p, M: Machine> Executor<'p, M> {
                 }
                 m.div(u, v)
             }
-            Operator::Power => return power(m, link.at, strict, u, v),
+            Operator::Power => return power(m, link.at, strict, u, v, link.operand.is_literal()),
             Operator::Union => m.set(SetOp::RUnion, u, v),
             Operator::Intersection | Operator::Cartesian => m.set(SetOp::RIntersection, u, v),
             Operator::Difference => {
@@ -446,7 +446,7 @@ fn part_name(object: &Object, function: &str, arguments: &[Argument]) -> String 
 }
 
 /// u ^ v: an integer power where v − ⌊v⌋ < EPS, else exp(v ln u). Strictly, u counts as 0 where |u| < EPS.
-fn power<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V) -> Outcome<M::V> {
+fn power<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V, literal: bool) -> Outcome<M::V> {
     let Some(exponent) = m.known(v) else { return Ok(open_power(m, strict, u, v)) };
     let whole = exponent - exponent.floor() < EPS;
     if M::CHECKED
@@ -467,7 +467,8 @@ fn power<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V) -> Ou
     let p = if !whole {
         m.binary(Binary::Pow, u, v)
     } else if n.abs() <= f64::from(i32::MAX) {
-        m.powi(u, n as i32)
+        let p = m.powi(u, n as i32);
+        if literal || !m.known(u).is_some_and(|u| u > 0.0) { p } else { with_slope(m, u, v, exponent, &p) }
     } else {
         let size = m.abs(u);
         m.binary(Binary::Pow, &size, v)
@@ -476,6 +477,15 @@ fn power<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V) -> Ou
         return Ok(p);
     }
     Ok(flattened(m, u, &p))
+}
+
+/// p + p ln u (v − its value): the value p, with the derivative by an exponent that happens to be an integer.
+fn with_slope<M: Machine>(m: &mut M, u: &M::V, v: &M::V, value: f64, p: &M::V) -> M::V {
+    let (ln, value) = (m.unary(Unary::Ln, u), m.constant(value));
+    let change = m.sub(v, &value);
+    let change = m.mul(&ln, &change);
+    let change = m.mul(p, &change);
+    m.add(p, &change)
 }
 
 /// 0 where |u| < EPS, else p.

@@ -71,6 +71,16 @@ pub enum Mode {
     Strict,
 }
 
+/// How set operators bind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precedence {
+    /// As + and −, from left to right: what the reference implementation does, with which models were made.
+    #[default]
+    Flat,
+    /// Below + and −, as the documentation says.
+    Documented,
+}
+
 /// A checked program.
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
@@ -154,12 +164,16 @@ impl std::error::Error for UnknownObject {}
 impl Model {
     /// Reads and checks a program. The model is its object `my_model`, else its first one; [`Model::object`] chooses another.
     pub fn parse(text: &str, mode: Mode) -> Result<Self, SyntaxError> {
+        Self::parse_with(text, mode, Precedence::Flat)
+    }
+    /// [`Model::parse`] with a choice of how set operators bind.
+    pub fn parse_with(text: &str, mode: Mode, precedence: Precedence) -> Result<Self, SyntaxError> {
         if text.len() > MAX_SOURCE {
             return Err(Source::new("").error(0, format!("the program is longer than {MAX_SOURCE} bytes"), ""));
         }
         let source = Source::new(text);
         let (tokens, comments) = lexer::tokens(&source);
-        let (objects, mut warnings) = parser::parse(&source, &tokens, mode)?;
+        let (objects, mut warnings) = parser::parse(&source, &tokens, mode, precedence)?;
         let annotations = annotations::read(&source, &objects, &comments, &mut warnings)?;
         let object = objects.iter().position(|o| o.name == DEFAULT_OBJECT).unwrap_or(0);
         let mut model =

@@ -5,7 +5,7 @@ use super::ast::{Argument, Array, ArrayRef, Expr, HEAD_ARRAYS, Level, Link, Obje
 use super::functions::{self, Shape};
 use super::lexer::{Kind, Token, Word};
 use super::source::{Source, SyntaxError, Warning};
-use super::{MAX_DEPTH, MAX_ITEMS, Mode};
+use super::{MAX_DEPTH, MAX_ITEMS, Mode, Precedence};
 use std::collections::HashMap;
 
 type Parsed<T> = Result<T, SyntaxError>;
@@ -17,12 +17,13 @@ enum Name {
 }
 
 /// All objects of a program and what to warn about.
-pub(crate) fn parse(source: &Source, tokens: &[Token], mode: Mode) -> Parsed<(Vec<Object>, Vec<Warning>)> {
+pub(crate) fn parse(source: &Source, tokens: &[Token], mode: Mode, precedence: Precedence) -> Parsed<(Vec<Object>, Vec<Warning>)> {
     let mut parser = Parser {
         source,
         tokens,
         at: 0,
         mode,
+        precedence,
         objects: Vec::new(),
         object_names: HashMap::new(),
         names: HashMap::new(),
@@ -48,6 +49,7 @@ struct Parser<'s> {
     tokens: &'s [Token],
     at: usize,
     mode: Mode,
+    precedence: Precedence,
     objects: Vec<Object>,
     object_names: HashMap<String, u32>,
     // Of the object being read:
@@ -372,21 +374,21 @@ impl Parser<'_> {
 
     // ---- expressions ------------------------------------------------------------------------------------------------------
 
-    /// The operator of `level` that stands here.
-    fn operator(&self, level: Level) -> Option<Operator> {
+    /// The operator that stands here, if it is one of those.
+    fn operator(&self, those: impl Fn(Operator) -> bool) -> Option<Operator> {
         let operator = match self.kind() {
             Kind::Symbol(symbol) => Operator::of(symbol)?,
             Kind::Word(Word::And) => Operator::And,
             Kind::Word(Word::Or) => Operator::Or,
             _ => return None,
         };
-        (operator.level() == level).then_some(operator)
+        those(operator).then_some(operator)
     }
 
     /// operand (operator operand)*, left to right.
-    fn chain(&mut self, level: Level, first: Expr, mut operand: impl FnMut(&mut Self) -> Parsed<Expr>) -> Parsed<Expr> {
+    fn chain(&mut self, those: impl Fn(Operator) -> bool, first: Expr, mut operand: impl FnMut(&mut Self) -> Parsed<Expr>) -> Parsed<Expr> {
         let mut rest = Vec::new();
-        while let Some(operator) = self.operator(level) {
+        while let Some(operator) = self.operator(&those) {
             let at = self.advance().start;
             rest.push(Link { at, operator, operand: operand(self)? });
         }
@@ -397,13 +399,13 @@ impl Parser<'_> {
     /// becomes the beginning of one: `(x[1]+1)*2 > 3`.
     fn condition(&mut self) -> Parsed<(Expr, bool)> {
         let (first, plain) = self.comparison()?;
-        let plain = plain && self.operator(Level::Logic).is_none();
-        Ok((self.chain(Level::Logic, first, |p| Ok(p.comparison()?.0))?, plain))
+        let plain = plain && self.operator(|o| o.level() == Level::Logic).is_none();
+        Ok((self.chain(|o| o.level() == Level::Logic, first, |p| Ok(p.comparison()?.0))?, plain))
     }
     fn comparison(&mut self) -> Parsed<(Expr, bool)> {
         let (first, plain) = self.condition_primary()?;
-        let plain = plain && self.operator(Level::Comparison).is_none();
-        Ok((self.chain(Level::Comparison, first, |p| Ok(p.condition_primary()?.0))?, plain))
+        let plain = plain && self.operator(|o| o.level() == Level::Comparison).is_none();
+        Ok((self.chain(|o| o.level() == Level::Comparison, first, |p| Ok(p.condition_primary()?.0))?, plain))
     }
     fn condition_primary(&mut self) -> Parsed<(Expr, bool)> {
         let at = self.start();
@@ -427,21 +429,30 @@ impl Parser<'_> {
     }
     /// An expression, whose first primary may be read already.
     fn expr_from(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
+        let first = self.sum(begun)?;
+        if self.precedence == Precedence::Documented {
+            return self.chain(|o| o.is_set_operator(), first, |p| p.sum(None));
+        }
+        self.warn_of_precedence(&first);
+        Ok(first)
+    }
+    /// A sum of products; set operators stand on the same level unless the documented precedence is asked for.
+    fn sum(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
         let first = self.product(begun)?;
-        let sum = self.chain(Level::Sum, first, |p| p.product(None))?;
-        self.warn_of_precedence(&sum);
-        Ok(sum)
+        let only_sums = self.precedence == Precedence::Documented;
+        let here = |o: Operator| o.level() == Level::Sum && !(only_sums && o.is_set_operator());
+        self.chain(here, first, |p| p.product(None))
     }
     fn product(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
         let first = self.power(begun)?;
-        self.chain(Level::Product, first, |p| p.power(None))
+        self.chain(|o| o.level() == Level::Product, first, |p| p.power(None))
     }
     fn power(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
         let first = match begun {
             Some(expr) => expr,
             None => self.unary()?,
         };
-        self.chain(Level::Power, first, Self::unary)
+        self.chain(|o| o.level() == Level::Power, first, Self::unary)
     }
 
     fn unary(&mut self) -> Parsed<Expr> {

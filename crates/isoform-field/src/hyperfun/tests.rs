@@ -188,6 +188,17 @@ fn warns_where_documented_precedence_differs() {
 }
 
 #[test]
+fn documented_precedence_is_a_switch() {
+    let text = body("my_model = 1 - 2|3 + 4 & 5*2;");
+    let m = Model::parse_with(&text, Mode::Default, Precedence::Documented).expect("a program");
+    let union = -1.0 + 7.0 + 50f64.sqrt();
+    let want = union + 10.0 - (union * union + 100.0).sqrt();
+    assert_eq!(m.eval(&[0.0; 3], &[0.0], &[]).expect("it runs").f, want);
+    assert!(m.warnings().is_empty());
+    assert_eq!(Model::parse_with(&m.pretty(), Mode::Default, Precedence::Documented).expect("a program").pretty(), m.pretty());
+}
+
+#[test]
 fn objects_are_chosen_by_folded_name() {
     let m = model("ball(x[3],a[1]){ ball=7; }\nmy_model(x[3],a[1]){ my_model=8; }");
     assert_eq!(m.name(), "my_model");
@@ -203,6 +214,10 @@ fn jets_give_derivatives_by_coordinates_and_parameters() {
     let x = [Jet1::<3>::variable(3.0, 0), Jet1::variable(1.0, 1)];
     let f = m.eval_with(&x, &[Jet1::variable(2.0, 2)]).expect("it runs");
     assert_eq!((f.v, f.g), (18.0, [12.0, 0.0, 9.0]));
+    // Also by an exponent that happens to be an integer.
+    let m = model("m(x[1], a[1]) { m = x[1]^a[1]; }");
+    let f = m.eval_with(&[Jet1::<2>::variable(3.0, 0)], &[Jet1::variable(2.0, 1)]).expect("it runs");
+    assert_eq!((f.v, f.g), (9.0, [6.0, 9.0 * 3f64.ln()]));
 }
 
 #[test]
