@@ -1,8 +1,8 @@
 //! The templates that the program carries: one file each in examples/templates/.
 
-use crate::model;
+use crate::model::{self, Language};
 use crate::output::{Context, Failure};
-use isoform::field::hyperfun::{Mode, Model};
+use isoform::field::hyperfun::Model;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -16,17 +16,17 @@ fn program(name: &str) -> Option<(&'static str, &'static str)> {
 }
 
 /// Reads a template: the file if there is one, else the one of that name in the gallery.
-pub(crate) fn template(path: &Path, object: Option<&str>, context: &Context) -> Result<Model, Failure> {
+pub(crate) fn template(path: &Path, language: &Language, context: &Context) -> Result<Model, Failure> {
     if !path.exists() && path != Path::new("-") {
         let name = path.to_string_lossy();
         if let Some((name, text)) = program(&name) {
-            return model::parse(Path::new(name), text.to_owned(), object, Mode::Default, context);
+            return model::parse(Path::new(name), text, language, context);
         }
         let names: Vec<&str> = GALLERY.iter().map(|g| g.0).collect();
         let failure = Failure::input("template", format!("no file and no template is called {name}"));
         return Err(failure.hint(format!("a HyperFun file, or one of: {}", names.join(", "))));
     }
-    model::read(path, object, Mode::Default, context)
+    model::read(path, language, context)
 }
 
 /// What `fit --list` says: name, what it fits, parameters.
@@ -35,7 +35,7 @@ pub(crate) fn list(context: &Context) -> Result<(String, Value), Failure> {
     let mut rows = Vec::new();
     let width = GALLERY.iter().map(|g| g.0.len()).max().unwrap_or(0);
     for (name, program) in GALLERY {
-        let model = model::parse(Path::new(name), (*program).to_owned(), None, Mode::Default, context)?;
+        let model = model::parse(Path::new(name), program, &Language::default(), context)?;
         let parameters: Vec<&str> = model.params().iter().map(|p| p.name.as_str()).collect();
         let fits = model.info().fits.clone().unwrap_or_default();
         text += &format!("{name:width$}  {fits}\n{:width$}  {}\n", "", parameters.join(", "));

@@ -2,8 +2,14 @@
 #![forbid(unsafe_code)]
 
 mod eval;
+mod fit;
+mod gallery;
+mod interrupt;
 mod model;
 mod output;
+mod progress;
+mod report;
+mod scan;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use output::{Context, Failure, Global, Outcome};
@@ -23,6 +29,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
+    Fit(Box<fit::Args>),
     Eval(eval::Args),
     /// Prints the completion script of a shell
     Completions {
@@ -33,6 +40,7 @@ enum Verb {
 
 fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
     match verb {
+        Verb::Fit(args) => fit::run(&args, context),
         Verb::Eval(args) => eval::run(&args, context),
         Verb::Completions { shell } => {
             let mut script = Vec::new();

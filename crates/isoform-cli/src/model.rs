@@ -5,7 +5,7 @@ use isoform::field::hyperfun::{Mode, Model, Precedence};
 use std::path::Path;
 
 /// How a program is read; the same options for every verb.
-#[derive(clap::Args, Clone, Default)]
+#[derive(clap::Args, Clone, Debug, Default)]
 pub(crate) struct Language {
     /// The object to evaluate [default: my_model, else the first one]
     #[arg(long, value_name = "NAME")]
@@ -20,11 +20,15 @@ pub(crate) struct Language {
 
 /// Reads a program, chooses its object and says what is doubtful in it.
 pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Result<Model, Failure> {
-    let text = output::text(output::read_file(path)?);
+    parse(path, &output::text(output::read_file(path)?), language, context)
+}
+
+/// The same from text; the path is for messages.
+pub(crate) fn parse(path: &Path, text: &str, language: &Language, context: &Context) -> Result<Model, Failure> {
     let mode = if language.strict { Mode::Strict } else { Mode::Default };
     let precedence = if language.documented_precedence { Precedence::Documented } else { Precedence::Flat };
-    let model = Model::parse_with(&text, mode, precedence).map_err(|e| {
-        let line = text.strip_prefix('\u{feff}').unwrap_or(&text).split('\n').nth(e.line - 1).unwrap_or_default();
+    let model = Model::parse_with(text, mode, precedence).map_err(|e| {
+        let line = text.strip_prefix('\u{feff}').unwrap_or(text).split('\n').nth(e.line - 1).unwrap_or_default();
         let failure = Failure::input("syntax", &e.message).at(path, e.line, e.column).drawn(line);
         if e.expected.is_empty() { failure } else { failure.hint(format!("{} there", e.expected)) }
     })?;

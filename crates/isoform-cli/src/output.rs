@@ -260,7 +260,7 @@ pub(crate) fn usage(error: &clap::Error) -> ExitCode {
 }
 
 /// One JSON document: schema and ok before the rest.
-fn document(ok: bool, fields: Value) -> Vec<u8> {
+pub(crate) fn document(ok: bool, fields: Value) -> Vec<u8> {
     let mut all = serde_json::Map::new();
     all.insert("schema".into(), json!(1));
     all.insert("ok".into(), json!(ok));

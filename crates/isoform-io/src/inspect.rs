@@ -90,6 +90,11 @@ pub fn inspect(cloud: &PointCloud, report: &ReadReport) -> Inspection {
     }
 }
 
+/// The unit of length alone, which costs next to nothing.
+pub fn inspect_unit(cloud: &PointCloud, report: &ReadReport) -> UnitGuess {
+    guess_unit(&cloud.bounds(), report)
+}
+
 fn duplicates(cloud: &PointCloud) -> usize {
     let mut keys: Vec<[u64; 3]> = cloud.points.iter().map(|p| p.map(|v| (v + 0.0).to_bits())).collect();
     keys.sort_unstable();

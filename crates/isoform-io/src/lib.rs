@@ -46,7 +46,7 @@ mod write;
 pub use color::deviation_colors;
 pub use error::{At, ErrorKind, Place, ReadError, WriteError};
 pub use input::Source;
-pub use inspect::{ColumnRange, Inspection, UnitGuess, inspect};
+pub use inspect::{ColumnRange, Inspection, UnitGuess, inspect, inspect_unit};
 pub use read::{MeshPoints, ReadOptions, ReadReport, read};
 pub use registry::{Format, format_named, formats};
 pub use write::{WriteOptions, WriteReport, write, write_atomic, write_path};

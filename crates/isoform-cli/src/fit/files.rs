@@ -1,0 +1,84 @@
+//! The files that a fit writes, by their endings.
+
+use super::document;
+use super::job::Job;
+use crate::output::{self, Context, Failure};
+use crate::{report, scan};
+use isoform::geom::{Column, PointCloud};
+use isoform::io::{WriteOptions, deviation_colors, write_path};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Program,
+    Points,
+    Report,
+    Document,
+}
+
+fn kind(path: &Path) -> Result<Kind, Failure> {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    match ending.as_str() {
+        "hf" => Ok(Kind::Program),
+        "ply" | "xyz" | "txt" | "csv" => Ok(Kind::Points),
+        "html" | "htm" => Ok(Kind::Report),
+        "json" => Ok(Kind::Document),
+        _ => {
+            let failure = Failure::usage(format!("{}: no result is written with this ending", path.display()));
+            Err(failure.hint("-o with .hf, .ply, .xyz, .csv, .html or .json"))
+        }
+    }
+}
+
+/// Finds out before the work whether every file can be of its kind and its folder exists.
+pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
+    for path in paths {
+        kind(path)?;
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+        if let Some(folder) = folder.filter(|f| !f.is_dir()) {
+            let mut failure = Failure::input("not-writable", format!("cannot write {}: there is no folder {}", path.display(), folder.display()));
+            failure.place.file = Some(path.clone());
+            return Err(failure.hint("make the folder first"));
+        }
+    }
+    Ok(())
+}
+
+/// Writes all files and notes the time; gives back what was written.
+pub(crate) fn write(job: &mut Job, paths: &[PathBuf], context: &Context) -> Result<Vec<PathBuf>, Failure> {
+    let started = Instant::now();
+    for path in paths {
+        match kind(path)? {
+            Kind::Program => output::write_file(path, job.program().as_bytes())?,
+            Kind::Points => {
+                let options = WriteOptions { units: Some(job.unit.unit.clone()).filter(|u| !u.is_empty()), ..WriteOptions::default() };
+                let report = write_path(&deviations(job), path, None, &options).map_err(|e| scan::unwritable(&e))?;
+                report.warnings.iter().for_each(|w| context.note(format_args!("{}: {w}", path.display())));
+            }
+            Kind::Report => output::write_file(path, report::page(job).as_bytes())?,
+            Kind::Document => {
+                let fields = document::document(job, "fit");
+                output::write_file(path, &output::document(true, fields))?;
+            }
+        }
+    }
+    if !paths.is_empty() {
+        job.seconds.push(("write", started.elapsed().as_secs_f64()));
+    }
+    Ok(paths.to_vec())
+}
+
+/// The points with deviation, part and whether they are outliers, coloured by deviation; grey are the outliers.
+fn deviations(job: &Job) -> PointCloud {
+    let fit = &job.fit;
+    let deviation = job.deviation();
+    let shown: Vec<f64> = deviation.iter().zip(&fit.outliers).map(|(d, out)| if *out { f64::NAN } else { *d }).collect();
+    let colors = deviation_colors(&shown, report::color_limit(fit));
+    let columns = vec![
+        Column { name: "deviation".into(), values: deviation },
+        Column { name: "part".into(), values: fit.parts.iter().map(|p| f64::from(*p)).collect() },
+        Column { name: "outlier".into(), values: fit.outliers.iter().map(|o| f64::from(u8::from(*o))).collect() },
+    ];
+    PointCloud { normals: Vec::new(), colors, columns, triangles: job.cloud.triangles.clone(), ..job.cloud.clone() }
+}

@@ -1,0 +1,183 @@
+//! `isoform fit`: the parameters of a template from points.
+
+pub(crate) mod document;
+pub(crate) mod files;
+pub(crate) mod job;
+pub(crate) mod settings;
+pub(crate) mod table;
+
+use crate::gallery;
+use crate::model::Language;
+use crate::output::{Context, Failure, Outcome};
+use isoform::field::hyperfun::Pose;
+use isoform::fit::{Local, Loss, Method};
+use job::Request;
+use settings::Start;
+use std::path::{Path, PathBuf};
+
+/// Fits a template to points
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  isoform fit scan.ply --template cup -o fitted.hf -o deviation.ply -o report.html
+
+TEMPLATE is a HyperFun file, or a name out of --list. The table (--json: the document) gives every parameter with its
+95 % interval and what the points say of it: determined, weak, undetermined, fixed, at-bound. See docs/fitting.md.
+
+Exit code: 0, or 3 if the template does not fit or the search was cut short (files are written all the same), 4 without
+a result, 2 for unreadable input, 130 after Ctrl-C (the best so far is written).")]
+pub(crate) struct Args {
+    /// The points: PLY, XYZ, CSV, OBJ, OFF, STL, PCD, LAS, LAZ, E57 (- for stdin)
+    #[arg(required_unless_present = "list")]
+    scan: Option<PathBuf>,
+    /// The template: a HyperFun file or a name out of --list
+    #[arg(long, short, value_name = "FILE|NAME", required_unless_present = "list")]
+    template: Option<PathBuf>,
+    /// Lists the templates that are built in
+    #[arg(long, exclusive = true)]
+    list: bool,
+    #[command(flatten)]
+    options: Settings,
+    /// Format of the points, where neither name nor content tell it
+    #[arg(long, value_name = "FORMAT")]
+    from: Option<String>,
+    /// Take at most that many points, a seeded random sample
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    max_points: Option<u64>,
+    /// Write a file; by its ending: .hf (fitted program), .ply .xyz .csv (points with deviations), .html (report), .json
+    #[arg(short, long, value_name = "FILE")]
+    output: Vec<PathBuf>,
+}
+
+/// How to fit; shared with `recover`.
+#[derive(clap::Args)]
+pub(crate) struct Settings {
+    #[command(flatten)]
+    language: Language,
+    /// Start values of the parameters in their order, or auto: the template's, else the data decide
+    #[arg(long, value_name = "NUMBERS|auto", allow_hyphen_values = true, value_parser = settings::start)]
+    start: Option<Start>,
+    /// Bounds: a JSON file, {"radius": [1, 5], "2": [0, 1]}
+    #[arg(long, value_name = "FILE")]
+    bounds: Option<PathBuf>,
+    /// How the minimum is sought; hybrid, local, annealing and bfgs are the paper's
+    #[arg(long, value_enum, default_value_t = MethodName::Default)]
+    method: MethodName,
+    /// The loss of the last, metric stage; auto is robust where it must be
+    #[arg(long, value_enum, default_value_t = LossName::Auto)]
+    loss: LossName,
+    /// Hold a parameter at a value; may be repeated
+    #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true, value_parser = settings::fix)]
+    fix: Vec<(String, f64)>,
+    /// Motion of the whole template as further parameters [default: as the template says]
+    #[arg(long, value_enum)]
+    pose: Option<PoseName>,
+    /// Keep isolated points in the search
+    #[arg(long)]
+    no_outlier_filter: bool,
+    /// Unit of the scan's numbers [default: as the file says, else guessed from the size]
+    #[arg(long, value_enum)]
+    units: Option<UnitName>,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum MethodName {
+    Default,
+    Hybrid,
+    Local,
+    Bfgs,
+    Annealing,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum LossName {
+    Auto,
+    Squares,
+    Cauchy,
+    Tukey,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum PoseName {
+    None,
+    Translate,
+    Axis,
+    Rigid,
+    Similarity,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum UnitName {
+    Mm,
+    Cm,
+    M,
+    In,
+    Ft,
+}
+
+impl Settings {
+    pub(crate) fn request(&self, template: &Path) -> Request {
+        let method = match self.method {
+            MethodName::Default => Method::Default,
+            MethodName::Hybrid => Method::Hybrid { local: Local::Lm, threshold: None },
+            MethodName::Local => Method::Local(Local::Lm),
+            MethodName::Bfgs => Method::Local(Local::Bfgs),
+            MethodName::Annealing => Method::Annealing,
+        };
+        let loss = match self.loss {
+            LossName::Auto => Loss::Auto,
+            LossName::Squares => Loss::Squares,
+            LossName::Cauchy => Loss::Cauchy,
+            LossName::Tukey => Loss::Tukey,
+        };
+        let pose = self.pose.map(|p| match p {
+            PoseName::None => Pose::None,
+            PoseName::Translate => Pose::Translate,
+            PoseName::Axis => Pose::Axis,
+            PoseName::Rigid => Pose::Rigid,
+            PoseName::Similarity => Pose::Similarity,
+        });
+        let unit = |u| match u {
+            UnitName::Mm => "mm",
+            UnitName::Cm => "cm",
+            UnitName::M => "m",
+            UnitName::In => "in",
+            UnitName::Ft => "ft",
+        };
+        Request {
+            template: template.to_owned(),
+            language: self.language.clone(),
+            start: self.start.clone(),
+            bounds: self.bounds.clone(),
+            method,
+            loss,
+            fixed: self.fix.clone(),
+            pose,
+            filter_outliers: !self.no_outlier_filter,
+            units: self.units.map(|u| unit(u).to_owned()),
+        }
+    }
+}
+
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    let (Some(scan), Some(template)) = (&args.scan, &args.template) else {
+        let (text, json) = gallery::list(context)?;
+        return Ok(Outcome { exit: crate::output::DONE, json, stdout: text.into_bytes() });
+    };
+    files::check(&args.output)?;
+    let max_points = args.max_points.map(|n| usize::try_from(n).unwrap_or(usize::MAX));
+    let scan = job::read_scan(scan, args.from.as_deref(), max_points, context)?;
+    let mut job = job::run(scan, &args.options.request(template), context)?;
+    let written = files::write(&mut job, &args.output, context)?;
+    if !context.global.json {
+        for w in &job.warnings {
+            context.warn(w);
+        }
+    }
+    let mut json = document::document(&job, "fit");
+    if !written.is_empty() {
+        json["outputs"] = written.iter().map(|p| p.display().to_string()).collect();
+    }
+    let stdout = if context.global.json { Vec::new() } else { table::text(&job).into_bytes() };
+    Ok(Outcome { exit: job.exit(), json, stdout })
+}

@@ -1,0 +1,62 @@
+//! Progress on stderr: one bar on a terminal, one line per phase elsewhere, nothing with --quiet.
+
+use crate::output::Context;
+use std::io::{self, IsTerminal, Write};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+const WIDTH: usize = 30;
+/// Time between drawings of the bar.
+const PAUSE: Duration = Duration::from_millis(80);
+
+struct Shown {
+    phase: String,
+    drawn: Option<Instant>,
+    started: Instant,
+}
+
+/// Shows phases as they come.
+pub(crate) struct Progress {
+    is_on: bool,
+    is_bar: bool,
+    shown: Mutex<Shown>,
+}
+
+impl Progress {
+    pub(crate) fn new(context: &Context) -> Self {
+        let is_bar = io::stderr().is_terminal();
+        let shown = Mutex::new(Shown { phase: String::new(), drawn: None, started: Instant::now() });
+        Self { is_on: !context.global.quiet, is_bar, shown }
+    }
+
+    /// A phase has got this far (0 to 1).
+    pub(crate) fn show(&self, phase: &str, done: f64) {
+        if !self.is_on {
+            return;
+        }
+        // A thread that is late with its news may keep them.
+        let Ok(mut shown) = self.shown.try_lock() else { return };
+        let is_new = shown.phase != phase;
+        if is_new {
+            phase.clone_into(&mut shown.phase);
+        }
+        if !self.is_bar {
+            if is_new {
+                let _ = writeln!(io::stderr().lock(), "{phase} ...");
+            }
+        } else if shown.started.elapsed() > PAUSE && (is_new || shown.drawn.is_none_or(|t| t.elapsed() > PAUSE)) {
+            shown.drawn = Some(Instant::now());
+            let full = (done.clamp(0.0, 1.0) * WIDTH as f64) as usize;
+            let _ = write!(io::stderr().lock(), "\r{phase:<10} [{}{}] {:3.0} %", "#".repeat(full), ".".repeat(WIDTH - full), 100.0 * done);
+        }
+    }
+}
+
+impl Drop for Progress {
+    /// Wipes the bar.
+    fn drop(&mut self) {
+        if self.is_on && self.is_bar && self.shown.get_mut().is_ok_and(|s| s.drawn.is_some()) {
+            let _ = write!(io::stderr().lock(), "\r{}\r", " ".repeat(WIDTH + 20));
+        }
+    }
+}
