@@ -482,8 +482,7 @@ fn native_adjoints(f: Native, args: &[u32], s: &[Row], g: &Row, low: &mut [Row])
         if g.0[l] == 0.0 {
             continue;
         }
-        let at: Vec<Jet1<NATIVE_ARGUMENTS>> =
-            args.iter().enumerate().map(|(n, &k)| Jet1::variable(s[k as usize].0[l], n)).collect();
+        let at: Vec<Jet1<NATIVE_ARGUMENTS>> = args.iter().enumerate().map(|(n, &k)| Jet1::variable(s[k as usize].0[l], n)).collect();
         let d = f.eval(&at).g;
         for (n, &k) in args.iter().enumerate() {
             low[k as usize].0[l] += g.0[l] * d[n];

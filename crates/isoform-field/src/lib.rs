@@ -6,6 +6,7 @@
 mod block;
 pub mod graph;
 pub mod hyperfun;
+mod jets;
 pub mod library;
 mod native;
 pub mod ops;

@@ -1,6 +1,7 @@
 //! A compiled model as the residual of a fit.
 
 use crate::block::{Block, LANES, Lane, Wanted, dispatch};
+use crate::jets::{self, JetBlock};
 use crate::tape::Tape;
 use isoform_geom::{Aabb, Field, ParamField, Point3};
 use isoform_num::{Interval, Jet2};
@@ -268,6 +269,25 @@ impl Bound {
     /// The values of the parameters.
     pub fn parameters(&self) -> &[f64] {
         &self.a
+    }
+
+    /// 2-jets at many points: value, gradient, Hessian; in blocks, on all threads of the current pool for large inputs.
+    ///
+    /// # Panics
+    /// If `out` is shorter than `points`.
+    pub fn jets(&self, points: &[Point3], out: &mut [Jet2]) {
+        let out = &mut out[..points.len()];
+        let piece = |points: &[Point3], out: &mut [Jet2]| {
+            let mut block = JetBlock::new(&self.residual.tape, &self.a);
+            for (p, o) in points.chunks(jets::LANES).zip(out.chunks_mut(jets::LANES)) {
+                block.eval(p, o);
+            }
+        };
+        if points.len() <= PIECE || rayon::current_num_threads() == 1 {
+            piece(points, out);
+        } else {
+            points.par_chunks(PIECE).zip(out.par_chunks_mut(PIECE)).for_each(|(p, o)| piece(p, o));
+        }
     }
 
     /// f over a box, with the tape shortened to what matters there.

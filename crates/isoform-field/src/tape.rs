@@ -70,8 +70,7 @@ impl Tape {
             varies[id.at()] = matches!(g.node(id), Node::X(_)) || g.arguments(id).iter().any(|a| varies[a.at()]);
         }
         let is_input = |id: &NodeId| matches!(g.node(*id), Node::Constant(_) | Node::X(_) | Node::Param(_));
-        let (varying, uniform): (Vec<NodeId>, Vec<NodeId>) =
-            nodes.iter().filter(|id| !is_input(id)).partition(|id| varies[id.at()]);
+        let (varying, uniform): (Vec<NodeId>, Vec<NodeId>) = nodes.iter().filter(|id| !is_input(id)).partition(|id| varies[id.at()]);
         let mut slot = vec![u32::MAX; g.len()];
         let mut next_constant = 0;
         for &id in &nodes {
