@@ -8,6 +8,7 @@ mod interrupt;
 mod model;
 mod output;
 mod progress;
+mod recover;
 mod report;
 mod scan;
 
@@ -29,6 +30,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
+    Recover(Box<recover::Args>),
     Fit(Box<fit::Args>),
     Eval(eval::Args),
     /// Prints the completion script of a shell
@@ -40,6 +42,7 @@ enum Verb {
 
 fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
     match verb {
+        Verb::Recover(args) => recover::run(&args, context),
         Verb::Fit(args) => fit::run(&args, context),
         Verb::Eval(args) => eval::run(&args, context),
         Verb::Completions { shell } => {

@@ -1,7 +1,17 @@
 //! The HTML report of a fit: one file that needs nothing else.
 
+mod svg;
+
+use crate::fit::document;
 use crate::fit::job::Job;
-use isoform::fit::Fit;
+use crate::fit::table::{self, brief, millimetres, rounded, verdict, with_unit};
+use isoform::fit::{Fit, Step, Template};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use svg::escaped;
+
+/// Colours of the phases, from dark to light.
+const PHASES: [&str; 8] = ["#2166ac", "#4393c3", "#92c5de", "#1b7837", "#7fbf7b", "#b2182b", "#f4a582", "#878787"];
 
 /// A round number at or above: 1, 2, 5 times a power of ten.
 fn round_up(v: f64) -> f64 {
@@ -17,8 +27,273 @@ pub(crate) fn color_limit(fit: &Fit) -> f64 {
     round_up(fit.data_to_model.p95)
 }
 
+/// Lengths as the page shows them: in millimetres where the scan's unit is known, else as they are.
+struct Lengths {
+    scale: f64,
+    unit: String,
+}
+
+impl Lengths {
+    fn of(job: &Job) -> Self {
+        match millimetres(&job.unit.unit) {
+            Some(scale) => Self { scale, unit: "mm".to_owned() },
+            None => Self { scale: 1.0, unit: job.unit.unit.clone() },
+        }
+    }
+    fn text(&self, v: f64) -> String {
+        with_unit(&brief(v * self.scale), &self.unit)
+    }
+}
+
 /// The page.
 pub(crate) fn page(job: &Job) -> String {
-    let _ = job;
-    String::new()
+    let info = job.template.frep.model().info();
+    let title = info.title.clone().unwrap_or_else(|| job.template_name.clone());
+    let lengths = Lengths::of(job);
+    let mut html = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{0} fitted to {1}</title>\n<style>\n{2}</style>\n</head>\n<body>\n<main>\n<h1>{0}</h1>\n<p class=\"lead\">fitted to {1}, {3} points{4}</p>\n",
+        escaped(&title),
+        escaped(&job.scan),
+        include_str!("style.css"),
+        job.fit.n_points,
+        if job.unit.unit.is_empty() { String::new() } else { format!(", in {} ({})", escaped(&job.unit.unit), escaped(&job.unit.reason)) },
+    );
+    html += &verdict_box(job);
+    html += &figures(job, &lengths);
+    html += &parameters(job);
+    html += &notes(job);
+    html += &maps(job, &lengths);
+    html += &deviations(job, &lengths);
+    html += &parts(job, &lengths);
+    html += &convergence(job, &lengths);
+    html += &minima(job);
+    html += &seconds(job);
+    html += &again(job);
+    html += "</main>\n</body>\n</html>\n";
+    html
+}
+
+fn verdict_box(job: &Job) -> String {
+    let fit = &job.fit;
+    let (class, word) = match (fit.acceptable, fit.complete) {
+        (true, true) => ("", "Accepted"),
+        (true, false) => (" bad", "Incomplete"),
+        (false, _) => (" bad", "Refused"),
+    };
+    let mut sentence = verdict(job);
+    if let Some(first) = sentence.get(..1) {
+        sentence = first.to_uppercase() + &sentence[1..];
+    }
+    format!("<section class=\"verdict{class}\"><b>{word}</b><span>{}.</span></section>\n", escaped(&sentence))
+}
+
+fn figures(job: &Job, lengths: &Lengths) -> String {
+    let fit = &job.fit;
+    let figure = |value: String, what: &str| format!("<div><strong>{value}</strong><span>{what}</span></div>");
+    let determined = fit.parameters.iter().filter(|p| p.status == isoform::fit::Status::Determined).count();
+    [
+        "<div class=\"figures\">".to_owned(),
+        figure(lengths.text(fit.rms), "rms of the points off the model"),
+        figure(lengths.text(fit.noise), "noise, robust deviation"),
+        figure(format!("{determined} of {}", fit.parameters.len()), "parameters determined"),
+        figure(format!("{:.1} %", 100.0 * fit.model_to_data.share_uncovered), "of the surface without data"),
+        figure(format!("{:.1} %", 100.0 * fit.n_outliers as f64 / fit.n_points.max(1) as f64), "of the points are outliers"),
+        "</div>\n".to_owned(),
+    ]
+    .concat()
+}
+
+fn parameters(job: &Job) -> String {
+    let rows = table::rows(job);
+    let infos = job.template.frep.model().params();
+    let has_mm = rows.iter().any(|r| !r.mm.is_empty());
+    let has_text = infos.iter().any(|i| !i.description.is_empty());
+    let mut html = String::from("<section><h2>Parameters</h2><div class=\"wide\"><table><tr><th>parameter</th><th class=\"n\">value</th><th class=\"n\">± 95 %</th>");
+    if has_mm {
+        html += "<th class=\"n\">in mm</th>";
+    }
+    html += "<th>status</th><th>bounds</th>";
+    if has_text {
+        html += "<th></th>";
+    }
+    html += "</tr>\n";
+    for (i, r) in rows.iter().enumerate() {
+        let _ = write!(html, "<tr><td><b>{}</b></td><td class=\"n\">{}</td><td class=\"n\">{}</td>", escaped(&r.name), escaped(&r.value), r.error);
+        if has_mm {
+            let _ = write!(html, "<td class=\"n\">{}</td>", r.mm);
+        }
+        let _ = write!(html, "<td><span class=\"status {0}\">{0}</span></td><td>{1}</td>", r.status, r.bounds);
+        if has_text {
+            let _ = write!(html, "<td>{}</td>", infos.get(i).map_or(String::new(), |p| escaped(&p.description)));
+        }
+        html += "</tr>\n";
+    }
+    html + "</table></div></section>\n"
+}
+
+/// What is open, what was dropped, and what to beware of.
+fn notes(job: &Job) -> String {
+    let fit = &job.fit;
+    let mut items: Vec<String> = fit.undetermined.iter().map(|o| o.why.clone()).collect();
+    items.extend(job.warnings.iter().cloned());
+    let mut dropped = format!("{} of {} points were used; {} are outliers", fit.n_used, fit.n_points, fit.n_outliers);
+    if job.read.dropped_points > 0 {
+        let _ = write!(dropped, "; {} of the file's {} points are not finite and were left out", job.read.dropped_points, job.read.rows);
+    }
+    if job.read.subsampled {
+        let _ = write!(dropped, "; the file's {} points were subsampled", job.read.rows);
+    }
+    items.push(dropped);
+    let items: String = items.iter().map(|t| format!("<li>{}</li>", escaped(t))).collect();
+    format!("<section><h2>What to know</h2><ul>{items}</ul></section>\n")
+}
+
+fn maps(job: &Job, lengths: &Lengths) -> String {
+    let fit = &job.fit;
+    let limit = color_limit(fit);
+    let shown: Vec<f64> = job.deviation().iter().zip(&fit.outliers).map(|(d, out)| if *out { f64::NAN } else { *d }).collect();
+    let views = [(0, 2, "front: x across, z up"), (1, 2, "side: y across, z up"), (0, 1, "top: x across, y up")];
+    let figures: String = views
+        .iter()
+        .map(|(u, v, text)| format!("<figure>{}<figcaption>{text}</figcaption></figure>", svg::view(&job.cloud.points, &shown, limit, *u, *v)))
+        .collect();
+    let note = if fit.n_outliers > 0 { " Outliers are dark grey." } else { "" };
+    format!(
+        "<section><h2>Deviation map</h2><div class=\"views\">{figures}</div>{}\
+         <p class=\"lead\" style=\"margin:6px 0 0\">Signed distance of the points from the model: red lies outside, blue inside.{note}</p></section>\n",
+        svg::color_bar(limit * lengths.scale, &lengths.unit)
+    )
+}
+
+fn deviations(job: &Job, lengths: &Lengths) -> String {
+    let fit = &job.fit;
+    let used: Vec<f64> = job.deviation().iter().zip(&fit.outliers).filter(|(d, out)| !**out && d.is_finite()).map(|(d, _)| d * lengths.scale).collect();
+    let limit = round_up((1.4 * fit.data_to_model.p95).max(3.0 * fit.noise)) * lengths.scale;
+    let limit = if limit > 0.0 { limit } else { 1.0 };
+    let beyond = used.iter().filter(|v| v.abs() > limit).count();
+    let (d, m) = (&fit.data_to_model, &fit.model_to_data);
+    let far = if beyond > 0 { format!(" {beyond} points lie beyond the axis.") } else { String::new() };
+    format!(
+        "<section class=\"two\"><div><h2>Residuals</h2>{}<p class=\"lead\" style=\"margin:4px 0 0\">The curve is the normal law of the noise, {}.{far}</p></div>\
+         <div><h2>Two-sided deviation</h2><table><tr><th></th><th class=\"n\">rms</th><th class=\"n\">95 % within</th><th class=\"n\">max</th></tr>\
+         <tr><td>points to model</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td></tr>\
+         <tr><td>model to points</td><td class=\"n\"></td><td class=\"n\">{}</td><td class=\"n\"></td></tr></table>\
+         <p style=\"margin-top:12px\">{:.1} % of the model's surface has no point within {} ({} samples).</p></div></section>\n",
+        svg::histogram(&used, fit.noise * lengths.scale, limit, &lengths.unit),
+        lengths.text(fit.noise),
+        lengths.text(d.rms),
+        lengths.text(d.p95),
+        lengths.text(d.max),
+        lengths.text(m.p95),
+        100.0 * m.share_uncovered,
+        lengths.text(m.uncovered_from),
+        m.samples
+    )
+}
+
+fn parts(job: &Job, lengths: &Lengths) -> String {
+    let stats = &job.fit.part_statistics;
+    let worst = stats.iter().map(|s| s.rms).fold(f64::MIN_POSITIVE, f64::max);
+    let mut html = String::from(
+        "<section><h2>By part of the model</h2><div class=\"wide\"><table><tr><th>part</th><th class=\"n\">points</th><th class=\"n\">rms</th>\
+         <th style=\"width:28%\"></th><th class=\"n\">mean</th><th class=\"n\">max</th><th class=\"n\">without data</th></tr>\n",
+    );
+    for s in stats {
+        let (rms, mean, max) = match s.count {
+            0 => Default::default(),
+            _ => (lengths.text(s.rms), lengths.text(0.0 - s.mean), lengths.text(s.max)),
+        };
+        let _ = write!(
+            html,
+            "<tr><td><b>{}</b></td><td class=\"n\">{}</td><td class=\"n\">{rms}</td><td><div class=\"bar\"><i style=\"width:{:.1}%\"></i></div></td>\
+             <td class=\"n\">{mean}</td><td class=\"n\">{max}</td><td class=\"n\">{}</td></tr>\n",
+            escaped(&s.name),
+            s.count,
+            100.0 * s.rms / worst,
+            s.uncovered.map(|u| format!("{:.1} %", 100.0 * u)).unwrap_or_default()
+        );
+    }
+    html + "</table></div></section>\n"
+}
+
+fn convergence(job: &Job, lengths: &Lengths) -> String {
+    let mut runs: BTreeMap<usize, Vec<&Step>> = BTreeMap::new();
+    for step in &job.fit.history {
+        runs.entry(step.start).or_default().push(step);
+    }
+    let is_searched = job.fit.starts > 1 || runs.len() > 1;
+    let polish: BTreeMap<usize, Vec<&Step>> = runs.last_key_value().map(|(k, v)| (*k, v.clone())).into_iter().filter(|_| is_searched).collect();
+    if is_searched {
+        runs.pop_last();
+    }
+    let last = |run: &[&Step]| run.last().map_or(f64::INFINITY, |s| s.rms);
+    let best = runs.iter().min_by(|a, b| last(a.1).total_cmp(&last(b.1))).map(|r| *r.0);
+    let search = svg::convergence("Convergence of the search", &runs, best, "rms of f");
+    let mut html = format!(
+        "<section><h2>Convergence</h2><div class=\"two\"><div><h3>search, the model's own function, {} starts</h3>{search}</div>",
+        job.fit.starts
+    );
+    if let Some((k, _)) = polish.first_key_value() {
+        let unit = if job.unit.unit.is_empty() { "rms distance".to_owned() } else { format!("rms distance in {}", job.unit.unit) };
+        let _ = lengths;
+        let _ = write!(html, "<div><h3>polish, distance to the surface</h3>{}</div>", svg::convergence("Convergence of the polish", &polish, Some(*k), &unit));
+    }
+    let _ = write!(html, "</div><p>{} of {} starts reached the best minimum.</p></section>\n", job.fit.hits, job.fit.starts);
+    html
+}
+
+fn minima(job: &Job) -> String {
+    let fit = &job.fit;
+    if fit.other_minima.is_empty() {
+        return String::new();
+    }
+    let names = job.template.parameters().iter().map(|p| format!("<th class=\"n\">{}</th>", escaped(&p.name))).collect::<String>();
+    let row = |what: &str, sum: f64, hits: usize, values: &[f64]| {
+        let cells: String = values.iter().map(|v| format!("<td class=\"n\">{}</td>", brief(*v))).collect();
+        format!("<tr><td>{what}</td><td class=\"n\">{}</td><td class=\"n\">{hits}</td>{cells}</tr>", brief(sum / fit.sum_f2))
+    };
+    let mut rows = row("<b>chosen</b>", fit.sum_f2, fit.hits, &job.values());
+    for m in &fit.other_minima {
+        let values: Vec<f64> = m.parameters.iter().zip(&job.template.shift).map(|(v, s)| v + s).collect();
+        rows += &row("other", m.sum_f2, m.hits, &values);
+    }
+    format!(
+        "<section><h2>Other minima</h2><div class=\"wide\"><table><tr><th></th><th class=\"n\">sum f² / chosen</th><th class=\"n\">starts</th>{names}</tr>{rows}</table></div></section>\n"
+    )
+}
+
+fn seconds(job: &Job) -> String {
+    let total: f64 = job.seconds.iter().map(|s| s.1).sum();
+    let (mut bar, mut key) = (String::new(), String::new());
+    for (k, (phase, s)) in job.seconds.iter().enumerate() {
+        let color = PHASES[k % PHASES.len()];
+        let _ = write!(bar, "<i style=\"width:{:.2}%;background:{color}\"></i>", 100.0 * s / total.max(f64::MIN_POSITIVE));
+        let _ = write!(key, "<span style=\"--c:{color}\">{phase} {} s</span>", rounded(*s, 0.01 * total));
+    }
+    format!("<section><h2>Time</h2><div class=\"stack\">{bar}</div><div class=\"key\">{key}</div></section>\n")
+}
+
+fn again(job: &Job) -> String {
+    let command: Vec<String> = std::env::args().map(|a| if a.contains(' ') { format!("'{a}'") } else { a }).collect();
+    format!(
+        "<section><h2>To do it again</h2><p>Method {}, loss {}, seed {}, isoform {}. The result does not depend on the number of threads.</p><pre>{}</pre>\
+         <details><summary>The fitted model, HyperFun</summary><pre>{}</pre></details></section>\n",
+        document::method(job.method),
+        document::loss(job.fit.loss),
+        job.seed,
+        env!("CARGO_PKG_VERSION"),
+        escaped(&command.join(" ")),
+        escaped(&job.program())
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn round_numbers() {
+        assert_eq!([0.3, 1.0, 2.1, 70.0, 0.0].map(round_up), [0.5, 1.0, 5.0, 100.0, 1.0]);
+    }
 }
