@@ -20,7 +20,7 @@ pub(crate) fn brief(v: f64) -> String {
         return format!("{v}");
     }
     let digits = 3 - v.abs().log10().floor() as i32;
-    if (-3..=8).contains(&digits) { format!("{v:.*}", digits.max(0) as usize) } else { format!("{v:.3e}") }
+    if (-3..=7).contains(&digits) { format!("{v:.*}", digits.max(0) as usize) } else { format!("{v:.3e}") }
 }
 
 /// Factor from a unit to millimetres.

@@ -5,7 +5,7 @@ mod svg;
 use crate::fit::document;
 use crate::fit::job::Job;
 use crate::fit::table::{self, brief, millimetres, rounded, verdict, with_unit};
-use isoform::fit::{Fit, Step, Template};
+use isoform::fit::{Fit, PartStatistics, Step, Template};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use svg::escaped;
@@ -66,7 +66,7 @@ pub(crate) fn page(job: &Job) -> String {
     html += &maps(job, &lengths);
     html += &deviations(job, &lengths);
     html += &parts(job, &lengths);
-    html += &convergence(job, &lengths);
+    html += &convergence(job);
     html += &minima(job);
     html += &seconds(job);
     html += &again(job);
@@ -123,7 +123,7 @@ fn parameters(job: &Job) -> String {
         if has_mm {
             let _ = write!(html, "<td class=\"n\">{}</td>", r.mm);
         }
-        let _ = write!(html, "<td><span class=\"status {0}\">{0}</span></td><td>{1}</td>", r.status, r.bounds);
+        let _ = write!(html, "<td><span class=\"status {0}\">{0}</span></td><td class=\"b\">{1}</td>", r.status, r.bounds);
         if has_text {
             let _ = write!(html, "<td>{}</td>", infos.get(i).map_or(String::new(), |p| escaped(&p.description)));
         }
@@ -195,14 +195,16 @@ fn deviations(job: &Job, lengths: &Lengths) -> String {
 fn parts(job: &Job, lengths: &Lengths) -> String {
     let stats = &job.fit.part_statistics;
     let worst = stats.iter().map(|s| s.rms).fold(f64::MIN_POSITIVE, f64::max);
+    let digits = |v: f64| with_unit(&rounded(v * lengths.scale, 0.05 * worst * lengths.scale), &lengths.unit);
     let mut html = String::from(
         "<section><h2>By part of the model</h2><div class=\"wide\"><table><tr><th>part</th><th class=\"n\">points</th><th class=\"n\">rms</th>\
          <th style=\"width:28%\"></th><th class=\"n\">mean</th><th class=\"n\">max</th><th class=\"n\">without data</th></tr>\n",
     );
-    for s in stats {
+    let silent = |s: &&PartStatistics| s.count == 0 && s.uncovered.is_none();
+    for s in stats.iter().filter(|s| !silent(s)) {
         let (rms, mean, max) = match s.count {
             0 => Default::default(),
-            _ => (lengths.text(s.rms), lengths.text(0.0 - s.mean), lengths.text(s.max)),
+            _ => (digits(s.rms), digits(0.0 - s.mean), digits(s.max)),
         };
         let _ = write!(
             html,
@@ -214,10 +216,15 @@ fn parts(job: &Job, lengths: &Lengths) -> String {
             s.uncovered.map(|u| format!("{:.1} %", 100.0 * u)).unwrap_or_default()
         );
     }
-    html + "</table></div></section>\n"
+    html += "</table></div>";
+    let left_out: Vec<&str> = stats.iter().filter(silent).map(|s| s.name.as_str()).collect();
+    if !left_out.is_empty() {
+        let _ = write!(html, "<p class=\"lead\" style=\"margin:8px 0 0\">Neither points nor surface near them: {}.</p>", escaped(&left_out.join(", ")));
+    }
+    html + "</section>\n"
 }
 
-fn convergence(job: &Job, lengths: &Lengths) -> String {
+fn convergence(job: &Job) -> String {
     let mut runs: BTreeMap<usize, Vec<&Step>> = BTreeMap::new();
     for step in &job.fit.history {
         runs.entry(step.start).or_default().push(step);
@@ -236,7 +243,6 @@ fn convergence(job: &Job, lengths: &Lengths) -> String {
     );
     if let Some((k, _)) = polish.first_key_value() {
         let unit = if job.unit.unit.is_empty() { "rms distance".to_owned() } else { format!("rms distance in {}", job.unit.unit) };
-        let _ = lengths;
         let _ = write!(html, "<div><h3>polish, distance to the surface</h3>{}</div>", svg::convergence("Convergence of the polish", &polish, Some(*k), &unit));
     }
     let _ = write!(html, "</div><p>{} of {} starts reached the best minimum.</p></section>\n", job.fit.hits, job.fit.starts);

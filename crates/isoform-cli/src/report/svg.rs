@@ -84,8 +84,8 @@ fn x_axis(svg: &mut String, x: Scale, name: &str) {
 pub(crate) fn convergence(title: &str, runs: &BTreeMap<usize, Vec<&Step>>, best: Option<usize>, unit: &str) -> String {
     let log = |v: f64| v.max(1e-300).log10();
     let all = || runs.values().flatten().filter(|s| s.rms > 0.0 && s.rms.is_finite());
-    let first = |run: &[&Step]| run.first().map_or(0, |s| s.iteration);
-    let most = runs.values().map(|r| r.last().map_or(0, |s| s.iteration) - first(r)).max().unwrap_or(1).max(1);
+    // Steps count from the first of their run; the stages of a polish each count anew.
+    let most = runs.values().map(|r| r.len().saturating_sub(1)).max().unwrap_or(1).max(1);
     let (lo, hi) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), s| (l.min(log(s.rms)), h.max(log(s.rms))));
     if lo > hi {
         return String::new();
@@ -107,11 +107,11 @@ pub(crate) fn convergence(title: &str, runs: &BTreeMap<usize, Vec<&Step>>, best:
         let _ = write!(svg, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>", MARGIN[0] - 6.0, at + 4.0);
     }
     let mut line = |run: &[&Step], class: &str| {
-        let start = first(run);
         let points: Vec<String> = run
             .iter()
-            .filter(|s| s.rms.is_finite())
-            .map(|s| format!("{:.1},{:.1}", x.at((s.iteration - start) as f64), y.at(log(s.rms).clamp(lo - 0.05, hi + 0.05))))
+            .enumerate()
+            .filter(|(_, s)| s.rms.is_finite())
+            .map(|(k, s)| format!("{:.1},{:.1}", x.at(k as f64), y.at(log(s.rms).clamp(lo - 0.05, hi + 0.05))))
             .collect();
         let _ = write!(svg, "<polyline class=\"{class}\" points=\"{}\"/>", points.join(" "));
         if let (1, Some(p)) = (points.len(), points[0].split_once(',')) {
@@ -207,18 +207,18 @@ pub(crate) fn view(points: &[Point3], deviation: &[f64], limit: f64, across: usi
 
 /// The bar of colours from −limit to +limit.
 pub(crate) fn color_bar(limit: f64, unit: &str) -> String {
-    const W: f64 = 420.0;
+    const W: f64 = 460.0;
     let stops: Vec<f64> = (0..SHADES).map(|k| limit * (2.0 * k as f64 / (SHADES - 1) as f64 - 1.0)).collect();
     let mut svg = String::from("<defs><linearGradient id=\"rdbu\">");
     for (k, [r, g, b]) in deviation_colors(&stops, limit).into_iter().enumerate() {
         let _ = write!(svg, "<stop offset=\"{:.3}\" stop-color=\"#{r:02x}{g:02x}{b:02x}\"/>", k as f64 / (SHADES - 1) as f64);
     }
-    let _ = write!(svg, "</linearGradient></defs><rect x=\"20\" y=\"2\" width=\"{}\" height=\"11\" rx=\"3\" fill=\"url(#rdbu)\"/>", W - 40.0);
+    let _ = write!(svg, "</linearGradient></defs><rect x=\"40\" y=\"2\" width=\"{}\" height=\"11\" rx=\"3\" fill=\"url(#rdbu)\"/>", W - 80.0);
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     for share in [-1.0, -0.5, 0.0, 0.5, 1.0] {
         let sign = if share > 0.0 { "+" } else { "" };
-        let at = 20.0 + (W - 40.0) * (0.5 + 0.5 * share);
-        let text = if share == 0.0 { "0".to_owned() } else { format!("{sign}{}{unit}", crate::fit::table::brief(share * limit)) };
+        let at = 40.0 + (W - 80.0) * (0.5 + 0.5 * share);
+        let text = if share == 0.0 { "0".to_owned() } else { format!("{sign}{}{unit}", share * limit) };
         let _ = write!(svg, "<text x=\"{at}\" y=\"28\" text-anchor=\"middle\">{text}</text>");
     }
     format!("<svg viewBox=\"0 0 {W} 32\" style=\"max-width:{W}px;margin-top:10px\" role=\"img\" aria-label=\"colours of deviations\">{svg}</svg>")
