@@ -68,31 +68,43 @@ macro_rules! dispatch {
 }
 pub(crate) use dispatch;
 
+/// What a reverse sweep over a tape does, settled once.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Plan {
+    steps: Vec<Step>,
+    /// Wanted inputs without a path from the result: their adjoints are zero.
+    unreached: Vec<u32>,
+    guard: bool,
+}
+
+impl Plan {
+    pub(crate) fn new(tape: &Tape, wanted: Wanted) -> Self {
+        let (steps, unreached) = plan(tape, wanted);
+        // Where a branch is not taken its operations may be singular: 0 · ∞ must then stay 0.
+        let guard = tape.code.iter().any(|i| matches!(i.op, Op::Select | Op::Set(SetOp::Max | SetOp::Min)));
+        Self { steps, unreached, guard }
+    }
+}
+
 /// Scratch space of the block evaluators for one tape and one thread.
 #[derive(Clone, Debug)]
 pub(crate) struct Block<'t> {
     tape: &'t Tape,
     slots: Vec<Row>,
     adjoints: Vec<Row>,
-    plan: Vec<Step>,
-    /// Wanted inputs without a path from the result: their adjoints are zero.
-    unreached: Vec<u32>,
-    guard: bool,
+    plan: Option<&'t Plan>,
 }
 
 impl<'t> Block<'t> {
     /// Scratch for values only.
     pub(crate) fn values(tape: &'t Tape) -> Self {
-        Self { tape, slots: vec![ZERO; tape.slots()], adjoints: Vec::new(), plan: Vec::new(), unreached: Vec::new(), guard: false }
-            .with_constants()
+        Self { tape, slots: vec![ZERO; tape.slots()], adjoints: Vec::new(), plan: None }.with_constants()
     }
 
-    /// Scratch for values and the wanted derivatives of the first result.
-    pub(crate) fn gradients(tape: &'t Tape, wanted: Wanted) -> Self {
-        let (plan, unreached) = plan(tape, wanted);
-        // Where a branch is not taken its operations may be singular: 0 · ∞ must then stay 0.
-        let guard = tape.code.iter().any(|i| matches!(i.op, Op::Select | Op::Set(SetOp::Max | SetOp::Min)));
-        Self { tape, slots: vec![ZERO; tape.slots()], adjoints: vec![ZERO; tape.slots()], plan, unreached, guard }.with_constants()
+    /// Scratch for values and the derivatives of the first result that the plan is for.
+    pub(crate) fn gradients(tape: &'t Tape, plan: &'t Plan) -> Self {
+        let rows = || vec![ZERO; tape.slots()];
+        Self { tape, slots: rows(), adjoints: rows(), plan: Some(plan) }.with_constants()
     }
 
     fn with_constants(mut self) -> Self {
@@ -143,7 +155,8 @@ impl<'t> Block<'t> {
 
     /// Derivatives of the first result at the loaded points, after [`Block::forward`].
     pub(crate) fn reverse(&mut self) {
-        for &slot in &self.unreached {
+        let plan = self.plan.expect("the block was made for gradients");
+        for &slot in &plan.unreached {
             self.adjoints[slot as usize] = ZERO;
         }
         if !self.tape.natives.is_empty() {
@@ -151,10 +164,10 @@ impl<'t> Block<'t> {
             self.adjoints.fill(ZERO);
         }
         self.adjoints[self.tape.roots[0] as usize] = Lane([1.0; LANES]);
-        if self.guard {
-            reverse_guarded(self.tape, &self.plan, &self.slots, &mut self.adjoints);
+        if plan.guard {
+            reverse_guarded(self.tape, &plan.steps, &self.slots, &mut self.adjoints);
         } else {
-            reverse_plain(self.tape, &self.plan, &self.slots, &mut self.adjoints);
+            reverse_plain(self.tape, &plan.steps, &self.slots, &mut self.adjoints);
         }
     }
 

@@ -1,6 +1,6 @@
 //! A compiled model as the residual of a fit.
 
-use crate::block::{Block, LANES, Lane, Wanted, dispatch};
+use crate::block::{Block, LANES, Lane, Plan, Wanted, dispatch};
 use crate::jets::{self, JetBlock};
 use crate::tape::Tape;
 use isoform_geom::{Aabb, Field, ParamField, Point3};
@@ -14,12 +14,14 @@ const PIECE: usize = 32 * LANES;
 #[derive(Clone, Debug)]
 pub struct Residual {
     tape: Tape,
+    by_params: Plan,
+    by_space: Plan,
 }
 
 impl Residual {
     /// The residual f(x; a) = first result of the tape.
     pub fn new(tape: Tape) -> Self {
-        Self { tape }
+        Self { by_params: Plan::new(&tape, Wanted::Params), by_space: Plan::new(&tape, Wanted::Space), tape }
     }
     /// The tape.
     pub fn tape(&self) -> &Tape {
@@ -29,18 +31,20 @@ impl Residual {
     /// All values and derivatives of all inputs at once: `grad[i * (3 + dim) + k]`, x, y, z first. For benchmarks and checks.
     pub fn all_gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], grad: &mut [f64]) {
         let n = self.tape.n_x + self.tape.n_params;
+        let plan = Plan::new(&self.tape, Wanted::All);
         for_pieces(points.len(), out, grad, n, |range, out, grad| {
-            let mut block = Block::gradients(&self.tape, Wanted::All);
+            let mut block = Block::gradients(&self.tape, &plan);
             block.bind(a);
             for (k, chunk) in points[range].chunks(LANES).enumerate() {
                 block.load(chunk);
                 out[k * LANES..][..chunk.len()].copy_from_slice(&block.forward()[..chunk.len()]);
                 block.reverse();
                 let at = k * LANES * n;
-                for (i, row) in block.by_space().iter().chain(block.by_params()).enumerate() {
-                    for l in 0..chunk.len() {
-                        grad[at + l * n + i] = row.0[l];
-                    }
+                let (space, params) = (block.by_space(), block.by_params());
+                for (l, to) in grad[at..].chunks_exact_mut(n).enumerate().take(chunk.len()) {
+                    let (x, a) = to.split_at_mut(space.len());
+                    x.iter_mut().zip(space).for_each(|(v, row)| *v = row.0[l]);
+                    a.iter_mut().zip(params).for_each(|(v, row)| *v = row.0[l]);
                 }
             }
         });
@@ -78,46 +82,62 @@ fn for_pieces(
     }
 }
 
-/// Σ w f², Jᵀ W f and the lower triangle of Jᵀ W J over some points, accumulated eight lanes wide.
+/// Weighted products of the rows of (J, f) over some points, accumulated eight lanes wide, in squares of two rows by two.
 struct Sums {
-    square: [f64; 8],
-    gradient: Vec<[f64; 8]>,
-    hessian: Vec<[f64; 8]>,
+    products: Vec<[f64; 8]>,
+}
+
+impl Sums {
+    /// For an even number of rows.
+    fn new(rows: usize) -> Self {
+        let pairs = rows / 2;
+        Self { products: vec![[0.0; 8]; pairs * (pairs + 1) / 2 * 4] }
+    }
+    /// The sum for rows i ≥ j.
+    fn get(&self, i: usize, j: usize) -> f64 {
+        total(&self.products[(i / 2 * (i / 2 + 1) / 2 + j / 2) * 4 + i % 2 * 2 + j % 2])
+    }
 }
 
 dispatch! {
-    /// Adds a block: `rows` are the derivatives by parameter, `f` the values, `w` the weights (0 in unused lanes).
-    fn accumulate(sums: &mut Sums, rows: &[Lane<LANES>], f: &[f64; LANES], w: &[f64; LANES]) = accumulate_body
+    /// Adds a block of rows (an even number of them) with weights `w`, 0 in unused lanes.
+    fn accumulate(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) = accumulate_body
 }
 
+/// Adds the four products of two rows each, lane by lane: every row is loaded once for two products.
 #[inline(always)]
-fn dot8(into: &mut [f64; 8], a: &[f64; LANES], b: &[f64; LANES]) {
-    let mut s = *into;
+fn dot_pairs(into: [&mut [f64; 8]; 4], a: [&[f64; LANES]; 2], b: [&[f64; LANES]; 2]) {
+    let [into00, into01, into10, into11] = into;
+    let (mut s00, mut s01, mut s10, mut s11) = (*into00, *into01, *into10, *into11);
     for c in 0..LANES / 8 {
         for l in 0..8 {
-            s[l] += a[8 * c + l] * b[8 * c + l];
+            let (u, v, p, q) = (a[0][8 * c + l], a[1][8 * c + l], b[0][8 * c + l], b[1][8 * c + l]);
+            s00[l] += u * p;
+            s01[l] += u * q;
+            s10[l] += v * p;
+            s11[l] += v * q;
         }
     }
-    *into = s;
+    (*into00, *into01, *into10, *into11) = (s00, s01, s10, s11);
 }
 
+/// Rows 0 to n − 1 are the derivatives, row n the values: all products of pairs of rows, in squares of two by two. What lies above the
+/// diagonal is computed with its square and never read.
 #[inline(always)]
-fn accumulate_body(sums: &mut Sums, rows: &[Lane<LANES>], f: &[f64; LANES], w: &[f64; LANES]) {
-    let mut wf = Lane([0.0; LANES]);
-    for l in 0..LANES {
-        wf.0[l] = w[l] * f[l];
-    }
-    dot8(&mut sums.square, &wf.0, f);
-    let mut at = 0;
-    for (i, row) in rows.iter().enumerate() {
-        dot8(&mut sums.gradient[i], &wf.0, &row.0);
-        let mut wr = Lane([0.0; LANES]);
-        for l in 0..LANES {
-            wr.0[l] = w[l] * row.0[l];
+fn accumulate_body(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) {
+    let n = rows.len();
+    for i in (0..n).step_by(2) {
+        let pair = [&rows[i], &rows[i + 1]];
+        let mut weighted = [Lane([0.0; LANES]); 2];
+        for (to, row) in weighted.iter_mut().zip(pair) {
+            for l in 0..LANES {
+                to.0[l] = w[l] * row.0[l];
+            }
         }
-        for other in &rows[..=i] {
-            dot8(&mut sums.hessian[at], &wr.0, &other.0);
-            at += 1;
+        for j in (0..=i).step_by(2) {
+            let at = (i / 2 * (i / 2 + 1) / 2 + j / 2) * 4;
+            let [s00, s01, s10, s11] = &mut sums.products[at..at + 4] else { unreachable!("four sums a square") };
+            dot_pairs([s00, s01, s10, s11], [&weighted[0].0, &weighted[1].0], [&rows[j].0, &rows[j + 1].0]);
         }
     }
 }
@@ -173,16 +193,14 @@ impl ParamField for Residual {
     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
         let m = self.tape.n_params;
         for_pieces(points.len(), out, jac, m, |range, out, jac| {
-            let mut block = Block::gradients(&self.tape, Wanted::Params);
+            let mut block = Block::gradients(&self.tape, &self.by_params);
             block.bind(a);
             for (k, chunk) in points[range].chunks(LANES).enumerate() {
                 block.load(chunk);
                 out[k * LANES..][..chunk.len()].copy_from_slice(&block.forward()[..chunk.len()]);
                 block.reverse();
-                for (i, row) in block.by_params().iter().enumerate() {
-                    for l in 0..chunk.len() {
-                        jac[(k * LANES + l) * m + i] = row.0[l];
-                    }
+                for (l, to) in jac[k * LANES * m..].chunks_exact_mut(m.max(1)).enumerate().take(chunk.len()) {
+                    to.iter_mut().zip(block.by_params()).for_each(|(v, row)| *v = row.0[l]);
                 }
             }
         });
@@ -191,17 +209,21 @@ impl ParamField for Residual {
     fn normal_equations(&self, points: &[Point3], weights: &[f64], a: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64 {
         let m = self.tape.n_params;
         let sum = self.reduce(points.len(), 1 + m + m * (m + 1) / 2, |range| {
-            let mut block = Block::gradients(&self.tape, Wanted::Params);
+            let mut block = Block::gradients(&self.tape, &self.by_params);
             block.bind(a);
-            let mut sums = Sums { square: [0.0; 8], gradient: vec![[0.0; 8]; m], hessian: vec![[0.0; 8]; m * (m + 1) / 2] };
+            let even = (m + 1).next_multiple_of(2);
+            let (mut sums, mut rows) = (Sums::new(even), vec![Lane([0.0; LANES]); even]);
             for (k, chunk) in points[range.clone()].chunks(LANES).enumerate() {
                 block.load(chunk);
                 block.forward();
                 block.reverse();
-                let w = Self::lane_weights(weights, range.start + k * LANES, chunk.len());
-                accumulate(&mut sums, block.by_params(), block.result(0), &w);
+                rows[..m].copy_from_slice(block.by_params());
+                rows[m].0 = *block.result(0);
+                accumulate(&mut sums, &rows, &Self::lane_weights(weights, range.start + k * LANES, chunk.len()));
             }
-            std::iter::once(&sums.square).chain(&sums.gradient).chain(&sums.hessian).map(total).collect()
+            let gradient = (0..m).map(|i| sums.get(m, i));
+            let hessian = (0..m).flat_map(|i| (0..=i).map(move |j| (i, j)));
+            std::iter::once(sums.get(m, m)).chain(gradient).chain(hessian.map(|(i, j)| sums.get(i, j))).collect()
         });
         gradient[..m].copy_from_slice(&sum[1..=m]);
         let mut at = m + 1;
@@ -217,7 +239,7 @@ impl ParamField for Residual {
 
     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {
         for_pieces(points.len(), out, gradients.as_flattened_mut(), 3, |range, out, grad| {
-            let mut block = Block::gradients(&self.tape, Wanted::Space);
+            let mut block = Block::gradients(&self.tape, &self.by_space);
             block.bind(a);
             for (k, chunk) in points[range].chunks(LANES).enumerate() {
                 block.load(chunk);
@@ -237,14 +259,13 @@ impl ParamField for Residual {
         let sum = self.reduce(points.len(), 1, |range| {
             let mut block = Block::values(&self.tape);
             block.bind(a);
-            let mut sums = Sums { square: [0.0; 8], gradient: Vec::new(), hessian: Vec::new() };
+            let (mut sums, mut rows) = (Sums::new(2), [Lane([0.0; LANES]); 2]);
             for (k, chunk) in points[range.clone()].chunks(LANES).enumerate() {
                 block.load(chunk);
-                block.forward();
-                let w = Self::lane_weights(weights, range.start + k * LANES, chunk.len());
-                accumulate(&mut sums, &[], block.result(0), &w);
+                rows[0].0 = *block.forward();
+                accumulate(&mut sums, &rows, &Self::lane_weights(weights, range.start + k * LANES, chunk.len()));
             }
-            vec![total(&sums.square)]
+            vec![sums.get(0, 0)]
         });
         sum[0]
     }
