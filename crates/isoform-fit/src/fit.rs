@@ -5,7 +5,7 @@ use crate::bfgs;
 use crate::deviation::{self, Surface};
 use crate::identify::{At, Knowledge, student95};
 use crate::objective::{Objective, Residuals, sum_of_squares};
-use crate::outliers::Neighbourhood;
+use crate::outliers::{HAS_OUTLIERS, Neighbourhood};
 use crate::polish::{Polish, Polished, weight};
 use crate::report::{Estimate, Fit, Open, OtherMinimum, PartStatistics, Status};
 use crate::search::{Outcome, Search, Step};
@@ -18,8 +18,6 @@ use std::time::Instant;
 const OUTLIER_DEVIATIONS: f64 = 6.0;
 /// ... and farther than this share of the point spacing (edges rounded by a mesher or a scanner are no outliers).
 const OUTLIER_SPACINGS: f64 = 0.3;
-/// Share of isolated points from which the data count as having outliers.
-const HAS_OUTLIERS: f64 = 0.01;
 /// Noise below this share of the size is taken for rounding when deviations are judged.
 const EXACT: f64 = 1e-9;
 /// A misfit above this share of the data's diagonal is refused (scanner noise is some 1e-4 to 5e-3 of it).
@@ -152,9 +150,23 @@ impl<'a> Task<'a> {
         }
         clock.lap("outliers");
         control.report("search", 0.0);
-        let points = &kept[..options.search_points.min(kept.len())];
-        let search = Search { template: self.template, space: &self.space, points, options, control };
-        let outcome = search.run(self.first());
+        let count = options.search_points;
+        let search_on = |points: &[Point3], first| {
+            Search { template: self.template, space: &self.space, points: &points[..count.min(points.len())], options, control }.run(first)
+        };
+        let mut outcome = search_on(&kept, self.first());
+        if isolated > HAS_OUTLIERS && !outcome.stopped && !outcome.minima.is_empty() {
+            // Outliers near the surface decide between minima. With a model at hand most can be told from data, whose neighbours
+            // share their lot; and once more on what is left.
+            let polish = self.polish(0);
+            let x = polish.rough(&kept, outcome.minima[0].x.clone(), true).x;
+            let limit = OUTLIER_DEVIATIONS * Polish::scale(&polish.residuals(&kept, &x)).max(EXACT * self.data.diagonal());
+            near.drop_lone(&mut kept, limit, &|points| polish.residuals(points, &x));
+            let mut again = search_on(&kept, Some(outcome.minima[0].x.clone()));
+            again.evaluations += outcome.evaluations;
+            outcome = again;
+        }
+        let search = Search { template: self.template, space: &self.space, points: &kept[..count.min(kept.len())], options, control };
         if outcome.minima.is_empty() {
             return Err(if outcome.stopped { FitError::Stopped } else { FitError::NoFiniteStart { starts: outcome.starts } });
         }

@@ -4,7 +4,7 @@
 //! [`DEVIATIONS`] robust deviations. Scans of uneven density have sparse regions that are not outliers: a candidate is kept if its
 //! neighbours lie in a plane with it and are as sparse as itself. Clusters are not isolated; the loss of the polish is for them.
 
-use isoform_geom::{KdTree, Point3, sub};
+use isoform_geom::{KdTree, Point3, dot, sub};
 use isoform_num::linalg::symmetric_eigen;
 
 /// Neighbours whose mean distance is taken. Fewer let pairs of outliers pass, more cut into edges of the scan.
@@ -21,6 +21,12 @@ const EVENNESS: f64 = 1.5;
 const MOST: usize = 200_000;
 /// Points whose distances give median and deviation.
 const SAMPLE: usize = 1024;
+/// Share of isolated points from which the data count as having outliers; scans without them show next to none.
+pub(crate) const HAS_OUTLIERS: f64 = 0.01;
+/// Off the plane of its neighbours is a point farther from it than this many of their own deviations...
+const OFF_PLANE: f64 = 4.0;
+/// ... and than this share of the spacing, which curved surfaces stay within.
+const OFF_SPACINGS: f64 = 0.3;
 /// More than this share is never dropped before the search.
 pub(crate) const MOST_DROPPED: f64 = 0.4;
 
@@ -79,7 +85,37 @@ impl Neighbourhood {
             }
         }
         let share = 1.0 - kept.len() as f64 / seen.max(1) as f64;
+        if share > HAS_OUTLIERS {
+            // With outliers about, sparse regions get no benefit of the doubt.
+            kept.retain(|p| !self.is_off_plane(*p, &mut found) && mean_distance(&self.tree, *p, &mut found) <= self.threshold);
+        }
         (kept, share)
+    }
+
+    /// Points that lie off a fitted model while their neighbours do not: outliers. Where neighbours are off together, the model is.
+    pub(crate) fn drop_lone(&self, points: &mut Vec<Point3>, limit: f64, residuals: &dyn Fn(&[Point3]) -> Vec<f64>) {
+        let off = residuals(points);
+        let mut found = Vec::new();
+        let mut at = 0;
+        points.retain(|p| {
+            at += 1;
+            if off[at - 1].abs() <= limit {
+                return true;
+            }
+            self.tree.nearest_k(*p, NEIGHBOURS + 1, &mut found);
+            let around: Vec<Point3> = found.iter().map(|&(_, i)| self.sample[i as usize]).filter(|q| q != p).collect();
+            let alike = residuals(&around).iter().filter(|r| r.abs() > limit).count();
+            2 * alike > around.len()
+        });
+    }
+
+    /// Whether the neighbours lie in a plane and the point does not: an outlier too near the surface to be isolated. At edges
+    /// the neighbours lie in no plane, so that edges stay.
+    fn is_off_plane(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> bool {
+        self.tree.nearest_k(p, NEIGHBOURS + 1, found);
+        let around: Vec<Point3> = found.iter().map(|&(_, i)| self.sample[i as usize]).filter(|q| *q != p).collect();
+        let Some((centre, normal, rms)) = plane(&around) else { return false };
+        dot(sub(p, centre), normal).abs() > (OFF_PLANE * rms).max(OFF_SPACINGS * self.spacing)
     }
 }
 
@@ -92,6 +128,13 @@ fn mean_distance(tree: &KdTree, p: Point3, found: &mut Vec<(f64, u32)>) -> f64 {
 
 /// Least share of the variance of the points along one direction.
 fn flatness(points: &[Point3]) -> f64 {
+    let (w, _) = symmetric_eigen(&scatter(points).1, 3);
+    let sum: f64 = w.iter().sum();
+    if sum > 0.0 { (w[0] / sum).max(0.0) } else { 0.0 }
+}
+
+/// Mean and scatter matrix.
+fn scatter(points: &[Point3]) -> (Point3, [f64; 9]) {
     let n = points.len().max(1) as f64;
     let mut centre = [0.0; 3];
     for p in points {
@@ -108,9 +151,15 @@ fn flatness(points: &[Point3]) -> f64 {
             }
         }
     }
-    let (w, _) = symmetric_eigen(&c, 3);
-    let sum: f64 = w.iter().sum();
-    if sum > 0.0 { (w[0] / sum).max(0.0) } else { 0.0 }
+    (centre, c)
+}
+
+/// The plane of best fit: a point, the normal and the root of the mean square distance; none for a line or less.
+fn plane(points: &[Point3]) -> Option<(Point3, Point3, f64)> {
+    let (centre, c) = scatter(points);
+    let (w, v) = symmetric_eigen(&c, 3);
+    let is_plane = points.len() > 4 && w[1] > 1e-3 * w[2];
+    is_plane.then(|| (centre, [v[0], v[1], v[2]], (w[0].max(0.0) / (points.len() - 3) as f64).sqrt()))
 }
 
 /// Upper median; reorders.

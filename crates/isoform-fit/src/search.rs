@@ -29,6 +29,12 @@ const RIVAL: f64 = 2.0;
 const CANDIDATES: usize = 4;
 /// Throws of single primitives without success before the search ends.
 const THROWS: usize = 4;
+/// Most throws before further starts.
+const MOST_THROWS: usize = 12;
+/// A run this near to the best minimum (in units) with a sum below [`NEAR_SUM`] times its own is taken to have arrived.
+const NEAR: f64 = 0.01;
+/// See [`NEAR`].
+const NEAR_SUM: f64 = 1.5;
 
 /// A minimum of the algebraic sum on the search points.
 #[derive(Clone, Debug)]
@@ -111,7 +117,7 @@ impl Search<'_> {
         let mut k = 0;
         'batches: while k < most {
             let size = if k == 0 { 1 } else { BATCH.min(most - k) };
-            let known = out.best();
+            let known = out.minima.first().cloned();
             let nought = NOUGHT * median(&firsts);
             let starts: Vec<Vec<f64>> = (k..k + size)
                 .map(|i| match (&first, i, out.minima.first()) {
@@ -121,7 +127,7 @@ impl Search<'_> {
                     _ => self.drawn(i + offset - 1),
                 })
                 .collect();
-            let one = |(i, x): (usize, &Vec<f64>)| self.descend(x.clone(), known, nought, k + i);
+            let one = |(i, x): (usize, &Vec<f64>)| self.descend(x.clone(), known.as_ref(), nought, k + i);
             let eager: Vec<Run> =
                 if rayon::current_num_threads() > 1 { starts.par_iter().enumerate().map(one).collect() } else { Vec::new() };
             for i in 0..size {
@@ -145,51 +151,55 @@ impl Search<'_> {
                     out.stopped = true;
                     break 'batches;
                 }
-                if self.is_enough(&out) {
+                if self.has_recurred(&out) && self.throw(&mut out, &firsts) {
                     out.certain = true;
                     break 'batches;
                 }
             }
             k += size;
         }
-        if !out.stopped && !out.minima.is_empty() {
-            self.throw(&mut out, &mut firsts);
-        }
         out
     }
 
-    /// The best minimum recurred, and the rate promises that one as wide was not missed.
-    fn is_enough(&self, out: &Outcome) -> bool {
-        let Some(best) = out.minima.first() else { return false };
-        let rate = best.hits as f64 / out.starts as f64;
-        out.starts >= self.options.least_starts
-            && best.hits >= self.options.recurrences
-            && (1.0 - rate).powi(out.starts as i32) < self.options.miss
+    /// The best minimum recurred in independent starts.
+    fn has_recurred(&self, out: &Outcome) -> bool {
+        out.starts >= self.options.least_starts && out.minima.first().is_some_and(|m| m.hits >= self.options.recurrences)
     }
 
-    /// Throws single primitives of the best minimum elsewhere until that stops helping.
-    fn throw(&self, out: &mut Outcome, firsts: &mut Vec<f64>) {
-        let mut random = fastrand::Rng::with_seed(self.options.seed ^ 0x7_4120);
-        let mut failures = 0;
+    /// Throws single primitives of the best minimum elsewhere. True when that keeps leading back and the rate of return, starts
+    /// included, promises that a minimum as wide was not missed; false to go on with starts.
+    fn throw(&self, out: &mut Outcome, firsts: &[f64]) -> bool {
+        let mut random = fastrand::Rng::with_seed(self.options.seed ^ 0x7_4120 ^ ((out.starts as u64) << 32));
+        let nought = NOUGHT * median(firsts);
         let mut groups = self.groups(&out.minima[0].x);
-        while failures < THROWS && !groups.is_empty() && !self.control.stops() {
-            let best = out.best();
+        let (mut tried, mut back, mut failures) = (0, 0, 0);
+        while tried < MOST_THROWS && !groups.is_empty() && !self.control.stops() {
             let mut x = out.minima[0].x.clone();
             for &i in &groups[failures % groups.len()] {
                 x[i] = self.space.start_lo[i] + (self.space.start_hi[i] - self.space.start_lo[i]) * random.f64();
             }
             self.space.into_interior(&mut x, 1e-3);
-            let nought = NOUGHT * median(firsts);
-            let run = self.descend(x, best, nought, out.starts);
+            let best = out.best();
+            let run = self.descend(x, out.minima.first(), nought, out.starts);
             out.evaluations += run.evaluations;
-            if run.value.is_finite() && out.insert(run.x, run.value, nought, false) == 0 && run.value < best * (1.0 - SAME) && best > nought {
-                failures = 0;
-                out.certain = false;
+            tried += 1;
+            let at = if run.value.is_finite() { out.insert(run.x, run.value, nought, false) } else { usize::MAX };
+            if at == 0 && best > nought && run.value < best * (1.0 - SAME) {
+                // Better: everything found so far was something else.
+                (tried, back, failures) = (0, 1, 0);
+                out.minima[0].hits = 1;
                 groups = self.groups(&out.minima[0].x);
-            } else {
-                failures += 1;
+                continue;
+            }
+            back += usize::from(at == 0);
+            failures += 1;
+            let total = out.starts + tried;
+            let rate = (out.minima[0].hits + back) as f64 / total as f64;
+            if failures >= THROWS && (1.0 - rate).powi(total as i32) < self.options.miss {
+                return out.minima[0].hits >= 2;
             }
         }
+        groups.is_empty()
     }
 
     /// Free variables by primitive, those of the pieces with the fewest points first: the variables that a piece's points move.
@@ -231,24 +241,34 @@ impl Search<'_> {
         groups
     }
 
-    /// One descent; gives up when it can no longer matter.
-    fn descend(&self, x: Vec<f64>, known: f64, nought: f64, start: usize) -> Run {
+    /// One descent; ends early at a minimum that is known, or when it can no longer matter.
+    fn descend(&self, x: Vec<f64>, known: Option<&Found>, nought: f64, start: usize) -> Run {
         let mut objective = Residuals::new(self.template.algebraic(), self.points, &[], self.space);
         let (mut first, mut history) = (f64::INFINITY, Vec::new());
         let count = self.points.len().max(1) as f64;
         let mut window = Vec::new();
-        let settings = lm::Options { decrease: 1e-7, ..lm::Options::default() };
-        let m = lm::minimize(&mut objective, x, &self.space.lo, &self.space.hi, &settings, &mut |iteration, _, value| {
+        let mut arrived = false;
+        let settings = lm::Options { decrease: 1e-5, ..lm::Options::default() };
+        let mut m = lm::minimize(&mut objective, x, &self.space.lo, &self.space.hi, &settings, &mut |iteration, x, value| {
             if window.is_empty() {
                 first = value;
             }
             window.push(value);
             history.push(Step { start, iteration, rms: (value / count).sqrt() });
-            // Nought is nought. And a run far above the best minimum that has all but stopped falling is not awaited.
             let k = window.len();
-            let slow = k > 10 && window[k - 11] - value < 0.02 * value && value > 4.0 * known;
-            value > 1e-6 * nought && !slow && !(iteration % 16 == 0 && self.control.stops())
+            if let Some(known) = known {
+                let is_low = value < NEAR_SUM * known.value || (known.value <= nought && value < 1e-4 * first);
+                arrived = is_low && known.x.iter().zip(x).all(|(u, v)| (u - v).abs() < NEAR);
+                // A run far above the best minimum that has all but stopped falling is not awaited.
+                if arrived || (k > 10 && window[k - 11] - value < 0.02 * value && value > 4.0 * known.value) {
+                    return false;
+                }
+            }
+            value > nought && !(iteration % 16 == 0 && self.control.stops())
         });
+        if let Some(known) = known.filter(|_| arrived) {
+            (m.x, m.value) = (known.x.clone(), known.value);
+        }
         Run { x: m.x, value: m.value, first, evaluations: m.iterations, history }
     }
 
