@@ -2,7 +2,10 @@
 
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
-use isoform::field::hyperfun::Model;
+use isoform::field::hyperfun::{Model, Pose};
+use isoform::fit::Template;
+use isoform::geom::ParamField;
+use isoform::{FrepTemplate, TemplateError};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -62,13 +65,11 @@ struct Row<'t> {
 
 enum Cell {
     Value(f64, Vec<f64>),
+    Part(String, Vec<f64>),
     Error(String),
 }
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    if args.reading != Reading::Algebraic {
-        return Err(Failure::usage("this reading is not available yet").hint("--reading algebraic"));
-    }
     if args.model == Path::new("-") && args.points == Path::new("-") {
         return Err(Failure::usage("model and points cannot both be -").why("stdin can be read only once"));
     }
@@ -76,7 +77,17 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let a = values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
     let table = output::text(output::read_file(&args.points)?);
     let rows = points(&args.points, &table, model.dimension())?;
-    let cells: Vec<Cell> = rows.par_chunks(CHUNK).flat_map_iter(|rows| evaluate(&model, rows, &a, context)).collect();
+    let template = (args.reading != Reading::Algebraic).then(|| template(&args.model, &model)).transpose()?;
+    let cells: Vec<Cell> = rows
+        .par_chunks(CHUNK)
+        .flat_map_iter(|rows| {
+            let mut cells = evaluate(&model, rows, &a, context);
+            if let Some(template) = &template {
+                read_otherwise(template, args.reading, rows, &a, &mut cells);
+            }
+            cells
+        })
+        .collect();
 
     let failed = cells.iter().filter(|c| matches!(c, Cell::Error(_))).count();
     let exit = match failed {
@@ -131,6 +142,30 @@ fn evaluate(model: &Model, rows: &[Row<'_>], a: &[f64], context: &Context) -> Ve
         }
     };
     rows.iter().map(cell).collect()
+}
+
+/// The model compiled for its metric and parts readings.
+fn template(path: &Path, model: &Model) -> Result<FrepTemplate, Failure> {
+    FrepTemplate::with_pose(model, Pose::None, &[]).map_err(|e| {
+        let failure = Failure::input("no-reading", e.to_string()).hint("--reading algebraic evaluates every program");
+        if let TemplateError::NotCompilable(at) = e { failure.at(path, at.line, at.column) } else { failure }
+    })
+}
+
+/// Replaces the values by those of another reading; rows that have no value keep their error.
+fn read_otherwise(template: &FrepTemplate, reading: Reading, rows: &[Row<'_>], a: &[f64], cells: &mut [Cell]) {
+    let points: Vec<[f64; 3]> = rows.iter().map(|r| [r.x[0], r.x[1], r.x[2]]).collect();
+    let (mut distances, mut parts) = (vec![0.0; points.len()], vec![0; points.len()]);
+    template.metric().values(&points, a, &mut distances);
+    template.parts(&points, a, &mut parts);
+    for (cell, (distance, part)) in cells.iter_mut().zip(distances.into_iter().zip(parts)) {
+        if let Cell::Value(_, s) = cell {
+            *cell = match reading {
+                Reading::Part => Cell::Part(template.part_names()[part as usize].clone(), std::mem::take(s)),
+                _ => Cell::Value(distance, std::mem::take(s)),
+            };
+        }
+    }
 }
 
 /// Names of the coordinates.
@@ -193,8 +228,12 @@ fn csv(model: &Model, rows: &[Row<'_>], cells: &[Cell]) -> (Vec<String>, String)
             text.push(',');
         }
         match cell {
-            Cell::Value(f, s) => {
-                text += &format!("{f:?}");
+            Cell::Value(_, s) | Cell::Part(_, s) => {
+                match cell {
+                    Cell::Part(name, _) => text += &quoted(name),
+                    Cell::Value(f, _) => text += &format!("{f:?}"),
+                    Cell::Error(_) => {}
+                }
                 for v in s {
                     text += &format!(",{v:?}");
                 }
@@ -219,6 +258,10 @@ fn json_row(row: &Row<'_>, cell: &Cell) -> Value {
     match cell {
         Cell::Value(f, s) => {
             values.push(json!(f));
+            values.extend(s.iter().map(|v| json!(v)));
+        }
+        Cell::Part(name, s) => {
+            values.push(json!(name));
             values.extend(s.iter().map(|v| json!(v)));
         }
         Cell::Error(e) => values.push(json!(e)),

@@ -27,6 +27,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod facets;
 mod template;
 
 pub use isoform_field as field;
@@ -34,4 +35,5 @@ pub use isoform_fit as fit;
 pub use isoform_geom as geom;
 pub use isoform_io as io;
 pub use isoform_num as num;
+pub use facets::points_on_faces;
 pub use template::{FrepTemplate, TemplateError};

@@ -5,7 +5,7 @@ use crate::model::Language;
 use crate::output::{Context, DONE, Failure, NO_RESULT, PARTIAL};
 use crate::progress::Progress;
 use crate::{gallery, interrupt, scan};
-use isoform::FrepTemplate;
+use isoform::{FrepTemplate, points_on_faces};
 use isoform::field::hyperfun::{Model, Pose};
 use isoform::fit::{Control, Fit, FitError, Kind, Loss, Method, Options, fit};
 use isoform::geom::PointCloud;
@@ -91,10 +91,20 @@ pub(crate) struct Scan {
     pub(crate) seconds: f64,
 }
 
-/// Reads the scan of a fit: vertices, and of a CAD mesh also points of its flat faces.
+/// About how many points are added on the flat faces of a CAD model.
+const ON_FACES: usize = 6000;
+
+/// Reads the scan of a fit: points or vertices, and of a CAD mesh also points of its flat faces.
 pub(crate) fn read_scan(path: &Path, format: Option<&str>, max_points: Option<usize>, context: &Context) -> Result<Scan, Failure> {
     let started = Instant::now();
-    let (cloud, report) = scan::read_points(path, format, max_points, MeshPoints::Vertices, context)?;
+    let (mut cloud, mut report) = scan::read_points(path, format, max_points, MeshPoints::Vertices, context)?;
+    if !cloud.triangles.is_empty() {
+        let (with_faces, added) = points_on_faces(&cloud, ON_FACES);
+        if added > 0 {
+            report.warnings.push(format!("a CAD model: {added} points of its flat faces and straight lines were added to {} vertices", cloud.points.len()));
+            cloud = with_faces;
+        }
+    }
     Ok(Scan { name: path.display().to_string(), cloud, report, seconds: started.elapsed().as_secs_f64() })
 }
 
