@@ -4,7 +4,6 @@ use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use isoform::field::hyperfun::{Model, Pose};
 use isoform::fit::Template;
-use isoform::geom::ParamField;
 use isoform::{FrepTemplate, TemplateError};
 use rayon::prelude::*;
 use serde_json::{Value, json};

@@ -225,7 +225,8 @@ impl Reader<'_> {
                 for j in 0..=i {
                     let s: f64 = (0..3).map(|k| rows[i][k] * rows[j][k]).sum();
                     // 1e-9: rounding of a few rotations stays below 1e-14; scales of real models are never that close to 1.
-                    if !((s - f64::from(u8::from(i == j))).abs() < 1e-9) {
+                    let off = (s - f64::from(u8::from(i == j))).abs();
+                    if off.is_nan() || off >= 1e-9 {
                         return false;
                     }
                 }

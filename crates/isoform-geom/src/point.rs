@@ -51,9 +51,9 @@ impl Aabb {
     }
     /// Grows to hold `p`.
     pub fn add(&mut self, p: Point3) {
-        for i in 0..3 {
-            self.lo[i] = self.lo[i].min(p[i]);
-            self.hi[i] = self.hi[i].max(p[i]);
+        for (i, v) in p.into_iter().enumerate() {
+            self.lo[i] = self.lo[i].min(v);
+            self.hi[i] = self.hi[i].max(v);
         }
     }
     /// Whether it holds no point.

@@ -179,11 +179,11 @@ impl Real for f64 {
     }
     #[inline]
     fn less(&self, other: &Self) -> Self {
-        f64::from(u8::from(*self < *other))
+        Self::from(u8::from(*self < *other))
     }
     #[inline]
     fn less_eq(&self, other: &Self) -> Self {
-        f64::from(u8::from(*self <= *other))
+        Self::from(u8::from(*self <= *other))
     }
     #[inline]
     fn select(&self, a: &Self, b: &Self) -> Self {
