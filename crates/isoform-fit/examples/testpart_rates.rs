@@ -20,6 +20,10 @@ fn main() {
     let all = ["clean", "noise0.01", "noise0.05", "poly", "partial", "outlier10", "hidden"];
     let names: Vec<&str> = if said.is_empty() { all.to_vec() } else { said.iter().map(String::as_str).collect() };
     for name in names {
+        if let Some(sigma) = name.strip_prefix("draws") {
+            draws(sigma.parse().expect("a deviation"));
+            continue;
+        }
         let points = variant(name).expect("a variant");
         let starts: Vec<Vec<f64>> = [SET1.to_vec(), SET2.to_vec()].into_iter().chain(wide.iter().cloned()).collect();
         let starts = if name == "outlier10" { &starts[..22] } else { &starts[..] };
@@ -37,7 +41,11 @@ fn run(name: &str, points: &[Point3], starts: &[Vec<f64>]) {
     };
     let sd = cramer_rao(&variant("clean").expect("clean"));
     let tolerance = |i: usize| {
-        if name == "clean" { 1e-6 * TRUTH[i].abs() } else { (if name == "poly" { 2e-2 } else { 1e-2 } * TRUTH[i].abs()).max(5.0 * sigma * sd[i]) }
+        if name == "clean" {
+            1e-6 * TRUTH[i].abs()
+        } else {
+            (if name == "poly" { 2e-2 } else { 1e-2 } * TRUTH[i].abs()).max(5.0 * sigma * sd[i])
+        }
     };
     let (mut good, mut times, mut z_worst, mut phases) = (0, Vec::new(), 0.0_f64, Vec::<(&str, f64)>::new());
     let mut worst: f64 = 0.0;
@@ -57,7 +65,8 @@ fn run(name: &str, points: &[Point3], starts: &[Vec<f64>]) {
         times.push(begun.elapsed().as_secs_f64() * 1e3);
         let a = support::canonical(&fitted.values());
         let ok = if name == "hidden" {
-            let open: Vec<&str> = fitted.parameters.iter().filter(|p| p.status.as_str() == "undetermined").map(|p| p.name.as_str()).collect();
+            let open: Vec<&str> =
+                fitted.parameters.iter().filter(|p| p.status.as_str() == "undetermined").map(|p| p.name.as_str()).collect();
             let d: f64 = (0..12).filter(|i| *i != 2 && *i != 5).map(|i| (a[i] - TRUTH[i]).abs() / (0.01 * sd[i])).fold(0.0, f64::max);
             worst = worst.max(d.max((a[2] + a[5] - TRUTH[2] - TRUTH[5]).abs() / (0.01 / 2280f64.sqrt())));
             open == ["vz", "dz"] && d < 3.0
@@ -87,14 +96,60 @@ fn run(name: &str, points: &[Point3], starts: &[Vec<f64>]) {
     let phases: Vec<String> = phases.iter().map(|(p, s)| format!("{p} {s:.1}")).collect();
     println!(
         "{name}: {good} of {}; ms median {:.1} max {:.1} ({}); starts {:.1}; worst {worst:.2e}; rms z {z_worst:.2}; outliers {:?}..{:?}",
-        starts.len(), times[times.len() / 2], times[times.len() - 1], phases.join(", "), starts_run as f64 / starts.len() as f64,
-        outliers.iter().min(), outliers.iter().max(),
+        starts.len(),
+        times[times.len() / 2],
+        times[times.len() - 1],
+        phases.join(", "),
+        starts_run as f64 / starts.len() as f64,
+        outliers.iter().min(),
+        outliers.iter().max(),
     );
     if let Some(f) = last {
         println!(
             "  rms {:.3e} noise {:.3e} loss {:?} {:?} {:?} open {:?} warnings {:?} reasons {:?} correlation {:.2}",
-            f.rms, f.noise, f.loss, f.data_to_model, f.model_to_data, f.undetermined.iter().map(|u| &u.why).collect::<Vec<_>>(), f.warnings, f.reasons,
+            f.rms,
+            f.noise,
+            f.loss,
+            f.data_to_model,
+            f.model_to_data,
+            f.undetermined.iter().map(|u| &u.why).collect::<Vec<_>>(),
+            f.warnings,
+            f.reasons,
             f.neighbour_correlation,
         );
     }
+}
+
+/// Intervals and accuracy over many draws of the noise.
+fn draws(sigma: f64) {
+    let template = TestPart::new(false);
+    let clean = variant("clean").expect("clean");
+    let sd = cramer_rao(&clean);
+    let bounds: Vec<_> = LO.iter().zip(HI).map(|(l, h)| Some((*l, h))).collect();
+    let (mut inside, mut z, mut mean, mut ratio) = (0, 0.0, [0.0; 12], 0.0);
+    const DRAWS: usize = 200;
+    for seed in 0..DRAWS {
+        let mut points = clean.clone();
+        support::noise(&mut points, sigma, seed as u64 + 100);
+        let options = Options { start: Some(SET1.to_vec()), bounds: bounds.clone(), ..Options::default() };
+        let f = fit(&points, &template, &options, &Control::default()).expect("a fit");
+        let a = f.values();
+        let swapped = support::canonical(&a) != a[..];
+        for i in 0..12 {
+            let k = if swapped && i >= 6 { (i - 6 + 3) % 6 + 6 } else { i };
+            let p = &f.parameters[k];
+            let (lo, hi) = p.ci95.unwrap_or((f64::NAN, f64::NAN));
+            inside += usize::from(lo <= TRUTH[i] && TRUTH[i] <= hi);
+            let d = (p.value - TRUTH[i]) / (sigma * sd[i]);
+            z += d * d;
+            mean[i] += d / DRAWS as f64;
+            ratio += p.sd.unwrap_or(f64::NAN) / (sigma * sd[i]) / (12 * DRAWS) as f64;
+        }
+    }
+    let total = 12 * DRAWS;
+    println!(
+        "sigma {sigma}: {:.1} % of {total} intervals cover, rms z {:.3}, sd ratio {ratio:.3}, mean z {mean:.2?}",
+        100.0 * inside as f64 / total as f64,
+        (z / total as f64).sqrt()
+    );
 }

@@ -51,7 +51,12 @@ pub struct Annealed {
 
 /// Anneals within finite bounds. `monitor` is asked after each adaptation, with the evaluations and the best value.
 pub fn minimize(
-    objective: &mut dyn Objective, x: Vec<f64>, lo: &[f64], hi: &[f64], options: &Options, monitor: &mut dyn FnMut(usize, f64) -> bool,
+    objective: &mut dyn Objective,
+    x: Vec<f64>,
+    lo: &[f64],
+    hi: &[f64],
+    options: &Options,
+    monitor: &mut dyn FnMut(usize, f64) -> bool,
 ) -> Annealed {
     let n = objective.dim();
     let mut random = fastrand::Rng::with_seed(options.seed);

@@ -25,7 +25,11 @@ impl Default for Options {
 
 /// Minimises within `lo` and `hi` from `x`. `monitor` sees every accepted point and ends the run by returning `false`.
 pub fn minimize(
-    objective: &mut dyn Objective, mut x: Vec<f64>, lo: &[f64], hi: &[f64], options: &Options,
+    objective: &mut dyn Objective,
+    mut x: Vec<f64>,
+    lo: &[f64],
+    hi: &[f64],
+    options: &Options,
     monitor: &mut dyn FnMut(usize, &[f64], f64) -> bool,
 ) -> Minimum {
     let n = objective.dim();

@@ -67,7 +67,15 @@ fn percentile_index(n: usize) -> usize {
 }
 
 /// Samples the surface of the metric field and measures it against the data.
-pub(crate) fn model_to_data(field: &dyn ParamField, a: &[f64], data: Aabb, tree: &KdTree, spacing: f64, noise: f64, samples: usize) -> Surface {
+pub(crate) fn model_to_data(
+    field: &dyn ParamField,
+    a: &[f64],
+    data: Aabb,
+    tree: &KdTree,
+    spacing: f64,
+    noise: f64,
+    samples: usize,
+) -> Surface {
     let (points, cell) = sample(field, a, data, samples);
     let distances: Vec<f64> = points.iter().map(|p| tree.nearest(*p).map_or(f64::INFINITY, |(_, d)| d.sqrt())).collect();
     // The samples of sparse data are judged by the data's spacing, which a tree over a part of a large cloud overstates at most.
@@ -148,7 +156,7 @@ fn sample(field: &dyn ParamField, a: &[f64], data: Aabb, wanted: usize) -> (Vec<
 
 /// Correlation of the residuals of sampled points with that of their nearest neighbours: near 0 for noise, near 1 for a bad model.
 pub(crate) fn neighbour_correlation(points: &[Point3], residuals: &[f64], left_out: &[bool], tree: &KdTree, order: &[u32]) -> f64 {
-    const PROBES: usize = 1000;
+    const PROBES: usize = 400;
     // A tree over a part of the points has other indices.
     if tree.len() != points.len() {
         return 0.0;

@@ -5,8 +5,8 @@ use crate::bfgs;
 use crate::deviation::{self, Surface};
 use crate::identify::{At, Knowledge, student95};
 use crate::objective::{Objective, Residuals, sum_of_squares};
-use crate::outliers::{HAS_OUTLIERS, Neighbourhood};
-use crate::polish::{Polish, Polished, weight};
+use crate::outliers::{HAS_OUTLIERS, MOST_DROPPED, Neighbourhood};
+use crate::polish::{Polish, Polished, rims, weight};
 use crate::report::{Estimate, Fit, Open, OtherMinimum, PartStatistics, Status};
 use crate::search::{Outcome, Search, Step};
 use crate::space::Space;
@@ -48,6 +48,7 @@ pub fn fit(points: &[Point3], template: &dyn Template, options: &Options, contro
 }
 
 /// Seconds by phase.
+#[derive(Clone)]
 struct Clock {
     last: Instant,
     seconds: Vec<(&'static str, f64)>,
@@ -70,7 +71,12 @@ struct Task<'a> {
     data: Aabb,
     /// A seeded random order of the points.
     order: Vec<u32>,
-    started: Instant,
+    near: Neighbourhood,
+    /// Some points, in that order, without isolated ones.
+    kept: Vec<Point3>,
+    /// Share of isolated ones among those looked at.
+    isolated: f64,
+    clock: Clock,
 }
 
 /// What the stages before the report leave.
@@ -84,11 +90,13 @@ struct Fitted {
     history: Vec<Step>,
     stop: Option<lm::Stop>,
     complete: bool,
+    /// 0 for points that the polish left out because they lie on rims; empty for none.
+    mask: Vec<f64>,
 }
 
 impl<'a> Task<'a> {
     fn new(points: &'a [Point3], template: &'a dyn Template, options: &'a Options, control: &'a Control<'a>) -> Result<Self, FitError> {
-        let started = Instant::now();
+        let mut clock = Clock { last: Instant::now(), seconds: Vec::new() };
         let parameters = template.parameters();
         if let Some(index) = points.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
             return Err(FitError::NotFinite { what: "a point", index });
@@ -102,15 +110,24 @@ impl<'a> Task<'a> {
         if let Some(index) = options.start.as_ref().and_then(|s| s.iter().position(|v| !v.is_finite())) {
             return Err(FitError::NotFinite { what: "the start", index });
         }
-        let data = Aabb::of(points);
-        let space = Space::new(parameters, &options.bounds, data)?;
-        let found = distinct(points, space.len());
-        if found < space.len() {
-            return Err(FitError::TooFewPoints { found, free: space.len() });
+        let free = parameters.iter().filter(|p| p.fixed.is_none() && p.tie.is_none()).count();
+        let found = distinct(points, free.max(1));
+        if found < free.max(1) {
+            return Err(FitError::TooFewPoints { found, free });
         }
+        control.report("outliers", 0.0);
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         fastrand::Rng::with_seed(options.seed).shuffle(&mut order);
-        Ok(Self { points, template, options, control, space, data, order, started })
+        let near = Neighbourhood::new(points, &order);
+        let count = (options.confirm_points / 2).max(options.search_points);
+        let (mut kept, isolated) = if options.filter_outliers { near.keep(points, &order, count) } else { (Vec::new(), 0.0) };
+        if !options.filter_outliers || isolated > MOST_DROPPED || kept.len() < 2 * free {
+            kept = order.iter().take(count).map(|&i| points[i as usize]).collect();
+        }
+        let data = trusted_box(points, &kept, isolated, near.spacing);
+        let space = Space::new(parameters, &options.bounds, data)?;
+        clock.lap("outliers");
+        Ok(Self { points, template, options, control, space, data, order, near, kept, isolated, clock })
     }
 
     fn some(&self, count: usize) -> Vec<Point3> {
@@ -137,18 +154,8 @@ impl<'a> Task<'a> {
     /// The default method.
     fn searched(&self) -> Result<Fit, FitError> {
         let (options, control) = (self.options, self.control);
-        let mut clock = Clock { last: self.started, seconds: Vec::new() };
-        control.report("outliers", 0.0);
-        let near = Neighbourhood::new(self.points, &self.order);
-        let confirm = options.confirm_points.max(options.search_points);
-        let (mut kept, mut isolated) = (Vec::new(), 0.0);
-        if options.filter_outliers {
-            (kept, isolated) = near.keep(self.points, &self.order, confirm);
-        }
-        if !options.filter_outliers || isolated > crate::outliers::MOST_DROPPED || kept.len() < 2 * self.space.len() {
-            kept = self.some(confirm);
-        }
-        clock.lap("outliers");
+        let (near, isolated) = (&self.near, self.isolated);
+        let (mut clock, mut kept) = (self.clock.clone(), self.kept.clone());
         control.report("search", 0.0);
         let count = options.search_points;
         let search_on = |points: &[Point3], first| {
@@ -175,21 +182,31 @@ impl<'a> Task<'a> {
         let mut evaluations = outcome.evaluations;
         let mut history = outcome.history.clone();
         let mut polish = self.polish(outcome.starts);
-        let (rough, at_least) = self.compare(&search, &outcome, &kept, isolated, &polish, &mut evaluations);
+        let rough = self.compare(&search, &outcome, &kept, isolated, &polish, &mut evaluations);
         history.extend(rough.history.iter().cloned());
         control.report("polish", 0.3);
         let loss = match options.loss {
             Loss::Auto => rough.loss,
             said => said,
         };
-        let mut fine = polish.fine(self.points, rough.x.clone(), loss);
-        evaluations += at_least + fine.evaluations;
+        let (mut x, mut noise) = (rough.x.clone(), rough.scale);
+        let mut mask = self.mask(&x, noise);
+        let mut rounds = 12;
+        if loss != Loss::Squares && self.points.len() > 2 * options.confirm_points {
+            // Reweighting takes many rounds: most of them on few points.
+            let some = self.some(options.confirm_points);
+            let middle = polish.fine(&some, &[], x, loss, 10);
+            x = middle.x;
+            evaluations += middle.evaluations;
+            rounds = 6;
+        }
+        let mut fine = polish.fine(self.points, &mask, x, loss, rounds);
+        evaluations += fine.evaluations;
         history.append(&mut fine.history);
+        (x, noise) = (fine.x, fine.scale);
         clock.lap("polish");
         control.report("report", 0.0);
-        let mut noise = fine.scale;
-        let mut x = fine.x;
-        let knowledge = self.knowledge(&x, loss, noise);
+        let knowledge = self.knowledge(&x, loss, noise, &mask);
         let mut held = vec![false; self.space.len()];
         if !knowledge.directions.is_empty() {
             // Off the data first: an open face that touches noisy points of its neighbours would pull at those.
@@ -198,20 +215,21 @@ impl<'a> Task<'a> {
                 held[*k] = true;
             }
             polish.held.clone_from(&held);
-            let mut again = polish.fine(self.points, x, loss);
+            mask = self.mask(&x, noise);
+            let mut again = polish.fine(self.points, &mask, x, loss, rounds);
             evaluations += again.evaluations;
             history.append(&mut again.history);
             x = again.x;
             noise = again.scale;
         }
         let complete = !outcome.stopped && !control.stops();
-        let result = Fitted { x, loss, noise, outcome, isolated, evaluations, history, stop: None, complete };
-        Ok(self.report(result, &near, knowledge, &held, clock))
+        let result = Fitted { x, loss, noise, outcome, isolated, evaluations, history, stop: None, complete, mask };
+        Ok(self.report(result, knowledge, &held, clock))
     }
 
     /// The paper's methods: algebraic residual on all points, no polish.
     fn classical(&self, method: Method) -> Result<Fit, FitError> {
-        let mut clock = Clock { last: self.started, seconds: Vec::new() };
+        let mut clock = self.clock.clone();
         let control = self.control;
         let mut objective = Residuals::new(self.template.algebraic(), self.points, &[], &self.space);
         let count = self.points.len() as f64;
@@ -273,13 +291,13 @@ impl<'a> Task<'a> {
             return Err(FitError::NoFiniteStart { starts: 1 });
         }
         outcome.minima.push(crate::search::Found { x: x.clone(), value, hits: 1 });
-        let near = Neighbourhood::new(self.points, &self.order);
         let noise = Polish::scale(&self.polish(1).residuals(self.points, &x));
-        let knowledge = self.knowledge(&x, Loss::Squares, noise);
+        let knowledge = self.knowledge(&x, Loss::Squares, noise, &[]);
         let held = vec![false; self.space.len()];
         let complete = !control.stops();
-        let result = Fitted { x, loss: Loss::Squares, noise, outcome, isolated: 0.0, evaluations, history, stop, complete };
-        Ok(self.report(result, &near, knowledge, &held, clock))
+        let result =
+            Fitted { x, loss: Loss::Squares, noise, outcome, isolated: 0.0, evaluations, history, stop, complete, mask: Vec::new() };
+        Ok(self.report(result, knowledge, &held, clock))
     }
 
     /// The paper ends its annealing at a mean |f| of 0.04; here of the typical |f| of random starts.
@@ -303,8 +321,14 @@ impl<'a> Task<'a> {
 
     /// Candidates of near-equal sums, each led on to the metric residual on more points; the best one by a truncated sum.
     fn compare(
-        &self, search: &Search, outcome: &Outcome, kept: &[Point3], isolated: f64, polish: &Polish, evaluations: &mut usize,
-    ) -> (Polished, usize) {
+        &self,
+        search: &Search,
+        outcome: &Outcome,
+        kept: &[Point3],
+        isolated: f64,
+        polish: &Polish,
+        evaluations: &mut usize,
+    ) -> Polished {
         let all = self.some(self.options.confirm_points.max(self.options.search_points));
         let has_outliers = isolated > HAS_OUTLIERS;
         let mut found: Vec<(Polished, Vec<f64>)> = search
@@ -312,9 +336,10 @@ impl<'a> Task<'a> {
             .iter()
             .map(|m| {
                 let mut objective = Residuals::new(self.template.algebraic(), kept, &[], &self.space);
-                let settings = lm::Options { max_iterations: 30, decrease: 1e-4, ..lm::Options::default() };
-                let confirmed =
-                    lm::minimize(&mut objective, m.x.clone(), &self.space.lo, &self.space.hi, &settings, &mut |_, _, _| !self.control.stops());
+                let settings = lm::Options { max_iterations: 12, decrease: 1e-4, ..lm::Options::default() };
+                let confirmed = lm::minimize(&mut objective, m.x.clone(), &self.space.lo, &self.space.hi, &settings, &mut |_, _, _| {
+                    !self.control.stops()
+                });
                 let p = polish.rough(&all, confirmed.x, has_outliers);
                 *evaluations += confirmed.iterations + p.evaluations;
                 let r = polish.residuals(&all, &p.x);
@@ -331,26 +356,48 @@ impl<'a> Task<'a> {
                 best = k;
             }
         }
-        (found.swap_remove(best).0, 0)
+        found.swap_remove(best).0
     }
 
-    fn knowledge(&self, x: &[f64], loss: Loss, noise: f64) -> Knowledge {
+    /// Points on rims, where noise is worth the name.
+    fn mask(&self, x: &[f64], noise: f64) -> Vec<f64> {
+        if noise <= EXACT * self.data.diagonal() {
+            return Vec::new();
+        }
+        let mut a = vec![0.0; self.template.parameters().len()];
+        self.space.parameters_at(x, &mut a);
+        rims(self.template, self.points, &a, noise)
+    }
+
+    fn knowledge(&self, x: &[f64], loss: Loss, noise: f64, mask: &[f64]) -> Knowledge {
         if self.points.len() > MOST_TESTED {
             let some = self.some(MOST_TESTED);
+            let mask: Vec<f64> =
+                if mask.is_empty() { Vec::new() } else { self.order[..MOST_TESTED].iter().map(|&i| mask[i as usize]).collect() };
             let residuals = self.polish(0).residuals(&some, x);
-            return self.at(&some, x, &residuals, loss, noise).knowledge();
+            return self.at(&some, x, &residuals, loss, noise, &mask).knowledge();
         }
         let residuals = self.polish(0).residuals(self.points, x);
-        self.at(self.points, x, &residuals, loss, noise).knowledge()
+        self.at(self.points, x, &residuals, loss, noise, mask).knowledge()
     }
 
-    fn at<'b>(&'b self, points: &'b [Point3], x: &'b [f64], residuals: &'b [f64], loss: Loss, noise: f64) -> At<'b> {
+    fn at<'b>(&'b self, points: &'b [Point3], x: &'b [f64], residuals: &'b [f64], loss: Loss, noise: f64, mask: &'b [f64]) -> At<'b> {
         let scale = if matches!(loss, Loss::Squares | Loss::Auto) {
             (residuals.iter().filter(|r| r.is_finite()).map(|r| r * r).sum::<f64>() / residuals.len().max(1) as f64).sqrt()
         } else {
             noise
         };
-        At { field: self.template.metric(), points, space: &self.space, x, residuals, loss, scale, least_scale: EXACT * self.data.diagonal() }
+        At {
+            field: self.template.metric(),
+            points,
+            space: &self.space,
+            x,
+            residuals,
+            mask,
+            loss,
+            scale,
+            least_scale: EXACT * self.data.diagonal(),
+        }
     }
 
     /// Moves along an open direction by a few noise deviations, within bounds.
@@ -369,9 +416,9 @@ impl<'a> Task<'a> {
         self.space.into_interior(x, 1e-9);
     }
 
-    fn report(&self, result: Fitted, near: &Neighbourhood, knowledge: Knowledge, held: &[bool], mut clock: Clock) -> Fit {
-        let Fitted { x, loss, noise, outcome, isolated, evaluations, history, stop, complete } = result;
-        let n = self.points.len();
+    fn report(&self, result: Fitted, knowledge: Knowledge, held: &[bool], mut clock: Clock) -> Fit {
+        let Fitted { x, loss, noise, outcome, isolated, evaluations, history, stop, complete, mask } = result;
+        let (n, near) = (self.points.len(), &self.near);
         let mut a = vec![0.0; self.template.parameters().len()];
         self.space.parameters_at(&x, &mut a);
         let residuals = self.polish(0).residuals(self.points, &x);
@@ -379,22 +426,21 @@ impl<'a> Task<'a> {
         let limit = (OUTLIER_DEVIATIONS * noise).max(OUTLIER_SPACINGS * near.spacing);
         let outliers: Vec<bool> = residuals.iter().map(|r| !r.is_finite() || (robust && r.abs() > limit)).collect();
         let n_outliers = outliers.iter().filter(|v| **v).count();
-        let weights: Vec<f64> = residuals.iter().map(|r| if r.is_finite() { weight(loss, r / noise.max(f64::MIN_POSITIVE)) } else { 0.0 }).collect();
+        let mut weights: Vec<f64> =
+            residuals.iter().map(|r| if r.is_finite() { weight(loss, r / noise.max(f64::MIN_POSITIVE)) } else { 0.0 }).collect();
+        weights.iter_mut().zip(&mask).for_each(|(w, m)| *w *= m);
         let used: Vec<f64> = if n_outliers > 0 { outliers.iter().map(|o| if *o { 0.0 } else { 1.0 }).collect() } else { Vec::new() };
         let sum_f2 = self.algebraic_sum(&used, &outliers, &a);
         let data_to_model = deviation::data_to_model(&residuals, &outliers);
-        let surface = deviation::model_to_data(
-            self.template.metric(), &a, self.data, &near.tree, near.spacing, noise, self.options.surface_samples,
-        );
+        let surface =
+            deviation::model_to_data(self.template.metric(), &a, self.data, &near.tree, near.spacing, noise, self.options.surface_samples);
         let mut parts = vec![0; n];
         self.template.parts(self.points, &a, &mut parts);
         let mut surface_parts = vec![0; surface.points.len()];
         self.template.parts(&surface.points, &a, &mut surface_parts);
         let part_statistics = self.part_statistics(&residuals, &outliers, &parts, &surface, &surface_parts);
-        let covariance = if held.iter().any(|v| *v) {
-            self.at(self.points, &x, &residuals, loss, noise).covariance_without(held)
-        } else if n > MOST_TESTED {
-            self.at(self.points, &x, &residuals, loss, noise).covariance_without(held)
+        let covariance = if held.iter().any(|v| *v) || n > MOST_TESTED {
+            self.at(self.points, &x, &residuals, loss, noise, &mask).covariance_without(held)
         } else {
             knowledge.covariance.clone()
         };
@@ -572,7 +618,11 @@ impl<'a> Task<'a> {
                 }
                 let verb = if names.len() == 1 { "is" } else { "are" };
                 let why = if bare.is_empty() {
-                    format!("{} {verb} not determined: the points leave {} open", listed(&names), if names.len() == 1 { "it" } else { "a common direction" })
+                    format!(
+                        "{} {verb} not determined: the points leave {} open",
+                        listed(&names),
+                        if names.len() == 1 { "it" } else { "a common direction" }
+                    )
                 } else {
                     format!("{} {verb} not determined: no points near {}", listed(&names), listed(&bare))
                 };
@@ -599,12 +649,13 @@ impl<'a> Task<'a> {
         let size = self.data.diagonal();
         let share = fit.n_outliers as f64 / fit.n_points.max(1) as f64;
         if self.options.method == Method::Default && !certain {
-            fit.warnings.push(format!("the best minimum was found by {} of {} starts only; there may be a better one", fit.hits, fit.starts));
+            fit.warnings
+                .push(format!("the best minimum was found by {} of {} starts only; there may be a better one", fit.hits, fit.starts));
         }
         if !fit.complete {
             fit.warnings.push("stopped early: this is the best so far".to_owned());
         }
-        if fit.isolated > crate::outliers::MOST_DROPPED {
+        if fit.isolated > MOST_DROPPED {
             fit.warnings.push(format!("{:.0} % of the points look isolated; none was left out of the search", 100.0 * fit.isolated));
         } else if fit.isolated > HAS_OUTLIERS {
             fit.warnings.push(format!("{:.1} % of the points are isolated and were left out of the search", 100.0 * fit.isolated));
@@ -622,10 +673,17 @@ impl<'a> Task<'a> {
             fit.warnings.push(format!("{} ran into a bound ({} to {})", p.name, p.bounds.0, p.bounds.1));
         }
         if fit.model_to_data.share_outside > 0.1 {
-            fit.warnings.push(format!("{:.0} % of the model's surface near the data lies outside their box", 100.0 * fit.model_to_data.share_outside));
+            fit.warnings.push(format!(
+                "{:.0} % of the model's surface near the data lies outside their box",
+                100.0 * fit.model_to_data.share_outside
+            ));
         }
         if fit.rms > BAD_RMS * size || fit.noise > BAD_RMS * size {
-            fit.reasons.push(format!("the points lie {:.3} off the model (rms), more than {} % of their size", fit.rms.max(fit.noise), 100.0 * BAD_RMS));
+            fit.reasons.push(format!(
+                "the points lie {:.3} off the model (rms), more than {} % of their size",
+                fit.rms.max(fit.noise),
+                100.0 * BAD_RMS
+            ));
         }
         if fit.model_to_data.samples == 0 {
             fit.reasons.push("the model has no surface near the data".to_owned());
@@ -637,6 +695,19 @@ impl<'a> Task<'a> {
         }
         fit.acceptable = fit.reasons.is_empty();
     }
+}
+
+/// The box of the data: of all points, or of those kept where outliers would stretch it.
+fn trusted_box(points: &[Point3], kept: &[Point3], isolated: f64, spacing: f64) -> Aabb {
+    let (all, mut some) = (Aabb::of(points), Aabb::of(kept));
+    if isolated <= HAS_OUTLIERS && all.diagonal() < 1.5 * some.diagonal() {
+        return all;
+    }
+    for i in 0..3 {
+        some.lo[i] = (some.lo[i] - spacing).max(all.lo[i]);
+        some.hi[i] = (some.hi[i] + spacing).min(all.hi[i]);
+    }
+    some
 }
 
 /// Distinct points, counted up to `most`.

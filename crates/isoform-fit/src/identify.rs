@@ -5,10 +5,10 @@
 //! is also moved by ten of its standard deviations, the others following along the valley: where the sum of squares does not rise
 //! by a fair share of what the quadratic model says, on either side, the parameter is open.
 
+use crate::Loss;
 use crate::objective::{normal_equations, sum_of_squares};
 use crate::polish::{slope, weight};
 use crate::space::Space;
-use crate::Loss;
 use isoform_geom::{ParamField, Point3};
 use isoform_num::linalg::{cholesky, cholesky_solve};
 
@@ -38,6 +38,8 @@ pub(crate) struct At<'a> {
     pub(crate) space: &'a Space,
     pub(crate) x: &'a [f64],
     pub(crate) residuals: &'a [f64],
+    /// 0 for points left out; empty for none.
+    pub(crate) mask: &'a [f64],
     pub(crate) loss: Loss,
     /// Robust deviation, or the root mean square.
     pub(crate) scale: f64,
@@ -56,6 +58,16 @@ impl At<'_> {
         h
     }
 
+    /// A weight per point, nought where it is left out; empty where all would be 1.
+    fn masked(&self, weight: impl Fn(f64) -> f64) -> Vec<f64> {
+        if self.mask.is_empty() && matches!(self.loss, Loss::Squares | Loss::Auto) {
+            return Vec::new();
+        }
+        let mut weights: Vec<f64> = self.residuals.iter().map(|r| weight(*r)).collect();
+        weights.iter_mut().zip(self.mask).for_each(|(w, m)| *w *= m);
+        weights
+    }
+
     /// Sum of squares (weighted as at x) after a move.
     fn sum(&self, x: &[f64], weights: &[f64]) -> f64 {
         let mut a = vec![0.0; self.field.dim()];
@@ -68,7 +80,7 @@ impl At<'_> {
         let m = self.space.len();
         let robust = !matches!(self.loss, Loss::Squares | Loss::Auto);
         let s = self.scale.max(self.least_scale);
-        let weights: Vec<f64> = if robust { self.residuals.iter().map(|r| weight(self.loss, r / s)).collect() } else { Vec::new() };
+        let weights = self.masked(|r| weight(self.loss, r / s));
         let h = self.normal(self.points, &weights);
         let largest = (0..m).map(|i| h[i * m + i]).fold(0.0, f64::max);
         let mut held = vec![false; m];
@@ -144,7 +156,7 @@ impl At<'_> {
         let m = self.space.len();
         let robust = !matches!(self.loss, Loss::Squares | Loss::Auto);
         let s = self.scale.max(self.least_scale);
-        let weights: Vec<f64> = if robust { self.residuals.iter().map(|r| weight(self.loss, r / s)).collect() } else { Vec::new() };
+        let weights = self.masked(|r| weight(self.loss, r / s));
         let h = self.normal(self.points, &weights);
         let largest = (0..m).map(|i| h[i * m + i]).fold(0.0, f64::max);
         self.covariance(&h, held, robust, s, largest)
@@ -153,18 +165,19 @@ impl At<'_> {
     fn covariance(&self, h: &[f64], held: &[bool], robust: bool, s: f64, largest: f64) -> Vec<f64> {
         let m = self.space.len();
         let free = held.iter().filter(|v| !**v).count();
-        let n = self.residuals.len();
+        let n = if self.mask.is_empty() { self.residuals.len() } else { self.mask.iter().filter(|m| **m > 0.0).count() };
         let degrees = (n as f64 - free as f64).max(1.0);
         let floor = NO_CURVATURE * largest;
         if !robust {
-            let sum: f64 = self.residuals.iter().filter(|r| r.is_finite()).map(|r| r * r).sum();
+            let used = self.residuals.iter().enumerate().filter(|(i, r)| r.is_finite() && self.mask.get(*i) != Some(&0.0));
+            let sum: f64 = used.map(|(_, r)| r * r).sum();
             let mut c = inverse(h, m, held, floor);
             c.iter_mut().for_each(|v| *v *= sum / degrees);
             return c;
         }
         // The sandwich: A⁻¹ B A⁻¹ with A = Σ ψ′ J Jᵀ and B = Σ ψ² J Jᵀ.
-        let slopes: Vec<f64> = self.residuals.iter().map(|r| slope(self.loss, r / s)).collect();
-        let squares: Vec<f64> = self.residuals.iter().map(|r| (weight(self.loss, r / s) * r).powi(2)).collect();
+        let slopes = self.masked(|r| slope(self.loss, r / s));
+        let squares = self.masked(|r| (weight(self.loss, r / s) * r).powi(2));
         // Negative weights mean nothing to normal equations that take their roots: two sums.
         let plus: Vec<f64> = slopes.iter().map(|v| v.max(0.0)).collect();
         let minus: Vec<f64> = slopes.iter().map(|v| (-v).max(0.0)).collect();
@@ -172,7 +185,11 @@ impl At<'_> {
         a.iter_mut().zip(self.normal(self.points, &minus)).for_each(|(p, q)| *p -= q);
         let b = self.normal(self.points, &squares);
         // Where the slopes do not make a positive matrix (few points, gross misfit), the weights do.
-        let sound = { let mut t = a.clone(); (0..m).for_each(|i| t[i * m + i] += floor); cholesky(&mut t, m) };
+        let sound = {
+            let mut t = a.clone();
+            (0..m).for_each(|i| t[i * m + i] += floor);
+            cholesky(&mut t, m)
+        };
         let c = inverse(if sound { &a } else { h }, m, held, floor);
         let cb = product(&c, &b, m);
         let mut out = product(&cb, &c, m);
@@ -233,6 +250,7 @@ pub(crate) fn student95(degrees: f64) -> f64 {
     }
     // Cornish-Fisher, good to 1e-3 from 4 degrees on.
     let z2 = Z * Z;
-    Z + Z * (z2 + 1.0) / (4.0 * v) + Z * ((5.0 * z2 + 16.0) * z2 + 3.0) / (96.0 * v * v)
+    Z + Z * (z2 + 1.0) / (4.0 * v)
+        + Z * ((5.0 * z2 + 16.0) * z2 + 3.0) / (96.0 * v * v)
         + Z * (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / (384.0 * v * v * v)
 }

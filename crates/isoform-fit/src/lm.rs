@@ -82,7 +82,11 @@ const SHARE: f64 = 0.995;
 /// Minimises within `lo` and `hi` from `x`, which must lie strictly between. `monitor` sees every accepted point (iteration, x,
 /// value) and ends the run by returning `false`.
 pub fn minimize(
-    objective: &mut dyn Objective, mut x: Vec<f64>, lo: &[f64], hi: &[f64], options: &Options,
+    objective: &mut dyn Objective,
+    mut x: Vec<f64>,
+    lo: &[f64],
+    hi: &[f64],
+    options: &Options,
     monitor: &mut dyn FnMut(usize, &[f64], f64) -> bool,
 ) -> Minimum {
     let n = objective.dim();
@@ -322,7 +326,11 @@ impl Region {
                 self.damping = mu;
                 return true;
             }
-            if norm < self.radius { upper = upper.min(mu) } else { lower = lower.max(mu) }
+            if norm < self.radius {
+                upper = upper.min(mu)
+            } else {
+                lower = lower.max(mu)
+            }
             self.scratch.copy_from_slice(&self.scaled);
             for i in 0..n {
                 let row = &self.factor[i * n..i * n + i];

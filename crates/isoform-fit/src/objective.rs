@@ -65,18 +65,22 @@ fn piece(weights: &[f64], k: usize) -> &[f64] {
 }
 
 /// Σ w f², in parallel over fixed pieces.
-pub fn sum_of_squares(field: &dyn ParamField, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
+pub(crate) fn sum_of_squares(field: &dyn ParamField, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
     if points.len() <= PIECE {
         return field.sum_of_squares(points, weights, a);
     }
-    let parts: Vec<f64> =
-        points.par_chunks(PIECE).enumerate().map(|(k, p)| field.sum_of_squares(p, piece(weights, k), a)).collect();
+    let parts: Vec<f64> = points.par_chunks(PIECE).enumerate().map(|(k, p)| field.sum_of_squares(p, piece(weights, k), a)).collect();
     parts.iter().sum()
 }
 
 /// Normal equations in the parameters, in parallel over fixed pieces.
-pub fn normal_equations(
-    field: &dyn ParamField, points: &[Point3], weights: &[f64], a: &[f64], gradient: &mut [f64], hessian: &mut [f64],
+pub(crate) fn normal_equations(
+    field: &dyn ParamField,
+    points: &[Point3],
+    weights: &[f64],
+    a: &[f64],
+    gradient: &mut [f64],
+    hessian: &mut [f64],
 ) -> f64 {
     if points.len() <= PIECE {
         return field.normal_equations(points, weights, a, gradient, hessian);
@@ -103,10 +107,20 @@ pub fn normal_equations(
 }
 
 /// f(pᵢ, a), in parallel.
-pub fn values(field: &dyn ParamField, points: &[Point3], a: &[f64], out: &mut [f64]) {
+pub(crate) fn values(field: &dyn ParamField, points: &[Point3], a: &[f64], out: &mut [f64]) {
     if points.len() <= PIECE {
         field.values(points, a, out);
     } else {
         points.par_chunks(PIECE).zip(out.par_chunks_mut(PIECE)).for_each(|(p, o)| field.values(p, a, o));
+    }
+}
+
+/// f(pᵢ, a) and its gradient in space, in parallel.
+pub(crate) fn gradients(field: &dyn ParamField, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {
+    if points.len() <= PIECE {
+        field.gradients(points, a, out, gradients);
+    } else {
+        let pieces = points.par_chunks(PIECE).zip(out.par_chunks_mut(PIECE)).zip(gradients.par_chunks_mut(PIECE));
+        pieces.for_each(|((p, o), g)| field.gradients(p, a, o, g));
     }
 }

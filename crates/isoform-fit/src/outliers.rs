@@ -38,28 +38,34 @@ pub(crate) struct Neighbourhood {
     pub(crate) spacing: f64,
     sample: Vec<Point3>,
     threshold: f64,
+    /// Mean distances of the first points in the random order.
+    known: Vec<f64>,
 }
 
 impl Neighbourhood {
     /// `order` is a random order of the points.
     pub(crate) fn new(points: &[Point3], order: &[u32]) -> Self {
-        let sample: Vec<Point3> = if points.len() <= MOST { points.to_vec() } else { order[..MOST].iter().map(|&i| points[i as usize]).collect() };
+        let sample: Vec<Point3> =
+            if points.len() <= MOST { points.to_vec() } else { order[..MOST].iter().map(|&i| points[i as usize]).collect() };
         let tree = KdTree::new(&sample);
         let mut found = Vec::new();
-        let mut d: Vec<f64> =
-            order.iter().take(SAMPLE).map(|&i| mean_distance(&tree, points[i as usize], &mut found)).filter(|d| *d > 0.0).map(f64::ln).collect();
+        let known: Vec<f64> = order.iter().take(SAMPLE).map(|&i| mean_distance(&tree, points[i as usize], &mut found)).collect();
+        let mut d: Vec<f64> = known.iter().filter(|d| **d > 0.0).map(|d| d.ln()).collect();
         if d.is_empty() {
-            return Self { tree, spacing: 0.0, sample, threshold: f64::INFINITY };
+            return Self { tree, spacing: 0.0, sample, threshold: f64::INFINITY, known };
         }
         let centre = median(&mut d);
         let mut off: Vec<f64> = d.iter().map(|v| (v - centre).abs()).collect();
         let spread = 1.4826 * median(&mut off);
         let threshold = (centre + (DEVIATIONS * spread).max(LEAST_RATIO.ln())).exp();
-        Self { tree, spacing: centre.exp(), sample, threshold }
+        Self { tree, spacing: centre.exp(), sample, threshold, known }
     }
 
-    /// Whether the point is isolated.
-    pub(crate) fn is_isolated(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> bool {
+    /// Whether the point, the k-th in the random order, is isolated.
+    fn is_isolated(&self, p: Point3, k: usize, found: &mut Vec<(f64, u32)>) -> bool {
+        if self.known.get(k).is_some_and(|d| *d <= self.threshold) {
+            return false;
+        }
         let d = mean_distance(&self.tree, p, found);
         if d <= self.threshold {
             return false;
@@ -75,12 +81,12 @@ impl Neighbourhood {
     /// The first `want` points in `order` that are not isolated, and the share of isolated ones among those looked at.
     pub(crate) fn keep(&self, points: &[Point3], order: &[u32], want: usize) -> (Vec<Point3>, f64) {
         let (mut kept, mut seen, mut found) = (Vec::with_capacity(want), 0, Vec::new());
-        for &i in order {
+        for (k, &i) in order.iter().enumerate() {
             if kept.len() == want {
                 break;
             }
             seen += 1;
-            if !self.is_isolated(points[i as usize], &mut found) {
+            if !self.is_isolated(points[i as usize], k, &mut found) {
                 kept.push(points[i as usize]);
             }
         }

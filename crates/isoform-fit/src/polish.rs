@@ -4,12 +4,12 @@
 //! minimum) and Tukey's biweight then (it forgets gross outliers), the scale from the median absolute residual. Each level starts
 //! from the one before, so that all points are seen a few times only.
 
-use crate::objective::{Residuals, values};
+use crate::objective::{Residuals, gradients, values};
 use crate::outliers::median;
 use crate::search::Step;
 use crate::space::Space;
-use crate::{Control, Loss, Objective, lm};
-use isoform_geom::{ParamField, Point3};
+use crate::{Control, Loss, Objective, Template, lm};
+use isoform_geom::{ParamField, Point3, dot};
 
 /// Cauchy's constant: 95 % efficiency for Gaussian noise.
 const CAUCHY: f64 = 2.385;
@@ -42,6 +42,57 @@ pub(crate) struct Polish<'a> {
     pub(crate) start: usize,
     /// Variables that stay where they are.
     pub(crate) held: Vec<bool>,
+}
+
+/// Half width of the rim of a piece, in deviations of the noise. At 3 one point in 700 crosses it.
+const RIM: f64 = 3.0;
+/// A point moved to a level of its piece's distance is there, unless another piece is in between: less than this share of the level.
+const STRAIGHT: f64 = 0.9;
+/// A piece that would lose more than this share of its points keeps them all: better biased than blind.
+const MOST_RIM: f64 = 0.5;
+
+/// 0 for points so near to the rim of their piece that noise may have carried them across, else 1; empty where all are 1.
+///
+/// min and max of signed distances see a point beyond the rim from the wrong piece, always on the same side: at noise of 1/250 of
+/// the size, faces move outwards by a whole standard deviation. A point is moved along the gradient to a fixed level inside and
+/// outside; if it is not there then, another piece is nearer than the level. This depends on the distance to the *other* piece
+/// alone, which for crossing faces is independent of the residual: leaving out adds no bias of its own (asking whether the other
+/// piece lies within some distance of the point's own would).
+pub(crate) fn rims(template: &dyn Template, points: &[Point3], a: &[f64], noise: f64) -> Vec<f64> {
+    let n = points.len();
+    let field = template.metric();
+    let (mut f, mut g) = (vec![0.0; n], vec![[0.0; 3]; n]);
+    gradients(field, points, a, &mut f, &mut g);
+    let mut mask = vec![1.0; n];
+    let mut moved = vec![[0.0; 3]; n];
+    let mut there = vec![0.0; n];
+    for level in [RIM * noise, -RIM * noise] {
+        for (((m, p), f), g) in moved.iter_mut().zip(points).zip(&f).zip(&g) {
+            let step = (level - f) / dot(*g, *g).max(f64::MIN_POSITIVE);
+            *m = std::array::from_fn(|i| p[i] + step * g[i]);
+        }
+        values(field, &moved, a, &mut there);
+        for (m, there) in mask.iter_mut().zip(&there) {
+            if there / level < STRAIGHT {
+                *m = 0.0;
+            }
+        }
+    }
+    let mut parts = vec![0; n];
+    template.parts(points, a, &mut parts);
+    let mut count = vec![(0_usize, 0_usize); template.part_names().len()];
+    for (part, m) in parts.iter().zip(&mask) {
+        if let Some(c) = count.get_mut(*part as usize) {
+            c.0 += 1;
+            c.1 += usize::from(*m == 0.0);
+        }
+    }
+    for (part, m) in parts.iter().zip(&mut mask) {
+        if count.get(*part as usize).is_none_or(|c| c.1 as f64 > MOST_RIM * c.0 as f64) {
+            *m = 1.0;
+        }
+    }
+    if mask.iter().all(|m| *m == 1.0) { Vec::new() } else { mask }
 }
 
 /// An objective some of whose variables stay where they are.
@@ -94,7 +145,7 @@ impl Polish<'_> {
     /// Cauchy's loss from x, the scale falling with the fit: a rough robust fit for few points. The result says in `loss` what the
     /// residuals call for.
     pub(crate) fn rough(&self, points: &[Point3], x: Vec<f64>, has_outliers: bool) -> Polished {
-        let mut p = self.reweighted(points, x, Loss::Cauchy, 4);
+        let mut p = self.reweighted(points, &[], x, Loss::Cauchy, 4);
         let r = self.residuals(points, &p.x);
         p.scale = Self::scale(&r);
         let beyond = r.iter().filter(|r| r.abs() > 4.5 * p.scale).count() as f64 / r.len().max(1) as f64;
@@ -103,17 +154,12 @@ impl Polish<'_> {
         p
     }
 
-    /// The fit with the given loss, to convergence.
-    pub(crate) fn fine(&self, points: &[Point3], x: Vec<f64>, loss: Loss) -> Polished {
-        match loss {
-            Loss::Squares | Loss::Auto => self.squares(points, x, 12),
-            Loss::Cauchy => self.reweighted(points, x, Loss::Cauchy, 12),
-            Loss::Tukey => self.reweighted(points, x, Loss::Tukey, 12),
+    /// The fit with the given loss, to convergence; `mask` (empty or 0 and 1) leaves points out.
+    pub(crate) fn fine(&self, points: &[Point3], mask: &[f64], x: Vec<f64>, loss: Loss, rounds: usize) -> Polished {
+        if !matches!(loss, Loss::Squares | Loss::Auto) {
+            return self.reweighted(points, mask, x, loss, rounds);
         }
-    }
-
-    fn squares(&self, points: &[Point3], x: Vec<f64>, most: usize) -> Polished {
-        let mut p = self.descend(points, &[], x, most);
+        let mut p = self.descend(points, mask, x, 12);
         p.scale = Self::scale(&self.residuals(points, &p.x));
         p
     }
@@ -132,25 +178,26 @@ impl Polish<'_> {
         Polished { x: m.x, weights: weights.to_vec(), scale: 0.0, loss: Loss::Squares, evaluations: m.iterations, history }
     }
 
-    fn reweighted(&self, points: &[Point3], x: Vec<f64>, loss: Loss, rounds: usize) -> Polished {
+    fn reweighted(&self, points: &[Point3], mask: &[f64], x: Vec<f64>, loss: Loss, rounds: usize) -> Polished {
         let mut out = Polished { x, weights: Vec::new(), scale: 0.0, loss, evaluations: 0, history: Vec::new() };
         for round in 0..rounds {
             let r = self.residuals(points, &out.x);
             // The scale follows the fit at first; frozen later, so that the rounds have something to converge to.
-            if round < 4 {
+            if round < 3 {
                 out.scale = Self::scale(&r).max(ROUNDING * self.size);
             }
             out.weights = r.iter().map(|r| weight(loss, r / out.scale)).collect();
+            out.weights.iter_mut().zip(mask).for_each(|(w, m)| *w *= m);
             let weights = std::mem::take(&mut out.weights);
-            let p = self.descend(points, &weights, out.x.clone(), 3);
+            let p = self.descend(points, &weights, out.x.clone(), 2);
             out.weights = weights;
             let moved = p.x.iter().zip(&out.x).map(|(u, v)| (u - v).abs()).fold(0.0, f64::max);
             out.evaluations += p.evaluations;
             out.history.extend(p.history.last().cloned());
             out.x = p.x;
             // A small share of a standard deviation of the best known parameter.
-            let small = 0.02 * out.scale / (self.size * (points.len() as f64).sqrt());
-            if (round >= 4 && moved < small) || self.control.stops() {
+            let small = 0.05 * out.scale / (self.size * (points.len() as f64).sqrt());
+            if (round >= 3 && moved < small) || self.control.stops() {
                 break;
             }
         }

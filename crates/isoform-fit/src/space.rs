@@ -274,7 +274,8 @@ fn resolve(parameters: &[Parameter], i: usize, rows: &mut [Option<(f64, Vec<(usi
 
 /// Bounds of a parameter: the user's, else the template's, else what the data's box suggests (free parameters only).
 fn limits(p: &Parameter, said: Option<(f64, f64)>, data: Aabb, is_free: bool) -> Result<(f64, f64), FitError> {
-    let (mut lo, mut hi) = said.map_or((p.min, p.max), |(a, b)| (Some(a).filter(|v| *v != f64::NEG_INFINITY), Some(b).filter(|v| *v != f64::INFINITY)));
+    let (mut lo, mut hi) =
+        said.map_or((p.min, p.max), |(a, b)| (Some(a).filter(|v| *v != f64::NEG_INFINITY), Some(b).filter(|v| *v != f64::INFINITY)));
     if lo.is_some_and(f64::is_nan) || hi.is_some_and(f64::is_nan) || lo.zip(hi).is_some_and(|(a, b)| a >= b) {
         return Err(FitError::Bounds { name: p.name.clone(), lo: lo.unwrap_or(f64::NAN), hi: hi.unwrap_or(f64::NAN) });
     }
@@ -298,7 +299,10 @@ fn limits(p: &Parameter, said: Option<(f64, f64)>, data: Aabb, is_free: bool) ->
     let width = b - a;
     let start = p.start.filter(|v| v.is_finite());
     if lo.is_none() {
-        lo = Some(a.min(start.map_or(a, |s| if s > 0.0 && a > 0.0 { 0.1 * s } else { s - width })).min(hi.map_or(a, |h| if h <= a { h - width } else { a })));
+        lo = Some(
+            a.min(start.map_or(a, |s| if s > 0.0 && a > 0.0 { 0.1 * s } else { s - width }))
+                .min(hi.map_or(a, |h| if h <= a { h - width } else { a })),
+        );
     }
     if hi.is_none() {
         let l = lo.unwrap_or(a);

@@ -44,12 +44,7 @@ impl TestPart {
         let kinds = [X, Y, Z, Length, Length, Length, X, Y, Length, X, Y, Length];
         let parameters = names.iter().zip(kinds).map(|(n, k)| Parameter::new(*n, if annotated { k } else { Number })).collect();
         let parts = ["box.x_min", "box.y_min", "box.z_min", "box.x_max", "box.y_max", "box.z_max", "c1", "c2"];
-        Self {
-            parameters,
-            names: parts.map(str::to_owned).to_vec(),
-            algebraic: Part(Reading::Algebraic),
-            metric: Part(Reading::Metric),
-        }
+        Self { parameters, names: parts.map(str::to_owned).to_vec(), algebraic: Part(Reading::Algebraic), metric: Part(Reading::Metric) }
     }
     pub fn parameters_mut(&mut self) -> &mut Vec<Parameter> {
         &mut self.parameters
@@ -204,7 +199,13 @@ fn metric<const JACOBIAN: bool>(x: &[Lanes; 3], a: &[f64; N], r: &mut Rows) {
         for l in 0..LANES {
             for i in 0..3 {
                 let (lo, hi) = (i as f64, (3 + i) as f64);
-                r[i][l] = if which[l] == lo { -1.0 } else if which[l] == hi { 1.0 } else { 0.0 };
+                r[i][l] = if which[l] == lo {
+                    -1.0
+                } else if which[l] == hi {
+                    1.0
+                } else {
+                    0.0
+                };
                 r[3 + i][l] = if which[l] == hi { 1.0 } else { 0.0 };
             }
             for k in 0..2 {
