@@ -2,7 +2,7 @@
 
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
-use isoform::field::hyperfun::{Model, Pose};
+use isoform::field::hyperfun::{Amount, Model, Pose};
 use isoform::fit::Template;
 use isoform::{FrepTemplate, TemplateError};
 use rayon::prelude::*;
@@ -47,9 +47,9 @@ enum Reading {
 }
 
 #[derive(Clone)]
-struct Parameters(Vec<f64>);
+pub(crate) struct Parameters(pub(crate) Vec<f64>);
 
-fn parameters(text: &str) -> Result<Parameters, String> {
+pub(crate) fn parameters(text: &str) -> Result<Parameters, String> {
     output::numbers(text).map(Parameters)
 }
 
@@ -120,12 +120,12 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 }
 
 /// The parameters given, then where annotations start, then 0.
-fn values(model: &Model, given: &[f64]) -> Result<Vec<f64>, Failure> {
+pub(crate) fn values(model: &Model, given: &[f64]) -> Result<Vec<f64>, Failure> {
     if given.len() > model.n_params() {
         let message = format!("{} parameters for `{}`, which has {}", given.len(), model.name(), model.n_params());
         return Err(Failure::usage(message));
     }
-    let start = |i: usize| model.params()[i].start.unwrap_or(0.0);
+    let start = |i: usize| model.params()[i].start.and_then(Amount::value).unwrap_or(0.0);
     Ok((0..model.n_params()).map(|i| given.get(i).copied().unwrap_or_else(|| start(i))).collect())
 }
 

@@ -36,7 +36,8 @@ pub fn points_on_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) 
             owed -= 1.0;
             k += 1;
             // A low-discrepancy pair (Roberts, the plastic number), then the square root map onto the triangle.
-            let (r, s) = ((0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(), (0.5 + 0.569_840_290_998_053 * f64::from(k)).fract());
+            let (r, s) =
+                ((0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(), (0.5 + 0.569_840_290_998_053 * f64::from(k)).fract());
             let weights = [1.0 - r, r * (1.0 - s), r * s];
             let corners = triangle.map(|v| mesh.points[v as usize]);
             points.push(std::array::from_fn(|i| weights[0] * corners[0][i] + weights[1] * corners[1][i] + weights[2] * corners[2][i]));
@@ -53,6 +54,13 @@ pub fn points_on_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) 
     let added = points.len() - mesh.points.len();
     let cloud = PointCloud { points, origin: mesh.origin, triangles: mesh.triangles.clone(), ..PointCloud::default() };
     (cloud, added)
+}
+
+/// Point k of an even sequence on a triangle: a low-discrepancy pair (Roberts, the plastic number) and the square root map.
+pub(crate) fn on_triangle(k: u32, corners: [Point3; 3]) -> Point3 {
+    let (r, s) = ((0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(), (0.5 + 0.569_840_290_998_053 * f64::from(k)).fract());
+    let weights = [1.0 - r, r * (1.0 - s), r * s];
+    std::array::from_fn(|i| weights[0] * corners[0][i] + weights[1] * corners[1][i] + weights[2] * corners[2][i])
 }
 
 /// Triangles by edge and by vertex.
@@ -131,7 +139,9 @@ mod tests {
 
     /// A closed prism over a regular polygon of radius 1 and height 4.
     fn prism(sides: u32) -> PointCloud {
-        let ring = |z: f64| (0..sides).map(move |k| (std::f64::consts::TAU * f64::from(k) / f64::from(sides)).sin_cos()).map(move |(s, c)| [c, s, z]);
+        let ring = |z: f64| {
+            (0..sides).map(move |k| (std::f64::consts::TAU * f64::from(k) / f64::from(sides)).sin_cos()).map(move |(s, c)| [c, s, z])
+        };
         let mut points: Vec<Point3> = ring(0.0).chain(ring(4.0)).collect();
         points.extend([[0.0; 3], [0.0, 0.0, 4.0]]);
         let mut triangles = Vec::new();

@@ -27,13 +27,15 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod compare;
 mod facets;
 mod template;
 
+pub use compare::{CompareError, Distances, Side, compare};
+pub use facets::points_on_faces;
 pub use isoform_field as field;
 pub use isoform_fit as fit;
 pub use isoform_geom as geom;
 pub use isoform_io as io;
 pub use isoform_num as num;
-pub use facets::points_on_faces;
 pub use template::{FrepTemplate, TemplateError};

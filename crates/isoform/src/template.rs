@@ -1,6 +1,6 @@
 //! A HyperFun program as a template for fitting, with a pose of its own where the program or the caller asks for one.
 
-use isoform_field::hyperfun::{Fixed, Kind as ProgramKind, Model, NotCompilable, Placement, Pose};
+use isoform_field::hyperfun::{Amount, Fixed, Kind as ProgramKind, Model, NotCompilable, ParamInfo, Placement, Pose};
 use isoform_field::{Graph, NodeId, Ops, Residual, Shape, Tape};
 use isoform_fit::{Kind, Parameter, Template, Tie};
 use isoform_geom::{Aabb, ParamField, Point3};
@@ -51,10 +51,10 @@ impl FrepTemplate {
     /// The same with another pose than the program's.
     pub fn with_pose(model: &Model, pose: Pose, points: &[Point3]) -> Result<Self, TemplateError> {
         let base = if matches!(pose, Pose::None | Pose::Translate) { IDENTITY } else { upright_axes(points) };
-        Self::with_base(model, pose, base)
+        Self::with_base(model, pose, base, points)
     }
 
-    fn with_base(model: &Model, pose: Pose, base: Rotation) -> Result<Self, TemplateError> {
+    fn with_base(model: &Model, pose: Pose, base: Rotation, points: &[Point3]) -> Result<Self, TemplateError> {
         if model.dimension() != 3 {
             return Err(TemplateError::Dimension { found: model.dimension() });
         }
@@ -62,8 +62,9 @@ impl FrepTemplate {
         let root = model.compile(&mut graph)?;
         let shape = Shape::new(&mut graph, root);
         let own = model.n_params();
-        let mut parameters: Vec<Parameter> = model.params().iter().map(own_parameter).collect();
-        parameters.extend(pose_parameters(pose));
+        let (extents, center) = extents_along(&base, points);
+        let mut parameters: Vec<Parameter> = model.params().iter().map(|info| own_parameter(info, extents)).collect();
+        parameters.extend(pose_parameters(pose, extents, center));
         let n = parameters.len();
         let mut posed = Graph::new();
         let (point, scale) = posed_point(&mut posed, pose, &base, own);
@@ -143,7 +144,8 @@ impl Template for FrepTemplate {
     }
 }
 
-fn own_parameter(info: &isoform_field::hyperfun::ParamInfo) -> Parameter {
+fn own_parameter(info: &ParamInfo, extents: Point3) -> Parameter {
+    let amount = |v: Option<Amount>| v.map(|v| v.resolve(extents));
     Parameter {
         name: info.name.clone(),
         kind: match info.kind {
@@ -155,39 +157,57 @@ fn own_parameter(info: &isoform_field::hyperfun::ParamInfo) -> Parameter {
             ProgramKind::Ratio => Kind::Ratio,
             ProgramKind::Number => Kind::Number,
         },
-        min: info.min,
-        max: info.max,
-        start: info.start,
+        min: amount(info.min),
+        max: amount(info.max),
+        start: amount(info.start),
         fixed: info.fixed.and_then(|f| match f {
             Fixed::At(v) => Some(v),
-            Fixed::AtStart => info.start,
+            Fixed::AtStart => amount(info.start),
         }),
         tie: info.tie.as_ref().map(|t| Tie { constant: t.constant, terms: t.terms.clone() }),
         unit: info.unit.clone(),
     }
 }
 
-/// Rodrigues vectors are sought within this: 100° about each axis, so that with the base rotation every direction is in reach.
-const WIDEST_TURN: f64 = 1.2;
+/// Rodrigues vectors are sought within this about the base rotation: 53° about each axis. The base is at most 45° off for shapes whose
+/// axes the points tell apart, and scans of others mostly stand upright.
+const WIDEST_TURN: f64 = 0.5;
+/// The model's origin is sought within the data's box, enlarged by this on each side: templates keep their origin inside the shape.
+const POSITION_MARGIN: f64 = 0.25;
 
-fn pose_parameters(pose: Pose) -> Vec<Parameter> {
-    let position = [("pose_x", Kind::X), ("pose_y", Kind::Y), ("pose_z", Kind::Z)];
+fn pose_parameters(pose: Pose, extents: Point3, center: Point3) -> Vec<Parameter> {
     let turns: &[&str] = match pose {
         Pose::None => return Vec::new(),
         Pose::Translate => &[],
         Pose::Axis => &["pose_rx", "pose_ry"],
         Pose::Rigid | Pose::Similarity => &["pose_rx", "pose_ry", "pose_rz"],
     };
-    let mut all: Vec<Parameter> = position.iter().map(|(name, kind)| Parameter::new(*name, *kind)).collect();
-    all.extend(turns.iter().map(|name| Parameter {
-        min: Some(-WIDEST_TURN),
-        max: Some(WIDEST_TURN),
-        ..Parameter::new(*name, Kind::Ratio)
-    }));
+    let reach = (0.5 + POSITION_MARGIN) * extents.into_iter().fold(0.0, f64::max);
+    let position = [("pose_x", Kind::X), ("pose_y", Kind::Y), ("pose_z", Kind::Z)];
+    let limited = |name: &str, kind: Kind, lo: f64, start: f64, hi: f64| Parameter {
+        min: (lo < hi).then_some(lo),
+        max: (lo < hi).then_some(hi),
+        start: Some(start),
+        ..Parameter::new(name, kind)
+    };
+    let place = |i: usize| limited(position[i].0, position[i].1, center[i] - reach, center[i], center[i] + reach);
+    let mut all: Vec<Parameter> = (0..3).map(place).collect();
+    all.extend(turns.iter().map(|name| limited(name, Kind::Ratio, -WIDEST_TURN, 0.0, WIDEST_TURN)));
     if pose == Pose::Similarity {
-        all.push(Parameter { min: Some(1e-3), max: Some(1e3), start: Some(1.0), ..Parameter::new("pose_scale", Kind::Ratio) });
+        all.push(limited("pose_scale", Kind::Ratio, 1e-3, 1.0, 1e3));
     }
     all
+}
+
+/// Extents of the points along the axes of the base rotation, and the centre of that box in space.
+fn extents_along(base: &Rotation, points: &[Point3]) -> (Point3, Point3) {
+    let turned: Vec<Point3> = points.iter().map(|p| std::array::from_fn(|j| (0..3).map(|i| base[i][j] * p[i]).sum())).collect();
+    let bounds = Aabb::of(&turned);
+    if bounds.is_empty() {
+        return ([0.0; 3], [0.0; 3]);
+    }
+    let c = bounds.center();
+    (bounds.size(), std::array::from_fn(|i| (0..3).map(|j| base[i][j] * c[j]).sum()))
 }
 
 /// The model's point as expressions of space and the pose's parameters (from index `first`), and the scale if there is one.

@@ -72,6 +72,41 @@ pub struct Tie {
     pub terms: Vec<(usize, f64)>,
 }
 
+/// A number as written, or a share of the data's size (`25%`: of the diagonal of the data's box; `100%z`: of its extent along the
+/// model's z axis). Shares keep a template free of units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Amount {
+    /// A number.
+    Value(f64),
+    /// This part of the diagonal.
+    OfDiagonal(f64),
+    /// This part of the extent along the axis with this index.
+    OfExtent(f64, usize),
+}
+
+impl Amount {
+    /// The number, for a box with these extents along the model's axes.
+    pub fn resolve(self, extents: [f64; 3]) -> f64 {
+        match self {
+            Self::Value(v) => v,
+            Self::OfDiagonal(share) => share * extents.iter().map(|e| e * e).sum::<f64>().sqrt(),
+            Self::OfExtent(share, axis) => share * extents[axis],
+        }
+    }
+    /// The number, if it needs no data.
+    pub fn value(self) -> Option<f64> {
+        if let Self::Value(v) = self { Some(v) } else { None }
+    }
+    /// Whether both can be compared without data, and this one is the greater.
+    fn is_above(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Value(u), Self::Value(v)) | (Self::OfDiagonal(u), Self::OfDiagonal(v)) => u > v,
+            (Self::OfExtent(u, i), Self::OfExtent(v, j)) => i == j && u > v,
+            _ => false,
+        }
+    }
+}
+
 /// A parameter a\[index + 1\].
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParamInfo {
@@ -82,11 +117,11 @@ pub struct ParamInfo {
     /// What kind of quantity it is.
     pub kind: Kind,
     /// Lower bound.
-    pub min: Option<f64>,
+    pub min: Option<Amount>,
     /// Upper bound.
-    pub max: Option<f64>,
+    pub max: Option<Amount>,
     /// Where to start from.
-    pub start: Option<f64>,
+    pub start: Option<Amount>,
     /// Unit, as written.
     pub unit: Option<String>,
     /// Whether it is held.
@@ -258,10 +293,10 @@ fn param<'s>(source: &Source, text: Piece<'s>, object: &Object) -> Read<(Param, 
             let (key, value) = word.split(eq, 1);
             in_tie = false;
             match key.text.to_ascii_lowercase().as_str() {
-                "min" => info.min = Some(number(source, value)?),
-                "max" => info.max = Some(number(source, value)?),
+                "min" => info.min = Some(amount(source, value)?),
+                "max" => info.max = Some(amount(source, value)?),
                 "start" => {
-                    info.start = Some(number(source, value)?);
+                    info.start = Some(amount(source, value)?);
                     start = Some((word.at, word_end));
                 }
                 "unit" => info.unit = Some(value.text.to_owned()),
@@ -294,14 +329,14 @@ fn param<'s>(source: &Source, text: Piece<'s>, object: &Object) -> Read<(Param, 
         end = word_end;
     }
     if let (Some(min), Some(max)) = (info.min, info.max)
-        && min > max
+        && min.is_above(max)
     {
-        return Err(source.error(target.at, format!("min={min} is above max={max}"), ""));
+        return Err(source.error(target.at, "min is above max", ""));
     }
     if let Some(v) = info.start
-        && (info.min.is_some_and(|min| v < min) || info.max.is_some_and(|max| v > max))
+        && (info.min.is_some_and(|min| min.is_above(v)) || info.max.is_some_and(|max| v.is_above(max)))
     {
-        return Err(source.error(target.at, format!("start={v} is outside the bounds"), ""));
+        return Err(source.error(target.at, "start is outside the bounds", ""));
     }
     if info.fixed.is_some() && tie.is_some() {
         return Err(source.error(target.at, "a parameter is fixed or tied, not both", ""));
@@ -319,6 +354,18 @@ fn index(source: &Source, word: Piece<'_>, object: &Object) -> Read<usize> {
             Err(source.error(word.at, message, ""))
         }
         None => Err(source.error(word.at, format!("a[i] with an index expected, found `{}`", word.text), "a[i]")),
+    }
+}
+
+/// A number, or one with % or %x, %y, %z behind it.
+fn amount(source: &Source, word: Piece<'_>) -> Read<Amount> {
+    let Some(at) = word.text.find('%') else { return number(source, word).map(Amount::Value) };
+    let (share, axis) = word.split(at, 1);
+    let share = number(source, share)? / 100.0;
+    match axis.text {
+        "" => Ok(Amount::OfDiagonal(share)),
+        "x" | "y" | "z" => Ok(Amount::OfExtent(share, usize::from(axis.text.as_bytes()[0] - b'x'))),
+        other => Err(source.error(axis.at, format!("`%{other}`: x, y, z or nothing expected after %"), "%, %x, %y or %z")),
     }
 }
 

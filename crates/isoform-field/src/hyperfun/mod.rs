@@ -26,7 +26,7 @@ mod parser;
 mod print;
 mod source;
 
-pub use annotations::{FileInfo, Fixed, Kind, ParamInfo, Pose, Tie};
+pub use annotations::{Amount, FileInfo, Fixed, Kind, ParamInfo, Pose, Tie};
 pub use functions::{FunctionHelp, library};
 pub use print::Placement;
 pub use source::{SyntaxError, Warning};

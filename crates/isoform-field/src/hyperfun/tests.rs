@@ -271,12 +271,25 @@ fn annotations_describe_parameters() {
     let m = model(ANNOTATED);
     let p = m.params();
     assert_eq!(p.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["radius", "rod", "a[3]", "tilt"]);
-    assert_eq!((p[0].kind, p[0].min, p[0].max, p[0].start), (Kind::Length, Some(0.1), Some(50.0), Some(5.0)));
+    let value = |v: f64| Some(Amount::Value(v));
+    assert_eq!((p[0].kind, p[0].min, p[0].max, p[0].start), (Kind::Length, value(0.1), value(50.0), value(5.0)));
     assert_eq!((p[0].unit.as_deref(), p[0].description.as_str()), (Some("mm"), "of the ball"));
     assert_eq!(p[1].tie, Some(Tie { constant: -1.0, terms: vec![(0, 2.0), (2, 0.25)] }));
     assert_eq!((p[3].fixed, p[3].kind), (Some(Fixed::At(0.5)), Kind::Angle));
     assert_eq!(m.info().pose, Some(Pose::Rigid));
     assert_eq!(m.info().title.as_deref(), Some("A ball on a rod"));
+}
+
+#[test]
+fn amounts_are_numbers_or_shares_of_the_data() {
+    let m = model("-- @param a[1] r length min=2.5% start=50%x max=120%z\nm(x[3], a[1]) { m = 1; }");
+    let p = &m.params()[0];
+    assert_eq!((p.min, p.start, p.max), (Some(Amount::OfDiagonal(0.025)), Some(Amount::OfExtent(0.5, 0)), Some(Amount::OfExtent(1.2, 2))));
+    let box_ = [3.0, 4.0, 12.0];
+    let near = |a: Option<Amount>, want: f64| assert!((a.map_or(f64::NAN, |a| a.resolve(box_)) - want).abs() < 1e-12);
+    near(p.min, 0.025 * 13.0);
+    near(p.start, 1.5);
+    near(p.max, 14.4);
 }
 
 #[test]
@@ -292,6 +305,8 @@ fn bad_annotations_have_positions() {
     bad("a[1] r length mn=3", 25, "min=");
     bad("a[1] r length min=three", 29, "not a number");
     bad("a[1] r length min=3 max=2", 11, "above");
+    bad("a[1] r length min=3%z max=2%z", 11, "above");
+    bad("a[1] r length min=3%q", 31, "%q");
     bad("a[1] r length start=9 max=2", 11, "bounds");
     bad("a[1] r tie=a[2]*a[2]", 27, "linear");
     bad("a[1] r tie=q", 22, "no parameter");
@@ -342,7 +357,8 @@ fn start_values_are_replaced_in_place() {
     assert!(text.contains("tie=2*radius + a[3]/4 - 1 start=2.0 : of the rod"), "{text}");
     let again = model(&text);
     assert_eq!(again.params()[1].tie, m.params()[1].tie);
-    assert_eq!(again.params().iter().map(|p| p.start).collect::<Vec<_>>(), [Some(1.25), Some(2.0), None, Some(0.5)]);
+    let starts: Vec<Option<f64>> = again.params().iter().map(|p| p.start.and_then(Amount::value)).collect();
+    assert_eq!(starts, [Some(1.25), Some(2.0), None, Some(0.5)]);
 }
 
 #[test]

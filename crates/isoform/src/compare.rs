@@ -1,0 +1,200 @@
+//! Two-sided deviation between any two of points, meshes and models.
+//!
+//! Points ask for the nearest point; of a mesh the nearest triangle (those of the nearest samples are measured exactly); of a model the
+//! metric reading, which is the distance to first order. Meshes and models are sampled evenly.
+
+use crate::FrepTemplate;
+use crate::facets::on_triangle;
+use isoform_fit::{Template, surface_samples};
+use isoform_geom::{Aabb, KdTree, Point3, PointCloud, cross, dot, norm, sub};
+
+/// Samples of a mesh whose triangles are measured: the nearest triangle is nearly always among them.
+const NEAREST: usize = 12;
+
+/// One of the two things.
+#[derive(Clone, Copy, Debug)]
+pub enum Side<'a> {
+    /// Points as they are.
+    Points(&'a PointCloud),
+    /// The triangles of a cloud.
+    Mesh(&'a PointCloud),
+    /// The surface of a model with these values.
+    Model(&'a FrepTemplate, &'a [f64]),
+}
+
+/// Distances of one side's points from the other side.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Distances {
+    /// Root of the mean square.
+    pub rms: f64,
+    /// Mean.
+    pub mean: f64,
+    /// 95 % are nearer.
+    pub p95: f64,
+    /// Largest.
+    pub max: f64,
+    /// Points asked.
+    pub samples: usize,
+}
+
+/// Why there is nothing to compare.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CompareError {
+    /// Two models have no box of their own.
+    #[error("two models need a box in which to compare them")]
+    NoRegion,
+    /// No point, or no surface in the box.
+    #[error("the {0} has no points there")]
+    Empty(&'static str),
+}
+
+/// Distances from the first to the second, and from the second to the first. Models are looked at in `region`, by default the box of
+/// the other side (somewhat enlarged); coordinates are those of the files.
+pub fn compare(a: Side, b: Side, region: Option<Aabb>, samples: usize) -> Result<(Distances, Distances), CompareError> {
+    let box_of = |s: &Side| match s {
+        Side::Points(c) | Side::Mesh(c) => Some(Aabb::of(&absolute(c))),
+        Side::Model(..) => None,
+    };
+    let (own_a, own_b) = (box_of(&a), box_of(&b));
+    let from_a = sampled(&a, region.or(own_b), samples)?;
+    let from_b = sampled(&b, region.or(own_a), samples)?;
+    let empty = |points: &[Point3], which| if points.is_empty() { Err(CompareError::Empty(which)) } else { Ok(()) };
+    empty(&from_a.points, "first")?;
+    empty(&from_b.points, "second")?;
+    Ok((summary(&distances(&from_a.points, &b, &from_b)), summary(&distances(&from_b.points, &a, &from_a))))
+}
+
+fn absolute(cloud: &PointCloud) -> Vec<Point3> {
+    (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect()
+}
+
+/// Points of a side; of a mesh with the triangle of each.
+struct Sampled {
+    points: Vec<Point3>,
+    triangles: Vec<[Point3; 3]>,
+    owner: Vec<u32>,
+}
+
+fn sampled(side: &Side, region: Option<Aabb>, wanted: usize) -> Result<Sampled, CompareError> {
+    let mut out = Sampled { points: Vec::new(), triangles: Vec::new(), owner: Vec::new() };
+    match side {
+        Side::Points(cloud) => out.points = absolute(cloud),
+        Side::Model(template, values) => {
+            let region = region.ok_or(CompareError::NoRegion)?;
+            out.points = surface_samples(template.metric(), values, region, wanted);
+        }
+        Side::Mesh(mesh) => {
+            let corners = absolute(mesh);
+            out.triangles = mesh.triangles.iter().map(|t| t.map(|v| corners[v as usize])).collect();
+            let area = |t: &[Point3; 3]| 0.5 * norm(cross(sub(t[1], t[0]), sub(t[2], t[0])));
+            let total: f64 = out.triangles.iter().map(area).sum();
+            let mut owed = 0.0;
+            for (i, t) in out.triangles.iter().enumerate().filter(|_| total > 0.0) {
+                owed += area(t) / total * wanted as f64;
+                while owed >= 1.0 {
+                    owed -= 1.0;
+                    out.points.push(on_triangle(out.points.len() as u32, *t));
+                    out.owner.push(i as u32);
+                }
+            }
+        }
+    }
+    Ok(out)
+}
+
+fn distances(points: &[Point3], to: &Side, sampled: &Sampled) -> Vec<f64> {
+    if let Side::Model(template, values) = to {
+        let mut f = vec![0.0; points.len()];
+        template.metric().values(points, values, &mut f);
+        return f.into_iter().map(f64::abs).filter(|d| d.is_finite()).collect();
+    }
+    let tree = KdTree::new(&sampled.points);
+    let mut found = Vec::new();
+    points
+        .iter()
+        .map(|p| {
+            if sampled.owner.is_empty() {
+                return tree.nearest(*p).map_or(f64::INFINITY, |(_, d)| d.sqrt());
+            }
+            tree.nearest_k(*p, NEAREST, &mut found);
+            let triangle = |i: usize| &sampled.triangles[sampled.owner[i] as usize];
+            found.iter().map(|f| to_triangle(*p, triangle(f.1 as usize))).fold(f64::INFINITY, f64::min)
+        })
+        .collect()
+}
+
+/// Distance of a point from a triangle: to the plane where the foot lies inside, else to the nearest edge.
+fn to_triangle(p: Point3, t: &[Point3; 3]) -> f64 {
+    let n = cross(sub(t[1], t[0]), sub(t[2], t[0]));
+    let is_inside = (0..3).all(|k| dot(cross(sub(t[(k + 1) % 3], t[k]), sub(p, t[k])), n) >= 0.0);
+    if is_inside && norm(n) > 0.0 {
+        return (dot(sub(p, t[0]), n) / norm(n)).abs();
+    }
+    let to_edge = |k: usize| {
+        let (e, v) = (sub(t[(k + 1) % 3], t[k]), sub(p, t[k]));
+        let ee = dot(e, e);
+        let s = if ee > 0.0 { (dot(v, e) / ee).clamp(0.0, 1.0) } else { 0.0 };
+        norm(sub(v, e.map(|c| s * c)))
+    };
+    (0..3).map(to_edge).fold(f64::INFINITY, f64::min)
+}
+
+fn summary(distances: &[f64]) -> Distances {
+    let mut d: Vec<f64> = distances.to_vec();
+    if d.is_empty() {
+        return Distances::default();
+    }
+    let n = d.len() as f64;
+    let rms = (d.iter().map(|v| v * v).sum::<f64>() / n).sqrt();
+    let mean = d.iter().sum::<f64>() / n;
+    let max = d.iter().copied().fold(0.0, f64::max);
+    let at = ((0.95 * n).ceil() as usize).clamp(1, d.len()) - 1;
+    let p95 = *d.select_nth_unstable_by(at, f64::total_cmp).1;
+    Distances { rms, mean, p95, max, samples: d.len() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_field::hyperfun::{Mode, Model, Pose};
+
+    fn square(z: f64) -> PointCloud {
+        let points = vec![[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, z], [0.0, 1.0, z]];
+        PointCloud { points, triangles: vec![[0, 1, 2], [0, 2, 3]], ..PointCloud::default() }
+    }
+
+    #[test]
+    fn parallel_squares() {
+        let (a, b) = (square(0.0), square(0.25));
+        let (ab, ba) = compare(Side::Mesh(&a), Side::Mesh(&b), None, 500).expect("comparable");
+        assert!((ab.rms - 0.25).abs() < 1e-12 && (ab.max - 0.25).abs() < 1e-12 && ab.p95 == ba.p95, "{ab:?}");
+        let (pa, _) = compare(Side::Points(&a), Side::Mesh(&b), None, 500).expect("comparable");
+        assert_eq!((pa.samples, pa.max), (4, 0.25));
+    }
+
+    #[test]
+    fn a_ball_and_its_points() {
+        let text = "my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfSphere(x, c, a[1]); }";
+        let model = Model::parse(text, Mode::Default).expect("a program");
+        let template = FrepTemplate::with_pose(&model, Pose::None, &[]).expect("a template");
+        let points = (0..400).map(|i| {
+            let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 200.0 - 1.0);
+            let r = (1.0 - z * z).sqrt();
+            [2.0 * r * t.cos(), 2.0 * r * t.sin(), 2.0 * z]
+        });
+        let cloud = PointCloud::from_points(points.collect());
+        let (to_model, to_points) = compare(Side::Points(&cloud), Side::Model(&template, &[2.1]), None, 1000).expect("comparable");
+        assert!((to_model.rms - 0.1).abs() < 5e-3, "{to_model:?}");
+        assert!(to_points.max < 0.5 && to_points.p95 >= 0.1, "{to_points:?}");
+        let both = Side::Model(&template, &[2.1]);
+        assert_eq!(compare(both, both, None, 1000), Err(CompareError::NoRegion));
+    }
+
+    #[test]
+    fn distance_of_a_triangle() {
+        let t = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        assert_eq!(to_triangle([0.2, 0.2, -3.0], &t), 3.0);
+        assert_eq!(to_triangle([-3.0, -4.0, 0.0], &t), 5.0);
+        assert_eq!(to_triangle([0.5, -2.0, 0.0], &t), 2.0);
+    }
+}
