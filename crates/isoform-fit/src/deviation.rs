@@ -93,6 +93,12 @@ pub(crate) fn model_to_data(
     Surface { points, distances, summary }
 }
 
+/// Near-uniform points of the zero set of a field that is close to a distance, in a box somewhat larger than `region`; about `wanted`
+/// of them if the surface is like that of the box.
+pub fn surface_samples(field: &dyn ParamField, a: &[f64], region: Aabb, wanted: usize) -> Vec<Point3> {
+    sample(field, a, region, wanted).0
+}
+
 /// Near-uniform samples of the zero set in the enlarged box, about as many as asked for, and the size of the cells they come from.
 fn sample(field: &dyn ParamField, a: &[f64], data: Aabb, wanted: usize) -> (Vec<Point3>, f64) {
     let margin = MARGIN * data.diagonal();

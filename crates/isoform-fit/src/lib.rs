@@ -30,7 +30,7 @@ mod template;
 #[cfg(test)]
 mod testing;
 
-pub use deviation::{DataToModel, ModelToData};
+pub use deviation::{DataToModel, ModelToData, surface_samples};
 pub use fit::fit;
 pub use objective::{Objective, Residuals};
 pub use options::{Control, FitError, Local, Loss, Method, Options, Progress};

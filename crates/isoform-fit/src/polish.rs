@@ -45,7 +45,7 @@ pub(crate) struct Polish<'a> {
 }
 
 /// Half width of the rim of a piece, in deviations of the noise. At 3 one point in 700 crosses it.
-const RIM: f64 = 3.0;
+const RIM: f64 = 2.5;
 /// A point moved to a level of its piece's distance is there, unless another piece is in between: less than this share of the level.
 const STRAIGHT: f64 = 0.9;
 /// A piece that would lose more than this share of its points keeps them all: better biased than blind.
