@@ -1,9 +1,12 @@
 //! The command `isoform`: arguments in, one library call, a document or files out.
 #![forbid(unsafe_code)]
 
+mod compare;
+mod convert;
 mod eval;
 mod fit;
 mod gallery;
+mod inspect;
 mod interrupt;
 mod model;
 mod output;
@@ -33,6 +36,9 @@ enum Verb {
     Recover(Box<recover::Args>),
     Fit(Box<fit::Args>),
     Eval(eval::Args),
+    Inspect(inspect::Args),
+    Convert(convert::Args),
+    Compare(Box<compare::Args>),
     /// Prints the completion script of a shell
     Completions {
         /// The shell
@@ -44,6 +50,9 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
     match verb {
         Verb::Recover(args) => recover::run(&args, context),
         Verb::Fit(args) => fit::run(&args, context),
+        Verb::Inspect(args) => inspect::run(&args, context),
+        Verb::Convert(args) => convert::run(&args, context),
+        Verb::Compare(args) => compare::run(&args, context),
         Verb::Eval(args) => eval::run(&args, context),
         Verb::Completions { shell } => {
             let mut script = Vec::new();

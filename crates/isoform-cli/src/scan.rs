@@ -7,7 +7,11 @@ use std::path::Path;
 
 /// Reads a file of points, or stdin for `-`.
 pub(crate) fn read_points(
-    path: &Path, format: Option<&str>, max_points: Option<usize>, mesh: MeshPoints, context: &Context,
+    path: &Path,
+    format: Option<&str>,
+    max_points: Option<usize>,
+    mesh: MeshPoints,
+    context: &Context,
 ) -> Result<(PointCloud, ReadReport), Failure> {
     let options = ReadOptions { max_points, seed: context.global.seed, mesh, ..ReadOptions::default() };
     if path == Path::new("-") {

@@ -9,7 +9,10 @@ use isoform_fit::{Template, surface_samples};
 use isoform_geom::{Aabb, KdTree, Point3, PointCloud, cross, dot, norm, sub};
 
 /// Samples of a mesh whose triangles are measured: the nearest triangle is nearly always among them.
-const NEAREST: usize = 12;
+const NEAREST: usize = 32;
+
+/// Fewest samples of a triangle.
+const LEAST: f64 = 4.0;
 
 /// One of the two things.
 #[derive(Clone, Copy, Debug)]
@@ -90,7 +93,8 @@ fn sampled(side: &Side, region: Option<Aabb>, wanted: usize) -> Result<Sampled, 
             let total: f64 = out.triangles.iter().map(area).sum();
             let mut owed = 0.0;
             for (i, t) in out.triangles.iter().enumerate().filter(|_| total > 0.0) {
-                owed += area(t) / total * wanted as f64;
+                // Every triangle has some, so that none is overlooked where nearest ones are sought.
+                owed += (area(t) / total * wanted as f64).max(LEAST);
                 while owed >= 1.0 {
                     owed -= 1.0;
                     out.points.push(on_triangle(out.points.len() as u32, *t));

@@ -37,7 +37,8 @@ pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
         kind(path)?;
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
         if let Some(folder) = folder.filter(|f| !f.is_dir()) {
-            let mut failure = Failure::input("not-writable", format!("cannot write {}: there is no folder {}", path.display(), folder.display()));
+            let mut failure =
+                Failure::input("not-writable", format!("cannot write {}: there is no folder {}", path.display(), folder.display()));
             failure.place.file = Some(path.clone());
             return Err(failure.hint("make the folder first"));
         }

@@ -5,11 +5,11 @@ use crate::model::Language;
 use crate::output::{Context, DONE, Failure, NO_RESULT, PARTIAL};
 use crate::progress::Progress;
 use crate::{gallery, interrupt, scan};
-use isoform::{FrepTemplate, points_on_faces};
 use isoform::field::hyperfun::{Model, Pose};
 use isoform::fit::{Control, Fit, FitError, Kind, Loss, Method, Options, fit};
 use isoform::geom::PointCloud;
 use isoform::io::{MeshPoints, ReadReport, UnitGuess, inspect_unit};
+use isoform::{FrepTemplate, points_on_faces};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -101,7 +101,10 @@ pub(crate) fn read_scan(path: &Path, format: Option<&str>, max_points: Option<us
     if !cloud.triangles.is_empty() {
         let (with_faces, added) = points_on_faces(&cloud, ON_FACES);
         if added > 0 {
-            report.warnings.push(format!("a CAD model: {added} points of its flat faces and straight lines were added to {} vertices", cloud.points.len()));
+            report.warnings.push(format!(
+                "a CAD model: {added} points of its flat faces and straight lines were added to {} vertices",
+                cloud.points.len()
+            ));
             cloud = with_faces;
         }
     }
@@ -122,7 +125,9 @@ pub(crate) fn run_model(scan: Scan, model: &Model, request: &Request, context: &
         warnings.push(format!("{} points are not finite and were left out", read.dropped_points));
     }
     if cloud.points.is_empty() {
-        return Err(Failure::input("no-points", format!("{name}: there is no point to fit to")).hint("isoform inspect shows what is in the file"));
+        return Err(
+            Failure::input("no-points", format!("{name}: there is no point to fit to")).hint("isoform inspect shows what is in the file")
+        );
     }
     let make = |cloud: &PointCloud| {
         match request.pose {
@@ -136,7 +141,8 @@ pub(crate) fn run_model(scan: Scan, model: &Model, request: &Request, context: &
         // The template's own coordinates are the file's.
         cloud.points = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
         cloud.origin = [0.0; 3];
-        warnings.push("the points lie far from the origin and the template cannot be moved: digits are lost; try --pose translate".to_owned());
+        warnings
+            .push("the points lie far from the origin and the template cannot be moved: digits are lost; try --pose translate".to_owned());
         template = Adjusted::new(make(&cloud)?, cloud.origin);
     }
     template.hold(&request.fixed)?;
@@ -148,7 +154,8 @@ pub(crate) fn run_model(scan: Scan, model: &Model, request: &Request, context: &
         && !unit.unit.is_empty()
         && *said != unit.unit
     {
-        warnings.push(format!("the template is written in {said}, the scan in {} ({}); values are in the scan's unit", unit.unit, unit.reason));
+        warnings
+            .push(format!("the template is written in {said}, the scan in {} ({}); values are in the scan's unit", unit.unit, unit.reason));
     }
     let options = Options {
         method: request.method,
@@ -180,8 +187,12 @@ fn failure(error: &FitError, scan: &str) -> Failure {
         FitError::Tie { .. } => Failure::input("tie", message).hint("the tie= annotations of the template"),
         FitError::NothingFree => Failure::usage(message).hint("fewer --fix"),
         FitError::NotFinite { .. } | FitError::Length { .. } => Failure::usage(message),
-        FitError::TooFewPoints { .. } => Failure::input("few-points", format!("{scan}: {message}")).hint("--fix some parameters, or a denser scan"),
-        FitError::NoFiniteStart { .. } => Failure::new(NO_RESULT, "no-finite-value", message).hint("--start or --bounds within the template's domain"),
+        FitError::TooFewPoints { .. } => {
+            Failure::input("few-points", format!("{scan}: {message}")).hint("--fix some parameters, or a denser scan")
+        }
+        FitError::NoFiniteStart { .. } => {
+            Failure::new(NO_RESULT, "no-finite-value", message).hint("--start or --bounds within the template's domain")
+        }
         FitError::Stopped if interrupt::happened() => Failure::new(interrupt::INTERRUPTED, "interrupted", message),
         FitError::Stopped => Failure::new(NO_RESULT, "time-limit", message).hint("a longer --time-limit"),
         _ => Failure::new(NO_RESULT, "fit", message),

@@ -111,17 +111,20 @@ pub(crate) fn text(job: &Job) -> String {
     let (data, model) = (&fit.data_to_model, &fit.model_to_data);
     text += &format!("\npoints    {} of {} used, {} outliers\n", fit.n_used, fit.n_points, fit.n_outliers);
     text += &format!("data to model   rms {}, 95 % within {}, max {}\n", length(data.rms), length(data.p95), length(data.max));
-    text += &format!(
-        "model to data   95 % within {}, {:.1} % of the surface without data\n",
-        length(model.p95), 100.0 * model.share_uncovered
-    );
+    text +=
+        &format!("model to data   95 % within {}, {:.1} % of the surface without data\n", length(model.p95), 100.0 * model.share_uncovered);
     for open in &fit.undetermined {
         text += &format!("open      {}\n", open.why);
     }
     let total: f64 = job.seconds.iter().map(|s| s.1).sum();
     text += &format!(
         "search    {} method, {} of {} starts found it, {} other minima, seed {}, {} s\n",
-        document::method(job.method), fit.hits, fit.starts, fit.other_minima.len(), job.seed, brief(total)
+        document::method(job.method),
+        fit.hits,
+        fit.starts,
+        fit.other_minima.len(),
+        job.seed,
+        brief(total)
     );
     text
 }

@@ -109,7 +109,9 @@ fn parameters(job: &Job) -> String {
     let infos = job.template.frep.model().params();
     let has_mm = rows.iter().any(|r| !r.mm.is_empty());
     let has_text = infos.iter().any(|i| !i.description.is_empty());
-    let mut html = String::from("<section><h2>Parameters</h2><div class=\"wide\"><table><tr><th>parameter</th><th class=\"n\">value</th><th class=\"n\">± 95 %</th>");
+    let mut html = String::from(
+        "<section><h2>Parameters</h2><div class=\"wide\"><table><tr><th>parameter</th><th class=\"n\">value</th><th class=\"n\">± 95 %</th>",
+    );
     if has_mm {
         html += "<th class=\"n\">in mm</th>";
     }
@@ -119,7 +121,13 @@ fn parameters(job: &Job) -> String {
     }
     html += "</tr>\n";
     for (i, r) in rows.iter().enumerate() {
-        let _ = write!(html, "<tr><td><b>{}</b></td><td class=\"n\">{}</td><td class=\"n\">{}</td>", escaped(&r.name), escaped(&r.value), r.error);
+        let _ = write!(
+            html,
+            "<tr><td><b>{}</b></td><td class=\"n\">{}</td><td class=\"n\">{}</td>",
+            escaped(&r.name),
+            escaped(&r.value),
+            r.error
+        );
         if has_mm {
             let _ = write!(html, "<td class=\"n\">{}</td>", r.mm);
         }
@@ -156,7 +164,9 @@ fn maps(job: &Job, lengths: &Lengths) -> String {
     let views = [(0, 2, "front: x across, z up"), (1, 2, "side: y across, z up"), (0, 1, "top: x across, y up")];
     let figures: String = views
         .iter()
-        .map(|(u, v, text)| format!("<figure>{}<figcaption>{text}</figcaption></figure>", svg::view(&job.cloud.points, &shown, limit, *u, *v)))
+        .map(|(u, v, text)| {
+            format!("<figure>{}<figcaption>{text}</figcaption></figure>", svg::view(&job.cloud.points, &shown, limit, *u, *v))
+        })
         .collect();
     let note = if fit.n_outliers > 0 { " Outliers are dark grey." } else { "" };
     format!(
@@ -168,7 +178,8 @@ fn maps(job: &Job, lengths: &Lengths) -> String {
 
 fn deviations(job: &Job, lengths: &Lengths) -> String {
     let fit = &job.fit;
-    let used: Vec<f64> = job.deviation().iter().zip(&fit.outliers).filter(|(d, out)| !**out && d.is_finite()).map(|(d, _)| d * lengths.scale).collect();
+    let used: Vec<f64> =
+        job.deviation().iter().zip(&fit.outliers).filter(|(d, out)| !**out && d.is_finite()).map(|(d, _)| d * lengths.scale).collect();
     let limit = round_up((1.4 * fit.data_to_model.p95).max(3.0 * fit.noise)) * lengths.scale;
     let limit = if limit > 0.0 { limit } else { 1.0 };
     let beyond = used.iter().filter(|v| v.abs() > limit).count();
@@ -219,7 +230,11 @@ fn parts(job: &Job, lengths: &Lengths) -> String {
     html += "</table></div>";
     let left_out: Vec<&str> = stats.iter().filter(silent).map(|s| s.name.as_str()).collect();
     if !left_out.is_empty() {
-        let _ = write!(html, "<p class=\"lead\" style=\"margin:8px 0 0\">Neither points nor surface near them: {}.</p>", escaped(&left_out.join(", ")));
+        let _ = write!(
+            html,
+            "<p class=\"lead\" style=\"margin:8px 0 0\">Neither points nor surface near them: {}.</p>",
+            escaped(&left_out.join(", "))
+        );
     }
     html + "</section>\n"
 }
@@ -230,7 +245,8 @@ fn convergence(job: &Job) -> String {
         runs.entry(step.start).or_default().push(step);
     }
     let is_searched = job.fit.starts > 1 || runs.len() > 1;
-    let polish: BTreeMap<usize, Vec<&Step>> = runs.last_key_value().map(|(k, v)| (*k, v.clone())).into_iter().filter(|_| is_searched).collect();
+    let polish: BTreeMap<usize, Vec<&Step>> =
+        runs.last_key_value().map(|(k, v)| (*k, v.clone())).into_iter().filter(|_| is_searched).collect();
     if is_searched {
         runs.pop_last();
     }
@@ -243,7 +259,11 @@ fn convergence(job: &Job) -> String {
     );
     if let Some((k, _)) = polish.first_key_value() {
         let unit = if job.unit.unit.is_empty() { "rms distance".to_owned() } else { format!("rms distance in {}", job.unit.unit) };
-        let _ = write!(html, "<div><h3>polish, distance to the surface</h3>{}</div>", svg::convergence("Convergence of the polish", &polish, Some(*k), &unit));
+        let _ = write!(
+            html,
+            "<div><h3>polish, distance to the surface</h3>{}</div>",
+            svg::convergence("Convergence of the polish", &polish, Some(*k), &unit)
+        );
     }
     let _ = write!(html, "</div><p>{} of {} starts reached the best minimum.</p></section>\n", job.fit.hits, job.fit.starts);
     html

@@ -150,8 +150,11 @@ pub(crate) fn histogram(values: &[f64], noise: f64, limit: f64, unit: &str) -> S
         let from = x.at(-limit + k as f64 * width);
         let at = y.at(*count as f64);
         let _ = write!(
-            svg, "<rect class=\"column\" x=\"{:.1}\" y=\"{at:.1}\" width=\"{:.1}\" height=\"{:.1}\"/>",
-            from + 0.4, (x.to - x.from) / COLUMNS as f64 - 0.8, y.from - at
+            svg,
+            "<rect class=\"column\" x=\"{:.1}\" y=\"{at:.1}\" width=\"{:.1}\" height=\"{:.1}\"/>",
+            from + 0.4,
+            (x.to - x.from) / COLUMNS as f64 - 0.8,
+            y.from - at
         );
     }
     if has_curve {
@@ -202,7 +205,11 @@ pub(crate) fn view(points: &[Point3], deviation: &[f64], limit: f64, across: usi
         let _ = write!(svg, "<path class=\"dot\" stroke=\"#{r:02x}{g:02x}{b:02x}\" stroke-width=\"{dot}\" d=\"{}\"/>", shades[k]);
     }
     let name = |k: usize| ["x", "y", "z"][k];
-    format!("<svg viewBox=\"0 0 {SIZE} {SIZE}\" role=\"img\" aria-label=\"deviation seen in {} and {}\">{svg}</svg>", name(across), name(up))
+    format!(
+        "<svg viewBox=\"0 0 {SIZE} {SIZE}\" role=\"img\" aria-label=\"deviation seen in {} and {}\">{svg}</svg>",
+        name(across),
+        name(up)
+    )
 }
 
 /// The bar of colours from −limit to +limit.
@@ -213,7 +220,8 @@ pub(crate) fn color_bar(limit: f64, unit: &str) -> String {
     for (k, [r, g, b]) in deviation_colors(&stops, limit).into_iter().enumerate() {
         let _ = write!(svg, "<stop offset=\"{:.3}\" stop-color=\"#{r:02x}{g:02x}{b:02x}\"/>", k as f64 / (SHADES - 1) as f64);
     }
-    let _ = write!(svg, "</linearGradient></defs><rect x=\"40\" y=\"2\" width=\"{}\" height=\"11\" rx=\"3\" fill=\"url(#rdbu)\"/>", W - 80.0);
+    let _ =
+        write!(svg, "</linearGradient></defs><rect x=\"40\" y=\"2\" width=\"{}\" height=\"11\" rx=\"3\" fill=\"url(#rdbu)\"/>", W - 80.0);
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     for share in [-1.0, -0.5, 0.0, 0.5, 1.0] {
         let sign = if share > 0.0 { "+" } else { "" };
@@ -221,5 +229,7 @@ pub(crate) fn color_bar(limit: f64, unit: &str) -> String {
         let text = if share == 0.0 { "0".to_owned() } else { format!("{sign}{}{unit}", share * limit) };
         let _ = write!(svg, "<text x=\"{at}\" y=\"28\" text-anchor=\"middle\">{text}</text>");
     }
-    format!("<svg viewBox=\"0 0 {W} 32\" style=\"max-width:{W}px;margin-top:10px\" role=\"img\" aria-label=\"colours of deviations\">{svg}</svg>")
+    format!(
+        "<svg viewBox=\"0 0 {W} 32\" style=\"max-width:{W}px;margin-top:10px\" role=\"img\" aria-label=\"colours of deviations\">{svg}</svg>"
+    )
 }

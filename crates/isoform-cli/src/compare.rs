@@ -1,0 +1,120 @@
+//! `isoform compare`: how far two shapes are apart, both ways.
+
+use crate::fit::table::brief;
+use crate::{eval, gallery};
+use crate::model::Language;
+use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::scan;
+use isoform::field::hyperfun::Pose;
+use isoform::geom::{Aabb, PointCloud};
+use isoform::io::MeshPoints;
+use isoform::{CompareError, Distances, FrepTemplate, Side, compare};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Measures the deviation between two of points, meshes and models, both ways
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  isoform compare scan.ply fitted.hf
+
+Files with triangles count as surfaces (--vertices: as points). Files with the ending .hf are models; their distances are
+those of the metric reading. Coordinates must agree: nothing is moved.
+
+Exit code: 0; 3 if --tolerance is given and a distance exceeds it.")]
+pub(crate) struct Args {
+    /// Points, a mesh, or a model
+    first: PathBuf,
+    /// The other
+    second: PathBuf,
+    /// Parameters of the model; of the first one, if both are models
+    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
+    params: Option<eval::Parameters>,
+    /// Parameters of the second model, if both are models
+    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
+    params_second: Option<eval::Parameters>,
+    /// Where to look at models: x,y,z of the lower and of the upper corner [default: the other side's box]
+    #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = region)]
+    region: Option<Aabb>,
+    /// About how many points are taken of a mesh and of a model
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(10..=2_000_000))]
+    samples: u32,
+    /// Take the vertices of meshes as points
+    #[arg(long)]
+    vertices: bool,
+    /// Fail (exit 3) where a distance is larger
+    #[arg(long, value_name = "LENGTH")]
+    tolerance: Option<f64>,
+    #[command(flatten)]
+    language: Language,
+}
+
+fn region(text: &str) -> Result<Aabb, String> {
+    match output::numbers(text)?.as_slice() {
+        &[a, b, c, d, e, f] if a < d && b < e && c < f => Ok(Aabb { lo: [a, b, c], hi: [d, e, f] }),
+        _ => Err("six numbers are expected, lower corner and upper corner".to_owned()),
+    }
+}
+
+/// A side as read.
+enum Loaded {
+    Cloud(PointCloud),
+    Model(Box<FrepTemplate>, Vec<f64>),
+}
+
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    let is_model = |p: &Path| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("hf"));
+    let second = if is_model(&args.first) { &args.params_second } else { &args.params };
+    let first = load(&args.first, is_model(&args.first), args.params.as_ref(), args, context)?;
+    let second = load(&args.second, is_model(&args.second), second.as_ref(), args, context)?;
+    let side = |l: &Loaded| match l {
+        Loaded::Cloud(c) if c.triangles.is_empty() || args.vertices => "points",
+        Loaded::Cloud(_) => "mesh",
+        Loaded::Model(..) => "model",
+    };
+    let result = compare(as_side(&first, args.vertices), as_side(&second, args.vertices), args.region, args.samples as usize);
+    let (there, back) = result.map_err(|e| match e {
+        CompareError::NoRegion => Failure::usage(e.to_string()).hint("--box=-1,-1,-1,1,1,1"),
+        CompareError::Empty(_) => Failure::input("empty", e.to_string()).hint("isoform inspect; for models, another --box"),
+    })?;
+    let is_within = args.tolerance.is_none_or(|t| there.max <= t && back.max <= t);
+    let json = json!({
+        "verb": "compare",
+        "first": {"file": args.first.display().to_string(), "kind": side(&first)},
+        "second": {"file": args.second.display().to_string(), "kind": side(&second)},
+        "first_to_second": distances(&there),
+        "second_to_first": distances(&back),
+        "tolerance": args.tolerance,
+        "within_tolerance": is_within,
+    });
+    let line = |name: &str, d: &Distances| {
+        format!("{name:<16}  rms {}  mean {}  95 % within {}  max {}  ({} points)\n", brief(d.rms), brief(d.mean), brief(d.p95), brief(d.max), d.samples)
+    };
+    let text = line("first to second", &there) + &line("second to first", &back);
+    Ok(Outcome { exit: if is_within { DONE } else { output::PARTIAL }, json, stdout: text.into_bytes() })
+}
+
+fn load(path: &Path, is_model: bool, given: Option<&eval::Parameters>, args: &Args, context: &Context) -> Result<Loaded, Failure> {
+    if !is_model {
+        let (cloud, report) = scan::read_points(path, None, None, MeshPoints::Vertices, context)?;
+        report.warnings.iter().for_each(|w| context.warn(format_args!("{}: {w}", path.display())));
+        return Ok(Loaded::Cloud(cloud));
+    }
+    let model = gallery::template(path, &args.language, context)?;
+    let values = eval::values(&model, given.map_or(&[], |p| &p.0))?;
+    let template = FrepTemplate::with_pose(&model, Pose::None, &[]);
+    let template = template.map_err(|e| Failure::input("template", format!("{}: {e}", path.display())))?;
+    Ok(Loaded::Model(Box::new(template), values))
+}
+
+fn as_side(loaded: &Loaded, vertices: bool) -> Side<'_> {
+    match loaded {
+        Loaded::Cloud(c) if c.triangles.is_empty() || vertices => Side::Points(c),
+        Loaded::Cloud(c) => Side::Mesh(c),
+        Loaded::Model(t, values) => Side::Model(t, values),
+    }
+}
+
+fn distances(d: &Distances) -> Value {
+    json!({"rms": d.rms, "mean": d.mean, "p95": d.p95, "max": d.max, "samples": d.samples})
+}

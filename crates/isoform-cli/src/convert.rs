@@ -1,0 +1,105 @@
+//! `isoform convert`: points from format to format, programs with values.
+
+use crate::eval;
+use crate::model::{self, Language};
+use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::scan;
+use isoform::io::{MeshPoints, WriteOptions, write, write_path};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Converts points from format to format, or writes a HyperFun program with values
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  isoform convert scan.e57 -o scan.ply
+  isoform convert part.stl --samples 20000 -o part.xyz
+  isoform convert template.hf --params 1,2,0.5 -o part.hf
+
+Points are written as PLY, XYZ and CSV; every number reads back exactly.")]
+pub(crate) struct Args {
+    /// The file (- for stdin)
+    file: PathBuf,
+    /// The result; its ending names the format (- for stdout, with --to)
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Format of the input, where neither name nor content tell it
+    #[arg(long, value_name = "FORMAT")]
+    from: Option<String>,
+    /// Format of the output, where its name does not tell it
+    #[arg(long, value_name = "FORMAT")]
+    to: Option<String>,
+    /// Take at most that many points, a seeded random sample
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    max_points: Option<u64>,
+    /// Of a mesh, take that many points on its triangles, uniform by area, in place of the vertices
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    samples: Option<u64>,
+    /// PLY as text
+    #[arg(long)]
+    ascii: bool,
+    /// Values of the parameters of a program
+    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
+    params: Option<eval::Parameters>,
+    #[command(flatten)]
+    language: Language,
+}
+
+fn is_program(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hf"))
+}
+
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    let is_model = |path: &Path, said: Option<&String>| said.map_or_else(|| is_program(path), |f| f.trim_start_matches('.').eq_ignore_ascii_case("hf"));
+    let json = json!({"verb": "convert", "input": args.file.display().to_string(), "output": args.output.display().to_string()});
+    match (is_model(&args.file, args.from.as_ref()), is_model(&args.output, args.to.as_ref())) {
+        (true, true) => program(args, json, context),
+        (false, false) => points(args, json, context),
+        (true, false) => Err(Failure::usage("a model is not turned into points here").hint("-o with the ending .hf")),
+        (false, true) => Err(Failure::usage("points are not turned into a model here").hint("isoform fit SCAN --template T -o model.hf")),
+    }
+}
+
+fn size(n: Option<u64>) -> Option<usize> {
+    n.map(|n| usize::try_from(n).unwrap_or(usize::MAX))
+}
+
+fn points(args: &Args, mut json: serde_json::Value, context: &Context) -> Result<Outcome, Failure> {
+    let mesh = size(args.samples).map_or(MeshPoints::Vertices, MeshPoints::Samples);
+    let (cloud, report) = scan::read_points(&args.file, args.from.as_deref(), size(args.max_points), mesh, context)?;
+    let options = WriteOptions { ascii: args.ascii, units: report.units.clone() };
+    let mut stdout = Vec::new();
+    let written = if args.output == Path::new("-") {
+        write(&cloud, &mut stdout, args.to.as_deref().unwrap_or("xyz"), &options)
+    } else {
+        write_path(&cloud, &args.output, args.to.as_deref(), &options)
+    }
+    .map_err(|e| scan::unwritable(&e))?;
+    let warnings: Vec<&String> = report.warnings.iter().chain(&written.warnings).collect();
+    warnings.iter().for_each(|w| context.warn(w));
+    json["points"] = json!(cloud.points.len());
+    json["dropped"] = json!(report.dropped_points);
+    json["formats"] = json!([report.format, written.format]);
+    json["warnings"] = json!(warnings);
+    if stdout.is_empty() {
+        context.note(format_args!("{} points written to {}", cloud.points.len(), args.output.display()));
+    } else if context.global.json {
+        json["text"] = json!(String::from_utf8_lossy(&stdout));
+    }
+    Ok(Outcome { exit: DONE, json, stdout })
+}
+
+fn program(args: &Args, mut json: serde_json::Value, context: &Context) -> Result<Outcome, Failure> {
+    let model = model::read(&args.file, &args.language, context)?;
+    let text = match &args.params {
+        Some(given) => model.print_fitted(&eval::values(&model, &given.0)?, None),
+        None => model.source().to_owned(),
+    };
+    json["object"] = json!(model.name());
+    if args.output == Path::new("-") {
+        json["text"] = json!(text);
+        return Ok(Outcome { exit: DONE, json, stdout: text.into_bytes() });
+    }
+    output::write_file(&args.output, text.as_bytes())?;
+    Ok(Outcome { exit: DONE, json, stdout: Vec::new() })
+}
