@@ -1,10 +1,10 @@
 //! `isoform compare`: how far two shapes are apart, both ways.
 
 use crate::fit::table::brief;
-use crate::{eval, gallery};
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::scan;
+use crate::{eval, gallery};
 use isoform::field::hyperfun::Pose;
 use isoform::geom::{Aabb, PointCloud};
 use isoform::io::MeshPoints;
@@ -88,7 +88,14 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         "within_tolerance": is_within,
     });
     let line = |name: &str, d: &Distances| {
-        format!("{name:<16}  rms {}  mean {}  95 % within {}  max {}  ({} points)\n", brief(d.rms), brief(d.mean), brief(d.p95), brief(d.max), d.samples)
+        format!(
+            "{name:<16}  rms {}  mean {}  95 % within {}  max {}  ({} points)\n",
+            brief(d.rms),
+            brief(d.mean),
+            brief(d.p95),
+            brief(d.max),
+            d.samples
+        )
     };
     let text = line("first to second", &there) + &line("second to first", &back);
     Ok(Outcome { exit: if is_within { DONE } else { output::PARTIAL }, json, stdout: text.into_bytes() })

@@ -50,7 +50,9 @@ fn is_program(path: &Path) -> bool {
 }
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    let is_model = |path: &Path, said: Option<&String>| said.map_or_else(|| is_program(path), |f| f.trim_start_matches('.').eq_ignore_ascii_case("hf"));
+    let is_model = |path: &Path, said: Option<&String>| {
+        said.map_or_else(|| is_program(path), |f| f.trim_start_matches('.').eq_ignore_ascii_case("hf"))
+    };
     let json = json!({"verb": "convert", "input": args.file.display().to_string(), "output": args.output.display().to_string()});
     match (is_model(&args.file, args.from.as_ref()), is_model(&args.output, args.to.as_ref())) {
         (true, true) => program(args, json, context),

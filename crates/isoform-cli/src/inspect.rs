@@ -69,7 +69,16 @@ fn text(file: &str, seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> String 
     let with: Vec<&str> = with.iter().filter(|w| w.0).map(|w| w.1).collect();
     line("with", if with.is_empty() { "positions alone".to_owned() } else { with.join(", ") });
     for c in &seen.columns {
-        line("column", format!("{} from {} to {}{}", c.name, brief(c.min), brief(c.max), if c.missing > 0 { format!(", {} missing", c.missing) } else { String::new() }));
+        line(
+            "column",
+            format!(
+                "{} from {} to {}{}",
+                c.name,
+                brief(c.min),
+                brief(c.max),
+                if c.missing > 0 { format!(", {} missing", c.missing) } else { String::new() }
+            ),
+        );
     }
     if seen.dropped_points > 0 {
         line("dropped", format!("{} points that are not finite", seen.dropped_points));

@@ -34,7 +34,7 @@ pub(crate) struct Args {
     #[arg(long, short, value_name = "FILE|NAME", required_unless_present = "list")]
     template: Option<PathBuf>,
     /// Lists the templates that are built in
-    #[arg(long, exclusive = true)]
+    #[arg(long, conflicts_with_all = ["scan", "template"])]
     list: bool,
     #[command(flatten)]
     options: Settings,
