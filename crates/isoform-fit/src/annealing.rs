@@ -2,7 +2,8 @@
 //!
 //! One coordinate at a time is moved by a uniform random step; uphill moves pass with probability exp(−Δ/T). After [`CYCLES`] rounds
 //! the step of each coordinate is adapted so that about half of its moves pass, and after `adaptations` of those the temperature
-//! falls. The paper cools linearly where Goffe cools geometrically: T runs from its start to 0 in `temperatures` equal steps.
+//! falls. The paper cools linearly where Goffe cools geometrically: T runs from its start to 0 in `temperatures` equal steps, in the first
+//! half of the evaluations; the rest stays at T = 0 until nothing moves, since the last linear step is still far above the noise.
 
 use crate::Objective;
 
@@ -10,6 +11,8 @@ use crate::Objective;
 const CYCLES: usize = 20;
 /// Corana's c: how fast steps adapt.
 const ADAPT: f64 = 2.0;
+/// At temperature 0 the search ends when a round lowers the value by less than this share.
+const FROZEN: f64 = 1e-6;
 
 /// Settings of [`minimize`].
 #[derive(Clone, Debug)]
@@ -72,13 +75,15 @@ pub fn minimize(
     let mut evaluations = 1 + probes.len();
     let typical = probes[probes.len() / 2].min(f64::MAX);
     let per_temperature = (options.adaptations * CYCLES * n).max(1);
-    let temperatures = options.temperatures.min(options.max_evaluations / per_temperature).max(1);
+    let temperatures = options.temperatures.min(options.max_evaluations / (2 * per_temperature)).max(1);
+    let frozen = (options.max_evaluations / per_temperature).saturating_sub(temperatures);
     let mut best = Annealed { x: x.clone(), value, evaluations, reached: value <= options.threshold };
     let mut x = x;
     let mut step: Vec<f64> = (0..n).map(|i| 0.5 * (hi[i] - lo[i])).collect();
     let mut trial = x.clone();
-    'cooling: for k in 0..temperatures {
-        let temperature = options.temperature * typical * (1.0 - k as f64 / temperatures as f64);
+    'cooling: for k in 0..temperatures + frozen {
+        let temperature = options.temperature * typical * (1.0 - k as f64 / temperatures as f64).max(0.0);
+        let before = best.value;
         for _ in 0..options.adaptations {
             let mut passed = vec![0_usize; n];
             for _ in 0..CYCLES {
@@ -119,6 +124,9 @@ pub fn minimize(
             if !monitor(evaluations, best.value) {
                 break 'cooling;
             }
+        }
+        if k > temperatures && before - best.value <= FROZEN * best.value {
+            break;
         }
         // Goffe's rule: each temperature starts from the best point so far.
         x.copy_from_slice(&best.x);

@@ -18,6 +18,10 @@ use std::time::Instant;
 const OUTLIER_DEVIATIONS: f64 = 6.0;
 /// ... and farther than this share of the point spacing (edges rounded by a mesher or a scanner are no outliers).
 const OUTLIER_SPACINGS: f64 = 0.3;
+/// Share of points far off the best candidate from which a trimmed search is tried...
+const MANY_FAR: f64 = 0.03;
+/// ... far meaning outliers by deviations, and this share of the spacing.
+const FAR_SPACINGS: f64 = 0.5;
 /// Noise below this share of the size is taken for rounding when deviations are judged.
 const EXACT: f64 = 1e-9;
 /// A misfit above this share of the data's diagonal is refused (scanner noise is some 1e-4 to 5e-3 of it).
@@ -182,7 +186,7 @@ impl<'a> Task<'a> {
         let mut evaluations = outcome.evaluations;
         let mut history = outcome.history.clone();
         let mut polish = self.polish(outcome.starts);
-        let rough = self.compare(&search, &outcome, &kept, isolated, &polish, &mut evaluations);
+        let rough = self.compare(&search, &outcome, &kept, &polish, &mut evaluations);
         history.extend(rough.history.iter().cloned());
         control.report("polish", 0.3);
         let loss = match options.loss {
@@ -319,44 +323,51 @@ impl<'a> Task<'a> {
         Polish { field: self.template.metric(), space: &self.space, size: self.data.diagonal(), control: self.control, start, held }
     }
 
-    /// Candidates of near-equal sums, each led on to the metric residual on more points; the best one by a truncated sum.
-    fn compare(
-        &self,
-        search: &Search,
-        outcome: &Outcome,
-        kept: &[Point3],
-        isolated: f64,
-        polish: &Polish,
-        evaluations: &mut usize,
-    ) -> Polished {
+    /// Candidates of near-equal sums, each led on to the metric residual on more points; the best one by a truncated sum. Where that
+    /// leaves many points far off, a trimmed search takes part.
+    fn compare(&self, search: &Search, outcome: &Outcome, kept: &[Point3], polish: &Polish, evaluations: &mut usize) -> Polished {
         let all = self.some(self.options.confirm_points.max(self.options.search_points));
-        let has_outliers = isolated > HAS_OUTLIERS;
+        let has_outliers = self.isolated > HAS_OUTLIERS;
+        let mut lead_on = |x: Vec<f64>| {
+            let p = polish.rough(&all, x, has_outliers);
+            *evaluations += p.evaluations;
+            let r = polish.residuals(&all, &p.x);
+            (p, r)
+        };
+        let mut spent = 0;
         let mut found: Vec<(Polished, Vec<f64>)> = search
             .candidates(outcome)
             .iter()
             .map(|m| {
                 let mut objective = Residuals::new(self.template.algebraic(), kept, &[], &self.space);
                 let settings = lm::Options { max_iterations: 12, decrease: 1e-4, ..lm::Options::default() };
-                let confirmed = lm::minimize(&mut objective, m.x.clone(), &self.space.lo, &self.space.hi, &settings, &mut |_, _, _| {
-                    !self.control.stops()
-                });
-                let p = polish.rough(&all, confirmed.x, has_outliers);
-                *evaluations += confirmed.iterations + p.evaluations;
-                let r = polish.residuals(&all, &p.x);
-                (p, r)
+                let (lo, hi) = (&self.space.lo, &self.space.hi);
+                let confirmed = lm::minimize(&mut objective, m.x.clone(), lo, hi, &settings, &mut |_, _, _| !self.control.stops());
+                spent += confirmed.iterations;
+                lead_on(confirmed.x)
             })
             .collect();
+        let mut best = self.least_truncated(&found);
+        let limit = (OUTLIER_DEVIATIONS * found[best].0.scale).max(FAR_SPACINGS * self.near.spacing);
+        let far = found[best].1.iter().filter(|r| r.abs() > limit).count() as f64 / all.len() as f64;
+        let isolated = if has_outliers { 1.5 * self.isolated } else { 0.0 };
+        if far > MANY_FAR + isolated && !self.control.stops() {
+            let (more, evaluations) = search.trimmed(std::slice::from_ref(&found[best].0.x), self.near.spacing);
+            spent += evaluations;
+            found.extend(more.into_iter().map(lead_on));
+            best = self.least_truncated(&found);
+        }
+        *evaluations += spent;
+        found.swap_remove(best).0
+    }
+
+    /// The candidate with the least sum of squares, cut at what the best scale of all allows.
+    fn least_truncated(&self, found: &[(Polished, Vec<f64>)]) -> usize {
         let least = found.iter().map(|f| f.0.scale).fold(f64::INFINITY, f64::min).max(EXACT * self.data.diagonal());
         let cut = (4.5 * least).powi(2);
         let score = |r: &[f64]| r.iter().map(|v| if v.is_nan() { cut } else { (v * v).min(cut) }).sum::<f64>();
-        let mut best = 0;
-        for k in 1..found.len() {
-            // The first candidate has the lowest sum; another must be better beyond doubt.
-            if score(&found[k].1) < 0.999 * score(&found[best].1) {
-                best = k;
-            }
-        }
-        found.swap_remove(best).0
+        // The first candidate has the lowest sum; another must be better beyond doubt.
+        (1..found.len()).fold(0, |best, k| if score(&found[k].1) < 0.999 * score(&found[best].1) { k } else { best })
     }
 
     /// Points on rims, where noise is worth the name.

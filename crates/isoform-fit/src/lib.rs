@@ -29,6 +29,7 @@ mod space;
 mod template;
 #[cfg(test)]
 mod testing;
+mod trimmed;
 
 pub use deviation::{DataToModel, ModelToData, surface_samples};
 pub use fit::fit;

@@ -203,7 +203,7 @@ impl Search<'_> {
     }
 
     /// Free variables by primitive, those of the pieces with the fewest points first: the variables that a piece's points move.
-    fn groups(&self, x: &[f64]) -> Vec<Vec<usize>> {
+    pub(crate) fn groups(&self, x: &[f64]) -> Vec<Vec<usize>> {
         let names = self.template.part_names().len();
         let n = self.template.parameters().len();
         let m = self.space.len();
@@ -273,7 +273,7 @@ impl Search<'_> {
     }
 
     /// Start i of the seeded Latin hypercubes: three of four where the data are, one anywhere within bounds.
-    fn drawn(&self, i: usize) -> Vec<f64> {
+    pub(crate) fn drawn(&self, i: usize) -> Vec<f64> {
         let (cube, row) = (i / CUBE, i % CUBE);
         let mut random = fastrand::Rng::with_seed(self.options.seed.wrapping_add(cube as u64));
         let wide = i % 4 == 3;

@@ -68,7 +68,9 @@ fn shared_variants() {
         return;
     };
     let starts = rows_of(&folder.join("fitting/starts100.txt"));
-    for (name, tolerance) in [("clean", 1e-6), ("noise0.01", 1e-2), ("noise0.05", 6e-2), ("poly", 2e-2), ("partial", 1e-2), ("outlier10", 1e-2)] {
+    for (name, tolerance) in
+        [("clean", 1e-6), ("noise0.01", 1e-2), ("noise0.05", 6e-2), ("poly", 2e-2), ("partial", 1e-2), ("outlier10", 1e-2)]
+    {
         let points = variant(name).expect("a variant");
         for start in starts.iter().take(12) {
             let f = run(&points, start);
@@ -138,10 +140,10 @@ fn intervals_cover_the_truth() {
     for sigma in [0.01, 0.05] {
         let clean = sample(4000, 0.0, 30);
         let sd = cramer_rao(&clean);
-        let (mut inside, mut z, draws) = (0, 0.0, 25);
+        let (mut inside, mut z, draws) = (0, 0.0, 60);
         for k in 0..draws {
             let mut points = clean.clone();
-            noise(&mut points, sigma, 100 + k);
+            noise(&mut points, sigma, 1000 + k);
             let f = run(&points, &SET1);
             let a = f.values();
             let swapped = canonical(&a) != a[..];
