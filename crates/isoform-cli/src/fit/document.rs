@@ -96,7 +96,7 @@ fn finite(v: f64) -> Option<f64> {
 
 /// Which bound a value ran into.
 fn at_bound(value: f64, (lo, hi): (f64, f64), status: isoform::fit::Status) -> Option<&'static str> {
-    (status == isoform::fit::Status::AtBound).then(|| if value - lo < hi - value { "lower" } else { "upper" })
+    (status == isoform::fit::Status::AtBound).then_some(if value - lo < hi - value { "lower" } else { "upper" })
 }
 
 pub(crate) fn method(method: Method) -> &'static str {

@@ -140,7 +140,8 @@ impl Adjusted {
             let Some([Some(lo), Some(hi)]) = pair.as_deref() else {
                 return Err(bad(format!("{key}: two numbers are expected, not {value}")));
             };
-            if !(lo < hi) {
+            // JSON has no NaN.
+            if lo >= hi {
                 return Err(bad(format!("{key}: the lower bound {lo} is not below the upper bound {hi}")));
             }
             if bounds[i].is_some() {

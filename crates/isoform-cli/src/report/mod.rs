@@ -217,10 +217,10 @@ fn parts(job: &Job, lengths: &Lengths) -> String {
             0 => Default::default(),
             _ => (digits(s.rms), digits(0.0 - s.mean), digits(s.max)),
         };
-        let _ = write!(
+        let _ = writeln!(
             html,
             "<tr><td><b>{}</b></td><td class=\"n\">{}</td><td class=\"n\">{rms}</td><td><div class=\"bar\"><i style=\"width:{:.1}%\"></i></div></td>\
-             <td class=\"n\">{mean}</td><td class=\"n\">{max}</td><td class=\"n\">{}</td></tr>\n",
+             <td class=\"n\">{mean}</td><td class=\"n\">{max}</td><td class=\"n\">{}</td></tr>",
             escaped(&s.name),
             s.count,
             100.0 * s.rms / worst,
@@ -265,7 +265,7 @@ fn convergence(job: &Job) -> String {
             svg::convergence("Convergence of the polish", &polish, Some(*k), &unit)
         );
     }
-    let _ = write!(html, "</div><p>{} of {} starts reached the best minimum.</p></section>\n", job.fit.hits, job.fit.starts);
+    let _ = writeln!(html, "</div><p>{} of {} starts reached the best minimum.</p></section>", job.fit.hits, job.fit.starts);
     html
 }
 
