@@ -28,7 +28,7 @@ pub(crate) struct Args {
     points: PathBuf,
     #[command(flatten)]
     language: Language,
-    /// The parameters a[1], a[2], ...; missing ones are as annotated, else 0
+    /// The values of the parameters a, in their order; missing ones are as annotated, else 0
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = parameters)]
     params: Option<Parameters>,
     /// What to give: the model's own value, its distance-like reading, or the name of the nearest part

@@ -81,7 +81,7 @@ impl Adjusted {
         self.parameters.iter().map(|p| p.name.as_str()).collect::<Vec<_>>().join(", ")
     }
 
-    /// A parameter by name (letters fold), 1-based index, or a[index].
+    /// A parameter by name (letters fold), 1-based index, or `a[index]`.
     fn index(&self, key: &str) -> Result<usize, String> {
         let n = self.parameters.len();
         if let Some(i) = self.parameters.iter().position(|p| p.name.eq_ignore_ascii_case(key)) {
