@@ -85,6 +85,37 @@ impl FrepTemplate {
         })
     }
 
+    /// The same template about other base rotations, for scans that do not stand upright: the model's z axis along each principal axis
+    /// of the points, both ways, and (where the pose turns about it) four quarters about that. Those within 20° of this one's base are
+    /// left out.
+    pub fn turned(&self, points: &[Point3]) -> Vec<Self> {
+        let spins = match self.pose {
+            Pose::None | Pose::Translate => return Vec::new(),
+            Pose::Axis => 1,
+            Pose::Rigid | Pose::Similarity => 4,
+        };
+        let Some(axes) = principal_axes(points).map(|(_, axes)| axes) else { return Vec::new() };
+        let mut bases: Vec<Rotation> = Vec::new();
+        for spin in 0..spins {
+            for (k, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
+                let z = axes[k].map(|v| sign * v);
+                let x = if spin % 2 == 0 { axes[(k + 1) % 3] } else { axes[(k + 2) % 3] };
+                let x = if spin < 2 { x } else { x.map(|v| -v) };
+                let y = isoform_geom::cross(z, x);
+                let base: Rotation = std::array::from_fn(|i| [x[i], y[i], z[i]]);
+                let alike = |other: &Rotation| match self.pose {
+                    Pose::Axis => (0..3).map(|i| other[i][2] * z[i]).sum::<f64>() > 0.94,
+                    // The trace is 1 + 2 cos of the angle between the two.
+                    _ => (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).map(|(i, j)| other[i][j] * base[i][j]).sum::<f64>() > 2.88,
+                };
+                if !alike(&self.base) && !bases.iter().any(alike) {
+                    bases.push(base);
+                }
+            }
+        }
+        bases.into_iter().filter_map(|base| Self::with_base(&self.model, self.pose, base, points).ok()).collect()
+    }
+
     /// The program.
     pub fn model(&self) -> &Model {
         &self.model
@@ -291,8 +322,21 @@ fn cayley(r: Point3) -> Rotation {
 /// The principal axes of the points as a rotation, with axes and signs chosen so that it turns as little as possible: scans mostly
 /// stand upright. Axes that the points hardly tell apart (moments within a tenth) are left where they are.
 fn upright_axes(points: &[Point3]) -> Rotation {
+    let Some((values, axes)) = principal_axes(points) else { return IDENTITY };
+    let alike = |i: usize, j: usize| values[j] - values[i] < 0.1 * values[j];
+    match (alike(0, 1), alike(1, 2)) {
+        (true, true) => IDENTITY,
+        (false, false) => nearest_frame(&axes),
+        // Two alike: only the third axis is known; turn the coordinate axis nearest to it into it, and nothing else.
+        (true, false) => shortest_turn(axes[2]),
+        (false, true) => shortest_turn(axes[0]),
+    }
+}
+
+/// Moments (rising) and principal axes of the points, a right-handed frame; none for fewer than four points.
+fn principal_axes(points: &[Point3]) -> Option<([f64; 3], [Point3; 3])> {
     if points.len() < 4 {
-        return IDENTITY;
+        return None;
     }
     let center = Aabb::of(points).center();
     let mut moments = [0.0; 9];
@@ -305,18 +349,11 @@ fn upright_axes(points: &[Point3]) -> Rotation {
         }
     }
     if moments.iter().any(|v| !v.is_finite()) {
-        return IDENTITY;
+        return None;
     }
     let (values, vectors) = symmetric_eigen(&moments, 3);
-    let alike = |i: usize, j: usize| values[j] - values[i] < 0.1 * values[j];
-    let axes: [Point3; 3] = std::array::from_fn(|k| [vectors[3 * k], vectors[3 * k + 1], vectors[3 * k + 2]]);
-    match (alike(0, 1), alike(1, 2)) {
-        (true, true) => IDENTITY,
-        (false, false) => nearest_frame(&axes),
-        // Two alike: only the third axis is known; turn the coordinate axis nearest to it into it, and nothing else.
-        (true, false) => shortest_turn(axes[2]),
-        (false, true) => shortest_turn(axes[0]),
-    }
+    let (e0, e1) = ([vectors[0], vectors[1], vectors[2]], [vectors[3], vectors[4], vectors[5]]);
+    Some(([values[0], values[1], values[2]], [e0, e1, isoform_geom::cross(e0, e1)]))
 }
 
 /// The proper rotation with columns ± the axes in some order, of largest trace.

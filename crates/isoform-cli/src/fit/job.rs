@@ -170,7 +170,10 @@ pub(crate) fn run_model(scan: Scan, model: &Model, request: &Request, context: &
     let progress = Progress::new(context);
     let show = |phase: &str, done: f64| progress.show(phase, done);
     let control = Control { cancelled: Some(interrupt::watch()), deadline: context.deadline, progress: Some(&show) };
-    let fit = fit(&cloud.points, &template, &options, &control).map_err(|e| failure(&e, &name))?;
+    let mut fit = fit(&cloud.points, &template, &options, &control).map_err(|e| failure(&e, &name))?;
+    if !matches!(request.start, Some(Start::Values(_))) && request.bounds.is_none() && request.method == Method::Default {
+        turn_until_it_fits(&cloud, &mut template, &mut fit, request, &options, &control)?;
+    }
     drop(progress);
     warnings.extend(fit.warnings.iter().cloned());
     let mut all = vec![("read", seconds), ("template", prepared)];
@@ -178,6 +181,63 @@ pub(crate) fn run_model(scan: Scan, model: &Model, request: &Request, context: &
     let template_name = request.template.display().to_string();
     let method = request.method;
     Ok(Job { scan: name, cloud, read, template, template_name, unit, fit, seed: options.seed, method, seconds: all, warnings })
+}
+
+/// A misfit below this share of the size settles how the scan stands; above, other ways are tried.
+const SETTLED: f64 = 4e-3;
+/// Starts of each other way: enough to tell whether it is the right one.
+const STARTS_PER_TURN: usize = 8;
+
+/// Scans come in any pose: where the template does not fit well as the scan stands, the other ways to stand it are tried, and the best
+/// is kept. In the order of the ways, so that the result does not depend on threads.
+fn turn_until_it_fits(
+    cloud: &PointCloud,
+    template: &mut Adjusted,
+    best: &mut Fit,
+    request: &Request,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<(), Failure> {
+    let size = cloud.bounds().diagonal();
+    let misfit = |f: &Fit| f.rms * (1.0 + f.model_to_data.share_uncovered) + if f.acceptable { 0.0 } else { size };
+    let settled = |f: &Fit| misfit(f) < SETTLED * size;
+    if settled(best) {
+        return Ok(());
+    }
+    let quick = Options { most_starts: STARTS_PER_TURN, ..options.clone() };
+    let mut chosen = None;
+    for frep in template.frep.turned(&cloud.points) {
+        if control.stops() {
+            break;
+        }
+        let mut turned = Adjusted::new(frep, cloud.origin);
+        turned.hold(&request.fixed)?;
+        let Ok(mut found) = fit(&cloud.points, &turned, &quick, control) else { continue };
+        if misfit(&found) < 0.7 * misfit(best) {
+            std::mem::swap(best, &mut found);
+            add_seconds(best, &found);
+            chosen = Some(turned);
+        } else {
+            add_seconds(best, &found);
+        }
+        if settled(best) {
+            break;
+        }
+    }
+    if let Some(turned) = chosen {
+        *template = turned;
+    }
+    Ok(())
+}
+
+/// Adds the seconds of an attempt that was dropped.
+fn add_seconds(kept: &mut Fit, dropped: &Fit) {
+    for (phase, seconds) in &dropped.seconds {
+        match kept.seconds.iter_mut().find(|(p, _)| p == phase) {
+            Some((_, s)) => *s += seconds,
+            None => kept.seconds.push((phase, *seconds)),
+        }
+    }
 }
 
 fn failure(error: &FitError, scan: &str) -> Failure {
