@@ -134,6 +134,18 @@ impl<'a> Task<'a> {
         Ok(Self { points, template, options, control, space, data, order, near, kept, isolated, clock })
     }
 
+    /// Whether residuals are no noise but a shape that the template lacks (rounded edges, a bulge): neighbours are off alike. Least
+    /// squares would spread the misfit over all dimensions; a robust loss leaves it where it is.
+    fn is_systematic(&self, polish: &Polish<'_>, x: &[f64]) -> bool {
+        const PROBES: usize = 250;
+        let r = polish.residuals(self.points, x);
+        if Polish::scale(&r) <= EXACT * self.data.diagonal() {
+            return false;
+        }
+        let order = &self.order[..PROBES.min(self.order.len())];
+        deviation::neighbour_correlation(self.points, &r, &vec![false; r.len()], &self.near.tree, order) > CORRELATED
+    }
+
     fn some(&self, count: usize) -> Vec<Point3> {
         self.order.iter().take(count).map(|&i| self.points[i as usize]).collect()
     }
@@ -190,6 +202,7 @@ impl<'a> Task<'a> {
         history.extend(rough.history.iter().cloned());
         control.report("polish", 0.3);
         let loss = match options.loss {
+            Loss::Auto if rough.loss == Loss::Squares && self.is_systematic(&polish, &rough.x) => Loss::Tukey,
             Loss::Auto => rough.loss,
             said => said,
         };

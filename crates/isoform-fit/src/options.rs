@@ -36,7 +36,7 @@ pub enum Method {
 /// The loss of the polish.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Loss {
-    /// Robust where outliers were found or residuals have heavy tails, else least squares.
+    /// Robust where outliers were found, residuals have heavy tails or neighbours are off alike, else least squares.
     #[default]
     Auto,
     /// Least squares.
