@@ -1,7 +1,7 @@
 //! Templates fitted to points: f(x, y, z; a) = 0 in the least-squares sense, with what the data say about every parameter.
 //!
-//! After Fayolle, Rosenberger and Toriya, *3D shape reconstruction of template models using genetic algorithms* (hybrid fitting of
-//! parameterized FRep models, 2004), whose local, annealing and hybrid methods are here too. The default departs from it. The
+//! After Fayolle, Pasko, Kartasheva and Mirenkov, *Shape recovery using functionally represented constructive models* (2004),
+//! whose local, annealing and hybrid methods are here too. The default departs from it. The
 //! template's own function, R-functions and all, is searched with: its basins are wide. What is found is polished with a metric
 //! reading of the same template, close to a signed distance, which alone is at the statistical limit (measured: the algebraic
 //! minimum lies 4 to 15 Cramér-Rao deviations off). Global certainty comes from restarts on a few hundred points, not from
