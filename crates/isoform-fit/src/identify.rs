@@ -84,7 +84,8 @@ impl At<'_> {
         let h = self.normal(self.points, &weights);
         let largest = (0..m).map(|i| h[i * m + i]).fold(0.0, f64::max);
         let mut held = vec![false; m];
-        let (mut open, mut directions): (Vec<Vec<usize>>, Vec<(usize, Vec<f64>, f64)>) = (Vec::new(), Vec::new());
+        let mut open: Vec<Vec<usize>> = Vec::new();
+        let mut directions = Vec::new();
         let base = self.sum(self.x, &weights);
         let mut flat_at_first: Option<Vec<bool>> = None;
         loop {

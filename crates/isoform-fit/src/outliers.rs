@@ -194,7 +194,7 @@ mod tests {
     }
     fn share(points: &[Point3]) -> f64 {
         let order: Vec<u32> = (0..points.len() as u32).collect();
-        Neighbourhood::new(points, &order).keep(points, &order, usize::MAX.min(points.len())).1
+        Neighbourhood::new(points, &order).keep(points, &order, points.len()).1
     }
 
     #[test]

@@ -14,6 +14,9 @@ const LENGTH_FACTOR: f64 = 2.0;
 /// Least length, in diagonals, when nobody said otherwise: keeps radii and sizes off zero, where primitives degenerate.
 const LEAST_LENGTH: f64 = 1e-6;
 
+/// A parameter as a constant and terms (index, factor) of free parameters.
+type Row = (f64, Vec<(usize, f64)>);
+
 /// The free variables of a fit.
 #[derive(Clone, Debug)]
 pub struct Space {
@@ -45,7 +48,7 @@ impl Space {
     pub fn new(parameters: &[Parameter], bounds: &[Option<(f64, f64)>], data: Aabb) -> Result<Self, FitError> {
         let n = parameters.len();
         // A fixed parameter stays fixed whatever it is named in; a tie is followed through other ties.
-        let mut rows: Vec<Option<(f64, Vec<(usize, f64)>)>> = vec![None; n];
+        let mut rows: Vec<Option<Row>> = vec![None; n];
         for i in 0..n {
             resolve(parameters, i, &mut rows, 0)?;
         }
@@ -237,7 +240,7 @@ fn positive(v: f64) -> f64 {
 }
 
 /// Constant and terms of parameter i over free parameters only.
-fn resolve(parameters: &[Parameter], i: usize, rows: &mut [Option<(f64, Vec<(usize, f64)>)>], depth: usize) -> Result<(), FitError> {
+fn resolve(parameters: &[Parameter], i: usize, rows: &mut [Option<Row>], depth: usize) -> Result<(), FitError> {
     if rows[i].is_some() {
         return Ok(());
     }
@@ -313,6 +316,11 @@ fn limits(p: &Parameter, said: Option<(f64, f64)>, data: Aabb, is_free: bool) ->
 
 /// Where starts informed by the data are drawn from: positions in the data's box, lengths up to its size.
 fn informed(p: &Parameter, lo: f64, hi: f64, data: Aabb) -> (f64, f64) {
+    // The template's author knows better: around the start, a quarter of the range to each side.
+    if let Some(start) = p.start.filter(|s| p.min.is_some() && p.max.is_some() && lo <= *s && *s <= hi) {
+        let reach = 0.25 * (hi - lo);
+        return ((start - reach).max(lo), (start + reach).min(hi));
+    }
     let size = data.size();
     let largest = positive(size[0].max(size[1]).max(size[2]));
     let (a, b) = match p.kind {

@@ -71,7 +71,8 @@ impl Machine for Symbolic {
         self.booleans.contains(v)
     }
     fn assigned(&mut self, v: &NodeId, name: &str) {
-        if matches!(self.graph.node(*v), Node::Library(..) | Node::Set(..)) {
+        // Arithmetic too: a plane or a tapered wall is a piece of the surface as well as a primitive.
+        if !matches!(self.graph.node(*v), Node::Constant(_) | Node::X(_) | Node::Param(_)) {
             self.graph.set_name(*v, name);
         }
         for (id, name) in self.suggested.drain(..) {

@@ -20,25 +20,25 @@ enum Reading {
 }
 
 /// One reading of the test part.
-pub struct Part(Reading);
+pub(crate) struct Part(Reading);
 
 /// The template.
-pub struct TestPart {
+pub(crate) struct TestPart {
     parameters: Vec<Parameter>,
     names: Vec<String>,
     algebraic: Part,
     metric: Part,
 }
 
-pub const TRUTH: [f64; N] = [-5.1, -4.05, -1.95, 10.2, 6.2, 3.9, 4.6, 2.5, 1.7, 2.9, -1.85, 1.15];
-pub const SET1: [f64; N] = [-5.0, -4.0, -2.0, 10.0, 5.0, 4.0, 5.0, 3.0, 1.0, 3.0, -2.0, 1.0];
-pub const SET2: [f64; N] = [1.0; N];
-pub const LO: [f64; N] = [-15.0, -15.0, -15.0, 0.5, 0.5, 0.5, -15.0, -15.0, 0.2, -15.0, -15.0, 0.2];
-pub const HI: [f64; N] = [5.0, 5.0, 5.0, 20.0, 20.0, 20.0, 15.0, 15.0, 8.0, 15.0, 15.0, 8.0];
+pub(crate) const TRUTH: [f64; N] = [-5.1, -4.05, -1.95, 10.2, 6.2, 3.9, 4.6, 2.5, 1.7, 2.9, -1.85, 1.15];
+pub(crate) const SET1: [f64; N] = [-5.0, -4.0, -2.0, 10.0, 5.0, 4.0, 5.0, 3.0, 1.0, 3.0, -2.0, 1.0];
+pub(crate) const SET2: [f64; N] = [1.0; N];
+pub(crate) const LO: [f64; N] = [-15.0, -15.0, -15.0, 0.5, 0.5, 0.5, -15.0, -15.0, 0.2, -15.0, -15.0, 0.2];
+pub(crate) const HI: [f64; N] = [5.0, 5.0, 5.0, 20.0, 20.0, 20.0, 15.0, 15.0, 8.0, 15.0, 15.0, 8.0];
 
 impl TestPart {
     /// With kinds, as an annotated template has them; or all plain numbers, as the bare program.
-    pub fn new(annotated: bool) -> Self {
+    pub(crate) fn new(annotated: bool) -> Self {
         use Kind::*;
         let names = ["vx", "vy", "vz", "dx", "dy", "dz", "c1x", "c1y", "c1r", "c2x", "c2y", "c2r"];
         let kinds = [X, Y, Z, Length, Length, Length, X, Y, Length, X, Y, Length];
@@ -46,7 +46,7 @@ impl TestPart {
         let parts = ["box.x_min", "box.y_min", "box.z_min", "box.x_max", "box.y_max", "box.z_max", "c1", "c2"];
         Self { parameters, names: parts.map(str::to_owned).to_vec(), algebraic: Part(Reading::Algebraic), metric: Part(Reading::Metric) }
     }
-    pub fn parameters_mut(&mut self) -> &mut Vec<Parameter> {
+    pub(crate) fn parameters_mut(&mut self) -> &mut Vec<Parameter> {
         &mut self.parameters
     }
 }
@@ -86,7 +86,7 @@ fn distances(p: Point3, a: &[f64]) -> [f64; 8] {
 }
 
 /// Signed-distance like value of one point, for tests that sample the surface.
-pub fn metric_value(p: Point3, a: &[f64]) -> f64 {
+pub(crate) fn metric_value(p: Point3, a: &[f64]) -> f64 {
     distances(p, a).into_iter().fold(f64::INFINITY, f64::min)
 }
 
@@ -352,14 +352,14 @@ impl ParamField for Part {
 }
 
 /// The folder of shared test data, if this checkout has one.
-pub fn shared() -> Option<PathBuf> {
+pub(crate) fn shared() -> Option<PathBuf> {
     let path = std::env::var_os("ISOFORM_SHARED")
         .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")), PathBuf::from);
     path.join("fitting/starts100.txt").exists().then_some(path)
 }
 
 /// Rows of numbers.
-pub fn rows_of(path: &std::path::Path) -> Vec<Vec<f64>> {
+pub(crate) fn rows_of(path: &std::path::Path) -> Vec<Vec<f64>> {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     text.lines()
         .filter(|l| !l.starts_with('#') && !l.trim().is_empty())
@@ -368,13 +368,13 @@ pub fn rows_of(path: &std::path::Path) -> Vec<Vec<f64>> {
 }
 
 /// Points of a variant of the test part.
-pub fn variant(name: &str) -> Option<Vec<Point3>> {
+pub(crate) fn variant(name: &str) -> Option<Vec<Point3>> {
     let rows = rows_of(&shared()?.join(format!("fitting/testpart_{name}.xyz")));
     Some(rows.iter().map(|r| [r[0], r[1], r[2]]).collect())
 }
 
 /// About `count` points of the part's own surface, uniform by area, with Gaussian noise of deviation `sigma`.
-pub fn sample(count: usize, sigma: f64, seed: u64) -> Vec<Point3> {
+pub(crate) fn sample(count: usize, sigma: f64, seed: u64) -> Vec<Point3> {
     let mut random = fastrand::Rng::with_seed(seed);
     let a = TRUTH;
     let (dx, dy, dz) = (a[3], a[4], a[5]);
@@ -411,7 +411,7 @@ pub fn sample(count: usize, sigma: f64, seed: u64) -> Vec<Point3> {
 }
 
 /// Adds isotropic Gaussian noise.
-pub fn noise(points: &mut [Point3], sigma: f64, seed: u64) {
+pub(crate) fn noise(points: &mut [Point3], sigma: f64, seed: u64) {
     let mut random = fastrand::Rng::with_seed(seed);
     for v in points.iter_mut().flatten() {
         let (u, t) = (1.0 - random.f64(), random.f64());
@@ -420,13 +420,13 @@ pub fn noise(points: &mut [Point3], sigma: f64, seed: u64) {
 }
 
 /// Worst relative error of the parameters, the cylinders in either order.
-pub fn worst_error(a: &[f64]) -> f64 {
+pub(crate) fn worst_error(a: &[f64]) -> f64 {
     let error = |order: [usize; N]| (0..N).map(|i| ((a[order[i]] - TRUTH[i]) / TRUTH[i]).abs()).fold(0.0, f64::max);
     error([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]).min(error([0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8]))
 }
 
 /// The parameters with the cylinders in the order nearer to the truth.
-pub fn canonical(a: &[f64]) -> [f64; N] {
+pub(crate) fn canonical(a: &[f64]) -> [f64; N] {
     let swapped = [0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8].map(|i: usize| a[i]);
     let own = fixed(a);
     let error = |a: &[f64; N]| (0..N).map(|i| ((a[i] - TRUTH[i]) / TRUTH[i]).abs()).fold(0.0, f64::max);
@@ -434,7 +434,7 @@ pub fn canonical(a: &[f64]) -> [f64; N] {
 }
 
 /// Cramér-Rao deviations of the parameters for unit noise along the normals of the clean points.
-pub fn cramer_rao(clean: &[Point3]) -> [f64; N] {
+pub(crate) fn cramer_rao(clean: &[Point3]) -> [f64; N] {
     let (mut g, mut h) = ([0.0; N], [0.0; N * N]);
     Part(Reading::Metric).normal_equations(clean, &[], &TRUTH, &mut g, &mut h);
     let mut l = h;
