@@ -19,7 +19,8 @@ fn wide(random: &mut fastrand::Rng) -> Vec<f64> {
     LO.iter().zip(HI).map(|(l, h)| l + (h - l) * random.f64()).collect()
 }
 
-/// Fails when the damping is diag(JᵀJ) in place of the identity (2 to 33 %), or steps are not reflected at bounds (50 %).
+/// Fails when the ball is measured by diag(JᵀJ) in place of the variables' units (7 of 200), when steps are not reflected at bounds
+/// (138), or when damping replaces cutting (173).
 #[test]
 fn single_descents_from_wide_starts_mostly_succeed() {
     let template = TestPart::new(false);
@@ -36,7 +37,7 @@ fn single_descents_from_wide_starts_mostly_succeed() {
             worst_error(&a) < 0.2
         })
         .count();
-    assert!(good >= 150, "{good} of 200");
+    assert!(good >= 180, "{good} of 200");
 }
 
 #[test]
