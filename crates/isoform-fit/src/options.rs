@@ -90,7 +90,7 @@ impl Default for Options {
             seed: 2004,
             search_points: 512,
             confirm_points: 2048,
-            least_starts: 5,
+            least_starts: 4,
             most_starts: 64,
             recurrences: 3,
             miss: 1e-3,
