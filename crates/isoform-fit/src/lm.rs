@@ -8,7 +8,7 @@
 //!
 //! How a long step is fitted into the ball decides how many wide starts reach the global minimum (1000 starts per variant of a
 //! 12-parameter part, 512 points; without and with starts informed by the data): μ from Moré's iteration, the textbook's way, 67 to
-//! 82 and 82 to 96 %; the Gauss-Newton step ([`FLOOR`] for μ) cut to length, 63 to 99 and 86 to 99.6 %, in a third fewer
+//! 82 and 82 to 96 %; the Gauss-Newton step (a least μ only) cut to length, 63 to 99 and 86 to 99.6 %, in a third fewer
 //! evaluations. Large μ turns the step into the gradient, which moves what is steep already and leaves astray primitives where they
 //! are. The latter is the default, the former [`Options::exact`]. Without the reflection half of the wide starts fail. And the
 //! ball must be one in the variables' own units: measured by diag(JᵀJ), Marquardt's way, 2 to 33 % arrive, because on the zero
