@@ -28,6 +28,9 @@ const EXACT: f64 = 1e-9;
 const BAD_RMS: f64 = 0.02;
 /// A share of the model's surface without data above this is refused; half of an object, its lower side, is often unseen.
 const BAD_UNCOVERED: f64 = 0.45;
+/// A robust misfit of the best minimum above this share of the diagonal asks for more starts, at least so many.
+const POOR: f64 = 0.005;
+const PATIENT_STARTS: usize = 32;
 /// A systematic misfit above this share of the diagonal together with this share of the surface without data is refused, too: the model
 /// found its way around the data (a beaker on a mug: 1 % and one half).
 const DOUBTFUL: (f64, f64) = (0.005, 0.25);
@@ -137,6 +140,12 @@ impl<'a> Task<'a> {
         Ok(Self { points, template, options, control, space, data, order, near, kept, isolated, clock })
     }
 
+    /// Whether the best minimum of the search lies far off the points.
+    fn is_poor(&self, kept: &[Point3], outcome: &Outcome) -> bool {
+        let r = self.polish(0).residuals(kept, &outcome.minima[0].x);
+        Polish::scale(&r) > POOR * self.data.diagonal()
+    }
+
     /// Whether residuals are no noise but a shape that the template lacks (rounded edges, a bulge): neighbours are off alike. Least
     /// squares would spread the misfit over all dimensions; a robust loss leaves it where it is.
     fn is_systematic(&self, polish: &Polish<'_>, x: &[f64]) -> bool {
@@ -189,6 +198,15 @@ impl<'a> Task<'a> {
             let limit = OUTLIER_DEVIATIONS * Polish::scale(&polish.residuals(&kept, &x)).max(EXACT * self.data.diagonal());
             near.drop_lone(&mut kept, limit, &|points| polish.residuals(points, &x));
             let mut again = search_on(&kept, Some(outcome.minima[0].x.clone()));
+            again.evaluations += outcome.evaluations;
+            outcome = again;
+        }
+        if !outcome.stopped && !outcome.minima.is_empty() && self.is_poor(&kept, &outcome) {
+            // Recurrence proves a wide basin, not a good one: where the best minimum is far off the data, more starts decide.
+            let patient = Options { least_starts: PATIENT_STARTS, ..options.clone() };
+            let points = &kept[..count.min(kept.len())];
+            let search = Search { template: self.template, space: &self.space, points, options: &patient, control };
+            let mut again = search.run(Some(outcome.minima[0].x.clone()));
             again.evaluations += outcome.evaluations;
             outcome = again;
         }
