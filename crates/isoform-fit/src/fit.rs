@@ -27,7 +27,7 @@ const EXACT: f64 = 1e-9;
 /// A misfit above this share of the data's diagonal is refused (scanner noise is some 1e-4 to 5e-3 of it).
 const BAD_RMS: f64 = 0.02;
 /// A share of the model's surface without data above this is refused; half of an object, its lower side, is often unseen.
-const BAD_UNCOVERED: f64 = 0.45;
+const BAD_UNCOVERED: f64 = 0.6;
 /// A robust misfit of the best minimum above this share of the diagonal asks for more starts, at least so many.
 const POOR: f64 = 0.005;
 const PATIENT_STARTS: usize = 32;
