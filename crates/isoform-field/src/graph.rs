@@ -1,6 +1,6 @@
 //! The expression: a hash-consed graph in which set operations and library functions stay first-class nodes.
 //!
-//! A [`Graph`] is built through [`Ops`] (by the HyperFun executor, or by hand), read in three ways ([`crate::shape`]) and
+//! A [`Graph`] is built through [`Ops`] (by the HyperFun executor, or by hand), read in three ways ([`crate::Shape`]) and
 //! evaluated through a [`crate::Tape`]. [`Graph::eval`] evaluates it node by node in any [`Real`] type: slow, obvious, and the
 //! oracle for everything faster.
 

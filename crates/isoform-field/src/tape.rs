@@ -2,7 +2,7 @@
 //!
 //! Slots are `[constants | x | parameters | operations]`, each written once. Operations that do not depend on x come first: they
 //! are computed once per call, not per point. Evaluators own their scratch space, the tape is shared freely between threads.
-//! [`Tape::eval`] serves any number type; the block evaluators in [`crate::block`] run 32 points at a time.
+//! [`Tape::eval`] serves any number type; the block evaluators run 32 points at a time.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::Native;
