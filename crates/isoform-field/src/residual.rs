@@ -28,26 +28,24 @@ impl Residual {
         &self.tape
     }
 
-    /// All values and derivatives of all inputs at once: `grad[i * (3 + dim) + k]`, x, y, z first. For benchmarks and checks.
-    pub fn all_gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], grad: &mut [f64]) {
-        let n = self.tape.n_x + self.tape.n_params;
+    /// Values and the derivatives by all inputs, one row of `points.len()` numbers per input: x, y, z, then the parameters. On one thread.
+    ///
+    /// # Panics
+    /// If `out` or `rows` is too short.
+    pub fn all_gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], rows: &mut [f64]) {
         let plan = Plan::new(&self.tape, Wanted::All);
-        for_pieces(points.len(), out, grad, n, |range, out, grad| {
-            let mut block = Block::gradients(&self.tape, &plan);
-            block.bind(a);
-            for (k, chunk) in points[range].chunks(LANES).enumerate() {
-                block.load(chunk);
-                out[k * LANES..][..chunk.len()].copy_from_slice(&block.forward()[..chunk.len()]);
-                block.reverse();
-                let at = k * LANES * n;
-                let (space, params) = (block.by_space(), block.by_params());
-                for (l, to) in grad[at..].chunks_exact_mut(n).enumerate().take(chunk.len()) {
-                    let (x, a) = to.split_at_mut(space.len());
-                    x.iter_mut().zip(space).for_each(|(v, row)| *v = row.0[l]);
-                    a.iter_mut().zip(params).for_each(|(v, row)| *v = row.0[l]);
-                }
+        let mut block = Block::gradients(&self.tape, &plan);
+        block.bind(a);
+        let n = points.len();
+        for (k, chunk) in points.chunks(LANES).enumerate() {
+            let at = k * LANES;
+            block.load(chunk);
+            out[at..][..chunk.len()].copy_from_slice(&block.forward()[..chunk.len()]);
+            block.reverse();
+            for (i, row) in block.by_space().iter().chain(block.by_params()).enumerate() {
+                rows[i * n + at..][..chunk.len()].copy_from_slice(&row.0[..chunk.len()]);
             }
-        });
+        }
     }
 }
 
