@@ -2,9 +2,9 @@
 
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
+use isoform::FrepTemplate;
 use isoform::field::hyperfun::{Amount, Model, Pose};
 use isoform::fit::Template;
-use isoform::{FrepTemplate, TemplateError};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -145,10 +145,8 @@ fn evaluate(model: &Model, rows: &[Row<'_>], a: &[f64], context: &Context) -> Ve
 
 /// The model compiled for its metric and parts readings.
 fn template(path: &Path, model: &Model) -> Result<FrepTemplate, Failure> {
-    FrepTemplate::with_pose(model, Pose::None, &[]).map_err(|e| {
-        let failure = Failure::input("no-reading", e.to_string()).hint("--reading algebraic evaluates every program");
-        if let TemplateError::NotCompilable(at) = e { failure.at(path, at.line, at.column) } else { failure }
-    })
+    FrepTemplate::with_pose(model, Pose::None, &[])
+        .map_err(|e| Failure::input("no-reading", format!("{}: {e}", path.display())).hint("--reading algebraic evaluates every program"))
 }
 
 /// Replaces the values by those of another reading; rows that have no value keep their error.

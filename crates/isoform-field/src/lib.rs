@@ -6,6 +6,7 @@
 mod block;
 pub mod graph;
 pub mod hyperfun;
+mod interpreted;
 mod jets;
 pub mod library;
 mod native;
@@ -15,6 +16,7 @@ mod shape;
 mod tape;
 
 pub use graph::{Graph, Node, NodeId};
+pub use interpreted::Interpreted;
 pub use library::{Axis, Library, Native};
 pub use ops::{Binary, Direct, Ops, SetOp, Unary};
 pub use residual::{Bound, Residual};

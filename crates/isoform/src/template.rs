@@ -1,7 +1,7 @@
 //! A HyperFun program as a template for fitting, with a pose of its own where the program or the caller asks for one.
 
-use isoform_field::hyperfun::{Amount, Fixed, Kind as ProgramKind, Model, NotCompilable, ParamInfo, Placement, Pose};
-use isoform_field::{Graph, NodeId, Ops, Residual, Shape, Tape};
+use isoform_field::hyperfun::{Amount, Fixed, Kind as ProgramKind, Model, ParamInfo, Placement, Pose};
+use isoform_field::{Graph, Interpreted, NodeId, Ops, Residual, Shape, Tape};
 use isoform_fit::{Kind, Parameter, Template, Tie};
 use isoform_geom::{Aabb, ParamField, Point3};
 use isoform_num::linalg::symmetric_eigen;
@@ -15,9 +15,6 @@ pub enum TemplateError {
         /// Coordinates of the object.
         found: usize,
     },
-    /// The program is no expression: a loop or an index depends on the point or on a parameter.
-    #[error("the model cannot be fitted: {0}")]
-    NotCompilable(#[from] NotCompilable),
 }
 
 /// A rotation matrix by rows.
@@ -30,15 +27,15 @@ const IDENTITY: Rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// With a pose, the point x of space becomes the model's point p = C(r)ᵀ R₀ᵀ (x − t) / scale: R₀ is a fixed base rotation, C(r) the
 /// Cayley rotation of the Rodrigues vector r (tan of half the angle along the axis), smooth everywhere below 180°. t, r and the
 /// scale are parameters behind the program's own.
-#[derive(Debug)]
 pub struct FrepTemplate {
     model: Model,
     pose: Pose,
     base: Rotation,
     parameters: Vec<Parameter>,
-    algebraic: Residual,
-    metric: Residual,
-    part: Residual,
+    algebraic: Box<dyn ParamField>,
+    metric: Box<dyn ParamField>,
+    /// Index of the active piece; none where there is one piece only.
+    part: Option<Residual>,
     part_names: Vec<String>,
 }
 
@@ -58,9 +55,6 @@ impl FrepTemplate {
         if model.dimension() != 3 {
             return Err(TemplateError::Dimension { found: model.dimension() });
         }
-        let mut graph = Graph::new();
-        let root = model.compile(&mut graph)?;
-        let shape = Shape::new(&mut graph, root);
         let own = model.n_params();
         let (extents, center) = extents_along(&base, points);
         let mut parameters: Vec<Parameter> = model.params().iter().map(|info| own_parameter(info, extents)).collect();
@@ -68,6 +62,21 @@ impl FrepTemplate {
         let n = parameters.len();
         let mut posed = Graph::new();
         let (point, scale) = posed_point(&mut posed, pose, &base, own);
+        let mut graph = Graph::new();
+        let Ok(root) = model.compile(&mut graph) else {
+            let point = Tape::new(&posed, &point, 3, n);
+            return Ok(Self {
+                algebraic: Box::new(Interpreted::new(model.clone(), point.clone(), false)),
+                metric: Box::new(Interpreted::new(model.clone(), point, true)),
+                part: None,
+                part_names: vec![model.name().to_owned()],
+                model: model.clone(),
+                pose,
+                base,
+                parameters,
+            });
+        };
+        let shape = Shape::new(&mut graph, root);
         let a: Vec<NodeId> = (0..own).map(|i| posed.param(i)).collect();
         let mut place = |id: NodeId| graph.rewrite(id, &mut posed, &point, &a, |_, _, _| {});
         let (f, distance, part) = (place(root), place(shape.distance), place(shape.part));
@@ -77,9 +86,9 @@ impl FrepTemplate {
             model: model.clone(),
             pose,
             base,
-            algebraic: compile(f),
-            metric: compile(distance),
-            part: compile(part),
+            algebraic: Box::new(compile(f)),
+            metric: Box::new(compile(distance)),
+            part: Some(compile(part)),
             part_names: shape.parts.into_iter().map(|p| p.name).collect(),
             parameters,
         })
@@ -153,22 +162,30 @@ impl FrepTemplate {
     }
 }
 
+impl std::fmt::Debug for FrepTemplate {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("FrepTemplate").field("model", &self.model.name()).field("pose", &self.pose).finish_non_exhaustive()
+    }
+}
+
 impl Template for FrepTemplate {
     fn parameters(&self) -> &[Parameter] {
         &self.parameters
     }
     fn algebraic(&self) -> &dyn ParamField {
-        &self.algebraic
+        self.algebraic.as_ref()
     }
     fn metric(&self) -> &dyn ParamField {
-        &self.metric
+        self.metric.as_ref()
     }
     fn part_names(&self) -> &[String] {
         &self.part_names
     }
     fn parts(&self, points: &[Point3], a: &[f64], out: &mut [u32]) {
         let mut values = vec![0.0; points.len()];
-        self.part.values(points, a, &mut values);
+        if let Some(part) = &self.part {
+            part.values(points, a, &mut values);
+        }
         for (o, v) in out.iter_mut().zip(values) {
             *o = v as u32;
         }
@@ -418,6 +435,30 @@ my_model(x[3], a[3]) { array v[3]; v[1] = 0-a[1]/2; v[2] = 0-a[2]/2; v[3] = 0-a[
         template.algebraic().values(&[p], &values, &mut d);
         let f = printed.eval(&[p[0] + 10.0, p[1], p[2]], &[0.0], &[]).expect("a value").f;
         assert!((f - d[0]).abs() < 1e-9 * (1.0 + f.abs()), "{f} against {}", d[0]);
+    }
+
+    #[test]
+    fn programs_that_are_no_expression_are_fitted_too() {
+        // The loop's end depends on a parameter, so this is run statement by statement: a ball of radius a[1] + 1, as three halves.
+        let text = "my_model(x[3], a[4]) { array c[3]; c[1] = a[2]; c[2] = a[3]; c[3] = a[4]; r = 0; i = 0;
+            while i < abs(a[1])*0 + 2 loop r = r + a[1]/2 + 0.5; i = i + 1; endloop; my_model = hfSphere(x, c, r); }";
+        let model = Model::parse(text, Mode::Default).expect("a program");
+        assert!(model.compile(&mut Graph::new()).is_err(), "the test needs a program that is no expression");
+        let points: Vec<Point3> = (0..300)
+            .map(|i| {
+                let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 150.0 - 1.0);
+                let r = (1.0 - z * z).sqrt();
+                [1.0 + 2.5 * r * t.cos(), 2.5 * r * t.sin() - 0.5, 2.5 * z]
+            })
+            .collect();
+        let template = FrepTemplate::new(&model, &points).expect("a template");
+        let found =
+            isoform_fit::fit(&points, &template, &isoform_fit::Options::default(), &isoform_fit::Control::default()).expect("a fit");
+        let a = found.values();
+        // The radius counts squared: it may come with either sign.
+        for (got, want) in [(a[0] + 1.0).abs(), a[1], a[2], a[3]].into_iter().zip([2.5, 1.0, -0.5, 0.0]) {
+            assert!((got - want).abs() < 1e-6, "{a:?}");
+        }
     }
 
     #[test]

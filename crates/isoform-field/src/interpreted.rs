@@ -1,0 +1,138 @@
+//! Programs that are no expression (a loop or an index depends on the point or on a parameter), as the residual of a fit.
+//!
+//! The program is run point by point in forward-mode jets, a few parameters at a time: some hundred times slower than a [`Tape`], and
+//! the same to the fit. Where the program stops with an error the value is NaN.
+
+use crate::hyperfun::{Evaluator, Model};
+use crate::tape::Tape;
+use isoform_geom::{ParamField, Point3};
+use isoform_num::{Jet1, Real};
+
+/// Parameters that one run differentiates by.
+const AT_ONCE: usize = 8;
+
+/// A program run statement by statement.
+#[derive(Clone, Debug)]
+pub struct Interpreted {
+    model: Model,
+    /// The model's point from the point of space and all parameters.
+    point: Tape,
+    /// Divide by the length of the gradient in space.
+    is_metric: bool,
+}
+
+/// Memory of one evaluation after another.
+struct Runner<'m, R: Real + 'static> {
+    of: &'m Interpreted,
+    evaluator: Evaluator<'m, R>,
+    scratch: Vec<R>,
+}
+
+impl<R: Real + 'static> Runner<'_, R> {
+    fn run(&mut self, x: &[R; 3], a: &[R]) -> R {
+        let p = self.of.point.eval_all(x, a, &mut self.scratch);
+        let own = &a[..self.of.model.n_params()];
+        self.evaluator.eval(&p, own, &[]).unwrap_or_else(|_| R::constant(f64::NAN))
+    }
+}
+
+impl Interpreted {
+    /// The program's own value, or (`is_metric`) the first-order distance f/|∇f|. `point` gives the model's point, three results.
+    ///
+    /// # Panics
+    /// If `point` has not three coordinates and results, or fewer parameters than the model.
+    pub fn new(model: Model, point: Tape, is_metric: bool) -> Self {
+        assert_eq!((point.dimension(), point.n_results()), (3, 3), "a tape from points to points");
+        assert!(point.n_params() >= model.n_params(), "the tape knows all parameters");
+        Self { model, point, is_metric }
+    }
+
+    fn runner<R: Real + 'static>(&self) -> Runner<'_, R> {
+        Runner { of: self, evaluator: self.model.evaluator(), scratch: Vec::new() }
+    }
+
+    /// f and ∇f of the program at each point.
+    fn slopes(&self, points: &[Point3], a: &[f64]) -> Vec<Jet1<3>> {
+        let mut runner = self.runner::<Jet1<3>>();
+        let a: Vec<Jet1<3>> = a.iter().map(|&v| Real::constant(v)).collect();
+        points.iter().map(|p| runner.run(&std::array::from_fn(|i| Jet1::variable(p[i], i)), &a)).collect()
+    }
+
+    /// What values and derivatives are divided by: 1, or |∇f|.
+    fn divisors(&self, points: &[Point3], a: &[f64]) -> Vec<f64> {
+        if !self.is_metric {
+            return vec![1.0; points.len()];
+        }
+        // Where the gradient vanishes the value is far from zero: any finite result will do.
+        self.slopes(points, a).iter().map(|s| isoform_geom::norm(s.g).max(1e-30)).collect()
+    }
+}
+
+impl ParamField for Interpreted {
+    fn dim(&self) -> usize {
+        self.point.n_params()
+    }
+
+    fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]) {
+        let mut runner = self.runner::<f64>();
+        for ((p, d), out) in points.iter().zip(self.divisors(points, a)).zip(out) {
+            *out = runner.run(p, a) / d;
+        }
+    }
+
+    /// Of the metric value the gradient's own dependence on the parameters is left out: it is multiplied by f, which vanishes on the
+    /// surface (Gauss-Newton's approximation).
+    fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
+        let n = self.dim();
+        let divisors = self.divisors(points, a);
+        let mut runner = self.runner::<Jet1<AT_ONCE>>();
+        for from in (0..n.max(1)).step_by(AT_ONCE) {
+            let seeded: Vec<Jet1<AT_ONCE>> = a
+                .iter()
+                .enumerate()
+                .map(|(i, &v)| if (from..from + AT_ONCE).contains(&i) { Jet1::variable(v, i - from) } else { Real::constant(v) })
+                .collect();
+            for (k, (p, d)) in points.iter().zip(&divisors).enumerate() {
+                let f = runner.run(&p.map(Real::constant), &seeded);
+                out[k] = f.v / d;
+                for i in from..n.min(from + AT_ONCE) {
+                    jac[k * n + i] = f.g[i - from] / d;
+                }
+            }
+        }
+    }
+
+    fn normal_equations(&self, points: &[Point3], weights: &[f64], a: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64 {
+        let n = self.dim();
+        let (mut f, mut jac) = (vec![0.0; points.len()], vec![0.0; points.len() * n]);
+        self.jacobian(points, a, &mut f, &mut jac);
+        gradient[..n].fill(0.0);
+        hessian[..n * n].fill(0.0);
+        let mut sum = 0.0;
+        for (k, row) in jac.chunks_exact(n.max(1)).enumerate().take(points.len()) {
+            let w = weights.get(k).copied().unwrap_or(1.0);
+            sum += w * f[k] * f[k];
+            for i in 0..n {
+                gradient[i] += w * f[k] * row[i];
+                for j in 0..n {
+                    hessian[i * n + j] += w * row[i] * row[j];
+                }
+            }
+        }
+        sum
+    }
+
+    fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {
+        for ((s, out), gradient) in self.slopes(points, a).iter().zip(out).zip(gradients) {
+            let d = if self.is_metric { isoform_geom::norm(s.g).max(1e-30) } else { 1.0 };
+            *out = s.v / d;
+            *gradient = s.g.map(|v| v / d);
+        }
+    }
+
+    fn sum_of_squares(&self, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
+        let mut f = vec![0.0; points.len()];
+        self.values(points, a, &mut f);
+        f.iter().enumerate().map(|(k, v)| weights.get(k).copied().unwrap_or(1.0) * v * v).sum()
+    }
+}
