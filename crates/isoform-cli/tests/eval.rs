@@ -1,56 +1,17 @@
 //! The binary, as a user runs it.
 
+mod common;
+
+use common::*;
 use serde_json::Value;
 use std::fs;
 use std::io::Write;
-use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 
 const BALL: &str = "-- @param a[1] radius length start=2 : of the ball
 my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfSphere(x, c, a[1]); }
 flat(x[2], a[1], s[2]) { s[2] = x[1]; flat = sqrt(x[1]); }
 ";
-
-/// A folder of its own for each test, removed at the end.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(test: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("isoform-eval-{test}-{}", std::process::id()));
-        fs::create_dir_all(&path).expect("a folder for the test");
-        Self(path)
-    }
-    fn file(&self, name: &str, text: impl AsRef<[u8]>) -> String {
-        let path = self.0.join(name);
-        fs::write(&path, text).expect("written");
-        path.display().to_string()
-    }
-    fn path(&self, name: &str) -> String {
-        self.0.join(name).display().to_string()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
-fn isoform(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_isoform")).args(args).output().expect("it runs")
-}
-fn code(o: &Output) -> i32 {
-    o.status.code().expect("it ends by itself")
-}
-fn stdout(o: &Output) -> String {
-    String::from_utf8(o.stdout.clone()).expect("text")
-}
-fn stderr(o: &Output) -> String {
-    String::from_utf8(o.stderr.clone()).expect("text")
-}
-fn document(o: &Output) -> Value {
-    serde_json::from_slice(&o.stdout).expect("one JSON document")
-}
 
 #[test]
 fn the_table_goes_to_stdout_or_to_a_file() {

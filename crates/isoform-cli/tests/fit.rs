@@ -1,9 +1,11 @@
 //! `fit`, `recover`, `inspect`, `convert` and `compare`, as a user runs them.
 
+mod common;
+
+use common::*;
 use serde_json::Value;
 use std::fs;
-use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::Command;
 
 const BALL: &str = "-- @title A ball
 -- @param a[1] cx x
@@ -13,22 +15,7 @@ const BALL: &str = "-- @title A ball
 my_model(x[3], a[4]) { array c[3]; c[1] = a[1]; c[2] = a[2]; c[3] = a[3]; my_model = hfSphere(x, c, a[4]); }
 ";
 
-/// A folder of its own for each test, removed at the end.
-struct Folder(PathBuf);
-
 impl Folder {
-    fn new(test: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("isoform-verbs-{test}-{}", std::process::id()));
-        fs::create_dir_all(&path).expect("a folder for the test");
-        Self(path)
-    }
-    fn file(&self, name: &str, text: impl AsRef<[u8]>) -> String {
-        fs::write(self.0.join(name), text).expect("written");
-        self.path(name)
-    }
-    fn path(&self, name: &str) -> String {
-        self.0.join(name).display().to_string()
-    }
     fn text(&self, name: &str) -> String {
         fs::read_to_string(self.0.join(name)).expect("a text file")
     }
@@ -44,27 +31,6 @@ impl Folder {
     }
 }
 
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
-fn isoform(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_isoform")).args(args).output().expect("it runs")
-}
-fn code(o: &Output) -> i32 {
-    o.status.code().expect("it ends by itself")
-}
-fn stdout(o: &Output) -> String {
-    String::from_utf8(o.stdout.clone()).expect("text")
-}
-fn stderr(o: &Output) -> String {
-    String::from_utf8(o.stderr.clone()).expect("text")
-}
-fn document(o: &Output) -> Value {
-    serde_json::from_slice(&o.stdout).unwrap_or_else(|e| panic!("{e}: {}", stdout(o)))
-}
 fn value(j: &Value, i: usize) -> f64 {
     j["parameters"][i]["value"].as_f64().expect("a number")
 }

@@ -42,7 +42,7 @@ pub struct Shape {
 impl Shape {
     /// Reads the expression `root` of the graph, which grows by the new expressions.
     pub fn new(graph: &mut Graph, root: NodeId) -> Self {
-        let mut reader = Reader { graph, parts: Vec::new(), taken: HashMap::new(), memo: HashMap::new(), lowered: HashMap::new() };
+        let mut reader = Reader { graph, parts: Vec::new(), taken: HashMap::new(), memo: Default::default() };
         let tree = reader.read(root, false);
         let parts = reader.parts;
         let (distance, part) = join(graph, &tree);
@@ -69,8 +69,7 @@ struct Reader<'a> {
     parts: Vec<Part>,
     taken: HashMap<String, u32>,
     /// Derivatives by axis, shared between pieces.
-    memo: HashMap<(usize, NodeId), NodeId>,
-    lowered: HashMap<NodeId, NodeId>,
+    memo: [HashMap<NodeId, NodeId>; 3],
 }
 
 impl Reader<'_> {
@@ -175,7 +174,6 @@ impl Reader<'_> {
     fn leaf(&mut self, id: NodeId, negative: bool) -> Tree {
         let part = self.part(id, "");
         let g = self.graph.lowered(id);
-        let g = *self.lowered.entry(id).or_insert(g);
         let mut distance = self.first_order(g).unwrap_or(g);
         if self.has_r_functions(g) {
             distance = self.second_step(g, distance).unwrap_or(distance);
@@ -184,22 +182,21 @@ impl Reader<'_> {
         Tree::Leaf { part, distance }
     }
 
-    fn first_order(&mut self, g: NodeId) -> Option<NodeId> {
-        let mut sum: Option<NodeId> = None;
-        for axis in 0..3 {
-            let mut memo: HashMap<NodeId, NodeId> = self.memo.iter().filter(|((a, _), _)| *a == axis).map(|((_, n), d)| (*n, *d)).collect();
-            let d = self.graph.derivative(g, axis, &mut memo)?;
-            self.memo.extend(memo.into_iter().map(|(n, d)| ((axis, n), d)));
-            if self.graph.constant_value(d) == Some(0.0) {
-                continue;
-            }
-            let d2 = self.graph.square(&d);
-            sum = Some(match sum {
-                None => d2,
-                Some(s) => self.graph.add(&s, &d2),
-            });
+    /// ∇g and |∇g|² as expressions; none where a native function stands in the way or g is constant.
+    fn gradient(&mut self, g: NodeId) -> Option<([NodeId; 3], NodeId)> {
+        let zero = self.graph.constant(0.0);
+        let (mut gradient, mut squares) = ([zero; 3], zero);
+        for (axis, d) in gradient.iter_mut().enumerate() {
+            *d = self.graph.derivative(g, axis, &mut self.memo[axis])?;
+            let d2 = self.graph.square(d);
+            squares = self.graph.add(&squares, &d2);
         }
-        let norm = self.graph.sqrt(&sum?);
+        (squares != zero).then_some((gradient, squares))
+    }
+
+    fn first_order(&mut self, g: NodeId) -> Option<NodeId> {
+        let (_, squares) = self.gradient(g)?;
+        let norm = self.graph.sqrt(&squares);
         // Where the gradient vanishes (a centre, an axis) the value itself is far from zero: any finite result will do.
         let tiny = self.graph.constant(1e-30);
         let norm = self.graph.max(&norm, &tiny);
@@ -220,27 +217,15 @@ impl Reader<'_> {
     fn second_step(&mut self, g: NodeId, distance: NodeId) -> Option<NodeId> {
         let (_, na) = self.graph.inputs(g);
         let a: Vec<NodeId> = (0..na).map(|i| self.graph.param(i)).collect();
-        let mut squares = None;
-        let mut gradient = [None; 3];
-        for (axis, d) in gradient.iter_mut().enumerate() {
-            let mut memo: HashMap<NodeId, NodeId> = self.memo.iter().filter(|((a, _), _)| *a == axis).map(|((_, n), d)| (*n, *d)).collect();
-            let slope = self.graph.derivative(g, axis, &mut memo)?;
-            *d = Some(slope);
-            let s = self.graph.square(&slope);
-            squares = Some(squares.map_or(s, |sum| self.graph.add(&sum, &s)));
-        }
+        let (gradient, squares) = self.gradient(g)?;
         let tiny = self.graph.constant(1e-60);
-        let squares = self.graph.max(&squares?, &tiny);
+        let squares = self.graph.max(&squares, &tiny);
         let step = self.graph.div(&g, &squares);
-        let q: Vec<NodeId> = gradient
-            .into_iter()
-            .enumerate()
-            .map(|(axis, d)| {
-                let x = self.graph.x(axis);
-                let by = self.graph.mul(&step, &d?);
-                Some(self.graph.sub(&x, &by))
-            })
-            .collect::<Option<_>>()?;
+        let q: [NodeId; 3] = std::array::from_fn(|axis| {
+            let x = self.graph.x(axis);
+            let by = self.graph.mul(&step, &gradient[axis]);
+            self.graph.sub(&x, &by)
+        });
         let source = self.graph.clone();
         let rest = source.rewrite(distance, self.graph, &q, &a, |_, _, _| {});
         let (far, near) = (self.graph.abs(&distance), self.graph.abs(&rest));

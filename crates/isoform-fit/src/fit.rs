@@ -427,7 +427,7 @@ impl<'a> Task<'a> {
     }
 
     fn at<'b>(&'b self, points: &'b [Point3], x: &'b [f64], residuals: &'b [f64], loss: Loss, noise: f64, mask: &'b [f64]) -> At<'b> {
-        let scale = if matches!(loss, Loss::Squares | Loss::Auto) {
+        let scale = if !loss.is_robust() {
             (residuals.iter().filter(|r| r.is_finite()).map(|r| r * r).sum::<f64>() / residuals.len().max(1) as f64).sqrt()
         } else {
             noise
@@ -467,7 +467,7 @@ impl<'a> Task<'a> {
         let mut a = vec![0.0; self.template.parameters().len()];
         self.space.parameters_at(&x, &mut a);
         let residuals = self.polish(0).residuals(self.points, &x);
-        let robust = !matches!(loss, Loss::Squares | Loss::Auto);
+        let robust = loss.is_robust();
         let limit = (OUTLIER_DEVIATIONS * noise).max(OUTLIER_SPACINGS * near.spacing);
         let outliers: Vec<bool> = residuals.iter().map(|r| !r.is_finite() || (robust && r.abs() > limit)).collect();
         let n_outliers = outliers.iter().filter(|v| **v).count();

@@ -60,7 +60,7 @@ impl At<'_> {
 
     /// A weight per point, nought where it is left out; empty where all would be 1.
     fn masked(&self, weight: impl Fn(f64) -> f64) -> Vec<f64> {
-        if self.mask.is_empty() && matches!(self.loss, Loss::Squares | Loss::Auto) {
+        if self.mask.is_empty() && !self.loss.is_robust() {
             return Vec::new();
         }
         let mut weights: Vec<f64> = self.residuals.iter().map(|r| weight(*r)).collect();
@@ -78,7 +78,7 @@ impl At<'_> {
     /// Open directions and the covariance of what is determined.
     pub(crate) fn knowledge(&self) -> Knowledge {
         let m = self.space.len();
-        let robust = !matches!(self.loss, Loss::Squares | Loss::Auto);
+        let robust = self.loss.is_robust();
         let s = self.scale.max(self.least_scale);
         let weights = self.masked(|r| weight(self.loss, r / s));
         let h = self.normal(self.points, &weights);
@@ -155,7 +155,7 @@ impl At<'_> {
     /// Covariance of the variables that are not held.
     pub(crate) fn covariance_without(&self, held: &[bool]) -> Vec<f64> {
         let m = self.space.len();
-        let robust = !matches!(self.loss, Loss::Squares | Loss::Auto);
+        let robust = self.loss.is_robust();
         let s = self.scale.max(self.least_scale);
         let weights = self.masked(|r| weight(self.loss, r / s));
         let h = self.normal(self.points, &weights);

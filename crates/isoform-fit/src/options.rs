@@ -47,6 +47,13 @@ pub enum Loss {
     Tukey,
 }
 
+impl Loss {
+    /// Whether far points count less than their square; `Auto` counts as least squares until it is decided.
+    pub(crate) fn is_robust(self) -> bool {
+        matches!(self, Self::Cauchy | Self::Tukey)
+    }
+}
+
 /// Settings of [`crate::fit`]. The defaults are meant for use as they are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {

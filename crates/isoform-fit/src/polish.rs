@@ -156,7 +156,7 @@ impl Polish<'_> {
 
     /// The fit with the given loss, to convergence; `mask` (empty or 0 and 1) leaves points out.
     pub(crate) fn fine(&self, points: &[Point3], mask: &[f64], x: Vec<f64>, loss: Loss, rounds: usize) -> Polished {
-        if !matches!(loss, Loss::Squares | Loss::Auto) {
+        if loss.is_robust() {
             return self.reweighted(points, mask, x, loss, rounds);
         }
         let mut p = self.descend(points, mask, x, 12);
