@@ -1,0 +1,70 @@
+//! Meshes with groups: labelled triangles, tetrahedra, feature curves and corners.
+
+use crate::{Aabb, Point3};
+
+/// Pairs of corners that the mid-edge nodes 4 to 9 of a ten-node tetrahedron belong to (the order of VTK and CalculiX).
+pub const TET_EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
+/// Corners of the face opposite to each corner, outward for a positive tetrahedron.
+pub const TET_FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+/// Pairs of corners that the mid-edge nodes of a six-node triangle belong to.
+pub const TRIANGLE_EDGES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
+
+/// A surface mesh, or a volume mesh with its boundary, linear or of second order.
+///
+/// Element arrays hold indices into `points`. Label arrays are as long as their elements or empty (no labels); labels are indices into
+/// the list of names beside them. Arrays of mid nodes are as long as their elements in a mesh of second order, else empty.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Nodes.
+    pub points: Vec<Point3>,
+    /// Triangles of the surface, counterclockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+    /// Mid-edge nodes of the triangles, in the order of [`TRIANGLE_EDGES`].
+    pub triangle_mids: Vec<[u32; 3]>,
+    /// The part that each triangle lies on, index into `parts`.
+    pub triangle_parts: Vec<u32>,
+    /// Names of the parts.
+    pub parts: Vec<String>,
+    /// Tetrahedra, positive: (b − a) · ((c − a) × (d − a)) > 0. Empty for a surface.
+    pub tets: Vec<[u32; 4]>,
+    /// Mid-edge nodes of the tetrahedra, in the order of [`TET_EDGES`].
+    pub tet_mids: Vec<[u32; 6]>,
+    /// The region that each tetrahedron belongs to, index into `regions`.
+    pub tet_regions: Vec<u32>,
+    /// Names of the regions.
+    pub regions: Vec<String>,
+    /// Edges on feature curves.
+    pub edges: Vec<[u32; 2]>,
+    /// Mid nodes of the edges.
+    pub edge_mids: Vec<u32>,
+    /// The curve that each edge lies on, index into `curves`.
+    pub edge_curves: Vec<u32>,
+    /// The feature curves.
+    pub curves: Vec<Curve>,
+    /// Nodes at corners of the solid.
+    pub corners: Vec<u32>,
+}
+
+/// A feature curve: where two parts meet at an angle.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Curve {
+    /// Name, made of those of its parts.
+    pub name: String,
+    /// The parts, indices into the mesh's `parts`.
+    pub parts: [u32; 2],
+}
+
+impl Mesh {
+    /// A mesh of bare triangles.
+    pub fn from_triangles(points: Vec<Point3>, triangles: Vec<[u32; 3]>) -> Self {
+        Self { points, triangles, ..Self::default() }
+    }
+    /// 2 with mid-edge nodes, else 1.
+    pub fn order(&self) -> u32 {
+        if self.tet_mids.is_empty() && self.triangle_mids.is_empty() { 1 } else { 2 }
+    }
+    /// Smallest box around the nodes.
+    pub fn bounds(&self) -> Aabb {
+        Aabb::of(&self.points)
+    }
+}

@@ -1,0 +1,146 @@
+//! A solid that can say its parts: minima and maxima over smooth pieces.
+
+use crate::{Aabb, Field, Point3};
+use isoform_num::{Interval, Jet2};
+
+/// How pieces are joined to a solid: an intersection is a minimum, a union a maximum.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Csg {
+    /// One smooth piece, by its index.
+    Piece(u32),
+    /// Intersection.
+    Min(Vec<Self>),
+    /// Union.
+    Max(Vec<Self>),
+}
+
+impl Csg {
+    /// The value of the tree where the pieces have the values `v` (by index).
+    pub fn value(&self, v: &impl Fn(u32) -> f64) -> f64 {
+        self.value_and_piece(v).0
+    }
+
+    /// The value, and the piece that decides it; of equal ones the first in the tree.
+    pub fn value_and_piece(&self, v: &impl Fn(u32) -> f64) -> (f64, u32) {
+        let better = |children: &[Self], less: bool| {
+            let mut best = children[0].value_and_piece(v);
+            for child in &children[1..] {
+                let next = child.value_and_piece(v);
+                if if less { next.0 < best.0 } else { next.0 > best.0 } {
+                    best = next;
+                }
+            }
+            best
+        };
+        match self {
+            Self::Piece(i) => (v(*i), *i),
+            Self::Min(children) => better(children, true),
+            Self::Max(children) => better(children, false),
+        }
+    }
+
+    /// A range of the tree's value where the pieces have the ranges `v`.
+    pub fn range(&self, v: &impl Fn(u32) -> Interval) -> Interval {
+        let fold = |children: &[Self], join: fn(f64, f64) -> f64| {
+            let first = children[0].range(v);
+            let (mut lo, mut hi) = (first.lo(), first.hi());
+            for child in &children[1..] {
+                let r = child.range(v);
+                (lo, hi) = (join(lo, r.lo()), join(hi, r.hi()));
+            }
+            Interval::new(lo, hi)
+        };
+        match self {
+            Self::Piece(i) => v(*i),
+            Self::Min(children) => fold(children, f64::min),
+            Self::Max(children) => fold(children, f64::max),
+        }
+    }
+
+    /// The pieces of the tree, in its order.
+    pub fn pieces(&self) -> Vec<u32> {
+        match self {
+            Self::Piece(i) => vec![*i],
+            Self::Min(children) | Self::Max(children) => children.iter().flat_map(Self::pieces).collect(),
+        }
+    }
+}
+
+/// A solid whose surface consists of smooth pieces: inside is where the tree's value is ≥ 0.
+///
+/// The value of a piece is positive on the side where it does not cut anything away and is smooth (C¹) near its zero set, with a
+/// gradient that does not vanish there; it need not be a distance. The outward normal is −∇g/|∇g|.
+pub trait Solid: Send + Sync {
+    /// Names of the pieces, all different.
+    fn names(&self) -> &[String];
+    /// How they are joined.
+    fn tree(&self) -> &Csg;
+    /// Values of some pieces at many points: `out[k * points.len() + i]` is piece `which[k]` at `points[i]`.
+    fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]);
+    /// A piece's value and gradient.
+    fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3);
+    /// A piece's value, gradient and Hessian.
+    fn jet(&self, piece: u32, p: Point3) -> Jet2;
+    /// Intervals that hold the pieces `which` over the whole region.
+    fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]);
+    /// The solid's own function at many points, for checks: has the sign of the tree, need not be a distance.
+    fn sign_values(&self, points: &[Point3], out: &mut [f64]);
+}
+
+/// A [`Field`] without parts as a solid of one smooth piece.
+#[derive(Debug)]
+pub struct OnePiece<F> {
+    field: F,
+    names: Vec<String>,
+    tree: Csg,
+}
+
+impl<F: Field> OnePiece<F> {
+    /// The field, with a name for its surface.
+    pub fn new(field: F, name: &str) -> Self {
+        Self { field, names: vec![name.to_owned()], tree: Csg::Piece(0) }
+    }
+}
+
+impl<F: Field> Solid for OnePiece<F> {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+    fn tree(&self) -> &Csg {
+        &self.tree
+    }
+    fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]) {
+        for out in out.chunks_mut(points.len().max(1)).take(which.len()) {
+            self.field.values(points, out);
+        }
+    }
+    fn gradient(&self, _: u32, p: Point3) -> (f64, Point3) {
+        let j = self.field.jet(p);
+        (j.v, j.g)
+    }
+    fn jet(&self, _: u32, p: Point3) -> Jet2 {
+        self.field.jet(p)
+    }
+    fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
+        out[..which.len()].fill(self.field.bounds(region));
+    }
+    fn sign_values(&self, points: &[Point3], out: &mut [f64]) {
+        self.field.values(points, out);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_and_ranges_of_a_tree() {
+        // min(0, max(1, 2))
+        let tree = Csg::Min(vec![Csg::Piece(0), Csg::Max(vec![Csg::Piece(1), Csg::Piece(2)])]);
+        let v = |i: u32| [3.0, 1.0, 2.0][i as usize];
+        assert_eq!(tree.value_and_piece(&v), (2.0, 2));
+        assert_eq!(tree.pieces(), [0, 1, 2]);
+        let r = tree.range(&|i| Interval::new(v(i) - 1.5, v(i) + 1.0));
+        assert_eq!((r.lo(), r.hi()), (0.5, 3.0));
+    }
+}

@@ -1,0 +1,1 @@
+//! Feature curves and corners of a solid.

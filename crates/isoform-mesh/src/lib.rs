@@ -1,0 +1,5 @@
+//! Labelled surface meshes and tetrahedra of any solid that can say its parts.
+#![forbid(unsafe_code)]
+
+pub mod check;
+pub mod features;
