@@ -1,0 +1,229 @@
+//! Which pieces of a solid can decide its sign in a region.
+//!
+//! Where a minimum has a child that is negative all over the region, it is negative, and its other children do not matter; a child that
+//! is positive all over matters to a minimum no more. With the rôles of the signs exchanged the same holds for maxima. What is left are
+//! the pieces whose change can change the sign; where none is left the sign is certain. A piece that occurs more than once in the tree
+//! is taken as if its occurrences were independent: then a piece can be named that does not matter, never the other way round.
+
+use isoform_geom::{Aabb, Csg, Point3, Solid};
+use isoform_num::Interval;
+use std::sync::Arc;
+
+/// A range of the tree's value where the pieces have the ranges `ranges`; the pieces that can decide its sign are added to `out`, each once,
+/// in the order of the tree.
+///
+/// None is added if and only if the range has one sign (inside is ≥ 0: \[0, 1\] is certain, \[−1, 0\] is not).
+pub fn decisive(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32>) -> Interval {
+    let (lo, hi) = collect(tree, ranges, out, 0);
+    Interval::new(lo, hi)
+}
+
+/// As [`decisive`]; entries of `out` before `first` are not this tree's.
+fn collect(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32>, first: usize) -> (f64, f64) {
+    let start = out.len();
+    let (lo, hi) = match tree {
+        Csg::Piece(i) => {
+            let r = ranges(*i);
+            if r.lo() < 0.0 && r.hi() >= 0.0 && !out[first..].contains(i) {
+                out.push(*i);
+            }
+            return (r.lo(), r.hi());
+        }
+        Csg::Min(children) => children.iter().fold((f64::INFINITY, f64::INFINITY), |(lo, hi), child| {
+            let r = collect(child, ranges, out, first);
+            (lo.min(r.0), hi.min(r.1))
+        }),
+        Csg::Max(children) => children.iter().fold((f64::NEG_INFINITY, f64::NEG_INFINITY), |(lo, hi), child| {
+            let r = collect(child, ranges, out, first);
+            (lo.max(r.0), hi.max(r.1))
+        }),
+    };
+    if lo >= 0.0 || hi < 0.0 {
+        out.truncate(start);
+    }
+    (lo, hi)
+}
+
+/// What is known of a solid in a region.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// Inside all over.
+    Inside,
+    /// Outside all over.
+    Outside,
+    /// Undecided: a tree of the decisive pieces that has the solid's sign in the region.
+    Mixed(Csg),
+}
+
+/// The tree without what cannot decide its sign where the pieces have the ranges `ranges`.
+pub fn reduced(tree: &Csg, ranges: &impl Fn(u32) -> Interval) -> Sign {
+    let join = |children: &[Csg], is_min: bool| {
+        let mut rest = Vec::new();
+        for child in children {
+            match (reduced(child, ranges), is_min) {
+                (Sign::Inside, true) | (Sign::Outside, false) => {}
+                (Sign::Outside, true) => return Sign::Outside,
+                (Sign::Inside, false) => return Sign::Inside,
+                (Sign::Mixed(Csg::Min(mut inner)), true) | (Sign::Mixed(Csg::Max(mut inner)), false) => rest.append(&mut inner),
+                (Sign::Mixed(tree), _) => rest.push(tree),
+            }
+        }
+        match (rest.len(), is_min) {
+            (0, true) => Sign::Inside,
+            (0, false) => Sign::Outside,
+            (1, _) => Sign::Mixed(rest.swap_remove(0)),
+            (_, true) => Sign::Mixed(Csg::Min(rest)),
+            (_, false) => Sign::Mixed(Csg::Max(rest)),
+        }
+    };
+    match tree {
+        Csg::Piece(i) => {
+            let r = ranges(*i);
+            if r.lo() >= 0.0 {
+                Sign::Inside
+            } else if r.hi() < 0.0 {
+                Sign::Outside
+            } else {
+                Sign::Mixed(Csg::Piece(*i))
+            }
+        }
+        Csg::Min(children) => join(children, true),
+        Csg::Max(children) => join(children, false),
+    }
+}
+
+/// The part of a solid's tree that matters in a region.
+#[derive(Clone, Debug)]
+pub(crate) struct Local {
+    /// Has the sign of the solid all over the region.
+    pub(crate) tree: Arc<Csg>,
+    /// Its pieces, each once.
+    pub(crate) pieces: Arc<[u32]>,
+}
+
+/// What [`Local::narrow`] found.
+#[derive(Clone, Debug)]
+pub(crate) enum Narrowed {
+    Inside,
+    Outside,
+    Mixed(Local),
+}
+
+/// Memory that [`Local::narrow`] and [`Local::value`] use again.
+#[derive(Debug)]
+pub(crate) struct Scratch {
+    ranges: Vec<Interval>,
+    by_piece: Vec<Interval>,
+    values: Vec<f64>,
+    value_of: Vec<f64>,
+    out: Vec<u32>,
+}
+
+impl Scratch {
+    pub(crate) fn new(solid: &dyn Solid) -> Self {
+        // Pieces of the tree beyond the list of names would be a broken solid; the arrays hold them all the same.
+        let n = solid.tree().pieces().iter().map(|i| *i as usize + 1).max().unwrap_or(0).max(solid.names().len());
+        Self {
+            ranges: vec![Interval::ALL; n],
+            by_piece: vec![Interval::ALL; n],
+            values: vec![0.0; n],
+            value_of: vec![0.0; n],
+            out: Vec::with_capacity(n),
+        }
+    }
+}
+
+impl Local {
+    /// The whole solid, anywhere.
+    pub(crate) fn everywhere(solid: &dyn Solid) -> Self {
+        let mut pieces = solid.tree().pieces();
+        let mut seen = std::collections::BTreeSet::new();
+        pieces.retain(|i| seen.insert(*i));
+        Self { tree: Arc::new(solid.tree().clone()), pieces: pieces.into() }
+    }
+
+    /// What matters in a part of the region.
+    pub(crate) fn narrow(&self, solid: &dyn Solid, region: Aabb, scratch: &mut Scratch) -> Narrowed {
+        let n = self.pieces.len();
+        solid.bounds(&self.pieces, region, &mut scratch.ranges[..n]);
+        for (i, r) in self.pieces.iter().zip(&scratch.ranges) {
+            scratch.by_piece[*i as usize] = *r;
+        }
+        let by_piece = &scratch.by_piece;
+        let ranges = |i: u32| by_piece[i as usize];
+        scratch.out.clear();
+        let range = decisive(&self.tree, &ranges, &mut scratch.out);
+        if range.lo() >= 0.0 {
+            Narrowed::Inside
+        } else if range.hi() < 0.0 {
+            Narrowed::Outside
+        } else if scratch.out.len() == n {
+            Narrowed::Mixed(self.clone())
+        } else {
+            match reduced(&self.tree, &ranges) {
+                Sign::Inside => Narrowed::Inside,
+                Sign::Outside => Narrowed::Outside,
+                Sign::Mixed(tree) => Narrowed::Mixed(Self { tree: Arc::new(tree), pieces: scratch.out.as_slice().into() }),
+            }
+        }
+    }
+
+    /// A value with the sign of the solid at a point of the region.
+    pub(crate) fn value(&self, solid: &dyn Solid, p: Point3, scratch: &mut Scratch) -> f64 {
+        let n = self.pieces.len();
+        solid.values(&self.pieces, &[p], &mut scratch.values[..n]);
+        for (i, v) in self.pieces.iter().zip(&scratch.values) {
+            scratch.value_of[*i as usize] = *v;
+        }
+        let value_of = &scratch.value_of;
+        self.tree.value(&|i| value_of[i as usize])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn tree() -> impl Strategy<Value = Csg> {
+        (0u32..6).prop_map(Csg::Piece).prop_recursive(4, 16, 3, |inner| {
+            let many = prop::collection::vec(inner, 1..4);
+            (many, any::<bool>()).prop_map(|(c, min)| if min { Csg::Min(c) } else { Csg::Max(c) })
+        })
+    }
+
+    proptest! {
+        /// The pieces left out cannot change the sign, the reduced tree has the sign of the whole, and its pieces are the decisive ones.
+        #[test]
+        fn what_is_left_out_does_not_matter(
+            tree in tree(),
+            bounds in prop::collection::vec((-1.0..1.0f64, 0.0..1.5f64), 6),
+            samples in prop::collection::vec(prop::collection::vec(0.0..=1.0f64, 6), 8),
+        ) {
+            let ranges = |i: u32| { let (lo, w) = bounds[i as usize]; Interval::new(lo, lo + w) };
+            let mut out = Vec::new();
+            let range = decisive(&tree, &ranges, &mut out);
+            prop_assert_eq!(range, tree.range(&ranges));
+            prop_assert_eq!(out.is_empty(), range.lo() >= 0.0 || range.hi() < 0.0);
+            let rest = reduced(&tree, &ranges);
+            for s in samples {
+                let at = |i: u32| { let r = ranges(i); (r.lo() + s[i as usize] * r.width()).clamp(r.lo(), r.hi()) };
+                let inside = tree.value(&at) >= 0.0;
+                let fixed = |i: u32| if out.contains(&i) { at(i) } else { ranges(i).lo() };
+                prop_assert_eq!(inside, tree.value(&fixed) >= 0.0);
+                prop_assert_eq!(inside, match &rest {
+                    Sign::Inside => true,
+                    Sign::Outside => false,
+                    Sign::Mixed(tree) => tree.value(&at) >= 0.0,
+                });
+            }
+            if let Sign::Mixed(tree) = rest {
+                let (mut a, mut b) = (tree.pieces(), out.clone());
+                a.sort_unstable();
+                a.dedup();
+                b.sort_unstable();
+                prop_assert_eq!(a, b);
+            }
+        }
+    }
+}
