@@ -4,7 +4,7 @@ use crate::{Aabb, Field, Point3};
 use isoform_num::{Interval, Jet2};
 
 /// How pieces are joined to a solid: an intersection is a minimum, a union a maximum.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Csg {
     /// One smooth piece, by its index.
     Piece(u32),

@@ -2,5 +2,14 @@
 #![forbid(unsafe_code)]
 
 pub mod check;
+mod complex;
+mod cut;
 pub mod decide;
 pub mod features;
+mod lattice;
+mod measure;
+mod mesher;
+mod optimise;
+mod surface;
+
+pub use mesher::{Options, mesh};

@@ -1,0 +1,379 @@
+//! The tetrahedra under work: a complex with neighbours, changed by replacing cavities.
+//!
+//! Every operation of the mesher (splitting an edge, removing one, a flip, a collapse) takes some tetrahedra out and puts others into
+//! the same cavity: [`Complex::replace`] is the only place where neighbours are written, so they cannot get out of step.
+
+use isoform_geom::{Point3, TET_FACES, cross, dot, sub};
+
+/// No tetrahedron, no vertex.
+pub(crate) const NONE: u32 = u32::MAX;
+/// Neighbours from here on are no tetrahedra: the face lies on the boundary, with a label.
+pub(crate) const BOUNDARY: u32 = 1 << 31;
+/// The label of a boundary face that is no part of the solid's surface.
+pub(crate) const OPEN: u32 = BOUNDARY | (BOUNDARY - 2);
+
+/// Tetrahedra with neighbours. Slots are reused; a tetrahedron whose first vertex is [`NONE`] is not there.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Complex {
+    pub(crate) points: Vec<Point3>,
+    pub(crate) tets: Vec<[u32; 4]>,
+    /// Neighbour opposite to each vertex, or [`BOUNDARY`] with a label.
+    pub(crate) adjacent: Vec<[u32; 4]>,
+    /// One tetrahedron of each vertex, [`NONE`] where there is none.
+    pub(crate) tet_of: Vec<u32>,
+    free: Vec<u32>,
+    marks: Vec<u32>,
+    epoch: u32,
+    /// Outer faces of the cavity: sorted vertices, neighbour.
+    outer: Vec<([u32; 3], u32)>,
+    inner: Vec<([u32; 3], u32, u8)>,
+}
+
+fn sorted(mut f: [u32; 3]) -> [u32; 3] {
+    f.sort_unstable();
+    f
+}
+
+/// Six times the volume.
+pub(crate) fn volume6(p: [Point3; 4]) -> f64 {
+    dot(sub(p[1], p[0]), cross(sub(p[2], p[0]), sub(p[3], p[0])))
+}
+
+/// What [`Complex::ring`] finds.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Ring {
+    /// Tetrahedra around the edge, in order.
+    pub(crate) tets: Vec<u32>,
+    /// Vertices of the link, in order; one more than tetrahedra where the ring is open.
+    pub(crate) link: Vec<u32>,
+    /// Whether the ring goes all the way round (the edge is not on the boundary).
+    pub(crate) closed: bool,
+}
+
+impl Complex {
+    /// From vertices and positive tetrahedra; boundary faces are [`OPEN`].
+    pub(crate) fn new(points: Vec<Point3>, tets: Vec<[u32; 4]>) -> Self {
+        let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(tets.len() * 4);
+        for (t, v) in tets.iter().enumerate() {
+            for (i, f) in TET_FACES.iter().enumerate() {
+                faces.push((sorted(f.map(|k| v[k])), (t * 4 + i) as u32));
+            }
+        }
+        faces.sort_unstable();
+        let mut adjacent = vec![[OPEN; 4]; tets.len()];
+        for w in faces.windows(2) {
+            if w[0].0 == w[1].0 {
+                let (a, b) = (w[0].1, w[1].1);
+                adjacent[a as usize / 4][a as usize % 4] = b / 4;
+                adjacent[b as usize / 4][b as usize % 4] = a / 4;
+            }
+        }
+        let mut tet_of = vec![NONE; points.len()];
+        for (t, v) in tets.iter().enumerate() {
+            for &k in v {
+                tet_of[k as usize] = t as u32;
+            }
+        }
+        let marks = vec![0; tets.len()];
+        Self { points, tets, adjacent, tet_of, marks, ..Self::default() }
+    }
+
+    pub(crate) fn is_there(&self, t: u32) -> bool {
+        self.tets[t as usize][0] != NONE
+    }
+    pub(crate) fn corners(&self, t: u32) -> [Point3; 4] {
+        self.tets[t as usize].map(|v| self.points[v as usize])
+    }
+    pub(crate) fn add_point(&mut self, p: Point3) -> u32 {
+        self.points.push(p);
+        self.tet_of.push(NONE);
+        self.points.len() as u32 - 1
+    }
+    /// Where the vertex stands in the tetrahedron.
+    pub(crate) fn place(&self, t: u32, v: u32) -> usize {
+        self.tets[t as usize].iter().position(|&k| k == v).expect("a vertex of the tetrahedron")
+    }
+    /// The face opposite to vertex `i` of tetrahedron `t`, outward.
+    pub(crate) fn face(&self, t: u32, i: usize) -> [u32; 3] {
+        TET_FACES[i].map(|k| self.tets[t as usize][k])
+    }
+
+    fn next_epoch(&mut self) -> u32 {
+        if self.epoch == u32::MAX {
+            self.marks.fill(0);
+            self.epoch = 0;
+        }
+        self.epoch += 1;
+        self.epoch
+    }
+
+    /// All tetrahedra at the vertex.
+    pub(crate) fn star(&mut self, v: u32, out: &mut Vec<u32>) {
+        out.clear();
+        let first = self.tet_of[v as usize];
+        if first == NONE {
+            return;
+        }
+        let epoch = self.next_epoch();
+        self.marks[first as usize] = epoch;
+        out.push(first);
+        let mut at = 0;
+        while at < out.len() {
+            let t = out[at];
+            at += 1;
+            for i in 0..4 {
+                let n = self.adjacent[t as usize][i];
+                if self.tets[t as usize][i] != v && n < BOUNDARY && self.marks[n as usize] != epoch {
+                    self.marks[n as usize] = epoch;
+                    out.push(n);
+                }
+            }
+        }
+    }
+
+    /// The same without marks, for several threads at once; stars are small.
+    pub(crate) fn star_shared(&self, v: u32, out: &mut Vec<u32>) {
+        out.clear();
+        let first = self.tet_of[v as usize];
+        if first == NONE {
+            return;
+        }
+        out.push(first);
+        let mut at = 0;
+        while at < out.len() {
+            let t = out[at];
+            at += 1;
+            for i in 0..4 {
+                let n = self.adjacent[t as usize][i];
+                if self.tets[t as usize][i] != v && n < BOUNDARY && !out.contains(&n) {
+                    out.push(n);
+                }
+            }
+        }
+    }
+
+    /// The tetrahedra around the edge from vertex `a` to `b` of tetrahedron `t`.
+    pub(crate) fn ring(&self, t: u32, a: u32, b: u32, ring: &mut Ring) {
+        ring.tets.clear();
+        ring.link.clear();
+        ring.closed = false;
+        let v = self.tets[t as usize];
+        let mut others = v.iter().copied().filter(|&k| k != a && k != b);
+        let (c, d) = (others.next().expect("four vertices"), others.next().expect("four vertices"));
+        // Forward over d: leave each tetrahedron through the face opposite to the vertex that was entered last.
+        ring.tets.push(t);
+        ring.link.extend([c, d]);
+        if self.walk(t, a, b, c, d, ring) {
+            ring.closed = true;
+            ring.link.pop();
+            return;
+        }
+        // Open: the other way, in front.
+        let mut back = Ring::default();
+        back.link.extend([d, c]);
+        self.walk(t, a, b, d, c, &mut back);
+        back.tets.reverse();
+        back.link.drain(..2);
+        back.link.reverse();
+        back.tets.extend_from_slice(&ring.tets);
+        back.link.extend_from_slice(&ring.link);
+        *ring = back;
+    }
+
+    /// Walks from `t` across the face opposite to `from`, over `over`; true when it comes back to `t`.
+    fn walk(&self, t: u32, a: u32, b: u32, from: u32, over: u32, ring: &mut Ring) -> bool {
+        let (mut at, mut from, mut over) = (t, from, over);
+        loop {
+            let next = self.adjacent[at as usize][self.place(at, from)];
+            if next >= BOUNDARY {
+                return false;
+            }
+            if next == t {
+                return true;
+            }
+            let fresh = self.tets[next as usize].iter().copied().find(|&k| k != a && k != b && k != over).expect("four vertices");
+            ring.tets.push(next);
+            ring.link.push(fresh);
+            (at, from, over) = (next, over, fresh);
+        }
+    }
+
+    /// Puts the tetrahedra `new` in the place of `old`, which fill the same cavity (or one that differs by boundary faces). The new
+    /// boundary faces get the label that `label` gives for their vertices (sorted). Slots of the new ones go to `made`.
+    pub(crate) fn replace(&mut self, old: &[u32], new: &[[u32; 4]], mut label: impl FnMut([u32; 3]) -> u32, made: &mut Vec<u32>) {
+        let epoch = self.next_epoch();
+        for &t in old {
+            self.marks[t as usize] = epoch;
+        }
+        let (mut outer, mut inner) = (std::mem::take(&mut self.outer), std::mem::take(&mut self.inner));
+        outer.clear();
+        inner.clear();
+        for &t in old {
+            for i in 0..4 {
+                let n = self.adjacent[t as usize][i];
+                if n >= BOUNDARY || self.marks[n as usize] != epoch {
+                    outer.push((sorted(self.face(t, i)), n));
+                }
+            }
+        }
+        // Neighbours of boundary labels are found by their faces; those of tetrahedra are turned to the new ones below.
+        for &t in old {
+            for k in self.tets[t as usize] {
+                self.tet_of[k as usize] = NONE;
+            }
+            self.tets[t as usize] = [NONE; 4];
+            self.free.push(t);
+        }
+        made.clear();
+        for v in new {
+            let t = self.free.pop().unwrap_or_else(|| {
+                self.tets.push([NONE; 4]);
+                self.adjacent.push([OPEN; 4]);
+                self.marks.push(0);
+                self.tets.len() as u32 - 1
+            });
+            self.tets[t as usize] = *v;
+            made.push(t);
+        }
+        for &t in made.iter() {
+            for i in 0..4 {
+                let key = sorted(self.face(t, i));
+                if let Some(k) = outer.iter().position(|o| o.0 == key) {
+                    let (_, n) = outer.swap_remove(k);
+                    self.adjacent[t as usize][i] = n;
+                    if n < BOUNDARY {
+                        let back = (0..4).find(|&j| !key.contains(&self.tets[n as usize][j])).expect("one vertex is not on the face");
+                        self.adjacent[n as usize][back] = t;
+                    }
+                } else if let Some(k) = inner.iter().position(|o| o.0 == key) {
+                    let (_, n, j) = inner.swap_remove(k);
+                    self.adjacent[t as usize][i] = n;
+                    self.adjacent[n as usize][j as usize] = t;
+                } else {
+                    inner.push((key, t, i as u8));
+                }
+            }
+            for k in self.tets[t as usize] {
+                self.tet_of[k as usize] = t;
+            }
+        }
+        for &(key, t, i) in &inner {
+            self.adjacent[t as usize][i as usize] = label(key) | BOUNDARY;
+        }
+        // Boundary faces that vanish leave nothing behind; a neighbour left behind is an opened boundary.
+        for &(key, n) in &outer {
+            if n < BOUNDARY {
+                let back = (0..4).find(|&j| !key.contains(&self.tets[n as usize][j])).expect("one vertex is not on the face");
+                self.adjacent[n as usize][back] = label(key) | BOUNDARY;
+                for k in self.tets[n as usize] {
+                    self.tet_of[k as usize] = n;
+                }
+            }
+        }
+        // Vertices of the cavity that no new tetrahedron holds may still live in neighbours.
+        for &(key, n) in &outer {
+            if n < BOUNDARY {
+                for k in key {
+                    if self.tet_of[k as usize] == NONE {
+                        self.tet_of[k as usize] = n;
+                    }
+                }
+            }
+        }
+        self.outer = outer;
+        self.inner = inner;
+    }
+
+    /// Splits the edge from `a` to `b` of the ring at vertex `m`: every tetrahedron of the ring becomes two.
+    pub(crate) fn split(&mut self, ring: &Ring, a: u32, b: u32, m: u32, made: &mut Vec<u32>) {
+        let mut new = Vec::with_capacity(2 * ring.tets.len());
+        let mut labels: Vec<([u32; 3], u32)> = Vec::new();
+        for &t in &ring.tets {
+            let v = self.tets[t as usize];
+            new.push(v.map(|k| if k == b { m } else { k }));
+            new.push(v.map(|k| if k == a { m } else { k }));
+            for i in 0..4 {
+                let n = self.adjacent[t as usize][i];
+                let f = self.face(t, i);
+                if n >= BOUNDARY && f.contains(&a) && f.contains(&b) {
+                    labels.push((sorted(f.map(|k| if k == b { m } else { k })), n));
+                    labels.push((sorted(f.map(|k| if k == a { m } else { k })), n));
+                }
+            }
+        }
+        self.replace(&ring.tets, &new, |key| labels.iter().find(|l| l.0 == key).map_or(OPEN, |l| l.1), made);
+    }
+
+    /// The tetrahedra that are there.
+    pub(crate) fn live(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..self.tets.len() as u32).filter(|&t| self.is_there(t))
+    }
+
+    /// What is wrong with the neighbours, for tests.
+    #[cfg(test)]
+    pub(crate) fn fault(&self) -> Option<String> {
+        for t in self.live() {
+            for i in 0..4 {
+                let n = self.adjacent[t as usize][i];
+                if n < BOUNDARY {
+                    let f = sorted(self.face(t, i));
+                    let back = (0..4).find(|&j| self.adjacent[n as usize][j] == t && sorted(self.face(n, j)) == f);
+                    if !self.is_there(n) || back.is_none() {
+                        return Some(format!("tet {t} face {i}: neighbour {n} does not agree"));
+                    }
+                }
+            }
+            for v in self.tets[t as usize] {
+                let of = self.tet_of[v as usize];
+                if of == NONE || !self.is_there(of) || !self.tets[of as usize].contains(&v) {
+                    return Some(format!("vertex {v} is not found from its tet {of}"));
+                }
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two by two by two BCC-like star: a ring of n tetrahedra around an edge.
+    fn ring_of(n: usize) -> Complex {
+        let mut points = vec![[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
+        for k in 0..n {
+            let a = std::f64::consts::TAU * k as f64 / n as f64;
+            points.push([a.cos(), a.sin(), 0.0]);
+        }
+        let tets = (0..n).map(|k| [0, 1, 2 + k as u32, 2 + ((k + 1) % n) as u32]).collect();
+        Complex::new(points, tets)
+    }
+
+    #[test]
+    fn rings_and_splits_keep_neighbours() {
+        let mut c = ring_of(5);
+        assert!(c.tets.iter().all(|t| volume6(t.map(|v| c.points[v as usize])) > 0.0));
+        let mut ring = Ring::default();
+        c.ring(2, 0, 1, &mut ring);
+        assert!(ring.closed);
+        assert_eq!(ring.tets.len(), 5);
+        let m = c.add_point([0.0, 0.0, 0.0]);
+        let mut made = Vec::new();
+        c.split(&ring, 0, 1, m, &mut made);
+        assert_eq!((made.len(), c.live().count()), (10, 10));
+        assert_eq!(c.fault(), None);
+        // A boundary edge: the ring is open.
+        let t = c.tet_of[2];
+        c.ring(t, 2, m, &mut ring);
+        assert!(ring.closed);
+        let (mut star, mut open) = (Vec::new(), Ring::default());
+        c.star(2, &mut star);
+        let t = star.iter().copied().find(|&t| c.tets[t as usize].contains(&3)).expect("2 and 3 are neighbours");
+        c.ring(t, 2, 3, &mut open);
+        assert!(!open.closed);
+        assert_eq!(open.link.len(), open.tets.len() + 1);
+        let n = c.add_point([0.9, 0.3, 0.0]);
+        c.split(&open, 2, 3, n, &mut made);
+        assert_eq!(c.fault(), None);
+    }
+}

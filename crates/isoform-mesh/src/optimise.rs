@@ -1,0 +1,788 @@
+//! Better tetrahedra: constrained moves, flips, collapses and insertions, each kept only where the worst of what it touches improves.
+//!
+//! After Freitag and Ollivier-Gooch (Tetrahedral mesh improvement using swapping and smoothing, 1997) and Klingner and Shewchuk
+//! (Aggressive tetrahedral mesh improvement, 2007). What is ours: vertices on the surface and on curves move too, by projection onto
+//! their pieces, so that they stay exact; and the measure looks at the angles of the surface triangles as well.
+
+use crate::complex::{BOUNDARY, Complex, NONE, OPEN, Ring, volume6};
+use crate::cut::Inside;
+use crate::measure::{biased_sine, biased_sines, smallest_sine, smallest_sine_and_derivative};
+use crate::surface::{On, Surface, TANGENT};
+use isoform_geom::{Point3, TET_FACES, cross, dot, norm, sub};
+use rayon::prelude::*;
+
+/// What holds a vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Hold {
+    /// Corners, and vertices shared with the lattice beyond the band.
+    Fixed,
+    /// On one piece, on two (a curve), or on none.
+    On(On),
+}
+
+/// Least share of an improvement that counts.
+const GAIN: f64 = 1e-4;
+/// Terms this close to the worst one decide the direction of a move together with it.
+const ACTIVE: f64 = 0.04;
+/// Least cosine between a face of the surface and its piece; a face that was worse may stay but not get worse.
+const FACING: f64 = 0.5;
+/// Longest ring whose edge is removed; longer ones never improved a mesh in our trials.
+const RING: usize = 9;
+
+pub(crate) struct Optimiser<'s> {
+    pub(crate) surface: &'s Surface<'s>,
+    pub(crate) complex: Complex,
+    pub(crate) hold: Vec<Hold>,
+    /// Labels of the faces at each vertex of the surface, where they are more than the pieces that hold it.
+    labels: Vec<On>,
+    scratch: Scratch,
+}
+
+#[derive(Default)]
+struct Scratch {
+    star: Vec<u32>,
+    made: Vec<u32>,
+    ring: Ring,
+}
+
+/// A face of the surface: its vertices and label.
+type Face = ([u32; 3], u32);
+
+impl<'s> Optimiser<'s> {
+    pub(crate) fn new(surface: &'s Surface<'s>, inside: Inside) -> Self {
+        let Inside { complex, frozen, .. } = inside;
+        let n = complex.points.len();
+        let mut this = Self { surface, complex, hold: vec![Hold::On(On::default()); n], labels: vec![On::default(); n], scratch: Scratch::default() };
+        this.hold_vertices(&frozen);
+        this
+    }
+
+    /// Settles what holds each vertex, from the labels of the faces around it.
+    fn hold_vertices(&mut self, frozen: &[bool]) {
+        let mut labels: Vec<Vec<u32>> = vec![Vec::new(); self.complex.points.len()];
+        let mut edges: Vec<([u32; 2], u32)> = Vec::new();
+        for (f, label) in self.faces() {
+            for i in 0..3 {
+                labels[f[i] as usize].push(label);
+                let (a, b) = (f[i], f[(i + 1) % 3]);
+                edges.push(([a.min(b), a.max(b)], label));
+            }
+        }
+        edges.sort_unstable();
+        let mut curves: Vec<Vec<[u32; 2]>> = vec![Vec::new(); self.complex.points.len()];
+        for pair in edges.chunk_by(|a, b| a.0 == b.0) {
+            let ends = pair[0].0;
+            let several: Vec<u32> = crate::lattice::unique(pair.iter().map(|p| p.1).collect());
+            if pair.len() != 2 {
+                // Not a manifold there: nothing moves.
+                let _ = ends.map(|v| curves[v as usize].extend([[NONE; 2]; 3]));
+            } else if several.len() == 2 && self.is_sharp(ends, [several[0], several[1]]) {
+                let _ = ends.map(|v| curves[v as usize].push([several[0], several[1]]));
+            }
+        }
+        for v in 0..labels.len() {
+            let all = crate::lattice::unique(std::mem::take(&mut labels[v]));
+            let at = &curves[v];
+            self.hold[v] = if frozen[v] || all.len() > 3 || all.iter().any(|&l| l >= BOUNDARY - 3) {
+                Hold::Fixed
+            } else {
+                match at.len() {
+                    0 => Hold::On(On::of(&all[..all.len().min(1)])),
+                    2 if at[0] == at[1] => Hold::On(On::of(&at[0])),
+                    _ => Hold::Fixed,
+                }
+            };
+            self.labels[v] = On::of(&all);
+        }
+    }
+
+    fn is_sharp(&self, ends: [u32; 2], pieces: [u32; 2]) -> bool {
+        let [p, q] = ends.map(|v| self.complex.points[v as usize]);
+        let middle = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
+        let [a, b] = pieces.map(|i| self.surface.solid.gradient(i, middle).1);
+        norm(cross(a, b)) > TANGENT * norm(a) * norm(b) || dot(a, b) < 0.0
+    }
+
+    /// The labelled faces of the surface, outward.
+    pub(crate) fn faces(&self) -> Vec<Face> {
+        let mut faces = Vec::new();
+        for t in self.complex.live() {
+            for i in 0..4 {
+                let n = self.complex.adjacent[t as usize][i];
+                if n >= BOUNDARY && n != OPEN {
+                    faces.push((self.complex.face(t, i), n & !BOUNDARY));
+                }
+            }
+        }
+        faces
+    }
+
+    /// The measure of a tetrahedron: its angles, and those of its faces on the surface.
+    pub(crate) fn measure(&self, t: u32) -> f64 {
+        let p = self.complex.corners(t);
+        let mut q = biased_sine(p);
+        for i in 0..4 {
+            let n = self.complex.adjacent[t as usize][i];
+            if n >= BOUNDARY && n != OPEN {
+                q = q.min(smallest_sine(TET_FACES[i].map(|k| p[k])));
+            }
+        }
+        q
+    }
+
+    fn worst(&self, tets: &[u32]) -> f64 {
+        tets.iter().map(|&t| self.measure(t)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Cosine between a face of the surface and its piece.
+    fn facing(&self, p: [Point3; 3], label: u32) -> f64 {
+        let n = cross(sub(p[1], p[0]), sub(p[2], p[0]));
+        let middle = std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0);
+        let g = self.surface.solid.gradient(label, middle).1;
+        -dot(n, g) / (norm(n) * norm(g)).max(1e-300)
+    }
+
+    fn faces_at(&self, star: &[u32], v: u32) -> Vec<Face> {
+        let mut faces = Vec::new();
+        for &t in star {
+            for i in 0..4 {
+                let n = self.complex.adjacent[t as usize][i];
+                if n >= BOUNDARY && n != OPEN && self.complex.tets[t as usize][i] != v {
+                    faces.push((self.complex.face(t, i), n & !BOUNDARY));
+                }
+            }
+        }
+        faces
+    }
+
+    // ---- moves
+
+    /// A better place for a vertex, if there is one.
+    fn better_place(&self, v: u32, star: &mut Vec<u32>) -> Option<Point3> {
+        let Hold::On(on) = self.hold[v as usize] else { return None };
+        if on.len() > 2 {
+            return None;
+        }
+        self.complex.star_shared(v, star);
+        let faces = if on.is_empty() { Vec::new() } else { self.faces_at(star, v) };
+        let start = self.complex.points[v as usize];
+        let (mut at, mut worst) = (start, self.worst_at(v, start, star, &faces));
+        let first = worst;
+        for _ in 0..4 {
+            let Some((direction, step)) = self.direction(v, at, worst, star, &faces, &on) else { break };
+            let mut found = None;
+            let mut s = step;
+            for _ in 0..6 {
+                let raw = std::array::from_fn(|i| at[i] + s * direction[i]);
+                let place = if on.is_empty() { Some(raw) } else { self.surface.project(on.slice(), raw) };
+                if let Some(p) = place {
+                    let w = self.worst_at(v, p, star, &faces);
+                    if w > worst + GAIN && found.is_none_or(|f: (Point3, f64)| w > f.1) {
+                        found = Some((p, w));
+                    } else if found.is_some() {
+                        break;
+                    }
+                }
+                s *= 0.5;
+            }
+            let Some((p, w)) = found else { break };
+            if !on.is_empty() && !self.may_stand(v, p, &faces) {
+                break;
+            }
+            (at, worst) = (p, w);
+        }
+        (worst > first + GAIN).then_some(at)
+    }
+
+    /// Whether a vertex of the surface may stand at `p`: all its labels vanish there and its faces look outward.
+    fn may_stand(&self, v: u32, p: Point3, faces: &[Face]) -> bool {
+        let labels = self.labels[v as usize];
+        let Hold::On(on) = self.hold[v as usize] else { return false };
+        if labels.slice().iter().any(|&l| !on.contains(l) && self.surface.distance(l, p) != 0.0) {
+            return false;
+        }
+        faces.iter().all(|&(f, label)| {
+            let old = f.map(|k| self.complex.points[k as usize]);
+            let new = f.map(|k| if k == v { p } else { self.complex.points[k as usize] });
+            let c = self.facing(new, label);
+            c >= FACING || c >= self.facing(old, label)
+        })
+    }
+
+    fn worst_at(&self, v: u32, p: Point3, star: &[u32], faces: &[Face]) -> f64 {
+        let at = |k: u32| if k == v { p } else { self.complex.points[k as usize] };
+        let mut worst = f64::INFINITY;
+        for &t in star {
+            worst = worst.min(biased_sine(self.complex.tets[t as usize].map(at)));
+        }
+        for (f, _) in faces {
+            worst = worst.min(smallest_sine(f.map(at)));
+        }
+        worst
+    }
+
+    /// The direction in which the worst terms all grow (the shortest vector in the hull of their gradients), and a length to try.
+    fn direction(&self, v: u32, p: Point3, worst: f64, star: &[u32], faces: &[Face], on: &On) -> Option<(Point3, f64)> {
+        let at = |k: u32| if k == v { p } else { self.complex.points[k as usize] };
+        let tangent = self.tangent(on, p);
+        let mut terms: Vec<(f64, Point3)> = Vec::with_capacity(32);
+        let mut shortest = f64::INFINITY;
+        let mut push = |s: f64, g: Point3| {
+            if s < worst + 0.25 {
+                terms.push((s, tangent(g)));
+            }
+        };
+        for &t in star {
+            let k = self.complex.tets[t as usize];
+            let q = k.map(at);
+            let x = self.complex.place(t, v);
+            for i in (0..4).filter(|&i| i != x) {
+                shortest = shortest.min(norm(sub(q[i], q[x])));
+            }
+            if biased_sine(q) < worst + 0.25 {
+                for (s, g) in biased_sines(q, x) {
+                    push(s, g);
+                }
+            }
+        }
+        for (f, _) in faces {
+            let x = f.iter().position(|&k| k == v)?;
+            let (s, g) = smallest_sine_and_derivative([at(f[x]), at(f[(x + 1) % 3]), at(f[(x + 2) % 3])]);
+            push(s, g);
+        }
+        let d = shortest_in_hull(terms.iter().filter(|t| t.0 <= worst + ACTIVE).map(|t| t.1));
+        let slope = dot(d, d);
+        if slope.is_nan() || slope.sqrt() * shortest < 1e-4 {
+            return None;
+        }
+        // As far as the linear model says that no other term falls below the active ones.
+        let mut step = 0.5 * shortest / slope.sqrt();
+        for (s, g) in &terms {
+            let rate = slope - dot(*g, d);
+            if *s > worst + ACTIVE && rate > 0.0 {
+                step = step.min((s - worst) / rate);
+            }
+        }
+        Some((d, step))
+    }
+
+    /// The projection of vectors onto the directions in which a vertex may move.
+    fn tangent(&self, on: &On, p: Point3) -> impl Fn(Point3) -> Point3 + use<> {
+        let unit = |v: Point3| {
+            let n = norm(v).max(1e-300);
+            v.map(|x| x / n)
+        };
+        let normals: Vec<Point3> = on.slice().iter().map(|&i| unit(self.surface.solid.gradient(i, p).1)).collect();
+        move |g| match normals.len() {
+            0 => g,
+            1 => {
+                let c = dot(g, normals[0]);
+                std::array::from_fn(|i| g[i] - c * normals[0][i])
+            }
+            _ => {
+                let t = unit(cross(normals[0], normals[1]));
+                let c = dot(g, t);
+                t.map(|x| c * x)
+            }
+        }
+    }
+
+    /// Moves the vertices given, each where that improves the worst tetrahedron at it. Returns how many moved.
+    pub(crate) fn smooth(&mut self, vertices: &[u32]) -> usize {
+        /// Batches: proposals are made together within a batch, so that the result does not depend on threads. Neighbours seldom
+        /// share a batch of eight, and where they do the second one is looked at again.
+        const BATCHES: u32 = 8;
+        let mut moved = 0;
+        for batch in 0..BATCHES {
+            let these: Vec<u32> = vertices.iter().copied().filter(|&v| v.wrapping_mul(0x9E37_79B9) >> 29 == batch).collect();
+            let places: Vec<Option<Point3>> =
+                these.par_iter().with_min_len(64).map_init(Vec::new, |star, &v| self.better_place(v, star)).collect();
+            let mut star = std::mem::take(&mut self.scratch.star);
+            for (&v, place) in these.iter().zip(&places) {
+                let Some(p) = *place else { continue };
+                self.complex.star(v, &mut star);
+                let faces = self.faces_at(&star, v);
+                let before = self.worst_at(v, self.complex.points[v as usize], &star, &faces);
+                if self.worst_at(v, p, &star, &faces) > before {
+                    self.complex.points[v as usize] = p;
+                    moved += 1;
+                }
+            }
+            self.scratch.star = star;
+        }
+        moved
+    }
+
+    // ---- flips
+
+    /// Removes the edge from `a` to `b` of tetrahedron `t` if that improves the worst of its ring by more than `least`.
+    fn remove_edge(&mut self, t: u32, a: u32, b: u32, apply: bool) -> Option<f64> {
+        let mut ring = std::mem::take(&mut self.scratch.ring);
+        self.complex.ring(t, a, b, &mut ring);
+        let result = self.remove_ring(&mut ring, a, b, apply);
+        self.scratch.ring = ring;
+        result
+    }
+
+    fn remove_ring(&mut self, ring: &mut Ring, a: u32, b: u32, apply: bool) -> Option<f64> {
+        if ring.tets.len() > RING {
+            return None;
+        }
+        let before = self.worst(&ring.tets);
+        let mut label = None;
+        if !ring.closed {
+            let l = self.surface_edge(ring, a, b)?;
+            label = Some(l);
+        } else if ring.link.len() < 3 {
+            return None;
+        }
+        let p = |k: u32| self.complex.points[k as usize];
+        if volume6([p(a), p(b), p(ring.link[0]), p(ring.link[1])]) < 0.0 {
+            ring.link.reverse();
+        }
+        let link = &ring.link;
+        let n = link.len();
+        if let Some(label) = label {
+            // The edge is flipped on the surface: its faces become those across it.
+            let (c, d) = (link[0], link[n - 1]);
+            for f in [[a, c, d], [b, d, c]] {
+                // Counterclockwise link seen from b: the solid lies between c and d.
+                if self.facing(f.map(p), label) < FACING {
+                    return None;
+                }
+            }
+            if n > 2 && self.are_neighbours(c, d) {
+                return None;
+            }
+            if n == 2 {
+                return self.remove_flat(ring, a, b, label, before, apply);
+            }
+        }
+        // Klincsek's table: best[i][j] is the best worst of the polygon from i to j.
+        let mut best = [[f64::INFINITY; RING + 1]; RING + 1];
+        let mut cut = [[0u8; RING + 1]; RING + 1];
+        for span in 2..n {
+            for i in 0..n - span {
+                let j = i + span;
+                best[i][j] = f64::NEG_INFINITY;
+                for k in i + 1..j {
+                    let mut w = best[i][k].min(best[k][j]);
+                    if w <= before {
+                        continue;
+                    }
+                    let (u, v, x) = (p(link[i]), p(link[k]), p(link[j]));
+                    w = w.min(biased_sine([u, v, x, p(b)])).min(biased_sine([v, u, x, p(a)]));
+                    if label.is_some() && span == n - 1 {
+                        w = w.min(smallest_sine([u, x, p(a)])).min(smallest_sine([u, x, p(b)]));
+                    }
+                    if w > best[i][j] {
+                        (best[i][j], cut[i][j]) = (w, k as u8);
+                    }
+                }
+            }
+        }
+        let after = self.with_faces(best[0][n - 1], ring, before);
+        if after <= before + GAIN {
+            return None;
+        }
+        if apply {
+            let mut new = Vec::with_capacity(2 * n);
+            let mut todo = vec![(0, n - 1)];
+            while let Some((i, j)) = todo.pop() {
+                if j < i + 2 {
+                    continue;
+                }
+                let k = usize::from(cut[i][j]);
+                let (u, v, x) = (link[i], link[k], link[j]);
+                new.push([u, v, x, b]);
+                new.push([v, u, x, a]);
+                todo.extend([(i, k), (k, j)]);
+            }
+            let mut made = std::mem::take(&mut self.scratch.made);
+            self.complex.replace(&ring.tets, &new, |_| label.unwrap_or(OPEN), &mut made);
+            self.scratch.made = made;
+        }
+        Some(after)
+    }
+
+    /// The value after a flip, with the faces of the surface around the cavity that stay as they are (they cannot improve).
+    fn with_faces(&self, after: f64, ring: &Ring, before: f64) -> f64 {
+        let mut worst = after;
+        for &t in &ring.tets {
+            for i in 0..4 {
+                let n = self.complex.adjacent[t as usize][i];
+                if n >= BOUNDARY && n != OPEN {
+                    let f = self.complex.face(t, i);
+                    let s = smallest_sine(f.map(|k| self.complex.points[k as usize]));
+                    // Faces at the edge itself go away; of the others only those that hold back the gain matter.
+                    if s <= before + GAIN && !self.goes_away(ring, f) {
+                        worst = worst.min(s);
+                    }
+                }
+            }
+        }
+        worst
+    }
+
+    fn goes_away(&self, ring: &Ring, f: [u32; 3]) -> bool {
+        !ring.closed && f.iter().filter(|k| !ring.link.contains(k)).count() == 2
+    }
+
+    /// The label on both sides of an edge of the surface that may be flipped.
+    fn surface_edge(&self, ring: &Ring, a: u32, b: u32) -> Option<u32> {
+        let label = |t: u32, link: u32| {
+            // The face (a, b, link) of t.
+            let i = (0..4).find(|&i| ![a, b, link].contains(&self.complex.tets[t as usize][i]))?;
+            let n = self.complex.adjacent[t as usize][i];
+            (n >= BOUNDARY && n != OPEN).then_some(n & !BOUNDARY)
+        };
+        let first = label(ring.tets[0], ring.link[0])?;
+        let last = label(ring.tets[ring.tets.len() - 1], ring.link[ring.link.len() - 1])?;
+        (first == last && first < BOUNDARY - 3).then_some(first)
+    }
+
+    /// A single tetrahedron with two faces on the same piece is taken off.
+    fn remove_flat(&mut self, ring: &Ring, a: u32, b: u32, label: u32, before: f64, apply: bool) -> Option<f64> {
+        let t = ring.tets[0];
+        let (c, d) = (ring.link[0], ring.link[1]);
+        for v in [a, b] {
+            if self.complex.adjacent[t as usize][self.complex.place(t, v)] >= BOUNDARY {
+                return None;
+            }
+        }
+        let mut inner = Ring::default();
+        self.complex.ring(t, c, d, &mut inner);
+        if !inner.closed || self.complex.tets[t as usize].iter().any(|&v| self.hold[v as usize] == Hold::Fixed && self.labels[v as usize].is_empty()) {
+            return None;
+        }
+        // What the neighbours lose by new faces on the surface.
+        let p = |k: u32| self.complex.points[k as usize];
+        let after = [[a, c, d], [b, c, d]].iter().map(|f| smallest_sine(f.map(p))).fold(f64::INFINITY, f64::min);
+        // Dropping a good tetrahedron would change the solid; a flat one lies within the chordal error anyway.
+        if after <= before + GAIN || biased_sine(self.complex.corners(t)) > 0.3 {
+            return None;
+        }
+        if apply {
+            let mut made = std::mem::take(&mut self.scratch.made);
+            self.complex.replace(&[t], &[], |_| label, &mut made);
+            self.scratch.made = made;
+        }
+        Some(after)
+    }
+
+    fn are_neighbours(&self, a: u32, b: u32) -> bool {
+        let mut star = Vec::with_capacity(64);
+        self.complex.star_shared(a, &mut star);
+        star.iter().any(|&t| self.complex.tets[t as usize].contains(&b))
+    }
+
+    /// Puts an edge in the place of the face opposite to vertex `i`, if that improves the worst of the two.
+    fn remove_face(&mut self, t: u32, i: usize, apply: bool) -> Option<f64> {
+        let n = self.complex.adjacent[t as usize][i];
+        if n >= BOUNDARY {
+            return None;
+        }
+        let before = self.measure(t).min(self.measure(n));
+        let a = self.complex.tets[t as usize][i];
+        let f = self.complex.face(t, i);
+        let b = self.complex.tets[n as usize].iter().copied().find(|k| !f.contains(k))?;
+        let p = |k: u32| self.complex.points[k as usize];
+        // f is outward of t: a lies below, b above.
+        let new = [[f[0], f[1], a, b], [f[1], f[2], a, b], [f[2], f[0], a, b]];
+        let new = new.map(|v| [v[0], v[1], v[3], v[2]]);
+        let mut after = f64::INFINITY;
+        for v in &new {
+            after = after.min(biased_sine(v.map(p)));
+            if after <= before + GAIN {
+                return None;
+            }
+        }
+        for u in [t, n] {
+            for k in 0..4 {
+                let m = self.complex.adjacent[u as usize][k];
+                if m >= BOUNDARY && m != OPEN {
+                    after = after.min(smallest_sine(self.complex.face(u, k).map(p)));
+                }
+            }
+        }
+        if after <= before + GAIN {
+            return None;
+        }
+        if apply {
+            let mut made = std::mem::take(&mut self.scratch.made);
+            self.complex.replace(&[t, n], &new, |_| OPEN, &mut made);
+            self.scratch.made = made;
+        }
+        Some(after)
+    }
+
+    // ---- collapses and insertions
+
+    /// Whether vertex `u` may be pulled onto its neighbour `w`.
+    fn may_collapse(&self, u: u32, w: u32, ring: &Ring) -> bool {
+        let Hold::On(on) = self.hold[u as usize] else { return false };
+        let labels = self.labels[u as usize];
+        if labels.is_empty() {
+            // A free vertex: onto anything, but not across the solid from one side of the surface to the other.
+            return true;
+        }
+        if ring.closed {
+            return false;
+        }
+        // On the surface: along it, and a vertex of a curve along the curve.
+        let a = self.outer_label(ring.tets[0], u, w, ring.link[0]);
+        let b = self.outer_label(ring.tets[ring.tets.len() - 1], u, w, ring.link[ring.link.len() - 1]);
+        let (Some(a), Some(b)) = (a, b) else { return false };
+        let other = self.labels[w as usize];
+        if !labels.slice().iter().all(|&l| other.contains(l)) {
+            return false;
+        }
+        if on.len() == 2 { a != b && on.contains(a) && on.contains(b) } else { labels.len() == 1 || a != b }
+    }
+
+    fn outer_label(&self, t: u32, a: u32, b: u32, link: u32) -> Option<u32> {
+        let i = (0..4).find(|&i| ![a, b, link].contains(&self.complex.tets[t as usize][i]))?;
+        let n = self.complex.adjacent[t as usize][i];
+        (n >= BOUNDARY && n != OPEN).then_some(n & !BOUNDARY)
+    }
+
+    /// Pulls `u` onto `w` if the worst around `u` improves.
+    fn collapse(&mut self, t: u32, u: u32, w: u32, apply: bool) -> Option<f64> {
+        let mut ring = std::mem::take(&mut self.scratch.ring);
+        self.complex.ring(t, u, w, &mut ring);
+        let allowed = self.may_collapse(u, w, &ring);
+        self.scratch.ring = ring;
+        if !allowed {
+            return None;
+        }
+        let mut star = Vec::new();
+        self.complex.star(u, &mut star);
+        let before = self.worst(&star);
+        let p = |k: u32| self.complex.points[k as usize];
+        let mut new = Vec::with_capacity(star.len());
+        let mut after = f64::INFINITY;
+        for &t in &star {
+            let v = self.complex.tets[t as usize];
+            if v.contains(&w) {
+                continue;
+            }
+            let v = v.map(|k| if k == u { w } else { k });
+            after = after.min(biased_sine(v.map(p)));
+            if after <= before + GAIN {
+                return None;
+            }
+            new.push(v);
+        }
+        let faces = self.faces_at(&star, u);
+        let mut labels: Vec<([u32; 3], u32)> = Vec::with_capacity(faces.len());
+        for (f, label) in &faces {
+            if f.contains(&w) {
+                continue;
+            }
+            let g = f.map(|k| if k == u { w } else { k });
+            after = after.min(smallest_sine(g.map(p)));
+            let c = self.facing(g.map(p), *label);
+            if after <= before + GAIN || (c < FACING && c < self.facing(f.map(p), *label)) {
+                return None;
+            }
+            let mut key = g;
+            key.sort_unstable();
+            labels.push((key, *label));
+        }
+        // Link condition: what both see is what sees their edge.
+        let seen = |star: &[u32], complex: &Complex, not: u32| {
+            let mut v: Vec<u32> = star.iter().flat_map(|&t| complex.tets[t as usize]).filter(|&k| k != not).collect();
+            v.sort_unstable();
+            v.dedup();
+            v
+        };
+        let mine = seen(&star, &self.complex, u);
+        let mut other = Vec::new();
+        self.complex.star(w, &mut other);
+        let theirs = seen(&other, &self.complex, w);
+        let common = mine.iter().filter(|k| theirs.binary_search(k).is_ok()).count();
+        if common != self.scratch.ring.link.len() {
+            return None;
+        }
+        // A free vertex between two sheets: pulled onto one it must not join them in an edge or face of the surface.
+        if self.labels[u as usize].is_empty() && !self.labels[w as usize].is_empty() && new.iter().any(|v| v.iter().all(|&k| !self.labels[k as usize].is_empty())) {
+            return None;
+        }
+        // Open faces of the band (towards the lattice beyond) stay: their vertices are fixed, so u is on none.
+        if apply {
+            let mut made = std::mem::take(&mut self.scratch.made);
+            self.complex.replace(&star, &new, |key| labels.iter().find(|l| l.0 == key).map_or(OPEN, |l| l.1), &mut made);
+            self.complex.tet_of[u as usize] = NONE;
+            self.scratch.made = made;
+        }
+        Some(after)
+    }
+
+    /// Splits the edge from `a` to `b` in the middle and moves the new vertex to its best place; undone if the worst does not improve.
+    fn insert(&mut self, t: u32, a: u32, b: u32) -> bool {
+        let mut ring = Ring::default();
+        self.complex.ring(t, a, b, &mut ring);
+        let before = self.worst(&ring.tets);
+        let [p, q] = [a, b].map(|v| self.complex.points[v as usize]);
+        let mut at: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
+        let (mut hold, mut labels) = (On::default(), On::default());
+        if !ring.closed {
+            let first = self.outer_label(ring.tets[0], a, b, ring.link[0]);
+            let last = self.outer_label(ring.tets[ring.tets.len() - 1], a, b, ring.link[ring.link.len() - 1]);
+            let (Some(first), Some(last)) = (first, last) else { return false };
+            if first >= BOUNDARY - 3 || last >= BOUNDARY - 3 {
+                return false;
+            }
+            labels = On::of(&[first, last]);
+            hold = if first != last && self.is_sharp([a, b], [first, last]) { labels } else { On::of(&[first]) };
+            let Some(on) = self.surface.project(hold.slice(), at) else { return false };
+            if norm(sub(on, at)) > 0.3 * norm(sub(p, q)) {
+                return false;
+            }
+            at = on;
+        }
+        let old: Vec<[u32; 4]> = ring.tets.iter().map(|&t| self.complex.tets[t as usize]).collect();
+        let mut faces: Vec<([u32; 3], u32)> = Vec::new();
+        for &t in &ring.tets {
+            for i in 0..4 {
+                let n = self.complex.adjacent[t as usize][i];
+                if n >= BOUNDARY {
+                    let mut f = self.complex.face(t, i);
+                    f.sort_unstable();
+                    faces.push((f, n));
+                }
+            }
+        }
+        let m = self.complex.add_point(at);
+        self.hold.push(Hold::On(hold));
+        self.labels.push(labels);
+        let mut made = Vec::new();
+        self.complex.split(&ring, a, b, m, &mut made);
+        let mut star = Vec::new();
+        if let Some(place) = self.better_place(m, &mut star) {
+            self.complex.points[m as usize] = place;
+        }
+        if self.worst(&made) > before + 0.01 {
+            return true;
+        }
+        let mut back = Vec::new();
+        self.complex.replace(&made, &old, |key| faces.iter().find(|f| f.0 == key).map_or(OPEN, |f| f.1), &mut back);
+        self.complex.tet_of[m as usize] = NONE;
+        self.complex.points.pop();
+        self.complex.tet_of.pop();
+        self.hold.pop();
+        self.labels.pop();
+        false
+    }
+
+    /// Tries everything on a bad tetrahedron; returns whether something was done.
+    fn mend(&mut self, t: u32, insertions: bool) -> bool {
+        const EDGES: [(usize, usize); 6] = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
+        enum Op {
+            Edge(u32, u32),
+            Face(usize),
+            Collapse(u32, u32),
+        }
+        let v = self.complex.tets[t as usize];
+        let mut best: Option<(f64, Op)> = None;
+        let mut consider = |q: Option<f64>, op: Op| {
+            if let Some(q) = q
+                && best.as_ref().is_none_or(|b| q > b.0)
+            {
+                best = Some((q, op));
+            }
+        };
+        for (i, j) in EDGES {
+            let q = self.remove_edge(t, v[i], v[j], false);
+            consider(q, Op::Edge(v[i], v[j]));
+        }
+        for i in 0..4 {
+            let q = self.remove_face(t, i, false);
+            consider(q, Op::Face(i));
+        }
+        for (i, j) in EDGES {
+            for (u, w) in [(v[i], v[j]), (v[j], v[i])] {
+                let q = self.collapse(t, u, w, false);
+                consider(q, Op::Collapse(u, w));
+            }
+        }
+        match best {
+            Some((_, Op::Edge(a, b))) => self.remove_edge(t, a, b, true).is_some(),
+            Some((_, Op::Face(i))) => self.remove_face(t, i, true).is_some(),
+            Some((_, Op::Collapse(u, w))) => self.collapse(t, u, w, true).is_some(),
+            None if insertions => {
+                let mut edges = EDGES.map(|(i, j)| {
+                    let d = sub(self.complex.points[v[i] as usize], self.complex.points[v[j] as usize]);
+                    (dot(d, d), v[i], v[j])
+                });
+                edges.sort_by(|a, b| b.0.total_cmp(&a.0));
+                edges.iter().take(4).any(|&(_, a, b)| self.insert(t, a, b))
+            }
+            None => false,
+        }
+    }
+
+    /// Optimises until no tetrahedron is below `goal` or nothing helps any more.
+    pub(crate) fn run(&mut self, goal: f64, rounds: usize) {
+        let all: Vec<u32> = (0..self.complex.points.len() as u32).filter(|&v| self.complex.tet_of[v as usize] != NONE).collect();
+        self.smooth(&all);
+        let mut last = f64::NEG_INFINITY;
+        let mut idle = 0;
+        for round in 0..rounds {
+            let mut bad: Vec<(f64, u32)> = {
+                let live: Vec<u32> = self.complex.live().collect();
+                live.par_iter().with_min_len(1024).map(|&t| (self.measure(t), t)).filter(|b| b.0 < goal).collect()
+            };
+            bad.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let Some(&(worst, _)) = bad.first() else { return };
+            let mut done = 0;
+            for &(_, t) in &bad {
+                if self.complex.is_there(t) && self.measure(t) < goal {
+                    done += usize::from(self.mend(t, round >= 3));
+                }
+            }
+            let mut near: Vec<u32> = bad.iter().filter(|b| self.complex.is_there(b.1)).flat_map(|b| self.complex.tets[b.1 as usize]).collect();
+            near.sort_unstable();
+            near.dedup();
+            let mut wider = near.clone();
+            let mut star = Vec::new();
+            for &v in &near {
+                self.complex.star(v, &mut star);
+                wider.extend(star.iter().flat_map(|&t| self.complex.tets[t as usize]));
+            }
+            wider.sort_unstable();
+            wider.dedup();
+            let moved = self.smooth(&wider);
+            if std::env::var_os("ISOFORM_TRACE").is_some() {
+                eprintln!("round {round}: worst {worst:.4}, {} below {goal}, {done} mended, {moved} moved", bad.len());
+            }
+            idle = if worst > last + 1e-4 || done > bad.len() / 50 { 0 } else { idle + 1 };
+            last = last.max(worst);
+            if idle >= 4 || (done == 0 && moved == 0) {
+                return;
+            }
+        }
+    }
+}
+
+/// The shortest vector in the convex hull of the gradients: along it all of them grow. Gilbert's iteration; a rough answer will do.
+fn shortest_in_hull(gradients: impl Iterator<Item = Point3> + Clone) -> Point3 {
+    let mut d: Point3 = [0.0; 3];
+    let mut least = f64::INFINITY;
+    for g in gradients.clone() {
+        let n = dot(g, g);
+        if n < least {
+            (d, least) = (g, n);
+        }
+    }
+    for _ in 0..30 {
+        let Some(g) = gradients.clone().min_by(|a, b| dot(*a, d).total_cmp(&dot(*b, d))) else { break };
+        if dot(g, d) >= 0.98 * dot(d, d) {
+            break;
+        }
+        let e = sub(g, d);
+        let t = (-dot(d, e) / dot(e, e).max(1e-300)).clamp(0.0, 1.0);
+        d = std::array::from_fn(|i| d[i] + t * e[i]);
+    }
+    d
+}
