@@ -1,6 +1,6 @@
 //! Meshes of solids written by hand, for looking at.
 use isoform_geom::*;
-use isoform_mesh::{Options, mesh};
+use isoform_mesh::{Control, Options, mesh};
 use isoform_num::{Interval, Jet1, Jet2, Real};
 
 struct Hand {
@@ -83,7 +83,12 @@ fn main() {
     let size = a.get(2).map_or(size, |s| s.parse().unwrap());
     let tree = if n == 1 { Csg::Piece(0) } else { Csg::Min((0..n).map(Csg::Piece).collect()) };
     let s = Hand { names: (0..n).map(|i| format!("p{i}")).collect(), tree, which };
-    let m = mesh(&s, r, &Options { size, ..Options::default() });
+    let _ = r;
+    let clock = std::time::Instant::now();
+    let say = |w: &str| eprintln!("{:8.3} {w}", clock.elapsed().as_secs_f64());
+    let control = Control { progress: Some(&say), ..Control::default() };
+    let m = mesh(&s, &Options { size, ..Options::default() }, &control).unwrap().mesh;
+    say("done");
     println!("{} points {} tets {} triangles {} edges {:?}", m.points.len(), m.tets.len(), m.triangles.len(), m.edges.len(), m.parts);
     if let Some(out) = a.get(3) {
         use std::io::Write;

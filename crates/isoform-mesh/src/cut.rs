@@ -175,7 +175,8 @@ impl<'s> Cutter<'s> {
         if k < 2 {
             return found;
         }
-        let pieces: Vec<u32> = self.surface.lattice.trees[k as usize - 2].1.iter().copied().filter(|&i| self.surface.distance(i, p).abs() < reach).collect();
+        let pieces: Vec<u32> =
+            self.surface.lattice.trees[k as usize - 2].1.iter().copied().filter(|&i| self.surface.distance(i, p).abs() < reach).collect();
         let mut consider = |on: &[u32]| {
             let Some(q) = self.surface.project(on, p) else { return };
             let d = norm(sub(p, q));
@@ -227,7 +228,11 @@ impl<'s> Cutter<'s> {
             let p = self.complex.points[v as usize];
             let (_, piece) = self.surface.value(p);
             let zero = self.surface.zero;
-            let mut target = self.surface.project(&[piece], p).filter(|&q| norm(sub(p, q)) < 0.6 * a && self.surface.value(q).0.abs() <= zero).map(|q| (q, piece));
+            let mut target = self
+                .surface
+                .project(&[piece], p)
+                .filter(|&q| norm(sub(p, q)) < 0.6 * a && self.surface.value(q).0.abs() <= zero)
+                .map(|q| (q, piece));
             if target.is_none() {
                 let (q, g) = (self.complex.points[w as usize], self.value[w as usize]);
                 target = self.surface.root(p, f, q, g).and_then(|(t, piece)| {

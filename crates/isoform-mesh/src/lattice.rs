@@ -4,6 +4,7 @@
 //! sign there. Only cells of the third kind see the surface; the others are never evaluated at all (Labelle and Shewchuk,
 //! Isosurface stuffing, 2007, use the same lattice; the pruning is that of Duff, Interval arithmetic and recursive subdivision, 1992).
 
+use crate::decide::{Sign, reduced};
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::Interval;
 use rayon::prelude::*;
@@ -17,50 +18,6 @@ pub(crate) const OUT: u32 = 1;
 const MARGIN: f64 = 0.75;
 /// Cells per side of the blocks that are shared among threads.
 const BLOCK: usize = 16;
-
-/// What is left of a tree over a region.
-pub(crate) enum Reduced {
-    In,
-    Out,
-    Tree(Csg),
-}
-
-/// The tree without what the ranges of its pieces decide.
-pub(crate) fn reduce(tree: &Csg, range: &impl Fn(u32) -> Interval) -> Reduced {
-    let many = |children: &[Csg], is_min: bool| {
-        let mut left = Vec::new();
-        for child in children {
-            match (reduce(child, range), is_min) {
-                (Reduced::Out, true) => return Reduced::Out,
-                (Reduced::In, false) => return Reduced::In,
-                (Reduced::In, true) | (Reduced::Out, false) => {}
-                (Reduced::Tree(Csg::Min(inner)), true) | (Reduced::Tree(Csg::Max(inner)), false) => left.extend(inner),
-                (Reduced::Tree(t), _) => left.push(t),
-            }
-        }
-        match (left.len(), is_min) {
-            (0, true) => Reduced::In,
-            (0, false) => Reduced::Out,
-            (1, _) => Reduced::Tree(left.swap_remove(0)),
-            (_, true) => Reduced::Tree(Csg::Min(left)),
-            (_, false) => Reduced::Tree(Csg::Max(left)),
-        }
-    };
-    match tree {
-        Csg::Piece(i) => {
-            let r = range(*i);
-            if r.lo() > 0.0 {
-                Reduced::In
-            } else if r.hi() < 0.0 {
-                Reduced::Out
-            } else {
-                Reduced::Tree(Csg::Piece(*i))
-            }
-        }
-        Csg::Min(children) => many(children, true),
-        Csg::Max(children) => many(children, false),
-    }
-}
 
 /// The cells of the lattice over a box.
 #[derive(Debug)]
@@ -94,7 +51,7 @@ impl Lattice {
             blocks
         };
         let all = solid.tree().pieces();
-        let found: Vec<Vec<([[usize; 2]; 3], Reduced)>> = blocks
+        let found: Vec<Vec<([[usize; 2]; 3], Sign)>> = blocks
             .par_iter()
             .map(|b| {
                 let mut found = Vec::new();
@@ -103,11 +60,11 @@ impl Lattice {
             })
             .collect();
         let mut known: HashMap<Csg, u32> = HashMap::new();
-        for (cells, reduced) in found.into_iter().flatten() {
-            let state = match reduced {
-                Reduced::In => IN,
-                Reduced::Out => OUT,
-                Reduced::Tree(tree) => *known.entry(tree).or_insert_with_key(|tree| {
+        for (cells, sign) in found.into_iter().flatten() {
+            let state = match sign {
+                Sign::Inside => IN,
+                Sign::Outside => OUT,
+                Sign::Mixed(tree) => *known.entry(tree).or_insert_with_key(|tree| {
                     lattice.trees.push((tree.clone(), unique(tree.pieces())));
                     lattice.trees.len() as u32 + 1
                 }),
@@ -127,18 +84,18 @@ impl Lattice {
         region.size().iter().map(|s| (s / a + 4.0).ceil()).product()
     }
 
-    fn decide(&self, solid: &dyn Solid, cells: [[usize; 2]; 3], tree: &Csg, pieces: &[u32], found: &mut Vec<([[usize; 2]; 3], Reduced)>) {
+    fn decide(&self, solid: &dyn Solid, cells: [[usize; 2]; 3], tree: &Csg, pieces: &[u32], found: &mut Vec<([[usize; 2]; 3], Sign)>) {
         let corner = |k: usize, margin: f64| std::array::from_fn(|i| self.origin[i] + (cells[i][k] as f64 + margin) * self.a);
         let region = Aabb { lo: corner(0, -MARGIN), hi: corner(1, MARGIN) };
         let mut ranges = vec![Interval::ALL; pieces.len()];
         solid.bounds(pieces, region, &mut ranges);
         let range = |i: u32| pieces.iter().position(|&p| p == i).map_or(Interval::ALL, |k| ranges[k]);
-        match reduce(tree, &range) {
-            Reduced::Tree(tree) => {
+        match reduced(tree, &range) {
+            Sign::Mixed(tree) => {
                 let size = cells.map(|c| c[1] - c[0]);
                 let axis = (0..3).fold(0, |best, i| if size[i] > size[best] { i } else { best });
                 if size[axis] == 1 {
-                    found.push((cells, Reduced::Tree(tree)));
+                    found.push((cells, Sign::Mixed(tree)));
                     return;
                 }
                 let pieces = unique(tree.pieces());

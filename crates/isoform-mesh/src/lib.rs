@@ -1,6 +1,7 @@
 //! Labelled surface meshes and tetrahedra of any solid that can say its parts.
 #![forbid(unsafe_code)]
 
+mod cap;
 pub mod check;
 mod complex;
 mod cut;
@@ -12,4 +13,4 @@ mod mesher;
 mod optimise;
 mod surface;
 
-pub use mesher::{Options, mesh};
+pub use mesher::{Control, MeshError, Meshed, Options, Warning, mesh};

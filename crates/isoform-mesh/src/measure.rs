@@ -54,10 +54,14 @@ pub(crate) fn biased_sines(p: [Point3; 4], x: usize) -> [(f64, Point3); 6] {
         let bias = if dot(n[k], n[l]) > 0.0 { OBTUSE } else { 1.0 };
         let scale = bias * length / (area[k] * area[l]);
         let s = scale * volume;
-        let sign = if a == x { 1.0 } else if b == x { -1.0 } else { 0.0 };
-        let g = std::array::from_fn(|i| {
-            scale * dv[i] + s * (sign * e[i] / (length * length) - da[k][i] / area[k] - da[l][i] / area[l])
-        });
+        let sign = if a == x {
+            1.0
+        } else if b == x {
+            -1.0
+        } else {
+            0.0
+        };
+        let g = std::array::from_fn(|i| scale * dv[i] + s * (sign * e[i] / (length * length) - da[k][i] / area[k] - da[l][i] / area[l]));
         (s, g)
     })
 }

@@ -1,11 +1,15 @@
 //! The way from a solid to a mesh.
 
+use crate::cap::Capped;
 use crate::complex::NONE;
 use crate::cut::{Band, Cutter};
+use crate::features::{ExtentError, START, extent};
 use crate::lattice::Lattice;
 use crate::optimise::Optimiser;
 use crate::surface::Surface;
-use isoform_geom::{Aabb, Curve, Mesh, Solid, norm};
+use isoform_geom::{Aabb, Curve, Mesh, Point3, Solid, norm};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 /// Edge of a lattice cell for tetrahedra as large as regular ones of edge 1: a³/12 = √2/12.
 const CELL: f64 = 1.122_462_048_309_373;
@@ -13,48 +17,185 @@ const CELL: f64 = 1.122_462_048_309_373;
 /// What to make.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Edge length wanted.
+    /// Edge length wanted, the largest one where sizes vary.
     pub size: f64,
+    /// Smaller edges where a face would leave the surface by more than this (chordal error, model units).
+    pub grade: Option<f64>,
+    /// 1 for straight edges, 2 for nodes in their middles, on the true surface.
+    pub order: u32,
     /// Only the surface.
     pub surface_only: bool,
-    /// Measure below which tetrahedra are optimised: the sine of the dihedral angles, obtuse ones weighted by 0.7.
-    pub goal: f64,
-    /// Rounds of optimisation at most.
-    pub rounds: usize,
+    /// The box to mesh in: what sticks out is cut off, the cuts are parts named `cap.x_min` and so on. The solid's own box if not given.
+    pub region: Option<Aabb>,
+    /// Tetrahedra are optimised until their angles lie within these bounds (degrees), or nothing helps any more.
+    pub angles: [f64; 2],
+    /// Bytes that the mesher may use at most, by its own estimate.
+    pub memory: u64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { size: 0.1, surface_only: false, goal: 0.36, rounds: 30 }
+        Self { size: 0.1, grade: None, order: 1, surface_only: false, region: None, angles: [21.0, 149.0], memory: 16 << 30 }
     }
 }
 
-/// Meshes the solid, which must lie within the region.
-pub fn mesh(solid: &dyn Solid, region: Aabb, options: &Options) -> Mesh {
-    let trace = std::env::var_os("ISOFORM_TRACE").is_some();
-    let clock = std::time::Instant::now();
-    let say = |what: &str| {
-        if trace {
-            eprintln!("{:8.3} s  {what}", clock.elapsed().as_secs_f64());
+/// Hands-on while it works.
+#[derive(Clone, Copy, Default)]
+pub struct Control<'a> {
+    /// Set from outside to stop.
+    pub cancelled: Option<&'a AtomicBool>,
+    /// The same at a time.
+    pub deadline: Option<Instant>,
+    /// Told of phases, by name.
+    pub progress: Option<&'a (dyn Fn(&str) + Sync)>,
+}
+
+impl std::fmt::Debug for Control<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Control").field("deadline", &self.deadline).finish_non_exhaustive()
+    }
+}
+
+impl Control<'_> {
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.cancelled.is_some_and(|c| c.load(Ordering::Relaxed)) || self.deadline.is_some_and(|d| Instant::now() >= d)
+    }
+    pub(crate) fn phase(&self, name: &str) -> Result<(), MeshError> {
+        if let Some(progress) = self.progress {
+            progress(name);
+        }
+        if self.is_stopped() { Err(MeshError::Stopped) } else { Ok(()) }
+    }
+}
+
+/// Why there is no mesh.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MeshError {
+    /// The solid has no box.
+    #[error(transparent)]
+    Extent(#[from] ExtentError),
+    /// An option has no meaning.
+    #[error("{name} must be {wanted}, not {value}")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// What it must be.
+        wanted: &'static str,
+        /// What it is.
+        value: f64,
+    },
+    /// The mesh would not fit.
+    #[error("a mesh of size {size} takes about {needed} MiB, {allowed} MiB are allowed")]
+    Memory {
+        /// Edge length asked for.
+        size: f64,
+        /// MiB by estimate.
+        needed: u64,
+        /// MiB allowed.
+        allowed: u64,
+    },
+    /// The function is not a number at a place where the mesh needs it.
+    #[error("the function is not a number near ({}, {}, {})", .at[0], .at[1], .at[2])]
+    NotANumber {
+        /// Where.
+        at: Point3,
+    },
+    /// The solid is so thin or small that no lattice point or edge meets it.
+    #[error("nothing of the solid is seen at size {size}")]
+    TooCoarse {
+        /// Edge length asked for.
+        size: f64,
+    },
+    /// Stopped from outside or by time.
+    #[error("stopped")]
+    Stopped,
+}
+
+/// A mesh and how it came about.
+#[derive(Clone, Debug)]
+pub struct Meshed {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// The box that was meshed.
+    pub region: Aabb,
+    /// Whether intervals prove that nothing of the solid lies outside of the box.
+    pub region_certified: bool,
+    /// Names of the caps where the box cuts the solid.
+    pub caps: Vec<String>,
+    /// Places where the solid could not be resolved, with what happened there.
+    pub warnings: Vec<Warning>,
+}
+
+/// A place where the mesh may not follow the solid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Warning {
+    /// What happened.
+    pub message: String,
+    /// Where, as far as there is one place.
+    pub at: Option<Point3>,
+}
+
+/// Meshes a solid: tetrahedra with the labelled surface, or the surface alone.
+///
+/// # Errors
+/// If the solid is empty, unbounded or not a number, if an option has no meaning, the memory does not suffice, or on a stop.
+pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Result<Meshed, MeshError> {
+    check_options(options)?;
+    control.phase("extent")?;
+    let start = options.region.unwrap_or(START);
+    let capped;
+    let (solid, region, region_certified): (&dyn Solid, Aabb, bool) = match options.region {
+        Some(region) => {
+            capped = Capped::new(solid, region);
+            let extent = extent(&capped, start, options.size)?;
+            (&capped, extent.bounds, extent.certified)
+        }
+        None => {
+            let extent = extent(solid, start, options.size)?;
+            (solid, extent.bounds, extent.certified)
         }
     };
-    let lattice = Lattice::new(solid, region, CELL * options.size);
-    say(&format!("lattice {:?}, {} trees", lattice.n, lattice.trees.len()));
+    let cell = CELL * options.size;
+    // Some 12 bytes per cell of the lattice and 400 per tetrahedron near the surface, 60 for others.
+    let needed = (Lattice::cells(region, cell) * 12.0 * 60.0) as u64;
+    if needed > options.memory {
+        return Err(MeshError::Memory { size: options.size, needed: needed >> 20, allowed: options.memory >> 20 });
+    }
+    control.phase("lattice")?;
+    let lattice = Lattice::new(solid, region, cell);
     let surface = Surface { solid, lattice: &lattice, zero: 1e-13 * region.diagonal() };
     let Band { complex, frozen, core, core_points } = Band::new(&lattice, !options.surface_only);
     let band_points = complex.points.len();
-    say(&format!("band of {} tets, core of {}", complex.tets.len(), core.len()));
+    control.phase("features and surface")?;
     let mut cutter = Cutter::new(&surface, complex, frozen);
     cutter.run();
-    say(&format!("cut: {} tets, {:?}", cutter.complex.live().count(), cutter.trouble));
     let inside = cutter.inside();
     let inside = cutter.finish(&inside);
-    say(&format!("inside: {} tets, {} stray faces", inside.complex.tets.len(), inside.stray));
+    if inside.complex.tets.is_empty() && core.is_empty() {
+        return Err(MeshError::TooCoarse { size: options.size });
+    }
     let number = inside.number.clone();
+    control.phase("optimisation")?;
     let mut optimiser = Optimiser::new(&surface, inside);
-    optimiser.run(options.goal, options.rounds);
-    say("optimised");
-    assemble(solid, optimiser, &number, band_points, core, core_points, options)
+    let goal = options.angles[0].to_radians().sin().max(0.7 * options.angles[1].to_radians().sin());
+    optimiser.run(goal, 30);
+    let mesh = assemble(solid, optimiser, &number, band_points, core, core_points, options);
+    let caps = mesh.parts.iter().filter(|p| options.region.is_some() && p.starts_with("cap.")).cloned().collect();
+    Ok(Meshed { mesh, region, region_certified, caps, warnings: Vec::new() })
+}
+
+fn check_options(options: &Options) -> Result<(), MeshError> {
+    let positive = |name, value: f64| {
+        if value > 0.0 && value.is_finite() { Ok(()) } else { Err(MeshError::Option { name, wanted: "a positive number", value }) }
+    };
+    positive("size", options.size)?;
+    if let Some(grade) = options.grade {
+        positive("grade", grade)?;
+    }
+    if !(1..=2).contains(&options.order) {
+        return Err(MeshError::Option { name: "order", wanted: "1 or 2", value: f64::from(options.order) });
+    }
+    Ok(())
 }
 
 fn assemble(
@@ -63,7 +204,7 @@ fn assemble(
     number: &[u32],
     band_points: usize,
     core: Vec<[u32; 4]>,
-    core_points: Vec<isoform_geom::Point3>,
+    core_points: Vec<Point3>,
     options: &Options,
 ) -> Mesh {
     let faces = optimiser.faces();
@@ -90,9 +231,7 @@ fn assemble(
         mesh.points.extend(core_points);
         mesh.tets = complex.live().map(|t| complex.tets[t as usize].map(|v| new[v as usize])).collect();
         mesh.tets.extend(core.iter().map(|t| {
-            t.map(|v| {
-                if (v as usize) < band_points { new[number[v as usize] as usize] } else { v - band_points as u32 + offset }
-            })
+            t.map(|v| if (v as usize) < band_points { new[number[v as usize] as usize] } else { v - band_points as u32 + offset })
         }));
         mesh.tet_regions = vec![0; mesh.tets.len()];
         mesh.regions = vec!["solid".to_owned()];

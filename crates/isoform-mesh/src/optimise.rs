@@ -52,7 +52,8 @@ impl<'s> Optimiser<'s> {
     pub(crate) fn new(surface: &'s Surface<'s>, inside: Inside) -> Self {
         let Inside { complex, frozen, .. } = inside;
         let n = complex.points.len();
-        let mut this = Self { surface, complex, hold: vec![Hold::On(On::default()); n], labels: vec![On::default(); n], scratch: Scratch::default() };
+        let mut this =
+            Self { surface, complex, hold: vec![Hold::On(On::default()); n], labels: vec![On::default(); n], scratch: Scratch::default() };
         this.hold_vertices(&frozen);
         this
     }
@@ -452,7 +453,9 @@ impl<'s> Optimiser<'s> {
         }
         let mut inner = Ring::default();
         self.complex.ring(t, c, d, &mut inner);
-        if !inner.closed || self.complex.tets[t as usize].iter().any(|&v| self.hold[v as usize] == Hold::Fixed && self.labels[v as usize].is_empty()) {
+        if !inner.closed
+            || self.complex.tets[t as usize].iter().any(|&v| self.hold[v as usize] == Hold::Fixed && self.labels[v as usize].is_empty())
+        {
             return None;
         }
         // What the neighbours lose by new faces on the surface.
@@ -605,7 +608,10 @@ impl<'s> Optimiser<'s> {
             return None;
         }
         // A free vertex between two sheets: pulled onto one it must not join them in an edge or face of the surface.
-        if self.labels[u as usize].is_empty() && !self.labels[w as usize].is_empty() && new.iter().any(|v| v.iter().all(|&k| !self.labels[k as usize].is_empty())) {
+        if self.labels[u as usize].is_empty()
+            && !self.labels[w as usize].is_empty()
+            && new.iter().any(|v| v.iter().all(|&k| !self.labels[k as usize].is_empty()))
+        {
             return None;
         }
         // Open faces of the band (towards the lattice beyond) stay: their vertices are fixed, so u is on none.
@@ -741,7 +747,8 @@ impl<'s> Optimiser<'s> {
                     done += usize::from(self.mend(t, round >= 3));
                 }
             }
-            let mut near: Vec<u32> = bad.iter().filter(|b| self.complex.is_there(b.1)).flat_map(|b| self.complex.tets[b.1 as usize]).collect();
+            let mut near: Vec<u32> =
+                bad.iter().filter(|b| self.complex.is_there(b.1)).flat_map(|b| self.complex.tets[b.1 as usize]).collect();
             near.sort_unstable();
             near.dedup();
             let mut wider = near.clone();

@@ -58,7 +58,13 @@ pub(crate) struct Surface<'s> {
 /// g/|∇g|: the distance to first order.
 pub(crate) fn first_order(g: f64, gradient: Point3) -> f64 {
     let n = norm(gradient);
-    if n > 0.0 { g / n } else if g == 0.0 { 0.0 } else { g.signum() * f64::MAX }
+    if n > 0.0 {
+        g / n
+    } else if g == 0.0 {
+        0.0
+    } else {
+        g.signum() * f64::MAX
+    }
 }
 
 impl Surface<'_> {
@@ -188,7 +194,13 @@ impl Surface<'_> {
         let tree = &self.lattice.trees[k as usize - 2].0;
         let inside = |bits: usize| {
             tree.value(&|i| match on.iter().position(|&o| o == i) {
-                Some(at) => if bits >> at & 1 == 1 { 1.0 } else { -1.0 },
+                Some(at) => {
+                    if bits >> at & 1 == 1 {
+                        1.0
+                    } else {
+                        -1.0
+                    }
+                }
                 None => self.distance(i, p).signum() * f64::MAX,
             }) >= 0.0
         };

@@ -1,0 +1,83 @@
+//! A solid cut off at a box.
+
+use isoform_geom::{Aabb, Csg, Point3, Solid};
+use isoform_num::{Interval, Jet2};
+
+/// The intersection of a solid with a box, whose sides are six more pieces named `cap.x_min` to `cap.z_max`.
+pub(crate) struct Capped<'s> {
+    solid: &'s dyn Solid,
+    region: Aabb,
+    /// Pieces of the solid itself.
+    n: u32,
+    names: Vec<String>,
+    tree: Csg,
+}
+
+impl<'s> Capped<'s> {
+    pub(crate) fn new(solid: &'s dyn Solid, region: Aabb) -> Self {
+        let n = solid.names().len() as u32;
+        let sides = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
+        let names = solid.names().iter().cloned().chain(sides.iter().map(|s| format!("cap.{s}"))).collect();
+        let tree = Csg::Min(std::iter::once(solid.tree().clone()).chain((n..n + 6).map(Csg::Piece)).collect());
+        Self { solid, region, n, names, tree }
+    }
+
+    /// The axis of a side, +1 for its lower and −1 for its upper end, and where it stands.
+    fn side(&self, piece: u32) -> Option<(usize, f64, f64)> {
+        let k = piece.checked_sub(self.n)? as usize;
+        let axis = k / 2;
+        Some(if k % 2 == 0 { (axis, 1.0, self.region.lo[axis]) } else { (axis, -1.0, self.region.hi[axis]) })
+    }
+}
+
+impl Solid for Capped<'_> {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+    fn tree(&self) -> &Csg {
+        &self.tree
+    }
+    fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]) {
+        for (&piece, out) in which.iter().zip(out.chunks_mut(points.len().max(1))) {
+            match self.side(piece) {
+                Some((axis, sign, at)) => out.iter_mut().zip(points).for_each(|(v, p)| *v = sign * (p[axis] - at)),
+                None => self.solid.values(&[piece], points, out),
+            }
+        }
+    }
+    fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
+        match self.side(piece) {
+            Some((axis, sign, at)) => (sign * (p[axis] - at), std::array::from_fn(|i| if i == axis { sign } else { 0.0 })),
+            None => self.solid.gradient(piece, p),
+        }
+    }
+    fn jet(&self, piece: u32, p: Point3) -> Jet2 {
+        match self.side(piece) {
+            Some(_) => {
+                let (v, g) = self.gradient(piece, p);
+                Jet2 { v, g, h: [0.0; 6] }
+            }
+            None => self.solid.jet(piece, p),
+        }
+    }
+    fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
+        for (&piece, out) in which.iter().zip(out) {
+            match self.side(piece) {
+                // A difference of two numbers is off by half a unit in the last place: a step outward on each side holds it.
+                Some((axis, sign, at)) => {
+                    let (a, b) = (sign * (region.lo[axis] - at), sign * (region.hi[axis] - at));
+                    *out = Interval::new(a.min(b).next_down(), a.max(b).next_up());
+                }
+                None => self.solid.bounds(&[piece], region, std::slice::from_mut(out)),
+            }
+        }
+    }
+    fn sign_values(&self, points: &[Point3], out: &mut [f64]) {
+        self.solid.sign_values(points, out);
+        for (v, p) in out.iter_mut().zip(points) {
+            for k in self.n..self.n + 6 {
+                *v = v.min(self.gradient(k, *p).0);
+            }
+        }
+    }
+}
