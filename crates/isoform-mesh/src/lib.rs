@@ -11,6 +11,7 @@ mod lattice;
 mod measure;
 mod mesher;
 mod optimise;
+mod second;
 mod surface;
 
 pub use mesher::{Control, MeshError, Meshed, Options, Warning, mesh};

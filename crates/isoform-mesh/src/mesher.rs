@@ -6,6 +6,7 @@ use crate::cut::{Band, Cutter};
 use crate::features::{ExtentError, START, extent};
 use crate::lattice::Lattice;
 use crate::optimise::Optimiser;
+use crate::second::add_middles;
 use crate::surface::Surface;
 use isoform_geom::{Aabb, Curve, Mesh, Point3, Solid, norm};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -179,9 +180,17 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     let mut optimiser = Optimiser::new(&surface, inside);
     let goal = options.angles[0].to_radians().sin().max(0.7 * options.angles[1].to_radians().sin());
     optimiser.run(goal, 30);
-    let mesh = assemble(solid, optimiser, &number, band_points, core, core_points, options);
+    let (mut mesh, pieces) = assemble(solid, optimiser, &number, band_points, core, core_points, options);
+    let mut warnings = Vec::new();
+    if options.order == 2 {
+        control.phase("second order")?;
+        let off = add_middles(&mut mesh, solid, &pieces, surface.zero);
+        warnings.extend(
+            off.into_iter().map(|at| Warning { message: "a mid-edge node could not be brought onto the surface".into(), at: Some(at) }),
+        );
+    }
     let caps = mesh.parts.iter().filter(|p| options.region.is_some() && p.starts_with("cap.")).cloned().collect();
-    Ok(Meshed { mesh, region, region_certified, caps, warnings: Vec::new() })
+    Ok(Meshed { mesh, region, region_certified, caps, warnings })
 }
 
 fn check_options(options: &Options) -> Result<(), MeshError> {
@@ -206,7 +215,7 @@ fn assemble(
     core: Vec<[u32; 4]>,
     core_points: Vec<Point3>,
     options: &Options,
-) -> Mesh {
+) -> (Mesh, Vec<u32>) {
     let faces = optimiser.faces();
     let complex = &optimiser.complex;
     let mut new = vec![NONE; complex.points.len()];
@@ -247,7 +256,7 @@ fn assemble(
     mesh.triangles = faces.iter().map(|(f, _)| f.map(|v| new[v as usize])).collect();
     mesh.triangle_parts = faces.iter().map(|(_, l)| part_of.get(*l as usize).copied().unwrap_or(0)).collect();
     feature_edges(solid, &used, &mut mesh);
-    mesh
+    (mesh, used)
 }
 
 /// Edges between faces of two parts that meet at an angle.

@@ -84,61 +84,9 @@ impl Surface<'_> {
         }
     }
 
-    /// The nearest point where all the pieces vanish: Newton with the least step, to rounding.
+    /// The nearest point where all the pieces vanish.
     pub(crate) fn project(&self, pieces: &[u32], from: Point3) -> Option<Point3> {
-        let mut p = from;
-        let mut last = f64::INFINITY;
-        for _ in 0..30 {
-            let (step, off) = self.newton(pieces, p)?;
-            if off >= last && off <= self.zero {
-                return Some(p);
-            }
-            last = off;
-            p = std::array::from_fn(|i| p[i] - step[i]);
-            if off == 0.0 {
-                return Some(p);
-            }
-        }
-        (last <= self.zero).then_some(p)
-    }
-
-    /// The least step to the linearised pieces, and the largest distance to one of them.
-    fn newton(&self, pieces: &[u32], p: Point3) -> Option<(Point3, f64)> {
-        let mut rows = [([0.0; 3], 0.0); 3];
-        let mut off = 0.0f64;
-        for (row, &piece) in rows.iter_mut().zip(pieces) {
-            let (g, d) = self.solid.gradient(piece, p);
-            let n = norm(d);
-            if !(n > 0.0 && n.is_finite() && g.is_finite()) {
-                return None;
-            }
-            *row = (d.map(|v| v / n), g / n);
-            off = off.max((g / n).abs());
-        }
-        let [(a, u), (b, v), (c, w)] = rows;
-        let step = match pieces.len() {
-            1 => a.map(|x| x * u),
-            2 => {
-                // x = α a + β b with a·x = u, b·x = v.
-                let k = dot(a, b);
-                let det = 1.0 - k * k;
-                if det < 1e-10 {
-                    return None;
-                }
-                let (alpha, beta) = ((u - k * v) / det, (v - k * u) / det);
-                std::array::from_fn(|i| alpha * a[i] + beta * b[i])
-            }
-            3 => {
-                let det = dot(a, cross(b, c));
-                if det.abs() < 1e-8 {
-                    return None;
-                }
-                let (bc, ca, ab) = (cross(b, c), cross(c, a), cross(a, b));
-                std::array::from_fn(|i| (u * bc[i] + v * ca[i] + w * ab[i]) / det)
-            }
-            _ => return None,
-        };
-        Some((step, off))
+        project(self.solid, self.zero, pieces, from)
     }
 
     /// Where the solid's value changes sign between `a` and `b` (values `fa`, `fb` of different signs): the share of the way and the
@@ -215,6 +163,63 @@ impl Surface<'_> {
         let along: Point3 = std::array::from_fn(|i| alpha * n[0][i] + beta * n[1][i]);
         dot(self.solid.gradient(piece, p).1, along)
     }
+}
+
+/// The nearest point where all the pieces vanish: Newton with the least step, to rounding.
+pub(crate) fn project(solid: &dyn Solid, zero: f64, pieces: &[u32], from: Point3) -> Option<Point3> {
+    let mut p = from;
+    let mut last = f64::INFINITY;
+    for _ in 0..30 {
+        let (step, off) = newton(solid, pieces, p)?;
+        if off >= last && off <= zero {
+            return Some(p);
+        }
+        last = off;
+        p = std::array::from_fn(|i| p[i] - step[i]);
+        if off == 0.0 {
+            return Some(p);
+        }
+    }
+    (last <= zero).then_some(p)
+}
+
+/// The least step to the linearised pieces, and the largest distance to one of them.
+fn newton(solid: &dyn Solid, pieces: &[u32], p: Point3) -> Option<(Point3, f64)> {
+    let mut rows = [([0.0; 3], 0.0); 3];
+    let mut off = 0.0f64;
+    for (row, &piece) in rows.iter_mut().zip(pieces) {
+        let (g, d) = solid.gradient(piece, p);
+        let n = norm(d);
+        if !(n > 0.0 && n.is_finite() && g.is_finite()) {
+            return None;
+        }
+        *row = (d.map(|v| v / n), g / n);
+        off = off.max((g / n).abs());
+    }
+    let [(a, u), (b, v), (c, w)] = rows;
+    let step = match pieces.len() {
+        1 => a.map(|x| x * u),
+        2 => {
+            // x = α a + β b with a·x = u, b·x = v.
+            let k = dot(a, b);
+            let det = 1.0 - k * k;
+            if det < 1e-10 {
+                return None;
+            }
+            let (alpha, beta) = ((u - k * v) / det, (v - k * u) / det);
+            std::array::from_fn(|i| alpha * a[i] + beta * b[i])
+        }
+        3 => {
+            let det = dot(a, cross(b, c));
+            if det.abs() < 1e-8 {
+                return None;
+            }
+            let (bc, ca, ab) = (cross(b, c), cross(c, a), cross(a, b));
+            std::array::from_fn(|i| (u * bc[i] + v * ca[i] + w * ab[i]) / det)
+        }
+        _ => return None,
+    };
+    Some((step, off))
 }
 
 /// Sine of the angle below which two pieces count as one smooth surface (half a degree).
