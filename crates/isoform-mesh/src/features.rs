@@ -1,1 +1,5 @@
-//! Feature curves and corners of a solid.
+//! Feature curves and corners of a solid, and its box.
+
+mod extent;
+
+pub use extent::{Extent, ExtentError, START, extent};
