@@ -17,7 +17,7 @@ pub(crate) const LANES: usize = 32;
 #[repr(align(64))]
 pub(crate) struct Lane<const L: usize>(pub(crate) [f64; L]);
 
-type Row = Lane<LANES>;
+pub(crate) type Row = Lane<LANES>;
 const ZERO: Row = Lane([0.0; LANES]);
 
 /// Which derivatives a reverse sweep computes.
@@ -99,6 +99,18 @@ impl<'t> Block<'t> {
     /// Scratch for values only.
     pub(crate) fn values(tape: &'t Tape) -> Self {
         Self { tape, slots: vec![ZERO; tape.slots()], adjoints: Vec::new(), plan: None }.with_constants()
+    }
+
+    /// The same in rows that were used before; [`Block::into_rows`] gives them back.
+    pub(crate) fn values_in(tape: &'t Tape, mut rows: Vec<Row>) -> Self {
+        if rows.len() < tape.slots() {
+            rows.resize(tape.slots(), ZERO);
+        }
+        Self { tape, slots: rows, adjoints: Vec::new(), plan: None }.with_constants()
+    }
+
+    pub(crate) fn into_rows(self) -> Vec<Row> {
+        self.slots
     }
 
     /// Scratch for values and the derivatives of the first result that the plan is for.

@@ -13,6 +13,9 @@ mod native;
 pub mod ops;
 mod residual;
 mod shape;
+mod smooth;
+mod solid;
+mod split;
 mod tape;
 
 pub use graph::{Graph, Node, NodeId};
@@ -21,4 +24,5 @@ pub use library::{Axis, Library, Native};
 pub use ops::{Binary, Direct, Ops, SetOp, Unary};
 pub use residual::{Bound, Residual};
 pub use shape::{Part, Shape};
+pub use solid::{Pieces, RunField, SolidError};
 pub use tape::Tape;

@@ -8,6 +8,7 @@ use crate::graph::{Graph, Node, NodeId};
 use crate::library::Native;
 use crate::ops::{Binary, SetOp, Unary};
 use isoform_num::{Interval, Real};
+use std::collections::{BTreeSet, HashMap};
 
 /// What an operation computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -175,6 +176,13 @@ impl Tape {
         self.roots.iter().map(|&r| scratch[r as usize].clone()).collect()
     }
 
+    /// A range of the first result over a box of inputs.
+    pub(crate) fn range(&self, x: &[Interval], a: &[Interval], scratch: &mut Vec<Interval>) -> Interval {
+        // A native function is an iteration: run on intervals it encloses nothing, so nothing is claimed of it.
+        self.run(x, a, scratch, |_, _| Interval::ALL);
+        scratch[self.roots[0] as usize]
+    }
+
     fn run<R: Real>(&self, x: &[R], a: &[R], s: &mut Vec<R>, native: impl Fn(Native, &[R]) -> R) {
         s.clear();
         s.extend(self.constants.iter().map(|&c| R::constant(c)));
@@ -232,6 +240,55 @@ impl Tape {
         (s[self.roots[0] as usize], decided.then(|| self.simplified(&choices)))
     }
 
+    /// The tape of result `k` alone, with nothing that it does not need.
+    pub(crate) fn result(&self, k: usize) -> Self {
+        let first = self.first_code();
+        let mut need: BTreeSet<u32> = [self.roots[k]].into();
+        let mut pending = vec![self.roots[k]];
+        while let Some(slot) = pending.pop() {
+            if let Some(at) = (slot as usize).checked_sub(first) {
+                pending.extend(self.arguments(&self.code[at]).filter(|&a| need.insert(a)));
+            }
+        }
+        let inputs = self.first_x() as u32..first as u32;
+        let constants: Vec<u32> = need.iter().copied().filter(|&s| s < inputs.start).collect();
+        let mut place: HashMap<u32, u32> = constants.iter().zip(0..).map(|(&s, to)| (s, to)).collect();
+        let n = constants.len() as u32;
+        place.extend(inputs.clone().map(|s| (s, s - inputs.start + n)));
+        let mut tape = Self {
+            n_x: self.n_x,
+            n_params: self.n_params,
+            constants: constants.iter().map(|&s| self.constants[s as usize]).collect(),
+            code: Vec::new(),
+            uniform: 0,
+            natives: Vec::new(),
+            roots: Vec::new(),
+        };
+        for &slot in need.range(inputs.end..) {
+            let (k, at) = (slot as usize - first, |s: u32| place[&s]);
+            let moved = self.moved(&self.code[k], at, &mut tape.natives);
+            place.insert(slot, (tape.first_code() + tape.code.len()) as u32);
+            tape.code.push(moved);
+            tape.uniform += usize::from(k < self.uniform);
+        }
+        tape.roots.push(place[&self.roots[k]]);
+        tape
+    }
+
+    /// An operation of another tape with its arguments found by `at`.
+    fn moved(&self, i: &Instruction, at: impl Fn(u32) -> u32, natives: &mut Vec<(Native, Box<[u32]>)>) -> Instruction {
+        match i.op {
+            Op::Unary(_) | Op::PowI => Instruction { a: at(i.a), ..*i },
+            Op::Binary(_) | Op::Set(_) => Instruction { a: at(i.a), b: at(i.b), ..*i },
+            Op::Select => Instruction { a: at(i.a), b: at(i.b), c: at(i.c), ..*i },
+            Op::Native => {
+                let (f, args) = &self.natives[i.a as usize];
+                natives.push((*f, args.iter().map(|&s| at(s)).collect()));
+                Instruction { a: natives.len() as u32 - 1, ..*i }
+            }
+        }
+    }
+
     fn simplified(&self, choices: &[Choice]) -> Self {
         let first = self.first_code();
         // Where each slot's value is found once decided operations are skipped.
@@ -263,16 +320,7 @@ impl Tape {
                 continue;
             }
             let at = |s: u32| place[same[s as usize] as usize];
-            let moved = match i.op {
-                Op::Unary(_) | Op::PowI => Instruction { a: at(i.a), ..*i },
-                Op::Binary(_) | Op::Set(_) => Instruction { a: at(i.a), b: at(i.b), ..*i },
-                Op::Select => Instruction { a: at(i.a), b: at(i.b), c: at(i.c), ..*i },
-                Op::Native => {
-                    let (f, args) = &self.natives[i.a as usize];
-                    natives.push((*f, args.iter().map(|&s| at(s)).collect()));
-                    Instruction { a: natives.len() as u32 - 1, ..*i }
-                }
-            };
+            let moved = self.moved(i, at, &mut natives);
             place[first + k] = (first + code.len()) as u32;
             code.push(moved);
             uniform += usize::from(k < self.uniform);

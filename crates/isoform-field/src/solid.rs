@@ -1,0 +1,249 @@
+//! A compiled model with fixed parameters as a solid of smooth pieces.
+//!
+//! The parameters are put into the expression before it is split, so that factors have signs and what does not depend on space is
+//! computed once. Each piece has a tape of its own; where many pieces are wanted at once a common tape shares what they share.
+
+use crate::block::{Block, LANES, Row};
+use crate::graph::{Graph, NodeId};
+use crate::hyperfun::{Model, NotCompilable};
+use crate::ops::Ops;
+use crate::split::{Split, SplitError, split};
+use crate::tape::Tape;
+use isoform_geom::{Aabb, Csg, Field, Point3, Solid};
+use isoform_num::{Interval, Jet1, Jet2, Real};
+use std::cell::Cell;
+
+/// Why a model is no solid of pieces.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SolidError {
+    /// The program does not become an expression.
+    #[error("the program is no expression (line {}: {}); it can only be run statement by statement", .0.line, .0.why)]
+    NoExpression(NotCompilable),
+    /// The object does not describe a solid in space.
+    #[error("the model has {found} coordinates, a solid has 3")]
+    Dimension {
+        /// Coordinates of the object.
+        found: usize,
+    },
+    /// There are not as many values as parameters.
+    #[error("{found} values for {expected} parameters")]
+    Parameters {
+        /// Parameters of the model.
+        expected: usize,
+        /// Values given.
+        found: usize,
+    },
+    /// The function's sign is the same everywhere.
+    #[error("the model has no surface: {}", if *.inside { "all of space is inside" } else { "nothing is inside" })]
+    NoSurface {
+        /// Whether all of space is inside.
+        inside: bool,
+    },
+    /// The expression is nested too deeply, or has too many pieces.
+    #[error("the model has too many pieces, or they are nested too deeply")]
+    TooLarge,
+}
+
+impl From<SplitError> for SolidError {
+    fn from(error: SplitError) -> Self {
+        match error {
+            SplitError::Constant { inside } => Self::NoSurface { inside },
+            SplitError::TooLarge => Self::TooLarge,
+        }
+    }
+}
+
+/// A compiled model with fixed parameters, as minima and maxima over smooth pieces.
+///
+/// ```
+/// use isoform_field::{Pieces, hyperfun::{Mode, Model}};
+/// use isoform_geom::Solid;
+///
+/// let text = "my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = min(hfSphere(x, c, a[1]), 0.5 - abs(x[3])); }";
+/// let model = Model::parse(text, Mode::Default)?;
+/// let disc = Pieces::of_model(&model, &[1.0]).expect("an expression");
+/// assert_eq!(disc.names(), ["c", "z_max", "z_min"]);
+/// let (value, gradient) = disc.gradient(1, [0.0, 0.0, 0.25]);
+/// assert_eq!((value, gradient), (0.25, [0.0, 0.0, -1.0]));
+/// # Ok::<(), isoform_field::hyperfun::SyntaxError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Pieces {
+    names: Vec<String>,
+    tree: Csg,
+    each: Vec<Tape>,
+    all: Tape,
+    own: Tape,
+}
+
+impl Pieces {
+    /// The expression `root` of three coordinates, with `a` for its parameters.
+    pub fn new(graph: &Graph, root: NodeId, a: &[f64]) -> Result<Self, SolidError> {
+        let (nx, na) = graph.inputs(root);
+        if nx > 3 {
+            return Err(SolidError::Dimension { found: nx });
+        }
+        if na > a.len() {
+            return Err(SolidError::Parameters { expected: na, found: a.len() });
+        }
+        let mut bound = Graph::new();
+        let x: Vec<NodeId> = (0..3).map(|i| bound.x(i)).collect();
+        let a: Vec<NodeId> = a.iter().map(|&v| bound.constant(v)).collect();
+        let root = graph.rewrite(root, &mut bound, &x, &a, |g, id, name| g.set_name(*id, name));
+        let own = Tape::new(&bound, &[root], 3, 0);
+        let Split { names, pieces, tree } = split(&mut bound, root)?;
+        let all = Tape::new(&bound, &pieces, 3, 0);
+        let each = (0..pieces.len()).map(|k| all.result(k)).collect();
+        Ok(Self { names, tree, each, all, own })
+    }
+
+    /// The model with the values `a` of its parameters. A model without coordinates of its own choice has three.
+    pub fn of_model(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
+        check(model, a)?;
+        let mut graph = Graph::new();
+        let root = model.compile(&mut graph).map_err(SolidError::NoExpression)?;
+        Self::new(&graph, root, a)
+    }
+
+    /// Number of operations of a piece's function: what its evaluation costs.
+    pub fn cost(&self, piece: u32) -> usize {
+        self.each[piece as usize].len()
+    }
+}
+
+fn check(model: &Model, a: &[f64]) -> Result<(), SolidError> {
+    if model.dimension() != 3 {
+        return Err(SolidError::Dimension { found: model.dimension() });
+    }
+    if model.n_params() != a.len() {
+        return Err(SolidError::Parameters { expected: model.n_params(), found: a.len() });
+    }
+    Ok(())
+}
+
+thread_local! {
+    static NUMBERS: Cell<Vec<f64>> = const { Cell::new(Vec::new()) };
+    static SLOPES: Cell<Vec<Jet1<3>>> = const { Cell::new(Vec::new()) };
+    static JETS: Cell<Vec<Jet2>> = const { Cell::new(Vec::new()) };
+    static RANGES: Cell<Vec<Interval>> = const { Cell::new(Vec::new()) };
+    static ROWS: Cell<Vec<Row>> = const { Cell::new(Vec::new()) };
+}
+
+/// Runs with this thread's scratch space. It is taken out meanwhile: another use on the same thread would start with an empty one.
+fn with<T, R>(scratch: &'static std::thread::LocalKey<Cell<Vec<T>>>, run: impl FnOnce(&mut Vec<T>) -> R) -> R {
+    let mut space = scratch.take();
+    let result = run(&mut space);
+    scratch.set(space);
+    result
+}
+
+/// Fewer points than this are cheaper one by one than as a block.
+const FEW: usize = 4;
+
+/// Results of a tape at the points, each pair of a result and the row of `out` that it goes to.
+fn values(tape: &Tape, points: &[Point3], rows: &[(usize, usize)], out: &mut [f64]) {
+    let n = points.len();
+    if n < FEW {
+        return with(&NUMBERS, |scratch| {
+            for (i, p) in points.iter().enumerate() {
+                tape.eval(p, &[], scratch);
+                for &(k, row) in rows {
+                    out[row * n + i] = scratch[tape.roots[k] as usize];
+                }
+            }
+        });
+    }
+    with(&ROWS, |space| {
+        let mut block = Block::values_in(tape, std::mem::take(space));
+        block.bind(&[]);
+        for (c, chunk) in points.chunks(LANES).enumerate() {
+            block.load(chunk);
+            block.forward();
+            for &(k, row) in rows {
+                out[row * n + c * LANES..][..chunk.len()].copy_from_slice(&block.result(k)[..chunk.len()]);
+            }
+        }
+        *space = block.into_rows();
+    });
+}
+
+impl Solid for Pieces {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+    fn tree(&self) -> &Csg {
+        &self.tree
+    }
+    fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]) {
+        if self.all.len() < which.iter().map(|&piece| self.cost(piece)).sum() {
+            let mut rows = vec![Vec::new(); self.each.len()];
+            which.iter().enumerate().for_each(|(row, &piece)| rows[piece as usize].push(row));
+            let rows: Vec<(usize, usize)> = rows.iter().enumerate().flat_map(|(k, rows)| rows.iter().map(move |&row| (k, row))).collect();
+            return values(&self.all, points, &rows, out);
+        }
+        for (row, &piece) in which.iter().enumerate() {
+            values(&self.each[piece as usize], points, &[(0, row)], out);
+        }
+    }
+    fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
+        let x = [Jet1::variable(p[0], 0), Jet1::variable(p[1], 1), Jet1::variable(p[2], 2)];
+        let jet = with(&SLOPES, |scratch| self.each[piece as usize].eval(&x, &[], scratch));
+        (jet.v, jet.g)
+    }
+    fn jet(&self, piece: u32, p: Point3) -> Jet2 {
+        let x = [Jet2::variable(p[0], 0), Jet2::variable(p[1], 1), Jet2::variable(p[2], 2)];
+        with(&JETS, |scratch| self.each[piece as usize].eval(&x, &[], scratch))
+    }
+    fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
+        let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
+        with(&RANGES, |scratch| {
+            for (&piece, out) in which.iter().zip(out) {
+                *out = self.each[piece as usize].range(&x, &[], scratch);
+            }
+        });
+    }
+    fn sign_values(&self, points: &[Point3], out: &mut [f64]) {
+        values(&self.own, points, &[(0, 0)], out);
+    }
+}
+
+/// A program run statement by statement as a function of space, for models that are no expression: a solid of one piece by
+/// [`isoform_geom::OnePiece`]. Some hundred times slower than [`Pieces`]; NaN where the program stops with an error.
+#[derive(Clone, Debug)]
+pub struct RunField {
+    model: Model,
+    a: Vec<f64>,
+}
+
+impl RunField {
+    /// The model with the values `a` of its parameters.
+    pub fn new(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
+        check(model, a)?;
+        Ok(Self { model: model.clone(), a: a.to_vec() })
+    }
+
+    fn run<R: Real + 'static>(&self, points: impl Iterator<Item = [R; 3]>, mut each: impl FnMut(R)) {
+        let a: Vec<R> = self.a.iter().map(|&v| R::constant(v)).collect();
+        let mut evaluator = self.model.evaluator::<R>();
+        for p in points {
+            each(evaluator.eval(&p, &a, &[]).unwrap_or_else(|_| R::constant(f64::NAN)));
+        }
+    }
+}
+
+impl Field for RunField {
+    fn value(&self, p: Point3) -> f64 {
+        let mut out = [0.0];
+        self.values(&[p], &mut out);
+        out[0]
+    }
+    fn jet(&self, p: Point3) -> Jet2 {
+        let mut jet = Jet2::constant(f64::NAN);
+        self.run(std::iter::once(std::array::from_fn(|i| Jet2::variable(p[i], i))), |v| jet = v);
+        jet
+    }
+    fn values(&self, points: &[Point3], out: &mut [f64]) {
+        let mut out = out.iter_mut();
+        self.run(points.iter().copied(), |v| *out.next().expect("as many values as points") = v);
+    }
+}
