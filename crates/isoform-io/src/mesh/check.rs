@@ -1,0 +1,88 @@
+//! Whether a mesh keeps what its fields promise.
+
+use crate::WriteError;
+use isoform_geom::Mesh;
+
+/// Refuses lengths that do not match, indices that point nowhere, and coordinates that are not finite. Writers rely on it.
+pub(super) fn check(mesh: &Mesh, file: &str) -> Result<(), WriteError> {
+    match complaint(mesh) {
+        None => Ok(()),
+        Some(why) => Err(WriteError {
+            code: "bad-mesh",
+            what: "cannot write the mesh",
+            file: file.into(),
+            why,
+            hint: "this is a fault of the program that made the mesh; tell its authors",
+        }),
+    }
+}
+
+fn complaint(mesh: &Mesh) -> Option<String> {
+    let m = mesh;
+    let n = m.points.len();
+    if n > u32::MAX as usize - 1 {
+        return Some(format!("{n} nodes are more than 32-bit indices can number"));
+    }
+    if let Some(i) = m.points.iter().position(|p| !p.iter().all(|v| v.is_finite())) {
+        return Some(format!("node {i} is at {:?}", m.points[i]));
+    }
+    let lengths = [
+        ("mid nodes of triangles", m.triangle_mids.len(), m.triangles.len()),
+        ("parts of triangles", m.triangle_parts.len(), m.triangles.len()),
+        ("mid nodes of tetrahedra", m.tet_mids.len(), m.tets.len()),
+        ("regions of tetrahedra", m.tet_regions.len(), m.tets.len()),
+        ("mid nodes of edges", m.edge_mids.len(), m.edges.len()),
+        ("curves of edges", m.edge_curves.len(), m.edges.len()),
+    ];
+    if let Some((what, got, want)) = lengths.iter().find(|(_, got, want)| *got != 0 && got != want) {
+        return Some(format!("there are {got} {what} where {want} are needed"));
+    }
+    let nodes = [
+        ("triangle", highest(&m.triangles)),
+        ("mid node of a triangle", highest(&m.triangle_mids)),
+        ("tetrahedron", highest(&m.tets)),
+        ("mid node of a tetrahedron", highest(&m.tet_mids)),
+        ("edge", highest(&m.edges)),
+        ("mid node of an edge", m.edge_mids.iter().max().copied()),
+        ("corner", m.corners.iter().max().copied()),
+    ];
+    if let Some((what, Some(i))) = nodes.iter().find(|(_, high)| high.is_some_and(|i| i as usize >= n)) {
+        return Some(format!("a {what} uses node {i} of {n}"));
+    }
+    let labels = [
+        ("part", &m.triangle_parts, m.parts.len()),
+        ("region", &m.tet_regions, m.regions.len()),
+        ("curve", &m.edge_curves, m.curves.len()),
+    ];
+    labels.iter().find_map(|(what, labels, n)| {
+        let high = labels.iter().max().filter(|i| **i as usize >= *n)?;
+        Some(format!("an element lies on {what} {high} of {n}"))
+    })
+}
+
+fn highest<const N: usize>(cells: &[[u32; N]]) -> Option<u32> {
+    cells.iter().flatten().max().copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn says_what_is_wrong() {
+        let mesh = Mesh::from_triangles(vec![[0.0; 3]; 3], vec![[0, 1, 2]]);
+        assert_eq!(complaint(&mesh), None);
+        let wrong = |change: fn(&mut Mesh)| {
+            let mut mesh = mesh.clone();
+            change(&mut mesh);
+            let e = check(&mesh, "t.msh").expect_err("wrong");
+            assert_eq!(e.code, "bad-mesh");
+            e.why
+        };
+        assert_eq!(wrong(|m| m.triangles[0][1] = 3), "a triangle uses node 3 of 3");
+        assert_eq!(wrong(|m| m.triangle_parts = vec![0]), "an element lies on part 0 of 0");
+        assert_eq!(wrong(|m| m.corners = vec![9]), "a corner uses node 9 of 3");
+        assert_eq!(wrong(|m| m.triangle_mids = vec![[0; 3]; 2]), "there are 2 mid nodes of triangles where 1 are needed");
+        assert!(wrong(|m| m.points[1][2] = f64::NAN).starts_with("node 1 is at"));
+    }
+}

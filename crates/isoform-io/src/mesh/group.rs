@@ -1,0 +1,151 @@
+//! Elements by label, and names that a format can hold.
+
+use isoform_geom::Mesh;
+use std::collections::HashSet;
+
+/// Elements of every group, each in the order of the mesh.
+pub(super) struct Groups {
+    /// First of each group in `items`, and the end.
+    start: Vec<usize>,
+    items: Vec<u32>,
+}
+
+impl Groups {
+    /// Sorts `n` elements into `count` groups; elements without labels are one group.
+    pub(super) fn new(labels: &[u32], count: usize, n: usize) -> Self {
+        if labels.is_empty() && n > 0 {
+            return Self { start: vec![0, n], items: (0..n as u32).collect() };
+        }
+        let mut start = vec![0; count + 1];
+        for &l in labels {
+            start[l as usize + 1] += 1;
+        }
+        for i in 0..count {
+            start[i + 1] += start[i];
+        }
+        let mut next = start.clone();
+        let mut items = vec![0; n];
+        for (i, &l) in labels.iter().enumerate() {
+            items[next[l as usize]] = i as u32;
+            next[l as usize] += 1;
+        }
+        Self { start, items }
+    }
+    /// Triangles by part.
+    pub(super) fn parts(mesh: &Mesh) -> Self {
+        Self::new(&mesh.triangle_parts, mesh.parts.len(), mesh.triangles.len())
+    }
+    /// Tetrahedra by region.
+    pub(super) fn regions(mesh: &Mesh) -> Self {
+        Self::new(&mesh.tet_regions, mesh.regions.len(), mesh.tets.len())
+    }
+    /// Edges by curve.
+    pub(super) fn curves(mesh: &Mesh) -> Self {
+        Self::new(&mesh.edge_curves, mesh.curves.len(), mesh.edges.len())
+    }
+    /// Number of groups.
+    pub(super) fn len(&self) -> usize {
+        self.start.len() - 1
+    }
+    /// Elements of a group.
+    pub(super) fn of(&self, group: usize) -> &[u32] {
+        &self.items[self.start[group]..self.start[group + 1]]
+    }
+    /// Numbers and elements of the groups that have some.
+    pub(super) fn filled(&self) -> impl Iterator<Item = (usize, &[u32])> {
+        (0..self.len()).map(|g| (g, self.of(g))).filter(|(_, e)| !e.is_empty())
+    }
+}
+
+/// Nodes of a triangle, mid nodes behind the corners.
+pub(super) fn triangle(mesh: &Mesh, i: usize) -> ([u32; 6], usize) {
+    let mut nodes = [0; 6];
+    nodes[..3].copy_from_slice(&mesh.triangles[i]);
+    match mesh.triangle_mids.get(i) {
+        None => (nodes, 3),
+        Some(mids) => {
+            nodes[3..].copy_from_slice(mids);
+            (nodes, 6)
+        }
+    }
+}
+
+/// Nodes of a tetrahedron, mid nodes behind the corners.
+pub(super) fn tet(mesh: &Mesh, i: usize) -> ([u32; 10], usize) {
+    let mut nodes = [0; 10];
+    nodes[..4].copy_from_slice(&mesh.tets[i]);
+    match mesh.tet_mids.get(i) {
+        None => (nodes, 4),
+        Some(mids) => {
+            nodes[4..].copy_from_slice(mids);
+            (nodes, 10)
+        }
+    }
+}
+
+/// Nodes of an edge, the mid node behind the ends.
+pub(super) fn edge(mesh: &Mesh, i: usize) -> ([u32; 3], usize) {
+    let [a, b] = mesh.edges[i];
+    match mesh.edge_mids.get(i) {
+        None => ([a, b, 0], 2),
+        Some(&mid) => ([a, b, mid], 3),
+    }
+}
+
+/// Hands out names that differ, each made fit by a function first.
+pub(super) struct Names {
+    plain: fn(&str) -> String,
+    /// Longest name, in bytes.
+    longest: usize,
+    taken: HashSet<String>,
+}
+
+impl Names {
+    pub(super) fn new(longest: usize, plain: fn(&str) -> String) -> Self {
+        Self { plain, longest, taken: HashSet::new() }
+    }
+    /// The name made fit; where it is taken, with a number behind it.
+    pub(super) fn give(&mut self, name: &str, empty: &str) -> String {
+        let plain = (self.plain)(if name.trim().is_empty() { empty } else { name });
+        let mut given = cut(&plain, self.longest).to_owned();
+        let mut number = 1;
+        while self.taken.contains(&given) {
+            number += 1;
+            let tail = format!("_{number}");
+            given = cut(&plain, self.longest - tail.len()).to_owned() + &tail;
+        }
+        self.taken.insert(given.clone());
+        given
+    }
+}
+
+/// The longest beginning of at most `n` bytes.
+fn cut(text: &str, n: usize) -> &str {
+    let mut end = n.min(text.len());
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    &text[..end]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_keep_the_order() {
+        let groups = Groups::new(&[2, 0, 2, 2, 0], 4, 5);
+        assert_eq!(groups.len(), 4);
+        assert_eq!([groups.of(0), groups.of(1), groups.of(2), groups.of(3)], [&[1, 4][..], &[], &[0, 2, 3], &[]]);
+        assert_eq!(groups.filled().map(|(g, _)| g).collect::<Vec<_>>(), [0, 2]);
+        assert_eq!(Groups::new(&[], 0, 2).of(0), [0, 1]);
+        assert_eq!(Groups::new(&[], 0, 0).len(), 0);
+    }
+
+    #[test]
+    fn names_differ() {
+        let mut names = Names::new(6, |n| n.to_uppercase());
+        let given = ["top", "Top", "", "", "abcdefgh", "abcdefxx"].map(|n| names.give(n, "part"));
+        assert_eq!(given, ["TOP", "TOP_2", "PART", "PART_2", "ABCDEF", "ABCD_2"]);
+    }
+}

@@ -1,0 +1,144 @@
+//! Abaqus and CalculiX .inp: nodes, elements, sets and surfaces, no step; both ways.
+//!
+//! Tetrahedra are C3D4 or C3D10 with a set of elements per region; each part is a set of nodes and a surface of element faces of the same
+//! name; each curve a set of nodes. A mesh without tetrahedra becomes shells, S3 or S6, with a set of elements per part. Names are in
+//! capitals, of letters, digits and `_`, at most 80; numbers have at most 20 characters, of which CalculiX reads no more.
+
+use super::MeshWriteOptions;
+use super::boundary::faces_of_triangles;
+use super::group::{Groups, Names, edge, tet, triangle};
+use super::number::Out;
+use crate::registry::Sniff;
+use isoform_geom::Mesh;
+use std::io::{self, Write};
+
+/// Longest name that CalculiX takes.
+const LONGEST_NAME: usize = 80;
+/// Characters of a number that CalculiX reads.
+const NUMBER: usize = 20;
+/// Numbers on a line of a set.
+const PER_LINE: usize = 16;
+/// Name in Abaqus and CalculiX of the face opposite to each corner.
+const FACE: [u8; 4] = [3, 4, 2, 1];
+
+#[expect(dead_code, reason = "the readers come next")]
+pub(super) fn sniff(head: &[u8]) -> Sniff {
+    let text = String::from_utf8_lossy(head).to_ascii_uppercase();
+    let keyword = |k: &str| text.lines().any(|l| l.strip_prefix(k).is_some_and(|r| r.is_empty() || r.starts_with([',', ' ', '\r'])));
+    if keyword("*NODE") || keyword("*HEADING") && keyword("*PART") { Sniff::Yes } else { Sniff::No }
+}
+
+/// Capitals, digits and single `_`, starting with a letter.
+fn plain(name: &str) -> String {
+    let mut name: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_uppercase() } else { '_' }).collect();
+    while name.contains("__") {
+        name = name.replace("__", "_");
+    }
+    if !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
+        name.insert(0, 'N');
+    }
+    name
+}
+
+pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+    let mut out = Out::new(out);
+    out.str("** mesh written by isoform").line()?;
+    if let Some(units) = &options.units {
+        out.str("** units: ").str(&units.replace(['\n', '\r'], " ")).line()?;
+    }
+    out.str("*NODE").line()?;
+    for (i, p) in mesh.points.iter().enumerate() {
+        out.int(i + 1);
+        p.iter().for_each(|&v| {
+            out.str(", ").narrow(v, NUMBER);
+        });
+        out.line()?;
+    }
+    let mut names = Names::new(LONGEST_NAME, plain);
+    let mut name = |given: Option<&String>, empty: &str| names.give(given.map_or(empty, |n| n), empty);
+    let parts = Groups::parts(mesh);
+    let part_names: Vec<String> = (0..parts.len()).map(|i| name(mesh.parts.get(i), "SURFACE")).collect();
+    let curves = Groups::curves(mesh);
+    let curve_names: Vec<String> = (0..curves.len()).map(|i| name(mesh.curves.get(i).map(|c| &c.name), "CURVES")).collect();
+    let corner_name = name(None, "CORNERS");
+    if mesh.tets.is_empty() {
+        let kind = if mesh.triangle_mids.is_empty() { "S3" } else { "S6" };
+        for (i, elements) in parts.filled() {
+            elements_head(&mut out, kind, &part_names[i])?;
+            for &e in elements {
+                let (nodes, n) = triangle(mesh, e as usize);
+                element(&mut out, e, &nodes[..n])?;
+            }
+        }
+    } else {
+        let kind = if mesh.tet_mids.is_empty() { "C3D4" } else { "C3D10" };
+        let regions = Groups::regions(mesh);
+        for (i, elements) in regions.filled() {
+            elements_head(&mut out, kind, &name(mesh.regions.get(i), "SOLID"))?;
+            for &e in elements {
+                let (nodes, n) = tet(mesh, e as usize);
+                element(&mut out, e, &nodes[..n])?;
+            }
+        }
+    }
+    for (i, elements) in parts.filled() {
+        node_set(&mut out, &part_names[i], elements, |e| triangle(mesh, e))?;
+    }
+    for (i, elements) in curves.filled() {
+        node_set(&mut out, &curve_names[i], elements, |e| edge(mesh, e))?;
+    }
+    if !mesh.corners.is_empty() {
+        node_set(&mut out, &corner_name, &mesh.corners, |c| ([c as u32], 1))?;
+    }
+    if !mesh.tets.is_empty() {
+        surfaces(mesh, &parts, &part_names, &mut out)?;
+    }
+    out.flush()
+}
+
+fn elements_head(out: &mut Out<'_>, kind: &str, set: &str) -> io::Result<()> {
+    out.str("*ELEMENT, TYPE=").str(kind).str(", ELSET=").str(set).line()
+}
+
+fn element(out: &mut Out<'_>, number: u32, nodes: &[u32]) -> io::Result<()> {
+    out.int(number + 1);
+    nodes.iter().for_each(|&n| {
+        out.str(", ").int(n + 1);
+    });
+    out.line()
+}
+
+/// The nodes of elements, each once, ascending.
+fn node_set<const N: usize>(out: &mut Out<'_>, name: &str, elements: &[u32], nodes: impl Fn(usize) -> ([u32; N], usize)) -> io::Result<()> {
+    let mut all: Vec<u32> = Vec::with_capacity(N * elements.len());
+    for &e in elements {
+        let (nodes, n) = nodes(e as usize);
+        all.extend_from_slice(&nodes[..n]);
+    }
+    all.sort_unstable();
+    all.dedup();
+    out.str("*NSET, NSET=").str(name).line()?;
+    for line in all.chunks(PER_LINE) {
+        for (i, &n) in line.iter().enumerate() {
+            out.str(if i == 0 { "" } else { ", " }).int(n + 1);
+        }
+        out.line()?;
+    }
+    Ok(())
+}
+
+/// A surface of element faces for each part; triangles that are on no tetrahedron are left out.
+fn surfaces(mesh: &Mesh, parts: &Groups, names: &[String], out: &mut Out<'_>) -> io::Result<()> {
+    let faces = faces_of_triangles(mesh);
+    for (i, triangles) in parts.filled() {
+        let mut on_tets = triangles.iter().filter_map(|&t| faces[t as usize]).peekable();
+        if on_tets.peek().is_none() {
+            continue;
+        }
+        out.str("*SURFACE, NAME=").str(&names[i]).str(", TYPE=ELEMENT").line()?;
+        for (tet, face) in on_tets {
+            out.int(tet + 1).str(", S").int(FACE[face as usize]).line()?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,82 @@
+//! Gmsh .msh: 4.1 as text and binary, 2.2 as text, both ways (Gmsh reference manual, "File formats").
+//!
+//! Parts, curves and regions are entities and physical groups of dimension 2, 1 and 3 with the same tag, from 1; corners are points in one
+//! physical group. Nodes and elements are numbered in the order of the mesh, so that reading gives the same order again.
+
+mod write2;
+mod write4;
+
+pub(super) use write2::write as write2;
+pub(super) use write4::write;
+
+use super::group::Names;
+use super::number::Out;
+use crate::registry::Sniff;
+use isoform_geom::Mesh;
+use std::io;
+
+/// Longest name that Gmsh keeps.
+const LONGEST_NAME: usize = 127;
+/// Name of the physical group of the corners.
+const CORNERS: &str = "corners";
+/// Gmsh swaps the last two mid nodes of a tetrahedron: place of our node in its order, and the other way round.
+const TET10: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
+
+#[expect(dead_code, reason = "the readers come next")]
+pub(super) fn sniff(head: &[u8]) -> Sniff {
+    if head.starts_with(b"$MeshFormat") { Sniff::Yes } else { Sniff::No }
+}
+
+/// Names of the groups by dimension, all different: Gmsh's readers often know groups by name alone.
+struct Physical {
+    names: [Vec<String>; 4],
+}
+
+impl Physical {
+    fn of(mesh: &Mesh) -> Self {
+        let mut names = Names::new(LONGEST_NAME, |n| n.chars().map(|c| if c == '"' || c.is_control() { '\'' } else { c }).collect());
+        let labelled = |labels: &[u32], given: Vec<String>| if labels.is_empty() { Vec::new() } else { given };
+        let parts = mesh.parts.iter().map(|n| names.give(n, "part")).collect();
+        let curves = mesh.curves.iter().map(|c| names.give(&c.name, "curve")).collect();
+        let regions = mesh.regions.iter().map(|n| names.give(n, "region")).collect();
+        let corners = mesh.corners.first().map(|_| names.give(CORNERS, CORNERS));
+        Self {
+            names: [
+                corners.into_iter().collect(),
+                labelled(&mesh.edge_curves, curves),
+                labelled(&mesh.triangle_parts, parts),
+                labelled(&mesh.tet_regions, regions),
+            ],
+        }
+    }
+    fn write(&self, out: &mut Out<'_>) -> io::Result<()> {
+        let count: usize = self.names.iter().map(Vec::len).sum();
+        if count == 0 {
+            return Ok(());
+        }
+        out.str("$PhysicalNames\n").int(count).line()?;
+        for (dim, names) in self.names.iter().enumerate() {
+            for (i, name) in names.iter().enumerate() {
+                out.int(dim).str(" ").int(i + 1).str(" \"").str(name).str("\"").line()?;
+            }
+        }
+        out.str("$EndPhysicalNames").line()
+    }
+    /// Whether elements of a dimension are in groups.
+    fn has(&self, dim: usize) -> bool {
+        !self.names[dim].is_empty()
+    }
+}
+
+/// Gmsh's number of an element of a dimension with that many nodes.
+fn element_type(dim: usize, nodes: usize) -> i32 {
+    match (dim, nodes) {
+        (0, _) => 15,
+        (1, 2) => 1,
+        (1, _) => 8,
+        (2, 3) => 2,
+        (2, _) => 9,
+        (_, 4) => 4,
+        _ => 11,
+    }
+}

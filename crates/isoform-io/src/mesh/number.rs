@@ -1,0 +1,141 @@
+//! Text and bytes by the block: numbers without an allocation each.
+
+use std::io::{self, Write};
+
+/// Bytes that are gathered before they go out.
+const BLOCK: usize = 1 << 16;
+
+/// A sink for lines of text or rows of bytes. What is put in is gathered; [`Out::end`] passes full blocks on.
+pub(super) struct Out<'o> {
+    out: &'o mut dyn Write,
+    buffer: Vec<u8>,
+}
+
+impl<'o> Out<'o> {
+    pub(super) fn new(out: &'o mut dyn Write) -> Self {
+        Self { out, buffer: Vec::with_capacity(2 * BLOCK) }
+    }
+    pub(super) fn str(&mut self, text: &str) -> &mut Self {
+        self.buffer.extend_from_slice(text.as_bytes());
+        self
+    }
+    pub(super) fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
+        self.buffer.extend_from_slice(bytes);
+        self
+    }
+    pub(super) fn int(&mut self, v: impl itoa::Integer) -> &mut Self {
+        self.buffer.extend_from_slice(itoa::Buffer::new().format(v).as_bytes());
+        self
+    }
+    /// The shortest text that reads back as the same double.
+    pub(super) fn float(&mut self, v: f64) -> &mut Self {
+        self.buffer.extend_from_slice(zmij::Buffer::new().format(v).as_bytes());
+        self
+    }
+    /// As many digits as fit, at most those of [`Out::float`].
+    pub(super) fn narrow(&mut self, v: f64, width: usize) -> &mut Self {
+        narrow(v, width, &mut self.buffer);
+        self
+    }
+    /// Fills up with blanks to a column of the text since `start` (a length told by [`Out::mark`]).
+    pub(super) fn pad(&mut self, start: usize, width: usize) -> &mut Self {
+        let to = (start + width).max(self.buffer.len());
+        self.buffer.resize(to, b' ');
+        self
+    }
+    /// Where the next byte goes, until [`Out::end`].
+    pub(super) fn mark(&self) -> usize {
+        self.buffer.len()
+    }
+    /// End of a row: passes a full block on.
+    pub(super) fn end(&mut self) -> io::Result<()> {
+        if self.buffer.len() >= BLOCK {
+            self.flush()?;
+        }
+        Ok(())
+    }
+    /// End of a line.
+    pub(super) fn line(&mut self) -> io::Result<()> {
+        self.buffer.push(b'\n');
+        self.end()
+    }
+    /// Passes everything on; the last call of a writer.
+    pub(super) fn flush(&mut self) -> io::Result<()> {
+        self.out.write_all(&self.buffer)?;
+        self.buffer.clear();
+        Ok(())
+    }
+}
+
+/// A number in at most `width` ≥ 12 characters, always with a point: the shortest text that reads back the same if it fits, else rounded.
+///
+/// A leading zero before the point goes first: it is no digit, and Fortran and C read the number without it.
+pub(super) fn narrow(v: f64, width: usize, text: &mut Vec<u8>) {
+    let start = text.len();
+    text.extend_from_slice(zmij::Buffer::new().format(v).as_bytes());
+    tidy(text, start, width);
+    if text.len() - start <= width {
+        return;
+    }
+    let exponent = v.abs().log10().floor() as i32;
+    let plain = (-2..width as i32 - 3).contains(&exponent);
+    // What sign, digits before the point, point and exponent leave, and one more for a floor that rounding has put too low.
+    let mut digits = width - 1 - if plain { exponent.max(0) as usize } else { 3 };
+    while text.len() - start > width {
+        text.truncate(start);
+        let done = if plain { write!(text, "{v:.digits$}") } else { write!(text, "{v:.digits$e}") };
+        done.expect("memory takes all");
+        tidy(text, start, width);
+        digits -= 1;
+    }
+}
+
+/// A point where there is none, and no zero before it where that saves the day.
+fn tidy(text: &mut Vec<u8>, start: usize, width: usize) {
+    if !text[start..].contains(&b'.') {
+        let at = text[start..].iter().position(|&b| b == b'e').map_or(text.len(), |e| start + e);
+        text.insert(at, b'.');
+    }
+    let digits = start + usize::from(text[start] == b'-');
+    if text.len() - start > width && text[digits] == b'0' && text[digits + 1] == b'.' {
+        text.remove(digits);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn narrowed(v: f64, width: usize) -> String {
+        let mut text = b"x".to_vec();
+        narrow(v, width, &mut text);
+        String::from_utf8(text.split_off(1)).expect("ASCII")
+    }
+
+    #[test]
+    fn examples() {
+        assert_eq!(narrowed(0.0, 20), "0.0");
+        assert_eq!(narrowed(1e16, 20), "1.e+16");
+        assert_eq!(narrowed(-0.123_456_789_012_345_67, 20), "-0.12345678901234568");
+        assert_eq!(narrowed(-0.012_345_678_901_234_567, 20), "-.012345678901234567");
+        assert_eq!(narrowed(1.0 / 3.0, 16), ".333333333333333");
+        assert_eq!(narrowed(-1.0 / 3e-5, 16), "-33333.333333333");
+        assert_eq!(narrowed(-f64::MIN_POSITIVE, 12), "-2.22507e-308");
+    }
+
+    proptest! {
+        #[test]
+        fn fits_and_reads_back(v in prop::num::f64::NORMAL | prop::num::f64::ZERO, small in -1e3..1e3_f64) {
+            for v in [v, small, small * 1e-3] {
+                for (width, accuracy) in [(20, 1e-11), (16, 1e-7)] {
+                    let text = narrowed(v, width);
+                    prop_assert!(text.len() <= width && text.contains('.'), "{text}");
+                    let again: f64 = text.parse().expect("a number");
+                    prop_assert!((again - v).abs() <= accuracy * v.abs() || !again.is_finite(), "{v:e} {text}");
+                }
+                prop_assert_eq!(narrowed(v, 30).parse::<f64>().expect("a number").to_bits(), v.to_bits());
+            }
+        }
+    }
+}

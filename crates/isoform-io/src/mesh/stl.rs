@@ -1,0 +1,66 @@
+//! STL: binary in 32 bits, or ASCII in full with a solid per part.
+
+use super::MeshWriteOptions;
+use super::group::Groups;
+use super::number::Out;
+use isoform_geom::{Mesh, Point3, cross, norm, sub};
+use std::io::{self, Write};
+
+/// Outward normal of length 1, zero for a triangle without one.
+fn normal(mesh: &Mesh, t: [u32; 3]) -> Point3 {
+    let [a, b, c] = t.map(|n| mesh.points[n as usize]);
+    let n = cross(sub(b, a), sub(c, a));
+    let length = norm(n);
+    if length > 0.0 && length.is_finite() { n.map(|v| v / length) } else { [0.0; 3] }
+}
+
+pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+    let mut out = Out::new(out);
+    let units = options.units.as_deref().map(|u| format!(" units: {u}")).unwrap_or_default();
+    if options.ascii == Some(true) {
+        return write_ascii(mesh, &mut out, &units);
+    }
+    let count = u32::try_from(mesh.triangles.len()).map_err(|_| io::Error::other("STL holds at most 4294967295 triangles"))?;
+    // Not "solid", which would look like the ASCII form.
+    let mut head: Vec<u8> = format!("isoform binary STL{units}").bytes().map(|b| if b.is_ascii_graphic() { b } else { b' ' }).collect();
+    head.resize(80, b' ');
+    out.bytes(&head).bytes(&count.to_le_bytes());
+    for &t in &mesh.triangles {
+        let corners = t.map(|n| mesh.points[n as usize]);
+        for v in normal(mesh, t).iter().chain(corners.iter().flatten()) {
+            out.bytes(&(*v as f32).to_le_bytes());
+        }
+        out.bytes(&[0; 2]).end()?;
+    }
+    out.flush()
+}
+
+fn write_ascii(mesh: &Mesh, out: &mut Out<'_>, units: &str) -> io::Result<()> {
+    let plain = |name: &str| name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>();
+    let units = plain(units);
+    let parts = Groups::parts(mesh);
+    for (i, triangles) in parts.filled() {
+        let name = plain(mesh.parts.get(i).filter(|_| !mesh.triangle_parts.is_empty()).map_or("surface", |n| n));
+        out.str("solid ").str(&name).str(&units).line()?;
+        for &t in triangles {
+            let t = mesh.triangles[t as usize];
+            out.str("facet normal");
+            normal(mesh, t).iter().for_each(|&v| {
+                out.str(" ").float(v);
+            });
+            out.str("\nouter loop");
+            for n in t {
+                out.str("\nvertex");
+                mesh.points[n as usize].iter().for_each(|&v| {
+                    out.str(" ").float(v);
+                });
+            }
+            out.str("\nendloop\nendfacet").line()?;
+        }
+        out.str("endsolid ").str(&name).line()?;
+    }
+    if mesh.triangles.is_empty() {
+        out.str("solid empty\nendsolid empty").line()?;
+    }
+    out.flush()
+}
