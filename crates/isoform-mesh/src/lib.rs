@@ -11,6 +11,7 @@ mod lattice;
 mod measure;
 mod mesher;
 mod optimise;
+pub mod quality;
 mod second;
 mod surface;
 

@@ -1,0 +1,99 @@
+//! What is found, and where.
+
+use isoform_geom::Point3;
+
+/// Where something is found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Place {
+    /// A point of it.
+    pub at: Point3,
+    /// The nodes that it is made of.
+    pub nodes: Vec<u32>,
+    /// The elements that have it: triangles or tetrahedra, as the kind says.
+    pub elements: Vec<u32>,
+    /// The measured value where the kind has one, else 0.
+    pub value: f64,
+}
+
+/// All findings of one kind: how many, and where the first (or worst) of them are.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Defects {
+    /// How many there are.
+    pub count: usize,
+    /// Places of some of them, no more than [`Options::places`](super::Options::places); in the order of the mesh.
+    pub places: Vec<Place>,
+}
+
+impl Defects {
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+    /// Counts one, and keeps its place while there is room.
+    pub(super) fn add(&mut self, room: usize, place: impl FnOnce() -> Place) {
+        self.count += 1;
+        if self.places.len() < room {
+            self.places.push(place());
+        }
+    }
+    /// Joins those of a later part of the mesh.
+    pub(super) fn append(&mut self, room: usize, later: Self) {
+        self.count += later.count;
+        let free = room.saturating_sub(self.places.len());
+        self.places.extend(later.places.into_iter().take(free));
+    }
+}
+
+/// The `room` items with the lowest values; equal ones by index.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Lowest {
+    pub(super) items: Vec<(f64, u32)>,
+}
+
+impl Lowest {
+    /// Takes the item up where it belongs among them. NaN counts as the lowest.
+    pub(super) fn add(&mut self, room: usize, value: f64, index: u32) {
+        let value = if value.is_nan() { f64::NEG_INFINITY } else { value };
+        if self.items.len() == room && self.items.last().is_none_or(|last| value >= last.0) {
+            return;
+        }
+        let at = self.items.partition_point(|item| item.0 <= value);
+        self.items.insert(at, (value, index));
+        self.items.truncate(room);
+    }
+    /// Joins those of a later part of the mesh.
+    pub(super) fn append(&mut self, room: usize, later: Self) {
+        for (value, index) in later.items {
+            self.add(room, value, index);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_go_on_when_places_are_full() {
+        let mut a = Defects::default();
+        for i in 0..5 {
+            a.add(2, || Place { value: f64::from(i), ..Place::default() });
+        }
+        let mut b = Defects::default();
+        b.add(2, Place::default);
+        b.append(2, a);
+        assert_eq!((b.count, b.places.len(), b.places[1].value), (6, 2, 0.0));
+    }
+
+    #[test]
+    fn lowest_are_kept_in_order() {
+        let mut low = Lowest::default();
+        for (i, v) in [3.0, 1.0, 2.0, 1.0, 0.5, f64::NAN].into_iter().enumerate() {
+            low.add(3, v, i as u32);
+        }
+        assert_eq!(low.items, [(f64::NEG_INFINITY, 5), (0.5, 4), (1.0, 1)]);
+        let mut none = Lowest::default();
+        none.add(0, 1.0, 0);
+        assert!(none.items.is_empty());
+    }
+}

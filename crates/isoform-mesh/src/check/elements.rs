@@ -1,0 +1,395 @@
+//! The shape of the elements: angles, ratios, lengths, and the Jacobian of curved tetrahedra.
+
+use super::defects::Lowest;
+use super::stars::blocks;
+use super::{Defects, Options, Place};
+use crate::quality::{OBTUSE_WEIGHT, Shape, cosines, degrees, sines, triangle_cosines};
+use isoform_geom::{Mesh, Point3, TET_EDGES, cross, distance_squared, dot, norm, sub};
+use rayon::prelude::*;
+
+/// Elements per task.
+const TASK: usize = 4096;
+/// A mid node is in the middle of its edge if it is nearer to it than this share of the edge. It only saves time: a straight
+/// tetrahedron's Jacobian is constant, and so it is within the same share for those taken to be straight.
+const STRAIGHT: f64 = 1e-12;
+/// Where the Jacobian is sampled: (λ₁, λ₂, λ₃) of the corners, the middles of the edges, and the centre.
+#[rustfmt::skip]
+const SAMPLES: [Point3; 11] = [
+    [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0],
+    [0.5, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5], [0.5, 0.0, 0.5], [0.0, 0.5, 0.5],
+    [0.25, 0.25, 0.25],
+];
+
+/// Edge lengths; each edge counts once for every element that has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lengths {
+    /// Shortest.
+    pub min: f64,
+    /// Mean.
+    pub mean: f64,
+    /// Longest.
+    pub max: f64,
+}
+
+/// Shape of the triangles of the surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TriangleQuality {
+    /// Smallest angle, in degrees.
+    pub angle_min: f64,
+    /// Largest angle, in degrees.
+    pub angle_max: f64,
+    /// Longest edge times half the perimeter over 2√3 times the area, at worst: 1 for a regular triangle.
+    pub aspect_max: f64,
+    /// Edge lengths.
+    pub edges: Lengths,
+    /// The triangles with the smallest angles; the value is the angle in degrees.
+    pub worst: Vec<Place>,
+}
+
+/// Shape of the tetrahedra, of their corners.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TetQuality {
+    /// Smallest dihedral angle, in degrees.
+    pub dihedral_min: f64,
+    /// Largest dihedral angle, in degrees.
+    pub dihedral_max: f64,
+    /// How many dihedral angles lie in each ten degrees: [0, 10), [10, 20), … [170, 180].
+    pub histogram: [u64; 18],
+    /// Smallest biased minimum sine of the dihedral angles, see [`Shape::biased_minimum_sine`].
+    pub biased_sine_min: f64,
+    /// Mean of the biased minimum sines.
+    pub biased_sine_mean: f64,
+    /// Smallest radius ratio 3r/R, see [`Shape::radius_ratio`].
+    pub radius_ratio_min: f64,
+    /// Mean radius ratio.
+    pub radius_ratio_mean: f64,
+    /// Largest aspect, see [`Shape::aspect`].
+    pub aspect_max: f64,
+    /// Edge lengths.
+    pub edges: Lengths,
+    /// The tetrahedra with the smallest biased minimum sines; the value is that sine.
+    pub worst: Vec<Place>,
+}
+
+/// The Jacobian of tetrahedra with mid nodes.
+///
+/// It is a cubic polynomial; scaled means over its largest absolute value at the eleven samples (corners, middles of edges, centre).
+#[derive(Clone, Debug, PartialEq)]
+pub struct CurvedQuality {
+    /// Number of tetrahedra that are not straight.
+    pub curved: usize,
+    /// Smallest scaled Jacobian at the samples.
+    pub scaled_jacobian_min: f64,
+    /// Tetrahedra with a Jacobian ≤ 0 at a sample; the value is the scaled Jacobian.
+    pub negative: Defects,
+    /// Tetrahedra positive at all samples, but with a coefficient ≤ 0 in the Bernstein form of the Jacobian: not proved to be positive
+    /// everywhere (Johnen, Remacle and Geuzaine, 2013, "Geometrical Validity of Curvilinear Finite Elements").
+    pub unproved: Defects,
+    /// The tetrahedra with the smallest scaled Jacobians; the value is that.
+    pub worst: Vec<Place>,
+}
+
+/// Sums over elements, joined in the order of the mesh.
+#[derive(Default)]
+struct Sums {
+    elements: usize,
+    /// Largest and smallest cosine.
+    cosine: (f64, f64),
+    histogram: [u64; 18],
+    sine: (f64, f64),
+    ratio: (f64, f64),
+    aspect: f64,
+    edge: (f64, f64, f64),
+    worst: Lowest,
+}
+
+impl Sums {
+    fn new() -> Self {
+        Self {
+            cosine: (f64::NEG_INFINITY, f64::INFINITY),
+            sine: (f64::INFINITY, 0.0),
+            ratio: (f64::INFINITY, 0.0),
+            edge: (f64::INFINITY, 0.0, 0.0),
+            ..Self::default()
+        }
+    }
+    fn append(&mut self, room: usize, later: Self) {
+        self.elements += later.elements;
+        self.cosine = (self.cosine.0.max(later.cosine.0), self.cosine.1.min(later.cosine.1));
+        for (a, b) in self.histogram.iter_mut().zip(later.histogram) {
+            *a += b;
+        }
+        self.sine = (self.sine.0.min(later.sine.0), self.sine.1 + later.sine.1);
+        self.ratio = (self.ratio.0.min(later.ratio.0), self.ratio.1 + later.ratio.1);
+        self.aspect = self.aspect.max(later.aspect);
+        self.edge = (self.edge.0.min(later.edge.0), self.edge.1 + later.edge.1, self.edge.2.max(later.edge.2));
+        self.worst.append(room, later.worst);
+    }
+    fn lengths(&self, edges: usize) -> Lengths {
+        Lengths { min: self.edge.0, mean: self.edge.1 / (edges * self.elements).max(1) as f64, max: self.edge.2 }
+    }
+}
+
+/// Sums over `n` elements.
+fn sums(n: usize, room: usize, one: impl Fn(&mut Sums, usize) + Sync) -> Sums {
+    let parts: Vec<Sums> = blocks(n, TASK)
+        .into_par_iter()
+        .map(|range| {
+            let mut part = Sums { elements: range.len(), ..Sums::new() };
+            range.for_each(|k| one(&mut part, k));
+            part
+        })
+        .collect();
+    let mut all = Sums::new();
+    parts.into_iter().for_each(|part| all.append(room, part));
+    all
+}
+
+fn middle<const N: usize>(p: [Point3; N]) -> Point3 {
+    std::array::from_fn(|i| p.iter().map(|p| p[i]).sum::<f64>() / N as f64)
+}
+
+fn places<const N: usize>(worst: &Lowest, points: &[Point3], elements: &[[u32; N]], value: impl Fn(f64) -> f64) -> Vec<Place> {
+    let place = |&(v, k): &(f64, u32)| {
+        let t = elements[k as usize];
+        Place { at: middle(t.map(|i| points[i as usize])), nodes: t.to_vec(), elements: vec![k], value: value(v) }
+    };
+    worst.items.iter().map(place).collect()
+}
+
+/// Shape of the triangles; `None` if there are none.
+pub(super) fn triangles(points: &[Point3], triangles: &[[u32; 3]], options: &Options<'_>) -> Option<TriangleQuality> {
+    let room = options.places;
+    let all = sums(triangles.len(), room, |s, k| {
+        let p = triangles[k].map(|i| points[i as usize]);
+        let c = triangle_cosines(p);
+        let (high, low) = (c[0].max(c[1]).max(c[2]), c[0].min(c[1]).min(c[2]));
+        s.cosine = (s.cosine.0.max(high), s.cosine.1.min(low));
+        let e = [norm(sub(p[1], p[0])), norm(sub(p[2], p[1])), norm(sub(p[0], p[2]))];
+        let longest = e[0].max(e[1]).max(e[2]);
+        let (perimeter, area2) = (e[0] + e[1] + e[2], norm(cross(sub(p[1], p[0]), sub(p[2], p[0]))));
+        s.edge = (s.edge.0.min(e[0]).min(e[1]).min(e[2]), s.edge.1 + perimeter, s.edge.2.max(longest));
+        s.aspect = s.aspect.max(longest * perimeter / (2.0 * 3f64.sqrt() * area2.max(f64::MIN_POSITIVE)));
+        s.worst.add(room, -high, k as u32);
+    });
+    (all.elements > 0).then(|| TriangleQuality {
+        angle_min: degrees(all.cosine.0),
+        angle_max: degrees(all.cosine.1),
+        aspect_max: all.aspect,
+        edges: all.lengths(3),
+        worst: places(&all.worst, points, triangles, |v| degrees(-v)),
+    })
+}
+
+/// Shape of the tetrahedra; `None` if there are none.
+pub(super) fn tets(points: &[Point3], tets: &[[u32; 4]], options: &Options<'_>) -> Option<TetQuality> {
+    let room = options.places;
+    let bounds: [f64; 17] = std::array::from_fn(|k| (10.0 * (k + 1) as f64).to_radians().cos());
+    let all = sums(tets.len(), room, |s, k| {
+        let shape = Shape::of(tets[k].map(|i| points[i as usize]));
+        let (cosines, sines) = (cosines(&shape), sines(&shape));
+        let mut worst = f64::INFINITY;
+        for (c, sine) in cosines.into_iter().zip(sines) {
+            s.cosine = (s.cosine.0.max(c), s.cosine.1.min(c));
+            s.histogram[bounds.iter().map(|&b| usize::from(c <= b)).sum::<usize>()] += 1;
+            worst = worst.min(sine * if c < 0.0 { OBTUSE_WEIGHT } else { 1.0 });
+        }
+        s.sine = (s.sine.0.min(worst), s.sine.1 + worst);
+        let ratio = shape.radius_ratio();
+        s.ratio = (s.ratio.0.min(ratio), s.ratio.1 + ratio);
+        s.aspect = s.aspect.max(shape.aspect());
+        for e in shape.edges {
+            s.edge = (s.edge.0.min(e), s.edge.1 + e, s.edge.2.max(e));
+        }
+        s.worst.add(room, worst, k as u32);
+    });
+    let mean = |sum: f64| sum / all.elements as f64;
+    (all.elements > 0).then(|| TetQuality {
+        dihedral_min: degrees(all.cosine.0),
+        dihedral_max: degrees(all.cosine.1),
+        histogram: all.histogram,
+        biased_sine_min: all.sine.0,
+        biased_sine_mean: mean(all.sine.1),
+        radius_ratio_min: all.ratio.0,
+        radius_ratio_mean: mean(all.ratio.1),
+        aspect_max: all.aspect,
+        edges: all.lengths(6),
+        worst: places(&all.worst, points, tets, |v| v),
+    })
+}
+
+/// The Jacobian's columns at the corners; between them they are linear.
+///
+/// With X = Σ λᵢ(2λᵢ − 1)Pᵢ + 4 Σ λₐλᵦMₐᵦ, the derivative by λᵢ at corner c is 3P꜀ for i = c and 4Mᵢ꜀ − Pᵢ else; the columns are the
+/// differences from that by λ₀.
+fn columns(p: [Point3; 4], m: [Point3; 6]) -> [[Point3; 3]; 4] {
+    let o = p[0];
+    let (p, m) = (p.map(|x| sub(x, o)), m.map(|x| sub(x, o)));
+    let mut g = [[[0.0; 3]; 4]; 4];
+    for c in 0..4 {
+        g[c][c] = p[c].map(|v| 3.0 * v);
+    }
+    for ([a, b], m) in TET_EDGES.into_iter().zip(m) {
+        g[a][b] = std::array::from_fn(|i| 4.0 * m[i] - p[b][i]);
+        g[b][a] = std::array::from_fn(|i| 4.0 * m[i] - p[a][i]);
+    }
+    g.map(|g| [1, 2, 3].map(|k| sub(g[k], g[0])))
+}
+
+fn determinant([a, b, c]: [Point3; 3]) -> f64 {
+    dot(a, cross(b, c))
+}
+
+/// Smallest and largest absolute value of the Jacobian at the samples.
+fn sampled(columns: &[[Point3; 3]; 4]) -> (f64, f64) {
+    let (mut least, mut size) = (f64::INFINITY, 0.0f64);
+    for [r, s, t] in SAMPLES {
+        let l = [1.0 - r - s - t, r, s, t];
+        let j = determinant([0, 1, 2].map(|k| std::array::from_fn(|i| (0..4).map(|c| l[c] * columns[c][k][i]).sum())));
+        (least, size) = (least.min(j), size.max(j.abs()));
+    }
+    (least, size)
+}
+
+/// Smallest Bernstein coefficient of the Jacobian: det Σ λ… is trilinear in the corners of its columns, so that each coefficient is the
+/// mean of the determinants over the orders of its three corners.
+fn bernstein_min(columns: &[[Point3; 3]; 4]) -> f64 {
+    let det = |i: usize, j: usize, k: usize| determinant([columns[i][0], columns[j][1], columns[k][2]]);
+    let mut least = f64::INFINITY;
+    for i in 0..4 {
+        for j in i..4 {
+            for k in j..4 {
+                let sum = det(i, j, k) + det(i, k, j) + det(j, i, k) + det(j, k, i) + det(k, i, j) + det(k, j, i);
+                least = least.min(sum / 6.0);
+            }
+        }
+    }
+    least
+}
+
+/// The Jacobian of tetrahedra with mid nodes; `None` if there are none.
+pub(super) fn curved(mesh: &Mesh, options: &Options<'_>) -> Option<CurvedQuality> {
+    let (points, room) = (&mesh.points, options.places);
+    if mesh.tet_mids.is_empty() {
+        return None;
+    }
+    let parts: Vec<(CurvedQuality, Lowest)> = blocks(mesh.tets.len(), TASK)
+        .into_par_iter()
+        .map(|range| {
+            let none = || Defects::default();
+            let mut part = CurvedQuality { curved: 0, scaled_jacobian_min: 1.0, negative: none(), unproved: none(), worst: Vec::new() };
+            let mut worst = Lowest::default();
+            for k in range {
+                let t = mesh.tets[k];
+                let (p, m) = (t.map(|i| points[i as usize]), mesh.tet_mids[k].map(|i| points[i as usize]));
+                let straight = TET_EDGES
+                    .iter()
+                    .zip(m)
+                    .all(|(&[a, b], m)| distance_squared(middle([p[a], p[b]]), m) <= STRAIGHT * STRAIGHT * distance_squared(p[a], p[b]));
+                if straight && crate::quality::six_volume(p) > 0.0 {
+                    continue;
+                }
+                part.curved += 1;
+                let columns = columns(p, m);
+                let (least, size) = sampled(&columns);
+                let scaled = if size > 0.0 { least / size } else { 0.0 };
+                part.scaled_jacobian_min = part.scaled_jacobian_min.min(scaled);
+                worst.add(room, scaled, k as u32);
+                let place = || Place { at: middle(p), nodes: t.to_vec(), elements: vec![k as u32], value: scaled };
+                if scaled.is_nan() || scaled <= 0.0 {
+                    part.negative.add(room, place);
+                } else if bernstein_min(&columns) <= 0.0 {
+                    part.unproved.add(room, place);
+                }
+            }
+            (part, worst)
+        })
+        .collect();
+    let mut worst = Lowest::default();
+    let mut all: Option<CurvedQuality> = None;
+    for (part, low) in parts {
+        worst.append(room, low);
+        all = Some(match all {
+            None => part,
+            Some(mut all) => {
+                all.curved += part.curved;
+                all.scaled_jacobian_min = all.scaled_jacobian_min.min(part.scaled_jacobian_min);
+                all.negative.append(room, part.negative);
+                all.unproved.append(room, part.unproved);
+                all
+            }
+        });
+    }
+    all.map(|all| CurvedQuality { worst: places(&worst, points, &mesh.tets, |v| v), ..all })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CORNER: [Point3; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+    fn mids(p: [Point3; 4]) -> [Point3; 6] {
+        TET_EDGES.map(|[a, b]| middle([p[a], p[b]]))
+    }
+
+    /// With the mid node of edge 0–1 moved by (d, 0, 0), X = x + 4 λ₀λ₁ d and J = 1 + 4 d (1 − 2r − s − t): linear, with the values
+    /// 1 + 4d, 1 − 4d, 1, 1 at the corners.
+    #[test]
+    fn jacobian_of_a_tetrahedron_with_one_node_moved() {
+        for d in [0.0, 0.1, 0.2, 0.25, 0.3] {
+            let mut m = mids(CORNER);
+            m[0][0] += d;
+            let c = columns(CORNER, m);
+            let (least, size) = sampled(&c);
+            assert!((least - (1.0 - 4.0 * d)).abs() < 1e-14 && (size - (1.0 + 4.0 * d)).abs() < 1e-14, "{least} {size}");
+            assert!((bernstein_min(&c) - (1.0 - 4.0 * d)).abs() < 1e-14);
+        }
+    }
+
+    /// The Bernstein coefficients are a lower bound, and tend to the values: exact at the corners.
+    #[test]
+    fn bernstein_form_bounds_the_jacobian() {
+        let mut seed = 7u64;
+        let mut next = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (seed >> 40) as f64 / (1u64 << 24) as f64 - 0.5
+        };
+        for _ in 0..200 {
+            let m = mids(CORNER).map(|m| m.map(|v| v + 0.4 * next()));
+            let c = columns(CORNER, m);
+            let bound = bernstein_min(&c);
+            let mut least = f64::INFINITY;
+            for _ in 0..100 {
+                let mut l = [next() + 0.5, next() + 0.5, next() + 0.5, next() + 0.5];
+                let sum: f64 = l.iter().sum();
+                l = l.map(|v| v / sum);
+                let at = |k: usize| std::array::from_fn(|i| (0..4).map(|q| l[q] * c[q][k][i]).sum());
+                least = least.min(determinant([at(0), at(1), at(2)]));
+            }
+            assert!(bound <= least + 1e-12 && bound <= sampled(&c).0 + 1e-12);
+        }
+    }
+
+    #[test]
+    fn shape_of_two_tetrahedra() {
+        let mut points = CORNER.to_vec();
+        points.push([1.0, 1.0, 1.0]);
+        let q = tets(&points, &[[0, 1, 2, 3], [1, 2, 3, 4]], &Options::default()).expect("two");
+        // The second one is regular, with edges √2; the first has angles of 90° and 54.7°.
+        assert_eq!(q.histogram.iter().sum::<u64>(), 12);
+        assert_eq!((q.histogram[5], q.histogram[7], q.histogram[8] + q.histogram[9]), (3, 6, 3));
+        assert!((q.dihedral_max - 90.0).abs() < 1e-12 && (q.dihedral_min - 54.735_610_317_245_34).abs() < 1e-12);
+        assert!((q.edges.max - 2f64.sqrt()).abs() < 1e-15 && q.edges.min == 1.0 && q.worst[0].elements == [0]);
+        assert!((q.edges.mean - (3.0 + 9.0 * 2f64.sqrt()) / 12.0).abs() < 1e-15);
+        assert!(tets(&points, &[], &Options::default()).is_none());
+    }
+
+    #[test]
+    fn shape_of_a_triangle() {
+        let points = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 3f64.sqrt(), 0.0]];
+        let q = triangles(&points, &[[0, 1, 2]], &Options::default()).expect("one");
+        assert!((q.angle_min - 60.0).abs() < 1e-12 && (q.angle_max - 60.0).abs() < 1e-12 && (q.aspect_max - 1.0).abs() < 1e-12);
+        assert!((q.edges.mean - 2.0).abs() < 1e-15 && q.worst[0].nodes == [0, 1, 2]);
+    }
+}

@@ -1,0 +1,241 @@
+//! Exact questions about points, and whether two triangles meet.
+//!
+//! Signs are those of exact arithmetic (crate `robust`, after Shewchuk 1997, "Adaptive Precision Floating-Point Arithmetic and Fast
+//! Robust Geometric Predicates"), as long as no product of three differences leaves the range of doubles.
+
+use isoform_geom::{Point3, cross, dot, sub};
+use robust::{Coord, Coord3D};
+
+/// Sign of the volume of the tetrahedron: (b − a) · ((c − a) × (d − a)).
+pub(super) fn volume_sign(a: Point3, b: Point3, c: Point3, d: Point3) -> i8 {
+    let of = |p: Point3| Coord3D { x: p[0], y: p[1], z: p[2] };
+    // Shewchuk's sense is the opposite one: positive where d lies below the plane.
+    sign(-robust::orient3d(of(a), of(b), of(c), of(d)))
+}
+
+/// Sign of the area of the triangle seen along an axis.
+fn area_sign(axis: usize, a: Point3, b: Point3, c: Point3) -> i8 {
+    let of = |p: Point3| Coord { x: p[(axis + 1) % 3], y: p[(axis + 2) % 3] };
+    sign(robust::orient2d(of(a), of(b), of(c)))
+}
+
+fn sign(v: f64) -> i8 {
+    i8::from(v > 0.0) - i8::from(v < 0.0)
+}
+
+/// An axis along which the triangle is seen with an area; `None` if its corners lie on a line.
+fn seen_along([a, b, c]: [Point3; 3]) -> Option<usize> {
+    let n = cross(sub(b, a), sub(c, a)).map(f64::abs);
+    // The largest first: it is nearly always the answer.
+    let first = if n[0] >= n[1] && n[0] >= n[2] {
+        0
+    } else if n[1] >= n[2] {
+        1
+    } else {
+        2
+    };
+    (first..first + 3).map(|k| k % 3).find(|&axis| area_sign(axis, a, b, c) != 0)
+}
+
+/// Whether the corners lie on a line.
+pub(super) fn is_flat(t: [Point3; 3]) -> bool {
+    seen_along(t).is_none()
+}
+
+/// Whether two triangles meet elsewhere than in the corners and edges that they share by index.
+///
+/// This is the definition of CGAL's and libigl's `remesh_self_intersections`, but for coincident nodes with different indices: those
+/// are contact here. Triangles with the same three corners and triangles without area (see [`is_flat`]) are other defects; the first
+/// give `false` here, the second must not be asked about.
+pub(super) fn triangles_meet(points: &[Point3], a: [u32; 3], b: [u32; 3]) -> bool {
+    let turned = |t: [u32; 3], k: usize| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]];
+    let at = |t: [u32; 3]| t.map(|i| points[i as usize]);
+    let shared = |i: &u32| b.contains(i);
+    match a.iter().filter(|i| shared(i)).count() {
+        0 => disjoint_meet(at(a), at(b)),
+        1 => {
+            let k = a.iter().position(shared).unwrap_or(0);
+            let l = b.iter().position(|i| *i == a[k]).unwrap_or(0);
+            corner_meet(at(turned(a, k)), at(turned(b, l)))
+        }
+        2 => {
+            let k = a.iter().position(|i| !shared(i)).unwrap_or(0);
+            let l = b.iter().position(|i| !a.contains(i)).unwrap_or(0);
+            edge_meet(at(turned(a, k)), at(b)[l])
+        }
+        _ => false,
+    }
+}
+
+/// Two triangles with a common edge: `a`, whose first corner is the one not shared, and the other one's free corner `q`.
+///
+/// Beyond the edge they meet only if they lie in one plane, on the same side of the edge: in different planes all that is common lies
+/// on the planes' line, which holds the edge; in one plane, each triangle fills its side of the edge next to the edge. Seen along an
+/// axis, points of a plane on the same side stay on the same side (or all fall on a line), so that opposite sides along any axis are
+/// an answer already.
+fn edge_meet([p, e, f]: [Point3; 3], q: Point3) -> bool {
+    let n = cross(sub(e, p), sub(f, p)).map(f64::abs);
+    let first = if n[0] >= n[1] && n[0] >= n[2] {
+        0
+    } else if n[1] >= n[2] {
+        1
+    } else {
+        2
+    };
+    if area_sign(first, e, f, p) * area_sign(first, e, f, q) < 0 || volume_sign(p, e, f, q) != 0 {
+        return false;
+    }
+    seen_along([p, e, f]).is_some_and(|axis| area_sign(axis, e, f, p) == area_sign(axis, e, f, q))
+}
+
+/// Two triangles with one common corner, the first of each.
+///
+/// If they have another point x in common, the ray from the corner through x leaves one of the triangles first, through the side
+/// opposite to the corner, and is still in the other: that side meets the other triangle. So two questions suffice: whether the side of
+/// `a` meets `b`, and that of `b` meets `a`. A side wholly on one side of the other's plane does not meet it; then the two triangles
+/// have only the corner in common, as the rest of the first is on that side, too. A side within the plane of the other means one plane
+/// for both.
+fn corner_meet(a: [Point3; 3], b: [Point3; 3]) -> bool {
+    if corner_apart(a, b) {
+        return false;
+    }
+    let sides = |t: [Point3; 3], of: [Point3; 3]| [1, 2].map(|k| volume_sign(t[0], t[1], t[2], of[k]));
+    let (sa, sb) = (sides(b, a), sides(a, b));
+    if sa[0] * sa[1] > 0 || sb[0] * sb[1] > 0 {
+        return false;
+    }
+    if sa == [0, 0] {
+        return seen_along(a).is_some_and(|axis| flat_segment_meets(axis, [a[1], a[2]], b) || flat_segment_meets(axis, [b[1], b[2]], a));
+    }
+    pierces([a[1], a[2]], b) || pierces([b[1], b[2]], a)
+}
+
+/// Two triangles without a common corner.
+///
+/// Corners all strictly on one side of the other's plane: no contact. All six in one plane: an edge of `a` meets `b`, or else `b` lies
+/// within `a` if they meet at all, and then so does its first corner. Otherwise the planes meet in a line, each triangle has a segment
+/// (or a point) of it, and if these two meet, then one of them has an end in the other. Such an end lies on an edge that is not within
+/// the other's plane: it is inside an edge that crosses the line, or it is a corner, and of the two edges at a corner on the line one
+/// at least leaves it. So only edges that are not within the other's plane are asked.
+fn disjoint_meet(a: [Point3; 3], b: [Point3; 3]) -> bool {
+    if apart(a, b) {
+        return false;
+    }
+    let sides = |t: [Point3; 3], of: [Point3; 3]| of.map(|p| volume_sign(t[0], t[1], t[2], p));
+    let one_side = |s: [i8; 3]| s == [1; 3] || s == [-1; 3];
+    let sa = sides(b, a);
+    if one_side(sa) {
+        return false;
+    }
+    if sa == [0; 3] {
+        return seen_along(a)
+            .is_some_and(|axis| (0..3).any(|k| flat_segment_meets(axis, [a[k], a[(k + 1) % 3]], b)) || flat_inside(axis, b[0], a));
+    }
+    let sb = sides(a, b);
+    if one_side(sb) {
+        return false;
+    }
+    let edges = |s: [i8; 3], of: [Point3; 3], t: [Point3; 3]| {
+        (0..3).map(|k| (k, (k + 1) % 3)).any(|(k, l)| s[k] * s[l] <= 0 && (s[k] != 0 || s[l] != 0) && pierces([of[k], of[l]], t))
+    };
+    edges(sa, a, b) || edges(sb, b, a)
+}
+
+/// Whether a segment, not within the plane of `t` and with ends on different sides of it or one end on it, meets the triangle.
+///
+/// The signs of the volumes over the edges are the sides, all seen in the sense of the segment, on which the edges pass the point where
+/// it meets the plane; that point is in the closed triangle if no two are opposite.
+fn pierces([p, q]: [Point3; 2], t: [Point3; 3]) -> bool {
+    let s = [0, 1, 2].map(|k| volume_sign(p, q, t[k], t[(k + 1) % 3]));
+    !(s.contains(&1) && s.contains(&-1))
+}
+
+/// Whether a point of the triangle's plane is in the closed triangle, which is seen along the axis with an area.
+fn flat_inside(axis: usize, p: Point3, t: [Point3; 3]) -> bool {
+    let s = [0, 1, 2].map(|k| area_sign(axis, t[k], t[(k + 1) % 3], p));
+    !(s.contains(&1) && s.contains(&-1))
+}
+
+/// Whether a segment of the triangle's plane meets the closed triangle: it begins inside, or meets an edge.
+fn flat_segment_meets(axis: usize, s: [Point3; 2], t: [Point3; 3]) -> bool {
+    flat_inside(axis, s[0], t) || (0..3).any(|k| flat_segments_meet(axis, s, [t[k], t[(k + 1) % 3]]))
+}
+
+/// Whether two closed segments of a plane meet, seen along an axis.
+///
+/// Ends strictly on one side of the other's line: no. On one line: if their ranges of both coordinates meet. Else the lines cross in
+/// one point (parallel ones have given "no" already), which is in both.
+fn flat_segments_meet(axis: usize, [p, q]: [Point3; 2], [r, s]: [Point3; 2]) -> bool {
+    let (r_side, s_side) = (area_sign(axis, p, q, r), area_sign(axis, p, q, s));
+    let (p_side, q_side) = (area_sign(axis, r, s, p), area_sign(axis, r, s, q));
+    if r_side * s_side > 0 || p_side * q_side > 0 {
+        return false;
+    }
+    if [r_side, s_side, p_side, q_side] != [0; 4] {
+        return true;
+    }
+    [(axis + 1) % 3, (axis + 2) % 3].into_iter().all(|i| p[i].min(q[i]) <= r[i].max(s[i]) && r[i].min(s[i]) <= p[i].max(q[i]))
+}
+
+/// Bound of the error of a sum of three products, relative to the sum of their absolute values: two roundings of each difference and
+/// product and two of the sum are 4 ε/2; twice that, for the rounding of the bound itself.
+const DOT_ERROR: f64 = 4.0 * f64::EPSILON;
+
+/// A lower and an upper bound of d · x, where the components of x are rounded differences of doubles.
+fn dot_bounds(d: Point3, x: Point3) -> (f64, f64) {
+    let v = dot(d, x);
+    let error = DOT_ERROR * ((d[0] * x[0]).abs() + (d[1] * x[1]).abs() + (d[2] * x[2]).abs()) + f64::MIN_POSITIVE;
+    (v - error, v + error)
+}
+
+/// Whether a plane between two triangles with the common first corner is found by a few quick guesses. Any direction will do as a guess,
+/// however it was rounded: only the signs must be certain.
+fn corner_apart(a: [Point3; 3], b: [Point3; 3]) -> bool {
+    let (a1, a2, b1, b2) = (sub(a[1], a[0]), sub(a[2], a[0]), sub(b[1], b[0]), sub(b[2], b[0]));
+    let unit = |v: Point3| {
+        let s = 1.0 / dot(v, v).sqrt();
+        v.map(|c| c * s)
+    };
+    let (u1, u2, v1, v2) = (unit(a1), unit(a2), unit(b1), unit(b2));
+    // From the bisector of one to the bisector of the other.
+    let d = std::array::from_fn(|i| (u1[i] + u2[i]) - (v1[i] + v2[i]));
+    let above = |d, x| dot_bounds(d, x).0 > 0.0;
+    let below = |d, x| dot_bounds(d, x).1 < 0.0;
+    if above(d, a1) && above(d, a2) && below(d, b1) && below(d, b2) {
+        return true;
+    }
+    let (na, nb) = (cross(a1, a2), cross(b1, b2));
+    // Planes through the middle of a gap between them: x and y are the edges at the gap.
+    for (n, x, y) in [(na, u2, v1), (na, u1, v2), (nb, u2, v1), (nb, u1, v2)] {
+        let middle = [x[0] + y[0], x[1] + y[1], x[2] + y[2]];
+        let d = cross(n, middle);
+        let (p, q) = (dot_bounds(d, a1), dot_bounds(d, a2));
+        let (r, s) = (dot_bounds(d, b1), dot_bounds(d, b2));
+        if (p.0 > 0.0 && q.0 > 0.0 && r.1 < 0.0 && s.1 < 0.0) || (p.1 < 0.0 && q.1 < 0.0 && r.0 > 0.0 && s.0 > 0.0) {
+            return true;
+        }
+    }
+    false
+}
+
+/// Whether a plane between two triangles is found by quick guesses: along the normals, and across the edges within the planes.
+fn apart(a: [Point3; 3], b: [Point3; 3]) -> bool {
+    let o = a[0];
+    let (ra, rb) = (a.map(|p| sub(p, o)), b.map(|p| sub(p, o)));
+    let edges = |r: [Point3; 3]| [sub(r[1], r[0]), sub(r[2], r[1]), sub(r[0], r[2])];
+    let (ea, eb) = (edges(ra), edges(rb));
+    let (na, nb) = (cross(ea[0], ea[1]), cross(eb[0], eb[1]));
+    let separates = |d: Point3| {
+        let range = |r: [Point3; 3]| {
+            let s = r.map(|x| dot_bounds(d, x));
+            (s[0].0.min(s[1].0).min(s[2].0), s[0].1.max(s[1].1).max(s[2].1))
+        };
+        let (x, y) = (range(ra), range(rb));
+        x.1 < y.0 || y.1 < x.0
+    };
+    separates(na) || separates(nb) || ea.iter().any(|&e| separates(cross(na, e))) || eb.iter().any(|&e| separates(cross(nb, e)))
+}
+
+#[cfg(test)]
+#[path = "exact_tests.rs"]
+mod tests;

@@ -1,0 +1,120 @@
+//! What in a certificate is not acceptable.
+
+use super::{Certificate, Defects, Place};
+
+/// Something that is not acceptable.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{message}")]
+pub struct Failure {
+    /// The kind, in words with hyphens; kinds keep their names.
+    pub code: &'static str,
+    /// What it is, for people.
+    pub message: String,
+    /// How many findings of the kind there are.
+    pub count: usize,
+    /// Where the first or worst is, if it has a place.
+    pub place: Option<Place>,
+}
+
+/// Collects failures.
+#[derive(Default)]
+struct List(Vec<Failure>);
+
+impl List {
+    /// Any finding of the kind is a failure; `one` and `many` say what, after the number.
+    fn none(&mut self, code: &'static str, defects: &Defects, one: &str, many: &str) {
+        if defects.count > 0 {
+            let message = format!("{} {}", defects.count, if defects.count == 1 { one } else { many });
+            self.0.push(Failure { code, message, count: defects.count, place: defects.places.first().cloned() });
+        }
+    }
+    fn add(&mut self, code: &'static str, message: String, place: Option<Place>) {
+        self.0.push(Failure { code, message, count: 1, place });
+    }
+    /// A measure that must be at least `limit`; not so is one that is no number.
+    fn at_least(&mut self, code: &'static str, what: &str, value: f64, limit: f64, place: Option<&Place>) {
+        if value.is_nan() || value < limit {
+            self.add(code, format!("{what} is {value:.6}, below {limit}"), place.cloned());
+        }
+    }
+}
+
+/// Everything that is not acceptable.
+pub(super) fn failures(c: &Certificate) -> Vec<Failure> {
+    let mut list = List::default();
+    for malformed in &c.malformed {
+        list.add("malformed", malformed.to_string(), None);
+    }
+    surface(c, &mut list);
+    volume(c, &mut list);
+    shape(c, &mut list);
+    if !c.complete {
+        list.add("incomplete", "the checks were stopped before their end".to_owned(), None);
+    }
+    if c.malformed.is_empty() && c.complete && c.surface.is_none() {
+        list.add("empty", "the mesh has no elements".to_owned(), None);
+    }
+    list.0
+}
+
+fn surface(c: &Certificate, list: &mut List) {
+    if let Some(s) = &c.surface {
+        list.none("open-edge", &s.open_edges, "edge of one triangle only", "edges of one triangle only");
+        list.none("crowded-edge", &s.crowded_edges, "edge of more than two triangles", "edges of more than two triangles");
+        let (one, many) = ("edge between triangles of opposite orientation", "edges between triangles of opposite orientation");
+        list.none("misoriented-edge", &s.misoriented_edges, one, many);
+        let (one, many) = ("node where the surface is pinched", "nodes where the surface is pinched");
+        list.none("pinched-node", &s.pinched_nodes, one, many);
+        list.none("repeated-triangle", &s.repeated_triangles, "repeated triangle", "repeated triangles");
+        list.none("degenerate-triangle", &s.degenerate_triangles, "triangle with a corner twice", "triangles with a corner twice");
+        list.none("flat-triangle", &s.flat_triangles, "triangle without area", "triangles without area");
+        let (one, many) = ("shell that is turned the wrong way for its place", "shells that are turned the wrong way for their place");
+        list.none("misplaced-shell", &s.misplaced_shells, one, many);
+    }
+    if let Some(i) = &c.intersections {
+        list.none("self-intersection", &i.pairs, "pair of triangles that intersect", "pairs of triangles that intersect");
+        if !i.complete && c.complete {
+            list.add("self-intersections-uncounted", "too many self-intersections to find them all".to_owned(), None);
+        }
+    }
+}
+
+fn volume(c: &Certificate, list: &mut List) {
+    if let Some(v) = &c.volume {
+        list.none("inverted-tet", &v.inverted, "inverted tetrahedron", "inverted tetrahedra");
+        list.none("flat-tet", &v.flat, "tetrahedron without volume", "tetrahedra without volume");
+        list.none("crowded-face", &v.crowded_faces, "face of more than two tetrahedra", "faces of more than two tetrahedra");
+        let (one, many) = ("face with both tetrahedra on one side", "faces with both tetrahedra on one side");
+        list.none("folded-face", &v.folded_faces, one, many);
+        let (one, many) = ("outer face that is no triangle of the surface", "outer faces that are no triangles of the surface");
+        list.none("uncovered-face", &v.uncovered_faces, one, many);
+        list.none("inward-triangle", &v.inward_triangles, "triangle that is turned inward", "triangles that are turned inward");
+        list.none("inner-triangle", &v.inner_triangles, "triangle between two tetrahedra", "triangles between two tetrahedra");
+        let (one, many) = ("triangle that is no face of a tetrahedron", "triangles that are no faces of a tetrahedron");
+        list.none("loose-triangle", &v.loose_triangles, one, many);
+        let (one, many) = ("mid node that is not that of one edge alone", "mid nodes that are not those of one edge alone");
+        list.none("mid-node", &v.mid_nodes, one, many);
+    }
+}
+
+fn shape(c: &Certificate, list: &mut List) {
+    if let Some(q) = &c.tets {
+        let place = q.worst.first();
+        list.at_least("small-dihedral-angle", "the smallest dihedral angle", q.dihedral_min, c.limits.dihedral_min, place);
+        if q.dihedral_max.is_nan() || q.dihedral_max > c.limits.dihedral_max {
+            let message = format!("the largest dihedral angle is {:.6}, above {}", q.dihedral_max, c.limits.dihedral_max);
+            list.add("large-dihedral-angle", message, place.cloned());
+        }
+    }
+    if let Some(q) = &c.triangles {
+        list.at_least("small-angle", "the smallest angle of a triangle", q.angle_min, c.limits.angle_min, q.worst.first());
+    }
+    if let Some(q) = &c.curved {
+        let (one, many) = ("tetrahedron with a negative Jacobian", "tetrahedra with a negative Jacobian");
+        list.none("negative-jacobian", &q.negative, one, many);
+        if q.negative.is_empty() {
+            let limit = c.limits.scaled_jacobian_min;
+            list.at_least("small-jacobian", "the smallest scaled Jacobian", q.scaled_jacobian_min, limit, q.worst.first());
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! The certificate of a mesh: everything that could be wrong with it, looked for.
+//!
+//! [`certify`] decides topology by indices and geometry by exact signs, never by a tolerance: a mesh without [`failures`] has a surface
+//! that is closed, oriented, manifold and free of self-intersections, and tetrahedra that fill its inside exactly once (the argument is
+//! in the module of [`Volume`]). Shape and distances are measured in doubles. Places are kept of everything that is found, up to
+//! [`Options::places`] of each kind; counts are always full. The same mesh gives the same certificate for any number of threads.
+//!
+//! ```
+//! use isoform_geom::Mesh;
+//! use isoform_mesh::Control;
+//! use isoform_mesh::check::{Options, certify};
+//!
+//! let points = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+//! let mut mesh = Mesh::from_triangles(points, vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]);
+//! let certificate = certify(&mesh, None, &Options::default(), &Control::default());
+//! assert!(certificate.is_ok() && certificate.surface.is_some_and(|s| s.euler == 2));
+//!
+//! mesh.triangles.pop();
+//! assert_eq!(certify(&mesh, None, &Options::default(), &Control::default()).failures()[0].to_string(), "3 edges of one triangle only");
+//! ```
+//!
+//! [`failures`]: Certificate::failures
+
+mod boxes;
+mod defects;
+mod elements;
+mod exact;
+mod failure;
+mod format;
+mod intersections;
+mod stars;
+mod surface;
+mod volume;
+
+pub use defects::{Defects, Place};
+pub use elements::{CurvedQuality, Lengths, TetQuality, TriangleQuality};
+pub use failure::Failure;
+pub use format::Malformed;
+pub use intersections::Intersections;
+pub use surface::{Shell, Surface};
+pub use volume::Volume;
+
+use crate::Control;
+use isoform_geom::{Mesh, Point3, Solid};
+
+/// What to compare a mesh with, and how much of what is found to keep.
+#[derive(Clone, Copy, Debug)]
+pub struct Options<'a> {
+    /// How many places are kept of each kind of finding.
+    pub places: usize,
+    /// The search for self-intersections ends when more pairs than this were found: a surface that lies on itself has a number of them
+    /// that grows with the square of its size.
+    pub pairs: usize,
+    /// Feature curves that the mesh must have edges along, as polylines.
+    pub curves: &'a [Vec<Point3>],
+    /// Corners that the mesh must have nodes at.
+    pub corners: &'a [Point3],
+    /// What is acceptable.
+    pub limits: Limits,
+}
+
+impl Default for Options<'_> {
+    fn default() -> Self {
+        Self { places: 20, pairs: 10_000_000, curves: &[], corners: &[], limits: Limits::default() }
+    }
+}
+
+/// What is acceptable. Topology, orientation and self-intersections know no measure: there any finding is a failure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Smallest acceptable dihedral angle of tetrahedra, in degrees; 0 accepts all positive ones.
+    pub dihedral_min: f64,
+    /// Largest acceptable dihedral angle of tetrahedra, in degrees.
+    pub dihedral_max: f64,
+    /// Smallest acceptable angle of triangles, in degrees.
+    pub angle_min: f64,
+    /// Smallest acceptable scaled Jacobian of tetrahedra with mid nodes; only positive ones are ever accepted.
+    pub scaled_jacobian_min: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { dihedral_min: 0.0, dihedral_max: 180.0, angle_min: 0.0, scaled_jacobian_min: 0.0 }
+    }
+}
+
+/// What is known about a mesh. Parts that do not apply to it, or were not reached, are `None`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Certificate {
+    /// Why the mesh cannot be looked at; then there is nothing else.
+    pub malformed: Vec<Malformed>,
+    /// Topology and measure of the surface: of the mesh's triangles, or of the boundary of the tetrahedra if it has none.
+    pub surface: Option<Surface>,
+    /// Topology and measure of the tetrahedra.
+    pub volume: Option<Volume>,
+    /// Where the surface meets itself.
+    pub intersections: Option<Intersections>,
+    /// Shape of the triangles.
+    pub triangles: Option<TriangleQuality>,
+    /// Shape of the tetrahedra.
+    pub tets: Option<TetQuality>,
+    /// The Jacobian of tetrahedra with mid nodes.
+    pub curved: Option<CurvedQuality>,
+    /// Whether everything was looked at.
+    pub complete: bool,
+    /// What is acceptable, as it was asked for.
+    pub limits: Limits,
+}
+
+impl Certificate {
+    /// Everything that is not acceptable.
+    pub fn failures(&self) -> Vec<Failure> {
+        failure::failures(self)
+    }
+    /// Whether all is acceptable, and everything was looked at.
+    pub fn is_ok(&self) -> bool {
+        self.failures().is_empty()
+    }
+}
+
+/// Looks for everything that could be wrong with a mesh; with a solid, also whether the mesh follows its surface.
+///
+/// On a stop by `control` the certificate lacks what was not yet looked at, and is not complete.
+pub fn certify(mesh: &Mesh, solid: Option<&dyn Solid>, options: &Options<'_>, control: &Control<'_>) -> Certificate {
+    let mut certificate = Certificate { malformed: format::examine(mesh), limits: options.limits, ..Certificate::default() };
+    if !certificate.malformed.is_empty() {
+        certificate.complete = true;
+        return certificate;
+    }
+    certificate.complete = examine(mesh, solid, options, control, &mut certificate).is_some();
+    certificate
+}
+
+/// All checks of a well-formed mesh; `None` if stopped.
+fn examine(
+    mesh: &Mesh,
+    solid: Option<&dyn Solid>,
+    options: &Options<'_>,
+    control: &Control<'_>,
+    certificate: &mut Certificate,
+) -> Option<()> {
+    let points = &mesh.points;
+    let mut boundary = Vec::new();
+    if !mesh.tets.is_empty() {
+        control.phase("checking tetrahedra").ok()?;
+        let (volume, faces) = volume::examine(mesh, options);
+        certificate.volume = Some(volume);
+        boundary = faces;
+        control.phase("measuring tetrahedra").ok()?;
+        certificate.tets = elements::tets(points, &mesh.tets, options);
+        certificate.curved = elements::curved(mesh, options);
+    }
+    let triangles = if mesh.triangles.is_empty() { &boundary } else { &mesh.triangles };
+    if !triangles.is_empty() {
+        control.phase("checking the surface").ok()?;
+        let flat = surface::without_area(points, triangles);
+        let tree = intersections::tree(points, triangles);
+        certificate.surface = Some(surface::examine(points, triangles, &flat, &tree, options));
+        certificate.triangles = elements::triangles(points, triangles, options);
+        control.phase("looking for self-intersections").ok()?;
+        certificate.intersections = Some(intersections::find(points, triangles, &flat, &tree, options, control));
+    }
+    control.phase("done").ok()?;
+    let _ = solid;
+    Some(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,56 @@
+//! The elements around each node.
+
+/// For each node, the elements that it is a corner of, in ascending order.
+#[derive(Debug)]
+pub(super) struct Stars {
+    /// Where the elements of each node begin; one more than there are nodes.
+    offsets: Vec<u32>,
+    elements: Vec<u32>,
+}
+
+impl Stars {
+    /// Of elements with `N` corners. Indices must be below `nodes`, and there must be fewer than 2³² corners.
+    pub(super) fn new<const N: usize>(nodes: usize, elements: &[[u32; N]]) -> Self {
+        let mut offsets = vec![0u32; nodes + 1];
+        for i in elements.iter().flatten() {
+            offsets[*i as usize + 1] += 1;
+        }
+        for k in 0..nodes {
+            offsets[k + 1] += offsets[k];
+        }
+        let mut items = vec![0; elements.len() * N];
+        for (k, element) in elements.iter().enumerate() {
+            for i in element {
+                let slot = &mut offsets[*i as usize];
+                items[*slot as usize] = k as u32;
+                *slot += 1;
+            }
+        }
+        // Each offset now is the next one's: move them back.
+        offsets.rotate_right(1);
+        offsets[0] = 0;
+        Self { offsets, elements: items }
+    }
+
+    /// Elements around a node; an element that has the node more than once comes as often.
+    pub(super) fn of(&self, node: usize) -> &[u32] {
+        &self.elements[self.offsets[node] as usize..self.offsets[node + 1] as usize]
+    }
+}
+
+/// Ranges of `0..n` for tasks of about `size` each. The ranges, and so the order of sums, depend on nothing else.
+pub(super) fn blocks(n: usize, size: usize) -> Vec<std::ops::Range<usize>> {
+    (0..n).step_by(size).map(|from| from..(from + size).min(n)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elements_of_each_node() {
+        let stars = Stars::new(5, &[[0, 1, 2], [2, 1, 4], [1, 1, 0]]);
+        assert_eq!((0..5).map(|i| stars.of(i).to_vec()).collect::<Vec<_>>(), [vec![0, 2], vec![0, 1, 2, 2], vec![0, 1], vec![], vec![1]]);
+        assert!(Stars::new::<3>(0, &[]).offsets == [0]);
+    }
+}

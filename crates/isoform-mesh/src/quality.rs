@@ -1,0 +1,186 @@
+//! Measures of one tetrahedron or triangle, without branches: angles, volumes, shape.
+//!
+//! With the area vectors nᵢ (outward, twice the area) of the faces opposite to the corners, the dihedral angle θ between the faces i
+//! and j has cos θ = −nᵢ·nⱼ/(|nᵢ||nⱼ|) and sin θ = 6V|e|/(|nᵢ||nⱼ|), where e is the edge that they share. Flat and inverted
+//! tetrahedra give no special case: their sines are ≤ 0. Lengths whose squares leave the range of doubles are not looked after.
+
+use isoform_geom::{Point3, cross, dot, norm, sub};
+
+/// The two faces, by the corners opposite to them, of each of the six dihedral angles; their edge joins the other two corners.
+pub const DIHEDRALS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+/// What an obtuse angle's sine is multiplied by in the biased minimum sine (Klingner and Shewchuk, 2008, "Aggressive Tetrahedral Mesh
+/// Improvement"): large angles harm the interpolation, small ones only the condition number.
+pub const OBTUSE_WEIGHT: f64 = 0.7;
+
+/// Six times the signed volume: (b − a) · ((c − a) × (d − a)), rounded.
+pub fn six_volume([a, b, c, d]: [Point3; 4]) -> f64 {
+    dot(sub(b, a), cross(sub(c, a), sub(d, a)))
+}
+
+/// Area vectors of the faces opposite to the corners, outward for a positive tetrahedron, twice the area long.
+pub fn face_normals([a, b, c, d]: [Point3; 4]) -> [Point3; 4] {
+    [cross(sub(c, b), sub(d, b)), cross(sub(d, a), sub(c, a)), cross(sub(b, a), sub(d, a)), cross(sub(c, a), sub(b, a))]
+}
+
+/// Lengths of the edges of the [`DIHEDRALS`].
+pub fn dihedral_edges([a, b, c, d]: [Point3; 4]) -> [f64; 6] {
+    [norm(sub(d, c)), norm(sub(d, b)), norm(sub(c, b)), norm(sub(d, a)), norm(sub(c, a)), norm(sub(b, a))]
+}
+
+/// Cosines of the six [`DIHEDRALS`]; within [−1, 1] but for rounding, 0 where a face has no area.
+pub fn dihedral_cosines(p: [Point3; 4]) -> [f64; 6] {
+    cosines(&Shape::of(p))
+}
+
+/// Sines of the six [`DIHEDRALS`], with the sign of the volume.
+pub fn dihedral_sines(p: [Point3; 4]) -> [f64; 6] {
+    sines(&Shape::of(p))
+}
+
+/// What all measures of a tetrahedron are made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape {
+    /// Area vectors of the faces, see [`face_normals`].
+    pub normals: [Point3; 4],
+    /// Their lengths, at least the smallest positive double.
+    pub areas: [f64; 4],
+    /// Edge lengths, see [`dihedral_edges`].
+    pub edges: [f64; 6],
+    /// Six times the volume.
+    pub six_volume: f64,
+    /// Six times the volume times the distance from the first corner to the centre of the circumscribed sphere, twice.
+    circum: f64,
+}
+
+impl Shape {
+    /// Of the tetrahedron with these corners.
+    pub fn of(p: [Point3; 4]) -> Self {
+        let normals = face_normals(p);
+        let (u, v, w) = (sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0]));
+        let (uu, vv, ww) = (dot(u, u), dot(v, v), dot(w, w));
+        // −n₁ = v × w, −n₂ = w × u, −n₃ = u × v
+        let centre: Point3 = std::array::from_fn(|i| -(uu * normals[1][i] + vv * normals[2][i] + ww * normals[3][i]));
+        Self {
+            normals,
+            areas: normals.map(|n| norm(n).max(f64::MIN_POSITIVE)),
+            edges: dihedral_edges(p),
+            six_volume: -dot(u, normals[1]),
+            circum: norm(centre),
+        }
+    }
+
+    /// Three times the radius of the inscribed sphere over that of the circumscribed one: 1 for a regular tetrahedron, ≤ 0 for a flat
+    /// or an inverted one.
+    pub fn radius_ratio(&self) -> f64 {
+        // r = V₆/Σ|n|, R = |circum|/(2 V₆)
+        let sum: f64 = self.areas.iter().sum();
+        6.0 * self.six_volume * self.six_volume.abs() / (sum * self.circum).max(f64::MIN_POSITIVE)
+    }
+
+    /// Longest edge over 2√6 times the radius of the inscribed sphere: 1 for a regular tetrahedron, large for a flat one.
+    pub fn aspect(&self) -> f64 {
+        let longest = self.edges.iter().fold(0.0, |a: f64, &b| a.max(b));
+        let sum: f64 = self.areas.iter().sum();
+        longest * sum / (2.0 * 6f64.sqrt() * self.six_volume.abs().max(f64::MIN_POSITIVE))
+    }
+
+    /// Smallest sine of the dihedral angles, obtuse ones times [`OBTUSE_WEIGHT`]; √8/3 = 0.943 for a regular tetrahedron.
+    pub fn biased_minimum_sine(&self) -> f64 {
+        let (c, s) = (cosines(self), sines(self));
+        (0..6).fold(f64::INFINITY, |worst, k| worst.min(s[k] * if c[k] < 0.0 { OBTUSE_WEIGHT } else { 1.0 }))
+    }
+
+    /// Mean length of the edges.
+    pub fn mean_edge(&self) -> f64 {
+        self.edges.iter().sum::<f64>() / 6.0
+    }
+}
+
+/// Cosines of the dihedral angles.
+pub fn cosines(shape: &Shape) -> [f64; 6] {
+    DIHEDRALS.map(|[i, j]| -dot(shape.normals[i], shape.normals[j]) / (shape.areas[i] * shape.areas[j]).max(f64::MIN_POSITIVE))
+}
+
+/// Sines of the dihedral angles, with the sign of the volume.
+pub fn sines(shape: &Shape) -> [f64; 6] {
+    std::array::from_fn(|k| {
+        let [i, j] = DIHEDRALS[k];
+        shape.six_volume * shape.edges[k] / (shape.areas[i] * shape.areas[j]).max(f64::MIN_POSITIVE)
+    })
+}
+
+/// Cosines of the angles of a triangle at its corners; 0 at an edge of no length.
+pub fn triangle_cosines([a, b, c]: [Point3; 3]) -> [f64; 3] {
+    let e = [sub(c, b), sub(a, c), sub(b, a)];
+    let length = e.map(|e| norm(e).max(f64::MIN_POSITIVE));
+    [[1, 2], [2, 0], [0, 1]].map(|[j, k]| -dot(e[j], e[k]) / (length[j] * length[k]).max(f64::MIN_POSITIVE))
+}
+
+/// The angle of a cosine in degrees, of rounded cosines beyond ±1, too.
+pub fn degrees(cosine: f64) -> f64 {
+    cosine.clamp(-1.0, 1.0).acos().to_degrees()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all_angles(p: [Point3; 4]) -> [f64; 6] {
+        let (c, s) = (dihedral_cosines(p), dihedral_sines(p));
+        std::array::from_fn(|k| {
+            assert!((c[k] * c[k] + s[k] * s[k] - 1.0).abs() < 1e-14, "{c:?} {s:?}");
+            degrees(c[k])
+        })
+    }
+
+    fn near(a: f64, b: f64) -> bool {
+        (a - b).abs() < 1e-12 * b.abs().max(1.0)
+    }
+
+    #[test]
+    fn regular_tetrahedron() {
+        let p = [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]];
+        assert!(all_angles(p).iter().all(|&d| near(d, (1.0f64 / 3.0).acos().to_degrees())));
+        let s = Shape::of(p);
+        assert!(near(s.six_volume, 16.0) && near(s.radius_ratio(), 1.0) && near(s.aspect(), 1.0));
+        assert!(near(s.biased_minimum_sine(), 8f64.sqrt() / 3.0) && near(s.mean_edge(), 8f64.sqrt()));
+    }
+
+    /// Two 90° and four 60° angles.
+    #[test]
+    fn tetrahedron_of_the_body_centred_lattice() {
+        let mut d = all_angles([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 1.0, 1.0], [1.0, -1.0, 1.0]]);
+        d.sort_by(f64::total_cmp);
+        assert!(d.iter().zip([60.0, 60.0, 60.0, 60.0, 90.0, 90.0]).all(|(&a, b)| near(a, b)), "{d:?}");
+    }
+
+    /// Three right angles at the corner and three of acos(1/√3); r = (3 − √3)/6, R = √3/2.
+    #[test]
+    fn corner_of_a_cube() {
+        let p = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let mut d = all_angles(p);
+        d.sort_by(f64::total_cmp);
+        let acute = (1.0 / 3f64.sqrt()).acos().to_degrees();
+        assert!(d.iter().zip([acute, acute, acute, 90.0, 90.0, 90.0]).all(|(&a, b)| near(a, b)), "{d:?}");
+        assert!(near(Shape::of(p).radius_ratio(), 3.0 * (3.0 - 3f64.sqrt()) / 6.0 / (3f64.sqrt() / 2.0)));
+    }
+
+    #[test]
+    fn flat_inverted_and_collapsed_ones() {
+        let flat = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+        let s = Shape::of(flat);
+        assert!(s.six_volume == 0.0 && s.radius_ratio() == 0.0 && s.biased_minimum_sine() == 0.0 && s.aspect() > 1e300);
+        let inverted = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+        let s = Shape::of(inverted);
+        assert!(s.six_volume == -1.0 && s.radius_ratio() < 0.0 && s.biased_minimum_sine() < 0.0);
+        let s = Shape::of([[0.5; 3]; 4]);
+        assert!(s.radius_ratio() == 0.0 && cosines(&s) == [0.0; 6] && s.biased_minimum_sine() == 0.0);
+    }
+
+    #[test]
+    fn angles_of_triangles() {
+        let d = triangle_cosines([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 3f64.sqrt(), 0.0]]).map(degrees);
+        assert!(near(d[0], 90.0) && near(d[1], 60.0) && near(d[2], 30.0), "{d:?}");
+        assert_eq!(triangle_cosines([[0.0; 3]; 3]), [0.0; 3]);
+    }
+}
