@@ -180,6 +180,17 @@ impl Complex {
         *ring = back;
     }
 
+    /// The tetrahedra around the edge from `a` to `b`; false if there is no such edge.
+    pub(crate) fn ring_of(&self, a: u32, b: u32, ring: &mut Ring) -> bool {
+        let mut star = Vec::with_capacity(64);
+        self.star_shared(a, &mut star);
+        let found = star.into_iter().find(|&t| self.tets[t as usize].contains(&b));
+        if let Some(t) = found {
+            self.ring(t, a, b, ring);
+        }
+        found.is_some()
+    }
+
     /// Walks from `t` across the face opposite to `from`, over `over`; true when it comes back to `t`.
     fn walk(&self, t: u32, a: u32, b: u32, from: u32, over: u32, ring: &mut Ring) -> bool {
         let (mut at, mut from, mut over) = (t, from, over);

@@ -35,6 +35,8 @@ pub(crate) struct Cutter<'s> {
     value: Vec<f64>,
     /// Distances to pieces, as far as they were asked for.
     known: Vec<Vec<(u32, f64)>>,
+    /// Edge of the lattice's cells around each vertex.
+    cell: Vec<f64>,
     star: Vec<u32>,
     made: Vec<u32>,
     /// What did not work out, for the report.
@@ -64,8 +66,10 @@ impl<'s> Cutter<'s> {
     pub(crate) fn new(surface: &'s Surface<'s>, complex: Complex, frozen: Vec<bool>) -> Self {
         let value: Vec<f64> = complex.points.par_iter().map(|&p| surface.value(p).0).collect();
         let n = complex.points.len();
+        let cell = local_cells(&complex);
         Self {
             surface,
+            cell,
             complex,
             on: vec![On::default(); n],
             frozen,
@@ -134,10 +138,9 @@ impl<'s> Cutter<'s> {
 
     /// Corners first, then curves, nearest vertices first.
     fn snap_features(&mut self) {
-        let reach = SNAP_REACH * self.surface.lattice.a;
         let candidates: Vec<Vec<(f64, u32, On, Point3)>> = (0..self.complex.points.len() as u32)
             .into_par_iter()
-            .map(|v| if self.frozen[v as usize] { Vec::new() } else { self.features_near(v, reach) })
+            .map(|v| if self.frozen[v as usize] { Vec::new() } else { self.features_near(v, SNAP_REACH * self.cell[v as usize]) })
             .collect();
         let mut candidates: Vec<_> = candidates.into_iter().flatten().collect();
         candidates.sort_by(|a, b| b.2.len().cmp(&a.2.len()).then(a.0.total_cmp(&b.0)).then(a.1.cmp(&b.1)));
@@ -148,13 +151,13 @@ impl<'s> Cutter<'s> {
             }
             let near = |q: &Point3, d: f64| norm(sub(*q, p)) < d;
             if on.len() == 3 {
-                if corners.iter().any(|q| near(q, 1e-6 * reach)) || self.worst_if(v, p) < SNAP_QUALITY[0] {
+                if corners.iter().any(|q| near(q, 1e-6 * self.cell[v as usize])) || self.worst_if(v, p) < SNAP_QUALITY[0] {
                     continue;
                 }
                 corners.push(p);
             } else {
                 // Neighbours on the same curve keep a distance.
-                let close = 0.5 * self.surface.lattice.a;
+                let close = 0.5 * self.cell[v as usize];
                 let crowded = self.neighbours(v).iter().any(|&w| {
                     let other = self.on[w as usize];
                     on.slice().iter().all(|&i| other.contains(i)) && near(&self.complex.points[w as usize], close)
@@ -201,16 +204,15 @@ impl<'s> Cutter<'s> {
 
     /// Vertices next to the surface are moved onto it.
     fn snap_surface(&mut self) {
-        let a = self.surface.lattice.a;
         let mut near: Vec<u32> = (0..self.complex.points.len() as u32)
             .filter(|&v| {
                 let f = self.value[v as usize];
-                f != 0.0 && f.abs() < 0.5 * a && !self.frozen[v as usize] && self.on[v as usize].is_empty()
+                f != 0.0 && f.abs() < 0.5 * self.cell[v as usize] && !self.frozen[v as usize] && self.on[v as usize].is_empty()
             })
             .collect();
         near.sort_by(|&u, &v| self.value[u as usize].abs().total_cmp(&self.value[v as usize].abs()).then(u.cmp(&v)));
         for v in near {
-            let f = self.value[v as usize];
+            let (f, a) = (self.value[v as usize], self.cell[v as usize]);
             let mut least: Option<(f64, u32)> = None;
             for w in self.neighbours(v) {
                 let g = self.value[w as usize];
@@ -349,7 +351,7 @@ impl<'s> Cutter<'s> {
                 // No room for a vertex: the end counts as lying on the piece.
                 self.known[end as usize].retain(|k| k.0 != piece);
                 self.known[end as usize].push((piece, 0.0));
-                if self.value[end as usize].abs() < 1e-6 * self.surface.lattice.a {
+                if self.value[end as usize].abs() < 1e-6 * self.cell[end as usize] {
                     self.value[end as usize] = 0.0;
                 }
                 self.complex.star(end, &mut self.star);
@@ -366,6 +368,7 @@ impl<'s> Cutter<'s> {
         self.frozen.push(false);
         self.value.push(0.0);
         self.known.push(Vec::new());
+        self.cell.push(self.cell[u as usize].min(self.cell[w as usize]));
         self.complex.ring(t, u, w, ring);
         let mut made = std::mem::take(&mut self.made);
         self.complex.split(ring, u, w, m, &mut made);
@@ -394,7 +397,7 @@ impl<'s> Cutter<'s> {
         let q = self.surface.project(on.slice(), p)?;
         let far = norm(sub(p, q));
         let zero = self.surface.zero;
-        if far > 0.5 * self.surface.lattice.a || (!self.on[v as usize].is_empty() && self.surface.value(q).0.abs() > zero) {
+        if far > 0.5 * self.cell[v as usize] || (!self.on[v as usize].is_empty() && self.surface.value(q).0.abs() > zero) {
             return None;
         }
         if self.worst_if(v, q) < 0.08 {
@@ -452,6 +455,25 @@ impl<'s> Cutter<'s> {
     }
 }
 
+/// Edge of the cells of a body-centred lattice with the mean edge length at each vertex.
+fn local_cells(complex: &Complex) -> Vec<f64> {
+    let mut sum = vec![(0.0, 0.0); complex.points.len()];
+    for t in complex.live() {
+        let v = complex.tets[t as usize];
+        for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+            let l = norm(sub(complex.points[v[i] as usize], complex.points[v[j] as usize]));
+            for k in [v[i], v[j]] {
+                let s: &mut (f64, f64) = &mut sum[k as usize];
+                *s = (s.0 + l, s.1 + 1.0);
+            }
+        }
+    }
+    // Counted by tetrahedra: four of six edges are short ones (√3/2), two long ones. In the lattice each vertex sees its short edges
+    // six times and its long ones four times.
+    let mean = (8.0 * 6.0 * 0.75f64.sqrt() + 6.0 * 4.0) / (8.0 * 6.0 + 6.0 * 4.0);
+    sum.into_iter().map(|(s, n)| if n > 0.0 { s / n / mean } else { 0.0 }).collect()
+}
+
 /// The sign of a tree from the ranges of its pieces over the vertices, where 0 is on either side.
 fn side(tree: &Csg, ranges: &[(u32, f64, f64)]) -> Side {
     let many = |children: &[Csg], is_min: bool| {
@@ -506,9 +528,10 @@ pub(crate) struct Band {
 const LAYERS: usize = 1;
 
 impl Band {
-    pub(crate) fn new(lattice: &Lattice, with_core: bool) -> Self {
+    /// With `all` there is no core: everything may change.
+    pub(crate) fn new(lattice: &Lattice, with_core: bool, all: bool) -> Self {
         let n = lattice.n;
-        let deep = deep_cells(lattice);
+        let deep = if all { vec![false; lattice.state.len()] } else { deep_cells(lattice) };
         let corners = (n[0] + 1) * (n[1] + 1) * (n[2] + 1);
         let mut number = vec![NONE; corners + n[0] * n[1] * n[2]];
         let slot = |h: [usize; 3]| {

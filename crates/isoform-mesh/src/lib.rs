@@ -12,6 +12,7 @@ mod measure;
 mod mesher;
 mod optimise;
 pub mod quality;
+mod refine;
 mod second;
 mod surface;
 

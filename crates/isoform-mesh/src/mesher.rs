@@ -6,6 +6,7 @@ use crate::cut::{Band, Cutter};
 use crate::features::{ExtentError, START, extent};
 use crate::lattice::Lattice;
 use crate::optimise::Optimiser;
+use crate::refine::{bisect, chordal_size};
 use crate::second::add_middles;
 use crate::surface::Surface;
 use isoform_geom::{Aabb, Curve, Mesh, Point3, Solid, norm};
@@ -165,7 +166,19 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     control.phase("lattice")?;
     let lattice = Lattice::new(solid, region, cell);
     let surface = Surface { solid, lattice: &lattice, zero: 1e-13 * region.diagonal() };
-    let Band { complex, frozen, core, core_points } = Band::new(&lattice, !options.surface_only);
+    let graded = options.grade.is_some();
+    let Band { mut complex, mut frozen, core, core_points } = Band::new(&lattice, !options.surface_only, graded);
+    let mut warnings = Vec::new();
+    if let Some(error) = options.grade {
+        control.phase("sizes")?;
+        let limit = (options.memory / 400) as usize;
+        let short = bisect(&mut complex, &mut frozen, limit, |complex, t| {
+            CELL * chordal_size(solid, &lattice, complex, t, 0.6 * error, surface.zero)
+        });
+        if short {
+            warnings.push(Warning { message: "sizes were not refined as far as asked for: the limit of memory was met".into(), at: None });
+        }
+    }
     let band_points = complex.points.len();
     control.phase("features and surface")?;
     let mut cutter = Cutter::new(&surface, complex, frozen);
@@ -179,9 +192,9 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     control.phase("optimisation")?;
     let mut optimiser = Optimiser::new(&surface, inside);
     let goal = options.angles[0].to_radians().sin().max(0.7 * options.angles[1].to_radians().sin());
-    optimiser.run(goal, 30);
+    optimiser.run(goal);
+    optimiser.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);
     let (mut mesh, pieces) = assemble(solid, optimiser, &number, band_points, core, core_points, options);
-    let mut warnings = Vec::new();
     if options.order == 2 {
         control.phase("second order")?;
         let off = add_middles(&mut mesh, solid, &pieces, surface.zero);

@@ -26,6 +26,8 @@ const GAIN: f64 = 1e-4;
 const ACTIVE: f64 = 0.04;
 /// Least cosine between a face of the surface and its piece; a face that was worse may stay but not get worse.
 const FACING: f64 = 0.5;
+/// Largest sagitta of an edge of the surface, as a share of its length: an arc of 37 degrees. Coarser ones make poor curved elements.
+const TURN: f64 = 0.08;
 /// Longest ring whose edge is removed; longer ones never improved a mesh in our trials.
 const RING: usize = 9;
 
@@ -625,10 +627,17 @@ impl<'s> Optimiser<'s> {
     }
 
     /// Splits the edge from `a` to `b` in the middle and moves the new vertex to its best place; undone if the worst does not improve.
-    fn insert(&mut self, t: u32, a: u32, b: u32) -> bool {
+    fn insert(&mut self, a: u32, b: u32) -> bool {
         let mut ring = Ring::default();
-        self.complex.ring(t, a, b, &mut ring);
+        if !self.complex.ring_of(a, b, &mut ring) {
+            return false;
+        }
         let before = self.worst(&ring.tets);
+        self.insert_in(&ring, a, b, before + 0.01)
+    }
+
+    /// The same, kept if the worst is better than `least`.
+    fn insert_in(&mut self, ring: &Ring, a: u32, b: u32, least: f64) -> bool {
         let [p, q] = [a, b].map(|v| self.complex.points[v as usize]);
         let mut at: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
         let (mut hold, mut labels) = (On::default(), On::default());
@@ -663,12 +672,12 @@ impl<'s> Optimiser<'s> {
         self.hold.push(Hold::On(hold));
         self.labels.push(labels);
         let mut made = Vec::new();
-        self.complex.split(&ring, a, b, m, &mut made);
+        self.complex.split(ring, a, b, m, &mut made);
         let mut star = Vec::new();
         if let Some(place) = self.better_place(m, &mut star) {
             self.complex.points[m as usize] = place;
         }
-        if self.worst(&made) > before + 0.01 {
+        if self.worst(&made) > least {
             return true;
         }
         let mut back = Vec::new();
@@ -722,16 +731,76 @@ impl<'s> Optimiser<'s> {
                     (dot(d, d), v[i], v[j])
                 });
                 edges.sort_by(|a, b| b.0.total_cmp(&a.0));
-                edges.iter().take(4).any(|&(_, a, b)| self.insert(t, a, b))
+                edges.iter().take(4).any(|&(_, a, b)| self.insert(a, b))
             }
             None => false,
         }
     }
 
+    /// Splits edges of the surface whose middles are farther from it than `error`, or that turn too far, until there are none.
+    pub(crate) fn refine_surface(&mut self, error: f64, goal: f64) {
+        for _ in 0..8 {
+            let faces = self.faces();
+            let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * faces.len());
+            for (f, label) in &faces {
+                for i in 0..3 {
+                    let (a, b) = (f[i], f[(i + 1) % 3]);
+                    edges.push(([a.min(b), a.max(b)], *label));
+                }
+            }
+            edges.par_sort_unstable();
+            let mut wanted: Vec<(f64, [u32; 2])> = edges
+                .par_chunk_by(|a, b| a.0 == b.0)
+                .filter_map(|same| {
+                    let labels = [same[0].1, same[same.len() - 1].1];
+                    self.excess(same[0].0, labels, error).map(|s| (s, same[0].0))
+                })
+                .collect();
+            if error.is_finite() {
+                // Faces whose edges are all right but whose middle is not.
+                wanted.par_extend(faces.par_iter().filter_map(|(f, label)| {
+                    let p = f.map(|v| self.complex.points[v as usize]);
+                    let middle = std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0);
+                    let off = norm(sub(self.surface.project(&[*label], middle)?, middle));
+                    let long = (0..3).max_by(|&i, &j| norm(sub(p[i], p[(i + 1) % 3])).total_cmp(&norm(sub(p[j], p[(j + 1) % 3]))))?;
+                    let (a, b) = (f[long], f[(long + 1) % 3]);
+                    (off > error).then_some((off / error, [a.min(b), a.max(b)]))
+                }));
+            }
+            wanted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            let (mut ring, mut done) = (Ring::default(), 0);
+            for (_, [a, b]) in &wanted {
+                if self.complex.ring_of(*a, *b, &mut ring) && !ring.closed {
+                    done += usize::from(self.insert_in(&ring, *a, *b, 0.02));
+                }
+            }
+            if done == 0 {
+                return;
+            }
+            self.mend_all(goal, 12);
+        }
+    }
+
+    /// By how much an edge of the surface leaves it more than it may; none if it does not.
+    fn excess(&self, ends: [u32; 2], labels: [u32; 2], error: f64) -> Option<f64> {
+        let [p, q] = ends.map(|v| self.complex.points[v as usize]);
+        let middle: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
+        let sharp = labels[0] != labels[1] && self.is_sharp(ends, labels);
+        let on = self.surface.project(if sharp { &labels } else { &labels[..1] }, middle)?;
+        let (off, length) = (norm(sub(on, middle)), norm(sub(p, q)));
+        let most = (TURN * length).min(error);
+        (off > most && off < 0.4 * length).then_some(off / most)
+    }
+
     /// Optimises until no tetrahedron is below `goal` or nothing helps any more.
-    pub(crate) fn run(&mut self, goal: f64, rounds: usize) {
+    pub(crate) fn run(&mut self, goal: f64) {
         let all: Vec<u32> = (0..self.complex.points.len() as u32).filter(|&v| self.complex.tet_of[v as usize] != NONE).collect();
         self.smooth(&all);
+        self.mend_all(goal, 30);
+    }
+
+    /// Mends tetrahedra below `goal` in rounds, with moves of the vertices around them.
+    fn mend_all(&mut self, goal: f64, rounds: usize) {
         let mut last = f64::NEG_INFINITY;
         let mut idle = 0;
         for round in 0..rounds {

@@ -67,11 +67,16 @@ pub(crate) fn first_order(g: f64, gradient: Point3) -> f64 {
     }
 }
 
+/// The distance of a point to a piece, to first order.
+pub(crate) fn first_order_at(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
+    let (g, d) = solid.gradient(piece, p);
+    first_order(g, d)
+}
+
 impl Surface<'_> {
     /// Distance of a point to a piece, to first order; 0 within rounding.
     pub(crate) fn distance(&self, piece: u32, p: Point3) -> f64 {
-        let (g, d) = self.solid.gradient(piece, p);
-        let v = first_order(g, d);
+        let v = first_order_at(self.solid, piece, p);
         if v.abs() <= self.zero { 0.0 } else { v }
     }
 

@@ -1,0 +1,116 @@
+//! Smaller tetrahedra where they are wanted: the lattice is bisected before it is cut.
+//!
+//! Longest edges first, and where a tetrahedron around the edge has a longer one, that one before it (Rivara, 1984): the tetrahedra
+//! of the body-centred lattice then fall into three classes of shapes only, none worse than 45°, and neighbours differ in size by no
+//! more than a step or two.
+
+use crate::complex::{Complex, Ring};
+use crate::lattice::{IN, Lattice, OUT};
+use crate::surface::project;
+use isoform_geom::{Point3, Solid, cross, dot, norm, sub};
+use isoform_num::Jet2;
+
+/// Lengths that differ by less are equal: halves of lattice edges are exact but for rounding.
+const SAME: f64 = 1.0 + 1e-9;
+/// Longest chain of longer edges that is followed; in a lattice it never exceeds a few.
+const CHAIN: usize = 64;
+
+fn longest(complex: &Complex, t: u32) -> (f64, u32, u32) {
+    let v = complex.tets[t as usize];
+    let mut best = (0.0, 0, 0);
+    for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+        let (a, b) = (v[i].min(v[j]), v[i].max(v[j]));
+        let l = norm(sub(complex.points[a as usize], complex.points[b as usize]));
+        if l > best.0 * SAME || (l * SAME > best.0 && (best.1, best.2) > (a, b)) {
+            best = (l, a, b);
+        }
+    }
+    best
+}
+
+/// Bisects tetrahedra until the longest edge of each is at most what `wanted` says for it (looked at anew for the halves). `frozen`
+/// vertices keep their edges to each other. Stops at `limit` tetrahedra and says whether it did.
+pub(crate) fn bisect(complex: &mut Complex, frozen: &mut Vec<bool>, limit: usize, mut wanted: impl FnMut(&Complex, u32) -> f64) -> bool {
+    let mut queue: std::collections::VecDeque<u32> = complex.live().collect();
+    let (mut ring, mut made) = (Ring::default(), Vec::new());
+    while let Some(t) = queue.pop_front() {
+        if !complex.is_there(t) || longest(complex, t).0 <= wanted(complex, t) * SAME {
+            continue;
+        }
+        if complex.tets.len() > limit {
+            return true;
+        }
+        let mut at = t;
+        for _ in 0..CHAIN {
+            let (length, a, b) = longest(complex, at);
+            complex.ring(at, a, b, &mut ring);
+            if let Some(&longer) = ring.tets.iter().find(|&&n| longest(complex, n).0 > length * SAME) {
+                at = longer;
+                continue;
+            }
+            if frozen[a as usize] && frozen[b as usize] {
+                break;
+            }
+            let [p, q] = [a, b].map(|v| complex.points[v as usize]);
+            let m = complex.add_point(std::array::from_fn(|i| 0.5 * (p[i] + q[i])));
+            frozen.push(false);
+            complex.split(&ring, a, b, m, &mut made);
+            queue.extend(&made);
+            if !complex.is_there(t) || complex.tets[t as usize].contains(&m) {
+                break;
+            }
+            at = t;
+        }
+    }
+    false
+}
+
+/// Largest principal curvature, by magnitude, of the level set through a point.
+pub(crate) fn curvature(j: &Jet2) -> f64 {
+    let l = norm(j.g);
+    if !(l > 0.0 && l.is_finite()) {
+        return 0.0;
+    }
+    let n = j.g.map(|v| v / l);
+    let axis = (0..3).fold(0, |b, i| if n[i].abs() < n[b].abs() { i } else { b });
+    let mut e = [0.0; 3];
+    e[axis] = 1.0;
+    let u = cross(n, e);
+    let u = u.map(|v| v / norm(u));
+    let v = cross(n, u);
+    let times = |w: Point3| -> Point3 { std::array::from_fn(|i| (0..3).map(|k| j.second(i, k) * w[k]).sum()) };
+    let (hu, hv) = (times(u), times(v));
+    let (a, b, c) = (dot(u, hu) / l, dot(u, hv) / l, dot(v, hv) / l);
+    let (mean, off) = (0.5 * (a + c), (0.25 * (a - c) * (a - c) + b * b).sqrt());
+    (mean + off).abs().max((mean - off).abs())
+}
+
+/// Edge length at which the chordal error of the surface in a tetrahedron stays below `error`; infinite away from the surface.
+pub(crate) fn chordal_size(solid: &dyn Solid, lattice: &Lattice, complex: &Complex, t: u32, error: f64, zero: f64) -> f64 {
+    let c = complex.corners(t);
+    let middle: Point3 = std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i]));
+    let reach = c.iter().map(|p| norm(sub(*p, middle))).fold(0.0, f64::max);
+    let mut size = f64::INFINITY;
+    let k = lattice.state_at(middle);
+    if k == IN || k == OUT {
+        return size;
+    }
+    let (tree, pieces) = &lattice.trees[k as usize - 2];
+    for &piece in pieces {
+        let Some(q) = project(solid, zero, &[piece], middle) else { continue };
+        if norm(sub(q, middle)) > 1.2 * reach {
+            continue;
+        }
+        // Only where the piece bounds the solid, or nearly so.
+        let off = tree.value(&|i| if i == piece { 0.0 } else { crate::surface::first_order_at(solid, i, q) });
+        if off.abs() > reach {
+            continue;
+        }
+        let bend = curvature(&solid.jet(piece, q));
+        if bend > 0.0 {
+            // A chord of length s leaves a circle of curvature κ by κ s²/8, an equilateral triangle a sphere by κ s²/6.
+            size = size.min((6.0 * error / bend).sqrt());
+        }
+    }
+    size
+}
