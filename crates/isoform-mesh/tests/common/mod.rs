@@ -2,11 +2,12 @@
 #![allow(dead_code, reason = "each test file uses some of them")]
 
 use isoform_geom::{Aabb, Csg, Point3, Solid};
-use isoform_num::{Interval, Jet2, Real};
+use isoform_num::{Interval, Jet1, Jet2, Real};
 
 /// A formula for a piece, for every number type.
-pub trait Formula: Send + Sync {
+pub(crate) trait Formula: Send + Sync {
     fn real(&self, p: Point3) -> f64;
+    fn gradient(&self, p: [Jet1<3>; 3]) -> Jet1<3>;
     fn jet(&self, p: [Jet2; 3]) -> Jet2;
     fn interval(&self, p: [Interval; 3]) -> Interval;
 }
@@ -15,12 +16,13 @@ macro_rules! formulas {
     ($($(#[$doc:meta])* $name:ident { $($field:ident : $type:ty),* } |$s:ident, $x:ident, $y:ident, $z:ident| $body:expr;)*) => { $(
         $(#[$doc])*
         #[derive(Clone, Debug)]
-        pub struct $name { $(pub $field: $type),* }
+        pub(crate) struct $name { $(pub(crate) $field: $type),* }
         impl $name {
             fn eval<R: Real>(&self, [$x, $y, $z]: [R; 3]) -> R { let $s = self; $body }
         }
         impl Formula for $name {
             fn real(&self, p: Point3) -> f64 { self.eval(p) }
+            fn gradient(&self, p: [Jet1<3>; 3]) -> Jet1<3> { self.eval(p) }
             fn jet(&self, p: [Jet2; 3]) -> Jet2 { self.eval(p) }
             fn interval(&self, p: [Interval; 3]) -> Interval { self.eval(p) }
         }
@@ -87,16 +89,16 @@ formulas! {
 
 /// What a plane is blended with.
 #[derive(Clone, Debug)]
-pub enum Other {
+pub(crate) enum Other {
     Plane(Plane),
     Cylinder(Cylinder),
 }
 
 /// Formulas joined by a tree.
-pub struct Made {
-    pub formulas: Vec<Box<dyn Formula>>,
-    pub names: Vec<String>,
-    pub tree: Csg,
+pub(crate) struct Made {
+    pub(crate) formulas: Vec<Box<dyn Formula>>,
+    pub(crate) names: Vec<String>,
+    pub(crate) tree: Csg,
 }
 
 impl Solid for Made {
@@ -114,7 +116,7 @@ impl Solid for Made {
         }
     }
     fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
-        let j = self.jet(piece, p);
+        let j = self.formulas[piece as usize].gradient(std::array::from_fn(|i| Jet1::variable(p[i], i)));
         (j.v, j.g)
     }
     fn jet(&self, piece: u32, p: Point3) -> Jet2 {
@@ -133,17 +135,17 @@ impl Solid for Made {
 }
 
 /// A tree under construction.
-pub enum Node {
+pub(crate) enum Node {
     Piece(Box<dyn Formula>),
-    Min(Vec<Node>),
-    Max(Vec<Node>),
+    Min(Vec<Self>),
+    Max(Vec<Self>),
 }
 
-pub fn piece(f: impl Formula + 'static) -> Node {
+pub(crate) fn piece(f: impl Formula + 'static) -> Node {
     Node::Piece(Box::new(f))
 }
 
-pub fn made(node: Node) -> Made {
+pub(crate) fn made(node: Node) -> Made {
     fn number(node: Node, formulas: &mut Vec<Box<dyn Formula>>) -> Csg {
         match node {
             Node::Piece(f) => {
@@ -160,24 +162,24 @@ pub fn made(node: Node) -> Made {
     Made { formulas, names, tree }
 }
 
-pub fn plane(n: Point3, d: f64) -> Plane {
+pub(crate) fn plane(n: Point3, d: f64) -> Plane {
     Plane { n, d }
 }
 
-pub fn planes_of_block(lo: Point3, hi: Point3) -> Vec<Plane> {
+pub(crate) fn planes_of_block(lo: Point3, hi: Point3) -> Vec<Plane> {
     let unit = |i: usize, s: f64| std::array::from_fn(|k| if k == i { s } else { 0.0 });
     (0..3).flat_map(|i| [plane(unit(i, 1.0), -lo[i]), plane(unit(i, -1.0), hi[i])]).collect()
 }
 
-pub fn block(lo: Point3, hi: Point3) -> Node {
+pub(crate) fn block(lo: Point3, hi: Point3) -> Node {
     Node::Min(planes_of_block(lo, hi).into_iter().map(piece).collect())
 }
 
-pub fn cylinder(axis: usize, center: Point3, r: f64, side: f64) -> Node {
+pub(crate) fn cylinder(axis: usize, center: Point3, r: f64, side: f64) -> Node {
     piece(Cylinder { axis, center, r, side })
 }
 
-pub fn part() -> Made {
+pub(crate) fn part() -> Made {
     made(Node::Min(vec![
         block([-5.0, -4.0, -2.0], [5.0, 1.0, 2.0]),
         cylinder(2, [-2.0, -1.5, 0.0], 1.25, -1.0),
@@ -185,12 +187,12 @@ pub fn part() -> Made {
     ]))
 }
 
-pub fn gyroid() -> Made {
+pub(crate) fn gyroid() -> Made {
     made(Node::Min(vec![block([-0.95; 3], [0.95; 3]), piece(Gyroid { t: 0.6, side: -1.0 }), piece(Gyroid { t: 0.6, side: 1.0 })]))
 }
 
 /// Plate and boss joined by a blend, minus a hole.
-pub fn blend() -> Made {
+pub(crate) fn blend() -> Made {
     let boss = [
         Other::Cylinder(Cylinder { axis: 2, center: [0.0; 3], r: 1.0, side: 1.0 }),
         Other::Plane(plane([0.0, 0.0, -1.0], 2.5)),
