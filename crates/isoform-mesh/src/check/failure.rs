@@ -1,6 +1,6 @@
 //! What in a certificate is not acceptable.
 
-use super::{Certificate, Defects, Place};
+use super::{Certificate, Defects, Distances, Place};
 
 /// Something that is not acceptable.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -37,6 +37,13 @@ impl List {
             self.add(code, format!("{what} is {value:.6}, below {limit}"), place.cloned());
         }
     }
+    /// Distances that must be at most `limit`.
+    fn at_most(&mut self, code: &'static str, what: &str, distances: &Distances, limit: f64) {
+        if distances.max > limit {
+            let message = format!("{what} is {:.3e}, above {limit:.3e}", distances.max);
+            self.add(code, message, distances.worst.clone());
+        }
+    }
 }
 
 /// Everything that is not acceptable.
@@ -48,6 +55,8 @@ pub(super) fn failures(c: &Certificate) -> Vec<Failure> {
     surface(c, &mut list);
     volume(c, &mut list);
     shape(c, &mut list);
+    deviation(c, &mut list);
+    coverage(c, &mut list);
     if !c.complete {
         list.add("incomplete", "the checks were stopped before their end".to_owned(), None);
     }
@@ -68,6 +77,8 @@ fn surface(c: &Certificate, list: &mut List) {
         list.none("repeated-triangle", &s.repeated_triangles, "repeated triangle", "repeated triangles");
         list.none("degenerate-triangle", &s.degenerate_triangles, "triangle with a corner twice", "triangles with a corner twice");
         list.none("flat-triangle", &s.flat_triangles, "triangle without area", "triangles without area");
+        let (one, many) = ("feature edge that is no edge of a triangle", "feature edges that are no edges of triangles");
+        list.none("loose-edge", &s.loose_edges, one, many);
         let (one, many) = ("shell that is turned the wrong way for its place", "shells that are turned the wrong way for their place");
         list.none("misplaced-shell", &s.misplaced_shells, one, many);
     }
@@ -95,6 +106,28 @@ fn volume(c: &Certificate, list: &mut List) {
         let (one, many) = ("mid node that is not that of one edge alone", "mid nodes that are not those of one edge alone");
         list.none("mid-node", &v.mid_nodes, one, many);
     }
+}
+
+fn deviation(c: &Certificate, list: &mut List) {
+    let Some(d) = &c.deviation else { return };
+    if !d.unknown_parts.is_empty() {
+        let message = format!("labels that are no parts of the solid: {}", d.unknown_parts.join(", "));
+        list.add("unknown-part", message, None);
+    }
+    let limit = c.limits.node_distance * d.diagonal;
+    list.at_most("node-off-surface", "the distance of a node to its part", &d.nodes, limit);
+    list.at_most("mid-node-off-surface", "the distance of a mid node to its part", &d.mids, limit);
+    list.at_most("curve-node-off-surface", "the distance of a node on a curve to a part of the curve", &d.curves, limit);
+    list.at_most("chord", "the distance of a face to its part", &d.faces, c.limits.chord);
+    let (one, many) = ("node on a part where that is not the surface", "nodes on parts where those are not the surface");
+    list.none("misclassified-node", &d.misclassified, one, many);
+}
+
+fn coverage(c: &Certificate, list: &mut List) {
+    let Some(f) = &c.coverage else { return };
+    let what = "the share of the feature curves that has edges";
+    list.at_least("uncovered-curve", what, f.covered, c.limits.covered, f.uncovered.places.first());
+    list.none("missed-corner", &f.missed_corners, "corner without a node", "corners without a node");
 }
 
 fn shape(c: &Certificate, list: &mut List) {

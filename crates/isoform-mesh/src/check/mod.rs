@@ -22,7 +22,9 @@
 //! [`failures`]: Certificate::failures
 
 mod boxes;
+mod coverage;
 mod defects;
+mod deviation;
 mod elements;
 mod exact;
 mod failure;
@@ -32,7 +34,9 @@ mod stars;
 mod surface;
 mod volume;
 
+pub use coverage::Coverage;
 pub use defects::{Defects, Place};
+pub use deviation::{Deviation, Distances, PartDeviation};
 pub use elements::{CurvedQuality, Lengths, TetQuality, TriangleQuality};
 pub use failure::Failure;
 pub use format::Malformed;
@@ -41,7 +45,8 @@ pub use surface::{Shell, Surface};
 pub use volume::Volume;
 
 use crate::Control;
-use isoform_geom::{Mesh, Point3, Solid};
+use crate::cap::Capped;
+use isoform_geom::{Aabb, Mesh, Point3, Solid};
 
 /// What to compare a mesh with, and how much of what is found to keep.
 #[derive(Clone, Copy, Debug)]
@@ -55,13 +60,18 @@ pub struct Options<'a> {
     pub curves: &'a [Vec<Point3>],
     /// Corners that the mesh must have nodes at.
     pub corners: &'a [Point3],
+    /// The size of elements that was asked for, which tells how near edges must be to feature curves; the mean edge length of the
+    /// surface if not given.
+    pub size: Option<f64>,
+    /// The box that the solid was cut off at, if it was: see the mesher's [`Options::region`](crate::Options::region).
+    pub region: Option<Aabb>,
     /// What is acceptable.
     pub limits: Limits,
 }
 
 impl Default for Options<'_> {
     fn default() -> Self {
-        Self { places: 20, pairs: 10_000_000, curves: &[], corners: &[], limits: Limits::default() }
+        Self { places: 20, pairs: 10_000_000, curves: &[], corners: &[], size: None, region: None, limits: Limits::default() }
     }
 }
 
@@ -76,11 +86,29 @@ pub struct Limits {
     pub angle_min: f64,
     /// Smallest acceptable scaled Jacobian of tetrahedra with mid nodes; only positive ones are ever accepted.
     pub scaled_jacobian_min: f64,
+    /// Largest acceptable distance of nodes to the surface, and of nodes on curves to both surfaces, as a share of the diagonal.
+    pub node_distance: f64,
+    /// Largest acceptable distance of faces to the surface, in the units of the model.
+    pub chord: f64,
+    /// Smallest acceptable share of the feature curves that has edges.
+    pub covered: f64,
+    /// Largest acceptable distance of corners of the solid to nodes at corners, as a share of the diagonal.
+    pub corner_distance: f64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { dihedral_min: 0.0, dihedral_max: 180.0, angle_min: 0.0, scaled_jacobian_min: 0.0 }
+        Self {
+            dihedral_min: 0.0,
+            dihedral_max: 180.0,
+            angle_min: 0.0,
+            scaled_jacobian_min: 0.0,
+            // Far above what iterations in doubles leave, far below what anything is made to.
+            node_distance: 1e-9,
+            chord: f64::INFINITY,
+            covered: 0.999,
+            corner_distance: 1e-9,
+        }
     }
 }
 
@@ -101,6 +129,12 @@ pub struct Certificate {
     pub tets: Option<TetQuality>,
     /// The Jacobian of tetrahedra with mid nodes.
     pub curved: Option<CurvedQuality>,
+    /// Distances to the solid; if there is one to compare with.
+    pub deviation: Option<Deviation>,
+    /// How much of the feature curves and corners the mesh has; if there are some to compare with.
+    pub coverage: Option<Coverage>,
+    /// Nodes that no element has.
+    pub unused_nodes: usize,
     /// Whether everything was looked at.
     pub complete: bool,
     /// What is acceptable, as it was asked for.
@@ -155,14 +189,39 @@ fn examine(
         control.phase("checking the surface").ok()?;
         let flat = surface::without_area(points, triangles);
         let tree = intersections::tree(points, triangles);
-        certificate.surface = Some(surface::examine(points, triangles, &flat, &tree, options));
+        certificate.surface = Some(surface::examine(points, triangles, &mesh.edges, &flat, &tree, options));
         certificate.triangles = elements::triangles(points, triangles, options);
         control.phase("looking for self-intersections").ok()?;
         certificate.intersections = Some(intersections::find(points, triangles, &flat, &tree, options, control));
     }
-    control.phase("done").ok()?;
-    let _ = solid;
+    certificate.unused_nodes = unused_nodes(mesh);
+    if let (Some(solid), false) = (solid, triangles.is_empty()) {
+        control.phase("measuring distances").ok()?;
+        let capped = options.region.map(|region| Capped::new(solid, region));
+        let solid = capped.as_ref().map_or(solid, |c| c);
+        certificate.deviation = Some(deviation::measure(mesh, triangles, solid, options));
+    }
+    if !options.curves.is_empty() || !options.corners.is_empty() {
+        control.phase("looking for features").ok()?;
+        let size = options.size.or_else(|| certificate.triangles.as_ref().map(|t| t.edges.mean)).unwrap_or(0.0);
+        certificate.coverage = Some(coverage::measure(mesh, size, options));
+    }
     Some(())
+}
+
+/// How many nodes are in no element, as corners or mid nodes.
+fn unused_nodes(mesh: &Mesh) -> usize {
+    let mut used = vec![false; mesh.points.len()];
+    let arrays = [
+        mesh.triangles.as_flattened(),
+        mesh.triangle_mids.as_flattened(),
+        mesh.tets.as_flattened(),
+        mesh.tet_mids.as_flattened(),
+        mesh.edges.as_flattened(),
+        &mesh.edge_mids,
+    ];
+    arrays.into_iter().flatten().for_each(|&i| used[i as usize] = true);
+    used.into_iter().filter(|&u| !u).count()
 }
 
 #[cfg(test)]

@@ -38,6 +38,8 @@ pub struct Surface {
     pub degenerate_triangles: Defects,
     /// Triangles whose corners lie exactly on a line.
     pub flat_triangles: Defects,
+    /// Feature edges of the mesh that are no edges of its triangles.
+    pub loose_edges: Defects,
     /// Nodes − edges + triangles.
     pub euler: i64,
     /// Number of shells: parts that hang together by nodes.
@@ -116,8 +118,15 @@ pub(super) fn without_area(points: &[Point3], triangles: &[[u32; 3]]) -> Vec<boo
     triangles.par_iter().map(|t| is_degenerate(t) || is_flat(t.map(|i| points[i as usize]))).collect()
 }
 
-/// Topology and measure of a surface; `flat` is [`without_area`] of it, and the tree that of its triangles.
-pub(super) fn examine(points: &[Point3], triangles: &[[u32; 3]], flat: &[bool], tree: &BoxTree, options: &Options<'_>) -> Surface {
+/// Topology and measure of a surface with feature edges; `flat` is [`without_area`] of it, and the tree that of its triangles.
+pub(super) fn examine(
+    points: &[Point3],
+    triangles: &[[u32; 3]],
+    features: &[[u32; 2]],
+    flat: &[bool],
+    tree: &BoxTree,
+    options: &Options<'_>,
+) -> Surface {
     let room = options.places;
     let mut surface = Surface { triangles: triangles.len(), ..Surface::default() };
     for (k, t) in triangles.iter().enumerate().filter(|&(k, _)| flat[k]) {
@@ -126,6 +135,12 @@ pub(super) fn examine(points: &[Point3], triangles: &[[u32; 3]], flat: &[bool], 
     }
     let shell_of = Shells::new(points.len(), triangles);
     let stars = Stars::new(points.len(), triangles);
+    for &[a, b] in features {
+        if a == b || !stars.of(a as usize).iter().any(|&k| triangles[k as usize].contains(&b)) {
+            let at = middle(points[a as usize], points[b as usize]);
+            surface.loose_edges.add(room, || Place { at, nodes: vec![a, b], ..Place::default() });
+        }
+    }
     let runs: Vec<Run> = blocks(points.len(), TASK)
         .into_par_iter()
         .map(|range| {

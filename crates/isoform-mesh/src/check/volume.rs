@@ -185,7 +185,7 @@ fn measure(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<f64>) {
             for (k, (length, t)) in lengths.iter_mut().zip(tets).enumerate() {
                 let p = t.map(|i| mesh.points[i as usize]);
                 *length = Shape::of(p).mean_edge();
-                part.volume += six_volume(p) / 6.0;
+                part.volume += six_volume(p);
                 let sign = volume_sign(p[0], p[1], p[2], p[3]);
                 if sign <= 0 {
                     let defects = if sign < 0 { &mut part.inverted } else { &mut part.flat };
@@ -197,12 +197,14 @@ fn measure(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<f64>) {
             part
         })
         .collect();
-    let mut all = Volume::default();
+    let (mut all, mut six_volumes) = (Volume::default(), 0.0);
     for part in parts {
-        all.volume += part.volume;
+        six_volumes += part.volume;
         all.inverted.append(room, part.inverted);
         all.flat.append(room, part.flat);
     }
+    // Divided at last, so that whole numbers stay whole.
+    all.volume = six_volumes / 6.0;
     (all, lengths)
 }
 

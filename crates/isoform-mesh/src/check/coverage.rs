@@ -1,0 +1,143 @@
+//! Whether the mesh has edges along the feature curves and nodes at the corners of the solid.
+
+use super::boxes::BoxTree;
+use super::{Defects, Options, Place};
+use isoform_geom::{Aabb, KdTree, Mesh, Point3, distance_squared, dot, norm, sub};
+use rayon::prelude::*;
+
+/// How far from a curve, as a share of the size of the elements, an edge still counts as along it: more than the chord error of edges on
+/// the curve, less than the distance of the next edges beside it.
+const NEAR: f64 = 0.15;
+
+/// How much of the features a mesh has.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Coverage {
+    /// Length of the curves.
+    pub length: f64,
+    /// The share of it that has a feature edge of the mesh within [`Self::tolerance`]; 1 if there is no curve.
+    pub covered: f64,
+    /// How near edges must be.
+    pub tolerance: f64,
+    /// Stretches of curves without an edge: their middles, the value is the length.
+    pub uncovered: Defects,
+    /// Number of corners.
+    pub corners: usize,
+    /// The largest distance of a corner to the next corner node of the mesh; infinite if it has none.
+    pub corner_max: f64,
+    /// Corners without a node as near as the limit; the value is the distance.
+    pub missed_corners: Defects,
+}
+
+/// Compares the feature edges and corner nodes of the mesh with the curves and corners of the options.
+pub(super) fn measure(mesh: &Mesh, size: f64, options: &Options<'_>) -> Coverage {
+    let room = options.places;
+    let mut out = Coverage { covered: 1.0, tolerance: NEAR * size, corners: options.corners.len(), ..Coverage::default() };
+    let edges = Edges::new(mesh);
+    let stretches: Vec<Stretches> = options.curves.par_iter().map(|curve| edges.compare(curve, out.tolerance, room)).collect();
+    let mut found = 0.0;
+    for s in stretches {
+        out.length += s.length;
+        found += s.found;
+        out.uncovered.append(room, s.uncovered);
+    }
+    if out.length > 0.0 {
+        out.covered = found / out.length;
+    }
+    let nodes: Vec<Point3> = mesh.corners.iter().map(|&i| mesh.points[i as usize]).collect();
+    let tree = KdTree::new(&nodes);
+    let limit = options.limits.corner_distance * mesh.bounds().diagonal();
+    for &at in options.corners {
+        let nearest = if at.iter().all(|v| v.is_finite()) { tree.nearest(at) } else { None };
+        let value = nearest.map_or(f64::INFINITY, |(_, squared)| squared.sqrt());
+        out.corner_max = out.corner_max.max(if value.is_nan() { f64::INFINITY } else { value });
+        if value.is_nan() || value > limit {
+            let nodes = nearest.map(|(k, _)| mesh.corners[k]).into_iter().collect();
+            out.missed_corners.add(room, || Place { at, nodes, elements: Vec::new(), value });
+        }
+    }
+    out
+}
+
+/// The feature edges of a mesh, halved at their mid nodes.
+struct Edges {
+    segments: Vec<[Point3; 2]>,
+    tree: BoxTree,
+}
+
+/// What part of one curve has edges.
+struct Stretches {
+    length: f64,
+    found: f64,
+    uncovered: Defects,
+}
+
+impl Edges {
+    fn new(mesh: &Mesh) -> Self {
+        let mut segments = Vec::with_capacity(mesh.edges.len() + mesh.edge_mids.len());
+        for (k, e) in mesh.edges.iter().enumerate() {
+            let [a, b] = e.map(|i| mesh.points[i as usize]);
+            match mesh.edge_mids.get(k).map(|&m| mesh.points[m as usize]) {
+                Some(m) => segments.extend([[a, m], [m, b]]),
+                None => segments.push([a, b]),
+            }
+        }
+        let boxes: Vec<Aabb> = segments.iter().map(Aabb::of).collect();
+        Self { tree: BoxTree::new(&boxes), segments }
+    }
+
+    fn is_near(&self, p: Point3, tolerance: f64) -> bool {
+        let around = Aabb { lo: p.map(|v| v - tolerance), hi: p.map(|v| v + tolerance) };
+        let mut near = false;
+        self.tree.query(&around, |k| near |= distance_to_segment(p, self.segments[k as usize]) <= tolerance);
+        near
+    }
+
+    /// Walks along a curve in steps no longer than the tolerance; each step counts for half by each of its ends.
+    fn compare(&self, curve: &[Point3], tolerance: f64, room: usize) -> Stretches {
+        let mut out = Stretches { length: 0.0, found: 0.0, uncovered: Defects::default() };
+        // The present stretch without edges: its points, and the length of the steps with such an end.
+        let (mut bare, mut bare_length): (Vec<Point3>, f64) = (Vec::new(), 0.0);
+        let mut close = |bare: &mut Vec<Point3>, length: &mut f64| {
+            if let Some(&at) = bare.get(bare.len() / 2) {
+                let value = *length;
+                out.uncovered.add(room, || Place { at, value, ..Place::default() });
+            }
+            bare.clear();
+            *length = 0.0;
+        };
+        let mut last: Option<bool> = None;
+        for step in curve.windows(2) {
+            let length = norm(sub(step[1], step[0]));
+            if !length.is_finite() {
+                continue;
+            }
+            // Not more than a million: beyond that the tolerance has no meaning for the curve.
+            let n = if tolerance > 0.0 { (length / tolerance).ceil().clamp(1.0, 1e6) as usize } else { 1 };
+            for k in usize::from(last.is_some())..=n {
+                let s = k as f64 / n as f64;
+                let p: Point3 = std::array::from_fn(|i| step[0][i] * (1.0 - s) + step[1][i] * s);
+                let near = self.is_near(p, tolerance);
+                if let Some(last) = last {
+                    let part = length / n as f64;
+                    out.length += part;
+                    out.found += part * 0.5 * (f64::from(u8::from(last)) + f64::from(u8::from(near)));
+                    bare_length += part * 0.5 * (f64::from(u8::from(!last)) + f64::from(u8::from(!near)));
+                }
+                if near {
+                    close(&mut bare, &mut bare_length);
+                } else {
+                    bare.push(p);
+                }
+                last = Some(near);
+            }
+        }
+        close(&mut bare, &mut bare_length);
+        out
+    }
+}
+
+fn distance_to_segment(p: Point3, [a, b]: [Point3; 2]) -> f64 {
+    let e = sub(b, a);
+    let s = (dot(sub(p, a), e) / dot(e, e).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    distance_squared(p, std::array::from_fn(|i| a[i] + s * e[i])).sqrt()
+}
