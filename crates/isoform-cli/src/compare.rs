@@ -34,7 +34,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
     params_second: Option<eval::Parameters>,
     /// Where to look at models: x,y,z of the lower and of the upper corner [default: the other side's box]
-    #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = region)]
+    #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = output::region)]
     region: Option<Aabb>,
     /// About how many points are taken of a mesh and of a model
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(10..=2_000_000))]
@@ -47,13 +47,6 @@ pub(crate) struct Args {
     tolerance: Option<f64>,
     #[command(flatten)]
     language: Language,
-}
-
-fn region(text: &str) -> Result<Aabb, String> {
-    match output::numbers(text)?.as_slice() {
-        &[a, b, c, d, e, f] if a < d && b < e && c < f => Ok(Aabb { lo: [a, b, c], hi: [d, e, f] }),
-        _ => Err("six numbers are expected, lower corner and upper corner".to_owned()),
-    }
 }
 
 /// A side as read.

@@ -8,6 +8,7 @@ mod fit;
 mod gallery;
 mod inspect;
 mod interrupt;
+mod mesh;
 mod model;
 mod output;
 mod progress;
@@ -35,6 +36,7 @@ struct Cli {
 enum Verb {
     Recover(Box<recover::Args>),
     Fit(Box<fit::Args>),
+    Mesh(Box<mesh::Args>),
     Eval(eval::Args),
     Inspect(inspect::Args),
     Convert(convert::Args),
@@ -50,6 +52,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
     match verb {
         Verb::Recover(args) => recover::run(&args, context),
         Verb::Fit(args) => fit::run(&args, context),
+        Verb::Mesh(args) => mesh::run(&args, context),
         Verb::Inspect(args) => inspect::run(&args, context),
         Verb::Convert(args) => convert::run(&args, context),
         Verb::Compare(args) => compare::run(&args, context),

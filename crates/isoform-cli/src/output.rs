@@ -1,6 +1,7 @@
 //! What all verbs share: global options, failures, exit codes, stdout as data, stderr as talk.
 
 use clap::ArgAction;
+use isoform::geom::{Aabb, Point3};
 use serde_json::{Value, json};
 use std::fmt::Display;
 use std::fs;
@@ -124,6 +125,8 @@ pub(crate) struct Place {
     pub(crate) column: Option<usize>,
     /// The text of the line, to be drawn with a caret.
     pub(crate) text: Option<String>,
+    /// Coordinates.
+    pub(crate) point: Option<Point3>,
 }
 
 /// Why there is no result: what, where, why, and what to try.
@@ -154,7 +157,12 @@ impl Failure {
         failure
     }
     pub(crate) fn at(mut self, file: &Path, line: usize, column: usize) -> Self {
-        *self.place = Place { file: Some(file.to_owned()), line: Some(line), column: Some(column), text: None };
+        *self.place = Place { file: Some(file.to_owned()), line: Some(line), column: Some(column), ..Place::default() };
+        self
+    }
+    /// At a point of space.
+    pub(crate) fn somewhere(mut self, at: Point3) -> Self {
+        self.place.point = Some(at);
         self
     }
     pub(crate) fn drawn(mut self, text: &str) -> Self {
@@ -180,6 +188,9 @@ impl Failure {
         }
         if let Some(column) = self.place.column {
             at.insert("column".into(), json!(column));
+        }
+        if let Some(point) = self.place.point {
+            at.insert("at".into(), json!(point));
         }
         json!({"code": self.code, "message": self.message, "where": at, "why": self.why, "hint": self.hint})
     }
@@ -297,6 +308,15 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     })
 }
 
+/// Finds out before the work whether the folder of a file exists.
+pub(crate) fn check_folder(path: &Path) -> Result<(), Failure> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    let Some(folder) = folder.filter(|f| !f.is_dir()) else { return Ok(()) };
+    let mut failure = Failure::input("not-writable", format!("cannot write {}: there is no folder {}", path.display(), folder.display()));
+    failure.place.file = Some(path.to_owned());
+    Err(failure.hint("make the folder first"))
+}
+
 /// Reads a file, or stdin for `-`.
 pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     if path == Path::new("-") {
@@ -321,6 +341,22 @@ pub(crate) fn numbers(text: &str) -> Result<Vec<f64>, String> {
         _ => Err(format!("`{}` is not a number", word.trim())),
     };
     if text.trim().is_empty() { Ok(Vec::new()) } else { text.split(',').map(number).collect() }
+}
+
+/// A positive number.
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
+    match numbers(text)?.as_slice() {
+        &[v] if v > 0.0 => Ok(v),
+        _ => Err("a positive number is expected".to_owned()),
+    }
+}
+
+/// A box: six numbers.
+pub(crate) fn region(text: &str) -> Result<Aabb, String> {
+    match numbers(text)?.as_slice() {
+        &[a, b, c, d, e, f] if a < d && b < e && c < f => Ok(Aabb { lo: [a, b, c], hi: [d, e, f] }),
+        _ => Err("six numbers are expected, lower corner and upper corner".to_owned()),
+    }
 }
 
 #[cfg(test)]

@@ -29,6 +29,7 @@
 
 mod compare;
 mod facets;
+mod meshing;
 mod template;
 
 pub use compare::{CompareError, Distances, Side, compare};
@@ -37,5 +38,7 @@ pub use isoform_field as field;
 pub use isoform_fit as fit;
 pub use isoform_geom as geom;
 pub use isoform_io as io;
+pub use isoform_mesh as mesh;
 pub use isoform_num as num;
+pub use meshing::{default_size, solid_of};
 pub use template::{FrepTemplate, TemplateError};

@@ -35,13 +35,7 @@ fn kind(path: &Path) -> Result<Kind, Failure> {
 pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
     for path in paths {
         kind(path)?;
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-        if let Some(folder) = folder.filter(|f| !f.is_dir()) {
-            let mut failure =
-                Failure::input("not-writable", format!("cannot write {}: there is no folder {}", path.display(), folder.display()));
-            failure.place.file = Some(path.clone());
-            return Err(failure.hint("make the folder first"));
-        }
+        output::check_folder(path)?;
     }
     Ok(())
 }

@@ -1,0 +1,76 @@
+//! The files of a mesh.
+
+use super::work::Made;
+use crate::output::{self, Context, Failure};
+use crate::scan;
+use isoform::io::{MeshWriteOptions, mesh_format_named, mesh_formats, write_mesh, write_mesh_path};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Where a mesh goes, and as what.
+pub(crate) struct Target {
+    path: PathBuf,
+    /// Given with --to, else the ending says.
+    format: Option<String>,
+}
+
+/// A file that was written.
+pub(crate) struct Written {
+    pub(crate) path: String,
+    pub(crate) format: &'static str,
+    /// What the format has no place for.
+    pub(crate) warnings: Vec<String>,
+}
+
+/// Whether a mesh can be written with that name's ending.
+pub(crate) fn is_mesh(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    mesh_format_named(&ending).is_some_and(|f| f.is_writable())
+}
+
+/// Names of the formats that can be written.
+pub(crate) fn formats() -> String {
+    let names: Vec<&str> = mesh_formats().iter().filter(|f| f.is_writable()).map(|f| f.name).collect();
+    names.join(", ")
+}
+
+/// Finds out before the work whether every file can be written.
+pub(crate) fn targets(paths: &[PathBuf], to: Option<&str>, context: &Context) -> Result<Vec<Target>, Failure> {
+    for path in paths {
+        let stdout = path == Path::new("-");
+        if stdout && to.is_none() {
+            return Err(Failure::usage("stdout has no ending that names a format").hint(format!("--to with one of: {}", formats())));
+        }
+        if to.is_none() && !is_mesh(path) {
+            let failure = Failure::usage(format!("{}: no mesh is written with this ending", path.display()));
+            return Err(failure.hint(format!("an ending or --to out of: {}", formats())));
+        }
+        if !stdout {
+            output::check_folder(path)?;
+        }
+    }
+    if paths.is_empty() && to.is_none() {
+        context.note("no -o: nothing will be written");
+    }
+    Ok(paths.iter().map(|p| Target { path: p.clone(), format: to.map(str::to_owned) }).collect())
+}
+
+/// Writes all files and notes the time; gives back what is for stdout.
+pub(crate) fn write(made: &mut Made, targets: &[Target]) -> Result<Vec<u8>, Failure> {
+    let started = Instant::now();
+    let options = MeshWriteOptions { units: made.unit.clone(), ..MeshWriteOptions::default() };
+    let mut stdout = Vec::new();
+    for Target { path, format } in targets {
+        let report = if path == Path::new("-") {
+            write_mesh(&made.meshed.mesh, &mut stdout, format.as_deref().unwrap_or_default(), &options)
+        } else {
+            write_mesh_path(&made.meshed.mesh, path, format.as_deref(), &options)
+        };
+        let report = report.map_err(|e| scan::unwritable(&e))?;
+        made.written.push(Written { path: path.display().to_string(), format: report.format, warnings: report.warnings });
+    }
+    if !targets.is_empty() {
+        made.seconds.push(("write".to_owned(), started.elapsed().as_secs_f64()));
+    }
+    Ok(stdout)
+}

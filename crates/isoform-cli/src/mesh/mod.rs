@@ -1,0 +1,99 @@
+//! `isoform mesh`: labelled surfaces and tetrahedra of a model, with a certificate.
+
+pub(crate) mod document;
+pub(crate) mod files;
+pub(crate) mod table;
+pub(crate) mod work;
+
+use crate::model::Language;
+use crate::output::{self, Context, Failure, Outcome};
+use crate::{eval, gallery};
+use isoform::geom::Aabb;
+use std::path::PathBuf;
+use work::Subject;
+
+/// Meshes a model: tetrahedra with their labelled surface
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  isoform mesh part.hf --size 0.25 -o part.msh -o part.inp
+  isoform mesh part.hf --surface-only --grade 0.01 -o part.obj
+  isoform mesh gyroid.hf --box=-1,-1,-1,1,1,1 -o gyroid.vtu --json
+
+Edges and corners are found and kept; every face carries the name of the part that it lies on. Every mesh comes with a
+certificate: closed, manifold, free of self-intersections and inverted elements, with angles and distances. Formats:
+msh (Gmsh), vtu (ParaView), inp (CalculiX, Abaqus) and others, see docs/meshing.md. Without -o it is only measured.
+
+Exit code: 0, or 3 if the certificate fails or something is left unproved (files are written all the same), 4 without a
+mesh, 2 for unreadable input, 130 after Ctrl-C.")]
+pub(crate) struct Args {
+    /// The model: a HyperFun file (- for stdin), or the name of a built-in template
+    model: PathBuf,
+    /// The values of the parameters a, in their order; missing ones are as annotated, else 0
+    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
+    params: Option<eval::Parameters>,
+    #[command(flatten)]
+    settings: Settings,
+    /// Write a file; its ending names the format (- for stdout, with --to); may be repeated
+    #[arg(short, long, value_name = "FILE")]
+    output: Vec<PathBuf>,
+    /// Format of the output, where its name does not tell it
+    #[arg(long, value_name = "FORMAT")]
+    to: Option<String>,
+    #[command(flatten)]
+    language: Language,
+}
+
+/// How to mesh; shared with `recover`.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub(crate) struct Settings {
+    /// Length of edges, the largest one where sizes vary [default: a fortieth of the diagonal]
+    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    pub(crate) size: Option<f64>,
+    /// Smaller edges where a face would leave the surface by more than this
+    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    pub(crate) grade: Option<f64>,
+    /// 2 for elements with nodes in the middles of their edges, on the true surface
+    #[arg(long, value_name = "1|2", value_parser = clap::value_parser!(u32).range(1..=2))]
+    pub(crate) order: Option<u32>,
+    /// Only the surface, as triangles
+    #[arg(long)]
+    pub(crate) surface_only: bool,
+    /// Mesh what lies in this box: x,y,z of the lower and of the upper corner; the cuts are parts named cap.x_min ...
+    #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = output::region)]
+    pub(crate) region: Option<Aabb>,
+    /// Bounds of the dihedral angles, degrees: worked towards, and required in the certificate [default: 21,149, not required]
+    #[arg(long, value_name = "MIN,MAX", value_parser = angles)]
+    pub(crate) angles: Option<Angles>,
+    /// Refuse a mesh that takes more memory than this many GiB, by estimate [default: 16]
+    #[arg(long, value_name = "GIB", value_parser = output::positive)]
+    pub(crate) memory: Option<f64>,
+}
+
+/// Smallest and largest angle, degrees.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Angles(pub(crate) [f64; 2]);
+
+fn angles(text: &str) -> Result<Angles, String> {
+    match output::numbers(text)?.as_slice() {
+        // A regular tetrahedron has 70.5 degrees.
+        &[min, max] if (0.0..=70.0).contains(&min) && (71.0..=180.0).contains(&max) => Ok(Angles([min, max])),
+        _ => Err("two angles are expected, one of at most 70 and one of at least 71 degrees".to_owned()),
+    }
+}
+
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    let targets = files::targets(&args.output, args.to.as_deref(), context)?;
+    let model = gallery::template(&args.model, &args.language, context)?;
+    let values = eval::values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
+    let subject = Subject { name: args.model.display().to_string(), unit: model.info().unit.clone(), model, values };
+    let mut made = work::make(&subject, &args.settings, context)?;
+    let stdout = files::write(&mut made, &targets)?;
+    made.warnings.iter().for_each(|w| context.warn(work::sentence(w)));
+    let mut json = document::document(&made);
+    if !stdout.is_empty() {
+        json["text"] = String::from_utf8_lossy(&stdout).into();
+    }
+    let stdout = if stdout.is_empty() { table::text(&made).into_bytes() } else { stdout };
+    Ok(Outcome { exit: made.exit(), json, stdout })
+}

@@ -1,0 +1,85 @@
+//! The result for people: the certificate as a short table, and the parts.
+
+use super::work::{Made, place};
+use crate::fit::table::brief;
+use isoform::mesh::check::Certificate;
+
+/// What was made, whether it holds, and where it went.
+pub(crate) fn text(made: &Made) -> String {
+    let mut lines = vec![line("mesh", what(made)), line("region", region(made))];
+    lines.extend(figures(&made.certificate).into_iter().map(|(name, text)| line(name, text)));
+    lines.push(line("parts", parts(made)));
+    let failures = made.certificate.failures();
+    for failure in &failures {
+        let at = failure.place.as_ref().map_or(String::new(), |p| format!(", the first at {}", place(p.at)));
+        lines.push(line("FAILED", format!("{failure}{at}")));
+    }
+    let verdict = if failures.is_empty() { "holds" } else { "does not hold" };
+    let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
+    lines.push(line("certificate", format!("{verdict}; {} s", brief(seconds))));
+    for w in &made.written {
+        let without = w.warnings.iter().map(|w| format!("; {w}")).collect::<String>();
+        lines.push(line("wrote", format!("{} ({}){without}", w.path, w.format)));
+    }
+    lines.concat()
+}
+
+/// One line.
+fn line(name: &str, text: String) -> String {
+    format!("{name:<13}{text}\n")
+}
+
+fn what(made: &Made) -> String {
+    let mesh = &made.meshed.mesh;
+    let elements = if mesh.tets.is_empty() { String::new() } else { format!("{} tetrahedra, ", mesh.tets.len()) };
+    format!(
+        "{elements}{} triangles, {} nodes, order {}, size {}; {} curves, {} corners",
+        mesh.triangles.len(),
+        mesh.points.len(),
+        mesh.order(),
+        made.options.size,
+        mesh.curves.len(),
+        mesh.corners.len()
+    )
+}
+
+fn region(made: &Made) -> String {
+    let r = made.meshed.region;
+    let axis = |k: usize| format!("{} to {}", brief(r.lo[k]), brief(r.hi[k]));
+    let proved = if made.meshed.region_certified { "" } else { " (not proved)" };
+    format!("{}, {}, {}{proved}", axis(0), axis(1), axis(2))
+}
+
+fn parts(made: &Made) -> String {
+    let mesh = &made.meshed.mesh;
+    let mut counts = vec![0_usize; mesh.parts.len()];
+    mesh.triangle_parts.iter().for_each(|&p| counts[p as usize] += 1);
+    let parts: Vec<String> = mesh.parts.iter().zip(counts).map(|(name, n)| format!("{name} ({n})")).collect();
+    parts.join(", ")
+}
+
+/// What the certificate measures.
+fn figures(c: &Certificate) -> Vec<(&'static str, String)> {
+    let mut lines = Vec::new();
+    if let Some(s) = &c.surface {
+        lines.push(("topology", format!("Euler number {}, {} shells, {} components", s.euler, s.shells, s.components)));
+        lines.push(("measure", format!("volume {}, area {}", brief(s.volume), brief(s.area))));
+    }
+    if let Some(i) = &c.intersections {
+        lines.push(("meets itself", if i.pairs.is_empty() { "nowhere".to_owned() } else { format!("{} pairs", i.pairs.count) }));
+    }
+    if let Some(q) = &c.tets {
+        let angles = format!("dihedral {:.2} to {:.2} degrees", q.dihedral_min, q.dihedral_max);
+        lines.push((
+            "tetrahedra",
+            format!("{angles}, radius ratio at least {:.2}, {:.2} in the mean", q.radius_ratio_min, q.radius_ratio_mean),
+        ));
+    }
+    if let Some(q) = &c.curved {
+        lines.push(("curved", format!("scaled Jacobian at least {:.2}", q.scaled_jacobian_min)));
+    }
+    if let Some(t) = &c.triangles {
+        lines.push(("triangles", format!("angles {:.2} to {:.2} degrees", t.angle_min, t.angle_max)));
+    }
+    lines
+}

@@ -1,0 +1,198 @@
+//! The one way to a mesh, for `mesh` and `recover`: model, solid, mesh, certificate.
+
+use super::Settings;
+use super::files::Written;
+use crate::interrupt;
+use crate::output::{Context, DONE, Failure, NO_RESULT, PARTIAL};
+use crate::progress::Progress;
+use isoform::field::SolidError;
+use isoform::field::hyperfun::Model;
+use isoform::geom::{Point3, Solid};
+use isoform::mesh::check::{self, Certificate, Limits, certify};
+use isoform::mesh::features::ExtentError;
+use isoform::mesh::{Control, MeshError, Meshed, Options, Warning, mesh};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+/// What to mesh.
+#[derive(Debug)]
+pub(crate) struct Subject {
+    /// For messages.
+    pub(crate) name: String,
+    pub(crate) model: Model,
+    pub(crate) values: Vec<f64>,
+    /// Unit of its lengths.
+    pub(crate) unit: Option<String>,
+}
+
+/// A mesh with all that is known of it.
+pub(crate) struct Made {
+    pub(crate) name: String,
+    pub(crate) object: String,
+    pub(crate) values: Vec<f64>,
+    pub(crate) unit: Option<String>,
+    pub(crate) options: Options,
+    pub(crate) meshed: Meshed,
+    pub(crate) certificate: Certificate,
+    pub(crate) warnings: Vec<Warning>,
+    pub(crate) written: Vec<Written>,
+    /// Seconds by phase.
+    pub(crate) seconds: Vec<(String, f64)>,
+}
+
+impl Made {
+    /// 0, or 3 where the certificate fails or something was left open, or 130.
+    pub(crate) fn exit(&self) -> u8 {
+        match () {
+            () if interrupt::happened() => interrupt::INTERRUPTED,
+            () if self.certificate.is_ok() && self.warnings.is_empty() => DONE,
+            () => PARTIAL,
+        }
+    }
+}
+
+/// A warning with its place.
+pub(crate) fn sentence(warning: &Warning) -> String {
+    match warning.at {
+        Some([x, y, z]) => format!("{} at ({x}, {y}, {z})", warning.message),
+        None => warning.message.clone(),
+    }
+}
+
+/// Phases as they come, each with the time it took.
+struct Phases {
+    started: Mutex<Vec<(String, Instant)>>,
+    progress: Progress,
+}
+
+/// All phases in their order, for the bar.
+const PHASES: [&str; 10] = [
+    "extent",
+    "lattice",
+    "sizes",
+    "features and surface",
+    "optimisation",
+    "second order",
+    "checking tetrahedra",
+    "measuring tetrahedra",
+    "checking the surface",
+    "looking for self-intersections",
+];
+
+impl Phases {
+    fn new(context: &Context) -> Self {
+        Self { started: Mutex::default(), progress: Progress::new(context) }
+    }
+    fn enter(&self, phase: &str) {
+        self.started.lock().unwrap_or_else(PoisonError::into_inner).push((phase.to_owned(), Instant::now()));
+        if let Some(i) = PHASES.iter().position(|p| *p == phase) {
+            self.progress.show(phase, i as f64 / PHASES.len() as f64);
+        }
+    }
+    /// Seconds of each; the last one lasts until now.
+    fn seconds(self) -> Vec<(String, f64)> {
+        let started = self.started.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let ends = started.iter().skip(1).map(|s| s.1).chain(std::iter::once(Instant::now()));
+        let took = started.iter().zip(ends).map(|((name, start), end)| (name.clone(), (end - *start).as_secs_f64()));
+        took.filter(|(name, _)| name != "done").collect()
+    }
+}
+
+/// Meshes a model and certifies the mesh.
+pub(crate) fn make(subject: &Subject, settings: &Settings, context: &Context) -> Result<Made, Failure> {
+    let name = &subject.name;
+    let phases = Phases::new(context);
+    phases.enter("model");
+    let (solid, is_run) = isoform::solid_of(&subject.model, &subject.values).map_err(|e| no_solid(&e, name))?;
+    let solid = solid.as_ref();
+    let options = options(solid, settings).map_err(|e| failure(&e, name, None))?;
+    let show = |phase: &str| phases.enter(phase);
+    let control = Control { cancelled: Some(interrupt::watch()), deadline: context.deadline, progress: Some(&show) };
+    let meshed = mesh(solid, &options, &control).map_err(|e| failure(&e, name, Some(&options)))?;
+    let limits = settings.angles.map_or(Limits::default(), |a| Limits { dihedral_min: a.0[0], dihedral_max: a.0[1], ..Limits::default() });
+    let certificate = certify(&meshed.mesh, Some(solid), &check::Options { limits, ..check::Options::default() }, &control);
+    let warnings = warnings(&meshed, is_run);
+    Ok(Made {
+        name: name.clone(),
+        object: subject.model.name().to_owned(),
+        values: subject.values.clone(),
+        unit: subject.unit.clone(),
+        options,
+        meshed,
+        certificate,
+        warnings,
+        written: Vec::new(),
+        seconds: phases.seconds(),
+    })
+}
+
+fn options(solid: &dyn Solid, settings: &Settings) -> Result<Options, MeshError> {
+    let usual = Options::default();
+    Ok(Options {
+        size: settings.size.map_or_else(|| isoform::default_size(solid, settings.region), Ok)?,
+        grade: settings.grade,
+        order: settings.order.unwrap_or(usual.order),
+        surface_only: settings.surface_only,
+        region: settings.region,
+        angles: settings.angles.map_or(usual.angles, |a| a.0),
+        memory: settings.memory.map_or(usual.memory, |gib| (gib * f64::from(1 << 30)) as u64),
+    })
+}
+
+/// What the mesher says, and what nothing proves.
+fn warnings(meshed: &Meshed, is_run: bool) -> Vec<Warning> {
+    let say = |message: &str| Warning { message: message.to_owned(), at: None };
+    let mut warnings = meshed.warnings.clone();
+    if is_run {
+        warnings.push(say("the program is no expression: it was meshed as one smooth part, edges are rounded and nothing is proved"));
+    }
+    if !meshed.region_certified {
+        warnings.push(say("nothing proves that the solid ends at the box that was meshed; --box says where to look"));
+    }
+    warnings
+}
+
+fn no_solid(error: &SolidError, name: &str) -> Failure {
+    let message = format!("{name}: {error}");
+    match error {
+        SolidError::NoSurface { inside: true } => {
+            Failure::new(NO_RESULT, "unbounded", message).hint("inside is where f >= 0: a sign, perhaps")
+        }
+        SolidError::NoSurface { inside: false } => {
+            Failure::new(NO_RESULT, "empty", message).hint("inside is where f >= 0: a sign, or other --params")
+        }
+        SolidError::Dimension { .. } => Failure::input("dimension", message).hint("--object with one of three coordinates"),
+        _ => Failure::input("model", message),
+    }
+}
+
+/// Why there is no mesh.
+fn failure(error: &MeshError, name: &str, options: Option<&Options>) -> Failure {
+    let none = |code| Failure::new(NO_RESULT, code, format!("{name}: {error}"));
+    match error {
+        MeshError::Extent(ExtentError::Empty { certified }) => {
+            let why = if *certified { "intervals prove f < 0 within a million units" } else { "no point with f >= 0 was found" };
+            none("empty").why(why).hint("other --params, or isoform eval to see values; inside is where f >= 0")
+        }
+        MeshError::Extent(ExtentError::Unbounded { .. }) => none("unbounded").hint("--box=-1,-1,-1,1,1,1 to cut it off there"),
+        MeshError::Extent(ExtentError::Start { .. }) => Failure::usage(format!("{name}: {error}")).hint("a smaller --box"),
+        MeshError::Option { name, .. } => Failure::usage(error.to_string()).hint(format!("--{name}")),
+        MeshError::Memory { size, needed, allowed } => {
+            let fits = size * (*needed as f64 / (*allowed).max(1) as f64).cbrt();
+            none("memory").hint(format!("--size {fits:.2}, or --memory with more GiB"))
+        }
+        MeshError::NotANumber { at } => none("not-a-number").somewhere(*at).hint("--box around the part where it is one"),
+        MeshError::TooCoarse { .. } => none("too-coarse").hint(finer(options)),
+        MeshError::Stopped if interrupt::happened() => Failure::new(interrupt::INTERRUPTED, "interrupted", error.to_string()),
+        MeshError::Stopped => none("time-limit").hint("a longer --time-limit, or a larger --size"),
+    }
+}
+
+fn finer(options: Option<&Options>) -> String {
+    options.map_or("a smaller --size".to_owned(), |o| format!("--size {}", 0.5 * o.size))
+}
+
+/// Where something is, in words.
+pub(crate) fn place(at: Point3) -> String {
+    format!("({}, {}, {})", at[0], at[1], at[2])
+}

@@ -1,0 +1,83 @@
+//! From a model to a solid that can be meshed.
+
+use isoform_field::hyperfun::Model;
+use isoform_field::{Pieces, RunField, SolidError};
+use isoform_geom::{Aabb, OnePiece, Solid};
+use isoform_mesh::features::{ExtentError, START, extent};
+
+/// Part of the diagonal that an element takes by default: some ten thousand tetrahedra in a ball.
+const ELEMENTS: f64 = 40.0;
+/// The tolerance to which the box of a solid is sought first, where nothing is known of its size.
+const UNKNOWN: f64 = 0.25;
+/// Times that it is sought again, each time finer: to a solid of some 1e-6.
+const TIMES: usize = 6;
+
+/// A model with the values `a` of its parameters as a solid, and whether its program must be run statement by statement for that.
+///
+/// Such a solid has one part, named after the model: no edges are known of it, and no intervals.
+pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), SolidError> {
+    match Pieces::of_model(model, a) {
+        Ok(pieces) => Ok((Box::new(pieces), false)),
+        Err(SolidError::NoExpression(_)) => Ok((Box::new(OnePiece::new(RunField::new(model, a)?, model.name())), true)),
+        Err(error) => Err(error),
+    }
+}
+
+/// A length of edges that suits a solid about which nothing else is known: a fortieth of the diagonal of its box, with two digits.
+///
+/// ```
+/// use isoform::field::hyperfun::{Mode, Model};
+/// let text = "my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfSphere(x, c, a[1]); }";
+/// let (ball, _) = isoform::solid_of(&Model::parse(text, Mode::Default)?, &[1.0])?;
+/// assert_eq!(isoform::default_size(ball.as_ref(), None)?, 0.087);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn default_size(solid: &dyn Solid, region: Option<Aabb>) -> Result<f64, ExtentError> {
+    if let Some(region) = region {
+        return Ok(two_digits(region.diagonal() / ELEMENTS));
+    }
+    let mut tolerance = UNKNOWN;
+    for _ in 0..TIMES {
+        let size = extent(solid, START, tolerance)?.bounds.diagonal() / ELEMENTS;
+        if size >= tolerance {
+            return Ok(two_digits(size));
+        }
+        tolerance = size.min(0.1 * tolerance);
+    }
+    Ok(two_digits(tolerance))
+}
+
+/// Rounds to two digits.
+fn two_digits(v: f64) -> f64 {
+    format!("{v:.1e}").parse().unwrap_or(v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_field::hyperfun::Mode;
+
+    fn model(body: &str) -> Model {
+        Model::parse(&format!("m(x[3], a[1]) {{ array c[3]; c = [0, 0, 0]; {body} }}"), Mode::Default).expect("a program")
+    }
+
+    #[test]
+    fn sizes_follow_the_solid() {
+        for (radius, want) in [(1e-3, 8.7e-5), (1.0, 0.087), (100.0, 8.7)] {
+            let (ball, _) = solid_of(&model("m = hfSphere(x, c, a[1]);"), &[radius]).expect("a solid");
+            let size = default_size(ball.as_ref(), None).expect("a box");
+            assert!((size / want - 1.0).abs() < 0.1, "{size} for {want}");
+        }
+        let region = Aabb { lo: [0.0; 3], hi: [3.0, 4.0, 0.0] };
+        let (ball, _) = solid_of(&model("m = hfSphere(x, c, a[1]);"), &[1.0]).expect("a solid");
+        assert_eq!(default_size(ball.as_ref(), Some(region)), Ok(0.12));
+    }
+
+    #[test]
+    fn programs_that_are_no_expression_are_run() {
+        let (solid, is_run) =
+            solid_of(&model("i = 0; while x[1] > i loop i = i + 1; endloop; m = 4 - i - x[2]^2 - x[3]^2;"), &[0.0]).expect("a solid");
+        assert!(is_run && solid.names() == ["m"]);
+        assert!(matches!(solid_of(&model("m = 1;"), &[0.0]), Err(SolidError::NoSurface { inside: true })));
+    }
+}
