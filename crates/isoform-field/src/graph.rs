@@ -133,20 +133,22 @@ impl Graph {
 
     /// Rebuilds what `root` needs into `target`, with the inputs replaced: the copy of coordinate i is `x[i]`, of parameter i
     /// `a[i]`. Names go along. Library nodes become `library(target, f, arguments)`.
-    pub fn rewrite<O: Ops>(
+    pub fn rewrite<O: Ops>(&self, root: NodeId, target: &mut O, x: &[O::V], a: &[O::V], named: impl FnMut(&mut O, &O::V, &str)) -> O::V {
+        self.rewrite_all(&[root], target, x, a, named).remove(0)
+    }
+
+    /// [`Graph::rewrite`] of several roots, which share what they share.
+    pub(crate) fn rewrite_all<O: Ops>(
         &self,
-        root: NodeId,
+        roots: &[NodeId],
         target: &mut O,
         x: &[O::V],
         a: &[O::V],
         mut named: impl FnMut(&mut O, &O::V, &str),
-    ) -> O::V {
-        let need = self.reachable(&[root]);
+    ) -> Vec<O::V> {
+        let need = self.reachable(roots);
         let mut value: Vec<Option<O::V>> = vec![None; self.nodes.len()];
-        for i in 0..=root.at() {
-            if !need[i] {
-                continue;
-            }
+        for (i, _) in need.iter().enumerate().filter(|(_, need)| **need) {
             let get = |id: &NodeId| value[id.at()].as_ref().expect("arguments precede their users");
             let v = match &self.nodes[i] {
                 Node::Constant(bits) => target.constant(f64::from_bits(*bits)),
@@ -171,7 +173,7 @@ impl Graph {
             }
             value[i] = Some(v);
         }
-        value[root.at()].take().expect("the root is needed")
+        roots.iter().map(|root| value[root.at()].clone().expect("the roots are needed")).collect()
     }
 
     /// f at a point, in any number type, with HyperFun's meaning (the algebraic reading).
@@ -184,7 +186,11 @@ impl Graph {
 
     /// Number of coordinates and parameters that `root` uses (highest index plus one).
     pub fn inputs(&self, root: NodeId) -> (usize, usize) {
-        let need = self.reachable(&[root]);
+        self.inputs_of(&[root])
+    }
+
+    fn inputs_of(&self, roots: &[NodeId]) -> (usize, usize) {
+        let need = self.reachable(roots);
         let mut n = (0, 0);
         for (node, _) in self.nodes.iter().zip(&need).filter(|(_, need)| **need) {
             match node {
@@ -198,11 +204,16 @@ impl Graph {
 
     /// Expands library nodes into their formulas: what is left is arithmetic, set operations and native functions.
     pub fn lowered(&mut self, root: NodeId) -> NodeId {
+        self.lowered_all(&[root]).remove(0)
+    }
+
+    /// [`Graph::lowered`] of several roots.
+    pub(crate) fn lowered_all(&mut self, roots: &[NodeId]) -> Vec<NodeId> {
         let source = self.clone();
-        let (nx, na) = source.inputs(root);
+        let (nx, na) = source.inputs_of(roots);
         let x: Vec<NodeId> = (0..nx).map(|i| self.x(i)).collect();
         let a: Vec<NodeId> = (0..na).map(|i| self.param(i)).collect();
-        source.rewrite(root, &mut Lowering(self), &x, &a, |_, _, _| {})
+        source.rewrite_all(roots, &mut Lowering(self), &x, &a, |_, _, _| {})
     }
 
     /// ∂root/∂xᵢ as an expression, of a lowered graph; `None` where a native function depends on xᵢ.

@@ -4,14 +4,16 @@
 //! computed once. Each piece has a tape of its own; where many pieces are wanted at once a common tape shares what they share.
 
 use crate::block::{Block, LANES, Row};
-use crate::graph::{Graph, NodeId};
+use crate::graph::{Graph, Node, NodeId};
 use crate::hyperfun::{Model, NotCompilable};
-use crate::ops::Ops;
-use crate::split::{Split, SplitError, split};
+use crate::ops::{Ops, Unary};
+use crate::split::{MOST_INPUTS, Monotone, Split, SplitError, split};
 use crate::tape::Tape;
 use isoform_geom::{Aabb, Csg, Field, Point3, Solid};
 use isoform_num::{Interval, Jet1, Jet2, Real};
 use std::cell::Cell;
+use std::collections::{BTreeMap, HashMap};
+use std::rc::Rc;
 
 /// Why a model is no solid of pieces.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -74,6 +76,7 @@ pub struct Pieces {
     each: Vec<Tape>,
     all: Tape,
     own: Tape,
+    ranges: Ranges,
 }
 
 impl Pieces {
@@ -91,13 +94,14 @@ impl Pieces {
         let a: Vec<NodeId> = a.iter().map(|&v| bound.constant(v)).collect();
         let root = graph.rewrite(root, &mut bound, &x, &a, |g, id, name| g.set_name(*id, name));
         let own = Tape::new(&bound, &[root], 3, 0);
-        let Split { names, pieces, tree } = split(&mut bound, root)?;
+        let Split { names, pieces, tree, monotone } = split(&mut bound, root)?;
         let all = Tape::new(&bound, &pieces, 3, 0);
         let each = (0..pieces.len()).map(|k| all.result(k)).collect();
-        Ok(Self { names, tree, each, all, own })
+        let ranges = Ranges::new(&bound, &pieces, &monotone);
+        Ok(Self { names, tree, each, all, own, ranges })
     }
 
-    /// The model with the values `a` of its parameters. A model without coordinates of its own choice has three.
+    /// The model with the values `a` of its parameters.
     pub fn of_model(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
         check(model, a)?;
         let mut graph = Graph::new();
@@ -108,6 +112,81 @@ impl Pieces {
     /// Number of operations of a piece's function: what its evaluation costs.
     pub fn cost(&self, piece: u32) -> usize {
         self.each[piece as usize].len()
+    }
+}
+
+/// How ranges of the pieces are computed. Interval arithmetic takes the arguments of a blend for independent and loses its width;
+/// since a blend is monotone in each, the ends of their ranges give its own.
+#[derive(Clone, Debug)]
+struct Ranges {
+    steps: Vec<RangeOf>,
+    functions: Vec<Tape>,
+    /// By piece, its step.
+    pieces: Vec<usize>,
+}
+
+#[derive(Clone, Debug)]
+enum RangeOf {
+    Tape(Tape),
+    Negative(usize),
+    /// A function of steps, and whether it rises in each.
+    Monotone(usize, Vec<(usize, bool)>),
+}
+
+impl Ranges {
+    fn new(graph: &Graph, pieces: &[NodeId], monotone: &HashMap<NodeId, Monotone>) -> Self {
+        let mut need: BTreeMap<NodeId, Option<Monotone>> = BTreeMap::new();
+        let mut pending: Vec<NodeId> = pieces.to_vec();
+        while let Some(id) = pending.pop() {
+            if need.contains_key(&id) {
+                continue;
+            }
+            let known = monotone.get(&id).cloned().or_else(|| Monotone::of_blend(graph, id));
+            match (&known, graph.node(id)) {
+                (Some(of), _) => pending.extend(&of.inputs),
+                (None, Node::Unary(Unary::Neg, u)) => pending.push(*u),
+                _ => {}
+            }
+            need.insert(id, known);
+        }
+        let step: HashMap<NodeId, usize> = need.keys().enumerate().map(|(k, &id)| (id, k)).collect();
+        let roots: Vec<NodeId> = need.keys().copied().collect();
+        let together = Tape::new(graph, &roots, 3, 0);
+        let (mut functions, mut compiled) = (Vec::new(), HashMap::new());
+        let steps = need
+            .iter()
+            .enumerate()
+            .map(|(k, (id, known))| match (known, graph.node(*id)) {
+                (Some(Monotone { function, inputs }), _) => {
+                    let at = *compiled.entry(Rc::as_ptr(function)).or_insert_with(|| {
+                        functions.push(Tape::new(&function.graph, &[function.root], 3 + inputs.len(), 0));
+                        functions.len() - 1
+                    });
+                    RangeOf::Monotone(at, inputs.iter().map(|u| step[u]).zip(function.rises.iter().copied()).collect())
+                }
+                (None, Node::Unary(Unary::Neg, u)) => RangeOf::Negative(step[u]),
+                _ => RangeOf::Tape(together.result(k)),
+            })
+            .collect();
+        Self { steps, functions, pieces: pieces.iter().map(|id| step[id]).collect() }
+    }
+
+    fn of(&self, step: usize, x: &[Interval; 3], scratch: &mut Vec<Interval>) -> Interval {
+        match &self.steps[step] {
+            RangeOf::Tape(tape) => tape.range(x, &[], scratch),
+            RangeOf::Negative(u) => -self.of(*u, x, scratch),
+            RangeOf::Monotone(function, inputs) => {
+                let mut ends = [[Interval::ALL; 3 + MOST_INPUTS]; 2];
+                for (k, &(input, rises)) in inputs.iter().enumerate() {
+                    let range = self.of(input, x, scratch);
+                    let (low, high) = if rises { (range.lo(), range.hi()) } else { (range.hi(), range.lo()) };
+                    ends[0][3 + k] = Interval::new(low, low);
+                    ends[1][3 + k] = Interval::new(high, high);
+                }
+                let [low, high] = ends.map(|ends| self.functions[*function].range(&ends, &[], scratch));
+                Interval::new(low.lo(), high.hi().max(low.lo()))
+            }
+        }
     }
 }
 
@@ -140,15 +219,15 @@ fn with<T, R>(scratch: &'static std::thread::LocalKey<Cell<Vec<T>>>, run: impl F
 /// Fewer points than this are cheaper one by one than as a block.
 const FEW: usize = 4;
 
-/// Results of a tape at the points, each pair of a result and the row of `out` that it goes to.
-fn values(tape: &Tape, points: &[Point3], rows: &[(usize, usize)], out: &mut [f64]) {
+/// Results of a tape at the points: row r of `out` is result `result(r)`.
+fn values(tape: &Tape, points: &[Point3], rows: usize, result: impl Fn(usize) -> usize, out: &mut [f64]) {
     let n = points.len();
     if n < FEW {
         return with(&NUMBERS, |scratch| {
             for (i, p) in points.iter().enumerate() {
                 tape.eval(p, &[], scratch);
-                for &(k, row) in rows {
-                    out[row * n + i] = scratch[tape.roots[k] as usize];
+                for row in 0..rows {
+                    out[row * n + i] = scratch[tape.roots[result(row)] as usize];
                 }
             }
         });
@@ -159,8 +238,8 @@ fn values(tape: &Tape, points: &[Point3], rows: &[(usize, usize)], out: &mut [f6
         for (c, chunk) in points.chunks(LANES).enumerate() {
             block.load(chunk);
             block.forward();
-            for &(k, row) in rows {
-                out[row * n + c * LANES..][..chunk.len()].copy_from_slice(&block.result(k)[..chunk.len()]);
+            for row in 0..rows {
+                out[row * n + c * LANES..][..chunk.len()].copy_from_slice(&block.result(result(row))[..chunk.len()]);
             }
         }
         *space = block.into_rows();
@@ -176,13 +255,10 @@ impl Solid for Pieces {
     }
     fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]) {
         if self.all.len() < which.iter().map(|&piece| self.cost(piece)).sum() {
-            let mut rows = vec![Vec::new(); self.each.len()];
-            which.iter().enumerate().for_each(|(row, &piece)| rows[piece as usize].push(row));
-            let rows: Vec<(usize, usize)> = rows.iter().enumerate().flat_map(|(k, rows)| rows.iter().map(move |&row| (k, row))).collect();
-            return values(&self.all, points, &rows, out);
+            return values(&self.all, points, which.len(), |row| which[row] as usize, out);
         }
         for (row, &piece) in which.iter().enumerate() {
-            values(&self.each[piece as usize], points, &[(0, row)], out);
+            values(&self.each[piece as usize], points, 1, |_| 0, &mut out[row * points.len()..]);
         }
     }
     fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
@@ -195,15 +271,18 @@ impl Solid for Pieces {
         with(&JETS, |scratch| self.each[piece as usize].eval(&x, &[], scratch))
     }
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
+        if region.is_empty() {
+            return out[..which.len()].fill(Interval::ALL);
+        }
         let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
         with(&RANGES, |scratch| {
             for (&piece, out) in which.iter().zip(out) {
-                *out = self.each[piece as usize].range(&x, &[], scratch);
+                *out = self.ranges.of(self.ranges.pieces[piece as usize], &x, scratch);
             }
         });
     }
     fn sign_values(&self, points: &[Point3], out: &mut [f64]) {
-        values(&self.own, points, &[(0, 0)], out);
+        values(&self.own, points, 1, |_| 0, out);
     }
 }
 

@@ -26,7 +26,7 @@ const MOST_PIECES: usize = 1 << 16;
 /// Minima in maxima in minima …: the readings recurse, and 2 MiB of stack must suffice.
 const DEEPEST: usize = 400;
 /// A smooth function of more shapes than this is not looked for,
-const MOST_SHARED: usize = 5;
+pub(crate) const MOST_INPUTS: usize = 5;
 /// nor where more candidates stand side by side,
 const MOST_FOUND: usize = 24;
 /// nor after so many failures: the search looks at all that is below a node.
@@ -46,6 +46,38 @@ pub(crate) struct Split {
     pub(crate) names: Vec<String>,
     pub(crate) pieces: Vec<NodeId>,
     pub(crate) tree: Csg,
+    /// What is known to be a monotone function of other expressions.
+    pub(crate) monotone: HashMap<NodeId, Monotone>,
+}
+
+/// An expression as a monotone function of others.
+#[derive(Clone, Debug)]
+pub(crate) struct Monotone {
+    pub(crate) function: Rc<Function>,
+    pub(crate) inputs: Vec<NodeId>,
+}
+
+impl Monotone {
+    /// A blend, by itself.
+    pub(crate) fn of_blend(graph: &Graph, id: NodeId) -> Option<Self> {
+        let Node::Library(f @ (Library::DistanceBlendUnion | Library::DistanceBlendIntersection), args) = graph.node(id) else {
+            return None;
+        };
+        let radius = graph.constant_value(args[2])?;
+        let mut alone = Graph::new();
+        let arguments = [alone.x(3), alone.x(4), alone.constant(radius)];
+        let root = alone.library(*f, &arguments);
+        let function = Rc::new(Function { graph: alone, root, rises: vec![true; 2] });
+        Some(Self { function, inputs: args[..2].to_vec() })
+    }
+}
+
+/// A function of X(3), X(4), …, and for each of these whether it rises.
+#[derive(Debug)]
+pub(crate) struct Function {
+    pub(crate) graph: Graph,
+    pub(crate) root: NodeId,
+    pub(crate) rises: Vec<bool>,
 }
 
 /// Reads the expression `root`, of x alone; the graph grows by the pieces.
@@ -57,6 +89,7 @@ pub(crate) fn split(graph: &mut Graph, root: NodeId) -> Result<Split, SplitError
         ranges: Vec::new(),
         values: HashMap::new(),
         signs: HashMap::new(),
+        monotone: HashMap::new(),
         depth: 0,
         failures: 0,
         too_large: false,
@@ -65,10 +98,11 @@ pub(crate) fn split(graph: &mut Graph, root: NodeId) -> Result<Split, SplitError
     if reader.too_large || tree.leaves() > MOST_PIECES {
         return Err(SplitError::TooLarge);
     }
+    let monotone = std::mem::take(&mut reader.monotone);
     let tree = without_constants(graph, &tree).map_err(|inside| SplitError::Constant { inside })?;
     let mut numbering = Numbering { graph, names: Vec::new(), taken: HashSet::new(), pieces: Vec::new(), known: HashMap::new() };
     let tree = numbering.tree(&tree);
-    Ok(Split { names: numbering.names, pieces: numbering.pieces, tree })
+    Ok(Split { names: numbering.names, pieces: numbering.pieces, tree, monotone })
 }
 
 /// A smooth piece with what its name is made of.
@@ -149,9 +183,20 @@ struct Reader<'a> {
     ranges: Vec<Interval>,
     values: HashMap<NodeId, Tree>,
     signs: HashMap<NodeId, Tree>,
+    monotone: HashMap<NodeId, Monotone>,
     depth: usize,
     failures: usize,
     too_large: bool,
+}
+
+/// A node to be distributed over the pieces of its inputs.
+struct Product<'a> {
+    id: NodeId,
+    /// The nodes that depend on the inputs, up to `id`.
+    above: &'a [NodeId],
+    inputs: &'a [NodeId],
+    function: Option<Rc<Function>>,
+    context: &'a Context,
 }
 
 /// The minimum or maximum that a node is, whichever way it is written.
@@ -457,7 +502,7 @@ impl Reader<'_> {
             return None;
         }
         let shared = self.shared(id);
-        let tree = if shared.len() > MOST_SHARED { None } else { self.blended(id, &shared, context) };
+        let tree = if shared.len() > MOST_INPUTS { None } else { self.blended(id, &shared, context) };
         self.failures += usize::from(tree.is_none());
         tree
     }
@@ -560,52 +605,56 @@ impl Reader<'_> {
         if products == 1 || products > MOST_PRODUCTS {
             return self.leaf(id, context);
         }
-        let inputs: Vec<NodeId> = inputs.iter().map(|(u, _)| *u).collect();
-        let mut chosen = Vec::with_capacity(trees.len());
-        self.product(id, above, &inputs, &trees, &mut chosen, context)
+        let (inputs, rises): (Vec<NodeId>, Vec<bool>) = inputs.iter().copied().unzip();
+        let function = (inputs.len() > 1).then(|| self.function(id, &inputs, rises)).flatten();
+        let product = Product { id, above, inputs: &inputs, function, context };
+        self.product(&product, &trees, &mut Vec::with_capacity(trees.len()))
     }
 
-    fn product(
-        &mut self,
-        id: NodeId,
-        above: &[NodeId],
-        inputs: &[NodeId],
-        trees: &[(Tree, bool)],
-        chosen: &mut Vec<Leaf>,
-        context: &Context,
-    ) -> Tree {
+    /// The node as a function of the inputs alone; none where it depends on space besides.
+    fn function(&self, id: NodeId, inputs: &[NodeId], rises: Vec<bool>) -> Option<Rc<Function>> {
+        let (graph, root) = self.alone(id, &self.interior(id, inputs), inputs);
+        let need = graph.reachable(&[root]);
+        let in_space = need.iter().enumerate().any(|(i, need)| *need && matches!(graph.node(NodeId(i as u32)), Node::X(0..3)));
+        (!in_space).then(|| Rc::new(Function { graph, root, rises }))
+    }
+
+    fn product(&mut self, of: &Product<'_>, trees: &[(Tree, bool)], chosen: &mut Vec<Leaf>) -> Tree {
         match trees.split_first() {
             Some(((Tree::Leaf(leaf), _), rest)) => {
                 chosen.push(leaf.clone());
-                let tree = self.product(id, above, inputs, rest, chosen, context);
+                let tree = self.product(of, rest, chosen);
                 chosen.pop();
                 tree
             }
             Some(((Tree::Join(join), rises), rest)) => {
-                let parts: Vec<Tree> = join
-                    .children
-                    .iter()
-                    .map(|child| {
-                        let trees: Vec<(Tree, bool)> = std::iter::once((child.clone(), *rises)).chain(rest.iter().cloned()).collect();
-                        self.product(id, above, inputs, &trees, chosen, context)
-                    })
-                    .collect();
+                let with = |child: &Tree| std::iter::once((child.clone(), *rises)).chain(rest.iter().cloned()).collect::<Vec<_>>();
+                let parts: Vec<Tree> = join.children.iter().map(|child| self.product(of, &with(child), chosen)).collect();
                 Tree::join(join.is_min == *rises, parts)
             }
             None => {
-                let mut copy: HashMap<NodeId, NodeId> = inputs.iter().copied().zip(chosen.iter().map(|l| l.value)).collect();
-                for &node in above {
-                    let arguments = self.graph.arguments(node);
-                    for a in arguments {
-                        copy.entry(a).or_insert(a);
-                    }
-                    let node_of = self.graph.node(node).clone();
-                    let new = rebuilt(self.graph, &node_of, &copy);
-                    copy.insert(node, new);
+                let value = self.product_value(of, chosen);
+                if let Some(function) = &of.function {
+                    let inputs = chosen.iter().map(|l| l.value).collect();
+                    self.monotone.entry(value).or_insert(Monotone { function: function.clone(), inputs });
                 }
-                Tree::Leaf(self.product_leaf(copy[&id], chosen, context))
+                Tree::Leaf(self.product_leaf(value, chosen, of.context))
             }
         }
+    }
+
+    /// The node computed from one piece of each input.
+    fn product_value(&mut self, of: &Product<'_>, chosen: &[Leaf]) -> NodeId {
+        let mut copy: HashMap<NodeId, NodeId> = of.inputs.iter().copied().zip(chosen.iter().map(|l| l.value)).collect();
+        for &id in of.above {
+            for a in self.graph.arguments(id) {
+                copy.entry(a).or_insert(a);
+            }
+            let node = self.graph.node(id).clone();
+            let new = one_sided(self.graph, &node, &copy).unwrap_or_else(|| rebuilt(self.graph, &node, &copy));
+            copy.insert(id, new);
+        }
+        copy[&of.id]
     }
 
     fn product_leaf(&self, value: NodeId, of: &[Leaf], context: &Context) -> Leaf {
@@ -778,6 +827,30 @@ fn rebuilt(graph: &mut Graph, node: &Node, copy: &HashMap<NodeId, NodeId>) -> No
     }
 }
 
+/// A node with a kink within a smooth function, such that where u = v derivatives are those of one side, the same for max(u, v),
+/// min(u, v) and |u − v|: only then do they cancel there, too. Derivatives of minima and maxima are those of the first of two
+/// equal ones.
+fn one_sided(graph: &mut Graph, node: &Node, copy: &HashMap<NodeId, NodeId>) -> Option<NodeId> {
+    let sorted = |u: &NodeId, v: &NodeId| (copy[u].min(copy[v]), copy[u].max(copy[v]));
+    match node {
+        Node::Set(SetOp::Max, u, v) => {
+            let (u, v) = sorted(u, v);
+            Some(graph.max(&u, &v))
+        }
+        Node::Set(SetOp::Min, u, v) => {
+            let (u, v) = sorted(u, v);
+            Some(graph.min(&v, &u))
+        }
+        Node::Unary(Unary::Abs, d) => {
+            let Node::Binary(Binary::Sub, u, v) = *graph.node(copy[d]) else { return None };
+            let (u, v) = (u.min(v), u.max(v));
+            let (more, less) = (graph.sub(&u, &v), graph.sub(&v, &u));
+            Some(graph.max(&more, &less))
+        }
+        _ => None,
+    }
+}
+
 /// −u, with the sign moved inside where that costs nothing.
 fn negative(graph: &mut Graph, id: NodeId) -> NodeId {
     match *graph.node(id) {
@@ -852,7 +925,7 @@ fn without_constants(graph: &Graph, tree: &Tree) -> Result<Tree, bool> {
     if children.is_empty() { Err(join.is_min) } else { Ok(Tree::join(join.is_min, children)) }
 }
 
-/// The name of u in u + c and −u: of a level set.
+/// The name of u in u + c and −u: of a level set; and of a choice.
 fn argument_name(graph: &Graph, mut id: NodeId) -> Option<&str> {
     loop {
         if let Some(name) = graph.name(id) {
@@ -863,6 +936,8 @@ fn argument_name(graph: &Graph, mut id: NodeId) -> Option<&str> {
             Node::Unary(Unary::Neg, u) => *u,
             Node::Binary(Binary::Add | Binary::Sub | Binary::Mul, c, u) if constant(c) => *u,
             Node::Binary(Binary::Add | Binary::Sub | Binary::Mul | Binary::Div, u, c) if constant(c) => *u,
+            // The two values that an if-statement gives to a variable.
+            Node::Select(_, u, v) => return graph.name(*u).filter(|name| graph.name(*v) == Some(name)),
             _ => return None,
         };
     }

@@ -62,7 +62,7 @@ impl Tape {
     /// If an expression uses an input beyond `n_x` or `n_params`.
     pub fn new(graph: &Graph, roots: &[NodeId], n_x: usize, n_params: usize) -> Self {
         let mut g = graph.clone();
-        let roots: Vec<NodeId> = roots.iter().map(|&r| g.lowered(r)).collect();
+        let roots = g.lowered_all(roots);
         let need = g.reachable(&roots);
         let nodes: Vec<NodeId> = (0..g.len()).filter(|&i| need[i]).map(|i| NodeId(i as u32)).collect();
         let constants: Vec<f64> = nodes.iter().filter_map(|&id| g.constant_value(id)).collect();
@@ -183,14 +183,24 @@ impl Tape {
         scratch[self.roots[0] as usize]
     }
 
+    /// Fills the slots, the first ones of `s`. What `s` held before does not matter, nor that it is longer.
+    #[inline]
     fn run<R: Real>(&self, x: &[R], a: &[R], s: &mut Vec<R>, native: impl Fn(Native, &[R]) -> R) {
-        s.clear();
-        s.extend(self.constants.iter().map(|&c| R::constant(c)));
-        s.extend_from_slice(&x[..self.n_x]);
-        s.extend_from_slice(&a[..self.n_params]);
-        for i in &self.code {
+        if s.len() < self.slots() {
+            s.resize(self.slots(), R::constant(0.0));
+        }
+        let s = &mut s[..self.slots()];
+        let (constants, rest) = s.split_at_mut(self.constants.len());
+        for (slot, &c) in constants.iter_mut().zip(&self.constants) {
+            *slot = R::constant(c);
+        }
+        let (to_x, rest) = rest.split_at_mut(self.n_x);
+        to_x.clone_from_slice(&x[..self.n_x]);
+        rest[..self.n_params].clone_from_slice(&a[..self.n_params]);
+        let first = self.first_code();
+        for (k, i) in self.code.iter().enumerate() {
             let (p, q) = (i.a as usize, i.b as usize);
-            let v = match i.op {
+            s[first + k] = match i.op {
                 Op::Unary(op) => op.apply(&s[p]),
                 Op::Binary(op) => op.apply(&s[p], &s[q]),
                 Op::Set(op) => op.apply(&s[p], &s[q]),
@@ -202,7 +212,6 @@ impl Tape {
                     native(*f, &args)
                 }
             };
-            s.push(v);
         }
     }
 
