@@ -4,6 +4,7 @@
 mod cap;
 pub mod check;
 mod complex;
+mod crowd;
 mod cut;
 pub mod decide;
 pub mod features;

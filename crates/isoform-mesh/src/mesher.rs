@@ -3,10 +3,11 @@
 use crate::cap::Capped;
 use crate::complex::NONE;
 use crate::cut::{Band, Cutter};
-use crate::features::{ExtentError, START, extent};
+use crate::crowd::Crowd;
+use crate::features::{ExtentError, FeatureOptions, Features, START, extent, find};
 use crate::lattice::Lattice;
 use crate::optimise::Optimiser;
-use crate::refine::{bisect, chordal_size};
+use crate::refine::{bisect, chordal_size, resolve};
 use crate::second::add_middles;
 use crate::surface::Surface;
 use isoform_geom::{Aabb, Curve, Mesh, Point3, Solid, norm};
@@ -124,6 +125,8 @@ pub struct Meshed {
     pub region_certified: bool,
     /// Names of the caps where the box cuts the solid.
     pub caps: Vec<String>,
+    /// The feature curves and corners of the solid.
+    pub features: Features,
     /// Places where the solid could not be resolved, with what happened there.
     pub warnings: Vec<Warning>,
 }
@@ -168,10 +171,21 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     let surface = Surface { solid, lattice: &lattice, zero: 1e-13 * region.diagonal() };
     let graded = options.grade.is_some();
     let Band { mut complex, mut frozen, core, core_points } = Band::new(&lattice, !options.surface_only, graded);
+    let band_points = complex.points.len();
     let mut warnings = Vec::new();
+    let limit = (options.memory / 400) as usize;
+    control.phase("features")?;
+    let features = find(solid, region, &FeatureOptions { size: options.size, ..FeatureOptions::default() }, control);
+    let crowd = Crowd::new(&features, options.size);
+    if !crowd.is_empty() {
+        let mut found = Vec::new();
+        bisect(&mut complex, &mut frozen, limit, |complex, t| {
+            let c = complex.corners(t);
+            CELL * crowd.size_at(std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i])), &mut found)
+        });
+    }
     if let Some(error) = options.grade {
         control.phase("sizes")?;
-        let limit = (options.memory / 400) as usize;
         let short = bisect(&mut complex, &mut frozen, limit, |complex, t| {
             CELL * chordal_size(solid, &lattice, complex, t, 0.6 * error, surface.zero)
         });
@@ -179,8 +193,11 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
             warnings.push(Warning { message: "sizes were not refined as far as asked for: the limit of memory was met".into(), at: None });
         }
     }
-    let band_points = complex.points.len();
-    control.phase("features and surface")?;
+    control.phase("surface")?;
+    let hidden = resolve(&surface, &mut complex, &mut frozen, limit);
+    warnings.extend(
+        hidden.into_iter().map(|at| Warning { message: "the surface is finer than the mesh can resolve here".into(), at: Some(at) }),
+    );
     let mut cutter = Cutter::new(&surface, complex, frozen);
     cutter.run();
     let inside = cutter.inside();
@@ -190,9 +207,11 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     }
     let number = inside.number.clone();
     control.phase("optimisation")?;
-    let mut optimiser = Optimiser::new(&surface, inside);
+    let mut optimiser = Optimiser::new(&surface, inside, options.size);
     let goal = options.angles[0].to_radians().sin().max(0.7 * options.angles[1].to_radians().sin());
     optimiser.run(goal);
+    let off = optimiser.settle(goal);
+    warnings.extend(off.into_iter().map(|at| Warning { message: "a vertex could not be brought onto the surface".into(), at: Some(at) }));
     optimiser.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);
     let (mut mesh, pieces) = assemble(solid, optimiser, &number, band_points, core, core_points, options);
     if options.order == 2 {
@@ -203,7 +222,7 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
         );
     }
     let caps = mesh.parts.iter().filter(|p| options.region.is_some() && p.starts_with("cap.")).cloned().collect();
-    Ok(Meshed { mesh, region, region_certified, caps, warnings })
+    Ok(Meshed { mesh, region, region_certified, caps, features, warnings })
 }
 
 fn check_options(options: &Options) -> Result<(), MeshError> {

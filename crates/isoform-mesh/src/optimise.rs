@@ -28,6 +28,8 @@ const ACTIVE: f64 = 0.04;
 const FACING: f64 = 0.5;
 /// Largest sagitta of an edge of the surface, as a share of its length: an arc of 37 degrees. Coarser ones make poor curved elements.
 const TURN: f64 = 0.08;
+/// Largest sagitta of an edge on a feature curve, as a share of the size asked for.
+const CURVE: f64 = 0.08;
 /// Longest ring whose edge is removed; longer ones never improved a mesh in our trials.
 const RING: usize = 9;
 
@@ -37,6 +39,8 @@ pub(crate) struct Optimiser<'s> {
     pub(crate) hold: Vec<Hold>,
     /// Labels of the faces at each vertex of the surface, where they are more than the pieces that hold it.
     labels: Vec<On>,
+    /// Edge length wanted.
+    size: f64,
     scratch: Scratch,
 }
 
@@ -51,11 +55,17 @@ struct Scratch {
 type Face = ([u32; 3], u32);
 
 impl<'s> Optimiser<'s> {
-    pub(crate) fn new(surface: &'s Surface<'s>, inside: Inside) -> Self {
+    pub(crate) fn new(surface: &'s Surface<'s>, inside: Inside, size: f64) -> Self {
         let Inside { complex, frozen, .. } = inside;
         let n = complex.points.len();
-        let mut this =
-            Self { surface, complex, hold: vec![Hold::On(On::default()); n], labels: vec![On::default(); n], scratch: Scratch::default() };
+        let mut this = Self {
+            surface,
+            complex,
+            hold: vec![Hold::On(On::default()); n],
+            labels: vec![On::default(); n],
+            size,
+            scratch: Scratch::default(),
+        };
         this.hold_vertices(&frozen);
         this
     }
@@ -737,6 +747,60 @@ impl<'s> Optimiser<'s> {
         }
     }
 
+    /// Brings vertices that the cutting had to leave off their pieces onto them, making room by mending. Returns those left.
+    pub(crate) fn settle(&mut self, goal: f64) -> Vec<Point3> {
+        let mut left = Vec::new();
+        for round in 0..6 {
+            let off: Vec<u32> = (0..self.complex.points.len() as u32)
+                .into_par_iter()
+                .filter(|&v| {
+                    let p = self.complex.points[v as usize];
+                    self.complex.tet_of[v as usize] != NONE
+                        && self.labels[v as usize].slice().iter().any(|&l| self.surface.distance(l, p) != 0.0)
+                })
+                .collect();
+            left.clear();
+            let mut star = Vec::new();
+            for v in off {
+                let p = self.complex.points[v as usize];
+                let labels = self.labels[v as usize];
+                let Some(q) = self.surface.project(labels.slice(), p).filter(|q| norm(sub(*q, p)) < self.size) else {
+                    left.push(p);
+                    continue;
+                };
+                self.complex.star(v, &mut star);
+                let faces = self.faces_at(&star, v);
+                // As far as the tetrahedra allow, the whole way if possible; less is asked of them from round to round.
+                let least = 0.05 * 0.5f64.powi(round);
+                let way = [1.0, 0.5, 0.25].into_iter().find(|t| {
+                    let at = std::array::from_fn(|i| p[i] + t * (q[i] - p[i]));
+                    self.worst_at(v, at, &star, &faces) > least
+                });
+                if let Some(t) = way {
+                    self.complex.points[v as usize] = if t == 1.0 { q } else { std::array::from_fn(|i| p[i] + t * (q[i] - p[i])) };
+                }
+                if way != Some(1.0) {
+                    if std::env::var_os("ISOFORM_TRACE").is_some() {
+                        eprintln!(
+                            "  settle {round}: {p:?} -> {q:?} labels {:?} hold {:?} star {} way {way:?} worst {} -> {}",
+                            labels.slice(),
+                            self.hold[v as usize],
+                            star.len(),
+                            self.worst_at(v, p, &star, &faces),
+                            self.worst_at(v, q, &star, &faces)
+                        );
+                    }
+                    left.push(p);
+                }
+            }
+            if left.is_empty() && round > 0 {
+                break;
+            }
+            self.mend_all(goal, 8);
+        }
+        left
+    }
+
     /// Splits edges of the surface whose middles are farther from it than `error`, or that turn too far, until there are none.
     pub(crate) fn refine_surface(&mut self, error: f64, goal: f64) {
         for _ in 0..8 {
@@ -788,7 +852,7 @@ impl<'s> Optimiser<'s> {
         let sharp = labels[0] != labels[1] && self.is_sharp(ends, labels);
         let on = self.surface.project(if sharp { &labels } else { &labels[..1] }, middle)?;
         let (off, length) = (norm(sub(on, middle)), norm(sub(p, q)));
-        let most = (TURN * length).min(error);
+        let most = (TURN * length).min(error).min(if sharp { CURVE * self.size } else { f64::INFINITY });
         (off > most && off < 0.4 * length).then_some(off / most)
     }
 

@@ -6,9 +6,10 @@
 
 use crate::complex::{Complex, Ring};
 use crate::lattice::{IN, Lattice, OUT};
-use crate::surface::project;
+use crate::surface::{Surface, project};
 use isoform_geom::{Point3, Solid, cross, dot, norm, sub};
 use isoform_num::Jet2;
+use rayon::prelude::*;
 
 /// Lengths that differ by less are equal: halves of lattice edges are exact but for rounding.
 const SAME: f64 = 1.0 + 1e-9;
@@ -113,4 +114,111 @@ pub(crate) fn chordal_size(solid: &dyn Solid, lattice: &Lattice, complex: &Compl
         }
     }
     size
+}
+
+/// Places on an edge where the sign is looked at: a wall or gap as thin as a quarter of the edge is seen.
+const LOOKS: [f64; 3] = [0.25, 0.5, 0.75];
+/// Share of the edge that the surface must reach across it to count; less is the sagitta of a curved surface.
+const DEPTH: f64 = 0.08;
+/// Times that edges are halved in search of what hides between lattice points.
+const ROUNDS: usize = 4;
+
+/// Share of the sum of the sagittas of two pieces within which two sheets that face each other are too close to tell whether they meet.
+const CLOSE: f64 = 2.0;
+
+/// Whether two pieces face each other in a tetrahedron so closely that straight edges cannot tell whether they meet.
+fn is_close_call(surface: &Surface<'_>, complex: &Complex, t: u32) -> bool {
+    let c = complex.corners(t);
+    let middle: Point3 = std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i]));
+    let k = surface.lattice.state_at(middle);
+    if k == IN || k == OUT {
+        return false;
+    }
+    let pieces = &surface.lattice.trees[k as usize - 2].1;
+    if pieces.len() < 2 {
+        return false;
+    }
+    let length = norm(sub(c[0], c[1])).max(norm(sub(c[2], c[3])));
+    let near: Vec<(u32, f64, Point3)> = pieces
+        .iter()
+        .filter_map(|&i| {
+            let (g, d) = surface.solid.gradient(i, middle);
+            let l = norm(d);
+            (l > 0.0 && g.abs() < 0.7 * length * l).then(|| (i, g / l, d.map(|v| v / l)))
+        })
+        .collect();
+    near.iter().enumerate().any(|(k, a)| {
+        near[..k].iter().any(|b| {
+            let gap = (a.1 + b.1).abs();
+            dot(a.2, b.2) < -0.8 && gap > surface.zero && gap < length && {
+                let bend = [a, b].iter().map(|p| curvature(&surface.solid.jet(p.0, middle))).sum::<f64>();
+                gap < CLOSE * bend * length * length / 8.0
+            }
+        })
+    })
+}
+
+/// Halves edges that a piece of the surface crosses twice (both ends inside, or both outside, and a place between that is not), so that thin walls,
+/// gaps and narrow links are met by the lattice. Returns places where the last round still found such an edge.
+pub(crate) fn resolve(surface: &Surface<'_>, complex: &mut Complex, frozen: &mut Vec<bool>, limit: usize) -> Vec<Point3> {
+    let mut left = Vec::new();
+    for round in 0..=ROUNDS {
+        let values: Vec<f64> = complex.points.par_iter().map(|&p| surface.value(p).0).collect();
+        let mut edges: Vec<[u32; 2]> = complex
+            .live()
+            .flat_map(|t| {
+                let v = complex.tets[t as usize];
+                [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(i, j)| [v[i].min(v[j]), v[i].max(v[j])])
+            })
+            .filter(|&[a, b]| {
+                let (f, g) = (values[a as usize], values[b as usize]);
+                // Values are distances, nearly: ends farther from the surface than the edge is long cannot see it twice.
+                f * g > 0.0 && f.is_finite() && g.is_finite() && {
+                    let d = sub(complex.points[a as usize], complex.points[b as usize]);
+                    (f.abs() + g.abs()).powi(2) < dot(d, d)
+                }
+            })
+            .collect();
+        edges.par_sort_unstable();
+        edges.dedup();
+        let close: Vec<u32> = {
+            let live: Vec<u32> = complex.live().collect();
+            live.into_par_iter().filter(|&t| is_close_call(surface, complex, t)).collect()
+        };
+        let twice: Vec<[u32; 2]> = edges
+            .into_par_iter()
+            .filter(|&[a, b]| {
+                let [p, q] = [a, b].map(|v| complex.points[v as usize]);
+                let length = norm(sub(p, q));
+                LOOKS.iter().any(|t| {
+                    let at = std::array::from_fn(|i| p[i] + t * (q[i] - p[i]));
+                    let (v, piece) = surface.value(at);
+                    // Two pieces, one at each crossing, are told apart by their signs at the ends and cut one by one.
+                    v * values[a as usize] < 0.0
+                        && v.abs() > DEPTH * length
+                        && v * surface.distance(piece, p) < 0.0
+                        && v * surface.distance(piece, q) < 0.0
+                })
+            })
+            .collect();
+        if twice.is_empty() && close.is_empty() {
+            return left;
+        }
+        if round == ROUNDS || complex.tets.len() > limit {
+            left = twice.iter().map(|&[a, _]| complex.points[a as usize]).collect();
+            return left;
+        }
+        let flagged = |a: u32, b: u32| twice.binary_search(&[a.min(b), a.max(b)]).is_ok();
+        // Slots are reused by the halves, which are looked at in the next round: a close call counts as long as its vertices are the same.
+        let close: Vec<(u32, [u32; 4])> = close.into_iter().map(|t| (t, complex.tets[t as usize])).collect();
+        bisect(complex, frozen, limit, |complex, t| {
+            if close.binary_search(&(t, complex.tets[t as usize])).is_ok() {
+                return 0.0;
+            }
+            let v = complex.tets[t as usize];
+            let any = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].iter().any(|&(i, j)| flagged(v[i], v[j]));
+            if any { 0.0 } else { f64::INFINITY }
+        });
+    }
+    left
 }
