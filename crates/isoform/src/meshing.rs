@@ -1,9 +1,11 @@
-//! From a model to a solid that can be meshed.
+//! From a model to a solid, its mesh and the certificate.
 
 use isoform_field::hyperfun::Model;
 use isoform_field::{Pieces, RunField, SolidError};
-use isoform_geom::{Aabb, OnePiece, Solid};
+use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, Solid};
+use isoform_mesh::check::{self, Certificate, Limits, certify};
 use isoform_mesh::features::{ExtentError, START, extent};
+use isoform_mesh::{Control, MeshError, Meshed, Options, mesh};
 
 /// Part of the diagonal that an element takes by default: some ten thousand tetrahedra in a ball.
 const ELEMENTS: f64 = 40.0;
@@ -45,6 +47,53 @@ pub fn default_size(solid: &dyn Solid, region: Option<Aabb>) -> Result<f64, Exte
         tolerance = size.min(0.1 * tolerance);
     }
     Ok(two_digits(tolerance))
+}
+
+/// How far from a corner of the solid its node may be, as a share of the diagonal.
+const AT_CORNER: f64 = 1e-9;
+
+/// Meshes a solid and certifies the mesh: topology, shape, distances to the solid, and its feature curves and corners.
+pub fn certified_mesh(
+    solid: &dyn Solid,
+    options: &Options,
+    limits: Limits,
+    control: &Control<'_>,
+) -> Result<(Meshed, Certificate), MeshError> {
+    let mut meshed = mesh(solid, options, control)?;
+    let curves: Vec<Vec<Point3>> = meshed.features.curves.iter().map(|c| c.points.clone()).collect();
+    let corners: Vec<Point3> = meshed.features.corners.iter().map(|c| c.point).collect();
+    if meshed.mesh.corners.is_empty() {
+        meshed.mesh.corners = nodes_at(&meshed.mesh, &corners);
+    }
+    let wanted = check::Options {
+        size: Some(options.size),
+        region: options.region,
+        curves: &curves,
+        corners: &corners,
+        limits,
+        ..check::Options::default()
+    };
+    let certificate = certify(&meshed.mesh, Some(solid), &wanted, control);
+    Ok((meshed, certificate))
+}
+
+/// The nodes of feature edges at the given points, in their order.
+fn nodes_at(mesh: &Mesh, corners: &[Point3]) -> Vec<u32> {
+    let mut nodes: Vec<u32> = mesh.edges.as_flattened().to_vec();
+    nodes.sort_unstable();
+    nodes.dedup();
+    let tree = KdTree::new(&nodes.iter().map(|&v| mesh.points[v as usize]).collect::<Vec<_>>());
+    let limit = (AT_CORNER * mesh.bounds().diagonal()).powi(2);
+    let mut found: Vec<u32> = Vec::with_capacity(corners.len());
+    for corner in corners {
+        if let Some((i, squared)) = tree.nearest(*corner)
+            && squared <= limit
+            && !found.contains(&nodes[i as usize])
+        {
+            found.push(nodes[i as usize]);
+        }
+    }
+    found
 }
 
 /// Rounds to two digits.

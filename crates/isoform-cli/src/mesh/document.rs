@@ -2,7 +2,7 @@
 
 use super::work::Made;
 use isoform::geom::Mesh;
-use isoform::mesh::check::{Certificate, Defects, Failure, Lengths};
+use isoform::mesh::check::{Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths};
 use serde_json::{Map, Value, json};
 
 /// Everything that is known of the mesh. All but `seconds` is the same each time.
@@ -23,6 +23,7 @@ pub(crate) fn document(made: &Made) -> Value {
         "caps": made.meshed.caps,
         "regions": groups(&mesh.regions, &mesh.tet_regions, "tets"),
         "curves": curves(mesh),
+        "features_certified": made.meshed.features.certified,
         "corners": mesh.corners.iter().map(|&v| mesh.points[v as usize]).collect::<Vec<_>>(),
         "counts": {
             "points": mesh.points.len(), "triangles": mesh.triangles.len(), "tets": mesh.tets.len(), "edges": mesh.edges.len(),
@@ -31,6 +32,7 @@ pub(crate) fn document(made: &Made) -> Value {
         "certificate": certificate(&made.certificate),
         "files": files,
         "warnings": warnings,
+        "notes": made.notes,
         "seconds": made.seconds.iter().map(|(k, v)| (k.clone(), json!(v))).collect::<Map<_, _>>(),
     })
 }
@@ -75,7 +77,26 @@ pub(crate) fn certificate(c: &Certificate) -> Value {
         "dihedral_histogram": q.map(|q| q.histogram),
         "radius_ratio": q.map(|q| json!({"min": q.radius_ratio_min, "mean": q.radius_ratio_mean})),
         "size_ratio": c.volume.as_ref().map(|v| v.size_ratio),
+        "distance": c.deviation.as_ref().map(deviation),
+        "features": c.coverage.as_ref().map(coverage),
         "scaled_jacobian": c.curved.as_ref().map(|q| q.scaled_jacobian_min),
+    })
+}
+
+/// Distances of the mesh from the function: of nodes, of mid nodes, of nodes on curves, and of points within faces.
+fn deviation(d: &Deviation) -> Value {
+    let distances = |d: &Distances| json!({"count": d.count, "max": d.max, "rms": d.rms, "at": d.worst.as_ref().map(|p| p.at)});
+    json!({
+        "nodes": distances(&d.nodes), "mid_nodes": distances(&d.mids), "curves": distances(&d.curves), "faces": distances(&d.faces),
+        "misclassified": d.misclassified.count,
+    })
+}
+
+/// How much of the solid's curves and corners the mesh has.
+fn coverage(c: &Coverage) -> Value {
+    json!({
+        "length": c.length, "covered": c.covered, "uncovered": c.uncovered.count,
+        "corners": c.corners, "corners_missed": c.missed_corners.count, "corner_distance": c.corner_max,
     })
 }
 

@@ -90,6 +90,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let mut made = work::make(&subject, &args.settings, context)?;
     let stdout = files::write(&mut made, &targets)?;
     made.warnings.iter().for_each(|w| context.warn(work::sentence(w)));
+    made.notes.iter().for_each(|n| context.warn(n));
     let mut json = document::document(&made);
     if !stdout.is_empty() {
         json["text"] = String::from_utf8_lossy(&stdout).into();

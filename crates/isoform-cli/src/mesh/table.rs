@@ -81,5 +81,24 @@ fn figures(c: &Certificate) -> Vec<(&'static str, String)> {
     if let Some(t) = &c.triangles {
         lines.push(("triangles", format!("angles {:.2} to {:.2} degrees", t.angle_min, t.angle_max)));
     }
+    if let Some(d) = &c.deviation {
+        let nodes = d.nodes.max.max(d.curves.max).max(d.mids.max);
+        lines.push((
+            "distance",
+            format!("nodes at most {}, faces at most {}, {} in the mean", brief(nodes), brief(d.faces.max), brief(d.faces.rms)),
+        ));
+    }
+    if let Some(f) = &c.coverage {
+        lines.push((
+            "features",
+            format!(
+                "{:.3} % of {} covered, {} of {} corners",
+                100.0 * f.covered,
+                brief(f.length),
+                f.corners - f.missed_corners.count,
+                f.corners
+            ),
+        ));
+    }
     lines
 }

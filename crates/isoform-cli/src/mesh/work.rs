@@ -5,12 +5,13 @@ use super::files::Written;
 use crate::interrupt;
 use crate::output::{Context, DONE, Failure, NO_RESULT, PARTIAL};
 use crate::progress::Progress;
+use isoform::certified_mesh;
 use isoform::field::SolidError;
 use isoform::field::hyperfun::Model;
 use isoform::geom::{Point3, Solid};
-use isoform::mesh::check::{self, Certificate, Limits, certify};
+use isoform::mesh::check::{Certificate, Limits};
 use isoform::mesh::features::ExtentError;
-use isoform::mesh::{Control, MeshError, Meshed, Options, Warning, mesh};
+use isoform::mesh::{Control, MeshError, Meshed, Options, Warning};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -34,7 +35,10 @@ pub(crate) struct Made {
     pub(crate) options: Options,
     pub(crate) meshed: Meshed,
     pub(crate) certificate: Certificate,
+    /// Where the mesh may not be what was asked for.
     pub(crate) warnings: Vec<Warning>,
+    /// What else is good to know.
+    pub(crate) notes: Vec<&'static str>,
     pub(crate) written: Vec<Written>,
     /// Seconds by phase.
     pub(crate) seconds: Vec<(String, f64)>,
@@ -66,17 +70,20 @@ struct Phases {
 }
 
 /// All phases in their order, for the bar.
-const PHASES: [&str; 10] = [
+const PHASES: [&str; 13] = [
     "extent",
     "lattice",
+    "features",
     "sizes",
-    "features and surface",
+    "surface",
     "optimisation",
     "second order",
     "checking tetrahedra",
     "measuring tetrahedra",
     "checking the surface",
     "looking for self-intersections",
+    "measuring distances",
+    "looking for features",
 ];
 
 impl Phases {
@@ -108,10 +115,11 @@ pub(crate) fn make(subject: &Subject, settings: &Settings, context: &Context) ->
     let options = options(solid, settings).map_err(|e| failure(&e, name, None))?;
     let show = |phase: &str| phases.enter(phase);
     let control = Control { cancelled: Some(interrupt::watch()), deadline: context.deadline, progress: Some(&show) };
-    let meshed = mesh(solid, &options, &control).map_err(|e| failure(&e, name, Some(&options)))?;
     let limits = settings.angles.map_or(Limits::default(), |a| Limits { dihedral_min: a.0[0], dihedral_max: a.0[1], ..Limits::default() });
-    let certificate = certify(&meshed.mesh, Some(solid), &check::Options { limits, ..check::Options::default() }, &control);
+    let made = certified_mesh(solid, &options, limits, &control);
+    let (meshed, certificate) = made.map_err(|e| failure(&e, name, Some(&options)))?;
     let warnings = warnings(&meshed, is_run);
+    let notes = notes(&meshed);
     Ok(Made {
         name: name.clone(),
         object: subject.model.name().to_owned(),
@@ -121,6 +129,7 @@ pub(crate) fn make(subject: &Subject, settings: &Settings, context: &Context) ->
         meshed,
         certificate,
         warnings,
+        notes,
         written: Vec::new(),
         seconds: phases.seconds(),
     })
@@ -139,17 +148,28 @@ fn options(solid: &dyn Solid, settings: &Settings) -> Result<Options, MeshError>
     })
 }
 
-/// What the mesher says, and what nothing proves.
+/// What the mesher says, and that nothing is proved of programs that are run.
 fn warnings(meshed: &Meshed, is_run: bool) -> Vec<Warning> {
-    let say = |message: &str| Warning { message: message.to_owned(), at: None };
     let mut warnings = meshed.warnings.clone();
     if is_run {
-        warnings.push(say("the program is no expression: it was meshed as one smooth part, edges are rounded and nothing is proved"));
-    }
-    if !meshed.region_certified {
-        warnings.push(say("nothing proves that the solid ends at the box that was meshed; --box says where to look"));
+        let message = "the program is no expression: it was meshed as one smooth part, its edges are rounded and nothing is proved";
+        warnings.push(Warning { message: message.to_owned(), at: None });
     }
     warnings
+}
+
+fn notes(meshed: &Meshed) -> Vec<&'static str> {
+    let mut notes = Vec::new();
+    if !meshed.caps.is_empty() {
+        notes.push("the box cuts the solid: the cuts are parts named cap");
+    }
+    if !meshed.region_certified {
+        notes.push("nothing more of the solid was found far outside of its box, but that is not proved; --box says where to look");
+    }
+    if !meshed.features.certified {
+        notes.push("it is not proved that every feature curve was found; a smaller --size looks closer");
+    }
+    notes
 }
 
 fn no_solid(error: &SolidError, name: &str) -> Failure {
