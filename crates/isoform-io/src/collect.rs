@@ -43,6 +43,18 @@ pub(crate) struct Collector {
     bounds: Aabb,
     /// Largest index in a triangle, and where it stood.
     highest: Option<(u64, At)>,
+    parts: Parts,
+    /// Part of the triangles to come.
+    part: Option<u32>,
+}
+
+/// Groups of triangles that a file names.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Parts {
+    /// Part of every triangle, or nothing if the file has no groups.
+    pub(crate) of_triangle: Vec<u32>,
+    /// Names of the parts.
+    pub(crate) names: Vec<String>,
 }
 
 impl Collector {
@@ -62,6 +74,8 @@ impl Collector {
             is_mesh: false,
             bounds: Aabb::EMPTY,
             highest: None,
+            parts: Parts::default(),
+            part: None,
         }
     }
     /// There may be triangles, which count rows.
@@ -140,6 +154,19 @@ impl Collector {
         self.limit.is_some_and(|k| self.finite > k as u64)
     }
 
+    /// Adds a part; its number.
+    pub(crate) fn add_part(&mut self, name: &str) -> u32 {
+        self.parts.names.push(name.to_owned());
+        self.parts.names.len() as u32 - 1
+    }
+    /// The part of the triangles to come. Those that came before without one get a part of their own.
+    pub(crate) fn set_part(&mut self, part: u32) {
+        if self.part.replace(part).is_none() && !self.cloud.triangles.is_empty() {
+            let unnamed = self.add_part("default");
+            self.parts.of_triangle = vec![unnamed; self.cloud.triangles.len()];
+        }
+    }
+
     /// Takes a polygon of rows as a fan of triangles.
     pub(crate) fn polygon(&mut self, corners: &[u64], at: At) {
         for &c in corners {
@@ -152,11 +179,22 @@ impl Collector {
         }
         for k in 2..corners.len() {
             self.cloud.triangles.push([corners[0], corners[k - 1], corners[k]].map(|c| c as u32));
+            self.parts.of_triangle.extend(self.part);
         }
     }
 
     /// Puts it all together and writes the counts into the report.
-    pub(crate) fn finish(mut self, input: &Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+    pub(crate) fn finish(self, input: &Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+        self.finish_with_parts(input, options, report).map(|(cloud, _)| cloud)
+    }
+
+    /// The same, with the groups of triangles.
+    pub(crate) fn finish_with_parts(
+        mut self,
+        input: &Input<'_>,
+        options: &ReadOptions,
+        report: &mut ReadReport,
+    ) -> Result<(PointCloud, Parts)> {
         if let Some((index, at)) = self.highest
             && (index >= self.rows || index > u64::from(u32::MAX))
         {
@@ -175,6 +213,7 @@ impl Collector {
             self.sort_by_row();
             if self.highest.is_some() {
                 self.cloud.triangles = Vec::new();
+                self.parts.of_triangle = Vec::new();
                 report.warnings.push("the triangles are left out, because the points were sampled".into());
             }
         } else if !self.dropped_rows.is_empty() {
@@ -203,7 +242,7 @@ impl Collector {
             self.cloud.origin = far_center(&self.bounds);
             recenter(&mut self.cloud.points, self.cloud.origin);
         }
-        Ok(self.cloud)
+        Ok((self.cloud, self.parts))
     }
 
     /// The reservoir has no order; the file has.
@@ -227,15 +266,20 @@ impl Collector {
     fn renumber(&mut self) -> u64 {
         let gone = &self.dropped_rows;
         let before = self.cloud.triangles.len();
+        let mut kept = Vec::with_capacity(before);
         self.cloud.triangles.retain_mut(|t| {
-            for c in t {
-                match gone.binary_search(c) {
-                    Ok(_) => return false,
-                    Err(lower) => *c -= lower as u32,
+            let whole = t.iter_mut().all(|c| match gone.binary_search(c) {
+                Ok(_) => false,
+                Err(lower) => {
+                    *c -= lower as u32;
+                    true
                 }
-            }
-            true
+            });
+            kept.push(whole);
+            whole
         });
+        let mut kept = kept.into_iter();
+        self.parts.of_triangle.retain(|_| kept.next().unwrap_or(true));
         (before - self.cloud.triangles.len()) as u64
     }
 

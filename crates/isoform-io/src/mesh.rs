@@ -1,30 +1,37 @@
 //! Meshes with groups, to files and back.
 //!
-//! [`write_mesh`] does for a [`Mesh`] what [`write()`](crate::write()) does for points. Parts are
+//! [`write_mesh`] and [`read_mesh`] do for a [`Mesh`] what [`write()`](crate::write()) and [`read()`](crate::read()) do for points. Parts are
 //! groups of triangles, curves groups of edges, regions groups of tetrahedra; each format carries of them what it can, and the
 //! [`WriteReport`] says what it cannot. Tags of groups count from 1 in the order of the mesh's lists, 0 is no group.
 //!
 //! A new format is one file in `mesh/` with `write` or `read`, and one line in `mesh/registry.rs`.
 
-#[expect(dead_code, reason = "the readers come next")]
+mod bdf;
 mod boundary;
+mod build;
 mod check;
+mod color;
+mod glb;
 mod group;
 mod inp;
 mod msh;
-#[expect(dead_code, reason = "the readers come next")]
 mod number;
 mod obj;
+mod off;
+mod ply;
 mod registry;
 mod stl;
-#[expect(dead_code, reason = "the other surface formats come next")]
 mod surface;
+mod three_mf;
 mod vtu;
+mod xml;
+mod zip;
 
 pub use registry::{MeshFormat, mesh_format_named, mesh_formats};
 
+use crate::input::Input;
 use crate::registry::extension;
-use crate::{WriteError, WriteReport, write_atomic};
+use crate::{ReadError, ReadReport, Source, WriteError, WriteReport, write_atomic};
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 use std::path::Path;
@@ -38,10 +45,38 @@ pub struct MeshWriteOptions {
     pub units: Option<String>,
 }
 
+/// How to read a mesh.
+#[derive(Clone, Debug)]
+pub struct MeshReadOptions {
+    /// Tetrahedra without a triangle get their boundary: faces that belong to one tetrahedron.
+    pub boundary: bool,
+}
+
+impl Default for MeshReadOptions {
+    fn default() -> Self {
+        Self { boundary: true }
+    }
+}
+
 /// Writes a mesh to any sink.
 ///
 /// `format` is a name or an ending out of [`mesh_formats`]; `-ascii` or `-binary` behind it (`msh-binary`, `stl-ascii`) says more than the
 /// options. The mesh is checked first: labels and indices that point nowhere are refused.
+///
+/// ```
+/// use isoform_geom::Mesh;
+/// use isoform_io::{MeshReadOptions, MeshWriteOptions, Source, read_mesh, write_mesh};
+/// let points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// let mut mesh = Mesh::from_triangles(points, vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]);
+/// mesh.triangle_parts = vec![0, 0, 0, 1];
+/// mesh.parts = vec!["walls".into(), "roof".into()];
+/// let mut bytes = Vec::new();
+/// write_mesh(&mesh, &mut bytes, "msh", &MeshWriteOptions::default())?;
+/// let source = Source::Bytes { name: "-", bytes: &bytes };
+/// let (again, _) = read_mesh(source, Some("msh"), &MeshReadOptions::default())?;
+/// assert_eq!(again, mesh);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn write_mesh(mesh: &Mesh, out: &mut dyn Write, format: &str, options: &MeshWriteOptions) -> Result<WriteReport, WriteError> {
     let (format, write, options) = writer(format, options)?;
     check::check(mesh, "output")?;
@@ -64,19 +99,17 @@ fn writer(name: &str, options: &MeshWriteOptions) -> Result<(&'static MeshFormat
     let (bare, ascii) = registry::encoding(name);
     let format = mesh_format_named(bare);
     let options = MeshWriteOptions { ascii: ascii.or(options.ascii), ..options.clone() };
-    format.and_then(|f| f.write.map(|w| (f, w, options))).ok_or_else(|| {
-        let can: Vec<&str> = mesh_formats().iter().filter(|f| f.is_writable()).map(|f| f.name).collect();
+    let format = format.ok_or_else(|| {
+        let can: Vec<&str> = mesh_formats().iter().map(|f| f.name).collect();
         WriteError {
             code: "format-unknown",
             what: "cannot write a mesh in this format",
             file: "output".into(),
-            why: match format {
-                Some(f) => format!("{} is read but not written", f.title),
-                None => format!("no format of meshes is called \"{}\"", crate::input::shorten(name)),
-            } + &format!("; meshes are written as {}", can.join(", ")),
+            why: format!("no format of meshes is called \"{}\"; meshes are written as {}", crate::input::shorten(name), can.join(", ")),
             hint: "choose one of these",
         }
-    })
+    })?;
+    Ok((format, format.write, options))
 }
 
 /// What the format has no place for.
@@ -93,4 +126,25 @@ fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> Write
         warnings.push(format!("{} holds coordinates of 32 bits: about seven digits", format.title));
     }
     WriteReport { format: format.name, warnings }
+}
+
+/// Reads a mesh.
+///
+/// `format` is a name or an ending out of [`mesh_formats`] and overrides the guess by content and name. Polygons become fans of triangles.
+/// Groups come back with their names where the format has them. Coordinates are those of the file.
+pub fn read_mesh(source: Source<'_>, format: Option<&str>, options: &MeshReadOptions) -> Result<(Mesh, ReadReport), ReadError> {
+    let mut input = Input::open(source)?;
+    let mut warnings = Vec::new();
+    let (format, read) = registry::choose(&mut input, format, &mut warnings)?;
+    let mut report = ReadReport::new(format.name, input.name.clone());
+    report.warnings = warnings;
+    let mut mesh = read(&mut input, &mut report)?;
+    if options.boundary && mesh.triangles.is_empty() && !mesh.tets.is_empty() {
+        boundary::add_boundary(&mut mesh);
+    }
+    report.rows = mesh.points.len() as u64 + report.dropped_points;
+    if mesh.points.is_empty() {
+        report.warn("there are no points in the file");
+    }
+    Ok((mesh, report))
 }

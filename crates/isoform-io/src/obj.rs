@@ -1,10 +1,11 @@
 //! OBJ (Wavefront): vertices with colours, vertex normals, faces. Texture coordinates, lines and free-form surfaces are passed over.
 
-use crate::collect::{Collector, ColorScale};
+use crate::collect::{Collector, ColorScale, Parts};
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
 use crate::registry::Sniff;
 use crate::{ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::{Point3, PointCloud};
+use std::collections::HashMap;
 
 const WHAT: &str = "cannot read the OBJ file";
 /// Corners of the largest polygon that is taken.
@@ -47,12 +48,18 @@ impl Normals {
 }
 
 pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+    read_parts(input, options, report).map(|(cloud, _)| cloud)
+}
+
+/// The points, the triangles and their groups.
+pub(crate) fn read_parts(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<(PointCloud, Parts)> {
     let mut vertices: Vec<(Point3, Option<[f32; 3]>)> = Vec::new();
     let mut normals = Normals { given: Vec::new(), of_vertex: Vec::new(), differ: false };
     let mut collector = Collector::new(options);
     collector.mesh(options);
     let (mut text, mut bytes, mut more, mut corners) = (String::new(), Vec::new(), String::new(), Vec::new());
     let mut any_color = false;
+    let mut parts: HashMap<String, u32> = HashMap::new();
     while input.read_line(&mut text, &mut bytes)? {
         while text.ends_with('\\') && text.len() < MAX_CORNERS * 16 {
             text.pop();
@@ -101,8 +108,13 @@ pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut Re
                 }
                 collector.polygon(&corners, input.at_line(0));
             }
+            Some("g" | "o") => {
+                let name = words.collect::<Vec<_>>().join(" ");
+                let part = *parts.entry(name).or_insert_with_key(|name| collector.add_part(name));
+                collector.set_part(part);
+            }
             Some("curv" | "curv2" | "surf" | "cstype") => report.warn("free-form curves and surfaces were passed over"),
-            // Groups, materials, texture coordinates, lines and points: nothing of a cloud.
+            // Materials, texture coordinates, lines and points: nothing of a cloud.
             _ => {}
         }
     }
@@ -129,7 +141,7 @@ pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut Re
             collector.set_color(slot, c.map(f64::from));
         }
     }
-    collector.finish(input, options, report)
+    collector.finish_with_parts(input, options, report)
 }
 
 /// Up to seven numbers of a line, and how many there are.

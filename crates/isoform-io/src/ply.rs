@@ -3,12 +3,13 @@
 //! Elements may come in any order and have any properties: of the vertices every scalar becomes a position, a normal, a colour or a
 //! column; of the faces `vertex_indices` becomes triangles (fans); of `tristrips` too; everything else is passed over.
 
-use crate::collect::{Collector, ColorScale};
+use crate::collect::{Collector, ColorScale, Parts};
 use crate::input::{Input, Result, Words, shorten, stated_unit};
 use crate::registry::Sniff;
 use crate::roles::{Layout, Role};
 use crate::{At, ErrorKind, ReadOptions, ReadReport, WriteOptions};
 use isoform_geom::PointCloud;
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 /// More header lines than any true file has.
@@ -26,8 +27,9 @@ enum Encoding {
     Big,
 }
 
+/// A type of number in binary files.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Type {
+pub(crate) enum Type {
     I8,
     U8,
     I16,
@@ -41,7 +43,8 @@ enum Type {
 }
 
 impl Type {
-    fn named(name: &str) -> Option<Self> {
+    /// By the names that PLY and others use, in lower case.
+    pub(crate) fn named(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Self::I8,
             "uchar" | "uint8" | "bool" | "boolean" | "byte" | "ubyte" => Self::U8,
@@ -56,7 +59,8 @@ impl Type {
             _ => return None,
         })
     }
-    fn size(self) -> usize {
+    /// In bytes.
+    pub(crate) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
@@ -66,7 +70,7 @@ impl Type {
     }
     /// The number in the first bytes, which must suffice.
     #[inline]
-    fn decode(self, bytes: &[u8], big: bool) -> f64 {
+    pub(crate) fn decode(self, bytes: &[u8], big: bool) -> f64 {
         fn take<const N: usize>(bytes: &[u8], big: bool) -> [u8; N] {
             let mut b: [u8; N] = std::array::from_fn(|i| bytes[i]);
             if big {
@@ -112,7 +116,12 @@ impl Element {
 }
 
 pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
-    let (encoding, elements) = header(input, report)?;
+    read_parts(input, options, report).map(|(cloud, _)| cloud)
+}
+
+/// The points, the triangles and their groups.
+pub(crate) fn read_parts(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<(PointCloud, Parts)> {
+    let (encoding, elements, part_names) = header(input, report)?;
     let vertex = ["vertex", "vertices", "point", "points"].iter().find_map(|n| elements.iter().position(|e| e.name == *n));
     let mut collector = Collector::new(options);
     match vertex {
@@ -128,7 +137,7 @@ pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut Re
         if Some(i) == vertex {
             read_vertices(input, &mut rows, element, &mut collector, report)?;
         } else if is_face(element) {
-            read_faces(input, &mut rows, element, &mut collector, report)?;
+            read_faces(input, &mut rows, element, &part_names, &mut collector, report)?;
         } else if element.count > 0 && !element.properties.is_empty() {
             report.warn(format!("element \"{}\" ({} rows) was passed over", shorten(&element.name), element.count));
             rows.skip(input, element)?;
@@ -138,10 +147,13 @@ pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut Re
     if rest > 0 {
         report.warn("there is more data after the last element that the header declares; it was not read");
     }
-    collector.finish(input, options, report)
+    collector.finish_with_parts(input, options, report)
 }
 
-fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<(Encoding, Vec<Element>)> {
+/// Names of parts by their tags, out of comments `part 1 name` as our own writer makes them.
+type PartNames = BTreeMap<i64, String>;
+
+fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<(Encoding, Vec<Element>, PartNames)> {
     let bad = |input: &Input<'_>, why: String| {
         input.error(ErrorKind::Header, input.at_line(0), WHAT, why, "save the file again, as binary PLY if there is a choice")
     };
@@ -151,6 +163,7 @@ fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<(Encoding, V
     }
     let mut encoding = None;
     let mut elements: Vec<Element> = Vec::new();
+    let mut part_names = PartNames::new();
     loop {
         if !input.read_line(&mut text, &mut bytes)? {
             return Err(input.error(ErrorKind::Truncated, input.at_byte(), WHAT, "there is no line \"end_header\"", "get the file again"));
@@ -191,6 +204,10 @@ fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<(Encoding, V
                 };
                 element.properties.push(Property { name: name.into(), kind: known, list: None });
             }
+            ["comment", "part", tag, _, ..] if tag.parse::<i64>().is_ok() => {
+                let name = text.splitn(4, ' ').nth(3).unwrap_or("");
+                part_names.insert(tag.parse().unwrap_or(0), name.to_owned());
+            }
             ["comment" | "obj_info", ..] => {
                 report.units = report.units.take().or_else(|| stated_unit(&text));
             }
@@ -202,7 +219,7 @@ fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<(Encoding, V
         }
     }
     let encoding = encoding.ok_or_else(|| bad(input, "the line \"format\" is missing".into()))?;
-    Ok((encoding, elements))
+    Ok((encoding, elements, part_names))
 }
 
 /// Reads rows of one element after another.
@@ -322,18 +339,35 @@ fn read_vertices(
     Ok(())
 }
 
-fn read_faces(input: &mut Input<'_>, rows: &mut Rows, element: &Element, collector: &mut Collector, report: &mut ReadReport) -> Result<()> {
+fn read_faces(
+    input: &mut Input<'_>,
+    rows: &mut Rows,
+    element: &Element,
+    part_names: &PartNames,
+    collector: &mut Collector,
+    report: &mut ReadReport,
+) -> Result<()> {
     let is_corners = |p: &Property| p.list.is_some() && matches!(p.name.as_str(), "vertex_indices" | "vertex_index" | "vertex_indexes");
     let Some(corners) = element.properties.iter().position(is_corners) else {
         report.warn(format!("the {} \"{}\" elements have no list \"vertex_indices\" and were passed over", element.count, element.name));
         return if element.properties.is_empty() { Ok(()) } else { rows.skip(input, element) };
     };
     let is_strip = element.name == "tristrips";
+    let part = element.properties.iter().position(|p| p.list.is_none() && p.name == "part");
+    let mut parts: BTreeMap<i64, u32> = BTreeMap::new();
+    if part.is_some() {
+        parts.extend(part_names.iter().map(|(&tag, name)| (tag, collector.add_part(name))));
+    }
     let mut polygon: Vec<u64> = Vec::new();
     for i in 0..element.count {
         let start = input.at_byte();
         rows.next(input, element, i, Some(corners))?;
         let at = if rows.encoding == Encoding::Ascii { input.at_line(0) } else { start };
+        if let Some(part) = part {
+            let tag = rows.values[part] as i64;
+            let part = *parts.entry(tag).or_insert_with(|| collector.add_part(&format!("part {tag}")));
+            collector.set_part(part);
+        }
         polygon.clear();
         for &v in &rows.list {
             if is_strip && v == -1.0 {

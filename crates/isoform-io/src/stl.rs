@@ -3,7 +3,7 @@
 //! STL repeats every corner in every facet. Corners with the same coordinates, bit by bit (0 and −0 are the same), become one vertex;
 //! nothing is merged by distance. Facet normals are left out: the order of the corners says the same, and is what other programs use.
 
-use crate::collect::Collector;
+use crate::collect::{Collector, Parts};
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
 use crate::registry::Sniff;
 use crate::{At, ErrorKind, ReadOptions, ReadReport};
@@ -49,6 +49,11 @@ impl Weld<'_> {
 }
 
 pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+    read_parts(input, options, report).map(|(cloud, _)| cloud)
+}
+
+/// The points, the triangles and their groups.
+pub(crate) fn read_parts(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<(PointCloud, Parts)> {
     let mut collector = Collector::new(options);
     collector.mesh(options);
     let mut weld = Weld { collector: &mut collector, known: HashMap::new() };
@@ -60,7 +65,7 @@ pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut Re
     } else {
         read_binary(input, &mut weld, report)?;
     }
-    collector.finish(input, options, report)
+    collector.finish_with_parts(input, options, report)
 }
 
 fn read_binary(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadReport) -> Result<()> {
@@ -115,6 +120,9 @@ fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepor
                 report.units = report.units.take().or_else(|| stated_unit(&text));
                 solids += 1;
                 open = true;
+                let name = text.trim().get(5..).unwrap_or("").trim();
+                let part = weld.collector.add_part(&if name.is_empty() { format!("solid {solids}") } else { name.to_owned() });
+                weld.collector.set_part(part);
             }
             "endsolid" => open = false,
             "" | "facet" | "outer" | "color" => {}

@@ -16,6 +16,24 @@ fn face_nodes(tet: &[u32; 4], face: usize) -> [u32; 3] {
     TET_FACES[face].map(|c| tet[c])
 }
 
+/// Mid nodes of a face, in the order of its corners.
+fn face_mids(mids: &[u32; 6], face: usize) -> [u32; 3] {
+    let corners = TET_FACES[face];
+    std::array::from_fn(|k| {
+        let ends = sorted([corners[k], corners[(k + 1) % 3]]);
+        mids[TET_EDGES.iter().position(|e| sorted(*e) == ends).expect("all six are listed")]
+    })
+}
+
+/// Corners and mid nodes of the face opposite to a corner, outward, and how many there are.
+pub(super) fn face_with_mids(tet: &[u32; 4], mids: Option<&[u32; 6]>, face: usize) -> ([u32; 6], usize) {
+    let [a, b, c] = face_nodes(tet, face);
+    match mids.map(|m| face_mids(m, face)) {
+        None => ([a, b, c, 0, 0, 0], 3),
+        Some([d, e, f]) => ([a, b, c, d, e, f], 6),
+    }
+}
+
 /// Whether two triangles of the same corners turn the same way.
 fn same_turn(a: [u32; 3], b: [u32; 3]) -> bool {
     (0..3).any(|k| a[0] == b[k] && a[1] == b[(k + 1) % 3] && a[2] == b[(k + 2) % 3])
@@ -84,14 +102,9 @@ pub(super) fn add_boundary(mesh: &mut Mesh) {
     let mut rim: Vec<u64> = (0..faces.len()).filter(|&i| alone(i)).map(|i| faces[i].1).collect();
     rim.sort_unstable();
     for code in rim {
-        let (i, corners) = ((code / 4) as usize, TET_FACES[(code % 4) as usize]);
-        mesh.triangles.push(corners.map(|c| mesh.tets[i][c]));
-        if let Some(mids) = mesh.tet_mids.get(i) {
-            mesh.triangle_mids.push(std::array::from_fn(|k| {
-                let ends = sorted([corners[k], corners[(k + 1) % 3]]);
-                mids[TET_EDGES.iter().position(|e| sorted(*e) == ends).expect("all six are listed")]
-            }));
-        }
+        let (i, face) = ((code / 4) as usize, (code % 4) as usize);
+        mesh.triangles.push(face_nodes(&mesh.tets[i], face));
+        mesh.triangle_mids.extend(mesh.tet_mids.get(i).map(|mids| face_mids(mids, face)));
     }
 }
 

@@ -4,6 +4,10 @@
 //! name; each curve a set of nodes. A mesh without tetrahedra becomes shells, S3 or S6, with a set of elements per part. Names are in
 //! capitals, of letters, digits and `_`, at most 80; numbers have at most 20 characters, of which CalculiX reads no more.
 
+mod read;
+
+pub(super) use read::read;
+
 use super::MeshWriteOptions;
 use super::boundary::faces_of_triangles;
 use super::group::{Groups, Names, edge, tet, triangle};
@@ -21,7 +25,6 @@ const PER_LINE: usize = 16;
 /// Name in Abaqus and CalculiX of the face opposite to each corner.
 const FACE: [u8; 4] = [3, 4, 2, 1];
 
-#[expect(dead_code, reason = "the readers come next")]
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head).to_ascii_uppercase();
     let keyword = |k: &str| text.lines().any(|l| l.strip_prefix(k).is_some_and(|r| r.is_empty() || r.starts_with([',', ' ', '\r'])));

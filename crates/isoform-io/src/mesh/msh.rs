@@ -3,9 +3,11 @@
 //! Parts, curves and regions are entities and physical groups of dimension 2, 1 and 3 with the same tag, from 1; corners are points in one
 //! physical group. Nodes and elements are numbered in the order of the mesh, so that reading gives the same order again.
 
+mod read;
 mod write2;
 mod write4;
 
+pub(super) use read::read;
 pub(super) use write2::write as write2;
 pub(super) use write4::write;
 
@@ -22,7 +24,6 @@ const CORNERS: &str = "corners";
 /// Gmsh swaps the last two mid nodes of a tetrahedron: place of our node in its order, and the other way round.
 const TET10: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
 
-#[expect(dead_code, reason = "the readers come next")]
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     if head.starts_with(b"$MeshFormat") { Sniff::Yes } else { Sniff::No }
 }

@@ -1,4 +1,4 @@
-//! STL: binary in 32 bits, or ASCII in full with a solid per part.
+//! STL: binary in 32 bits with the unit in its header, or ASCII in full with a solid per part.
 
 use super::MeshWriteOptions;
 use super::group::Groups;
@@ -16,11 +16,11 @@ fn normal(mesh: &Mesh, t: [u32; 3]) -> Point3 {
 
 pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
     let mut out = Out::new(out);
-    let units = options.units.as_deref().map(|u| format!(" units: {u}")).unwrap_or_default();
     if options.ascii == Some(true) {
-        return write_ascii(mesh, &mut out, &units);
+        return write_ascii(mesh, &mut out);
     }
     let count = u32::try_from(mesh.triangles.len()).map_err(|_| io::Error::other("STL holds at most 4294967295 triangles"))?;
+    let units = options.units.as_deref().map(|u| format!(" units: {u}")).unwrap_or_default();
     // Not "solid", which would look like the ASCII form.
     let mut head: Vec<u8> = format!("isoform binary STL{units}").bytes().map(|b| if b.is_ascii_graphic() { b } else { b' ' }).collect();
     head.resize(80, b' ');
@@ -35,13 +35,12 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
     out.flush()
 }
 
-fn write_ascii(mesh: &Mesh, out: &mut Out<'_>, units: &str) -> io::Result<()> {
+fn write_ascii(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     let plain = |name: &str| name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>();
-    let units = plain(units);
     let parts = Groups::parts(mesh);
     for (i, triangles) in parts.filled() {
         let name = plain(mesh.parts.get(i).filter(|_| !mesh.triangle_parts.is_empty()).map_or("surface", |n| n));
-        out.str("solid ").str(&name).str(&units).line()?;
+        out.str("solid ").str(&name).line()?;
         for &t in triangles {
             let t = mesh.triangles[t as usize];
             out.str("facet normal");

@@ -1,6 +1,36 @@
-//! The surface of a mesh for formats that hold nothing else.
+//! The surface of a mesh for formats that hold nothing else; their readers are those of the points.
 
-use isoform_geom::{Mesh, Point3};
+use crate::collect::Parts;
+use crate::input::{Input, Result};
+use crate::{ReadOptions, ReadReport, obj, off, ply, stl};
+use isoform_geom::{Mesh, Point3, PointCloud};
+
+/// Coordinates as they are in the file.
+const AS_THEY_ARE: ReadOptions = ReadOptions { max_points: None, seed: 1, mesh: crate::MeshPoints::Vertices, recenter: false };
+
+fn mesh((cloud, parts): (PointCloud, Parts)) -> Mesh {
+    let Parts { of_triangle, names } = parts;
+    let names = if of_triangle.is_empty() { Vec::new() } else { names };
+    Mesh { points: cloud.points, triangles: cloud.triangles, triangle_parts: of_triangle, parts: names, ..Mesh::default() }
+}
+
+pub(super) fn read_obj(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
+    obj::read_parts(input, &AS_THEY_ARE, report).map(mesh)
+}
+
+pub(super) fn read_off(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
+    off::read(input, &AS_THEY_ARE, report).map(|cloud| mesh((cloud, Parts::default())))
+}
+
+pub(super) fn read_ply(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
+    ply::read_parts(input, &AS_THEY_ARE, report).map(mesh)
+}
+
+/// A file of one solid has no parts.
+pub(super) fn read_stl(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
+    let (cloud, parts) = stl::read_parts(input, &AS_THEY_ARE, report)?;
+    Ok(mesh((cloud, if parts.names.len() > 1 { parts } else { Parts::default() })))
+}
 
 /// The nodes that a surface format writes, and their new numbers.
 pub(super) struct SurfaceNodes {

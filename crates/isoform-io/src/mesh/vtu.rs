@@ -5,11 +5,15 @@
 //! tetrahedra, `curve` of lines. The names stand in a comment before the grid, one per line, since VTK's arrays of strings are
 //! not read by others.
 
-mod xml;
+mod array;
+mod read;
+
+pub(super) use read::read;
 
 use super::MeshWriteOptions;
 use super::group::{edge, tet, triangle};
 use super::number::Out;
+use super::xml;
 use crate::registry::Sniff;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
@@ -17,7 +21,6 @@ use std::io::{self, Write};
 /// First words of the lines with names in the comment, and of the arrays with tags.
 const GROUPS: [&str; 3] = ["part", "region", "curve"];
 
-#[expect(dead_code, reason = "the readers come next")]
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head);
     if text.contains("<VTKFile") && text.contains("UnstructuredGrid") { Sniff::Yes } else { Sniff::No }

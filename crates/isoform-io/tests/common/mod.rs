@@ -2,6 +2,10 @@
 
 #![allow(dead_code, reason = "each test binary uses a part")]
 
+pub(crate) mod cube;
+pub(crate) mod damage;
+pub(crate) mod meshes;
+
 use isoform_geom::{Column, PointCloud};
 use std::io::Cursor;
 

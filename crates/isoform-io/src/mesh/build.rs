@@ -1,0 +1,338 @@
+//! From nodes and elements with numbers of a file's own to a [`Mesh`].
+
+use super::boundary::find_curve_parts;
+use crate::input::{Input, Result};
+use crate::{At, ErrorKind, ReadReport};
+use isoform_geom::{Curve, Mesh, Point3, cross, dot, sub};
+use std::collections::BTreeMap;
+
+const WHAT: &str = "cannot put the mesh together";
+/// Tetrahedra with less than minus this share of the cube of their longest edge are turned. Smaller would turn flat ones by rounding, larger
+/// leave thin ones inside out.
+const INVERTED: f64 = 1e-12;
+/// A table of all numbers is made if they are at most this many times as many as the nodes; else they are searched.
+const SPARSE: usize = 4;
+
+/// Elements of one kind with C corners and M mid nodes.
+pub(super) struct Cells<const C: usize, const M: usize> {
+    what: &'static str,
+    /// Numbers of the file.
+    corners: Vec<[u32; C]>,
+    mids: Vec<[u32; M]>,
+    /// Group of each; 0 for none, negative for one that counts only if there are no others.
+    tags: Vec<i64>,
+    /// Number of each in the file, if it has some.
+    numbers: Vec<u32>,
+    /// Places of the first elements of blocks.
+    marks: Vec<(usize, At)>,
+}
+
+impl<const C: usize, const M: usize> Cells<C, M> {
+    fn new(what: &'static str) -> Self {
+        Self { what, corners: Vec::new(), mids: Vec::new(), tags: Vec::new(), numbers: Vec::new(), marks: Vec::new() }
+    }
+    /// Takes corners, and mid nodes if there are any.
+    pub(super) fn push(&mut self, nodes: &[u32], tag: i64, number: Option<u32>, at: At) {
+        if self.marks.last().is_none_or(|(_, last)| *last != at) && self.marks.len() <= self.corners.len() / 256 {
+            self.marks.push((self.corners.len(), at));
+        }
+        self.corners.push(std::array::from_fn(|k| nodes[k]));
+        if M > 0 && nodes.len() >= C + M {
+            self.mids.push(std::array::from_fn(|k| nodes[C + k]));
+        }
+        self.tags.push(tag);
+        self.numbers.extend(number);
+    }
+    /// Corners of an element, and its mid nodes if all elements have some; in numbers of the file.
+    pub(super) fn get(&self, i: usize) -> (&[u32; C], Option<&[u32; M]>) {
+        let all = self.mids.len() == self.corners.len();
+        (&self.corners[i], if all { self.mids.get(i) } else { None })
+    }
+
+    /// Puts the elements into the order of their numbers, and leaves mid nodes that only some have.
+    fn settle(&mut self, report: &mut ReadReport) {
+        if !self.mids.is_empty() && self.mids.len() != self.corners.len() {
+            report.warn(format!("only some of the {}s are of second order; all mid nodes were left out", self.what));
+            self.mids.clear();
+        }
+        if self.numbers.len() == self.corners.len() && !self.numbers.is_sorted() {
+            let mut order: Vec<usize> = (0..self.numbers.len()).collect();
+            order.sort_by_key(|&i| self.numbers[i]);
+            self.corners = order.iter().map(|&i| self.corners[i]).collect();
+            self.tags = order.iter().map(|&i| self.tags[i]).collect();
+            if !self.mids.is_empty() {
+                self.mids = order.iter().map(|&i| self.mids[i]).collect();
+            }
+            self.marks.truncate(1);
+        }
+    }
+
+    /// Numbers of the file to places in the list of nodes.
+    fn resolve(&mut self, nodes: &Nodes, input: &Input<'_>) -> Result<()> {
+        let (what, marks) = (self.what, &self.marks);
+        let row = |i: usize, id: &mut u32| match nodes.row(*id) {
+            Some(row) => {
+                *id = row;
+                Ok(())
+            }
+            None => {
+                let block = marks.partition_point(|(first, _)| *first <= i).checked_sub(1);
+                let at = block.map_or(At::File, |b| marks[b].1);
+                let why = format!("{what} {} (from 1; its block starts here) names node {id}, which is not there", i + 1);
+                Err(input.error(ErrorKind::Index, at, WHAT, why, "export the mesh again"))
+            }
+        };
+        for (i, cell) in self.corners.iter_mut().enumerate() {
+            cell.iter_mut().try_for_each(|id| row(i, id))?;
+        }
+        for (i, cell) in self.mids.iter_mut().enumerate() {
+            cell.iter_mut().try_for_each(|id| row(i, id))?;
+        }
+        Ok(())
+    }
+}
+
+/// Where each number of a node is in the list.
+enum Nodes {
+    /// The first number; the others follow it.
+    Row(u32, usize),
+    /// By number.
+    Table(Vec<u32>),
+    /// Ascending.
+    Sorted(Vec<u32>),
+}
+
+impl Nodes {
+    fn row(&self, id: u32) -> Option<u32> {
+        match self {
+            Self::Row(first, n) => id.checked_sub(*first).filter(|row| (*row as usize) < *n),
+            Self::Table(table) => table.get(id as usize).copied().filter(|row| *row != u32::MAX),
+            Self::Sorted(ids) => ids.binary_search(&id).ok().map(|row| row as u32),
+        }
+    }
+}
+
+/// Takes what a file has, in any order.
+pub(super) struct Builder {
+    ids: Vec<u32>,
+    points: Vec<Point3>,
+    pub(super) corners: Cells<1, 0>,
+    pub(super) edges: Cells<2, 1>,
+    pub(super) triangles: Cells<3, 3>,
+    pub(super) tets: Cells<4, 6>,
+    /// Names of groups by dimension and tag.
+    pub(super) names: [BTreeMap<i64, String>; 4],
+    /// Elements that have no place in a mesh.
+    pub(super) others: u64,
+}
+
+impl Builder {
+    pub(super) fn new() -> Self {
+        Self {
+            ids: Vec::new(),
+            points: Vec::new(),
+            corners: Cells::new("corner"),
+            edges: Cells::new("edge"),
+            triangles: Cells::new("triangle"),
+            tets: Cells::new("tetrahedron"),
+            names: Default::default(),
+            others: 0,
+        }
+    }
+    /// Takes a node.
+    pub(super) fn node(&mut self, id: u32, p: Point3, input: &Input<'_>, at: At) -> Result<()> {
+        if !p.iter().all(|v| v.is_finite()) {
+            let why = format!("node {id} is at {p:?}");
+            return Err(input.error(ErrorKind::Number, at, "a node is not at a finite place", why, "correct the file"));
+        }
+        self.ids.push(id);
+        self.points.push(p);
+        Ok(())
+    }
+    pub(super) fn node_count(&self) -> usize {
+        self.points.len()
+    }
+    /// A polygon as a fan of triangles.
+    pub(super) fn polygon(&mut self, nodes: &[u32], tag: i64, at: At) {
+        for k in 2..nodes.len() {
+            self.triangles.push(&[nodes[0], nodes[k - 1], nodes[k]], tag, None, at);
+        }
+    }
+
+    /// Nodes in the order of their numbers.
+    fn nodes(&mut self, input: &Input<'_>) -> Result<Nodes> {
+        if !self.ids.is_sorted_by(|a, b| a < b) {
+            let mut order: Vec<usize> = (0..self.ids.len()).collect();
+            order.sort_by_key(|&i| self.ids[i]);
+            self.ids = order.iter().map(|&i| self.ids[i]).collect();
+            self.points = order.iter().map(|&i| self.points[i]).collect();
+            if let Some(twice) = self.ids.windows(2).find(|w| w[0] == w[1]) {
+                let why = format!("node {} is there twice", twice[0]);
+                return Err(input.error(ErrorKind::Corrupt, At::File, WHAT, why, "renumber the nodes"));
+            }
+        }
+        let n = self.ids.len();
+        let (Some(&first), Some(&last)) = (self.ids.first(), self.ids.last()) else { return Ok(Nodes::Row(0, 0)) };
+        Ok(if (last - first) as usize == n - 1 {
+            Nodes::Row(first, n)
+        } else if (last as usize) < SPARSE * n {
+            let mut table = vec![u32::MAX; last as usize + 1];
+            self.ids.iter().enumerate().for_each(|(row, &id)| table[id as usize] = row as u32);
+            Nodes::Table(table)
+        } else {
+            Nodes::Sorted(std::mem::take(&mut self.ids))
+        })
+    }
+
+    pub(super) fn finish(mut self, input: &Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
+        let nodes = self.nodes(input)?;
+        self.ids = Vec::new();
+        self.corners.settle(report);
+        self.edges.settle(report);
+        self.triangles.settle(report);
+        self.tets.settle(report);
+        self.corners.resolve(&nodes, input)?;
+        self.edges.resolve(&nodes, input)?;
+        self.triangles.resolve(&nodes, input)?;
+        self.tets.resolve(&nodes, input)?;
+        if self.others > 0 {
+            report.warn(format!("{} elements are neither triangles nor tetrahedra and were passed over", self.others));
+        }
+        let [_, curve_names, part_names, region_names] = self.names;
+        let (edge_curves, curves) = labels(self.edges.tags, curve_names, "curve");
+        let (triangle_parts, parts) = labels(self.triangles.tags, part_names, "part");
+        let (tet_regions, regions) = labels(self.tets.tags, region_names, "region");
+        let mut mesh = Mesh {
+            points: self.points,
+            triangles: self.triangles.corners,
+            triangle_mids: self.triangles.mids,
+            triangle_parts,
+            parts,
+            tets: self.tets.corners,
+            tet_mids: self.tets.mids,
+            tet_regions,
+            regions,
+            edges: self.edges.corners,
+            edge_mids: self.edges.mids.into_iter().map(|[m]| m).collect(),
+            edge_curves,
+            curves: curves.into_iter().map(|name| Curve { name, parts: [0; 2] }).collect(),
+            corners: self.corners.corners.into_iter().map(|[c]| c).collect(),
+        };
+        let turned = turn_inverted(&mut mesh);
+        if turned > 0 {
+            report.warn(format!("{turned} tetrahedra were inside out and were turned"));
+        }
+        find_curve_parts(&mut mesh);
+        Ok(mesh)
+    }
+}
+
+/// Tags to places in a list of names, in the order of the tags; elements of no group come last. No labels if there is nothing to tell apart.
+fn labels(mut tags: Vec<i64>, names: BTreeMap<i64, String>, what: &str) -> (Vec<u32>, Vec<String>) {
+    let some = tags.iter().any(|t| *t > 0);
+    if !some {
+        let differ = tags.windows(2).any(|w| w[0] != w[1]);
+        if !differ {
+            return (Vec::new(), Vec::new());
+        }
+        tags.iter_mut().for_each(|t| *t = t.saturating_neg());
+    }
+    // Numbers from here on are positive for groups and 0 for none.
+    let mut distinct: Vec<i64> = tags.iter().map(|t| (*t).max(0)).collect();
+    distinct.sort_unstable();
+    distinct.dedup();
+    distinct.extend(names.keys().filter(|t| **t > 0 && some));
+    distinct.sort_unstable();
+    distinct.dedup();
+    let has_none = distinct.first() == Some(&0);
+    if has_none {
+        distinct.rotate_left(1);
+    }
+    let groups = distinct.len() - usize::from(has_none);
+    let label = |t: i64| distinct[..groups].binary_search(&t).unwrap_or(groups) as u32;
+    let labels = tags.iter().map(|t| label((*t).max(0))).collect();
+    let name = |t: &i64| match names.get(t) {
+        Some(name) if some => name.clone(),
+        _ if *t == 0 => format!("no {what}"),
+        _ => format!("{what} {t}"),
+    };
+    (labels, distinct.iter().map(name).collect())
+}
+
+/// Turns tetrahedra whose volume is negative; how many.
+fn turn_inverted(mesh: &mut Mesh) -> usize {
+    let mut turned = 0;
+    for (i, tet) in mesh.tets.iter_mut().enumerate() {
+        let [a, b, c, d] = tet.map(|n| mesh.points[n as usize]);
+        let edges = [sub(b, a), sub(c, a), sub(d, a), sub(c, b), sub(d, b), sub(d, c)];
+        let longest = edges.iter().fold(0.0_f64, |m, &e| m.max(dot(e, e))).sqrt();
+        if dot(edges[0], cross(edges[1], edges[2])) < -INVERTED * longest.powi(3) {
+            tet.swap(2, 3);
+            if let Some(mids) = mesh.tet_mids.get_mut(i) {
+                // 1–2 with 1–3 and 0–2 with 0–3, see TET_EDGES.
+                mids.swap(1, 4);
+                mids.swap(2, 3);
+            }
+            turned += 1;
+        }
+    }
+    turned
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Source;
+
+    fn finish(builder: Builder) -> Result<(Mesh, ReadReport)> {
+        let input = Input::open(Source::Bytes { name: "t", bytes: b"" }).expect("bytes");
+        let mut report = ReadReport::new("test", "t".into());
+        builder.finish(&input, &mut report).map(|mesh| (mesh, report))
+    }
+
+    fn nodes(ids: &[u32]) -> Builder {
+        let input = Input::open(Source::Bytes { name: "t", bytes: b"" }).expect("bytes");
+        let mut builder = Builder::new();
+        let places = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        for (&id, p) in ids.iter().zip(places) {
+            builder.node(id, p, &input, At::File).expect("finite");
+        }
+        builder
+    }
+
+    #[test]
+    fn numbers_of_any_kind() {
+        for ids in [[7, 8, 9, 10], [9, 3, 4, 5], [u32::MAX, 0, 17, 4_000_000_000]] {
+            let mut builder = nodes(&ids);
+            builder.tets.push(&ids, 0, None, At::Byte(5));
+            let (mesh, report) = finish(builder).expect("valid");
+            assert_eq!(mesh.tets[0].map(|n| mesh.points[n as usize])[1], [1.0, 0.0, 0.0]);
+            assert_eq!(report.warnings.len(), 0);
+        }
+        assert_eq!(finish(nodes(&[3, 1, 3, 2])).expect_err("twice").code(), "file-corrupt");
+        let mut builder = nodes(&[1, 2, 3, 4]);
+        builder.triangles.push(&[1, 2, 5], 0, None, At::Byte(5));
+        let e = finish(builder).expect_err("no node 5");
+        assert_eq!((e.code(), e.place.to_string().as_str()), ("bad-index", "t, byte 5"));
+    }
+
+    #[test]
+    fn inverted_ones_are_turned_with_their_mid_nodes() {
+        let mut builder = nodes(&[0, 1, 2, 3]);
+        builder.tets.push(&[0, 1, 3, 2, 0, 1, 2, 3, 0, 1], 0, None, At::File);
+        let (mesh, report) = finish(builder).expect("valid");
+        assert_eq!((mesh.tets[0], mesh.tet_mids[0]), ([0, 1, 2, 3], [0, 0, 3, 2, 1, 1]));
+        assert_eq!(report.warnings.len(), 1);
+    }
+
+    #[test]
+    fn tags_become_labels() {
+        let names = |list: &[(i64, &str)]| list.iter().map(|(t, n)| (*t, n.to_string())).collect::<BTreeMap<_, _>>();
+        let none = (Vec::new(), Vec::<String>::new());
+        assert_eq!(labels(vec![0, 0], names(&[]), "part"), none);
+        assert_eq!(labels(vec![-1, -1], names(&[(4, "a")]), "part"), none);
+        assert_eq!(labels(vec![-5, -3, -5], names(&[]), "part"), (vec![1, 0, 1], vec!["part 3".into(), "part 5".into()]));
+        let got = labels(vec![9, -3, 2], names(&[(2, "two"), (4, "four")]), "part");
+        assert_eq!(got, (vec![2, 3, 0], vec!["two".into(), "four".into(), "part 9".into(), "no part".into()]));
+    }
+}

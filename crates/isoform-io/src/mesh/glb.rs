@@ -1,0 +1,116 @@
+//! glTF 2.0 as one binary file (Khronos, "glTF 2.0 Specification"): for viewers, in 32 bits.
+//!
+//! Coordinates are relative to the centre of the box, which a node puts back; so that 32 bits suffice for shapes far from the origin.
+//! Each part is a primitive with a material of its own colour and the part's name. Our z is up, glTF's y: a node turns it. Lengths are
+//! metres there: a node scales, if the unit is known.
+
+use super::MeshWriteOptions;
+use super::color::part_color;
+use super::group::Groups;
+use super::number::Out;
+use super::surface::SurfaceNodes;
+use isoform_geom::{Aabb, Mesh};
+use serde_json::{Value, json};
+use std::io::{self, Write};
+
+const FLOAT: u32 = 5126;
+const UNSIGNED: u32 = 5125;
+const VERTICES: u32 = 34962;
+const INDICES: u32 = 34963;
+
+pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+    let nodes = SurfaceNodes::of(mesh);
+    let parts = Groups::parts(mesh);
+    let center = Aabb::of(nodes.points(mesh)).center();
+    let points = || nodes.points(mesh).map(|p| std::array::from_fn::<f32, 3, _>(|k| (p[k] - center[k]) as f32));
+    let is_empty = mesh.triangles.is_empty();
+    let bytes = if is_empty { 0 } else { 12 * (nodes.len() + mesh.triangles.len()) };
+    let mut text = if is_empty {
+        json!({ "asset": asset() }).to_string()
+    } else {
+        let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for p in points() {
+            lo = std::array::from_fn(|k| lo[k].min(p[k]));
+            hi = std::array::from_fn(|k| hi[k].max(p[k]));
+        }
+        scene(mesh, &nodes, &parts, &center, [lo, hi], options).to_string()
+    };
+    text.extend(std::iter::repeat_n(' ', text.len().wrapping_neg() % 4));
+    let total = 12 + 8 + text.len() + if is_empty { 0 } else { 8 + bytes };
+    let total = u32::try_from(total).map_err(|_| io::Error::other("glTF holds at most 4 GiB"))?;
+    let mut out = Out::new(out);
+    out.bytes(b"glTF").bytes(&2_u32.to_le_bytes()).bytes(&total.to_le_bytes());
+    out.bytes(&(text.len() as u32).to_le_bytes()).bytes(b"JSON").str(&text).end()?;
+    if !is_empty {
+        out.bytes(&(bytes as u32).to_le_bytes()).bytes(b"BIN\0");
+        for p in points() {
+            p.iter().for_each(|v| {
+                out.bytes(&v.to_le_bytes());
+            });
+            out.end()?;
+        }
+        for &t in parts.filled().flat_map(|(_, triangles)| triangles) {
+            for corner in nodes.triangle(mesh, t as usize) {
+                out.bytes(&corner.to_le_bytes());
+            }
+            out.end()?;
+        }
+    }
+    out.flush()
+}
+
+fn asset() -> Value {
+    json!({ "version": "2.0", "generator": "isoform" })
+}
+
+/// Metres in a unit; 1 if it is not known.
+fn metres(unit: Option<&str>) -> f64 {
+    match unit {
+        Some("um") => 1e-6,
+        Some("mm") => 1e-3,
+        Some("cm") => 1e-2,
+        Some("in") => 0.0254,
+        Some("ft") => 0.3048,
+        _ => 1.0,
+    }
+}
+
+fn scene(mesh: &Mesh, nodes: &SurfaceNodes, parts: &Groups, center: &[f64; 3], bounds: [[f32; 3]; 2], options: &MeshWriteOptions) -> Value {
+    let vertices = 12 * nodes.len();
+    let mut accessors =
+        vec![json!({ "bufferView": 0, "componentType": FLOAT, "count": nodes.len(), "type": "VEC3", "min": bounds[0], "max": bounds[1] })];
+    let (mut primitives, mut materials) = (Vec::new(), Vec::new());
+    let mut before = 0;
+    for (i, triangles) in parts.filled() {
+        let count = 3 * triangles.len();
+        primitives.push(json!({ "attributes": { "POSITION": 0 }, "indices": accessors.len(), "material": materials.len(), "mode": 4 }));
+        accessors.push(json!({ "bufferView": 1, "byteOffset": 4 * before, "componentType": UNSIGNED, "count": count, "type": "SCALAR" }));
+        let [r, g, b] = part_color(i);
+        let name = mesh.parts.get(i).map_or("surface", |n| n);
+        materials.push(json!({
+            "name": name,
+            "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.1, "roughnessFactor": 0.6 },
+            "doubleSided": true,
+        }));
+        before += count;
+    }
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let scale = metres(options.units.as_deref());
+    json!({
+        "asset": asset(),
+        "scene": 0,
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [
+            { "name": "isoform", "rotation": [-half, 0.0, 0.0, half], "scale": [scale, scale, scale], "children": [1] },
+            { "name": "shape", "translation": center, "mesh": 0 },
+        ],
+        "meshes": [{ "name": "shape", "primitives": primitives }],
+        "materials": materials,
+        "accessors": accessors,
+        "bufferViews": [
+            { "buffer": 0, "byteLength": vertices, "target": VERTICES },
+            { "buffer": 0, "byteOffset": vertices, "byteLength": 4 * before, "target": INDICES },
+        ],
+        "buffers": [{ "byteLength": vertices + 4 * before }],
+    })
+}

@@ -1,0 +1,308 @@
+//! The reader: nodes, tetrahedra, triangles and shells, sets of elements as regions or parts, surfaces of element faces as parts.
+
+use crate::input::{Input, Result, parse_number, shorten, stated_unit};
+use crate::mesh::boundary::face_with_mids;
+use crate::mesh::build::Builder;
+use crate::{At, ErrorKind, ReadReport};
+use isoform_geom::Mesh;
+use std::collections::HashMap;
+
+const WHAT: &str = "cannot read the Abaqus file";
+/// Numbers of one element that are taken, over all its lines.
+const MAX_NUMBERS: usize = 64;
+
+/// Corner opposite to the faces S1 to S4.
+const CORNER: [usize; 4] = [3, 2, 0, 1];
+
+/// A run of element numbers: first, last and step.
+type Run = [u32; 3];
+
+/// Faces of elements that a surface lists.
+enum Faces {
+    Element(u32),
+    Set(String),
+}
+
+/// What the data lines at hand are.
+enum Mode {
+    Other,
+    Nodes,
+    Elements { kind: Kind, tag: i64 },
+    ElementSet { name: String, generate: bool },
+    Surface { tag: i64 },
+}
+
+/// Elements that a mesh has a place for, by their corners.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Triangle { nodes: usize },
+    Quad,
+    Tet { nodes: usize },
+    Other,
+}
+
+/// Kind of an Abaqus element: families, then the number of nodes.
+fn kind_of(name: &str) -> Kind {
+    let name = name.to_ascii_uppercase();
+    let families = [
+        ("C3D", 3),
+        ("DC3D", 3),
+        ("AC3D", 3),
+        ("STRI", 2),
+        ("CPS", 2),
+        ("CPE", 2),
+        ("M3D", 2),
+        ("SFM3D", 2),
+        ("R3D", 2),
+        ("DS", 2),
+        ("S", 2),
+    ];
+    for (family, dim) in families {
+        let Some(rest) = name.strip_prefix(family) else { continue };
+        let digits: String = rest.chars().take_while(char::is_ascii_digit).collect();
+        return match (dim, digits.as_str()) {
+            (3, "4") => Kind::Tet { nodes: 4 },
+            (3, "10") => Kind::Tet { nodes: 10 },
+            (2, "3") => Kind::Triangle { nodes: 3 },
+            (2, "6" | "65") => Kind::Triangle { nodes: 6 },
+            (2, "4") => Kind::Quad,
+            _ => continue,
+        };
+    }
+    Kind::Other
+}
+
+struct Reader<'i, 'a> {
+    input: &'i mut Input<'a>,
+    builder: Builder,
+    mode: Mode,
+    /// Numbers of tetrahedra, in the order of the file.
+    tets: Vec<u32>,
+    sets: HashMap<String, Vec<Run>>,
+    /// Faces with the tags of their surfaces.
+    faces: Vec<(Faces, u8, i64)>,
+    /// Tags by name, of sets of elements (regions, parts) and of surfaces.
+    tags: HashMap<String, i64>,
+    numbers: Vec<u32>,
+}
+
+pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
+    let mut reader = Reader {
+        input,
+        builder: Builder::new(),
+        mode: Mode::Other,
+        tets: Vec::new(),
+        sets: HashMap::new(),
+        faces: Vec::new(),
+        tags: HashMap::new(),
+        numbers: Vec::new(),
+    };
+    let (mut text, mut bytes) = (String::new(), Vec::new());
+    while reader.input.read_line(&mut text, &mut bytes)? {
+        let line = text.trim();
+        if line.is_empty() {
+            continue;
+        }
+        if let Some(comment) = line.strip_prefix("**") {
+            report.units = report.units.take().or_else(|| stated_unit(comment));
+        } else if let Some(keyword) = line.strip_prefix('*') {
+            reader.end_element()?;
+            reader.keyword(keyword, report);
+        } else {
+            reader.data(line)?;
+        }
+    }
+    reader.end_element()?;
+    reader.add_faces()?;
+    if reader.builder.node_count() == 0 {
+        report.warn("there is no *NODE in the file");
+    }
+    reader.builder.finish(reader.input, report)
+}
+
+/// The value of a parameter of a keyword line.
+fn parameter<'t>(line: &'t str, name: &str) -> Option<&'t str> {
+    line.split(',').skip(1).find_map(|p| {
+        let (key, value) = p.split_once('=').unwrap_or((p, ""));
+        key.trim().eq_ignore_ascii_case(name).then(|| value.trim().trim_matches('"'))
+    })
+}
+
+impl Reader<'_, '_> {
+    /// Number of a name of a dimension, from 1 in the order they come.
+    fn tag(&mut self, dim: usize, name: &str) -> i64 {
+        let next = self.builder.names[dim].len() as i64 + 1;
+        let tag = *self.tags.entry(format!("{dim} {}", name.to_ascii_uppercase())).or_insert(next);
+        if tag == next {
+            self.builder.names[dim].insert(tag, name.to_owned());
+        }
+        tag
+    }
+
+    fn keyword(&mut self, line: &str, report: &mut ReadReport) {
+        let word = line.split(',').next().unwrap_or("").trim().to_ascii_uppercase();
+        self.mode = match word.as_str() {
+            "NODE" => Mode::Nodes,
+            "ELEMENT" => {
+                let name = parameter(line, "TYPE").unwrap_or("");
+                let kind = kind_of(name);
+                let dim = if matches!(kind, Kind::Tet { .. }) { 3 } else { 2 };
+                let tag = match parameter(line, "ELSET") {
+                    Some(set) if kind != Kind::Other => self.tag(dim, set),
+                    _ => 0,
+                };
+                if kind == Kind::Other {
+                    report.warn(format!("elements of the type \"{}\" were passed over", shorten(name)));
+                }
+                Mode::Elements { kind, tag }
+            }
+            "ELSET" => {
+                let name = parameter(line, "ELSET").unwrap_or("").to_ascii_uppercase();
+                Mode::ElementSet { name, generate: parameter(line, "GENERATE").is_some() }
+            }
+            "SURFACE" if parameter(line, "TYPE").is_none_or(|t| t.eq_ignore_ascii_case("ELEMENT")) => {
+                let name = parameter(line, "NAME").unwrap_or("").to_owned();
+                Mode::Surface { tag: self.tag(2, &name) }
+            }
+            "INCLUDE" => {
+                report.warn("*INCLUDE was passed over: the file that it names was not read");
+                Mode::Other
+            }
+            _ => Mode::Other,
+        };
+    }
+
+    fn number<T: std::str::FromStr>(&self, word: &str) -> Result<T> {
+        word.trim().parse().map_err(|_| {
+            let why = format!("\"{}\" is not the number of a node or an element", shorten(word.trim()));
+            self.input.error(ErrorKind::Number, self.input.at_line(0), WHAT, why, "correct the line")
+        })
+    }
+
+    fn data(&mut self, line: &str) -> Result<()> {
+        match &mut self.mode {
+            Mode::Other => Ok(()),
+            Mode::Nodes => self.node(line),
+            Mode::Elements { kind: Kind::Other, .. } => Ok(()),
+            Mode::Elements { .. } => {
+                for word in line.split(',').filter(|w| !w.trim().is_empty()) {
+                    if self.numbers.len() < MAX_NUMBERS {
+                        let n = self.number(word)?;
+                        self.numbers.push(n);
+                    }
+                }
+                // A comma at the end continues the line.
+                if line.ends_with(',') { Ok(()) } else { self.end_element() }
+            }
+            Mode::ElementSet { name, generate } => {
+                let (name, generate) = (name.clone(), *generate);
+                self.set_line(line, name, generate)
+            }
+            Mode::Surface { tag } => {
+                let tag = *tag;
+                let mut words = line.split(',').map(str::trim);
+                let (whose, face) = (words.next().unwrap_or(""), words.next().unwrap_or(""));
+                // Sides of shells and other labels are no faces of tetrahedra.
+                let Some(face @ 1..=4) = face.strip_prefix(['S', 's']).and_then(|f| f.parse().ok()) else { return Ok(()) };
+                let faces = match whose.parse() {
+                    Ok(number) => Faces::Element(number),
+                    Err(_) => Faces::Set(whose.to_ascii_uppercase()),
+                };
+                self.faces.push((faces, face, tag));
+                Ok(())
+            }
+        }
+    }
+
+    fn node(&mut self, line: &str) -> Result<()> {
+        let mut words = line.split(',');
+        let id = self.number(words.next().unwrap_or(""))?;
+        let mut p = [0.0; 3];
+        for (v, word) in p.iter_mut().zip(words) {
+            let word = word.trim();
+            // Missing coordinates are 0.
+            *v = match parse_number(word) {
+                Some(v) => v,
+                None if word.is_empty() => 0.0,
+                None => {
+                    let why = format!("\"{}\" is not a number", shorten(word));
+                    return Err(self.input.error(ErrorKind::Number, self.input.at_line(0), WHAT, why, "correct the line"));
+                }
+            };
+        }
+        let at = self.input.at_line(0);
+        self.builder.node(id, p, self.input, at)
+    }
+
+    fn set_line(&mut self, line: &str, name: String, generate: bool) -> Result<()> {
+        let words: Vec<&str> = line.split(',').map(str::trim).filter(|w| !w.is_empty()).collect();
+        let mut runs = Vec::new();
+        if generate {
+            if let [first, last, step @ ..] = &words[..] {
+                let step = step.first().map_or(Ok(1), |s| self.number(s))?;
+                runs.push([self.number(first)?, self.number(last)?, u32::max(step, 1)]);
+            }
+        } else {
+            // Names of other sets among the numbers are passed over.
+            runs.extend(words.iter().filter_map(|w| w.parse().ok()).map(|n: u32| [n, n, 1]));
+        }
+        self.sets.entry(name).or_default().extend(runs);
+        Ok(())
+    }
+
+    /// Takes the element whose numbers have been gathered.
+    fn end_element(&mut self) -> Result<()> {
+        let Mode::Elements { kind, tag } = self.mode else { return Ok(()) };
+        let Some((&number, nodes)) = self.numbers.split_first() else { return Ok(()) };
+        let at = self.input.at_line(0);
+        let want = match kind {
+            Kind::Triangle { nodes } | Kind::Tet { nodes } => nodes,
+            _ => 4,
+        };
+        if nodes.len() < want {
+            let why = format!("element {number} has {} of {want} nodes", nodes.len());
+            return Err(self.input.error(ErrorKind::Corrupt, at, WHAT, why, "correct the line"));
+        }
+        match kind {
+            Kind::Triangle { nodes: n } => self.builder.triangles.push(&nodes[..n], tag, Some(number), at),
+            Kind::Quad => self.builder.polygon(&nodes[..4], tag, at),
+            Kind::Tet { nodes: n } => {
+                self.builder.tets.push(&nodes[..n], tag, Some(number), at);
+                self.tets.push(number);
+            }
+            Kind::Other => {}
+        }
+        self.numbers.clear();
+        Ok(())
+    }
+
+    /// Triangles out of the faces that the surfaces list.
+    fn add_faces(&mut self) -> Result<()> {
+        let mut by_number: Vec<(u32, u32)> = self.tets.iter().enumerate().map(|(row, &number)| (number, row as u32)).collect();
+        by_number.sort_unstable();
+        let most = 4 * self.tets.len();
+        let mut count = 0;
+        for (faces, face, tag) in std::mem::take(&mut self.faces) {
+            let runs = match &faces {
+                Faces::Element(number) => &[[*number, *number, 1]][..],
+                Faces::Set(name) => self.sets.get(name).map_or(&[][..], Vec::as_slice),
+            };
+            for &[first, last, step] in runs {
+                let from = by_number.partition_point(|(number, _)| *number < first);
+                for &(number, row) in by_number[from..].iter().take_while(|(number, _)| *number <= last) {
+                    count += 1;
+                    if count > most {
+                        let why = format!("the surfaces list more than the {most} faces of all tetrahedra");
+                        return Err(self.input.error(ErrorKind::Corrupt, At::File, WHAT, why, "check the surfaces"));
+                    }
+                    if (number - first) % step == 0 {
+                        let (corners, mids) = self.builder.tets.get(row as usize);
+                        let (nodes, n) = face_with_mids(corners, mids, CORNER[usize::from(face) - 1]);
+                        self.builder.triangles.push(&nodes[..n], tag, None, At::File);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}

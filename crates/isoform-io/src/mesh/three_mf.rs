@@ -1,0 +1,73 @@
+//! 3MF (3MF Consortium, "3D Manufacturing Format core specification" 1.3): one object, a material of its own colour and name per part.
+
+use super::MeshWriteOptions;
+use super::color::part_color;
+use super::number::Out;
+use super::surface::SurfaceNodes;
+use super::xml::escape;
+use super::zip::Zip;
+use isoform_geom::Mesh;
+use std::io::{self, Write};
+
+const TYPES: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+    <Types xmlns=\"http://schemas.openxmlformats.org/package/2006/content-types\">\
+    <Default Extension=\"rels\" ContentType=\"application/vnd.openxmlformats-package.relationships+xml\"/>\
+    <Default Extension=\"model\" ContentType=\"application/vnd.ms-package.3dmanufacturing-3dmodel+xml\"/></Types>\n";
+const RELATIONS: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+    <Relationships xmlns=\"http://schemas.openxmlformats.org/package/2006/relationships\">\
+    <Relationship Target=\"/3D/3dmodel.model\" Id=\"model\" Type=\"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel\"/>\
+    </Relationships>\n";
+
+/// The unit in 3MF's words; millimetre, its default, if it is not known.
+fn unit(unit: Option<&str>) -> &'static str {
+    match unit {
+        Some("um") => "micron",
+        Some("cm") => "centimeter",
+        Some("m") => "meter",
+        Some("in") => "inch",
+        Some("ft") => "foot",
+        _ => "millimeter",
+    }
+}
+
+pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+    let mut zip = Zip::new(out);
+    zip.member("[Content_Types].xml", |out| out.write_all(TYPES.as_bytes()))?;
+    zip.member("_rels/.rels", |out| out.write_all(RELATIONS.as_bytes()))?;
+    zip.member("3D/3dmodel.model", |out| write_model(mesh, out, options))?;
+    zip.finish()
+}
+
+fn write_model(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+    let mut out = Out::new(out);
+    out.str("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model unit=\"").str(unit(options.units.as_deref()));
+    out.str("\" xml:lang=\"en-US\" xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\">\n<resources>\n");
+    let has_parts = !mesh.triangle_parts.is_empty();
+    if has_parts {
+        out.str("<basematerials id=\"2\">\n");
+        for (i, name) in mesh.parts.iter().enumerate() {
+            let [r, g, b] = part_color(i).map(|v| (255.0 * v).round() as u8);
+            let plain: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+            out.str("<base name=\"").str(&escape(&plain)).str(&format!("\" displaycolor=\"#{r:02X}{g:02X}{b:02X}\"/>")).line()?;
+        }
+        out.str("</basematerials>\n<object id=\"1\" type=\"model\" pid=\"2\" pindex=\"0\">\n");
+    } else {
+        out.str("<object id=\"1\" type=\"model\">\n");
+    }
+    out.str("<mesh>\n<vertices>\n");
+    let nodes = SurfaceNodes::of(mesh);
+    for p in nodes.points(mesh) {
+        out.str("<vertex x=\"").float(p[0]).str("\" y=\"").float(p[1]).str("\" z=\"").float(p[2]).str("\"/>").line()?;
+    }
+    out.str("</vertices>\n<triangles>\n");
+    for i in 0..mesh.triangles.len() {
+        let [a, b, c] = nodes.triangle(mesh, i);
+        out.str("<triangle v1=\"").int(a).str("\" v2=\"").int(b).str("\" v3=\"").int(c);
+        if let Some(part) = mesh.triangle_parts.get(i) {
+            out.str("\" pid=\"2\" p1=\"").int(*part);
+        }
+        out.str("\"/>").line()?;
+    }
+    out.str("</triangles>\n</mesh>\n</object>\n</resources>\n<build>\n<item objectid=\"1\"/>\n</build>\n</model>\n");
+    out.flush()
+}

@@ -1,0 +1,204 @@
+//! The arrays of a VTK file: text, base64 or raw bytes, as they are or deflated.
+
+use crate::input::parse_number;
+use crate::ply::Type;
+use flate2::read::ZlibDecoder;
+use std::io::{self, Read};
+
+/// How the arrays of a file are kept.
+#[derive(Clone, Copy)]
+pub(super) struct Coding {
+    pub(super) big_endian: bool,
+    /// Sizes of 64 bits instead of 32.
+    pub(super) wide_header: bool,
+    pub(super) zlib: bool,
+    /// Most bytes that an array may unpack to.
+    pub(super) limit: u64,
+}
+
+/// An array that was read.
+pub(super) struct Array {
+    bytes: Vec<u8>,
+    kind: Type,
+    big_endian: bool,
+}
+
+impl Array {
+    pub(super) fn len(&self) -> usize {
+        self.bytes.len() / self.kind.size()
+    }
+    /// A value; 0 beyond the end.
+    pub(super) fn get(&self, i: usize) -> f64 {
+        match self.bytes.get(i * self.kind.size()..) {
+            Some(bytes) if bytes.len() >= self.kind.size() => self.kind.decode(bytes, self.big_endian),
+            _ => 0.0,
+        }
+    }
+    /// A whole number from 0 on.
+    pub(super) fn index(&self, i: usize) -> Option<u64> {
+        let v = self.get(i);
+        (i < self.len() && v >= 0.0 && v.fract() == 0.0 && v <= 2f64.powi(53)).then_some(v as u64)
+    }
+    /// A tag of a group; 0 where there is none.
+    pub(super) fn tag(&self, i: usize) -> i64 {
+        self.get(i) as i64
+    }
+}
+
+/// Numbers in text.
+pub(super) fn from_text(text: &[u8]) -> Result<Array, String> {
+    let text = std::str::from_utf8(text).map_err(|_| "it is not text".to_owned())?;
+    let mut bytes = Vec::new();
+    for word in text.split_ascii_whitespace() {
+        let v = parse_number(word).ok_or_else(|| format!("\"{}\" is not a number", crate::input::shorten(word)))?;
+        bytes.extend_from_slice(&v.to_le_bytes());
+    }
+    Ok(Array { bytes, kind: Type::F64, big_endian: false })
+}
+
+/// Bytes behind their size, or blocks of them behind their sizes.
+pub(super) fn from_bytes(source: impl Read, kind: Type, coding: Coding) -> Result<Array, String> {
+    let bytes = if coding.zlib { inflate(source, coding) } else { plain(source, coding) };
+    let bytes = bytes.map_err(|e| e.to_string())?;
+    Ok(Array { bytes, kind, big_endian: coding.big_endian })
+}
+
+fn size(source: &mut impl Read, coding: Coding) -> io::Result<u64> {
+    let mut bytes = [0; 8];
+    let n = if coding.wide_header { 8 } else { 4 };
+    source.read_exact(&mut bytes[..n])?;
+    if coding.big_endian {
+        bytes[..n].reverse();
+    }
+    Ok(u64::from_le_bytes(bytes))
+}
+
+fn plain(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
+    let n = size(&mut source, coding)?;
+    let mut bytes = Vec::new();
+    source.take(n).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 != n {
+        return Err(io::Error::other(format!("{} of {n} bytes are there", bytes.len())));
+    }
+    Ok(bytes)
+}
+
+/// The header is the number of blocks, the size of all but the last before deflating, that of the last, and the sizes of the deflated ones.
+fn inflate(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
+    let blocks = size(&mut source, coding)?;
+    size(&mut source, coding)?;
+    size(&mut source, coding)?;
+    let mut sizes = Vec::new();
+    for _ in 0..blocks {
+        sizes.push(size(&mut source, coding)?);
+    }
+    let mut bytes = Vec::new();
+    for n in sizes {
+        let mut block = source.by_ref().take(n);
+        let room = coding.limit.saturating_sub(bytes.len() as u64);
+        ZlibDecoder::new(&mut block).take(room + 1).read_to_end(&mut bytes)?;
+        if bytes.len() as u64 > coding.limit {
+            return Err(io::Error::other(format!("it unpacks to more than {} bytes, too many for this file", coding.limit)));
+        }
+        io::copy(&mut block, &mut io::sink())?;
+    }
+    Ok(bytes)
+}
+
+/// Base64 as it is read: blanks are passed over, and padding in the middle ends a piece, not the stream.
+pub(super) struct Base64<'b> {
+    text: &'b [u8],
+    /// Bytes decoded and not taken.
+    ready: [u8; 3],
+    count: usize,
+}
+
+impl<'b> Base64<'b> {
+    pub(super) fn new(text: &'b [u8]) -> Self {
+        Self { text, ready: [0; 3], count: 0 }
+    }
+    /// Decodes four characters; false at the end, which a character of no base64 is too.
+    fn refill(&mut self) -> bool {
+        let (mut bits, mut digits, mut seen) = (0_u32, 0, 0);
+        while seen < 4 {
+            let Some((&c, rest)) = self.text.split_first() else { break };
+            let digit = match c {
+                b'A'..=b'Z' => c - b'A',
+                b'a'..=b'z' => c - b'a' + 26,
+                b'0'..=b'9' => c - b'0' + 52,
+                b'+' => 62,
+                b'/' => 63,
+                b'=' => 64,
+                b' ' | b'\t' | b'\r' | b'\n' => {
+                    self.text = rest;
+                    continue;
+                }
+                _ => break,
+            };
+            self.text = rest;
+            seen += 1;
+            bits <<= 6;
+            if digit < 64 {
+                bits |= u32::from(digit);
+                digits += 1;
+            }
+        }
+        if seen < 4 || digits < 2 {
+            return false;
+        }
+        let [_, a, b, c] = bits.to_be_bytes();
+        self.count = digits - 1;
+        // The first of them is taken last, see `read`.
+        self.ready = match self.count {
+            1 => [a, 0, 0],
+            2 => [b, a, 0],
+            _ => [c, b, a],
+        };
+        true
+    }
+}
+
+impl Read for Base64<'_> {
+    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        let mut n = 0;
+        while n < to.len() && (self.count > 0 || self.refill()) {
+            self.count -= 1;
+            to[n] = self.ready[self.count];
+            n += 1;
+        }
+        Ok(n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decoded(text: &str) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        Base64::new(text.as_bytes()).read_to_end(&mut bytes).expect("never fails");
+        bytes
+    }
+
+    #[test]
+    fn base64() {
+        assert_eq!(decoded("aGVsbG8gd29ybGQ="), b"hello world");
+        assert_eq!(decoded(" aGVs\nbG8= IQ== \n"), b"hello!");
+        assert_eq!(decoded("aGVsb"), b"hel");
+        assert_eq!(decoded("====<"), b"");
+    }
+
+    #[test]
+    fn sizes_are_not_believed() {
+        let coding = Coding { big_endian: false, wide_header: true, zlib: false, limit: 1000 };
+        assert!(from_bytes(&[0xff; 20][..], Type::U8, coding).is_err());
+        assert!(from_bytes(&[0xff; 20][..], Type::U8, Coding { zlib: true, ..coding }).is_err());
+        let mut bomb = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+        io::Write::write_all(&mut bomb, &[0; 2000]).expect("memory");
+        let bomb = bomb.finish().expect("memory");
+        let file: Vec<u8> = [1, 2000, 2000, bomb.len() as u64].iter().flat_map(|v| v.to_le_bytes()).chain(bomb).collect();
+        assert!(from_bytes(&file[..], Type::U8, Coding { zlib: true, ..coding }).is_err());
+        let enough = Coding { zlib: true, limit: 2000, ..coding };
+        assert_eq!(from_bytes(&file[..], Type::U8, enough).expect("fits").len(), 2000);
+    }
+}

@@ -1,0 +1,231 @@
+//! The reader: text, base64 and raw bytes, in place or appended, as they are or deflated by zlib.
+
+use super::GROUPS;
+use super::array::{Array, Base64, Coding, from_bytes, from_text};
+use crate::input::{Input, Result, shorten};
+use crate::mesh::build::Builder;
+use crate::mesh::xml::{Item, Items, attribute, unescape};
+use crate::ply::Type;
+use crate::{At, ErrorKind, ReadReport};
+use isoform_geom::Mesh;
+
+const WHAT: &str = "cannot read the VTK file";
+/// An array may unpack to this many bytes, and this many for every byte of the file. The largest share is that of zlib (1032) in one array
+/// of constants; beside it lie the connectivity and the points, which do not deflate like that.
+const UNPACKED: (u64, u64) = (64 << 20, 256);
+
+/// An array as the file describes it.
+struct Place<'b> {
+    /// Element of the file that it stands in: Points, Cells, CellData, …
+    section: &'b str,
+    name: String,
+    kind: &'b str,
+    format: &'b str,
+    offset: usize,
+    content: &'b [u8],
+    at: usize,
+}
+
+/// A block of points and cells.
+#[derive(Default)]
+struct Piece<'b> {
+    arrays: Vec<Place<'b>>,
+}
+
+/// What is appended behind the grid.
+#[derive(Default)]
+struct Appended<'b> {
+    bytes: &'b [u8],
+    base64: bool,
+}
+
+struct File<'i, 'b> {
+    input: &'i Input<'b>,
+    coding: Coding,
+}
+
+pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
+    let bytes = input.head(usize::MAX)?;
+    let mut builder = Builder::new();
+    let limit = UNPACKED.0 + UNPACKED.1 * bytes.len() as u64;
+    let mut file = File { input, coding: Coding { big_endian: false, wide_header: false, zlib: false, limit } };
+    let (pieces, appended) = file.walk(&bytes, &mut builder)?;
+    for piece in &pieces {
+        file.read_piece(piece, &appended, &mut builder)?;
+    }
+    builder.finish(input, report)
+}
+
+impl File<'_, '_> {
+    fn bad(&self, kind: ErrorKind, at: usize, why: impl Into<String>) -> crate::ReadError {
+        self.input.error(kind, At::Byte(at as u64), WHAT, why, "save it again, as an unstructured grid (.vtu)")
+    }
+
+    /// Finds the arrays, and puts the names of groups into the builder.
+    fn walk<'b>(&mut self, bytes: &'b [u8], builder: &mut Builder) -> Result<(Vec<Piece<'b>>, Appended<'b>)> {
+        let mut items = Items::new(bytes);
+        let mut pieces: Vec<Piece<'b>> = Vec::new();
+        let mut appended = Appended::default();
+        let (mut section, mut is_vtk) = ("", false);
+        while let Some(item) = items.next() {
+            match item {
+                Item::Comment(text) => read_names(text, builder),
+                Item::Close("VTKFile") => break,
+                Item::Close(_) => {}
+                Item::Open { name: "VTKFile", attributes } => {
+                    self.header(attributes, items.at)?;
+                    is_vtk = true;
+                }
+                Item::Open { name: "Piece", .. } => pieces.push(Piece::default()),
+                Item::Open { name: name @ ("Points" | "Cells" | "CellData" | "PointData" | "FieldData"), .. } => section = name,
+                Item::Open { name: "DataArray", attributes } => {
+                    let Some(piece) = pieces.last_mut() else { continue };
+                    piece.arrays.push(Place {
+                        section,
+                        name: unescape(attribute(attributes, "Name").unwrap_or("")),
+                        kind: attribute(attributes, "type").unwrap_or(""),
+                        format: attribute(attributes, "format").unwrap_or("ascii"),
+                        offset: attribute(attributes, "offset").and_then(|o| o.trim().parse().ok()).unwrap_or(0),
+                        content: items.content(),
+                        at: items.at,
+                    });
+                }
+                Item::Open { name: "AppendedData", attributes } => {
+                    let rest = &bytes[items.at..];
+                    let Some(start) = rest.iter().position(|&b| b == b'_') else {
+                        return Err(self.bad(ErrorKind::Corrupt, items.at, "the appended data do not start with \"_\""));
+                    };
+                    appended = Appended { bytes: &rest[start + 1..], base64: attribute(attributes, "encoding") != Some("raw") };
+                    // Raw bytes may look like anything; there is nothing behind them.
+                    break;
+                }
+                Item::Open { .. } => {}
+            }
+        }
+        if !is_vtk {
+            return Err(self.bad(ErrorKind::Header, 0, "there is no element \"VTKFile\""));
+        }
+        if pieces.is_empty() {
+            return Err(self.input.truncated("there is no element \"Piece\""));
+        }
+        Ok((pieces, appended))
+    }
+
+    fn header(&mut self, attributes: &str, at: usize) -> Result<()> {
+        let kind = attribute(attributes, "type").unwrap_or("");
+        if kind != "UnstructuredGrid" {
+            let why = format!("a VTK file of the type \"{}\"", shorten(kind));
+            return Err(self.bad(ErrorKind::UnsupportedFormat, at, why));
+        }
+        self.coding.big_endian = attribute(attributes, "byte_order") == Some("BigEndian");
+        self.coding.wide_header = attribute(attributes, "header_type") == Some("UInt64");
+        self.coding.zlib = match attribute(attributes, "compressor") {
+            None | Some("") => false,
+            Some("vtkZLibDataCompressor") => true,
+            Some(other) => {
+                let why = format!("compressed by \"{}\", which is not read; zlib is", shorten(other));
+                return Err(self.bad(ErrorKind::UnsupportedFormat, at, why));
+            }
+        };
+        Ok(())
+    }
+
+    fn array(&self, place: &Place<'_>, appended: &Appended<'_>) -> Result<Array> {
+        let kind = Type::named(&place.kind.to_ascii_lowercase());
+        let Some(kind) = kind else {
+            let why = format!("array \"{}\" is of the unknown type \"{}\"", shorten(&place.name), shorten(place.kind));
+            return Err(self.bad(ErrorKind::Header, place.at, why));
+        };
+        let tail = appended.bytes.get(place.offset..).unwrap_or(&[]);
+        let read = match place.format {
+            "ascii" => from_text(place.content),
+            "binary" => from_bytes(Base64::new(place.content), kind, self.coding),
+            "appended" if appended.base64 => from_bytes(Base64::new(tail), kind, self.coding),
+            "appended" => from_bytes(tail, kind, self.coding),
+            other => Err(format!("the format \"{}\" is not known", shorten(other))),
+        };
+        read.map_err(|why| {
+            let why = format!("array \"{}\": {why}", shorten(&place.name));
+            self.bad(ErrorKind::Corrupt, place.at, why)
+        })
+    }
+
+    fn read_piece(&self, piece: &Piece<'_>, appended: &Appended<'_>, builder: &mut Builder) -> Result<()> {
+        let find = |section: &str, name: &str| piece.arrays.iter().find(|p| p.section == section && (name.is_empty() || p.name == name));
+        let need = |section: &str, name: &str| {
+            let place = find(section, name);
+            place.ok_or_else(|| self.bad(ErrorKind::Header, 0, format!("there is no array \"{name}\" in \"{section}\"")))
+        };
+        let before = builder.node_count();
+        let points = self.array(need("Points", "")?, appended)?;
+        let at = At::Byte(need("Points", "")?.at as u64);
+        for i in 0..points.len() / 3 {
+            let Ok(id) = u32::try_from(before + i) else {
+                return Err(self.bad(ErrorKind::TooLarge, 0, "more than 4294967295 points"));
+            };
+            builder.node(id, [points.get(3 * i), points.get(3 * i + 1), points.get(3 * i + 2)], self.input, at)?;
+        }
+        let count = points.len() / 3;
+        drop(points);
+        let connectivity = self.array(need("Cells", "connectivity")?, appended)?;
+        let offsets = self.array(need("Cells", "offsets")?, appended)?;
+        let types = self.array(need("Cells", "types")?, appended)?;
+        // Ours, those of meshio, of Gmsh and of others, in this order.
+        let mut tags: [Option<Array>; 3] = [None, None, None];
+        for (k, tags) in tags.iter_mut().enumerate() {
+            let known = [GROUPS[k], "gmsh:physical", "CellEntityIds", "gmsh:geometrical"];
+            if let Some(place) = known.iter().find_map(|name| find("CellData", name)) {
+                *tags = Some(self.array(place, appended)?);
+            }
+        }
+        let at = need("Cells", "connectivity")?.at;
+        let (mut start, mut nodes) = (0, Vec::new());
+        for i in 0..types.len() {
+            let end = offsets.index(i).filter(|&e| e >= start && e <= connectivity.len() as u64);
+            let Some(end) = end else {
+                return Err(self.bad(ErrorKind::Corrupt, at, format!("cell {i} ends at {} of {}", offsets.get(i), connectivity.len())));
+            };
+            nodes.clear();
+            for k in start..end {
+                match connectivity.index(k as usize).filter(|&n| n < count as u64) {
+                    Some(n) => nodes.push((before as u64 + n) as u32),
+                    None => {
+                        let why = format!("cell {i} uses point {} of {count}", connectivity.get(k as usize));
+                        return Err(self.bad(ErrorKind::Index, at, why));
+                    }
+                }
+            }
+            start = end;
+            let tag = |k: usize| tags[k].as_ref().map_or(0, |t| t.tag(i));
+            take(builder, types.get(i) as u8, &nodes, tag, At::Byte(at as u64));
+        }
+        Ok(())
+    }
+}
+
+/// Cells of VTK's types.
+fn take(builder: &mut Builder, kind: u8, nodes: &[u32], tag: impl Fn(usize) -> i64, at: At) {
+    match (kind, nodes.len()) {
+        (1, 1) => builder.corners.push(nodes, 0, None, at),
+        (3, 2) | (21, 3) => builder.edges.push(nodes, tag(2), None, at),
+        (5, 3) | (22, 6) => builder.triangles.push(nodes, tag(0), None, at),
+        (7 | 9, 3..) => builder.polygon(nodes, tag(0), at),
+        // A pixel is a quadrilateral with the last two corners swapped.
+        (8, 4) => builder.polygon(&[nodes[0], nodes[1], nodes[3], nodes[2]], tag(0), at),
+        (10, 4) | (24, 10) => builder.tets.push(nodes, tag(1), None, at),
+        _ => builder.others += 1,
+    }
+}
+
+/// Lines `part 1 name` of the comment that our writer makes.
+fn read_names(text: &str, builder: &mut Builder) {
+    let Some(lines) = text.strip_prefix(" groups\n") else { return };
+    for line in lines.lines() {
+        let mut words = line.splitn(3, ' ');
+        let kind = words.next().and_then(|w| GROUPS.iter().position(|g| *g == w));
+        let tag = words.next().and_then(|w| w.parse().ok());
+        if let (Some(kind), Some(tag), Some(name)) = (kind, tag, words.next()) {
+            builder.names[[2, 3, 1][kind]].insert(tag, unescape(name));
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! As much of ZIP as a 3MF package needs: deflated members, streamed (PKWARE, "APPNOTE.TXT", 4.3).
+
+use flate2::write::DeflateEncoder;
+use flate2::{Compression, Crc};
+use std::io::{self, Write};
+
+/// Deflate.
+const METHOD: u16 = 8;
+/// Sizes and checksum follow the member; names are UTF-8.
+const FLAGS: u16 = 1 << 3 | 1 << 11;
+/// 1 January 1980, the first date there is: the same mesh gives the same bytes.
+const DATE: u16 = 1 << 5 | 1;
+
+/// Counts what passes.
+struct Counted<'o> {
+    out: &'o mut dyn Write,
+    count: u64,
+}
+
+impl Write for Counted<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let n = self.out.write(bytes)?;
+        self.count += n as u64;
+        Ok(n)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// A member on its way: checksum and length before it is deflated.
+struct Member<'d, W: Write> {
+    deflate: &'d mut DeflateEncoder<W>,
+    crc: Crc,
+    length: u64,
+}
+
+impl<W: Write> Write for Member<'_, W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let n = self.deflate.write(bytes)?;
+        self.crc.update(&bytes[..n]);
+        self.length += n as u64;
+        Ok(n)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Writes an archive, member after member.
+pub(super) struct Zip<'o> {
+    out: Counted<'o>,
+    directory: Vec<u8>,
+    members: u16,
+}
+
+fn too_large(_: std::num::TryFromIntError) -> io::Error {
+    io::Error::other("a ZIP package holds at most 4 GiB")
+}
+
+impl<'o> Zip<'o> {
+    pub(super) fn new(out: &'o mut dyn Write) -> Self {
+        Self { out: Counted { out, count: 0 }, directory: Vec::new(), members: 0 }
+    }
+
+    /// Adds a member that a function writes.
+    pub(super) fn member(&mut self, name: &str, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+        let start = u32::try_from(self.out.count).map_err(too_large)?;
+        // Version 2.0, flags, method, time and date.
+        let common: Vec<u8> = [20, FLAGS, METHOD, 0, DATE].iter().flat_map(|v| v.to_le_bytes()).collect();
+        let name_length = (name.len() as u16).to_le_bytes();
+        self.out.write_all(b"PK\x03\x04")?;
+        self.out.write_all(&common)?;
+        self.out.write_all(&[0; 12])?;
+        self.out.write_all(&name_length)?;
+        self.out.write_all(&[0; 2])?;
+        self.out.write_all(name.as_bytes())?;
+        let before = self.out.count;
+        let mut deflate = DeflateEncoder::new(&mut self.out, Compression::fast());
+        let mut member = Member { deflate: &mut deflate, crc: Crc::new(), length: 0 };
+        write(&mut member)?;
+        let (crc, length) = (member.crc.sum(), member.length);
+        deflate.finish()?;
+        let packed = u32::try_from(self.out.count - before).map_err(too_large)?;
+        let length = u32::try_from(length).map_err(too_large)?;
+        let sizes: Vec<u8> = [crc, packed, length].iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.out.write_all(b"PK\x07\x08")?;
+        self.out.write_all(&sizes)?;
+        // The same in the directory, with no extra fields, comment, disk and attributes.
+        for bytes in [b"PK\x01\x02\x14\0", &common[..], &sizes, &name_length, &[0; 12], &start.to_le_bytes(), name.as_bytes()] {
+            self.directory.extend_from_slice(bytes);
+        }
+        self.members += 1;
+        Ok(())
+    }
+
+    /// Writes the directory.
+    pub(super) fn finish(mut self) -> io::Result<()> {
+        let start = u32::try_from(self.out.count).map_err(too_large)?;
+        self.out.write_all(&self.directory)?;
+        self.out.write_all(b"PK\x05\x06\0\0\0\0")?;
+        for n in [self.members, self.members] {
+            self.out.write_all(&n.to_le_bytes())?;
+        }
+        for n in [self.directory.len() as u32, start] {
+            self.out.write_all(&n.to_le_bytes())?;
+        }
+        self.out.write_all(&[0; 2])
+    }
+}
