@@ -22,14 +22,14 @@ pub struct Coverage {
     pub uncovered: Defects,
     /// Number of corners.
     pub corners: usize,
-    /// The largest distance of a corner to the next corner node of the mesh; infinite if it has none.
+    /// The largest distance of a corner to the next corner node of the mesh, or node of the surface if the mesh lists no corners.
     pub corner_max: f64,
     /// Corners without a node as near as the limit; the value is the distance.
     pub missed_corners: Defects,
 }
 
 /// Compares the feature edges and corner nodes of the mesh with the curves and corners of the options.
-pub(super) fn measure(mesh: &Mesh, size: f64, options: &Options<'_>) -> Coverage {
+pub(super) fn measure(mesh: &Mesh, triangles: &[[u32; 3]], size: f64, options: &Options<'_>) -> Coverage {
     let room = options.places;
     let mut out = Coverage { covered: 1.0, tolerance: NEAR * size, corners: options.corners.len(), ..Coverage::default() };
     let edges = Edges::new(mesh);
@@ -43,15 +43,21 @@ pub(super) fn measure(mesh: &Mesh, size: f64, options: &Options<'_>) -> Coverage
     if out.length > 0.0 {
         out.covered = found / out.length;
     }
-    let nodes: Vec<Point3> = mesh.corners.iter().map(|&i| mesh.points[i as usize]).collect();
-    let tree = KdTree::new(&nodes);
+    let mut nodes = mesh.corners.clone();
+    if nodes.is_empty() && !options.corners.is_empty() {
+        nodes = triangles.as_flattened().to_vec();
+        nodes.sort_unstable();
+        nodes.dedup();
+    }
+    let at_nodes: Vec<Point3> = nodes.iter().map(|&i| mesh.points[i as usize]).collect();
+    let tree = KdTree::new(&at_nodes);
     let limit = options.limits.corner_distance * mesh.bounds().diagonal();
     for &at in options.corners {
         let nearest = if at.iter().all(|v| v.is_finite()) { tree.nearest(at) } else { None };
         let value = nearest.map_or(f64::INFINITY, |(_, squared)| squared.sqrt());
         out.corner_max = out.corner_max.max(if value.is_nan() { f64::INFINITY } else { value });
         if value.is_nan() || value > limit {
-            let nodes = nearest.map(|(k, _)| mesh.corners[k]).into_iter().collect();
+            let nodes = nearest.map(|(k, _)| nodes[k]).into_iter().collect();
             out.missed_corners.add(room, || Place { at, nodes, elements: Vec::new(), value });
         }
     }

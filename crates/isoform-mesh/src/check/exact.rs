@@ -45,7 +45,8 @@ pub(super) fn is_flat(t: [Point3; 3]) -> bool {
 /// Whether two triangles meet elsewhere than in the corners and edges that they share by index.
 ///
 /// This is the definition of CGAL's and libigl's `remesh_self_intersections`, but for coincident nodes with different indices: those
-/// are contact here. Triangles with the same three corners and triangles without area (see [`is_flat`]) are other defects; the first
+/// are contact here. (libigl's `detect_only` misses folds, pairs with a common edge in one plane, where the plane is not along the axes;
+/// rational arithmetic confirms those found here.) Triangles with the same three corners and triangles without area (see [`is_flat`]) are other defects; the first
 /// give `false` here, the second must not be asked about.
 pub(super) fn triangles_meet(points: &[Point3], a: [u32; 3], b: [u32; 3]) -> bool {
     let turned = |t: [u32; 3], k: usize| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]];

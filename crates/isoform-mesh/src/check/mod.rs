@@ -204,7 +204,7 @@ fn examine(
     if !options.curves.is_empty() || !options.corners.is_empty() {
         control.phase("looking for features").ok()?;
         let size = options.size.or_else(|| certificate.triangles.as_ref().map(|t| t.edges.mean)).unwrap_or(0.0);
-        certificate.coverage = Some(coverage::measure(mesh, size, options));
+        certificate.coverage = Some(coverage::measure(mesh, triangles, size, options));
     }
     Some(())
 }

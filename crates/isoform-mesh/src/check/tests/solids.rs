@@ -278,7 +278,9 @@ fn curves_with_and_without_edges() {
         assert_eq!(look(&mesh).coverage.is_some_and(|f| f.covered > 0.999), wanted, "{off}");
     }
     let c = look(&cube([0.0; 3]));
-    assert!(c.coverage.is_some_and(|f| f.covered == 0.0 && f.uncovered.count == 12 && f.corner_max == f64::INFINITY));
+    assert!(c.coverage.is_some_and(|f| f.covered == 0.0 && f.uncovered.count == 12 && f.corner_max == 0.0));
+    let c = look(&Mesh { points: cube([0.0, 0.0, 0.01]).points, ..cube([0.0; 3]) });
+    assert!(c.coverage.is_some_and(|f| f.missed_corners.count == 8 && (f.corner_max - 0.01).abs() < 1e-15));
     mesh.edges.push([0, 7]);
     assert!(codes(&look(&mesh)).contains(&("loose-edge", 1)));
 }
