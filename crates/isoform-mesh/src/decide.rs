@@ -133,6 +133,13 @@ impl Scratch {
     }
 }
 
+impl Scratch {
+    /// The range of a piece in the region of the last [`Local::narrow`].
+    pub(crate) fn range(&self, piece: u32) -> Interval {
+        self.by_piece[piece as usize]
+    }
+}
+
 impl Local {
     /// The whole solid, anywhere.
     pub(crate) fn everywhere(solid: &dyn Solid) -> Self {

@@ -6,6 +6,7 @@
 //! pieces or two curves meet, and points of curves (`newton`); what they are is read off the tree with the pieces made linear
 //! (`junction`). From corner to corner, and from points that no curve has come by yet, curves are followed (`trace`).
 
+mod apex;
 mod extent;
 mod junction;
 mod newton;
@@ -14,10 +15,10 @@ mod trace;
 
 pub use extent::{Extent, ExtentError, START, extent};
 
-use crate::decide::{Narrowed, Scratch};
+use crate::decide::{Local, Narrowed, Scratch};
 use crate::mesher::Control;
-use isoform_geom::{Aabb, Point3, Solid, cross, norm, sub};
-use newton::{branch, normalised, onto_three, onto_touching, onto_two};
+use isoform_geom::{Aabb, Point3, Solid, cross, norm};
+use newton::{branch, normalised, onto_one, onto_three, onto_touching, onto_two};
 use octree::{Leaf, Octree};
 use rayon::prelude::*;
 use trace::Tracer;
@@ -54,6 +55,8 @@ pub enum CornerKind {
     Seam,
     /// The curve fades out: the pieces' normals become equal.
     Fading,
+    /// The tip of a cone: the gradient of a piece vanishes or jumps. It may have no curve.
+    Apex,
 }
 
 /// A point where curves end.
@@ -94,6 +97,9 @@ pub struct Features {
     pub certified: bool,
     /// Cells where the proof is missing.
     pub uncertified: Vec<Aabb>,
+    /// Cells where the proof is missing because two pieces run along each other, as at the seams of blends. At samples they meet without
+    /// an angle; intervals of values cannot tell.
+    pub tangential: Vec<Aabb>,
     /// Whether the search came to its end: not stopped, the budget not spent, no curve given up.
     pub complete: bool,
     /// Cells looked at.
@@ -141,7 +147,10 @@ pub fn find(solid: &dyn Solid, region: Aabb, options: &FeatureOptions, control: 
     for (p, kind) in candidates.into_iter().flatten() {
         tracer.add_corner(p, kind);
     }
-    tracer.from_corners();
+    for (p, piece) in search.octree.coarse.par_iter().flat_map_iter(|(cell, local)| search.apexes_in(*cell, local)).collect::<Vec<_>>() {
+        tracer.add_apex(p, piece);
+    }
+    tracer.trace_corners();
     for leaf in &search.octree.leaves {
         if control.is_stopped() {
             break;
@@ -151,7 +160,10 @@ pub fn find(solid: &dyn Solid, region: Aabb, options: &FeatureOptions, control: 
     let near = search.unproved(&tracer);
     let complete = search.octree.skipped.is_empty() && !tracer.lost && !control.is_stopped();
     let mut uncertified = search.octree.skipped.clone();
-    uncertified.extend(near);
+    let mut tangential = Vec::new();
+    for (cell, is_tangential) in near {
+        if is_tangential { tangential.push(cell) } else { uncertified.push(cell) }
+    }
     let corners = tracer.corners.iter().map(|c| Corner { point: c.point, pieces: c.pieces.clone(), kind: c.kind }).collect();
     let curves = tracer.curves.into_iter().map(|c| {
         let first = |s: &[u32]| s.iter().copied().min().unwrap_or(0);
@@ -160,7 +172,15 @@ pub fn find(solid: &dyn Solid, region: Aabb, options: &FeatureOptions, control: 
         FeatureCurve { pieces, points: c.points, closed: c.closed, corners: c.corners, angles: c.angles }
     });
     let curves = curves.collect();
-    Features { corners, curves, certified: complete && uncertified.is_empty(), uncertified, complete, cells: search.octree.visited }
+    Features {
+        corners,
+        curves,
+        certified: complete && uncertified.is_empty() && tangential.is_empty(),
+        uncertified,
+        tangential,
+        complete,
+        cells: search.octree.visited,
+    }
 }
 
 impl Search<'_> {
@@ -214,51 +234,72 @@ impl Search<'_> {
                 let Some((p, _)) = onto_two(self.solid, pair, center, 0.75 * leaf.cell.diagonal()) else { continue };
                 let covered = 2.5 * self.options.chord * self.size();
                 if !tracer.passes(p, covered, None) && tracer.corner_at(p, covered).is_none() && self.holds(p) {
-                    tracer.from_seed(p, pair);
-                    tracer.from_corners();
+                    tracer.trace_seed(p, pair);
+                    tracer.trace_corners();
                 }
             }
         }
     }
 
-    /// Cells away from all features in which intervals prove nothing.
-    fn unproved(&self, tracer: &Tracer<'_>) -> Vec<Aabb> {
+    /// The tips of the pieces that matter in a cell.
+    fn apexes_in(&self, cell: Aabb, local: &Local) -> Vec<(Point3, u32)> {
+        let one = octree::surfaces(self.solid, &local.pieces, cell);
+        one.into_iter().filter_map(|k| self.apex(cell, k).map(|p| (p, k))).collect()
+    }
+
+    /// Whether two of the surfaces are near each other and nearly parallel at one of the probes.
+    ///
+    /// Near is within `near` of the cell's size, nearly is by a sine of `near`/2.
+    fn runs_along(&self, surfaces: &[u32], cell: Aabb, probes: &[Point3], near: f64) -> bool {
+        let side = octree::longest(&cell);
+        probes.iter().any(|at| {
+            let p = octree::inside(&cell, *at);
+            surfaces.iter().enumerate().any(|(x, i)| {
+                let Some(q) = onto_one(self.solid, *i, p, 2.0 * side) else { return false };
+                let Some(a) = normalised(self.solid, *i, q) else { return false };
+                let along =
+                    |k: &u32| normalised(self.solid, *k, q).is_some_and(|b| b.d.abs() < near * side && norm(cross(a.n, b.n)) < 0.5 * near);
+                surfaces[x + 1..].iter().any(along)
+            })
+        })
+    }
+
+    /// Cells away from all features in which intervals prove nothing, and whether surfaces run along each other there.
+    fn unproved(&self, tracer: &Tracer<'_>) -> Vec<(Aabb, bool)> {
         let reach = self.size();
         let is_known = |cell: &Aabb| {
             let c = cell.center();
             tracer.passes(c, reach, None) || tracer.corner_at(c, reach).is_some()
         };
-        let rest = self.octree.leaves.par_iter().map_init(
-            || Scratch::new(self.solid),
-            |scratch, leaf| {
-                if leaf.surfaces.len() < 2 || is_known(&leaf.cell) {
-                    return None;
-                }
-                let mut open = vec![(leaf.cell, leaf.local.clone(), 0)];
-                while let Some((cell, local, depth)) = open.pop() {
-                    for part in octree::split(cell) {
-                        let Narrowed::Mixed(local) = local.narrow(self.solid, octree::slack(part), scratch) else { continue };
-                        if local.pieces.len() < 2 || octree::surfaces(self.solid, &local.pieces, part).len() < 2 || is_known(&part) {
-                            continue;
-                        }
-                        if depth >= PROOF_LEVELS {
-                            return Some(leaf.cell);
-                        }
-                        open.push((part, local, depth + 1));
+        let proof = |scratch: &mut Scratch, leaf: &Leaf| {
+            if leaf.surfaces.len() < 2 || is_known(&leaf.cell) {
+                return None;
+            }
+            if self.runs_along(&leaf.surfaces, leaf.cell, &octree::PROBES, 0.2) {
+                return Some((leaf.cell, true));
+            }
+            let mut open = vec![(leaf.cell, leaf.local.clone(), 0)];
+            while let Some((cell, local, depth)) = open.pop() {
+                for part in octree::split(cell) {
+                    let Narrowed::Mixed(local) = local.narrow(self.solid, octree::slack(part), scratch) else { continue };
+                    if local.pieces.len() < 2 || is_known(&part) || octree::is_one_function(self.solid, &local.pieces, part, scratch) {
+                        continue;
                     }
+                    let surfaces: Vec<u32> = leaf.surfaces.iter().copied().filter(|k| local.pieces.contains(k)).collect();
+                    let is_last = depth + 1 == PROOF_LEVELS;
+                    let is_tangential = self.runs_along(&surfaces, part, &octree::PROBES[..1], if is_last { 1.0 } else { 0.2 });
+                    if is_tangential || is_last {
+                        return Some((leaf.cell, is_tangential));
+                    }
+                    open.push((part, local, depth + 1));
                 }
-                None
-            },
-        );
+            }
+            None
+        };
+        let rest = self.octree.leaves.par_iter().map_init(|| Scratch::new(self.solid), proof);
         rest.collect::<Vec<_>>().into_iter().flatten().collect()
     }
 }
 
 /// How often a cell is split to prove that it holds no feature.
 const PROOF_LEVELS: u32 = 3;
-
-/// |a − b|.
-#[allow(dead_code)]
-fn distance(a: Point3, b: Point3) -> f64 {
-    norm(sub(a, b))
-}

@@ -146,18 +146,21 @@ impl Search<'_> {
             touch.sheets.iter().enumerate().flat_map(|(s, sheet)| sheet.members.iter().map(move |m| (m.0, s))).collect();
         for (x, (i, s)) in members.iter().enumerate() {
             for (j, r) in &members[x + 1..] {
-                let directions = if s != r {
+                // Of curves that cross the angle grows from 0 on.
+                let (directions, reaches): (Vec<Point3>, &[f64]) = if s != r {
                     let t = unit(cross(touch.sheets[*s].n, touch.sheets[*r].n));
-                    vec![t, t.map(|v| -v)]
-                } else if let Some((b, [u, v])) = branch(self.solid, [*i, *j], q, delta).filter(|b| norm(sub(b.0, q)) < 0.01 * delta) {
-                    let _ = b;
-                    vec![u, u.map(|c| -c), v, v.map(|c| -c)]
+                    (vec![t], &[1.0])
+                } else if let Some((_, both)) = branch(self.solid, [*i, *j], q, delta).filter(|b| norm(sub(b.0, q)) < 0.01 * delta) {
+                    (both.to_vec(), &[1.0, 4.0, 16.0, 48.0])
                 } else {
-                    Vec::new()
+                    continue;
                 };
-                for t in directions {
-                    let Some((p, _)) = onto_two(self.solid, [*i, *j], along(q, t, delta), 0.3 * delta) else { continue };
-                    let Some(state) = self.state(p, [*i, *j], t) else { continue };
+                for t in directions.into_iter().flat_map(|t| [t, t.map(|v| -v)]) {
+                    let hit = reaches.iter().find_map(|r| {
+                        let (p, _) = onto_two(self.solid, [*i, *j], along(q, t, r * delta), 0.3 * r * delta)?;
+                        Some((p, self.state(p, [*i, *j], t)?))
+                    });
+                    let Some((p, state)) = hit else { continue };
                     if lines.iter().all(|l| l.by.is_none_or(|by| norm(sub(by, p)) > 1e-3 * delta)) {
                         lines.push(HalfLine { direction: t, pair: [*i, *j], a: state.a, b: state.b, by: Some(p) });
                     }

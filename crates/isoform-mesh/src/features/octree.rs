@@ -8,6 +8,8 @@ use rayon::prelude::*;
 
 /// Cells are widened by this part of their size when they are bounded, so that a feature on a face belongs to the cells on both sides.
 const SLACK: f64 = 1e-5;
+/// Where cells are gone over for apexes, in sizes.
+const COARSE: f64 = 4.0;
 /// Levels below size/2 for cells in which three surfaces may meet.
 const CORNER_LEVELS: u32 = 2;
 /// Levels below size/2 for cells in which a surface turns by more than [`TURN`]: features of size/32 are still found.
@@ -16,6 +18,8 @@ const CURVED_LEVELS: u32 = 4;
 const TURN: f64 = 0.82;
 /// Where in a cell surfaces are compared, in its own coordinates from −1 to 1: no two on a line with the centre.
 pub(crate) const PROBES: [Point3; 4] = [[0.71, 0.37, -0.53], [-0.43, 0.67, 0.59], [0.31, -0.73, 0.41], [-0.61, -0.29, -0.67]];
+/// Sine below which surfaces of a small cell do not meet in a corner, 3.4 degrees.
+const PARALLEL: f64 = 0.06;
 /// Pieces nearer than this part of a cell at all probes are one surface.
 const SAME: f64 = 1e-8;
 
@@ -41,25 +45,27 @@ pub(crate) struct Leaf {
 pub(crate) struct Octree {
     nodes: Vec<Node>,
     pub(crate) leaves: Vec<Leaf>,
-    /// Cells in which a single piece matters.
-    pub(crate) singles: Vec<(Aabb, u32)>,
+    /// Cells of [`COARSE`] times the size, or larger where a single piece matters, with the pieces that do.
+    pub(crate) coarse: Vec<(Aabb, Local)>,
     /// Cells that were not looked at: the budget was spent.
     pub(crate) skipped: Vec<Aabb>,
     pub(crate) visited: usize,
 }
 
 enum Fate {
-    Drop,
-    Single(u32),
     Leaf(Leaf),
-    Split(Vec<(Aabb, Narrowed)>),
+    /// The parts in which a piece matters, and whether more than one surface may.
+    Split(Vec<(Node, bool)>),
 }
 
 impl Octree {
     pub(crate) fn new(solid: &dyn Solid, region: Aabb, size: f64, budget: usize, control: &Control<'_>) -> Self {
         let mut scratch = Scratch::new(solid);
-        let mut tree = Self { nodes: Vec::new(), leaves: Vec::new(), singles: Vec::new(), skipped: Vec::new(), visited: 1 };
+        let mut tree = Self { nodes: Vec::new(), leaves: Vec::new(), coarse: Vec::new(), skipped: Vec::new(), visited: 1 };
         if let Narrowed::Mixed(local) = Local::everywhere(solid).narrow(solid, slack(region), &mut scratch) {
+            if longest(&region) <= COARSE * size {
+                tree.coarse.push((region, local.clone()));
+            }
             tree.nodes.push(Node { cell: region, local, children: 0..0 });
         }
         let mut level = 0..tree.nodes.len();
@@ -75,20 +81,18 @@ impl Octree {
                 .collect();
             let first = tree.nodes.len();
             for (i, fate) in level.clone().zip(fates) {
+                let is_coarse = longest(&tree.nodes[i].cell) > COARSE * size;
                 match fate {
-                    Fate::Drop => {}
-                    Fate::Single(piece) => tree.singles.push((tree.nodes[i].cell, piece)),
                     Fate::Leaf(leaf) => tree.leaves.push(leaf),
-                    Fate::Split(children) => {
-                        tree.visited += children.len();
+                    Fate::Split(parts) => {
+                        tree.visited += 8;
                         let start = tree.nodes.len() as u32;
-                        for (cell, narrowed) in children {
-                            if let Narrowed::Mixed(local) = narrowed {
-                                if local.pieces.len() == 1 {
-                                    tree.singles.push((cell, local.pieces[0]));
-                                } else {
-                                    tree.nodes.push(Node { cell, local, children: 0..0 });
-                                }
+                        for (node, holds_more) in parts {
+                            if is_coarse && (!holds_more || longest(&node.cell) <= COARSE * size) {
+                                tree.coarse.push((node.cell, node.local.clone()));
+                            }
+                            if holds_more {
+                                tree.nodes.push(node);
                             }
                         }
                         tree.nodes[i].children = start..tree.nodes.len() as u32;
@@ -144,25 +148,52 @@ pub(crate) fn split(cell: Aabb) -> impl Iterator<Item = Aabb> {
 
 fn fate(solid: &dyn Solid, node: &Node, size: f64, scratch: &mut Scratch) -> Fate {
     let side = longest(&node.cell);
-    match &node.local.pieces[..] {
-        [] => return Fate::Drop,
-        [one] => return Fate::Single(*one),
-        _ => {}
-    }
-    let mut children = || {
-        let parts = split(node.cell).map(|cell| (cell, node.local.narrow(solid, slack(cell), scratch)));
-        Fate::Split(parts.collect())
+    let mut parts = || {
+        let narrowed = split(node.cell).filter_map(|cell| match node.local.narrow(solid, slack(cell), scratch) {
+            Narrowed::Mixed(local) => {
+                let holds_more = local.pieces.len() > 1 && !is_one_function(solid, &local.pieces, cell, scratch);
+                Some((Node { cell, local, children: 0..0 }, holds_more))
+            }
+            Narrowed::Inside | Narrowed::Outside => None,
+        });
+        Fate::Split(narrowed.collect())
     };
-    if side > 0.5 * size {
-        return children();
+    if side > 0.5 * size || node.local.pieces.len() < 2 {
+        return parts();
     }
     let levels = (0.5 * size / side).log2().floor() as u32;
     let surfaces = surfaces(solid, &node.local.pieces, node.cell);
     let simple = surfaces.iter().all(|i| is_nearly_flat(solid, *i, node.cell));
-    if surfaces.len() > 1 && ((surfaces.len() > 2 && levels < CORNER_LEVELS) || (!simple && levels < CURVED_LEVELS)) {
-        return children();
+    let meet = levels < CORNER_LEVELS && surfaces.len() > 2 && directions(solid, &surfaces, node.cell.center()) > 2;
+    if surfaces.len() > 1 && (meet || (!simple && levels < CURVED_LEVELS)) {
+        return parts();
     }
     Fate::Leaf(Leaf { cell: node.cell, local: node.local.clone(), surfaces, simple })
+}
+
+/// Whether pieces have the same range and the same values in a cell: where blends are not at work, the pieces they distribute over are
+/// one and the same function.
+pub(crate) fn is_one_function(solid: &dyn Solid, pieces: &[u32], cell: Aabb, scratch: &Scratch) -> bool {
+    let first = scratch.range(pieces[0]);
+    if pieces[1..].iter().any(|k| scratch.range(*k) != first) {
+        return false;
+    }
+    let points = PROBES.map(|at| inside(&cell, at));
+    let mut values = vec![0.0; pieces.len() * points.len()];
+    solid.values(pieces, &points, &mut values);
+    let (one, others) = values.split_at(points.len());
+    others.chunks(points.len()).all(|v| v == one)
+}
+
+/// How many different normals the surfaces have at a point.
+fn directions(solid: &dyn Solid, surfaces: &[u32], p: Point3) -> usize {
+    let mut found: Vec<Point3> = Vec::with_capacity(surfaces.len());
+    for g in surfaces.iter().filter_map(|i| normalised(solid, *i, p)) {
+        if found.iter().all(|n| norm(cross(*n, g.n)) > PARALLEL) {
+            found.push(g.n);
+        }
+    }
+    found.len()
 }
 
 /// A point of a cell, from its own coordinates.
@@ -179,8 +210,15 @@ fn is_nearly_flat(solid: &dyn Solid, piece: u32, cell: Aabb) -> bool {
 /// One piece for each surface: those that coincide at the probes are one.
 pub(crate) fn surfaces(solid: &dyn Solid, pieces: &[u32], cell: Aabb) -> Vec<u32> {
     let center = cell.center();
+    let points = PROBES.map(|at| inside(&cell, at));
+    let mut values = vec![0.0; pieces.len() * points.len()];
+    solid.values(pieces, &points, &mut values);
+    let value = |k: usize| &values[k * points.len()..(k + 1) * points.len()];
     let mut found: Vec<(u32, Option<Point3>)> = Vec::with_capacity(pieces.len());
-    for piece in pieces {
+    for (k, piece) in pieces.iter().enumerate() {
+        if (0..k).any(|l| value(l) == value(k)) {
+            continue;
+        }
         let n = normalised(solid, *piece, center).map(|g| g.n);
         let same = |other: &(u32, Option<Point3>)| match (n, other.1) {
             (Some(a), Some(b)) => norm(cross(a, b)) < 0.3 && coincide(solid, other.0, *piece, cell),

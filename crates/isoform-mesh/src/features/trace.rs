@@ -110,6 +110,22 @@ impl<'a> Tracer<'a> {
         (!passes).then(|| self.push_corner(p, pieces, kind, lines))
     }
 
+    /// Adds the tip of a piece.
+    pub(crate) fn add_apex(&mut self, p: Point3, piece: u32) {
+        match self.corner_at(p, SAME * self.search.size()) {
+            Some(known) if self.corners[known].kind == CornerKind::Apex => {
+                let pieces = &mut self.corners[known].pieces;
+                if let Err(at) = pieces.binary_search(&piece) {
+                    pieces.insert(at, piece);
+                }
+            }
+            Some(_) => {}
+            None => {
+                self.push_corner(p, vec![piece], CornerKind::Apex, Vec::new());
+            }
+        }
+    }
+
     pub(crate) fn corner_at(&self, p: Point3, reach: f64) -> Option<usize> {
         let candidates = self.around(p).filter_map(|b| self.at.get(&b)).flatten();
         candidates.copied().filter(|c| norm(sub(self.corners[*c].point, p)) <= reach).min()
@@ -134,19 +150,19 @@ impl<'a> Tracer<'a> {
     }
 
     /// Follows all curves that leave corners, those found on the way included.
-    pub(crate) fn from_corners(&mut self) {
+    pub(crate) fn trace_corners(&mut self) {
         let mut c = 0;
         while c < self.corners.len() {
             for l in 0..self.corners[c].lines.len() {
                 if !self.corners[c].used[l] && !self.search.control.is_stopped() {
-                    self.from_corner(c, l);
+                    self.trace_line(c, l);
                 }
             }
             c += 1;
         }
     }
 
-    fn from_corner(&mut self, c: usize, l: usize) {
+    fn trace_line(&mut self, c: usize, l: usize) {
         self.corners[c].used[l] = true;
         let (origin, line) = (self.corners[c].point, self.corners[c].lines[l].clone());
         let mut points = vec![origin];
@@ -169,10 +185,13 @@ impl<'a> Tracer<'a> {
     /// A first point of a curve that leaves a corner.
     fn depart(&self, origin: Point3, line: &HalfLine) -> Option<Walk> {
         let size = self.search.size();
-        let mut step = 0.125 * size;
-        if line.by.is_some() {
-            step = step.min(size / 64.0);
+        if let Some(p) = line.by {
+            let (a, b) = (normalised(self.search.solid, line.pair[0], p)?, normalised(self.search.solid, line.pair[1], p)?);
+            let t = toward(unit(cross(a.n, b.n)), sub(p, origin));
+            let state = self.search.state(p, line.pair, t)?;
+            return Some(Walk { p, t, pair: line.pair, state });
         }
+        let mut step = 0.125 * size;
         while step > SHORTEST * 0.1 * size {
             if let Some((p, n)) = onto_two(self.search.solid, line.pair, along(origin, line.direction, step), MISS * step) {
                 let t = toward(unit(cross(n[0], n[1])), sub(p, origin));
@@ -186,7 +205,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// Follows the curve through `p`, a point of no traced curve and of no corner.
-    pub(crate) fn from_seed(&mut self, p: Point3, pair: [u32; 2]) {
+    pub(crate) fn trace_seed(&mut self, p: Point3, pair: [u32; 2]) {
         let Some((p, n)) = onto_two(self.search.solid, pair, p, self.search.size()) else { return };
         let t = unit(cross(n[0], n[1]));
         let Some(state) = self.search.state(p, pair, t) else { return };
@@ -218,7 +237,7 @@ impl<'a> Tracer<'a> {
             if let Some(c) = self.corner_ahead(&walk, 1.5 * step, None) {
                 return (End::Corner(c), walk);
             }
-            if points.len() > 2 && home.is_some_and(|(h, t)| dot(t, walk.t) > 0.5 && self.leads_to(&walk, h, 1.5 * step)) {
+            if points.len() > 2 && home.is_some_and(|(h, t)| dot(t, walk.t) > 0.5 && self.leads_to(&walk, h, 1.5 * step, false)) {
                 return (End::Closed, walk);
             }
             let moved = onto_two(search.solid, walk.pair, along(walk.p, walk.t, step), MISS * step).and_then(|(q, n)| {
@@ -243,7 +262,10 @@ impl<'a> Tracer<'a> {
                     step = (step * (0.14 / turn.max(0.035)).clamp(0.5, 2.0)).min(0.5 * size);
                 }
                 None if step > 0.3 * size => step *= 0.5,
-                None => return (self.event(&walk, q), walk),
+                None => {
+                    let end = self.event(&mut walk, q, points);
+                    return (end, walk);
+                }
             }
         }
         self.lost = true;
@@ -267,8 +289,8 @@ impl<'a> Tracer<'a> {
         same.then(|| Walk { p: q, t, pair, state: State { a, b, ..state } })
     }
 
-    /// Whether the curve goes straight to `target`, at most `reach` ahead.
-    fn leads_to(&self, walk: &Walk, target: Point3, reach: f64) -> bool {
+    /// Whether the curve goes straight to `target`, at most `reach` ahead. It may fade out on the way if it `may_fade`.
+    fn leads_to(&self, walk: &Walk, target: Point3, reach: f64, may_fade: bool) -> bool {
         let way = sub(target, walk.p);
         let length = norm(way);
         if length > reach || dot(way, walk.t) < AHEAD * length {
@@ -278,8 +300,11 @@ impl<'a> Tracer<'a> {
             return true;
         }
         let middle = along(walk.p, way, 0.5);
-        onto_two(self.search.solid, walk.pair, middle, 0.15 * length)
-            .is_some_and(|(m, _)| self.search.state(m, walk.pair, unit(way)).is_some_and(|s| s.faces == walk.state.faces))
+        let Some((m, _)) = onto_two(self.search.solid, walk.pair, middle, 0.15 * length) else { return false };
+        match self.search.state(m, walk.pair, unit(way)) {
+            Some(state) => state.faces == walk.state.faces,
+            None => may_fade && self.search.angle_at(m, walk.pair).is_some_and(|a| a < 4.0 * self.search.options.smallest_angle),
+        }
     }
 
     /// The nearest corner to which the curve leads.
@@ -292,7 +317,10 @@ impl<'a> Tracer<'a> {
                 continue;
             }
             let on = |k: u32| corner.pieces.contains(&k) || self.search.lies_on(corner.point, k);
-            if on(walk.pair[0]) && on(walk.pair[1]) && self.leads_to(walk, corner.point, reach) {
+            if on(walk.pair[0])
+                && on(walk.pair[1])
+                && self.leads_to(walk, corner.point, reach, matches!(corner.kind, CornerKind::Branch | CornerKind::Fading))
+            {
                 best = Some((distance, *c));
             }
         }
@@ -320,25 +348,28 @@ impl<'a> Tracer<'a> {
     }
 
     /// The end of the curve between the walk and `q`, where it is not the same feature any more.
-    fn event(&mut self, walk: &Walk, q: Point3) -> End {
+    fn event(&mut self, walk: &mut Walk, q: Point3, points: &mut Vec<Point3>) -> End {
         let search = self.search;
         if let Some(c) = self.crossing(walk, q) {
             return End::Corner(c);
         }
         // By halves, to where the change is.
-        let (mut walk, mut far) = (walk.clone(), q);
+        let (from, mut far) = (walk.p, q);
         for _ in 0..48 {
             let length = norm(sub(far, walk.p));
             if length < 1e-10 * search.size() {
                 break;
             }
             let Some((m, n)) = onto_two(search.solid, walk.pair, along(walk.p, sub(far, walk.p), 0.5), MISS * length) else { break };
-            match self.goes_on(&walk, m, toward(unit(cross(n[0], n[1])), walk.t)) {
-                Some(next) => walk = next,
+            match self.goes_on(walk, m, toward(unit(cross(n[0], n[1])), walk.t)) {
+                Some(next) => *walk = next,
                 None => far = m,
             }
         }
-        if let Some(c) = self.crossing(&walk, far) {
+        if norm(sub(walk.p, from)) > 1e-3 * search.size() {
+            points.push(walk.p);
+        }
+        if let Some(c) = self.crossing(walk, far) {
             return End::Corner(c);
         }
         // A piece that touches the curve.
@@ -489,7 +520,8 @@ impl Search<'_> {
             let (p, q) = (points[k - 1], points[k]);
             let length = norm(sub(q, p));
             let turn = norm(cross(tangents[k - 1], tangents[k])).atan2(dot(tangents[k - 1], tangents[k]));
-            let parts = (length * turn / (8.0 * tolerance)).sqrt().ceil().clamp(1.0, 256.0) as usize;
+            let parts =
+                (length * turn / (8.0 * tolerance)).sqrt().max(2.0 * length / self.size() * (1.0 - 1e-9)).ceil().clamp(1.0, 256.0) as usize;
             for m in 1..parts {
                 let s = m as f64 / parts as f64;
                 let x = hermite(p, tangents[k - 1], q, tangents[k], length, s);
