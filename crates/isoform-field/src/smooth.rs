@@ -13,9 +13,12 @@ use isoform_num::Jet1;
 const PAIRS: usize = 160;
 /// Decades of scales about 1 on each side: sizes of models and widths of blends.
 const DECADES: f64 = 3.0;
-/// Gradients of two sides count as equal within this, relative to 1 and the gradient: the sides are 1e-9 apart, so curvatures up to
-/// 1e5 pass; jumps of real models are of the order of 1.
+/// Further decades in which kinks are sought that were not met: models in coordinates of a map.
+const FAR: f64 = 5.0;
+/// Gradients of two sides count as equal within this, relative to 1 and the gradient; jumps of real models are of the order of 1.
 const SAME: f64 = 1e-4;
+/// Steps of the bisection: the two sides are then some 1e-12 of the segment apart.
+const HALVINGS: usize = 40;
 /// Formulas with more kinks are not asked about: blends have a handful.
 const MOST_KINKS: usize = 48;
 /// Derivatives computed at once.
@@ -36,7 +39,11 @@ impl Random {
     }
     /// A place in a cube about 0 whose size is random, too.
     pub(crate) fn place(&mut self, n: usize) -> Vec<f64> {
-        let scale = 10f64.powf(DECADES * (2.0 * self.next() - 1.0));
+        let decade = DECADES * (2.0 * self.next() - 1.0);
+        self.scaled(n, decade)
+    }
+    fn scaled(&mut self, n: usize, decade: f64) -> Vec<f64> {
+        let scale = 10f64.powf(decade);
         (0..n).map(|_| scale * (2.0 * self.next() - 1.0)).collect()
     }
 }
@@ -62,7 +69,10 @@ impl Kinked {
             };
             roots.push(decided);
         }
-        (roots.len() <= MOST_KINKS + 1).then(|| Self { tape: Tape::new(&graph, &roots, n, 0), n })
+        if roots.len() > MOST_KINKS + 1 {
+            return None;
+        }
+        Some(Self { tape: Tape::new(&graph, &roots, n, 0), n })
     }
 
     fn values(&self, at: &[f64]) -> Vec<f64> {
@@ -93,7 +103,7 @@ impl Kinked {
     fn crossing(&self, k: usize, p: &[f64], q: &[f64], positive_at_p: bool) -> (Vec<f64>, Vec<f64>) {
         let at = |t: f64| -> Vec<f64> { p.iter().zip(q).map(|(p, q)| p + t * (q - p)).collect() };
         let (mut lo, mut hi) = (0.0, 1.0);
-        for _ in 0..30 {
+        for _ in 0..HALVINGS {
             let t = 0.5 * (lo + hi);
             let v = self.values(&at(t))[k];
             // Exactly between the sides derivatives are those of neither.
@@ -106,15 +116,17 @@ impl Kinked {
     }
 }
 
-/// What a formula's derivatives were seen to be.
+/// What was seen of a formula.
 struct Seen {
     rising: Vec<bool>,
     falling: Vec<bool>,
+    /// By kink: met on its two sides.
+    crossed: Vec<bool>,
 }
 
 impl Seen {
-    /// False once a wanted input was seen both ways.
-    fn add(&mut self, gradient: &[f64]) -> bool {
+    /// None once a further input was seen both to rise and to fall.
+    fn slopes(&mut self, gradient: &[f64]) -> Option<()> {
         let size = gradient.iter().fold(1.0, |m: f64, g| m.max(g.abs()));
         for (i, (rising, falling)) in self.rising.iter_mut().zip(&mut self.falling).enumerate() {
             // Below this it is rounding.
@@ -122,10 +134,29 @@ impl Seen {
             *rising |= g > 1e-9 * size;
             *falling |= g < -1e-9 * size;
             if *rising && *falling {
-                return false;
+                return None;
             }
         }
-        true
+        Some(())
+    }
+
+    /// The kinks between two places; none where one of them does not cancel.
+    fn kinks(&mut self, formula: &Kinked, p: &[f64], q: &[f64]) -> Option<()> {
+        let (dp, dq) = (formula.values(p), formula.values(q));
+        for k in (1..dp.len()).filter(|&k| dp[k] * dq[k] < 0.0) {
+            self.crossed[k] = true;
+            let (a, b) = formula.crossing(k, p, q, dp[k] > 0.0);
+            let (Some((va, ga)), Some((vb, gb))) = (formula.gradient(&a), formula.gradient(&b)) else { continue };
+            let size = ga.iter().chain(&gb).fold(1.0, |m: f64, g| m.max(g.abs()));
+            let apart = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum::<f64>();
+            let jumps = (va - vb).abs() > SAME * (va.abs() + 1.0) + 2.0 * size * apart;
+            if jumps || ga.iter().zip(&gb).any(|(a, b)| (a - b).abs() > SAME * size) {
+                return None;
+            }
+            self.slopes(&ga)?;
+            self.slopes(&gb)?;
+        }
+        Some(())
     }
 }
 
@@ -134,26 +165,24 @@ impl Seen {
 pub(crate) fn smooth_and_monotone(graph: Graph, root: NodeId, further: usize) -> Option<Vec<bool>> {
     let n = 3 + further;
     let formula = Kinked::new(graph, root, n)?;
-    let mut seen = Seen { rising: vec![false; further], falling: vec![false; further] };
+    let mut seen = Seen { rising: vec![false; further], falling: vec![false; further], crossed: vec![false; formula.tape.n_results()] };
     let mut random = Random::new();
     let mut usable = 0;
     for _ in 0..PAIRS {
         let (p, q) = (random.place(n), random.place(n));
         let (Some((_, gp)), Some((_, gq))) = (formula.gradient(&p), formula.gradient(&q)) else { continue };
         usable += 1;
-        if !seen.add(&gp) || !seen.add(&gq) {
-            return None;
-        }
-        let (dp, dq) = (formula.values(&p), formula.values(&q));
-        for k in (1..dp.len()).filter(|&k| dp[k] * dq[k] < 0.0) {
-            let (a, b) = formula.crossing(k, &p, &q, dp[k] > 0.0);
-            let (Some((va, ga)), Some((vb, gb))) = (formula.gradient(&a), formula.gradient(&b)) else { continue };
-            let size = ga.iter().chain(&gb).fold(1.0, |m: f64, g| m.max(g.abs()));
-            let apart = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum::<f64>();
-            let jumps = (va - vb).abs() > SAME * (va.abs() + 1.0) + 2.0 * size * apart;
-            if jumps || ga.iter().zip(&gb).any(|(a, b)| (a - b).abs() > SAME * size) || !seen.add(&ga) || !seen.add(&gb) {
-                return None;
-            }
+        seen.slopes(&gp)?;
+        seen.slopes(&gq)?;
+        seen.kinks(&formula, &p, &q)?;
+    }
+    // A kink in space alone may lie far away; those of a blend are where its arguments are alike.
+    if further == 0 && seen.crossed[1..].contains(&false) {
+        let near = random.place(n);
+        for _ in 0..PAIRS {
+            let decade = DECADES + random.next() * FAR;
+            let far = random.scaled(n, decade);
+            seen.kinks(&formula, &near, &far)?;
         }
     }
     // Where the formula is hardly ever defined, nothing was tested.

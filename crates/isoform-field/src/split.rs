@@ -362,6 +362,13 @@ impl Reader<'_> {
         if let Some(u) = self.absolute(id) {
             return self.sides(u, context);
         }
+        // Where kinks cancel altogether a cut at them would only be a seam.
+        if !self.shows_kinks(id) && self.failures <= MOST_FAILURES {
+            match self.blended(id, &[], context) {
+                Some(tree) => return tree,
+                None => self.failures += 1,
+            }
+        }
         match self.graph.node(id).clone() {
             Node::Unary(op, u) => self.unary(id, op, u, context),
             Node::PowI(u, n) => self.power(id, u, n, context),
@@ -390,14 +397,15 @@ impl Reader<'_> {
         }
         let below = self.below(context);
         let tree = self.value(u, &below);
+        let is_one = matches!(tree, Tree::Leaf(_));
         let side = |tree: &Tree, sign: &str, is_upper: bool| {
             tree.map(false, &mut |leaf| {
-                let side = match along_axis(self.graph, leaf.value) {
-                    Some((axis, rises)) => axis_side(axis, rises != is_upper),
-                    None if leaf.is_own => format!("{}{sign}", leaf.name),
-                    None => format!("{}{sign}", leaf.side),
+                let (name, side) = match along_axis(self.graph, leaf.value) {
+                    Some((axis, rises)) if is_one => (&below.name, axis_side(axis, rises != is_upper)),
+                    _ if leaf.is_own => (&below.name, format!("{}{sign}", leaf.name)),
+                    _ => (&leaf.name, format!("{}{sign}", side_of(self.graph, leaf))),
                 };
-                Leaf { value: leaf.value, name: below.name.clone(), is_own: false, side: side.into() }
+                Leaf { value: leaf.value, name: name.clone(), is_own: false, side: side.into() }
             })
         };
         // The side where u is positive is the upper one of an axis, if u rises along it.
@@ -495,14 +503,14 @@ impl Reader<'_> {
 
     // ---- blends
 
-    /// The node as a smooth function of expressions with kinks that it uses more than once, passed through their trees; of none
-    /// where its kinks cancel altogether. None where it is no such function.
+    /// The node as a smooth function of expressions with kinks that it uses more than once, passed through their trees. None where
+    /// it is no such function.
     fn blend(&mut self, id: NodeId, context: &Context) -> Option<Tree> {
         if self.failures > MOST_FAILURES {
             return None;
         }
         let shared = self.shared(id);
-        let tree = if shared.len() > MOST_INPUTS { None } else { self.blended(id, &shared, context) };
+        let tree = if shared.is_empty() || shared.len() > MOST_INPUTS { None } else { self.blended(id, &shared, context) };
         self.failures += usize::from(tree.is_none());
         tree
     }
@@ -524,6 +532,22 @@ impl Reader<'_> {
             })
             .collect();
         Some(self.distributed(id, &above, &inputs, context))
+    }
+
+    /// Whether the node surely has kinks: linear in one expression that is a minimum, a maximum or an |u|.
+    fn shows_kinks(&mut self, id: NodeId) -> bool {
+        let (u, v) = match self.graph.node(id).clone() {
+            Node::Unary(Unary::Neg, _) => return true,
+            Node::Binary(Binary::Add | Binary::Sub | Binary::Mul, u, v) => (u, v),
+            Node::Binary(Binary::Div, u, v) if !self.is_kinked(v) => (u, v),
+            _ => return false,
+        };
+        let inner = match (self.is_kinked(u), self.is_kinked(v)) {
+            (true, false) => u,
+            (false, true) => v,
+            _ => return false,
+        };
+        self.value_join(inner).is_some() || self.absolute(inner).is_some() || self.shows_kinks(inner)
     }
 
     /// The topmost nodes with kinks below `id` that are used more than once there, none within another.

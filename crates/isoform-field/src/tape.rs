@@ -220,8 +220,7 @@ impl Tape {
     /// values in the box. R-functions depend on both arguments everywhere and are kept.
     pub fn bounds(&self, x: &[Interval], a: &[Interval]) -> (Interval, Option<Self>) {
         let mut s = Vec::new();
-        // A native function is an iteration: run on intervals it encloses nothing, so nothing is claimed of it.
-        self.run(x, a, &mut s, |_, _| Interval::ALL);
+        let range = self.range(x, a, &mut s);
         let mut decided = false;
         let choices: Vec<Choice> = self
             .code
@@ -246,7 +245,7 @@ impl Tape {
                 choice
             })
             .collect();
-        (s[self.roots[0] as usize], decided.then(|| self.simplified(&choices)))
+        (range, decided.then(|| self.simplified(&choices)))
     }
 
     /// The tape of result `k` alone, with nothing that it does not need.
