@@ -108,7 +108,7 @@ impl ReadError {
 #[derive(Debug, thiserror::Error)]
 #[error("{file}: {what}: {why}")]
 pub struct WriteError {
-    /// A short text that will not change: `disk-full`, `not-writable`, `format-unknown`, `write-failed`.
+    /// A short text that will not change: `disk-full`, `not-writable`, `format-unknown`, `bad-mesh`, `write-failed`.
     pub code: &'static str,
     /// What failed.
     pub what: &'static str,

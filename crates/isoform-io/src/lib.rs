@@ -5,9 +5,12 @@
 //! Files are streamed: a seeded uniform sample of a file that does not fit in memory is one option away ([`ReadOptions::max_points`]).
 //! [`write_path`] gives PLY, XYZ and CSV that read back bit by bit. [`inspect()`] says what is in a cloud.
 //!
+//! [`write_mesh_path`] and [`read_mesh`] do the same for a [`Mesh`](isoform_geom::Mesh) with its parts, curves and regions, volume or surface:
+//! Gmsh, VTK, Abaqus/CalculiX, Nastran, STL, OBJ, PLY, OFF, 3MF and glTF ([`mesh_formats`]).
+//!
 //! No size that a file announces is believed before the bytes are there, and NaN ends here: points with one are dropped and counted.
 //!
-//! A new format is one file with `sniff` and `read` (and `write`), and one line in `registry.rs`.
+//! A new format is one file with `sniff` and `read` (and `write`), and one line in `registry.rs`; for meshes in `mesh/`.
 //!
 //! ```
 //! use isoform_io::{ReadOptions, Source, WriteOptions, inspect, read, write};

@@ -1,4 +1,4 @@
-//! The seeds of the fuzz target `read_points`: every fixture, the first byte being the number of its format.
+//! The seeds of the fuzz targets `read_points` and `read_meshes`: every fixture, the first byte being the number of its format.
 
 mod common;
 
@@ -18,16 +18,43 @@ fn write_seeds() {
     }
 }
 
-/// All that fuzzing has kept still reads, or is refused.
+/// The same for meshes.
 #[test]
-fn the_corpus_survives() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/read_points");
+#[ignore = "writes into fuzz/corpus"]
+fn write_mesh_seeds() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/read_meshes");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    for (name, format, bytes) in common::meshes::mesh_fixtures() {
+        let bare = format.trim_end_matches("-ascii").trim_end_matches("-binary");
+        let number = isoform_io::mesh_formats().iter().position(|f| f.name == bare).expect("listed");
+        let seed: Vec<u8> = [number as u8].into_iter().chain(bytes).collect();
+        std::fs::write(folder.join(format!("seed-{name}")), seed).expect("written");
+    }
+}
+
+/// Calls with the first byte and the rest of every file that fuzzing has kept.
+fn for_corpus(target: &str, visit: impl Fn(u8, &[u8])) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus").join(target);
     let Ok(entries) = std::fs::read_dir(folder) else { return println!("skipped: no corpus") };
     for entry in entries {
         let bytes = std::fs::read(entry.expect("readable").path()).expect("readable");
-        let Some((&first, rest)) = bytes.split_first() else { continue };
+        if let Some((&first, rest)) = bytes.split_first() {
+            visit(first, rest);
+        }
+    }
+}
+
+/// All of it still reads, or is refused.
+#[test]
+fn the_corpus_survives() {
+    for_corpus("read_points", |first, rest| {
         let format = isoform_io::formats().get(usize::from(first & 15)).map(|f| f.name);
         let source = isoform_io::Source::Bytes { name: "seed", bytes: rest };
         let _ = isoform_io::read(source, format, &isoform_io::ReadOptions::default());
-    }
+    });
+    for_corpus("read_meshes", |first, rest| {
+        let format = isoform_io::mesh_formats().get(usize::from(first & 15)).map(|f| f.name);
+        let source = isoform_io::Source::Bytes { name: "seed", bytes: rest };
+        let _ = isoform_io::read_mesh(source, format, &isoform_io::MeshReadOptions::default());
+    });
 }

@@ -426,6 +426,31 @@ fn abaqus_sets_are_not_expanded() {
     survive("sets.inp", Some("inp"), text.as_bytes());
     let e = read_as(text.as_bytes(), Some("inp")).expect_err("too many");
     assert_eq!(e.code(), "file-corrupt");
+    // The same with runs of numbers that no element has.
+    let mut text = String::from("*NODE\n1,0,0,0\n*ELSET,ELSET=A,GENERATE\n");
+    text += &"5,6,1\n".repeat(100_000);
+    text += "*SURFACE,NAME=S\n";
+    text += &"A,S1\n".repeat(100_000);
+    survive("runs.inp", Some("inp"), text.as_bytes());
+}
+
+/// A thousand pieces that share one large array.
+#[test]
+fn vtk_pieces_do_not_multiply() {
+    let array = |name: &str| format!("<DataArray type='UInt8' Name='{name}' format='appended' offset='0'/>");
+    let piece = format!(
+        "<Piece><Points>{}</Points><Cells>{}{}{}</Cells></Piece>",
+        array("Points"),
+        array("connectivity"),
+        array("offsets"),
+        array("types")
+    );
+    let head = "<VTKFile type='UnstructuredGrid' header_type='UInt64'><UnstructuredGrid>";
+    let mut bytes = format!("{head}{}<AppendedData encoding='raw'>_", piece.repeat(3000)).into_bytes();
+    bytes.extend(1_000_000_u64.to_le_bytes());
+    bytes.resize(bytes.len() + 1_000_000, 0);
+    let e = read_as(&bytes, Some("vtu")).expect_err("too much");
+    assert!(e.why.contains("far more"), "{e}");
 }
 
 #[test]

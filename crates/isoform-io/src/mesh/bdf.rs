@@ -26,7 +26,7 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
         let plain: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
         out.str("$ property ").int(i + 1).str(" is ").str(kind).str(" ").str(&plain).line()?;
     }
-    out.str("BEGIN BULK").line()?;
+    out.str("CEND\nBEGIN BULK").line()?;
     for (i, p) in mesh.points.iter().enumerate() {
         let start = out.mark();
         out.str("GRID*").pad(start, 8).int(i + 1).pad(start, 40).narrow(p[0], 16).pad(start, 56).narrow(p[1], 16);

@@ -11,6 +11,9 @@ const WHAT: &str = "cannot read the Abaqus file";
 /// Numbers of one element that are taken, over all its lines.
 const MAX_NUMBERS: usize = 64;
 
+/// How often the sets of elements may be walked over for surfaces, on average.
+const WORK: usize = 64;
+
 /// Corner opposite to the faces S1 to S4.
 const CORNER: [usize; 4] = [3, 2, 0, 1];
 
@@ -280,26 +283,33 @@ impl Reader<'_, '_> {
     fn add_faces(&mut self) -> Result<()> {
         let mut by_number: Vec<(u32, u32)> = self.tets.iter().enumerate().map(|(row, &number)| (number, row as u32)).collect();
         by_number.sort_unstable();
+        // Every face once; and the sets some times over, as many surfaces may name them, but not lines times runs.
         let most = 4 * self.tets.len();
-        let mut count = 0;
+        let work_limit = 1000 + WORK * (self.sets.values().map(Vec::len).sum::<usize>() + self.faces.len() + self.tets.len());
+        let (mut count, mut work) = (0, 0);
         for (faces, face, tag) in std::mem::take(&mut self.faces) {
             let runs = match &faces {
                 Faces::Element(number) => &[[*number, *number, 1]][..],
                 Faces::Set(name) => self.sets.get(name).map_or(&[][..], Vec::as_slice),
             };
             for &[first, last, step] in runs {
+                work += 1;
                 let from = by_number.partition_point(|(number, _)| *number < first);
                 for &(number, row) in by_number[from..].iter().take_while(|(number, _)| *number <= last) {
-                    count += 1;
-                    if count > most {
-                        let why = format!("the surfaces list more than the {most} faces of all tetrahedra");
-                        return Err(self.input.error(ErrorKind::Corrupt, At::File, WHAT, why, "check the surfaces"));
-                    }
+                    work += 1;
                     if (number - first) % step == 0 {
+                        count += 1;
                         let (corners, mids) = self.builder.tets.get(row as usize);
                         let (nodes, n) = face_with_mids(corners, mids, CORNER[usize::from(face) - 1]);
                         self.builder.triangles.push(&nodes[..n], tag, None, At::File);
                     }
+                    if count > most || work > work_limit {
+                        break;
+                    }
+                }
+                if count > most || work > work_limit {
+                    let why = format!("the surfaces list more than the {most} faces of all tetrahedra, or name sets over and over");
+                    return Err(self.input.error(ErrorKind::Corrupt, At::File, WHAT, why, "check the surfaces"));
                 }
             }
         }

@@ -27,6 +27,10 @@ impl Array {
     pub(super) fn len(&self) -> usize {
         self.bytes.len() / self.kind.size()
     }
+    /// Bytes that it takes.
+    pub(super) fn size(&self) -> u64 {
+        self.bytes.len() as u64
+    }
     /// A value; 0 beyond the end.
     pub(super) fn get(&self, i: usize) -> f64 {
         match self.bytes.get(i * self.kind.size()..) {

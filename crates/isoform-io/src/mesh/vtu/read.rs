@@ -10,9 +10,9 @@ use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::Mesh;
 
 const WHAT: &str = "cannot read the VTK file";
-/// An array may unpack to this many bytes, and this many for every byte of the file. The largest share is that of zlib (1032) in one array
-/// of constants; beside it lie the connectivity and the points, which do not deflate like that.
-const UNPACKED: (u64, u64) = (64 << 20, 256);
+/// All arrays together may unpack to this many bytes, and this many for every byte of the file. The largest share is that of zlib (1032) in
+/// one array of constants; beside it lie the connectivity and the points, which do not deflate like that.
+const UNPACKED: (u64, u64) = (16 << 20, 256);
 
 /// An array as the file describes it.
 struct Place<'b> {
@@ -130,7 +130,8 @@ impl File<'_, '_> {
         Ok(())
     }
 
-    fn array(&self, place: &Place<'_>, appended: &Appended<'_>) -> Result<Array> {
+    /// Reads an array; what it takes is gone from the limit.
+    fn array(&mut self, place: &Place<'_>, appended: &Appended<'_>) -> Result<Array> {
         let kind = Type::named(&place.kind.to_ascii_lowercase());
         let Some(kind) = kind else {
             let why = format!("array \"{}\" is of the unknown type \"{}\"", shorten(&place.name), shorten(place.kind));
@@ -144,21 +145,25 @@ impl File<'_, '_> {
             "appended" => from_bytes(tail, kind, self.coding),
             other => Err(format!("the format \"{}\" is not known", shorten(other))),
         };
-        read.map_err(|why| {
-            let why = format!("array \"{}\": {why}", shorten(&place.name));
-            self.bad(ErrorKind::Corrupt, place.at, why)
-        })
+        let bad = |why: String| self.bad(ErrorKind::Corrupt, place.at, format!("array \"{}\": {why}", shorten(&place.name)));
+        let array = read.map_err(bad)?;
+        let left = self.coding.limit.checked_sub(array.size());
+        self.coding.limit = left.ok_or_else(|| bad("there is far more in the arrays than in the file".into()))?;
+        Ok(array)
     }
 
-    fn read_piece(&self, piece: &Piece<'_>, appended: &Appended<'_>, builder: &mut Builder) -> Result<()> {
+    fn read_piece(&mut self, piece: &Piece<'_>, appended: &Appended<'_>, builder: &mut Builder) -> Result<()> {
         let find = |section: &str, name: &str| piece.arrays.iter().find(|p| p.section == section && (name.is_empty() || p.name == name));
         let need = |section: &str, name: &str| {
             let place = find(section, name);
             place.ok_or_else(|| self.bad(ErrorKind::Header, 0, format!("there is no array \"{name}\" in \"{section}\"")))
         };
+        let points = need("Points", "")?;
+        let [connectivity, offsets, types] = ["connectivity", "offsets", "types"].map(|name| need("Cells", name));
+        let (connectivity, offsets, types) = (connectivity?, offsets?, types?);
         let before = builder.node_count();
-        let points = self.array(need("Points", "")?, appended)?;
-        let at = At::Byte(need("Points", "")?.at as u64);
+        let at = At::Byte(points.at as u64);
+        let points = self.array(points, appended)?;
         for i in 0..points.len() / 3 {
             let Ok(id) = u32::try_from(before + i) else {
                 return Err(self.bad(ErrorKind::TooLarge, 0, "more than 4294967295 points"));
@@ -167,9 +172,10 @@ impl File<'_, '_> {
         }
         let count = points.len() / 3;
         drop(points);
-        let connectivity = self.array(need("Cells", "connectivity")?, appended)?;
-        let offsets = self.array(need("Cells", "offsets")?, appended)?;
-        let types = self.array(need("Cells", "types")?, appended)?;
+        let at = connectivity.at;
+        let connectivity = self.array(connectivity, appended)?;
+        let offsets = self.array(offsets, appended)?;
+        let types = self.array(types, appended)?;
         // Ours, those of meshio, of Gmsh and of others, in this order.
         let mut tags: [Option<Array>; 3] = [None, None, None];
         for (k, tags) in tags.iter_mut().enumerate() {
@@ -178,7 +184,6 @@ impl File<'_, '_> {
                 *tags = Some(self.array(place, appended)?);
             }
         }
-        let at = need("Cells", "connectivity")?.at;
         let (mut start, mut nodes) = (0, Vec::new());
         for i in 0..types.len() {
             let end = offsets.index(i).filter(|&e| e >= start && e <= connectivity.len() as u64);
