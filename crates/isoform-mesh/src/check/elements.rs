@@ -391,5 +391,8 @@ mod tests {
         let q = triangles(&points, &[[0, 1, 2]], &Options::default()).expect("one");
         assert!((q.angle_min - 60.0).abs() < 1e-12 && (q.angle_max - 60.0).abs() < 1e-12 && (q.aspect_max - 1.0).abs() < 1e-12);
         assert!((q.edges.mean - 2.0).abs() < 1e-15 && q.worst[0].nodes == [0, 1, 2]);
+        let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 3f64.sqrt(), 0.0]];
+        let q = triangles(&points, &[[0, 1, 2]], &Options::default()).expect("one");
+        assert!((q.angle_min - 30.0).abs() < 1e-12 && (q.angle_max - 90.0).abs() < 1e-12 && (q.worst[0].value - 30.0).abs() < 1e-12);
     }
 }

@@ -156,6 +156,15 @@ fn two_cubes_at_an_edge() {
     assert_eq!((s.shells, s.crowded_edges.places[0].at, s.crowded_edges.places[0].elements.len()), (1, [1.0, 1.0, 0.5], 4));
 }
 
+/// Three pages of a book hang together nowhere.
+#[test]
+fn three_triangles_at_an_edge() {
+    let points = vec![[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]];
+    let s = surface(&Mesh::from_triangles(points, vec![[0, 1, 2], [0, 1, 3], [1, 0, 4]]));
+    assert_eq!((s.crowded_edges.count, s.open_edges.count, s.misoriented_edges.count), (1, 6, 0));
+    assert_eq!(s.pinched_nodes.places.iter().map(|p| p.value).collect::<Vec<_>>(), [3.0, 3.0]);
+}
+
 #[test]
 fn two_cubes_at_a_node() {
     let c = look(&welded(&cube([0.0; 3]), &cube([1.0; 3])));
