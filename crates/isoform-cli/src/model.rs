@@ -1,7 +1,7 @@
 //! Reading HyperFun programs.
 
 use crate::output::{self, Context, Failure};
-use isoform::field::hyperfun::{Mode, Model, Precedence};
+use isoform::field::hyperfun::{Mode, Model, Precedence, SyntaxError};
 use std::path::Path;
 
 /// How a program is read; the same options for every verb.
@@ -25,9 +25,7 @@ pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Resul
 
 /// The same from text; the path is for messages.
 pub(crate) fn parse(path: &Path, text: &str, language: &Language, context: &Context) -> Result<Model, Failure> {
-    let mode = if language.strict { Mode::Strict } else { Mode::Default };
-    let precedence = if language.documented_precedence { Precedence::Documented } else { Precedence::Flat };
-    let model = Model::parse_with(text, mode, precedence).map_err(|e| {
+    let model = silently(text, language).map_err(|e| {
         let line = text.strip_prefix('\u{feff}').unwrap_or(text).split('\n').nth(e.line - 1).unwrap_or_default();
         let failure = Failure::input("syntax", &e.message).at(path, e.line, e.column).drawn(line);
         if e.expected.is_empty() { failure } else { failure.hint(format!("{} there", e.expected)) }
@@ -39,4 +37,11 @@ pub(crate) fn parse(path: &Path, text: &str, language: &Language, context: &Cont
         let failure = Failure::usage(format!("{}: no object is called `{}`", path.display(), e.name));
         failure.hint(format!("--object with one of: {}", e.objects.join(", ")))
     })
+}
+
+/// The first object of a program, nothing said.
+pub(crate) fn silently(text: &str, language: &Language) -> Result<Model, SyntaxError> {
+    let mode = if language.strict { Mode::Strict } else { Mode::Default };
+    let precedence = if language.documented_precedence { Precedence::Documented } else { Precedence::Flat };
+    Model::parse_with(text, mode, precedence)
 }

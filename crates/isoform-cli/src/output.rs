@@ -178,7 +178,8 @@ impl Failure {
         self
     }
 
-    fn json(&self) -> Value {
+    /// Its fields in a document.
+    pub(crate) fn json(&self) -> Value {
         let mut at = serde_json::Map::new();
         if let Some(file) = &self.place.file {
             at.insert("file".into(), json!(file.display().to_string()));
@@ -196,7 +197,7 @@ impl Failure {
     }
 
     /// The message, its place first, the source line with a caret, why, and what to try.
-    fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let mut text = "error: ".to_owned();
         if let (Some(file), Some(line), Some(column)) = (&self.place.file, self.place.line, self.place.column) {
             text += &format!("{}:{line}:{column}: ", file.display());

@@ -1,12 +1,13 @@
 //! Two-sided deviation between any two of points, meshes and models.
 //!
 //! Points ask for the nearest point; of a mesh the nearest triangle (those of the nearest samples are measured exactly); of a model the
-//! metric reading, which is the distance to first order. Meshes and models are sampled evenly.
+//! metric reading, which is the distance to first order; points of meshes, which lie near, are brought to the model's surface by Newton's
+//! method on that reading and asked how far they went. Meshes and models are sampled evenly.
 
 use crate::FrepTemplate;
 use crate::facets::on_triangle;
 use isoform_fit::{Template, surface_samples};
-use isoform_geom::{Aabb, KdTree, Point3, PointCloud, cross, dot, norm, sub};
+use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
 
 /// Samples of a mesh whose triangles are measured: the nearest triangle is nearly always among them.
 const NEAREST: usize = 32;
@@ -64,7 +65,10 @@ pub fn compare(a: Side, b: Side, region: Option<Aabb>, samples: usize) -> Result
     let empty = |points: &[Point3], which| if points.is_empty() { Err(CompareError::Empty(which)) } else { Ok(()) };
     empty(&from_a.points, "first")?;
     empty(&from_b.points, "second")?;
-    Ok((summary(&distances(&from_a.points, &b, &from_b)), summary(&distances(&from_b.points, &a, &from_a))))
+    let is_mesh = |s: &Side| matches!(s, Side::Mesh(_));
+    let there = distances(&from_a.points, &b, &from_b, is_mesh(&a));
+    let back = distances(&from_b.points, &a, &from_a, is_mesh(&b));
+    Ok((summary(&there), summary(&back)))
 }
 
 fn absolute(cloud: &PointCloud) -> Vec<Point3> {
@@ -106,8 +110,11 @@ fn sampled(side: &Side, region: Option<Aabb>, wanted: usize) -> Result<Sampled, 
     Ok(out)
 }
 
-fn distances(points: &[Point3], to: &Side, sampled: &Sampled) -> Vec<f64> {
+fn distances(points: &[Point3], to: &Side, sampled: &Sampled, exactly: bool) -> Vec<f64> {
     if let Side::Model(template, values) = to {
+        if exactly {
+            return feet(points, template.metric(), values);
+        }
         let mut f = vec![0.0; points.len()];
         template.metric().values(points, values, &mut f);
         return f.into_iter().map(f64::abs).filter(|d| d.is_finite()).collect();
@@ -125,6 +132,33 @@ fn distances(points: &[Point3], to: &Side, sampled: &Sampled) -> Vec<f64> {
             found.iter().map(|f| to_triangle(*p, triangle(f.1 as usize))).fold(f64::INFINITY, f64::min)
         })
         .collect()
+}
+
+/// Steps of Newton's method: each doubles the digits, and the first ones begin at a mesh.
+const STEPS: usize = 6;
+
+/// How far each point is from its foot on the zero set, where Newton's method along gradients leads; by the value alone where it leads away.
+fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
+    let mut at = points.to_vec();
+    let (mut f, mut g) = (vec![0.0; at.len()], vec![[0.0; 3]; at.len()]);
+    let mut first = Vec::new();
+    for _ in 0..STEPS {
+        field.gradients(&at, a, &mut f, &mut g);
+        if first.is_empty() {
+            first.clone_from(&f);
+        }
+        for ((p, f), g) in at.iter_mut().zip(&f).zip(&g) {
+            let step = f / dot(*g, *g);
+            if step.is_finite() {
+                *p = std::array::from_fn(|k| p[k] - step * g[k]);
+            }
+        }
+    }
+    let distance = |((p, q), f): ((&Point3, &Point3), &f64)| {
+        let d = norm(sub(*p, *q));
+        if d <= 2.0 * f.abs() { d } else { f.abs() }
+    };
+    points.iter().zip(&at).zip(&first).map(distance).filter(|d| d.is_finite()).collect()
 }
 
 /// Distance of a point from a triangle: to the plane where the foot lies inside, else to the nearest edge.
@@ -192,6 +226,20 @@ mod tests {
         assert!(to_points.max < 0.5 && to_points.p95 >= 0.1, "{to_points:?}");
         let both = Side::Model(&template, &[2.1]);
         assert_eq!(compare(both, both, None, 1000), Err(CompareError::NoRegion));
+    }
+
+    #[test]
+    fn a_mesh_is_measured_on_the_function() {
+        // The algebraic sphere's reading is no distance.
+        let text = "my_model(x[3], a[1]) { my_model = 4 - x[1]^2 - x[2]^2 - x[3]^2; }";
+        let model = Model::parse(text, Mode::Default).expect("a program");
+        let template = FrepTemplate::with_pose(&model, Pose::None, &[]).expect("a template");
+        let points = vec![[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]];
+        let mesh = PointCloud { triangles: vec![[0, 1, 2]], ..PointCloud::from_points(points) };
+        let region = Aabb { lo: [-3.0; 3], hi: [3.0; 3] };
+        let (there, _) = compare(Side::Mesh(&mesh), Side::Model(&template, &[0.0]), Some(region), 20_000).expect("comparable");
+        let farthest = 2.0 - 2.0 / 3.0_f64.sqrt();
+        assert!(there.max <= farthest + 1e-12 && there.max > 0.99 * farthest, "{there:?}");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use isoform_field::hyperfun::Model;
 use isoform_field::{Pieces, RunField, SolidError};
 use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, Solid};
 use isoform_mesh::check::{self, Certificate, Limits, certify};
-use isoform_mesh::features::{ExtentError, START, extent};
+use isoform_mesh::features::{Corner, CornerKind, ExtentError, START, extent};
 use isoform_mesh::{Control, MeshError, Meshed, Options, mesh};
 
 /// Part of the diagonal that an element takes by default: some ten thousand tetrahedra in a ball.
@@ -61,7 +61,7 @@ pub fn certified_mesh(
 ) -> Result<(Meshed, Certificate), MeshError> {
     let mut meshed = mesh(solid, options, control)?;
     let curves: Vec<Vec<Point3>> = meshed.features.curves.iter().map(|c| c.points.clone()).collect();
-    let corners: Vec<Point3> = meshed.features.corners.iter().map(|c| c.point).collect();
+    let corners: Vec<Point3> = meshed.features.corners.iter().filter(|c| is_corner(c)).map(|c| c.point).collect();
     if meshed.mesh.corners.is_empty() {
         meshed.mesh.corners = nodes_at(&meshed.mesh, &corners);
     }
@@ -75,6 +75,11 @@ pub fn certified_mesh(
     };
     let certificate = certify(&meshed.mesh, Some(solid), &wanted, control);
     Ok((meshed, certificate))
+}
+
+/// Whether a mesh must have a node there: not where a curve fades out, or goes on with another piece in the same direction.
+fn is_corner(corner: &Corner) -> bool {
+    !matches!(corner.kind, CornerKind::Fading | CornerKind::Seam)
 }
 
 /// The nodes of feature edges at the given points, in their order.

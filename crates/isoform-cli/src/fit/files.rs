@@ -2,6 +2,7 @@
 
 use super::document;
 use super::job::Job;
+use crate::mesh::files::is_mesh;
 use crate::output::{self, Context, Failure};
 use crate::{report, scan};
 use isoform::geom::{Column, PointCloud};
@@ -17,18 +18,31 @@ enum Kind {
     Document,
 }
 
-fn kind(path: &Path) -> Result<Kind, Failure> {
+/// What an ending asks for.
+fn named(path: &Path) -> Option<Kind> {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     match ending.as_str() {
-        "hf" => Ok(Kind::Program),
-        "ply" | "xyz" | "txt" | "csv" => Ok(Kind::Points),
-        "html" | "htm" => Ok(Kind::Report),
-        "json" => Ok(Kind::Document),
-        _ => {
-            let failure = Failure::usage(format!("{}: no result is written with this ending", path.display()));
-            Err(failure.hint("-o with .hf, .ply, .xyz, .csv, .html or .json"))
-        }
+        "hf" => Some(Kind::Program),
+        "ply" | "xyz" | "txt" | "csv" => Some(Kind::Points),
+        "html" | "htm" => Some(Kind::Report),
+        "json" => Some(Kind::Document),
+        _ => None,
     }
+}
+
+/// Whether it is a fit that is written with that ending.
+pub(crate) fn is_result(path: &Path) -> bool {
+    named(path).is_some()
+}
+
+fn kind(path: &Path) -> Result<Kind, Failure> {
+    named(path).ok_or_else(|| {
+        let failure = Failure::usage(format!("{}: no result is written with this ending", path.display()));
+        if is_mesh(path) {
+            return failure.hint("isoform recover, which meshes the fitted model");
+        }
+        failure.hint("-o with .hf, .ply, .xyz, .csv, .html or .json")
+    })
 }
 
 /// Finds out before the work whether every file can be of its kind and its folder exists.

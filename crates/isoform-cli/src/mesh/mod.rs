@@ -89,8 +89,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let subject = Subject { name: args.model.display().to_string(), unit: model.info().unit.clone(), model, values };
     let mut made = work::make(&subject, &args.settings, context)?;
     let stdout = files::write(&mut made, &targets)?;
-    made.warnings.iter().for_each(|w| context.warn(work::sentence(w)));
-    made.notes.iter().for_each(|n| context.warn(n));
+    made.say(context);
     let mut json = document::document(&made);
     if !stdout.is_empty() {
         json["text"] = String::from_utf8_lossy(&stdout).into();

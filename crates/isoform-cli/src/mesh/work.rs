@@ -53,10 +53,15 @@ impl Made {
             () => PARTIAL,
         }
     }
+    /// Says all warnings on stderr.
+    pub(crate) fn say(&self, context: &Context) {
+        self.warnings.iter().for_each(|w| context.warn(sentence(w)));
+        self.notes.iter().for_each(|n| context.warn(n));
+    }
 }
 
 /// A warning with its place.
-pub(crate) fn sentence(warning: &Warning) -> String {
+fn sentence(warning: &Warning) -> String {
     match warning.at {
         Some([x, y, z]) => format!("{} at ({x}, {y}, {z})", warning.message),
         None => warning.message.clone(),
