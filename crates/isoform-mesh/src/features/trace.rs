@@ -21,6 +21,8 @@ const AHEAD: f64 = 0.966;
 const SAME: f64 = 1e-7;
 /// Steps of one curve; at size/2 each that is far more than a solid of the largest allowed extent has.
 const STEPS: usize = 200_000;
+/// Curves of one solid; beyond, the search is given up.
+const CURVES: usize = 1_000_000;
 
 /// A corner with the curves that leave it.
 #[derive(Clone, Debug)]
@@ -70,6 +72,8 @@ pub(crate) struct Tracer<'a> {
     near: HashMap<[i64; 3], Vec<u32>>,
     /// Whether a curve was given up before its end.
     pub(crate) lost: bool,
+    /// Corners before this one have had all their curves followed.
+    traced: usize,
 }
 
 impl<'a> Tracer<'a> {
@@ -82,11 +86,12 @@ impl<'a> Tracer<'a> {
             segments: Vec::new(),
             near: HashMap::new(),
             lost: false,
+            traced: 0,
         }
     }
 
     fn bin(&self, p: Point3) -> [i64; 3] {
-        p.map(|v| (v / self.search.size()).floor() as i64)
+        p.map(|v| (v / self.search.size()).floor().clamp(-1e15, 1e15) as i64)
     }
 
     fn around(&self, p: Point3) -> impl Iterator<Item = [i64; 3]> {
@@ -151,14 +156,17 @@ impl<'a> Tracer<'a> {
 
     /// Follows all curves that leave corners, those found on the way included.
     pub(crate) fn trace_corners(&mut self) {
-        let mut c = 0;
-        while c < self.corners.len() {
-            for l in 0..self.corners[c].lines.len() {
-                if !self.corners[c].used[l] && !self.search.control.is_stopped() {
-                    self.trace_line(c, l);
+        while self.traced < self.corners.len() {
+            for l in 0..self.corners[self.traced].lines.len() {
+                if self.curves.len() >= CURVES || self.search.control.is_stopped() {
+                    self.lost = true;
+                    return;
+                }
+                if !self.corners[self.traced].used[l] {
+                    self.trace_line(self.traced, l);
                 }
             }
-            c += 1;
+            self.traced += 1;
         }
     }
 
@@ -233,7 +241,10 @@ impl<'a> Tracer<'a> {
         let search = self.search;
         let size = search.size();
         let mut step = 0.25 * size;
-        for _ in 0..STEPS {
+        for n in 0..STEPS {
+            if n % 64 == 63 && search.control.is_stopped() {
+                break;
+            }
             if let Some(c) = self.corner_ahead(&walk, 1.5 * step, None) {
                 return (End::Corner(c), walk);
             }
@@ -286,7 +297,7 @@ impl<'a> Tracer<'a> {
             before.faces == after.faces
         };
         let state = if pair == walk.pair { next } else { search.state(q, pair, t)? };
-        same.then(|| Walk { p: q, t, pair, state: State { a, b, ..state } })
+        same.then_some(Walk { p: q, t, pair, state: State { a, b, ..state } })
     }
 
     /// Whether the curve goes straight to `target`, at most `reach` ahead. It may fade out on the way if it `may_fade`.
