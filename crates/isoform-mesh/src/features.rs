@@ -92,8 +92,8 @@ pub struct Features {
     pub corners: Vec<Corner>,
     /// The curves.
     pub curves: Vec<FeatureCurve>,
-    /// Whether intervals prove that there is no feature farther than a cell from those found. It does not prove that no two curves of the
-    /// same pieces run closer together than that, and pieces that coincide at samples count as one.
+    /// Whether intervals prove that there is no feature farther than one and a half sizes from those found. It does not prove that no
+    /// two curves run closer together than that, and pieces that coincide at samples count as one.
     pub certified: bool,
     /// Cells where the proof is missing.
     pub uncertified: Vec<Aabb>,
