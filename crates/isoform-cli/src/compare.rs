@@ -8,18 +8,20 @@ use crate::{eval, gallery};
 use isoform::field::hyperfun::Pose;
 use isoform::geom::{Aabb, PointCloud};
 use isoform::io::MeshPoints;
-use isoform::{CompareError, Distances, FrepTemplate, Side, compare};
+use isoform::{CompareError, Distances, FrepTemplate, Side, compare, surface_of};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Measures the deviation between two of points, meshes and models, both ways
 #[derive(clap::Args)]
 #[command(after_help = "\
-Example:
+Examples:
   isoform compare scan.ply fitted.hf
+  isoform compare part.msh fitted.hf
 
-Files with triangles count as surfaces (--vertices: as points). Files with the ending .hf are models; their distances are
-those of the metric reading. Coordinates must agree: nothing is moved.
+Files with triangles count as surfaces (--vertices: as points), tetrahedra by their surface. Files with the ending .hf are
+models; their distances are those of the metric reading, and from meshes those of Newton's method on it. Coordinates must
+agree: nothing is moved.
 
 Exit code: 0; 3 if --tolerance is given and a distance exceeds it.")]
 pub(crate) struct Args {
@@ -95,6 +97,11 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 }
 
 fn load(path: &Path, is_model: bool, given: Option<&eval::Parameters>, args: &Args, context: &Context) -> Result<Loaded, Failure> {
+    if scan::is_mesh(path, None) {
+        let (mesh, report) = scan::read_mesh_file(path, None)?;
+        report.warnings.iter().for_each(|w| context.warn(format_args!("{}: {w}", path.display())));
+        return Ok(Loaded::Cloud(surface_of(&mesh)));
+    }
     if !is_model {
         let (cloud, report) = scan::read_points(path, None, None, MeshPoints::Vertices, context)?;
         report.warnings.iter().for_each(|w| context.warn(format_args!("{}: {w}", path.display())));

@@ -1,22 +1,24 @@
-//! `isoform convert`: points from format to format, programs with values.
+//! `isoform convert`: points and meshes from format to format, programs with values.
 
 use crate::eval;
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::scan;
-use isoform::io::{MeshPoints, WriteOptions, write, write_path};
-use serde_json::json;
+use isoform::io::{MeshPoints, MeshWriteOptions, WriteOptions, mesh_format_named, write, write_mesh, write_mesh_path, write_path};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Converts points from format to format, or writes a HyperFun program with values
+/// Converts points and meshes from format to format, or writes a HyperFun program with values
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   isoform convert scan.e57 -o scan.ply
   isoform convert part.stl --samples 20000 -o part.xyz
+  isoform convert part.msh -o part.inp
   isoform convert template.hf --params 1,2,0.5 -o part.hf
 
-Points are written as PLY, XYZ and CSV; every number reads back exactly.")]
+Points are written as PLY, XYZ and CSV; every number reads back exactly. Meshes (msh, vtu, inp, obj, ...) keep their groups
+where the format has them.")]
 pub(crate) struct Args {
     /// The file (- for stdin)
     file: PathBuf,
@@ -56,17 +58,49 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let json = json!({"verb": "convert", "input": args.file.display().to_string(), "output": args.output.display().to_string()});
     match (is_model(&args.file, args.from.as_ref()), is_model(&args.output, args.to.as_ref())) {
         (true, true) => program(args, json, context),
+        (false, false) if is_mesh(args) => mesh(args, json, context),
         (false, false) => points(args, json, context),
         (true, false) => Err(Failure::usage("a model is not turned into points here").hint("-o with the ending .hf")),
         (false, true) => Err(Failure::usage("points are not turned into a model here").hint("isoform fit SCAN --template T -o model.hf")),
     }
 }
 
+/// Whether a format of meshes alone is on either side, and one of meshes on the other.
+fn is_mesh(args: &Args) -> bool {
+    let (from, to) = (args.from.as_deref(), args.to.as_deref());
+    let can = |path: &Path, said: Option<&str>| {
+        let ending = path.extension().unwrap_or_default().to_string_lossy();
+        mesh_format_named(said.unwrap_or(&ending)).is_some()
+    };
+    (scan::is_mesh(&args.file, from) || scan::is_mesh(&args.output, to)) && can(&args.file, from) && can(&args.output, to)
+}
+
+fn mesh(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
+    let (mesh, report) = scan::read_mesh_file(&args.file, args.from.as_deref())?;
+    let options = MeshWriteOptions { ascii: args.ascii.then_some(true), units: report.units.clone() };
+    let mut stdout = Vec::new();
+    let written = if args.output == Path::new("-") {
+        write_mesh(&mesh, &mut stdout, args.to.as_deref().unwrap_or_default(), &options)
+    } else {
+        write_mesh_path(&mesh, &args.output, args.to.as_deref(), &options)
+    }
+    .map_err(|e| scan::unwritable(&e))?;
+    let warnings: Vec<&String> = report.warnings.iter().chain(&written.warnings).collect();
+    warnings.iter().for_each(|w| context.warn(w));
+    json["counts"] = json!({"points": mesh.points.len(), "triangles": mesh.triangles.len(), "tets": mesh.tets.len()});
+    json["formats"] = json!([report.format, written.format]);
+    json["warnings"] = json!(warnings);
+    if context.global.json && !stdout.is_empty() {
+        json["text"] = json!(String::from_utf8_lossy(&stdout));
+    }
+    Ok(Outcome { exit: DONE, json, stdout })
+}
+
 fn size(n: Option<u64>) -> Option<usize> {
     n.map(|n| usize::try_from(n).unwrap_or(usize::MAX))
 }
 
-fn points(args: &Args, mut json: serde_json::Value, context: &Context) -> Result<Outcome, Failure> {
+fn points(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
     let mesh = size(args.samples).map_or(MeshPoints::Vertices, MeshPoints::Samples);
     let (cloud, report) = scan::read_points(&args.file, args.from.as_deref(), size(args.max_points), mesh, context)?;
     let options = WriteOptions { ascii: args.ascii, units: report.units.clone() };
@@ -91,7 +125,7 @@ fn points(args: &Args, mut json: serde_json::Value, context: &Context) -> Result
     Ok(Outcome { exit: DONE, json, stdout })
 }
 
-fn program(args: &Args, mut json: serde_json::Value, context: &Context) -> Result<Outcome, Failure> {
+fn program(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
     let model = model::read(&args.file, &args.language, context)?;
     let text = match &args.params {
         Some(given) => model.print_fitted(&eval::values(&model, &given.0)?, None),

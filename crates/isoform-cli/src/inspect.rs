@@ -1,22 +1,26 @@
-//! `isoform inspect`: what is in a file of points.
+//! `isoform inspect`: what is in a file of points or a mesh.
 
 use crate::fit::table::brief;
+use crate::mesh::{document, table};
 use crate::output::{Context, DONE, Failure, Outcome};
 use crate::scan;
 use isoform::io::{Inspection, MeshPoints, inspect};
+use isoform::mesh::Control;
+use isoform::mesh::check::{Options, certify};
 use serde_json::json;
 use std::path::PathBuf;
 
 /// Says what is in a file of points or a mesh
 #[derive(clap::Args)]
 #[command(after_help = "\
-Example:
+Examples:
   isoform inspect scan.laz --json
+  isoform inspect part.msh
 
 Gives counts, box, spacing, normals, colours, further columns, the unit (stated or guessed, with the reason) and
-everything odd that was met.")]
+everything odd that was met. Of a mesh (msh, vtu, inp, ...) groups, topology, self-intersections and angles.")]
 pub(crate) struct Args {
-    /// The file: PLY, XYZ, CSV, OBJ, OFF, STL, PCD, LAS, LAZ, E57 (- for stdin)
+    /// The file: PLY, XYZ, CSV, OBJ, OFF, STL, PCD, LAS, LAZ, E57, MSH, VTU, INP (- for stdin)
     file: PathBuf,
     /// Its format, where neither name nor content tell it
     #[arg(long, value_name = "FORMAT")]
@@ -27,6 +31,9 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    if scan::is_mesh(&args.file, args.from.as_deref()) {
+        return mesh(args, context);
+    }
     let max = args.max_points.map(|n| usize::try_from(n).unwrap_or(usize::MAX));
     let (cloud, report) = scan::read_points(&args.file, args.from.as_deref(), max, MeshPoints::Vertices, context)?;
     let seen = inspect(&cloud, &report);
@@ -45,6 +52,26 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         context.warn(w);
     }
     Ok(Outcome { exit: DONE, json, stdout: text(&args.file.display().to_string(), &seen, bounds).into_bytes() })
+}
+
+/// A mesh: its groups, and what a certificate can say without the function.
+fn mesh(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    let (mesh, report) = scan::read_mesh_file(&args.file, args.from.as_deref())?;
+    let certificate = certify(&mesh, None, &Options::default(), &Control { deadline: context.deadline, ..Control::default() });
+    if !context.global.json {
+        report.warnings.iter().for_each(|w| context.warn(w));
+    }
+    let bounds = mesh.bounds();
+    let file = args.file.display().to_string();
+    let mut json = json!({
+        "verb": "inspect", "file": file, "format": report.format, "dropped": report.dropped_points,
+        "bounds": (!bounds.is_empty()).then_some([bounds.lo, bounds.hi]), "unit": report.units,
+    });
+    document::add(&mut json, document::contents(&mesh));
+    json["certificate"] = document::certificate(&certificate);
+    json["warnings"] = json!(report.warnings);
+    let text = format!("{file}: {}\n{}", report.format, table::of_mesh(&mesh, &certificate));
+    Ok(Outcome { exit: DONE, json, stdout: text.into_bytes() })
 }
 
 fn text(file: &str, seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> String {

@@ -1,8 +1,11 @@
-//! Reading points.
+//! Reading points and meshes.
 
 use crate::output::{self, Context, Failure};
-use isoform::geom::PointCloud;
-use isoform::io::{At, MeshPoints, ReadError, ReadOptions, ReadReport, Source, WriteError, read};
+use isoform::geom::{Mesh, PointCloud};
+use isoform::io::{
+    At, MeshPoints, MeshReadOptions, ReadError, ReadOptions, ReadReport, Source, WriteError, format_named, mesh_format_named, read,
+    read_mesh,
+};
 use std::path::Path;
 
 /// Reads a file of points, or stdin for `-`.
@@ -19,6 +22,23 @@ pub(crate) fn read_points(
         return read(Source::Bytes { name: "-", bytes: &bytes }, format, &options).map_err(|e| unreadable(path, &e));
     }
     read(Source::Path(path), format, &options).map_err(|e| unreadable(path, &e))
+}
+
+/// Whether it is a format of meshes alone, by what was said or by the ending: msh, vtu, inp and so on.
+pub(crate) fn is_mesh(path: &Path, said: Option<&str>) -> bool {
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    let name = said.unwrap_or(&ending);
+    mesh_format_named(name).is_some() && format_named(name).is_none()
+}
+
+/// Reads a mesh with its groups, or stdin for `-`.
+pub(crate) fn read_mesh_file(path: &Path, format: Option<&str>) -> Result<(Mesh, ReadReport), Failure> {
+    let options = MeshReadOptions::default();
+    if path == Path::new("-") {
+        let bytes = output::read_file(path)?;
+        return read_mesh(Source::Bytes { name: "-", bytes: &bytes }, format, &options).map_err(|e| unreadable(path, &e));
+    }
+    read_mesh(Source::Path(path), format, &options).map_err(|e| unreadable(path, &e))
 }
 
 /// Why a file could not be read, in our four parts.

@@ -2,7 +2,7 @@
 
 use isoform_field::hyperfun::Model;
 use isoform_field::{Pieces, RunField, SolidError};
-use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, Solid};
+use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, PointCloud, Solid};
 use isoform_mesh::check::{self, Certificate, Limits, certify};
 use isoform_mesh::features::{Corner, CornerKind, ExtentError, START, extent};
 use isoform_mesh::{Control, MeshError, Meshed, Options, mesh};
@@ -49,6 +49,28 @@ pub fn default_size(solid: &dyn Solid, region: Option<Aabb>) -> Result<f64, Exte
     Ok(two_digits(tolerance))
 }
 
+/// The surface of a mesh as a cloud with triangles; faces with mid nodes as four triangles each.
+pub fn surface_of(mesh: &Mesh) -> PointCloud {
+    let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(mesh.triangles.len());
+    for (i, &t) in mesh.triangles.iter().enumerate() {
+        match mesh.triangle_mids.get(i) {
+            Some(&[ab, bc, ca]) => triangles.extend([[t[0], ab, ca], [ab, t[1], bc], [ca, bc, t[2]], [ab, bc, ca]]),
+            None => triangles.push(t),
+        }
+    }
+    let mut number = vec![u32::MAX; mesh.points.len()];
+    let mut points = Vec::new();
+    for v in triangles.as_flattened_mut() {
+        let n = &mut number[*v as usize];
+        if *n == u32::MAX {
+            *n = points.len() as u32;
+            points.push(mesh.points[*v as usize]);
+        }
+        *v = *n;
+    }
+    PointCloud { points, triangles, ..PointCloud::default() }
+}
+
 /// How far from a corner of the solid its node may be, as a share of the diagonal.
 const AT_CORNER: f64 = 1e-9;
 
@@ -93,9 +115,9 @@ fn nodes_at(mesh: &Mesh, corners: &[Point3]) -> Vec<u32> {
     for corner in corners {
         if let Some((i, squared)) = tree.nearest(*corner)
             && squared <= limit
-            && !found.contains(&nodes[i as usize])
+            && !found.contains(&nodes[i])
         {
-            found.push(nodes[i as usize]);
+            found.push(nodes[i]);
         }
     }
     found
@@ -125,6 +147,18 @@ mod tests {
         let region = Aabb { lo: [0.0; 3], hi: [3.0, 4.0, 0.0] };
         let (ball, _) = solid_of(&model("m = hfSphere(x, c, a[1]);"), &[1.0]).expect("a solid");
         assert_eq!(default_size(ball.as_ref(), Some(region)), Ok(0.12));
+    }
+
+    #[test]
+    fn the_surface_of_a_curved_mesh() {
+        let points = vec![[9.0; 3], [0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [1.0, 0.0, 0.1], [1.0, 1.0, 0.1], [0.0, 1.0, 0.1]];
+        let mut mesh = Mesh::from_triangles(points, vec![[1, 2, 3]]);
+        let flat = surface_of(&mesh);
+        assert_eq!((flat.points.len(), flat.triangles.as_slice()), (3, &[[0, 1, 2]][..]));
+        mesh.triangle_mids = vec![[4, 5, 6]];
+        let curved = surface_of(&mesh);
+        assert_eq!((curved.points.len(), curved.triangles.len()), (6, 4));
+        assert!(curved.triangles.iter().all(|t| t.iter().all(|&v| v < 6)) && !curved.points.contains(&[9.0; 3]));
     }
 
     #[test]

@@ -10,7 +10,7 @@ pub(crate) fn document(made: &Made) -> Value {
     let (mesh, options) = (&made.meshed.mesh, &made.options);
     let files: Vec<Value> = made.written.iter().map(|w| json!({"path": w.path, "format": w.format, "warnings": w.warnings})).collect();
     let warnings: Vec<Value> = made.warnings.iter().map(|w| json!({"message": w.message, "at": w.at})).collect();
-    json!({
+    let mut json = json!({
         "ok": made.certificate.is_ok(),
         "verb": "mesh",
         "model": {"file": made.name, "object": made.object, "parameters": made.values, "unit": made.unit},
@@ -19,22 +19,37 @@ pub(crate) fn document(made: &Made) -> Value {
         "order": mesh.order(),
         "region": [made.meshed.region.lo, made.meshed.region.hi],
         "region_certified": made.meshed.region_certified,
-        "parts": groups(&mesh.parts, &mesh.triangle_parts, "triangles"),
+        "features_certified": made.meshed.features.certified,
         "caps": made.meshed.caps,
+    });
+    add(&mut json, contents(mesh));
+    json["certificate"] = certificate(&made.certificate);
+    json["files"] = json!(files);
+    json["warnings"] = json!(warnings);
+    json["notes"] = json!(made.notes);
+    json["seconds"] = made.seconds.iter().map(|(k, v)| (k.clone(), json!(v))).collect::<Map<_, _>>().into();
+    json
+}
+
+/// Groups and counts of a mesh.
+pub(crate) fn contents(mesh: &Mesh) -> Value {
+    json!({
+        "parts": groups(&mesh.parts, &mesh.triangle_parts, "triangles"),
         "regions": groups(&mesh.regions, &mesh.tet_regions, "tets"),
         "curves": curves(mesh),
-        "features_certified": made.meshed.features.certified,
         "corners": mesh.corners.iter().map(|&v| mesh.points[v as usize]).collect::<Vec<_>>(),
         "counts": {
             "points": mesh.points.len(), "triangles": mesh.triangles.len(), "tets": mesh.tets.len(), "edges": mesh.edges.len(),
             "parts": mesh.parts.len(), "curves": mesh.curves.len(), "corners": mesh.corners.len(),
         },
-        "certificate": certificate(&made.certificate),
-        "files": files,
-        "warnings": warnings,
-        "notes": made.notes,
-        "seconds": made.seconds.iter().map(|(k, v)| (k.clone(), json!(v))).collect::<Map<_, _>>(),
     })
+}
+
+/// Puts the fields of one document behind those of another.
+pub(crate) fn add(json: &mut Value, more: Value) {
+    if let (Value::Object(json), Value::Object(more)) = (json, more) {
+        json.extend(more);
+    }
 }
 
 /// Groups with the tags that they have in files: from 1 in the order of the mesh.

@@ -25,17 +25,20 @@ pub(crate) struct Written {
 /// Whether a mesh can be written with that name's ending.
 pub(crate) fn is_mesh(path: &Path) -> bool {
     let ending = path.extension().unwrap_or_default().to_string_lossy();
-    mesh_format_named(&ending).is_some_and(|f| f.is_writable())
+    mesh_format_named(&ending).is_some()
 }
 
 /// Names of the formats that can be written.
 pub(crate) fn formats() -> String {
-    let names: Vec<&str> = mesh_formats().iter().filter(|f| f.is_writable()).map(|f| f.name).collect();
+    let names: Vec<&str> = mesh_formats().iter().map(|f| f.name).collect();
     names.join(", ")
 }
 
 /// Finds out before the work whether every file can be written.
 pub(crate) fn targets(paths: &[PathBuf], to: Option<&str>, context: &Context) -> Result<Vec<Target>, Failure> {
+    if let Some(name) = to.filter(|name| mesh_format_named(name.trim_end_matches("-ascii").trim_end_matches("-binary")).is_none()) {
+        return Err(Failure::usage(format!("no format of meshes is called `{name}`")).hint(format!("--to with one of: {}", formats())));
+    }
     for path in paths {
         let stdout = path == Path::new("-");
         if stdout && to.is_none() {

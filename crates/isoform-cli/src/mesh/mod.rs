@@ -46,6 +46,7 @@ pub(crate) struct Args {
 
 /// How to mesh; shared with `recover`.
 #[derive(clap::Args, Clone, Debug, Default)]
+#[group(id = "MeshSettings")]
 pub(crate) struct Settings {
     /// Length of edges, the largest one where sizes vary [default: a fortieth of the diagonal]
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]

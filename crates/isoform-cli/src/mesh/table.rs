@@ -2,24 +2,32 @@
 
 use super::work::{Made, place};
 use crate::fit::table::brief;
+use isoform::geom::Mesh;
 use isoform::mesh::check::Certificate;
 
 /// What was made, whether it holds, and where it went.
 pub(crate) fn text(made: &Made) -> String {
-    let mut lines = vec![line("mesh", what(made)), line("region", region(made))];
-    lines.extend(figures(&made.certificate).into_iter().map(|(name, text)| line(name, text)));
-    lines.push(line("parts", parts(made)));
-    let failures = made.certificate.failures();
-    for failure in &failures {
-        let at = failure.place.as_ref().map_or(String::new(), |p| format!(", the first at {}", place(p.at)));
-        lines.push(line("FAILED", format!("{failure}{at}")));
-    }
-    let verdict = if failures.is_empty() { "holds" } else { "does not hold" };
+    let mut text = line("size", size(made)) + &line("region", region(made)) + &of_mesh(&made.meshed.mesh, &made.certificate);
+    let verdict = if made.certificate.is_ok() { "holds" } else { "does not hold" };
     let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
-    lines.push(line("certificate", format!("{verdict}; {} s", brief(seconds))));
+    text += &line("certificate", format!("{verdict}; {} s", brief(seconds)));
     for w in &made.written {
         let without = w.warnings.iter().map(|w| format!("; {w}")).collect::<String>();
-        lines.push(line("wrote", format!("{} ({}){without}", w.path, w.format)));
+        text += &line("wrote", format!("{} ({}){without}", w.path, w.format));
+    }
+    text
+}
+
+/// What a mesh holds and what is known of it.
+pub(crate) fn of_mesh(mesh: &Mesh, certificate: &Certificate) -> String {
+    let mut lines = vec![line("mesh", what(mesh))];
+    lines.extend(figures(certificate).into_iter().map(|(name, text)| line(name, text)));
+    if !mesh.parts.is_empty() {
+        lines.push(line("parts", parts(mesh)));
+    }
+    for failure in certificate.failures() {
+        let at = failure.place.as_ref().map_or(String::new(), |p| format!(", the first at {}", place(p.at)));
+        lines.push(line("FAILED", format!("{failure}{at}")));
     }
     lines.concat()
 }
@@ -29,18 +37,21 @@ fn line(name: &str, text: String) -> String {
     format!("{name:<13}{text}\n")
 }
 
-fn what(made: &Made) -> String {
-    let mesh = &made.meshed.mesh;
+fn what(mesh: &Mesh) -> String {
     let elements = if mesh.tets.is_empty() { String::new() } else { format!("{} tetrahedra, ", mesh.tets.len()) };
     format!(
-        "{elements}{} triangles, {} nodes, order {}, size {}; {} curves, {} corners",
+        "{elements}{} triangles, {} nodes, order {}; {} curves, {} corners",
         mesh.triangles.len(),
         mesh.points.len(),
         mesh.order(),
-        made.options.size,
         mesh.curves.len(),
         mesh.corners.len()
     )
+}
+
+fn size(made: &Made) -> String {
+    let grade = made.options.grade.map_or(String::new(), |e| format!(", smaller where faces would be {e} off"));
+    format!("{}{grade}", made.options.size)
 }
 
 fn region(made: &Made) -> String {
@@ -50,8 +61,7 @@ fn region(made: &Made) -> String {
     format!("{}, {}, {}{proved}", axis(0), axis(1), axis(2))
 }
 
-fn parts(made: &Made) -> String {
-    let mesh = &made.meshed.mesh;
+fn parts(mesh: &Mesh) -> String {
     let mut counts = vec![0_usize; mesh.parts.len()];
     mesh.triangle_parts.iter().for_each(|&p| counts[p as usize] += 1);
     let parts: Vec<String> = mesh.parts.iter().zip(counts).map(|(name, n)| format!("{name} ({n})")).collect();

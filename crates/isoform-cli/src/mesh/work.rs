@@ -195,6 +195,9 @@ fn no_solid(error: &SolidError, name: &str) -> Failure {
 fn failure(error: &MeshError, name: &str, options: Option<&Options>) -> Failure {
     let none = |code| Failure::new(NO_RESULT, code, format!("{name}: {error}"));
     match error {
+        MeshError::Extent(ExtentError::Empty { .. }) if options.is_some_and(|o| o.region.is_some()) => {
+            none("empty").why("nothing of it lies in the --box").hint("another --box, or none")
+        }
         MeshError::Extent(ExtentError::Empty { certified }) => {
             let why = if *certified { "intervals prove f < 0 within a million units" } else { "no point with f >= 0 was found" };
             none("empty").why(why).hint("other --params, or isoform eval to see values; inside is where f >= 0")

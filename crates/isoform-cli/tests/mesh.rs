@@ -1,0 +1,261 @@
+//! `mesh`, and meshes in `recover`, `compare`, `inspect` and `convert`, as a user runs them.
+
+mod common;
+
+use common::*;
+use serde_json::Value;
+use std::fs;
+
+/// A program with `c` at the origin.
+fn program(body: &str) -> String {
+    format!("my_model(x[3], a[1]) {{ array c[3], k[3]; c = [0, 0, 0]; k = [-1, -1, -1]; {body} }}\n")
+}
+const BALL: &str = "my_model = hfSphere(x, c, 1);";
+const CUBE: &str = "cube = hfBlock(x, k, 2, 2, 2); my_model = cube;";
+/// A cube with a round hole: eight edges of the cube uncut, four cut in two, two circles.
+const HOLED: &str = "cube = hfBlock(x, k, 2, 2, 2); hole = hfCylinderZ(x, c, 0.5); my_model = cube \\ hole;";
+
+impl Folder {
+    fn program(&self, body: &str) -> String {
+        self.file("model.hf", program(body))
+    }
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        fs::read(self.0.join(name)).expect("a file")
+    }
+}
+
+/// Runs `mesh MODEL ... --json`; the code and the document.
+fn mesh(model: &str, more: &[&str]) -> (i32, Value) {
+    let o = isoform(&[&["mesh", model, "--json", "-q"], more].concat());
+    (code(&o), document(&o))
+}
+
+#[test]
+fn help_has_an_example() {
+    let help = isoform(&["mesh", "--help"]);
+    assert!(code(&help) == 0 && stdout(&help).contains("isoform mesh part.hf --size 0.25 -o part.msh"));
+}
+
+#[test]
+fn a_document_says_all_that_is_known() {
+    let f = Folder::new("mesh-document");
+    let (exit, j) = mesh(&f.program(HOLED), &["--size", "0.4", "-o", &f.path("m.msh"), "-o", &f.path("m.inp")]);
+    assert_eq!((exit, &j["ok"], &j["schema"], &j["verb"]), (0, &Value::Bool(true), &1.into(), &"mesh".into()), "{j}");
+    let parts: Vec<(u64, &str)> = j["parts"]
+        .as_array()
+        .expect("parts")
+        .iter()
+        .map(|p| (p["tag"].as_u64().expect("a tag"), p["name"].as_str().expect("a name")))
+        .collect();
+    assert_eq!(parts.len(), 7, "{parts:?}");
+    assert!(parts.contains(&(7, "hole")) && parts[0].1.starts_with("cube."), "{parts:?}");
+    let c = &j["certificate"];
+    assert_eq!((&c["closed"], &c["manifold"], &c["oriented"]), (&true.into(), &true.into(), &true.into()));
+    assert_eq!((&c["euler"], &c["shells"], &c["components"], &c["self_intersections"]), (&0.into(), &1.into(), &1.into(), &0.into()));
+    let volume = 8.0 - 0.5 * std::f64::consts::PI;
+    assert!((c["volume"].as_f64().expect("volume") / volume - 1.0).abs() < 0.02, "{c}");
+    assert!(c["dihedral_angles"][0].as_f64().expect("an angle") > 12.0);
+    assert!(c["distance"]["nodes"]["max"].as_f64().expect("a distance") < 1e-12);
+    assert_eq!((&c["features"]["corners"], &j["counts"]["corners"]), (&8.into(), &8.into()));
+    assert!(c["features"]["covered"].as_f64().expect("a share") > 0.999);
+    assert!(j["counts"]["tets"].as_u64() > Some(100) && j["region_certified"] == true && j["seconds"]["optimisation"].is_number());
+    assert_eq!(j["files"].as_array().map(Vec::len), Some(2));
+
+    let msh = String::from_utf8(f.bytes("m.msh")).expect("text");
+    for (tag, name) in &parts {
+        assert!(msh.contains(&format!("2 {tag} \"{name}\"")), "{name}");
+    }
+    let inp = String::from_utf8(f.bytes("m.inp")).expect("text");
+    assert_eq!(inp.matches("*SURFACE").count(), 7);
+    assert!(inp.contains("C3D4") && !inp.contains("*STEP"));
+}
+
+#[test]
+fn a_table_says_it_shortly() {
+    let f = Folder::new("mesh-table");
+    let o = isoform(&["mesh", &f.program(BALL), "--size", "0.4", "-o", &f.path("m.obj")]);
+    let text = stdout(&o);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    for word in ["tetrahedra", "Euler number 2", "nowhere", "certificate  holds", "m.obj (obj); OBJ has no tetrahedra"] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+    assert!(stderr(&o).contains("optimisation ..."), "phases are told");
+}
+
+#[test]
+fn sizes_have_a_default() {
+    let f = Folder::new("mesh-size");
+    let (exit, j) = mesh(&f.program("my_model = hfSphere(x, c, 0.01);"), &["--surface-only"]);
+    let size = j["size"].as_f64().expect("a size");
+    assert!(exit == 0 && (8e-4..1e-3).contains(&size), "{size}");
+    assert!(j["counts"]["tets"] == 0 && j["counts"]["triangles"].as_u64() > Some(1000));
+    assert!(j["certificate"]["dihedral_angles"].is_null() && j["certificate"]["euler"] == 2);
+}
+
+#[test]
+fn second_order_comes_nearer() {
+    let f = Folder::new("mesh-order");
+    let model = f.program(BALL);
+    let off = |more: &[&str]| {
+        let (exit, j) = mesh(&model, &[&["--size", "0.4", "-o", &f.path("m.inp")], more].concat());
+        assert_eq!(exit, 0, "{j}");
+        j["certificate"]["distance"]["faces"]["max"].as_f64().expect("a distance")
+    };
+    assert!(off(&["--order", "2"]) < 0.05 * off(&[]));
+    off(&["--order", "2"]);
+    assert!(String::from_utf8(f.bytes("m.inp")).expect("text").contains("C3D10"));
+}
+
+#[test]
+fn grading_refines() {
+    let f = Folder::new("mesh-grade");
+    let (exit, j) = mesh(&f.program(BALL), &["--size", "0.5", "--grade", "0.01"]);
+    let off = j["certificate"]["distance"]["faces"]["max"].as_f64().expect("a distance");
+    assert!(exit == 0 && off < 0.0105, "{off}");
+}
+
+#[test]
+fn a_box_cuts_and_says_so() {
+    let f = Folder::new("mesh-box");
+    let model = f.program("my_model = 1 - x[1]^2 - x[2]^2;");
+    let o = isoform(&["mesh", &model, "--size", "0.4", "--box=-2,-2,-1,2,2,1", "--json"]);
+    let j = document(&o);
+    assert_eq!((code(&o), j["caps"].to_string()), (0, "[\"cap.z_min\",\"cap.z_max\"]".to_owned()), "{j}");
+    assert_eq!(j["counts"]["parts"], 3);
+    assert!(stderr(&o).contains("the box cuts the solid"), "{}", stderr(&o));
+}
+
+#[test]
+fn bad_models_are_refused_with_a_reason() {
+    let f = Folder::new("mesh-bad");
+    let refused = |body: &str, more: &[&str]| {
+        let (exit, j) = mesh(&f.program(body), more);
+        (exit, j["error"]["code"].as_str().unwrap_or_default().to_owned(), j["error"]["hint"].as_str().unwrap_or_default().to_owned())
+    };
+    let is = |found: (i32, String, String), code: &str, hint: &str| {
+        assert!(found.0 == 4 && found.1 == code && found.2.contains(hint), "{found:?}, not {code}");
+    };
+    is(refused("my_model = hfSphere(x, c, 1) & (x[1] - 3);", &["--size", "0.1"]), "empty", "--params");
+    is(refused("my_model = 0 - 1 - x[1]^2;", &[]), "empty", "--params");
+    is(refused(BALL, &["--box=5,5,5,6,6,6", "--size", "0.1"]), "empty", "--box");
+    is(refused("my_model = 1;", &[]), "unbounded", "sign");
+    is(refused("my_model = 1 + x[1]^2;", &["--size", "0.5"]), "unbounded", "--box");
+    is(refused("my_model = 1 - x[1]^2 - x[2]^2;", &["--size", "0.5"]), "unbounded", "--box");
+    is(refused(BALL, &["--size", "1e-5"]), "memory", "--memory");
+    is(refused(BALL, &["--size", "0.1", "--memory", "1e-6"]), "memory", "--size");
+    is(refused("my_model = hfSphere(x, c, 0.01);", &["--size", "3"]), "too-coarse", "--size 1.5");
+    is(refused(BALL, &["--size", "0.05", "--time-limit", "1ms"]), "time-limit", "--time-limit");
+}
+
+#[test]
+fn bad_files_and_usage_are_refused() {
+    let f = Folder::new("mesh-usage");
+    let model = f.program(BALL);
+    for more in [
+        &["--size", "0"][..],
+        &["--size", "-1"],
+        &["--size", "nan"],
+        &["--grade", "0"],
+        &["--order", "3"],
+        &["--box", "1,2,3"],
+        &["--angles", "80,100"],
+        &["--memory", "0"],
+        &["--params", "1,2"],
+        &["-o", "x.foo"],
+        &["-o", "-"],
+        &["-o", &f.path("m.msh"), "--to", "docx"],
+    ] {
+        let (exit, j) = mesh(&model, more);
+        assert!(exit == 1 && j["error"]["code"] == "usage", "{more:?}: {j}");
+    }
+    let (_, j) = mesh(&model, &["-o", "x.foo"]);
+    assert!(j["error"]["hint"].as_str().expect("a hint").contains("msh, "), "{j}");
+    let (exit, j) = mesh(&model, &["--size", "0.5", "-o", &f.path("no/folder.msh")]);
+    assert_eq!((exit, &j["error"]["code"]), (2, &"not-writable".into()));
+    let (exit, _) = mesh(&f.path("absent.hf"), &[]);
+    assert_eq!(exit, 2);
+    let (exit, j) = mesh(&f.file("flat.hf", "m(x[2], a[1]) { m = 1 - x[1]^2 - x[2]^2; }"), &[]);
+    assert_eq!((exit, &j["error"]["code"]), (2, &"dimension".into()));
+}
+
+#[test]
+fn angles_that_are_asked_for_are_required() {
+    let f = Folder::new("mesh-angles");
+    let out = f.path("m.msh");
+    let (exit, j) = mesh(&f.program(BALL), &["--size", "0.5", "--angles", "60,90", "-o", &out]);
+    assert_eq!((exit, &j["ok"]), (3, &false.into()));
+    let codes: Vec<&Value> = j["certificate"]["failures"].as_array().expect("failures").iter().map(|f| &f["code"]).collect();
+    assert!(codes.contains(&&"small-dihedral-angle".into()), "{codes:?}");
+    assert!(!f.bytes("m.msh").is_empty(), "files are written all the same");
+}
+
+#[test]
+fn the_same_bytes_for_any_number_of_threads() {
+    let f = Folder::new("mesh-threads");
+    let model = f.program(HOLED);
+    let run = |threads: &str| {
+        let name = format!("{threads}.vtu");
+        let (exit, mut j) = mesh(&model, &["--size", "0.25", "--threads", threads, "-o", &f.path(&name)]);
+        assert_eq!(exit, 0);
+        (j["seconds"], j["files"]) = (Value::Null, Value::Null);
+        (f.bytes(&name), j.to_string())
+    };
+    assert!(run("1") == run("2"));
+}
+
+#[test]
+fn stdout_takes_a_mesh() {
+    let f = Folder::new("mesh-stdout");
+    let o = isoform(&["mesh", &f.program(CUBE), "--size", "1", "-o", "-", "--to", "off", "-q"]);
+    assert!(code(&o) == 0 && stdout(&o).starts_with("OFF"), "{}", stderr(&o));
+}
+
+#[test]
+fn meshes_are_inspected_converted_and_compared() {
+    let f = Folder::new("mesh-others");
+    let (model, msh, inp) = (f.program(HOLED), f.path("m.msh"), f.path("m.inp"));
+    let (exit, made) = mesh(&model, &["--size", "0.4", "-o", &msh, "-o", &inp, "-o", &f.path("m.stl")]);
+    assert_eq!(exit, 0);
+    let o = isoform(&["inspect", &msh, "--json"]);
+    let j = document(&o);
+    assert_eq!((code(&o), &j["counts"]["tets"], &j["parts"]), (0, &made["counts"]["tets"], &made["parts"]), "{j}");
+    assert_eq!((&j["certificate"]["euler"], &j["certificate"]["ok"]), (&0.into(), &true.into()));
+    assert!(stdout(&isoform(&["inspect", &inp])).to_lowercase().contains("hole ("));
+
+    let again = f.path("again.inp");
+    assert_eq!(code(&isoform(&["convert", &msh, "-o", &again])), 0);
+    assert_eq!(f.bytes("again.inp"), f.bytes("m.inp"));
+
+    let j = document(&isoform(&["compare", &msh, &model, "--json"]));
+    let max = |side: &str| j[side]["max"].as_f64().expect("a distance");
+    assert_eq!((j["first"]["kind"].as_str(), j["second"]["kind"].as_str()), (Some("mesh"), Some("model")));
+    let chord = made["certificate"]["distance"]["faces"]["max"].as_f64().expect("a distance");
+    assert!(max("first_to_second") <= 1.001 * chord && max("first_to_second") > 0.5 * chord, "{j}, {chord}");
+    assert!(max("second_to_first") < 2.0 * chord, "{j}, {chord}");
+    let j = document(&isoform(&["compare", &msh, &f.path("m.stl"), "--json"]));
+    assert!(j["first_to_second"]["max"].as_f64().expect("a distance") < 1e-6, "{j}");
+}
+
+#[test]
+fn recover_goes_from_points_to_a_mesh_for_a_solver() {
+    let f = Folder::new("mesh-recover");
+    let template = f.file(
+        "t.hf",
+        "-- @param a[1] radius length\nmy_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; ball = hfSphere(x, c, a[1]); my_model = ball; }",
+    );
+    let point = |i: u32| {
+        let (t, z) = (f64::from(i) * 2.4, (f64::from(i) + 0.5) / 200.0 - 1.0);
+        let s = (1.0 - z * z).sqrt();
+        format!("{:?} {:?} {:?}\n", 2.0 * s * t.cos(), 2.0 * s * t.sin(), 2.0 * z)
+    };
+    let scan = f.file("ball.xyz", (0..400).map(point).collect::<String>());
+    let o = isoform(&["recover", &scan, &template, "--size", "0.5", "-o", &f.path("part.inp"), "-o", &f.path("fitted.hf"), "--json"]);
+    let j = document(&o);
+    assert_eq!((code(&o), &j["mesh"]["ok"], &j["mesh"]["counts"]["parts"]), (0, &true.into(), &1.into()), "{}", stderr(&o));
+    assert_eq!(j["outputs"].as_array().map(Vec::len), Some(2));
+    let volume = j["mesh"]["certificate"]["volume"].as_f64().expect("a volume");
+    assert!((volume / 33.5 - 1.0).abs() < 0.05, "{volume}");
+    assert!(String::from_utf8(f.bytes("part.inp")).expect("text").contains("*ELEMENT"));
+    let o = isoform(&["fit", &scan, "-t", &template, "-o", &f.path("part.msh")]);
+    assert!(code(&o) == 1 && stderr(&o).contains("isoform recover"), "{}", stderr(&o));
+}
