@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Runs every check of this repository and says how many hold. Needs cargo and, for the acceptance checks, python3 with venv.
-# With CI=true whatever is missing is a failure, not a skip. Takes some 15 minutes on two cores.
+# With CI=true whatever is missing is a failure, not a skip. Takes some 20 minutes on two cores.
 set -u
 cd "$(dirname "$0")" || exit 2
 
@@ -53,6 +53,15 @@ accept() {
   failed=$((failed + f))
   if [ "$f" -gt 0 ]; then failures+=("$name: $f checks"); fi
 }
+# debian COMMAND PACKAGE...: installs packages where the command is missing and we may.
+debian() {
+  local command=$1
+  shift
+  if [ -n "$command" ] && command -v "$command" >/dev/null; then return; fi
+  if [ "$(id -u)" -eq 0 ] && command -v apt-get >/dev/null; then
+    { apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "$@"; } >/dev/null 2>&1
+  fi
+}
 finish() {
   say "summary"
   if [ "${#failures[@]}" -gt 0 ]; then printf 'FAIL  %s\n' "${failures[@]}"; fi
@@ -99,17 +108,26 @@ elif ! command -v python3 >/dev/null; then
   missing python3
 else
   say "acceptance: python packages"
-  packages=(numpy scipy nlopt)
+  packages=(numpy scipy nlopt meshio libigl tetgen gmsh scikit-fem scikit-image matplotlib)
+  modules='import numpy, scipy, nlopt, meshio, igl, tetgen, gmsh, skfem, skimage, matplotlib'
   # Outside the clone, and anew whenever the list of requirements changes.
   hash=$(sha256sum "$checks/requirements.txt" | cut -c1-16)
   venv=${XDG_CACHE_HOME:-$HOME/.cache}/isoform/venv-$hash
-  if ! "$venv/bin/python" -c 'import numpy, scipy, nlopt' 2>/dev/null; then
+  if ! "$venv/bin/python" -c "$modules" 2>/dev/null; then
     mkdir -p "$(dirname "$venv")"
     python3 -m venv "$venv" && "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "${packages[@]}"
   fi
-  if "$venv/bin/python" -c 'import numpy, scipy, nlopt' 2>/dev/null; then
+  # gmsh's wheel needs libraries of a desktop; ccx is the solver that meshes are given to.
+  debian ccx calculix-ccx
+  "$venv/bin/python" -c 'import gmsh' 2>/dev/null || debian "" libglu1-mesa libxcursor1 libxft2 libxinerama1
+  if "$venv/bin/python" -c "$modules" 2>/dev/null; then
     accept "HyperFun acceptance, in part" "$venv/bin/python" "$checks/accept_hyperfun.py" --quick --isoform "$(realpath "$binary")"
     accept "fit acceptance, in part" "$venv/bin/python" "$checks/accept_fit.py" --quick --project . --isoform "$(realpath "$binary")"
+    accept "mesh acceptance, in part" "$venv/bin/python" "$checks/accept_mesh.py" --quick --isoform "$(realpath "$binary")"
+    accept "meshes in solvers" "$venv/bin/python" "$checks/accept_mesh.py" --solve --isoform "$(realpath "$binary")"
+    run_example() { PATH=$(dirname "$(realpath "$binary")"):$PATH "$venv/bin/python" -B "examples/fe/$1.py" "$scratch/$1" && ls -l "$scratch/$1/stress.png"; }
+    check "example: scan to stress with scikit-fem" run_example scikit_fem
+    if command -v ccx >/dev/null; then check "example: scan to stress with CalculiX" run_example calculix; else missing ccx; fi
   else
     missing "a python environment with ${packages[*]}"
   fi
