@@ -12,6 +12,9 @@ pub(crate) const BOUNDARY: u32 = 1 << 31;
 /// The label of a boundary face that is no part of the solid's surface.
 pub(crate) const OPEN: u32 = BOUNDARY | (BOUNDARY - 2);
 
+/// The label of a face of the solid's surface that lies on no single piece.
+pub(crate) const STRAY: u32 = BOUNDARY - 3;
+
 /// Tetrahedra with neighbours. Slots are reused; a tetrahedron whose first vertex is [`NONE`] is not there.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Complex {

@@ -11,7 +11,7 @@ const CURVES: f64 = 1.0;
 /// Edges per turn of a closed curve.
 const LOOP: f64 = 8.0;
 /// Smallest share of the size asked for: features closer than that are left to the cutting.
-const LEAST: f64 = 1.0 / 12.0;
+const LEAST: f64 = 0.25;
 /// How fast sizes grow away from crowded places.
 const GROWTH: f64 = 1.0;
 /// Neighbours looked at for the size at a point.
@@ -90,6 +90,9 @@ impl Crowd {
     /// Edge length wanted at a point; infinite away from crowded places.
     pub(crate) fn size_at(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> f64 {
         self.tree.nearest_k(p, NEAR, found);
-        found.iter().map(|&(d, i)| self.sizes[i as usize] + GROWTH * (d.sqrt() - self.sizes[i as usize]).max(0.0)).fold(f64::INFINITY, f64::min)
+        found
+            .iter()
+            .map(|&(d, i)| self.sizes[i as usize] + GROWTH * (d.sqrt() - self.sizes[i as usize]).max(0.0))
+            .fold(f64::INFINITY, f64::min)
     }
 }

@@ -6,7 +6,7 @@
 //! on one piece each, edges of the solid on two, corners on three. Snapping (the warp of Labelle and Shewchuk, 2007, extended to
 //! curves and corners) only saves cuts that would leave short edges; it is refused where a tetrahedron would suffer.
 
-use crate::complex::{BOUNDARY, Complex, NONE, Ring, volume6};
+use crate::complex::{BOUNDARY, Complex, NONE, Ring, STRAY, volume6};
 use crate::lattice::{IN, Lattice, OUT};
 use crate::measure::biased_sine;
 use crate::surface::{On, Surface};
@@ -22,6 +22,14 @@ const SNAP_REACH: f64 = 0.56;
 /// Share of an edge next to a vertex within which the vertex is moved instead of cutting: long and short edges of the lattice
 /// (Labelle and Shewchuk, table 1).
 const WARP: [f64; 2] = [0.25, 0.41];
+
+/// Share of an edge next to a vertex that cannot be moved within which it counts as lying on the piece all the same: cuts closer than that
+/// would go on for ever where three pieces meet along a curve.
+const NO_ROOM: f64 = 1e-5;
+/// The same where the piece is nearly parallel to one that holds the vertex, as where a torus rounds off a cylinder.
+const TOUCHING: f64 = 0.01;
+/// Cuts per tetrahedron of the lattice; ordinary solids need less than one.
+const BUDGET: usize = 2;
 
 /// The complex while it is cut.
 pub(crate) struct Cutter<'s> {
@@ -276,7 +284,7 @@ impl<'s> Cutter<'s> {
 
     fn cut(&mut self) {
         let mut queue: VecDeque<u32> = self.complex.live().collect();
-        let mut budget = 40 * queue.len() + 10_000;
+        let mut budget = BUDGET * queue.len() + 10_000;
         let mut ring = Ring::default();
         while let Some(t) = queue.pop_front() {
             if !self.complex.is_there(t) {
@@ -347,11 +355,19 @@ impl<'s> Cutter<'s> {
             if let Some(changed) = self.slide(end, piece) {
                 return changed;
             }
-            if near < 1e-7 {
+            let by_piece = self.value[u as usize] * self.value[w as usize] >= 0.0;
+            let room = if !by_piece {
+                1e-7
+            } else if self.is_tangent(end, piece) {
+                TOUCHING
+            } else {
+                NO_ROOM
+            };
+            if near < room {
                 // No room for a vertex: the end counts as lying on the piece.
                 self.known[end as usize].retain(|k| k.0 != piece);
                 self.known[end as usize].push((piece, 0.0));
-                if self.value[end as usize].abs() < 1e-6 * self.cell[end as usize] {
+                if !by_piece {
                     self.value[end as usize] = 0.0;
                 }
                 self.complex.star(end, &mut self.star);
@@ -385,6 +401,21 @@ impl<'s> Cutter<'s> {
         let changed = made.clone();
         self.made = made;
         changed
+    }
+
+    /// Whether a piece is nearly parallel to one that the vertex is held on.
+    fn is_tangent(&self, v: u32, piece: u32) -> bool {
+        let p = self.complex.points[v as usize];
+        let unit = |i: u32| {
+            let g = self.surface.solid.gradient(i, p).1;
+            let n = norm(g).max(1e-300);
+            g.map(|x| x / n)
+        };
+        let own = self.on[v as usize];
+        !own.is_empty() && {
+            let n = unit(piece);
+            own.slice().iter().any(|&i| dot(unit(i), n).abs() > 0.94)
+        }
     }
 
     /// Moves a vertex along the pieces that it is held on to one more.
@@ -445,7 +476,9 @@ impl<'s> Cutter<'s> {
         for i in pieces {
             if f.iter().all(|&v| self.distance(v, i) == 0.0) {
                 let g = self.surface.solid.gradient(i, middle).1;
-                let c = -dot(g, normal) / (norm(g) * norm(normal)).max(1e-300);
+                // Vertices that only count as lying on a piece stand behind those that do.
+                let exact = f.iter().all(|&v| self.surface.distance(i, self.complex.points[v as usize]) == 0.0);
+                let c = -dot(g, normal) / (norm(g) * norm(normal)).max(1e-300) + if exact { 2.0 } else { 0.0 };
                 if best.is_none_or(|b| c > b.0 + 1e-9) {
                     best = Some((c, i));
                 }
@@ -667,8 +700,7 @@ impl Cutter<'_> {
                         Some(piece) => piece,
                         None => {
                             stray += 1;
-                            self.complex.corners(t);
-                            BOUNDARY - 3
+                            STRAY
                         }
                     };
                     complex.adjacent[slot[t as usize] as usize][i] = BOUNDARY | label;

@@ -28,9 +28,13 @@ pub(crate) fn biased_sine(p: [Point3; 4]) -> f64 {
         let s = volume * norm(sub(p[a], p[b])) / (area[k] * area[l]);
         // Outward normals at less than a right angle: the dihedral angle is obtuse.
         let s = if dot(n[k], n[l]) > 0.0 { OBTUSE * s } else { s };
+        // A comparison that is false for what is not a number: a repeated vertex must not pass.
+        if !(s > 0.0) {
+            return if s < 0.0 { s } else { -1.0 };
+        }
         worst = worst.min(s);
     }
-    if worst.is_nan() { -1.0 } else { worst }
+    worst
 }
 
 /// The six biased sines with their derivatives by the position of vertex `x`.

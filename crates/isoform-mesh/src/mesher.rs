@@ -2,12 +2,12 @@
 
 use crate::cap::Capped;
 use crate::complex::NONE;
-use crate::cut::{Band, Cutter};
 use crate::crowd::Crowd;
+use crate::cut::{Band, Cutter};
 use crate::features::{ExtentError, FeatureOptions, Features, START, extent, find};
 use crate::lattice::Lattice;
 use crate::optimise::Optimiser;
-use crate::refine::{bisect, chordal_size, resolve};
+use crate::refine::{bisect, follow, resolve};
 use crate::second::add_middles;
 use crate::surface::Surface;
 use isoform_geom::{Aabb, Curve, Mesh, Point3, Solid, norm};
@@ -184,14 +184,9 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
             CELL * crowd.size_at(std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i])), &mut found)
         });
     }
-    if let Some(error) = options.grade {
-        control.phase("sizes")?;
-        let short = bisect(&mut complex, &mut frozen, limit, |complex, t| {
-            CELL * chordal_size(solid, &lattice, complex, t, 0.6 * error, surface.zero)
-        });
-        if short {
-            warnings.push(Warning { message: "sizes were not refined as far as asked for: the limit of memory was met".into(), at: None });
-        }
+    control.phase("sizes")?;
+    if follow(&surface, &mut complex, &mut frozen, limit, CELL, options.grade.map_or(f64::INFINITY, |e| 1.3 * e), options.size) {
+        warnings.push(Warning { message: "sizes were not refined as far as asked for: the limit of memory was met".into(), at: None });
     }
     control.phase("surface")?;
     let hidden = resolve(&surface, &mut complex, &mut frozen, limit);
@@ -326,4 +321,8 @@ fn feature_edges(solid: &dyn Solid, pieces: &[u32], mesh: &mut Mesh) {
             mesh.edge_curves.push(curve);
         }
     }
+    // A node where anything but two edges of one curve meet is a corner.
+    let mut ends: Vec<(u32, u32)> = mesh.edges.iter().zip(&mesh.edge_curves).flat_map(|(e, &c)| e.map(|v| (v, c))).collect();
+    ends.sort_unstable();
+    mesh.corners = ends.chunk_by(|a, b| a.0 == b.0).filter(|at| at.len() != 2 || at[0].1 != at[1].1).map(|at| at[0].0).collect();
 }

@@ -4,7 +4,7 @@
 //! (Aggressive tetrahedral mesh improvement, 2007). What is ours: vertices on the surface and on curves move too, by projection onto
 //! their pieces, so that they stay exact; and the measure looks at the angles of the surface triangles as well.
 
-use crate::complex::{BOUNDARY, Complex, NONE, OPEN, Ring, volume6};
+use crate::complex::{BOUNDARY, Complex, NONE, OPEN, Ring, STRAY, volume6};
 use crate::cut::Inside;
 use crate::measure::{biased_sine, biased_sines, smallest_sine, smallest_sine_and_derivative};
 use crate::surface::{On, Surface, TANGENT};
@@ -30,6 +30,10 @@ const FACING: f64 = 0.5;
 const TURN: f64 = 0.08;
 /// Largest sagitta of an edge on a feature curve, as a share of the size asked for.
 const CURVE: f64 = 0.08;
+/// Bad tetrahedra up to which vertices are inserted in meshes of any size.
+const MANY: usize = 200;
+/// Round from which vertices are inserted: flips and collapses come first.
+const INSERT_FROM: usize = 3;
 /// Longest ring whose edge is removed; longer ones never improved a mesh in our trials.
 const RING: usize = 9;
 
@@ -41,6 +45,11 @@ pub(crate) struct Optimiser<'s> {
     labels: Vec<On>,
     /// Edge length wanted.
     size: f64,
+    /// When each vertex was last moved or given other tetrahedra, and when each tetrahedron was last tried in vain: what has not changed
+    /// since need not be tried again.
+    touched: Vec<u32>,
+    tried: Vec<u32>,
+    clock: u32,
     scratch: Scratch,
 }
 
@@ -64,6 +73,9 @@ impl<'s> Optimiser<'s> {
             hold: vec![Hold::On(On::default()); n],
             labels: vec![On::default(); n],
             size,
+            touched: vec![0; n],
+            tried: Vec::new(),
+            clock: 0,
             scratch: Scratch::default(),
         };
         this.hold_vertices(&frozen);
@@ -96,7 +108,7 @@ impl<'s> Optimiser<'s> {
         for v in 0..labels.len() {
             let all = crate::lattice::unique(std::mem::take(&mut labels[v]));
             let at = &curves[v];
-            self.hold[v] = if frozen[v] || all.len() > 3 || all.iter().any(|&l| l >= BOUNDARY - 3) {
+            self.hold[v] = if frozen[v] || all.len() > 3 || all.iter().any(|&l| l >= STRAY) {
                 Hold::Fixed
             } else {
                 match at.len() {
@@ -105,11 +117,14 @@ impl<'s> Optimiser<'s> {
                     _ => Hold::Fixed,
                 }
             };
-            self.labels[v] = On::of(&all);
+            self.labels[v] = On::of(&all.into_iter().filter(|&l| l < STRAY).collect::<Vec<_>>());
         }
     }
 
     fn is_sharp(&self, ends: [u32; 2], pieces: [u32; 2]) -> bool {
+        if pieces.iter().any(|&p| p >= STRAY) {
+            return true;
+        }
         let [p, q] = ends.map(|v| self.complex.points[v as usize]);
         let middle = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
         let [a, b] = pieces.map(|i| self.surface.solid.gradient(i, middle).1);
@@ -149,6 +164,9 @@ impl<'s> Optimiser<'s> {
 
     /// Cosine between a face of the surface and its piece.
     fn facing(&self, p: [Point3; 3], label: u32) -> f64 {
+        if label >= STRAY {
+            return 1.0;
+        }
         let n = cross(sub(p[1], p[0]), sub(p[2], p[0]));
         let middle = std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0);
         let g = self.surface.solid.gradient(label, middle).1;
@@ -318,6 +336,7 @@ impl<'s> Optimiser<'s> {
                 let before = self.worst_at(v, self.complex.points[v as usize], &star, &faces);
                 if self.worst_at(v, p, &star, &faces) > before {
                     self.complex.points[v as usize] = p;
+                    self.touched[v as usize] = self.clock;
                     moved += 1;
                 }
             }
@@ -451,7 +470,7 @@ impl<'s> Optimiser<'s> {
         };
         let first = label(ring.tets[0], ring.link[0])?;
         let last = label(ring.tets[ring.tets.len() - 1], ring.link[ring.link.len() - 1])?;
-        (first == last && first < BOUNDARY - 3).then_some(first)
+        (first == last && first < STRAY).then_some(first)
     }
 
     /// A single tetrahedron with two faces on the same piece is taken off.
@@ -655,7 +674,7 @@ impl<'s> Optimiser<'s> {
             let first = self.outer_label(ring.tets[0], a, b, ring.link[0]);
             let last = self.outer_label(ring.tets[ring.tets.len() - 1], a, b, ring.link[ring.link.len() - 1]);
             let (Some(first), Some(last)) = (first, last) else { return false };
-            if first >= BOUNDARY - 3 || last >= BOUNDARY - 3 {
+            if first >= STRAY || last >= STRAY {
                 return false;
             }
             labels = On::of(&[first, last]);
@@ -681,6 +700,7 @@ impl<'s> Optimiser<'s> {
         let m = self.complex.add_point(at);
         self.hold.push(Hold::On(hold));
         self.labels.push(labels);
+        self.touched.push(self.clock);
         let mut made = Vec::new();
         self.complex.split(ring, a, b, m, &mut made);
         let mut star = Vec::new();
@@ -697,6 +717,7 @@ impl<'s> Optimiser<'s> {
         self.complex.tet_of.pop();
         self.hold.pop();
         self.labels.pop();
+        self.touched.pop();
         false
     }
 
@@ -749,7 +770,7 @@ impl<'s> Optimiser<'s> {
 
     /// Brings vertices that the cutting had to leave off their pieces onto them, making room by mending. Returns those left.
     pub(crate) fn settle(&mut self, goal: f64) -> Vec<Point3> {
-        let mut left = Vec::new();
+        let (mut left, mut fewest) = (Vec::new(), usize::MAX);
         for round in 0..6 {
             let off: Vec<u32> = (0..self.complex.points.len() as u32)
                 .into_par_iter()
@@ -777,25 +798,17 @@ impl<'s> Optimiser<'s> {
                     self.worst_at(v, at, &star, &faces) > least
                 });
                 if let Some(t) = way {
+                    self.touched[v as usize] = self.clock + 1;
                     self.complex.points[v as usize] = if t == 1.0 { q } else { std::array::from_fn(|i| p[i] + t * (q[i] - p[i])) };
                 }
                 if way != Some(1.0) {
-                    if std::env::var_os("ISOFORM_TRACE").is_some() {
-                        eprintln!(
-                            "  settle {round}: {p:?} -> {q:?} labels {:?} hold {:?} star {} way {way:?} worst {} -> {}",
-                            labels.slice(),
-                            self.hold[v as usize],
-                            star.len(),
-                            self.worst_at(v, p, &star, &faces),
-                            self.worst_at(v, q, &star, &faces)
-                        );
-                    }
                     left.push(p);
                 }
             }
-            if left.is_empty() && round > 0 {
+            if (left.is_empty() && round > 0) || left.len() > fewest - fewest / 10 {
                 break;
             }
+            fewest = left.len();
             self.mend_all(goal, 8);
         }
         left
@@ -822,7 +835,7 @@ impl<'s> Optimiser<'s> {
                 .collect();
             if error.is_finite() {
                 // Faces whose edges are all right but whose middle is not.
-                wanted.par_extend(faces.par_iter().filter_map(|(f, label)| {
+                wanted.par_extend(faces.par_iter().filter(|f| f.1 < STRAY).filter_map(|(f, label)| {
                     let p = f.map(|v| self.complex.points[v as usize]);
                     let middle = std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0);
                     let off = norm(sub(self.surface.project(&[*label], middle)?, middle));
@@ -847,6 +860,9 @@ impl<'s> Optimiser<'s> {
 
     /// By how much an edge of the surface leaves it more than it may; none if it does not.
     fn excess(&self, ends: [u32; 2], labels: [u32; 2], error: f64) -> Option<f64> {
+        if labels.iter().any(|&l| l >= STRAY) {
+            return None;
+        }
         let [p, q] = ends.map(|v| self.complex.points[v as usize]);
         let middle: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
         let sharp = labels[0] != labels[1] && self.is_sharp(ends, labels);
@@ -866,7 +882,7 @@ impl<'s> Optimiser<'s> {
     /// Mends tetrahedra below `goal` in rounds, with moves of the vertices around them.
     fn mend_all(&mut self, goal: f64, rounds: usize) {
         let mut last = f64::NEG_INFINITY;
-        let mut idle = 0;
+        let (mut idle, mut fewest) = (0, usize::MAX);
         for round in 0..rounds {
             let mut bad: Vec<(f64, u32)> = {
                 let live: Vec<u32> = self.complex.live().collect();
@@ -874,10 +890,33 @@ impl<'s> Optimiser<'s> {
             };
             bad.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let Some(&(worst, _)) = bad.first() else { return };
+            // Insertions are for what is left over; where much is bad they only make more of it.
+            let insertions = round >= INSERT_FROM && bad.len() < MANY.max(self.complex.tets.len() / 200);
             let mut done = 0;
+            self.clock += 1;
+            self.tried.resize(self.complex.tets.len(), 0);
+            if round == INSERT_FROM {
+                self.tried.fill(0);
+            }
             for &(_, t) in &bad {
-                if self.complex.is_there(t) && self.measure(t) < goal {
-                    done += usize::from(self.mend(t, round >= 3));
+                if !self.complex.is_there(t) || self.measure(t) >= goal {
+                    continue;
+                }
+                let v = self.complex.tets[t as usize];
+                let tried = self.tried[t as usize];
+                if tried > 0 && v.iter().all(|&k| self.touched[k as usize] < tried) {
+                    continue;
+                }
+                if self.mend(t, insertions) {
+                    done += 1;
+                    for k in v {
+                        self.touched[k as usize] = self.clock;
+                    }
+                } else if self.complex.tets[t as usize] == v {
+                    self.tried[t as usize] = self.clock;
+                }
+                if self.tried.len() < self.complex.tets.len() {
+                    self.tried.resize(self.complex.tets.len(), 0);
                 }
             }
             let mut near: Vec<u32> =
@@ -896,7 +935,9 @@ impl<'s> Optimiser<'s> {
             if std::env::var_os("ISOFORM_TRACE").is_some() {
                 eprintln!("round {round}: worst {worst:.4}, {} below {goal}, {done} mended, {moved} moved", bad.len());
             }
-            idle = if worst > last + 1e-4 || done > bad.len() / 50 { 0 } else { idle + 1 };
+            // Progress is a better worst tetrahedron or fewer bad ones.
+            idle = if worst > last + 1e-4 || bad.len() < fewest - fewest / 50 { 0 } else { idle + 1 };
+            fewest = fewest.min(bad.len());
             last = last.max(worst);
             if idle >= 4 || (done == 0 && moved == 0) {
                 return;

@@ -5,9 +5,9 @@
 //! more than a step or two.
 
 use crate::complex::{Complex, Ring};
-use crate::lattice::{IN, Lattice, OUT};
-use crate::surface::{Surface, project};
-use isoform_geom::{Point3, Solid, cross, dot, norm, sub};
+use crate::lattice::{IN, OUT};
+use crate::surface::Surface;
+use isoform_geom::{Point3, cross, dot, norm, sub};
 use isoform_num::Jet2;
 use rayon::prelude::*;
 
@@ -86,34 +86,60 @@ pub(crate) fn curvature(j: &Jet2) -> f64 {
     (mean + off).abs().max((mean - off).abs())
 }
 
-/// Edge length at which the chordal error of the surface in a tetrahedron stays below `error`; infinite away from the surface.
-pub(crate) fn chordal_size(solid: &dyn Solid, lattice: &Lattice, complex: &Complex, t: u32, error: f64, zero: f64) -> f64 {
+/// Edges are at most this share of the smallest radius of curvature: an arc of some 50 degrees each. Coarser ones cannot tell sheets
+/// that bend into each other apart.
+const RADIUS: f64 = 0.8;
+/// Smallest share of the size asked for that curvature alone may lead to; sharper bends are left to the chordal error, if one is asked for.
+const BEND_LEAST: f64 = 0.25;
+
+/// Edge length at which the surface in a tetrahedron is followed: within the chordal error `error`, and without turning too far at once
+/// (down to a share of `size`). Infinite away from the surface.
+fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, size: f64) -> f64 {
     let c = complex.corners(t);
     let middle: Point3 = std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i]));
-    let reach = c.iter().map(|p| norm(sub(*p, middle))).fold(0.0, f64::max);
-    let mut size = f64::INFINITY;
-    let k = lattice.state_at(middle);
+    let k = surface.lattice.state_at(middle);
     if k == IN || k == OUT {
-        return size;
+        return f64::INFINITY;
     }
-    let (tree, pieces) = &lattice.trees[k as usize - 2];
-    for &piece in pieces {
-        let Some(q) = project(solid, zero, &[piece], middle) else { continue };
-        if norm(sub(q, middle)) > 1.2 * reach {
+    let reach = c.iter().map(|p| norm(sub(*p, middle))).fold(0.0, f64::max);
+    let (tree, pieces) = &surface.lattice.trees[k as usize - 2];
+    let values: Vec<f64> = pieces.iter().map(|&i| surface.distance(i, middle)).collect();
+    let mut wanted = f64::INFINITY;
+    for (&piece, &v) in pieces.iter().zip(&values) {
+        if v.abs() > 1.1 * reach {
             continue;
         }
         // Only where the piece bounds the solid, or nearly so.
-        let off = tree.value(&|i| if i == piece { 0.0 } else { crate::surface::first_order_at(solid, i, q) });
-        if off.abs() > reach {
+        let value = |i: u32| if i == piece { 0.0 } else { pieces.iter().position(|&p| p == i).map_or(0.0, |k| values[k]) };
+        if tree.value(&value).abs() > reach {
             continue;
         }
-        let bend = curvature(&solid.jet(piece, q));
+        let bend = curvature(&surface.solid.jet(piece, middle));
         if bend > 0.0 {
-            // A chord of length s leaves a circle of curvature κ by κ s²/8, an equilateral triangle a sphere by κ s²/6.
-            size = size.min((6.0 * error / bend).sqrt());
+            // Level sets at a distance v have other radii: 1/κ changes by v. A chord of length s leaves a circle of curvature κ by
+            // κ s²/8, an equilateral triangle a sphere by κ s²/6.
+            let radius = (1.0 / bend - v.abs()).max(0.5 / bend);
+            let by_error = (6.0 * error * radius).sqrt();
+            wanted = wanted.min(by_error).min((RADIUS * radius).max(BEND_LEAST * size));
         }
     }
-    size
+    wanted
+}
+
+/// Bisects where the surface bends: see [`Options`](crate::Options). Says whether the limit was met.
+pub(crate) fn follow(
+    surface: &Surface<'_>,
+    complex: &mut Complex,
+    frozen: &mut Vec<bool>,
+    limit: usize,
+    cell: f64,
+    error: f64,
+    size: f64,
+) -> bool {
+    let wanted = |complex: &Complex, t: u32| cell * curved_size(surface, complex, t, error, size);
+    let live: Vec<u32> = complex.live().collect();
+    let any = live.par_iter().with_min_len(1024).any(|&t| longest(complex, t).0 > wanted(complex, t) * SAME);
+    any && bisect(complex, frozen, limit, wanted)
 }
 
 /// Places on an edge where the sign is looked at: a wall or gap as thin as a quarter of the edge is seen.
