@@ -45,6 +45,8 @@ pub(crate) struct Optimiser<'s> {
     labels: Vec<On>,
     /// Edge length wanted.
     size: f64,
+    /// Chordal error wanted.
+    error: f64,
     /// When each vertex was last moved or given other tetrahedra, and when each tetrahedron was last tried in vain: what has not changed
     /// since need not be tried again.
     touched: Vec<u32>,
@@ -73,6 +75,7 @@ impl<'s> Optimiser<'s> {
             hold: vec![Hold::On(On::default()); n],
             labels: vec![On::default(); n],
             size,
+            error: f64::INFINITY,
             touched: vec![0; n],
             tried: Vec::new(),
             clock: 0,
@@ -645,6 +648,20 @@ impl<'s> Optimiser<'s> {
         {
             return None;
         }
+        // Edges that would leave the surface too far were split before, and would be again.
+        let pair = match self.hold[u as usize] {
+            Hold::On(on) if on.len() == 2 => Some([on.slice()[0], on.slice()[1]]),
+            _ => None,
+        };
+        let leaves = faces.iter().filter(|(f, _)| !f.contains(&w)).any(|(f, label)| {
+            f.iter().filter(|&&x| x != u).any(|&x| {
+                let along = pair.filter(|p| p.iter().all(|&i| self.labels[x as usize].contains(i) && self.labels[w as usize].contains(i)));
+                self.excess([w, x], along.unwrap_or([*label; 2]), self.error).is_some()
+            })
+        });
+        if leaves {
+            return None;
+        }
         // Open faces of the band (towards the lattice beyond) stay: their vertices are fixed, so u is on none.
         if apply {
             let mut made = std::mem::take(&mut self.scratch.made);
@@ -816,6 +833,8 @@ impl<'s> Optimiser<'s> {
 
     /// Splits edges of the surface whose middles are farther from it than `error`, or that turn too far, until there are none.
     pub(crate) fn refine_surface(&mut self, error: f64, goal: f64) {
+        self.error = error;
+        let mut fewest = usize::MAX;
         for _ in 0..8 {
             let faces = self.faces();
             let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * faces.len());
@@ -844,6 +863,10 @@ impl<'s> Optimiser<'s> {
                     (off > error).then_some((off / error, [a.min(b), a.max(b)]))
                 }));
             }
+            if wanted.len() > fewest - fewest / 10 {
+                return;
+            }
+            fewest = wanted.len();
             wanted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             let (mut ring, mut done) = (Ring::default(), 0);
             for (_, [a, b]) in &wanted {
@@ -932,9 +955,6 @@ impl<'s> Optimiser<'s> {
             wider.sort_unstable();
             wider.dedup();
             let moved = self.smooth(&wider);
-            if std::env::var_os("ISOFORM_TRACE").is_some() {
-                eprintln!("round {round}: worst {worst:.4}, {} below {goal}, {done} mended, {moved} moved", bad.len());
-            }
             // Progress is a better worst tetrahedron or fewer bad ones.
             idle = if worst > last + 1e-4 || bad.len() < fewest - fewest / 50 { 0 } else { idle + 1 };
             fewest = fewest.min(bad.len());
