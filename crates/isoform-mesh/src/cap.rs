@@ -26,7 +26,7 @@ impl<'s> Capped<'s> {
     fn side(&self, piece: u32) -> Option<(usize, f64, f64)> {
         let k = piece.checked_sub(self.n)? as usize;
         let axis = k / 2;
-        Some(if k % 2 == 0 { (axis, 1.0, self.region.lo[axis]) } else { (axis, -1.0, self.region.hi[axis]) })
+        Some(if k.is_multiple_of(2) { (axis, 1.0, self.region.lo[axis]) } else { (axis, -1.0, self.region.hi[axis]) })
     }
 }
 

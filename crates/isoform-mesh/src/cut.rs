@@ -9,6 +9,7 @@
 use crate::complex::{BOUNDARY, Complex, NONE, Ring, STRAY, volume6};
 use crate::lattice::{IN, Lattice, OUT};
 use crate::measure::biased_sine;
+use crate::mesher::Control;
 use crate::surface::{On, Surface};
 use isoform_geom::{Csg, Point3, dot, norm, sub};
 use rayon::prelude::*;
@@ -34,6 +35,7 @@ const BUDGET: usize = 2;
 /// The complex while it is cut.
 pub(crate) struct Cutter<'s> {
     pub(crate) surface: &'s Surface<'s>,
+    control: &'s Control<'s>,
     pub(crate) complex: Complex,
     /// Pieces that each vertex is held on.
     pub(crate) on: Vec<On>,
@@ -71,12 +73,13 @@ enum Side {
 }
 
 impl<'s> Cutter<'s> {
-    pub(crate) fn new(surface: &'s Surface<'s>, complex: Complex, frozen: Vec<bool>) -> Self {
+    pub(crate) fn new(surface: &'s Surface<'s>, complex: Complex, frozen: Vec<bool>, control: &'s Control<'s>) -> Self {
         let value: Vec<f64> = complex.points.par_iter().map(|&p| surface.value(p).0).collect();
         let n = complex.points.len();
         let cell = local_cells(&complex);
         Self {
             surface,
+            control,
             cell,
             complex,
             on: vec![On::default(); n],
@@ -87,6 +90,11 @@ impl<'s> Cutter<'s> {
             made: Vec::new(),
             trouble: Trouble::default(),
         }
+    }
+
+    /// A vertex where the function is not a number.
+    pub(crate) fn not_a_number(&self) -> Option<Point3> {
+        self.value.iter().position(|v| v.is_nan()).map(|v| self.complex.points[v])
     }
 
     /// Snaps and cuts; then every tetrahedron is inside or outside.
@@ -290,7 +298,7 @@ impl<'s> Cutter<'s> {
             if !self.complex.is_there(t) {
                 continue;
             }
-            if budget == 0 {
+            if budget == 0 || (budget.is_multiple_of(1024) && self.control.is_stopped()) {
                 self.trouble.undecided = queue.len() + 1;
                 return;
             }
@@ -569,7 +577,7 @@ impl Band {
         let mut number = vec![NONE; corners + n[0] * n[1] * n[2]];
         let slot = |h: [usize; 3]| {
             let [i, j, k] = h.map(|h| h / 2);
-            if h[0] % 2 == 0 { (k * (n[1] + 1) + j) * (n[0] + 1) + i } else { corners + (k * n[1] + j) * n[0] + i }
+            if h[0].is_multiple_of(2) { (k * (n[1] + 1) + j) * (n[0] + 1) + i } else { corners + (k * n[1] + j) * n[0] + i }
         };
         let mut points: Vec<Point3> = Vec::new();
         let take = |number: &mut Vec<u32>, tets: [[[usize; 3]; 4]; 4], into: &mut Vec<[u32; 4]>, points: &mut Vec<Point3>| {
@@ -655,12 +663,11 @@ fn deep_cells(lattice: &Lattice) -> Vec<bool> {
 /// The part of a complex inside the solid, with the faces on the surface labelled by piece.
 pub(crate) struct Inside {
     pub(crate) complex: Complex,
-    pub(crate) on: Vec<On>,
     pub(crate) frozen: Vec<bool>,
     /// Old vertices to new ones.
     pub(crate) number: Vec<u32>,
-    /// Faces on no single piece.
-    pub(crate) stray: usize,
+    /// Vertices of faces on no single piece.
+    pub(crate) stray: Vec<Point3>,
 }
 
 impl Cutter<'_> {
@@ -668,7 +675,7 @@ impl Cutter<'_> {
     pub(crate) fn finish(mut self, inside: &[bool]) -> Inside {
         let mut number = vec![NONE; self.complex.points.len()];
         let mut tets = Vec::new();
-        let (mut points, mut on, mut frozen) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut points, mut frozen) = (Vec::new(), Vec::new());
         let live: Vec<u32> = self.complex.live().filter(|&t| inside[t as usize]).collect();
         // Vertices keep their order: those shared with the core keep their places in the list of the frozen.
         let mut used = vec![false; self.complex.points.len()];
@@ -681,7 +688,6 @@ impl Cutter<'_> {
             if used[v] {
                 number[v] = points.len() as u32;
                 points.push(self.complex.points[v]);
-                on.push(self.on[v]);
                 frozen.push(self.frozen[v]);
             }
         }
@@ -691,7 +697,7 @@ impl Cutter<'_> {
             tets.push(self.complex.tets[t as usize].map(|v| number[v as usize]));
         }
         let mut complex = Complex::new(points, tets);
-        let mut stray = 0;
+        let mut stray = Vec::new();
         for &t in &live {
             for i in 0..4 {
                 let n = self.complex.adjacent[t as usize][i];
@@ -699,7 +705,7 @@ impl Cutter<'_> {
                     let label = match self.piece_of(self.complex.face(t, i)) {
                         Some(piece) => piece,
                         None => {
-                            stray += 1;
+                            stray.push(complex.points[number[self.complex.face(t, i)[0] as usize] as usize]);
                             STRAY
                         }
                     };
@@ -708,6 +714,6 @@ impl Cutter<'_> {
             }
         }
         debug_assert!(complex.live().all(|t| volume6(complex.corners(t)).is_finite()));
-        Inside { complex, on, frozen, number, stray }
+        Inside { complex, frozen, number, stray }
     }
 }

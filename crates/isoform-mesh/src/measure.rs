@@ -28,8 +28,8 @@ pub(crate) fn biased_sine(p: [Point3; 4]) -> f64 {
         let s = volume * norm(sub(p[a], p[b])) / (area[k] * area[l]);
         // Outward normals at less than a right angle: the dihedral angle is obtuse.
         let s = if dot(n[k], n[l]) > 0.0 { OBTUSE * s } else { s };
-        // A comparison that is false for what is not a number: a repeated vertex must not pass.
-        if !(s > 0.0) {
+        // A repeated vertex gives no number, and must not pass.
+        if s.is_nan() || s <= 0.0 {
             return if s < 0.0 { s } else { -1.0 };
         }
         worst = worst.min(s);
@@ -85,7 +85,7 @@ pub(crate) fn smallest_sine_and_derivative(p: [Point3; 3]) -> (f64, Point3) {
     let short = (0..3).fold(0, |s, i| if l[i] < l[s] { i } else { s });
     let (i, j) = ((short + 1) % 3, (short + 2) % 3);
     let s = area / (l[i] * l[j]);
-    if !(s > 0.0) {
+    if s.is_nan() || s <= 0.0 {
         return (0.0, [0.0; 3]);
     }
     let da = cross(sub(p[1], p[2]), n.map(|v| v / area));

@@ -193,16 +193,25 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     warnings.extend(
         hidden.into_iter().map(|at| Warning { message: "the surface is finer than the mesh can resolve here".into(), at: Some(at) }),
     );
-    let mut cutter = Cutter::new(&surface, complex, frozen);
+    let mut cutter = Cutter::new(&surface, complex, frozen, control);
+    if let Some(at) = cutter.not_a_number() {
+        return Err(MeshError::NotANumber { at });
+    }
     cutter.run();
+    if cutter.trouble.undecided > 0 {
+        let message = format!("{} tetrahedra could not be cut to the end: pieces touch too often for this size", cutter.trouble.undecided);
+        warnings.push(Warning { message, at: None });
+    }
     let inside = cutter.inside();
     let inside = cutter.finish(&inside);
     if inside.complex.tets.is_empty() && core.is_empty() {
         return Err(MeshError::TooCoarse { size: options.size });
     }
+    let stray = inside.stray.iter().map(|&at| Warning { message: "a face of the surface lies on no single part".into(), at: Some(at) });
+    warnings.extend(stray);
     let number = inside.number.clone();
     control.phase("optimisation")?;
-    let mut optimiser = Optimiser::new(&surface, inside, options.size);
+    let mut optimiser = Optimiser::new(&surface, inside, options.size, control);
     let goal = options.angles[0].to_radians().sin().max(0.7 * options.angles[1].to_radians().sin());
     optimiser.run(goal);
     let off = optimiser.settle(goal);

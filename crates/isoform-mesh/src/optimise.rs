@@ -7,6 +7,7 @@
 use crate::complex::{BOUNDARY, Complex, NONE, OPEN, Ring, STRAY, volume6};
 use crate::cut::Inside;
 use crate::measure::{biased_sine, biased_sines, smallest_sine, smallest_sine_and_derivative};
+use crate::mesher::Control;
 use crate::surface::{On, Surface, TANGENT};
 use isoform_geom::{Point3, TET_FACES, cross, dot, norm, sub};
 use rayon::prelude::*;
@@ -39,6 +40,7 @@ const RING: usize = 9;
 
 pub(crate) struct Optimiser<'s> {
     pub(crate) surface: &'s Surface<'s>,
+    control: &'s Control<'s>,
     pub(crate) complex: Complex,
     pub(crate) hold: Vec<Hold>,
     /// Labels of the faces at each vertex of the surface, where they are more than the pieces that hold it.
@@ -66,11 +68,12 @@ struct Scratch {
 type Face = ([u32; 3], u32);
 
 impl<'s> Optimiser<'s> {
-    pub(crate) fn new(surface: &'s Surface<'s>, inside: Inside, size: f64) -> Self {
+    pub(crate) fn new(surface: &'s Surface<'s>, inside: Inside, size: f64, control: &'s Control<'s>) -> Self {
         let Inside { complex, frozen, .. } = inside;
         let n = complex.points.len();
         let mut this = Self {
             surface,
+            control,
             complex,
             hold: vec![Hold::On(On::default()); n],
             labels: vec![On::default(); n],
@@ -913,6 +916,9 @@ impl<'s> Optimiser<'s> {
             };
             bad.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let Some(&(worst, _)) = bad.first() else { return };
+            if self.control.is_stopped() {
+                return;
+            }
             // Insertions are for what is left over; where much is bad they only make more of it.
             let insertions = round >= INSERT_FROM && bad.len() < MANY.max(self.complex.tets.len() / 200);
             let mut done = 0;

@@ -1,0 +1,170 @@
+//! Whole meshes: valid by the certificate, exact on the function, converging as theory says, the same for any number of threads.
+
+use isoform_field::Pieces;
+use isoform_field::hyperfun::{Mode, Model};
+use isoform_geom::{Aabb, Mesh, Point3, Solid, dot, norm, sub};
+use isoform_mesh::check::{self, Certificate, certify};
+use isoform_mesh::{Control, MeshError, Meshed, Options, mesh};
+
+const SPHERE: &str = "m(x[3], a[1]) { m = 1 - sqrt(x[1]^2 + x[2]^2 + x[3]^2); }";
+const PART: &str = "m(x[3], a[1]) {
+    array c[3], d[3], e[3];
+    c = [-5, -4, -2]; d = [-2, -1.5, 0]; e = [3, 0.5, 0];
+    m = (hfBlock(x, c, 10, 5, 4) \\ hfCylinderZ(x, d, 1.25)) \\ hfCylinderZ(x, e, 1.5);
+}";
+/// Block minus 5 by 4 by z cylinders: 200 − 4 (π 1.25² + the area of the circle of radius 1.5 below y = 1, half a unit above its centre).
+fn part_volume() -> f64 {
+    let (r, h) = (1.5f64, 0.5f64);
+    let cap = r * r * (h / r).acos() - h * (r * r - h * h).sqrt();
+    200.0 - 4.0 * (std::f64::consts::PI * 1.25 * 1.25 + std::f64::consts::PI * r * r - cap)
+}
+
+fn solid(text: &str) -> Pieces {
+    let model = Model::parse(text, Mode::Default).expect("a program");
+    Pieces::of_model(&model, &vec![0.0; model.n_params()]).expect("an expression")
+}
+
+fn meshed(text: &str, options: &Options) -> (Meshed, Certificate) {
+    let solid = solid(text);
+    let meshed = mesh(&solid, options, &Control::default()).expect("a mesh");
+    assert_eq!(meshed.warnings, [], "{text}");
+    let curves: Vec<Vec<Point3>> = meshed.features.curves.iter().map(|c| c.points.clone()).collect();
+    let corners: Vec<Point3> = meshed.features.corners.iter().map(|c| c.point).collect();
+    let checks = check::Options {
+        curves: &curves,
+        corners: &corners,
+        size: Some(options.size),
+        region: options.region,
+        ..check::Options::default()
+    };
+    let certificate = certify(&meshed.mesh, Some(&solid), &checks, &Control::default());
+    let failures: Vec<String> = certificate.failures().iter().map(ToString::to_string).collect();
+    assert!(certificate.is_ok(), "{text}: {failures:?}");
+    (meshed, certificate)
+}
+
+/// Largest distance of the unit sphere from the middles of a mesh's triangles.
+fn sagitta(mesh: &Mesh) -> f64 {
+    let off = |f: &[u32; 3]| {
+        let p = f.map(|v| mesh.points[v as usize]);
+        let middle: Point3 = std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0);
+        1.0 - norm(middle)
+    };
+    mesh.triangles.iter().map(off).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_part_has_its_faces_edges_corners_and_volume() {
+    let (meshed, certificate) = meshed(PART, &Options { size: 0.4, ..Options::default() });
+    let surface = certificate.surface.expect("a surface");
+    assert_eq!((surface.euler, surface.shells, surface.components), (0, 1, 1));
+    assert_eq!((meshed.mesh.parts.len(), meshed.mesh.corners.len(), meshed.features.curves.len()), (8, 12, 20));
+    // The chords of the holes leave them by at most h²/8r.
+    assert!((surface.volume / part_volume() - 1.0).abs() < 5e-3, "{} {}", surface.volume, part_volume());
+    let tets = certificate.tets.expect("tetrahedra");
+    assert!(tets.dihedral_min > 20.0 && tets.dihedral_max < 150.0, "{} {}", tets.dihedral_min, tets.dihedral_max);
+    assert!(certificate.deviation.expect("distances").nodes.max < 1e-12);
+}
+
+#[test]
+fn faces_of_a_sphere_converge_with_the_square_of_the_size_and_curved_ones_faster() {
+    let at = |size: f64, order: u32| meshed(SPHERE, &Options { size, order, ..Options::default() });
+    let (coarse, fine) = (at(0.3, 1), at(0.15, 1));
+    let rate = (sagitta(&coarse.0.mesh) / sagitta(&fine.0.mesh)).log2();
+    assert!((1.5..2.6).contains(&rate), "{rate}");
+    let off = |c: &Certificate| c.surface.as_ref().expect("a surface").volume;
+    let exact = 4.0 / 3.0 * std::f64::consts::PI;
+    assert!((off(&fine.1) / exact - 1.0).abs() < 0.3 * (off(&coarse.1) / exact - 1.0).abs());
+    let (curved, certificate) = at(0.3, 2);
+    let middles = curved.mesh.triangle_mids.iter().flatten().map(|&m| (norm(curved.mesh.points[m as usize]) - 1.0).abs());
+    assert!(middles.fold(0.0, f64::max) < 1e-14);
+    assert!(certificate.curved.expect("curved elements").scaled_jacobian_min > 0.3);
+}
+
+#[test]
+fn thin_sheets_and_many_corners_stay_manifold() {
+    let gyroid = "m(x[3], a[1]) {
+        w = 6.283185307179586;
+        g = sin(w*x[1])*cos(w*x[2]) + sin(w*x[2])*cos(w*x[3]) + sin(w*x[3])*cos(w*x[1]);
+        m = min(0.45 - max(max(abs(x[1]), abs(x[2])), abs(x[3])), (0.6 - abs(g))/(1.5*w));
+    }";
+    let (_, certificate) = meshed(gyroid, &Options { size: 0.06, ..Options::default() });
+    assert!(certificate.tets.expect("tetrahedra").dihedral_min > 12.0);
+}
+
+#[test]
+fn sizes_follow_the_chordal_error() {
+    let (uniform, _) = meshed(PART, &Options { size: 0.3, ..Options::default() });
+    let (graded, certificate) = meshed(PART, &Options { size: 1.2, grade: Some(0.02), ..Options::default() });
+    assert!(certificate.deviation.expect("distances").faces.max <= 0.021);
+    assert!(graded.mesh.tets.len() * 2 < uniform.mesh.tets.len(), "{} {}", graded.mesh.tets.len(), uniform.mesh.tets.len());
+}
+
+#[test]
+fn a_box_cuts_the_solid_off() {
+    let region = Aabb { lo: [-2.0, -2.0, -2.0], hi: [2.0, 2.0, 0.25] };
+    let (meshed, certificate) = meshed(SPHERE, &Options { size: 0.15, region: Some(region), ..Options::default() });
+    assert_eq!(meshed.caps, ["cap.z_max"]);
+    // A spherical segment of height 1.25.
+    let exact = std::f64::consts::PI * 1.25f64.powi(2) * (1.0 - 1.25 / 3.0);
+    assert!((certificate.surface.expect("a surface").volume / exact - 1.0).abs() < 0.02);
+}
+
+#[test]
+fn the_surface_alone_is_the_boundary_of_the_tetrahedra() {
+    let options = Options { size: 0.5, ..Options::default() };
+    let (volume, _) = meshed(PART, &options);
+    let (surface, _) = meshed(PART, &Options { surface_only: true, ..options });
+    assert!(surface.mesh.tets.is_empty());
+    let places = |m: &Mesh| {
+        let mut all: Vec<[[u64; 3]; 3]> = m.triangles.iter().map(|t| t.map(|v| m.points[v as usize].map(f64::to_bits))).collect();
+        all.sort_unstable();
+        all
+    };
+    assert!(places(&surface.mesh) == places(&volume.mesh));
+}
+
+#[test]
+fn threads_do_not_change_the_mesh() {
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| meshed(PART, &Options { size: 0.5, ..Options::default() }).0.mesh)
+    };
+    assert!(with(1) == with(3));
+}
+
+#[test]
+fn corners_lie_where_three_planes_meet() {
+    // A wedge with an oblique side: the corners are where planes meet, exactly.
+    let text = "m(x[3], a[1]) { m = min(min(min(x[1], x[2]), min(x[3], 1 - x[3])), 2 - x[1] - 1.5*x[2]); }";
+    let (meshed, _) = meshed(text, &Options { size: 0.2, ..Options::default() });
+    let m = &meshed.mesh;
+    assert_eq!(m.corners.len(), 6);
+    for want in [[0.0, 0.0], [2.0, 0.0], [0.0, 4.0 / 3.0]] {
+        for z in [0.0, 1.0] {
+            let p = [want[0], want[1], z];
+            assert!(m.corners.iter().any(|&c| norm(sub(m.points[c as usize], p)) < 1e-13), "{p:?}");
+        }
+    }
+    assert!(m.tets.iter().all(|t| {
+        let p = t.map(|v| m.points[v as usize]);
+        dot(sub(p[1], p[0]), isoform_geom::cross(sub(p[2], p[0]), sub(p[3], p[0]))) > 0.0
+    }));
+}
+
+#[test]
+fn bad_input_is_an_error() {
+    let run = |text: &str, options: Options| mesh(&solid(text), &options, &Control::default()).map(|m| m.mesh.tets.len());
+    let empty = "m(x[3], a[1]) { m = -1 - x[1]^2 - x[2]^2 - x[3]^2; }";
+    assert!(matches!(run(empty, Options::default()), Err(MeshError::Extent(_))));
+    let endless = "m(x[3], a[1]) { m = 1 - x[1]^2 - x[2]^2; }";
+    assert!(matches!(run(endless, Options::default()), Err(MeshError::Extent(_))));
+    for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(matches!(run(SPHERE, Options { size, ..Options::default() }), Err(MeshError::Option { name: "size", .. })), "{size}");
+    }
+    assert!(matches!(run(SPHERE, Options { size: 1e-5, ..Options::default() }), Err(MeshError::Memory { .. })));
+    let stopped = std::sync::atomic::AtomicBool::new(true);
+    let control = Control { cancelled: Some(&stopped), ..Control::default() };
+    assert_eq!(mesh(&solid(SPHERE), &Options::default(), &control).map(|_| ()).unwrap_err(), MeshError::Stopped);
+    assert!(solid(SPHERE).names().len() == 1);
+}
