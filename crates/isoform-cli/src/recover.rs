@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         job.warnings.iter().for_each(|w| context.warn(w));
     }
     let mut json = document::document(&job, "recover");
-    json["outputs"] = written.iter().chain(&meshes).map(|p| p.display().to_string()).collect();
+    let mut files: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
     let mut text = table::text(&job);
     for path in &written {
         text += &format!("wrote     {}\n", path.display());
@@ -72,11 +72,13 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let mut exit = job.exit();
     if !targets.is_empty() {
         let made = fitted_mesh(&job, &request.language, &args.mesh, &targets, context);
+        files.extend(made.iter().flat_map(|m| &m.written).map(|w| w.path.clone()));
         let (its_exit, document, table) = told(made, context);
         exit = if exit == DONE { its_exit } else { exit };
         json["mesh"] = document;
         text += &table;
     }
+    json["outputs"] = json!(files);
     Ok(Outcome { exit, json, stdout: text.into_bytes() })
 }
 
@@ -93,7 +95,7 @@ fn fitted_mesh(
     let values = eval::values(&model, &[])?;
     let unit = Some(job.unit.unit.clone()).filter(|u| !u.is_empty());
     let subject = Subject { name: format!("fitted {}", job.template_name), model, values, unit };
-    let mut made = work::make(&subject, settings, context)?;
+    let mut made = work::make(&subject, settings, None, context)?;
     mesh::files::write(&mut made, targets)?;
     Ok(made)
 }

@@ -148,6 +148,13 @@ fn bad_models_are_refused_with_a_reason() {
 }
 
 #[test]
+fn a_function_without_values_inside_is_not_passed_off_as_a_mesh() {
+    let f = Folder::new("mesh-nan");
+    let (exit, j) = mesh(&f.program("my_model = hfSphere(x, c, 2) + 0*sqrt(x[1] + 1);"), &["--size", "0.4"]);
+    assert!((exit == 3 || exit == 4) && j["ok"] == false, "{exit}: {j}");
+}
+
+#[test]
 fn bad_files_and_usage_are_refused() {
     let f = Folder::new("mesh-usage");
     let model = f.program(BALL);
@@ -252,10 +259,19 @@ fn recover_goes_from_points_to_a_mesh_for_a_solver() {
     let o = isoform(&["recover", &scan, &template, "--size", "0.5", "-o", &f.path("part.inp"), "-o", &f.path("fitted.hf"), "--json"]);
     let j = document(&o);
     assert_eq!((code(&o), &j["mesh"]["ok"], &j["mesh"]["counts"]["parts"]), (0, &true.into(), &1.into()), "{}", stderr(&o));
-    assert_eq!(j["outputs"].as_array().map(Vec::len), Some(2));
+    let outputs = [f.path("fitted.hf"), f.path("part.inp")];
+    assert_eq!(j["outputs"], Value::from(outputs.as_slice()));
     let volume = j["mesh"]["certificate"]["volume"].as_f64().expect("a volume");
     assert!((volume / 33.5 - 1.0).abs() < 0.05, "{volume}");
     assert!(String::from_utf8(f.bytes("part.inp")).expect("text").contains("*ELEMENT"));
+    // Without a mesh the fit is still a result.
+    let o = isoform(&["recover", &scan, &template, "--size", "1e-5", "-o", &f.path("fine.inp"), "-o", &f.path("other.hf"), "--json"]);
+    let j = document(&o);
+    assert_eq!(
+        (code(&o), &j["mesh"]["error"]["code"], &j["outputs"]),
+        (3, &"memory".into(), &Value::from([f.path("other.hf")].as_slice())),
+        "{j}"
+    );
     let o = isoform(&["fit", &scan, "-t", &template, "-o", &f.path("part.msh")]);
     assert!(code(&o) == 1 && stderr(&o).contains("isoform recover"), "{}", stderr(&o));
 }

@@ -40,5 +40,5 @@ pub use isoform_geom as geom;
 pub use isoform_io as io;
 pub use isoform_mesh as mesh;
 pub use isoform_num as num;
-pub use meshing::{certified_mesh, default_size, solid_of, surface_of};
+pub use meshing::{certified_adaptation, certified_mesh, default_size, solid_of, surface_of};
 pub use template::{FrepTemplate, TemplateError};

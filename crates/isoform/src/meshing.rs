@@ -5,7 +5,7 @@ use isoform_field::{Pieces, RunField, SolidError};
 use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, PointCloud, Solid};
 use isoform_mesh::check::{self, Certificate, Limits, certify};
 use isoform_mesh::features::{Corner, CornerKind, ExtentError, START, extent};
-use isoform_mesh::{Control, MeshError, Meshed, Options, mesh};
+use isoform_mesh::{Control, MeshError, Meshed, Options, adapt, mesh};
 
 /// Part of the diagonal that an element takes by default: some ten thousand tetrahedra in a ball.
 const ELEMENTS: f64 = 40.0;
@@ -81,7 +81,23 @@ pub fn certified_mesh(
     limits: Limits,
     control: &Control<'_>,
 ) -> Result<(Meshed, Certificate), MeshError> {
-    let mut meshed = mesh(solid, options, control)?;
+    let meshed = mesh(solid, options, control)?;
+    Ok(certified(meshed, solid, options, limits, control))
+}
+
+/// Improves a volume mesh given from elsewhere on the solid that it stands for, and certifies it like one of our own.
+pub fn certified_adaptation(
+    given: &Mesh,
+    solid: &dyn Solid,
+    options: &Options,
+    limits: Limits,
+    control: &Control<'_>,
+) -> Result<(Meshed, Certificate), MeshError> {
+    let meshed = adapt(given, solid, options, control)?;
+    Ok(certified(meshed, solid, options, limits, control))
+}
+
+fn certified(mut meshed: Meshed, solid: &dyn Solid, options: &Options, limits: Limits, control: &Control<'_>) -> (Meshed, Certificate) {
     let curves: Vec<Vec<Point3>> = meshed.features.curves.iter().map(|c| c.points.clone()).collect();
     let corners: Vec<Point3> = meshed.features.corners.iter().filter(|c| is_corner(c)).map(|c| c.point).collect();
     if meshed.mesh.corners.is_empty() {
@@ -96,7 +112,7 @@ pub fn certified_mesh(
         ..check::Options::default()
     };
     let certificate = certify(&meshed.mesh, Some(solid), &wanted, control);
-    Ok((meshed, certificate))
+    (meshed, certificate)
 }
 
 /// Whether a mesh must have a node there: not where a curve fades out, or goes on with another piece in the same direction.

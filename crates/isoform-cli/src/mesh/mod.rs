@@ -2,12 +2,13 @@
 
 pub(crate) mod document;
 pub(crate) mod files;
+mod sizes;
 pub(crate) mod table;
 pub(crate) mod work;
 
 use crate::model::Language;
 use crate::output::{self, Context, Failure, Outcome};
-use crate::{eval, gallery};
+use crate::{eval, gallery, scan};
 use isoform::geom::Aabb;
 use std::path::PathBuf;
 use work::Subject;
@@ -18,6 +19,8 @@ use work::Subject;
 Examples:
   isoform mesh part.hf --size 0.25 -o part.msh -o part.inp
   isoform mesh part.hf --surface-only --grade 0.01 -o part.obj
+  isoform mesh part.hf --sizes sizes.csv --order 2 -o part.inp
+  isoform mesh part.hf --adapt old.msh -o better.msh
   isoform mesh gyroid.hf --box=-1,-1,-1,1,1,1 -o gyroid.vtu --json
 
 Edges and corners are found and kept; every face carries the name of the part that it lies on. Every mesh comes with a
@@ -34,6 +37,9 @@ pub(crate) struct Args {
     params: Option<eval::Parameters>,
     #[command(flatten)]
     settings: Settings,
+    /// Improve this mesh of tetrahedra on the model instead of making a new one: its surface is brought onto the parts
+    #[arg(long, value_name = "FILE", conflicts_with = "region")]
+    adapt: Option<PathBuf>,
     /// Write a file; its ending names the format (- for stdout, with --to); may be repeated
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
@@ -54,6 +60,9 @@ pub(crate) struct Settings {
     /// Smaller edges where a face would leave the surface by more than this
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     pub(crate) grade: Option<f64>,
+    /// Smaller edges by place: a table x,y,z,length (of a refinement, or from an error estimate), or a HyperFun program of the length
+    #[arg(long, value_name = "FILE")]
+    pub(crate) sizes: Option<PathBuf>,
     /// 2 for elements with nodes in the middles of their edges, on the true surface
     #[arg(long, value_name = "1|2", value_parser = clap::value_parser!(u32).range(1..=2))]
     pub(crate) order: Option<u32>,
@@ -88,7 +97,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let model = gallery::template(&args.model, &args.language, context)?;
     let values = eval::values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
     let subject = Subject { name: args.model.display().to_string(), unit: model.info().unit.clone(), model, values };
-    let mut made = work::make(&subject, &args.settings, context)?;
+    let given = args.adapt.as_deref().map(|path| scan::read_mesh_file(path, None)).transpose()?;
+    let mut made = work::make(&subject, &args.settings, given.map(|g| g.0).as_ref(), context)?;
     let stdout = files::write(&mut made, &targets)?;
     made.say(context);
     let mut json = document::document(&made);

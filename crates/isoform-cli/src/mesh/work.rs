@@ -2,16 +2,17 @@
 
 use super::Settings;
 use super::files::Written;
+use super::sizes;
 use crate::interrupt;
 use crate::output::{Context, DONE, Failure, NO_RESULT, PARTIAL};
 use crate::progress::Progress;
-use isoform::certified_mesh;
 use isoform::field::SolidError;
 use isoform::field::hyperfun::Model;
-use isoform::geom::{Point3, Solid};
+use isoform::geom::{Mesh, Point3, Solid};
 use isoform::mesh::check::{Certificate, Limits};
 use isoform::mesh::features::ExtentError;
-use isoform::mesh::{Control, MeshError, Meshed, Options, Warning};
+use isoform::mesh::{Control, MeshError, Meshed, Options, Warning, mean_edge};
+use isoform::{certified_adaptation, certified_mesh};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -75,7 +76,8 @@ struct Phases {
 }
 
 /// All phases in their order, for the bar.
-const PHASES: [&str; 13] = [
+const PHASES: [&str; 14] = [
+    "check",
     "extent",
     "lattice",
     "features",
@@ -111,17 +113,21 @@ impl Phases {
 }
 
 /// Meshes a model and certifies the mesh.
-pub(crate) fn make(subject: &Subject, settings: &Settings, context: &Context) -> Result<Made, Failure> {
+pub(crate) fn make(subject: &Subject, settings: &Settings, given: Option<&Mesh>, context: &Context) -> Result<Made, Failure> {
     let name = &subject.name;
     let phases = Phases::new(context);
     phases.enter("model");
     let (solid, is_run) = isoform::solid_of(&subject.model, &subject.values).map_err(|e| no_solid(&e, name))?;
     let solid = solid.as_ref();
-    let options = options(solid, settings).map_err(|e| failure(&e, name, None))?;
+    let mut options = options(solid, settings, given).map_err(|e| failure(&e, name, None))?;
+    options.sizes = settings.sizes.as_deref().map(|path| sizes::read(path, context)).transpose()?;
     let show = |phase: &str| phases.enter(phase);
     let control = Control { cancelled: Some(interrupt::watch()), deadline: context.deadline, progress: Some(&show) };
     let limits = settings.angles.map_or(Limits::default(), |a| Limits { dihedral_min: a.0[0], dihedral_max: a.0[1], ..Limits::default() });
-    let made = certified_mesh(solid, &options, limits, &control);
+    let made = match given {
+        Some(mesh) => certified_adaptation(mesh, solid, &options, limits, &control),
+        None => certified_mesh(solid, &options, limits, &control),
+    };
     let (meshed, certificate) = made.map_err(|e| failure(&e, name, Some(&options)))?;
     let warnings = warnings(&meshed, is_run);
     let notes = notes(&meshed);
@@ -140,11 +146,16 @@ pub(crate) fn make(subject: &Subject, settings: &Settings, context: &Context) ->
     })
 }
 
-fn options(solid: &dyn Solid, settings: &Settings) -> Result<Options, MeshError> {
+fn options(solid: &dyn Solid, settings: &Settings, given: Option<&Mesh>) -> Result<Options, MeshError> {
     let usual = Options::default();
     Ok(Options {
-        size: settings.size.map_or_else(|| isoform::default_size(solid, settings.region), Ok)?,
+        size: match (settings.size, given) {
+            (Some(size), _) => size,
+            (None, Some(mesh)) => mean_edge(mesh),
+            (None, None) => isoform::default_size(solid, settings.region)?,
+        },
         grade: settings.grade,
+        sizes: None,
         order: settings.order.unwrap_or(usual.order),
         surface_only: settings.surface_only,
         region: settings.region,
@@ -211,6 +222,9 @@ fn failure(error: &MeshError, name: &str, options: Option<&Options>) -> Failure 
         }
         MeshError::NotANumber { at } => none("not-a-number").somewhere(*at).hint("--box around the part where it is one"),
         MeshError::TooCoarse { .. } => none("too-coarse").hint(finer(options)),
+        MeshError::Input { .. } => {
+            Failure::input("mesh", format!("{name}: {error}")).hint("a .msh, .vtu or .inp with tetrahedra near the model")
+        }
         MeshError::Stopped if interrupt::happened() => Failure::new(interrupt::INTERRUPTED, "interrupted", error.to_string()),
         MeshError::Stopped => none("time-limit").hint("a longer --time-limit, or a larger --size"),
     }
