@@ -275,3 +275,25 @@ fn recover_goes_from_points_to_a_mesh_for_a_solver() {
     let o = isoform(&["fit", &scan, "-t", &template, "-o", &f.path("part.msh")]);
     assert!(code(&o) == 1 && stderr(&o).contains("isoform recover"), "{}", stderr(&o));
 }
+
+#[test]
+fn sizes_from_files_and_a_mesh_made_better() {
+    let f = Folder::new("mesh-sizes");
+    let model = f.program(HOLED);
+    let tets = |more: &[&str]| {
+        let (exit, j) = mesh(&model, more);
+        assert_eq!(exit, 0, "{j}");
+        j["counts"]["tets"].as_u64().expect("a number")
+    };
+    let old = f.path("old.msh");
+    let plain = tets(&["--size", "0.4", "-o", &old]);
+    let table = f.file("sizes.csv", "x,y,z,length\n-1,-1,-1,0.1\n");
+    assert!(tets(&["--size", "0.4", "--sizes", &table]) > plain + plain / 10);
+    let field = f.file("sizes.hf", "h(x[3], a[1]) { h = 0.15 + 0.1*abs(x[3]); }");
+    assert!(tets(&["--size", "0.4", "--sizes", &field]) > 2 * plain);
+    let again = tets(&["--adapt", &old]);
+    assert!(again * 10 > plain * 9 && again * 10 < plain * 11, "{again} {plain}");
+    let bad = f.file("bad.csv", "1,2,3,0.1\n1,2,3\n");
+    let (exit, j) = mesh(&model, &["--sizes", &bad]);
+    assert_eq!((exit, &j["error"]["code"], &j["error"]["where"]["line"]), (2, &"sizes".into(), &2.into()), "{j}");
+}

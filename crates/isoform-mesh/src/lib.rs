@@ -1,6 +1,7 @@
 //! Labelled surface meshes and tetrahedra of any solid that can say its parts.
 #![forbid(unsafe_code)]
 
+mod adapt;
 mod cap;
 pub mod check;
 mod complex;
@@ -17,4 +18,5 @@ mod refine;
 mod second;
 mod surface;
 
-pub use mesher::{Control, MeshError, Meshed, Options, Warning, mesh};
+pub use adapt::{adapt, mean_edge};
+pub use mesher::{Control, MeshError, Meshed, Options, Sizes, Warning, mesh};

@@ -10,12 +10,13 @@ use crate::optimise::Optimiser;
 use crate::refine::{bisect, follow, resolve};
 use crate::second::add_middles;
 use crate::surface::Surface;
-use isoform_geom::{Aabb, Curve, Mesh, Point3, Solid, norm};
+use isoform_geom::{Aabb, Curve, KdTree, Mesh, Point3, Solid, norm};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// Edge of a lattice cell for tetrahedra as large as regular ones of edge 1: a³/12 = √2/12.
-const CELL: f64 = 1.122_462_048_309_373;
+pub(crate) const CELL: f64 = 1.122_462_048_309_373;
 
 /// What to make.
 #[derive(Clone, Debug)]
@@ -24,6 +25,8 @@ pub struct Options {
     pub size: f64,
     /// Smaller edges where a face would leave the surface by more than this (chordal error, model units).
     pub grade: Option<f64>,
+    /// Smaller edges where this says so, by place.
+    pub sizes: Option<Sizes>,
     /// 1 for straight edges, 2 for nodes in their middles, on the true surface.
     pub order: u32,
     /// Only the surface.
@@ -38,7 +41,31 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { size: 0.1, grade: None, order: 1, surface_only: false, region: None, angles: [21.0, 149.0], memory: 16 << 30 }
+        Self { size: 0.1, grade: None, sizes: None, order: 1, surface_only: false, region: None, angles: [21.0, 149.0], memory: 16 << 30 }
+    }
+}
+
+/// Edge lengths wanted by place, in model units. What is not positive or no number counts as no wish.
+#[derive(Clone)]
+pub struct Sizes(pub Arc<dyn Fn(Point3) -> f64 + Send + Sync>);
+
+impl std::fmt::Debug for Sizes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Sizes")
+    }
+}
+
+impl Sizes {
+    /// From samples: the size of the nearest one, growing with the distance to it by no more than `growth` per length.
+    pub fn nearest(samples: &[(Point3, f64)], growth: f64) -> Self {
+        let tree = KdTree::new(&samples.iter().map(|s| s.0).collect::<Vec<_>>());
+        let sizes: Vec<f64> = samples.iter().map(|s| s.1).collect();
+        Self(Arc::new(move |p| tree.nearest(p).map_or(f64::INFINITY, |(i, d)| sizes[i] + growth * d.sqrt())))
+    }
+
+    pub(crate) fn at(&self, p: Point3) -> f64 {
+        let s = (self.0)(p);
+        if s > 0.0 { s } else { f64::INFINITY }
     }
 }
 
@@ -109,6 +136,12 @@ pub enum MeshError {
         /// Edge length asked for.
         size: f64,
     },
+    /// A mesh given to be adapted is no volume mesh of the solid.
+    #[error("the mesh given {why}")]
+    Input {
+        /// What is wrong with it.
+        why: String,
+    },
     /// Stopped from outside or by time.
     #[error("stopped")]
     Stopped,
@@ -169,7 +202,7 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     control.phase("lattice")?;
     let lattice = Lattice::new(solid, region, cell);
     let surface = Surface { solid, lattice: &lattice, zero: 1e-13 * region.diagonal() };
-    let graded = options.grade.is_some();
+    let graded = options.grade.is_some() || options.sizes.is_some();
     let Band { mut complex, mut frozen, core, core_points } = Band::new(&lattice, !options.surface_only, graded);
     let band_points = complex.points.len();
     let mut warnings = Vec::new();
@@ -185,7 +218,7 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
         });
     }
     control.phase("sizes")?;
-    if follow(&surface, &mut complex, &mut frozen, limit, CELL, options.grade.map_or(f64::INFINITY, |e| 1.3 * e), options.size) {
+    if follow(&surface, &mut complex, &mut frozen, limit, CELL, options) {
         warnings.push(Warning { message: "sizes were not refined as far as asked for: the limit of memory was met".into(), at: None });
     }
     control.phase("surface")?;
@@ -212,24 +245,42 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     let number = inside.number.clone();
     control.phase("optimisation")?;
     let mut optimiser = Optimiser::new(&surface, inside, options.size, control);
+    improve(&mut optimiser, options, &mut warnings);
+    let (mut mesh, pieces) = assemble(solid, optimiser, &number, band_points, core, core_points, options);
+    raise_order(&mut mesh, &surface, &pieces, options, control, &mut warnings)?;
+    let caps = mesh.parts.iter().filter(|p| options.region.is_some() && p.starts_with("cap.")).cloned().collect();
+    Ok(Meshed { mesh, region, region_certified, caps, features, warnings })
+}
+
+/// Optimises, brings every vertex onto the surface, and splits what leaves it too far.
+pub(crate) fn improve(optimiser: &mut Optimiser<'_>, options: &Options, warnings: &mut Vec<Warning>) {
     let goal = options.angles[0].to_radians().sin().max(0.7 * options.angles[1].to_radians().sin());
     optimiser.run(goal);
     let off = optimiser.settle(goal);
     warnings.extend(off.into_iter().map(|at| Warning { message: "a vertex could not be brought onto the surface".into(), at: Some(at) }));
     optimiser.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);
-    let (mut mesh, pieces) = assemble(solid, optimiser, &number, band_points, core, core_points, options);
+}
+
+/// Middles of edges, if they are asked for.
+pub(crate) fn raise_order(
+    mesh: &mut Mesh,
+    surface: &Surface<'_>,
+    pieces: &[u32],
+    options: &Options,
+    control: &Control<'_>,
+    warnings: &mut Vec<Warning>,
+) -> Result<(), MeshError> {
     if options.order == 2 {
         control.phase("second order")?;
-        let off = add_middles(&mut mesh, solid, &pieces, surface.zero);
+        let off = add_middles(mesh, surface.solid, pieces, surface.zero);
         warnings.extend(
             off.into_iter().map(|at| Warning { message: "a mid-edge node could not be brought onto the surface".into(), at: Some(at) }),
         );
     }
-    let caps = mesh.parts.iter().filter(|p| options.region.is_some() && p.starts_with("cap.")).cloned().collect();
-    Ok(Meshed { mesh, region, region_certified, caps, features, warnings })
+    Ok(())
 }
 
-fn check_options(options: &Options) -> Result<(), MeshError> {
+pub(crate) fn check_options(options: &Options) -> Result<(), MeshError> {
     let positive = |name, value: f64| {
         if value > 0.0 && value.is_finite() { Ok(()) } else { Err(MeshError::Option { name, wanted: "a positive number", value }) }
     };
@@ -243,7 +294,7 @@ fn check_options(options: &Options) -> Result<(), MeshError> {
     Ok(())
 }
 
-fn assemble(
+pub(crate) fn assemble(
     solid: &dyn Solid,
     optimiser: Optimiser<'_>,
     number: &[u32],

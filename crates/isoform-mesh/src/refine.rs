@@ -6,6 +6,7 @@
 
 use crate::complex::{Complex, Ring};
 use crate::lattice::{IN, OUT};
+use crate::mesher::Options;
 use crate::surface::Surface;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use isoform_num::Jet2;
@@ -126,17 +127,26 @@ fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, siz
     wanted
 }
 
-/// Bisects where the surface bends: see [`Options`](crate::Options). Says whether the limit was met.
+/// Bisects where the surface bends or a size is wished for: see [`Options`]. Cells of edge `cell` hold edges of length 1. Says whether the
+/// limit of tetrahedra was met.
 pub(crate) fn follow(
     surface: &Surface<'_>,
     complex: &mut Complex,
     frozen: &mut Vec<bool>,
     limit: usize,
     cell: f64,
-    error: f64,
-    size: f64,
+    options: &Options,
 ) -> bool {
-    let wanted = |complex: &Complex, t: u32| cell * curved_size(surface, complex, t, error, size);
+    // The error is measured on the mesh afterwards and what exceeds it split: here it may be exceeded a little.
+    let error = options.grade.map_or(f64::INFINITY, |e| 1.3 * e);
+    let wanted = |complex: &Complex, t: u32| {
+        let curved = curved_size(surface, complex, t, error, options.size);
+        let wished = options.sizes.as_ref().map_or(f64::INFINITY, |sizes| {
+            let c = complex.corners(t);
+            c.iter().map(|p| sizes.at(*p)).fold(f64::INFINITY, f64::min)
+        });
+        cell * curved.min(wished)
+    };
     let live: Vec<u32> = complex.live().collect();
     let any = live.par_iter().with_min_len(1024).any(|&t| longest(complex, t).0 > wanted(complex, t) * SAME);
     any && bisect(complex, frozen, limit, wanted)

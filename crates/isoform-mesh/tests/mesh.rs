@@ -4,7 +4,7 @@ use isoform_field::Pieces;
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_geom::{Aabb, Mesh, Point3, Solid, dot, norm, sub};
 use isoform_mesh::check::{self, Certificate, certify};
-use isoform_mesh::{Control, MeshError, Meshed, Options, mesh};
+use isoform_mesh::{Control, MeshError, Meshed, Options, Sizes, adapt, mean_edge, mesh};
 
 const SPHERE: &str = "m(x[3], a[1]) { m = 1 - sqrt(x[1]^2 + x[2]^2 + x[3]^2); }";
 const PART: &str = "m(x[3], a[1]) {
@@ -167,4 +167,41 @@ fn bad_input_is_an_error() {
     let control = Control { cancelled: Some(&stopped), ..Control::default() };
     assert_eq!(mesh(&solid(SPHERE), &Options::default(), &control).map(|_| ()).unwrap_err(), MeshError::Stopped);
     assert!(solid(SPHERE).names().len() == 1);
+}
+
+#[test]
+fn sizes_follow_a_wish() {
+    // Half the size in the half space x > 0: eight times the tetrahedra there, about.
+    let sizes = Sizes(std::sync::Arc::new(|p: Point3| if p[0] > 0.0 { 0.1 } else { 0.2 }));
+    let (meshed, _) = meshed(SPHERE, &Options { size: 0.2, sizes: Some(sizes), ..Options::default() });
+    let m = &meshed.mesh;
+    let right = m.tets.iter().filter(|t| t.iter().all(|&v| m.points[v as usize][0] > 0.0)).count();
+    let left = m.tets.iter().filter(|t| t.iter().all(|&v| m.points[v as usize][0] < 0.0)).count();
+    assert!((4 * left..16 * left).contains(&right), "{left} {right}");
+}
+
+#[test]
+fn a_mesh_off_the_model_is_brought_onto_it() {
+    let (made, _) = meshed(PART, &Options { size: 0.4, ..Options::default() });
+    let mut rough = Mesh { points: made.mesh.points.clone(), tets: made.mesh.tets.clone(), ..Mesh::default() };
+    // Up to an eightieth of the size by axis, in pseudo-random directions.
+    let mut state = 1u64;
+    for v in rough.points.iter_mut().flatten() {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        *v += 0.01 * ((state >> 33) as f64 / f64::from(1u32 << 31) - 0.5);
+    }
+    let solid = solid(PART);
+    let better = adapt(&rough, &solid, &Options { size: mean_edge(&rough), ..Options::default() }, &Control::default()).expect("a mesh");
+    assert_eq!(better.warnings, []);
+    let certificate = certify(&better.mesh, Some(&solid), &check::Options::default(), &Control::default());
+    let failures: Vec<String> = certificate.failures().iter().map(ToString::to_string).collect();
+    assert!(certificate.is_ok(), "{failures:?}");
+    assert_eq!((better.mesh.parts.len(), better.mesh.corners.len()), (8, 12));
+    assert!(certificate.tets.expect("tetrahedra").dihedral_min > 15.0);
+    // What is no mesh of the model is refused.
+    let other = Mesh { points: rough.points.iter().map(|p| [p[0] + 40.0, p[1], p[2]]).collect(), ..rough };
+    assert!(matches!(
+        adapt(&other, &solid, &Options { size: 0.4, ..Options::default() }, &Control::default()),
+        Err(MeshError::Input { .. } | MeshError::Extent(_))
+    ));
 }

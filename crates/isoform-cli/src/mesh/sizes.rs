@@ -31,8 +31,7 @@ pub(crate) fn read(path: &Path, context: &Context) -> Result<Sizes, Failure> {
         match output::numbers(row).as_deref() {
             Ok(&[x, y, z, h]) if h > 0.0 && [x, y, z, h].iter().all(|v| v.is_finite()) => samples.push(([x, y, z], h)),
             _ => {
-                let message = format!("{}: x,y,z and a positive length are expected", path.display());
-                return Err(Failure::input("sizes", message).at(path, i + 1, 1));
+                return Err(Failure::input("sizes", "x,y,z and a positive length are expected").at(path, i + 1, 1));
             }
         }
     }
