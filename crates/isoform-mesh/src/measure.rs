@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn known_angles() {
-        let regular = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+        let regular = [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]];
         assert!((biased_sine(regular) - (8.0f64 / 9.0).sqrt()).abs() < 1e-12);
         // A corner of the cube: three right angles, three of 54.7356 degrees.
         let corner = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

@@ -246,6 +246,7 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     control.phase("optimisation")?;
     let mut optimiser = Optimiser::new(&surface, inside, options.size, control);
     improve(&mut optimiser, options, &mut warnings);
+    control.phase("assembly")?;
     let (mut mesh, pieces) = assemble(solid, optimiser, &number, band_points, core, core_points, options);
     raise_order(&mut mesh, &surface, &pieces, options, control, &mut warnings)?;
     let caps = mesh.parts.iter().filter(|p| options.region.is_some() && p.starts_with("cap.")).cloned().collect();

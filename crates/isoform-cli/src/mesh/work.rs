@@ -76,7 +76,7 @@ struct Phases {
 }
 
 /// All phases in their order, for the bar.
-const PHASES: [&str; 14] = [
+const PHASES: [&str; 15] = [
     "check",
     "extent",
     "lattice",
@@ -84,6 +84,7 @@ const PHASES: [&str; 14] = [
     "sizes",
     "surface",
     "optimisation",
+    "assembly",
     "second order",
     "checking tetrahedra",
     "measuring tetrahedra",
@@ -119,6 +120,11 @@ pub(crate) fn make(subject: &Subject, settings: &Settings, given: Option<&Mesh>,
     phases.enter("model");
     let (solid, is_run) = isoform::solid_of(&subject.model, &subject.values).map_err(|e| no_solid(&e, name))?;
     let solid = solid.as_ref();
+    if is_run && settings.region.is_none() {
+        // Nothing bounds such a program: the search for its box would have to look everywhere.
+        let message = format!("{name}: the program is no expression, so that its box cannot be found");
+        return Err(Failure::usage(message).why("a loop or an index depends on the point").hint("--box=-1,-1,-1,1,1,1 around it"));
+    }
     let mut options = options(solid, settings, given).map_err(|e| failure(&e, name, None))?;
     options.sizes = settings.sizes.as_deref().map(|path| sizes::read(path, context)).transpose()?;
     let show = |phase: &str| phases.enter(phase);
