@@ -29,7 +29,9 @@ const WARP: [f64; 2] = [0.25, 0.41];
 const NO_ROOM: f64 = 1e-5;
 /// The same where the piece is nearly parallel to one that holds the vertex, as where a torus rounds off a cylinder.
 const TOUCHING: f64 = 0.01;
-/// Cuts per tetrahedron of the lattice; ordinary solids need less than one.
+/// Pieces near a vertex beyond which corners are left to the cutting: their number grows with the third power.
+const CROWDED: usize = 6;
+/// Tetrahedra of the lattice per cut allowed; ordinary solids need a cut for every ten or more.
 const BUDGET: usize = 2;
 
 /// The complex while it is cut.
@@ -210,8 +212,10 @@ impl<'s> Cutter<'s> {
         for (i, &a) in pieces.iter().enumerate() {
             for (j, &b) in pieces.iter().enumerate().take(i) {
                 consider(&[b, a]);
-                for &c in &pieces[..j] {
-                    consider(&[c, b, a]);
+                if pieces.len() <= CROWDED {
+                    for &c in &pieces[..j] {
+                        consider(&[c, b, a]);
+                    }
                 }
             }
         }
@@ -292,7 +296,7 @@ impl<'s> Cutter<'s> {
 
     fn cut(&mut self) {
         let mut queue: VecDeque<u32> = self.complex.live().collect();
-        let mut budget = BUDGET * queue.len() + 10_000;
+        let mut budget = queue.len() / BUDGET + 10_000;
         let mut ring = Ring::default();
         while let Some(t) = queue.pop_front() {
             if !self.complex.is_there(t) {
