@@ -3,7 +3,8 @@
 //! Every operation of the mesher (splitting an edge, removing one, a flip, a collapse) takes some tetrahedra out and puts others into
 //! the same cavity: [`Complex::replace`] is the only place where neighbours are written, so they cannot get out of step.
 
-use isoform_geom::{Point3, TET_FACES, cross, dot, sub};
+use isoform_geom::{Point3, TET_FACES, TRIANGLE_EDGES};
+use rayon::prelude::*;
 
 /// No tetrahedron, no vertex.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -32,14 +33,20 @@ pub(crate) struct Complex {
     inner: Vec<([u32; 3], u32, u8)>,
 }
 
+/// The edges of a tetrahedron, by the places of their ends.
+pub(crate) const EDGES: [(usize, usize); 6] = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
+
+/// The edges of labelled triangles, lower vertex first, each with its triangle's label; sorted, so that those of one edge stand together.
+pub(crate) fn labelled_edges(faces: impl Iterator<Item = ([u32; 3], u32)>) -> Vec<([u32; 2], u32)> {
+    let edge = |a: u32, b: u32| [a.min(b), a.max(b)];
+    let mut edges: Vec<_> = faces.flat_map(|(f, label)| TRIANGLE_EDGES.map(|[i, j]| (edge(f[i], f[j]), label))).collect();
+    edges.par_sort_unstable();
+    edges
+}
+
 fn sorted(mut f: [u32; 3]) -> [u32; 3] {
     f.sort_unstable();
     f
-}
-
-/// Six times the volume.
-pub(crate) fn volume6(p: [Point3; 4]) -> f64 {
-    dot(sub(p[1], p[0]), cross(sub(p[2], p[0]), sub(p[3], p[0])))
 }
 
 /// What [`Complex::ring`] finds.
@@ -87,6 +94,11 @@ impl Complex {
     pub(crate) fn corners(&self, t: u32) -> [Point3; 4] {
         self.tets[t as usize].map(|v| self.points[v as usize])
     }
+    /// The mean of the vertices.
+    pub(crate) fn middle(&self, t: u32) -> Point3 {
+        let c = self.corners(t);
+        std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i]))
+    }
     pub(crate) fn add_point(&mut self, p: Point3) -> u32 {
         self.points.push(p);
         self.tet_of.push(NONE);
@@ -112,43 +124,33 @@ impl Complex {
 
     /// All tetrahedra at the vertex.
     pub(crate) fn star(&mut self, v: u32, out: &mut Vec<u32>) {
-        out.clear();
-        let first = self.tet_of[v as usize];
-        if first == NONE {
-            return;
-        }
         let epoch = self.next_epoch();
-        self.marks[first as usize] = epoch;
-        out.push(first);
-        let mut at = 0;
-        while at < out.len() {
-            let t = out[at];
-            at += 1;
-            for i in 0..4 {
-                let n = self.adjacent[t as usize][i];
-                if self.tets[t as usize][i] != v && n < BOUNDARY && self.marks[n as usize] != epoch {
-                    self.marks[n as usize] = epoch;
-                    out.push(n);
-                }
-            }
-        }
+        let mut marks = std::mem::take(&mut self.marks);
+        self.spread(v, out, |n, _| std::mem::replace(&mut marks[n as usize], epoch) != epoch);
+        self.marks = marks;
     }
 
     /// The same without marks, for several threads at once; stars are small.
     pub(crate) fn star_shared(&self, v: u32, out: &mut Vec<u32>) {
+        self.spread(v, out, |n, out| !out.contains(&n));
+    }
+
+    /// Goes from tetrahedron to tetrahedron around the vertex, to those that `is_new` says have not been met.
+    fn spread(&self, v: u32, out: &mut Vec<u32>, mut is_new: impl FnMut(u32, &[u32]) -> bool) {
         out.clear();
         let first = self.tet_of[v as usize];
         if first == NONE {
             return;
         }
+        is_new(first, out);
         out.push(first);
         let mut at = 0;
         while at < out.len() {
-            let t = out[at];
+            let t = out[at] as usize;
             at += 1;
             for i in 0..4 {
-                let n = self.adjacent[t as usize][i];
-                if self.tets[t as usize][i] != v && n < BOUNDARY && !out.contains(&n) {
+                let n = self.adjacent[t][i];
+                if self.tets[t][i] != v && n < BOUNDARY && is_new(n, out) {
                     out.push(n);
                 }
             }
@@ -366,7 +368,7 @@ mod tests {
     #[test]
     fn rings_and_splits_keep_neighbours() {
         let mut c = ring_of(5);
-        assert!(c.tets.iter().all(|t| volume6(t.map(|v| c.points[v as usize])) > 0.0));
+        assert!(c.tets.iter().all(|t| crate::quality::six_volume(t.map(|v| c.points[v as usize])) > 0.0));
         let mut ring = Ring::default();
         c.ring(2, 0, 1, &mut ring);
         assert!(ring.closed);

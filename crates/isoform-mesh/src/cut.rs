@@ -6,7 +6,7 @@
 //! on one piece each, edges of the solid on two, corners on three. Snapping (the warp of Labelle and Shewchuk, 2007, extended to
 //! curves and corners) only saves cuts that would leave short edges; it is refused where a tetrahedron would suffer.
 
-use crate::complex::{BOUNDARY, Complex, NONE, Ring, STRAY, volume6};
+use crate::complex::{BOUNDARY, Complex, EDGES, NONE, Ring, STRAY};
 use crate::lattice::{IN, Lattice, OUT};
 use crate::measure::biased_sine;
 use crate::mesher::Control;
@@ -51,15 +51,6 @@ pub(crate) struct Cutter<'s> {
     cell: Vec<f64>,
     star: Vec<u32>,
     made: Vec<u32>,
-    /// What did not work out, for the report.
-    pub(crate) trouble: Trouble,
-}
-
-/// Counts of what did not work out.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Trouble {
-    /// Vertices left off a piece that they belong to.
-    pub(crate) off: usize,
     /// Tetrahedra left undecided when the budget of cuts ran out.
     pub(crate) undecided: usize,
 }
@@ -90,7 +81,7 @@ impl<'s> Cutter<'s> {
             known: vec![Vec::new(); n],
             star: Vec::new(),
             made: Vec::new(),
-            trouble: Trouble::default(),
+            undecided: 0,
         }
     }
 
@@ -273,9 +264,7 @@ impl<'s> Cutter<'s> {
     /// What the vertices' signs say of a tetrahedron.
     fn side(&mut self, t: u32) -> Side {
         let v = self.complex.tets[t as usize];
-        let c = self.complex.corners(t);
-        let middle = std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i]));
-        let k = match self.surface.lattice.state_at(middle) {
+        let k = match self.surface.lattice.state_at(self.complex.middle(t)) {
             IN => return Side::In,
             OUT => return Side::Out,
             k => k as usize - 2,
@@ -303,7 +292,7 @@ impl<'s> Cutter<'s> {
                 continue;
             }
             if budget == 0 || (budget.is_multiple_of(1024) && self.control.is_stopped()) {
-                self.trouble.undecided = queue.len() + 1;
+                self.undecided = queue.len() + 1;
                 return;
             }
             let Some((u, w, piece)) = self.crossing(t) else { continue };
@@ -316,7 +305,7 @@ impl<'s> Cutter<'s> {
     /// The longest edge of a tetrahedron that the surface crosses, or that a piece crosses which leaves it undecided.
     fn crossing(&mut self, t: u32) -> Option<(u32, u32, Option<u32>)> {
         let v = self.complex.tets[t as usize];
-        let edges = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(i, j)| (v[i].min(v[j]), v[i].max(v[j])));
+        let edges = EDGES.map(|(i, j)| (v[i].min(v[j]), v[i].max(v[j])));
         let mut best: Option<(f64, u32, u32)> = None;
         let longest = |best: &mut Option<(f64, u32, u32)>, length: f64, a: u32, b: u32| {
             if best.is_none_or(|o| length > o.0 || (length == o.0 && (a, b) < (o.1, o.2))) {
@@ -407,7 +396,6 @@ impl<'s> Cutter<'s> {
                 // Left on the chord, a little off the pieces: the optimiser brings it there when there is room.
                 self.place(m, at, on);
                 self.value[m as usize] = if on.is_empty() { self.value[m as usize] } else { 0.0 };
-                self.trouble.off += usize::from(!on.is_empty());
             }
         }
         let changed = made.clone();
@@ -461,11 +449,7 @@ impl<'s> Cutter<'s> {
             inside[t as usize] = match self.side(t) {
                 Side::In => true,
                 Side::Out => false,
-                Side::Flat | Side::Cut(_) => {
-                    let c = self.complex.corners(t);
-                    let middle = std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i]));
-                    self.surface.value(middle).0 > 0.0
-                }
+                Side::Flat | Side::Cut(_) => self.surface.value(self.complex.middle(t)).0 > 0.0,
             };
         }
         inside
@@ -505,7 +489,7 @@ fn local_cells(complex: &Complex) -> Vec<f64> {
     let mut sum = vec![(0.0, 0.0); complex.points.len()];
     for t in complex.live() {
         let v = complex.tets[t as usize];
-        for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+        for (i, j) in EDGES {
             let l = norm(sub(complex.points[v[i] as usize], complex.points[v[j] as usize]));
             for k in [v[i], v[j]] {
                 let s: &mut (f64, f64) = &mut sum[k as usize];
@@ -717,7 +701,6 @@ impl Cutter<'_> {
                 }
             }
         }
-        debug_assert!(complex.live().all(|t| volume6(complex.corners(t)).is_finite()));
         Inside { complex, frozen, number, stray }
     }
 }

@@ -3,10 +3,8 @@
 //! sin θ for acute angles, 0.7 sin θ for obtuse ones (Klingner and Shewchuk, Aggressive tetrahedral mesh improvement, 2007): one
 //! number that falls to 0 for every kind of bad tetrahedron, and holds 20° and 150° equally bad.
 
+use crate::quality::OBTUSE_WEIGHT;
 use isoform_geom::{Point3, cross, dot, norm, sub};
-
-/// Weight of obtuse angles.
-const OBTUSE: f64 = 0.7;
 
 /// Edges of a tetrahedron with the two faces (by opposite vertex) that meet there.
 const EDGES: [[usize; 4]; 6] = [[0, 1, 2, 3], [0, 2, 1, 3], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 0, 2], [2, 3, 0, 1]];
@@ -27,7 +25,7 @@ pub(crate) fn biased_sine(p: [Point3; 4]) -> f64 {
     for [a, b, k, l] in EDGES {
         let s = volume * norm(sub(p[a], p[b])) / (area[k] * area[l]);
         // Outward normals at less than a right angle: the dihedral angle is obtuse.
-        let s = if dot(n[k], n[l]) > 0.0 { OBTUSE * s } else { s };
+        let s = if dot(n[k], n[l]) > 0.0 { OBTUSE_WEIGHT * s } else { s };
         // A repeated vertex gives no number, and must not pass.
         if s.is_nan() || s <= 0.0 {
             return if s < 0.0 { s } else { -1.0 };
@@ -55,7 +53,7 @@ pub(crate) fn biased_sines(p: [Point3; 4], x: usize) -> [(f64, Point3); 6] {
     EDGES.map(|[a, b, k, l]| {
         let e = sub(p[a], p[b]);
         let length = norm(e);
-        let bias = if dot(n[k], n[l]) > 0.0 { OBTUSE } else { 1.0 };
+        let bias = if dot(n[k], n[l]) > 0.0 { OBTUSE_WEIGHT } else { 1.0 };
         let scale = bias * length / (area[k] * area[l]);
         let s = scale * volume;
         let sign = if a == x {

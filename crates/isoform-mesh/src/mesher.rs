@@ -1,7 +1,7 @@
 //! The way from a solid to a mesh.
 
 use crate::cap::Capped;
-use crate::complex::NONE;
+use crate::complex::{NONE, labelled_edges};
 use crate::crowd::Crowd;
 use crate::cut::{Band, Cutter};
 use crate::features::{ExtentError, FeatureOptions, Features, START, extent, find};
@@ -9,8 +9,8 @@ use crate::lattice::Lattice;
 use crate::optimise::Optimiser;
 use crate::refine::{bisect, follow, resolve};
 use crate::second::add_middles;
-use crate::surface::Surface;
-use isoform_geom::{Aabb, Curve, KdTree, Mesh, Point3, Solid, norm};
+use crate::surface::{Surface, meet_at_an_angle};
+use isoform_geom::{Aabb, Curve, KdTree, Mesh, Point3, Solid};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -212,10 +212,7 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     let crowd = Crowd::new(&features, options.size);
     if !crowd.is_empty() {
         let mut found = Vec::new();
-        bisect(&mut complex, &mut frozen, limit, |complex, t| {
-            let c = complex.corners(t);
-            CELL * crowd.size_at(std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i])), &mut found)
-        });
+        bisect(&mut complex, &mut frozen, limit, |complex, t| CELL * crowd.size_at(complex.middle(t), &mut found));
     }
     control.phase("sizes")?;
     if follow(&surface, &mut complex, &mut frozen, limit, CELL, options) {
@@ -231,8 +228,8 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
         return Err(MeshError::NotANumber { at });
     }
     cutter.run();
-    if cutter.trouble.undecided > 0 {
-        let message = format!("{} tetrahedra could not be cut to the end: pieces touch too often for this size", cutter.trouble.undecided);
+    if cutter.undecided > 0 {
+        let message = format!("{} tetrahedra could not be cut to the end: pieces touch too often for this size", cutter.undecided);
         warnings.push(Warning { message, at: None });
     }
     let inside = cutter.inside();
@@ -349,14 +346,7 @@ pub(crate) fn assemble(
 
 /// Edges between faces of two parts that meet at an angle.
 fn feature_edges(solid: &dyn Solid, pieces: &[u32], mesh: &mut Mesh) {
-    let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * mesh.triangles.len());
-    for (f, &part) in mesh.triangles.iter().zip(&mesh.triangle_parts) {
-        for i in 0..3 {
-            let (a, b) = (f[i], f[(i + 1) % 3]);
-            edges.push(([a.min(b), a.max(b)], part));
-        }
-    }
-    edges.sort_unstable();
+    let edges = labelled_edges(mesh.triangles.iter().copied().zip(mesh.triangle_parts.iter().copied()));
     let mut found: Vec<([u32; 2], [u32; 2])> = Vec::new();
     for same in edges.chunk_by(|a, b| a.0 == b.0) {
         let parts = [same[0].1, same[same.len() - 1].1];
@@ -365,9 +355,7 @@ fn feature_edges(solid: &dyn Solid, pieces: &[u32], mesh: &mut Mesh) {
         }
         let [p, q] = same[0].0.map(|v| mesh.points[v as usize]);
         let middle = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
-        let [a, b] = parts.map(|k| solid.gradient(pieces[k as usize], middle).1);
-        let sine = norm(isoform_geom::cross(a, b)) / (norm(a) * norm(b)).max(1e-300);
-        if sine > crate::surface::TANGENT || isoform_geom::dot(a, b) < 0.0 {
+        if meet_at_an_angle(solid, parts.map(|k| pieces[k as usize]), middle) {
             found.push((parts, same[0].0));
         }
     }

@@ -4,11 +4,12 @@
 //! (Aggressive tetrahedral mesh improvement, 2007). What is ours: vertices on the surface and on curves move too, by projection onto
 //! their pieces, so that they stay exact; and the measure looks at the angles of the surface triangles as well.
 
-use crate::complex::{BOUNDARY, Complex, NONE, OPEN, Ring, STRAY, volume6};
+use crate::complex::{BOUNDARY, Complex, EDGES, NONE, OPEN, Ring, STRAY, labelled_edges};
 use crate::cut::Inside;
 use crate::measure::{biased_sine, biased_sines, smallest_sine, smallest_sine_and_derivative};
 use crate::mesher::Control;
-use crate::surface::{On, Surface, TANGENT};
+use crate::quality::six_volume;
+use crate::surface::{On, Surface, meet_at_an_angle};
 use isoform_geom::{Point3, TET_FACES, cross, dot, norm, sub};
 use rayon::prelude::*;
 
@@ -91,15 +92,13 @@ impl<'s> Optimiser<'s> {
     /// Settles what holds each vertex, from the labels of the faces around it.
     fn hold_vertices(&mut self, frozen: &[bool]) {
         let mut labels: Vec<Vec<u32>> = vec![Vec::new(); self.complex.points.len()];
-        let mut edges: Vec<([u32; 2], u32)> = Vec::new();
-        for (f, label) in self.faces() {
-            for i in 0..3 {
-                labels[f[i] as usize].push(label);
-                let (a, b) = (f[i], f[(i + 1) % 3]);
-                edges.push(([a.min(b), a.max(b)], label));
+        let faces = self.faces();
+        for &(f, label) in &faces {
+            for v in f {
+                labels[v as usize].push(label);
             }
         }
-        edges.sort_unstable();
+        let edges = labelled_edges(faces.into_iter());
         let mut curves: Vec<Vec<[u32; 2]>> = vec![Vec::new(); self.complex.points.len()];
         for pair in edges.chunk_by(|a, b| a.0 == b.0) {
             let ends = pair[0].0;
@@ -133,8 +132,7 @@ impl<'s> Optimiser<'s> {
         }
         let [p, q] = ends.map(|v| self.complex.points[v as usize]);
         let middle = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
-        let [a, b] = pieces.map(|i| self.surface.solid.gradient(i, middle).1);
-        norm(cross(a, b)) > TANGENT * norm(a) * norm(b) || dot(a, b) < 0.0
+        meet_at_an_angle(self.surface.solid, pieces, middle)
     }
 
     /// The labelled faces of the surface, outward.
@@ -375,7 +373,7 @@ impl<'s> Optimiser<'s> {
             return None;
         }
         let p = |k: u32| self.complex.points[k as usize];
-        if volume6([p(a), p(b), p(ring.link[0]), p(ring.link[1])]) < 0.0 {
+        if six_volume([p(a), p(b), p(ring.link[0]), p(ring.link[1])]) < 0.0 {
             ring.link.reverse();
         }
         let link = &ring.link;
@@ -743,7 +741,6 @@ impl<'s> Optimiser<'s> {
 
     /// Tries everything on a bad tetrahedron; returns whether something was done.
     fn mend(&mut self, t: u32, insertions: bool) -> bool {
-        const EDGES: [(usize, usize); 6] = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
         enum Op {
             Edge(u32, u32),
             Face(usize),
@@ -840,14 +837,7 @@ impl<'s> Optimiser<'s> {
         let mut fewest = usize::MAX;
         for _ in 0..8 {
             let faces = self.faces();
-            let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * faces.len());
-            for (f, label) in &faces {
-                for i in 0..3 {
-                    let (a, b) = (f[i], f[(i + 1) % 3]);
-                    edges.push(([a.min(b), a.max(b)], *label));
-                }
-            }
-            edges.par_sort_unstable();
+            let edges = labelled_edges(faces.iter().copied());
             let mut wanted: Vec<(f64, [u32; 2])> = edges
                 .par_chunk_by(|a, b| a.0 == b.0)
                 .filter_map(|same| {

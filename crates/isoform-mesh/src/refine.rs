@@ -4,7 +4,7 @@
 //! of the body-centred lattice then fall into three classes of shapes only, none worse than 45°, and neighbours differ in size by no
 //! more than a step or two.
 
-use crate::complex::{Complex, Ring};
+use crate::complex::{Complex, EDGES, Ring};
 use crate::lattice::{IN, OUT};
 use crate::mesher::Options;
 use crate::surface::Surface;
@@ -20,7 +20,7 @@ const CHAIN: usize = 64;
 fn longest(complex: &Complex, t: u32) -> (f64, u32, u32) {
     let v = complex.tets[t as usize];
     let mut best = (0.0, 0, 0);
-    for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+    for (i, j) in EDGES {
         let (a, b) = (v[i].min(v[j]), v[i].max(v[j]));
         let l = norm(sub(complex.points[a as usize], complex.points[b as usize]));
         if l > best.0 * SAME || (l * SAME > best.0 && (best.1, best.2) > (a, b)) {
@@ -96,8 +96,7 @@ const BEND_LEAST: f64 = 0.25;
 /// Edge length at which the surface in a tetrahedron is followed: within the chordal error `error`, and without turning too far at once
 /// (down to a share of `size`). Infinite away from the surface.
 fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, size: f64) -> f64 {
-    let c = complex.corners(t);
-    let middle: Point3 = std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i]));
+    let (c, middle) = (complex.corners(t), complex.middle(t));
     let k = surface.lattice.state_at(middle);
     if k == IN || k == OUT {
         return f64::INFINITY;
@@ -164,8 +163,7 @@ const CLOSE: f64 = 2.0;
 
 /// Whether two pieces face each other in a tetrahedron so closely that straight edges cannot tell whether they meet.
 fn is_close_call(surface: &Surface<'_>, complex: &Complex, t: u32) -> bool {
-    let c = complex.corners(t);
-    let middle: Point3 = std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i]));
+    let (c, middle) = (complex.corners(t), complex.middle(t));
     let k = surface.lattice.state_at(middle);
     if k == IN || k == OUT {
         return false;
@@ -204,7 +202,7 @@ pub(crate) fn resolve(surface: &Surface<'_>, complex: &mut Complex, frozen: &mut
             .live()
             .flat_map(|t| {
                 let v = complex.tets[t as usize];
-                [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(i, j)| [v[i].min(v[j]), v[i].max(v[j])])
+                EDGES.map(|(i, j)| [v[i].min(v[j]), v[i].max(v[j])])
             })
             .filter(|&[a, b]| {
                 let (f, g) = (values[a as usize], values[b as usize]);
@@ -252,7 +250,7 @@ pub(crate) fn resolve(surface: &Surface<'_>, complex: &mut Complex, frozen: &mut
                 return 0.0;
             }
             let v = complex.tets[t as usize];
-            let any = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].iter().any(|&(i, j)| flagged(v[i], v[j]));
+            let any = EDGES.iter().any(|&(i, j)| flagged(v[i], v[j]));
             if any { 0.0 } else { f64::INFINITY }
         });
     }

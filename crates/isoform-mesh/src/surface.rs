@@ -47,6 +47,12 @@ impl On {
     }
 }
 
+/// Whether two pieces meet at an angle at a point that lies on both, or nearly.
+pub(crate) fn meet_at_an_angle(solid: &dyn Solid, pieces: [u32; 2], p: Point3) -> bool {
+    let [a, b] = pieces.map(|i| solid.gradient(i, p).1);
+    norm(cross(a, b)) > TANGENT * norm(a) * norm(b) || dot(a, b) < 0.0
+}
+
 /// The solid as the mesher asks it.
 pub(crate) struct Surface<'s> {
     pub(crate) solid: &'s dyn Solid,
