@@ -1,0 +1,15 @@
+//! Exact algebra.
+#![forbid(unsafe_code)]
+
+mod compose;
+mod modpoly;
+pub mod modular;
+mod parse;
+mod poly;
+mod upoly;
+
+pub use dashu_int::{IBig, UBig};
+pub use dashu_ratio::RBig;
+pub use parse::{MAX_DEGREE, ParseError, ParseProblem};
+pub use poly::{Exponents, MAX_VARS, Poly};
+pub use upoly::UPoly;

@@ -1,0 +1,272 @@
+//! Dense univariate polynomials over the integers.
+
+use crate::poly::fraction_powers;
+use dashu_base::{Gcd, Sign, Signed, UnsignedAbs};
+use dashu_int::{IBig, UBig};
+use dashu_ratio::RBig;
+use std::cmp::Ordering;
+use std::fmt;
+use std::ops::{Add, Mul, Neg, Sub};
+
+/// A univariate polynomial with integer coefficients, lowest first; the highest is not zero.
+///
+/// Roots, factors and divisors do not change by a constant factor: polynomials over Q travel as their primitive multiples.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Default)]
+pub struct UPoly {
+    coefficients: Vec<IBig>,
+}
+
+impl UPoly {
+    /// The polynomial with these coefficients, lowest first; zeros at the top are dropped.
+    pub fn new(mut coefficients: Vec<IBig>) -> Self {
+        while coefficients.last().is_some_and(IBig::is_zero) {
+            coefficients.pop();
+        }
+        Self { coefficients }
+    }
+    /// The polynomial with these small coefficients, lowest first.
+    pub fn from_i64(coefficients: &[i64]) -> Self {
+        Self::new(coefficients.iter().map(|&c| IBig::from(c)).collect())
+    }
+    /// 1.
+    pub fn one() -> Self {
+        Self::from_i64(&[1])
+    }
+    /// Coefficients, lowest first; empty for 0.
+    pub fn coefficients(&self) -> &[IBig] {
+        &self.coefficients
+    }
+    /// Whether this is 0.
+    pub fn is_zero(&self) -> bool {
+        self.coefficients.is_empty()
+    }
+    /// The degree; 0 for constants and for 0.
+    pub fn degree(&self) -> usize {
+        self.coefficients.len().saturating_sub(1)
+    }
+    /// The leading coefficient; 0 for the zero polynomial.
+    pub fn leading(&self) -> IBig {
+        self.coefficients.last().cloned().unwrap_or(IBig::ZERO)
+    }
+    /// The greatest common divisor of the coefficients.
+    pub fn content(&self) -> UBig {
+        let mut common = UBig::ZERO;
+        for c in &self.coefficients {
+            if common.is_one() {
+                break;
+            }
+            let c = c.clone().unsigned_abs();
+            common = match (common.is_zero(), c.is_zero()) {
+                (true, _) => c,
+                (_, true) => common,
+                _ => common.gcd(c),
+            };
+        }
+        common
+    }
+    /// The multiple without common factor of coefficients and with positive leading coefficient.
+    pub fn primitive(&self) -> Self {
+        if self.is_zero() {
+            return Self::default();
+        }
+        let mut divisor = IBig::from(self.content());
+        if self.leading().is_negative() {
+            divisor = -divisor;
+        }
+        if divisor.is_one() {
+            return self.clone();
+        }
+        Self { coefficients: self.coefficients.iter().map(|c| c / &divisor).collect() }
+    }
+    /// This polynomial times a number.
+    pub fn scale(&self, c: &IBig) -> Self {
+        Self::new(self.coefficients.iter().map(|v| v * c).collect())
+    }
+    /// The derivative.
+    pub fn derivative(&self) -> Self {
+        Self::new(self.coefficients.iter().enumerate().skip(1).map(|(i, c)| c * i).collect())
+    }
+    /// The value at a rational number.
+    pub fn eval(&self, x: &RBig) -> RBig {
+        RBig::from_parts(self.eval_homogeneous(x), x.denominator().pow(self.degree()))
+    }
+    /// The value at x times the positive number denominator(x)^degree: an integer with the sign of the value.
+    fn eval_homogeneous(&self, x: &RBig) -> IBig {
+        if x.denominator().is_one() {
+            return self.coefficients.iter().rev().fold(IBig::ZERO, |s, c| s * x.numerator() + c);
+        }
+        fraction_powers(x, self.degree()).iter().zip(&self.coefficients).map(|(p, c)| p * c).sum()
+    }
+    /// The sign of the value at a rational number.
+    pub fn sign_at(&self, x: &RBig) -> Ordering {
+        sign(&self.eval_homogeneous(x))
+    }
+    /// The value at numerator/2^shift times 2^(shift·degree).
+    pub(crate) fn eval_dyadic(&self, numerator: &IBig, shift: usize) -> IBig {
+        let mut sum = IBig::ZERO;
+        for (i, c) in self.coefficients.iter().rev().enumerate() {
+            sum = sum * numerator + (c << (shift * i));
+        }
+        sum
+    }
+    /// p(x + a) for an integer a.
+    pub fn shift(&self, a: &IBig) -> Self {
+        let mut c = self.coefficients.clone();
+        for i in 0..c.len() {
+            for j in (i..c.len() - 1).rev() {
+                let step = &c[j + 1] * a;
+                c[j] += step;
+            }
+        }
+        Self::new(c)
+    }
+    /// x^degree p(1/x).
+    pub fn reversed(&self) -> Self {
+        Self::new(self.coefficients.iter().rev().cloned().collect())
+    }
+    /// Quotient over Z if `divisor` divides this polynomial over Z.
+    pub fn div_exact(&self, divisor: &Self) -> Option<Self> {
+        let lead = divisor.coefficients.last()?;
+        if self.is_zero() {
+            return Some(Self::default());
+        }
+        let n = divisor.degree();
+        let mut rest = self.coefficients.clone();
+        let mut quotient = vec![IBig::ZERO; rest.len().checked_sub(n)?];
+        for i in (0..quotient.len()).rev() {
+            let top = &rest[i + n];
+            if top.is_zero() {
+                continue;
+            }
+            let (q, remainder) = dashu_base::DivRem::div_rem(top, lead);
+            if !remainder.is_zero() {
+                return None;
+            }
+            for (j, c) in divisor.coefficients[..n].iter().enumerate() {
+                rest[i + j] -= &q * c;
+            }
+            quotient[i] = q;
+        }
+        rest[..n].iter().all(IBig::is_zero).then(|| Self::new(quotient))
+    }
+    /// The remainder of lc(divisor)^k times this polynomial for some even k, so that signs are kept.
+    ///
+    /// # Panics
+    /// If the divisor is 0.
+    pub fn pseudo_remainder(&self, divisor: &Self) -> Self {
+        let n = divisor.degree();
+        let lead = divisor.leading();
+        assert!(!lead.is_zero(), "division by the zero polynomial");
+        let mut rest = self.clone();
+        let mut odd = false;
+        while !rest.is_zero() && rest.degree() >= n {
+            let top = rest.leading();
+            let at = rest.degree() - n;
+            for c in &mut rest.coefficients {
+                *c *= &lead;
+            }
+            for (j, c) in divisor.coefficients.iter().enumerate() {
+                rest.coefficients[at + j] -= &top * c;
+            }
+            rest = Self::new(rest.coefficients);
+            odd = !odd;
+        }
+        if odd && lead.is_negative() { -&rest } else { rest }
+    }
+    /// Largest number of bits of a coefficient.
+    pub(crate) fn height_bits(&self) -> usize {
+        self.coefficients.iter().map(crate::modular::bits).max().unwrap_or(0)
+    }
+    /// This polynomial as text in a variable of that name.
+    pub fn display<'a>(&'a self, name: &'a str) -> impl fmt::Display + 'a {
+        let poly = crate::Poly::from_upoly(self, 0);
+        fmt::from_fn(move |f| write!(f, "{}", poly.display(&[name])))
+    }
+}
+
+/// The sign of an integer against zero.
+pub(crate) fn sign(a: &IBig) -> Ordering {
+    match a.sign() {
+        _ if a.is_zero() => Ordering::Equal,
+        Sign::Positive => Ordering::Greater,
+        Sign::Negative => Ordering::Less,
+    }
+}
+
+impl Add for &UPoly {
+    type Output = UPoly;
+    fn add(self, o: Self) -> UPoly {
+        let (long, short) = if self.coefficients.len() >= o.coefficients.len() { (self, o) } else { (o, self) };
+        let mut sum = long.coefficients.clone();
+        for (s, c) in sum.iter_mut().zip(&short.coefficients) {
+            *s += c;
+        }
+        UPoly::new(sum)
+    }
+}
+
+impl Neg for &UPoly {
+    type Output = UPoly;
+    fn neg(self) -> UPoly {
+        UPoly { coefficients: self.coefficients.iter().map(|c| -c).collect() }
+    }
+}
+
+impl Sub for &UPoly {
+    type Output = UPoly;
+    fn sub(self, o: Self) -> UPoly {
+        self + &-o
+    }
+}
+
+impl Mul for &UPoly {
+    type Output = UPoly;
+    fn mul(self, o: Self) -> UPoly {
+        if self.is_zero() || o.is_zero() {
+            return UPoly::default();
+        }
+        let mut product = vec![IBig::ZERO; self.coefficients.len() + o.coefficients.len() - 1];
+        for (i, a) in self.coefficients.iter().enumerate() {
+            for (j, b) in o.coefficients.iter().enumerate() {
+                product[i + j] += a * b;
+            }
+        }
+        UPoly::new(product)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn any_poly() -> impl Strategy<Value = UPoly> {
+        prop::collection::vec(any::<i32>(), 0..8).prop_map(|c| UPoly::new(c.into_iter().map(IBig::from).collect()))
+    }
+
+    proptest! {
+        #[test]
+        fn products_divide(a in any_poly(), b in any_poly(), c in any_poly(), n in any::<i16>(), d in 1u16..) {
+            let x = RBig::from_parts(IBig::from(n), UBig::from(d));
+            let product = &a * &b;
+            prop_assert_eq!(product.eval(&x), a.eval(&x) * b.eval(&x));
+            prop_assert_eq!((&a - &b).eval(&x), a.eval(&x) - b.eval(&x));
+            prop_assert_eq!(sign(product.eval(&x).numerator()), product.sign_at(&x));
+            prop_assert_eq!(a.shift(&IBig::from(n)).eval(&RBig::from(7)), a.eval(&RBig::from(i32::from(n) + 7)));
+            if !b.is_zero() {
+                prop_assert_eq!(product.div_exact(&b), Some(a.clone()));
+                let mixed = &product + &c;
+                if c.degree() < b.degree() && !c.is_zero() {
+                    prop_assert_eq!(mixed.div_exact(&b), None);
+                    prop_assert_eq!(product.pseudo_remainder(&b), UPoly::default());
+                    let rest = mixed.pseudo_remainder(&b);
+                    prop_assert_eq!(rest.primitive(), c.primitive());
+                    prop_assert_eq!(sign(&rest.leading()), sign(&c.leading()));
+                }
+            }
+            let shifted = a.eval_dyadic(&IBig::from(n), 5);
+            let at = RBig::from_parts(IBig::from(n), UBig::from(32u8));
+            prop_assert_eq!(RBig::from_parts(shifted, UBig::from(32u8).pow(a.degree())), a.eval(&at));
+        }
+    }
+}
