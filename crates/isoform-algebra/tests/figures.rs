@@ -1,6 +1,6 @@
 //! Figures on speed, printed: `cargo test --release -p isoform-algebra --test figures -- --ignored --nocapture`.
 
-use isoform_algebra::Poly;
+use isoform_algebra::{Poly, RBig, Subresultants, discriminant, resultant};
 use std::time::Instant;
 
 fn timed<T>(what: &str, f: impl FnOnce() -> T) -> T {
@@ -40,5 +40,34 @@ fn composition() {
         timed("  its product with a polynomial of degree 4", || &pulled * &parts[0]);
         let product = &pulled * &parts[0];
         timed("  divided again", || assert_eq!(product.div_exact(&parts[0]).as_ref(), Some(&pulled)));
+    }
+}
+
+fn rational(rng: &mut fastrand::Rng, p: &Poly) -> Poly {
+    Poly::from_terms(p.terms().iter().map(|(e, c)| (*e, RBig::from_parts(c.clone(), rng.u32(1..1 << 20).into()))))
+}
+
+#[test]
+#[ignore = "measures"]
+fn elimination() {
+    let mut rng = fastrand::Rng::with_seed(5);
+    let go = || false;
+    let (f, g) = (dense(&mut rng, 2, 8, 20, false), dense(&mut rng, 2, 8, 20, false));
+    timed("resultant 8 x 8, 20-bit integers", || resultant(&f, &g, 1, &go)).expect("two variables");
+    let (f, g) = (rational(&mut rng, &f), rational(&mut rng, &g));
+    timed("resultant 8 x 8, 20-bit rationals", || resultant(&f, &g, 1, &go)).expect("two variables");
+    for degree in [8, 12, 16, 24] {
+        let f = dense(&mut rng, 2, degree, 20, false);
+        timed(&format!("discriminant of degree {degree}, 20-bit integers"), || discriminant(&f, 1, &go)).expect("two variables");
+        let chain = timed("  subresultants, principal and next", || Subresultants::new(&f, &f.derivative(1), 1, &go)).expect("two");
+        timed("  one whole subresultant", || chain.polynomial(2, &go)).expect("not stopped");
+    }
+    for (degree, common) in [(20, 5), (40, 10), (60, 20)] {
+        let c = dense(&mut rng, 2, common, 20, false);
+        let a = dense(&mut rng, 2, degree - common, 60, false) * &c;
+        let b = dense(&mut rng, 2, degree - common, 60, false) * &c;
+        let g = timed(&format!("gcd of degree {common} of degrees {degree}"), || a.gcd(&b));
+        assert!(g.is_associate(&c));
+        timed("  gcd 1", || assert!((&a + Poly::one()).gcd(&b).is_constant()));
     }
 }

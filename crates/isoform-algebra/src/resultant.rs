@@ -1,0 +1,320 @@
+//! Resultants, discriminants and subresultants of polynomials in two variables.
+//!
+//! Values at points modulo primes, interpolated and lifted (G. E. Collins, J. ACM 18, 1971, pages 515–532). Degrees and the number
+//! of primes come from bounds on the Sylvester matrix: of a determinant of polynomials each coefficient is at most the product over
+//! the rows of √(Σ‖aᵢⱼ‖₁²) (A. J. Goldstein, R. L. Graham, SIAM Review 16, 1974, pages 394–395). The results are proven.
+//!
+//! The j-th subresultant of f (degree n) and g (degree m ≤ n) in y is the polynomial of degree at most j
+//!
+//! ```text
+//! Sⱼ = Σᵢ det(Mⱼᵢ) yⁱ,   Mⱼᵢ: rows y^(m−j−1) f, …, f, y^(n−j−1) g, …, g; columns y^(n+m−j−1), …, y^(j+1), yⁱ
+//! ```
+//!
+//! and S₀ is the resultant. Where S₀ … S₍ₖ₋₁₎ lose their principal coefficients (of yʲ) and Sₖ does not, Sₖ is the common divisor.
+
+use crate::modpoly;
+use crate::modular::{Crt, Fp, primes, sqrt_floor};
+use crate::poly::Poly;
+use crate::upoly::UPoly;
+use dashu_base::UnsignedAbs;
+use dashu_int::{IBig, UBig};
+use dashu_ratio::RBig;
+
+/// Why there is no resultant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ResultantError {
+    /// More than one variable besides the eliminated one.
+    #[error("the polynomials have more than one variable besides the one to be eliminated")]
+    TooManyVariables,
+    /// The caller asked to stop.
+    #[error("stopped")]
+    Stopped,
+}
+
+/// The resultant of two polynomials with respect to a variable; they have at most one other variable. It is zero if one of the
+/// polynomials is, and the other's power if one of them lacks the variable.
+///
+/// ```
+/// use isoform_algebra::{Poly, resultant};
+/// let p = |text| Poly::parse(text, &["x", "y"]).expect(text);
+/// assert_eq!(resultant(&p("x^2 + y^2 - 1"), &p("y - x"), 1, &|| false), Ok(p("2*x^2 - 1")));
+/// ```
+///
+/// # Errors
+/// [`ResultantError`].
+pub fn resultant(f: &Poly, g: &Poly, var: usize, stop: &dyn Fn() -> bool) -> Result<Poly, ResultantError> {
+    let (other, pair) = Pair::new(f, g, var)?;
+    if f.is_zero() || g.is_zero() {
+        return Ok(Poly::zero());
+    }
+    let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
+    let mut values = pair.lift(pair.degree_bound(0, 0), false, stop, |field, a, b| Some(vec![resultant_at(field, a, b)]))?;
+    let integer = Poly::from_upoly(&values.swap_remove(0), other);
+    Ok(integer.scale(&RBig::from_parts(IBig::ONE, f.denominator().pow(m) * g.denominator().pow(n))))
+}
+
+/// The discriminant with respect to a variable, (−1)^(n(n−1)/2) Res(f, f′)/lc(f); 1 for degree 1 and below.
+///
+/// # Errors
+/// [`ResultantError`].
+pub fn discriminant(f: &Poly, var: usize, stop: &dyn Fn() -> bool) -> Result<Poly, ResultantError> {
+    let n = f.degree(var);
+    if n < 2 {
+        return Ok(Poly::one());
+    }
+    let r = resultant(f, &f.derivative(var), var, stop)?;
+    let lead = f.coefficients_in(var).swap_remove(n);
+    let quotient = r.div_exact(&lead).expect("the leading coefficient divides the first column");
+    Ok(if n * (n - 1) / 2 % 2 == 1 { -quotient } else { quotient })
+}
+
+/// The resultant of two univariate polynomials.
+pub fn resultant_univariate(f: &UPoly, g: &UPoly) -> IBig {
+    if f.is_zero() || g.is_zero() {
+        return IBig::ZERO;
+    }
+    let norm = |p: &UPoly| p.coefficients().iter().map(|c| c.clone().unsigned_abs().pow(2)).sum::<UBig>();
+    let bound = hadamard(&norm(f), g.degree(), &norm(g), f.degree());
+    let mut crt = Crt::new(1);
+    for field in primes() {
+        let residues = |p: &UPoly| p.coefficients().iter().map(|c| field.of_ibig(c)).collect::<Vec<_>>();
+        crt.push(&field, &[resultant_at(&field, &residues(f), &residues(g))]);
+        if *crt.modulus() > bound {
+            break;
+        }
+    }
+    crt.symmetric().swap_remove(0)
+}
+
+/// Twice √(f^m g^n) rounded up: a modulus above it decides.
+fn hadamard(f: &UBig, m: usize, g: &UBig, n: usize) -> UBig {
+    (sqrt_floor(&(f.pow(m) * g.pow(n))) + UBig::ONE) << 1
+}
+
+/// Res of two polynomials whose formal degrees are their lengths less one, whatever vanishes at the top.
+fn resultant_at(f: &Fp, a: &[u64], b: &[u64]) -> u64 {
+    let (n, m) = (a.len() - 1, b.len() - 1);
+    let (mut a, mut b) = (a.to_vec(), b.to_vec());
+    modpoly::trim(&mut a);
+    modpoly::trim(&mut b);
+    let (drop_a, drop_b) = (n + 1 - a.len(), m + 1 - b.len());
+    if drop_a > 0 && drop_b > 0 {
+        return if n == 0 && m == 0 { f.one() } else { 0 };
+    }
+    if n == 0 && m == 0 {
+        return f.one();
+    }
+    let r = modpoly::resultant(f, &a, &b);
+    if drop_b > 0 {
+        if b.is_empty() {
+            return if n == 0 { f.pow(a[0], m as u64) } else { 0 };
+        }
+        return f.mul(r, f.pow(a[n], drop_b as u64));
+    }
+    if drop_a > 0 {
+        if a.is_empty() {
+            return if m == 0 { f.pow(b[0], n as u64) } else { 0 };
+        }
+        let r = f.mul(r, f.pow(b[m], drop_a as u64));
+        return if m * drop_a % 2 == 1 { f.neg(r) } else { r };
+    }
+    r
+}
+
+/// All subresultants Sⱼ, j < m, of two polynomials of exact degrees n ≥ m, Euclid's algorithm on
+/// Sⱼ(a, b) = (−1)^((n−j)(m−j)) lc(b)^(n−k) Sⱼ(b, r), where r = a mod b has degree k ≥ j.
+fn subresultants_at(f: &Fp, a: &[u64], b: &[u64]) -> Vec<Vec<u64>> {
+    let mut chain = vec![Vec::new(); b.len() - 1];
+    let (mut a, mut b) = (a.to_vec(), b.to_vec());
+    // The factor of Sⱼ of the current pair, for even and odd j.
+    let mut factor = [f.one(); 2];
+    let signed = |v: u64, odd: bool| if odd { f.neg(v) } else { v };
+    while b.len() > 1 {
+        let (n, m) = (a.len() - 1, b.len() - 1);
+        let lead = b[m];
+        modpoly::div_rem(f, &mut a, &b);
+        let c = f.mul(factor[(m - 1) % 2], f.pow(lead, (n - m + 1) as u64));
+        chain[m - 1] = modpoly::scale(f, &a, signed(c, (n - m + 1) % 2 == 1));
+        if a.is_empty() {
+            break;
+        }
+        let k = a.len() - 1;
+        let power = f.pow(lead, (n - k) as u64);
+        if k + 1 < m {
+            let c = f.mul(f.mul(factor[k % 2], power), f.pow(a[k], (m - k - 1) as u64));
+            chain[k] = modpoly::scale(f, &a, signed(c, (n - k) * (m - k) % 2 == 1));
+        }
+        for (parity, factor) in factor.iter_mut().enumerate() {
+            *factor = signed(f.mul(*factor, power), (n + parity) * (m + parity) % 2 == 1);
+        }
+        std::mem::swap(&mut a, &mut b);
+    }
+    chain
+}
+
+/// Two polynomials in y with integer coefficients in x: coefficient of yⁱ at index i.
+struct Pair {
+    f: Vec<UPoly>,
+    g: Vec<UPoly>,
+    /// Total degrees.
+    total: (usize, usize),
+    /// A modulus above this decides every minor of the Sylvester matrix.
+    bound: UBig,
+}
+
+/// The integer multiple by the denominator, as polynomials in `other` for each power of `var`.
+fn coefficients(p: &Poly, var: usize, other: usize) -> Vec<UPoly> {
+    let mut rows = vec![vec![IBig::ZERO; p.degree(other) + 1]; p.degree(var) + 1];
+    for (e, c) in p.terms() {
+        rows[usize::from(e[var])][usize::from(e[other])] = c.clone();
+    }
+    rows.into_iter().map(UPoly::new).collect()
+}
+
+impl Pair {
+    fn new(f: &Poly, g: &Poly, var: usize) -> Result<(usize, Self), ResultantError> {
+        let mut others: Vec<usize> = f.variables().into_iter().chain(g.variables()).filter(|&v| v != var).collect();
+        others.sort_unstable();
+        others.dedup();
+        if others.len() > 1 {
+            return Err(ResultantError::TooManyVariables);
+        }
+        let other = others.first().copied().unwrap_or(usize::from(var == 0));
+        let total = (f.total_degree(), g.total_degree());
+        let (f, g) = (coefficients(f, var, other), coefficients(g, var, other));
+        let norm = |p: &[UPoly]| -> UBig {
+            let one = |c: &UPoly| c.coefficients().iter().map(|c| c.clone().unsigned_abs()).sum::<UBig>();
+            p.iter().map(|c| one(c).pow(2)).sum()
+        };
+        let bound = hadamard(&norm(&f), g.len() - 1, &norm(&g), f.len() - 1);
+        Ok((other, Self { f, g, total, bound }))
+    }
+
+    /// A bound on the degree in x of the coefficient of yⁱ in Sⱼ: by degrees in x, and by total degrees.
+    fn degree_bound(&self, j: usize, i: usize) -> usize {
+        let (n, m) = (self.f.len() - 1, self.g.len() - 1);
+        let along = |p: &[UPoly]| p.iter().map(UPoly::degree).max().unwrap_or(0);
+        let by_x = along(&self.f) * (m - j) + along(&self.g) * (n - j);
+        // Row yˢ f has in the column of yᶜ a coefficient of degree at most (total degree of f) + s − c.
+        let shifts = |rows: usize| rows * rows.saturating_sub(1) / 2;
+        let columns: usize = (j + 1..n + m - j).sum::<usize>() + i;
+        let by_total = (self.total.0 * (m - j) + self.total.1 * (n - j) + shifts(m - j) + shifts(n - j)).saturating_sub(columns);
+        by_x.min(by_total)
+    }
+
+    /// Integer polynomials in x of bounded degree from their residues at points: `at` gives their values from those of the
+    /// coefficients of f and g, or nothing where the point cannot be used; with `exact` points are left out where a leading
+    /// coefficient vanishes.
+    fn lift(
+        &self,
+        degree: usize,
+        exact: bool,
+        stop: &dyn Fn() -> bool,
+        at: impl Fn(&Fp, &[u64], &[u64]) -> Option<Vec<u64>>,
+    ) -> Result<Vec<UPoly>, ResultantError> {
+        let mut crt: Option<Crt> = None;
+        let mut count = 0;
+        for field in primes() {
+            if stop() {
+                return Err(ResultantError::Stopped);
+            }
+            let residues =
+                |p: &[UPoly]| -> Vec<Vec<u64>> { p.iter().map(|c| c.coefficients().iter().map(|c| field.of_ibig(c)).collect()).collect() };
+            let (f, g) = (residues(&self.f), residues(&self.g));
+            if exact && [&f, &g].iter().any(|p| p.last().is_none_or(|lead| lead.iter().all(|&c| c == 0))) {
+                continue;
+            }
+            let mut nodes = Vec::with_capacity(degree + 1);
+            let mut columns: Vec<Vec<u64>> = Vec::new();
+            for x in 0.. {
+                if nodes.len() > degree {
+                    break;
+                }
+                let point = field.of_u64(x as u64);
+                let line = |p: &[Vec<u64>]| -> Vec<u64> { p.iter().map(|c| modpoly::eval(&field, c, point)).collect() };
+                let (a, b) = (line(&f), line(&g));
+                if exact && (a.last() == Some(&0) || b.last() == Some(&0)) {
+                    continue;
+                }
+                let Some(values) = at(&field, &a, &b) else { continue };
+                columns.resize(values.len(), Vec::new());
+                for (column, v) in columns.iter_mut().zip(values) {
+                    column.push(v);
+                }
+                nodes.push(x);
+            }
+            let inverses = modpoly::small_inverses(&field, nodes[nodes.len() - 1]);
+            count = columns.len();
+            let mut flat = Vec::with_capacity(count * (degree + 1));
+            for column in &columns {
+                let mut c = modpoly::interpolate(&field, &nodes, column, &inverses);
+                c.resize(degree + 1, 0);
+                flat.extend(c);
+            }
+            let crt = crt.get_or_insert_with(|| Crt::new(flat.len()));
+            crt.push(&field, &flat);
+            if *crt.modulus() > self.bound {
+                break;
+            }
+        }
+        let mut values = crt.map_or(Vec::new(), |c| c.symmetric()).into_iter();
+        Ok((0..count).map(|_| UPoly::new(values.by_ref().take(degree + 1).collect())).collect())
+    }
+}
+
+/// The subresultants of two polynomials in y with coefficients in x, taken as their integer multiples by the (positive)
+/// denominators, so that signs are kept.
+pub struct Subresultants {
+    /// Coefficient of yʲ in Sⱼ at index j, as polynomials in x; as many as the lower degree in y.
+    pub principal: Vec<UPoly>,
+    /// Coefficient of y^(j−1) in Sⱼ at index j; 0 at index 0. Where Sₖ is the common divisor and has a single root, that root is
+    /// −next\[k\]/(k·principal\[k\]).
+    pub next: Vec<UPoly>,
+    pair: Pair,
+    var: usize,
+    other: usize,
+}
+
+impl Subresultants {
+    /// The chain of f and g with respect to a variable; their degrees in it are n ≥ m ≥ 1.
+    ///
+    /// # Errors
+    /// [`ResultantError`].
+    ///
+    /// # Panics
+    /// If the degree of g in the variable is 0 or exceeds that of f.
+    pub fn new(f: &Poly, g: &Poly, var: usize, stop: &dyn Fn() -> bool) -> Result<Self, ResultantError> {
+        let (other, pair) = Pair::new(f, g, var)?;
+        let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
+        assert!(n >= m && m >= 1, "subresultants of degrees {n} and {m}");
+        let degree = (0..m).flat_map(|j| [(j, j), (j, j.saturating_sub(1))]).map(|(j, i)| pair.degree_bound(j, i)).max().unwrap_or(0);
+        let columns = pair.lift(degree, true, stop, |field, a, b| {
+            let chain = subresultants_at(field, a, b);
+            let coefficient = |j: usize, i: usize| chain[j].get(i).copied().unwrap_or(0);
+            let principal = (0..m).map(|j| coefficient(j, j));
+            Some(principal.chain((0..m).map(|j| if j == 0 { 0 } else { coefficient(j, j - 1) })).collect())
+        })?;
+        let mut columns = columns.into_iter();
+        let principal = columns.by_ref().take(m).collect();
+        Ok(Self { principal, next: columns.collect(), pair, var, other })
+    }
+
+    /// The whole polynomial Sⱼ.
+    ///
+    /// # Errors
+    /// [`ResultantError::Stopped`].
+    ///
+    /// # Panics
+    /// If j is not below the lower degree.
+    pub fn polynomial(&self, j: usize, stop: &dyn Fn() -> bool) -> Result<Poly, ResultantError> {
+        assert!(j < self.principal.len(), "there is no subresultant of index {j}");
+        let degree = (0..=j).map(|i| self.pair.degree_bound(j, i)).max().unwrap_or(0);
+        let columns = self.pair.lift(degree, true, stop, |field, a, b| {
+            let mut s = subresultants_at(field, a, b).swap_remove(j);
+            s.resize(j + 1, 0);
+            Some(s)
+        })?;
+        let powers = columns.iter().enumerate().map(|(i, c)| Poly::from_upoly(c, self.other) * Poly::var(self.var).pow(i as u32));
+        Ok(powers.fold(Poly::zero(), |sum, t| sum + t))
+    }
+}
