@@ -1,6 +1,6 @@
 //! Figures on speed, printed: `cargo test --release -p isoform-algebra --test figures -- --ignored --nocapture`.
 
-use isoform_algebra::{Poly, RBig, Subresultants, discriminant, resultant};
+use isoform_algebra::{Fibres, IBig, Poly, RBig, Subresultants, UPoly, discriminant, real_roots, resultant};
 use std::time::Instant;
 
 fn timed<T>(what: &str, f: impl FnOnce() -> T) -> T {
@@ -69,5 +69,28 @@ fn elimination() {
         let g = timed(&format!("gcd of degree {common} of degrees {degree}"), || a.gcd(&b));
         assert!(g.is_associate(&c));
         timed("  gcd 1", || assert!((&a + Poly::one()).gcd(&b).is_constant()));
+    }
+}
+
+#[test]
+#[ignore = "measures"]
+fn roots() {
+    let mut rng = fastrand::Rng::with_seed(6);
+    for (degree, bits) in [(64, 1000), (132, 2000), (300, 1000), (500, 1000)] {
+        let big = |rng: &mut fastrand::Rng| (0..bits / 60).fold(IBig::from(rng.i64(..)), |c, _| (c << 60) + rng.i64(..));
+        let p = UPoly::new((0..=degree).map(|_| big(&mut rng)).collect());
+        let roots = timed(&format!("isolation, degree {degree}, {bits} bits"), || real_roots(&p));
+        timed(&format!("  {} roots to f64", roots.len()), || roots.iter().map(|r| r.to_f64()).sum::<f64>());
+    }
+    let product = (0..64).fold(UPoly::one(), |p, i| &p * &UPoly::from_i64(&[-i * i - 2, 0, 1]));
+    timed("isolation, 128 real roots", || assert_eq!(real_roots(&product).len(), 128));
+    let go = || false;
+    for degree in [4, 8, 12, 16] {
+        let f = dense(&mut rng, 2, degree, 20, false);
+        let fibres = timed(&format!("curve of degree {degree}: subresultants"), || Fibres::new(&f, 1, &go)).expect("two variables");
+        let critical = &fibres.subresultants().expect("degree").principal[0];
+        let critical = timed("  critical points", || real_roots(critical));
+        let n = critical.len();
+        timed(&format!("  {n} fibres"), || critical.iter().map(|a| fibres.at(a, &go).expect("not vertical").roots.len()).sum::<usize>());
     }
 }

@@ -1,0 +1,432 @@
+//! Real roots of f(α, y) for a polynomial f(x, y) over Q and a real algebraic number α.
+//!
+//! Which subresultant of f and ∂f/∂y is the first whose principal coefficient does not vanish at α is decided exactly; it is the
+//! common divisor there, and f divided by it has simple roots only. These are isolated by Descartes' rule on coefficients known to a
+//! growing precision (after A. Eigenwillig, L. Kettner, W. Krandick, K. Mehlhorn, S. Schmitt, N. Wolpert, CASC 2005), with ends at
+//! which signs are certain. Multiplicities are certain by Pellet's test: if |aₘ| rᵐ exceeds the sum of the other |aᵢ| rⁱ, the disk
+//! of radius r around the centre of expansion holds exactly m roots. No genericity is assumed.
+
+use crate::ball::{self, Ball};
+use crate::poly::Poly;
+use crate::resultant::{ResultantError, Subresultants};
+use crate::roots::RealRoot;
+use crate::upoly::UPoly;
+use dashu_int::{IBig, UBig};
+use dashu_ratio::RBig;
+use std::cmp::Ordering;
+
+/// Why there is no fibre.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FibreError {
+    /// Every coefficient vanishes: the whole line belongs to the curve.
+    #[error("the polynomial vanishes on the whole fibre")]
+    Vertical,
+    /// More than two variables, or stopped.
+    #[error(transparent)]
+    Resultant(#[from] ResultantError),
+}
+
+/// A polynomial in two variables prepared for asking about its roots over points of one of them.
+pub struct Fibres {
+    f: Poly,
+    var: usize,
+    other: usize,
+    /// Coefficients of powers of y as integer polynomials in x.
+    coefficients: Vec<UPoly>,
+    /// Of f and its derivative, if the degree in y is at least two.
+    chain: Option<Subresultants>,
+}
+
+/// A real root over a point.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FibreRoot {
+    /// The root is strictly between `lo` and `hi`, and no other root is between or at them.
+    pub lo: RBig,
+    /// See `lo`.
+    pub hi: RBig,
+    /// Its multiplicity in f(α, y).
+    pub multiplicity: usize,
+}
+
+/// The real roots of f(α, y).
+pub struct Fibre {
+    alpha: RealRoot,
+    /// Coefficients in y of f without those that vanish at α at the top, and of the common divisor with the derivative.
+    coefficients: Vec<UPoly>,
+    divisor: Vec<UPoly>,
+    /// The real roots in ascending order.
+    pub roots: Vec<FibreRoot>,
+    /// The number of distinct complex roots.
+    pub distinct_complex: usize,
+    /// The degree of f(α, y); less than that of f if a root went to infinity.
+    pub degree: usize,
+}
+
+/// Number of bits to begin with; doubled until everything is decided.
+const FIRST_PRECISION: usize = 128;
+
+/// Bits of the ends between which bisection begins: enough to keep its points off numbers that people write.
+const GRAIN: usize = 64;
+
+impl Fibres {
+    /// Prepares a polynomial for fibres in which `var` varies and the other variable is fixed.
+    ///
+    /// # Errors
+    /// [`ResultantError`].
+    pub fn new(f: &Poly, var: usize, stop: &dyn Fn() -> bool) -> Result<Self, ResultantError> {
+        let others: Vec<usize> = f.variables().into_iter().filter(|&v| v != var).collect();
+        if others.len() > 1 {
+            return Err(ResultantError::TooManyVariables);
+        }
+        let other = others.first().copied().unwrap_or(usize::from(var == 0));
+        let derivative = f.derivative(var);
+        let chain = if derivative.degree(var) > 0 { Some(Subresultants::new(f, &derivative, var, stop)?) } else { None };
+        Ok(Self { coefficients: coefficients_in(f, var, other), f: f.clone(), var, other, chain })
+    }
+    /// The subresultants of f and its derivative, if the degree is at least two.
+    pub fn subresultants(&self) -> Option<&Subresultants> {
+        self.chain.as_ref()
+    }
+
+    /// The real roots over a point, isolated, with multiplicities.
+    ///
+    /// # Errors
+    /// [`FibreError`].
+    pub fn at(&self, alpha: &RealRoot, stop: &dyn Fn() -> bool) -> Result<Fibre, FibreError> {
+        let kept = (0..self.coefficients.len()).rev().find(|&i| alpha.sign_of(&self.coefficients[i]).is_ne());
+        let degree = kept.ok_or(FibreError::Vertical)?;
+        if degree + 1 < self.coefficients.len() {
+            // Over α the polynomial without its vanishing top is the same, and its chain specialises.
+            let truncated = self.f.coefficients_in(self.var).into_iter().take(degree + 1).enumerate();
+            let truncated = truncated.fold(Poly::zero(), |sum, (i, c)| sum + c * Poly::var(self.var).pow(i as u32));
+            return Self::new(&truncated, self.var, stop)?.at(alpha, stop);
+        }
+        let mut divisor = Vec::new();
+        let mut repeated = 0;
+        if let Some(chain) = &self.chain {
+            let first = chain.principal.iter().position(|c| alpha.sign_of(c).is_ne());
+            let common = match first {
+                Some(0) => Poly::one(),
+                Some(k) => chain.polynomial(k, stop)?,
+                None => self.f.derivative(self.var),
+            };
+            repeated = first.unwrap_or(degree - 1);
+            if repeated > 0 {
+                divisor = coefficients_in(&common, self.var, self.other);
+            }
+        }
+        let mut fibre = Fibre {
+            alpha: alpha.clone(),
+            coefficients: self.coefficients.clone(),
+            divisor,
+            roots: Vec::new(),
+            distinct_complex: degree - repeated,
+            degree,
+        };
+        let mut precision = FIRST_PRECISION;
+        for attempt in 0.. {
+            if stop() {
+                return Err(ResultantError::Stopped.into());
+            }
+            if let Some(roots) = fibre.isolate(precision, attempt) {
+                fibre.roots = roots;
+                break;
+            }
+            precision *= 2;
+        }
+        Ok(fibre)
+    }
+
+    /// The number of real roots over a point where the leading coefficient does not vanish, by the signs of the principal
+    /// subresultants alone (Sturm–Habicht); `None` where it vanishes.
+    pub fn count_at(&self, alpha: &RealRoot) -> Option<usize> {
+        let lead = alpha.sign_of(self.coefficients.last()?);
+        if lead.is_eq() {
+            return None;
+        }
+        let Some(chain) = &self.chain else { return Some(self.coefficients.len() - 1) };
+        let signs: Vec<Ordering> = chain.principal.iter().map(|c| alpha.sign_of(c)).collect();
+        Some(count_by_signs(lead, &signs))
+    }
+}
+
+/// The number of distinct real roots of a polynomial of degree n from the signs of its leading coefficient and of the principal
+/// subresultant coefficients S₀ … Sₙ₋₂ of it and its derivative: generalised permanences minus variations
+/// (S. Basu, R. Pollack, M.-F. Roy, *Algorithms in Real Algebraic Geometry*, theorem 4.32).
+pub fn count_by_signs(lead: Ordering, principal: &[Ordering]) -> usize {
+    let n = principal.len() + 1;
+    let alternating = |i: usize| if i * i.saturating_sub(1) / 2 % 2 == 1 { -1 } else { 1 };
+    // Index n: the polynomial itself; n − 1: its derivative; below with the sign (−1)^(i(i−1)/2) of reversing i = n − j rows.
+    let signed = |j: usize| if j + 1 >= n { lead as i32 } else { principal[j] as i32 * alternating(n - j) };
+    let mut count = 0;
+    let mut last = n;
+    for j in (0..n).rev() {
+        let s = signed(j);
+        if s != 0 {
+            if (last - j) % 2 == 1 {
+                count += alternating(last - j) * signed(last) * s;
+            }
+            last = j;
+        }
+    }
+    usize::try_from(count).expect("permanences outweigh variations for a polynomial and its derivative")
+}
+
+fn coefficients_in(p: &Poly, var: usize, other: usize) -> Vec<UPoly> {
+    let mut rows = vec![vec![IBig::ZERO; p.degree(other) + 1]; p.degree(var) + 1];
+    for (e, c) in p.terms() {
+        rows[usize::from(e[var])][usize::from(e[other])] = c.clone();
+    }
+    rows.into_iter().map(UPoly::new).collect()
+}
+
+impl Fibre {
+    /// Narrows the interval of a root to a width of at most 2^−bits.
+    ///
+    /// # Panics
+    /// If there is no root of that index.
+    pub fn refine(&mut self, index: usize, bits: usize) {
+        let mut precision = FIRST_PRECISION.max(2 * bits);
+        while !self.try_refine(index, bits, precision) {
+            precision *= 2;
+        }
+    }
+    fn try_refine(&mut self, index: usize, bits: usize, precision: usize) -> bool {
+        let Some((_, simple)) = self.approximate(precision) else { return false };
+        let root = &mut self.roots[index];
+        let Some((lo, hi)) = narrow(&simple, (to_fixed(&root.lo, precision), to_fixed(&root.hi, precision)), bits, precision) else {
+            return false;
+        };
+        // Ends that were rounded could have left the interval only by less than the last place; keep what is certain.
+        root.lo = from_fixed(&lo, precision).max(root.lo.clone());
+        root.hi = from_fixed(&hi, precision).min(root.hi.clone());
+        true
+    }
+
+    /// Coefficients of f(α, y) and of its quotient with simple roots.
+    fn approximate(&self, precision: usize) -> Option<(Vec<Ball>, Vec<Ball>)> {
+        let mut alpha = self.alpha.clone();
+        alpha.refine(precision + 4);
+        let (lo, hi) = alpha.interval();
+        let middle = to_fixed(&((&lo + &hi) / RBig::from(2)), precision);
+        let x =
+            if lo == hi && &from_fixed(&middle, precision) == &lo { Ball::exact(middle) } else { Ball { middle, radius: IBig::from(2) } };
+        let specialise = |c: &UPoly| {
+            let coefficients: Vec<Ball> = c.coefficients().iter().map(|c| Ball::integer(c, precision)).collect();
+            ball::eval(&coefficients, &x, precision)
+        };
+        let f: Vec<Ball> = self.coefficients.iter().map(specialise).collect();
+        let simple = if self.divisor.is_empty() {
+            f.clone()
+        } else {
+            divide(&f, &self.divisor.iter().map(specialise).collect::<Vec<_>>(), precision)?
+        };
+        simple.last()?.sign().filter(|s| s.is_ne())?;
+        Some((f, simple))
+    }
+
+    /// Everything at one precision, or nothing if that does not decide.
+    fn isolate(&self, precision: usize, attempt: usize) -> Option<Vec<FibreRoot>> {
+        let (f, simple) = self.approximate(precision)?;
+        if simple.len() == 1 {
+            return Some(Vec::new());
+        }
+        let mut roots = Vec::new();
+        for (lo, hi) in isolate_simple(&simple, precision, attempt)? {
+            let (mut lo, mut hi) = (lo, hi);
+            let mut multiplicity = 1;
+            if !self.divisor.is_empty() {
+                let mut bits = 4;
+                multiplicity = loop {
+                    if 3 * bits > precision {
+                        return None;
+                    }
+                    (lo, hi) = narrow(&simple, (lo, hi), bits, precision)?;
+                    if let Some(m) = pellet(&f, &simple, &lo, &hi, precision) {
+                        break m;
+                    }
+                    bits *= 2;
+                };
+            }
+            roots.push(FibreRoot { lo: from_fixed(&lo, precision), hi: from_fixed(&hi, precision), multiplicity });
+        }
+        Some(roots)
+    }
+}
+
+fn to_fixed(r: &RBig, precision: usize) -> IBig {
+    (r.numerator() << precision) / r.denominator()
+}
+
+fn from_fixed(n: &IBig, precision: usize) -> RBig {
+    RBig::from_parts(n.clone(), UBig::ONE << precision)
+}
+
+/// The quotient of a polynomial by a divisor whose leading coefficient is certain.
+fn divide(f: &[Ball], g: &[Ball], precision: usize) -> Option<Vec<Ball>> {
+    let n = g.len() - 1;
+    let mut rest = f.to_vec();
+    let mut quotient = vec![Ball::exact(IBig::ZERO); f.len() - n];
+    for i in (0..quotient.len()).rev() {
+        let q = rest[i + n].div(&g[n], precision)?;
+        for (j, c) in g[..n].iter().enumerate() {
+            rest[i + j] = rest[i + j].sub(&q.mul(c, precision));
+        }
+        quotient[i] = q;
+    }
+    Some(quotient)
+}
+
+/// Open intervals with one real root each, together with all, of a polynomial with simple roots; ends are no roots.
+fn isolate_simple(p: &[Ball], precision: usize, attempt: usize) -> Option<Vec<(IBig, IBig)>> {
+    let n = p.len() - 1;
+    // Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
+    let top = crate::modular::bits(&p[n].magnitude().1);
+    let size = |i: usize| (crate::modular::bits(&p[i].magnitude().0) + 1).saturating_sub(top).div_ceil(n - i);
+    let bound = (0..n).map(size).max().unwrap_or(0) + 1;
+    if bound + GRAIN > precision {
+        return None;
+    }
+    // Ends on both sides of all roots, not symmetric and not round: bisection is not to meet a root that people write.
+    const ODD: [(u32, u32); 5] = [(22, 23), (31, 20), (24, 37), (29, 43), (41, 19)];
+    let (left, right) = ODD[attempt % ODD.len()];
+    // A multiple of 2^deepest, so that the points of bisection are exact.
+    let deepest = precision - GRAIN;
+    let unit: IBig = ((IBig::ONE << (GRAIN + bound)) / 17) << deepest;
+    let start: IBig = &unit * IBig::from(left) * -1;
+    let width: IBig = unit * IBig::from(left + right);
+    // q(x) = p(start + width·x) on (0, 1).
+    let mut q = ball::shift(p, &Ball::exact(start.clone()), precision);
+    let mut scale = Ball::exact(IBig::ONE << precision);
+    for c in &mut q {
+        *c = c.mul(&scale, precision);
+        scale = scale.mul(&Ball::exact(width.clone()), precision);
+    }
+    let mut found = Vec::new();
+    let mut stack = vec![(q, IBig::ZERO, 0usize)];
+    let place = |c: &IBig, depth: usize| &start + ((&width * c) >> depth);
+    while let Some((q, c, depth)) = stack.pop() {
+        match variations_in_unit(&q) {
+            Some(0) => {}
+            Some(1) => found.push((place(&c, depth), place(&(&c + 1), depth))),
+            _ => {
+                if depth >= deepest {
+                    return None;
+                }
+                // 2ⁿ q(x/2) would grow: halve the higher coefficients instead, rounding outwards.
+                let left: Vec<Ball> = q.iter().enumerate().map(|(i, v)| halve(v, i)).collect();
+                let mut right = left.clone();
+                for i in 0..=n {
+                    for j in (i..n).rev() {
+                        right[j] = right[j].add(&right[j + 1]);
+                    }
+                }
+                right[0].sign().filter(|s| s.is_ne())?;
+                stack.push((right, (&c << 1) + 1, depth + 1));
+                stack.push((left, c << 1, depth + 1));
+            }
+        }
+    }
+    // Refinement begins with the signs at the ends.
+    for (lo, hi) in &found {
+        let at = |x: &IBig| ball::eval(p, &Ball::exact(x.clone()), precision).sign();
+        if at(lo)? == at(hi)? {
+            return None;
+        }
+    }
+    Some(found)
+}
+
+fn halve(v: &Ball, times: usize) -> Ball {
+    let lost = if times == 0 || v.middle.trailing_zeros().is_none_or(|z| z >= times) { IBig::ZERO } else { IBig::ONE };
+    let radius = if v.radius.is_zero() { lost } else { (&v.radius >> times) + 2 };
+    Ball { middle: &v.middle >> times, radius }
+}
+
+/// Sign changes of (1 + x)ⁿ q(1/(1 + x)), counted up to two; nothing if a sign is uncertain before that.
+fn variations_in_unit(q: &[Ball]) -> Option<usize> {
+    let mut r: Vec<Ball> = q.iter().rev().cloned().collect();
+    let n = r.len();
+    let mut last = Ordering::Equal;
+    let mut changes = 0;
+    for i in 0..n {
+        for j in (i..n - 1).rev() {
+            r[j] = r[j].add(&r[j + 1]);
+        }
+        let s = r[i].sign()?;
+        if s.is_ne() {
+            changes += usize::from(last.is_ne() && s != last);
+            last = s;
+            if changes > 1 {
+                return Some(changes);
+            }
+        }
+    }
+    Some(changes)
+}
+
+/// The part of an interval with a sign change that is at most 2^−bits wide and has one too; nothing if a sign is uncertain.
+fn narrow(p: &[Ball], (mut lo, mut hi): (IBig, IBig), bits: usize, precision: usize) -> Option<(IBig, IBig)> {
+    let at = |x: &IBig| ball::eval(p, &Ball::exact(x.clone()), precision).sign();
+    let left = at(&lo)?;
+    if left.is_eq() || at(&hi)? != left.reverse() {
+        return None;
+    }
+    while (&hi - &lo) << bits > IBig::ONE << precision {
+        // A root may be the middle itself: try other places of the inner half then.
+        let width = &hi - &lo;
+        let inner = [8, 7, 9, 6, 10].into_iter().map(|k| &lo + ((&width * k) >> 4usize));
+        let (point, s) = inner.filter_map(|x| at(&x).filter(|s| s.is_ne()).map(|s| (x, s))).next()?;
+        if point <= lo || point >= hi {
+            return None;
+        }
+        if s == left { lo = point } else { hi = point }
+    }
+    Some((lo, hi))
+}
+
+/// The number of roots of f in a disk that holds the interval and exactly one root of the polynomial with simple roots.
+fn pellet(f: &[Ball], simple: &[Ball], lo: &IBig, hi: &IBig, precision: usize) -> Option<usize> {
+    let centre = Ball::exact((lo + hi) >> 1usize);
+    // 64 times the distance of the root from the centre: its power of the largest multiplicity then dominates.
+    let radius = Ball::exact((hi - lo + IBig::ONE) << 5usize);
+    let terms = |p: &[Ball]| -> Vec<(IBig, IBig)> {
+        let mut scale = Ball::exact(IBig::ONE << precision);
+        let expanded = ball::shift(p, &centre, precision);
+        let scaled = expanded.iter().map(|c| {
+            let t = c.mul(&scale, precision);
+            scale = scale.mul(&radius, precision);
+            t.magnitude()
+        });
+        scaled.collect()
+    };
+    let dominant = |p: &[Ball]| {
+        let t = terms(p);
+        let total: IBig = t.iter().map(|(above, _)| above).sum();
+        // The lower bound of one exceeds the sum of the others' upper bounds.
+        t.iter().position(|(above, below)| *below > &total - above)
+    };
+    (dominant(simple)? == 1).then(|| dominant(f)).flatten().filter(|&m| m > 0)
+}
+
+impl FibreRoot {
+    /// The middle of the interval.
+    pub fn middle(&self) -> RBig {
+        (&self.lo + &self.hi) / RBig::from(2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn signs_count_roots() {
+        use Ordering::{Equal, Greater, Less};
+        // y² + c: S₀ = Res(f, f′) = 4c, the discriminant −4c with the sign turned.
+        assert_eq!(count_by_signs(Greater, &[Less]), 2);
+        assert_eq!(count_by_signs(Greater, &[Equal]), 1);
+        assert_eq!(count_by_signs(Greater, &[Greater]), 0);
+        assert_eq!(count_by_signs(Less, &[]), 1);
+    }
+}

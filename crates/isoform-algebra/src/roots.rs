@@ -1,0 +1,494 @@
+//! Real roots of integer polynomials: isolation and exact computing with them.
+//!
+//! Isolation bisects with Descartes' rule of signs (G. E. Collins, A. G. Akritas, SYMSAC 1976): the sign changes of
+//! (1 + x)ⁿ q(1/(1 + x)) bound the number of roots of q in (0, 1), and 0 and 1 are the exact number. Refinement is by quadratic
+//! interval refinement (J. Abbott, *Quadratic interval refinement for real roots*, 2006/2012), which is bisection that becomes
+//! as fast as Newton's iteration. All interval ends are dyadic numbers, all decisions exact.
+
+use crate::modular::bits;
+use crate::upoly::{UPoly, sign};
+use dashu_base::{Abs, Signed};
+use dashu_int::{IBig, UBig};
+use dashu_ratio::RBig;
+use isoform_num::Interval;
+use std::cmp::Ordering;
+use std::sync::Arc;
+
+/// A real algebraic number: a squarefree polynomial and an interval that holds exactly one of its roots.
+///
+/// Comparison is exact, also of roots of different polynomials.
+///
+/// ```
+/// use isoform_algebra::{UPoly, real_roots};
+/// let roots = real_roots(&UPoly::from_i64(&[-2, 0, 1]));
+/// assert_eq!(roots[1].to_f64(), 2f64.sqrt());
+/// assert!(roots[0] < roots[1]);
+/// ```
+#[derive(Clone, Debug)]
+pub struct RealRoot {
+    poly: Arc<UPoly>,
+    /// The root is lo/2^shift if lo = hi; otherwise it lies strictly between lo/2^shift and hi/2^shift, where the polynomial
+    /// has different signs, none zero.
+    lo: IBig,
+    hi: IBig,
+    shift: usize,
+    /// The next refinement divides the interval into 2^gear parts.
+    gear: usize,
+}
+
+/// The distinct real roots of a polynomial in ascending order; none for constants.
+///
+/// # Panics
+/// For the zero polynomial.
+pub fn real_roots(p: &UPoly) -> Vec<RealRoot> {
+    assert!(!p.is_zero(), "every number is a root of the zero polynomial");
+    let p = p.squarefree_part();
+    if p.degree() == 0 {
+        return Vec::new();
+    }
+    let poly = Arc::new(p);
+    let bound = root_bound_bits(&poly);
+    let zero_is_root = poly.coefficients()[0].is_zero();
+    let rest = UPoly::new(poly.coefficients()[usize::from(zero_is_root)..].to_vec());
+    let mirrored = UPoly::new(rest.coefficients().iter().enumerate().map(|(i, c)| if i % 2 == 1 { -c } else { c.clone() }).collect());
+    let mut roots = Vec::new();
+    for (lo, hi, shift) in isolate_positive(&mirrored, bound).into_iter().rev() {
+        roots.push(RealRoot::isolated(&poly, -hi, -lo, shift));
+    }
+    if zero_is_root {
+        roots.push(RealRoot::isolated(&poly, IBig::ZERO, IBig::ZERO, 0));
+    }
+    for (lo, hi, shift) in isolate_positive(&rest, bound) {
+        roots.push(RealRoot::isolated(&poly, lo, hi, shift));
+    }
+    roots
+}
+
+/// The number of distinct real roots in the open interval.
+pub fn count_roots_between(p: &UPoly, lo: &RBig, hi: &RBig) -> usize {
+    real_roots(p).iter().filter(|r| r.cmp_rational(lo).is_gt() && r.cmp_rational(hi).is_lt()).count()
+}
+
+/// k ≥ 0 such that all roots have absolute values below 2^k: M. Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
+fn root_bound_bits(p: &UPoly) -> usize {
+    let c = p.coefficients();
+    let n = p.degree();
+    let top = bits(&c[n]);
+    let exponent = |i: usize| (bits(&c[i]) + 1).saturating_sub(top).div_ceil(n - i);
+    (0..n).filter(|&i| !c[i].is_zero()).map(exponent).max().unwrap_or(0) + 1
+}
+
+/// Intervals (lo, hi, shift) in ascending order that hold one root each of the positive ones below 2^bound; 0 is no root.
+fn isolate_positive(p: &UPoly, bound: usize) -> Vec<(IBig, IBig, usize)> {
+    let n = p.degree();
+    let scaled: Vec<IBig> = p.coefficients().iter().enumerate().map(|(i, c)| c << (bound * i)).collect();
+    let mut found = Vec::new();
+    // Polynomials whose roots in (0, 1) are those of p in 2^bound (c, c + 1)/2^depth.
+    let mut stack = vec![(scaled, IBig::ZERO, 0usize)];
+    let place = |c: IBig, depth: usize| if depth >= bound { (c, depth - bound) } else { (c << (bound - depth), 0) };
+    while let Some((mut q, c, depth)) = stack.pop() {
+        if q.is_empty() {
+            // A mark for the root c/2^depth that bisection hit.
+            let (at, shift) = place(c, depth);
+            found.push((at.clone(), at, shift));
+            continue;
+        }
+        drop_common_twos(&mut q);
+        match variations_in_unit(&q) {
+            0 => {}
+            1 => {
+                let (lo, shift) = place(c.clone(), depth);
+                let (hi, _) = place(c + 1, depth);
+                found.push((lo, hi, shift));
+            }
+            _ => {
+                let degree = q.len() - 1;
+                for (i, v) in q.iter_mut().enumerate() {
+                    *v <<= degree - i;
+                }
+                let mut right = q.clone();
+                shift_by_one(&mut right);
+                let middle: IBig = (c.clone() << 1usize) + IBig::ONE;
+                let hit = right[0].is_zero();
+                if hit {
+                    // Both halves lose the root between them.
+                    right.remove(0);
+                    q = divide_by_x_minus_one(&q);
+                }
+                stack.push((right, middle.clone(), depth + 1));
+                if hit {
+                    stack.push((Vec::new(), middle, depth + 1));
+                }
+                stack.push((q, c << 1, depth + 1));
+            }
+        }
+        debug_assert!(stack.len() <= 64 * (n + 1) + depth * 3, "bisection of a squarefree polynomial ends");
+    }
+    found
+}
+
+fn drop_common_twos(q: &mut [IBig]) {
+    let common = q.iter().filter_map(IBig::trailing_zeros).min().unwrap_or(0);
+    if common > 0 {
+        for c in q {
+            *c >>= common;
+        }
+    }
+}
+
+/// q(x + 1) in place.
+fn shift_by_one(q: &mut [IBig]) {
+    let n = q.len();
+    for i in 0..n {
+        for j in (i..n - 1).rev() {
+            let (low, high) = q.split_at_mut(j + 1);
+            low[j] += &high[0];
+        }
+    }
+}
+
+/// The quotient by x − 1, which divides.
+fn divide_by_x_minus_one(q: &[IBig]) -> Vec<IBig> {
+    let mut quotient = q[1..].to_vec();
+    for i in (0..quotient.len().saturating_sub(1)).rev() {
+        let (low, high) = quotient.split_at_mut(i + 1);
+        low[i] += &high[0];
+    }
+    quotient
+}
+
+/// Sign changes of (1 + x)ⁿ q(1/(1 + x)), counted up to two.
+fn variations_in_unit(q: &[IBig]) -> usize {
+    let count = |q: &[IBig]| {
+        let mut last = Ordering::Equal;
+        let mut changes = 0;
+        for c in q.iter().map(sign).filter(|s| s.is_ne()) {
+            changes += usize::from(last.is_ne() && c != last);
+            last = c;
+        }
+        changes
+    };
+    if count(q) == 0 {
+        return 0;
+    }
+    let mut r: Vec<IBig> = q.iter().rev().cloned().collect();
+    let n = r.len();
+    // Coefficients of the shifted polynomial become final one by one from below.
+    let mut last = Ordering::Equal;
+    let mut changes = 0;
+    for i in 0..n {
+        for j in (i..n - 1).rev() {
+            let (low, high) = r.split_at_mut(j + 1);
+            low[j] += &high[0];
+        }
+        let s = sign(&r[i]);
+        if s.is_ne() {
+            changes += usize::from(last.is_ne() && s != last);
+            last = s;
+            if changes > 1 {
+                return changes;
+            }
+        }
+    }
+    changes
+}
+
+impl RealRoot {
+    /// The root in an interval that holds exactly one, of which other roots may be end points.
+    fn isolated(poly: &Arc<UPoly>, lo: IBig, hi: IBig, shift: usize) -> Self {
+        let mut root = Self { poly: Arc::clone(poly), lo, hi, shift, gear: 1 };
+        let at = |x: &IBig, shift: usize| sign(&poly.eval_dyadic(x, shift));
+        while root.lo != root.hi && (at(&root.lo, root.shift).is_eq() || at(&root.hi, root.shift).is_eq()) {
+            // Just right of a root at lo the polynomial has the sign of its derivative there.
+            let mut left = at(&root.lo, root.shift);
+            if left.is_eq() {
+                left = sign(&poly.derivative().eval_dyadic(&root.lo, root.shift));
+            }
+            root.double();
+            let middle = (&root.lo + &root.hi) >> 1;
+            match at(&middle, root.shift) {
+                Ordering::Equal => (root.lo, root.hi) = (middle.clone(), middle),
+                s if s == left => root.lo = middle,
+                _ => root.hi = middle,
+            }
+        }
+        root
+    }
+    fn double(&mut self) {
+        self.lo <<= 1;
+        self.hi <<= 1;
+        self.shift += 1;
+    }
+
+    /// A rational number.
+    pub fn from_rational(r: &RBig) -> Self {
+        let poly = Arc::new(UPoly::new(vec![-r.numerator(), IBig::from(r.denominator().clone())]));
+        if dashu_base::PowerOfTwo::is_power_of_two(r.denominator()) {
+            let shift = r.denominator().trailing_zeros().unwrap_or(0);
+            return Self { poly, lo: r.numerator().clone(), hi: r.numerator().clone(), shift, gear: 1 };
+        }
+        let lo = floor(r);
+        Self { poly, hi: &lo + 1, lo, shift: 0, gear: 1 }
+    }
+    /// The squarefree primitive polynomial of which this is a root; it need not be irreducible.
+    pub fn poly(&self) -> &UPoly {
+        &self.poly
+    }
+    /// The ends of the isolating interval: equal to the root if they are equal, otherwise the root is strictly between them.
+    pub fn interval(&self) -> (RBig, RBig) {
+        (self.dyadic(&self.lo), self.dyadic(&self.hi))
+    }
+    fn dyadic(&self, n: &IBig) -> RBig {
+        RBig::from_parts(n.clone(), UBig::ONE << self.shift)
+    }
+    fn is_exact(&self) -> bool {
+        self.lo == self.hi
+    }
+
+    /// Narrows the interval to a width of at most 2^−bits.
+    pub fn refine(&mut self, bits: usize) {
+        while (&self.hi - &self.lo) << bits > IBig::ONE << self.shift {
+            self.step();
+        }
+    }
+    /// One step of quadratic interval refinement; nothing if the root is known exactly.
+    fn step(&mut self) {
+        if self.is_exact() {
+            return;
+        }
+        let value = |x: &IBig, shift: usize| self.poly.eval_dyadic(x, shift);
+        let width = &self.hi - &self.lo;
+        let gear = self.gear;
+        let shift = self.shift + gear;
+        let (lo, hi) = (&self.lo << gear, &self.hi << gear);
+        let (at_lo, at_hi) = (value(&self.lo, self.shift), value(&self.hi, self.shift));
+        let left = sign(&at_lo);
+        // The secant's zero, rounded to a point of the grid inside the interval.
+        let parts = IBig::ONE << gear;
+        let slope = &at_lo - at_hi;
+        let doubled: IBig = (at_lo << (gear + 1)) / slope;
+        let guess = ((doubled + IBig::ONE) >> 1usize).clamp(IBig::ONE, parts - IBig::ONE);
+        let point = &lo + &guess * &width;
+        let at_point = sign(&value(&point, shift));
+        let (new_lo, new_hi, success) = if at_point.is_eq() {
+            (point.clone(), point, true)
+        } else {
+            let neighbour = if at_point == left { &point + &width } else { &point - &width };
+            let at_neighbour = if neighbour == lo {
+                left
+            } else if neighbour == hi {
+                left.reverse()
+            } else {
+                sign(&value(&neighbour, shift))
+            };
+            match (at_neighbour, at_point == left) {
+                (Ordering::Equal, _) => (neighbour.clone(), neighbour, true),
+                (s, true) if s != left => (point, neighbour, true),
+                (s, false) if s == left => (neighbour, point, true),
+                (_, true) => (neighbour, hi, false),
+                (_, false) => (lo, neighbour, false),
+            }
+        };
+        // In the lowest gear the two parts are always decided; beyond 2^16 parts at once nothing is gained.
+        self.gear = if success { (2 * gear).min(1 << 16) } else { (gear / 2).max(1) };
+        (self.lo, self.hi, self.shift) = (new_lo, new_hi, shift);
+    }
+
+    /// The sign of a polynomial at this number, exact.
+    pub fn sign_of(&self, g: &UPoly) -> Ordering {
+        if g.degree() == 0 {
+            return sign(&g.leading());
+        }
+        let mut root = self.clone();
+        let derivative = g.derivative();
+        let absolute = UPoly::new(derivative.coefficients().iter().map(|c| c.clone().abs()).collect());
+        for round in 0.. {
+            if root.is_exact() {
+                return sign(&g.eval_dyadic(&root.lo, root.shift));
+            }
+            // |g(x) − g(m)| ≤ (hi − lo)/2 Σ i|gᵢ| R^(i−1) on the interval around its middle m, R the larger absolute end.
+            let middle = &root.lo + &root.hi;
+            let value = g.eval_dyadic(&middle, root.shift + 1);
+            let far = (&root.lo).abs().max((&root.hi).abs()) << 1;
+            let reach = absolute.eval_dyadic(&far, root.shift + 1) * (&root.hi - &root.lo);
+            if (&value).abs() > reach {
+                return sign(&value);
+            }
+            if round == 1 {
+                let h = root.poly.gcd(g);
+                let changes = |h: &UPoly| sign(&h.eval_dyadic(&root.lo, root.shift)) != sign(&h.eval_dyadic(&root.hi, root.shift));
+                // A common divisor has only simple roots and none at the ends.
+                if h.degree() > 0 && changes(&h) {
+                    return Ordering::Equal;
+                }
+            }
+            root.step();
+        }
+        unreachable!("the interval shrinks until the sign is decided")
+    }
+
+    /// Comparison with a rational number, exact.
+    pub fn cmp_rational(&self, r: &RBig) -> Ordering {
+        if self.dyadic(&self.lo) >= *r {
+            return if self.is_exact() && self.dyadic(&self.lo) == *r { Ordering::Equal } else { Ordering::Greater };
+        }
+        if self.dyadic(&self.hi) <= *r {
+            return Ordering::Less;
+        }
+        // lo < r < hi: the root is right of r if the sign at r is that at lo.
+        match self.poly.sign_at(r) {
+            Ordering::Equal => Ordering::Equal,
+            s if s == sign(&self.poly.eval_dyadic(&self.lo, self.shift)) => Ordering::Greater,
+            _ => Ordering::Less,
+        }
+    }
+
+    /// The rational number that this is, if it is one.
+    pub fn to_rational(&self) -> Option<RBig> {
+        let mut root = self.clone();
+        if root.poly.degree() == 1 {
+            return Some(RBig::from_parts_signed(-&root.poly.coefficients()[0], root.poly.leading()));
+        }
+        // A rational root's denominator divides the leading coefficient a: a·root is an integer.
+        let lead = root.poly.leading();
+        root.refine(bits(&lead) + 1);
+        if root.is_exact() {
+            return Some(root.dyadic(&root.lo));
+        }
+        let scaled = (RBig::from(lead.clone()) * (root.dyadic(&root.lo) + root.dyadic(&root.hi))) / RBig::from(2);
+        let nearest = floor(&(scaled + RBig::from_parts(IBig::ONE, UBig::from(2u8))));
+        let candidate = RBig::from_parts_signed(nearest, lead);
+        let inside = root.dyadic(&root.lo) < candidate && candidate < root.dyadic(&root.hi);
+        (inside && root.poly.sign_at(&candidate).is_eq()).then_some(candidate)
+    }
+
+    /// The nearest `f64`, ties to even.
+    pub fn to_f64(&self) -> f64 {
+        let mut root = self.clone();
+        if let Some(r) = (root.poly.degree() == 1).then(|| root.to_rational()).flatten() {
+            return r.to_f64().value();
+        }
+        for precision in (60..).step_by(60) {
+            root.refine(precision);
+            let (lo, hi) = root.interval();
+            let (lo, hi) = (lo.to_f64().value(), hi.to_f64().value());
+            // Zeros of both signs are equal.
+            if lo == hi {
+                return lo;
+            }
+        }
+        unreachable!("the interval shrinks until both ends round to the same number")
+    }
+    /// An interval with `f64` ends that holds the number; they are neighbours or equal.
+    pub fn to_interval(&self) -> Interval {
+        let nearest = self.to_f64();
+        match RBig::try_from(nearest).map(|r| self.cmp_rational(&r)) {
+            Ok(Ordering::Equal) => Interval::new(nearest, nearest),
+            Ok(Ordering::Less) => Interval::new(nearest.next_down(), nearest),
+            Ok(Ordering::Greater) => Interval::new(nearest, nearest.next_up()),
+            Err(_) if nearest > 0.0 => Interval::new(f64::MAX, f64::INFINITY),
+            Err(_) => Interval::new(f64::NEG_INFINITY, f64::MIN),
+        }
+    }
+
+    /// The rational number of least denominator (of these the least in absolute value) that the refinement of both intervals
+    /// finds strictly between this number and a larger one.
+    ///
+    /// # Panics
+    /// If the other number is not larger.
+    pub fn rational_below(&self, larger: &Self) -> RBig {
+        let (mut a, mut b) = (self.clone(), larger.clone());
+        assert!(a < b, "numbers out of order");
+        loop {
+            let (lo, hi) = (a.dyadic(&a.hi), b.dyadic(&b.lo));
+            if lo < hi {
+                return simplest_between(&lo, &hi);
+            }
+            a.step();
+            b.step();
+        }
+    }
+}
+
+impl PartialEq for RealRoot {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for RealRoot {}
+
+impl PartialOrd for RealRoot {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for RealRoot {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let (mut a, mut b) = (self.clone(), other.clone());
+        let mut distinct = false;
+        for round in 0.. {
+            if a.is_exact() {
+                return b.cmp_rational(&a.dyadic(&a.lo)).reverse();
+            }
+            if b.is_exact() {
+                return a.cmp_rational(&b.dyadic(&b.lo));
+            }
+            let (a_lo, a_hi) = a.interval();
+            let (b_lo, b_hi) = b.interval();
+            if a_hi <= b_lo {
+                return Ordering::Less;
+            }
+            if b_hi <= a_lo {
+                return Ordering::Greater;
+            }
+            if !distinct && round > 0 {
+                // A common root lies in both intervals; there the common divisor changes sign, and only there.
+                let h = if Arc::ptr_eq(&a.poly, &b.poly) { (*a.poly).clone() } else { a.poly.gcd(&b.poly) };
+                let (lo, hi) = (a_lo.max(b_lo), a_hi.min(b_hi));
+                if h.degree() > 0 && h.sign_at(&lo) != h.sign_at(&hi) {
+                    return Ordering::Equal;
+                }
+                distinct = true;
+            }
+            a.step();
+            b.step();
+        }
+        unreachable!("intervals of different numbers shrink until they are disjoint")
+    }
+}
+
+/// ⌊r⌋.
+pub(crate) fn floor(r: &RBig) -> IBig {
+    let d = IBig::from(r.denominator().clone());
+    let q = r.numerator() / &d;
+    if r.is_negative() && &q * &d != *r.numerator() { q - 1 } else { q }
+}
+
+/// The rational number of least denominator strictly between two, of these the one of least absolute value (Stern–Brocot).
+///
+/// # Panics
+/// If lo ≥ hi.
+pub fn simplest_between(lo: &RBig, hi: &RBig) -> RBig {
+    assert!(lo < hi, "an empty interval");
+    match (lo.cmp(&RBig::ZERO), hi.cmp(&RBig::ZERO)) {
+        (Ordering::Less, Ordering::Greater) => RBig::ZERO,
+        (_, Ordering::Greater) => simplest_positive(lo, hi),
+        _ => -simplest_positive(&-hi, &-lo),
+    }
+}
+
+/// 0 ≤ lo < hi.
+fn simplest_positive(lo: &RBig, hi: &RBig) -> RBig {
+    let whole = floor(lo);
+    let next = RBig::from(&whole + 1);
+    if next < *hi {
+        return next;
+    }
+    // Both in [whole, whole + 1]: invert the fractional parts; the upper end of the inverse may be infinite.
+    let (lo_part, hi_part) = (lo - RBig::from(whole.clone()), hi - RBig::from(whole.clone()));
+    let inverse_lo = RBig::ONE / hi_part;
+    let tail = if lo_part.is_zero() { RBig::from(floor(&inverse_lo) + 1) } else { simplest_positive(&inverse_lo, &(RBig::ONE / lo_part)) };
+    RBig::from(whole) + RBig::ONE / tail
+}
