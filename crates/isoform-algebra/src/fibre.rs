@@ -14,6 +14,8 @@ use crate::upoly::UPoly;
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
 
 /// Why there is no fibre.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -35,6 +37,8 @@ pub struct Fibres {
     coefficients: Vec<UPoly>,
     /// Of f and its derivative, if the degree in y is at least two.
     chain: Option<Subresultants>,
+    /// Whole subresultants that were asked for, as coefficients of powers of y.
+    whole: Mutex<BTreeMap<usize, Vec<UPoly>>>,
 }
 
 /// A real root over a point.
@@ -81,7 +85,7 @@ impl Fibres {
         let other = others.first().copied().unwrap_or(usize::from(var == 0));
         let derivative = f.derivative(var);
         let chain = if derivative.degree(var) > 0 { Some(Subresultants::new(f, &derivative, var, stop)?) } else { None };
-        Ok(Self { coefficients: coefficients_in(f, var, other), f: f.clone(), var, other, chain })
+        Ok(Self { coefficients: coefficients_in(f, var, other), f: f.clone(), var, other, chain, whole: Mutex::default() })
     }
     /// The subresultants of f and its derivative, if the degree is at least two.
     pub fn subresultants(&self) -> Option<&Subresultants> {
@@ -105,15 +109,12 @@ impl Fibres {
         let mut repeated = 0;
         if let Some(chain) = &self.chain {
             let first = chain.principal.iter().position(|c| alpha.sign_of(c).is_ne());
-            let common = match first {
-                Some(0) => Poly::one(),
-                Some(k) => chain.polynomial(k, stop)?,
-                None => self.f.derivative(self.var),
-            };
             repeated = first.unwrap_or(degree - 1);
-            if repeated > 0 {
-                divisor = coefficients_in(&common, self.var, self.other);
-            }
+            divisor = match first {
+                Some(0) => Vec::new(),
+                Some(k) => self.subresultant(chain, k, stop)?,
+                None => coefficients_in(&self.f.derivative(self.var), self.var, self.other),
+            };
         }
         let mut fibre = Fibre {
             alpha: alpha.clone(),
@@ -135,6 +136,16 @@ impl Fibres {
             precision *= 2;
         }
         Ok(fibre)
+    }
+
+    fn subresultant(&self, chain: &Subresultants, k: usize, stop: &dyn Fn() -> bool) -> Result<Vec<UPoly>, ResultantError> {
+        let mut whole = self.whole.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = whole.get(&k) {
+            return Ok(known.clone());
+        }
+        let made = coefficients_in(&chain.polynomial(k, stop)?, self.var, self.other);
+        whole.insert(k, made.clone());
+        Ok(made)
     }
 
     /// The number of real roots over a point where the leading coefficient does not vanish, by the signs of the principal

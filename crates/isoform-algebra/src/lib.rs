@@ -3,6 +3,7 @@
 
 mod ball;
 mod compose;
+mod factor;
 mod fibre;
 mod gcd;
 mod modpoly;
@@ -15,6 +16,7 @@ mod upoly;
 
 pub use dashu_int::{IBig, UBig};
 pub use dashu_ratio::RBig;
+pub use factor::FactorError;
 pub use fibre::{Fibre, FibreError, FibreRoot, Fibres, count_by_signs};
 pub use parse::{MAX_DEGREE, ParseError, ParseProblem};
 pub use poly::{Exponents, MAX_VARS, Poly};

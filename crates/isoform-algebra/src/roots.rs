@@ -315,6 +315,10 @@ impl RealRoot {
                 return sign(&value);
             }
             if round == 1 {
+                // The commonest case of a zero: g is a multiple of the polynomial, perhaps with a constant factor missing.
+                if g.primitive().div_exact(&root.poly.primitive()).is_some() {
+                    return Ordering::Equal;
+                }
                 let h = root.poly.gcd(g);
                 let changes = |h: &UPoly| sign(&h.eval_dyadic(&root.lo, root.shift)) != sign(&h.eval_dyadic(&root.hi, root.shift));
                 // A common divisor has only simple roots and none at the ends.
