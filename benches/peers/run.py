@@ -1,0 +1,163 @@
+#!/usr/bin/env python3
+"""isoform mesh beside CGAL's Mesh_3 and fidget: the tables of docs/meshing-speed.md.
+
+    benches/peers/run.py [tets] [surface] [growth] [--repeat N] [--to SIZE]
+
+needs cargo, g++ and CGAL's headers (Debian: libcgal-dev libmpfr-dev), Linux, and an idle machine. Everything is built, then every tool is
+run after the other. Times are those of the whole process without writing a file (user + system, the best of N), memory is the most that
+was resident; one more run, not timed, writes the mesh, and target/release/measure measures all of them alike.
+"""
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import time
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+
+# Edge lengths: of isoform, and of CGAL so that it comes to as many tetrahedra.
+TETS = {"part": (0.25, 0.1975), "sphere": (0.08, 0.064), "blend": (0.14, 0.1127), "gyroid": (0.05, 0.0393)}
+# Depths of fidget's octree, and edge lengths of isoform that come to as many triangles.
+SURFACE = {"part": (6, 0.263), "sphere": (6, 0.0316), "blend": (6, 0.1397), "gyroid": (5, 0.0443)}
+# The part with about 1e5, 3e5, 1e6, 3e6, 1e7 tetrahedra.
+GROWTH = [0.245, 0.1685, 0.1125, 0.0778, 0.052]
+
+
+def folder(where):
+    """Where cargo puts the programs of that workspace."""
+    return pathlib.Path(os.environ.get("CARGO_TARGET_DIR", where / "target")) / "release"
+
+
+ISOFORM, PEERS = folder(ROOT) / "isoform", folder(HERE)
+OUT = PEERS / "peers-out"
+
+
+def build():
+    OUT.mkdir(parents=True, exist_ok=True)
+    subprocess.run(["cargo", "build", "--release", "--quiet", "-p", "isoform-cli"], cwd=ROOT, check=True)
+    subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=HERE, check=True)
+    source, program = HERE / "cgal_mesher.cpp", OUT / "cgal_mesher"
+    if not program.exists() or program.stat().st_mtime < source.stat().st_mtime:
+        subprocess.run(["g++", "-std=c++17", "-O3", "-DNDEBUG", source, "-o", program, "-lmpfr", "-lgmp"], check=True)
+
+
+def run(command):
+    """(CPU seconds, wall seconds, MiB) of one process"""
+    start = time.perf_counter()
+    child = subprocess.Popen([str(c) for c in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, used = os.wait4(child.pid, 0)
+    wall = time.perf_counter() - start
+    child.returncode = os.waitstatus_to_exitcode(status)
+    # 3: the mesh is there, but its certificate does not hold or something is left unproved.
+    if child.returncode not in (0, 3):
+        raise SystemExit(f"exit {child.returncode}: {' '.join(map(str, command))}")
+    return used.ru_utime + used.ru_stime, wall, used.ru_maxrss / 1024
+
+
+def best(command, repeat):
+    runs = [run(command) for _ in range(repeat)]
+    return tuple(min(column) for column in zip(*runs))
+
+
+def measure(path):
+    return json.loads(subprocess.run([PEERS / "measure", path], check=True, capture_output=True).stdout)
+
+
+def command(name, size, *more):
+    return [ISOFORM, "mesh", HERE / "models" / f"{name}.hf", "--size", size, "--quiet", *more]
+
+
+def mesher(name, size, threads, what, *out):
+    return [PEERS / "isoform_mesher", HERE / "models" / f"{name}.hf", size, threads, what, *out]
+
+
+def table(*head):
+    print("\n| " + " | ".join(head) + " |\n|" + "---|" * len(head), flush=True)
+
+
+def row(*cells):
+    print("| " + " | ".join(cells) + " |", flush=True)
+
+
+def angles(pair):
+    return f"{pair[0]:.2f} – {pair[1]:.1f}"
+
+
+def rows(tools, elements, quality):
+    """One row for every (tool, command, mesh as measured, times); ratios per element to the first of them."""
+    unit = None
+    for tool, mesh, (cpu, wall, memory) in tools:
+        n = mesh[elements]
+        unit = unit or cpu / n
+        row(tool, f"{n:,}", angles(mesh[quality]), f"{cpu:.3f}", f"{wall:.3f}", f"{memory:.0f}", f"{cpu / n / unit:.2f}")
+
+
+def tets(repeat):
+    for name, (size, cgal_size) in TETS.items():
+        table(name, "tets", "dihedral, degrees", "CPU s", "wall s", "peak MiB", "CPU per tet")
+        ours, theirs, curves = OUT / "isoform.raw", OUT / "cgal.raw", OUT / "curves"
+        run(mesher(name, size, 1, "volume", ours, curves))
+        mesh = measure(ours)
+        tools = [("isoform, mesher alone", mesh, best(mesher(name, size, 1, "volume"), repeat)),
+                 ("isoform mesh, with certificate", mesh, best(command(name, size, "--threads", 1), repeat)),
+                 ("the same, all threads", mesh, best(command(name, size), repeat))]
+        for tool, how in (("CGAL raw", "raw"), ("CGAL perturb + exude", "optimised")):
+            cgal = [OUT / "cgal_mesher", name, cgal_size, how]
+            run([*cgal, theirs, curves])
+            tools.append((tool, measure(theirs), best([*cgal, "-", curves], repeat)))
+        rows(tools, "tets", "dihedral")
+
+
+def surface(repeat):
+    for name, (depth, size) in SURFACE.items():
+        table(name, "triangles", "angles, degrees", "CPU s", "wall s", "peak MiB", "CPU per triangle")
+        out = OUT / "surface.raw"
+        tools = []
+        for how in ("jit", "vm"):
+            fidget = [PEERS / "fidget_mesher", name, depth, 1, how]
+            run([*fidget, out])
+            tools.append((f"fidget, {how}", measure(out), best(fidget, repeat)))
+        run(mesher(name, size, 1, "surface", out))
+        mesh = measure(out)
+        tools.append(("isoform, mesher alone", mesh, best(mesher(name, size, 1, "surface"), repeat)))
+        tools.append(("isoform mesh, with certificate", mesh, best(command(name, size, "--surface-only", "--threads", 1), repeat)))
+        # The faster of fidget's evaluators comes first: ratios are to it.
+        tools[:2] = sorted(tools[:2], key=lambda tool: tool[2][0])
+        rows(tools, "triangles", "angle")
+
+
+def growth(repeat, to):
+    threads = len(os.sched_getaffinity(0))
+    table("size", "tets", "dihedral, degrees", "mesher: CPU s", "wall s", "peak MiB", "tets per CPU s",
+          "with certificate: CPU s", "wall s", "peak MiB", "tets per CPU s")
+    for size in (s for s in GROWTH if s >= to):
+        out = OUT / "growth.raw"
+        run(mesher("part", size, threads, "volume", out))
+        mesh = measure(out)
+        out.unlink()
+        n = mesh["tets"]
+        many = repeat if n < 2e6 else 1
+        cells = []
+        for what in (mesher("part", size, threads, "volume"), command("part", size)):
+            cpu, wall, memory = best(what, many)
+            cells += [f"{cpu:.2f}", f"{wall:.2f}", f"{memory:.0f}", f"{n / cpu:,.0f}"]
+        row(f"{size}", f"{n:,}", angles(mesh["dihedral"]), *cells)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="*", help="tets, surface, growth; all of them if none is named")
+    parser.add_argument("--repeat", type=int, default=3, help="runs of which the best counts (growth: one beyond 2 million)")
+    parser.add_argument("--to", type=float, default=0.0, help="growth: no edge length below this one")
+    args = parser.parse_args()
+    build()
+    for name, work in (("tets", tets), ("surface", surface), ("growth", lambda repeat: growth(repeat, args.to))):
+        if not args.what or name in args.what:
+            print(f"\nload {os.getloadavg()[0]:.1f} on {len(os.sched_getaffinity(0))} cores before `{name}`", flush=True)
+            work(args.repeat)
+
+
+if __name__ == "__main__":
+    main()
