@@ -143,7 +143,7 @@ impl<'a> Grid<'a> {
         let mut crt = Crt::new(self.points());
         for field in primes() {
             let mut values = self.values(&field);
-            interpolate(&field, &self.rows, &mut values);
+            interpolate(&field, &self.rows, &mut values, 0);
             crt.push(&field, &values);
             if *crt.modulus() > bound {
                 break;
@@ -216,11 +216,11 @@ pub(crate) fn eval_terms(f: &Fp, terms: &[(Exponents, u64)], powers: &[Vec<u64>;
     sum
 }
 
-/// Values at the points (i, j), j < rows[i], rows never growing, become coefficients of uⁱ vʲ, in place.
-fn interpolate(f: &Fp, rows: &[usize], values: &mut [u64]) {
+/// Values at the points (origin + i, origin + j), j < rows[i], rows never growing, become coefficients of uⁱ vʲ, in place.
+pub(crate) fn interpolate(f: &Fp, rows: &[usize], values: &mut [u64], origin: u64) {
     let width = rows.first().copied().unwrap_or(0);
     let size = width.max(rows.len());
-    let nodes: Vec<usize> = (0..size).collect();
+    let nodes: Vec<u64> = (0..size).map(|i| f.add(origin, f.of_u64(i as u64))).collect();
     let inverses = modpoly::small_inverses(f, size);
     let differences = |line: &mut [u64]| {
         for level in 1..line.len() {

@@ -447,7 +447,12 @@ fn factor_bivariate(p: &Poly, x: usize, y: usize, stop: &dyn Fn() -> bool) -> Re
             return None;
         }
         let groups: Vec<UPoly> = [true, false]
-            .map(|inside| (0..lines.len()).filter(|i| chosen.contains(i) == inside && divides_line(&rest, x, y, &lines[*i])).map(|i| &lines[i]).fold(UPoly::one(), |a, b| &a * b))
+            .map(|inside| {
+                (0..lines.len())
+                    .filter(|i| chosen.contains(i) == inside && divides_line(&rest, x, y, &lines[*i]))
+                    .map(|i| &lines[i])
+                    .fold(UPoly::one(), |a, b| &a * b)
+            })
             .into();
         let candidate = reconstruct(&rest, x, y, &groups)?;
         rest = rest.div_exact(&candidate)?;

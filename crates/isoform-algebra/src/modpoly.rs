@@ -199,16 +199,17 @@ pub(crate) fn interpolate(f: &Fp, nodes: &[usize], values: &[u64], inverses: &[u
             c[i] = f.mul(f.sub(c[i], c[i - 1]), inverses[nodes[i] - nodes[i - level]]);
         }
     }
-    newton_to_monomial(f, nodes, &mut c);
+    let nodes: Vec<u64> = nodes.iter().map(|&x| f.of_u64(x as u64)).collect();
+    newton_to_monomial(f, &nodes, &mut c);
     trim(&mut c);
     c
 }
 
 /// Coefficients in the basis 1, (x − x₀), (x − x₀)(x − x₁), … become coefficients in powers of x; the length is kept.
-pub(crate) fn newton_to_monomial(f: &Fp, nodes: &[usize], c: &mut [u64]) {
+pub(crate) fn newton_to_monomial(f: &Fp, nodes: &[u64], c: &mut [u64]) {
     let n = c.len();
     for i in (0..n.saturating_sub(1)).rev() {
-        let x = f.of_u64(nodes[i] as u64);
+        let x = nodes[i];
         for j in i..n - 1 {
             c[j] = f.sub(c[j], f.mul(x, c[j + 1]));
         }

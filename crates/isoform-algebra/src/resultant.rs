@@ -123,7 +123,7 @@ fn resultant_at(f: &Fp, a: &[u64], b: &[u64]) -> u64 {
 
 /// All subresultants Sⱼ, j < m, of two polynomials of exact degrees n ≥ m, Euclid's algorithm on
 /// Sⱼ(a, b) = (−1)^((n−j)(m−j)) lc(b)^(n−k) Sⱼ(b, r), where r = a mod b has degree k ≥ j.
-fn subresultants_at(f: &Fp, a: &[u64], b: &[u64]) -> Vec<Vec<u64>> {
+pub(crate) fn subresultants_at(f: &Fp, a: &[u64], b: &[u64]) -> Vec<Vec<u64>> {
     let mut chain = vec![Vec::new(); b.len() - 1];
     let (mut a, mut b) = (a.to_vec(), b.to_vec());
     // The factor of Sⱼ of the current pair, for even and odd j.

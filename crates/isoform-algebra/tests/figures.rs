@@ -1,6 +1,6 @@
 //! Figures on speed, printed: `cargo test --release -p isoform-algebra --test figures -- --ignored --nocapture`.
 
-use isoform_algebra::{Fibres, IBig, Poly, RBig, Subresultants, UPoly, discriminant, real_roots, resultant};
+use isoform_algebra::{Fibres, IBig, Poly, RBig, Subresultants, UPoly, discriminant, implicit, map_degrees, real_roots, resultant};
 use std::time::Instant;
 
 fn timed<T>(what: &str, f: impl FnOnce() -> T) -> T {
@@ -92,5 +92,28 @@ fn roots() {
         let critical = timed("  critical points", || real_roots(critical));
         let n = critical.len();
         timed(&format!("  {n} fibres"), || critical.iter().map(|a| fibres.at(a, &go).expect("not vertical").roots.len()).sum::<usize>());
+    }
+}
+
+#[test]
+#[ignore = "measures"]
+fn factors_and_maps() {
+    let mut rng = fastrand::Rng::with_seed(7);
+    let go = || false;
+    for degrees in [[4, 8, 12], [2, 2, 20], [8, 8, 8]] {
+        let whole = degrees.iter().fold(Poly::one(), |p, &d| p * dense(&mut rng, 2, d, 20, false));
+        timed(&format!("factors of degrees {degrees:?}"), || assert_eq!(whole.factor(&go).expect("two variables").len(), 3));
+        timed("  that plus one, irreducible", || assert_eq!((&whole + Poly::one()).factor(&go).expect("two variables").len(), 1));
+    }
+    for degree in [2, 3, 4, 6, 8, 12] {
+        let map: [Poly; 4] = std::array::from_fn(|_| dense(&mut rng, 2, degree, 4, false));
+        timed(&format!("degrees of a dense map of degree {degree}"), || map_degrees(&map, &go)).expect("a surface");
+        if degree <= 4 {
+            let found = timed("  implicit equation", || implicit(&map, 16, &go)).expect("a surface").expect("degree 16");
+            let partials: Vec<Poly> = (0..4).map(|v| found.equation.derivative(v)).collect();
+            let pulled = timed("  partial derivatives pulled back", || partials.iter().map(|p| p.compose(&map)).collect::<Vec<_>>());
+            let common = timed("  their common divisor", || pulled.iter().fold(Poly::zero(), |g, p| g.gcd(p)));
+            timed("  its factors", || common.factor(&go)).expect("two variables");
+        }
     }
 }
