@@ -198,9 +198,12 @@ fn factor_univariate(p: &UPoly, stop: &dyn Fn() -> bool) -> Result<Vec<UPoly>, F
     recombine(p, &lifted, &modulus, stop)
 }
 
+/// A field and the monic factors of a polynomial over it.
+type Modular = (Fp, Vec<Vec<u64>>);
+
 /// The field and the monic factors for the small prime that leaves the fewest, nothing if one proves irreducibility.
-fn best_small_prime(p: &UPoly, stop: &dyn Fn() -> bool) -> Result<Option<(Fp, Vec<Vec<u64>>)>, FactorError> {
-    let mut best: Option<(Fp, Vec<Vec<u64>>)> = None;
+fn best_small_prime(p: &UPoly, stop: &dyn Fn() -> bool) -> Result<Option<Modular>, FactorError> {
+    let mut best: Option<Modular> = None;
     // Sums of degrees of modular factors that are possible for all primes so far.
     let mut possible = vec![true; p.degree() + 1];
     let mut tried = 0;
@@ -359,7 +362,7 @@ fn by_subsets<F: Clone>(
         let mut trials = 0usize;
         let found = loop {
             trials += 1;
-            if trials % 256 == 0 && stop() {
+            if trials.is_multiple_of(256) && stop() {
                 return Err(FactorError::Stopped);
             }
             let chosen: Vec<usize> = subset.iter().map(|&i| left[i]).collect();
@@ -539,10 +542,7 @@ impl Lifted {
         product[0] = vec![f.one()];
         for &i in chosen {
             product = (0..precision)
-                .map(|k| {
-                    let sum = (0..=k).fold(Vec::new(), |s, a| modpoly::add(f, &s, &modpoly::mul(f, &product[a], &self.series[i][k - a])));
-                    sum
-                })
+                .map(|k| (0..=k).fold(Vec::new(), |s, a| modpoly::add(f, &s, &modpoly::mul(f, &product[a], &self.series[i][k - a]))))
                 .collect();
         }
         product

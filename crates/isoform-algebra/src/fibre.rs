@@ -220,8 +220,7 @@ impl Fibre {
         alpha.refine(precision + 4);
         let (lo, hi) = alpha.interval();
         let middle = to_fixed(&((&lo + &hi) / RBig::from(2)), precision);
-        let x =
-            if lo == hi && &from_fixed(&middle, precision) == &lo { Ball::exact(middle) } else { Ball { middle, radius: IBig::from(2) } };
+        let x = if lo == hi && from_fixed(&middle, precision) == lo { Ball::exact(middle) } else { Ball { middle, radius: IBig::from(2) } };
         let specialise = |c: &UPoly| {
             let coefficients: Vec<Ball> = c.coefficients().iter().map(|c| Ball::integer(c, precision)).collect();
             ball::eval(&coefficients, &x, precision)

@@ -303,7 +303,12 @@ fn count_degrees(f: &Fp, map: &[Poly; 4], n: usize, stream: &mut Stream) -> Opti
     let common = modpoly::gcd(f, &pullback.meet(&a, &b)?, &pullback.meet(&c, &d)?);
     let map_degree = (common.len() - 1).checked_sub(base_multiplicity).filter(|&m| m > 0)?;
     let moving = n * n - base_multiplicity;
-    (moving % map_degree == 0).then_some(MapDegrees { degree: n, map_degree, implicit_degree: moving / map_degree, base_multiplicity })
+    moving.is_multiple_of(map_degree).then_some(MapDegrees {
+        degree: n,
+        map_degree,
+        implicit_degree: moving / map_degree,
+        base_multiplicity,
+    })
 }
 
 /// The equation of a map of degree 2 or more by its values on lines through a point (1 : a : b : c) off the surface.

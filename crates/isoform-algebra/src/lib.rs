@@ -1,4 +1,32 @@
-//! Exact algebra.
+//! Exact algebra: what decides the topology of rational surfaces.
+//!
+//! - [`Poly`]: polynomials over Q in up to four variables: arithmetic, composition, text, greatest common divisors, squarefree parts,
+//!   factors; [`UPoly`]: dense univariate ones over the integers.
+//! - [`resultant`], [`discriminant`], [`Subresultants`]: elimination, proven by bounds on the number of primes.
+//! - [`real_roots`], [`RealRoot`]: real algebraic numbers, compared exactly; [`Fibres`]: the real roots of f(α, y) with
+//!   multiplicities.
+//! - [`implicit`], [`map_degrees`], [`image_dimension`]: rational maps (s, t) ↦ (X : Y : Z : W).
+//! - [`modular`]: residues modulo primes and the way back, on which all of this rests.
+//!
+//! Nothing here depends on chance, time or the order of threads: primes and pseudo-random points are always the same. What can last takes a
+//! function that says whether to stop.
+//!
+//! The real points over the critical values of a curve:
+//!
+//! ```
+//! use isoform_algebra::{Fibres, Poly, real_roots};
+//! let folium = Poly::parse("x^3 + y^3 - 3*x*y", &["x", "y"])?;
+//! let go = || false;
+//! let fibres = Fibres::new(&folium, 1, &go)?;
+//! let discriminant = &fibres.subresultants().expect("degree 3").principal[0];
+//! let found: Vec<(f64, Vec<usize>)> = real_roots(discriminant)
+//!     .iter()
+//!     .map(|x| (x.to_f64(), fibres.at(x, &go).expect("no vertical line").roots.iter().map(|y| y.multiplicity).collect()))
+//!     .collect();
+//! // The node at the origin, whose branch along the y axis makes the root triple, and the vertical tangent at x³ = 4.
+//! assert_eq!(found, [(0.0, vec![3]), (4f64.cbrt(), vec![1, 2])]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
 mod ball;

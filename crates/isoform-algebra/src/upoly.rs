@@ -173,10 +173,6 @@ impl UPoly {
         }
         if odd && lead.is_negative() { -&rest } else { rest }
     }
-    /// Largest number of bits of a coefficient.
-    pub(crate) fn height_bits(&self) -> usize {
-        self.coefficients.iter().map(crate::modular::bits).max().unwrap_or(0)
-    }
     /// This polynomial as text in a variable of that name.
     pub fn display<'a>(&'a self, name: &'a str) -> impl fmt::Display + 'a {
         let poly = crate::Poly::from_upoly(self, 0);
