@@ -272,14 +272,17 @@ fn from_fixed(n: &IBig, precision: usize) -> RBig {
     RBig::from_parts(n.clone(), UBig::ONE << precision)
 }
 
-/// The quotient of a polynomial by a divisor whose leading coefficient is certain.
+/// The quotient of a polynomial by a divisor whose leading coefficient is certain, made monic first: subresultants are huge, and
+/// a quotient by them would vanish in the last place.
 fn divide(f: &[Ball], g: &[Ball], precision: usize) -> Option<Vec<Ball>> {
     let n = g.len() - 1;
+    let monic: Option<Vec<Ball>> = g[..n].iter().map(|c| c.div(&g[n], precision)).collect();
+    let monic = monic?;
     let mut rest = f.to_vec();
     let mut quotient = vec![Ball::exact(IBig::ZERO); f.len() - n];
     for i in (0..quotient.len()).rev() {
-        let q = rest[i + n].div(&g[n], precision)?;
-        for (j, c) in g[..n].iter().enumerate() {
+        let q = rest[i + n].clone();
+        for (j, c) in monic.iter().enumerate() {
             rest[i + j] = rest[i + j].sub(&q.mul(c, precision));
         }
         quotient[i] = q;
