@@ -48,7 +48,7 @@ pub fn resultant(f: &Poly, g: &Poly, var: usize, stop: &dyn Fn() -> bool) -> Res
         return Ok(Poly::zero());
     }
     let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
-    let mut values = pair.lift(pair.degree_bound(0, 0), false, stop, |field, a, b| Some(vec![resultant_at(field, a, b)]))?;
+    let mut values = pair.lift(&[(0, 0)], false, stop, |field, a, b| vec![resultant_at(field, a, b)])?;
     let integer = Poly::from_upoly(&values.swap_remove(0), other);
     Ok(integer.scale(&RBig::from_parts(IBig::ONE, f.denominator().pow(m) * g.denominator().pow(n))))
 }
@@ -158,8 +158,8 @@ struct Pair {
     g: Vec<UPoly>,
     /// Total degrees.
     total: (usize, usize),
-    /// A modulus above this decides every minor of the Sylvester matrix.
-    bound: UBig,
+    /// Σ‖cᵢ‖₁² over the coefficients of f and of g.
+    norms: (UBig, UBig),
 }
 
 /// The integer multiple by the denominator, as polynomials in `other` for each power of `var`.
@@ -186,8 +186,8 @@ impl Pair {
             let one = |c: &UPoly| c.coefficients().iter().map(|c| c.clone().unsigned_abs()).sum::<UBig>();
             p.iter().map(|c| one(c).pow(2)).sum()
         };
-        let bound = hadamard(&norm(&f), g.len() - 1, &norm(&g), f.len() - 1);
-        Ok((other, Self { f, g, total, bound }))
+        let norms = (norm(&f), norm(&g));
+        Ok((other, Self { f, g, total, norms }))
     }
 
     /// A bound on the degree in x of the coefficient of yⁱ in Sⱼ: by degrees in x, and by total degrees.
@@ -202,22 +202,30 @@ impl Pair {
         by_x.min(by_total)
     }
 
-    /// Integer polynomials in x of bounded degree from their residues at points: `at` gives their values from those of the
-    /// coefficients of f and g, or nothing where the point cannot be used; with `exact` points are left out where a leading
-    /// coefficient vanishes.
+    /// Twice a bound on the coefficients of Sⱼ: its rows are some of those of S₀, and none of them is shorter than 1.
+    fn modulus_bound(&self, j: usize) -> UBig {
+        hadamard(&self.norms.0, self.g.len() - 1 - j, &self.norms.1, self.f.len() - 1 - j)
+    }
+
+    /// The coefficients of yⁱ in Sⱼ for pairs (j, i) as integer polynomials in x, from their values at points modulo primes, which `at`
+    /// gives from the values of the coefficients of f and g. With `exact` points are left out where a leading coefficient
+    /// vanishes.
     fn lift(
         &self,
-        degree: usize,
+        wanted: &[(usize, usize)],
         exact: bool,
         stop: &dyn Fn() -> bool,
-        at: impl Fn(&Fp, &[u64], &[u64]) -> Option<Vec<u64>>,
+        at: impl Fn(&Fp, &[u64], &[u64]) -> Vec<u64>,
     ) -> Result<Vec<UPoly>, ResultantError> {
-        let mut crt: Option<Crt> = None;
-        let mut count = 0;
+        let degrees: Vec<usize> = wanted.iter().map(|&(j, i)| self.degree_bound(j, i)).collect();
+        let bounds: Vec<UBig> = wanted.iter().map(|&(j, _)| self.modulus_bound(j)).collect();
+        let mut lifts: Vec<Crt> = degrees.iter().map(|d| Crt::new(d + 1)).collect();
         for field in primes() {
             if stop() {
                 return Err(ResultantError::Stopped);
             }
+            let open: Vec<usize> = (0..wanted.len()).filter(|&c| *lifts[c].modulus() <= bounds[c]).collect();
+            let Some(degree) = open.iter().map(|&c| degrees[c]).max() else { break };
             let residues =
                 |p: &[UPoly]| -> Vec<Vec<u64>> { p.iter().map(|c| c.coefficients().iter().map(|c| field.of_ibig(c)).collect()).collect() };
             let (f, g) = (residues(&self.f), residues(&self.g));
@@ -225,7 +233,7 @@ impl Pair {
                 continue;
             }
             let mut nodes = Vec::with_capacity(degree + 1);
-            let mut columns: Vec<Vec<u64>> = Vec::new();
+            let mut columns: Vec<Vec<u64>> = vec![Vec::new(); wanted.len()];
             for x in 0.. {
                 if nodes.len() > degree {
                     break;
@@ -236,29 +244,20 @@ impl Pair {
                 if exact && (a.last() == Some(&0) || b.last() == Some(&0)) {
                     continue;
                 }
-                let Some(values) = at(&field, &a, &b) else { continue };
-                columns.resize(values.len(), Vec::new());
-                for (column, v) in columns.iter_mut().zip(values) {
+                for (column, v) in columns.iter_mut().zip(at(&field, &a, &b)) {
                     column.push(v);
                 }
                 nodes.push(x);
             }
             let inverses = modpoly::small_inverses(&field, nodes[nodes.len() - 1]);
-            count = columns.len();
-            let mut flat = Vec::with_capacity(count * (degree + 1));
-            for column in &columns {
-                let mut c = modpoly::interpolate(&field, &nodes, column, &inverses);
-                c.resize(degree + 1, 0);
-                flat.extend(c);
-            }
-            let crt = crt.get_or_insert_with(|| Crt::new(flat.len()));
-            crt.push(&field, &flat);
-            if *crt.modulus() > self.bound {
-                break;
+            for c in open {
+                let points = degrees[c] + 1;
+                let mut coefficients = modpoly::interpolate(&field, &nodes[..points], &columns[c][..points], &inverses);
+                coefficients.resize(points, 0);
+                lifts[c].push(&field, &coefficients);
             }
         }
-        let mut values = crt.map_or(Vec::new(), |c| c.symmetric()).into_iter();
-        Ok((0..count).map(|_| UPoly::new(values.by_ref().take(degree + 1).collect())).collect())
+        Ok(lifts.iter().map(|c| UPoly::new(c.symmetric())).collect())
     }
 }
 
@@ -287,16 +286,15 @@ impl Subresultants {
         let (other, pair) = Pair::new(f, g, var)?;
         let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
         assert!(n >= m && m >= 1, "subresultants of degrees {n} and {m}");
-        let degree = (0..m).flat_map(|j| [(j, j), (j, j.saturating_sub(1))]).map(|(j, i)| pair.degree_bound(j, i)).max().unwrap_or(0);
-        let columns = pair.lift(degree, true, stop, |field, a, b| {
+        let wanted: Vec<(usize, usize)> = (0..m).map(|j| (j, j)).chain((1..m).map(|j| (j, j - 1))).collect();
+        let columns = pair.lift(&wanted, true, stop, |field, a, b| {
             let chain = subresultants_at(field, a, b);
-            let coefficient = |j: usize, i: usize| chain[j].get(i).copied().unwrap_or(0);
-            let principal = (0..m).map(|j| coefficient(j, j));
-            Some(principal.chain((0..m).map(|j| if j == 0 { 0 } else { coefficient(j, j - 1) })).collect())
+            wanted.iter().map(|&(j, i)| chain[j].get(i).copied().unwrap_or(0)).collect()
         })?;
         let mut columns = columns.into_iter();
         let principal = columns.by_ref().take(m).collect();
-        Ok(Self { principal, next: columns.collect(), pair, var, other })
+        let next = std::iter::once(UPoly::default()).chain(columns).collect();
+        Ok(Self { principal, next, pair, var, other })
     }
 
     /// The whole polynomial Sⱼ.
@@ -308,11 +306,11 @@ impl Subresultants {
     /// If j is not below the lower degree.
     pub fn polynomial(&self, j: usize, stop: &dyn Fn() -> bool) -> Result<Poly, ResultantError> {
         assert!(j < self.principal.len(), "there is no subresultant of index {j}");
-        let degree = (0..=j).map(|i| self.pair.degree_bound(j, i)).max().unwrap_or(0);
-        let columns = self.pair.lift(degree, true, stop, |field, a, b| {
+        let wanted: Vec<(usize, usize)> = (0..=j).map(|i| (j, i)).collect();
+        let columns = self.pair.lift(&wanted, true, stop, |field, a, b| {
             let mut s = subresultants_at(field, a, b).swap_remove(j);
             s.resize(j + 1, 0);
-            Some(s)
+            s
         })?;
         let powers = columns.iter().enumerate().map(|(i, c)| Poly::from_upoly(c, self.other) * Poly::var(self.var).pow(i as u32));
         Ok(powers.fold(Poly::zero(), |sum, t| sum + t))
