@@ -35,10 +35,16 @@ pub enum MapError {
         /// 0 for a point, 1 for a curve.
         dimension: usize,
     },
+    /// Counts at random points did not agree, which no map is known to cause.
+    #[error("the degrees could not be counted: no two of {COUNTS} counts at random points agree")]
+    Undecided,
     /// The caller asked to stop.
     #[error("stopped")]
     Stopped,
 }
+
+/// Counts of degrees before giving up; two suffice unless a point is not general.
+const COUNTS: usize = 64;
 
 /// Degrees of a rational map onto a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,17 +127,17 @@ pub fn map_degrees(map: &[Poly; 4], stop: &dyn Fn() -> bool) -> Result<MapDegree
     }
     let mut last = None;
     let mut stream = Stream::new(2);
-    for field in primes() {
+    for field in primes().take(COUNTS) {
         if stop() {
             return Err(MapError::Stopped);
         }
         let count = count_degrees(&field, map, degree, &mut stream);
-        if count.is_some() && count == last {
-            break;
+        if let (Some(degrees), true) = (count, count == last) {
+            return Ok(degrees);
         }
         last = count;
     }
-    Ok(last.expect("counts at general points agree"))
+    Err(MapError::Undecided)
 }
 
 /// The implicit equation of a map onto a surface, or nothing if its degree exceeds the bound.
@@ -289,15 +295,14 @@ impl Pullback {
 fn count_degrees(f: &Fp, map: &[Poly; 4], n: usize, stream: &mut Stream) -> Option<MapDegrees> {
     let pullback = Pullback::new(f, map, n, stream);
     let base_multiplicity = pullback.base(stream)?.len() - 1;
-    // Planes through the image of a point: their last coefficient is solved for.
+    // Planes through the image of a point: one coefficient is solved for.
     let at = pullback.image(stream.next(f), stream.next(f));
-    if at[3] == 0 {
-        return None;
-    }
+    let pivot = at.iter().position(|&v| v != 0)?;
     let [a, b, c, d] = [(); 4].map(|()| {
         let mut c = [(); 4].map(|()| stream.next(f));
-        let sum = (0..3).fold(0, |sum, i| f.add(sum, f.mul(c[i], at[i])));
-        c[3] = f.neg(f.div(sum, at[3]));
+        c[pivot] = 0;
+        let sum = (0..4).fold(0, |sum, i| f.add(sum, f.mul(c[i], at[i])));
+        c[pivot] = f.neg(f.div(sum, at[pivot]));
         c
     });
     let common = modpoly::gcd(f, &pullback.meet(&a, &b)?, &pullback.meet(&c, &d)?);

@@ -28,6 +28,8 @@ fn textbook_surfaces() {
         // Improper maps: a paraboloid covered twice, a plane covered four times.
         (["s^2", "t", "s^4 + t^2", "1"], "z*w - x^2 - y^2", 2, 12),
         (["s^2", "t^2", "s^2 + t^2", "1"], "x + y - z", 4, 0),
+        // A map into a coordinate plane.
+        (["s", "t^2", "s*t + 1", "0"], "w", 3, 1),
         // With fractions.
         (["1/2*s", "1/3*t", "s*t", "2/7"], "12/7*x*y - 2/7*2/7*z*w", 1, 2),
     ];
@@ -88,6 +90,27 @@ fn equations_of_higher_degree() {
     // The same surface has the same equation.
     let [once, again] = [&general, &twice].map(|m| implicit(m, 16, &go).expect("a surface").expect("degree 9").equation);
     assert!(once == again);
+}
+
+/// Small random maps, sparse and dense: equations vanish on the map, in general and at once.
+#[test]
+fn random_maps_are_answered() {
+    let mut rng = fastrand::Rng::with_seed(77);
+    let mut equations = 0;
+    for _ in 0..60 {
+        let (degree, density) = (rng.u16(2..=3), rng.u32(2..=10));
+        let map: [Poly; 4] = std::array::from_fn(|_| {
+            let exponents = (0..=degree).flat_map(|i| (0..=degree - i).map(move |j| [i, j, 0, 0])).filter(|_| rng.u32(0..10) < density);
+            Poly::from_terms(exponents.collect::<Vec<_>>().into_iter().map(|e| (e, RBig::from(rng.i64(-3..=3)))))
+        });
+        if let Ok(found) = implicit(&map, DEFAULT_MAX_DEGREE, &go) {
+            let equation = found.expect("degree 9 at most").equation;
+            assert!(equation.compose(&map).is_zero());
+            assert_eq!(equation.squarefree(), [(equation.clone(), 1)]);
+            equations += 1;
+        }
+    }
+    assert!(equations >= 40, "only {equations} surfaces");
 }
 
 /// Degrees are invariant under projectivities of the parameter plane and of space.
