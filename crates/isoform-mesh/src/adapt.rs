@@ -52,7 +52,7 @@ pub fn adapt(mesh: &Mesh, solid: &dyn Solid, options: &Options, control: &Contro
     let number: Vec<u32> = (0..n as u32).collect();
     improve(&mut optimiser, options, &mut warnings);
     control.phase("assembly")?;
-    let (mut mesh, pieces) = assemble(solid, optimiser, &number, n, Vec::new(), Vec::new(), options);
+    let (mut mesh, pieces) = assemble(optimiser, &number, n, Vec::new(), Vec::new(), options);
     raise_order(&mut mesh, &surface, &pieces, options, control, &mut warnings)?;
     Ok(Meshed { mesh, region: found.bounds, region_certified: found.certified, caps: Vec::new(), features, warnings })
 }

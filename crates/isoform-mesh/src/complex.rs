@@ -5,6 +5,7 @@
 
 use isoform_geom::{Point3, TET_FACES, TRIANGLE_EDGES};
 use rayon::prelude::*;
+use std::collections::{HashMap, HashSet};
 
 /// No tetrahedron, no vertex.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -30,7 +31,7 @@ pub(crate) struct Complex {
     epoch: u32,
     /// Outer faces of the cavity: sorted vertices, neighbour.
     outer: Vec<([u32; 3], u32)>,
-    inner: Vec<([u32; 3], u32, u8)>,
+    inner: Vec<([u32; 3], u32)>,
 }
 
 /// The edges of a tetrahedron, by the places of their ends.
@@ -88,6 +89,64 @@ impl Complex {
         Self { points, tets, adjacent, tet_of, marks, ..Self::default() }
     }
 
+    /// Gives every further fan of tetrahedra at a vertex of the boundary (they share the vertex, and no chain of faces joins them) a vertex
+    /// of its own, except where faces are open: there the rest of the lattice joins them. Returns the vertices that were copied, in the order
+    /// of the copies.
+    pub(crate) fn separate(&mut self) -> Vec<u32> {
+        let (mut on_boundary, mut on_open) = (vec![false; self.points.len()], vec![false; self.points.len()]);
+        for t in self.live() {
+            for i in 0..4 {
+                let n = self.adjacent[t as usize][i];
+                if n >= BOUNDARY {
+                    self.face(t, i).into_iter().for_each(|v| on_boundary[v as usize] = true);
+                }
+                if n == OPEN {
+                    self.face(t, i).into_iter().for_each(|v| on_open[v as usize] = true);
+                }
+            }
+        }
+        on_boundary.iter_mut().zip(on_open).for_each(|(b, open)| *b &= !open);
+        let mut seen = vec![[false; 4]; self.tets.len()];
+        let mut has_fan = vec![false; self.points.len()];
+        let (mut copied, mut fan) = (Vec::new(), Vec::new());
+        let live: Vec<u32> = self.live().collect();
+        for t in live {
+            for i in 0..4 {
+                let v = self.tets[t as usize][i];
+                if !on_boundary[v as usize] || seen[t as usize][i] {
+                    continue;
+                }
+                fan.clear();
+                fan.push((t, i));
+                seen[t as usize][i] = true;
+                let mut next = 0;
+                while let Some(&(t, i)) = fan.get(next) {
+                    next += 1;
+                    for j in (0..4).filter(|&j| j != i) {
+                        let n = self.adjacent[t as usize][j];
+                        if n < BOUNDARY {
+                            let k = self.place(n, v);
+                            if !std::mem::replace(&mut seen[n as usize][k], true) {
+                                fan.push((n, k));
+                            }
+                        }
+                    }
+                }
+                if std::mem::replace(&mut has_fan[v as usize], true) {
+                    let copy = self.add_point(self.points[v as usize]);
+                    on_boundary.push(true);
+                    has_fan.push(true);
+                    copied.push(v);
+                    fan.iter().for_each(|&(t, i)| self.tets[t as usize][i] = copy);
+                    self.tet_of[copy as usize] = fan[0].0;
+                } else {
+                    self.tet_of[v as usize] = t;
+                }
+            }
+        }
+        copied
+    }
+
     pub(crate) fn is_there(&self, t: u32) -> bool {
         self.tets[t as usize][0] != NONE
     }
@@ -132,7 +191,16 @@ impl Complex {
 
     /// The same without marks, for several threads at once; stars are small.
     pub(crate) fn star_shared(&self, v: u32, out: &mut Vec<u32>) {
-        self.spread(v, out, |n, out| !out.contains(&n));
+        let mut many = HashSet::new();
+        self.spread(v, out, |n, out| {
+            if out.len() < 200 {
+                return !out.contains(&n);
+            }
+            if many.is_empty() {
+                many.extend(out.iter().copied());
+            }
+            many.insert(n)
+        });
     }
 
     /// Goes from tetrahedron to tetrahedron around the vertex, to those that `is_new` says have not been met.
@@ -251,30 +319,45 @@ impl Complex {
             self.tets[t as usize] = *v;
             made.push(t);
         }
+        // Cavities are small as a rule, and a list is searched faster than a table.
+        let many = outer.len() > 200;
+        let (mut outer_at, mut inner_at) = (HashMap::new(), HashMap::new());
+        if many {
+            outer_at.extend(outer.iter().enumerate().map(|(k, o)| (o.0, k)));
+        }
+        let take = |list: &mut Vec<([u32; 3], u32)>, at: &mut HashMap<[u32; 3], usize>, key: [u32; 3]| {
+            let k = if many { at.remove(&key)? } else { list.iter().position(|o| o.0 == key)? };
+            let (_, n) = list.swap_remove(k);
+            if many && k < list.len() {
+                at.insert(list[k].0, k);
+            }
+            Some(n)
+        };
         for &t in made.iter() {
             for i in 0..4 {
                 let key = sorted(self.face(t, i));
-                if let Some(k) = outer.iter().position(|o| o.0 == key) {
-                    let (_, n) = outer.swap_remove(k);
+                if let Some(n) = take(&mut outer, &mut outer_at, key) {
                     self.adjacent[t as usize][i] = n;
                     if n < BOUNDARY {
                         let back = (0..4).find(|&j| !key.contains(&self.tets[n as usize][j])).expect("one vertex is not on the face");
                         self.adjacent[n as usize][back] = t;
                     }
-                } else if let Some(k) = inner.iter().position(|o| o.0 == key) {
-                    let (_, n, j) = inner.swap_remove(k);
-                    self.adjacent[t as usize][i] = n;
-                    self.adjacent[n as usize][j as usize] = t;
+                } else if let Some(other) = take(&mut inner, &mut inner_at, key) {
+                    self.adjacent[t as usize][i] = other / 4;
+                    self.adjacent[other as usize / 4][other as usize % 4] = t;
                 } else {
-                    inner.push((key, t, i as u8));
+                    if many {
+                        inner_at.insert(key, inner.len());
+                    }
+                    inner.push((key, 4 * t + i as u32));
                 }
             }
             for k in self.tets[t as usize] {
                 self.tet_of[k as usize] = t;
             }
         }
-        for &(key, t, i) in &inner {
-            self.adjacent[t as usize][i as usize] = label(key) | BOUNDARY;
+        for &(key, place) in &inner {
+            self.adjacent[place as usize / 4][place as usize % 4] = label(key) | BOUNDARY;
         }
         // Boundary faces that vanish leave nothing behind; a neighbour left behind is an opened boundary.
         for &(key, n) in &outer {

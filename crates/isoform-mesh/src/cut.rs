@@ -10,7 +10,7 @@ use crate::complex::{BOUNDARY, Complex, EDGES, NONE, Ring, STRAY};
 use crate::lattice::{IN, Lattice, OUT};
 use crate::measure::biased_sine;
 use crate::mesher::Control;
-use crate::surface::{On, Surface};
+use crate::surface::{On, SKIN, Surface};
 use isoform_geom::{Csg, Point3, dot, norm, sub};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -24,15 +24,16 @@ const SNAP_REACH: f64 = 0.56;
 /// (Labelle and Shewchuk, table 1).
 const WARP: [f64; 2] = [0.25, 0.41];
 
-/// Share of an edge next to a vertex that cannot be moved within which it counts as lying on the piece all the same: cuts closer than that
-/// would go on for ever where three pieces meet along a curve.
-const NO_ROOM: f64 = 1e-5;
-/// The same where the piece is nearly parallel to one that holds the vertex, as where a torus rounds off a cylinder.
-const TOUCHING: f64 = 0.01;
+/// Depth, in lengths of the edge to be cut, below which an end that cannot be moved counts as lying on the surface all the same: cuts closer
+/// than that would go on for ever where pieces touch, and where three meet along a curve.
+const SHALLOW: f64 = 1e-2;
 /// Pieces near a vertex beyond which corners are left to the cutting: their number grows with the third power.
 const CROWDED: usize = 6;
 /// Tetrahedra of the lattice per cut allowed; ordinary solids need a cut for every ten or more.
 const BUDGET: usize = 2;
+
+/// Cuts of edges at one vertex after which the lattice is too coarse there; regular ones see a few dozen.
+const TIRED: u16 = 200;
 
 /// The complex while it is cut.
 pub(crate) struct Cutter<'s> {
@@ -51,8 +52,10 @@ pub(crate) struct Cutter<'s> {
     cell: Vec<f64>,
     star: Vec<u32>,
     made: Vec<u32>,
-    /// Tetrahedra left undecided when the budget of cuts ran out.
-    pub(crate) undecided: usize,
+    /// How often edges at each vertex were cut.
+    cuts: Vec<u16>,
+    /// Tetrahedra left undecided, because edges at one of their vertices were cut too often or the budget of cuts ran out.
+    pub(crate) undecided: Vec<Point3>,
 }
 
 /// What the signs at the vertices say of a tetrahedron.
@@ -81,7 +84,8 @@ impl<'s> Cutter<'s> {
             known: vec![Vec::new(); n],
             star: Vec::new(),
             made: Vec::new(),
-            undecided: 0,
+            cuts: vec![0; n],
+            undecided: Vec::new(),
         }
     }
 
@@ -292,17 +296,25 @@ impl<'s> Cutter<'s> {
                 continue;
             }
             if budget == 0 || (budget.is_multiple_of(1024) && self.control.is_stopped()) {
-                self.undecided = queue.len() + 1;
+                queue.push_front(t);
+                self.undecided.extend(queue.into_iter().filter(|&t| self.complex.is_there(t)).map(|t| self.complex.middle(t)));
                 return;
             }
             let Some((u, w, piece)) = self.crossing(t) else { continue };
+            if self.cuts[u as usize].max(self.cuts[w as usize]) > TIRED {
+                self.undecided.push(self.complex.middle(t));
+                continue;
+            }
+            self.cuts[u as usize] += 1;
+            self.cuts[w as usize] += 1;
             budget -= 1;
             let changed = self.cut_edge(t, u, w, piece, &mut ring);
             queue.extend(changed);
         }
     }
 
-    /// The longest edge of a tetrahedron that the surface crosses, or that a piece crosses which leaves it undecided.
+    /// The longest edge of a tetrahedron that the surface crosses, or that a piece crosses which leaves it undecided. Where an edge may run
+    /// through a thin sheet from outside to outside both kinds compete: cutting only the shorter ones around it would go on for ever.
     fn crossing(&mut self, t: u32) -> Option<(u32, u32, Option<u32>)> {
         let v = self.complex.tets[t as usize];
         let edges = EDGES.map(|(i, j)| (v[i].min(v[j]), v[i].max(v[j])));
@@ -312,28 +324,36 @@ impl<'s> Cutter<'s> {
                 *best = Some((length, a, b));
             }
         };
+        let mut through = false;
         for (a, b) in edges {
-            if self.value[a as usize] * self.value[b as usize] < 0.0 {
+            let (f, g) = (self.value[a as usize], self.value[b as usize]);
+            if f * g < 0.0 {
                 longest(&mut best, self.edge_length(a, b), a, b);
+            } else if f * g > 0.0 {
+                through |= f.abs() + g.abs() < self.edge_length(a, b);
             }
         }
-        if let Some((_, a, b)) = best {
+        if let Some((_, a, b)) = best
+            && !through
+        {
             return Some((a, b, None));
         }
-        let Side::Cut(pieces) = self.side(t) else { return None };
-        let mut which = 0;
-        for piece in pieces {
-            for (a, b) in edges {
-                if self.distance(a, piece) * self.distance(b, piece) < 0.0 {
-                    let before = best;
-                    longest(&mut best, self.edge_length(a, b), a, b);
-                    if best != before {
-                        which = piece;
+        let mut which = None;
+        if let Side::Cut(pieces) = self.side(t) {
+            for piece in pieces {
+                for (a, b) in edges {
+                    let by_value = self.value[a as usize] * self.value[b as usize] < 0.0;
+                    if !by_value && self.distance(a, piece) * self.distance(b, piece) < 0.0 {
+                        let before = best;
+                        longest(&mut best, self.edge_length(a, b), a, b);
+                        if best != before {
+                            which = Some(piece);
+                        }
                     }
                 }
             }
         }
-        best.map(|(_, a, b)| (a, b, Some(which)))
+        best.map(|(_, a, b)| (a, b, which))
     }
 
     /// Cuts the edge where the surface (or one piece) crosses it, or moves an end there. Returns the tetrahedra that changed.
@@ -349,31 +369,18 @@ impl<'s> Cutter<'s> {
                 self.surface.root_of(i, a, da, b, db).map(|t| (t, i))
             }
         };
+        let asked = piece;
         let (share, piece) = found.unwrap_or((0.5, piece.unwrap_or(u32::MAX)));
         // The nearer end is moved if it can be.
         let (end, near) = if share < 0.5 { (u, share) } else { (w, 1.0 - share) };
-        if near < 0.3 && piece != u32::MAX {
-            if let Some(changed) = self.slide(end, piece) {
-                return changed;
-            }
-            let by_piece = self.value[u as usize] * self.value[w as usize] >= 0.0;
-            let room = if !by_piece {
-                1e-7
-            } else if self.is_tangent(end, piece) {
-                TOUCHING
-            } else {
-                NO_ROOM
-            };
-            if near < room {
-                // No room for a vertex: the end counts as lying on the piece.
-                self.known[end as usize].retain(|k| k.0 != piece);
-                self.known[end as usize].push((piece, 0.0));
-                if !by_piece {
-                    self.value[end as usize] = 0.0;
-                }
-                self.complex.star(end, &mut self.star);
-                return self.star.clone();
-            }
+        if near < 0.3
+            && piece != u32::MAX
+            && let Some(changed) = self.slide(end, piece)
+        {
+            return changed;
+        }
+        if let Some(changed) = self.touch(u, w, asked, piece) {
+            return changed;
         }
         let at: Point3 = std::array::from_fn(|i| a[i] + share * (b[i] - a[i]));
         let mut on = self.on[u as usize].common(&self.on[w as usize]);
@@ -385,6 +392,7 @@ impl<'s> Cutter<'s> {
         self.frozen.push(false);
         self.value.push(0.0);
         self.known.push(Vec::new());
+        self.cuts.push(0);
         self.cell.push(self.cell[u as usize].min(self.cell[w as usize]));
         self.complex.ring(t, u, w, ring);
         let mut made = std::mem::take(&mut self.made);
@@ -403,19 +411,37 @@ impl<'s> Cutter<'s> {
         changed
     }
 
-    /// Whether a piece is nearly parallel to one that the vertex is held on.
-    fn is_tangent(&self, v: u32, piece: u32) -> bool {
-        let p = self.complex.points[v as usize];
-        let unit = |i: u32| {
-            let g = self.surface.solid.gradient(i, p).1;
-            let n = norm(g).max(1e-300);
-            g.map(|x| x / n)
+    /// Lets the end of an edge that is nearer to the surface (or to a piece alone) count as lying on it, if it is so near that a cut would only
+    /// leave a short edge or a flat tetrahedron. The optimiser brings it there.
+    fn touch(&mut self, u: u32, w: u32, asked: Option<u32>, found: u32) -> Option<Vec<u32>> {
+        let depth = |s: &mut Self, v: u32| match asked {
+            None => s.value[v as usize].abs(),
+            Some(i) => s.distance(v, i).abs(),
         };
-        let own = self.on[v as usize];
-        !own.is_empty() && {
-            let n = unit(piece);
-            own.slice().iter().any(|&i| dot(unit(i), n).abs() > 0.94)
+        let (du, dw) = (depth(self, u), depth(self, w));
+        let (end, depth) = if du <= dw { (u, du) } else { (w, dw) };
+        if depth >= SHALLOW * self.edge_length(u, w) {
+            return None;
         }
+        let deciding = match asked {
+            Some(i) => i,
+            None => self.surface.value(self.complex.points[end as usize]).1,
+        };
+        let k = self.surface.lattice.state_at(self.complex.points[end as usize]);
+        let mut near = if k >= 2 { self.surface.lattice.trees[k as usize - 2].1.to_vec() } else { Vec::new() };
+        near.retain(|&i| self.distance(end, i).abs() < SHALLOW * self.edge_length(u, w));
+        near.extend([deciding, found]);
+        for i in near {
+            if i != u32::MAX && self.distance(end, i).abs() < SHALLOW * self.edge_length(u, w) {
+                self.known[end as usize].retain(|k| k.0 != i);
+                self.known[end as usize].push((i, 0.0));
+            }
+        }
+        if asked.is_none() {
+            self.value[end as usize] = 0.0;
+        }
+        self.complex.star(end, &mut self.star);
+        Some(self.star.clone())
     }
 
     /// Moves a vertex along the pieces that it is held on to one more.
@@ -468,16 +494,25 @@ impl<'s> Cutter<'s> {
             }
         }
         pieces = crate::lattice::unique(pieces);
+        pieces.retain(|&i| f.iter().all(|&v| self.distance(v, i) == 0.0));
+        if pieces.len() > 1 {
+            // Several pieces hold all three vertices: the one that decides there, then those that are the surface at all.
+            let faces: Vec<u32> = match self.surface.project(&[SKIN], middle) {
+                Some(q) => pieces.iter().copied().filter(|&i| self.surface.is_face(i, q)).collect(),
+                None => Vec::new(),
+            };
+            if !faces.is_empty() {
+                pieces = faces;
+            }
+        }
         let mut best: Option<(f64, u32)> = None;
         for i in pieces {
-            if f.iter().all(|&v| self.distance(v, i) == 0.0) {
-                let g = self.surface.solid.gradient(i, middle).1;
-                // Vertices that only count as lying on a piece stand behind those that do.
-                let exact = f.iter().all(|&v| self.surface.distance(i, self.complex.points[v as usize]) == 0.0);
-                let c = -dot(g, normal) / (norm(g) * norm(normal)).max(1e-300) + if exact { 2.0 } else { 0.0 };
-                if best.is_none_or(|b| c > b.0 + 1e-9) {
-                    best = Some((c, i));
-                }
+            let g = self.surface.solid.gradient(i, middle).1;
+            // Vertices that only count as lying on a piece stand behind those that do.
+            let exact = f.iter().all(|&v| self.surface.distance(i, self.complex.points[v as usize]) == 0.0);
+            let c = -dot(g, normal) / (norm(g) * norm(normal)).max(1e-300) + if exact { 2.0 } else { 0.0 };
+            if best.is_none_or(|b| c > b.0 + 1e-9) {
+                best = Some((c, i));
             }
         }
         best.map(|b| b.1)
@@ -701,6 +736,8 @@ impl Cutter<'_> {
                 }
             }
         }
+        let copied = complex.separate();
+        frozen.extend(copied.iter().map(|&v| frozen[v as usize]).collect::<Vec<_>>());
         Inside { complex, frozen, number, stray }
     }
 }

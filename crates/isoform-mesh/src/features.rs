@@ -38,7 +38,7 @@ pub struct FeatureOptions {
 
 impl Default for FeatureOptions {
     fn default() -> Self {
-        Self { size: 0.1, chord: 4e-4, smallest_angle: 0.5_f64.to_radians(), cells: 20_000_000 }
+        Self { size: 0.1, chord: 4e-4, smallest_angle: 2.0_f64.to_radians(), cells: 20_000_000 }
     }
 }
 

@@ -7,9 +7,9 @@ use crate::cut::{Band, Cutter};
 use crate::features::{ExtentError, FeatureOptions, Features, START, extent, find};
 use crate::lattice::Lattice;
 use crate::optimise::Optimiser;
-use crate::refine::{bisect, follow, resolve};
+use crate::refine::{bisect, bisect_near, follow, resolve};
 use crate::second::add_middles;
-use crate::surface::{Surface, meet_at_an_angle};
+use crate::surface::{Surface, first_order_at, meet_at_an_angle};
 use isoform_geom::{Aabb, Curve, KdTree, Mesh, Point3, Solid};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,6 +17,9 @@ use std::time::Instant;
 
 /// Edge of a lattice cell for tetrahedra as large as regular ones of edge 1: a³/12 = √2/12.
 pub(crate) const CELL: f64 = 1.122_462_048_309_373;
+
+/// Rounds in which the lattice is halved where it proves too coarse to be cut.
+const FINER: usize = 3;
 
 /// What to make.
 #[derive(Clone, Debug)]
@@ -223,14 +226,24 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     warnings.extend(
         hidden.into_iter().map(|at| Warning { message: "the surface is finer than the mesh can resolve here".into(), at: Some(at) }),
     );
-    let mut cutter = Cutter::new(&surface, complex, frozen, control);
+    let mut cutter = Cutter::new(&surface, complex.clone(), frozen.clone(), control);
     if let Some(at) = cutter.not_a_number() {
         return Err(MeshError::NotANumber { at });
     }
     cutter.run();
-    if cutter.undecided > 0 {
-        let message = format!("{} tetrahedra could not be cut to the end: pieces touch too often for this size", cutter.undecided);
-        warnings.push(Warning { message, at: None });
+    for _ in 0..FINER {
+        if cutter.undecided.is_empty() || control.is_stopped() {
+            break;
+        }
+        // Too coarse there: halved, and cut again.
+        let places = KdTree::new(&cutter.undecided);
+        bisect_near(&mut complex, &mut frozen, limit, &places);
+        cutter = Cutter::new(&surface, complex.clone(), frozen.clone(), control);
+        cutter.run();
+    }
+    if let Some(&at) = cutter.undecided.first() {
+        let message = format!("{} tetrahedra could not be cut to the end: pieces touch too often for this size", cutter.undecided.len());
+        warnings.push(Warning { message, at: Some(at) });
     }
     let inside = cutter.inside();
     let inside = cutter.finish(&inside);
@@ -244,7 +257,7 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     let mut optimiser = Optimiser::new(&surface, inside, options.size, control);
     improve(&mut optimiser, options, &mut warnings);
     control.phase("assembly")?;
-    let (mut mesh, pieces) = assemble(solid, optimiser, &number, band_points, core, core_points, options);
+    let (mut mesh, pieces) = assemble(optimiser, &number, band_points, core, core_points, options);
     raise_order(&mut mesh, &surface, &pieces, options, control, &mut warnings)?;
     let caps = mesh.parts.iter().filter(|p| options.region.is_some() && p.starts_with("cap.")).cloned().collect();
     Ok(Meshed { mesh, region, region_certified, caps, features, warnings })
@@ -270,7 +283,7 @@ pub(crate) fn raise_order(
 ) -> Result<(), MeshError> {
     if options.order == 2 {
         control.phase("second order")?;
-        let off = add_middles(mesh, surface.solid, pieces, surface.zero);
+        let off = add_middles(mesh, surface, pieces);
         warnings.extend(
             off.into_iter().map(|at| Warning { message: "a mid-edge node could not be brought onto the surface".into(), at: Some(at) }),
         );
@@ -293,7 +306,6 @@ pub(crate) fn check_options(options: &Options) -> Result<(), MeshError> {
 }
 
 pub(crate) fn assemble(
-    solid: &dyn Solid,
     optimiser: Optimiser<'_>,
     number: &[u32],
     band_points: usize,
@@ -302,7 +314,8 @@ pub(crate) fn assemble(
     options: &Options,
 ) -> (Mesh, Vec<u32>) {
     let faces = optimiser.faces();
-    let complex = &optimiser.complex;
+    let (surface, complex) = (optimiser.surface, &optimiser.complex);
+    let solid = surface.solid;
     let mut new = vec![NONE; complex.points.len()];
     let mut mesh = Mesh::default();
     if options.surface_only {
@@ -340,22 +353,25 @@ pub(crate) fn assemble(
     }
     mesh.triangles = faces.iter().map(|(f, _)| f.map(|v| new[v as usize])).collect();
     mesh.triangle_parts = faces.iter().map(|(_, l)| part_of.get(*l as usize).copied().unwrap_or(0)).collect();
-    feature_edges(solid, &used, &mut mesh);
+    feature_edges(surface, &used, &mut mesh);
     (mesh, used)
 }
 
-/// Edges between faces of two parts that meet at an angle.
-fn feature_edges(solid: &dyn Solid, pieces: &[u32], mesh: &mut Mesh) {
+/// Edges between faces of two parts that meet at an angle, where the ends lie on both: seams of parts that touch are none.
+fn feature_edges(surface: &Surface<'_>, pieces: &[u32], mesh: &mut Mesh) {
     let edges = labelled_edges(mesh.triangles.iter().copied().zip(mesh.triangle_parts.iter().copied()));
     let mut found: Vec<([u32; 2], [u32; 2])> = Vec::new();
     for same in edges.chunk_by(|a, b| a.0 == b.0) {
         let parts = [same[0].1, same[same.len() - 1].1];
-        if parts[0] == parts[1] {
+        let on_both = |v: u32| {
+            parts.iter().all(|&k| first_order_at(surface.solid, pieces[k as usize], mesh.points[v as usize]).abs() <= surface.zero)
+        };
+        if parts[0] == parts[1] || !same[0].0.iter().all(|&v| on_both(v)) {
             continue;
         }
         let [p, q] = same[0].0.map(|v| mesh.points[v as usize]);
         let middle = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
-        if meet_at_an_angle(solid, parts.map(|k| pieces[k as usize]), middle) {
+        if meet_at_an_angle(surface.solid, parts.map(|k| pieces[k as usize]), middle) {
             found.push((parts, same[0].0));
         }
     }

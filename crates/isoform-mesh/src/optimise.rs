@@ -9,7 +9,7 @@ use crate::cut::Inside;
 use crate::measure::{biased_sine, biased_sines, smallest_sine, smallest_sine_and_derivative};
 use crate::mesher::Control;
 use crate::quality::six_volume;
-use crate::surface::{On, Surface, meet_at_an_angle};
+use crate::surface::{On, SKIN, Surface, meet_at_an_angle};
 use isoform_geom::{Point3, TET_FACES, cross, dot, norm, sub};
 use rayon::prelude::*;
 
@@ -18,7 +18,7 @@ use rayon::prelude::*;
 pub(crate) enum Hold {
     /// Corners, and vertices shared with the lattice beyond the band.
     Fixed,
-    /// On one piece, on two (a curve), or on none.
+    /// On one piece (or [`SKIN`]), on two (a curve), or on none.
     On(On),
 }
 
@@ -36,6 +36,8 @@ const CURVE: f64 = 0.08;
 const MANY: usize = 200;
 /// Round from which vertices are inserted: flips and collapses come first.
 const INSERT_FROM: usize = 3;
+/// Edges shorter than this share of the size asked for are collapsed without asking for better angles.
+const MICRO: f64 = 0.004;
 /// Longest ring whose edge is removed; longer ones never improved a mesh in our trials.
 const RING: usize = 9;
 
@@ -117,7 +119,9 @@ impl<'s> Optimiser<'s> {
                 Hold::Fixed
             } else {
                 match at.len() {
-                    0 => Hold::On(On::of(&all[..all.len().min(1)])),
+                    // Pieces that touch tangentially make one smooth surface.
+                    0 if all.len() > 1 => Hold::On(On::of(&[SKIN])),
+                    0 => Hold::On(On::of(&all)),
                     2 if at[0] == at[1] => Hold::On(On::of(&at[0])),
                     _ => Hold::Fixed,
                 }
@@ -173,7 +177,7 @@ impl<'s> Optimiser<'s> {
         }
         let n = cross(sub(p[1], p[0]), sub(p[2], p[0]));
         let middle = std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0);
-        let g = self.surface.solid.gradient(label, middle).1;
+        let g = self.surface.gradient(label, middle).1;
         -dot(n, g) / (norm(n) * norm(g)).max(1e-300)
     }
 
@@ -229,11 +233,37 @@ impl<'s> Optimiser<'s> {
         (worst > first + GAIN).then_some(at)
     }
 
-    /// Whether a vertex of the surface may stand at `p`: all its labels vanish there and its faces look outward.
-    fn may_stand(&self, v: u32, p: Point3, faces: &[Face]) -> bool {
+    /// Whether a vertex is off the surface at `p`: off what holds it, or off the solid where more pieces meet there.
+    fn is_off(&self, v: u32, p: Point3) -> bool {
         let labels = self.labels[v as usize];
-        let Hold::On(on) = self.hold[v as usize] else { return false };
-        if labels.slice().iter().any(|&l| !on.contains(l) && self.surface.distance(l, p) != 0.0) {
+        match self.hold[v as usize] {
+            Hold::On(on) if !on.is_empty() => {
+                on.slice().iter().any(|&l| self.surface.distance(l, p) != 0.0)
+                    || (labels.len() > on.len() && self.surface.distance(SKIN, p) != 0.0)
+            }
+            _ => labels.slice().iter().any(|&l| self.surface.distance(l, p) != 0.0),
+        }
+    }
+
+    /// Whether a vertex on one piece has slipped past where that is the surface, over a seam with a piece that it touches tangentially.
+    fn is_hidden(&self, v: u32) -> bool {
+        matches!(self.hold[v as usize], Hold::On(on) if on.len() == 1)
+            && self.surface.distance(SKIN, self.complex.points[v as usize]) != 0.0
+            && !self.is_off(v, self.complex.points[v as usize])
+    }
+
+    fn is_skin(&self, v: u32) -> bool {
+        matches!(self.hold[v as usize], Hold::On(on) if on.contains(SKIN))
+    }
+
+    /// The piece to project a point of a face on: its label, or the solid next to a seam between pieces that touch tangentially.
+    fn piece_at(&self, vertices: &[u32], label: u32) -> u32 {
+        if vertices.iter().any(|&v| self.is_skin(v)) { SKIN } else { label }
+    }
+
+    /// Whether a vertex of the surface may stand at `p`: all that holds it vanishes there and its faces look outward.
+    fn may_stand(&self, v: u32, p: Point3, faces: &[Face]) -> bool {
+        if self.is_off(v, p) {
             return false;
         }
         faces.iter().all(|&(f, label)| {
@@ -307,7 +337,7 @@ impl<'s> Optimiser<'s> {
             let n = norm(v).max(1e-300);
             v.map(|x| x / n)
         };
-        let normals: Vec<Point3> = on.slice().iter().map(|&i| unit(self.surface.solid.gradient(i, p).1)).collect();
+        let normals: Vec<Point3> = on.slice().iter().map(|&i| unit(self.surface.gradient(i, p).1)).collect();
         move |g| match normals.len() {
             0 => g,
             1 => {
@@ -572,7 +602,12 @@ impl<'s> Optimiser<'s> {
         let b = self.outer_label(ring.tets[ring.tets.len() - 1], u, w, ring.link[ring.link.len() - 1]);
         let (Some(a), Some(b)) = (a, b) else { return false };
         let other = self.labels[w as usize];
-        if !labels.slice().iter().all(|&l| other.contains(l)) {
+        let within = |a: On, b: On| a.slice().iter().all(|&l| b.contains(l));
+        if self.is_skin(u) {
+            // Seams between pieces that touch tangentially may go where they like.
+            return within(labels, other) || matches!(self.hold[w as usize], Hold::On(held) if held.len() == 1);
+        }
+        if !within(labels, other) {
             return false;
         }
         if on.len() == 2 { a != b && on.contains(a) && on.contains(b) } else { labels.len() == 1 || a != b }
@@ -584,8 +619,8 @@ impl<'s> Optimiser<'s> {
         (n >= BOUNDARY && n != OPEN).then_some(n & !BOUNDARY)
     }
 
-    /// Pulls `u` onto `w` if the worst around `u` improves.
-    fn collapse(&mut self, t: u32, u: u32, w: u32, apply: bool) -> Option<f64> {
+    /// Pulls `u` onto `w` if the worst around `u` improves, or at least stays above `least` where that is given.
+    fn collapse(&mut self, t: u32, u: u32, w: u32, least: Option<f64>, apply: bool) -> Option<f64> {
         let mut ring = std::mem::take(&mut self.scratch.ring);
         self.complex.ring(t, u, w, &mut ring);
         let allowed = self.may_collapse(u, w, &ring);
@@ -595,7 +630,7 @@ impl<'s> Optimiser<'s> {
         }
         let mut star = Vec::new();
         self.complex.star(u, &mut star);
-        let before = self.worst(&star);
+        let bound = least.unwrap_or_else(|| self.worst(&star) + GAIN);
         let p = |k: u32| self.complex.points[k as usize];
         let mut new = Vec::with_capacity(star.len());
         let mut after = f64::INFINITY;
@@ -606,7 +641,7 @@ impl<'s> Optimiser<'s> {
             }
             let v = v.map(|k| if k == u { w } else { k });
             after = after.min(biased_sine(v.map(p)));
-            if after <= before + GAIN {
+            if after <= bound {
                 return None;
             }
             new.push(v);
@@ -620,7 +655,7 @@ impl<'s> Optimiser<'s> {
             let g = f.map(|k| if k == u { w } else { k });
             after = after.min(smallest_sine(g.map(p)));
             let c = self.facing(g.map(p), *label);
-            if after <= before + GAIN || (c < FACING && c < self.facing(f.map(p), *label)) {
+            if after <= bound || (c < FACING && c < self.facing(f.map(p), *label)) {
                 return None;
             }
             let mut key = g;
@@ -660,7 +695,7 @@ impl<'s> Optimiser<'s> {
                 self.excess([w, x], along.unwrap_or([*label; 2]), self.error).is_some()
             })
         });
-        if leaves {
+        if leaves && least.is_none() {
             return None;
         }
         // Open faces of the band (towards the lattice beyond) stay: their vertices are fixed, so u is on none.
@@ -669,6 +704,10 @@ impl<'s> Optimiser<'s> {
             self.complex.replace(&star, &new, |key| labels.iter().find(|l| l.0 == key).map_or(OPEN, |l| l.1), &mut made);
             self.complex.tet_of[u as usize] = NONE;
             self.scratch.made = made;
+            let both = self.labels[u as usize].slice().iter().fold(self.labels[w as usize], |all, &l| all.with(l).unwrap_or(all));
+            if self.is_skin(u) && both != self.labels[w as usize] {
+                (self.labels[w as usize], self.hold[w as usize]) = (both, self.hold[u as usize]);
+            }
         }
         Some(after)
     }
@@ -696,7 +735,11 @@ impl<'s> Optimiser<'s> {
                 return false;
             }
             labels = On::of(&[first, last]);
-            hold = if first != last && self.is_sharp([a, b], [first, last]) { labels } else { On::of(&[first]) };
+            hold = match first == last {
+                true => On::of(&[self.piece_at(&[a, b], first)]),
+                false if self.is_sharp([a, b], [first, last]) => labels,
+                false => On::of(&[SKIN]),
+            };
             let Some(on) = self.surface.project(hold.slice(), at) else { return false };
             if norm(sub(on, at)) > 0.3 * norm(sub(p, q)) {
                 return false;
@@ -765,14 +808,14 @@ impl<'s> Optimiser<'s> {
         }
         for (i, j) in EDGES {
             for (u, w) in [(v[i], v[j]), (v[j], v[i])] {
-                let q = self.collapse(t, u, w, false);
+                let q = self.collapse(t, u, w, None, false);
                 consider(q, Op::Collapse(u, w));
             }
         }
         match best {
             Some((_, Op::Edge(a, b))) => self.remove_edge(t, a, b, true).is_some(),
             Some((_, Op::Face(i))) => self.remove_face(t, i, true).is_some(),
-            Some((_, Op::Collapse(u, w))) => self.collapse(t, u, w, true).is_some(),
+            Some((_, Op::Collapse(u, w))) => self.collapse(t, u, w, None, true).is_some(),
             None if insertions => {
                 let mut edges = EDGES.map(|(i, j)| {
                     let d = sub(self.complex.points[v[i] as usize], self.complex.points[v[j] as usize]);
@@ -787,23 +830,24 @@ impl<'s> Optimiser<'s> {
 
     /// Brings vertices that the cutting had to leave off their pieces onto them, making room by mending. Returns those left.
     pub(crate) fn settle(&mut self, goal: f64) -> Vec<Point3> {
-        let (mut left, mut fewest) = (Vec::new(), usize::MAX);
+        let (mut left, mut fewest): (Vec<u32>, usize) = (Vec::new(), usize::MAX);
         for round in 0..6 {
             let off: Vec<u32> = (0..self.complex.points.len() as u32)
                 .into_par_iter()
                 .filter(|&v| {
                     let p = self.complex.points[v as usize];
-                    self.complex.tet_of[v as usize] != NONE
-                        && self.labels[v as usize].slice().iter().any(|&l| self.surface.distance(l, p) != 0.0)
+                    self.complex.tet_of[v as usize] != NONE && (self.is_off(v, p) || self.is_hidden(v))
                 })
                 .collect();
             left.clear();
             let mut star = Vec::new();
             for v in off {
                 let p = self.complex.points[v as usize];
-                let labels = self.labels[v as usize];
-                let Some(q) = self.surface.project(labels.slice(), p).filter(|q| norm(sub(*q, p)) < self.size) else {
-                    left.push(p);
+                if self.is_hidden(v) {
+                    self.hold[v as usize] = Hold::On(On::of(&[SKIN]));
+                }
+                let Some(q) = self.surface.project(self.holding(v).slice(), p).filter(|q| norm(sub(*q, p)) < self.size) else {
+                    left.push(v);
                     continue;
                 };
                 self.complex.star(v, &mut star);
@@ -819,16 +863,67 @@ impl<'s> Optimiser<'s> {
                     self.complex.points[v as usize] = if t == 1.0 { q } else { std::array::from_fn(|i| p[i] + t * (q[i] - p[i])) };
                 }
                 if way != Some(1.0) {
-                    left.push(p);
+                    left.push(v);
                 }
             }
             if (left.is_empty() && round > 0) || left.len() > fewest - fewest / 10 {
                 break;
             }
             fewest = left.len();
+            left.iter().for_each(|&v| self.free(v));
+            self.collapse_micro();
             self.mend_all(goal, 8);
         }
-        left
+        left.into_iter().filter(|&v| self.complex.tet_of[v as usize] != NONE).map(|v| self.complex.points[v as usize]).collect()
+    }
+
+    /// Frees a vertex whose labels have no edge or corner of the solid in common near it, as where pieces touch tangentially: it is held on the
+    /// solid alone, and the faces around it are labelled anew, as the solid is at their middles.
+    fn free(&mut self, v: u32) {
+        let p = self.complex.points[v as usize];
+        let on = self.holding(v);
+        let at = self.surface.project(on.slice(), p).filter(|q| norm(sub(*q, p)) < self.size);
+        let is_real = at.is_some_and(|q| match on.slice() {
+            &[a, b] => self.surface.is_edge([a, b], q),
+            [_, _, _] => self.surface.is_corner(on.slice(), q),
+            _ => true,
+        });
+        if is_real || on.is_empty() {
+            return;
+        }
+        let mut star = Vec::new();
+        self.complex.star(v, &mut star);
+        self.hold[v as usize] = Hold::On(On::of(&[SKIN]));
+        self.touched[v as usize] = self.clock + 1;
+        let mut labels = On::default();
+        for &t in &star {
+            for i in 0..4 {
+                let n = self.complex.adjacent[t as usize][i];
+                if n < BOUNDARY || n == OPEN || self.complex.tets[t as usize][i] == v {
+                    continue;
+                }
+                let c = self.complex.face(t, i).map(|k| self.complex.points[k as usize]);
+                let middle = std::array::from_fn(|k| (c[0][k] + c[1][k] + c[2][k]) / 3.0);
+                let old = n & !BOUNDARY;
+                let label = self.surface.project(&[SKIN], middle).map_or(old, |q| {
+                    let candidates = self.labels[v as usize].with(self.surface.value(q).1).unwrap_or(self.labels[v as usize]);
+                    let real =
+                        candidates.slice().iter().copied().filter(|&l| self.surface.distance(l, q) == 0.0 && self.surface.is_face(l, q));
+                    real.max_by(|&a, &b| self.facing(c, a).total_cmp(&self.facing(c, b))).unwrap_or(old)
+                });
+                self.complex.adjacent[t as usize][i] = BOUNDARY | label;
+                labels = labels.with(label).unwrap_or(labels);
+            }
+        }
+        self.labels[v as usize] = labels;
+    }
+
+    /// The pieces that a vertex belongs on.
+    fn holding(&self, v: u32) -> On {
+        match self.hold[v as usize] {
+            Hold::On(on) if !on.is_empty() => on,
+            _ => self.labels[v as usize],
+        }
     }
 
     /// Splits edges of the surface whose middles are farther from it than `error`, or that turn too far, until there are none.
@@ -850,7 +945,7 @@ impl<'s> Optimiser<'s> {
                 wanted.par_extend(faces.par_iter().filter(|f| f.1 < STRAY).filter_map(|(f, label)| {
                     let p = f.map(|v| self.complex.points[v as usize]);
                     let middle = std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0);
-                    let off = norm(sub(self.surface.project(&[*label], middle)?, middle));
+                    let off = norm(sub(self.surface.project(&[self.piece_at(f, *label)], middle)?, middle));
                     let long = (0..3).max_by(|&i, &j| norm(sub(p[i], p[(i + 1) % 3])).total_cmp(&norm(sub(p[j], p[(j + 1) % 3]))))?;
                     let (a, b) = (f[long], f[(long + 1) % 3]);
                     (off > error).then_some((off / error, [a.min(b), a.max(b)]))
@@ -882,15 +977,56 @@ impl<'s> Optimiser<'s> {
         let [p, q] = ends.map(|v| self.complex.points[v as usize]);
         let middle: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
         let sharp = labels[0] != labels[1] && self.is_sharp(ends, labels);
-        let on = self.surface.project(if sharp { &labels } else { &labels[..1] }, middle)?;
+        let on = match sharp {
+            true => self.surface.project(&labels, middle)?,
+            false if labels[0] != labels[1] => self.surface.project(&[SKIN], middle)?,
+            false => self.surface.project(&[self.piece_at(&ends, labels[0])], middle)?,
+        };
         let (off, length) = (norm(sub(on, middle)), norm(sub(p, q)));
         let most = (TURN * length).min(error).min(if sharp { CURVE * self.size } else { f64::INFINITY });
         (off > most && off < 0.4 * length).then_some(off / most)
     }
 
+    /// Collapses edges that are far shorter than any wanted, as cuts leave them where pieces nearly touch.
+    fn collapse_micro(&mut self) {
+        let micro = MICRO * self.size;
+        let mut short: Vec<(f64, u32, u32)> = Vec::new();
+        for t in self.complex.live() {
+            let (v, p) = (self.complex.tets[t as usize], self.complex.corners(t));
+            for (i, j) in EDGES {
+                let length = norm(sub(p[i], p[j]));
+                if length < micro {
+                    short.push((length, v[i].min(v[j]), v[i].max(v[j])));
+                }
+            }
+        }
+        short.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        short.dedup();
+        let mut ring = Ring::default();
+        for (_, a, b) in short {
+            for (u, w) in [(a, b), (b, a)] {
+                if self.complex.tet_of[u as usize] == NONE
+                    || self.complex.tet_of[w as usize] == NONE
+                    || !self.complex.ring_of(u, w, &mut ring)
+                {
+                    break;
+                }
+                if !self.labels[u as usize].is_empty() {
+                    self.free(u);
+                }
+                let before = self.worst(&ring.tets);
+                if self.collapse(ring.tets[0], u, w, Some((0.5 * before).min(0.05)), true).is_some() {
+                    self.touched[w as usize] = self.clock + 1;
+                    break;
+                }
+            }
+        }
+    }
+
     /// Optimises until no tetrahedron is below `goal` or nothing helps any more.
     pub(crate) fn run(&mut self, goal: f64) {
         let all: Vec<u32> = (0..self.complex.points.len() as u32).filter(|&v| self.complex.tet_of[v as usize] != NONE).collect();
+        self.collapse_micro();
         self.smooth(&all);
         self.mend_all(goal, 30);
     }

@@ -8,7 +8,7 @@ use crate::complex::{Complex, EDGES, Ring};
 use crate::lattice::{IN, OUT};
 use crate::mesher::Options;
 use crate::surface::Surface;
-use isoform_geom::{Point3, cross, dot, norm, sub};
+use isoform_geom::{KdTree, Point3, cross, dot, norm, sub};
 use isoform_num::Jet2;
 use rayon::prelude::*;
 
@@ -65,6 +65,24 @@ pub(crate) fn bisect(complex: &mut Complex, frozen: &mut Vec<bool>, limit: usize
         }
     }
     false
+}
+
+/// Halves the edges of tetrahedra next to the places given.
+pub(crate) fn bisect_near(complex: &mut Complex, frozen: &mut Vec<bool>, limit: usize, places: &KdTree) {
+    let near: Vec<(u32, f64)> = complex
+        .live()
+        .filter_map(|t| {
+            let (length, ..) = longest(complex, t);
+            let (_, d) = places.nearest(complex.middle(t))?;
+            (d < length * length).then_some((t, 0.5 * length))
+        })
+        .collect();
+    // Halves take the slots of others: what is wanted goes by place.
+    let wanted = KdTree::new(&near.iter().map(|n| complex.middle(n.0)).collect::<Vec<_>>());
+    bisect(complex, frozen, limit, |complex, t| match wanted.nearest(complex.middle(t)) {
+        Some((i, d)) if d < near[i].1 * near[i].1 => near[i].1,
+        _ => f64::INFINITY,
+    });
 }
 
 /// Largest principal curvature, by magnitude, of the level set through a point.

@@ -1,7 +1,7 @@
 //! Meshes of second order: nodes in the middles of edges, on the true surface and on the feature curves.
 
-use crate::surface::project;
-use isoform_geom::{Mesh, Point3, Solid, TET_EDGES, TRIANGLE_EDGES, norm, sub};
+use crate::surface::{SKIN, Surface};
+use isoform_geom::{Mesh, Point3, TET_EDGES, TRIANGLE_EDGES, norm, sub};
 use rayon::prelude::*;
 
 /// Share of an edge's length that its middle may move to reach the surface. Farther points are another sheet or a failed iteration.
@@ -13,9 +13,9 @@ fn key(a: u32, b: u32) -> u64 {
     u64::from(a.min(b)) << 32 | u64::from(a.max(b))
 }
 
-/// Puts a node into the middle of every edge. `pieces` are the pieces of the mesh's parts, `zero` the distance that counts as none.
-/// Returns the middles of edges that could not be brought onto the surface.
-pub(crate) fn add_middles(mesh: &mut Mesh, solid: &dyn Solid, pieces: &[u32], zero: f64) -> Vec<Point3> {
+/// Puts a node into the middle of every edge. `pieces` are the pieces of the mesh's parts. Returns the middles of edges that could not be
+/// brought onto the surface.
+pub(crate) fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]) -> Vec<Point3> {
     let mut edges: Vec<u64> = Vec::with_capacity(6 * mesh.tets.len() + 3 * mesh.triangles.len());
     for t in &mesh.tets {
         edges.extend(TET_EDGES.map(|[i, j]| key(t[i], t[j])));
@@ -45,9 +45,11 @@ pub(crate) fn add_middles(mesh: &mut Mesh, solid: &dyn Solid, pieces: &[u32], ze
             let mut on: Vec<u32> = same.iter().map(|s| pieces[s.1 as usize]).collect();
             on.dedup();
             if sharp.binary_search(&e).is_err() {
-                on.truncate(1);
+                // Across a seam between parts that touch tangentially either may be the surface.
+                let one = on.len() == 1 && [p, q].iter().all(|&end| surface.distance(on[0], end) == 0.0);
+                on = vec![if one { on[0] } else { SKIN }];
             }
-            let target = project(solid, zero, &on, middle).filter(|m| norm(sub(*m, middle)) <= REACH * norm(sub(p, q)));
+            let target = surface.project(&on, middle).filter(|m| norm(sub(*m, middle)) <= REACH * norm(sub(p, q)));
             (e, target)
         })
         .collect();

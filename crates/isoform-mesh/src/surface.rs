@@ -47,10 +47,32 @@ impl On {
     }
 }
 
-/// Whether two pieces meet at an angle at a point that lies on both, or nearly.
+/// Stands for the solid itself where pieces that touch tangentially make one smooth surface: whichever of them decides.
+pub(crate) const SKIN: u32 = u32::MAX - 1;
+
+/// Whether two pieces meet at an angle at the nearest point that lies on both.
+///
+/// Newton's method gets to a transversal intersection in a few steps. Towards a tangential one it only halves the distance each time, and
+/// the angle with it, until that is less than [`TANGENT`].
 pub(crate) fn meet_at_an_angle(solid: &dyn Solid, pieces: [u32; 2], p: Point3) -> bool {
-    let [a, b] = pieces.map(|i| solid.gradient(i, p).1);
-    norm(cross(a, b)) > TANGENT * norm(a) * norm(b) || dot(a, b) < 0.0
+    let angle = |p| {
+        let [a, b] = pieces.map(|i| solid.gradient(i, p).1);
+        if dot(a, b) < 0.0 { 2.0 } else { norm(cross(a, b)) / (norm(a) * norm(b)) }
+    };
+    let (mut q, mut here) = (p, angle(p));
+    // Far from tangential there is nothing to find out.
+    let mut rounds = if here > 0.5 { 0 } else { 12 };
+    while rounds > 0 && here > TANGENT {
+        let Some((step, _)) = newton(&|i, p| solid.gradient(i, p), &pieces, q) else { break };
+        q = std::array::from_fn(|i| q[i] - step[i]);
+        let next = angle(q);
+        if next > 0.9 * here || next.is_nan() {
+            break;
+        }
+        here = next;
+        rounds -= 1;
+    }
+    here > TANGENT
 }
 
 /// The solid as the mesher asks it.
@@ -82,6 +104,9 @@ pub(crate) fn first_order_at(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
 impl Surface<'_> {
     /// Distance of a point to a piece, to first order; 0 within rounding.
     pub(crate) fn distance(&self, piece: u32, p: Point3) -> f64 {
+        if piece == SKIN {
+            return self.value(p).0;
+        }
         let v = first_order_at(self.solid, piece, p);
         if v.abs() <= self.zero { 0.0 } else { v }
     }
@@ -95,9 +120,33 @@ impl Surface<'_> {
         }
     }
 
-    /// The nearest point where all the pieces vanish.
+    /// Value and gradient of a piece, or of the one that decides.
+    pub(crate) fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
+        if piece != SKIN {
+            return self.solid.gradient(piece, p);
+        }
+        match self.value(p).1 {
+            u32::MAX => (f64::INFINITY, [0.0; 3]),
+            piece => self.solid.gradient(piece, p),
+        }
+    }
+
+    /// The nearest point where all the pieces vanish: Newton with the least step, to rounding.
     pub(crate) fn project(&self, pieces: &[u32], from: Point3) -> Option<Point3> {
-        project(self.solid, self.zero, pieces, from)
+        let mut p = from;
+        let mut last = f64::INFINITY;
+        for _ in 0..30 {
+            let (step, off) = newton(&|i, p| self.gradient(i, p), pieces, p)?;
+            if off >= last && off <= self.zero {
+                return Some(p);
+            }
+            last = off;
+            p = std::array::from_fn(|i| p[i] - step[i]);
+            if off == 0.0 {
+                return Some(p);
+            }
+        }
+        (last <= self.zero).then_some(p)
     }
 
     /// Where the solid's value changes sign between `a` and `b` (values `fa`, `fb` of different signs): the share of the way and the
@@ -166,6 +215,50 @@ impl Surface<'_> {
         (0..3).all(|at| (0..8usize).any(|bits| inside(bits) != inside(bits ^ 1 << at)))
     }
 
+    /// Whether a piece that vanishes at `p` is the surface somewhere around: in some direction within it, its sign decides the solid's when the
+    /// other pieces that vanish there go with their gradients, and those tangential to it with it.
+    pub(crate) fn is_face(&self, piece: u32, p: Point3) -> bool {
+        let k = self.lattice.state_at(p);
+        if k < 2 {
+            return false;
+        }
+        let (tree, pieces) = &self.lattice.trees[k as usize - 2];
+        let unit = |i: u32| {
+            let g = self.solid.gradient(i, p).1;
+            let l = norm(g).max(1e-300);
+            g.map(|x| x / l)
+        };
+        let n = unit(piece);
+        let zero: Vec<(u32, Point3)> =
+            pieces.iter().filter(|&&i| i != piece && self.distance(i, p) == 0.0).map(|&i| (i, unit(i))).collect();
+        if zero.is_empty() {
+            return true;
+        }
+        let axis = (0..3).min_by(|&i, &j| n[i].abs().total_cmp(&n[j].abs())).unwrap_or(0);
+        let mut e = [0.0; 3];
+        e[axis] = 1.0;
+        let a = cross(n, e);
+        let b = cross(n, a);
+        // Directions in no simple ratio to each other, so that none lies in another piece by design.
+        (0..16).any(|k| {
+            let (s, c) = (0.4 * f64::from(k) + 0.123).sin_cos();
+            let along: Point3 = std::array::from_fn(|i| c * a[i] + s * b[i]);
+            let inside = |side: f64| {
+                tree.value(&|i| {
+                    if i == piece {
+                        return side;
+                    }
+                    match zero.iter().find(|z| z.0 == i) {
+                        Some((_, g)) if norm(cross(*g, n)) < TANGENT => side * dot(*g, n).signum(),
+                        Some((_, g)) => dot(*g, along),
+                        None => self.distance(i, p).signum() * f64::MAX,
+                    }
+                }) >= 0.0
+            };
+            inside(1.0) != inside(-1.0)
+        })
+    }
+
     /// Value of a piece to first order in the quadrant where the two normals give `s` and `t`.
     fn follow(&self, piece: u32, n: [Point3; 2], [s, t]: [f64; 2], p: Point3) -> f64 {
         let k = dot(n[0], n[1]);
@@ -176,30 +269,12 @@ impl Surface<'_> {
     }
 }
 
-/// The nearest point where all the pieces vanish: Newton with the least step, to rounding.
-pub(crate) fn project(solid: &dyn Solid, zero: f64, pieces: &[u32], from: Point3) -> Option<Point3> {
-    let mut p = from;
-    let mut last = f64::INFINITY;
-    for _ in 0..30 {
-        let (step, off) = newton(solid, pieces, p)?;
-        if off >= last && off <= zero {
-            return Some(p);
-        }
-        last = off;
-        p = std::array::from_fn(|i| p[i] - step[i]);
-        if off == 0.0 {
-            return Some(p);
-        }
-    }
-    (last <= zero).then_some(p)
-}
-
 /// The least step to the linearised pieces, and the largest distance to one of them.
-fn newton(solid: &dyn Solid, pieces: &[u32], p: Point3) -> Option<(Point3, f64)> {
+fn newton(gradient: &dyn Fn(u32, Point3) -> (f64, Point3), pieces: &[u32], p: Point3) -> Option<(Point3, f64)> {
     let mut rows = [([0.0; 3], 0.0); 3];
     let mut off = 0.0f64;
     for (row, &piece) in rows.iter_mut().zip(pieces) {
-        let (g, d) = solid.gradient(piece, p);
+        let (g, d) = gradient(piece, p);
         let n = norm(d);
         if !(n > 0.0 && n.is_finite() && g.is_finite()) {
             return None;
@@ -233,8 +308,8 @@ fn newton(solid: &dyn Solid, pieces: &[u32], p: Point3) -> Option<(Point3, f64)>
     Some((step, off))
 }
 
-/// Sine of the angle below which two pieces count as one smooth surface (half a degree).
-pub(crate) const TANGENT: f64 = 0.0087;
+/// Sine of the angle below which two pieces count as one smooth surface: two degrees, as in [`crate::FeatureOptions`].
+pub(crate) const TANGENT: f64 = 0.0349;
 
 fn root(a: Point3, fa: f64, b: Point3, fb: f64, zero: f64, f: impl Fn(Point3) -> (f64, u32)) -> Option<(f64, u32)> {
     // Illinois: the regula falsi whose stuck end is halved.

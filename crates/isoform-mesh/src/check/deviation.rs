@@ -24,7 +24,7 @@ const UNKNOWN: u32 = u32::MAX;
 pub struct Deviation {
     /// Diagonal of the mesh, which the limits of distances are shares of.
     pub diagonal: f64,
-    /// Nodes of the surface from all the parts that their triangles are labelled with.
+    /// Nodes of the surface from all the parts that their triangles are labelled with; next to a smooth seam from the solid's surface.
     pub nodes: Distances,
     /// Mid nodes of the surface likewise; of a mesh of second order.
     pub mids: Distances,
@@ -108,16 +108,18 @@ pub(super) fn measure(mesh: &Mesh, triangles: &[[u32; 3]], solid: &dyn Solid, op
         labels.names.iter().map(|part| PartDeviation { part: part.clone(), ..PartDeviation::default() }).collect();
 
     let nodes = labelled_nodes(triangles, &labels.of_triangles);
+    let enough = options.limits.node_distance * diagonal;
     let mut all = Sums::default();
-    for (label, sums) in node_distances(mesh, solid, &labels, &nodes) {
+    for (label, sums) in node_distances(mesh, solid, &labels, &nodes, enough) {
         all.append(&sums);
         parts[label as usize].nodes = sums.distances();
     }
     out.nodes = all.distances();
     if !mesh.triangle_mids.is_empty() {
-        out.mids = joined(node_distances(mesh, solid, &labels, &labelled_nodes(&mesh.triangle_mids, &labels.of_triangles)));
+        out.mids = joined(node_distances(mesh, solid, &labels, &labelled_nodes(&mesh.triangle_mids, &labels.of_triangles), enough));
     }
-    out.curves = joined(node_distances(mesh, solid, &labels, &curve_nodes(mesh)));
+    // Feature edges are on both of their parts, whatever the angle.
+    out.curves = joined(node_distances(mesh, solid, &labels, &curve_nodes(mesh), f64::INFINITY));
 
     let mut all = Sums::default();
     for (label, sums) in face_distances(mesh, triangles, solid, &labels) {
@@ -220,8 +222,23 @@ fn distance(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     if d.is_nan() { f64::INFINITY } else { d }
 }
 
+/// Cosine of the largest angle between pieces at a node that count as one smooth surface: next to the seam of pieces that touch
+/// tangentially a node of a face may lie on the neighbouring piece. At half an edge from the seam that is the angle an edge may turn.
+const SMOOTH: f64 = 0.94;
+
+/// Distance of a node to a piece, or to the one that is the solid's surface there if both make one smooth surface.
+fn node_distance(solid: &dyn Solid, piece: u32, p: Point3, enough: f64) -> f64 {
+    let d = distance(solid, piece, p);
+    if d <= enough {
+        return d;
+    }
+    let (_, other) = solid.tree().value_and_piece(&|k| signed_distance(solid, k, p));
+    let [a, b] = [piece, other].map(|k| solid.gradient(k, p).1);
+    if other != piece && dot(a, b) > SMOOTH * norm(a) * norm(b) { d.min(distance(solid, other, p)) } else { d }
+}
+
 /// Distances of nodes to the parts they are labelled with, by labels. The pairs are sorted; those with unknown labels are left out.
-fn node_distances(mesh: &Mesh, solid: &dyn Solid, labels: &Labels, pairs: &[(u32, u32)]) -> Vec<(u32, Sums)> {
+fn node_distances(mesh: &Mesh, solid: &dyn Solid, labels: &Labels, pairs: &[(u32, u32)], enough: f64) -> Vec<(u32, Sums)> {
     by_label(
         pairs,
         |pair| pair.0,
@@ -230,7 +247,7 @@ fn node_distances(mesh: &Mesh, solid: &dyn Solid, labels: &Labels, pairs: &[(u32
             let mut sums = Sums::default();
             for &(_, node) in chunk {
                 let at = mesh.points[node as usize];
-                sums.add(distance(solid, piece, at), 1.0, || Place { at, nodes: vec![node], ..Place::default() });
+                sums.add(node_distance(solid, piece, at, enough), 1.0, || Place { at, nodes: vec![node], ..Place::default() });
             }
             sums
         },
