@@ -1,0 +1,282 @@
+//! A rational map (s, t) ↦ (X/W, Y/W, Z/W) as four forms of one degree in (s : t : w), read and checked.
+
+use dashu_base::{Gcd, UnsignedAbs};
+use isoform_algebra::{Exponents, ParseError, ParseProblem, Poly, RBig, UBig, image_dimension};
+
+/// Names of the four polynomials, in the order in which they are kept.
+pub const KEYS: [&str; 4] = ["X", "Y", "Z", "W"];
+
+/// Names of the variables of the forms: variables 0, 1 and 2 of every [`Poly`] here.
+pub const VARIABLES: [&str; 3] = ["s", "t", "w"];
+
+/// Largest degree of a map: beyond it the exact analysis is out of reach by orders of magnitude.
+pub const MAX_DEGREE: usize = 64;
+
+/// Why something is no rational map onto a surface.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MapError {
+    /// The text is no JSON.
+    #[error("line {line}, column {column}: not JSON: {problem}")]
+    NotJson {
+        /// Where, counted from 1; 0 in an empty text.
+        line: usize,
+        /// Where, counted from 1; 0 in an empty text.
+        column: usize,
+        /// What the reader says.
+        problem: String,
+    },
+    /// One of the polynomials is missing.
+    #[error("{key} is missing")]
+    Missing {
+        /// One of [`KEYS`].
+        key: &'static str,
+    },
+    /// The value of a key is no text.
+    #[error("{key} is {found}, not a polynomial")]
+    NotText {
+        /// One of [`KEYS`].
+        key: &'static str,
+        /// The value in its place.
+        found: String,
+    },
+    /// A text is no polynomial in s and t.
+    #[error("{key}, {error}")]
+    NotAPolynomial {
+        /// One of [`KEYS`].
+        key: &'static str,
+        /// Where in the text, and what was expected there.
+        error: ParseError,
+    },
+    /// A coefficient is infinite or NaN.
+    #[error("{key} has a coefficient that is infinite or not a number")]
+    NotFinite {
+        /// One of [`KEYS`].
+        key: &'static str,
+    },
+    /// The degree is above [`MAX_DEGREE`].
+    #[error("the map has degree {degree}, above {MAX_DEGREE}")]
+    DegreeTooLarge {
+        /// The degree.
+        degree: usize,
+    },
+    /// All four polynomials are zero.
+    #[error("X, Y, Z and W are all zero")]
+    AllZero,
+    /// The denominator is zero.
+    #[error("the denominator W is zero: the map has no finite point")]
+    ZeroDenominator,
+    /// The four polynomials have a common factor.
+    #[error("X, Y, Z and W have the common factor {}", factor.display(&VARIABLES))]
+    CommonFactor {
+        /// The greatest common divisor, in s and t.
+        factor: Poly,
+    },
+    /// The image is not a surface.
+    #[error("the image is a {}, not a surface", if *dimension == 0 { "point" } else { "curve" })]
+    NotASurface {
+        /// 0 for a point, 1 for a curve.
+        dimension: usize,
+    },
+}
+
+impl MapError {
+    /// A word for programs to tell the cases apart.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NotJson { .. } => "not_json",
+            Self::Missing { .. } => "missing",
+            Self::NotText { .. } => "not_text",
+            Self::NotAPolynomial { error: ParseError { problem: ParseProblem::UnknownName { .. }, .. }, .. } => "unknown_variable",
+            Self::NotAPolynomial { .. } => "not_a_polynomial",
+            Self::NotFinite { .. } => "not_finite",
+            Self::DegreeTooLarge { .. } => "degree_too_large",
+            Self::AllZero => "all_zero",
+            Self::ZeroDenominator => "zero_denominator",
+            Self::CommonFactor { .. } => "common_factor",
+            Self::NotASurface { .. } => "not_a_surface",
+        }
+    }
+    /// The polynomial concerned, if it is one of them: an element of [`KEYS`].
+    pub fn key(&self) -> Option<&'static str> {
+        match self {
+            Self::Missing { key } | Self::NotText { key, .. } | Self::NotAPolynomial { key, .. } | Self::NotFinite { key } => Some(key),
+            Self::ZeroDenominator => Some("W"),
+            _ => None,
+        }
+    }
+    /// What one can do about it, one sentence.
+    pub fn hint(&self) -> &'static str {
+        match self {
+            Self::NotJson { .. } | Self::Missing { .. } | Self::NotText { .. } => {
+                "write {\"X\": \"…\", \"Y\": \"…\", \"Z\": \"…\", \"W\": \"…\"} with polynomials in s and t"
+            }
+            Self::NotAPolynomial { error, .. } => match error.problem {
+                ParseProblem::UnknownName { .. } => "the parameters are s and t; multiplication is written *",
+                ParseProblem::NotAPolynomial | ParseProblem::DivisionByZero => "bring all coordinates to the common denominator W",
+                ParseProblem::TooLarge { .. } => "the polynomial is too large to be written out",
+                ParseProblem::Unexpected { .. } => "write polynomials in s and t such as 3*s^2 - s*t/2 + 1",
+            },
+            Self::NotFinite { .. } => "all coefficients must be finite numbers",
+            Self::DegreeTooLarge { .. } => "approximate the surface by one of lower degree, or by several patches",
+            Self::AllZero => "at least W and two of the others must differ from zero",
+            Self::ZeroDenominator => "use W = 1 for a polynomial surface",
+            Self::CommonFactor { .. } => "divide all four by it, or let it be removed (reduce)",
+            Self::NotASurface { .. } => "the coordinates must depend on both parameters independently",
+        }
+    }
+}
+
+/// What to do about maps that can be repaired.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Options {
+    /// Remove a common factor instead of refusing the map; [`Map::removed`] then says which.
+    pub reduce: bool,
+}
+
+/// A rational map onto a surface: four forms of degree n in (s : t : w) with integer coefficients, without common factor.
+///
+/// ```
+/// let sphere = isoform_tess::Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default())?;
+/// assert_eq!(sphere.degree(), 2);
+/// assert_eq!(sphere.forms()[0].display(&isoform_tess::VARIABLES).to_string(), "2*s*w");
+/// # Ok::<(), isoform_tess::MapError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Map {
+    affine: [Poly; 4],
+    forms: [Poly; 4],
+    degree: usize,
+    removed: Option<Poly>,
+}
+
+impl Map {
+    /// The map of four polynomials in s and t (variables 0 and 1).
+    ///
+    /// # Errors
+    /// [`MapError`]: too high a degree, all zero, zero denominator, image not a surface, common factor, in this order.
+    ///
+    /// # Panics
+    /// If another variable occurs.
+    pub fn new(polynomials: [Poly; 4], options: Options) -> Result<Self, MapError> {
+        assert!(polynomials.iter().all(|p| p.degree(2) + p.degree(3) == 0), "polynomials in s and t");
+        if polynomials.iter().all(Poly::is_zero) {
+            return Err(MapError::AllZero);
+        }
+        if polynomials[3].is_zero() {
+            return Err(MapError::ZeroDenominator);
+        }
+        let degree = degree_of(&polynomials);
+        if degree > MAX_DEGREE {
+            return Err(MapError::DegreeTooLarge { degree });
+        }
+        let dimension = image_dimension(&polynomials).expect("polynomials in s and t that are not all zero");
+        if dimension < 2 {
+            return Err(MapError::NotASurface { dimension });
+        }
+        let factor = polynomials.iter().fold(Poly::zero(), |common, p| common.gcd(p));
+        let mut removed = None;
+        let mut affine = polynomials;
+        if !factor.is_constant() {
+            if !options.reduce {
+                return Err(MapError::CommonFactor { factor });
+            }
+            affine = affine.map(|p| p.div_exact(&factor).expect("a common divisor divides"));
+            removed = Some(factor);
+        }
+        let factor = RBig::ONE / joint_content(&affine);
+        let affine = affine.map(|p| p.scale(&factor));
+        let degree = degree_of(&affine);
+        Ok(Self { forms: affine.clone().map(|p| p.homogenise(2, degree)), affine, degree, removed })
+    }
+
+    /// The map of four texts, X, Y, Z and W.
+    ///
+    /// # Errors
+    /// [`MapError`].
+    pub fn parse(texts: [&str; 4], options: Options) -> Result<Self, MapError> {
+        let mut polynomials: [Poly; 4] = Default::default();
+        for ((p, text), key) in polynomials.iter_mut().zip(texts).zip(KEYS) {
+            *p = Poly::parse(text, &VARIABLES[..2]).map_err(|error| MapError::NotAPolynomial { key, error })?;
+        }
+        Self::new(polynomials, options)
+    }
+
+    /// The map of terms (exponents of s and t, coefficient); the coefficients are taken as the exact numbers that they are.
+    ///
+    /// # Errors
+    /// [`MapError`].
+    pub fn from_f64(terms: [&[([u16; 2], f64)]; 4], options: Options) -> Result<Self, MapError> {
+        let mut polynomials: [Poly; 4] = Default::default();
+        for ((p, terms), key) in polynomials.iter_mut().zip(terms).zip(KEYS) {
+            let widened = terms.iter().map(|&([i, j], c)| ([i, j, 0, 0] as Exponents, c));
+            *p = Poly::from_f64(widened).ok_or(MapError::NotFinite { key })?;
+        }
+        Self::new(polynomials, options)
+    }
+
+    /// The map of a JSON text {"X": "…", "Y": "…", "Z": "…", "W": "…"}; numbers may stand for constants, other keys are ignored.
+    ///
+    /// # Errors
+    /// [`MapError`].
+    pub fn from_json(text: &str, options: Options) -> Result<Self, MapError> {
+        let not_json = |e: serde_json::Error| {
+            // The reader appends the place, which is told separately.
+            let problem = e.to_string();
+            let problem = problem.split(" at line ").next().unwrap_or_default().to_owned();
+            MapError::NotJson { line: e.line(), column: e.column(), problem }
+        };
+        let value: serde_json::Value = serde_json::from_str(text).map_err(not_json)?;
+        let mut texts: [String; 4] = Default::default();
+        for (target, key) in texts.iter_mut().zip(KEYS) {
+            *target = match value.get(key) {
+                None => return Err(MapError::Missing { key }),
+                Some(serde_json::Value::String(text)) => text.clone(),
+                Some(serde_json::Value::Number(n)) => n.to_string(),
+                Some(other) => return Err(MapError::NotText { key, found: kind(other).to_owned() }),
+            };
+        }
+        Self::parse(texts.each_ref().map(String::as_str), options)
+    }
+
+    /// X, Y, Z and W in s and t, with integer coefficients that have no factor in common.
+    pub fn affine(&self) -> &[Poly; 4] {
+        &self.affine
+    }
+    /// X, Y, Z and W as forms of degree [`Map::degree`] in s, t and w.
+    pub fn forms(&self) -> &[Poly; 4] {
+        &self.forms
+    }
+    /// The largest degree of the four polynomials.
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+    /// The common factor that was removed, in s and t.
+    pub fn removed(&self) -> Option<&Poly> {
+        self.removed.as_ref()
+    }
+}
+
+fn kind(value: &serde_json::Value) -> &'static str {
+    match value {
+        serde_json::Value::Null => "null",
+        serde_json::Value::Bool(_) => "true or false",
+        serde_json::Value::Array(_) => "a list",
+        serde_json::Value::Object(_) => "an object",
+        serde_json::Value::Number(_) | serde_json::Value::String(_) => "a polynomial",
+    }
+}
+
+fn degree_of(polynomials: &[Poly; 4]) -> usize {
+    polynomials.iter().map(Poly::total_degree).max().unwrap_or(0)
+}
+
+/// The number by which all four are divided so that their coefficients are integers without common factor.
+fn joint_content(polynomials: &[Poly; 4]) -> RBig {
+    let (mut numerator, mut denominator) = (UBig::ZERO, UBig::ONE);
+    for content in polynomials.iter().filter(|p| !p.is_zero()).map(Poly::content) {
+        let n = content.numerator().clone().unsigned_abs();
+        numerator = if numerator == UBig::ZERO { n } else { numerator.gcd(n) };
+        denominator = &denominator / (&denominator).gcd(content.denominator()) * content.denominator();
+    }
+    RBig::from_parts(numerator.into(), denominator)
+}
