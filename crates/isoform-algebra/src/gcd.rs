@@ -347,3 +347,39 @@ impl UPoly {
         if common.degree() == 0 { p } else { p.div_exact(&common).expect("a divisor").primitive() }
     }
 }
+
+/// Squarefree polynomials, pairwise coprime, of which those given are products up to multiplicities and constants; and for each given one
+/// which of them divide it, ascending. Constants have none.
+///
+/// ```
+/// use isoform_algebra::{Poly, coprime_base};
+/// let p = |text| Poly::parse(text, &["x", "y"]).expect("a polynomial");
+/// let (base, divisors) = coprime_base(&[p("x^2*y"), p("x^2 - y^2"), p("x*(x + y)"), p("3")]);
+/// assert_eq!(base, [p("x"), p("y"), p("x - y"), p("x + y")]);
+/// assert_eq!(divisors, [vec![0, 1], vec![2, 3], vec![0, 3], vec![]]);
+/// ```
+pub fn coprime_base(given: &[Poly]) -> (Vec<Poly>, Vec<Vec<usize>>) {
+    let mut base: Vec<(Poly, Vec<usize>)> = Vec::new();
+    for (k, p) in given.iter().enumerate() {
+        let mut rest = p.squarefree_part();
+        let mut next = Vec::with_capacity(base.len() + 1);
+        for (q, of) in base {
+            let g = if rest.is_constant() { Poly::one() } else { q.gcd(&rest) };
+            if g.is_constant() {
+                next.push((q, of));
+                continue;
+            }
+            let of_both = of.iter().copied().chain([k]).collect();
+            // Divisors divide.
+            next.extend(q.div_exact(&g).filter(|q| !q.is_constant()).map(|q| (q.primitive(), of)));
+            rest = rest.div_exact(&g).unwrap_or_else(Poly::one);
+            next.push((g.primitive(), of_both));
+        }
+        if !rest.is_constant() && !rest.is_zero() {
+            next.push((rest.primitive(), vec![k]));
+        }
+        base = next;
+    }
+    let divisors = (0..given.len()).map(|k| (0..base.len()).filter(|&b| base[b].1.contains(&k)).collect()).collect();
+    (base.into_iter().map(|b| b.0).collect(), divisors)
+}

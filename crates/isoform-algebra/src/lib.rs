@@ -29,6 +29,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod arrangement;
 mod ball;
 mod compose;
 mod factor;
@@ -41,15 +42,19 @@ mod parse;
 mod poly;
 mod resultant;
 mod roots;
+mod topology;
 mod upoly;
 
+pub use arrangement::{Arc, Arrangement, ArrangementError, Slab, Wall, WallPoint};
 pub use dashu_int::{IBig, UBig};
 pub use dashu_ratio::RBig;
 pub use factor::FactorError;
 pub use fibre::{Fibre, FibreError, FibreRoot, Fibres, count_by_signs};
+pub use gcd::coprime_base;
 pub use implicit::{DEFAULT_MAX_DEGREE, Implicit, MapDegrees, MapError, image_dimension, implicit, map_degrees};
 pub use parse::{MAX_DEGREE, ParseError, ParseProblem};
 pub use poly::{Exponents, MAX_VARS, Poly};
 pub use resultant::{ResultantError, Subresultants, discriminant, resultant, resultant_univariate};
 pub use roots::{RealRoot, count_roots_between, real_roots, simplest_between};
+pub use topology::{CurveTopology, QUADRANTS, curve_topology, in_triangle};
 pub use upoly::UPoly;

@@ -1,0 +1,527 @@
+//! The arrangement of plane algebraic curves in the unit triangle u ≥ 0, v ≥ 0, u + v ≤ 1, exactly: a cylindrical decomposition.
+//!
+//! Over every critical u (a vertical tangent or singular point of a curve, an intersection of two, an intersection with a side) stands a
+//! [`Wall`] with the points of the curves on it; between two walls lies a [`Slab`], in which the curves are disjoint graphs over u. Which
+//! arc ends in which point is decided by lines v = c between the points of a wall, which no curve crosses as far as a u close enough
+//! to the wall (G. E. Collins, 1975; D. S. Arnon, G. E. Collins, S. McCallum, SIAM J. Comput. 13, 1984). No genericity is assumed: several
+//! critical points may share a wall, and a curve may contain the wall.
+//!
+//! Four triangles, one per quadrant of (s, t), make up the projective plane.
+
+use crate::fibre::{Fibre, FibreError, Fibres};
+use crate::poly::Poly;
+use crate::resultant::{ResultantError, Subresultants, resultant};
+use crate::roots::{RealRoot, real_roots, simplest_between};
+use crate::upoly::UPoly;
+use dashu_ratio::RBig;
+use isoform_num::Interval;
+use std::cmp::Ordering;
+
+/// The variable that varies from wall to wall, and the one along a wall.
+const U: usize = 0;
+const V: usize = 1;
+
+/// Why there is no arrangement.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ArrangementError {
+    /// Two curves share a component.
+    #[error("curves {0} and {1} share a component")]
+    CommonComponent(usize, usize),
+    /// A polynomial that is zero.
+    #[error("curve {0} is the whole plane")]
+    Zero(usize),
+    /// More than two variables, or stopped.
+    #[error(transparent)]
+    Resultant(#[from] ResultantError),
+}
+
+/// A place on a wall that a curve or a side goes through.
+#[derive(Clone, Debug)]
+pub struct WallPoint {
+    /// v is in \[lo, hi\], and that of no other point of the wall is.
+    pub lo: RBig,
+    /// See `lo`.
+    pub hi: RBig,
+    /// The curves that go through it, ascending; [`Arrangement::lower`] and [`Arrangement::upper`] among them.
+    pub curves: Vec<usize>,
+}
+
+/// A vertical line over a critical u, within the triangle.
+#[derive(Clone, Debug)]
+pub struct Wall {
+    /// Where.
+    pub u: RealRoot,
+    /// Its points from the side v = 0 to the side u + v = 1, both of which have one. At u = 1 they are the same.
+    pub points: Vec<WallPoint>,
+    /// Curves that contain the whole line.
+    pub vertical: Vec<usize>,
+}
+
+/// A piece of a curve between two walls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Arc {
+    /// The curve.
+    pub curve: usize,
+    /// The point of the wall on the left that it ends in.
+    pub left: usize,
+    /// The same on the right.
+    pub right: usize,
+}
+
+/// What lies between two neighbouring walls: wall k is on the left of slab k.
+#[derive(Clone, Debug)]
+pub struct Slab {
+    /// A rational u strictly between the walls.
+    pub u: RBig,
+    /// The arcs from bottom to top; the first is the side v = 0, the last the side u + v = 1.
+    pub arcs: Vec<Arc>,
+    /// A rational v strictly between each arc and the next, at `u`.
+    pub between: Vec<RBig>,
+}
+
+/// The decomposition of the unit triangle by curves.
+pub struct Arrangement {
+    curves: Vec<Poly>,
+    /// Which curves contain the sides u = 0, v = 0, u + v = 1.
+    pub sides: Vec<[bool; 3]>,
+    /// From u = 0 to u = 1, both included.
+    pub walls: Vec<Wall>,
+    /// One fewer.
+    pub slabs: Vec<Slab>,
+}
+
+/// A curve without the lines that are treated apart.
+struct Curve {
+    /// Without sides and vertical lines.
+    rest: Poly,
+    /// Product of its vertical lines, as a polynomial in u.
+    vertical: UPoly,
+    fibres: Option<Fibres>,
+    /// On v = 0 and on u + v = 1.
+    on_lower: UPoly,
+    on_upper: UPoly,
+    /// For quick tests: terms with coefficients known to rounding.
+    terms: Vec<([usize; 2], Interval)>,
+}
+
+/// Where a number of the fibre comes from.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Origin {
+    Root { curve: usize, index: usize },
+    Lower,
+    Upper,
+}
+
+impl Arrangement {
+    /// Decomposes the unit triangle by the zero sets of polynomials in variables 0 (u) and 1 (v). They are made squarefree; no two may share
+    /// a component other than a side.
+    ///
+    /// # Errors
+    /// [`ArrangementError`].
+    pub fn new(curves: &[Poly], stop: &dyn Fn() -> bool) -> Result<Self, ArrangementError> {
+        let sides_of = [Poly::var(U), Poly::var(V), Poly::var(U) + Poly::var(V) - Poly::one()];
+        let mut sides = Vec::new();
+        let mut prepared = Vec::new();
+        for (k, f) in curves.iter().enumerate() {
+            if f.is_zero() {
+                return Err(ArrangementError::Zero(k));
+            }
+            let mut rest = f.squarefree_part();
+            let mut has = [false; 3];
+            for (side, has) in sides_of.iter().zip(&mut has) {
+                if let Some(quotient) = rest.div_exact(side) {
+                    (rest, *has) = (quotient, true);
+                }
+            }
+            sides.push(has);
+            prepared.push(Curve::new(rest, stop)?);
+        }
+        let critical = critical_values(&prepared, stop)?;
+        let mut work = Work { curves: prepared, pairs: std::collections::BTreeMap::new() };
+        let mut walls = Vec::new();
+        let mut separators = Vec::new();
+        let last = critical.len() - 1;
+        for (k, u) in critical.into_iter().enumerate() {
+            let (wall, between) = work.wall(u, stop)?;
+            let is_regular = wall.vertical.is_empty() && wall.points.iter().all(|p| p.curves.len() == 1) && !between.1;
+            if k == 0 || k == last || !is_regular {
+                walls.push(wall);
+                separators.push(between.0);
+            }
+        }
+        let mut slabs = Vec::new();
+        for k in 0..walls.len() - 1 {
+            if stop() {
+                return Err(ResultantError::Stopped.into());
+            }
+            let u = walls[k].u.rational_below(&walls[k + 1].u);
+            let (order, between) = work.arcs_at(&u);
+            let left = work.ends(&walls[k], &separators[k], &u, Ordering::Greater);
+            let right = work.ends(&walls[k + 1], &separators[k + 1], &u, Ordering::Less);
+            let arcs = order.iter().zip(left.into_iter().zip(right)).map(|(&curve, (left, right))| Arc { curve, left, right }).collect();
+            slabs.push(Slab { u, arcs, between });
+        }
+        Ok(Self { curves: work.curves.into_iter().map(|c| c.rest).collect(), sides, walls, slabs })
+    }
+
+    /// The number that stands for the side v = 0 among curves.
+    pub fn lower(&self) -> usize {
+        self.curves.len()
+    }
+    /// The number that stands for the side u + v = 1 among curves.
+    pub fn upper(&self) -> usize {
+        self.curves.len() + 1
+    }
+    /// The polynomial of a curve, squarefree, without sides and vertical lines.
+    pub fn curve(&self, k: usize) -> &Poly {
+        &self.curves[k]
+    }
+}
+
+impl Curve {
+    fn new(rest: Poly, stop: &dyn Fn() -> bool) -> Result<Self, ArrangementError> {
+        let content = rest.content_in(V);
+        let rest = rest.div_exact(&content).unwrap_or(rest).primitive();
+        let vertical = content.to_upoly(U).unwrap_or_else(UPoly::one);
+        let fibres = if rest.degree(V) > 0 { Some(Fibres::new(&rest, V, stop)?) } else { None };
+        let on = |by: &Poly| rest.substitute(V, by).to_upoly(U).unwrap_or_default();
+        let (on_lower, on_upper) = (on(&Poly::zero()), on(&(Poly::one() - Poly::var(U))));
+        let terms = rest
+            .terms()
+            .iter()
+            .map(|(e, c)| {
+                let c = RBig::from(c.clone());
+                let near = c.to_f64().value();
+                ([usize::from(e[U]), usize::from(e[V])], Interval::new(near.next_down(), near.next_up()))
+            })
+            .collect();
+        Ok(Self { rest, vertical, fibres, on_lower, on_upper, terms })
+    }
+
+    /// A range of the polynomial over a box, outward rounded.
+    fn range(&self, u: Interval, v: Interval) -> Interval {
+        let power = |x: Interval, n: usize| (0..n).fold(Interval::new(1.0, 1.0), |p, _| p * x);
+        self.terms.iter().fold(Interval::new(0.0, 0.0), |sum, &([i, j], c)| sum + c * power(u, i) * power(v, j))
+    }
+}
+
+/// The critical values in \[0, 1\], ascending, with 0 and 1.
+fn critical_values(curves: &[Curve], stop: &dyn Fn() -> bool) -> Result<Vec<RealRoot>, ArrangementError> {
+    let mut found: Vec<UPoly> = vec![UPoly::from_i64(&[0, 1]), UPoly::from_i64(&[-1, 1])];
+    for (k, c) in curves.iter().enumerate() {
+        found.push(c.vertical.clone());
+        found.push(c.on_lower.clone());
+        found.push(c.on_upper.clone());
+        if let Some(chain) = c.fibres.as_ref().and_then(Fibres::subresultants) {
+            found.push(chain.principal[0].clone());
+        }
+        for (j, other) in curves.iter().enumerate().take(k) {
+            if c.fibres.is_none() || other.fibres.is_none() {
+                continue;
+            }
+            let r = resultant(&other.rest, &c.rest, V, stop)?;
+            let r = r.to_upoly(U).unwrap_or_default();
+            if r.is_zero() {
+                return Err(ArrangementError::CommonComponent(j, k));
+            }
+            found.push(r);
+        }
+    }
+    // Pairwise coprime polynomials with the same roots: then no two roots are equal, and signs at them are cheap.
+    let mut base: Vec<UPoly> = Vec::new();
+    for p in found {
+        if stop() {
+            return Err(ResultantError::Stopped.into());
+        }
+        if p.degree() == 0 {
+            continue;
+        }
+        let mut rest = p.squarefree_part();
+        let mut next = Vec::new();
+        for b in base {
+            let g = if rest.degree() > 0 { b.gcd(&rest) } else { UPoly::one() };
+            if g.degree() == 0 {
+                next.push(b);
+                continue;
+            }
+            let without = b.div_exact(&g).unwrap_or_else(UPoly::one);
+            rest = rest.div_exact(&g).unwrap_or_else(UPoly::one);
+            next.extend([without, g].into_iter().filter(|p| p.degree() > 0));
+        }
+        if rest.degree() > 0 {
+            next.push(rest);
+        }
+        base = next;
+    }
+    let within = |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_ge() && r.cmp_rational(&RBig::ONE).is_le();
+    let mut roots: Vec<RealRoot> = base.iter().flat_map(real_roots).filter(within).collect();
+    // They differ: refined until apart, which spares the test for equality.
+    let mut bits = 24;
+    loop {
+        roots.iter_mut().for_each(|r| r.refine(bits));
+        roots.sort_by(|a, b| a.interval().0.cmp(&b.interval().0));
+        let apart = roots.windows(2).all(|w| {
+            let (a, b) = (w[0].interval().1, w[1].interval().0);
+            a < b
+        });
+        if apart {
+            return Ok(roots);
+        }
+        bits *= 2;
+    }
+}
+
+struct Work {
+    curves: Vec<Curve>,
+    /// Subresultants of pairs of curves, as far as they were asked for.
+    pairs: std::collections::BTreeMap<(usize, usize), Option<Subresultants>>,
+}
+
+/// Rational numbers below, between and above the points of a wall, one more than these.
+type Separators = Vec<RBig>;
+
+impl Work {
+    /// The points over a critical value, the numbers between them, and whether a curve touches the wall in one of them.
+    fn wall(&mut self, u: RealRoot, stop: &dyn Fn() -> bool) -> Result<(Wall, (Separators, bool)), ArrangementError> {
+        let n = self.curves.len();
+        let mut fibres: Vec<Option<Fibre>> = Vec::with_capacity(n);
+        for c in &self.curves {
+            fibres.push(match &c.fibres {
+                Some(f) => match f.at(&u, stop) {
+                    Ok(fibre) => Some(fibre),
+                    Err(FibreError::Resultant(e)) => return Err(e.into()),
+                    Err(FibreError::Vertical) => unreachable!("vertical lines were split off"),
+                },
+                None => None,
+            });
+        }
+        let mut all = vec![Origin::Lower, Origin::Upper];
+        for (curve, f) in fibres.iter().enumerate() {
+            all.extend((0..f.as_ref().map_or(0, |f| f.roots.len())).map(|index| Origin::Root { curve, index }));
+        }
+        // How many numbers each pair of origins has in common.
+        let mut common = vec![vec![0usize; n + 2]; n + 2];
+        for k in 0..n {
+            if fibres[k].is_none() {
+                continue;
+            }
+            common[k][n] = usize::from(u.sign_of(&self.curves[k].on_lower).is_eq());
+            common[k][n + 1] = usize::from(u.sign_of(&self.curves[k].on_upper).is_eq());
+            for j in 0..k {
+                common[j][k] = self.common_roots(j, k, &u, stop)?;
+            }
+        }
+        common[n][n + 1] = usize::from(u.cmp_rational(&RBig::ONE).is_eq());
+        let mut u = u;
+        let mut bits = 40;
+        let (ranges, groups) = loop {
+            u.refine(bits);
+            let mut ranges = Vec::with_capacity(all.len());
+            for o in &all {
+                ranges.push(match *o {
+                    Origin::Lower => (RBig::ZERO, RBig::ZERO),
+                    Origin::Upper => {
+                        let (lo, hi) = u.interval();
+                        (RBig::ONE - hi, RBig::ONE - lo)
+                    }
+                    Origin::Root { curve, index } => {
+                        let f = fibres[curve].as_mut().expect("roots belong to fibres");
+                        f.refine(index, bits);
+                        (f.roots[index].lo.clone(), f.roots[index].hi.clone())
+                    }
+                });
+            }
+            let which = |o: &Origin| match *o {
+                Origin::Root { curve, .. } => curve,
+                Origin::Lower => n,
+                Origin::Upper => n + 1,
+            };
+            let mut meetings = vec![vec![0usize; n + 2]; n + 2];
+            let mut group: Vec<usize> = (0..all.len()).collect();
+            for a in 0..all.len() {
+                for b in 0..a {
+                    let (j, k) = (which(&all[a]).min(which(&all[b])), which(&all[a]).max(which(&all[b])));
+                    if j != k && ranges[a].0 <= ranges[b].1 && ranges[b].0 <= ranges[a].1 {
+                        meetings[j][k] += 1;
+                        let (ga, gb) = (group[a], group[b]);
+                        group.iter_mut().for_each(|g| *g = if *g == ga { gb } else { *g });
+                    }
+                }
+            }
+            if meetings == common {
+                break (ranges, group);
+            }
+            bits *= 2;
+        };
+        let mut points: Vec<(WallPoint, bool)> = Vec::new();
+        let mut done = vec![false; all.len()];
+        for first in 0..all.len() {
+            if done[first] {
+                continue;
+            }
+            let members: Vec<usize> = (first..all.len()).filter(|&m| groups[m] == groups[first]).collect();
+            let (mut lo, mut hi) = ranges[first].clone();
+            let (mut curves, mut touches) = (Vec::new(), false);
+            for &m in &members {
+                done[m] = true;
+                lo = lo.max(ranges[m].0.clone());
+                hi = hi.min(ranges[m].1.clone());
+                curves.push(match all[m] {
+                    Origin::Root { curve, index } => {
+                        touches |= fibres[curve].as_ref().is_some_and(|f| f.roots[index].multiplicity > 1);
+                        curve
+                    }
+                    Origin::Lower => n,
+                    Origin::Upper => n + 1,
+                });
+            }
+            curves.sort_unstable();
+            points.push((WallPoint { lo, hi, curves }, touches));
+        }
+        points.sort_by(|a, b| a.0.lo.cmp(&b.0.lo));
+        let from = points.iter().position(|p| p.0.curves.contains(&n)).expect("the lower side is there");
+        let to = points.iter().position(|p| p.0.curves.contains(&(n + 1))).expect("the upper side is there");
+        let mut separators = Vec::with_capacity(to - from + 2);
+        for k in from..=to + 1 {
+            separators.push(if k == 0 {
+                &points[0].0.lo - RBig::ONE
+            } else if k == points.len() {
+                &points[k - 1].0.hi + RBig::ONE
+            } else {
+                simplest_between(&points[k - 1].0.hi, &points[k].0.lo)
+            });
+        }
+        let touches = points[from..=to].iter().any(|p| p.1);
+        let points = points.drain(from..=to).map(|p| p.0).collect();
+        let vertical = (0..n).filter(|&k| self.curves[k].vertical.degree() > 0 && u.sign_of(&self.curves[k].vertical).is_eq()).collect();
+        Ok((Wall { u, points, vertical }, (separators, touches)))
+    }
+
+    /// The number of real numbers v at which both curves vanish over u.
+    fn common_roots(&mut self, j: usize, k: usize, u: &RealRoot, stop: &dyn Fn() -> bool) -> Result<usize, ArrangementError> {
+        let (Some(_), Some(_)) = (&self.curves[j].fibres, &self.curves[k].fibres) else { return Ok(0) };
+        let over = |f: &Poly| {
+            // Without the powers of v whose coefficients vanish over u.
+            let rows = f.coefficients_in(V);
+            let degree = (0..rows.len()).rev().find(|&i| u.sign_of(&rows[i].to_upoly(U).unwrap_or_default()).is_ne())?;
+            let is_whole = degree + 1 == rows.len();
+            let sum = rows.into_iter().take(degree + 1).enumerate();
+            Some((sum.fold(Poly::zero(), |sum, (i, c)| sum + c * Poly::var(V).pow(i as u32)), degree, is_whole))
+        };
+        let (Some((f, m, whole_f)), Some((g, n, whole_g))) = (over(&self.curves[j].rest), over(&self.curves[k].rest)) else { return Ok(0) };
+        if m == 0 || n == 0 {
+            return Ok(0);
+        }
+        let (f, g) = if m >= n { (f, g) } else { (g, f) };
+        let made;
+        let chain = if whole_f && whole_g {
+            if !self.pairs.contains_key(&(j, k)) {
+                self.pairs.insert((j, k), Some(Subresultants::new(&f, &g, V, stop)?));
+            }
+            self.pairs[&(j, k)].as_ref().expect("just made")
+        } else {
+            made = Subresultants::new(&f, &g, V, stop)?;
+            &made
+        };
+        let divisor = match chain.principal.iter().position(|c| u.sign_of(c).is_ne()) {
+            Some(0) => return Ok(0),
+            // A real divisor of odd degree one has one root.
+            Some(1) => return Ok(1),
+            Some(d) => chain.polynomial(d, stop)?,
+            None => g,
+        };
+        match Fibres::new(&divisor, V, stop)?.at(u, stop) {
+            Ok(fibre) => Ok(fibre.roots.len()),
+            Err(FibreError::Vertical) => unreachable!("the principal coefficient does not vanish"),
+            Err(FibreError::Resultant(e)) => Err(e.into()),
+        }
+    }
+
+    /// The curves over a rational u that is not critical, from the lower side to the upper one, and numbers between them.
+    fn arcs_at(&self, u: &RBig) -> (Vec<usize>, Vec<RBig>) {
+        let n = self.curves.len();
+        let top = RBig::ONE - u;
+        let mut found: Vec<(RealRoot, usize)> = vec![(RealRoot::from_rational(&RBig::ZERO), n), (RealRoot::from_rational(&top), n + 1)];
+        for (k, c) in self.curves.iter().enumerate() {
+            if c.fibres.is_some() {
+                let g = c.rest.set(U, u).to_upoly(V).unwrap_or_default();
+                let inside = |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(&top).is_lt();
+                found.extend(real_roots(&g).into_iter().filter(inside).map(|r| (r, k)));
+            }
+        }
+        // All differ, as u is not critical.
+        let mut bits = 32;
+        loop {
+            found.iter_mut().for_each(|f| f.0.refine(bits));
+            found.sort_by(|a, b| a.0.interval().cmp(&b.0.interval()));
+            if found.windows(2).all(|w| w[0].0.interval().1 < w[1].0.interval().0) {
+                break;
+            }
+            bits *= 2;
+        }
+        let between = found.windows(2).map(|w| simplest_between(&w[0].0.interval().1, &w[1].0.interval().0)).collect();
+        (found.into_iter().map(|f| f.1).collect(), between)
+    }
+
+    /// The points of the wall in which the arcs on one side of it end: on the right side if `side` is `Greater`. `sample` is in the slab there.
+    fn ends(&self, wall: &Wall, separators: &Separators, sample: &RBig, side: Ordering) -> Vec<usize> {
+        let mut at = sample.clone();
+        let mut u = wall.u.clone();
+        let mut bits = 8;
+        while !separators.iter().all(|c| self.is_clear(&u, &at, c, bits > 48)) {
+            // Half the way to the wall, in bits.
+            bits += bits / 4;
+            u.refine(2 * bits);
+            let (lo, hi) = u.interval();
+            let near = if side.is_gt() { hi } else { lo };
+            let step = (sample - &near) / RBig::from(dashu_int::IBig::ONE << bits);
+            at = if side.is_gt() { simplest_between(&near, &(&near + step)) } else { simplest_between(&(&near + step), &near) };
+        }
+        let top = RBig::ONE - &at;
+        let mut found: Vec<(usize, RealRoot)> = Vec::new();
+        for c in self.curves.iter().filter(|c| c.fibres.is_some()) {
+            let g = c.rest.set(U, &at).to_upoly(V).unwrap_or_default();
+            for r in real_roots(&g) {
+                if r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(&top).is_lt() {
+                    let point = separators[1..separators.len() - 1].iter().filter(|s| r.cmp_rational(s).is_gt()).count();
+                    found.push((point, r));
+                }
+            }
+        }
+        // The order of the arcs is that of the slab, and points ascend with them.
+        let mut points: Vec<usize> = found.into_iter().map(|f| f.0).collect();
+        points.sort_unstable();
+        let mut ends = vec![0];
+        ends.extend(points);
+        ends.push(wall.points.len() - 1);
+        ends
+    }
+
+    /// Whether no curve crosses the line v = c from the wall as far as `at`. Without `exact` a false answer may only mean too rough a look.
+    fn is_clear(&self, u: &RealRoot, at: &RBig, c: &RBig, exact: bool) -> bool {
+        let outward = |lo: &RBig, hi: &RBig| Interval::new(lo.to_f64().value().next_down(), hi.to_f64().value().next_up());
+        let (lo, hi) = u.interval();
+        let (lo, hi) = (lo.min(at.clone()), hi.max(at.clone()));
+        // The upper side: u = 1 − c.
+        let crossing = RBig::ONE - c;
+        if crossing >= lo && crossing <= hi {
+            return false;
+        }
+        let (us, vs) = (outward(&lo, &hi), outward(c, c));
+        self.curves.iter().filter(|f| f.fibres.is_some()).all(|f| {
+            let range = f.range(us, vs);
+            if range.lo() > 0.0 || range.hi() < 0.0 {
+                return true;
+            }
+            exact && {
+                let g = f.rest.set(V, c).to_upoly(U).unwrap_or_default();
+                g.degree() == 0
+                    || real_roots(&g).iter().all(|r| {
+                        let (from, to) = (r.cmp(u), r.cmp_rational(at));
+                        // On the same side of both, the wall itself excluded by the choice of c.
+                        from == to && to.is_ne()
+                    })
+            }
+        })
+    }
+}
