@@ -16,6 +16,8 @@ use crate::upoly::UPoly;
 use dashu_ratio::RBig;
 use isoform_num::Interval;
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 /// The variable that varies from wall to wall, and the one along a wall.
 const U: usize = 0;
@@ -137,7 +139,7 @@ impl Arrangement {
             prepared.push(Curve::new(rest, stop)?);
         }
         let critical = critical_values(&prepared, stop)?;
-        let mut work = Work { curves: prepared, pairs: std::collections::BTreeMap::new() };
+        let mut work = Work { curves: prepared, pairs: BTreeMap::new() };
         let mut walls = Vec::new();
         let mut separators = Vec::new();
         let last = critical.len() - 1;
@@ -274,7 +276,7 @@ fn critical_values(curves: &[Curve], stop: &dyn Fn() -> bool) -> Result<Vec<Real
 struct Work {
     curves: Vec<Curve>,
     /// Subresultants of pairs of curves, as far as they were asked for.
-    pairs: std::collections::BTreeMap<(usize, usize), Option<Subresultants>>,
+    pairs: BTreeMap<(usize, usize), Subresultants>,
 }
 
 /// Rational numbers below, between and above the points of a wall, one more than these.
@@ -415,10 +417,10 @@ impl Work {
         let (f, g) = if m >= n { (f, g) } else { (g, f) };
         let made;
         let chain = if whole_f && whole_g {
-            if !self.pairs.contains_key(&(j, k)) {
-                self.pairs.insert((j, k), Some(Subresultants::new(&f, &g, V, stop)?));
+            match self.pairs.entry((j, k)) {
+                Entry::Vacant(place) => place.insert(Subresultants::new(&f, &g, V, stop)?),
+                Entry::Occupied(known) => known.into_mut(),
             }
-            self.pairs[&(j, k)].as_ref().expect("just made")
         } else {
             made = Subresultants::new(&f, &g, V, stop)?;
             &made
@@ -453,7 +455,7 @@ impl Work {
         let mut bits = 32;
         loop {
             found.iter_mut().for_each(|f| f.0.refine(bits));
-            found.sort_by(|a, b| a.0.interval().cmp(&b.0.interval()));
+            found.sort_by_key(|f| f.0.interval());
             if found.windows(2).all(|w| w[0].0.interval().1 < w[1].0.interval().0) {
                 break;
             }

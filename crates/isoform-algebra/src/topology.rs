@@ -124,7 +124,7 @@ impl Graph {
             let points: Vec<_> = points.into_iter().filter(|&(k, p)| on(k, p) || ends.contains(&(k, p))).collect();
             points.windows(2).for_each(|w| edge(graph, w[0], w[1]));
         };
-        if sides[0] && quadrant % 2 == 0 {
+        if sides[0] && quadrant.is_multiple_of(2) {
             along(self, (0..walls[0].points.len()).map(|p| (0, p)).collect());
         }
         if sides[1] && quadrant < 2 {
