@@ -1,8 +1,22 @@
 //! Rational parametric surfaces (s, t) ↦ (X/W, Y/W, Z/W), analysed exactly for certified triangulation.
 //!
 //! - [`Map`]: four polynomials with rational coefficients, checked, as forms of one degree in (s : t : w).
+//! - [`Region`]: the parameters that a map sends into a box.
+//! - [`base_points`]: where the four vanish together, with the seam curves of every level of blowing up.
+//! - [`NumberField`], [`Element`], [`Algebraic`]: the exact numbers in which all of this is said.
 #![forbid(unsafe_code)]
 
+mod base;
+mod dense;
+mod field;
 mod map;
+mod region;
+mod univariate;
+mod zeros;
 
+pub use base::{BasePoint, BinaryForm, Near, Seam, base_multiplicity, base_points};
+pub use field::{Algebraic, Element, NumberField};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
+pub use region::{Region, RegionTopology, Triangle};
+pub use univariate::Stopped;
+pub use zeros::Chart;

@@ -1,0 +1,313 @@
+//! Base points: where X, Y, Z and W vanish together, with the curves to which they are blown up.
+//!
+//! At a base point of multiplicity q, the least order of the four forms, let (X_q : Y_q : Z_q : W_q)(a : b) be their terms of degree q in
+//! local coordinates. Approached in the direction (a : b) the map tends to this point: the seam curve (C. L. Bajaj, A. Royappa,
+//! *Triangulation and display of rational parametric surfaces*, 1994, Theorem 1, there with the slope m = b/a). In a direction where
+//! all four vanish there is no limit: the base point is blown up by (u, v) = (u′, u′v′), or (u′v′, v′) in the direction (0 : 1), the forms are
+//! divided by the exceptional line's q-th power, and there is a base point on that line, infinitely near to the first one, with
+//! a seam curve of its own. The squares of the multiplicities of all of them, complex ones included, add up to n² − (degree of
+//! the map)·(degree of the surface), so this ends.
+
+use crate::field::{Algebraic, Element, NumberField};
+use crate::map::Map;
+use crate::univariate::{self, Coefficients, Stopped, check};
+use crate::zeros::{Chart, Zero, common_zeros};
+use isoform_algebra::{Poly, RBig};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A form in a direction (a : b), the coefficients of aᵈ, aᵈ⁻¹b, …, bᵈ.
+#[derive(Clone, Debug)]
+pub struct BinaryForm {
+    /// d + 1 coefficients, all of them in one field at one root.
+    pub coefficients: Vec<Algebraic>,
+}
+
+impl BinaryForm {
+    /// The degree d.
+    pub fn degree(&self) -> usize {
+        self.coefficients.len() - 1
+    }
+    /// Whether all coefficients are zero, exact.
+    pub fn is_zero(&self) -> bool {
+        self.coefficients.iter().all(Algebraic::is_zero)
+    }
+    /// The value at a rational direction, exact.
+    pub fn eval(&self, a: &RBig, b: &RBig) -> Algebraic {
+        let first = &self.coefficients[0];
+        let (mut value, mut power) = (Element::zero(), RBig::ONE);
+        for c in &self.coefficients {
+            value = value.scaled(a).add(&c.element().scaled(&power));
+            power *= b;
+        }
+        Algebraic::new(first.field(), first.root(), value)
+    }
+    /// The coefficients rounded to nearest.
+    pub fn to_f64(&self) -> Vec<f64> {
+        self.coefficients.iter().map(Algebraic::to_f64).collect()
+    }
+}
+
+/// A base point's exceptional line: one blow-up.
+#[derive(Clone, Debug)]
+pub struct Seam {
+    /// The multiplicity q: the least order of the four forms.
+    pub multiplicity: usize,
+    /// The terms of degree q of X, Y, Z and W in local coordinates (u, v), at (a : b).
+    pub leading: [BinaryForm; 4],
+    /// The greatest common divisor of the leading forms; of degree 0 if they have no common zero, real or complex.
+    pub common: BinaryForm,
+    /// The seam curve: the leading forms divided by `common`. Of degree 0 if it is one point only. (a : b) and (−a : −b) give
+    /// the same point.
+    pub curve: [BinaryForm; 4],
+    /// The real directions in which all leading forms vanish, each with the base point that is infinitely near in it.
+    pub near: Vec<Near>,
+}
+
+/// A base point that is infinitely near to another one.
+#[derive(Clone, Debug)]
+pub struct Near {
+    /// The direction (a : b): (1 : v) with the local coordinates (u, v) = (u′, u′(v + v′)), or (0 : 1) with (u′v′, v′).
+    pub direction: [Algebraic; 2],
+    /// What the forms, divided by u′^q or v′^q, do there in the local coordinates (u′, v′).
+    pub seam: Seam,
+}
+
+impl Seam {
+    /// How many blow-ups are needed one after the other beyond the first: 0 if no real direction is common.
+    pub fn blowups(&self) -> usize {
+        self.near.iter().map(|near| 1 + near.seam.blowups()).max().unwrap_or(0)
+    }
+}
+
+/// A real base point of a map.
+#[derive(Clone, Debug)]
+pub struct BasePoint {
+    /// The chart whose coordinates, less those of the point, are the local coordinates (u, v).
+    pub chart: Chart,
+    /// Homogeneous coordinates (s : t : w); the chart's one is 1.
+    pub point: [Algebraic; 3],
+    /// The first blow-up.
+    pub seam: Seam,
+}
+
+impl BasePoint {
+    /// The multiplicity q: the least order of the four forms.
+    pub fn multiplicity(&self) -> usize {
+        self.seam.multiplicity
+    }
+    /// The coordinates (s, t, w), rounded to nearest.
+    pub fn to_f64(&self) -> [f64; 3] {
+        self.point.each_ref().map(Algebraic::to_f64)
+    }
+}
+
+/// The real base points, each once, by chart and then by field and root; in the chart w = 1, t = 1 on w = 0, or s = 1 on t = w = 0.
+///
+/// # Errors
+/// [`Stopped`].
+pub fn base_points(map: &Map, stop: &dyn Fn() -> bool) -> Result<Vec<BasePoint>, Stopped> {
+    let mut points = Vec::new();
+    for zero in common_zeros(map.forms(), true, stop)? {
+        let class = class_at(map, &zero, true, stop)?;
+        for (root, point) in zero.real().into_iter().enumerate() {
+            points.push(BasePoint { chart: zero.chart, point, seam: class.at(root) });
+        }
+    }
+    Ok(points)
+}
+
+/// The sum of the squares of the multiplicities of all base points, complex and infinitely near ones included: the degree of the map times the
+/// degree of the surface is n² less this number. Proven, and independent of the counting modulo primes of `map_degrees`.
+///
+/// # Errors
+/// [`Stopped`].
+pub fn base_multiplicity(map: &Map, stop: &dyn Fn() -> bool) -> Result<usize, Stopped> {
+    let mut sum = 0;
+    for zero in common_zeros(map.forms(), false, stop)? {
+        sum += class_at(map, &zero, false, stop)?.sum_of_squares();
+    }
+    Ok(sum)
+}
+
+/// Terms u^i v^j of a polynomial over a number field.
+type Local = BTreeMap<[usize; 2], Element>;
+
+/// A blow-up for a whole class of conjugate points.
+struct Class {
+    field: Arc<NumberField>,
+    multiplicity: usize,
+    leading: [Coefficients; 4],
+    common: Coefficients,
+    curve: [Coefficients; 4],
+    near: Vec<NearClass>,
+}
+
+struct NearClass {
+    /// The generator of the field of the point that this is infinitely near to.
+    theta: Element,
+    direction: [Element; 2],
+    class: Class,
+}
+
+fn class_at(map: &Map, zero: &Zero, real: bool, stop: &dyn Fn() -> bool) -> Result<Class, Stopped> {
+    let local: Vec<Local> = map.forms().iter().map(|f| expand(f, zero)).collect();
+    blow_up(&zero.field, &local.try_into().expect("four forms"), real, stop)
+}
+
+/// A form in the local coordinates of a point, by Horner's rule in each of them.
+fn expand(form: &Poly, zero: &Zero) -> Local {
+    let ([u, v], one) = zero.chart.variables();
+    let k = &zero.field;
+    let mut result: Vec<Vec<Element>> = Vec::new();
+    for row in form.dehomogenise(one).coefficients_in(u).iter().rev() {
+        let mut inner: Vec<Element> = Vec::new();
+        for c in row.coefficients_in(v).iter().rev() {
+            inner = times_linear(k, &inner, &zero.at[1]);
+            add_to(&mut inner, 0, &Element::rational(&c.as_constant().expect("two variables")));
+        }
+        // result·(u + a) + inner
+        let mut next: Vec<Vec<Element>> = vec![Vec::new(); result.len() + 1];
+        for (i, column) in result.iter().enumerate() {
+            for (j, c) in column.iter().enumerate() {
+                add_to(&mut next[i + 1], j, c);
+                add_to(&mut next[i], j, &k.mul(c, &zero.at[0]));
+            }
+        }
+        for (j, c) in inner.iter().enumerate() {
+            add_to(&mut next[0], j, c);
+        }
+        result = next;
+    }
+    let cells = result.into_iter().enumerate().flat_map(|(i, column)| column.into_iter().enumerate().map(move |(j, c)| ([i, j], c)));
+    cells.filter(|(_, c)| !c.is_zero()).collect()
+}
+
+/// p·(x + a).
+fn times_linear(k: &NumberField, p: &[Element], a: &Element) -> Vec<Element> {
+    let mut result = vec![Element::zero(); if p.is_empty() { 0 } else { p.len() + 1 }];
+    for (j, c) in p.iter().enumerate() {
+        result[j + 1] = result[j + 1].add(c);
+        result[j] = result[j].add(&k.mul(c, a));
+    }
+    result
+}
+
+fn add_to(p: &mut Vec<Element>, at: usize, c: &Element) {
+    if p.len() <= at {
+        p.resize(at + 1, Element::zero());
+    }
+    p[at] = p[at].add(c);
+}
+
+fn blow_up(k: &Arc<NumberField>, local: &[Local; 4], real: bool, stop: &dyn Fn() -> bool) -> Result<Class, Stopped> {
+    check(stop)?;
+    let order = |f: &Local| f.keys().map(|[i, j]| i + j).min();
+    let q = local.iter().filter_map(order).min().expect("forms that are not all zero");
+    assert!(q > 0, "a base point");
+    // Coefficients of a^q, a^(q−1)b, …: of the powers of b/a, lowest first.
+    let leading = local.each_ref().map(|f| (0..=q).map(|j| f.get(&[q - j, j]).cloned().unwrap_or_default()).collect::<Coefficients>());
+    // The power of a that divides all of them is seen at the upper end, where trimming loses it.
+    let vertical = (0..=q).take_while(|&i| leading.iter().all(|f| f[q - i].is_zero())).count();
+    let mut common: Coefficients = Vec::new();
+    for f in &leading {
+        let mut f = f.clone();
+        univariate::trim(&mut f);
+        common = univariate::gcd(k, &common, &f, stop)?;
+    }
+    let curve = leading.each_ref().map(|f| {
+        let (mut quotient, rest) = univariate::divide(k, f, &common);
+        assert!(rest.is_empty(), "a common divisor divides");
+        quotient.resize(q + 2 - common.len() - vertical, Element::zero());
+        quotient
+    });
+    let mut near = Vec::new();
+    let distinct = univariate::squarefree_part(k, &common, stop)?;
+    for extension in univariate::roots(k, &distinct, real, stop)? {
+        let target = &extension.field;
+        let moved = local.each_ref().map(|f| {
+            let same = Arc::ptr_eq(target, k);
+            let inside = |c: &Element| if same { c.clone() } else { k.embed(c, target, &extension.theta) };
+            along_direction(target, f, &extension.root, q, inside)
+        });
+        let class = blow_up(target, &moved, real, stop)?;
+        near.push(NearClass { theta: extension.theta, direction: [Element::rational(&RBig::ONE), extension.root], class });
+    }
+    if vertical > 0 {
+        // u^i v^j becomes u′^i v′^(i+j−q).
+        let moved = local.each_ref().map(|f| f.iter().map(|([i, j], c)| ([*i, i + j - q], c.clone())).collect());
+        let direction = [Element::zero(), Element::rational(&RBig::ONE)];
+        near.push(NearClass { theta: k.generator(), direction, class: blow_up(k, &moved, real, stop)? });
+    }
+    common.resize(common.len() + vertical, Element::zero());
+    Ok(Class { field: Arc::clone(k), multiplicity: q, leading, common, curve, near })
+}
+
+/// u^i v^j becomes u′^(i+j−q)(v₀ + v′)^j.
+fn along_direction(k: &NumberField, f: &Local, v0: &Element, q: usize, inside: impl Fn(&Element) -> Element) -> Local {
+    let mut rows: BTreeMap<usize, BTreeMap<usize, Element>> = BTreeMap::new();
+    for ([i, j], c) in f {
+        rows.entry(i + j - q).or_default().insert(*j, inside(c));
+    }
+    let mut result = Local::new();
+    for (i, row) in rows {
+        let top = *row.keys().next_back().expect("a row with terms");
+        let mut shifted: Vec<Element> = Vec::new();
+        for j in (0..=top).rev() {
+            shifted = times_linear(k, &shifted, v0);
+            if let Some(c) = row.get(&j) {
+                add_to(&mut shifted, 0, c);
+            }
+        }
+        result.extend(shifted.into_iter().enumerate().filter(|(_, c)| !c.is_zero()).map(|(j, c)| ([i, j], c)));
+    }
+    result
+}
+
+impl Class {
+    fn sum_of_squares(&self) -> usize {
+        self.field.degree() * self.multiplicity.pow(2) + self.near.iter().map(|n| n.class.sum_of_squares()).sum::<usize>()
+    }
+
+    /// The blow-up of the real point of that index.
+    fn at(&self, root: usize) -> Seam {
+        let number = |e: &Element| Algebraic::new(&self.field, root, e.clone());
+        let form = |f: &Coefficients| BinaryForm { coefficients: f.iter().map(number).collect() };
+        let mut near = Vec::new();
+        for below in &self.near {
+            for above in 0..below.class.field.real_roots().len() {
+                if below.lies_over(&self.field, above) == root {
+                    let direction = below.direction.each_ref().map(|e| Algebraic::new(&below.class.field, above, e.clone()));
+                    near.push(Near { direction, seam: below.class.at(above) });
+                }
+            }
+        }
+        Seam {
+            multiplicity: self.multiplicity,
+            leading: self.leading.each_ref().map(form),
+            common: form(&self.common),
+            curve: self.curve.each_ref().map(form),
+            near,
+        }
+    }
+}
+
+impl NearClass {
+    /// The root of the field below at which a root of the field above lies.
+    fn lies_over(&self, below: &Arc<NumberField>, above: usize) -> usize {
+        if Arc::ptr_eq(below, &self.class.field) {
+            return above;
+        }
+        let theta = Algebraic::new(&self.class.field, above, self.theta.clone());
+        for bits in (32..).step_by(32) {
+            let (lo, hi) = theta.interval(bits);
+            // θ is one of the roots: the only one that is not apart from the interval.
+            let apart = |r: &isoform_algebra::RealRoot| r.cmp_rational(&lo).is_lt() || r.cmp_rational(&hi).is_gt();
+            let mut candidates = below.real_roots().iter().enumerate().filter(|(_, r)| !apart(r));
+            if let (Some((root, _)), None) = (candidates.next(), candidates.next()) {
+                return root;
+            }
+        }
+        unreachable!("the interval shrinks until one root is left")
+    }
+}

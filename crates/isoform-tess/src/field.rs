@@ -1,0 +1,325 @@
+//! Number fields Q(θ) = Q\[x\]/(p) with exact tests for zero, and the real numbers in them.
+//!
+//! A field stands for all conjugates of θ at once: what is decided in it (orders, common divisors) holds at each of them. A real root
+//! of p chooses one; an [`Algebraic`] is an element at a root. The modulus is monic with integer coefficients, so that reducing needs
+//! no division.
+
+use crate::dense;
+use dashu_base::{Gcd, Signed, UnsignedAbs};
+use isoform_algebra::{IBig, Poly, RBig, RealRoot, UBig, UPoly, real_roots};
+use std::cmp::Ordering;
+use std::fmt;
+use std::sync::Arc;
+
+/// Q(θ) for a root θ of a monic irreducible polynomial with integer coefficients.
+#[derive(Debug)]
+pub struct NumberField {
+    modulus: UPoly,
+    roots: Vec<RealRoot>,
+}
+
+/// An element of a [`NumberField`]: a polynomial in θ of lower degree than the modulus.
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
+pub struct Element {
+    /// Coefficients of powers of θ, lowest first, the last one not zero.
+    numerator: Vec<IBig>,
+    /// Without common factor with all of them; zero has the denominator 0 here and nowhere else (see `Default`).
+    denominator: UBig,
+}
+
+impl Element {
+    /// The sum of coefficients times powers of θ over a denominator; as many as the degree of the field at most.
+    fn normalised(mut numerator: Vec<IBig>, mut denominator: UBig) -> Self {
+        while numerator.last().is_some_and(IBig::is_zero) {
+            numerator.pop();
+        }
+        if numerator.is_empty() {
+            return Self::default();
+        }
+        if !denominator.is_one() {
+            let common = numerator.iter().fold(denominator.clone(), |g, c| if g.is_one() { g } else { g.gcd(c.clone().unsigned_abs()) });
+            if !common.is_one() {
+                for c in &mut numerator {
+                    *c /= &common;
+                }
+                denominator /= common;
+            }
+        }
+        Self { numerator, denominator }
+    }
+    /// 0.
+    pub fn zero() -> Self {
+        Self::default()
+    }
+    /// A rational number.
+    pub fn rational(r: &RBig) -> Self {
+        Self::normalised(vec![r.numerator().clone()], r.denominator().clone())
+    }
+    /// Whether this is 0.
+    pub fn is_zero(&self) -> bool {
+        self.numerator.is_empty()
+    }
+    /// The rational number that this is, if it is one: exact, since 1, θ, θ², … are independent over Q.
+    pub fn as_rational(&self) -> Option<RBig> {
+        match &self.numerator[..] {
+            [] => Some(RBig::ZERO),
+            [c] => Some(RBig::from_parts(c.clone(), self.denominator.clone())),
+            _ => None,
+        }
+    }
+    /// The coefficient of a power of θ.
+    pub fn coefficient(&self, power: usize) -> RBig {
+        self.numerator.get(power).map_or(RBig::ZERO, |c| RBig::from_parts(c.clone(), self.denominator.clone()))
+    }
+    /// The sum.
+    pub fn add(&self, other: &Self) -> Self {
+        if self.is_zero() || other.is_zero() {
+            return if self.is_zero() { other.clone() } else { self.clone() };
+        }
+        let common = (&self.denominator).gcd(&other.denominator);
+        let (left, right) = (IBig::from(&other.denominator / &common), IBig::from(&self.denominator / &common));
+        let zero = IBig::ZERO;
+        let sum = (0..self.numerator.len().max(other.numerator.len()))
+            .map(|i| self.numerator.get(i).unwrap_or(&zero) * &left + other.numerator.get(i).unwrap_or(&zero) * &right)
+            .collect();
+        Self::normalised(sum, &self.denominator * UBig::try_from(left).expect("a positive factor"))
+    }
+    /// This times −1.
+    pub fn negated(&self) -> Self {
+        Self { numerator: self.numerator.iter().map(|c| -c).collect(), denominator: self.denominator.clone() }
+    }
+    /// The difference.
+    pub fn sub(&self, other: &Self) -> Self {
+        self.add(&other.negated())
+    }
+    /// This times a rational number.
+    pub fn scaled(&self, r: &RBig) -> Self {
+        if self.is_zero() || *r == RBig::ZERO {
+            return Self::zero();
+        }
+        let numerator = self.numerator.iter().map(|c| c * r.numerator()).collect();
+        Self::normalised(numerator, &self.denominator * r.denominator())
+    }
+    /// Integer coefficients of powers of θ, lowest first, and their denominator.
+    pub(crate) fn parts(&self) -> (&[IBig], UBig) {
+        (&self.numerator, if self.is_zero() { UBig::ONE } else { self.denominator.clone() })
+    }
+}
+
+impl NumberField {
+    /// Q itself.
+    pub fn rationals() -> Arc<Self> {
+        Self::new(&UPoly::from_i64(&[0, 1])).0
+    }
+    /// The field of a root x of an irreducible polynomial, and x in it: θ is x times the leading coefficient.
+    ///
+    /// # Panics
+    /// If the polynomial is constant. That it is irreducible is not checked.
+    pub fn new(p: &UPoly) -> (Arc<Self>, Element) {
+        let p = p.primitive();
+        let (d, lead) = (p.degree(), p.leading());
+        assert!(d > 0, "a polynomial that is not constant");
+        // lead^(d−1)·p(x/lead)
+        let scaled = p.coefficients().iter().enumerate().map(|(i, c)| if i == d { IBig::ONE } else { c * lead.pow(d - 1 - i) });
+        let modulus = UPoly::new(scaled.collect());
+        let field = Self { roots: real_roots(&modulus), modulus };
+        let x = field.reduce(vec![IBig::ZERO, IBig::ONE], UBig::ONE).scaled(&RBig::from_parts_signed(IBig::ONE, lead));
+        (Arc::new(field), x)
+    }
+    /// The degree over Q.
+    pub fn degree(&self) -> usize {
+        self.modulus.degree()
+    }
+    /// The monic irreducible polynomial of θ.
+    pub fn modulus(&self) -> &UPoly {
+        &self.modulus
+    }
+    /// Its real roots in ascending order.
+    pub fn real_roots(&self) -> &[RealRoot] {
+        &self.roots
+    }
+    /// θ.
+    pub fn generator(&self) -> Element {
+        self.reduce(vec![IBig::ZERO, IBig::ONE], UBig::ONE)
+    }
+
+    fn reduce(&self, mut c: Vec<IBig>, denominator: UBig) -> Element {
+        let d = self.degree();
+        while c.len() > d {
+            let top = c.pop().expect("a coefficient above the degree");
+            let offset = c.len() - d;
+            if !top.is_zero() {
+                for (i, m) in self.modulus.coefficients()[..d].iter().enumerate() {
+                    c[offset + i] -= m * &top;
+                }
+            }
+        }
+        Element::normalised(c, denominator)
+    }
+    /// The product.
+    pub fn mul(&self, a: &Element, b: &Element) -> Element {
+        if a.is_zero() || b.is_zero() {
+            return Element::zero();
+        }
+        let mut c = vec![IBig::ZERO; a.numerator.len() + b.numerator.len() - 1];
+        for (i, x) in a.numerator.iter().enumerate() {
+            for (j, y) in b.numerator.iter().enumerate() {
+                c[i + j] += x * y;
+            }
+        }
+        self.reduce(c, &a.denominator * &b.denominator)
+    }
+    /// The value of a polynomial over Q in one variable.
+    pub fn eval(&self, p: &Poly, var: usize, at: &Element) -> Element {
+        let mut value = Element::zero();
+        for c in p.coefficients_in(var).iter().rev() {
+            value = self.mul(&value, at).add(&Element::rational(&c.as_constant().expect("one variable")));
+        }
+        value
+    }
+    /// An element of this field in another one that holds an image of θ.
+    pub fn embed(&self, a: &Element, target: &Self, theta: &Element) -> Element {
+        let mut value = Element::zero();
+        for i in (0..a.numerator.len()).rev() {
+            value = target.mul(&value, theta).add(&Element::rational(&a.coefficient(i)));
+        }
+        value
+    }
+    /// 1/a.
+    ///
+    /// # Panics
+    /// If a is 0.
+    pub fn inverse(&self, a: &Element) -> Element {
+        assert!(!a.is_zero(), "division by zero");
+        if let Some(r) = a.as_rational() {
+            return Element::rational(&(RBig::ONE / r));
+        }
+        // Σ yⱼ θʲ·a = 1 as a linear system over Z for the numerator of a.
+        let d = self.degree();
+        let mut columns = Vec::with_capacity(d);
+        let mut column = Element { numerator: a.numerator.clone(), denominator: UBig::ONE };
+        let theta = self.generator();
+        for _ in 0..d {
+            columns.push((0..d).map(|i| column.numerator.get(i).cloned().unwrap_or(IBig::ZERO)).collect::<Vec<_>>());
+            // Products of integral elements are integral: the denominator stays 1.
+            column = self.mul(&column, &theta);
+        }
+        let rows = (0..d).map(|i| columns.iter().map(|c| c[i].clone()).collect()).collect();
+        let unit = (0..d).map(|i| if i == 0 { IBig::from(a.denominator.clone()) } else { IBig::ZERO }).collect();
+        let (y, determinant) = dense::solve(rows, unit).expect("an element that is not zero is invertible");
+        let y = if determinant.is_negative() { y.into_iter().map(|c| -c).collect() } else { y };
+        Element::normalised(y, determinant.unsigned_abs())
+    }
+    /// a/b.
+    ///
+    /// # Panics
+    /// If b is 0.
+    pub fn div(&self, a: &Element, b: &Element) -> Element {
+        self.mul(a, &self.inverse(b))
+    }
+}
+
+/// A real algebraic number: an element of a number field at a real root of the field's modulus.
+#[derive(Clone)]
+pub struct Algebraic {
+    field: Arc<NumberField>,
+    root: usize,
+    element: Element,
+}
+
+impl Algebraic {
+    /// The element at the real root of that index.
+    ///
+    /// # Panics
+    /// If the field has no such root.
+    pub fn new(field: &Arc<NumberField>, root: usize, element: Element) -> Self {
+        assert!(root < field.roots.len(), "a real root of the modulus");
+        Self { field: Arc::clone(field), root, element }
+    }
+    /// A rational number.
+    pub fn rational(r: &RBig) -> Self {
+        Self::new(&NumberField::rationals(), 0, Element::rational(r))
+    }
+    /// The field.
+    pub fn field(&self) -> &Arc<NumberField> {
+        &self.field
+    }
+    /// The index of the real root of the field's modulus.
+    pub fn root(&self) -> usize {
+        self.root
+    }
+    /// The element of the field.
+    pub fn element(&self) -> &Element {
+        &self.element
+    }
+    /// The rational number that this is, if it is one.
+    pub fn as_rational(&self) -> Option<RBig> {
+        self.element.as_rational()
+    }
+    /// Whether this is 0, exact.
+    pub fn is_zero(&self) -> bool {
+        self.element.is_zero()
+    }
+    /// The sign, exact.
+    pub fn sign(&self) -> Ordering {
+        match self.element.numerator.len() {
+            0 => Ordering::Equal,
+            _ => self.field.roots[self.root].sign_of(&UPoly::new(self.element.numerator.clone())),
+        }
+    }
+
+    /// Rational bounds of a distance of at most 2^−bits; equal for rational numbers.
+    pub fn interval(&self, bits: usize) -> (RBig, RBig) {
+        if let Some(r) = self.as_rational() {
+            return (r.clone(), r);
+        }
+        let value = UPoly::new(self.element.numerator.clone());
+        let absolute = UPoly::new(value.derivative().coefficients().iter().map(|c| IBig::from(c.unsigned_abs())).collect());
+        let denominator = RBig::from(IBig::from(self.element.denominator.clone()));
+        let allowed = RBig::from_parts(IBig::ONE, UBig::ONE << bits);
+        let mut root = self.field.roots[self.root].clone();
+        for precision in (bits + 8..).step_by(bits.max(32)) {
+            root.refine(precision);
+            let (lo, hi) = root.interval();
+            // |g(x) − g(m)| ≤ (hi − lo)/2·Σ i|gᵢ| R^(i−1) around the middle m, R the larger absolute end.
+            let middle = (&lo + &hi) / RBig::from(2);
+            let far = lo.clone().max(-&lo).max(hi.clone()).max(-&hi);
+            let reach = absolute.eval(&far) * (hi - lo) / (RBig::from(2) * &denominator);
+            if &reach + &reach <= allowed {
+                let centre = value.eval(&middle) / &denominator;
+                return (&centre - &reach, centre + reach);
+            }
+        }
+        unreachable!("the root's interval shrinks")
+    }
+    /// The nearest `f64`, ties to even.
+    pub fn to_f64(&self) -> f64 {
+        if let Some(r) = self.as_rational() {
+            return r.to_f64().value();
+        }
+        for bits in (64..).step_by(64) {
+            // An irrational number is no tie.
+            let (lo, hi) = self.interval(bits);
+            let (lo, hi) = (lo.to_f64().value(), hi.to_f64().value());
+            if lo == hi {
+                return lo;
+            }
+        }
+        unreachable!("the interval shrinks until both ends round to the same number")
+    }
+}
+
+impl fmt::Debug for Algebraic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.as_rational() {
+            Some(r) => write!(f, "{r}"),
+            None => write!(f, "{}", self.to_f64()),
+        }
+    }
+}
+
+impl fmt::Display for Algebraic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(self, f)
+    }
+}

@@ -1,0 +1,334 @@
+//! The part of the parameter plane that a map sends into a box, exactly.
+//!
+//! |X|, |Y|, |Z| ≤ B|W| is bounded by the six curves X ± B W, Y ± B W, Z ± B W. In each of the four unit triangles their
+//! arrangement has finitely many cells, on each of which the map stays inside the box or outside of it. A cell that is inside does not meet
+//! the pole curve: where W vanishes inside, all four forms do, and that is a base point.
+
+use crate::map::Map;
+use isoform_algebra::{Arrangement, ArrangementError, Poly, QUADRANTS, RBig, coprime_base, in_triangle};
+use std::collections::BTreeMap;
+
+/// The region in one of the unit triangles.
+pub struct Triangle {
+    /// The cells. Curve k of the arrangement is factor k of the region.
+    pub arrangement: Arrangement,
+    /// Of each slab the cells from bottom to top: whether the map sends them into the box.
+    pub inside: Vec<Vec<bool>>,
+}
+
+/// The region in the projective plane.
+pub struct Region {
+    /// Half the width of the box.
+    pub half_width: RBig,
+    /// Irreducible or not, squarefree and pairwise coprime forms whose zeros bound the region.
+    pub factors: Vec<Poly>,
+    /// The faces of the box that each factor belongs to: −X, +X, −Y, +Y, −Z, +Z are 0 to 5.
+    pub faces: Vec<Vec<usize>>,
+    /// By quadrants, as in [`QUADRANTS`].
+    pub triangles: Vec<Triangle>,
+}
+
+/// The topology of a region: of the surface in the box as far as no two parameters have the same image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RegionTopology {
+    /// Euler characteristic.
+    pub euler: i64,
+    /// Connected components.
+    pub components: usize,
+    /// Connected components of the boundary.
+    pub loops: usize,
+}
+
+impl Region {
+    /// The parameters that a map sends into the box \[−B, B\]³, with B = `half_width` > 0.
+    ///
+    /// # Errors
+    /// [`ArrangementError`], if stopped.
+    pub fn new(map: &Map, half_width: &RBig, stop: &dyn Fn() -> bool) -> Result<Self, ArrangementError> {
+        let [forms @ .., w] = map.forms();
+        let bounds: Vec<Poly> = forms.iter().flat_map(|x| [x + &w.scale(half_width), x - &w.scale(half_width)]).collect();
+        let (factors, divisors) = coprime_base(&bounds);
+        let faces = (0..factors.len()).map(|f| (0..6).filter(|&b| divisors[b].contains(&f)).collect()).collect();
+        let mut triangles = Vec::with_capacity(4);
+        for quadrant in 0..4 {
+            let local = |p: &Poly| in_triangle(p, quadrant);
+            let arrangement = Arrangement::new(&factors.iter().map(local).collect::<Vec<_>>(), stop)?;
+            let bounds: Vec<Poly> = bounds.iter().map(local).collect();
+            let inside = arrangement
+                .slabs
+                .iter()
+                .map(|slab| {
+                    let bounds: Vec<Poly> = bounds.iter().map(|b| b.set(0, &slab.u)).collect();
+                    let between = |v: &RBig| {
+                        bounds.chunks(2).all(|pair| {
+                            let [low, high] = [0, 1].map(|k| pair[k].set(1, v).as_constant().unwrap_or_default());
+                            low.sign() != high.sign() || low.is_zero() || high.is_zero()
+                        })
+                    };
+                    slab.between.iter().map(between).collect()
+                })
+                .collect();
+            triangles.push(Triangle { arrangement, inside });
+        }
+        Ok(Self { half_width: half_width.clone(), factors, faces, triangles })
+    }
+
+    /// Euler characteristic, components and boundary loops. The region is taken as the closure of its cells.
+    pub fn topology(&self) -> RegionTopology {
+        let mut count = Count::default();
+        for (quadrant, triangle) in self.triangles.iter().enumerate() {
+            count.add(triangle, quadrant);
+        }
+        count.finish()
+    }
+}
+
+impl Triangle {
+    /// Whether a point of a wall belongs to the closure of a cell inside.
+    fn holds_point(&self, wall: usize, point: usize) -> bool {
+        self.cells_at(wall, point, point).next().is_some()
+    }
+    /// Whether the wall between a point and the next does.
+    fn holds_segment(&self, wall: usize, point: usize) -> bool {
+        self.cells_at(wall, point, point + 1).next().is_some()
+    }
+    /// The cells inside, as slab and place, that a stretch of a wall belongs to.
+    fn cells_at(&self, wall: usize, from: usize, to: usize) -> impl Iterator<Item = (usize, usize)> {
+        let slabs = &self.arrangement.slabs;
+        [(wall.wrapping_sub(1), false), (wall, true)].into_iter().filter(|s| s.0 < slabs.len()).flat_map(move |(s, is_right)| {
+            let end = move |i: usize| if is_right { slabs[s].arcs[i].left } else { slabs[s].arcs[i].right };
+            (0..self.inside[s].len()).filter(move |&i| self.inside[s][i] && end(i) <= from && to <= end(i + 1)).map(move |i| (s, i))
+        })
+    }
+    /// Whether anything but the side itself goes through a point of the wall.
+    fn is_real(&self, wall: usize, point: usize) -> bool {
+        let n = self.arrangement.lower();
+        let w = &self.arrangement.walls[wall];
+        w.points[point].curves.iter().any(|&c| c < n) || !w.vertical.is_empty()
+    }
+}
+
+/// Where cells of different triangles meet: the sides s = 0, t = 0, w = 0 by the sign of t, s, s t, and the corners.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Place {
+    /// Slab and place of a cell in a triangle.
+    Cell(usize, usize, usize),
+    /// Point of a wall inside a triangle.
+    Inner(usize, usize, usize),
+    /// A point of a side that a bounding curve goes through, by order; an interval of it after that many points.
+    Point(usize, i64, usize),
+    Interval(usize, i64, usize),
+    /// (0:0:1), (1:0:0), (0:1:0).
+    Corner(usize),
+}
+
+/// Sums over the pieces of the region: open cells of the triangles one by one, what lies on sides once for both triangles.
+#[derive(Default)]
+struct Count {
+    euler: i64,
+    on_sides: BTreeMap<Place, bool>,
+    /// Which pieces touch.
+    touching: Vec<(Place, Place)>,
+    /// Pieces of the boundary and their ends.
+    bounding: Vec<(Place, Place)>,
+    /// How many triangles with the region next to it an interval of a side that is itself a bounding curve has.
+    cells: Vec<Place>,
+    side_cells: BTreeMap<Place, usize>,
+    side_ends: BTreeMap<Place, (Place, Place)>,
+}
+
+impl Count {
+    fn add(&mut self, t: &Triangle, q: usize) {
+        let walls = &t.arrangement.walls;
+        let last = walls.len() - 1;
+        let n = t.arrangement.lower();
+        // Names of all points of walls. Points on sides that only this triangle's decomposition knows belong to the interval around.
+        let [s, r] = QUADRANTS[q];
+        let mut names: BTreeMap<(usize, usize), Place> = BTreeMap::new();
+        let mut seen = [0usize; 3];
+        for k in 0..=last {
+            let top = walls[k].points.len() - 1;
+            for p in 0..=top {
+                let on_side = match (k, p) {
+                    (k, _) if k == last => Err(1),
+                    (0, 0) => Err(0),
+                    (0, p) if p == top => Err(2),
+                    (0, _) => Ok((0, r)),
+                    (_, 0) => Ok((1, s)),
+                    (_, p) if p == top => Ok((2, s * r)),
+                    _ => {
+                        names.insert((k, p), Place::Inner(q, k, p));
+                        continue;
+                    }
+                };
+                let name = match on_side {
+                    Err(corner) => Place::Corner(corner),
+                    Ok((side, sign)) if t.is_real(k, p) => {
+                        seen[side] += 1;
+                        Place::Point(side, sign, seen[side])
+                    }
+                    Ok((side, sign)) => Place::Interval(side, sign, seen[side]),
+                };
+                names.insert((k, p), name);
+                if t.holds_point(k, p) {
+                    self.on_sides.insert(name, true);
+                }
+            }
+        }
+        // Open cells, arcs, stretches of walls and points inside the triangle.
+        for (k, slab) in t.arrangement.slabs.iter().enumerate() {
+            for (i, &inside) in t.inside[k].iter().enumerate() {
+                if inside {
+                    self.euler += 1;
+                    self.cells.push(Place::Cell(q, k, i));
+                }
+            }
+            for (i, arc) in slab.arcs.iter().enumerate() {
+                let below = i > 0 && t.inside[k][i - 1];
+                let above = i < t.inside[k].len() && t.inside[k][i];
+                let ends = (names[&(k, arc.left)], names[&(k + 1, arc.right)]);
+                if arc.curve >= n {
+                    // On a side: the interval between its points.
+                    let (side, sign) = if arc.curve == n { (1, s) } else { (2, s * r) };
+                    let before = (0..=k).filter(|&w| w > 0 && matches!(names[&(w, self.side_point(t, w, side))], Place::Point(..))).count();
+                    if below || above {
+                        let name = Place::Interval(side, sign, before);
+                        self.on_sides.insert(name, true);
+                        self.touching.push((name, Place::Cell(q, k, if above { i } else { i - 1 })));
+                        *self.side_cells.entry(name).or_default() |= 1 << q;
+                    }
+                    continue;
+                }
+                if below || above {
+                    self.euler -= 1;
+                }
+                if below && above {
+                    self.touching.push((Place::Cell(q, k, i - 1), Place::Cell(q, k, i)));
+                } else if below || above {
+                    self.bounding.push(ends);
+                }
+            }
+        }
+        for (k, wall) in walls.iter().enumerate() {
+            for p in 0..wall.points.len() {
+                if matches!(names[&(k, p)], Place::Inner(..)) && t.holds_point(k, p) {
+                    self.euler += 1;
+                }
+                for (slab, i) in t.cells_at(k, p, p) {
+                    self.touching.push((Place::Cell(q, slab, i), names[&(k, p)]));
+                }
+                if p + 1 < wall.points.len() && t.holds_segment(k, p) {
+                    if k == 0 {
+                        let before = (1..=p).filter(|&p| matches!(names[&(0, p)], Place::Point(..))).count();
+                        let name = Place::Interval(0, r, before);
+                        self.on_sides.insert(name, true);
+                        *self.side_cells.entry(name).or_default() |= 1 << q;
+                        for (slab, i) in t.cells_at(k, p, p + 1) {
+                            self.touching.push((name, Place::Cell(q, slab, i)));
+                        }
+                        continue;
+                    }
+                    self.euler -= 1;
+                    let cells: Vec<_> = t.cells_at(k, p, p + 1).collect();
+                    if let [a, b] = cells[..] {
+                        self.touching.push((Place::Cell(q, a.0, a.1), Place::Cell(q, b.0, b.1)));
+                    } else if !wall.vertical.is_empty() {
+                        self.bounding.push((names[&(k, p)], names[&(k, p + 1)]));
+                    }
+                }
+            }
+        }
+        // What the intervals of the sides end in.
+        for (side, sign, ends, points) in [
+            (0, r, (0, 2), (0..walls[0].points.len()).map(|p| (0, p)).collect::<Vec<_>>()),
+            (1, s, (0, 1), (0..=last).map(|k| (k, 0)).collect()),
+            (2, s * r, (2, 1), (0..=last).map(|k| (k, walls[k].points.len() - 1)).collect()),
+        ] {
+            let mut before = Place::Corner(ends.0);
+            let mut number = 0;
+            let mut close = |at: Place, next: Place| {
+                self.side_ends.insert(Place::Interval(side, sign, number), (at, next));
+                number += 1;
+            };
+            for name in points.iter().map(|p| names[p]).filter(|n| matches!(n, Place::Point(..))) {
+                close(before, name);
+                before = name;
+            }
+            close(before, Place::Corner(ends.1));
+        }
+    }
+
+    fn side_point(&self, t: &Triangle, wall: usize, side: usize) -> usize {
+        if side == 1 { 0 } else { t.arrangement.walls[wall].points.len() - 1 }
+    }
+
+    fn finish(mut self) -> RegionTopology {
+        for place in self.on_sides.keys() {
+            match place {
+                Place::Point(..) | Place::Corner(_) => self.euler += 1,
+                Place::Interval(..) => self.euler -= 1,
+                Place::Cell(..) | Place::Inner(..) => {}
+            }
+        }
+        // A side with the region on one hand only bounds it.
+        for (place, triangles) in &self.side_cells {
+            if triangles.count_ones() == 1
+                && let Some(&ends) = self.side_ends.get(place)
+            {
+                self.bounding.push(ends);
+            }
+        }
+        let components = groups(self.touching.iter().copied().chain(self.cells.iter().map(|&c| (c, c))));
+        let loops = groups(self.bounding.iter().copied());
+        RegionTopology { euler: self.euler, components, loops }
+    }
+}
+
+/// The number of connected components of a graph.
+fn groups(pairs: impl Iterator<Item = (Place, Place)>) -> usize {
+    let mut number: BTreeMap<Place, usize> = BTreeMap::new();
+    let mut parent: Vec<usize> = Vec::new();
+    fn root(parent: &mut [usize], mut k: usize) -> usize {
+        while parent[k] != k {
+            parent[k] = parent[parent[k]];
+            k = parent[k];
+        }
+        k
+    }
+    for (a, b) in pairs {
+        let [a, b] = [a, b].map(|p| {
+            let next = parent.len();
+            let k = *number.entry(p).or_insert(next);
+            if k == next {
+                parent.push(k);
+            }
+            root(&mut parent, k)
+        });
+        let [a, b] = [a, b].map(|k| root(&mut parent, k));
+        parent[a] = b;
+    }
+    (0..parent.len()).filter(|&k| parent[k] == k).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn topology(texts: [&str; 4], half_width: i64) -> [i64; 3] {
+        let map = Map::parse(texts, Default::default()).expect("a map");
+        let region = Region::new(&map, &RBig::from(half_width), &|| false).expect("a region");
+        let t = region.topology();
+        [t.euler, t.components as i64, t.loops as i64]
+    }
+
+    #[test]
+    fn planes_and_spheres() {
+        // The square; the whole projective plane; a disk of parameters, whose rim the sphere's top face cuts off.
+        assert_eq!(topology(["s", "t", "s + t", "1"], 1), [1, 1, 1]);
+        assert_eq!(topology(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], 2), [1, 1, 0]);
+        let sphere = ["4*s", "4*t", "2*s^2 + 2*t^2 - 2", "s^2 + t^2 + 1"];
+        // Radius 2 in the box of half width 1: nothing; the caps cut off by a box of half width 3/2 leave a sphere with six holes, and the
+        // corners of the box are outside.
+        assert_eq!(topology(sphere, 1), [0, 0, 0]);
+    }
+}

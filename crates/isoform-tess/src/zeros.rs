@@ -1,0 +1,211 @@
+//! Common zeros of forms in (s : t : w) that have no common factor, exactly.
+//!
+//! The plane is sheared until no zero at infinity lies in the direction of t, so that two combinations of the forms have a resultant in
+//! θ = s + k·t that loses no common point. Its irreducible factors are the fields that may hold a zero; over each of them the
+//! greatest common divisor of the forms on the line decides, and a shear under which two zeros share a θ is given up.
+
+use crate::field::{Algebraic, Element, NumberField};
+use crate::univariate::{self, Coefficients, Stopped, check};
+use isoform_algebra::{Poly, RBig, UPoly, resultant};
+use std::cmp::Ordering;
+use std::sync::Arc;
+
+/// The affine chart of the projective plane that a point is given in: the first of them that holds it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Chart {
+    /// w = 1, coordinates (s, t).
+    Affine,
+    /// t = 1 on the line w = 0, coordinates (s, w).
+    Infinite,
+    /// The point (1 : 0 : 0), coordinates (t, w).
+    Corner,
+}
+
+impl Chart {
+    /// The conditions that define the chart, as reports write them.
+    pub fn name(self) -> &'static str {
+        ["w=1", "t=1,w=0", "s=1,t=w=0"][self as usize]
+    }
+    /// The variables (0 = s, 1 = t, 2 = w) that are the coordinates, and the one that is 1.
+    pub fn variables(self) -> ([usize; 2], usize) {
+        [([0, 1], 2), ([0, 2], 1), ([1, 2], 0)][self as usize]
+    }
+}
+
+/// A class of zeros that are conjugate over Q.
+#[derive(Clone, Debug)]
+pub(crate) struct Zero {
+    pub(crate) chart: Chart,
+    pub(crate) field: Arc<NumberField>,
+    /// The coordinates of the chart.
+    pub(crate) at: [Element; 2],
+}
+
+impl Zero {
+    /// Homogeneous coordinates (s : t : w).
+    pub(crate) fn homogeneous(&self) -> [Element; 3] {
+        let ([u, v], one) = self.chart.variables();
+        let mut point: [Element; 3] = Default::default();
+        point[u] = self.at[0].clone();
+        point[v] = self.at[1].clone();
+        point[one] = Element::rational(&RBig::ONE);
+        point
+    }
+    /// The real points of the class.
+    pub(crate) fn real(&self) -> Vec<[Algebraic; 3]> {
+        let roots = 0..self.field.real_roots().len();
+        roots.map(|root| self.homogeneous().map(|e| Algebraic::new(&self.field, root, e))).collect()
+    }
+}
+
+/// Coefficients of the combinations of which resultants are taken; any that have no common factor will do.
+fn combination(forms: &[Poly], index: u64) -> Poly {
+    let mut state = index;
+    forms.iter().enumerate().fold(Poly::zero(), |sum, (i, f)| {
+        // The first ones are single forms, which are sparse if the map is.
+        let c = if index < forms.len() as u64 {
+            i64::from(i as u64 == index)
+        } else {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 60) as i64 - 8
+        };
+        sum + f.scale(&RBig::from(c))
+    })
+}
+
+/// The common zeros, one [`Zero`] for each class; if asked for, only classes with real points. Ordered by chart, then by field.
+///
+/// The forms are of one degree and have no common factor.
+pub(crate) fn common_zeros(forms: &[Poly], real: bool, stop: &dyn Fn() -> bool) -> Result<Vec<Zero>, Stopped> {
+    let forms: Vec<Poly> = forms.iter().filter(|f| !f.is_zero()).map(Poly::primitive).collect();
+    let degree = forms.iter().map(Poly::total_degree).max().unwrap_or(0);
+    if degree == 0 {
+        return Ok(Vec::new());
+    }
+    let mut zeros = affine_zeros(&forms, degree, real, stop)?;
+    let on_line: Vec<UPoly> = forms.iter().map(|f| f.set(2, &RBig::ZERO).dehomogenise(1).to_upoly(0).expect("one variable left")).collect();
+    let common = on_line.iter().fold(UPoly::default(), |g, p| g.gcd(p));
+    assert!(!common.is_zero(), "forms without common factor");
+    for (h, _) in common.factor(stop)? {
+        let (field, s) = NumberField::new(&h);
+        if !real || !field.real_roots().is_empty() {
+            zeros.push(Zero { chart: Chart::Infinite, field, at: [s, Element::zero()] });
+        }
+    }
+    if forms.iter().all(|f| f.degree(0) < degree) {
+        zeros.push(Zero { chart: Chart::Corner, field: NumberField::rationals(), at: [Element::zero(), Element::zero()] });
+    }
+    Ok(zeros)
+}
+
+fn affine_zeros(forms: &[Poly], degree: usize, real: bool, stop: &dyn Fn() -> bool) -> Result<Vec<Zero>, Stopped> {
+    let affine: Vec<Poly> = forms.iter().map(|f| f.dehomogenise(2)).collect();
+    if affine.iter().any(Poly::is_constant) {
+        return Ok(Vec::new());
+    }
+    for shift in univariate::shifts() {
+        check(stop)?;
+        // (s, t) = (θ − shift·t, t); the coefficient of t^degree is the form at (−shift : 1 : 0).
+        let at = [RBig::from(-shift), RBig::ONE, RBig::ZERO];
+        if forms.iter().all(|f| f.eval(&at) == RBig::ZERO) {
+            continue;
+        }
+        let by = Poly::var(0) - Poly::var(1).scale(&RBig::from(shift));
+        let sheared: Vec<Poly> = affine.iter().map(|f| f.substitute(0, &by)).collect();
+        if let Some(zeros) = zeros_in_shear(&sheared, shift, degree, real, stop)? {
+            return Ok(zeros);
+        }
+    }
+    unreachable!("all but finitely many shears separate the zeros")
+}
+
+/// Nothing if the shear does not separate the zeros.
+fn zeros_in_shear(forms: &[Poly], shift: i64, degree: usize, real: bool, stop: &dyn Fn() -> bool) -> Result<Option<Vec<Zero>>, Stopped> {
+    // At least one of each pair keeps its degree in t, so that a common point is a zero of the resultant.
+    let full = |f: &Poly| f.degree(1) == degree;
+    let mut indices = 0..;
+    let first = indices.by_ref().map(|i| combination(forms, i)).find(full).expect("a form of full degree in t");
+    let mut common = UPoly::default();
+    let mut used = 0;
+    for index in 0.. {
+        check(stop)?;
+        let second = combination(forms, index);
+        if second.is_zero() || second.is_associate(&first) {
+            continue;
+        }
+        let r = resultant(&first, &second, 1, stop)?;
+        // Zero if the two have a common factor, which not all have.
+        if !r.is_zero() {
+            common = common.gcd(&r.to_upoly(0).expect("t was eliminated"));
+            used += 1;
+        }
+        // Two resultants usually have the zeros in common and nothing else; more only make the factors fewer.
+        if common.degree() == 0 && used > 0 || used >= 2 && index as usize + 1 >= forms.len() {
+            break;
+        }
+        if index > 3 * forms.len() as u64 && used == 0 {
+            // The first one contains a factor of all the others that were tried: take another first one.
+            return zeros_with_first(forms, shift, degree, real, stop);
+        }
+    }
+    decide(forms, &common, shift, real, stop)
+}
+
+/// As [`zeros_in_shear`] with general combinations only, for forms that share factors in pairs.
+fn zeros_with_first(forms: &[Poly], shift: i64, degree: usize, real: bool, stop: &dyn Fn() -> bool) -> Result<Option<Vec<Zero>>, Stopped> {
+    let general = |from: u64| (from..).map(|i| combination(forms, i));
+    let mut start = forms.len() as u64;
+    loop {
+        check(stop)?;
+        let pair: Vec<Poly> = general(start).filter(|f| f.degree(1) == degree).take(2).collect();
+        let r = resultant(&pair[0], &pair[1], 1, stop)?;
+        if !r.is_zero() {
+            return decide(forms, &r.to_upoly(0).expect("t was eliminated"), shift, real, stop);
+        }
+        start += 2;
+    }
+}
+
+/// The zeros over the roots θ of a polynomial.
+fn decide(forms: &[Poly], thetas: &UPoly, shift: i64, real: bool, stop: &dyn Fn() -> bool) -> Result<Option<Vec<Zero>>, Stopped> {
+    let mut zeros = Vec::new();
+    for (h, _) in thetas.squarefree_part().factor(stop)? {
+        let (field, theta) = NumberField::new(&h);
+        if real && field.real_roots().is_empty() {
+            continue;
+        }
+        let mut common: Option<Coefficients> = None;
+        for form in forms {
+            check(stop)?;
+            let mut column: Coefficients = form.coefficients_in(1).iter().map(|c| field.eval(c, 0, &theta)).collect();
+            univariate::trim(&mut column);
+            common = Some(match common {
+                None => column,
+                Some(g) => univariate::gcd(&field, &g, &column, stop)?,
+            });
+            if common.as_ref().is_some_and(|g| g.len() == 1) {
+                break;
+            }
+        }
+        let common = common.expect("there are forms");
+        assert!(!common.is_empty(), "forms without common factor");
+        let distinct = univariate::squarefree_part(&field, &common, stop)?;
+        match distinct.len() {
+            1 => {}
+            2 => {
+                let t = distinct[0].negated();
+                let s = theta.sub(&t.scaled(&RBig::from(shift)));
+                zeros.push(Zero { chart: Chart::Affine, field, at: [s, t] });
+            }
+            _ => return Ok(None),
+        }
+    }
+    zeros.sort_by(order);
+    Ok(Some(zeros))
+}
+
+/// By degree of the field, then by its modulus: the same each time.
+fn order(a: &Zero, b: &Zero) -> Ordering {
+    let key = |z: &Zero| (z.field.degree(), z.field.modulus().coefficients().to_vec());
+    key(a).cmp(&key(b))
+}
