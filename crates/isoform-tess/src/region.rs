@@ -314,21 +314,47 @@ fn groups(pairs: impl Iterator<Item = (Place, Place)>) -> usize {
 mod tests {
     use super::*;
 
-    fn topology(texts: [&str; 4], half_width: i64) -> [i64; 3] {
+    fn topology(texts: [&str; 4], half_width: &str) -> [i64; 3] {
         let map = Map::parse(texts, Default::default()).expect("a map");
-        let region = Region::new(&map, &RBig::from(half_width), &|| false).expect("a region");
-        let t = region.topology();
+        let half_width = Poly::parse(half_width, &[]).expect("a number").as_constant().expect("a number");
+        let t = Region::new(&map, &half_width, &|| false).expect("a region").topology();
         [t.euler, t.components as i64, t.loops as i64]
     }
 
     #[test]
     fn planes_and_spheres() {
-        // The square; the whole projective plane; a disk of parameters, whose rim the sphere's top face cuts off.
-        assert_eq!(topology(["s", "t", "s + t", "1"], 1), [1, 1, 1]);
-        assert_eq!(topology(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], 2), [1, 1, 0]);
+        assert_eq!(topology(["s", "t", "0", "1"], "1"), [1, 1, 1], "a square");
+        assert_eq!(topology(["s", "t", "s + t", "1"], "1"), [1, 1, 1], "a hexagon");
+        assert_eq!(topology(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], "2"), [1, 1, 0], "the whole projective plane");
         let sphere = ["4*s", "4*t", "2*s^2 + 2*t^2 - 2", "s^2 + t^2 + 1"];
-        // Radius 2 in the box of half width 1: nothing; the caps cut off by a box of half width 3/2 leave a sphere with six holes, and the
-        // corners of the box are outside.
-        assert_eq!(topology(sphere, 1), [0, 0, 0]);
+        assert_eq!(topology(sphere, "1"), [0, 0, 0], "a sphere of radius 2 around the box");
+        assert_eq!(topology(sphere, "3/2"), [-4, 1, 6], "the caps cut off");
+        assert_eq!(topology(sphere, "5/4"), [8, 8, 8], "only what is near the diagonals of the box is left");
+    }
+
+    /// Maps without real base points, whose regions were counted elsewhere.
+    #[test]
+    fn regions_of_the_zoo() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/zoo");
+        let Ok(files) = std::fs::read_dir(&folder) else {
+            println!("skip  {} is not there", folder.display());
+            return;
+        };
+        let mut files: Vec<_> = files.filter_map(|f| f.ok().map(|f| f.path())).filter(|p| p.extension().is_some_and(|e| e == "json")).collect();
+        files.sort();
+        let mut compared = 0;
+        for file in files {
+            let text = std::fs::read_to_string(&file).expect("readable");
+            let known: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+            let counted = &known["box_topology_normalised"];
+            let Some(true) = counted["stable"].as_bool() else { continue };
+            let map = Map::from_json(&text, Default::default()).expect("a map");
+            let half_width = RBig::from(known["box"].as_i64().expect("a number"));
+            let t = Region::new(&map, &half_width, &|| false).expect("a region").topology();
+            let expected = ["chi", "components", "boundary_loops"].map(|k| counted[k].as_i64().expect("a number"));
+            assert_eq!([t.euler, t.components as i64, t.loops as i64], expected, "{}", file.display());
+            compared += 1;
+        }
+        assert!(compared >= 11, "{compared} regions compared");
     }
 }
