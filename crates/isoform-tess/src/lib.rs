@@ -3,20 +3,28 @@
 //! - [`Map`]: four polynomials with rational coefficients, checked, as forms of one degree in (s : t : w).
 //! - [`Region`]: the parameters that a map sends into a box.
 //! - [`base_points`]: where the four vanish together, with the seam curves of every level of blowing up.
+//! - [`singular`]: curves over which the surface crosses itself, has cusps, or to which a point belongs.
+//! - [`analyse`]: all of it, with the degrees, the implicit equation and the pole curve, within a [`Budget`].
 //! - [`NumberField`], [`Element`], [`Algebraic`]: the exact numbers in which all of this is said.
 #![forbid(unsafe_code)]
 
+mod analysis;
 mod base;
 mod dense;
 mod field;
 mod map;
+mod mesh;
 mod region;
+mod singular;
 mod univariate;
 mod zeros;
 
+pub use analysis::{Analysis, Budget, analyse};
 pub use base::{BasePoint, BinaryForm, Near, Seam, base_multiplicity, base_points};
 pub use field::{Algebraic, Element, NumberField};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
 pub use region::{Region, RegionTopology, Triangle};
+pub use singular::{Contraction, CurveKind, RealPart, Singular, SingularCurve, real_part, singular};
 pub use univariate::Stopped;
 pub use zeros::Chart;
+pub use mesh::{Kind, MeshOptions, Point3, Surface, triangulate};

@@ -85,11 +85,11 @@ impl Region {
 
 impl Triangle {
     /// Whether a point of a wall belongs to the closure of a cell inside.
-    fn holds_point(&self, wall: usize, point: usize) -> bool {
+    pub(crate) fn holds_point(&self, wall: usize, point: usize) -> bool {
         self.cells_at(wall, point, point).next().is_some()
     }
     /// Whether the wall between a point and the next does.
-    fn holds_segment(&self, wall: usize, point: usize) -> bool {
+    pub(crate) fn holds_segment(&self, wall: usize, point: usize) -> bool {
         self.cells_at(wall, point, point + 1).next().is_some()
     }
     /// The cells inside, as slab and place, that a stretch of a wall belongs to.
@@ -101,7 +101,7 @@ impl Triangle {
         })
     }
     /// Whether anything but the side itself goes through a point of the wall.
-    fn is_real(&self, wall: usize, point: usize) -> bool {
+    pub(crate) fn is_real(&self, wall: usize, point: usize) -> bool {
         let n = self.arrangement.lower();
         let w = &self.arrangement.walls[wall];
         w.points[point].curves.iter().any(|&c| c < n) || !w.vertical.is_empty()
@@ -340,7 +340,8 @@ mod tests {
             println!("skip  {} is not there", folder.display());
             return;
         };
-        let mut files: Vec<_> = files.filter_map(|f| f.ok().map(|f| f.path())).filter(|p| p.extension().is_some_and(|e| e == "json")).collect();
+        let mut files: Vec<_> =
+            files.filter_map(|f| f.ok().map(|f| f.path())).filter(|p| p.extension().is_some_and(|e| e == "json")).collect();
         files.sort();
         let mut compared = 0;
         for file in files {

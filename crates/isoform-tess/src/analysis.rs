@@ -1,0 +1,128 @@
+//! Everything that is known exactly about a map before it is triangulated.
+
+use crate::base::{BasePoint, base_multiplicity, base_points};
+use crate::map::Map;
+use crate::singular::{Singular, singular};
+use crate::univariate::Stopped;
+use isoform_algebra::{DEFAULT_MAX_DEGREE, FactorError, Implicit, MapDegrees, MapError, Poly, implicit, map_degrees};
+use std::time::Instant;
+
+/// What an analysis may cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Budget {
+    /// Largest degree of an implicit equation; beyond it self-intersections are not looked for.
+    pub implicit_degree: usize,
+    /// Seconds for the implicit equation, and again for the singular curves; what is cut off by them depends on the machine.
+    pub seconds: f64,
+}
+
+impl Default for Budget {
+    fn default() -> Self {
+        Self { implicit_degree: DEFAULT_MAX_DEGREE, seconds: f64::INFINITY }
+    }
+}
+
+/// Exact facts about a map; a part that was not to be had is `None`, and `unproven` says so.
+#[derive(Clone, Debug)]
+pub struct Analysis {
+    /// Degrees of the map and of the surface.
+    pub degrees: Option<MapDegrees>,
+    /// The implicit equation.
+    pub implicit: Option<Implicit>,
+    /// The real base points.
+    pub base_points: Option<Vec<BasePoint>>,
+    /// The factors of W as a form in (s, t, w), irreducible over Q, with multiplicities: the pole curve.
+    pub pole: Option<Vec<(Poly, usize)>>,
+    /// Double, ramified and contracted curves.
+    pub singular: Option<Singular>,
+    /// What could not be proven, in sentences; empty if everything was.
+    pub unproven: Vec<String>,
+    /// Seconds that the phases took, in their order.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Analyses a map. Everything but `seconds` is the same each time, unless `stop` or [`Budget::seconds`] intervenes.
+pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis {
+    let mut found = Analysis {
+        degrees: None,
+        implicit: None,
+        base_points: None,
+        pole: None,
+        singular: None,
+        unproven: Vec::new(),
+        seconds: Vec::new(),
+    };
+    let mut clock = Instant::now();
+    let mut lap = |found: &mut Analysis, phase: &'static str| {
+        found.seconds.push((phase, clock.elapsed().as_secs_f64()));
+        clock = Instant::now();
+    };
+
+    match base_points(map, stop) {
+        Ok(points) => found.base_points = Some(points),
+        Err(Stopped) => found.unproven.push("base points: stopped".to_owned()),
+    }
+    lap(&mut found, "base points");
+
+    match map.forms()[3].factor(stop) {
+        Ok(factors) => found.pole = Some(factors),
+        Err(error) => {
+            assert_eq!(error, FactorError::Stopped, "a form in three variables");
+            found.unproven.push("factors of the pole curve: stopped".to_owned());
+        }
+    }
+    lap(&mut found, "pole");
+
+    degrees(map, stop, &mut found);
+    lap(&mut found, "degrees");
+
+    let until = |limit: f64| {
+        let start = Instant::now();
+        move || stop() || start.elapsed().as_secs_f64() > limit
+    };
+    match found.degrees {
+        Some(degrees) if degrees.implicit_degree <= budget.implicit_degree => {
+            match implicit(map.affine(), budget.implicit_degree, &until(budget.seconds)) {
+                Ok(equation) => found.implicit = equation,
+                Err(error) => found.unproven.push(format!("self-intersections: the implicit equation: {error}")),
+            }
+        }
+        Some(degrees) => {
+            let degree = degrees.implicit_degree;
+            found
+                .unproven
+                .push(format!("self-intersections: the surface has degree {degree}, above the limit of {}", budget.implicit_degree));
+        }
+        None => found.unproven.push("self-intersections: the degree of the surface is unknown".to_owned()),
+    }
+    if let (Some(counted), Some(equation)) = (found.degrees, &found.implicit)
+        && counted != equation.degrees
+    {
+        found.unproven.push("the degree of the map: counting and the implicit equation disagree".to_owned());
+    }
+    lap(&mut found, "implicit equation");
+
+    match singular(map, found.implicit.as_ref(), &until(budget.seconds)) {
+        Ok(curves) => found.singular = Some(curves),
+        Err(Stopped) => found.unproven.push("double, ramified and contracted curves: stopped".to_owned()),
+    }
+    lap(&mut found, "singular curves");
+    found
+}
+
+/// Counts the degrees and proves their product by the base points.
+fn degrees(map: &Map, stop: &dyn Fn() -> bool, found: &mut Analysis) {
+    match map_degrees(map.affine(), stop) {
+        Ok(degrees) => found.degrees = Some(degrees),
+        Err(MapError::Stopped) => found.unproven.push("the degree of the map: stopped".to_owned()),
+        Err(error) => found.unproven.push(format!("the degree of the map: {error}")),
+    }
+    match (base_multiplicity(map, stop), found.degrees) {
+        (Ok(sum), Some(degrees)) if sum != degrees.base_multiplicity => {
+            let counted = degrees.base_multiplicity;
+            found.unproven.push(format!("the degree of the map: base points of multiplicity {counted} counted, {sum} found"));
+        }
+        (Err(Stopped), Some(_)) => found.unproven.push("the degree of the map: counted, not proven".to_owned()),
+        _ => {}
+    }
+}

@@ -1,0 +1,633 @@
+//! From the region to triangles: arcs and sides as polylines on the surface, a constrained Delaunay triangulation of each unit triangle,
+//! and refinement until every triangle is near the surface and W keeps its sign on it.
+//!
+//! Between two walls of an arrangement the polylines of arcs have their vertices over the same u, in the order of the arcs: they cannot
+//! cross, and what they bound is the region up to isotopy.
+
+use crate::map::Map;
+use crate::region::Region;
+use isoform_algebra::{Poly, QUADRANTS, RBig};
+use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
+use std::collections::BTreeMap;
+
+/// A point of space.
+pub type Point3 = [f64; 3];
+
+/// How fine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshOptions {
+    /// Largest distance of the middles of triangles and edges from the surface, in units of space.
+    pub tolerance: f64,
+    /// Largest length of edges.
+    pub longest: f64,
+    /// Number of triangles at which refinement stops.
+    pub triangles: usize,
+}
+
+/// What a vertex is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Of the surface, nothing special.
+    Ordinary,
+    /// On a face of the box.
+    Box,
+    /// The one image of a whole curve.
+    Contracted,
+}
+
+/// Triangles of a surface in a box.
+#[derive(Clone, Debug, Default)]
+pub struct Surface {
+    /// Vertices.
+    pub points: Vec<Point3>,
+    /// What they are.
+    pub kinds: Vec<Kind>,
+    /// Corners of the triangles.
+    pub triangles: Vec<[u32; 3]>,
+    /// The unit triangle that each lies in, as in [`QUADRANTS`].
+    pub charts: Vec<u8>,
+    /// u and v of its corners there.
+    pub corners: Vec<[[f64; 2]; 3]>,
+    /// What is not proved.
+    pub unproven: Vec<String>,
+}
+
+/// A map evaluated in floating point on one of the unit triangles.
+struct Chart {
+    signs: [f64; 2],
+    terms: [Vec<([u8; 3], f64)>; 4],
+    degree: usize,
+}
+
+impl Chart {
+    fn new(map: &Map, quadrant: usize) -> Self {
+        let terms = map.forms().each_ref().map(|f| f.to_f64().into_iter().map(|(e, c)| ([e[0] as u8, e[1] as u8, e[2] as u8], c)).collect());
+        let signs = QUADRANTS[quadrant].map(|s| s as f64);
+        Self { signs, terms, degree: map.degree() }
+    }
+    fn forms(&self, u: f64, v: f64) -> [f64; 4] {
+        let x = [self.signs[0] * u, self.signs[1] * v, 1.0 - u - v];
+        let mut powers = [[1.0; 65]; 3];
+        for (p, x) in powers.iter_mut().zip(x) {
+            for k in 1..=self.degree {
+                p[k] = p[k - 1] * x;
+            }
+        }
+        self.terms.each_ref().map(|terms| {
+            terms.iter().map(|&([i, j, k], c)| c * powers[0][usize::from(i)] * powers[1][usize::from(j)] * powers[2][usize::from(k)]).sum()
+        })
+    }
+    fn at(&self, [u, v]: [f64; 2]) -> Point3 {
+        let [x, y, z, w] = self.forms(u, v);
+        [x / w, y / w, z / w]
+    }
+}
+
+/// A name that both triangles at a side agree on: the sides s = 0, t = 0, w = 0 by the sign of t, s, s t, the place along them as bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Name {
+    Inner,
+    Side(usize, i64, u64),
+    Corner(usize),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    at: [f64; 2],
+    name: Name,
+    /// Faces of the box that it is on.
+    faces: u8,
+}
+
+impl HasPosition for Node {
+    type Scalar = f64;
+    fn position(&self) -> Point2<f64> {
+        Point2::new(self.at[0], self.at[1])
+    }
+}
+
+fn middle(a: Point3, b: Point3) -> Point3 {
+    std::array::from_fn(|i| 0.5 * (a[i] + b[i]))
+}
+fn distance(a: Point3, b: Point3) -> f64 {
+    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Halvings of a stretch of an arc or side: ends with vertical tangents are approached to 2⁻⁴⁰ of the stretch.
+const HALVINGS: usize = 40;
+/// Rounds of refinement; each halves edges that are too coarse.
+const ROUNDS: usize = 30;
+
+/// Triangulates the part of the surface that is in the box. Sheets that cross are not joined.
+///
+/// Real base points in the region are left open, and said to be unproven.
+pub fn triangulate(map: &Map, region: &Region, options: &MeshOptions, stop: &dyn Fn() -> bool) -> Surface {
+    let mut builder = Builder {
+        region,
+        options,
+        stop,
+        charts: std::array::from_fn(|q| Chart::new(map, q)),
+        half_width: region.half_width.to_f64().value(),
+        contracted: contracted_sides(map),
+        base: bernstein_base(&map.forms()[3]),
+        surface: Surface::default(),
+    };
+    builder.look_for_base_points();
+    let sides = builder.sides();
+    let mut global = BTreeMap::new();
+    for q in 0..4 {
+        builder.chart(q, &sides, &mut global);
+    }
+    builder.finish()
+}
+
+struct Builder<'a> {
+    region: &'a Region,
+    options: &'a MeshOptions,
+    stop: &'a dyn Fn() -> bool,
+    charts: [Chart; 4],
+    half_width: f64,
+    /// Whether each of the lines s = 0, t = 0, w = 0 has one image.
+    contracted: [bool; 3],
+    base: Vec<f64>,
+    surface: Surface,
+}
+
+type Cdt = ConstrainedDelaunayTriangulation<Node>;
+/// Places along each side, by side and sign, and whether the stretch after each belongs to the region.
+type Sides = BTreeMap<(usize, i64), Vec<(f64, bool)>>;
+
+/// The side and sign of the three sides u = 0, v = 0, u + v = 1 of a unit triangle.
+fn sides_of(quadrant: usize) -> [(usize, i64); 3] {
+    let [s, t] = QUADRANTS[quadrant];
+    [(0, t), (1, s), (2, s * t)]
+}
+/// A place on a side in the triangle.
+fn on_side(side: usize, x: f64) -> [f64; 2] {
+    match side {
+        0 => [0.0, x],
+        1 => [x, 0.0],
+        _ => [x, 1.0 - x],
+    }
+}
+
+/// Which of the lines s = 0, t = 0, w = 0 the map contracts to a point.
+fn contracted_sides(map: &Map) -> [bool; 3] {
+    [0, 1, 2].map(|line| {
+        let on: Vec<Poly> = map.forms().iter().map(|f| f.set(line, &RBig::ZERO)).filter(|f| !f.is_zero()).collect();
+        on.windows(2).all(|w| w[0].is_associate(&w[1]))
+    })
+}
+
+impl Builder<'_> {
+    /// The faces of the box that all curves through a point of a wall belong to.
+    fn faces_at(&self, q: usize, wall: usize, point: usize) -> u8 {
+        let a = &self.region.triangles[q].arrangement;
+        let w = &a.walls[wall];
+        let on = [wall == 0, point == 0, point + 1 == w.points.len()];
+        let through = |f: usize| {
+            w.points[point].curves.contains(&f) || w.vertical.contains(&f) || a.sides[f].iter().zip(on).any(|(side, on)| *side && on)
+        };
+        (0..self.region.factors.len()).filter(|&f| through(f)).fold(0, |bits, f| bits | self.bits(f))
+    }
+    fn bits(&self, factor: usize) -> u8 {
+        self.region.faces[factor].iter().fold(0, |bits, face| bits | 1 << face)
+    }
+    fn place(&self, q: usize, wall: usize, point: usize) -> [f64; 2] {
+        let w = &self.region.triangles[q].arrangement.walls[wall];
+        let u = w.u.to_f64();
+        if point == 0 {
+            return [u, 0.0];
+        }
+        if point + 1 == w.points.len() {
+            return [u, 1.0 - u];
+        }
+        let p = &w.points[point];
+        [u, ((&p.lo + &p.hi) / RBig::from(2)).to_f64().value()]
+    }
+
+    fn look_for_base_points(&mut self) {
+        let mut found = 0;
+        for (q, t) in self.region.triangles.iter().enumerate() {
+            for (k, wall) in t.arrangement.walls.iter().enumerate() {
+                found += (0..wall.points.len()).filter(|&p| t.holds_point(k, p) && self.faces_at(q, k, p) == 0b11_1111).count();
+            }
+        }
+        if found > 0 {
+            self.surface.unproven.push("the surface is left open at real base points".into());
+        }
+    }
+
+    /// The image of a point of a unit triangle, put on the faces of the box that it is known to be on.
+    fn image(&self, q: usize, at: [f64; 2], faces: u8) -> Point3 {
+        let mut p = self.charts[q].at(at);
+        for face in (0..6).filter(|f| faces >> f & 1 == 1) {
+            p[face / 2] = if face % 2 == 0 { -self.half_width } else { self.half_width };
+        }
+        p
+    }
+
+    /// Whether a straight piece may stand for what lies between two parameters of a curve in space.
+    fn is_fine(&self, at: &dyn Fn(f64) -> Point3, a: f64, b: f64) -> bool {
+        let (p, q) = (at(a), at(b));
+        let off = [0.25, 0.5, 0.75].map(|t| {
+            let x: Point3 = std::array::from_fn(|i| p[i] + t * (q[i] - p[i]));
+            distance(at(a + t * (b - a)), x)
+        });
+        // Values that are not numbers are never fine.
+        distance(p, q) <= self.options.longest && off.iter().all(|&d| d <= 0.3 * self.options.tolerance)
+    }
+
+    /// Places along the sides that both triangles use.
+    fn sides(&self) -> Sides {
+        let mut sides: BTreeMap<(usize, i64), Vec<f64>> = BTreeMap::new();
+        for q in 0..4 {
+            let t = &self.region.triangles[q];
+            let walls = &t.arrangement.walls;
+            let keys = sides_of(q);
+            let left = (1..walls[0].points.len() - 1).filter(|&p| t.is_real(0, p)).map(|p| self.place(q, 0, p)[1]);
+            sides.entry(keys[0]).or_default().extend(left);
+            for (k, wall) in walls.iter().enumerate().take(walls.len() - 1).skip(1) {
+                for (key, p) in [(keys[1], 0), (keys[2], wall.points.len() - 1)] {
+                    if t.is_real(k, p) {
+                        sides.entry(key).or_default().push(wall.u.to_f64());
+                    }
+                }
+            }
+        }
+        let mut out = Sides::new();
+        for ((side, sign), mut places) in sides {
+            places.extend([0.0, 1.0]);
+            places.sort_by(f64::total_cmp);
+            places.dedup();
+            let both: Vec<usize> = (0..4).filter(|&q| sides_of(q)[side] == (side, sign)).collect();
+            let at = |x: f64| self.charts[both[0]].at(on_side(side, x));
+            let mut list = Vec::new();
+            for w in places.windows(2) {
+                let inside = both.iter().any(|&q| self.side_is_inside(q, side, 0.5 * (w[0] + w[1])));
+                let mut stack = vec![(w[0], w[1], 0)];
+                while let Some((a, b, depth)) = stack.pop() {
+                    if inside && !self.contracted[side] && depth < HALVINGS && !self.is_fine(&at, a, b) {
+                        let m = 0.5 * (a + b);
+                        stack.extend([(m, b, depth + 1), (a, m, depth + 1)]);
+                    } else {
+                        list.push((a, inside));
+                    }
+                }
+            }
+            list.push((1.0, false));
+            out.insert((side, sign), list);
+        }
+        out
+    }
+
+    fn side_is_inside(&self, q: usize, side: usize, x: f64) -> bool {
+        let t = &self.region.triangles[q];
+        let walls = &t.arrangement.walls;
+        if side == 0 {
+            let p = (1..walls[0].points.len()).filter(|&p| self.place(q, 0, p)[1] < x).count();
+            return t.holds_segment(0, p);
+        }
+        let k = walls[1..walls.len() - 1].iter().filter(|w| w.u.to_f64() < x).count();
+        let cells = &t.inside[k];
+        if side == 1 { cells[0] } else { cells[cells.len() - 1] }
+    }
+
+    /// One unit triangle: its vertices and triangles are added to the surface.
+    fn chart(&mut self, q: usize, sides: &Sides, global: &mut BTreeMap<(Name, usize, usize), u32>) {
+        let mut cdt = Cdt::new();
+        let mut constraints: Vec<[spade::handles::FixedVertexHandle; 2]> = Vec::new();
+        let keys = sides_of(q);
+        let name_on = |side: usize, x: f64| match (side, x) {
+            (0 | 1, 0.0) => Name::Corner(0),
+            (1 | 2, 1.0) => Name::Corner(1),
+            (0, 1.0) | (2, 0.0) => Name::Corner(2),
+            _ => Name::Side(side, keys[side].1, x.to_bits()),
+        };
+        for (side, key) in keys.iter().enumerate() {
+            let mut before = None;
+            for &(x, inside) in &sides[key] {
+                let node = Node { at: on_side(side, x), name: name_on(side, x), faces: 0 };
+                let Ok(v) = cdt.insert(node) else { continue };
+                if let Some(b) = before {
+                    constraints.push([b, v]);
+                }
+                before = inside.then_some(v);
+            }
+        }
+        // Points of walls in the region, with the faces that they are on; those on sides are there already.
+        let t = &self.region.triangles[q];
+        let walls = &t.arrangement.walls;
+        let mut at_wall = BTreeMap::new();
+        for (k, wall) in walls.iter().enumerate() {
+            let top = wall.points.len() - 1;
+            for p in 0..=top {
+                if !t.holds_point(k, p) {
+                    continue;
+                }
+                let at = self.place(q, k, p);
+                let name = match () {
+                    () if k == 0 => name_on(0, at[1]),
+                    () if p == 0 => name_on(1, at[0]),
+                    () if p == top => name_on(2, at[0]),
+                    () => Name::Inner,
+                };
+                if (k == 0 || p == 0 || p == top) && !t.is_real(k, p) {
+                    continue;
+                }
+                if let Ok(v) = cdt.insert(Node { at, name, faces: self.faces_at(q, k, p) }) {
+                    at_wall.insert((k, p), v);
+                }
+            }
+        }
+        let mut lines: Vec<Vec<(usize, Vec<[f64; 2]>)>> = Vec::new();
+        let mut in_order = true;
+        for k in 0..t.arrangement.slabs.len() {
+            let bounding = self.bounding(q, k);
+            let polylines = self.polylines(q, k, &bounding, &mut in_order);
+            for (&i, line) in bounding.iter().zip(&polylines) {
+                let arc = t.arrangement.slabs[k].arcs[i];
+                let faces = self.bits(arc.curve);
+                let ends = [at_wall.get(&(k, arc.left)), at_wall.get(&(k + 1, arc.right))];
+                let mut before = ends[0].copied();
+                for &at in &line[1..line.len() - 1] {
+                    let Ok(v) = cdt.insert(Node { at, name: Name::Inner, faces }) else { continue };
+                    constraints.extend(before.map(|b| [b, v]));
+                    before = Some(v);
+                }
+                constraints.extend(before.zip(ends[1].copied()).map(|(a, b)| [a, b]));
+            }
+            lines.push(bounding.into_iter().zip(polylines).collect());
+        }
+        let mut crossing = false;
+        for [a, b] in constraints {
+            if a != b && cdt.can_add_constraint(a, b) {
+                cdt.add_constraint(a, b);
+            } else {
+                crossing |= a != b;
+            }
+        }
+        if crossing || !in_order {
+            self.surface.unproven.push("arcs of the region's boundary are closer together than rounding".into());
+        }
+        let us: Vec<f64> = walls.iter().map(|w| w.u.to_f64()).collect();
+        let inside = |at: [f64; 2]| {
+            let k = us[1..us.len() - 1].partition_point(|&u| u < at[0]);
+            let below = lines[k].iter().filter(|(_, line)| height(line, at[0]) < at[1]).map(|l| l.0).last();
+            t.inside[k][below.unwrap_or(0)]
+        };
+        let proven = self.refine(q, &mut cdt, &inside);
+        if !proven {
+            self.surface.unproven.push("W is not proved to keep its sign on every triangle".into());
+        }
+        for face in cdt.inner_faces() {
+            let v = face.vertices();
+            if !inside(center(v.map(|v| v.data().at))) {
+                continue;
+            }
+            let triangle = v.map(|v| {
+                let node = *v.data();
+                let key = match self.merged(node.name) {
+                    Name::Inner => (Name::Inner, q, v.index()),
+                    name => (name, 0, 0),
+                };
+                let is_contracted = key.0 != node.name || matches!(key.0, Name::Side(_, 0, _));
+                *global.entry(key).or_insert_with(|| {
+                    self.surface.points.push(self.image(q, node.at, node.faces));
+                    self.surface.kinds.push(match (is_contracted, node.faces) {
+                        (true, _) => Kind::Contracted,
+                        (false, 0) => Kind::Ordinary,
+                        (false, _) => Kind::Box,
+                    });
+                    self.surface.points.len() as u32 - 1
+                })
+            });
+            self.surface.triangles.push(triangle);
+            self.surface.charts.push(q as u8);
+            self.surface.corners.push(v.map(|v| v.data().at));
+        }
+    }
+
+    /// The name of all points of a contracted side, which is one for two such sides that meet.
+    fn merged(&self, name: Name) -> Name {
+        const SIDES: [[usize; 2]; 3] = [[0, 1], [1, 2], [0, 2]];
+        let first = |sides: &[usize]| sides.iter().copied().find(|&s| self.contracted[s]);
+        let side = match name {
+            Name::Inner => None,
+            Name::Side(side, ..) => first(&[side]),
+            Name::Corner(c) => first(&SIDES[c]),
+        };
+        // Any two of the three lines meet: contracted ones share their image.
+        side.map_or(name, |_| Name::Side(first(&[0, 1, 2]).unwrap_or(0), 0, 0))
+    }
+
+    /// The arcs of a slab that have the region on one side.
+    fn bounding(&self, q: usize, slab: usize) -> Vec<usize> {
+        let inside = &self.region.triangles[q].inside[slab];
+        (1..inside.len()).filter(|&i| inside[i - 1] != inside[i]).collect()
+    }
+
+    /// Polylines of arcs over a slab on common places; `in_order` is cleared where rounding does not keep them apart.
+    fn polylines(&self, q: usize, slab: usize, arcs: &[usize], in_order: &mut bool) -> Vec<Vec<[f64; 2]>> {
+        let t = &self.region.triangles[q];
+        let a = &t.arrangement;
+        let ends = [slab, slab + 1].map(|k| a.walls[k].u.to_f64());
+        if arcs.is_empty() {
+            return Vec::new();
+        }
+        let over = |u: f64| -> Vec<f64> {
+            let v = RBig::try_from(u).map(|u| a.arcs_over(slab, &u)).unwrap_or_default();
+            arcs.iter().map(|&i| v.get(i).copied().unwrap_or(f64::NAN)).collect()
+        };
+        let at_end = |k: usize, right: bool| -> Vec<f64> {
+            let s = &a.slabs[slab];
+            arcs.iter().map(|&i| self.place(q, k, if right { s.arcs[i].right } else { s.arcs[i].left })[1]).collect()
+        };
+        let mut columns = vec![(ends[0], at_end(slab, false))];
+        let mut stack = vec![((ends[0], columns[0].1.clone()), (ends[1], at_end(slab + 1, true)), 0)];
+        while let Some((left, right, depth)) = stack.pop() {
+            let u = 0.5 * (left.0 + right.0);
+            let room = left.0 < u && u < right.0 && depth < HALVINGS;
+            let is_inside_walls = || RBig::try_from(u).is_ok_and(|u| a.walls[slab].u.cmp_rational(&u).is_lt() && a.walls[slab + 1].u.cmp_rational(&u).is_gt());
+            if !room || !is_inside_walls() {
+                columns.push(right);
+                continue;
+            }
+            let middle_column = over(u);
+            let fine = (0..arcs.len()).all(|i| {
+                let at = |u: f64, v: f64| self.charts[q].at([u, v]);
+                let (p, m, r) = (at(left.0, left.1[i]), at(u, middle_column[i]), at(right.0, right.1[i]));
+                distance(p, r) <= self.options.longest && distance(m, middle(p, r)) <= 0.3 * self.options.tolerance
+            });
+            // One halving at least: a chord may meet the middle by chance.
+            if fine && depth > 1 {
+                columns.push(right);
+            } else {
+                let mid = (u, middle_column);
+                stack.push((mid.clone(), right, depth + 1));
+                stack.push((left, mid, depth + 1));
+            }
+        }
+        let inner = &columns[1..columns.len() - 1];
+        *in_order &= inner.iter().all(|(u, v)| v.windows(2).all(|w| w[0] < w[1]) && v.iter().all(|&v| v > 0.0 && v < 1.0 - u));
+        (0..arcs.len()).map(|i| columns.iter().map(|(u, v)| [*u, v[i]]).collect()).collect()
+    }
+
+    /// Halves edges until triangles are near the surface and W keeps its sign on them. Returns whether W does.
+    fn refine(&self, q: usize, cdt: &mut Cdt, inside: &dyn Fn([f64; 2]) -> bool) -> bool {
+        let chart = &self.charts[q];
+        for round in 0..=ROUNDS {
+            let mut wanted: BTreeMap<[usize; 2], [f64; 2]> = BTreeMap::new();
+            let mut proven = true;
+            let mut count = 0;
+            for face in cdt.inner_faces() {
+                let v = face.vertices();
+                let at = v.map(|v| v.data().at);
+                if !inside(center(at)) {
+                    continue;
+                }
+                count += 1;
+                let p = v.map(|v| self.image(q, v.data().at, v.data().faces));
+                let keeps_sign = self.keeps_sign(q, at);
+                proven &= keeps_sign;
+                let c = center(at);
+                let off = distance(chart.at(c), std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0));
+                let mut longest: Option<(f64, usize)> = None;
+                let mut any = false;
+                for (i, edge) in face.adjacent_edges().into_iter().enumerate() {
+                    let [a, b] = edge.vertices().map(|v| v.index());
+                    let (j, k) = (v.iter().position(|v| v.index() == a).unwrap_or(0), v.iter().position(|v| v.index() == b).unwrap_or(0));
+                    if edge.is_constraint_edge() {
+                        continue;
+                    }
+                    let m = [0.5 * (at[j][0] + at[k][0]), 0.5 * (at[j][1] + at[k][1])];
+                    let error = distance(chart.at(m), middle(p[j], p[k]));
+                    let length = distance(p[j], p[k]);
+                    // Two triangles on an edge whose far corners have one image would coincide.
+                    let pinched = edge.rev().face().as_inner().is_some_and(|_| {
+                        let far = [edge, edge.rev()].map(|e| e.opposite_vertex().map(|v| self.merged(v.data().name)));
+                        far[0].is_some_and(|n| n != Name::Inner) && far[0] == far[1]
+                    });
+                    if error > self.options.tolerance || error.is_nan() || length > self.options.longest || pinched {
+                        wanted.insert([a.min(b), a.max(b)], m);
+                        any = true;
+                    }
+                    // In the parameters, where signs are asked for; in space, where distances are.
+                    let size = if keeps_sign { length } else { (at[j][0] - at[k][0]).hypot(at[j][1] - at[k][1]) };
+                    if longest.is_none_or(|l| size > l.0) {
+                        longest = Some((size, i));
+                    }
+                }
+                if !any && (off > self.options.tolerance || off.is_nan() || !keeps_sign) {
+                    match longest {
+                        Some((_, i)) => {
+                            let edge = face.adjacent_edges()[i];
+                            let [a, b] = edge.vertices();
+                            let (x, y) = (a.data().at, b.data().at);
+                            wanted.insert([a.index().min(b.index()), a.index().max(b.index())], [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])]);
+                        }
+                        None => {
+                            wanted.insert([usize::MAX, face.index()], c);
+                        }
+                    }
+                }
+            }
+            if wanted.is_empty() || round == ROUNDS || count + 2 * wanted.len() > self.options.triangles || (self.stop)() {
+                return proven;
+            }
+            for at in wanted.into_values() {
+                // Out of the range of floating point: left as it is.
+                let _ = cdt.insert(Node { at, name: Name::Inner, faces: 0 });
+            }
+        }
+        true
+    }
+
+    /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding.
+    fn keeps_sign(&self, q: usize, at: [[f64; 2]; 3]) -> bool {
+        let s = self.charts[q].signs;
+        let corners = at.map(|[u, v]| [s[0] * u, s[1] * v, 1.0 - u - v]);
+        let (lo, hi, error) = bernstein_range(&self.base, self.charts[q].degree, corners);
+        lo > error || hi < -error
+    }
+
+    fn finish(self) -> Surface {
+        let mut s = self.surface;
+        let keep: Vec<usize> = (0..s.triangles.len())
+            .filter(|&k| {
+                let [a, b, c] = s.triangles[k];
+                a != b && b != c && c != a
+            })
+            .collect();
+        s.triangles = keep.iter().map(|&k| s.triangles[k]).collect();
+        s.charts = keep.iter().map(|&k| s.charts[k]).collect();
+        s.corners = keep.iter().map(|&k| s.corners[k]).collect();
+        s.unproven.sort();
+        s.unproven.dedup();
+        s
+    }
+}
+
+fn center(at: [[f64; 2]; 3]) -> [f64; 2] {
+    [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0)
+}
+
+/// The height of a polyline over a place.
+fn height(line: &[[f64; 2]], u: f64) -> f64 {
+    let k = line.partition_point(|p| p[0] < u).clamp(1, line.len() - 1);
+    let ([a, p], [b, q]) = (line[k - 1], line[k]);
+    p + (q - p) * ((u - a) / (b - a)).clamp(0.0, 1.0)
+}
+
+/// Place of (i, j, n − i − j) among the coefficients of a ternary form of degree n.
+fn slot(n: usize, i: usize, j: usize) -> usize {
+    i * (n + 1) - i * i.saturating_sub(1) / 2 + j
+}
+
+/// Bernstein coefficients of a ternary form on the triangle (1,0,0), (0,1,0), (0,0,1).
+fn bernstein_base(form: &Poly) -> Vec<f64> {
+    let n = form.total_degree();
+    let factorial = |k: usize| (1..=k).fold(RBig::ONE, |p, k| p * RBig::from(k));
+    let mut out = vec![0.0; (n + 1) * (n + 2) / 2];
+    for (e, c) in form.terms() {
+        let [i, j, k] = [0, 1, 2].map(|x| usize::from(e[x]));
+        let count = factorial(n) / (factorial(i) * factorial(j) * factorial(k));
+        out[slot(n, i, j)] = (RBig::from(c.clone()) / (RBig::from(form.denominator().clone()) * count)).to_f64().value();
+    }
+    out
+}
+
+/// Least and greatest Bernstein coefficient on the triangle with the corners given, and a bound of their rounding errors: by the polar
+/// form, one argument at a time.
+fn bernstein_range(base: &[f64], n: usize, corners: [[f64; 3]; 3]) -> (f64, f64, f64) {
+    let step = |b: &[[f64; 2]], d: usize, p: [f64; 3]| -> Vec<[f64; 2]> {
+        let mut out = Vec::with_capacity(d * (d + 1) / 2);
+        for i in 0..d {
+            for j in 0..d - i {
+                let [x, y, z] = [b[slot(d, i + 1, j)], b[slot(d, i, j + 1)], b[slot(d, i, j)]];
+                out.push([x[0] * p[0] + y[0] * p[1] + z[0] * p[2], x[1] * p[0].abs() + y[1] * p[1].abs() + z[1] * p[2].abs()]);
+            }
+        }
+        out
+    };
+    let (mut lo, mut hi, mut size) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
+    let mut first: Vec<[f64; 2]> = base.iter().map(|&b| [b, b.abs()]).collect();
+    for i in 0..=n {
+        let mut second = first.clone();
+        for j in 0..=n - i {
+            let mut third = second.clone();
+            for d in (1..=n - i - j).rev() {
+                third = step(&third, d, corners[2]);
+            }
+            let [value, magnitude] = third[0];
+            (lo, hi, size) = (lo.min(value), hi.max(value), size.max(magnitude));
+            if j < n - i {
+                second = step(&second, n - i - j, corners[1]);
+            }
+        }
+        if i < n {
+            first = step(&first, n - i, corners[0]);
+        }
+    }
+    (lo, hi, 4.0 * f64::EPSILON * (n + 2) as f64 * size)
+}

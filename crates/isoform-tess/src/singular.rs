@@ -1,0 +1,294 @@
+//! Curves of the parameter plane over which a rational surface is not an embedded smooth one: double, cuspidal and contracted curves.
+//!
+//! With the implicit equation F of degree m, D(s, t, w) is the greatest common divisor of the four partial derivatives of F pulled back
+//! through the map: its zeros are the parameters of singular points of the surface, apart from finitely many. The pulled back
+//! gradient and the vector M of signed 3 × 3 minors of the forms' Jacobian both give the tangent plane, so they are proportional: with
+//! J the greatest common divisor of the minors, ∇F∘φ = D·M/J, and D comes from one derivative by exact division.
+//!
+//! An irreducible factor of D or J is *contracted* if the map is constant on it (then it divides J, not always D), otherwise *ramified* if it
+//! divides J (the surface has a cuspidal edge there), otherwise *double*: smooth sheets cross, or touch, in its image.
+
+use crate::field::{Algebraic, Element, NumberField};
+use crate::map::Map;
+use crate::univariate::{Stopped, check};
+use crate::zeros::common_zeros;
+use isoform_algebra::{IBig, Implicit, Poly, RBig, UBig, UPoly, discriminant, real_roots};
+use std::sync::Arc;
+
+/// A curve of the parameter plane, irreducible over Q, with singular points of the surface or of the map over it.
+#[derive(Clone, Debug)]
+pub struct SingularCurve {
+    /// A primitive form in (s, t, w), irreducible over Q.
+    pub curve: Poly,
+    /// Its multiplicity in D; nothing if D is not known.
+    pub in_double: Option<usize>,
+    /// Its multiplicity in J.
+    pub in_minors: usize,
+    /// What the map does on it.
+    pub kind: CurveKind,
+    /// Its real points.
+    pub real: RealPart,
+}
+
+/// What the map does on a curve of its parameter plane.
+#[derive(Clone, Debug)]
+pub enum CurveKind {
+    /// Every component is mapped to a point.
+    Contracted(Contraction),
+    /// It is mapped to a curve, along which the rank of the Jacobian drops: a cuspidal edge.
+    Ramified,
+    /// It is mapped to a curve in which sheets cross or touch.
+    Double,
+}
+
+/// The points to which the components of a curve are contracted: conjugate over Q.
+#[derive(Clone, Debug)]
+pub struct Contraction {
+    /// The field of their coordinates.
+    pub field: Arc<NumberField>,
+    /// (X : Y : Z : W) with W = 1, or at infinity with the last one that differs from zero equal to 1.
+    pub image: [Element; 4],
+}
+
+impl Contraction {
+    /// The real ones of the points.
+    pub fn points(&self) -> Vec<[Algebraic; 4]> {
+        let roots = 0..self.field.real_roots().len();
+        roots.map(|root| self.image.each_ref().map(|e| Algebraic::new(&self.field, root, e.clone()))).collect()
+    }
+    /// Whether the points are at infinity: all of them or none.
+    pub fn at_infinity(&self) -> bool {
+        self.image[3].is_zero()
+    }
+}
+
+/// The real points of a curve that is irreducible over Q.
+#[derive(Clone, Debug)]
+pub enum RealPart {
+    /// There is a real arc; isolated points may be there too.
+    Curve,
+    /// Only isolated points (s : t : w), or none.
+    Points(Vec<[Algebraic; 3]>),
+}
+
+/// The singular curves of a map.
+#[derive(Clone, Debug)]
+pub struct Singular {
+    /// D up to a constant, a form in (s, t, w); nothing if the implicit equation was not to be had.
+    pub double: Option<Poly>,
+    /// J up to a constant, a form in (s, t, w).
+    pub minors: Poly,
+    /// The irreducible factors of D and J, by degree and then by terms.
+    pub curves: Vec<SingularCurve>,
+}
+
+/// The singular curves of a map; without an implicit equation only those that divide J.
+///
+/// # Errors
+/// [`Stopped`].
+pub fn singular(map: &Map, implicit: Option<&Implicit>, stop: &dyn Fn() -> bool) -> Result<Singular, Stopped> {
+    let minors = signed_minors(map, stop)?;
+    let mut common = Poly::zero();
+    for m in &minors {
+        check(stop)?;
+        common = common.gcd(m);
+    }
+    let double = implicit.map(|i| double_locus(map, &i.equation, &minors, &common, stop)).transpose()?;
+    let mut factors: Vec<(Poly, Option<usize>, usize)> = Vec::new();
+    for (curve, n) in common.factor(stop)? {
+        factors.push((curve, double.as_ref().map(|_| 0), n));
+    }
+    if let Some(double) = &double {
+        for (curve, n) in double.factor(stop)? {
+            match factors.iter_mut().find(|(known, ..)| *known == curve) {
+                Some(known) => known.1 = Some(n),
+                None => factors.push((curve, Some(n), 0)),
+            }
+        }
+    }
+    factors.sort_by(|(a, ..), (b, ..)| (a.total_degree(), a.terms()).cmp(&(b.total_degree(), b.terms())));
+    let mut curves = Vec::new();
+    for (curve, in_double, in_minors) in factors {
+        let kind = if in_minors > 0 { kind_of_critical(map, &curve, stop)? } else { CurveKind::Double };
+        let real = real_part(&curve, stop)?;
+        curves.push(SingularCurve { curve, in_double, in_minors, kind, real });
+    }
+    Ok(Singular { double, minors: common, curves })
+}
+
+/// (M₀, −M₁, M₂, −M₃), Mᵢ the determinant of the Jacobian's rows without row i.
+fn signed_minors(map: &Map, stop: &dyn Fn() -> bool) -> Result<[Poly; 4], Stopped> {
+    let rows = map.forms().each_ref().map(|f| [0, 1, 2].map(|v| f.derivative(v)));
+    let mut minors: [Poly; 4] = Default::default();
+    for (i, minor) in minors.iter_mut().enumerate() {
+        check(stop)?;
+        let r: Vec<&[Poly; 3]> = (0..4).filter(|&k| k != i).map(|k| &rows[k]).collect();
+        let two = |a: usize, b: usize| &r[1][a] * &r[2][b] - &r[1][b] * &r[2][a];
+        let determinant = &r[0][0] * two(1, 2) - &r[0][1] * two(0, 2) + &r[0][2] * two(0, 1);
+        *minor = if i % 2 == 1 { -determinant } else { determinant };
+    }
+    Ok(minors)
+}
+
+/// D from the derivative with the fewest terms.
+fn double_locus(map: &Map, equation: &Poly, minors: &[Poly; 4], common: &Poly, stop: &dyn Fn() -> bool) -> Result<Poly, Stopped> {
+    check(stop)?;
+    let candidates = (0..4).filter(|&i| !minors[i].is_zero()).map(|i| (equation.derivative(i), i));
+    let (derivative, i) = candidates.min_by_key(|(d, _)| d.terms().len()).expect("the image is a surface");
+    let pulled = derivative.compose(map.forms());
+    check(stop)?;
+    let cofactor = minors[i].div_exact(common).expect("a common divisor divides");
+    Ok(pulled.div_exact(&cofactor).expect("the gradient of the equation is normal to the surface").primitive())
+}
+
+/// Contracted or ramified: for a factor of the minors.
+fn kind_of_critical(map: &Map, curve: &Poly, stop: &dyn Fn() -> bool) -> Result<CurveKind, Stopped> {
+    let forms = map.forms();
+    let pivot = (0..4).rev().find(|&i| !forms[i].is_multiple_of(curve)).expect("no common factor");
+    // A tangent vector ∇C × e, not a multiple of the point itself as long as e·(s, t, w) is no multiple of C.
+    let tangent = if curve.is_associate(&Poly::var(2)) {
+        [Poly::zero(), Poly::one(), Poly::zero()]
+    } else {
+        [curve.derivative(1), -curve.derivative(0), Poly::zero()]
+    };
+    let along = |f: &Poly| (0..3).fold(Poly::zero(), |sum, v| sum + &tangent[v] * f.derivative(v));
+    let pivot_along = along(&forms[pivot]);
+    for i in (0..4).filter(|&i| i != pivot) {
+        check(stop)?;
+        let wronskian = &forms[pivot] * along(&forms[i]) - &forms[i] * &pivot_along;
+        if !wronskian.is_multiple_of(curve) {
+            return Ok(CurveKind::Ramified);
+        }
+    }
+    Ok(CurveKind::Contracted(contraction(map, curve, pivot, stop)?))
+}
+
+/// The image of a contracted curve, from where a rational line meets it.
+fn contraction(map: &Map, curve: &Poly, pivot: usize, stop: &dyn Fn() -> bool) -> Result<Contraction, Stopped> {
+    for line in 0i64.. {
+        check(stop)?;
+        // (s, t, w) = A + x·B with B on another conic than A, so that no curve contains all lines.
+        let linear = |a: i64, b: i64| Poly::constant(a) + Poly::var(0).scale(&RBig::from(b));
+        let parts = [linear(line, 1), linear(1 - line * line, line + 2), linear(1 + line, line * line - 3)];
+        let section = curve.compose(&parts).to_upoly(0).expect("one variable");
+        if section.degree() < curve.total_degree() || section.squarefree_part().degree() < section.degree() {
+            continue;
+        }
+        let factors = section.factor(stop)?;
+        let Some((h, _)) = factors.first() else { continue };
+        let (field, x) = NumberField::new(h);
+        let values = map.forms().each_ref().map(|f| field.eval(&f.compose(&parts), 0, &x));
+        // A base point.
+        if values[pivot].is_zero() {
+            continue;
+        }
+        let ratios = values.each_ref().map(|v| field.div(v, &values[pivot]));
+        return Ok(least_field(&field, &ratios));
+    }
+    unreachable!("all but finitely many lines meet the curve in simple points")
+}
+
+/// Numbers in the field that they generate.
+fn least_field(field: &NumberField, numbers: &[Element; 4]) -> Contraction {
+    if let [Some(_), Some(_), Some(_), Some(_)] = numbers.each_ref().map(Element::as_rational) {
+        return Contraction { field: NumberField::rationals(), image: numbers.clone() };
+    }
+    for trial in 1i64.. {
+        let weights = [1, trial - 1, (trial - 1) * (trial - 2) / 2, trial * trial - 2].map(RBig::from);
+        let lambda = numbers.iter().zip(&weights).fold(Element::zero(), |sum, (e, c)| sum.add(&e.scaled(c)));
+        let mut powers = vec![Element::rational(&RBig::ONE)];
+        let relation = loop {
+            let next = field.mul(powers.last().expect("at least 1"), &lambda);
+            if let Some(relation) = combination(field.degree(), &powers, &next) {
+                break relation;
+            }
+            powers.push(next);
+        };
+        let Some(coordinates) = numbers.each_ref().map(|e| combination(field.degree(), &powers, e)).into_iter().collect::<Option<Vec<_>>>()
+        else {
+            // The combination lies in a smaller field.
+            continue;
+        };
+        let degree = relation.len();
+        let terms = relation.iter().enumerate().map(|(i, c)| ([i as u16, 0, 0, 0], -c.clone()));
+        let minimal = Poly::from_terms(terms.chain([([degree as u16, 0, 0, 0], RBig::ONE)]));
+        let (small, root) = NumberField::new(&minimal.to_upoly(0).expect("one variable"));
+        let image = coordinates
+            .iter()
+            .map(|c| c.iter().rev().fold(Element::zero(), |value, c| small.mul(&value, &root).add(&Element::rational(c))));
+        return Contraction { field: small.clone(), image: image.collect::<Vec<_>>().try_into().expect("four numbers") };
+    }
+    unreachable!("all but finitely many combinations generate the field")
+}
+
+/// Rational coefficients with which independent elements add up to another one, if there are any.
+fn combination(degree: usize, independent: &[Element], target: &Element) -> Option<Vec<RBig>> {
+    let n = independent.len();
+    let columns = independent.iter().chain([target]);
+    let columns: Vec<Vec<RBig>> = columns.map(|e| (0..degree).map(|i| e.coefficient(i)).collect()).collect();
+    let mut rows: Vec<Vec<RBig>> = (0..degree).map(|i| columns.iter().map(|c| c[i].clone()).collect()).collect();
+    for k in 0..n {
+        let pivot = (k..degree).find(|&i| rows[i][k] != RBig::ZERO)?;
+        rows.swap(k, pivot);
+        let inverse = RBig::ONE / &rows[k][k];
+        let top: Vec<RBig> = rows[k].iter().map(|c| c * &inverse).collect();
+        for (i, row) in rows.iter_mut().enumerate() {
+            if i != k && row[k] != RBig::ZERO {
+                let factor = row[k].clone();
+                for j in k..=n {
+                    row[j] -= &factor * &top[j];
+                }
+            }
+        }
+        rows[k] = top;
+    }
+    rows[n..].iter().all(|row| row[n] == RBig::ZERO).then(|| rows[..n].iter().map(|row| row[n].clone()).collect())
+}
+
+/// The real points of a form in (s, t, w) that is irreducible over Q.
+///
+/// It has a real arc exactly if it takes both signs; otherwise its real points are singular.
+///
+/// # Errors
+/// [`Stopped`].
+pub fn real_part(curve: &Poly, stop: &dyn Fn() -> bool) -> Result<RealPart, Stopped> {
+    if curve.total_degree() % 2 == 1 || changes_sign(&curve.dehomogenise(2), stop)? {
+        return Ok(RealPart::Curve);
+    }
+    let gradient = [0, 1, 2].map(|v| curve.derivative(v));
+    Ok(RealPart::Points(common_zeros(&gradient, true, stop)?.iter().flat_map(|z| z.real()).collect()))
+}
+
+/// Whether an irreducible polynomial in s and t takes both signs.
+fn changes_sign(f: &Poly, stop: &dyn Fn() -> bool) -> Result<bool, Stopped> {
+    let var = usize::from(f.degree(1) > 0);
+    let changes = |at: &RBig| {
+        let u = f.set(1 - var, at).to_upoly(var).expect("one variable");
+        !u.is_zero() && u.squarefree().iter().any(|(p, n)| n % 2 == 1 && !real_roots(p).is_empty())
+    };
+    for (n, d) in [(0i32, 1u8), (1, 1), (-1, 1), (3, 1), (-3, 1), (1, 3), (-1, 3), (10, 1), (-10, 1)] {
+        check(stop)?;
+        if changes(&RBig::from_parts(IBig::from(n), UBig::from(d))) {
+            return Ok(true);
+        }
+    }
+    if f.degree(1 - var) == 0 {
+        return Ok(false);
+    }
+    // Between critical values the number of real zeros is the same.
+    let lead = f.coefficients_in(var).swap_remove(f.degree(var));
+    let critical = (discriminant(f, var, stop)? * lead).to_upoly(1 - var).unwrap_or_else(|| UPoly::from_i64(&[1]));
+    let walls = real_roots(&critical);
+    let mut between: Vec<RBig> = walls.windows(2).map(|w| w[0].rational_below(&w[1])).collect();
+    if let (Some(first), Some(last)) = (walls.first(), walls.last()) {
+        between.push(first.interval().0 - RBig::ONE);
+        between.push(last.interval().1 + RBig::ONE);
+    }
+    for at in &between {
+        check(stop)?;
+        if changes(at) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
