@@ -18,5 +18,5 @@ mod refine;
 mod second;
 mod surface;
 
-pub use adapt::{adapt, mean_edge};
+pub use adapt::{adapt, mean_edge, own_sizes};
 pub use mesher::{Control, MeshError, Meshed, Options, Sizes, Warning, mesh};

@@ -315,7 +315,6 @@ pub(crate) fn assemble(
 ) -> (Mesh, Vec<u32>) {
     let faces = optimiser.faces();
     let (surface, complex) = (optimiser.surface, &optimiser.complex);
-    let solid = surface.solid;
     let mut new = vec![NONE; complex.points.len()];
     let mut mesh = Mesh::default();
     if options.surface_only {
@@ -343,18 +342,25 @@ pub(crate) fn assemble(
         mesh.tet_regions = vec![0; mesh.tets.len()];
         mesh.regions = vec!["solid".to_owned()];
     }
-    let mut part_of = vec![NONE; solid.names().len()];
+    let pieces = group(surface, &faces, &new, &mut mesh);
+    (mesh, pieces)
+}
+
+/// Gives a mesh its labelled triangles, parts, curves and corners; `new` are the numbers of the vertices in it. Returns the pieces of its parts.
+pub(crate) fn group(surface: &Surface<'_>, faces: &[([u32; 3], u32)], new: &[u32], mesh: &mut Mesh) -> Vec<u32> {
+    let names = surface.solid.names();
+    let mut part_of = vec![NONE; names.len()];
     let mut used: Vec<u32> = faces.iter().map(|f| f.1).filter(|&l| (l as usize) < part_of.len()).collect();
     used.sort_unstable();
     used.dedup();
     for (k, &piece) in used.iter().enumerate() {
         part_of[piece as usize] = k as u32;
-        mesh.parts.push(solid.names()[piece as usize].clone());
+        mesh.parts.push(names[piece as usize].clone());
     }
     mesh.triangles = faces.iter().map(|(f, _)| f.map(|v| new[v as usize])).collect();
     mesh.triangle_parts = faces.iter().map(|(_, l)| part_of.get(*l as usize).copied().unwrap_or(0)).collect();
-    feature_edges(surface, &used, &mut mesh);
-    (mesh, used)
+    feature_edges(surface, &used, mesh);
+    used
 }
 
 /// Edges between faces of two parts that meet at an angle, where the ends lie on both: seams of parts that touch are none.

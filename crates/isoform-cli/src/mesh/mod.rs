@@ -37,7 +37,8 @@ pub(crate) struct Args {
     params: Option<eval::Parameters>,
     #[command(flatten)]
     settings: Settings,
-    /// Improve this mesh of tetrahedra on the model instead of making a new one: its surface is brought onto the parts
+    /// Improve this mesh on the model instead of making a new one: tetrahedra (msh, vtu, inp), or a surface (stl, obj, ply, off, msh),
+    /// whose triangles are made as long as --size says, or as they were
     #[arg(long, value_name = "FILE", conflicts_with = "region")]
     adapt: Option<PathBuf>,
     /// Write a file; its ending names the format (- for stdout, with --to); may be repeated

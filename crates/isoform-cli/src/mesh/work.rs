@@ -11,7 +11,7 @@ use isoform::field::hyperfun::Model;
 use isoform::geom::{Mesh, Point3, Solid};
 use isoform::mesh::check::{Certificate, Limits};
 use isoform::mesh::features::ExtentError;
-use isoform::mesh::{Control, MeshError, Meshed, Options, Warning, mean_edge};
+use isoform::mesh::{Control, MeshError, Meshed, Options, Warning, mean_edge, own_sizes};
 use isoform::{certified_adaptation, certified_mesh};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -127,6 +127,10 @@ pub(crate) fn make(subject: &Subject, settings: &Settings, given: Option<&Mesh>,
     }
     let mut options = options(solid, settings, given).map_err(|e| failure(&e, name, None))?;
     options.sizes = settings.sizes.as_deref().map(|path| sizes::read(path, context)).transpose()?;
+    if let Some(mesh) = given.filter(|m| m.tets.is_empty() && settings.size.is_none() && settings.sizes.is_none()) {
+        // A surface keeps its smaller triangles where it has them.
+        options.sizes = Some(own_sizes(mesh));
+    }
     let show = |phase: &str| phases.enter(phase);
     let control = Control { cancelled: Some(interrupt::watch()), deadline: context.deadline, progress: Some(&show) };
     let limits = settings.angles.map_or(Limits::default(), |a| Limits { dihedral_min: a.0[0], dihedral_max: a.0[1], ..Limits::default() });
@@ -229,7 +233,7 @@ fn failure(error: &MeshError, name: &str, options: Option<&Options>) -> Failure 
         MeshError::NotANumber { at } => none("not-a-number").somewhere(*at).hint("--box around the part where it is one"),
         MeshError::TooCoarse { .. } => none("too-coarse").hint(finer(options)),
         MeshError::Input { .. } => {
-            Failure::input("mesh", format!("{name}: {error}")).hint("a .msh, .vtu or .inp with tetrahedra near the model")
+            Failure::input("mesh", format!("{name}: {error}")).hint("tetrahedra, or a closed surface of triangles, near the model")
         }
         MeshError::Stopped if interrupt::happened() => Failure::new(interrupt::INTERRUPTED, "interrupted", error.to_string()),
         MeshError::Stopped => none("time-limit").hint("a longer --time-limit, or a larger --size"),

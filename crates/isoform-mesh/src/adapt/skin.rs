@@ -1,0 +1,172 @@
+//! A surface of triangles under work: closed, oriented, changed by replacing faces.
+
+use super::align::{Cuttable, edges_of, key, middle};
+use crate::complex::NONE;
+use crate::measure::smallest_sine;
+use isoform_geom::{Point3, cross, dot, norm, sub};
+
+/// Least sine of a triangle's angle that a vertex moved onto a curve may leave; less where it was less before.
+const LEAST: f64 = 0.08;
+/// Least cosine between a face before and after a vertex of it moved.
+const TURN: f64 = 0.3;
+
+/// Triangles with the faces around each vertex. Slots are reused; a face whose first vertex is [`NONE`] is not there.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Skin {
+    pub(super) points: Vec<Point3>,
+    pub(super) faces: Vec<[u32; 3]>,
+    pub(super) labels: Vec<u32>,
+    pub(super) around: Vec<Vec<u32>>,
+    free: Vec<u32>,
+}
+
+fn normal(p: [Point3; 3]) -> Point3 {
+    cross(sub(p[1], p[0]), sub(p[2], p[0]))
+}
+
+/// Cosine between two faces; 1 if the first one has no direction.
+fn turned(old: [Point3; 3], new: [Point3; 3]) -> f64 {
+    let (a, b) = (normal(old), normal(new));
+    let length = norm(a) * norm(b);
+    if length > 0.0 { dot(a, b) / length } else { f64::from(u8::from(norm(a) == 0.0)) }
+}
+
+impl Skin {
+    pub(super) fn new(points: Vec<Point3>, faces: Vec<[u32; 3]>) -> Self {
+        let mut around = vec![Vec::new(); points.len()];
+        for (k, f) in faces.iter().enumerate() {
+            f.iter().for_each(|&v| around[v as usize].push(k as u32));
+        }
+        Self { points, labels: vec![0; faces.len()], faces, around, free: Vec::new() }
+    }
+
+    pub(super) fn at(&self, v: u32) -> Point3 {
+        self.points[v as usize]
+    }
+    pub(super) fn is_there(&self, f: u32) -> bool {
+        self.faces[f as usize][0] != NONE
+    }
+    pub(super) fn corners(&self, f: u32) -> [Point3; 3] {
+        self.faces[f as usize].map(|v| self.at(v))
+    }
+    pub(super) fn live(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..self.faces.len() as u32).filter(|&f| self.is_there(f))
+    }
+    pub(super) fn add_point(&mut self, p: Point3) -> u32 {
+        self.points.push(p);
+        self.around.push(Vec::new());
+        self.points.len() as u32 - 1
+    }
+
+    /// Takes faces out and puts others, with their labels, in.
+    pub(super) fn replace(&mut self, old: &[u32], new: &[([u32; 3], u32)]) {
+        for &f in old {
+            for v in self.faces[f as usize] {
+                self.around[v as usize].retain(|&k| k != f);
+            }
+            self.faces[f as usize] = [NONE; 3];
+            self.free.push(f);
+        }
+        for &(face, label) in new {
+            let slot = self.free.pop().unwrap_or_else(|| {
+                self.faces.push([NONE; 3]);
+                self.labels.push(0);
+                self.faces.len() as u32 - 1
+            });
+            self.faces[slot as usize] = face;
+            self.labels[slot as usize] = label;
+            face.iter().for_each(|&v| self.around[v as usize].push(slot));
+        }
+    }
+
+    /// The faces at an edge: the one that runs along it from `a` to `b`, and the other.
+    pub(super) fn sides(&self, a: u32, b: u32) -> Option<[u32; 2]> {
+        let runs = |f: u32, a: u32, b: u32| {
+            let f = self.faces[f as usize];
+            (0..3).any(|i| f[i] == a && f[(i + 1) % 3] == b)
+        };
+        let star = &self.around[a as usize];
+        let left = star.iter().copied().find(|&f| runs(f, a, b))?;
+        let right = star.iter().copied().find(|&f| runs(f, b, a))?;
+        Some([left, right])
+    }
+
+    /// The vertex of a face that is neither of two.
+    pub(super) fn opposite(&self, f: u32, a: u32, b: u32) -> u32 {
+        self.faces[f as usize].into_iter().find(|&v| v != a && v != b).unwrap_or(NONE)
+    }
+
+    /// Neighbours of a vertex, ascending.
+    pub(super) fn neighbours(&self, v: u32) -> Vec<u32> {
+        let all = self.around[v as usize].iter().flat_map(|&f| self.faces[f as usize]).filter(|&k| k != v);
+        crate::lattice::unique(all.collect())
+    }
+
+    /// Splits the edge at a new vertex.
+    pub(super) fn split_at(&mut self, a: u32, b: u32, p: Point3) -> Option<u32> {
+        let [l, r] = self.sides(a, b)?;
+        let (c, d) = (self.opposite(l, a, b), self.opposite(r, a, b));
+        let labels = [l, r].map(|f| self.labels[f as usize]);
+        let m = self.add_point(p);
+        self.replace(&[l, r], &[([a, m, c], labels[0]), ([m, b, c], labels[0]), ([b, m, d], labels[1]), ([m, a, d], labels[1])]);
+        Some(m)
+    }
+
+    /// The faces at a vertex were it at `p`.
+    pub(super) fn star_with(&self, v: u32, p: Point3) -> impl Iterator<Item = (u32, [Point3; 3])> + '_ {
+        self.around[v as usize].iter().map(move |&f| (f, self.faces[f as usize].map(|k| if k == v { p } else { self.at(k) })))
+    }
+
+    /// The smallest sine at a vertex were it at `p`.
+    pub(super) fn worst_at(&self, v: u32, p: Point3) -> f64 {
+        self.star_with(v, p).map(|(_, c)| smallest_sine(c)).fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Cuttable for Skin {
+    fn points(&self) -> &[Point3] {
+        &self.points
+    }
+    fn faces(&self) -> Vec<[u32; 3]> {
+        self.live().map(|f| self.faces[f as usize]).collect()
+    }
+    fn move_to(&mut self, v: u32, p: Point3) -> bool {
+        let old = self.at(v);
+        let least = LEAST.min(0.5 * self.worst_at(v, old));
+        let may = self.star_with(v, p).all(|(f, new)| smallest_sine(new) >= least && turned(self.corners(f), new) > TURN);
+        if may {
+            self.points[v as usize] = p;
+        }
+        may
+    }
+    fn settle(&mut self, v: u32, p: Point3) {
+        self.points[v as usize] = p;
+    }
+    fn split(&mut self, edge: [u32; 2], _: Point3, p: Point3) -> Option<u32> {
+        self.split_at(edge[0], edge[1], p)
+    }
+}
+
+impl Skin {
+    /// Whether an edge joins the two vertices.
+    pub(super) fn has_edge(&self, a: u32, b: u32) -> bool {
+        self.around[a as usize].iter().any(|&f| self.faces[f as usize].contains(&b))
+    }
+    /// All edges.
+    pub(super) fn edges(&self) -> Vec<[u32; 2]> {
+        edges_of(&self.faces())
+    }
+    /// The middle of a face.
+    pub(super) fn middle(&self, f: u32) -> Point3 {
+        middle(self.corners(f))
+    }
+    /// Length of an edge.
+    pub(super) fn length(&self, a: u32, b: u32) -> f64 {
+        norm(sub(self.at(a), self.at(b)))
+    }
+    /// Edges of a face.
+    pub(super) fn edges_at(&self, f: u32) -> [[u32; 2]; 3] {
+        let f = self.faces[f as usize];
+        [key(f[0], f[1]), key(f[1], f[2]), key(f[2], f[0])]
+    }
+}
