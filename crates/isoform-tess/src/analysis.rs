@@ -1,6 +1,6 @@
 //! Everything that is known exactly about a map before it is triangulated.
 
-use crate::base::{BasePoint, base_multiplicity, base_points};
+use crate::base::{BasePoint, Classes};
 use crate::map::Map;
 use crate::singular::{Singular, singular};
 use crate::univariate::Stopped;
@@ -58,8 +58,10 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
         clock = Instant::now();
     };
 
-    match base_points(map, stop) {
-        Ok(points) => found.base_points = Some(points),
+    // Complex ones too: their multiplicities prove the degrees.
+    let classes = Classes::new(map, false, stop);
+    match &classes {
+        Ok(classes) => found.base_points = Some(classes.real()),
         Err(Stopped) => found.unproven.push("base points: stopped".to_owned()),
     }
     lap(&mut found, "base points");
@@ -73,7 +75,7 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     }
     lap(&mut found, "pole");
 
-    degrees(map, stop, &mut found);
+    degrees(map, classes.ok().map(|c| c.multiplicity()), stop, &mut found);
     lap(&mut found, "degrees");
 
     let until = |limit: f64| {
@@ -111,18 +113,20 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
 }
 
 /// Counts the degrees and proves their product by the base points.
-fn degrees(map: &Map, stop: &dyn Fn() -> bool, found: &mut Analysis) {
+fn degrees(map: &Map, base_multiplicity: Option<usize>, stop: &dyn Fn() -> bool, found: &mut Analysis) {
     match map_degrees(map.affine(), stop) {
         Ok(degrees) => found.degrees = Some(degrees),
         Err(MapError::Stopped) => found.unproven.push("the degree of the map: stopped".to_owned()),
         Err(error) => found.unproven.push(format!("the degree of the map: {error}")),
     }
-    match (base_multiplicity(map, stop), found.degrees) {
-        (Ok(sum), Some(degrees)) if sum != degrees.base_multiplicity => {
-            let counted = degrees.base_multiplicity;
-            found.unproven.push(format!("the degree of the map: base points of multiplicity {counted} counted, {sum} found"));
+    if let Some(degrees) = found.degrees {
+        let counted = degrees.base_multiplicity;
+        match base_multiplicity {
+            Some(sum) if sum != counted => {
+                found.unproven.push(format!("the degree of the map: base points of multiplicity {counted} counted, {sum} found"));
+            }
+            None => found.unproven.push("the degree of the map: counted, not proven".to_owned()),
+            Some(_) => {}
         }
-        (Err(Stopped), Some(_)) => found.unproven.push("the degree of the map: counted, not proven".to_owned()),
-        _ => {}
     }
 }

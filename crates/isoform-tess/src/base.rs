@@ -102,19 +102,38 @@ impl BasePoint {
     }
 }
 
+/// The base points of a map, as classes of points that are conjugate over Q.
+pub(crate) struct Classes(Vec<(Zero, Class)>);
+
+impl Classes {
+    /// All classes, or only those with real points.
+    pub(crate) fn new(map: &Map, real: bool, stop: &dyn Fn() -> bool) -> Result<Self, Stopped> {
+        let zeros = common_zeros(map.forms(), real, stop)?;
+        let classes = zeros.into_iter().map(|zero| class_at(map, &zero, real, stop).map(|class| (zero, class)));
+        Ok(Self(classes.collect::<Result<_, _>>()?))
+    }
+    /// The real points, by chart and then by field and root.
+    pub(crate) fn real(&self) -> Vec<BasePoint> {
+        let mut points = Vec::new();
+        for (zero, class) in &self.0 {
+            for (root, point) in zero.real().into_iter().enumerate() {
+                points.push(BasePoint { chart: zero.chart, point, seam: class.at(root) });
+            }
+        }
+        points
+    }
+    /// The squares of the multiplicities of all points of the classes, infinitely near ones included, added up.
+    pub(crate) fn multiplicity(&self) -> usize {
+        self.0.iter().map(|(_, class)| class.sum_of_squares()).sum()
+    }
+}
+
 /// The real base points, each once, by chart and then by field and root; in the chart w = 1, t = 1 on w = 0, or s = 1 on t = w = 0.
 ///
 /// # Errors
 /// [`Stopped`].
 pub fn base_points(map: &Map, stop: &dyn Fn() -> bool) -> Result<Vec<BasePoint>, Stopped> {
-    let mut points = Vec::new();
-    for zero in common_zeros(map.forms(), true, stop)? {
-        let class = class_at(map, &zero, true, stop)?;
-        for (root, point) in zero.real().into_iter().enumerate() {
-            points.push(BasePoint { chart: zero.chart, point, seam: class.at(root) });
-        }
-    }
-    Ok(points)
+    Ok(Classes::new(map, true, stop)?.real())
 }
 
 /// The sum of the squares of the multiplicities of all base points, complex and infinitely near ones included: the degree of the map times the
@@ -123,11 +142,7 @@ pub fn base_points(map: &Map, stop: &dyn Fn() -> bool) -> Result<Vec<BasePoint>,
 /// # Errors
 /// [`Stopped`].
 pub fn base_multiplicity(map: &Map, stop: &dyn Fn() -> bool) -> Result<usize, Stopped> {
-    let mut sum = 0;
-    for zero in common_zeros(map.forms(), false, stop)? {
-        sum += class_at(map, &zero, false, stop)?.sum_of_squares();
-    }
-    Ok(sum)
+    Ok(Classes::new(map, false, stop)?.multiplicity())
 }
 
 /// Terms u^i v^j of a polynomial over a number field.
@@ -152,7 +167,9 @@ struct NearClass {
 
 fn class_at(map: &Map, zero: &Zero, real: bool, stop: &dyn Fn() -> bool) -> Result<Class, Stopped> {
     let local: Vec<Local> = map.forms().iter().map(|f| expand(f, zero)).collect();
-    blow_up(&zero.field, &local.try_into().expect("four forms"), real, stop)
+    // Two general planes meet the surface in at least one point that is no base point.
+    let room = (map.degree().pow(2) - 1) / zero.field.degree();
+    blow_up(&zero.field, local.try_into().expect("four forms"), room, real, stop)
 }
 
 /// A form in the local coordinates of a point, by Horner's rule in each of them.
@@ -200,11 +217,18 @@ fn add_to(p: &mut Vec<Element>, at: usize, c: &Element) {
     p[at] = p[at].add(c);
 }
 
-fn blow_up(k: &Arc<NumberField>, local: &[Local; 4], real: bool, stop: &dyn Fn() -> bool) -> Result<Class, Stopped> {
+/// The squares of the multiplicities of this point and of those infinitely near to it add up to `room` at most, all conjugates counted
+/// to `room` times the degree of the field. A term of degree d is one of degree d − q at least in the next blow-up, so terms of a
+/// degree above the sum of multiplicities never reach a leading form and are left out.
+fn blow_up(k: &Arc<NumberField>, mut local: [Local; 4], room: usize, real: bool, stop: &dyn Fn() -> bool) -> Result<Class, Stopped> {
     check(stop)?;
+    for f in &mut local {
+        f.retain(|[i, j], _| i + j <= room);
+    }
     let order = |f: &Local| f.keys().map(|[i, j]| i + j).min();
     let q = local.iter().filter_map(order).min().expect("forms that are not all zero");
     assert!(q > 0, "a base point");
+    let room = room.checked_sub(q * q).expect("multiplicities within the degree of the map");
     // Coefficients of a^q, a^(q−1)b, …: of the powers of b/a, lowest first.
     let leading = local.each_ref().map(|f| (0..=q).map(|j| f.get(&[q - j, j]).cloned().unwrap_or_default()).collect::<Coefficients>());
     // The power of a that divides all of them is seen at the upper end, where trimming loses it.
@@ -230,14 +254,14 @@ fn blow_up(k: &Arc<NumberField>, local: &[Local; 4], real: bool, stop: &dyn Fn()
             let inside = |c: &Element| if same { c.clone() } else { k.embed(c, target, &extension.theta) };
             along_direction(target, f, &extension.root, q, inside)
         });
-        let class = blow_up(target, &moved, real, stop)?;
+        let class = blow_up(target, moved, room * k.degree() / target.degree(), real, stop)?;
         near.push(NearClass { theta: extension.theta, direction: [Element::rational(&RBig::ONE), extension.root], class });
     }
     if vertical > 0 {
         // u^i v^j becomes u′^i v′^(i+j−q).
         let moved = local.each_ref().map(|f| f.iter().map(|([i, j], c)| ([*i, i + j - q], c.clone())).collect());
         let direction = [Element::zero(), Element::rational(&RBig::ONE)];
-        near.push(NearClass { theta: k.generator(), direction, class: blow_up(k, &moved, real, stop)? });
+        near.push(NearClass { theta: k.generator(), direction, class: blow_up(k, moved, room, real, stop)? });
     }
     common.resize(common.len() + vertical, Element::zero());
     Ok(Class { field: Arc::clone(k), multiplicity: q, leading, common, curve, near })
