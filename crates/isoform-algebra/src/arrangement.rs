@@ -174,6 +174,29 @@ impl Arrangement {
     pub fn upper(&self) -> usize {
         self.curves.len() + 1
     }
+    /// v on every arc of a slab over some u strictly between its walls, from bottom to top, correctly rounded.
+    ///
+    /// # Panics
+    /// If u is not between the walls.
+    pub fn arcs_over(&self, slab: usize, u: &RBig) -> Vec<f64> {
+        let arcs = &self.slabs[slab].arcs;
+        let top = RBig::ONE - u;
+        let mut roots: BTreeMap<usize, std::vec::IntoIter<f64>> = BTreeMap::new();
+        let mut value = |curve: usize| {
+            let over = roots.entry(curve).or_insert_with(|| {
+                let g = self.curves[curve].set(U, u).to_upoly(V).unwrap_or_default();
+                let inside = |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(&top).is_lt();
+                real_roots(&g).into_iter().filter(inside).map(|r| r.to_f64()).collect::<Vec<_>>().into_iter()
+            });
+            over.next().expect("an arc over every u of the slab")
+        };
+        let height = |arc: &Arc| match arc.curve.checked_sub(self.lower()) {
+            None => value(arc.curve),
+            Some(0) => 0.0,
+            Some(_) => top.to_f64().value(),
+        };
+        arcs.iter().map(height).collect()
+    }
     /// The polynomial of a curve, squarefree, without sides and vertical lines.
     pub fn curve(&self, k: usize) -> &Poly {
         &self.curves[k]
@@ -315,7 +338,7 @@ impl Work {
         }
         common[n][n + 1] = usize::from(u.cmp_rational(&RBig::ONE).is_eq());
         let mut u = u;
-        let mut bits = 40;
+        let mut bits = 72;
         let (ranges, groups) = loop {
             u.refine(bits);
             let mut ranges = Vec::with_capacity(all.len());

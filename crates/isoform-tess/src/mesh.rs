@@ -61,7 +61,8 @@ struct Chart {
 
 impl Chart {
     fn new(map: &Map, quadrant: usize) -> Self {
-        let terms = map.forms().each_ref().map(|f| f.to_f64().into_iter().map(|(e, c)| ([e[0] as u8, e[1] as u8, e[2] as u8], c)).collect());
+        let terms =
+            map.forms().each_ref().map(|f| f.to_f64().into_iter().map(|(e, c)| ([e[0] as u8, e[1] as u8, e[2] as u8], c)).collect());
         let signs = QUADRANTS[quadrant].map(|s| s as f64);
         Self { signs, terms, degree: map.degree() }
     }
@@ -245,6 +246,9 @@ impl Builder<'_> {
             let t = &self.region.triangles[q];
             let walls = &t.arrangement.walls;
             let keys = sides_of(q);
+            for key in keys {
+                sides.entry(key).or_default();
+            }
             let left = (1..walls[0].points.len() - 1).filter(|&p| t.is_real(0, p)).map(|p| self.place(q, 0, p)[1]);
             sides.entry(keys[0]).or_default().extend(left);
             for (k, wall) in walls.iter().enumerate().take(walls.len() - 1).skip(1) {
@@ -267,7 +271,9 @@ impl Builder<'_> {
                 let inside = both.iter().any(|&q| self.side_is_inside(q, side, 0.5 * (w[0] + w[1])));
                 let mut stack = vec![(w[0], w[1], 0)];
                 while let Some((a, b, depth)) = stack.pop() {
-                    if inside && !self.contracted[side] && depth < HALVINGS && !self.is_fine(&at, a, b) {
+                    let rough = || !self.contracted[side] && !self.is_fine(&at, a, b);
+                    let signed = || self.keeps_sign(both[0], [a, b, a].map(|x| on_side(side, x)));
+                    if inside && depth < HALVINGS && (rough() || !signed()) {
                         let m = 0.5 * (a + b);
                         stack.extend([(m, b, depth + 1), (a, m, depth + 1)]);
                     } else {
@@ -373,7 +379,7 @@ impl Builder<'_> {
         let us: Vec<f64> = walls.iter().map(|w| w.u.to_f64()).collect();
         let inside = |at: [f64; 2]| {
             let k = us[1..us.len() - 1].partition_point(|&u| u < at[0]);
-            let below = lines[k].iter().filter(|(_, line)| height(line, at[0]) < at[1]).map(|l| l.0).last();
+            let below = lines[k].iter().rev().find(|(_, line)| height(line, at[0]) < at[1]).map(|l| l.0);
             t.inside[k][below.unwrap_or(0)]
         };
         let proven = self.refine(q, &mut cdt, &inside);
@@ -382,7 +388,7 @@ impl Builder<'_> {
         }
         for face in cdt.inner_faces() {
             let v = face.vertices();
-            if !inside(center(v.map(|v| v.data().at))) {
+            if is_sliver(v.map(|v| *v.data())) || !inside(center(v.map(|v| v.data().at))) {
                 continue;
             }
             let triangle = v.map(|v| {
@@ -448,7 +454,9 @@ impl Builder<'_> {
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left.0 + right.0);
             let room = left.0 < u && u < right.0 && depth < HALVINGS;
-            let is_inside_walls = || RBig::try_from(u).is_ok_and(|u| a.walls[slab].u.cmp_rational(&u).is_lt() && a.walls[slab + 1].u.cmp_rational(&u).is_gt());
+            let is_inside_walls = || {
+                RBig::try_from(u).is_ok_and(|u| a.walls[slab].u.cmp_rational(&u).is_lt() && a.walls[slab + 1].u.cmp_rational(&u).is_gt())
+            };
             if !room || !is_inside_walls() {
                 columns.push(right);
                 continue;
@@ -457,7 +465,9 @@ impl Builder<'_> {
             let fine = (0..arcs.len()).all(|i| {
                 let at = |u: f64, v: f64| self.charts[q].at([u, v]);
                 let (p, m, r) = (at(left.0, left.1[i]), at(u, middle_column[i]), at(right.0, right.1[i]));
-                distance(p, r) <= self.options.longest && distance(m, middle(p, r)) <= 0.3 * self.options.tolerance
+                distance(p, r) <= self.options.longest
+                    && distance(m, middle(p, r)) <= 0.3 * self.options.tolerance
+                    && self.keeps_sign(q, [[left.0, left.1[i]], [right.0, right.1[i]], [left.0, left.1[i]]])
             });
             // One halving at least: a chord may meet the middle by chance.
             if fine && depth > 1 {
@@ -483,7 +493,7 @@ impl Builder<'_> {
             for face in cdt.inner_faces() {
                 let v = face.vertices();
                 let at = v.map(|v| v.data().at);
-                if !inside(center(at)) {
+                if is_sliver(v.map(|v| *v.data())) || !inside(center(at)) {
                     continue;
                 }
                 count += 1;
@@ -565,6 +575,15 @@ impl Builder<'_> {
         s.unproven.sort();
         s.unproven.dedup();
         s
+    }
+}
+
+/// Whether a triangle, counterclockwise, lies beyond the side u + v = 1, whose points are on that line but for rounding.
+fn is_sliver(nodes: [Node; 3]) -> bool {
+    let on_line = |n: &Node| matches!(n.name, Name::Side(2, ..) | Name::Corner(1 | 2));
+    nodes.iter().all(on_line) && {
+        let first = (0..3).min_by(|&i, &j| nodes[i].at[0].total_cmp(&nodes[j].at[0])).unwrap_or(0);
+        nodes[(first + 1) % 3].at[0] < nodes[(first + 2) % 3].at[0]
     }
 }
 
