@@ -166,14 +166,18 @@ struct NearClass {
 }
 
 fn class_at(map: &Map, zero: &Zero, real: bool, stop: &dyn Fn() -> bool) -> Result<Class, Stopped> {
-    let local: Vec<Local> = map.forms().iter().map(|f| expand(f, zero)).collect();
     // Two general planes meet the surface in at least one point that is no base point.
     let room = (map.degree().pow(2) - 1) / zero.field.degree();
+    let mut local: Vec<Local> = Vec::new();
+    for form in map.forms() {
+        check(stop)?;
+        local.push(expand(form, zero, room));
+    }
     blow_up(&zero.field, local.try_into().expect("four forms"), room, real, stop)
 }
 
-/// A form in the local coordinates of a point, by Horner's rule in each of them.
-fn expand(form: &Poly, zero: &Zero) -> Local {
+/// The terms up to degree `room` of a form in the local coordinates of a point, by Horner's rule in each of them.
+fn expand(form: &Poly, zero: &Zero, room: usize) -> Local {
     let ([u, v], one) = zero.chart.variables();
     let k = &zero.field;
     let mut result: Vec<Vec<Element>> = Vec::new();
@@ -181,6 +185,7 @@ fn expand(form: &Poly, zero: &Zero) -> Local {
         let mut inner: Vec<Element> = Vec::new();
         for c in row.coefficients_in(v).iter().rev() {
             inner = times_linear(k, &inner, &zero.at[1]);
+            inner.truncate(room + 1);
             add_to(&mut inner, 0, &Element::rational(&c.as_constant().expect("two variables")));
         }
         // result·(u + a) + inner
@@ -193,6 +198,10 @@ fn expand(form: &Poly, zero: &Zero) -> Local {
         }
         for (j, c) in inner.iter().enumerate() {
             add_to(&mut next[0], j, c);
+        }
+        next.truncate(room + 1);
+        for (i, column) in next.iter_mut().enumerate() {
+            column.truncate(room + 1 - i);
         }
         result = next;
     }

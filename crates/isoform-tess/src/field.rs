@@ -29,7 +29,7 @@ pub struct Element {
 
 impl Element {
     /// The sum of coefficients times powers of θ over a denominator; as many as the degree of the field at most.
-    fn normalised(mut numerator: Vec<IBig>, mut denominator: UBig) -> Self {
+    pub(crate) fn normalised(mut numerator: Vec<IBig>, mut denominator: UBig) -> Self {
         while numerator.last().is_some_and(IBig::is_zero) {
             numerator.pop();
         }

@@ -4,6 +4,7 @@
 //! of a squarefree polynomial is squarefree after a shift by a multiple of the generator, and its factors over Q are the fields.
 
 use crate::field::{Element, NumberField};
+use crate::residues;
 use dashu_base::Gcd;
 use isoform_algebra::{FactorError, IBig, Poly, RBig, ResultantError, UBig, UPoly, resultant};
 use std::sync::Arc;
@@ -73,14 +74,11 @@ pub(crate) fn gcd(k: &NumberField, p: &Coefficients, q: &Coefficients, stop: &dy
         // Over Q there is a modular algorithm.
         return Ok(monic(k, &from_upoly(&to_upoly(p).gcd(&to_upoly(q)))));
     }
-    let (mut a, mut b) = if p.len() >= q.len() { (p.clone(), q.clone()) } else { (q.clone(), p.clone()) };
-    while !b.is_empty() {
-        check(stop)?;
-        b = monic(k, &b);
-        let rest = divide(k, &a, &b).1;
-        (a, b) = (b, rest);
+    match (p.last(), q.last()) {
+        (None, None) => Ok(Vec::new()),
+        (Some(lead), None) | (None, Some(lead)) if lead.as_rational().is_some() => Ok(monic(k, if q.is_empty() { p } else { q })),
+        _ => residues::gcd(k, p, q, stop),
     }
-    Ok(monic(k, &a))
 }
 
 fn to_upoly(p: &Coefficients) -> UPoly {

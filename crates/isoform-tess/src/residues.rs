@@ -1,0 +1,173 @@
+//! Greatest common divisors over a number field by way of residues modulo primes.
+//!
+//! Modulo a prime Q(θ) becomes F_p\[x\]/(p), in which Euclid's algorithm is cheap; the monic divisor comes back by Chinese remainders and
+//! rational reconstruction (L. Langemyr, S. McCallum, J. Symbolic Comput. 8, 1989). Where the modulus stays squarefree and a leading
+//! coefficient stays invertible, the degree modulo the prime is not too low; a candidate of that degree that divides is proven.
+
+use crate::field::{Element, NumberField};
+use crate::univariate::{Coefficients, Stopped, check, divide};
+use isoform_algebra::modular::{Crt, Fp, primes};
+use isoform_algebra::{RBig, UBig};
+
+/// An element modulo a prime: coefficients of powers of θ, lowest first, trimmed.
+type Residue = Vec<u64>;
+
+/// F_p\[x\]/(m) for a monic m; a field only if m is irreducible modulo p.
+struct Ring {
+    field: Fp,
+    modulus: Residue,
+}
+
+fn trim(p: &mut Residue) {
+    while p.last() == Some(&0) {
+        p.pop();
+    }
+}
+
+impl Ring {
+    /// Nothing if the modulus has a repeated factor modulo the prime.
+    fn new(k: &NumberField, field: Fp) -> Option<Self> {
+        let modulus: Residue = k.modulus().coefficients().iter().map(|c| field.of_ibig(c)).collect();
+        let mut derivative: Residue = k.modulus().derivative().coefficients().iter().map(|c| field.of_ibig(c)).collect();
+        trim(&mut derivative);
+        let ring = Self { field, modulus };
+        ring.inverse(&derivative).map(|_| ring)
+    }
+    /// Nothing if the prime divides the denominator.
+    fn residue(&self, e: &Element) -> Option<Residue> {
+        let (numerator, denominator) = e.parts();
+        let d = self.field.of_ubig(&denominator);
+        if d == 0 {
+            return None;
+        }
+        let inverse = self.field.inv(d);
+        let mut r: Residue = numerator.iter().map(|c| self.field.mul(self.field.of_ibig(c), inverse)).collect();
+        trim(&mut r);
+        Some(r)
+    }
+    /// a − c·x^offset·b.
+    fn subtract(&self, a: &mut Residue, c: u64, offset: usize, b: &[u64]) {
+        if a.len() < b.len() + offset {
+            a.resize(b.len() + offset, 0);
+        }
+        for (x, y) in a[offset..].iter_mut().zip(b) {
+            *x = self.field.sub(*x, self.field.mul(c, *y));
+        }
+        trim(a);
+    }
+    fn sub(&self, a: &Residue, b: &Residue) -> Residue {
+        let mut difference = a.clone();
+        self.subtract(&mut difference, self.field.one(), 0, b);
+        difference
+    }
+    fn mul(&self, a: &Residue, b: &Residue) -> Residue {
+        if a.is_empty() || b.is_empty() {
+            return Vec::new();
+        }
+        let mut product = vec![0; a.len() + b.len() - 1];
+        for (i, x) in a.iter().enumerate() {
+            for (j, y) in b.iter().enumerate() {
+                product[i + j] = self.field.add(product[i + j], self.field.mul(*x, *y));
+            }
+        }
+        trim(&mut product);
+        while product.len() >= self.modulus.len() {
+            let (offset, top) = (product.len() - self.modulus.len(), product[product.len() - 1]);
+            self.subtract(&mut product, top, offset, &self.modulus);
+        }
+        product
+    }
+    /// By Euclid's algorithm; nothing if there is none.
+    fn inverse(&self, a: &Residue) -> Option<Residue> {
+        let f = &self.field;
+        // u·a ≡ r and v·a ≡ s modulo the modulus.
+        let (mut r, mut s) = (self.modulus.clone(), a.clone());
+        let (mut u, mut v): (Residue, Residue) = (Vec::new(), vec![f.one()]);
+        while s.len() > 1 {
+            let inverse = f.inv(s[s.len() - 1]);
+            while r.len() >= s.len() {
+                let (offset, c) = (r.len() - s.len(), f.mul(r[r.len() - 1], inverse));
+                self.subtract(&mut r, c, offset, &s);
+                self.subtract(&mut u, c, offset, &v);
+            }
+            (r, s, u, v) = (s, r, v, u);
+        }
+        let inverse = f.inv(*s.first()?);
+        Some(v.iter().map(|&c| f.mul(c, inverse)).collect())
+    }
+    fn monic(&self, p: &[Residue]) -> Option<Vec<Residue>> {
+        let inverse = self.inverse(p.last()?)?;
+        Some(p.iter().map(|c| self.mul(c, &inverse)).collect())
+    }
+    /// The monic greatest common divisor; nothing if a leading coefficient has no inverse.
+    fn gcd(&self, p: Vec<Residue>, q: Vec<Residue>) -> Option<Vec<Residue>> {
+        let (mut a, mut b) = if p.len() >= q.len() { (p, q) } else { (q, p) };
+        while !b.is_empty() {
+            b = self.monic(&b)?;
+            while a.len() >= b.len() {
+                let (offset, top) = (a.len() - b.len(), a[a.len() - 1].clone());
+                for (i, c) in b.iter().enumerate() {
+                    a[offset + i] = self.sub(&a[offset + i], &self.mul(c, &top));
+                }
+                while a.last().is_some_and(Vec::is_empty) {
+                    a.pop();
+                }
+            }
+            (a, b) = (b, a);
+        }
+        self.monic(&a)
+    }
+    fn polynomial(&self, p: &Coefficients) -> Option<Vec<Residue>> {
+        let mut residues = p.iter().map(|e| self.residue(e)).collect::<Option<Vec<_>>>()?;
+        // A leading coefficient that vanishes could lower the degree of the divisor.
+        if residues.last().is_some_and(Vec::is_empty) {
+            return None;
+        }
+        while residues.last().is_some_and(Vec::is_empty) {
+            residues.pop();
+        }
+        Some(residues)
+    }
+}
+
+/// The monic greatest common divisor of two polynomials of which one may be zero, not both.
+pub(crate) fn gcd(k: &NumberField, p: &Coefficients, q: &Coefficients, stop: &dyn Fn() -> bool) -> Result<Coefficients, Stopped> {
+    let d = k.degree();
+    let mut degree = usize::MAX;
+    let mut lift = Crt::new(0);
+    let mut used = 0usize;
+    let mut next_try = 1;
+    for field in primes() {
+        check(stop)?;
+        let Some(ring) = Ring::new(k, field) else { continue };
+        let (Some(a), Some(b)) = (ring.polynomial(p), ring.polynomial(q)) else { continue };
+        let Some(g) = ring.gcd(a, b) else { continue };
+        if g.len() == 1 {
+            return Ok(vec![Element::rational(&RBig::ONE)]);
+        }
+        if g.len() > degree {
+            continue;
+        }
+        if g.len() < degree {
+            degree = g.len();
+            lift = Crt::new((degree - 1) * d);
+            (used, next_try) = (0, 1);
+        }
+        let coefficients = g[..degree - 1].iter().flat_map(|c| (0..d).map(|i| c.get(i).copied().unwrap_or(0)));
+        lift.push(&ring.field, &coefficients.collect::<Vec<_>>());
+        used += 1;
+        // Reconstruction is tried after 1, 2, 3, 4, 6, 9, … primes.
+        if used < next_try {
+            continue;
+        }
+        next_try = used + used.div_ceil(2);
+        let Some((numerators, denominator)) = lift.rational() else { continue };
+        let mut candidate: Coefficients = numerators.chunks(d).map(|c| Element::normalised(c.to_vec(), denominator.clone())).collect();
+        candidate.push(Element::normalised(vec![1.into()], UBig::ONE));
+        let divides = |f: &Coefficients| f.is_empty() || divide(k, f, &candidate).1.is_empty();
+        if divides(p) && divides(q) {
+            return Ok(candidate);
+        }
+    }
+    unreachable!("there are enough primes below 2^62")
+}
