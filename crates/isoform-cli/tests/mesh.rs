@@ -297,3 +297,56 @@ fn sizes_from_files_and_a_mesh_made_better() {
     let (exit, j) = mesh(&model, &["--sizes", &bad]);
     assert_eq!((exit, &j["error"]["code"], &j["error"]["where"]["line"]), (2, &"sizes".into(), &2.into()), "{j}");
 }
+
+#[test]
+fn surfaces_are_adapted() {
+    let f = Folder::new("mesh-adapt");
+    let model = f.program(HOLED);
+    let first = |more: &[&str]| {
+        let (exit, j) = mesh(&model, more);
+        assert_eq!(exit, 0, "{j}");
+        j
+    };
+    for name in ["old.stl", "old.obj", "old.ply", "old.off", "old.msh"] {
+        let old = f.path(name);
+        let plain = first(&["--size", "0.4", "--surface-only", "-o", &old]);
+        let j = first(&["--adapt", &old, "--size", "0.15", "-o", &f.path("new.obj")]);
+        assert_eq!(
+            (&j["counts"]["parts"], &j["counts"]["corners"], &j["certificate"]["euler"]),
+            (&7.into(), &8.into(), &0.into()),
+            "{name}"
+        );
+        assert!(j["counts"]["triangles"].as_u64() > plain["counts"]["triangles"].as_u64() && j["counts"]["tets"] == 0, "{name}");
+        assert!(j["certificate"]["features"]["covered"].as_f64() > Some(0.999), "{name}");
+        assert!(j["certificate"]["triangle_angles"][0].as_f64() > Some(25.0), "{name}: {}", j["certificate"]);
+    }
+    // Without a size it keeps its own.
+    let own = first(&["--adapt", &f.path("old.stl"), "--order", "2"]);
+    let (n, plain) = (own["counts"]["triangles"].as_f64(), first(&["--size", "0.4", "--surface-only"])["counts"]["triangles"].as_f64());
+    let share = n.expect("a number") / plain.expect("a number");
+    assert!((0.7..1.8).contains(&share) && own["order"] == 2, "{share}");
+}
+
+#[test]
+fn surfaces_that_cannot_be_adapted() {
+    let f = Folder::new("mesh-adapt-bad");
+    let model = f.program(HOLED);
+    let refused = |name: &str, text: &str| {
+        let (exit, j) = mesh(&model, &["--adapt", &f.file(name, text)]);
+        assert_eq!((exit, &j["error"]["code"]), (2, &"mesh".into()), "{j}");
+        j["error"]["message"].as_str().unwrap_or_default().to_owned()
+    };
+    let tetrahedron = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n";
+    let open = tetrahedron.replace("4 4 0", "4 3 0").replace("3 2 0 3\n", "");
+    assert!(refused("open.off", &open).contains("not closed"));
+    let far =
+        tetrahedron.replace("0 0 0", "90 90 90").replace("1 0 0", "91 90 90").replace("0 1 0", "90 91 90").replace("0 0 1", "90 90 91");
+    assert!(refused("far.off", &far).contains("near"));
+    assert!(refused("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n").contains("neither tetrahedra nor triangles"));
+    // The whole cube: its hole is nowhere in the mesh.
+    let cube = f.file("cube.hf", program(CUBE));
+    let (exit, _) = mesh(&cube, &["--size", "0.4", "--surface-only", "-o", &f.path("cube.stl")]);
+    let (bad, j) = mesh(&model, &["--adapt", &f.path("cube.stl")]);
+    assert!(exit == 0 && (bad == 2 || bad == 3), "{bad} {j}");
+    assert!(bad == 2 || j["certificate"]["failures"].as_array().is_some_and(|f| !f.is_empty()), "{j}");
+}

@@ -48,6 +48,9 @@ fn place([x, y, z]: Point3) -> String {
 /// As of [`mesh`](crate::mesh), and if the mesh is not a conforming volume mesh or a closed surface without self-intersections, if its
 /// surface is nowhere near the solid's, or if its edges cannot be made to follow those of the solid.
 pub fn adapt(mesh: &Mesh, solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Result<Meshed, MeshError> {
+    if mesh.tets.is_empty() && mesh.triangles.is_empty() {
+        return Err(wrong("has neither tetrahedra nor triangles"));
+    }
     check_options(options)?;
     control.phase("check")?;
     let bare = welded(mesh);
@@ -106,7 +109,7 @@ fn check_given(mesh: &Mesh, certificate: &Certificate) -> Result<(), MeshError> 
         let is_valid = v.inverted.is_empty() && v.flat.is_empty() && v.crowded_faces.is_empty();
         return if is_valid { Ok(()) } else { Err(wrong("has inverted or overlapping tetrahedra")) };
     }
-    let Some(s) = &certificate.surface else { return Err(wrong("has neither tetrahedra nor triangles")) };
+    let Some(s) = &certificate.surface else { return Err(wrong("has no inside")) };
     let findings = [
         (&s.open_edges, "is not closed: a triangle has no neighbour"),
         (&s.crowded_edges, "is no manifold: an edge has more than two triangles"),
@@ -153,6 +156,10 @@ fn distance(mesh: &Mesh, solid: &dyn Solid, diagonal: f64) -> Result<f64, MeshEr
 fn settled(aligned: &Aligned, n: usize, warnings: &mut Vec<Warning>) -> Result<(), MeshError> {
     if let (true, Some(&at)) = ((aligned.far.len() as f64) > (1.0 - NEAR) * n as f64, aligned.far.first()) {
         return Err(wrong(format!("has a surface that is nowhere near the model's, as at {}", place(at))));
+    }
+    let (missed, corners) = &aligned.missed;
+    if let (true, Some(&at)) = (2 * missed.len() > *corners, missed.first()) {
+        return Err(wrong(format!("has nothing near most corners of the model, as at {}", place(at))));
     }
     let warning = |message: &str, at: &Point3| Warning { message: message.into(), at: Some(*at) };
     warnings.extend(aligned.far.iter().map(|at| warning("a vertex of the mesh given lies nowhere near the model", at)));

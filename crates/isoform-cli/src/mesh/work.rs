@@ -156,11 +156,15 @@ pub(crate) fn make(subject: &Subject, settings: &Settings, given: Option<&Mesh>,
     })
 }
 
+/// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD systems do not stay.
+const LONGEST: f64 = 1.5;
+
 fn options(solid: &dyn Solid, settings: &Settings, given: Option<&Mesh>) -> Result<Options, MeshError> {
     let usual = Options::default();
     Ok(Options {
         size: match (settings.size, given) {
             (Some(size), _) => size,
+            (None, Some(mesh)) if mesh.tets.is_empty() => LONGEST * mean_edge(mesh),
             (None, Some(mesh)) => mean_edge(mesh),
             (None, None) => isoform::default_size(solid, settings.region)?,
         },

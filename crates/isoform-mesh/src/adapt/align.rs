@@ -34,6 +34,8 @@ pub(super) struct Aligned {
     pub(super) far: Vec<Point3>,
     /// Places where edges could not be made to follow the solid's.
     pub(super) lost: Vec<Point3>,
+    /// Corners of the solid without a vertex, and the number of all.
+    pub(super) missed: (Vec<Point3>, usize),
 }
 
 /// Farthest that a vertex is moved to a corner or a curve of the solid, as a share of the shortest edge of the surface at it. More makes
@@ -107,7 +109,7 @@ pub(super) fn align<M: Cuttable>(mesh: &mut M, surface: &Surface<'_>, features: 
     let mut aligner = Aligner { mesh, surface, on, places, corners, smooth: HashSet::new(), given_up: HashSet::new(), lost: Vec::new() };
     let far = aligner.place_vertices();
     if far.len() * 4 > aligner.on.len() {
-        return Aligned { labels: Vec::new(), places: Vec::new(), far, lost: Vec::new() };
+        return Aligned { labels: Vec::new(), places: Vec::new(), far, lost: Vec::new(), missed: (Vec::new(), 0) };
     }
     for _ in 0..ROUNDS {
         if aligner.split_edges() + aligner.split_faces() == 0 {
@@ -115,7 +117,8 @@ pub(super) fn align<M: Cuttable>(mesh: &mut M, surface: &Surface<'_>, features: 
         }
     }
     let labels = aligner.labels();
-    Aligned { labels, places: aligner.places, far, lost: aligner.lost }
+    let missed = aligner.corners.iter().filter(|c| !c.2).map(|c| c.0).collect();
+    Aligned { labels, places: aligner.places, far, lost: aligner.lost, missed: (missed, aligner.corners.len()) }
 }
 
 impl<M: Cuttable> Aligner<'_, M> {

@@ -21,6 +21,8 @@ const MENDING: usize = 25;
 const GOAL: f64 = 35.0;
 /// Smallest sine that a collapse or a move towards the lengths wanted may leave; less where it was less before.
 const FAIR: f64 = 0.35;
+/// Smallest sine at a vertex from which on it stays where it is.
+const GOOD: f64 = 0.62;
 /// Least cosine between a face and its piece; a face that was worse may stay but not get worse.
 const FACING: f64 = 0.5;
 /// Largest sagitta of an edge as a share of its length, and of one on a curve as a share of the size: as in the optimiser of tetrahedra.
@@ -90,6 +92,12 @@ impl<'s> Remesher<'s> {
         -dot(n, g) / (norm(n) * norm(g)).max(1e-300)
     }
 
+    /// Whether a triangle looks away from its piece, and more so than before.
+    fn faces_away(&self, old: [Point3; 3], new: [Point3; 3], label: u32) -> bool {
+        let facing = self.facing(new, label);
+        facing.is_nan() || (facing < FACING && facing < self.facing(old, label))
+    }
+
     /// The middle of an edge on the surface, what holds it, and its sagitta over the one allowed.
     fn middle(&self, a: u32, b: u32) -> Option<(Point3, On, f64)> {
         let sides = self.skin.sides(a, b)?.map(|f| self.skin.labels[f as usize]);
@@ -121,7 +129,7 @@ impl<'s> Remesher<'s> {
             done += self.collapse_short();
             done += self.flip_all();
             self.relax(round < 2);
-            if done * 500 < self.skin.faces.len() {
+            if done * 100 < self.skin.faces.len() {
                 break;
             }
         }
@@ -234,7 +242,7 @@ impl<'s> Remesher<'s> {
             let old = self.skin.corners(f);
             let new = self.skin.faces[f as usize].map(|v| if v == u { target } else { self.skin.at(v) });
             let label = self.skin.labels[f as usize];
-            if smallest_sine(new) < least || self.facing(new, label) < FACING.min(self.facing(old, label)) {
+            if smallest_sine(new) < least || self.faces_away(old, new, label) {
                 return false;
             }
             for v in self.skin.faces[f as usize].into_iter().filter(|&v| v != u) {
@@ -319,10 +327,14 @@ impl<'s> Remesher<'s> {
 
     /// Moves every vertex towards the middle of its neighbours, within what holds it. `freely` also where angles suffer.
     fn relax(&mut self, freely: bool) {
-        for _ in 0..3 {
+        for _ in 0..if freely { 3 } else { 2 } {
             for v in 0..self.skin.points.len() as u32 {
                 let Hold::On(on) = self.hold[v as usize] else { continue };
                 if self.skin.around[v as usize].is_empty() {
+                    continue;
+                }
+                let before = self.skin.worst_at(v, self.skin.at(v));
+                if !freely && before > GOOD {
                     continue;
                 }
                 let neighbours = self.skin.neighbours(v);
@@ -337,7 +349,6 @@ impl<'s> Remesher<'s> {
                 let mean: Point3 = std::array::from_fn(|i| along.iter().map(|&w| self.skin.at(w)[i]).sum::<f64>() / n);
                 let p = self.skin.at(v);
                 let target = std::array::from_fn(|i| p[i] + 0.7 * (mean[i] - p[i]));
-                let before = self.skin.worst_at(v, p);
                 let least = if freely { 0.5 * before.min(FAIR) } else { before.min(FAIR) };
                 self.try_place(v, on, target, least);
             }
@@ -358,7 +369,7 @@ impl<'s> Remesher<'s> {
         }
         let is_right = on.slice().iter().all(|&i| self.surface.distance(i, q) == 0.0) && self.surface.distance(SKIN, q) == 0.0;
         let faces = || self.skin.star_with(v, q).map(|(f, new)| (self.skin.corners(f), new, self.skin.labels[f as usize]));
-        if !is_right || faces().any(|(old, new, label)| self.facing(new, label) < FACING.min(self.facing(old, label))) {
+        if !is_right || faces().any(|(old, new, label)| self.faces_away(old, new, label)) {
             return false;
         }
         self.skin.points[v as usize] = q;
