@@ -39,9 +39,14 @@ impl KdTree {
 
     /// Index and squared distance of the nearest point, `None` for an empty tree.
     pub fn nearest(&self, q: Point3) -> Option<(usize, f64)> {
-        let mut found = Vec::with_capacity(1);
-        self.nearest_k(q, 1, &mut found);
-        found.first().map(|&(d, i)| (i as usize, d))
+        let mut best = (f64::INFINITY, u32::MAX);
+        self.near(q, f64::INFINITY, &mut |d, i| {
+            if (d, i) < best {
+                best = (d, i);
+            }
+            best.0
+        });
+        (best.1 != u32::MAX).then_some((best.1 as usize, best.0))
     }
 
     /// The `k` nearest points into `found` as (squared distance, index), nearest first.
@@ -50,6 +55,40 @@ impl KdTree {
         if k > 0 {
             self.search(q, k, 0, self.points.len(), [0.0; 3], found);
         }
+    }
+
+    /// Shows the points within a distance of `q` to `visit`, with their squared distance and index, the nearer halves of the tree first.
+    /// `visit` returns the square of the distance that matters from then on.
+    pub fn near(&self, q: Point3, squared: f64, visit: &mut impl FnMut(f64, u32) -> f64) {
+        self.near_in(q, squared, 0, self.points.len(), [0.0; 3], visit);
+    }
+
+    fn near_in(&self, q: Point3, mut reach: f64, from: usize, to: usize, off: Point3, visit: &mut impl FnMut(f64, u32) -> f64) -> f64 {
+        if to - from <= LEAF {
+            for at in from..to {
+                let d = distance_squared(q, self.points[at]);
+                if d <= reach {
+                    reach = visit(d, self.index[at]);
+                }
+            }
+            return reach;
+        }
+        let mid = from + (to - from) / 2;
+        let axis = usize::from(self.axis[mid]);
+        let gap = q[axis] - self.points[mid][axis];
+        let d = distance_squared(q, self.points[mid]);
+        if d <= reach {
+            reach = visit(d, self.index[mid]);
+        }
+        let mut far = off;
+        far[axis] = gap;
+        let halves = if gap < 0.0 { [(from, mid), (mid + 1, to)] } else { [(mid + 1, to), (from, mid)] };
+        reach = self.near_in(q, reach, halves[0].0, halves[0].1, off, visit);
+        let bound = far[0] * far[0] + far[1] * far[1] + far[2] * far[2];
+        if bound <= reach {
+            reach = self.near_in(q, reach, halves[1].0, halves[1].1, far, visit);
+        }
+        reach
     }
 
     /// Visits the nearer half first; `off` holds the distance of `q` to the cell by axis, so that the bound is the true one.
@@ -118,7 +157,18 @@ mod tests {
             want.truncate(k);
             let mut found = Vec::new();
             tree.nearest_k(q, k, &mut found);
-            prop_assert_eq!(found, want);
+            prop_assert_eq!(&found, &want);
+            prop_assert_eq!(tree.nearest(q), want.first().map(|w| (w.1 as usize, w.0)));
+            let mut within = Vec::new();
+            tree.near(q, 4.0, &mut |d, i| {
+                within.push((d, i));
+                4.0
+            });
+            within.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
+            want.retain(|w| w.0 <= 4.0);
+            if want.len() < k {
+                prop_assert_eq!(within, want);
+            }
         }
     }
 }

@@ -32,6 +32,8 @@ pub(crate) struct Complex {
     /// Outer faces of the cavity: sorted vertices, neighbour.
     outer: Vec<([u32; 3], u32)>,
     inner: Vec<([u32; 3], u32)>,
+    /// Slots of tetrahedra that were put in or got other faces on the boundary, where that is kept: some may be empty again.
+    pub(crate) log: Option<Vec<u32>>,
 }
 
 /// The edges of a tetrahedron, by the places of their ends.
@@ -64,19 +66,43 @@ pub(crate) struct Ring {
 impl Complex {
     /// From vertices and positive tetrahedra; boundary faces are [`OPEN`].
     pub(crate) fn new(points: Vec<Point3>, tets: Vec<[u32; 4]>) -> Self {
-        let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(tets.len() * 4);
-        for (t, v) in tets.iter().enumerate() {
-            for (i, f) in TET_FACES.iter().enumerate() {
-                faces.push((sorted(f.map(|k| v[k])), (t * 4 + i) as u32));
+        // Faces by their lowest vertex: few have the same one, so that partners are found by comparing them all.
+        let mut from = vec![0u32; points.len() + 1];
+        let key = |t: usize, i: usize| sorted(TET_FACES[i].map(|k| tets[t][k]));
+        for v in &tets {
+            for f in TET_FACES {
+                from[f.iter().map(|&k| v[k]).min().expect("three") as usize] += 1;
             }
         }
-        faces.sort_unstable();
+        let mut sum = 0;
+        for n in &mut from {
+            sum += *n;
+            *n = sum;
+        }
+        let mut faces = vec![([0u32; 2], 0u32); tets.len() * 4];
+        for t in 0..tets.len() {
+            for i in 0..4 {
+                let [a, b, c] = key(t, i);
+                from[a as usize] -= 1;
+                faces[from[a as usize] as usize] = ([b, c], (t * 4 + i) as u32);
+            }
+        }
         let mut adjacent = vec![[OPEN; 4]; tets.len()];
-        for w in faces.windows(2) {
-            if w[0].0 == w[1].0 {
-                let (a, b) = (w[0].1, w[1].1);
-                adjacent[a as usize / 4][a as usize % 4] = b / 4;
-                adjacent[b as usize / 4][b as usize % 4] = a / 4;
+        for w in from.windows(2) {
+            let same = &mut faces[w[0] as usize..w[1] as usize];
+            if same.len() > 200 {
+                same.sort_unstable();
+            }
+            for (k, a) in same.iter().enumerate() {
+                if adjacent[a.1 as usize / 4][a.1 as usize % 4] != OPEN {
+                    continue;
+                }
+                let after = &same[k + 1..];
+                let near = if same.len() > 200 { &after[..after.len().min(1)] } else { after };
+                if let Some(b) = near.iter().find(|b| b.0 == a.0) {
+                    adjacent[a.1 as usize / 4][a.1 as usize % 4] = b.1 / 4;
+                    adjacent[b.1 as usize / 4][b.1 as usize % 4] = a.1 / 4;
+                }
             }
         }
         let mut tet_of = vec![NONE; points.len()];
@@ -356,6 +382,7 @@ impl Complex {
                 self.tet_of[k as usize] = t;
             }
         }
+        self.log.iter_mut().for_each(|log| log.extend_from_slice(made));
         for &(key, place) in &inner {
             self.adjacent[place as usize / 4][place as usize % 4] = label(key) | BOUNDARY;
         }
@@ -364,6 +391,7 @@ impl Complex {
             if n < BOUNDARY {
                 let back = (0..4).find(|&j| !key.contains(&self.tets[n as usize][j])).expect("one vertex is not on the face");
                 self.adjacent[n as usize][back] = label(key) | BOUNDARY;
+                self.log.iter_mut().for_each(|log| log.push(n));
                 for k in self.tets[n as usize] {
                     self.tet_of[k as usize] = n;
                 }

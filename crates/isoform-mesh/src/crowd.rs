@@ -1,7 +1,7 @@
 //! Sizes where features crowd: corners and curves closer together than the mesh would have them.
 
 use crate::features::Features;
-use isoform_geom::{KdTree, Point3, norm, sub};
+use isoform_geom::{KdTree, Point3, distance_squared, norm, sub};
 
 /// Edges per distance between two corners: lattice points are moved by up to 0.56 cells, so that two corners must be more than two
 /// cells apart to stay off each other's neighbours.
@@ -12,15 +12,16 @@ const CURVES: f64 = 1.0;
 const LOOP: f64 = 8.0;
 /// Smallest share of the size asked for: features closer than that are left to the cutting.
 const LEAST: f64 = 0.25;
-/// How fast sizes grow away from crowded places.
-const GROWTH: f64 = 1.0;
-/// Neighbours looked at for the size at a point.
+/// Neighbours of a place on a curve that are looked at.
 const NEAR: usize = 12;
 
 /// Places with the edge length wanted there.
 pub(crate) struct Crowd {
     tree: KdTree,
+    places: Vec<Point3>,
     sizes: Vec<f64>,
+    /// Beyond it no place matters.
+    reach: f64,
 }
 
 impl Crowd {
@@ -80,19 +81,31 @@ impl Crowd {
                 }
             }
         }
-        Self { tree: KdTree::new(&places), sizes }
+        Self { tree: KdTree::new(&places), places, sizes, reach: size }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
         self.sizes.is_empty()
     }
 
-    /// Edge length wanted at a point; infinite away from crowded places.
-    pub(crate) fn size_at(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> f64 {
-        self.tree.nearest_k(p, NEAR, found);
-        found
-            .iter()
-            .map(|&(d, i)| self.sizes[i as usize] + GROWTH * (d.sqrt() - self.sizes[i as usize]).max(0.0))
-            .fold(f64::INFINITY, f64::min)
+    /// Edge length wanted at a point; infinite away from crowded places. Sizes grow as fast as the distance to a place does.
+    /// `last` keeps the place that decided: those asked for one after the other are near each other, as a rule.
+    pub(crate) fn size_at(&self, p: Point3, last: &mut Vec<(f64, u32)>) -> f64 {
+        let size = |d: f64, i: u32| self.sizes[i as usize].max(d.sqrt());
+        let mut wanted = f64::INFINITY;
+        if let Some(&(_, i)) = last.first() {
+            wanted = size(distance_squared(self.places[i as usize], p), i);
+        }
+        let within = |wanted: f64| wanted.min(self.reach).powi(2);
+        self.tree.near(p, within(wanted), &mut |d, i| {
+            let s = size(d, i);
+            if s < wanted {
+                wanted = s;
+                last.clear();
+                last.push((d, i));
+            }
+            within(wanted)
+        });
+        if wanted < self.reach { wanted } else { f64::INFINITY }
     }
 }

@@ -19,20 +19,214 @@ fn faces(p: [Point3; 4]) -> ([Point3; 4], f64) {
 
 /// Smallest biased sine of the six dihedral angles; ≤ 0 for a flat or inverted tetrahedron.
 pub(crate) fn biased_sine(p: [Point3; 4]) -> f64 {
-    let (n, volume) = faces(p);
-    let area = n.map(|n| dot(n, n).sqrt());
-    let mut worst = f64::INFINITY;
-    for [a, b, k, l] in EDGES {
-        let s = volume * norm(sub(p[a], p[b])) / (area[k] * area[l]);
-        // Outward normals at less than a right angle: the dihedral angle is obtuse.
-        let s = if dot(n[k], n[l]) > 0.0 { OBTUSE_WEIGHT * s } else { s };
-        // A repeated vertex gives no number, and must not pass.
-        if s.is_nan() || s <= 0.0 {
-            return if s < 0.0 { s } else { -1.0 };
-        }
-        worst = worst.min(s);
+    Opposite::of([p[1], p[2], p[3]]).biased_sine(p[0])
+}
+
+/// The square of [`OBTUSE_WEIGHT`] for outward normals at less than a right angle: the dihedral angle is obtuse.
+fn weight(normals: f64) -> f64 {
+    if normals > 0.0 { OBTUSE_WEIGHT * OBTUSE_WEIGHT } else { 1.0 }
+}
+
+/// The face of a tetrahedron opposite to the vertex that is to be placed, with all that does not depend on the place.
+#[derive(Clone, Copy, Debug)]
+struct Opposite {
+    q: [Point3; 3],
+    /// Outward area vector, twice the area long.
+    n: Point3,
+    area: f64,
+    /// Squared lengths of the edges opposite to the corners.
+    edges: [f64; 3],
+}
+
+impl Opposite {
+    /// The tetrahedron is positive with the vertex before the three corners.
+    fn of(q: [Point3; 3]) -> Self {
+        let (e, f, g) = (sub(q[1], q[0]), sub(q[2], q[0]), sub(q[2], q[1]));
+        let n = cross(e, f);
+        Self { q, n, area: dot(n, n), edges: [dot(g, g), dot(f, f), dot(e, e)] }
     }
-    worst
+
+    /// The smallest biased sine, squared, with the sign of the volume; −1 where it is no number.
+    ///
+    /// Squares need no roots, and with the common denominator of the six only one division: sin²θ = V² |e|²/(a_k a_l), where a are
+    /// the squared areas.
+    fn square(&self, p: Point3) -> f64 {
+        let [u, v, w] = self.q.map(|q| sub(q, p));
+        let volume = dot(u, self.n);
+        let (n1, n2, n3) = (cross(w, v), cross(u, w), cross(v, u));
+        let (a0, a1, a2, a3) = (self.area, dot(n1, n1), dot(n2, n2), dot(n3, n3));
+        let least = |a: f64, b: f64| if a < b { a } else { b };
+        let (a01, a02, a03, a12, a13, a23) = (a0 * a1, a0 * a2, a0 * a3, a1 * a2, a1 * a3, a2 * a3);
+        // Edges at the vertex lie between two of its faces, the others between one and the opposite face.
+        let x = weight(dot(n2, n3)) * dot(u, u) * a01;
+        let y = weight(dot(n1, n3)) * dot(v, v) * a02;
+        let z = weight(dot(n1, n2)) * dot(w, w) * a03;
+        let r = weight(dot(self.n, n1)) * self.edges[0] * a23;
+        let s = weight(dot(self.n, n2)) * self.edges[1] * a13;
+        let t = weight(dot(self.n, n3)) * self.edges[2] * a12;
+        let worst = least(least(least(x, y), least(z, r)), least(s, t)) * volume * volume.abs() / (a01 * a23);
+        // A repeated vertex gives no number, and must not pass.
+        if worst.is_nan() || worst == 0.0 { -1.0 } else { worst }
+    }
+
+    fn biased_sine(&self, p: Point3) -> f64 {
+        root(self.square(p))
+    }
+}
+
+/// The root of a square that bears the sign.
+fn root(s: f64) -> f64 {
+    s.abs().sqrt().copysign(s)
+}
+
+/// The tetrahedra and faces of the surface around a vertex, while places for it are tried.
+#[derive(Default)]
+pub(crate) struct Around {
+    tets: Vec<Opposite>,
+    /// The other two corners of each face of the surface, in its sense.
+    faces: Vec<[Point3; 2]>,
+    terms: Vec<(f64, Point3)>,
+    active: Vec<Point3>,
+}
+
+/// Most rounds of Gilbert's iteration.
+const HULL: usize = 16;
+/// Terms this close to the worst one decide the direction of a move together with it.
+const ACTIVE: f64 = 0.04;
+/// Terms farther than this from the worst one do not limit the length of a move.
+const FAR: f64 = 0.25;
+
+impl Around {
+    pub(crate) fn clear(&mut self) {
+        self.tets.clear();
+        self.faces.clear();
+    }
+
+    /// A tetrahedron with corners `p`, of which the one at `x` is to be placed.
+    pub(crate) fn push(&mut self, p: [Point3; 4], x: usize) {
+        // Even permutations that bring x to the front.
+        const OTHERS: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+        self.tets.push(Opposite::of(OTHERS[x].map(|k| p[k])));
+    }
+
+    /// A face of the surface, by its other two corners.
+    pub(crate) fn push_face(&mut self, others: [Point3; 2]) {
+        self.faces.push(others);
+    }
+
+    /// The mean of the tetrahedra's centres, weighted by their volumes: where the vertex stands best in the sense of Chen's optimal
+    /// Delaunay triangulations, but for centres of mass in the place of circumcentres, which do not run off in flat tetrahedra.
+    pub(crate) fn centre(&self, p: Point3) -> Point3 {
+        let (mut sum, mut total) = ([0.0; 3], 0.0);
+        for t in &self.tets {
+            let volume = dot(sub(t.q[0], p), t.n);
+            total += volume;
+            for i in 0..3 {
+                sum[i] += volume * (t.q[0][i] + t.q[1][i] + t.q[2][i] - 3.0 * p[i]);
+            }
+        }
+        std::array::from_fn(|i| p[i] + 0.25 * sum[i] / total)
+    }
+
+    /// The worst measure with the vertex at `p`; anything up to `bound` if it is not above that.
+    pub(crate) fn worst(&mut self, p: Point3, bound: f64) -> f64 {
+        let limit = bound * bound.abs();
+        let mut worst = f64::INFINITY;
+        for (k, t) in self.tets.iter().enumerate() {
+            let s = t.square(p);
+            if s <= limit {
+                // Most likely the first one to fail the next time as well.
+                self.tets.swap(0, k);
+                return root(s);
+            }
+            worst = if s < worst { s } else { worst };
+        }
+        let mut worst = root(worst);
+        for f in &self.faces {
+            worst = worst.min(smallest_sine([p, f[0], f[1]]));
+            if worst <= bound {
+                break;
+            }
+        }
+        worst
+    }
+
+    /// The direction in which the worst terms all grow (the shortest vector in the hull of their gradients), and a length to try. Gradients are
+    /// projected by `tangent` onto the directions in which the vertex may move.
+    pub(crate) fn direction(&mut self, p: Point3, worst: f64, tangent: impl Fn(Point3) -> Point3) -> Option<(Point3, f64)> {
+        let Self { tets, faces, terms, active, .. } = self;
+        terms.clear();
+        active.clear();
+        let mut shortest = f64::INFINITY;
+        let mut push = |s: f64, g: Point3| {
+            if s < worst + FAR {
+                let g = tangent(g);
+                terms.push((s, g));
+                if s <= worst + ACTIVE {
+                    active.push(g);
+                }
+            }
+        };
+        let limit = (worst + FAR) * (worst + FAR).abs();
+        for t in tets.iter() {
+            for q in t.q {
+                let e = sub(q, p);
+                shortest = dot(e, e).min(shortest);
+            }
+            if t.square(p) < limit {
+                for (s, g) in biased_sines([p, t.q[0], t.q[1], t.q[2]], 0) {
+                    push(s, g);
+                }
+            }
+        }
+        let shortest = shortest.sqrt();
+        for f in faces.iter() {
+            let (s, g) = smallest_sine_and_derivative([p, f[0], f[1]]);
+            push(s, g);
+        }
+        let d = shortest_in_hull(active);
+        let slope = dot(d, d);
+        if slope.is_nan() || slope.sqrt() * shortest < 1e-4 {
+            return None;
+        }
+        // As far as the linear model says that no other term falls below the active ones.
+        let mut step = 0.5 * shortest / slope.sqrt();
+        for (s, g) in terms.iter() {
+            let rate = slope - dot(*g, d);
+            if *s > worst + ACTIVE && rate > 0.0 {
+                step = step.min((s - worst) / rate);
+            }
+        }
+        Some((d, step))
+    }
+}
+
+/// The shortest vector in the convex hull of the gradients: along it all of them grow. Gilbert's iteration; a rough answer will do.
+fn shortest_in_hull(gradients: &[Point3]) -> Point3 {
+    let mut d: Point3 = [0.0; 3];
+    let mut least = f64::INFINITY;
+    for g in gradients {
+        let n = dot(*g, *g);
+        if n < least {
+            (d, least) = (*g, n);
+        }
+    }
+    for _ in 0..HULL {
+        let (mut lowest, mut g) = (f64::INFINITY, d);
+        for h in gradients {
+            let k = dot(*h, d);
+            if k < lowest {
+                (lowest, g) = (k, *h);
+            }
+        }
+        if lowest >= 0.95 * dot(d, d) {
+            break;
+        }
+        let e = sub(g, d);
+        let t = (-dot(d, e) / dot(e, e).max(1e-300)).clamp(0.0, 1.0);
+        d = std::array::from_fn(|i| d[i] + t * e[i]);
+    }
+    d
 }
 
 /// The six biased sines with their derivatives by the position of vertex `x`.

@@ -6,7 +6,7 @@
 
 use crate::complex::{BOUNDARY, Complex, EDGES, NONE, OPEN, Ring, STRAY, labelled_edges};
 use crate::cut::Inside;
-use crate::measure::{biased_sine, biased_sines, smallest_sine, smallest_sine_and_derivative};
+use crate::measure::{Around, biased_sine, smallest_sine};
 use crate::mesher::Control;
 use crate::quality::six_volume;
 use crate::surface::{On, SKIN, Surface, meet_at_an_angle};
@@ -24,8 +24,9 @@ pub(crate) enum Hold {
 
 /// Least share of an improvement that counts.
 const GAIN: f64 = 1e-4;
-/// Terms this close to the worst one decide the direction of a move together with it.
-const ACTIVE: f64 = 0.04;
+/// Vertices around which no tetrahedron is worse than this factor times the goal are left where they are, and moves that get there end:
+/// the worst tetrahedra count, and most of the others are good from the start.
+const ENOUGH: f64 = 1.25;
 /// Least cosine between a face of the surface and its piece; a face that was worse may stay but not get worse.
 const FACING: f64 = 0.5;
 /// Largest sagitta of an edge of the surface, as a share of its length: an arc of 37 degrees. Coarser ones make poor curved elements.
@@ -34,6 +35,10 @@ const TURN: f64 = 0.08;
 const CURVE: f64 = 0.08;
 /// Bad tetrahedra up to which vertices are inserted in meshes of any size.
 const MANY: usize = 200;
+/// Vertices off the surface that are tried in every round.
+const FEW: usize = 16;
+/// Steps of a move.
+const ROUNDS: usize = 4;
 /// Round from which vertices are inserted: flips and collapses come first.
 const INSERT_FROM: usize = 3;
 /// Edges shorter than this share of the size asked for are collapsed without asking for better angles.
@@ -57,6 +62,12 @@ pub(crate) struct Optimiser<'s> {
     touched: Vec<u32>,
     tried: Vec<u32>,
     clock: u32,
+    /// A measure from which nothing is moved any more, see [`ENOUGH`].
+    enough: f64,
+    /// Tetrahedra that may be below the goal, together with those that the complex has logged since.
+    suspects: Vec<u32>,
+    /// Vertices that were off the surface in the beginning.
+    first_off: Vec<u32>,
     scratch: Scratch,
 }
 
@@ -65,6 +76,15 @@ struct Scratch {
     star: Vec<u32>,
     made: Vec<u32>,
     ring: Ring,
+    moving: Move,
+}
+
+/// What the move of a vertex works with.
+#[derive(Default)]
+struct Move {
+    star: Vec<u32>,
+    faces: Vec<Face>,
+    around: Around,
 }
 
 /// A face of the surface: its vertices and label.
@@ -85,6 +105,9 @@ impl<'s> Optimiser<'s> {
             touched: vec![0; n],
             tried: Vec::new(),
             clock: 0,
+            enough: f64::INFINITY,
+            suspects: Vec::new(),
+            first_off: Vec::new(),
             scratch: Scratch::default(),
         };
         this.hold_vertices(&frozen);
@@ -183,6 +206,11 @@ impl<'s> Optimiser<'s> {
 
     fn faces_at(&self, star: &[u32], v: u32) -> Vec<Face> {
         let mut faces = Vec::new();
+        self.add_faces_at(star, v, &mut faces);
+        faces
+    }
+
+    fn add_faces_at(&self, star: &[u32], v: u32, faces: &mut Vec<Face>) {
         for &t in star {
             for i in 0..4 {
                 let n = self.complex.adjacent[t as usize][i];
@@ -191,46 +219,74 @@ impl<'s> Optimiser<'s> {
                 }
             }
         }
-        faces
     }
 
     // ---- moves
 
     /// A better place for a vertex, if there is one.
-    fn better_place(&self, v: u32, star: &mut Vec<u32>) -> Option<Point3> {
+    fn better_place(&self, v: u32, moving: &mut Move) -> Option<Point3> {
         let Hold::On(on) = self.hold[v as usize] else { return None };
         if on.len() > 2 {
             return None;
         }
+        let Move { star, faces, around } = moving;
         self.complex.star_shared(v, star);
-        let faces = if on.is_empty() { Vec::new() } else { self.faces_at(star, v) };
+        faces.clear();
+        if !on.is_empty() {
+            self.add_faces_at(star, v, faces);
+        }
+        around.clear();
+        for &t in star.iter() {
+            around.push(self.complex.corners(t), self.complex.place(t, v));
+        }
+        for (f, _) in faces.iter() {
+            let x = f.iter().position(|&k| k == v)?;
+            around.push_face([1, 2].map(|k| self.complex.points[f[(x + k) % 3] as usize]));
+        }
         let start = self.complex.points[v as usize];
-        let (mut at, mut worst) = (start, self.worst_at(v, start, star, &faces));
-        let first = worst;
-        for _ in 0..4 {
-            let Some((direction, step)) = self.direction(v, at, worst, star, &faces, &on) else { break };
+        let first = around.worst(start, f64::NEG_INFINITY);
+        let (mut at, mut worst) = (start, first);
+        if on.is_empty() && worst < self.enough {
+            // As good as a search by gradients in most cases, and far cheaper.
+            let p = around.centre(at);
+            let w = around.worst(p, worst + GAIN);
+            if w > worst + GAIN {
+                (at, worst) = (p, w);
+            }
+        }
+        // Places on the way, each better than the one before.
+        let mut places = [at; ROUNDS];
+        let mut n = 0;
+        while n < ROUNDS && worst < self.enough {
+            let Some((direction, step)) = around.direction(at, worst, self.tangent(&on, at)) else { break };
             let mut found = None;
-            let mut s = step;
+            let (mut s, mut bound) = (step, worst + GAIN);
             for _ in 0..6 {
                 let raw = std::array::from_fn(|i| at[i] + s * direction[i]);
-                let place = if on.is_empty() { Some(raw) } else { self.surface.project(on.slice(), raw) };
+                // One step of Newton's method does to judge a place by; the one that is taken is brought to the surface to rounding.
+                let place = if on.is_empty() { Some(raw) } else { self.surface.nearer(on.slice(), raw) };
                 if let Some(p) = place {
-                    let w = self.worst_at(v, p, star, &faces);
-                    if w > worst + GAIN && found.is_none_or(|f: (Point3, f64)| w > f.1) {
-                        found = Some((p, w));
+                    let w = around.worst(p, bound);
+                    if w > bound {
+                        (found, bound) = (Some(p), w);
                     } else if found.is_some() {
                         break;
                     }
                 }
                 s *= 0.5;
             }
-            let Some((p, w)) = found else { break };
-            if !on.is_empty() && !self.may_stand(v, p, &faces) {
-                break;
-            }
-            (at, worst) = (p, w);
+            let Some(p) = found else { break };
+            (at, worst) = (p, bound);
+            places[n] = at;
+            n += 1;
         }
-        (worst > first + GAIN).then_some(at)
+        if on.is_empty() {
+            return (worst > first + GAIN).then_some(at);
+        }
+        places[..n].iter().rev().find_map(|&p| {
+            let p = self.surface.project(on.slice(), p)?;
+            (around.worst(p, first + GAIN) > first + GAIN && self.may_stand(v, p, faces)).then_some(p)
+        })
     }
 
     /// Whether a vertex is off the surface at `p`: off what holds it, or off the solid where more pieces meet there.
@@ -247,7 +303,7 @@ impl<'s> Optimiser<'s> {
 
     /// Whether a vertex on one piece has slipped past where that is the surface, over a seam with a piece that it touches tangentially.
     fn is_hidden(&self, v: u32) -> bool {
-        matches!(self.hold[v as usize], Hold::On(on) if on.len() == 1)
+        matches!(self.hold[v as usize], Hold::On(on) if on.len() == 1 && !self.surface.is_alone(on.slice()[0], self.complex.points[v as usize]))
             && self.surface.distance(SKIN, self.complex.points[v as usize]) != 0.0
             && !self.is_off(v, self.complex.points[v as usize])
     }
@@ -286,68 +342,26 @@ impl<'s> Optimiser<'s> {
         worst
     }
 
-    /// The direction in which the worst terms all grow (the shortest vector in the hull of their gradients), and a length to try.
-    fn direction(&self, v: u32, p: Point3, worst: f64, star: &[u32], faces: &[Face], on: &On) -> Option<(Point3, f64)> {
-        let at = |k: u32| if k == v { p } else { self.complex.points[k as usize] };
-        let tangent = self.tangent(on, p);
-        let mut terms: Vec<(f64, Point3)> = Vec::with_capacity(32);
-        let mut shortest = f64::INFINITY;
-        let mut push = |s: f64, g: Point3| {
-            if s < worst + 0.25 {
-                terms.push((s, tangent(g)));
-            }
-        };
-        for &t in star {
-            let k = self.complex.tets[t as usize];
-            let q = k.map(at);
-            let x = self.complex.place(t, v);
-            for i in (0..4).filter(|&i| i != x) {
-                shortest = shortest.min(norm(sub(q[i], q[x])));
-            }
-            if biased_sine(q) < worst + 0.25 {
-                for (s, g) in biased_sines(q, x) {
-                    push(s, g);
-                }
-            }
-        }
-        for (f, _) in faces {
-            let x = f.iter().position(|&k| k == v)?;
-            let (s, g) = smallest_sine_and_derivative([at(f[x]), at(f[(x + 1) % 3]), at(f[(x + 2) % 3])]);
-            push(s, g);
-        }
-        let d = shortest_in_hull(terms.iter().filter(|t| t.0 <= worst + ACTIVE).map(|t| t.1));
-        let slope = dot(d, d);
-        if slope.is_nan() || slope.sqrt() * shortest < 1e-4 {
-            return None;
-        }
-        // As far as the linear model says that no other term falls below the active ones.
-        let mut step = 0.5 * shortest / slope.sqrt();
-        for (s, g) in &terms {
-            let rate = slope - dot(*g, d);
-            if *s > worst + ACTIVE && rate > 0.0 {
-                step = step.min((s - worst) / rate);
-            }
-        }
-        Some((d, step))
-    }
-
     /// The projection of vectors onto the directions in which a vertex may move.
     fn tangent(&self, on: &On, p: Point3) -> impl Fn(Point3) -> Point3 + use<> {
         let unit = |v: Point3| {
             let n = norm(v).max(1e-300);
             v.map(|x| x / n)
         };
-        let normals: Vec<Point3> = on.slice().iter().map(|&i| unit(self.surface.gradient(i, p).1)).collect();
-        move |g| match normals.len() {
-            0 => g,
-            1 => {
-                let c = dot(g, normals[0]);
-                std::array::from_fn(|i| g[i] - c * normals[0][i])
-            }
-            _ => {
-                let t = unit(cross(normals[0], normals[1]));
-                let c = dot(g, t);
-                t.map(|x| c * x)
+        let normal = |k: usize| unit(self.surface.gradient(on.slice()[k], p).1);
+        let n = on.len();
+        // The normal of a piece, or the tangent of a curve.
+        let axis = match n {
+            0 => [0.0; 3],
+            1 => normal(0),
+            _ => unit(cross(normal(0), normal(1))),
+        };
+        move |g| {
+            let c = dot(g, axis);
+            match n {
+                0 => g,
+                1 => std::array::from_fn(|i| g[i] - c * axis[i]),
+                _ => axis.map(|x| c * x),
             }
         }
     }
@@ -361,7 +375,7 @@ impl<'s> Optimiser<'s> {
         for batch in 0..BATCHES {
             let these: Vec<u32> = vertices.iter().copied().filter(|&v| v.wrapping_mul(0x9E37_79B9) >> 29 == batch).collect();
             let places: Vec<Option<Point3>> =
-                these.par_iter().with_min_len(64).map_init(Vec::new, |star, &v| self.better_place(v, star)).collect();
+                these.par_iter().with_min_len(64).map_init(Move::default, |moving, &v| self.better_place(v, moving)).collect();
             let mut star = std::mem::take(&mut self.scratch.star);
             for (&v, place) in these.iter().zip(&places) {
                 let Some(p) = *place else { continue };
@@ -371,6 +385,7 @@ impl<'s> Optimiser<'s> {
                 if self.worst_at(v, p, &star, &faces) > before {
                     self.complex.points[v as usize] = p;
                     self.touched[v as usize] = self.clock;
+                    self.suspects.extend_from_slice(&star);
                     moved += 1;
                 }
             }
@@ -764,10 +779,11 @@ impl<'s> Optimiser<'s> {
         self.touched.push(self.clock);
         let mut made = Vec::new();
         self.complex.split(ring, a, b, m, &mut made);
-        let mut star = Vec::new();
-        if let Some(place) = self.better_place(m, &mut star) {
+        let mut moving = std::mem::take(&mut self.scratch.moving);
+        if let Some(place) = self.better_place(m, &mut moving) {
             self.complex.points[m as usize] = place;
         }
+        self.scratch.moving = moving;
         if self.worst(&made) > least {
             return true;
         }
@@ -828,17 +844,22 @@ impl<'s> Optimiser<'s> {
         }
     }
 
+    /// The vertices off the surface among those that `may` says may be, in order.
+    fn off(&self, may: impl Fn(u32) -> bool + Sync) -> Vec<u32> {
+        let is_off = |&v: &u32| {
+            let p = self.complex.points[v as usize];
+            self.complex.tet_of[v as usize] != NONE && may(v) && (self.is_off(v, p) || self.is_hidden(v))
+        };
+        (0..self.complex.points.len() as u32).into_par_iter().filter(is_off).collect()
+    }
+
     /// Brings vertices that the cutting had to leave off their pieces onto them, making room by mending. Returns those left.
     pub(crate) fn settle(&mut self, goal: f64) -> Vec<Point3> {
-        let (mut left, mut fewest): (Vec<u32>, usize) = (Vec::new(), usize::MAX);
+        let (mut left, mut fewest): (Vec<u32>, usize) = (std::mem::take(&mut self.first_off), usize::MAX);
+        let mut since = 0;
         for round in 0..6 {
-            let off: Vec<u32> = (0..self.complex.points.len() as u32)
-                .into_par_iter()
-                .filter(|&v| {
-                    let p = self.complex.points[v as usize];
-                    self.complex.tet_of[v as usize] != NONE && (self.is_off(v, p) || self.is_hidden(v))
-                })
-                .collect();
+            let off = self.off(|v| self.touched[v as usize] > since || left.binary_search(&v).is_ok());
+            since = self.clock;
             left.clear();
             let mut star = Vec::new();
             for v in off {
@@ -859,6 +880,7 @@ impl<'s> Optimiser<'s> {
                     self.worst_at(v, at, &star, &faces) > least
                 });
                 if let Some(t) = way {
+                    self.suspects.extend_from_slice(&star);
                     self.touched[v as usize] = self.clock + 1;
                     self.complex.points[v as usize] = if t == 1.0 { q } else { std::array::from_fn(|i| p[i] + t * (q[i] - p[i])) };
                 }
@@ -866,15 +888,32 @@ impl<'s> Optimiser<'s> {
                     left.push(v);
                 }
             }
-            if (left.is_empty() && round > 0) || left.len() > fewest - fewest / 10 {
+            // Many that do not get fewer are a solid too fine for the size; a few are worth every round.
+            if (left.is_empty() && round > 0) || left.len() > FEW.max(fewest - fewest / 10) {
                 break;
             }
             fewest = left.len();
             left.iter().for_each(|&v| self.free(v));
             self.collapse_micro();
+            self.make_room(&left);
             self.mend_all(goal, 8);
         }
         left.into_iter().filter(|&v| self.complex.tet_of[v as usize] != NONE).map(|v| self.complex.points[v as usize]).collect()
+    }
+
+    /// Moves the vertices around those given as far as it helps, also where they are good enough otherwise.
+    fn make_room(&mut self, vertices: &[u32]) {
+        let (mut near, mut star) = (Vec::new(), Vec::new());
+        for &v in vertices {
+            self.complex.star(v, &mut star);
+            near.extend(star.iter().flat_map(|&t| self.complex.tets[t as usize]));
+        }
+        near.sort_unstable();
+        near.dedup();
+        self.clock += 1;
+        let enough = std::mem::replace(&mut self.enough, f64::INFINITY);
+        self.smooth(&near);
+        self.enough = enough;
     }
 
     /// Frees a vertex whose labels have no edge or corner of the solid in common near it, as where pieces touch tangentially: it is held on the
@@ -978,12 +1017,17 @@ impl<'s> Optimiser<'s> {
         let middle: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
         let sharp = labels[0] != labels[1] && self.is_sharp(ends, labels);
         let on = match sharp {
-            true => self.surface.project(&labels, middle)?,
-            false if labels[0] != labels[1] => self.surface.project(&[SKIN], middle)?,
-            false => self.surface.project(&[self.piece_at(&ends, labels[0])], middle)?,
+            true => On::of(&labels),
+            false if labels[0] != labels[1] => On::of(&[SKIN]),
+            false => On::of(&[self.piece_at(&ends, labels[0])]),
         };
-        let (off, length) = (norm(sub(on, middle)), norm(sub(p, q)));
+        let length = norm(sub(p, q));
         let most = (TURN * length).min(error).min(if sharp { CURVE * self.size } else { f64::INFINITY });
+        // The first step of Newton's method tells of most edges that they are well within what they may.
+        if norm(sub(self.surface.nearer(on.slice(), middle)?, middle)) < 0.6 * most {
+            return None;
+        }
+        let off = norm(sub(self.surface.project(on.slice(), middle)?, middle));
         (off > most && off < 0.4 * length).then_some(off / most)
     }
 
@@ -994,9 +1038,9 @@ impl<'s> Optimiser<'s> {
         for t in self.complex.live() {
             let (v, p) = (self.complex.tets[t as usize], self.complex.corners(t));
             for (i, j) in EDGES {
-                let length = norm(sub(p[i], p[j]));
-                if length < micro {
-                    short.push((length, v[i].min(v[j]), v[i].max(v[j])));
+                let e = sub(p[i], p[j]);
+                if dot(e, e) < micro * micro {
+                    short.push((norm(e), v[i].min(v[j]), v[i].max(v[j])));
                 }
             }
         }
@@ -1025,9 +1069,23 @@ impl<'s> Optimiser<'s> {
 
     /// Optimises until no tetrahedron is below `goal` or nothing helps any more.
     pub(crate) fn run(&mut self, goal: f64) {
-        let all: Vec<u32> = (0..self.complex.points.len() as u32).filter(|&v| self.complex.tet_of[v as usize] != NONE).collect();
+        self.enough = ENOUGH * goal;
         self.collapse_micro();
-        self.smooth(&all);
+        let off = self.off(|_| true);
+        let mut is_near = vec![false; self.complex.points.len()];
+        let live: Vec<u32> = self.complex.live().collect();
+        let poor: Vec<u32> = live.into_par_iter().with_min_len(1024).filter(|&t| self.measure(t) < self.enough).collect();
+        for &t in &poor {
+            self.complex.tets[t as usize].iter().for_each(|&v| is_near[v as usize] = true);
+        }
+        self.suspects = poor;
+        self.complex.log = Some(Vec::new());
+        let near: Vec<u32> = (0..is_near.len() as u32).filter(|&v| is_near[v as usize]).collect();
+        // From here on, what is touched may have become off the surface or come onto it.
+        self.clock = 1;
+        self.smooth(&near);
+        self.make_room(&off);
+        self.first_off = off;
         self.mend_all(goal, 30);
     }
 
@@ -1036,10 +1094,14 @@ impl<'s> Optimiser<'s> {
         let mut last = f64::NEG_INFINITY;
         let (mut idle, mut fewest) = (0, usize::MAX);
         for round in 0..rounds {
-            let mut bad: Vec<(f64, u32)> = {
-                let live: Vec<u32> = self.complex.live().collect();
-                live.par_iter().with_min_len(1024).map(|&t| (self.measure(t), t)).filter(|b| b.0 < goal).collect()
-            };
+            let mut suspects = std::mem::take(&mut self.suspects);
+            self.complex.log.iter_mut().for_each(|log| suspects.append(log));
+            suspects.par_sort_unstable();
+            suspects.dedup();
+            suspects.retain(|&t| self.complex.is_there(t));
+            let mut bad: Vec<(f64, u32)> =
+                suspects.par_iter().with_min_len(1024).map(|&t| (self.measure(t), t)).filter(|b| b.0 < goal).collect();
+            self.suspects.extend(bad.iter().map(|b| b.1));
             bad.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let Some(&(worst, _)) = bad.first() else { return };
             if self.control.is_stopped() {
@@ -1096,26 +1158,4 @@ impl<'s> Optimiser<'s> {
             }
         }
     }
-}
-
-/// The shortest vector in the convex hull of the gradients: along it all of them grow. Gilbert's iteration; a rough answer will do.
-fn shortest_in_hull(gradients: impl Iterator<Item = Point3> + Clone) -> Point3 {
-    let mut d: Point3 = [0.0; 3];
-    let mut least = f64::INFINITY;
-    for g in gradients.clone() {
-        let n = dot(g, g);
-        if n < least {
-            (d, least) = (g, n);
-        }
-    }
-    for _ in 0..30 {
-        let Some(g) = gradients.clone().min_by(|a, b| dot(*a, d).total_cmp(&dot(*b, d))) else { break };
-        if dot(g, d) >= 0.98 * dot(d, d) {
-            break;
-        }
-        let e = sub(g, d);
-        let t = (-dot(d, e) / dot(e, e).max(1e-300)).clamp(0.0, 1.0);
-        d = std::array::from_fn(|i| d[i] + t * e[i]);
-    }
-    d
 }

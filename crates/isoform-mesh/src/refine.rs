@@ -164,9 +164,17 @@ pub(crate) fn follow(
         });
         cell * curved.min(wished)
     };
-    let live: Vec<u32> = complex.live().collect();
-    let any = live.par_iter().with_min_len(1024).any(|&t| longest(complex, t).0 > wanted(complex, t) * SAME);
-    any && bisect(complex, frozen, limit, wanted)
+    let before = complex.tets.clone();
+    let sizes: Vec<f64> = (0..before.len() as u32)
+        .into_par_iter()
+        .with_min_len(1024)
+        .map(|t| if complex.is_there(t) { wanted(complex, t) } else { f64::INFINITY })
+        .collect();
+    let any = sizes.par_iter().enumerate().with_min_len(1024).any(|(t, s)| s.is_finite() && longest(complex, t as u32).0 > s * SAME);
+    any && bisect(complex, frozen, limit, |complex, t| match before.get(t as usize) {
+        Some(v) if *v == complex.tets[t as usize] => sizes[t as usize],
+        _ => wanted(complex, t),
+    })
 }
 
 /// Places on an edge where the sign is looked at: a wall or gap as thin as a quarter of the edge is seen.
@@ -214,11 +222,15 @@ fn is_close_call(surface: &Surface<'_>, complex: &Complex, t: u32) -> bool {
 /// gaps and narrow links are met by the lattice. Returns places where the last round still found such an edge.
 pub(crate) fn resolve(surface: &Surface<'_>, complex: &mut Complex, frozen: &mut Vec<bool>, limit: usize) -> Vec<Point3> {
     let mut left = Vec::new();
+    let mut values: Vec<f64> = Vec::new();
+    // What was looked at in the round before need not be looked at again, except for edges that could not be halved.
+    let (mut before, mut twice): (Vec<[u32; 4]>, Vec<[u32; 2]>) = (Vec::new(), Vec::new());
     for round in 0..=ROUNDS {
-        let values: Vec<f64> = complex.points.par_iter().map(|&p| surface.value(p).0).collect();
-        let mut edges: Vec<[u32; 2]> = complex
-            .live()
-            .flat_map(|t| {
+        values.par_extend(complex.points[values.len()..].par_iter().map(|&p| surface.value(p).0));
+        let fresh: Vec<u32> = complex.live().filter(|&t| before.get(t as usize) != Some(&complex.tets[t as usize])).collect();
+        let mut edges: Vec<[u32; 2]> = fresh
+            .iter()
+            .flat_map(|&t| {
                 let v = complex.tets[t as usize];
                 EDGES.map(|(i, j)| [v[i].min(v[j]), v[i].max(v[j])])
             })
@@ -231,13 +243,12 @@ pub(crate) fn resolve(surface: &Surface<'_>, complex: &mut Complex, frozen: &mut
                 }
             })
             .collect();
+        let mut ring = Ring::default();
+        edges.extend(twice.iter().filter(|e| complex.ring_of(e[0], e[1], &mut ring)));
         edges.par_sort_unstable();
         edges.dedup();
-        let close: Vec<u32> = {
-            let live: Vec<u32> = complex.live().collect();
-            live.into_par_iter().filter(|&t| is_close_call(surface, complex, t)).collect()
-        };
-        let twice: Vec<[u32; 2]> = edges
+        let close: Vec<u32> = fresh.into_par_iter().filter(|&t| is_close_call(surface, complex, t)).collect();
+        twice = edges
             .into_par_iter()
             .filter(|&[a, b]| {
                 let [p, q] = [a, b].map(|v| complex.points[v as usize]);
@@ -260,6 +271,7 @@ pub(crate) fn resolve(surface: &Surface<'_>, complex: &mut Complex, frozen: &mut
             left = twice.iter().map(|&[a, _]| complex.points[a as usize]).collect();
             return left;
         }
+        before.clone_from(&complex.tets);
         let flagged = |a: u32, b: u32| twice.binary_search(&[a.min(b), a.max(b)]).is_ok();
         // Slots are reused by the halves, which are looked at in the next round: a close call counts as long as its vertices are the same.
         let close: Vec<(u32, [u32; 4])> = close.into_iter().map(|t| (t, complex.tets[t as usize])).collect();

@@ -120,6 +120,12 @@ impl Surface<'_> {
         }
     }
 
+    /// Whether no other piece can decide the solid's sign around the point.
+    pub(crate) fn is_alone(&self, piece: u32, p: Point3) -> bool {
+        let k = self.lattice.state_at(p);
+        k >= 2 && self.lattice.trees[k as usize - 2].1 == [piece]
+    }
+
     /// Value and gradient of a piece, or of the one that decides.
     pub(crate) fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
         if piece != SKIN {
@@ -129,6 +135,12 @@ impl Surface<'_> {
             u32::MAX => (f64::INFINITY, [0.0; 3]),
             piece => self.solid.gradient(piece, p),
         }
+    }
+
+    /// One step of Newton's method towards the nearest point where all the pieces vanish.
+    pub(crate) fn nearer(&self, pieces: &[u32], from: Point3) -> Option<Point3> {
+        let (step, _) = newton(&|i, p| self.gradient(i, p), pieces, from)?;
+        Some(std::array::from_fn(|i| from[i] - step[i]))
     }
 
     /// The nearest point where all the pieces vanish: Newton with the least step, to rounding.
