@@ -64,6 +64,7 @@ fn print_analysis(map: &Map) {
         };
         let real = match &curve.real {
             RealPart::Curve => "real arcs".to_owned(),
+            RealPart::NoArc => "no real arc".to_owned(),
             RealPart::Points(points) => {
                 format!("real points only: [{}]", points.iter().map(|p| format!("({})", row(p))).collect::<Vec<_>>().join(", "))
             }

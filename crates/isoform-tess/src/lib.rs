@@ -26,6 +26,6 @@ pub use field::{Algebraic, Element, NumberField};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
 pub use mesh::{Kind, MeshOptions, Point3, Surface, triangulate};
 pub use region::{Region, RegionTopology, Triangle};
-pub use singular::{Contraction, CurveKind, RealPart, Singular, SingularCurve, real_part, singular};
+pub use singular::{Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular};
 pub use univariate::Stopped;
 pub use zeros::Chart;

@@ -69,7 +69,12 @@ pub enum RealPart {
     Curve,
     /// Only isolated points (s : t : w), or none.
     Points(Vec<[Algebraic; 3]>),
+    /// Only isolated points, or none: the degree is above [`POINTS_DEGREE`], and they were not looked for.
+    NoArc,
 }
+
+/// Largest degree of a curve of whose isolated points the coordinates are computed: up to 49 conjugates, about a second.
+pub const POINTS_DEGREE: usize = 8;
 
 /// The singular curves of a map.
 #[derive(Clone, Debug)]
@@ -254,6 +259,9 @@ fn combination(degree: usize, independent: &[Element], target: &Element) -> Opti
 pub fn real_part(curve: &Poly, stop: &dyn Fn() -> bool) -> Result<RealPart, Stopped> {
     if curve.total_degree() % 2 == 1 || changes_sign(&curve.dehomogenise(2), stop)? {
         return Ok(RealPart::Curve);
+    }
+    if curve.total_degree() > POINTS_DEGREE {
+        return Ok(RealPart::NoArc);
     }
     let gradient = [0, 1, 2].map(|v| curve.derivative(v));
     Ok(RealPart::Points(common_zeros(&gradient, true, stop)?.iter().flat_map(|z| z.real()).collect()))
