@@ -23,7 +23,7 @@ pub struct NumberField {
 pub struct Element {
     /// Coefficients of powers of θ, lowest first, the last one not zero.
     numerator: Vec<IBig>,
-    /// Without common factor with all of them; zero has the denominator 0 here and nowhere else (see `Default`).
+    /// Without common factor with all of them; that of zero, which is `Default`, is 0 and never read.
     denominator: UBig,
 }
 

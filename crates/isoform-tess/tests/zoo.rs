@@ -72,12 +72,9 @@ fn base_points_of_the_zoo() {
 fn complex(v: &Value) -> [f64; 2] {
     let text = v.as_str().expect("a number").trim_matches(['(', ')']);
     let Some(text) = text.strip_suffix('j') else { return [text.parse().expect("a number"), 0.0] };
-    let cut = text
-        .char_indices()
-        .filter(|&(i, c)| i > 0 && (c == '+' || c == '-') && !text[..i].ends_with('e'))
-        .map(|(i, _)| i)
-        .last()
-        .unwrap_or(0);
+    // The sign before the imaginary part: neither the first character nor that of an exponent.
+    let inner = |&(i, c): &(usize, char)| i > 0 && (c == '+' || c == '-') && !text[..i].ends_with('e');
+    let cut = text.char_indices().rfind(inner).map_or(0, |(i, _)| i);
     [text[..cut].parse().unwrap_or(0.0), text[cut..].parse().expect("a number")]
 }
 
