@@ -355,8 +355,8 @@ impl UPoly {
 /// use isoform_algebra::{Poly, coprime_base};
 /// let p = |text| Poly::parse(text, &["x", "y"]).expect("a polynomial");
 /// let (base, divisors) = coprime_base(&[p("x^2*y"), p("x^2 - y^2"), p("x*(x + y)"), p("3")]);
-/// assert_eq!(base, [p("x"), p("y"), p("x - y"), p("x + y")]);
-/// assert_eq!(divisors, [vec![0, 1], vec![2, 3], vec![0, 3], vec![]]);
+/// assert_eq!(base, [p("y"), p("x"), p("x - y"), p("x + y")]);
+/// assert_eq!(divisors, [vec![0, 1], vec![2, 3], vec![1, 3], vec![]]);
 /// ```
 pub fn coprime_base(given: &[Poly]) -> (Vec<Poly>, Vec<Vec<usize>>) {
     let mut base: Vec<(Poly, Vec<usize>)> = Vec::new();
