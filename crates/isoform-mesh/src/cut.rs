@@ -10,7 +10,7 @@ use crate::complex::{BOUNDARY, Complex, EDGES, NONE, Ring, STRAY};
 use crate::lattice::{IN, Lattice, OUT};
 use crate::measure::biased_sine;
 use crate::mesher::Control;
-use crate::surface::{On, SKIN, Surface};
+use crate::surface::{On, Surface};
 use isoform_geom::{Csg, Point3, dot, norm, sub};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -496,11 +496,8 @@ impl<'s> Cutter<'s> {
         pieces = crate::lattice::unique(pieces);
         pieces.retain(|&i| f.iter().all(|&v| self.distance(v, i) == 0.0));
         if pieces.len() > 1 {
-            // Several pieces hold all three vertices: the one that decides there, then those that are the surface at all.
-            let faces: Vec<u32> = match self.surface.project(&[SKIN], middle) {
-                Some(q) => pieces.iter().copied().filter(|&i| self.surface.is_face(i, q)).collect(),
-                None => Vec::new(),
-            };
+            // Several pieces hold all three vertices: those that are the surface at one of them.
+            let faces: Vec<u32> = pieces.iter().copied().filter(|&i| p.iter().any(|&q| self.surface.is_face(i, q))).collect();
             if !faces.is_empty() {
                 pieces = faces;
             }
