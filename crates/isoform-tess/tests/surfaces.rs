@@ -1,4 +1,7 @@
 //! Surfaces without base points in the box, triangulated: topology and accuracy.
+mod common;
+
+use common::zoo;
 use isoform_algebra::RBig;
 use isoform_tess::{Kind, Map, MeshOptions, Region, Surface, triangulate};
 use std::collections::BTreeMap;
@@ -74,31 +77,25 @@ fn sphere() {
 
 /// Members of the zoo whose topology in the box is known, without real base points in it.
 #[test]
-fn zoo() {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/zoo");
-    let Ok(files) = std::fs::read_dir(&folder) else {
-        println!("skip  {} is not there", folder.display());
+fn surfaces_of_the_zoo() {
+    let surfaces = zoo();
+    if surfaces.is_empty() {
         return;
-    };
-    let mut files: Vec<_> = files.filter_map(|f| f.ok().map(|f| f.path())).filter(|p| p.extension().is_some_and(|e| e == "json")).collect();
-    files.sort();
+    }
     let mut wrong = Vec::new();
     let mut compared = 0;
-    for file in files {
-        let text = std::fs::read_to_string(&file).expect("readable");
-        let known: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    for (name, known, map) in surfaces {
         let counted = &known["box_topology_normalised"];
         let Some(true) = counted["stable"].as_bool() else { continue };
-        let map = Map::from_json(&text, Default::default()).expect("a map");
         let half_width = known["box"].as_i64().expect("a number");
         let clock = std::time::Instant::now();
         let s = surface(&map, half_width);
         let expected = ["chi_corrected", "components", "boundary_loops"].map(|k| counted[k].as_i64().expect("a number"));
         let t = topology(&s);
-        println!("{} {t:?} {} triangles {:?} {:?}", known["name"], s.triangles.len(), s.unproven, clock.elapsed());
+        println!("{} {t:?} {} triangles {:?} {:?}", name, s.triangles.len(), s.unproven, clock.elapsed());
         compared += 1;
         if t != expected || !s.unproven.is_empty() {
-            wrong.push(format!("{}: {t:?} instead of {expected:?}", known["name"]));
+            wrong.push(format!("{}: {t:?} instead of {expected:?}", name));
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");

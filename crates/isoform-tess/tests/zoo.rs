@@ -1,35 +1,12 @@
 //! The facts of the collection of rational surfaces in `../shared/zoo`, where it is present.
 
-use isoform_algebra::Poly;
-use isoform_tess::{Budget, CurveKind, Map, Options, RealPart, VARIABLES, analyse, base_multiplicity, base_points};
-use serde_json::Value;
-use std::path::Path;
-use std::time::Instant;
+mod common;
 
-/// Name, facts and map of every valid surface; nothing where the collection is absent.
-fn zoo() -> Vec<(String, Value, Map)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/zoo");
-    let Ok(entries) = std::fs::read_dir(&folder) else {
-        println!("skipped: {} is absent", folder.display());
-        return Vec::new();
-    };
-    let mut paths: Vec<_> = entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "json")).collect();
-    paths.sort();
-    let mut found = Vec::new();
-    for path in paths {
-        let text = std::fs::read_to_string(&path).expect("a readable file");
-        let facts: Value = serde_json::from_str(&text).expect("JSON");
-        let name = path.file_stem().expect("a name").to_string_lossy().into_owned();
-        match Map::from_json(&text, Options::default()) {
-            Ok(map) => {
-                assert_eq!(facts["valid"], true, "{name}");
-                found.push((name, facts, map));
-            }
-            Err(error) => assert_eq!(facts["valid"], false, "{name}: {error}"),
-        }
-    }
-    found
-}
+use common::zoo;
+use isoform_algebra::Poly;
+use isoform_tess::{Budget, CurveKind, RealPart, VARIABLES, analyse, base_multiplicity, base_points};
+use serde_json::Value;
+use std::time::Instant;
 
 fn as_number(v: &Value) -> Option<f64> {
     v.as_f64().or_else(|| v.as_str()?.parse().ok())
