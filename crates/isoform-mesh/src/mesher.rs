@@ -270,6 +270,7 @@ pub(crate) fn improve(optimiser: &mut Optimiser<'_>, options: &Options, warnings
     let off = optimiser.settle(goal);
     warnings.extend(off.into_iter().map(|at| Warning { message: "a vertex could not be brought onto the surface".into(), at: Some(at) }));
     optimiser.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);
+    optimiser.split_ears(0.5 * goal);
 }
 
 /// Middles of edges, if they are asked for.

@@ -1089,6 +1089,39 @@ impl<'s> Optimiser<'s> {
         self.mend_all(goal, 30);
     }
 
+    /// Splits faces of the surface whose corners all lie on one curve, at their edge that is no piece of it: three points do not say on
+    /// which side of the curve such a face is, and there is room for a better one.
+    pub(crate) fn split_ears(&mut self, least: f64) {
+        let mut ears = Vec::new();
+        let mut ring = Ring::default();
+        for t in self.complex.live() {
+            for i in 0..4 {
+                let label = self.complex.adjacent[t as usize][i];
+                if label < BOUNDARY || label == OPEN {
+                    continue;
+                }
+                let f = self.complex.face(t, i);
+                let [a, b, c] = f.map(|v| self.labels[v as usize]);
+                if a.common(&b).common(&c).len() < 2 {
+                    continue;
+                }
+                for (a, b) in [(f[0], f[1]), (f[1], f[2]), (f[2], f[0])] {
+                    if self.complex.ring_of(a, b, &mut ring) && self.surface_edge(&ring, a, b).is_some() {
+                        ears.push((a.min(b), a.max(b)));
+                    }
+                }
+            }
+        }
+        ears.sort_unstable();
+        ears.dedup();
+        for (a, b) in ears {
+            if self.complex.ring_of(a, b, &mut ring) {
+                let before = self.worst(&ring.tets);
+                self.insert_in(&ring, a, b, least.min(0.9 * before));
+            }
+        }
+    }
+
     /// Mends tetrahedra below `goal` in rounds, with moves of the vertices around them.
     fn mend_all(&mut self, goal: f64, rounds: usize) {
         let mut last = f64::NEG_INFINITY;

@@ -17,6 +17,7 @@ mod mesh;
 mod region;
 mod residues;
 mod singular;
+mod surface;
 mod univariate;
 mod zeros;
 
@@ -24,8 +25,8 @@ pub use analysis::{Analysis, Budget, analyse};
 pub use base::{BasePoint, BinaryForm, Near, Seam, base_multiplicity, base_points};
 pub use field::{Algebraic, Element, NumberField};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
-pub use mesh::{Kind, MeshOptions, Point3, Surface, triangulate};
 pub use region::{Region, RegionTopology, Triangle};
 pub use singular::{Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular};
+pub use surface::{DoubleArc, Kind, MeshOptions, Mode, Point3, Surface, TriangulateOptions, triangulate};
 pub use univariate::Stopped;
 pub use zeros::Chart;

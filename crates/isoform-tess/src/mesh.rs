@@ -6,51 +6,10 @@
 
 use crate::map::Map;
 use crate::region::Region;
+use crate::surface::{Kind, MeshOptions, Point3, Surface};
 use isoform_algebra::{Poly, QUADRANTS, RBig};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::BTreeMap;
-
-/// A point of space.
-pub type Point3 = [f64; 3];
-
-/// How fine.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeshOptions {
-    /// Largest distance of the middles of triangles and edges from the surface, in units of space.
-    pub tolerance: f64,
-    /// Largest length of edges.
-    pub longest: f64,
-    /// Number of triangles at which refinement stops.
-    pub triangles: usize,
-}
-
-/// What a vertex is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Of the surface, nothing special.
-    Ordinary,
-    /// On a face of the box.
-    Box,
-    /// The one image of a whole curve.
-    Contracted,
-}
-
-/// Triangles of a surface in a box.
-#[derive(Clone, Debug, Default)]
-pub struct Surface {
-    /// Vertices.
-    pub points: Vec<Point3>,
-    /// What they are.
-    pub kinds: Vec<Kind>,
-    /// Corners of the triangles.
-    pub triangles: Vec<[u32; 3]>,
-    /// The unit triangle that each lies in, as in [`QUADRANTS`].
-    pub charts: Vec<u8>,
-    /// u and v of its corners there.
-    pub corners: Vec<[[f64; 2]; 3]>,
-    /// What is not proved.
-    pub unproven: Vec<String>,
-}
 
 /// A map evaluated in floating point on one of the unit triangles.
 struct Chart {
@@ -122,7 +81,7 @@ const ROUNDS: usize = 30;
 /// Triangulates the part of the surface that is in the box. Sheets that cross are not joined.
 ///
 /// Real base points in the region are left open, and said to be unproven.
-pub fn triangulate(map: &Map, region: &Region, options: &MeshOptions, stop: &dyn Fn() -> bool) -> Surface {
+pub(crate) fn mesh(map: &Map, region: &Region, options: &MeshOptions, stop: &dyn Fn() -> bool) -> Surface {
     let mut builder = Builder {
         region,
         options,

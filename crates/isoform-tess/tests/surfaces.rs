@@ -3,7 +3,7 @@ mod common;
 
 use common::zoo;
 use isoform_algebra::RBig;
-use isoform_tess::{Kind, Map, MeshOptions, Region, Surface, triangulate};
+use isoform_tess::{Budget, Kind, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate};
 use std::collections::BTreeMap;
 
 fn options(half_width: f64) -> MeshOptions {
@@ -11,8 +11,13 @@ fn options(half_width: f64) -> MeshOptions {
 }
 
 fn surface(map: &Map, half_width: i64) -> Surface {
-    let region = Region::new(map, &RBig::from(half_width), &|| false).expect("a region");
-    triangulate(map, &region, &options(half_width as f64), &|| false)
+    let options = TriangulateOptions {
+        half_width: RBig::from(half_width),
+        mode: Mode::Normalised,
+        mesh: options(half_width as f64),
+        budget: Budget::default(),
+    };
+    triangulate(map, &options, &|| false).expect("not stopped").0
 }
 
 /// Euler characteristic, components, boundary loops; every edge has one or two triangles.

@@ -1,0 +1,109 @@
+//! The whole way from a map to the triangles of its surface in a box.
+
+use crate::analysis::{Analysis, Budget, analyse};
+use crate::map::Map;
+use crate::mesh::mesh;
+use crate::region::Region;
+use crate::univariate::Stopped;
+use isoform_algebra::RBig;
+use std::time::Instant;
+
+/// A point of space.
+pub type Point3 = [f64; 3];
+
+/// Whether sheets that cross are joined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// They are not: two vertices may share a position on the double curve, and every edge has one or two triangles.
+    Normalised,
+    /// They are cut and joined along the double curve, whose edges have four triangles or more.
+    Glued,
+}
+
+/// How fine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshOptions {
+    /// Largest distance of the middles of triangles and edges from the surface, in units of space.
+    pub tolerance: f64,
+    /// Largest length of edges.
+    pub longest: f64,
+    /// Number of triangles at which refinement stops.
+    pub triangles: usize,
+}
+
+/// What to make of a map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TriangulateOptions {
+    /// Half the width of the box around the origin.
+    pub half_width: RBig,
+    /// Whether sheets that cross are joined.
+    pub mode: Mode,
+    /// How fine.
+    pub mesh: MeshOptions,
+    /// What the exact analysis may cost.
+    pub budget: Budget,
+}
+
+/// What a vertex is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Of the surface, nothing special.
+    Ordinary,
+    /// On a face of the box.
+    Box,
+    /// Where sheets meet.
+    Double,
+    /// On the seam curve of a base point.
+    Seam,
+    /// The one image of a whole curve.
+    Contracted,
+    /// On a curve or in a point where the rank of the map drops.
+    Cusp,
+}
+
+/// An arc in which sheets of the surface meet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DoubleArc {
+    /// Its vertices.
+    pub points: Vec<Point3>,
+    /// How many sheets meet in it.
+    pub sheets: usize,
+}
+
+/// Triangles of a surface in a box.
+#[derive(Clone, Debug, Default)]
+pub struct Surface {
+    /// Vertices.
+    pub points: Vec<Point3>,
+    /// What they are.
+    pub kinds: Vec<Kind>,
+    /// Corners of the triangles.
+    pub triangles: Vec<[u32; 3]>,
+    /// The unit triangle that each lies in, as in [`isoform_algebra::QUADRANTS`].
+    pub charts: Vec<u8>,
+    /// u and v of its corners there.
+    pub corners: Vec<[[f64; 2]; 3]>,
+    /// Arcs in which real sheets meet.
+    pub double_curve: Vec<DoubleArc>,
+    /// Real points of the surface that only conjugate parameters reach, as polylines.
+    pub solitary_arcs: Vec<Vec<Point3>>,
+    /// What is not proved; empty if everything is.
+    pub unproven: Vec<String>,
+}
+
+/// Analyses a map and triangulates its surface in a box. The analysis says in `seconds` how long the triangulation took, too; the surface
+/// repeats in `unproven` what the analysis could not prove.
+///
+/// # Errors
+/// [`Stopped`], if not even the region of parameters was found in time.
+pub fn triangulate(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> bool) -> Result<(Surface, Analysis), Stopped> {
+    let mut analysis = analyse(map, &options.budget, stop);
+    let clock = Instant::now();
+    let region = Region::new(map, &options.half_width, stop).map_err(|_| Stopped)?;
+    analysis.seconds.push(("region", clock.elapsed().as_secs_f64()));
+    let clock = Instant::now();
+    let mut surface = mesh(map, &region, &options.mesh, stop);
+    analysis.seconds.push(("triangles", clock.elapsed().as_secs_f64()));
+    surface.unproven.extend(analysis.unproven.iter().cloned());
+    Ok((surface, analysis))
+}
