@@ -88,8 +88,19 @@ fn thin_sheets_and_many_corners_stay_manifold() {
         g = sin(w*x[1])*cos(w*x[2]) + sin(w*x[2])*cos(w*x[3]) + sin(w*x[3])*cos(w*x[1]);
         m = min(0.45 - max(max(abs(x[1]), abs(x[2])), abs(x[3])), (0.6 - abs(g))/(1.5*w));
     }";
-    let (_, certificate) = meshed(gyroid, &Options { size: 0.06, ..Options::default() });
+    let (meshed, certificate) = meshed(gyroid, &Options { size: 0.06, ..Options::default() });
     assert!(certificate.tets.expect("tetrahedra").dihedral_min > 12.0);
+    assert_eq!(ears(&meshed.mesh), 0);
+}
+
+/// Triangles whose corners all lie on one curve: of the same two parts.
+fn ears(mesh: &Mesh) -> usize {
+    let mut parts = vec![std::collections::BTreeSet::new(); mesh.points.len()];
+    for (t, part) in mesh.triangles.iter().zip(&mesh.triangle_parts) {
+        t.iter().for_each(|&v| drop(parts[v as usize].insert(*part)));
+    }
+    let shared = |t: &[u32; 3]| parts[t[0] as usize].iter().filter(|p| t[1..].iter().all(|&v| parts[v as usize].contains(p))).count();
+    mesh.triangles.iter().filter(|t| shared(t) > 1).count()
 }
 
 #[test]
