@@ -4,7 +4,9 @@ use crate::base::{BasePoint, Classes};
 use crate::map::Map;
 use crate::singular::{Singular, singular};
 use crate::univariate::Stopped;
-use isoform_algebra::{DEFAULT_MAX_DEGREE, FactorError, Implicit, MapDegrees, MapError, Poly, implicit, map_degrees};
+use isoform_algebra::{
+    CurveTopology, DEFAULT_MAX_DEGREE, FactorError, Implicit, MapDegrees, MapError, Poly, curve_topology, implicit, map_degrees,
+};
 use std::time::Instant;
 
 /// What an analysis may cost.
@@ -33,6 +35,8 @@ pub struct Analysis {
     pub base_points: Option<Vec<BasePoint>>,
     /// The factors of W as a form in (s, t, w), irreducible over Q, with multiplicities: the pole curve.
     pub pole: Option<Vec<(Poly, usize)>>,
+    /// What the real pole curve consists of, the line at infinity included where W vanishes on it.
+    pub pole_topology: Option<CurveTopology>,
     /// Double, ramified and contracted curves.
     pub singular: Option<Singular>,
     /// What could not be proven, in sentences; empty if everything was.
@@ -48,6 +52,7 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
         implicit: None,
         base_points: None,
         pole: None,
+        pole_topology: None,
         singular: None,
         unproven: Vec::new(),
         seconds: Vec::new(),
@@ -74,6 +79,12 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
         }
     }
     lap(&mut found, "pole");
+
+    match curve_topology(&map.forms()[3], stop) {
+        Ok(topology) => found.pole_topology = Some(topology),
+        Err(error) => found.unproven.push(format!("the topology of the pole curve: {error}")),
+    }
+    lap(&mut found, "pole topology");
 
     degrees(map, classes.ok().map(|c| c.multiplicity()), stop, &mut found);
     lap(&mut found, "degrees");

@@ -11,6 +11,7 @@
 mod analysis;
 mod base;
 mod dense;
+mod fan;
 mod field;
 mod map;
 mod mesh;

@@ -4,8 +4,13 @@
 //! Between two walls of an arrangement the polylines of arcs have their vertices over the same u, in the order of the arcs: they cannot
 //! cross, and what they bound is the region up to isotopy.
 
+mod opening;
+
+use crate::analysis::Analysis;
+use crate::fan::Fan;
 use crate::map::Map;
 use crate::region::Region;
+use crate::singular::CurveKind;
 use crate::surface::{Kind, MeshOptions, Point3, Surface};
 use isoform_algebra::{Poly, QUADRANTS, RBig};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
@@ -49,6 +54,10 @@ enum Name {
     Inner,
     Side(usize, i64, u64),
     Corner(usize),
+    /// The image of a contracted curve.
+    Image(usize),
+    /// On the seam of a base point, in a direction.
+    Seam(usize, [u64; 2]),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +66,16 @@ struct Node {
     name: Name,
     /// Faces of the box that it is on.
     faces: u8,
+    /// The contracted curve that it is on, by its image.
+    image: Option<usize>,
+    /// A base point: the map has no value there.
+    apex: bool,
+}
+
+impl Node {
+    fn inner(at: [f64; 2], faces: u8) -> Self {
+        Self { at, name: Name::Inner, faces, image: None, apex: false }
+    }
 }
 
 impl HasPosition for Node {
@@ -78,21 +97,28 @@ const HALVINGS: usize = 40;
 /// Rounds of refinement; each halves edges that are too coarse.
 const ROUNDS: usize = 30;
 
-/// Triangulates the part of the surface that is in the box. Sheets that cross are not joined.
+/// Triangulates the part of the surface that is in the box. Sheets that cross are not joined. The region is decomposed by the contracted
+/// curves of the analysis, too.
 ///
-/// Real base points in the region are left open, and said to be unproven.
-pub(crate) fn mesh(map: &Map, region: &Region, options: &MeshOptions, stop: &dyn Fn() -> bool) -> Surface {
+/// Base points that others are infinitely near to are left open, and said to be unproven.
+pub(crate) fn mesh(map: &Map, region: &Region, analysis: &Analysis, options: &MeshOptions, stop: &dyn Fn() -> bool) -> Surface {
     let mut builder = Builder {
         region,
         options,
         stop,
         charts: std::array::from_fn(|q| Chart::new(map, q)),
         half_width: region.half_width.to_f64().value(),
-        contracted: contracted_sides(map),
+        images: Vec::new(),
+        on_curve: BTreeMap::new(),
+        on_side: [None; 3],
+        fans: Vec::new(),
+        sites: BTreeMap::new(),
+        width: 0.0,
         base: bernstein_base(&map.forms()[3]),
         surface: Surface::default(),
     };
-    builder.look_for_base_points();
+    builder.find_contracted(map, analysis);
+    builder.open_base_points(analysis.base_points.as_deref().unwrap_or_default());
     let sides = builder.sides();
     let mut global = BTreeMap::new();
     for q in 0..4 {
@@ -101,17 +127,53 @@ pub(crate) fn mesh(map: &Map, region: &Region, options: &MeshOptions, stop: &dyn
     builder.finish()
 }
 
+/// The curves that a region is decomposed by beside those of the box: contracted ones other than the sides of the unit triangles.
+pub(crate) fn drawn_curves(analysis: &Analysis) -> Vec<Poly> {
+    contracted_curves(analysis).map(|c| c.0.clone()).collect()
+}
+
+fn contracted_curves(analysis: &Analysis) -> impl Iterator<Item = (&Poly, Vec<Point3>)> {
+    analysis.singular.iter().flat_map(|s| &s.curves).filter_map(|c| {
+        let CurveKind::Contracted(to) = &c.kind else { return None };
+        let is_side = (0..3).any(|k| c.curve.is_associate(&Poly::var(k)));
+        let images: Vec<Point3> = to.points().iter().map(|p| [0, 1, 2].map(|k| p[k].to_f64() / p[3].to_f64())).collect();
+        (!is_side && !to.at_infinity() && !images.is_empty()).then_some((&c.curve, images))
+    })
+}
+
 struct Builder<'a> {
     region: &'a Region,
     options: &'a MeshOptions,
     stop: &'a dyn Fn() -> bool,
     charts: [Chart; 4],
     half_width: f64,
-    /// Whether each of the lines s = 0, t = 0, w = 0 has one image.
-    contracted: [bool; 3],
+    /// Images of contracted curves.
+    images: Vec<Point3>,
+    /// Those of each contracted factor of the region, and of the lines s = 0, t = 0, w = 0.
+    on_curve: BTreeMap<usize, Vec<usize>>,
+    on_side: [Option<usize>; 3],
+    /// Base points, opened.
+    fans: Vec<Fan>,
+    /// Where they are: by quadrant, wall and point.
+    sites: BTreeMap<(usize, usize, usize), Site>,
+    /// Half the width of the rectangles around them.
+    width: f64,
     base: Vec<f64>,
     surface: Surface,
 }
+
+/// A base point in a unit triangle.
+struct Site {
+    fan: usize,
+    at: [f64; 2],
+    /// Half the height of the rectangle around it.
+    height: f64,
+    /// Arcs that end there: slab, place in it, direction.
+    arcs: Vec<(usize, usize, Ray)>,
+}
+
+/// A direction of a fan, by its key, and whether it is backward.
+type Ray = ([u64; 2], bool);
 
 type Cdt = ConstrainedDelaunayTriangulation<Node>;
 /// Places along each side, by side and sign, and whether the stretch after each belongs to the region.
@@ -131,14 +193,6 @@ fn on_side(side: usize, x: f64) -> [f64; 2] {
     }
 }
 
-/// Which of the lines s = 0, t = 0, w = 0 the map contracts to a point.
-fn contracted_sides(map: &Map) -> [bool; 3] {
-    [0, 1, 2].map(|line| {
-        let on: Vec<Poly> = map.forms().iter().map(|f| f.set(line, &RBig::ZERO)).filter(|f| !f.is_zero()).collect();
-        on.windows(2).all(|w| w[0].is_associate(&w[1]))
-    })
-}
-
 impl Builder<'_> {
     /// The faces of the box that all curves through a point of a wall belong to.
     fn faces_at(&self, q: usize, wall: usize, point: usize) -> u8 {
@@ -153,6 +207,19 @@ impl Builder<'_> {
     fn bits(&self, factor: usize) -> u8 {
         self.region.faces[factor].iter().fold(0, |bits, face| bits | 1 << face)
     }
+    /// The contracted curve through a point of a wall, by its image.
+    fn image_at(&self, q: usize, wall: usize, point: usize) -> Option<usize> {
+        let w = &self.region.triangles[q].arrangement.walls[wall];
+        let mut factors = w.points[point].curves.iter().chain(&w.vertical);
+        factors.find_map(|f| self.nearest_image(q, *f, self.place(q, wall, point)))
+    }
+    /// The image of a factor that is contracted: the one near to the value of the map at a point of it.
+    fn nearest_image(&self, q: usize, factor: usize, at: [f64; 2]) -> Option<usize> {
+        let images = self.on_curve.get(&factor)?;
+        let p = self.charts[q].at(at);
+        let far = |k: &usize| distance(self.images[*k], p);
+        images.iter().copied().min_by(|a, b| far(a).total_cmp(&far(b)))
+    }
     fn place(&self, q: usize, wall: usize, point: usize) -> [f64; 2] {
         let w = &self.region.triangles[q].arrangement.walls[wall];
         let u = w.u.to_f64();
@@ -164,18 +231,6 @@ impl Builder<'_> {
         }
         let p = &w.points[point];
         [u, ((&p.lo + &p.hi) / RBig::from(2)).to_f64().value()]
-    }
-
-    fn look_for_base_points(&mut self) {
-        let mut found = 0;
-        for (q, t) in self.region.triangles.iter().enumerate() {
-            for (k, wall) in t.arrangement.walls.iter().enumerate() {
-                found += (0..wall.points.len()).filter(|&p| t.holds_point(k, p) && self.faces_at(q, k, p) == 0b11_1111).count();
-            }
-        }
-        if found > 0 {
-            self.surface.unproven.push("the surface is left open at real base points".into());
-        }
     }
 
     /// The image of a point of a unit triangle, put on the faces of the box that it is known to be on.
@@ -221,16 +276,22 @@ impl Builder<'_> {
         let mut out = Sides::new();
         for ((side, sign), mut places) in sides {
             places.extend([0.0, 1.0]);
+            let both: Vec<usize> = (0..4).filter(|&q| sides_of(q)[side] == (side, sign)).collect();
+            let based = self.places_on(side, &both);
+            places.extend(based.iter().flat_map(|b| b.1).filter(|x| (0.0..=1.0).contains(x)));
             places.sort_by(f64::total_cmp);
             places.dedup();
-            let both: Vec<usize> = (0..4).filter(|&q| sides_of(q)[side] == (side, sign)).collect();
             let at = |x: f64| self.charts[both[0]].at(on_side(side, x));
             let mut list = Vec::new();
             for w in places.windows(2) {
                 let inside = both.iter().any(|&q| self.side_is_inside(q, side, 0.5 * (w[0] + w[1])));
+                if based.iter().any(|b| b.0 == w[0] || b.0 == w[1]) {
+                    list.push((w[0], inside));
+                    continue;
+                }
                 let mut stack = vec![(w[0], w[1], 0)];
                 while let Some((a, b, depth)) = stack.pop() {
-                    let rough = || !self.contracted[side] && !self.is_fine(&at, a, b);
+                    let rough = || self.on_side[side].is_none() && !self.is_fine(&at, a, b);
                     let signed = || self.keeps_sign(both[0], [a, b, a].map(|x| on_side(side, x)));
                     if inside && depth < HALVINGS && (rough() || !signed()) {
                         let m = 0.5 * (a + b);
@@ -272,7 +333,7 @@ impl Builder<'_> {
         for (side, key) in keys.iter().enumerate() {
             let mut before = None;
             for &(x, inside) in &sides[key] {
-                let node = Node { at: on_side(side, x), name: name_on(side, x), faces: 0 };
+                let node = Node { name: name_on(side, x), ..Node::inner(on_side(side, x), 0) };
                 let Ok(v) = cdt.insert(node) else { continue };
                 if let Some(b) = before {
                     constraints.push([b, v]);
@@ -297,32 +358,70 @@ impl Builder<'_> {
                     () if p == top => name_on(2, at[0]),
                     () => Name::Inner,
                 };
-                if (k == 0 || p == 0 || p == top) && !t.is_real(k, p) {
+                let faces = self.faces_at(q, k, p);
+                let apex = faces == 0b11_1111;
+                if (k == 0 || p == 0 || p == top) && !t.is_real(k, p) && !apex {
                     continue;
                 }
-                if let Ok(v) = cdt.insert(Node { at, name, faces: self.faces_at(q, k, p) }) {
+                let node = Node { at, name, faces, image: if apex { None } else { self.image_at(q, k, p) }, apex };
+                if let Ok(v) = cdt.insert(node) {
                     at_wall.insert((k, p), v);
+                }
+            }
+        }
+        // Base points with the rectangles around them.
+        let mut rays: BTreeMap<(usize, usize), Ray> = BTreeMap::new();
+        let mut apexes: BTreeMap<usize, usize> = BTreeMap::new();
+        for (&(_, k, p), site) in self.sites.range((q, 0, 0)..(q + 1, 0, 0)) {
+            let Some(&apex) = at_wall.get(&(k, p)) else { continue };
+            apexes.insert(apex.index(), site.fan);
+            let fan = &self.fans[site.fan];
+            for k in (0..fan.directions.len()).filter(|&k| fan.inside[k]) {
+                for backward in [false, true] {
+                    let sector = Self::sector(fan, k, backward);
+                    let ends = sector.map(|(k, b)| {
+                        let at = self.ring(q, site, &fan.directions[k], b)?;
+                        let name = match () {
+                            () if at[0] == 0.0 => name_on(0, at[1]),
+                            () if at[1] == 0.0 => name_on(1, at[0]),
+                            () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => name_on(2, at[0]),
+                            () => Name::Inner,
+                        };
+                        let v = cdt.insert(Node { name, ..Node::inner(at, 0) }).ok()?;
+                        rays.insert((v.index(), site.fan), (fan.directions[k].key(), b));
+                        Some(v)
+                    });
+                    if let [Some(a), Some(b)] = ends {
+                        constraints.extend([[apex, a], [apex, b], [a, b]]);
+                    }
                 }
             }
         }
         let mut lines: Vec<Vec<(usize, Vec<[f64; 2]>)>> = Vec::new();
         let mut in_order = true;
         for k in 0..t.arrangement.slabs.len() {
-            let bounding = self.bounding(q, k);
-            let polylines = self.polylines(q, k, &bounding, &mut in_order);
-            for (&i, line) in bounding.iter().zip(&polylines) {
+            let drawn = self.drawn(q, k);
+            let polylines = self.polylines(q, k, &drawn, &mut in_order);
+            for (&i, line) in drawn.iter().zip(&polylines) {
                 let arc = t.arrangement.slabs[k].arcs[i];
                 let faces = self.bits(arc.curve);
                 let ends = [at_wall.get(&(k, arc.left)), at_wall.get(&(k + 1, arc.right))];
                 let mut before = ends[0].copied();
                 for &at in &line[1..line.len() - 1] {
-                    let Ok(v) = cdt.insert(Node { at, name: Name::Inner, faces }) else { continue };
+                    let image = self.nearest_image(q, arc.curve, at);
+                    let Ok(v) = cdt.insert(Node { image, ..Node::inner(at, faces) }) else { continue };
                     constraints.extend(before.map(|b| [b, v]));
                     before = Some(v);
                 }
                 constraints.extend(before.zip(ends[1].copied()).map(|(a, b)| [a, b]));
             }
-            lines.push(bounding.into_iter().zip(polylines).collect());
+            lines.push(drawn.into_iter().zip(polylines).collect());
+        }
+        for (k, wall) in walls.iter().enumerate() {
+            self.vertical(q, k, &mut |at, faces| {
+                cdt.insert(Node::inner(at, faces)).ok()
+            }, &at_wall, &mut constraints);
+            debug_assert!(!wall.points.is_empty());
         }
         let mut crossing = false;
         for [a, b] in constraints {
@@ -345,51 +444,124 @@ impl Builder<'_> {
         if !proven {
             self.surface.unproven.push("W is not proved to keep its sign on every triangle".into());
         }
+        let mut open = false;
+        let mut surface = std::mem::take(&mut self.surface);
         for face in cdt.inner_faces() {
             let v = face.vertices();
             if is_sliver(v.map(|v| *v.data())) || !inside(center(v.map(|v| v.data().at))) {
                 continue;
             }
-            let triangle = v.map(|v| {
-                let node = *v.data();
-                let key = match self.merged(node.name) {
-                    Name::Inner => (Name::Inner, q, v.index()),
+            let mut vertex = |v: &Node, index: usize| {
+                let key = match self.merged(v) {
+                    Name::Inner => (Name::Inner, q, index),
                     name => (name, 0, 0),
                 };
-                let is_contracted = key.0 != node.name || matches!(key.0, Name::Side(_, 0, _));
                 *global.entry(key).or_insert_with(|| {
-                    self.surface.points.push(self.image(q, node.at, node.faces));
-                    self.surface.kinds.push(match (is_contracted, node.faces) {
-                        (true, _) => Kind::Contracted,
-                        (false, 0) => Kind::Ordinary,
-                        (false, _) => Kind::Box,
+                    let (point, kind) = match key.0 {
+                        Name::Image(k) => (self.images[k], Kind::Contracted),
+                        _ if v.faces > 0 => (self.image(q, v.at, v.faces), Kind::Box),
+                        _ => (self.image(q, v.at, 0), Kind::Ordinary),
+                    };
+                    surface.points.push(point);
+                    surface.kinds.push(kind);
+                    surface.points.len() as u32 - 1
+                })
+            };
+            let Some(first) = (0..3).find(|&i| v[i].data().apex) else {
+                let triangle = v.map(|v| vertex(v.data(), v.index()));
+                surface.triangles.push(triangle);
+                surface.charts.push(q as u8);
+                surface.corners.push(v.map(|v| v.data().at));
+                continue;
+            };
+            let [p, a, b] = [0, 1, 2].map(|i| v[(first + i) % 3]);
+            let seams = apexes.get(&p.index()).and_then(|&fan| {
+                let known = |v: usize| rays.get(&(v, fan)).and_then(|ray| self.fans[fan].directions.iter().find(|d| d.key() == ray.0));
+                Some([self.seam_vertex(fan, known(a.index())?), self.seam_vertex(fan, known(b.index())?)])
+            });
+            let Some(seams) = seams else {
+                open |= apexes.contains_key(&p.index());
+                continue;
+            };
+            let [from, to] = [a, b].map(|v| vertex(v.data(), v.index()));
+            let [first, second] = seams.map(|(name, point, faces)| {
+                *global.entry((name, 0, 0)).or_insert_with(|| {
+                    surface.points.push(point);
+                    surface.kinds.push(match (name, faces) {
+                        (Name::Image(_), _) => Kind::Contracted,
+                        (_, 0) => Kind::Seam,
+                        _ => Kind::Box,
                     });
-                    self.surface.points.len() as u32 - 1
+                    surface.points.len() as u32 - 1
                 })
             });
-            self.surface.triangles.push(triangle);
-            self.surface.charts.push(q as u8);
-            self.surface.corners.push(v.map(|v| v.data().at));
+            let [p, a, b] = [p, a, b].map(|v| v.data().at);
+            surface.triangles.extend([[from, to, second], [from, second, first]]);
+            surface.charts.extend([q as u8; 2]);
+            surface.corners.extend([[a, b, p], [a, p, p]]);
+        }
+        if open {
+            surface.unproven.push("triangles at base points are left out".to_owned());
+        }
+        self.surface = surface;
+    }
+
+    /// Stretches of walls that bound the region.
+    fn vertical(
+        &self,
+        q: usize,
+        wall: usize,
+        insert: &mut dyn FnMut([f64; 2], u8) -> Option<spade::handles::FixedVertexHandle>,
+        at_wall: &BTreeMap<(usize, usize), spade::handles::FixedVertexHandle>,
+        constraints: &mut Vec<[spade::handles::FixedVertexHandle; 2]>,
+    ) {
+        let t = &self.region.triangles[q];
+        let w = &t.arrangement.walls[wall];
+        if w.vertical.is_empty() || wall == 0 || wall + 1 == t.arrangement.walls.len() {
+            return;
+        }
+        let faces = w.vertical.iter().fold(0, |bits, &f| bits | self.bits(f));
+        for p in 0..w.points.len() - 1 {
+            if !t.holds_segment(wall, p) {
+                continue;
+            }
+            let [Some(&from), Some(&to)] = [p, p + 1].map(|p| at_wall.get(&(wall, p))) else { continue };
+            let [a, b] = [p, p + 1].map(|p| self.place(q, wall, p));
+            let mut before = from;
+            let mut stack = vec![(a[1], b[1], 0)];
+            while let Some((x, y, depth)) = stack.pop() {
+                let at = |v: f64| self.charts[q].at([a[0], v]);
+                if depth < HALVINGS && !self.is_fine(&at, x, y) {
+                    let m = 0.5 * (x + y);
+                    stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
+                } else {
+                    let next = if y == b[1] { Some(to) } else { insert([a[0], y], faces) };
+                    let Some(next) = next else { continue };
+                    constraints.push([before, next]);
+                    before = next;
+                }
+            }
         }
     }
 
-    /// The name of all points of a contracted side, which is one for two such sides that meet.
-    fn merged(&self, name: Name) -> Name {
+    /// The name of a vertex, that of the image if it is on a contracted curve.
+    fn merged(&self, node: &Node) -> Name {
         const SIDES: [[usize; 2]; 3] = [[0, 1], [1, 2], [0, 2]];
-        let first = |sides: &[usize]| sides.iter().copied().find(|&s| self.contracted[s]);
-        let side = match name {
-            Name::Inner => None,
+        let first = |sides: &[usize]| sides.iter().find_map(|&s| self.on_side[s]);
+        let image = node.image.or_else(|| match node.name {
             Name::Side(side, ..) => first(&[side]),
             Name::Corner(c) => first(&SIDES[c]),
-        };
-        // Any two of the three lines meet: contracted ones share their image.
-        side.map_or(name, |_| Name::Side(first(&[0, 1, 2]).unwrap_or(0), 0, 0))
+            _ => None,
+        });
+        image.map_or(node.name, Name::Image)
     }
 
-    /// The arcs of a slab that have the region on one side.
-    fn bounding(&self, q: usize, slab: usize) -> Vec<usize> {
-        let inside = &self.region.triangles[q].inside[slab];
-        (1..inside.len()).filter(|&i| inside[i - 1] != inside[i]).collect()
+    /// The arcs of a slab that are drawn: those that have the region on one side, or on both and are contracted.
+    fn drawn(&self, q: usize, slab: usize) -> Vec<usize> {
+        let t = &self.region.triangles[q];
+        let inside = &t.inside[slab];
+        let is_curve = |i: usize| self.on_curve.contains_key(&t.arrangement.slabs[slab].arcs[i].curve);
+        (1..inside.len()).filter(|&i| inside[i - 1] != inside[i] || inside[i] && is_curve(i)).collect()
     }
 
     /// Polylines of arcs over a slab on common places; `in_order` is cleared where rounding does not keep them apart.
@@ -408,8 +580,22 @@ impl Builder<'_> {
             let s = &a.slabs[slab];
             arcs.iter().map(|&i| self.place(q, k, if right { s.arcs[i].right } else { s.arcs[i].left })[1]).collect()
         };
-        let mut columns = vec![(ends[0], at_end(slab, false))];
-        let mut stack = vec![((ends[0], columns[0].1.clone()), (ends[1], at_end(slab + 1, true)), 0)];
+        let first = (ends[0], at_end(slab, false));
+        let last = (ends[1], at_end(slab + 1, true));
+        // From base points on there is one straight piece to the rectangle around them.
+        let based = [slab, slab + 1].map(|k| self.sites.range((q, k, 0)..(q, k + 1, 0)).next().is_some());
+        let mut columns = vec![first.clone()];
+        let (mut from, mut to) = (first, last.clone());
+        if based[0] {
+            let u = ends[0] + self.width;
+            from = (u, over(u));
+            columns.push(from.clone());
+        }
+        if based[1] {
+            let u = ends[1] - self.width;
+            to = (u, over(u));
+        }
+        let mut stack = vec![(from, to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left.0 + right.0);
             let room = left.0 < u && u < right.0 && depth < HALVINGS;
@@ -437,6 +623,9 @@ impl Builder<'_> {
                 stack.push((left, mid, depth + 1));
             }
         }
+        if based[1] {
+            columns.push(last);
+        }
         let inner = &columns[1..columns.len() - 1];
         *in_order &= inner.iter().all(|(u, v)| v.windows(2).all(|w| w[0] < w[1]) && v.iter().all(|&v| v > 0.0 && v < 1.0 - u));
         (0..arcs.len()).map(|i| columns.iter().map(|(u, v)| [*u, v[i]]).collect()).collect()
@@ -452,7 +641,7 @@ impl Builder<'_> {
             for face in cdt.inner_faces() {
                 let v = face.vertices();
                 let at = v.map(|v| v.data().at);
-                if is_sliver(v.map(|v| *v.data())) || !inside(center(at)) {
+                if is_sliver(v.map(|v| *v.data())) || v.iter().any(|v| v.data().apex) || !inside(center(at)) {
                     continue;
                 }
                 count += 1;
@@ -474,7 +663,7 @@ impl Builder<'_> {
                     let length = distance(p[j], p[k]);
                     // Two triangles on an edge whose far corners have one image would coincide.
                     let pinched = edge.rev().face().as_inner().is_some_and(|_| {
-                        let far = [edge, edge.rev()].map(|e| e.opposite_vertex().map(|v| self.merged(v.data().name)));
+                        let far = [edge, edge.rev()].map(|e| e.opposite_vertex().map(|v| self.merged(v.data())));
                         far[0].is_some_and(|n| n != Name::Inner) && far[0] == far[1]
                     });
                     if error > self.options.tolerance || error.is_nan() || length > self.options.longest || pinched {
@@ -506,7 +695,7 @@ impl Builder<'_> {
             }
             for at in wanted.into_values() {
                 // Out of the range of floating point: left as it is.
-                let _ = cdt.insert(Node { at, name: Name::Inner, faces: 0 });
+                let _ = cdt.insert(Node::inner(at, 0));
             }
         }
         true
@@ -516,7 +705,7 @@ impl Builder<'_> {
     fn keeps_sign(&self, q: usize, at: [[f64; 2]; 3]) -> bool {
         let s = self.charts[q].signs;
         let corners = at.map(|[u, v]| [s[0] * u, s[1] * v, 1.0 - u - v]);
-        let (lo, hi, error) = bernstein_range(&self.base, self.charts[q].degree, corners);
+        let (lo, hi, error) = bernstein_range(&self.base, self.charts[q].degree, corners, 0);
         lo > error || hi < -error
     }
 
@@ -576,8 +765,8 @@ fn bernstein_base(form: &Poly) -> Vec<f64> {
 }
 
 /// Least and greatest Bernstein coefficient on the triangle with the corners given, and a bound of their rounding errors: by the polar
-/// form, one argument at a time.
-fn bernstein_range(base: &[f64], n: usize, corners: [[f64; 3]; 3]) -> (f64, f64, f64) {
+/// form, one argument at a time. Those that vanish because the first corner is a zero of that multiplicity are left out.
+fn bernstein_range(base: &[f64], n: usize, corners: [[f64; 3]; 3], multiplicity: usize) -> (f64, f64, f64) {
     let step = |b: &[[f64; 2]], d: usize, p: [f64; 3]| -> Vec<[f64; 2]> {
         let mut out = Vec::with_capacity(d * (d + 1) / 2);
         for i in 0..d {
@@ -598,6 +787,9 @@ fn bernstein_range(base: &[f64], n: usize, corners: [[f64; 3]; 3]) -> (f64, f64,
                 third = step(&third, d, corners[2]);
             }
             let [value, magnitude] = third[0];
+            if i + multiplicity > n {
+                continue;
+            }
             (lo, hi, size) = (lo.min(value), hi.max(value), size.max(magnitude));
             if j < n - i {
                 second = step(&second, n - i - j, corners[1]);

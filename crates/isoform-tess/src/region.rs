@@ -24,6 +24,8 @@ pub struct Region {
     pub factors: Vec<Poly>,
     /// The faces of the box that each factor belongs to: −X, +X, −Y, +Y, −Z, +Z are 0 to 5.
     pub faces: Vec<Vec<usize>>,
+    /// Of each of the other curves the factors that it consists of.
+    pub extra: Vec<Vec<usize>>,
     /// By quadrants, as in [`QUADRANTS`].
     pub triangles: Vec<Triangle>,
 }
@@ -40,14 +42,16 @@ pub struct RegionTopology {
 }
 
 impl Region {
-    /// The parameters that a map sends into the box \[−B, B\]³, with B = `half_width` > 0.
+    /// The parameters that a map sends into the box \[−B, B\]³, with B = `half_width` > 0, decomposed by other curves, too: forms in (s, t, w).
     ///
     /// # Errors
     /// [`ArrangementError`], if stopped.
-    pub fn new(map: &Map, half_width: &RBig, stop: &dyn Fn() -> bool) -> Result<Self, ArrangementError> {
+    pub fn new(map: &Map, half_width: &RBig, extra: &[Poly], stop: &dyn Fn() -> bool) -> Result<Self, ArrangementError> {
         let [forms @ .., w] = map.forms();
         let bounds: Vec<Poly> = forms.iter().flat_map(|x| [x + &w.scale(half_width), x - &w.scale(half_width)]).collect();
-        let (factors, divisors) = coprime_base(&bounds);
+        let all: Vec<Poly> = bounds.iter().chain(extra).cloned().collect();
+        let (factors, divisors) = coprime_base(&all);
+        let extra = divisors[6..].to_vec();
         let faces = (0..factors.len()).map(|f| (0..6).filter(|&b| divisors[b].contains(&f)).collect()).collect();
         let mut triangles = Vec::with_capacity(4);
         for quadrant in 0..4 {
@@ -70,7 +74,7 @@ impl Region {
                 .collect();
             triangles.push(Triangle { arrangement, inside });
         }
-        Ok(Self { half_width: half_width.clone(), factors, faces, triangles })
+        Ok(Self { half_width: half_width.clone(), factors, faces, extra, triangles })
     }
 
     /// Euler characteristic, components and boundary loops. The region is taken as the closure of its cells.
@@ -317,7 +321,7 @@ mod tests {
     fn topology(texts: [&str; 4], half_width: &str) -> [i64; 3] {
         let map = Map::parse(texts, Default::default()).expect("a map");
         let half_width = Poly::parse(half_width, &[]).expect("a number").as_constant().expect("a number");
-        let t = Region::new(&map, &half_width, &|| false).expect("a region").topology();
+        let t = Region::new(&map, &half_width, &[], &|| false).expect("a region").topology();
         [t.euler, t.components as i64, t.loops as i64]
     }
 
@@ -351,7 +355,7 @@ mod tests {
             let Some(true) = counted["stable"].as_bool() else { continue };
             let map = Map::from_json(&text, Default::default()).expect("a map");
             let half_width = RBig::from(known["box"].as_i64().expect("a number"));
-            let t = Region::new(&map, &half_width, &|| false).expect("a region").topology();
+            let t = Region::new(&map, &half_width, &[], &|| false).expect("a region").topology();
             let expected = ["chi", "components", "boundary_loops"].map(|k| counted[k].as_i64().expect("a number"));
             assert_eq!([t.euler, t.components as i64, t.loops as i64], expected, "{}", file.display());
             compared += 1;

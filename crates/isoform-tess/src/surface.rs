@@ -2,7 +2,7 @@
 
 use crate::analysis::{Analysis, Budget, analyse};
 use crate::map::Map;
-use crate::mesh::mesh;
+use crate::mesh::{drawn_curves, mesh};
 use crate::region::Region;
 use crate::univariate::Stopped;
 use isoform_algebra::RBig;
@@ -99,10 +99,10 @@ pub struct Surface {
 pub fn triangulate(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> bool) -> Result<(Surface, Analysis), Stopped> {
     let mut analysis = analyse(map, &options.budget, stop);
     let clock = Instant::now();
-    let region = Region::new(map, &options.half_width, stop).map_err(|_| Stopped)?;
+    let region = Region::new(map, &options.half_width, &drawn_curves(&analysis), stop).map_err(|_| Stopped)?;
     analysis.seconds.push(("region", clock.elapsed().as_secs_f64()));
     let clock = Instant::now();
-    let mut surface = mesh(map, &region, &options.mesh, stop);
+    let mut surface = mesh(map, &region, &analysis, &options.mesh, stop);
     analysis.seconds.push(("triangles", clock.elapsed().as_secs_f64()));
     surface.unproven.extend(analysis.unproven.iter().cloned());
     Ok((surface, analysis))
