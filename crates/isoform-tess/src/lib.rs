@@ -11,6 +11,7 @@
 mod analysis;
 mod base;
 mod dense;
+mod double;
 mod fan;
 mod field;
 mod map;
@@ -24,6 +25,7 @@ mod zeros;
 
 pub use analysis::{Analysis, Budget, analyse};
 pub use base::{BasePoint, BinaryForm, Near, Seam, base_multiplicity, base_points};
+pub use double::{pinch_points, solitary_arcs};
 pub use field::{Algebraic, Element, NumberField};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
 pub use region::{Region, RegionTopology, Triangle};

@@ -122,7 +122,7 @@ pub fn singular(map: &Map, implicit: Option<&Implicit>, stop: &dyn Fn() -> bool)
 }
 
 /// (M₀, −M₁, M₂, −M₃), Mᵢ the determinant of the Jacobian's rows without row i.
-fn signed_minors(map: &Map, stop: &dyn Fn() -> bool) -> Result<[Poly; 4], Stopped> {
+pub(crate) fn signed_minors(map: &Map, stop: &dyn Fn() -> bool) -> Result<[Poly; 4], Stopped> {
     let rows = map.forms().each_ref().map(|f| [0, 1, 2].map(|v| f.derivative(v)));
     let mut minors: [Poly; 4] = Default::default();
     for (i, minor) in minors.iter_mut().enumerate() {
