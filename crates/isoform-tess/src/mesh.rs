@@ -5,6 +5,7 @@
 //! cross, and what they bound is the region up to isotopy.
 
 mod opening;
+mod plane;
 
 use crate::analysis::Analysis;
 use crate::fan::Fan;
@@ -13,6 +14,7 @@ use crate::region::Region;
 use crate::singular::CurveKind;
 use crate::surface::{Kind, MeshOptions, Point3, Surface};
 use isoform_algebra::{Poly, QUADRANTS, RBig};
+use plane::{Measure, Plane};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::BTreeMap;
 
@@ -94,8 +96,6 @@ fn distance(a: Point3, b: Point3) -> f64 {
 
 /// Halvings of a stretch of an arc or side: ends with vertical tangents are approached to 2⁻⁴⁰ of the stretch.
 const HALVINGS: usize = 40;
-/// Rounds of refinement; each halves edges that are too coarse.
-const ROUNDS: usize = 30;
 
 /// Triangulates the part of the surface that is in the box. Sheets that cross are not joined. The region is decomposed by the contracted
 /// curves of the analysis, too.
@@ -121,10 +121,11 @@ pub(crate) fn mesh(map: &Map, region: &Region, analysis: &Analysis, options: &Me
     builder.open_base_points(analysis.base_points.as_deref().unwrap_or_default());
     let sides = builder.sides();
     let mut global = BTreeMap::new();
+    let mut surface = std::mem::take(&mut builder.surface);
     for q in 0..4 {
-        builder.chart(q, &sides, &mut global);
+        builder.chart(q, &sides, &mut global, &mut surface);
     }
-    builder.finish()
+    finish(surface)
 }
 
 /// The curves that a region is decomposed by beside those of the box: contracted ones other than the sides of the unit triangles.
@@ -320,7 +321,7 @@ impl Builder<'_> {
     }
 
     /// One unit triangle: its vertices and triangles are added to the surface.
-    fn chart(&mut self, q: usize, sides: &Sides, global: &mut BTreeMap<(Name, usize, usize), u32>) {
+    fn chart(&self, q: usize, sides: &Sides, global: &mut BTreeMap<(Name, usize, usize), u32>, surface: &mut Surface) {
         let mut cdt = Cdt::new();
         let mut constraints: Vec<[spade::handles::FixedVertexHandle; 2]> = Vec::new();
         let keys = sides_of(q);
@@ -432,7 +433,7 @@ impl Builder<'_> {
             }
         }
         if crossing || !in_order {
-            self.surface.unproven.push("arcs of the region's boundary are closer together than rounding".into());
+            surface.unproven.push("arcs of the region's boundary are closer together than rounding".into());
         }
         let us: Vec<f64> = walls.iter().map(|w| w.u.to_f64()).collect();
         let inside = |at: [f64; 2]| {
@@ -440,51 +441,75 @@ impl Builder<'_> {
             let below = lines[k].iter().rev().find(|(_, line)| height(line, at[0]) < at[1]).map(|l| l.0);
             t.inside[k][below.unwrap_or(0)]
         };
-        let proven = self.refine(q, &mut cdt, &inside);
-        if !proven {
-            self.surface.unproven.push("W is not proved to keep its sign on every triangle".into());
+        for at in self.rings_around(q) {
+            if inside(at) {
+                let _ = cdt.insert(Node::inner(at, 0));
+            }
         }
-        let mut open = false;
-        let mut surface = std::mem::take(&mut self.surface);
+        let nodes: Vec<Node> = cdt.vertices().map(|v| *v.data()).collect();
+        let (mut plain, mut at_apex) = (Vec::new(), Vec::new());
         for face in cdt.inner_faces() {
             let v = face.vertices();
             if is_sliver(v.map(|v| *v.data())) || !inside(center(v.map(|v| v.data().at))) {
                 continue;
             }
-            let mut vertex = |v: &Node, index: usize| {
-                let key = match self.merged(v) {
-                    Name::Inner => (Name::Inner, q, index),
-                    name => (name, 0, 0),
+            let t = v.map(|v| v.index() as u32);
+            match (0..3).find(|&i| v[i].data().apex) {
+                Some(i) => at_apex.push([0, 1, 2].map(|k| t[(i + k) % 3])),
+                None => plain.push(t),
+            }
+        }
+        let fixed: std::collections::BTreeSet<(u32, u32)> = cdt
+            .undirected_edges()
+            .filter(|e| e.is_constraint_edge())
+            .map(|e| e.vertices().map(|v| v.index() as u32))
+            .flat_map(|[a, b]| [(a, b), (b, a)])
+            .collect();
+        let measure = InChart { builder: self, q };
+        let mut plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &measure);
+        let room = self.options.triangles.saturating_sub(surface.triangles.len());
+        let ended = plane.refine(room, &measure, self.stop);
+        if ended.unsound > 0 {
+            surface.unproven.push("W is not proved to keep its sign on every triangle".into());
+        }
+        if ended.coarse > 0 {
+            surface.unproven.push("the triangles are not everywhere as near to the surface as asked for".into());
+        }
+        let mut vertex = |k: u32| {
+            let node = &plane.nodes[k as usize];
+            let key = match self.merged(node) {
+                Name::Inner => (Name::Inner, q, k as usize),
+                name => (name, 0, 0),
+            };
+            *global.entry(key).or_insert_with(|| {
+                let kind = match key.0 {
+                    Name::Image(_) => Kind::Contracted,
+                    _ if node.faces > 0 => Kind::Box,
+                    _ => Kind::Ordinary,
                 };
-                *global.entry(key).or_insert_with(|| {
-                    let (point, kind) = match key.0 {
-                        Name::Image(k) => (self.images[k], Kind::Contracted),
-                        _ if v.faces > 0 => (self.image(q, v.at, v.faces), Kind::Box),
-                        _ => (self.image(q, v.at, 0), Kind::Ordinary),
-                    };
-                    surface.points.push(point);
-                    surface.kinds.push(kind);
-                    surface.points.len() as u32 - 1
-                })
+                surface.points.push(measure.image(node));
+                surface.kinds.push(kind);
+                surface.points.len() as u32 - 1
+            })
+        };
+        let mut made: Vec<([u32; 3], [[f64; 2]; 3])> =
+            plane.triangles.iter().map(|t| (t.map(&mut vertex), t.map(|v| plane.nodes[v as usize].at))).collect();
+        let mut opened = Vec::new();
+        for [p, a, b] in at_apex {
+            let Some(&fan) = apexes.get(&(p as usize)) else { continue };
+            let direction = |v: u32| {
+                let ray = rays.get(&(v as usize, fan))?;
+                self.fans[fan].directions.iter().find(|d| d.key() == ray.0)
             };
-            let Some(first) = (0..3).find(|&i| v[i].data().apex) else {
-                let triangle = v.map(|v| vertex(v.data(), v.index()));
-                surface.triangles.push(triangle);
-                surface.charts.push(q as u8);
-                surface.corners.push(v.map(|v| v.data().at));
+            opened.push(([vertex(a), vertex(b)], [p, a, b], direction(a).zip(direction(b)), fan));
+        }
+        for ([from, to], corners, directions, fan) in opened {
+            let Some((first, second)) = directions else {
+                surface.unproven.push("triangles at base points are left out".to_owned());
                 continue;
             };
-            let [p, a, b] = [0, 1, 2].map(|i| v[(first + i) % 3]);
-            let seams = apexes.get(&p.index()).and_then(|&fan| {
-                let known = |v: usize| rays.get(&(v, fan)).and_then(|ray| self.fans[fan].directions.iter().find(|d| d.key() == ray.0));
-                Some([self.seam_vertex(fan, known(a.index())?), self.seam_vertex(fan, known(b.index())?)])
-            });
-            let Some(seams) = seams else {
-                open |= apexes.contains_key(&p.index());
-                continue;
-            };
-            let [from, to] = [a, b].map(|v| vertex(v.data(), v.index()));
-            let [first, second] = seams.map(|(name, point, faces)| {
+            let [first, second] = [first, second].map(|d| {
+                let (name, point, faces) = self.seam_vertex(fan, d);
                 *global.entry((name, 0, 0)).or_insert_with(|| {
                     surface.points.push(point);
                     surface.kinds.push(match (name, faces) {
@@ -495,15 +520,14 @@ impl Builder<'_> {
                     surface.points.len() as u32 - 1
                 })
             });
-            let [p, a, b] = [p, a, b].map(|v| v.data().at);
-            surface.triangles.extend([[from, to, second], [from, second, first]]);
-            surface.charts.extend([q as u8; 2]);
-            surface.corners.extend([[a, b, p], [a, p, p]]);
+            let [p, a, b] = corners.map(|v| plane.nodes[v as usize].at);
+            made.extend([([from, to, second], [a, b, p]), ([from, second, first], [a, p, p])]);
         }
-        if open {
-            surface.unproven.push("triangles at base points are left out".to_owned());
+        for (triangle, corners) in made {
+            surface.triangles.push(triangle);
+            surface.charts.push(q as u8);
+            surface.corners.push(corners);
         }
-        self.surface = surface;
     }
 
     /// Stretches of walls that bound the region.
@@ -612,6 +636,8 @@ impl Builder<'_> {
                 let (p, m, r) = (at(left.0, left.1[i]), at(u, middle_column[i]), at(right.0, right.1[i]));
                 distance(p, r) <= self.options.longest
                     && distance(m, middle(p, r)) <= 0.3 * self.options.tolerance
+                    // The triangles beside it meet the chord in the parameters, not the arc.
+                    && distance(at(u, 0.5 * (left.1[i] + right.1[i])), middle(p, r)) <= 0.3 * self.options.tolerance
                     && self.keeps_sign(q, [[left.0, left.1[i]], [right.0, right.1[i]], [left.0, left.1[i]]])
             });
             // One halving at least: a chord may meet the middle by chance.
@@ -631,76 +657,6 @@ impl Builder<'_> {
         (0..arcs.len()).map(|i| columns.iter().map(|(u, v)| [*u, v[i]]).collect()).collect()
     }
 
-    /// Halves edges until triangles are near the surface and W keeps its sign on them. Returns whether W does.
-    fn refine(&self, q: usize, cdt: &mut Cdt, inside: &dyn Fn([f64; 2]) -> bool) -> bool {
-        let chart = &self.charts[q];
-        for round in 0..=ROUNDS {
-            let mut wanted: BTreeMap<[usize; 2], [f64; 2]> = BTreeMap::new();
-            let mut proven = true;
-            let mut count = 0;
-            for face in cdt.inner_faces() {
-                let v = face.vertices();
-                let at = v.map(|v| v.data().at);
-                if is_sliver(v.map(|v| *v.data())) || v.iter().any(|v| v.data().apex) || !inside(center(at)) {
-                    continue;
-                }
-                count += 1;
-                let p = v.map(|v| self.image(q, v.data().at, v.data().faces));
-                let keeps_sign = self.keeps_sign(q, at);
-                proven &= keeps_sign;
-                let c = center(at);
-                let off = distance(chart.at(c), std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0));
-                let mut longest: Option<(f64, usize)> = None;
-                let mut any = false;
-                for (i, edge) in face.adjacent_edges().into_iter().enumerate() {
-                    let [a, b] = edge.vertices().map(|v| v.index());
-                    let (j, k) = (v.iter().position(|v| v.index() == a).unwrap_or(0), v.iter().position(|v| v.index() == b).unwrap_or(0));
-                    if edge.is_constraint_edge() {
-                        continue;
-                    }
-                    let m = [0.5 * (at[j][0] + at[k][0]), 0.5 * (at[j][1] + at[k][1])];
-                    let error = distance(chart.at(m), middle(p[j], p[k]));
-                    let length = distance(p[j], p[k]);
-                    // Two triangles on an edge whose far corners have one image would coincide.
-                    let pinched = edge.rev().face().as_inner().is_some_and(|_| {
-                        let far = [edge, edge.rev()].map(|e| e.opposite_vertex().map(|v| self.merged(v.data())));
-                        far[0].is_some_and(|n| n != Name::Inner) && far[0] == far[1]
-                    });
-                    if error > self.options.tolerance || error.is_nan() || length > self.options.longest || pinched {
-                        wanted.insert([a.min(b), a.max(b)], m);
-                        any = true;
-                    }
-                    // In the parameters, where signs are asked for; in space, where distances are.
-                    let size = if keeps_sign { length } else { (at[j][0] - at[k][0]).hypot(at[j][1] - at[k][1]) };
-                    if longest.is_none_or(|l| size > l.0) {
-                        longest = Some((size, i));
-                    }
-                }
-                if !any && (off > self.options.tolerance || off.is_nan() || !keeps_sign) {
-                    match longest {
-                        Some((_, i)) => {
-                            let edge = face.adjacent_edges()[i];
-                            let [a, b] = edge.vertices();
-                            let (x, y) = (a.data().at, b.data().at);
-                            wanted.insert([a.index().min(b.index()), a.index().max(b.index())], [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])]);
-                        }
-                        None => {
-                            wanted.insert([usize::MAX, face.index()], c);
-                        }
-                    }
-                }
-            }
-            if wanted.is_empty() || round == ROUNDS || count + 2 * wanted.len() > self.options.triangles || (self.stop)() {
-                return proven;
-            }
-            for at in wanted.into_values() {
-                // Out of the range of floating point: left as it is.
-                let _ = cdt.insert(Node::inner(at, 0));
-            }
-        }
-        true
-    }
-
     /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding.
     fn keeps_sign(&self, q: usize, at: [[f64; 2]; 3]) -> bool {
         let s = self.charts[q].signs;
@@ -708,21 +664,50 @@ impl Builder<'_> {
         let (lo, hi, error) = bernstein_range(&self.base, self.charts[q].degree, corners, 0);
         lo > error || hi < -error
     }
+}
 
-    fn finish(self) -> Surface {
-        let mut s = self.surface;
-        let keep: Vec<usize> = (0..s.triangles.len())
-            .filter(|&k| {
-                let [a, b, c] = s.triangles[k];
-                a != b && b != c && c != a
-            })
-            .collect();
-        s.triangles = keep.iter().map(|&k| s.triangles[k]).collect();
-        s.charts = keep.iter().map(|&k| s.charts[k]).collect();
-        s.corners = keep.iter().map(|&k| s.corners[k]).collect();
-        s.unproven.sort();
-        s.unproven.dedup();
-        s
+/// Without the triangles that contracted curves have closed up.
+fn finish(mut s: Surface) -> Surface {
+    let whole = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+    let keep: Vec<usize> = (0..s.triangles.len()).filter(|&k| whole(&s.triangles[k])).collect();
+    s.triangles = keep.iter().map(|&k| s.triangles[k]).collect();
+    s.charts = keep.iter().map(|&k| s.charts[k]).collect();
+    s.corners = keep.iter().map(|&k| s.corners[k]).collect();
+    s.unproven.sort();
+    s.unproven.dedup();
+    s
+}
+
+/// What the triangles of one unit triangle have to be like.
+struct InChart<'a, 'b> {
+    builder: &'a Builder<'b>,
+    q: usize,
+}
+
+impl Measure for InChart<'_, '_> {
+    fn image(&self, node: &Node) -> Point3 {
+        match self.contracted(node) {
+            Some(k) => self.builder.images[k],
+            None => self.builder.image(self.q, node.at, node.faces),
+        }
+    }
+    fn contracted(&self, node: &Node) -> Option<usize> {
+        match self.builder.merged(node) {
+            Name::Image(k) => Some(k),
+            _ => None,
+        }
+    }
+    fn at(&self, at: [f64; 2]) -> Point3 {
+        self.builder.charts[self.q].at(at)
+    }
+    fn is_sound(&self, at: [[f64; 2]; 3]) -> bool {
+        self.builder.keeps_sign(self.q, at)
+    }
+    fn tolerance(&self) -> f64 {
+        self.builder.options.tolerance
+    }
+    fn longest(&self) -> f64 {
+        self.builder.options.longest
     }
 }
 

@@ -217,6 +217,37 @@ impl Builder<'_> {
         }
     }
 
+    /// Vertices on larger and larger rectangles around base points, in all their directions: the map turns along the seam as fast as ever on
+    /// small circles, and triangles that lead straight from there to far vertices would be too thin.
+    pub(super) fn rings_around(&self, q: usize) -> Vec<[f64; 2]> {
+        let mut found = Vec::new();
+        let here: Vec<&Site> = self.sites.range((q, 0, 0)..(q + 1, 0, 0)).map(|s| s.1).collect();
+        for site in &here {
+            let fan = &self.fans[site.fan];
+            let apart = |other: &&&Site| (other.at[0] - site.at[0]).abs().max((other.at[1] - site.at[1]).abs());
+            let nearest = here.iter().filter(|s| s.at != site.at).map(|s| apart(&s)).fold(1.0, f64::min);
+            let mut scale = 2.0;
+            while scale * site.height.max(self.width) < 0.4 * nearest {
+                for (k, d) in fan.directions.iter().enumerate() {
+                    let before = fan.inside[(k + fan.inside.len() - 1) % fan.inside.len()];
+                    if !(fan.inside[k] && before) || !d.factors.is_empty() || fan.is_side(d) {
+                        continue;
+                    }
+                    for backward in [false, true] {
+                        if let Some(at) = self.ring(q, site, d, backward) {
+                            let at: [f64; 2] = std::array::from_fn(|i| site.at[i] + scale * (at[i] - site.at[i]));
+                            if at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0 {
+                                found.push(at);
+                            }
+                        }
+                    }
+                }
+                scale *= 2.0;
+            }
+        }
+        found
+    }
+
     /// The two rays of the sector after a direction, on either side of the base point.
     pub(super) fn sector(fan: &Fan, k: usize, backward: bool) -> [(usize, bool); 2] {
         let next = fan.next(k);

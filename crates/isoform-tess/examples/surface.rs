@@ -1,0 +1,31 @@
+//! Triangulates the surface of a map and writes it as OBJ: `surface MAP.json BOX [OUT.obj]`.
+
+use isoform_algebra::RBig;
+use isoform_tess::{Budget, Map, MeshOptions, Mode, TriangulateOptions, triangulate};
+use std::fmt::Write;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let args: Vec<String> = std::env::args().collect();
+    let [_, file, half_width, out @ ..] = &args[..] else { return Err("usage: surface MAP.json BOX [OUT.obj]".into()) };
+    let map = Map::from_json(&std::fs::read_to_string(file)?, Default::default())?;
+    let b: f64 = half_width.parse()?;
+    let options = TriangulateOptions {
+        half_width: RBig::try_from(b).map_err(|_| "not a number")?,
+        mode: Mode::Glued,
+        mesh: MeshOptions { tolerance: 1e-3 * b, longest: 0.25 * b, triangles: 2_000_000 },
+        budget: Budget::default(),
+    };
+    let (surface, analysis) = triangulate(&map, &options, &|| false)?;
+    println!("{} triangles, {:?}, {:?}", surface.triangles.len(), surface.unproven, analysis.seconds);
+    if let [out, ..] = out {
+        let mut text = String::new();
+        for [x, y, z] in &surface.points {
+            writeln!(text, "v {x} {y} {z}")?;
+        }
+        for t in &surface.triangles {
+            writeln!(text, "f {} {} {}", t[0] + 1, t[1] + 1, t[2] + 1)?;
+        }
+        std::fs::write(out, text)?;
+    }
+    Ok(())
+}

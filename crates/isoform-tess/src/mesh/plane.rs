@@ -1,0 +1,339 @@
+//! A triangulation of a part of the parameter plane, refined and flipped by what its triangles are in space.
+//!
+//! A Delaunay triangulation of the parameters is of no use where the map stretches directions differently, as it does around base points
+//! without bound: triangles have to be long in the parameters to be round in space.
+
+use super::Node;
+use crate::surface::Point3;
+use robust::{Coord, orient2d};
+use std::collections::{BTreeMap, VecDeque};
+
+pub(super) const NONE: u32 = u32::MAX;
+
+/// What edges and triangles have to be like.
+pub(super) trait Measure {
+    /// The image of a node.
+    fn image(&self, node: &Node) -> Point3;
+    /// The contracted curve that it is on.
+    fn contracted(&self, node: &Node) -> Option<usize>;
+    /// The value of the map.
+    fn at(&self, at: [f64; 2]) -> Point3;
+    /// Whether the pole curve is proved to miss a triangle.
+    fn is_sound(&self, at: [[f64; 2]; 3]) -> bool;
+    fn tolerance(&self) -> f64;
+    fn longest(&self) -> f64;
+}
+
+/// How refinement ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Ended {
+    /// Triangles on which the sign of W is not proved.
+    pub(super) unsound: usize,
+    /// Triangles that are not near enough to the surface.
+    pub(super) coarse: usize,
+}
+
+#[derive(Default)]
+pub(super) struct Plane {
+    pub(super) nodes: Vec<Node>,
+    images: Vec<Point3>,
+    contracted: Vec<Option<usize>>,
+    /// Counterclockwise.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// Neighbours opposite to the corners.
+    adjacent: Vec<[u32; 3]>,
+    /// Whether the edges opposite to the corners stay.
+    fixed: Vec<[bool; 3]>,
+    queued: Vec<bool>,
+    queue: VecDeque<u32>,
+}
+
+fn sub(a: Point3, b: Point3) -> Point3 {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+fn distance(a: Point3, b: Point3) -> f64 {
+    sub(a, b).iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+/// The smallest angle of a triangle; negative if it has no area or no position.
+fn smallest_angle(p: [Point3; 3]) -> f64 {
+    let mut least = f64::INFINITY;
+    for i in 0..3 {
+        let (x, y) = (sub(p[(i + 1) % 3], p[i]), sub(p[(i + 2) % 3], p[i]));
+        let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+        let dot: f64 = x.iter().zip(y).map(|(x, y)| x * y).sum();
+        let angle = cross.iter().map(|c| c * c).sum::<f64>().sqrt().atan2(dot);
+        least = least.min(if angle.is_nan() || x == [0.0; 3] || y == [0.0; 3] { -1.0 } else { angle });
+    }
+    least
+}
+
+/// An edge wants to be split when its number is above 1.
+const SPLIT: f64 = 1.0;
+
+impl Plane {
+    /// From counterclockwise triangles; edges that only one of them has, and those in `fixed`, stay.
+    pub(super) fn new(nodes: Vec<Node>, triangles: Vec<[u32; 3]>, fixed: &dyn Fn(u32, u32) -> bool, measure: &dyn Measure) -> Self {
+        let mut sides: BTreeMap<(u32, u32), (u32, usize)> = BTreeMap::new();
+        for (k, t) in triangles.iter().enumerate() {
+            for i in 0..3 {
+                sides.insert((t[(i + 1) % 3], t[(i + 2) % 3]), (k as u32, i));
+            }
+        }
+        let neighbour = |t: &[u32; 3], i: usize| sides.get(&(t[(i + 2) % 3], t[(i + 1) % 3])).map_or(NONE, |s| s.0);
+        let adjacent: Vec<[u32; 3]> = triangles.iter().map(|t| [0, 1, 2].map(|i| neighbour(t, i))).collect();
+        let stays = |(t, n): (&[u32; 3], &[u32; 3])| [0, 1, 2].map(|i| n[i] == NONE || fixed(t[(i + 1) % 3], t[(i + 2) % 3]));
+        let fixed = triangles.iter().zip(&adjacent).map(stays).collect();
+        let images = nodes.iter().map(|n| measure.image(n)).collect();
+        let contracted = nodes.iter().map(|n| measure.contracted(n)).collect();
+        let queued = vec![true; triangles.len()];
+        let queue = (0..triangles.len() as u32).collect();
+        Self { nodes, images, contracted, triangles, adjacent, fixed, queued, queue }
+    }
+
+    fn corners(&self, t: u32) -> [[f64; 2]; 3] {
+        self.triangles[t as usize].map(|v| self.nodes[v as usize].at)
+    }
+    fn images_of(&self, t: u32) -> [Point3; 3] {
+        self.triangles[t as usize].map(|v| self.images[v as usize])
+    }
+    fn is_counterclockwise(&self, t: [u32; 3]) -> bool {
+        let [a, b, c] = t.map(|v| {
+            let [x, y] = self.nodes[v as usize].at;
+            Coord { x, y }
+        });
+        orient2d(a, b, c) > 0.0
+    }
+    fn push(&mut self, t: u32) {
+        if !self.queued[t as usize] {
+            self.queued[t as usize] = true;
+            self.queue.push_back(t);
+        }
+    }
+    /// How much the edge between two vertices wants to be split.
+    fn excess(&self, a: u32, b: u32, measure: &dyn Measure) -> f64 {
+        let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
+        let [p, q] = [a, b].map(|v| self.images[v as usize]);
+        let on = measure.at([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])]);
+        let error = distance(on, std::array::from_fn(|i| 0.5 * (p[i] + q[i])));
+        let excess = (error / measure.tolerance()).max(distance(p, q) / measure.longest());
+        if error.is_nan() { f64::INFINITY } else { excess }
+    }
+    /// Whether an edge would close up the surface: its ends, or the corners opposite to it, have one image.
+    fn is_pinched(&self, ends: [u32; 2], far: [u32; 2]) -> bool {
+        let same = |[a, b]: [u32; 2]| self.contracted[a as usize].is_some() && self.contracted[a as usize] == self.contracted[b as usize];
+        same(ends) || same(far)
+    }
+    fn place(&self, t: u32, neighbour: u32) -> usize {
+        self.adjacent[t as usize].iter().position(|&n| n == neighbour).expect("neighbours know each other")
+    }
+
+    /// Splits edges until all triangles are near the surface and W keeps its sign on them, or there are too many.
+    pub(super) fn refine(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
+        let all = (0..self.triangles.len() as u32).flat_map(|t| self.triangles[t as usize].map(|v| (t, v))).collect();
+        self.legalise(all, measure);
+        let mut ended = Ended::default();
+        let mut steps = 0usize;
+        while let Some(t) = self.queue.pop_front() {
+            self.queued[t as usize] = false;
+            steps += 1;
+            let v = self.triangles[t as usize];
+            let mut worst: Option<(f64, usize)> = None;
+            for i in (0..3).filter(|&i| !self.fixed[t as usize][i]) {
+                let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
+                let n = self.adjacent[t as usize][i];
+                let far = self.triangles[n as usize][self.place(n, t)];
+                let mut excess = self.excess(a, b, measure);
+                if self.is_pinched([a, b], [v[i], far]) {
+                    excess = excess.max(1.5);
+                }
+                if worst.is_none_or(|w| excess > w.0) {
+                    worst = Some((excess, i));
+                }
+            }
+            let at = self.corners(t);
+            let sound = measure.is_sound(at);
+            let mut split = worst.filter(|w| w.0 > SPLIT).map(|w| Some(w.1));
+            if split.is_none() {
+                let p = self.images_of(t);
+                let center = [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0);
+                let off = distance(measure.at(center), std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0));
+                let is_far = off > measure.tolerance() || off.is_nan();
+                if !sound || is_far {
+                    // The longest edge: of the parameters for the sign, in space for the distance.
+                    let length = |i: usize| {
+                        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                        if sound { distance(p[j], p[k]) } else { (at[j][0] - at[k][0]).hypot(at[j][1] - at[k][1]) }
+                    };
+                    let free = (0..3).filter(|&i| !self.fixed[t as usize][i]);
+                    split = Some(free.max_by(|&i, &j| length(i).total_cmp(&length(j))));
+                }
+            }
+            let Some(edge) = split else { continue };
+            let is_full = self.triangles.len() + 4 > most || steps > 20 * most || (steps % 256 == 0 && stop());
+            let done = !is_full
+                && match edge {
+                    Some(i) => self.split_edge(t, i, measure),
+                    None => self.split_triangle(t, measure),
+                };
+            if !done {
+                if sound {
+                    ended.coarse += 1;
+                } else {
+                    ended.unsound += 1;
+                }
+            }
+        }
+        ended
+    }
+
+    fn add(&mut self, at: [f64; 2], measure: &dyn Measure) -> u32 {
+        let node = Node::inner(at, 0);
+        self.images.push(measure.image(&node));
+        self.contracted.push(None);
+        self.nodes.push(node);
+        self.nodes.len() as u32 - 1
+    }
+    fn drop_last(&mut self) {
+        self.nodes.pop();
+        self.images.pop();
+        self.contracted.pop();
+    }
+    /// Sets a triangle anew: corners, neighbours, fixed edges; the neighbours learn of it.
+    fn set(&mut self, t: u32, v: [u32; 3], n: [u32; 3], fixed: [bool; 3]) {
+        self.triangles[t as usize] = v;
+        self.adjacent[t as usize] = n;
+        self.fixed[t as usize] = fixed;
+        for (i, &n) in n.iter().enumerate() {
+            if n != NONE {
+                // The edge from the other side.
+                let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
+                let other = self.triangles[n as usize];
+                if let Some(j) = (0..3).find(|&j| other[(j + 1) % 3] == b && other[(j + 2) % 3] == a) {
+                    self.adjacent[n as usize][j] = t;
+                }
+            }
+        }
+    }
+    fn new_triangle(&mut self) -> u32 {
+        self.triangles.push([0; 3]);
+        self.adjacent.push([NONE; 3]);
+        self.fixed.push([false; 3]);
+        self.queued.push(false);
+        self.triangles.len() as u32 - 1
+    }
+
+    /// Splits the edge opposite to corner i in the middle of its parameters. False if rounding leaves no room.
+    fn split_edge(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
+        let [c, a, b] = [0, 1, 2].map(|k| self.triangles[t as usize][(i + k) % 3]);
+        let n = self.adjacent[t as usize][i];
+        let j = self.place(n, t);
+        let d = self.triangles[n as usize][j];
+        let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
+        let m = self.add([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])], measure);
+        let made = [[c, a, m], [c, m, b], [d, b, m], [d, m, a]];
+        if !made.iter().all(|&t| self.is_counterclockwise(t)) {
+            self.drop_last();
+            return false;
+        }
+        // Of t: opposite to a is the edge b c, opposite to b the edge c a.
+        let (at_a, at_b) = ((i + 1) % 3, (i + 2) % 3);
+        let (n_a, n_b) = (self.adjacent[t as usize][at_a], self.adjacent[t as usize][at_b]);
+        let (f_a, f_b) = (self.fixed[t as usize][at_a], self.fixed[t as usize][at_b]);
+        // Of n: (d, b, a).
+        let (jb, ja) = ((j + 1) % 3, (j + 2) % 3);
+        let (o_b, o_a) = (self.adjacent[n as usize][jb], self.adjacent[n as usize][ja]);
+        let (g_b, g_a) = (self.fixed[n as usize][jb], self.fixed[n as usize][ja]);
+        let (t2, n2) = (self.new_triangle(), self.new_triangle());
+        // (c, a, m): opposite c: n2 (a m); opposite a: t2 (m c); opposite m: the edge c a.
+        self.set(t, made[0], [n2, t2, n_b], [false, false, f_b]);
+        self.set(t2, made[1], [n, n_a, t], [false, f_a, false]);
+        self.set(n, made[2], [t2, n2, o_a], [false, false, g_a]);
+        self.set(n2, made[3], [t, o_b, n], [false, g_b, false]);
+        for k in [t, t2, n, n2] {
+            self.push(k);
+        }
+        self.legalise([t, t2, n, n2].map(|k| (k, m)).to_vec(), measure);
+        true
+    }
+
+    /// Puts a vertex into the middle of a triangle.
+    fn split_triangle(&mut self, t: u32, measure: &dyn Measure) -> bool {
+        let at = self.corners(t);
+        let [a, b, c] = self.triangles[t as usize];
+        let m = self.add([0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0), measure);
+        let made = [[m, b, c], [m, c, a], [m, a, b]];
+        if !made.iter().all(|&t| self.is_counterclockwise(t)) {
+            self.drop_last();
+            return false;
+        }
+        let (n, f) = (self.adjacent[t as usize], self.fixed[t as usize]);
+        let (t2, t3) = (self.new_triangle(), self.new_triangle());
+        self.set(t, made[0], [n[0], t2, t3], [f[0], false, false]);
+        self.set(t2, made[1], [n[1], t3, t], [f[1], false, false]);
+        self.set(t3, made[2], [n[2], t, t2], [f[2], false, false]);
+        for k in [t, t2, t3] {
+            self.push(k);
+        }
+        self.legalise([t, t2, t3].map(|k| (k, m)).to_vec(), measure);
+        true
+    }
+
+    /// Flips edges where that makes the triangles rounder in space, first those opposite to given corners.
+    fn legalise(&mut self, mut stack: Vec<(u32, u32)>, measure: &dyn Measure) {
+        let mut left = 100 + 2 * stack.len();
+        while let Some((t, corner)) = stack.pop() {
+            left -= 1;
+            if left == 0 {
+                return;
+            }
+            let Some(i) = self.triangles[t as usize].iter().position(|&v| v == corner) else { continue };
+            if self.fixed[t as usize][i] {
+                continue;
+            }
+            let n = self.adjacent[t as usize][i];
+            if self.flip(t, i, measure) {
+                for k in [t, n] {
+                    stack.extend(self.triangles[k as usize].map(|v| (k, v)));
+                }
+            }
+        }
+    }
+
+    /// Flips the edge opposite to corner i if the smallest angle grows and nothing gets worse.
+    fn flip(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
+        let [c, a, b] = [0, 1, 2].map(|k| self.triangles[t as usize][(i + k) % 3]);
+        let n = self.adjacent[t as usize][i];
+        let j = self.place(n, t);
+        let d = self.triangles[n as usize][j];
+        let made = [[c, a, d], [c, d, b]];
+        if !made.iter().all(|&t| self.is_counterclockwise(t)) || self.is_pinched([c, d], [a, b]) {
+            return false;
+        }
+        let least = |t: [[u32; 3]; 2]| t.map(|t| smallest_angle(t.map(|v| self.images[v as usize]))).into_iter().fold(f64::INFINITY, f64::min);
+        let before = least([[c, a, b], [d, b, a]]);
+        let after = least(made);
+        if after <= 1.1 * before || after <= 0.0 {
+            return false;
+        }
+        let excess = self.excess(c, d, measure);
+        if excess > SPLIT && excess > self.excess(a, b, measure) {
+            return false;
+        }
+        let sound = |t: [u32; 3]| measure.is_sound(t.map(|v| self.nodes[v as usize].at));
+        if !made.iter().all(|&t| sound(t)) && [[c, a, b], [d, b, a]].iter().all(|&t| sound(t)) {
+            return false;
+        }
+        let (at_a, at_b) = ((i + 1) % 3, (i + 2) % 3);
+        let (n_a, n_b) = (self.adjacent[t as usize][at_a], self.adjacent[t as usize][at_b]);
+        let (f_a, f_b) = (self.fixed[t as usize][at_a], self.fixed[t as usize][at_b]);
+        let (jb, ja) = ((j + 1) % 3, (j + 2) % 3);
+        let (o_b, o_a) = (self.adjacent[n as usize][jb], self.adjacent[n as usize][ja]);
+        let (g_b, g_a) = (self.fixed[n as usize][jb], self.fixed[n as usize][ja]);
+        // (c, a, d): opposite c the edge a d (of n, opposite b), opposite a the new edge, opposite d the edge c a.
+        self.set(t, made[0], [o_b, n, n_b], [g_b, false, f_b]);
+        self.set(n, made[1], [o_a, n_a, t], [g_a, f_a, false]);
+        self.push(t);
+        self.push(n);
+        true
+    }
+}
