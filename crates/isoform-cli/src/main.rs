@@ -15,6 +15,7 @@ mod progress;
 mod recover;
 mod report;
 mod scan;
+mod triangulate;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use output::{Context, Failure, Global, Outcome};
@@ -37,6 +38,7 @@ enum Verb {
     Recover(Box<recover::Args>),
     Fit(Box<fit::Args>),
     Mesh(Box<mesh::Args>),
+    Triangulate(Box<triangulate::Args>),
     Eval(eval::Args),
     Inspect(inspect::Args),
     Convert(convert::Args),
@@ -53,6 +55,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         Verb::Recover(args) => recover::run(&args, context),
         Verb::Fit(args) => fit::run(&args, context),
         Verb::Mesh(args) => mesh::run(&args, context),
+        Verb::Triangulate(args) => triangulate::run(&args, context),
         Verb::Inspect(args) => inspect::run(&args, context),
         Verb::Convert(args) => convert::run(&args, context),
         Verb::Compare(args) => compare::run(&args, context),

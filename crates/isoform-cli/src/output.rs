@@ -123,6 +123,8 @@ pub(crate) struct Place {
     pub(crate) file: Option<PathBuf>,
     pub(crate) line: Option<usize>,
     pub(crate) column: Option<usize>,
+    /// The key of a JSON object; then the column is one of its text.
+    pub(crate) key: Option<&'static str>,
     /// The text of the line, to be drawn with a caret.
     pub(crate) text: Option<String>,
     /// Coordinates.
@@ -183,6 +185,9 @@ impl Failure {
         let mut at = serde_json::Map::new();
         if let Some(file) = &self.place.file {
             at.insert("file".into(), json!(file.display().to_string()));
+        }
+        if let Some(key) = self.place.key {
+            at.insert("key".into(), json!(key));
         }
         if let Some(line) = self.place.line {
             at.insert("line".into(), json!(line));

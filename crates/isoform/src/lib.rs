@@ -1,7 +1,7 @@
 //! Isoform: one shape, many forms.
 //!
 //! This crate gathers the others under one name and holds what joins them: [`FrepTemplate`] turns a HyperFun program into a
-//! template that [`fit`](mod@fit) fits to points.
+//! template that [`fit`](mod@fit) fits to points. [`topology`] counts what a mesh of any triangles consists of.
 //!
 //! ```
 //! use isoform::FrepTemplate;
@@ -31,14 +31,18 @@ mod compare;
 mod facets;
 mod meshing;
 mod template;
+mod topology;
 
 pub use compare::{CompareError, Distances, Side, compare};
 pub use facets::points_on_faces;
+pub use isoform_algebra as algebra;
 pub use isoform_field as field;
 pub use isoform_fit as fit;
 pub use isoform_geom as geom;
 pub use isoform_io as io;
 pub use isoform_mesh as mesh;
 pub use isoform_num as num;
+pub use isoform_tess as tess;
 pub use meshing::{certified_adaptation, certified_mesh, default_size, solid_of, surface_of};
 pub use template::{FrepTemplate, TemplateError};
+pub use topology::{Topology, topology};

@@ -3,6 +3,7 @@
 use super::work::Made;
 use crate::output::{self, Context, Failure};
 use crate::scan;
+use isoform::geom::Mesh;
 use isoform::io::{MeshWriteOptions, mesh_format_named, mesh_formats, write_mesh, write_mesh_path};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -58,22 +59,29 @@ pub(crate) fn targets(paths: &[PathBuf], to: Option<&str>, context: &Context) ->
     Ok(paths.iter().map(|p| Target { path: p.clone(), format: to.map(str::to_owned) }).collect())
 }
 
-/// Writes all files and notes the time; gives back what is for stdout.
+/// Writes all files of a model's mesh and notes the time; gives back what is for stdout.
 pub(crate) fn write(made: &mut Made, targets: &[Target]) -> Result<Vec<u8>, Failure> {
     let started = Instant::now();
-    let options = MeshWriteOptions { units: made.unit.clone(), ..MeshWriteOptions::default() };
-    let mut stdout = Vec::new();
-    for Target { path, format } in targets {
-        let report = if path == Path::new("-") {
-            write_mesh(&made.meshed.mesh, &mut stdout, format.as_deref().unwrap_or_default(), &options)
-        } else {
-            write_mesh_path(&made.meshed.mesh, path, format.as_deref(), &options)
-        };
-        let report = report.map_err(|e| scan::unwritable(&e))?;
-        made.written.push(Written { path: path.display().to_string(), format: report.format, warnings: report.warnings });
-    }
+    let (written, stdout) = write_mesh_files(&made.meshed.mesh, made.unit.as_deref(), targets)?;
+    made.written.extend(written);
     if !targets.is_empty() {
         made.seconds.push(("write".to_owned(), started.elapsed().as_secs_f64()));
     }
     Ok(stdout)
+}
+
+/// Writes all files of a mesh; gives back what they are and what is for stdout.
+pub(crate) fn write_mesh_files(mesh: &Mesh, unit: Option<&str>, targets: &[Target]) -> Result<(Vec<Written>, Vec<u8>), Failure> {
+    let options = MeshWriteOptions { units: unit.map(str::to_owned), ..MeshWriteOptions::default() };
+    let (mut written, mut stdout) = (Vec::new(), Vec::new());
+    for Target { path, format } in targets {
+        let report = if path == Path::new("-") {
+            write_mesh(mesh, &mut stdout, format.as_deref().unwrap_or_default(), &options)
+        } else {
+            write_mesh_path(mesh, path, format.as_deref(), &options)
+        };
+        let report = report.map_err(|e| scan::unwritable(&e))?;
+        written.push(Written { path: path.display().to_string(), format: report.format, warnings: report.warnings });
+    }
+    Ok((written, stdout))
 }

@@ -1,5 +1,6 @@
 //! The result for people: the certificate as a short table, and the parts.
 
+use super::files::Written;
 use super::work::{Made, place};
 use crate::fit::table::brief;
 use isoform::geom::Mesh;
@@ -11,11 +12,13 @@ pub(crate) fn text(made: &Made) -> String {
     let verdict = if made.certificate.is_ok() { "holds" } else { "does not hold" };
     let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
     text += &line("certificate", format!("{verdict}; {} s", brief(seconds)));
-    for w in &made.written {
-        let without = w.warnings.iter().map(|w| format!("; {w}")).collect::<String>();
-        text += &line("wrote", format!("{} ({}){without}", w.path, w.format));
-    }
-    text
+    text + &wrote(&made.written)
+}
+
+/// Where it went.
+pub(crate) fn wrote(written: &[Written]) -> String {
+    let without = |w: &Written| w.warnings.iter().map(|w| format!("; {w}")).collect::<String>();
+    written.iter().map(|w| line("wrote", format!("{} ({}){}", w.path, w.format, without(w)))).collect()
 }
 
 /// What a mesh holds and what is known of it.
@@ -33,7 +36,7 @@ pub(crate) fn of_mesh(mesh: &Mesh, certificate: &Certificate) -> String {
 }
 
 /// One line.
-fn line(name: &str, text: String) -> String {
+pub(crate) fn line(name: &str, text: String) -> String {
     format!("{name:<13}{text}\n")
 }
 

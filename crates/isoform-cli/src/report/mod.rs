@@ -1,6 +1,6 @@
 //! The HTML report of a fit: one file that needs nothing else.
 
-mod svg;
+pub(crate) mod svg;
 
 use crate::fit::document;
 use crate::fit::job::Job;

@@ -1,0 +1,121 @@
+//! A picture of the parameters: the projective plane as a square whose opposite sides are one line, that at infinity.
+
+use super::Made;
+use crate::report::svg::escaped;
+use isoform::algebra::QUADRANTS;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// Pixels from the centre to a corner of the square.
+const RADIUS: f64 = 480.0;
+/// Half the width of the picture, and of what is above and below the square.
+const HALF: f64 = 530.0;
+/// Room for the legend.
+const LEGEND: f64 = 60.0;
+/// Fill of the triangles of each unit triangle.
+const TINTS: [&str; 4] = ["#dcebfa", "#fdeacd", "#dff2df", "#f3e3f3"];
+
+const STYLE: &str = "\
+text { font: 16px sans-serif; fill: #444 } .small { font-size: 13px }
+.plane { fill: #f4f4f2; stroke: #8a8a86; stroke-width: 1.5 } .axis { stroke: #8a8a86; stroke-width: 1; stroke-dasharray: 6 5 }
+.mesh { stroke: #7b93ab; stroke-width: 0.35; stroke-linejoin: round }
+.edge { stroke: #1f4e79; stroke-width: 1.6; stroke-linecap: round; fill: none } .double { stroke: #d1495b; stroke-width: 1.8; stroke-linecap: round; fill: none }
+.base { fill: #fff; stroke: #b8251b; stroke-width: 2 }
+";
+
+/// Where a point of a unit triangle is in the picture.
+fn place(chart: usize, [u, v]: [f64; 2]) -> [f64; 2] {
+    let [s, t] = QUADRANTS[chart];
+    [RADIUS * u * s as f64, -RADIUS * v * t as f64]
+}
+
+/// `x y` to a hundredth of a pixel.
+fn pair([x, y]: [f64; 2]) -> String {
+    // No minus before zero.
+    let round = |v: f64| (v * 1e2).round() / 1e2 + 0.0;
+    format!("{} {}", round(x), round(y))
+}
+
+/// The triangles in the plane of parameters, with the edges that have one triangle or more than two, and the real base points.
+pub(super) fn svg(made: &Made) -> String {
+    let surface = &made.surface;
+    let mut triangles = [const { String::new() }; 4];
+    let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+    let sides = |t: usize| {
+        let n = surface.triangles[t];
+        [0, 1, 2].map(|k| ([n[k].min(n[(k + 1) % 3]), n[k].max(n[(k + 1) % 3])], [k, (k + 1) % 3]))
+    };
+    for (t, (&chart, corners)) in surface.charts.iter().zip(&surface.corners).enumerate() {
+        let [a, b, c] = corners.map(|p| pair(place(chart.into(), p)));
+        let _ = writeln!(triangles[usize::from(chart)], "M{a}L{b}L{c}z");
+        sides(t).iter().for_each(|(edge, _)| *uses.entry(*edge).or_default() += 1);
+    }
+    let (mut open, mut double) = (String::new(), String::new());
+    for (t, (&chart, corners)) in surface.charts.iter().zip(&surface.corners).enumerate() {
+        for (edge, [i, k]) in sides(t) {
+            let path = match uses[&edge] {
+                1 => &mut open,
+                2 => continue,
+                _ => &mut double,
+            };
+            let [a, b] = [i, k].map(|k| pair(place(chart.into(), corners[k])));
+            let _ = writeln!(path, "M{a}L{b}");
+        }
+    }
+
+    let (width, height) = (2.0 * HALF, 2.0 * HALF + LEGEND);
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"{} {} {width} {height}\" width=\"{width}\" height=\"{height}\">\n",
+        -HALF, -HALF
+    );
+    let _ = writeln!(svg, "<title>Parameters of {}</title>\n<style>{STYLE}</style>", escaped(&made.name));
+    let _ = writeln!(svg, "<rect x=\"{}\" y=\"{}\" width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>", -HALF, -HALF);
+    let _ = writeln!(svg, "<path class=\"plane\" d=\"M{RADIUS} 0L0 {RADIUS}L-{RADIUS} 0L0 -{RADIUS}z\"/>");
+    for (path, tint) in triangles.iter().zip(TINTS).filter(|(path, _)| !path.is_empty()) {
+        let _ = writeln!(svg, "<path class=\"mesh\" fill=\"{tint}\" d=\"{path}\"/>");
+    }
+    let _ = writeln!(svg, "<path class=\"axis\" d=\"M-{RADIUS} 0L{RADIUS} 0M0 -{RADIUS}L0 {RADIUS}\"/>");
+    for (class, path) in [("edge", &open), ("double", &double)] {
+        if !path.is_empty() {
+            let _ = writeln!(svg, "<path class=\"{class}\" d=\"{path}\"/>");
+        }
+    }
+    for at in made.analysis.base_points.iter().flatten().flat_map(|b| spots(b.to_f64())) {
+        let _ = writeln!(svg, "<circle class=\"base\" cx=\"{}\" cy=\"{}\" r=\"4.5\"/>", at[0], at[1]);
+    }
+    labels(&mut svg, [!open.is_empty(), !double.is_empty(), made.analysis.base_points.as_ref().is_some_and(|b| !b.is_empty())]);
+    svg += "</svg>\n";
+    svg
+}
+
+/// Where a point (s : t : w) is in the picture: twice on the line at infinity.
+fn spots(point: [f64; 3]) -> Vec<[f64; 2]> {
+    let sum: f64 = point.iter().map(|x| x.abs()).sum();
+    let [s, t, w] = point.map(|x| x / sum);
+    let at = |sign: f64| [sign * s * RADIUS, -sign * t * RADIUS].map(|v| (v * 1e3).round() / 1e3 + 0.0);
+    if w == 0.0 { vec![at(1.0), at(-1.0)] } else { vec![at(w.signum())] }
+}
+
+/// Names of corners, and a legend of what occurs.
+fn labels(svg: &mut String, [open, double, base]: [bool; 3]) {
+    let far = RADIUS + 12.0;
+    let _ = writeln!(svg, "<text x=\"{far}\" y=\"5\">s</text><text x=\"0\" y=\"-{far}\" text-anchor=\"middle\">t</text>");
+    let (shift, turned) = (0.5 * RADIUS + 14.0, "text-anchor=\"middle\" transform");
+    for (x, y, angle) in [(shift, -shift, 45), (-shift, shift, 45)] {
+        let _ = writeln!(svg, "<text class=\"small\" {turned}=\"translate({x} {y}) rotate({angle})\">line at infinity</text>");
+    }
+    let mut entries = vec![("<path class=\"plane\" d=\"M-9 -7h18v14h-18z\"/>", "outside of the box")];
+    if open {
+        entries.push(("<path class=\"edge\" d=\"M-9 0h18\"/>", "boundary of the mesh"));
+    }
+    if double {
+        entries.push(("<path class=\"double\" d=\"M-9 0h18\"/>", "double curve"));
+    }
+    if base {
+        entries.push(("<circle class=\"base\" r=\"4.5\"/>", "base point"));
+    }
+    for (i, (sign, name)) in entries.iter().enumerate() {
+        let (x, y) = (-HALF + 40.0 + 200.0 * i as f64, HALF + 0.4 * LEGEND);
+        let _ = writeln!(svg, "<g transform=\"translate({x} {y})\">{sign}<text x=\"18\" y=\"5\">{name}</text></g>");
+    }
+}

@@ -1,0 +1,274 @@
+//! `isoform triangulate`: triangles of a rational surface in a box, with what is proved of them.
+
+mod document;
+mod domain;
+mod table;
+
+use crate::interrupt;
+use crate::mesh::files::{self, Written};
+use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
+use crate::progress::Progress;
+use isoform::algebra::{Poly, RBig};
+use isoform::geom::Mesh;
+use isoform::tess::{Analysis, Budget, Map, MapError, MeshOptions, Mode, Options, Surface, TriangulateOptions, VARIABLES};
+use isoform::{Topology, topology};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Tolerance unless another is given, in half widths of the box.
+const TOLERANCE: f64 = 5e-4;
+/// Longest edge unless another is given, in half widths of the box.
+const LONGEST: f64 = 0.25;
+/// Number of triangles at which refinement stops unless another is given.
+const MOST_TRIANGLES: usize = 1_000_000;
+/// The share of a time limit that the implicit equation may take, and the same again the singular curves: triangles come after them.
+const EXACT_SHARE: f64 = 0.25;
+
+/// Triangulates a rational parametric surface in a box
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  isoform triangulate sphere.json --box 2 -o sphere.obj
+  isoform triangulate sphere.json --box 3/2 --tol 1e-4 -o sphere.ply --report report.json --domain domain.svg
+  isoform triangulate sphere.json --box 2 --mode normalised -o sphere.obj --sidecar sidecar.json --json
+
+where sphere.json is a map (s, t) to (X/W, Y/W, Z/W):
+  {\"X\": \"2*s\", \"Y\": \"2*t\", \"Z\": \"s^2 + t^2 - 1\", \"W\": \"s^2 + t^2 + 1\"}
+
+The parameters are the whole projective plane, infinity included; what is drawn is the part of the surface in the box from -B to B in x, y
+and z. Poles, base points, contracted and double curves are found with exact arithmetic, not by sampling. What could not be proved is
+said, see docs/rational.md.
+
+Exit code: 0 when everything is proved, 3 when something is not (files are written all the same), 2 for an invalid map, 4 without
+triangles, 130 after Ctrl-C.")]
+pub(crate) struct Args {
+    /// The map: a JSON file with X, Y, Z and W, polynomials in s and t with rational coefficients (- for stdin)
+    map: PathBuf,
+    /// Half the width of the box around the origin, taken as exactly this number: 2, 0.1, 1/3
+    #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = half_width)]
+    half_width: HalfWidth,
+    /// Largest distance of the middles of triangles and edges from the surface [default: 5e-4 B]
+    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    tol: Option<f64>,
+    /// Largest length of edges [default: 0.25 B]
+    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    longest: Option<f64>,
+    /// Stop refining at about so many triangles
+    #[arg(long, value_name = "N", default_value_t = MOST_TRIANGLES, value_parser = at_least_one)]
+    triangles: usize,
+    /// Whether sheets that cross are joined
+    #[arg(long, value_enum, default_value_t = Sheets::Glued)]
+    mode: Sheets,
+    /// Divide X, Y, Z and W by their common factor instead of refusing the map
+    #[arg(long)]
+    reduce: bool,
+    /// Write a file; its ending names the format (- for stdout, with --to); may be repeated
+    #[arg(short, long, value_name = "FILE")]
+    output: Vec<PathBuf>,
+    /// Format of the output, where its name does not tell it
+    #[arg(long, value_name = "FORMAT")]
+    to: Option<String>,
+    /// Write what is known of the surface as JSON: base points, pole, double curve, what is not proved
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Write the parameters of every triangle's corners and the kind of every vertex as JSON
+    #[arg(long, value_name = "FILE")]
+    sidecar: Option<PathBuf>,
+    /// Draw the triangles in the plane of parameters as SVG
+    #[arg(long, value_name = "FILE")]
+    domain: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Sheets {
+    /// Cut and joined along the double curve, whose edges have four triangles or more
+    Glued,
+    /// Left as they are: they pass through one another
+    Normalised,
+}
+
+/// A positive rational number and its nearest double.
+#[derive(Clone, Debug)]
+struct HalfWidth {
+    exact: RBig,
+    near: f64,
+}
+
+fn half_width(text: &str) -> Result<HalfWidth, String> {
+    let exact = Poly::parse(text.trim(), &[]).ok().and_then(|p| p.as_constant());
+    let exact = exact.ok_or("a decimal number or a fraction is expected, such as 2, 0.1 or 1/3")?;
+    let near = exact.to_f64_fast();
+    if near > 0.0 && near.is_normal() { Ok(HalfWidth { exact, near }) } else { Err("a positive number is expected".to_owned()) }
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "a positive integer is expected".to_owned())
+}
+
+/// A triangulated surface with all that is known of it.
+struct Made {
+    name: String,
+    map: Map,
+    /// B to the nearest double.
+    half_width: f64,
+    options: TriangulateOptions,
+    surface: Surface,
+    analysis: Analysis,
+    topology: Topology,
+    written: Vec<Written>,
+    /// Seconds by phase.
+    seconds: Vec<(&'static str, f64)>,
+}
+
+impl Made {
+    fn is_certified(&self) -> bool {
+        self.surface.unproven.is_empty()
+    }
+    fn exit(&self) -> u8 {
+        match () {
+            () if interrupt::happened() => interrupt::INTERRUPTED,
+            () if self.is_certified() => DONE,
+            () => PARTIAL,
+        }
+    }
+    /// How many parameters reach a general point of the surface; 0 if that is unknown.
+    fn map_degree(&self) -> usize {
+        self.analysis.degrees.map_or(0, |d| d.map_degree)
+    }
+}
+
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    let targets = files::targets(&args.output, args.to.as_deref(), context)?;
+    let beside = [&args.report, &args.sidecar, &args.domain];
+    for path in beside.into_iter().flatten() {
+        if path == Path::new("-") {
+            return Err(Failure::usage("only a mesh goes to stdout").hint("--json prints the report"));
+        }
+        output::check_folder(path)?;
+    }
+    let map = read(&args.map, args.reduce)?;
+    if let Some(factor) = map.removed() {
+        context.warn(format_args!("X, Y, Z and W were divided by their common factor {}", factor.display(&VARIABLES)));
+    }
+    let mut made = make(args, map, context)?;
+
+    let clock = Instant::now();
+    let mesh = Mesh::from_triangles(made.surface.points.clone(), made.surface.triangles.clone());
+    let (written, stdout) = files::write_mesh_files(&mesh, None, &targets)?;
+    made.written = written;
+    if let Some(path) = &args.sidecar {
+        output::write_file(path, &document::sidecar(&made.surface))?;
+    }
+    if let Some(path) = &args.domain {
+        output::write_file(path, domain::svg(&made).as_bytes())?;
+    }
+    if let Some(path) = &args.report {
+        output::write_file(path, &document::file(&made))?;
+    }
+    if !targets.is_empty() || beside.iter().any(|path| path.is_some()) {
+        made.seconds.push(("write", clock.elapsed().as_secs_f64()));
+    }
+    if made.map_degree() > 1 {
+        context.note("the map is improper: its parameters cover the surface more than once");
+    }
+
+    let mut json = document::document(&made);
+    for (key, path) in ["report", "sidecar", "domain"].into_iter().zip(beside) {
+        json[key] = path.as_ref().map_or(Value::Null, |p| p.display().to_string().into());
+    }
+    if !stdout.is_empty() {
+        json["text"] = String::from_utf8_lossy(&stdout).into();
+    }
+    let stdout = if stdout.is_empty() { table::text(&made, &beside).into_bytes() } else { stdout };
+    Ok(Outcome { exit: made.exit(), json, stdout })
+}
+
+/// Reads and checks a map.
+fn read(path: &Path, reduce: bool) -> Result<Map, Failure> {
+    let text = output::text(output::read_file(path)?);
+    Map::from_json(&text, Options { reduce }).map_err(|e| invalid(&e, path, &text))
+}
+
+/// Why it is no map, and where.
+fn invalid(error: &MapError, path: &Path, text: &str) -> Failure {
+    let hint = match error {
+        MapError::CommonFactor { .. } => "divide all four by it, or --reduce",
+        _ => error.hint(),
+    };
+    if let MapError::NotJson { line, column, problem } = error {
+        let (line, column) = ((*line).max(1), (*column).max(1));
+        let failure = Failure::input(error.code(), format!("not JSON: {problem}")).at(path, line, column);
+        return failure.drawn(text.lines().nth(line - 1).unwrap_or_default()).hint(hint);
+    }
+    let mut failure = Failure::input(error.code(), format!("{}: {error}", path.display())).hint(hint);
+    failure.place.file = Some(path.to_owned());
+    failure.place.key = error.key();
+    if let MapError::NotAPolynomial { error, .. } = error {
+        failure.place.column = Some(error.column);
+    }
+    failure
+}
+
+/// Triangulates a map, or says why there is no triangle.
+fn make(args: &Args, map: Map, context: &Context) -> Result<Made, Failure> {
+    let b = args.half_width.near;
+    let seconds = context.global.time_limit.map_or(f64::INFINITY, |t| EXACT_SHARE * t.as_secs_f64());
+    let options = TriangulateOptions {
+        half_width: args.half_width.exact.clone(),
+        mode: if args.mode == Sheets::Glued { Mode::Glued } else { Mode::Normalised },
+        mesh: MeshOptions {
+            tolerance: args.tol.unwrap_or(TOLERANCE * b),
+            longest: args.longest.unwrap_or(LONGEST * b),
+            triangles: args.triangles,
+        },
+        budget: Budget { seconds, ..Budget::default() },
+    };
+    let name = args.map.display().to_string();
+    interrupt::watch();
+    let clock = Instant::now();
+    let progress = Progress::new(context);
+    // Nobody knows how much there is to do, but with a limit how much time has gone.
+    let done = || context.global.time_limit.map_or(0.0, |limit| clock.elapsed().div_duration_f64(limit));
+    let stop = || {
+        progress.show("triangulation", done());
+        interrupt::happened() || context.is_late()
+    };
+    let (surface, mut analysis) = isoform::tess::triangulate(&map, &options, &stop).map_err(|_| nothing(&name, &[], context))?;
+    drop(progress);
+    if surface.triangles.is_empty() {
+        return Err(nothing(&name, &surface.unproven, context));
+    }
+    let topology = topology(&surface.triangles);
+    let seconds = std::mem::take(&mut analysis.seconds);
+    Ok(Made { name, map, half_width: b, options, surface, analysis, topology, written: Vec::new(), seconds })
+}
+
+/// Why there is no triangle.
+fn nothing(name: &str, unproven: &[String], context: &Context) -> Failure {
+    if interrupt::happened() {
+        return Failure::new(interrupt::INTERRUPTED, "interrupted", format!("{name}: stopped before there were triangles"));
+    }
+    if context.is_late() {
+        let failure = Failure::new(NO_RESULT, "time-limit", format!("{name}: the time was over before there were triangles"));
+        return failure.hint("a longer --time-limit");
+    }
+    let why = if unproven.is_empty() { "its poles and the faces of the box were found exactly".to_owned() } else { unproven.join("; ") };
+    Failure::new(NO_RESULT, "empty", format!("{name}: no triangle of the surface lies in the box")).why(why).hint("a larger --box")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_widths_are_exact() {
+        let exact = |text: &str| half_width(text).map(|b| b.exact.to_string());
+        assert_eq!(exact("0.1"), Ok("1/10".to_owned()));
+        assert_eq!(exact("7/21"), Ok("1/3".to_owned()));
+        assert_eq!(exact("25e-1"), Ok("5/2".to_owned()));
+        for bad in ["", "0", "-1", "nan", "inf", "1e999", "1e-999", "2,3", "two", "1/0"] {
+            assert!(half_width(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! The result for people.
+
+use super::{Made, document};
+use crate::fit::table::brief;
+use crate::mesh::table::{line, wrote};
+use isoform::algebra::CurveTopology;
+use isoform::tess::BasePoint;
+use std::path::PathBuf;
+
+/// The surface, its mesh, what is proved, and where it went.
+pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
+    let (surface, topology, mesh) = (&made.surface, &made.topology, &made.options.mesh);
+    let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
+    let mut text = line("map", degrees(made));
+    let box_line = format!(
+        "{} about the origin in x, y and z; tolerance {}, edges up to {}; {}",
+        made.half_width,
+        mesh.tolerance,
+        mesh.longest,
+        document::mode(made.options.mode)
+    );
+    text += &line("box", box_line);
+    text += &line("base points", base_points(made.analysis.base_points.as_deref()));
+    text += &line("pole", pole(made.analysis.pole_topology.as_ref()));
+    text += &line("double curve", double_curve(made));
+    let contracted = document::contracted(&made.analysis);
+    for (i, (curve, to)) in contracted.iter().enumerate() {
+        let to = to.map_or("a point at infinity".to_owned(), |[x, y, z]| format!("({x}, {y}, {z})"));
+        text += &line(if i == 0 { "contracted" } else { "" }, format!("{curve} = 0 to {to}"));
+    }
+    let parts = [
+        format!("Euler number {}", topology.euler),
+        count(topology.components, "component"),
+        count(topology.boundary_loops, "boundary loop"),
+    ];
+    text += &line("topology", parts.join(", "));
+    text += &line("mesh", format!("{}, {} vertices", count(surface.triangles.len(), "triangle"), surface.points.len()));
+    let verdict = if made.is_certified() { "certified" } else { "not certified:" };
+    text += &line("certificate", verdict.to_owned());
+    for sentence in &surface.unproven {
+        text += &line("", sentence.clone());
+    }
+    text += &line("time", format!("{} s", brief(seconds)));
+    text += &wrote(&made.written);
+    for path in beside.iter().copied().flatten() {
+        text += &line("wrote", path.display().to_string());
+    }
+    text
+}
+
+/// `no boundary loops`, `1 triangle`, `2 triangles`.
+fn count(n: usize, what: &str) -> String {
+    match n {
+        0 => format!("no {what}s"),
+        1 => format!("1 {what}"),
+        n => format!("{n} {what}s"),
+    }
+}
+
+fn degrees(made: &Made) -> String {
+    let degree = made.map.degree();
+    match made.analysis.degrees {
+        None => format!("of degree {degree}; how often it covers the surface is unknown"),
+        Some(d) if d.map_degree == 1 => format!("of degree {degree}, proper, onto a surface of degree {}", d.implicit_degree),
+        Some(d) => {
+            format!("of degree {degree}, improper: {} parameters for each point of a surface of degree {}", d.map_degree, d.implicit_degree)
+        }
+    }
+}
+
+fn base_points(points: Option<&[BasePoint]>) -> String {
+    let Some(points) = points else { return "unknown".to_owned() };
+    let one = |p: &BasePoint| {
+        let [s, t, w] = p.to_f64();
+        let at = format!("({} : {} : {})", brief(s), brief(t), brief(w));
+        let multiplicity = if p.multiplicity() > 1 { format!(" of multiplicity {}", p.multiplicity()) } else { String::new() };
+        let blowups = if p.seam.blowups() > 0 { format!(", blown up {} times more", p.seam.blowups()) } else { String::new() };
+        at + &multiplicity + &blowups
+    };
+    match points {
+        [] => "none that is real".to_owned(),
+        points => format!("{} real: {}", points.len(), points.iter().map(one).collect::<Vec<_>>().join("; ")),
+    }
+}
+
+fn pole(pole: Option<&CurveTopology>) -> String {
+    let Some(pole) = pole else { return "unknown".to_owned() };
+    let kinds =
+        [(pole.ovals, "oval"), (pole.pseudolines, "pseudoline"), (pole.singular, "branching component"), (pole.isolated, "isolated point")];
+    let parts: Vec<String> = kinds.iter().filter(|k| k.0 > 0).map(|&(n, what)| count(n, what)).collect();
+    if parts.is_empty() { "none".to_owned() } else { parts.join(", ") }
+}
+
+fn double_curve(made: &Made) -> String {
+    let (double, solitary) = (made.surface.double_curve.len(), made.surface.solitary_arcs.len());
+    match (double, solitary) {
+        (0, 0) => "none in the box".to_owned(),
+        (n, 0) => count(n, "arc"),
+        (n, k) => format!("{}; {} that only conjugate parameters reach", count(n, "arc"), count(k, "arc")),
+    }
+}

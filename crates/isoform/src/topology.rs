@@ -1,0 +1,92 @@
+//! What any set of triangles consists of, closed or open, with edges of any number of triangles.
+
+use std::collections::BTreeMap;
+
+/// Numbers of a surface that need no manifold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Topology {
+    /// Vertices − edges + triangles.
+    pub euler: i64,
+    /// Parts that share no vertex.
+    pub components: usize,
+    /// Parts of the boundary that share no vertex; the boundary is made of the edges of one triangle.
+    pub boundary_loops: usize,
+    /// Edges of more than two triangles.
+    pub crowded_edges: usize,
+}
+
+/// Counts over the vertices that triangles use.
+///
+/// ```
+/// let tetrahedron = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+/// assert_eq!(isoform::topology(&tetrahedron).euler, 2);
+/// assert_eq!(isoform::topology(&tetrahedron[1..]).boundary_loops, 1);
+/// ```
+pub fn topology(triangles: &[[u32; 3]]) -> Topology {
+    let edges = edges(triangles);
+    let every: Vec<[u32; 2]> = edges.keys().copied().collect();
+    let open: Vec<[u32; 2]> = edges.iter().filter(|e| *e.1 == 1).map(|e| *e.0).collect();
+    let (vertices, components) = groups(&every);
+    Topology {
+        euler: vertices as i64 - edges.len() as i64 + triangles.len() as i64,
+        components,
+        boundary_loops: groups(&open).1,
+        crowded_edges: edges.values().filter(|n| **n > 2).count(),
+    }
+}
+
+/// All edges, lower vertex first, with the number of triangles at each.
+fn edges(triangles: &[[u32; 3]]) -> BTreeMap<[u32; 2], usize> {
+    let mut edges = BTreeMap::new();
+    for &[a, b, c] in triangles {
+        for [p, q] in [[a, b], [b, c], [c, a]] {
+            *edges.entry([p.min(q), p.max(q)]).or_default() += 1;
+        }
+    }
+    edges
+}
+
+/// Numbers of the vertices of a graph and of its components.
+fn groups(edges: &[[u32; 2]]) -> (usize, usize) {
+    let mut vertices: Vec<u32> = edges.iter().flatten().copied().collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    let mut up: Vec<usize> = (0..vertices.len()).collect();
+    let root = |up: &mut Vec<usize>, mut i: usize| {
+        while up[i] != i {
+            up[i] = up[up[i]];
+            i = up[i];
+        }
+        i
+    };
+    let mut components = vertices.len();
+    for edge in edges {
+        // All of them are there.
+        let [a, b] = edge.map(|v| vertices.partition_point(|w| *w < v));
+        let (a, b) = (root(&mut up, a), root(&mut up, b));
+        if a != b {
+            up[a] = b;
+            components -= 1;
+        }
+    }
+    (vertices.len(), components)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn open_and_crossing_sheets() {
+        assert_eq!(topology(&[]), Topology::default());
+        // Two squares that cross in an edge: four triangles at it, and one boundary, as its curves meet at the ends of the edge.
+        let crossing = [[0, 1, 2], [0, 3, 1], [0, 1, 4], [0, 5, 1]];
+        assert_eq!(topology(&crossing), Topology { euler: 1, components: 1, boundary_loops: 1, crowded_edges: 1 });
+        // Two triangles that share one vertex, and one beside.
+        let touching = [[0, 1, 2], [2, 3, 4], [7, 8, 9]];
+        assert_eq!(topology(&touching), Topology { euler: 2, components: 2, boundary_loops: 2, crowded_edges: 0 });
+        // An annulus of six triangles.
+        let annulus = [[0, 1, 3], [1, 4, 3], [1, 2, 4], [2, 5, 4], [2, 0, 5], [0, 3, 5]];
+        assert_eq!(topology(&annulus), Topology { euler: 0, components: 1, boundary_loops: 2, crowded_edges: 0 });
+    }
+}
