@@ -359,6 +359,10 @@ impl Source {
         }
         Values { f, df, g, dg }
     }
+    /// The norm of the forms' values: small near base points only.
+    fn size(&self, p: &V) -> f64 {
+        self.eval(p).g.iter().map(|c| c.norm2()).sum::<f64>().sqrt()
+    }
 }
 
 /// Fixed numbers without pattern.
@@ -397,8 +401,9 @@ fn solve2(rows: [[C; 2]; 2], right: [C; 2]) -> Option<[C; 2]> {
     (x.norm() + y.norm()).is_finite().then_some([x, y])
 }
 
-/// A solution at the time 1 from one at the time 0; nothing if the path ends in a singular point, with the time up to which it was followed.
-fn track(source: &Source, path: &Path, start: &V) -> Result<V, f64> {
+/// A solution at the time 1 from one at the time 0; if the path cannot be followed to its end, as to a singular point, the time and the point up
+/// to which it was.
+fn track(source: &Source, path: &Path, start: &V) -> Result<V, (f64, V)> {
     let (mut p, mut time, mut step) = (*start, 0.0, 0.1f64);
     while time < 1.0 {
         let h = step.min(1.0 - time);
@@ -430,7 +435,7 @@ fn track(source: &Source, path: &Path, start: &V) -> Result<V, f64> {
             _ => {
                 step = h / 2.0;
                 if step < 1e-7 {
-                    return Err(time);
+                    return Err((time, p));
                 }
             }
         }
@@ -515,8 +520,7 @@ fn between<'a>(from: &'a Plane, to: &'a Plane, phase: C) -> impl Fn(f64, &V, &Va
 fn distinct(source: &Source, points: impl IntoIterator<Item = V>) -> Vec<V> {
     let mut found: Vec<V> = Vec::new();
     for p in points {
-        let size = source.eval(&p).g.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
-        if size > 1e-8 && found.iter().all(|q| distance(&p, q) > 1e-8) {
+        if source.size(&p) > 1e-8 && found.iter().all(|q| distance(&p, q) > 1e-8) {
             found.push(p);
         }
     }
@@ -526,9 +530,8 @@ fn distinct(source: &Source, points: impl IntoIterator<Item = V>) -> Vec<V> {
 /// The section of a source by a general plane; whether no path was lost.
 fn first_section(source: &mut Source, plane: &Plane) -> bool {
     let mut stream = Stream(7);
-    let mut complete = false;
     // Another try has other lines and other planes in between.
-    for _ in 0..3 {
+    for _ in 0..4 {
         let lines: Vec<V> = (0..source.degree).map(|_| normalised(&stream.complex())).collect();
         let phase = stream.phase();
         let path = |time: f64, p: &V, v: &Values| {
@@ -547,28 +550,29 @@ fn first_section(source: &mut Source, plane: &Plane) -> bool {
         };
         let mut ends = Vec::new();
         let mut lost = false;
-        let mut starts = 0;
         for line in &lines {
+            // Vectors without zeros: with them the only point of a coordinate line may be infinite on this one.
             let [a, b] = frame(&conj(line));
+            let [a, b] = [[C::new(0.6, 0.3), C::new(0.2, -0.7)], [C::new(-0.2, -0.7), C::new(0.6, -0.3)]].map(|c| in_frame(&[a, b], c));
             for p in on_line(&source.curve, source.curve_degree, &a, &b) {
-                starts += 1;
                 match track(source, &path, &p) {
                     Ok(p) => ends.push(p),
-                    // Towards the end only singular solutions stop: multiple points at base points.
-                    Err(time) => lost |= time < 0.99,
+                    // Paths to multiple points at base points stop before their end.
+                    Err((time, p)) => lost |= time < 0.99 && source.size(&p) > 1e-4,
                 }
             }
         }
         let found = distinct(source, ends);
+        // All general planes have the same number of points.
+        let complete = !lost || !found.is_empty() && found.len() == source.section.len();
         if found.len() > source.section.len() {
             source.section = found;
         }
-        complete = !lost;
-        if complete || source.section.len() == starts {
-            break;
+        if complete {
+            return true;
         }
     }
-    complete
+    false
 }
 
 /// A real point of space on the image of a source: a solution of f = 0, Im φ = 0.
@@ -1074,22 +1078,22 @@ impl Search {
 
     /// The solitary arc at a real parameter where the rank of the Jacobian drops, unless it is known.
     fn arc_at_pinch(&mut self, source: usize, p: &V, traced: &[Traced]) -> Option<Traced> {
-        const FAR: f64 = 1e-3;
         let v = self.sources[source].eval(p);
         let gradient = v.df.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
-        if gradient < 1e-9 || v.f.norm() > 1e-9 * gradient {
+        if gradient < 1e-12 || v.f.norm() > 1e-6 * gradient {
             return None;
         }
         // Along f = 0 the map is even at p: imaginary steps lead to real points.
         let along_curve = [[1, 2], [2, 0], [0, 1]].map(|[i, j]| p[i] * v.df[j] - p[j] * v.df[i]);
         let tangent = normalised(&along_curve).map(|c| c * C::new(0.0, 1.0));
         let (image, _) = real_image(&v.g)?;
-        let mut start = settle(&self.sources[source], &normalised(&along(p, &tangent, FAR)))?;
-        let off = distance(&start.p, &normalised(&along(p, &tangent, FAR)));
-        if off > 0.2 * FAR || !start.inside() {
-            return None;
-        }
-        let ends_here = |t: &Traced| [&t.nodes[0], &t.nodes[t.nodes.len() - 1]].iter().any(|s| distance(&s.p, p) < FAR);
+        // Far enough for the equations to be regular, near enough for other pinch points not to interfere.
+        let (mut start, far) = [1e-3, 1e-4, 1e-5].into_iter().find_map(|far| {
+            let predicted = normalised(&along(p, &tangent, far));
+            let state = settle(&self.sources[source], &predicted)?;
+            (distance(&state.p, &predicted) < 0.2 * far && state.inside()).then_some((state, far))
+        })?;
+        let ends_here = |t: &Traced| [&t.nodes[0], &t.nodes[t.nodes.len() - 1]].iter().any(|s| distance(&s.p, p) < far);
         if traced.iter().any(|t| t.source == source && (ends_here(t) || t.place(&start.p).is_some())) {
             return None;
         }

@@ -241,3 +241,40 @@ fn what_cannot_be_done() {
     let without = isoform_tess::Singular { double: None, ..singular };
     assert_eq!(solitary_arcs(&map, &without, 2.0, 1e-2, &|| false).1.len(), 1);
 }
+
+/// Random maps of degree 2 and 3: singular points only, and the same ones in other coordinates of the parameter plane.
+#[test]
+fn random_maps() {
+    let mut rng = fastrand::Rng::with_seed(5);
+    let (mut compared, mut found_arcs) = (0, 0);
+    for trial in 0..60 {
+        let degree = if trial < 20 { 2 } else { 3 };
+        let polynomials = [(); 4].map(|()| {
+            let exponents = (0..=degree).flat_map(|i| (0..=degree - i).map(move |j| [i, j, 0, 0]));
+            // Dense cubic surfaces are slow to analyse.
+            let kept: Vec<_> = exponents.filter(|_| degree == 2 || rng.u8(0..3) == 0).collect();
+            Poly::from_terms(kept.into_iter().map(|e| (e, RBig::from(rng.i64(-4..5)))))
+        });
+        let Ok(map) = Map::new(polynomials, Default::default()) else { continue };
+        let found = analyse(&map, &Budget { implicit_degree: 7, ..Budget::default() }, &|| false);
+        let (Some(implicit), Some(singular)) = (found.implicit, found.singular) else { continue };
+        if implicit.degrees.map_degree > 1 {
+            continue;
+        }
+        let (first, problems) = solitary_arcs(&map, &singular, 3.0, 3e-3, &|| false);
+        assert!(problems.is_empty(), "{trial}: {problems:?}");
+        check_vertices(&format!("map {trial}"), &implicit.equation, &first, 3.0);
+        let (second, problems) = arcs(&moved(&map, [[2, -1, 3], [1, 4, -2], [-3, 1, 5]]), 3.0, 3e-3);
+        assert!(problems.is_empty(), "{trial}: {problems:?}");
+        assert_eq!(first.len(), second.len(), "{trial}");
+        for (these, those) in [(&first, &second), (&second, &first)] {
+            for x in these.iter().flatten() {
+                assert!(to_arcs(x, those) < 3e-3, "{trial}: {x:?} is {} from the other arcs", to_arcs(x, those));
+            }
+        }
+        compared += 1;
+        found_arcs += first.len();
+    }
+    println!("{compared} maps, {found_arcs} arcs");
+    assert!(compared >= 20 && found_arcs >= 30, "{compared} maps, {found_arcs} arcs");
+}
