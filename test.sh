@@ -121,8 +121,8 @@ elif ! command -v python3 >/dev/null; then
   missing python3
 else
   say "acceptance: python packages"
-  packages=(numpy scipy nlopt meshio libigl tetgen gmsh scikit-fem scikit-image matplotlib)
-  modules='import numpy, scipy, nlopt, meshio, igl, tetgen, gmsh, skfem, skimage, matplotlib'
+  packages=(numpy scipy nlopt meshio libigl tetgen gmsh scikit-fem scikit-image matplotlib sympy)
+  modules='import numpy, scipy, nlopt, meshio, igl, tetgen, gmsh, skfem, skimage, matplotlib, sympy'
   # Outside the clone, and anew whenever the list of requirements changes.
   hash=$(sha256sum "$checks/requirements.txt" | cut -c1-16)
   venv=${XDG_CACHE_HOME:-$HOME/.cache}/isoform/venv-$hash
@@ -137,6 +137,7 @@ else
     accept "HyperFun acceptance, in part" "$venv/bin/python" "$checks/accept_hyperfun.py" --quick --isoform "$(realpath "$binary")"
     accept "fit acceptance, in part" "$venv/bin/python" "$checks/accept_fit.py" --quick --project . --isoform "$(realpath "$binary")"
     accept "mesh acceptance, in part" "$venv/bin/python" "$checks/accept_mesh.py" --quick --isoform "$(realpath "$binary")"
+    accept "rational surfaces, in part" "$venv/bin/python" "$checks/accept_rational.py" --quick --isoform "$(realpath "$binary")"
     accept "meshes in solvers" "$venv/bin/python" "$checks/accept_mesh.py" --solve --isoform "$(realpath "$binary")"
     run_example() { PATH=$(dirname "$(realpath "$binary")"):$PATH "$venv/bin/python" -B "examples/fe/$1.py" "$scratch/$1" && ls -l "$scratch/$1/stress.png"; }
     check "example: scan to stress with scikit-fem" run_example scikit_fem

@@ -187,6 +187,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 /// Reads and checks a map.
 fn read(path: &Path, reduce: bool) -> Result<Map, Failure> {
     let text = output::text(output::read_file(path)?);
+    let path = if path == Path::new("-") { Path::new("stdin") } else { path };
     Map::from_json(&text, Options { reduce }).map_err(|e| invalid(&e, path, &text))
 }
 
