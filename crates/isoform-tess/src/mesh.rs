@@ -13,7 +13,7 @@ use crate::map::Map;
 use crate::region::Region;
 use crate::singular::CurveKind;
 use crate::surface::{Kind, MeshOptions, Point3, Surface};
-use isoform_algebra::{Poly, QUADRANTS, RBig};
+use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
 use plane::{Measure, Plane};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::BTreeMap;
@@ -113,7 +113,7 @@ pub(crate) fn mesh(map: &Map, region: &Region, analysis: &Analysis, options: &Me
         on_side: [None; 3],
         fans: Vec::new(),
         sites: BTreeMap::new(),
-        width: 0.0,
+        widths: Vec::new(),
         base: bernstein_base(&map.forms()[3]),
         surface: Surface::default(),
     };
@@ -157,8 +157,8 @@ struct Builder<'a> {
     fans: Vec<Fan>,
     /// Where they are: by quadrant, wall and point.
     sites: BTreeMap<(usize, usize, usize), Site>,
-    /// Half the width of the rectangles around them.
-    width: f64,
+    /// Half the widths of the rectangles around them.
+    widths: Vec<f64>,
     base: Vec<f64>,
     surface: Surface,
 }
@@ -169,8 +169,32 @@ struct Site {
     at: [f64; 2],
     /// Half the height of the rectangle around it.
     height: f64,
-    /// Arcs that end there: slab, place in it, direction.
-    arcs: Vec<(usize, usize, Ray)>,
+    /// Drawn arcs that end there.
+    arcs: Vec<SiteArc>,
+}
+
+/// An arc that ends in a base point.
+struct SiteArc {
+    ray: Ray,
+    /// Whether it lies to the right, or upward if it is a vertical line.
+    right: bool,
+    curve: usize,
+    /// Slabs and places in them, from the base point to the side of the rectangle; none for a vertical line.
+    chain: Vec<(usize, usize)>,
+    /// On the side of the rectangle, and halfway.
+    end: [f64; 2],
+    middle: [f64; 2],
+}
+
+impl SiteArc {
+    /// The points of walls that it passes within the rectangle.
+    fn passed(&self, a: &Arrangement) -> Vec<(usize, usize)> {
+        let ends = |&(slab, i): &(usize, usize)| {
+            let arc = a.slabs[slab].arcs[i];
+            if self.right { (slab + 1, arc.right) } else { (slab, arc.left) }
+        };
+        self.chain[..self.chain.len().saturating_sub(1)].iter().map(ends).collect()
+    }
 }
 
 /// A direction of a fan, by its key, and whether it is backward.
@@ -346,10 +370,12 @@ impl Builder<'_> {
         let t = &self.region.triangles[q];
         let walls = &t.arrangement.walls;
         let mut at_wall = BTreeMap::new();
+        let here = || self.sites.range((q, 0, 0)..(q + 1, 0, 0)).map(|s| s.1);
+        let passed: Vec<(usize, usize)> = here().flat_map(|s| &s.arcs).flat_map(|x| x.passed(&t.arrangement)).collect();
         for (k, wall) in walls.iter().enumerate() {
             let top = wall.points.len() - 1;
             for p in 0..=top {
-                if !t.holds_point(k, p) {
+                if !t.holds_point(k, p) || passed.contains(&(k, p)) {
                     continue;
                 }
                 let at = self.place(q, k, p);
@@ -388,7 +414,10 @@ impl Builder<'_> {
                             () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => name_on(2, at[0]),
                             () => Name::Inner,
                         };
-                        let v = cdt.insert(Node { name, ..Node::inner(at, 0) }).ok()?;
+                        let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), b));
+                        let faces = arc.map_or(0, |x| self.bits(x.curve));
+                        let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
+                        let v = cdt.insert(Node { name, image, ..Node::inner(at, faces) }).ok()?;
                         rays.insert((v.index(), site.fan), (fan.directions[k].key(), b));
                         Some(v)
                     });
@@ -402,27 +431,40 @@ impl Builder<'_> {
         let mut in_order = true;
         for k in 0..t.arrangement.slabs.len() {
             let drawn = self.drawn(q, k);
-            let polylines = self.polylines(q, k, &drawn, &mut in_order);
-            for (&i, line) in drawn.iter().zip(&polylines) {
+            let mut over = Columns { arrangement: &t.arrangement, slab: k, known: BTreeMap::new() };
+            let mut here_lines = Vec::new();
+            for i in drawn {
                 let arc = t.arrangement.slabs[k].arcs[i];
                 let faces = self.bits(arc.curve);
-                let ends = [at_wall.get(&(k, arc.left)), at_wall.get(&(k + 1, arc.right))];
-                let mut before = ends[0].copied();
-                for &at in &line[1..line.len() - 1] {
-                    let image = self.nearest_image(q, arc.curve, at);
-                    let Ok(v) = cdt.insert(Node { image, ..Node::inner(at, faces) }) else { continue };
-                    constraints.extend(before.map(|b| [b, v]));
-                    before = Some(v);
+                let stretch = self.stretch(q, k, i);
+                let line = self.polyline(q, &stretch, i, &mut over, &mut in_order);
+                if stretch.is_open() {
+                    // From a vertex of a rectangle, or a point of a wall, to the next.
+                    let ends = [(0, at_wall.get(&(k, arc.left))), (line.len() - 1, at_wall.get(&(k + 1, arc.right)))];
+                    let vertex = |(at, known): (usize, Option<&spade::handles::FixedVertexHandle>), based: bool, cdt: &mut Cdt| {
+                        if based {
+                            let image = self.nearest_image(q, arc.curve, line[at]);
+                            cdt.insert(Node { image, ..Node::inner(line[at], faces) }).ok()
+                        } else {
+                            known.copied()
+                        }
+                    };
+                    let mut before = vertex(ends[0], stretch.based[0], &mut cdt);
+                    let last = vertex(ends[1], stretch.based[1], &mut cdt);
+                    for &at in &line[1..line.len() - 1] {
+                        let image = self.nearest_image(q, arc.curve, at);
+                        let Ok(v) = cdt.insert(Node { image, ..Node::inner(at, faces) }) else { continue };
+                        constraints.extend(before.map(|b| [b, v]));
+                        before = Some(v);
+                    }
+                    constraints.extend(before.zip(last).map(|(a, b)| [a, b]));
                 }
-                constraints.extend(before.zip(ends[1].copied()).map(|(a, b)| [a, b]));
+                here_lines.push((i, stretch.whole(line)));
             }
-            lines.push(drawn.into_iter().zip(polylines).collect());
+            lines.push(here_lines);
         }
-        for (k, wall) in walls.iter().enumerate() {
-            self.vertical(q, k, &mut |at, faces| {
-                cdt.insert(Node::inner(at, faces)).ok()
-            }, &at_wall, &mut constraints);
-            debug_assert!(!wall.points.is_empty());
+        for k in 0..walls.len() {
+            self.vertical(q, k, &mut |node| cdt.insert(node).ok(), &at_wall, &mut constraints);
         }
         let mut crossing = false;
         for [a, b] in constraints {
@@ -530,27 +572,44 @@ impl Builder<'_> {
         }
     }
 
-    /// Stretches of walls that bound the region.
+    /// The curve that is drawn on a wall between a point and the next, if one is.
+    fn drawn_on(&self, q: usize, wall: usize, point: usize) -> Option<usize> {
+        let t = &self.region.triangles[q];
+        let w = &t.arrangement.walls[wall];
+        if wall == 0 || wall + 1 == t.arrangement.walls.len() || point + 1 >= w.points.len() {
+            return None;
+        }
+        let is_curve = |f: &&usize| self.on_curve.contains_key(f);
+        match t.sides_held(wall, point) {
+            [false, false] => None,
+            [true, true] => w.vertical.iter().find(is_curve).copied(),
+            _ => w.vertical.first().copied(),
+        }
+    }
+
+    /// Stretches of walls that are drawn.
     fn vertical(
         &self,
         q: usize,
         wall: usize,
-        insert: &mut dyn FnMut([f64; 2], u8) -> Option<spade::handles::FixedVertexHandle>,
+        insert: &mut dyn FnMut(Node) -> Option<spade::handles::FixedVertexHandle>,
         at_wall: &BTreeMap<(usize, usize), spade::handles::FixedVertexHandle>,
         constraints: &mut Vec<[spade::handles::FixedVertexHandle; 2]>,
     ) {
         let t = &self.region.triangles[q];
-        let w = &t.arrangement.walls[wall];
-        if w.vertical.is_empty() || wall == 0 || wall + 1 == t.arrangement.walls.len() {
-            return;
-        }
-        let faces = w.vertical.iter().fold(0, |bits, &f| bits | self.bits(f));
-        for p in 0..w.points.len() - 1 {
-            if !t.holds_segment(wall, p) {
-                continue;
+        for p in 0..t.arrangement.walls[wall].points.len() - 1 {
+            let Some(curve) = self.drawn_on(q, wall, p) else { continue };
+            let faces = self.bits(curve);
+            let node = |at: [f64; 2]| Node { image: self.nearest_image(q, curve, at), ..Node::inner(at, faces) };
+            // From points of the wall, or from the rectangles around base points.
+            let mut ends = [p, p + 1].map(|p| (self.place(q, wall, p), at_wall.get(&(wall, p)).copied()));
+            for (k, end) in ends.iter_mut().enumerate() {
+                if let Some(site) = self.sites.get(&(q, wall, p + k)) {
+                    end.0[1] += if k == 0 { site.height } else { -site.height };
+                    end.1 = insert(node(end.0));
+                }
             }
-            let [Some(&from), Some(&to)] = [p, p + 1].map(|p| at_wall.get(&(wall, p))) else { continue };
-            let [a, b] = [p, p + 1].map(|p| self.place(q, wall, p));
+            let [(a, Some(from)), (b, Some(to))] = ends else { continue };
             let mut before = from;
             let mut stack = vec![(a[1], b[1], 0)];
             while let Some((x, y, depth)) = stack.pop() {
@@ -559,7 +618,7 @@ impl Builder<'_> {
                     let m = 0.5 * (x + y);
                     stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
                 } else {
-                    let next = if y == b[1] { Some(to) } else { insert([a[0], y], faces) };
+                    let next = if y == b[1] { Some(to) } else { insert(node([a[0], y])) };
                     let Some(next) = next else { continue };
                     constraints.push([before, next]);
                     before = next;
@@ -588,73 +647,64 @@ impl Builder<'_> {
         (1..inside.len()).filter(|&i| inside[i - 1] != inside[i] || inside[i] && is_curve(i)).collect()
     }
 
-    /// Polylines of arcs over a slab on common places; `in_order` is cleared where rounding does not keep them apart.
-    fn polylines(&self, q: usize, slab: usize, arcs: &[usize], in_order: &mut bool) -> Vec<Vec<[f64; 2]>> {
-        let t = &self.region.triangles[q];
-        let a = &t.arrangement;
-        let ends = [slab, slab + 1].map(|k| a.walls[k].u.to_f64());
-        if arcs.is_empty() {
-            return Vec::new();
-        }
-        let over = |u: f64| -> Vec<f64> {
-            let v = RBig::try_from(u).map(|u| a.arcs_over(slab, &u)).unwrap_or_default();
-            arcs.iter().map(|&i| v.get(i).copied().unwrap_or(f64::NAN)).collect()
-        };
-        let at_end = |k: usize, right: bool| -> Vec<f64> {
-            let s = &a.slabs[slab];
-            arcs.iter().map(|&i| self.place(q, k, if right { s.arcs[i].right } else { s.arcs[i].left })[1]).collect()
-        };
-        let first = (ends[0], at_end(slab, false));
-        let last = (ends[1], at_end(slab + 1, true));
-        // From base points on there is one straight piece to the rectangle around them.
-        let based = [slab, slab + 1].map(|k| self.sites.range((q, k, 0)..(q, k + 1, 0)).next().is_some());
-        let mut columns = vec![first.clone()];
-        let (mut from, mut to) = (first, last.clone());
-        if based[0] {
-            let u = ends[0] + self.width;
-            from = (u, over(u));
-            columns.push(from.clone());
-        }
-        if based[1] {
-            let u = ends[1] - self.width;
-            to = (u, over(u));
-        }
-        let mut stack = vec![(from, to, 0)];
-        while let Some((left, right, depth)) = stack.pop() {
-            let u = 0.5 * (left.0 + right.0);
-            let room = left.0 < u && u < right.0 && depth < HALVINGS;
-            let is_inside_walls = || {
-                RBig::try_from(u).is_ok_and(|u| a.walls[slab].u.cmp_rational(&u).is_lt() && a.walls[slab + 1].u.cmp_rational(&u).is_gt())
+    /// What of an arc over a slab is to be drawn: without the pieces in rectangles around base points.
+    fn stretch(&self, q: usize, slab: usize, i: usize) -> Stretch {
+        let a = &self.region.triangles[q].arrangement;
+        let arc = a.slabs[slab].arcs[i];
+        let [left, right] = [(slab, arc.left), (slab + 1, arc.right)].map(|(k, p)| [a.walls[k].u.to_f64(), self.place(q, k, p)[1]]);
+        let mut s = Stretch { before: vec![left], from: left, to: right, after: vec![right], based: [false; 2] };
+        for (site, x) in self.sites.range((q, 0, 0)..(q + 1, 0, 0)).flat_map(|s| s.1.arcs.iter().map(move |x| (s.1, x))) {
+            let Some(place) = x.chain.iter().position(|&c| c == (slab, i)) else { continue };
+            // On the chord from the base point to the side of the rectangle.
+            let chord = |u: f64| {
+                let t = (u - site.at[0]) / (x.end[0] - site.at[0]);
+                [u, site.at[1] + t * (x.end[1] - site.at[1])]
             };
-            if !room || !is_inside_walls() {
-                columns.push(right);
-                continue;
+            let is_last = place + 1 == x.chain.len();
+            if x.right {
+                s.before = vec![chord(left[0])];
+                (s.from, s.based[0]) = (if is_last { x.end } else { chord(right[0]) }, true);
+            } else {
+                s.after = vec![chord(right[0])];
+                (s.to, s.based[1]) = (if is_last { x.end } else { chord(left[0]) }, true);
             }
-            let middle_column = over(u);
-            let fine = (0..arcs.len()).all(|i| {
-                let at = |u: f64, v: f64| self.charts[q].at([u, v]);
-                let (p, m, r) = (at(left.0, left.1[i]), at(u, middle_column[i]), at(right.0, right.1[i]));
-                distance(p, r) <= self.options.longest
-                    && distance(m, middle(p, r)) <= 0.3 * self.options.tolerance
-                    // The triangles beside it meet the chord in the parameters, not the arc.
-                    && distance(at(u, 0.5 * (left.1[i] + right.1[i])), middle(p, r)) <= 0.3 * self.options.tolerance
-                    && self.keeps_sign(q, [[left.0, left.1[i]], [right.0, right.1[i]], [left.0, left.1[i]]])
-            });
+        }
+        s
+    }
+
+    /// A polyline for an arc; `in_order` is cleared where rounding does not keep it in the triangle.
+    fn polyline(&self, q: usize, stretch: &Stretch, i: usize, over: &mut Columns<'_>, in_order: &mut bool) -> Vec<[f64; 2]> {
+        let mut line = vec![stretch.from];
+        if !stretch.is_open() {
+            return line;
+        }
+        let at = |[u, v]: [f64; 2]| self.charts[q].at([u, v]);
+        let mut stack = vec![(stretch.from, stretch.to, 0)];
+        while let Some((left, right, depth)) = stack.pop() {
+            let u = 0.5 * (left[0] + right[0]);
+            let room = left[0] < u && u < right[0] && depth < HALVINGS;
+            let Some(v) = room.then(|| over.at(u, i)).flatten() else {
+                line.push(right);
+                continue;
+            };
+            let mid = [u, v];
+            let (p, m, r) = (at(left), at(mid), at(right));
+            let chord = [u, 0.5 * (left[1] + right[1])];
+            let fine = distance(p, r) <= self.options.longest
+                && distance(m, middle(p, r)) <= 0.3 * self.options.tolerance
+                // The triangles beside it meet the chord in the parameters, not the arc.
+                && distance(at(chord), middle(p, r)) <= 0.3 * self.options.tolerance
+                && self.keeps_sign(q, [left, right, left]);
             // One halving at least: a chord may meet the middle by chance.
             if fine && depth > 1 {
-                columns.push(right);
+                line.push(right);
             } else {
-                let mid = (u, middle_column);
-                stack.push((mid.clone(), right, depth + 1));
+                stack.push((mid, right, depth + 1));
                 stack.push((left, mid, depth + 1));
             }
         }
-        if based[1] {
-            columns.push(last);
-        }
-        let inner = &columns[1..columns.len() - 1];
-        *in_order &= inner.iter().all(|(u, v)| v.windows(2).all(|w| w[0] < w[1]) && v.iter().all(|&v| v > 0.0 && v < 1.0 - u));
-        (0..arcs.len()).map(|i| columns.iter().map(|(u, v)| [*u, v[i]]).collect()).collect()
+        *in_order &= line[1..line.len() - 1].iter().all(|[u, v]| *v > 0.0 && *v < 1.0 - u);
+        line
     }
 
     /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding.
@@ -676,6 +726,50 @@ fn finish(mut s: Surface) -> Surface {
     s.unproven.sort();
     s.unproven.dedup();
     s
+}
+
+/// The arcs over a slab at places that are asked for more than once.
+struct Columns<'a> {
+    arrangement: &'a Arrangement,
+    slab: usize,
+    known: BTreeMap<u64, Vec<f64>>,
+}
+
+impl Columns<'_> {
+    /// The height of an arc, if the place is between the walls.
+    fn at(&mut self, u: f64, arc: usize) -> Option<f64> {
+        let (a, slab) = (self.arrangement, self.slab);
+        let over = self.known.entry(u.to_bits()).or_insert_with(|| {
+            let exact = RBig::try_from(u).ok();
+            let between = |u: &RBig| a.walls[slab].u.cmp_rational(u).is_lt() && a.walls[slab + 1].u.cmp_rational(u).is_gt();
+            exact.filter(between).map(|u| a.arcs_over(slab, &u)).unwrap_or_default()
+        });
+        over.get(arc).copied()
+    }
+}
+
+/// A piece of an arc between two walls, from rectangle to rectangle around base points.
+struct Stretch {
+    /// What comes before `from` and after `to`: chords in rectangles.
+    before: Vec<[f64; 2]>,
+    from: [f64; 2],
+    to: [f64; 2],
+    after: Vec<[f64; 2]>,
+    /// Whether the ends are on rectangles.
+    based: [bool; 2],
+}
+
+impl Stretch {
+    /// Whether anything is left outside of the rectangles.
+    fn is_open(&self) -> bool {
+        self.from[0] < self.to[0]
+    }
+    /// The whole polyline from wall to wall.
+    fn whole(&self, line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+        let before = self.before.iter().copied().filter(|_| self.based[0]);
+        let after = self.after.iter().copied().filter(|_| self.based[1]);
+        before.chain(line).chain(after).collect()
+    }
 }
 
 /// What the triangles of one unit triangle have to be like.

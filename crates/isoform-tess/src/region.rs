@@ -96,6 +96,12 @@ impl Triangle {
     pub(crate) fn holds_segment(&self, wall: usize, point: usize) -> bool {
         self.cells_at(wall, point, point + 1).next().is_some()
     }
+    /// Whether the cells on the left and on the right of the wall between a point and the next are inside.
+    pub(crate) fn sides_held(&self, wall: usize, point: usize) -> [bool; 2] {
+        let mut held = [false; 2];
+        self.cells_at(wall, point, point + 1).for_each(|(slab, _)| held[usize::from(slab == wall)] = true);
+        held
+    }
     /// The cells inside, as slab and place, that a stretch of a wall belongs to.
     fn cells_at(&self, wall: usize, from: usize, to: usize) -> impl Iterator<Item = (usize, usize)> {
         let slabs = &self.arrangement.slabs;

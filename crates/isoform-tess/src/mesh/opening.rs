@@ -2,7 +2,7 @@
 //!
 //! A triangle with a base point as corner becomes a quadrilateral, whose fourth side is a piece of the seam curve.
 
-use super::{Builder, Name, Site, contracted_curves, distance, middle};
+use super::{Builder, Name, Site, SiteArc, contracted_curves, distance, middle};
 use crate::analysis::Analysis;
 use crate::base::BasePoint;
 use crate::fan::{Direction, Fan};
@@ -12,7 +12,7 @@ use isoform_algebra::{Poly, RBig};
 
 /// Largest half width of a rectangle, halvings of it, and directions of a base point.
 const WIDTH: f64 = 1.0 / 16.0;
-const HALVINGS: usize = 30;
+const ROUNDS: usize = 60;
 const DIRECTIONS: usize = 2000;
 
 impl Builder<'_> {
@@ -68,17 +68,21 @@ impl Builder<'_> {
         }
         if !self.sites.is_empty() {
             self.match_arcs(&mut problems);
-            self.width = WIDTH;
+            self.widths = vec![WIDTH; self.fans.len()];
             let mut done = false;
-            for _ in 0..HALVINGS {
+            for _ in 0..ROUNDS {
                 if (self.stop)() {
                     break;
                 }
-                if self.fit_rectangles() && self.refine_directions() {
-                    done = true;
+                let mut too_large = self.fit_rectangles();
+                if too_large.is_empty() {
+                    too_large = self.refine_directions();
+                }
+                done = too_large.is_empty();
+                if done {
                     break;
                 }
-                self.width *= 0.5;
+                too_large.into_iter().for_each(|f| self.widths[f] *= 0.5);
             }
             if !done {
                 problems.push("the surface next to base points is not near enough to it, or W may change its sign there".to_owned());
@@ -103,8 +107,11 @@ impl Builder<'_> {
                 let width = a.walls[slab + 1].u.to_f64() - a.walls[slab].u.to_f64();
                 let step = 1e-7f64.min(0.25 * width);
                 let u = if right { site.at[0] + step } else { site.at[0] - step };
-                let ends_here: Vec<usize> =
-                    self.drawn(q, slab).into_iter().filter(|&i| if right { a.slabs[slab].arcs[i].left == p } else { a.slabs[slab].arcs[i].right == p }).collect();
+                let ends_here: Vec<usize> = self
+                    .drawn(q, slab)
+                    .into_iter()
+                    .filter(|&i| if right { a.slabs[slab].arcs[i].left == p } else { a.slabs[slab].arcs[i].right == p })
+                    .collect();
                 if ends_here.is_empty() {
                     continue;
                 }
@@ -123,8 +130,22 @@ impl Builder<'_> {
                     let same = e.at[0] * d.at[0] + e.at[1] * d.at[1] > 0.0;
                     let ray = (e.key(), backward == same);
                     *count.entry((site.fan, ray)).or_insert(0usize) += 1;
-                    arcs.push((slab, i, ray));
+                    arcs.push(SiteArc { ray, right, curve, chain: vec![(slab, i)], end: [0.0; 2], middle: [0.0; 2] });
                 }
+            }
+            for (up, from) in [(true, Some(p)), (false, p.checked_sub(1))] {
+                let Some(curve) = from.and_then(|from| self.drawn_on(q, k, from)) else { continue };
+                let (d, backward) = fan.toward(q, [site.at[0], site.at[1] + if up { 1e-3 } else { -1e-3 }]);
+                let across = |e: &Direction| (e.at[0] * d.at[1] - e.at[1] * d.at[0]).abs();
+                let Some(e) = fan.directions.iter().filter(|e| e.factors.contains(&curve)).min_by(|x, y| across(x).total_cmp(&across(y)))
+                else {
+                    problems.push("an arc's tangent in a base point was not found".to_owned());
+                    continue;
+                };
+                let same = e.at[0] * d.at[0] + e.at[1] * d.at[1] > 0.0;
+                let ray = (e.key(), backward == same);
+                *count.entry((site.fan, ray)).or_insert(0usize) += 1;
+                arcs.push(SiteArc { ray, right: up, curve, chain: Vec::new(), end: [0.0; 2], middle: [0.0; 2] });
             }
             self.sites.get_mut(&(q, k, p)).expect("a site").arcs = arcs;
         }
@@ -149,47 +170,128 @@ impl Builder<'_> {
         }
     }
 
-    /// Heights of the rectangles for their width; whether they hold nothing but what ends in their base points.
-    fn fit_rectangles(&mut self) -> bool {
-        let h = self.width;
-        let mut heights = vec![h; self.fans.len()];
-        let mut columns = std::collections::BTreeMap::new();
-        for (&(q, k, p), site) in &self.sites {
-            let a = &self.region.triangles[q].arrangement;
-            for (slab, right) in [(k.wrapping_sub(1), false), (k, true)] {
-                if slab >= a.slabs.len() {
-                    continue;
+    /// Heights of the rectangles for their widths, and the arcs followed to their sides. Returns the base points whose rectangles hold more than
+    /// what ends in them.
+    fn fit_rectangles(&mut self) -> Vec<usize> {
+        let mut too_large: Vec<usize> = Vec::new();
+        let mut sites = std::mem::take(&mut self.sites);
+        let mut heights = self.widths.clone();
+        for (&(q, _, _), site) in &mut sites {
+            let (h, at) = (self.widths[site.fan], site.at);
+            for arc in site.arcs.iter_mut().filter(|x| !x.chain.is_empty()) {
+                if self.follow(q, at, h, arc) {
+                    heights[site.fan] = heights[site.fan].max(1.25 * (arc.end[1] - at[1]).abs());
+                } else {
+                    too_large.push(site.fan);
                 }
-                if a.walls[slab + 1].u.to_f64() - a.walls[slab].u.to_f64() < 3.0 * h {
-                    return false;
-                }
-                let u = if right { site.at[0] + h } else { site.at[0] - h };
-                let over = RBig::try_from(u).map(|u| a.arcs_over(slab, &u)).unwrap_or_default();
-                for &(s, i, _) in site.arcs.iter().filter(|x| x.0 == slab) {
-                    debug_assert_eq!(s, slab);
-                    heights[site.fan] = heights[site.fan].max(1.25 * (over[i] - site.at[1]).abs());
-                }
-                columns.insert((q, k, p, right), (slab, over));
             }
         }
-        for (&(q, k, p), site) in &mut self.sites {
+        for site in sites.values_mut() {
             site.height = heights[site.fan];
-            let a = &self.region.triangles[q].arrangement;
-            let points = &a.walls[k].points;
-            let beside = [p.checked_sub(1), Some(p + 1).filter(|&p| p < points.len())];
-            for p in beside.into_iter().flatten() {
-                let v = if p + 1 == points.len() { 1.0 - site.at[0] } else { points[p].lo.to_f64().value() };
-                if (v - site.at[1]).abs() < 2.0 * site.height {
+            let [u, v] = site.at;
+            for x in site.arcs.iter_mut().filter(|x| x.chain.is_empty()) {
+                let height = if x.right { site.height } else { -site.height };
+                (x.end, x.middle) = ([u, v + height], [u, v + 0.5 * height]);
+            }
+        }
+        for (&(q, k, p), site) in &sites {
+            if !too_large.contains(&site.fan) && !self.is_alone(q, k, p, site) {
+                too_large.push(site.fan);
+            }
+            // Rectangles of two base points do not touch.
+            for (_, other) in sites.range((q, 0, 0)..(q + 1, 0, 0)).filter(|s| s.1.fan != site.fan) {
+                let apart = (other.at[0] - site.at[0]).abs() > 2.0 * (self.widths[site.fan] + self.widths[other.fan])
+                    || (other.at[1] - site.at[1]).abs() > 1.1 * (site.height + other.height);
+                if !apart && self.widths[site.fan] >= self.widths[other.fan] {
+                    too_large.push(site.fan);
+                }
+            }
+        }
+        self.sites = sites;
+        too_large.sort_unstable();
+        too_large.dedup();
+        too_large
+    }
+
+    /// Follows an arc from a base point to the side of its rectangle, over walls on which nothing happens to it. False if it does not get there.
+    fn follow(&self, q: usize, at: [f64; 2], h: f64, arc: &mut SiteArc) -> bool {
+        let a = &self.region.triangles[q].arrangement;
+        let to = if arc.right { at[0] + h } else { at[0] - h };
+        arc.chain.truncate(1);
+        loop {
+            let &(slab, i) = arc.chain.last().expect("the first slab");
+            let (wall, end) = if arc.right { (slab + 1, a.slabs[slab].arcs[i].right) } else { (slab, a.slabs[slab].arcs[i].left) };
+            let u = a.walls[wall].u.to_f64();
+            if if arc.right { to < u } else { to > u } {
+                break;
+            }
+            let next = if arc.right { slab + 1 } else { slab.wrapping_sub(1) };
+            if next >= a.slabs.len() || a.walls[wall].points[end].curves != [arc.curve] {
+                return false;
+            }
+            let goes_on = |x: &isoform_algebra::Arc| x.curve == arc.curve && if arc.right { x.left == end } else { x.right == end };
+            let mut on = (0..a.slabs[next].arcs.len()).filter(|&j| goes_on(&a.slabs[next].arcs[j]));
+            let (Some(j), None) = (on.next(), on.next()) else { return false };
+            arc.chain.push((next, j));
+        }
+        let over = |u: f64| {
+            let &(slab, i) = arc.chain.iter().find(|(slab, _)| u > a.walls[*slab].u.to_f64() && u < a.walls[slab + 1].u.to_f64())?;
+            Some([u, *RBig::try_from(u).ok().map(|u| a.arcs_over(slab, &u))?.get(i)?])
+        };
+        // On a wall by chance: near enough to the middle.
+        let halfway = over(0.5 * (at[0] + to)).or_else(|| over(at[0] + 0.51 * (to - at[0])));
+        let (Some(end), Some(middle)) = (over(to), halfway) else { return false };
+        (arc.end, arc.middle) = (end, middle);
+        true
+    }
+
+    /// Whether the rectangle around a base point holds nothing but the arcs that end in it.
+    fn is_alone(&self, q: usize, k: usize, p: usize, site: &Site) -> bool {
+        let t = &self.region.triangles[q];
+        let a = &t.arrangement;
+        let h = self.widths[site.fan];
+        let near = |v: f64| (v - site.at[1]).abs() < 1.2 * site.height;
+        let passed: Vec<(usize, usize)> = site.arcs.iter().flat_map(|x| x.passed(a)).collect();
+        for (w, wall) in a.walls.iter().enumerate() {
+            let u = wall.u.to_f64();
+            if (u - site.at[0]).abs() > 1.2 * h {
+                continue;
+            }
+            for (j, point) in wall.points.iter().enumerate() {
+                let is_side = j == 0 || j + 1 == wall.points.len();
+                let v = if j == 0 {
+                    0.0
+                } else if is_side {
+                    1.0 - u
+                } else {
+                    point.lo.to_f64().value()
+                };
+                let mine = (w, j) == (k, p) || passed.contains(&(w, j));
+                // The sides themselves may go through the rectangle if the base point is on them.
+                let along_side = is_side && !t.is_real(w, j) && (site.at[1] == 0.0 && j == 0 || site.at[0] + site.at[1] == 1.0 && j > 0);
+                if !mine && !along_side && near(v) && (is_side || t.holds_point(w, j)) {
                     return false;
                 }
             }
-            for right in [false, true] {
-                let Some((slab, over)) = columns.get(&(q, k, p, right)) else { continue };
-                for (i, arc) in a.slabs[*slab].arcs.iter().enumerate() {
-                    let ends_here = if right { arc.left == p } else { arc.right == p };
-                    if !ends_here && (over[i] - site.at[1]).abs() < 1.2 * site.height {
-                        return false;
-                    }
+        }
+        for (right, u) in [(false, site.at[0] - h), (true, site.at[0] + h)] {
+            if !(0.0..=1.0).contains(&u) {
+                // Beyond the triangle: the base point has to be on that side of it.
+                if if right { site.at[0] < 1.0 && site.at[0] + site.at[1] != 1.0 } else { site.at[0] > 0.0 } {
+                    return false;
+                }
+                continue;
+            }
+            let slab = a.walls[1..a.walls.len() - 1].partition_point(|w| w.u.to_f64() < u);
+            let over = RBig::try_from(u).map(|u| a.arcs_over(slab, &u)).unwrap_or_default();
+            let last = over.len().saturating_sub(1);
+            let drawn = self.drawn(q, slab);
+            for (i, &v) in over.iter().enumerate().filter(|(i, _)| *i == 0 || *i == last || drawn.contains(i)) {
+                let mine = site.arcs.iter().any(|x| x.right == right && x.chain.last() == Some(&(slab, i)))
+                    || i == 0 && site.at[1] == 0.0
+                    || i == last && site.at[0] + site.at[1] == 1.0;
+                if !mine && near(v) {
+                    return false;
                 }
             }
         }
@@ -198,13 +300,9 @@ impl Builder<'_> {
 
     /// The vertex of the rectangle in a direction, if that leads into the unit triangle.
     pub(super) fn ring(&self, q: usize, site: &Site, d: &Direction, backward: bool) -> Option<[f64; 2]> {
-        let h = self.width;
-        if let Some(&(slab, i, _)) = site.arcs.iter().find(|x| x.2 == (d.key(), backward)) {
-            let a = &self.region.triangles[q].arrangement;
-            let right = a.walls[slab].u.to_f64() == site.at[0];
-            let u = if right { site.at[0] + h } else { site.at[0] - h };
-            let over = RBig::try_from(u).map(|u| a.arcs_over(slab, &u)).ok()?;
-            return Some([u, over[i]]);
+        let h = self.widths[site.fan];
+        if let Some(arc) = site.arcs.iter().find(|x| x.ray == (d.key(), backward)) {
+            return Some(arc.end);
         }
         let [du, dv] = self.fans[site.fan].direction_in(q, d, backward)?;
         let [u, v] = site.at;
@@ -227,7 +325,7 @@ impl Builder<'_> {
             let apart = |other: &&&Site| (other.at[0] - site.at[0]).abs().max((other.at[1] - site.at[1]).abs());
             let nearest = here.iter().filter(|s| s.at != site.at).map(|s| apart(&s)).fold(1.0, f64::min);
             let mut scale = 2.0;
-            while scale * site.height.max(self.width) < 0.4 * nearest {
+            while scale * site.height < 0.4 * nearest {
                 for (k, d) in fan.directions.iter().enumerate() {
                     let before = fan.inside[(k + fan.inside.len() - 1) % fan.inside.len()];
                     if !(fan.inside[k] && before) || !d.factors.is_empty() || fan.is_side(d) {
@@ -255,59 +353,58 @@ impl Builder<'_> {
         [(k, backward), (next, backward != wraps)]
     }
 
-    /// More directions, until seams and rectangles are near the surface and W keeps its sign. False if the rectangles are too large.
-    fn refine_directions(&mut self) -> bool {
-        let by_fan: Vec<Vec<(usize, &Site)>> =
-            (0..self.fans.len()).map(|f| self.sites.iter().filter(|s| s.1.fan == f).map(|(key, s)| (key.0, s)).collect()).collect();
-        let mut fans = Vec::new();
-        for (f, sites) in by_fan.iter().enumerate() {
+    /// More directions, until seams and rectangles are near the surface and W keeps its sign. Returns the base points whose rectangles are too
+    /// large for that.
+    fn refine_directions(&mut self) -> Vec<usize> {
+        let mut too_large = Vec::new();
+        for f in 0..self.fans.len() {
             let mut fan = self.fans[f].clone();
-            if sites.is_empty() {
-                fans.push(fan);
+            let sites: Vec<(usize, &Site)> = self.sites.iter().filter(|s| s.1.fan == f).map(|(key, s)| (key.0, s)).collect();
+            if sites.is_empty() || self.refine_fan(&mut fan, &sites) {
+                self.fans[f] = fan;
+            } else {
+                too_large.push(f);
+            }
+        }
+        too_large
+    }
+
+    fn refine_fan(&self, fan: &mut Fan, sites: &[(usize, &Site)]) -> bool {
+        let mut k = 0;
+        while k < fan.directions.len() {
+            if !fan.inside[k] {
+                k += 1;
                 continue;
             }
-            let mut k = 0;
-            let mut fresh = true;
-            while k < fan.directions.len() {
-                if !fan.inside[k] {
-                    (k, fresh) = (k + 1, true);
-                    continue;
-                }
-                let ends = [k, fan.next(k)].map(|k| fan.seam(&fan.directions[k]));
-                let mut fine = self.is_near(fan.seam(&fan.between(k)), middle(ends[0], ends[1]), ends);
-                for &(q, site) in sites {
-                    for backward in [false, true] {
-                        let rays = Self::sector(&fan, k, backward);
-                        let ring = rays.map(|(k, b)| self.ring(q, site, &fan.directions[k], b));
-                        let [Some(a), Some(b)] = ring else { continue };
-                        let image = |x: [f64; 2]| self.charts[q].at(x);
-                        let half = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-                        if fresh {
-                            for (end, at) in ends.iter().zip([a, b]) {
-                                if !self.is_near(image(half(site.at, at)), middle(*end, image(at)), [*end, image(at)]) {
-                                    return false;
-                                }
-                            }
+            let ends = [k, fan.next(k)].map(|k| fan.seam(&fan.directions[k]));
+            let mut fine = self.is_near(fan.seam(&fan.between(k)), middle(ends[0], ends[1]), ends);
+            for &(q, site) in sites {
+                for backward in [false, true] {
+                    let rays = Self::sector(fan, k, backward);
+                    let ring = rays.map(|(k, b)| self.ring(q, site, &fan.directions[k], b));
+                    let [Some(a), Some(b)] = ring else { continue };
+                    let image = |x: [f64; 2]| self.charts[q].at(x);
+                    let half = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+                    for ((end, at), (k, backward)) in ends.iter().zip([a, b]).zip(rays) {
+                        // Halfway on an arc, not on its chord: it is the arc that bounds the surface.
+                        let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), backward));
+                        let halfway = arc.map_or(half(site.at, at), |x| x.middle);
+                        if !self.is_near(image(halfway), middle(*end, image(at)), [*end, image(at)]) {
+                            return false;
                         }
-                        fine &= self.is_near(image(half(a, b)), middle(image(a), image(b)), [image(a), image(b)]);
-                        fine &= self.keeps_sign_from(q, [site.at, a, b], fan.multiplicity);
                     }
-                }
-                if fine {
-                    (k, fresh) = (k + 1, true);
-                } else if fan.directions.len() >= DIRECTIONS {
-                    return false;
-                } else {
-                    // The first of all may have come before: it is looked at in the end, as nothing else has changed.
-                    let at = fan.split(k);
-                    k = if at == 0 { 0 } else { k };
-                    fresh = true;
+                    fine &= self.is_near(image(half(a, b)), middle(image(a), image(b)), [image(a), image(b)]);
+                    fine &= self.keeps_sign_from(q, [site.at, a, b], fan.multiplicity);
                 }
             }
-            fans.push(fan);
+            if fine {
+                k += 1;
+            } else if fan.directions.len() >= DIRECTIONS {
+                return false;
+            } else if fan.split(k) == 0 {
+                k = 0;
+            }
         }
-        drop(by_fan);
-        self.fans = fans;
         true
     }
 
@@ -341,8 +438,8 @@ impl Builder<'_> {
     pub(super) fn places_on(&self, side: usize, quadrants: &[usize]) -> Vec<(f64, [f64; 2])> {
         let mut places: Vec<(f64, [f64; 2])> = Vec::new();
         for (&(q, _, _), site) in &self.sites {
-            let [u, v] = site.at;
-            let (on, x, step) = [(u == 0.0, v, site.height), (v == 0.0, u, self.width), (u + v == 1.0, u, self.width)][side];
+            let ([u, v], h) = (site.at, self.widths[site.fan]);
+            let (on, x, step) = [(u == 0.0, v, site.height), (v == 0.0, u, h), (u + v == 1.0, u, h)][side];
             if quadrants.contains(&q) && on {
                 places.push((x, [x - step, x + step]));
             }

@@ -67,6 +67,10 @@ fn smallest_angle(p: [Point3; 3]) -> f64 {
     least
 }
 
+/// How much an edge wants to be split whose ends, or the corners opposite to it, have one image: the surface would be closed up there.
+const PINCHED: f64 = 1.5;
+/// Least area of flipped triangles in the parameters, per square of their longest edge.
+const THIN: f64 = 1e-11;
 /// An edge wants to be split when its number is above 1.
 const SPLIT: f64 = 1.0;
 
@@ -103,6 +107,12 @@ impl Plane {
         });
         orient2d(a, b, c) > 0.0
     }
+    fn is_thick(&self, t: [u32; 3]) -> bool {
+        let [a, b, c] = t.map(|v| self.nodes[v as usize].at);
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+        let long = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
+        area > THIN * long(a, b).max(long(b, c)).max(long(c, a))
+    }
     fn push(&mut self, t: u32) {
         if !self.queued[t as usize] {
             self.queued[t as usize] = true;
@@ -118,10 +128,14 @@ impl Plane {
         let excess = (error / measure.tolerance()).max(distance(p, q) / measure.longest());
         if error.is_nan() { f64::INFINITY } else { excess }
     }
-    /// Whether an edge would close up the surface: its ends, or the corners opposite to it, have one image.
-    fn is_pinched(&self, ends: [u32; 2], far: [u32; 2]) -> bool {
-        let same = |[a, b]: [u32; 2]| self.contracted[a as usize].is_some() && self.contracted[a as usize] == self.contracted[b as usize];
-        same(ends) || same(far)
+    fn have_one_image(&self, [a, b]: [u32; 2]) -> bool {
+        self.contracted[a as usize].is_some() && self.contracted[a as usize] == self.contracted[b as usize]
+    }
+    /// The length in the parameters of the edge opposite to corner i.
+    fn length(&self, t: u32, i: usize) -> f64 {
+        let at = self.corners(t);
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        (at[j][0] - at[k][0]).hypot(at[j][1] - at[k][1])
     }
     fn place(&self, t: u32, neighbour: u32) -> usize {
         self.adjacent[t as usize].iter().position(|&n| n == neighbour).expect("neighbours know each other")
@@ -143,11 +157,19 @@ impl Plane {
                 let n = self.adjacent[t as usize][i];
                 let far = self.triangles[n as usize][self.place(n, t)];
                 let mut excess = self.excess(a, b, measure);
-                if self.is_pinched([a, b], [v[i], far]) {
-                    excess = excess.max(1.5);
+                if self.have_one_image([a, b]) {
+                    excess = excess.max(PINCHED);
                 }
                 if worst.is_none_or(|w| excess > w.0) {
                     worst = Some((excess, i));
+                }
+                // Splitting that edge would leave two that are as bad: one that leads to the corner.
+                let beside = [(i + 1) % 3, (i + 2) % 3].into_iter().filter(|&k| !self.fixed[t as usize][k]);
+                if self.have_one_image([v[i], far])
+                    && worst.is_none_or(|w| w.0 < PINCHED)
+                    && let Some(k) = beside.max_by(|&j, &k| self.length(t, j).total_cmp(&self.length(t, k)))
+                {
+                    worst = Some((PINCHED, k));
                 }
             }
             let at = self.corners(t);
@@ -162,7 +184,7 @@ impl Plane {
                     // The longest edge: of the parameters for the sign, in space for the distance.
                     let length = |i: usize| {
                         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-                        if sound { distance(p[j], p[k]) } else { (at[j][0] - at[k][0]).hypot(at[j][1] - at[k][1]) }
+                        if sound { distance(p[j], p[k]) } else { self.length(t, i) }
                     };
                     let free = (0..3).filter(|&i| !self.fixed[t as usize][i]);
                     split = Some(free.max_by(|&i, &j| length(i).total_cmp(&length(j))));
@@ -176,6 +198,9 @@ impl Plane {
                     None => self.split_triangle(t, measure),
                 };
             if !done {
+                if std::env::var("DBG").is_ok() {
+                    eprintln!("full {is_full} edge {edge:?} worst {worst:?} sound {sound} at {at:?} images {:?}", self.images_of(t));
+                }
                 if sound {
                     ended.coarse += 1;
                 } else {
@@ -306,10 +331,15 @@ impl Plane {
         let j = self.place(n, t);
         let d = self.triangles[n as usize][j];
         let made = [[c, a, d], [c, d, b]];
-        if !made.iter().all(|&t| self.is_counterclockwise(t)) || self.is_pinched([c, d], [a, b]) {
+        // Room for further vertices is needed: three parameters on a line but for rounding are no triangle.
+        if !made.iter().all(|&t| self.is_counterclockwise(t) && self.is_thick(t))
+            || self.have_one_image([c, d])
+            || self.have_one_image([a, b])
+        {
             return false;
         }
-        let least = |t: [[u32; 3]; 2]| t.map(|t| smallest_angle(t.map(|v| self.images[v as usize]))).into_iter().fold(f64::INFINITY, f64::min);
+        let least =
+            |t: [[u32; 3]; 2]| t.map(|t| smallest_angle(t.map(|v| self.images[v as usize]))).into_iter().fold(f64::INFINITY, f64::min);
         let before = least([[c, a, b], [d, b, a]]);
         let after = least(made);
         if after <= 1.1 * before || after <= 0.0 {
