@@ -4,6 +4,7 @@
 //! Between two walls of an arrangement the polylines of arcs have their vertices over the same u, in the order of the arcs: they cannot
 //! cross, and what they bound is the region up to isotopy.
 
+mod gluing;
 mod opening;
 mod plane;
 
@@ -11,12 +12,13 @@ use crate::analysis::Analysis;
 use crate::fan::Fan;
 use crate::map::Map;
 use crate::region::Region;
-use crate::singular::CurveKind;
+use crate::singular::{CurveKind, RealPart};
 use crate::surface::{Kind, MeshOptions, Point3, Surface};
 use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
-use plane::{Measure, Plane};
+use gluing::{Gluing, Track, key};
+use plane::{Measure, Plane, Shared};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A map evaluated in floating point on one of the unit triangles.
 struct Chart {
@@ -60,6 +62,8 @@ enum Name {
     Image(usize),
     /// On the seam of a base point, in a direction.
     Seam(usize, [u64; 2]),
+    /// Where sheets meet.
+    Double(usize),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -101,7 +105,14 @@ const HALVINGS: usize = 40;
 /// curves of the analysis, too.
 ///
 /// Base points that others are infinitely near to are left open, and said to be unproven.
-pub(crate) fn mesh(map: &Map, region: &Region, analysis: &Analysis, options: &MeshOptions, stop: &dyn Fn() -> bool) -> Surface {
+pub(crate) fn mesh(
+    map: &Map,
+    region: &Region,
+    analysis: &Analysis,
+    curves: &Curves,
+    options: &MeshOptions,
+    stop: &dyn Fn() -> bool,
+) -> Surface {
     let mut builder = Builder {
         region,
         options,
@@ -111,35 +122,73 @@ pub(crate) fn mesh(map: &Map, region: &Region, analysis: &Analysis, options: &Me
         images: Vec::new(),
         on_curve: BTreeMap::new(),
         on_side: [None; 3],
+        double: BTreeSet::new(),
+        creased: BTreeSet::new(),
+        double_sides: curves.double_sides,
+        gluing: Gluing::default(),
         fans: Vec::new(),
         sites: BTreeMap::new(),
         widths: Vec::new(),
         base: bernstein_base(&map.forms()[3]),
         surface: Surface::default(),
     };
-    builder.find_contracted(map, analysis);
+    builder.find_contracted(map, curves);
     builder.open_base_points(analysis.base_points.as_deref().unwrap_or_default());
-    let sides = builder.sides();
+    let mut sides = builder.sides();
+    if curves.glued {
+        builder.gluing = builder.glue(&mut sides, &curves.pinches);
+    }
     let mut global = BTreeMap::new();
     let mut surface = std::mem::take(&mut builder.surface);
     for q in 0..4 {
         builder.chart(q, &sides, &mut global, &mut surface);
     }
+    surface.double_curve = std::mem::take(&mut builder.gluing.arcs);
+    surface.unproven.append(&mut builder.gluing.unproven);
     finish(surface)
 }
 
-/// The curves that a region is decomposed by beside those of the box: contracted ones other than the sides of the unit triangles.
-pub(crate) fn drawn_curves(analysis: &Analysis) -> Vec<Poly> {
-    contracted_curves(analysis).map(|c| c.0.clone()).collect()
+/// The curves that a region is decomposed by beside those of the box, without the sides of the unit triangles, which are there already.
+#[derive(Default)]
+pub(crate) struct Curves {
+    contracted: Vec<(Poly, Vec<Point3>)>,
+    double: Vec<Poly>,
+    /// Cuspidal edges.
+    creased: Vec<Poly>,
+    double_sides: [bool; 3],
+    /// Whether sheets that cross are joined.
+    glued: bool,
+    pinches: Vec<[f64; 3]>,
 }
 
-fn contracted_curves(analysis: &Analysis) -> impl Iterator<Item = (&Poly, Vec<Point3>)> {
-    analysis.singular.iter().flat_map(|s| &s.curves).filter_map(|c| {
-        let CurveKind::Contracted(to) = &c.kind else { return None };
-        let is_side = (0..3).any(|k| c.curve.is_associate(&Poly::var(k)));
-        let images: Vec<Point3> = to.points().iter().map(|p| [0, 1, 2].map(|k| p[k].to_f64() / p[3].to_f64())).collect();
-        (!is_side && !to.at_infinity() && !images.is_empty()).then_some((&c.curve, images))
-    })
+impl Curves {
+    /// Contracted ones; where sheets are joined, double ones and cuspidal edges, too.
+    pub(crate) fn new(analysis: &Analysis, glued: bool, pinches: Vec<[f64; 3]>) -> Self {
+        let mut found = Self { glued, pinches, ..Self::default() };
+        for c in analysis.singular.iter().flat_map(|s| &s.curves) {
+            let side = (0..3).find(|&k| c.curve.is_associate(&Poly::var(k)));
+            match (&c.kind, side) {
+                (CurveKind::Contracted(to), None) if !to.at_infinity() => {
+                    let images = to.points().iter().map(|p| [0, 1, 2].map(|k| p[k].to_f64() / p[3].to_f64())).collect::<Vec<_>>();
+                    if !images.is_empty() {
+                        found.contracted.push((c.curve.clone(), images));
+                    }
+                }
+                (CurveKind::Double, side) if glued && matches!(c.real, RealPart::Curve) => match side {
+                    Some(k) => found.double_sides[k] = true,
+                    None => found.double.push(c.curve.clone()),
+                },
+                (CurveKind::Ramified, None) if glued && matches!(c.real, RealPart::Curve) => found.creased.push(c.curve.clone()),
+                _ => {}
+            }
+        }
+        found
+    }
+    /// Forms in (s, t, w).
+    pub(crate) fn forms(&self) -> Vec<Poly> {
+        let contracted = self.contracted.iter().map(|c| &c.0);
+        contracted.chain(&self.double).chain(&self.creased).cloned().collect()
+    }
 }
 
 struct Builder<'a> {
@@ -153,6 +202,11 @@ struct Builder<'a> {
     /// Those of each contracted factor of the region, and of the lines s = 0, t = 0, w = 0.
     on_curve: BTreeMap<usize, Vec<usize>>,
     on_side: [Option<usize>; 3],
+    /// Factors of the region that are double curves, and cuspidal edges.
+    double: BTreeSet<usize>,
+    creased: BTreeSet<usize>,
+    double_sides: [bool; 3],
+    gluing: Gluing,
     /// Base points, opened.
     fans: Vec<Fan>,
     /// Where they are: by quadrant, wall and point.
@@ -199,6 +253,15 @@ impl SiteArc {
 
 /// A direction of a fan, by its key, and whether it is backward.
 type Ray = ([u64; 2], bool);
+
+/// Where a point (s : t : w) is in the unit triangle of a quadrant, if it is in it.
+fn place_in(quadrant: usize, p: [f64; 3]) -> Option<[f64; 2]> {
+    let [s, t] = QUADRANTS[quadrant].map(|s| s as f64);
+    let y = [s * p[0], t * p[1], p[2]];
+    let sign = [1.0, -1.0].into_iter().find(|sign| y.iter().all(|y| sign * y >= 0.0))?;
+    let sum: f64 = y.iter().map(|y| sign * y).sum();
+    Some([sign * y[0] / sum, sign * y[1] / sum])
+}
 
 type Cdt = ConstrainedDelaunayTriangulation<Node>;
 /// Places along each side, by side and sign, and whether the stretch after each belongs to the region.
@@ -256,6 +319,26 @@ impl Builder<'_> {
         }
         let p = &w.points[point];
         [u, ((&p.lo + &p.hi) / RBig::from(2)).to_f64().value()]
+    }
+
+    /// The name of a place on a side.
+    fn name_on(&self, q: usize, side: usize, x: f64) -> Name {
+        match (side, x) {
+            (0 | 1, 0.0) => Name::Corner(0),
+            (1 | 2, 1.0) => Name::Corner(1),
+            (0, 1.0) | (2, 0.0) => Name::Corner(2),
+            _ => Name::Side(side, sides_of(q)[side].1, x.to_bits()),
+        }
+    }
+    /// The name of a point of a wall.
+    fn wall_name(&self, q: usize, wall: usize, point: usize) -> Name {
+        let at = self.place(q, wall, point);
+        match () {
+            () if wall == 0 => self.name_on(q, 0, at[1]),
+            () if point == 0 => self.name_on(q, 1, at[0]),
+            () if point + 1 == self.region.triangles[q].arrangement.walls[wall].points.len() => self.name_on(q, 2, at[0]),
+            () => Name::Inner,
+        }
     }
 
     /// The image of a point of a unit triangle, put on the faces of the box that it is known to be on.
@@ -349,12 +432,7 @@ impl Builder<'_> {
         let mut cdt = Cdt::new();
         let mut constraints: Vec<[spade::handles::FixedVertexHandle; 2]> = Vec::new();
         let keys = sides_of(q);
-        let name_on = |side: usize, x: f64| match (side, x) {
-            (0 | 1, 0.0) => Name::Corner(0),
-            (1 | 2, 1.0) => Name::Corner(1),
-            (0, 1.0) | (2, 0.0) => Name::Corner(2),
-            _ => Name::Side(side, keys[side].1, x.to_bits()),
-        };
+        let name_on = |side: usize, x: f64| self.name_on(q, side, x);
         for (side, key) in keys.iter().enumerate() {
             let mut before = None;
             for &(x, inside) in &sides[key] {
@@ -379,12 +457,7 @@ impl Builder<'_> {
                     continue;
                 }
                 let at = self.place(q, k, p);
-                let name = match () {
-                    () if k == 0 => name_on(0, at[1]),
-                    () if p == 0 => name_on(1, at[0]),
-                    () if p == top => name_on(2, at[0]),
-                    () => Name::Inner,
-                };
+                let name = self.wall_name(q, k, p);
                 let faces = self.faces_at(q, k, p);
                 let apex = faces == 0b11_1111;
                 if (k == 0 || p == 0 || p == top) && !t.is_real(k, p) && !apex {
@@ -431,13 +504,16 @@ impl Builder<'_> {
         let mut in_order = true;
         for k in 0..t.arrangement.slabs.len() {
             let drawn = self.drawn(q, k);
-            let mut over = Columns { arrangement: &t.arrangement, slab: k, known: BTreeMap::new() };
+            let mut over = Columns::new(&t.arrangement, k);
             let mut here_lines = Vec::new();
             for i in drawn {
                 let arc = t.arrangement.slabs[k].arcs[i];
                 let faces = self.bits(arc.curve);
                 let stretch = self.stretch(q, k, i);
-                let line = self.polyline(q, &stretch, i, &mut over, &mut in_order);
+                let line = match self.gluing.line(Track::Arc(q, k, i)) {
+                    Some(line) => line.clone(),
+                    None => self.polyline(q, &stretch, i, &mut over, &mut in_order),
+                };
                 if stretch.is_open() {
                     // From a vertex of a rectangle, or a point of a wall, to the next.
                     let ends = [(0, at_wall.get(&(k, arc.left))), (line.len() - 1, at_wall.get(&(k + 1, arc.right)))];
@@ -501,7 +577,7 @@ impl Builder<'_> {
                 None => plain.push(t),
             }
         }
-        let fixed: std::collections::BTreeSet<(u32, u32)> = cdt
+        let fixed: BTreeSet<(u32, u32)> = cdt
             .undirected_edges()
             .filter(|e| e.is_constraint_edge())
             .map(|e| e.vertices().map(|v| v.index() as u32))
@@ -514,12 +590,15 @@ impl Builder<'_> {
         if ended.unsound > 0 {
             surface.unproven.push("W is not proved to keep its sign on every triangle".into());
         }
+        if ended.clashes > 0 {
+            surface.unproven.push("edges fall together next to double or contracted curves".into());
+        }
         if ended.coarse > 0 {
             surface.unproven.push("the triangles are not everywhere as near to the surface as asked for".into());
         }
         let mut vertex = |k: u32| {
             let node = &plane.nodes[k as usize];
-            let key = match self.merged(node) {
+            let key = match self.merged(q, node) {
                 Name::Inner => (Name::Inner, q, k as usize),
                 name => (name, 0, 0),
             };
@@ -527,6 +606,7 @@ impl Builder<'_> {
                 let kind = match key.0 {
                     Name::Image(_) => Kind::Contracted,
                     _ if node.faces > 0 => Kind::Box,
+                    Name::Double(_) => Kind::Double,
                     _ => Kind::Ordinary,
                 };
                 surface.points.push(measure.image(node));
@@ -539,31 +619,42 @@ impl Builder<'_> {
         let mut opened = Vec::new();
         for [p, a, b] in at_apex {
             let Some(&fan) = apexes.get(&(p as usize)) else { continue };
-            let direction = |v: u32| {
-                let ray = rays.get(&(v as usize, fan))?;
-                self.fans[fan].directions.iter().find(|d| d.key() == ray.0)
-            };
-            opened.push(([vertex(a), vertex(b)], [p, a, b], direction(a).zip(direction(b)), fan));
+            let ray = |v: u32| rays.get(&(v as usize, fan)).copied();
+            opened.push(([vertex(a), vertex(b)], [p, a, b], ray(a).zip(ray(b)), fan));
         }
         for ([from, to], corners, directions, fan) in opened {
             let Some((first, second)) = directions else {
                 surface.unproven.push("triangles at base points are left out".to_owned());
                 continue;
             };
-            let [first, second] = [first, second].map(|d| {
-                let (name, point, faces) = self.seam_vertex(fan, d);
-                *global.entry((name, 0, 0)).or_insert_with(|| {
-                    surface.points.push(point);
-                    surface.kinds.push(match (name, faces) {
-                        (Name::Image(_), _) => Kind::Contracted,
-                        (_, 0) => Kind::Seam,
-                        _ => Kind::Box,
-                    });
-                    surface.points.len() as u32 - 1
-                })
-            });
             let [p, a, b] = corners.map(|v| plane.nodes[v as usize].at);
-            made.extend([([from, to, second], [a, b, p]), ([from, second, first], [a, p, p])]);
+            // From the rectangle to the seam, with what lies between on a double curve.
+            let [first, second] = [(first, a, from), (second, b, to)].map(|(ray, at, vertex)| {
+                let mut path = vec![(vertex, at)];
+                for &(class, at) in self.gluing.spoke(fan, ray) {
+                    path.push((add(surface, global, Name::Double(class), self.gluing.image(class), Kind::Double), at));
+                }
+                let d = self.fans[fan].directions.iter().find(|d| d.key() == ray.0).expect("a direction of the fan");
+                let (name, point, faces) = self.seam_vertex(fan, d);
+                let name = self.gluing.class(&key(name, 0, at)).map_or(name, Name::Double);
+                let kind = match (name, faces) {
+                    (Name::Image(_), _) => Kind::Contracted,
+                    (_, 1..) => Kind::Box,
+                    (Name::Double(_), _) => Kind::Double,
+                    _ => Kind::Seam,
+                };
+                path.push((add(surface, global, name, point, kind), p));
+                path
+            });
+            // A strip between both, from the rectangle on.
+            let (mut i, mut j) = (0, 0);
+            while i + 1 < first.len() || j + 1 < second.len() {
+                let on_second = i + 1 == first.len() || (j + 1 < second.len() && j * first.len() <= i * second.len());
+                let next = if on_second { second[j + 1] } else { first[i + 1] };
+                let t = [first[i], second[j], next];
+                made.push((t.map(|t| t.0), t.map(|t| t.1)));
+                if on_second { j += 1 } else { i += 1 }
+            }
         }
         for (triangle, corners) in made {
             surface.triangles.push(triangle);
@@ -579,12 +670,39 @@ impl Builder<'_> {
         if wall == 0 || wall + 1 == t.arrangement.walls.len() || point + 1 >= w.points.len() {
             return None;
         }
-        let is_curve = |f: &&usize| self.on_curve.contains_key(f);
+        let is_curve = |f: &&usize| self.is_drawn_inside(**f);
         match t.sides_held(wall, point) {
             [false, false] => None,
             [true, true] => w.vertical.iter().find(is_curve).copied(),
             _ => w.vertical.first().copied(),
         }
+    }
+
+    /// A drawn stretch of a wall after a point, from rectangle to rectangle around base points, and its vertices.
+    fn upright(&self, q: usize, wall: usize, point: usize) -> (Stretch, Vec<[f64; 2]>) {
+        let mut ends = [point, point + 1].map(|p| self.place(q, wall, p));
+        let mut rays = [None; 2];
+        for (k, end) in ends.iter_mut().enumerate() {
+            if let Some(site) = self.sites.get(&(q, wall, point + k)) {
+                let arc = site.arcs.iter().find(|x| x.chain.is_empty() && x.right == (k == 0));
+                rays[k] = arc.map(|x| (site.fan, x.ray, site.at));
+                *end = arc.map_or(*end, |x| x.end);
+            }
+        }
+        let [a, b] = ends;
+        let mut line = vec![a];
+        let mut stack = vec![(a[1], b[1], 0)];
+        while let Some((x, y, depth)) = stack.pop() {
+            let at = |v: f64| self.charts[q].at([a[0], v]);
+            if depth < HALVINGS && !self.is_fine(&at, x, y) {
+                let m = 0.5 * (x + y);
+                stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
+            } else {
+                line.push([a[0], y]);
+            }
+        }
+        let based = rays.map(|r| r.is_some());
+        (Stretch { before: vec![], from: a, to: b, after: vec![], based, rays }, line)
     }
 
     /// Stretches of walls that are drawn.
@@ -596,39 +714,31 @@ impl Builder<'_> {
         at_wall: &BTreeMap<(usize, usize), spade::handles::FixedVertexHandle>,
         constraints: &mut Vec<[spade::handles::FixedVertexHandle; 2]>,
     ) {
-        let t = &self.region.triangles[q];
-        for p in 0..t.arrangement.walls[wall].points.len() - 1 {
+        for p in 0..self.region.triangles[q].arrangement.walls[wall].points.len() - 1 {
             let Some(curve) = self.drawn_on(q, wall, p) else { continue };
             let faces = self.bits(curve);
-            let node = |at: [f64; 2]| Node { image: self.nearest_image(q, curve, at), ..Node::inner(at, faces) };
-            // From points of the wall, or from the rectangles around base points.
-            let mut ends = [p, p + 1].map(|p| (self.place(q, wall, p), at_wall.get(&(wall, p)).copied()));
-            for (k, end) in ends.iter_mut().enumerate() {
-                if let Some(site) = self.sites.get(&(q, wall, p + k)) {
-                    end.0[1] += if k == 0 { site.height } else { -site.height };
-                    end.1 = insert(node(end.0));
-                }
+            let (stretch, mut line) = self.upright(q, wall, p);
+            if let Some(known) = self.gluing.line(Track::Wall(q, wall, p)) {
+                line.clone_from(known);
             }
-            let [(a, Some(from)), (b, Some(to))] = ends else { continue };
-            let mut before = from;
-            let mut stack = vec![(a[1], b[1], 0)];
-            while let Some((x, y, depth)) = stack.pop() {
-                let at = |v: f64| self.charts[q].at([a[0], v]);
-                if depth < HALVINGS && !self.is_fine(&at, x, y) {
-                    let m = 0.5 * (x + y);
-                    stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
-                } else {
-                    let next = if y == b[1] { Some(to) } else { insert(node([a[0], y])) };
-                    let Some(next) = next else { continue };
-                    constraints.push([before, next]);
-                    before = next;
-                }
+            let last = line.len() - 1;
+            let mut before = None;
+            for (i, &at) in line.iter().enumerate() {
+                // From points of the wall, or from the rectangles around base points.
+                let known = match i {
+                    0 if !stretch.based[0] => at_wall.get(&(wall, p)).copied(),
+                    i if i == last && !stretch.based[1] => at_wall.get(&(wall, p + 1)).copied(),
+                    _ => insert(Node { image: self.nearest_image(q, curve, at), ..Node::inner(at, faces) }),
+                };
+                let Some(next) = known else { continue };
+                constraints.extend(before.map(|b| [b, next]));
+                before = Some(next);
             }
         }
     }
 
     /// The name of a vertex, that of the image if it is on a contracted curve.
-    fn merged(&self, node: &Node) -> Name {
+    fn merged(&self, q: usize, node: &Node) -> Name {
         const SIDES: [[usize; 2]; 3] = [[0, 1], [1, 2], [0, 2]];
         let first = |sides: &[usize]| sides.iter().find_map(|&s| self.on_side[s]);
         let image = node.image.or_else(|| match node.name {
@@ -636,14 +746,20 @@ impl Builder<'_> {
             Name::Corner(c) => first(&SIDES[c]),
             _ => None,
         });
-        image.map_or(node.name, Name::Image)
+        match image {
+            Some(k) => Name::Image(k),
+            None => self.gluing.class(&key(node.name, q, node.at)).map_or(node.name, Name::Double),
+        }
     }
 
-    /// The arcs of a slab that are drawn: those that have the region on one side, or on both and are contracted.
+    fn is_drawn_inside(&self, factor: usize) -> bool {
+        self.on_curve.contains_key(&factor) || self.double.contains(&factor) || self.creased.contains(&factor)
+    }
+    /// The arcs of a slab that are drawn: those that have the region on one side, or on both and are contracted, double or cuspidal.
     fn drawn(&self, q: usize, slab: usize) -> Vec<usize> {
         let t = &self.region.triangles[q];
         let inside = &t.inside[slab];
-        let is_curve = |i: usize| self.on_curve.contains_key(&t.arrangement.slabs[slab].arcs[i].curve);
+        let is_curve = |i: usize| self.is_drawn_inside(t.arrangement.slabs[slab].arcs[i].curve);
         (1..inside.len()).filter(|&i| inside[i - 1] != inside[i] || inside[i] && is_curve(i)).collect()
     }
 
@@ -652,7 +768,7 @@ impl Builder<'_> {
         let a = &self.region.triangles[q].arrangement;
         let arc = a.slabs[slab].arcs[i];
         let [left, right] = [(slab, arc.left), (slab + 1, arc.right)].map(|(k, p)| [a.walls[k].u.to_f64(), self.place(q, k, p)[1]]);
-        let mut s = Stretch { before: vec![left], from: left, to: right, after: vec![right], based: [false; 2] };
+        let mut s = Stretch { before: vec![left], from: left, to: right, after: vec![right], based: [false; 2], rays: [None; 2] };
         for (site, x) in self.sites.range((q, 0, 0)..(q + 1, 0, 0)).flat_map(|s| s.1.arcs.iter().map(move |x| (s.1, x))) {
             let Some(place) = x.chain.iter().position(|&c| c == (slab, i)) else { continue };
             // On the chord from the base point to the side of the rectangle.
@@ -664,9 +780,11 @@ impl Builder<'_> {
             if x.right {
                 s.before = vec![chord(left[0])];
                 (s.from, s.based[0]) = (if is_last { x.end } else { chord(right[0]) }, true);
+                s.rays[0] = is_last.then_some((site.fan, x.ray, site.at));
             } else {
                 s.after = vec![chord(right[0])];
                 (s.to, s.based[1]) = (if is_last { x.end } else { chord(left[0]) }, true);
+                s.rays[1] = is_last.then_some((site.fan, x.ray, site.at));
             }
         }
         s
@@ -716,6 +834,15 @@ impl Builder<'_> {
     }
 }
 
+/// The vertex of a name that all unit triangles share.
+fn add(surface: &mut Surface, global: &mut BTreeMap<(Name, usize, usize), u32>, name: Name, point: Point3, kind: Kind) -> u32 {
+    *global.entry((name, 0, 0)).or_insert_with(|| {
+        surface.points.push(point);
+        surface.kinds.push(kind);
+        surface.points.len() as u32 - 1
+    })
+}
+
 /// Without the triangles that contracted curves have closed up.
 fn finish(mut s: Surface) -> Surface {
     let whole = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
@@ -735,7 +862,10 @@ struct Columns<'a> {
     known: BTreeMap<u64, Vec<f64>>,
 }
 
-impl Columns<'_> {
+impl<'a> Columns<'a> {
+    fn new(arrangement: &'a Arrangement, slab: usize) -> Self {
+        Self { arrangement, slab, known: BTreeMap::new() }
+    }
     /// The height of an arc, if the place is between the walls.
     fn at(&mut self, u: f64, arc: usize) -> Option<f64> {
         let (a, slab) = (self.arrangement, self.slab);
@@ -757,6 +887,8 @@ struct Stretch {
     after: Vec<[f64; 2]>,
     /// Whether the ends are on rectangles.
     based: [bool; 2],
+    /// The base points that the ends lead to: which, in which direction, where.
+    rays: [Option<(usize, Ray, [f64; 2])>; 2],
 }
 
 impl Stretch {
@@ -780,14 +912,16 @@ struct InChart<'a, 'b> {
 
 impl Measure for InChart<'_, '_> {
     fn image(&self, node: &Node) -> Point3 {
-        match self.contracted(node) {
-            Some(k) => self.builder.images[k],
-            None => self.builder.image(self.q, node.at, node.faces),
+        match self.builder.merged(self.q, node) {
+            Name::Image(k) => self.builder.images[k],
+            Name::Double(k) => self.builder.gluing.image(k),
+            _ => self.builder.image(self.q, node.at, node.faces),
         }
     }
-    fn contracted(&self, node: &Node) -> Option<usize> {
-        match self.builder.merged(node) {
-            Name::Image(k) => Some(k),
+    fn shared(&self, node: &Node) -> Option<Shared> {
+        match self.builder.merged(self.q, node) {
+            Name::Image(k) => Some(Shared::Contracted(k)),
+            Name::Double(k) => Some(Shared::Double(k)),
             _ => None,
         }
     }

@@ -1,9 +1,12 @@
 //! The whole way from a map to the triangles of its surface in a box.
 
 use crate::analysis::{Analysis, Budget, analyse};
+use crate::field::Algebraic;
 use crate::map::Map;
-use crate::mesh::{drawn_curves, mesh};
+use crate::double::{pinch_points, solitary_arcs};
+use crate::mesh::{Curves, mesh};
 use crate::region::Region;
+use crate::singular::CurveKind;
 use crate::univariate::Stopped;
 use isoform_algebra::RBig;
 use std::time::Instant;
@@ -98,12 +101,35 @@ pub struct Surface {
 /// [`Stopped`], if not even the region of parameters was found in time.
 pub fn triangulate(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> bool) -> Result<(Surface, Analysis), Stopped> {
     let mut analysis = analyse(map, &options.budget, stop);
+    let mut unproven = analysis.unproven.clone();
     let clock = Instant::now();
-    let region = Region::new(map, &options.half_width, &drawn_curves(&analysis), stop).map_err(|_| Stopped)?;
+    let b = options.half_width.to_f64().value();
+    let glued = options.mode == Mode::Glued;
+    let mut pinches = Vec::new();
+    let mut solitary = Vec::new();
+    if let Some(singular) = &analysis.singular {
+        if glued && singular.curves.iter().any(|c| matches!(c.kind, CurveKind::Double)) {
+            match pinch_points(map, stop) {
+                Ok(points) => pinches = points.iter().map(|p| p.each_ref().map(Algebraic::to_f64)).collect(),
+                Err(Stopped) => unproven.push("pinch points: stopped".to_owned()),
+            }
+        }
+        let (arcs, problems) = solitary_arcs(map, singular, b, options.mesh.tolerance, stop);
+        solitary = arcs;
+        unproven.extend(problems);
+    }
+    if glued && analysis.degrees.is_some_and(|d| d.map_degree > 1) {
+        unproven.push("several parameters have the same image everywhere: sheets that lie upon each other are not joined".to_owned());
+    }
+    analysis.seconds.push(("double curve", clock.elapsed().as_secs_f64()));
+    let clock = Instant::now();
+    let curves = Curves::new(&analysis, glued, pinches);
+    let region = Region::new(map, &options.half_width, &curves.forms(), stop).map_err(|_| Stopped)?;
     analysis.seconds.push(("region", clock.elapsed().as_secs_f64()));
     let clock = Instant::now();
-    let mut surface = mesh(map, &region, &analysis, &options.mesh, stop);
+    let mut surface = mesh(map, &region, &analysis, &curves, &options.mesh, stop);
     analysis.seconds.push(("triangles", clock.elapsed().as_secs_f64()));
-    surface.unproven.extend(analysis.unproven.iter().cloned());
+    surface.solitary_arcs = solitary;
+    surface.unproven.extend(unproven);
     Ok((surface, analysis))
 }

@@ -2,8 +2,7 @@
 //!
 //! A triangle with a base point as corner becomes a quadrilateral, whose fourth side is a piece of the seam curve.
 
-use super::{Builder, Name, Site, SiteArc, contracted_curves, distance, middle};
-use crate::analysis::Analysis;
+use super::{Builder, Curves, Name, Site, SiteArc, distance, middle};
 use crate::base::BasePoint;
 use crate::fan::{Direction, Fan};
 use crate::map::Map;
@@ -16,7 +15,7 @@ const ROUNDS: usize = 60;
 const DIRECTIONS: usize = 2000;
 
 impl Builder<'_> {
-    pub(super) fn find_contracted(&mut self, map: &Map, analysis: &Analysis) {
+    pub(super) fn find_contracted(&mut self, map: &Map, curves: &Curves) {
         for side in 0..3 {
             let on: [Poly; 4] = map.forms().each_ref().map(|f| f.set(side, &RBig::ZERO));
             let rest: Vec<&Poly> = on.iter().filter(|f| !f.is_zero()).collect();
@@ -26,12 +25,15 @@ impl Builder<'_> {
                 self.on_side[side] = Some(image);
             }
         }
-        for (k, (_, images)) in contracted_curves(analysis).enumerate() {
-            let images: Vec<usize> = images.into_iter().map(|p| self.image_of(p)).collect();
-            for &f in &self.region.extra[k] {
+        let mut extra = self.region.extra.iter();
+        for (_, images) in &curves.contracted {
+            let images: Vec<usize> = images.iter().map(|&p| self.image_of(p)).collect();
+            for &f in extra.next().into_iter().flatten() {
                 self.on_curve.entry(f).or_default().extend(&images);
             }
         }
+        let mut factors = |n: usize| extra.by_ref().take(n).flatten().copied().collect();
+        (self.double, self.creased) = (factors(curves.double.len()), factors(curves.creased.len()));
     }
     /// The number of an image.
     fn image_of(&mut self, p: Point3) -> usize {

@@ -3,7 +3,7 @@
 //! A Delaunay triangulation of the parameters is of no use where the map stretches directions differently, as it does around base points
 //! without bound: triangles have to be long in the parameters to be round in space.
 
-use super::Node;
+use super::{Name, Node};
 use crate::surface::Point3;
 use robust::{Coord, orient2d};
 use std::collections::{BTreeMap, VecDeque};
@@ -14,14 +14,23 @@ pub(super) const NONE: u32 = u32::MAX;
 pub(super) trait Measure {
     /// The image of a node.
     fn image(&self, node: &Node) -> Point3;
-    /// The contracted curve that it is on.
-    fn contracted(&self, node: &Node) -> Option<usize>;
+    /// What it shares with other nodes.
+    fn shared(&self, node: &Node) -> Option<Shared>;
     /// The value of the map.
     fn at(&self, at: [f64; 2]) -> Point3;
     /// Whether the pole curve is proved to miss a triangle.
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool;
     fn tolerance(&self) -> f64;
     fn longest(&self) -> f64;
+}
+
+/// An image that several parameters have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shared {
+    /// Of a contracted curve.
+    Contracted(usize),
+    /// A point of the double curve.
+    Double(usize),
 }
 
 /// How refinement ended.
@@ -31,13 +40,15 @@ pub(super) struct Ended {
     pub(super) unsound: usize,
     /// Triangles that are not near enough to the surface.
     pub(super) coarse: usize,
+    /// Edges that fall together in space.
+    pub(super) clashes: usize,
 }
 
 #[derive(Default)]
 pub(super) struct Plane {
     pub(super) nodes: Vec<Node>,
     images: Vec<Point3>,
-    contracted: Vec<Option<usize>>,
+    shared: Vec<Option<Shared>>,
     /// Counterclockwise.
     pub(super) triangles: Vec<[u32; 3]>,
     /// Neighbours opposite to the corners.
@@ -67,6 +78,8 @@ fn smallest_angle(p: [Point3; 3]) -> f64 {
     least
 }
 
+/// Rounds in which edges are split that fall together in space.
+const CLASHES: usize = 12;
 /// How much an edge wants to be split whose ends, or the corners opposite to it, have one image: the surface would be closed up there.
 const PINCHED: f64 = 1.5;
 /// Least area of flipped triangles in the parameters, per square of their longest edge.
@@ -88,10 +101,10 @@ impl Plane {
         let stays = |(t, n): (&[u32; 3], &[u32; 3])| [0, 1, 2].map(|i| n[i] == NONE || fixed(t[(i + 1) % 3], t[(i + 2) % 3]));
         let fixed = triangles.iter().zip(&adjacent).map(stays).collect();
         let images = nodes.iter().map(|n| measure.image(n)).collect();
-        let contracted = nodes.iter().map(|n| measure.contracted(n)).collect();
+        let shared = nodes.iter().map(|n| measure.shared(n)).collect();
         let queued = vec![true; triangles.len()];
         let queue = (0..triangles.len() as u32).collect();
-        Self { nodes, images, contracted, triangles, adjacent, fixed, queued, queue }
+        Self { nodes, images, shared, triangles, adjacent, fixed, queued, queue }
     }
 
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
@@ -129,7 +142,15 @@ impl Plane {
         if error.is_nan() { f64::INFINITY } else { excess }
     }
     fn have_one_image(&self, [a, b]: [u32; 2]) -> bool {
-        self.contracted[a as usize].is_some() && self.contracted[a as usize] == self.contracted[b as usize]
+        self.shared[a as usize].is_some() && self.shared[a as usize] == self.shared[b as usize]
+    }
+    /// Whether both ends are on the double curve, or one has a shared image and the other is on a side of the unit triangle: another sheet, or
+    /// the unit triangle beyond the side, may have such an edge, too.
+    fn is_ambiguous(&self, [a, b]: [u32; 2]) -> bool {
+        let is_double = |v: u32| matches!(self.shared[v as usize], Some(Shared::Double(_)));
+        let is_side = |v: u32| self.shared[v as usize].is_none() && self.nodes[v as usize].name != Name::Inner;
+        let is_shared = |v: u32| self.shared[v as usize].is_some();
+        is_double(a) && is_double(b) || is_side(a) && is_shared(b) || is_side(b) && is_shared(a)
     }
     /// The length in the parameters of the edge opposite to corner i.
     fn length(&self, t: u32, i: usize) -> f64 {
@@ -145,6 +166,78 @@ impl Plane {
     pub(super) fn refine(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
         let all = (0..self.triangles.len() as u32).flat_map(|t| self.triangles[t as usize].map(|v| (t, v))).collect();
         self.legalise(all, measure);
+        let mut ended = self.work_off(most, measure, stop);
+        for _ in 0..CLASHES {
+            let clashes = self.clashes();
+            if clashes.is_empty() || ended != Ended::default() {
+                break;
+            }
+            for [a, b] in clashes {
+                let edge = (0..self.triangles.len() as u32).find_map(|t| {
+                    let v = self.triangles[t as usize];
+                    (0..3).find(|&i| [v[(i + 1) % 3], v[(i + 2) % 3]] == [a, b]).map(|i| (t, i))
+                });
+                if let Some((t, i)) = edge.filter(|&(t, i)| !self.fixed[t as usize][i]) {
+                    self.split_edge(t, i, measure);
+                }
+            }
+            ended = self.work_off(most, measure, stop);
+        }
+        ended.clashes = self.clashes().len();
+        ended
+    }
+
+    /// Edges from a vertex to two others that have one image, which would be one edge with four triangles in space.
+    fn clashes(&self) -> Vec<[u32; 2]> {
+        // The neighbours of each vertex with a shared image, and those that the edge between them and the next around the vertex joins.
+        let mut around: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        let mut beside: BTreeMap<u32, Vec<[u32; 2]>> = BTreeMap::new();
+        for t in &self.triangles {
+            for i in 0..3 {
+                let (c, a, b) = (t[i], t[(i + 1) % 3], t[(i + 2) % 3]);
+                // Between points of the double curve, edges of it may do so, and others are split anyway.
+                if matches!(self.shared[c as usize], Some(Shared::Double(_))) {
+                    continue;
+                }
+                for v in [a, b] {
+                    if self.shared[v as usize].is_some() {
+                        let list = around.entry(c).or_default();
+                        if !list.contains(&v) {
+                            list.push(v);
+                        }
+                    }
+                }
+                if self.have_one_image([a, b]) {
+                    beside.entry(c).or_default().push([a, b]);
+                }
+            }
+        }
+        let mut found = Vec::new();
+        for (c, list) in around {
+            for (k, &v) in list.iter().enumerate() {
+                let same = |u: u32| self.have_one_image([u, v]);
+                let joined = |u: u32| beside.get(&c).is_some_and(|b| b.contains(&[u, v]) || b.contains(&[v, u]));
+                if list[..k].iter().any(|&u| same(u) && !joined(u)) && !self.have_one_image([c, v]) {
+                    let others: Vec<u32> = list[..k].iter().copied().filter(|&u| same(u)).chain([v]).collect();
+                    // Through a chain of joined ones the surface is closed up as it should be.
+                    let mut reached = vec![others[0]];
+                    while let Some(&next) = others.iter().find(|&&u| !reached.contains(&u) && reached.iter().any(|&r| {
+                        beside.get(&c).is_some_and(|b| b.contains(&[u, r]) || b.contains(&[r, u]))
+                    })) {
+                        reached.push(next);
+                    }
+                    if !reached.contains(&v) {
+                        found.extend(others.iter().flat_map(|&u| [[c, u], [u, c]]));
+                    }
+                }
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    fn work_off(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
         let mut ended = Ended::default();
         let mut steps = 0usize;
         while let Some(t) = self.queue.pop_front() {
@@ -157,7 +250,7 @@ impl Plane {
                 let n = self.adjacent[t as usize][i];
                 let far = self.triangles[n as usize][self.place(n, t)];
                 let mut excess = self.excess(a, b, measure);
-                if self.have_one_image([a, b]) {
+                if self.have_one_image([a, b]) || self.is_ambiguous([a, b]) {
                     excess = excess.max(PINCHED);
                 }
                 if worst.is_none_or(|w| excess > w.0) {
@@ -214,14 +307,14 @@ impl Plane {
     fn add(&mut self, at: [f64; 2], measure: &dyn Measure) -> u32 {
         let node = Node::inner(at, 0);
         self.images.push(measure.image(&node));
-        self.contracted.push(None);
+        self.shared.push(None);
         self.nodes.push(node);
         self.nodes.len() as u32 - 1
     }
     fn drop_last(&mut self) {
         self.nodes.pop();
         self.images.pop();
-        self.contracted.pop();
+        self.shared.pop();
     }
     /// Sets a triangle anew: corners, neighbours, fixed edges; the neighbours learn of it.
     fn set(&mut self, t: u32, v: [u32; 3], n: [u32; 3], fixed: [bool; 3]) {
@@ -335,6 +428,7 @@ impl Plane {
         if !made.iter().all(|&t| self.is_counterclockwise(t) && self.is_thick(t))
             || self.have_one_image([c, d])
             || self.have_one_image([a, b])
+            || self.is_ambiguous([c, d])
         {
             return false;
         }

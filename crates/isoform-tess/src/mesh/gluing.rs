@@ -1,0 +1,512 @@
+//! Where sheets that cross are joined: every vertex on the double curve gets vertices at all its partners, the other parameters with the same
+//! image.
+//!
+//! The curve is walked through piece by piece: arcs over slabs, stretches of walls, sides of the unit triangles. What is special there (points
+//! of walls, rectangles around base points, pinch points) comes first, so that its partners are vertices, too; then the rest.
+
+use super::{Builder, Columns, Name, Ray, Sides, Stretch, distance, on_side, sides_of};
+use crate::surface::{DoubleArc, Point3};
+use std::collections::BTreeMap;
+
+/// A name of a vertex, with the unit triangle and the place in it for those that have none.
+pub(super) type Key = (Name, usize, [u64; 2]);
+
+pub(super) fn key(name: Name, q: usize, at: [f64; 2]) -> Key {
+    match name {
+        Name::Inner => (name, q, at.map(f64::to_bits)),
+        name => (name, 0, [0; 2]),
+    }
+}
+
+/// A vertex on a piece of the double curve.
+#[derive(Clone, Debug)]
+struct Knot {
+    at: [f64; 2],
+    key: Key,
+    image: Point3,
+    /// Stays where it is.
+    fixed: bool,
+    class: Option<usize>,
+}
+
+/// Where a piece of the double curve is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Track {
+    /// Quadrant, slab, place in it.
+    Arc(usize, usize, usize),
+    /// Quadrant, wall, point of it.
+    Wall(usize, usize, usize),
+    /// Side and sign, number of the stretch on it.
+    Side(usize, i64, usize),
+}
+
+struct Piece {
+    track: Track,
+    q: usize,
+    knots: Vec<Knot>,
+    /// The rays of base points in which it begins and ends.
+    rays: [Option<(usize, Ray)>; 2],
+}
+
+impl Piece {
+    /// The coordinate along it.
+    fn along(&self, at: [f64; 2]) -> f64 {
+        match self.track {
+            Track::Wall(..) | Track::Side(0, ..) => at[1],
+            _ => at[0],
+        }
+    }
+}
+
+/// What is glued.
+#[derive(Default)]
+pub(super) struct Gluing {
+    /// The class of each vertex on the double curve.
+    classes: BTreeMap<Key, usize>,
+    images: Vec<Point3>,
+    /// Vertices of arcs and walls between their ends, and of sides.
+    lines: BTreeMap<Track, Vec<[f64; 2]>>,
+    /// Vertices between rectangles and seams, from the rectangle on.
+    spokes: BTreeMap<(usize, Ray), Vec<(usize, [f64; 2])>>,
+    pub(super) arcs: Vec<DoubleArc>,
+    pub(super) unproven: Vec<String>,
+}
+
+impl Gluing {
+    pub(super) fn class(&self, key: &Key) -> Option<usize> {
+        self.classes.get(key).copied()
+    }
+    pub(super) fn image(&self, class: usize) -> Point3 {
+        self.images[class]
+    }
+    pub(super) fn line(&self, track: Track) -> Option<&Vec<[f64; 2]>> {
+        self.lines.get(&track)
+    }
+    pub(super) fn spoke(&self, fan: usize, ray: Ray) -> &[(usize, [f64; 2])] {
+        self.spokes.get(&(fan, ray)).map_or(&[], Vec::as_slice)
+    }
+}
+
+impl Builder<'_> {
+    /// Finds the vertices of the double curve and their partners. Sides of the unit triangles that are double get their places.
+    pub(super) fn glue(&self, sides: &mut Sides, pinches: &[[f64; 3]]) -> Gluing {
+        let mut gluing = Gluing::default();
+        let mut pieces = self.pieces(sides);
+        self.add_pinches(&mut pieces, pinches);
+        let pinched: Vec<Point3> = pinches.iter().filter_map(|p| self.image_of_point(*p)).collect();
+        let mut lonely = 0;
+        for fixed in [true, false] {
+            for k in 0..pieces.len() {
+                let mut j = 0;
+                while j < pieces[k].knots.len() {
+                    let knot = &pieces[k].knots[j];
+                    if knot.class.is_none() && knot.fixed == fixed {
+                        let image = knot.image;
+                        let found = self.join(&mut pieces, k, j, gluing.images.len());
+                        gluing.images.push(image);
+                        lonely += usize::from(!found && !pinched.iter().any(|&p| distance(p, image) < 1e-7 * self.half_width));
+                    }
+                    j += 1;
+                    if (self.stop)() {
+                        gluing.unproven.push("the double curve: stopped".into());
+                        return gluing;
+                    }
+                }
+            }
+        }
+        if lonely > 0 {
+            gluing.unproven.push(format!("{lonely} points of the double curve have no partner that was found"));
+        }
+        self.settle(&mut gluing, pieces, sides);
+        gluing
+    }
+
+    fn image_of_point(&self, p: [f64; 3]) -> Option<Point3> {
+        let (q, at) = (0..4).find_map(|q| Some((q, super::place_in(q, p)?)))?;
+        Some(self.charts[q].at(at))
+    }
+
+    fn knot(&self, q: usize, at: [f64; 2], name: Name, faces: u8, fixed: bool) -> Knot {
+        Knot { at, key: key(name, q, at), image: self.image(q, at, faces), fixed, class: None }
+    }
+    fn seam_knot(&self, at: [f64; 2], fan: usize, ray: Ray) -> Option<Knot> {
+        let d = self.fans[fan].directions.iter().find(|d| d.key() == ray.0)?;
+        let (name, image, _) = self.seam_vertex(fan, d);
+        Some(Knot { at, key: key(name, 0, at), image, fixed: true, class: None })
+    }
+
+    fn pieces(&self, sides: &Sides) -> Vec<Piece> {
+        let mut pieces = Vec::new();
+        for q in 0..4 {
+            let a = &self.region.triangles[q].arrangement;
+            for slab in 0..a.slabs.len() {
+                let mut over = Columns::new(a, slab);
+                for i in self.drawn(q, slab) {
+                    let arc = a.slabs[slab].arcs[i];
+                    let stretch = self.stretch(q, slab, i);
+                    if !self.double.contains(&arc.curve) || !stretch.is_open() {
+                        continue;
+                    }
+                    let line = self.polyline(q, &stretch, i, &mut over, &mut true);
+                    pieces.push(self.piece(Track::Arc(q, slab, i), q, &line, &stretch, [(slab, arc.left), (slab + 1, arc.right)]));
+                }
+            }
+            for wall in 1..a.walls.len() - 1 {
+                for p in 0..a.walls[wall].points.len() - 1 {
+                    if self.drawn_on(q, wall, p).is_some_and(|f| self.double.contains(&f)) {
+                        let (stretch, line) = self.upright(q, wall, p);
+                        pieces.push(self.piece(Track::Wall(q, wall, p), q, &line, &stretch, [(wall, p), (wall, p + 1)]));
+                    }
+                }
+            }
+        }
+        for (&(side, sign), places) in sides.iter().filter(|s| self.double_sides[s.0.0]) {
+            self.side_pieces(side, sign, places, &mut pieces);
+        }
+        pieces
+    }
+
+    fn piece(&self, track: Track, q: usize, line: &[[f64; 2]], stretch: &Stretch, walls: [(usize, usize); 2]) -> Piece {
+        let mut knots: Vec<Knot> = line.iter().map(|&at| self.knot(q, at, Name::Inner, 0, false)).collect();
+        let last = knots.len() - 1;
+        for (end, (wall, point)) in [(0, walls[0]), (last, walls[1])] {
+            let based = stretch.based[usize::from(end > 0)];
+            knots[end] = match based {
+                true => self.knot(q, line[end], Name::Inner, 0, true),
+                false => self.knot(q, line[end], self.wall_name(q, wall, point), self.faces_at(q, wall, point), true),
+            };
+        }
+        let seam = |k: usize| stretch.rays[k].and_then(|(fan, ray, at)| self.seam_knot(at, fan, ray));
+        let (first, end) = (seam(0), seam(1));
+        knots.splice(0..0, first);
+        knots.extend(end);
+        Piece { track, q, knots, rays: [0, 1].map(|k| stretch.rays[k].map(|r| (r.0, r.1))) }
+    }
+
+    fn side_pieces(&self, side: usize, sign: i64, places: &[(f64, bool)], pieces: &mut Vec<Piece>) {
+        let both: Vec<usize> = (0..4).filter(|&q| sides_of(q)[side] == (side, sign)).collect();
+        let q = both[0];
+        let based = self.places_on(side, &both);
+        let mut number = 0;
+        let mut run: Vec<f64> = Vec::new();
+        for &(x, inside) in places {
+            if !run.is_empty() || inside {
+                run.push(x);
+            }
+            let is_base = based.iter().any(|b| b.0 == x);
+            if run.len() > 1 && (!inside || is_base) {
+                let base_of = |x: f64| based.iter().any(|b| b.0 == x).then(|| self.side_ray(side, &both, x)).flatten();
+                let ends = [run[0], run[run.len() - 1]];
+                // From the base point along the side: to larger places at the beginning, to smaller ones at the end.
+                let rays = [(ends[0], run[1]), (ends[1], run[run.len() - 2])].map(|(base, to)| {
+                    let (fan, at) = base_of(base)?;
+                    let (d, backward) = self.fans[fan].toward(q, on_side(side, to));
+                    let d = self.fans[fan].directions.iter().filter(|e| self.fans[fan].sides_along(e).any(|s| s == side)).find(|e| {
+                        (e.at[0] * d.at[1] - e.at[1] * d.at[0]).abs() < 1e-6
+                    })?;
+                    Some((fan, (d.key(), backward), at))
+                });
+                let mut knots: Vec<Knot> = Vec::new();
+                for (k, &x) in run.iter().enumerate() {
+                    let ray = if k == 0 {
+                        rays[0]
+                    } else if k + 1 == run.len() {
+                        rays[1]
+                    } else {
+                        None
+                    };
+                    let at = on_side(side, x);
+                    match ray {
+                        Some((fan, ray, _)) => knots.extend(self.seam_knot(at, fan, ray)),
+                        None => {
+                            let name = self.name_on(q, side, x);
+                            let fixed = k == 0 || k + 1 == run.len() || self.is_hard(side, &both, x);
+                            let faces = self.faces_on(side, &both, x);
+                            knots.push(self.knot(q, at, name, faces, fixed));
+                        }
+                    }
+                }
+                pieces.push(Piece { track: Track::Side(side, sign, number), q, knots, rays: rays.map(|r| r.map(|r| (r.0, r.1))) });
+                number += 1;
+                run.clear();
+                if inside {
+                    run.push(x);
+                }
+            }
+            if !inside {
+                run.clear();
+            }
+        }
+    }
+    /// The base point at a place of a side.
+    fn side_ray(&self, side: usize, both: &[usize], x: f64) -> Option<(usize, [f64; 2])> {
+        let at = on_side(side, x);
+        self.sites.iter().find(|(key, site)| both.contains(&key.0) && distance2(site.at, at) < 1e-12).map(|(_, site)| (site.fan, at))
+    }
+    /// Whether a place of a side is a point of a wall that a curve goes through, or a vertex of a rectangle.
+    fn is_hard(&self, side: usize, both: &[usize], x: f64) -> bool {
+        self.places_on(side, both).iter().any(|b| b.1.contains(&x)) || self.wall_points_on(side, both).iter().any(|p| p.0 == x)
+    }
+    fn faces_on(&self, side: usize, both: &[usize], x: f64) -> u8 {
+        self.wall_points_on(side, both).iter().filter(|p| p.0 == x).fold(0, |bits, p| bits | p.1)
+    }
+    /// Places of a side that curves go through, with the faces of the box that these belong to.
+    fn wall_points_on(&self, side: usize, both: &[usize]) -> Vec<(f64, u8)> {
+        let mut found = Vec::new();
+        for &q in both {
+            let t = &self.region.triangles[q];
+            let walls = &t.arrangement.walls;
+            let points: Vec<(usize, usize)> = match side {
+                0 => (0..walls[0].points.len()).map(|p| (0, p)).collect(),
+                1 => (0..walls.len()).map(|k| (k, 0)).collect(),
+                _ => (0..walls.len()).map(|k| (k, walls[k].points.len() - 1)).collect(),
+            };
+            for (k, p) in points.into_iter().filter(|&(k, p)| t.is_real(k, p) && t.holds_point(k, p)) {
+                let at = self.place(q, k, p);
+                let faces = self.faces_at(q, k, p);
+                found.push((if side == 0 { at[1] } else { at[0] }, if faces == 0b11_1111 { 0 } else { faces }));
+            }
+        }
+        found
+    }
+
+    /// Makes vertices of the pinch points.
+    fn add_pinches(&self, pieces: &mut [Piece], pinches: &[[f64; 3]]) {
+        for &p in pinches {
+            for piece in pieces.iter_mut() {
+                let Some(at) = super::place_in(piece.q, p) else { continue };
+                let x = piece.along(at);
+                let Some(j) = (1..piece.knots.len()).find(|&j| piece.along(piece.knots[j - 1].at) <= x && x <= piece.along(piece.knots[j].at)) else {
+                    continue;
+                };
+                let (a, b) = (piece.knots[j - 1].at, piece.knots[j].at);
+                let t = (x - piece.along(a)) / (piece.along(b) - piece.along(a));
+                let on = [0, 1].map(|i| a[i] + t * (b[i] - a[i]));
+                // On the piece but for its sagitta.
+                let image = self.charts[piece.q].at(at);
+                if distance(self.charts[piece.q].at(on), image) > self.options.tolerance || distance2(on, at) > 0.1 {
+                    continue;
+                }
+                let near = |k: &usize| distance2(piece.knots[*k].at, at) < 1e-9;
+                match [j - 1, j].iter().find(|k| near(k)) {
+                    Some(&k) => piece.knots[k].fixed = true,
+                    None => {
+                        let name = self.piece_name(piece, at);
+                        let knot = self.knot(piece.q, at, name, 0, true);
+                        piece.knots.insert(j, knot);
+                    }
+                }
+            }
+        }
+    }
+    fn piece_name(&self, piece: &Piece, at: [f64; 2]) -> Name {
+        match piece.track {
+            Track::Side(side, ..) => self.name_on(piece.q, side, piece.along(at)),
+            _ => Name::Inner,
+        }
+    }
+
+    /// Finds the partners of a vertex and gives them, and it, a class. Whether there is one.
+    fn join(&self, pieces: &mut [Piece], k: usize, j: usize, class: usize) -> bool {
+        let image = pieces[k].knots[j].image;
+        let own = pieces[k].knots[j].key;
+        pieces[k].knots[j].class = Some(class);
+        let mut found = false;
+        let close = 1e-9 * self.half_width;
+        for piece in pieces.iter_mut() {
+            // Vertices that are there already, other ends of pieces that meet in the same parameter among them.
+            for knot in piece.knots.iter_mut().filter(|x| x.fixed || x.class.is_some() || x.key == own) {
+                if knot.class.is_none_or(|c| c == class) && distance(knot.image, image) < close {
+                    knot.class = Some(class);
+                    found |= knot.key != own;
+                }
+            }
+            let mut i = 1;
+            while i < piece.knots.len() {
+                let (a, b) = (&piece.knots[i - 1], &piece.knots[i]);
+                let skip = a.class == Some(class) || b.class == Some(class);
+                if !skip
+                    && let Some(at) = self.partner(piece, i, image)
+                    && self.insert(piece, i, at, image, class)
+                {
+                    found = true;
+                    // It may have been inserted here: the next segment begins with it.
+                }
+                i += 1;
+            }
+        }
+        found
+    }
+
+    /// The parameter near to a segment of a piece with a given image, if there is one.
+    fn partner(&self, piece: &Piece, i: usize, image: Point3) -> Option<[f64; 2]> {
+        let (a, b) = (&piece.knots[i - 1], &piece.knots[i]);
+        let d: Point3 = std::array::from_fn(|k| b.image[k] - a.image[k]);
+        let x: Point3 = std::array::from_fn(|k| image[k] - a.image[k]);
+        let length = d.iter().map(|d| d * d).sum::<f64>();
+        if length == 0.0 {
+            return None;
+        }
+        let t = d.iter().zip(x).map(|(d, x)| d * x).sum::<f64>() / length;
+        let off = x.iter().zip(d).map(|(x, d)| (x - t.clamp(0.0, 1.0) * d).powi(2)).sum::<f64>().sqrt();
+        if off > 2.0 * self.options.tolerance {
+            return None;
+        }
+        let (from, to) = (piece.along(a.at), piece.along(b.at));
+        let s = t.clamp(0.02, 0.98);
+        let mut at = [0, 1].map(|k| a.at[k] + s * (b.at[k] - a.at[k]));
+        let chart = &self.charts[piece.q];
+        let mut last = f64::INFINITY;
+        for _ in 0..60 {
+            let p = chart.at(at);
+            let r: Point3 = std::array::from_fn(|k| image[k] - p[k]);
+            let residual = r.iter().map(|r| r * r).sum::<f64>().sqrt();
+            if !residual.is_finite() {
+                return None;
+            }
+            let step = 1e-7;
+            let columns = [[step, 0.0], [0.0, step]].map(|h| {
+                let (plus, minus) = (chart.at([at[0] + h[0], at[1] + h[1]]), chart.at([at[0] - h[0], at[1] - h[1]]));
+                std::array::from_fn::<f64, 3, _>(|k| (plus[k] - minus[k]) / (2.0 * step))
+            });
+            let dot = |x: &Point3, y: &Point3| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+            let [m, n] = &columns;
+            let (e, f, g) = (dot(m, m), dot(m, n), dot(n, n));
+            let (p, q) = (dot(m, &r), dot(n, &r));
+            let det = e * g - f * f;
+            let delta = [(g * p - f * q) / det, (e * q - f * p) / det];
+            if delta.iter().any(|d| !d.is_finite()) {
+                return None;
+            }
+            if residual < 1e-13 * self.half_width || (residual < 1e-10 * self.half_width && residual >= 0.5 * last) {
+                let x = piece.along(at);
+                return (x > from - 1e-10 && x < to + 1e-10).then(|| self.onto(piece, at));
+            }
+            last = residual;
+            at = [at[0] + delta[0], at[1] + delta[1]];
+            if at.iter().any(|x| !(-0.1..=1.1).contains(x)) {
+                return None;
+            }
+        }
+        None
+    }
+    /// Exactly on the side that a piece lies on.
+    fn onto(&self, piece: &Piece, at: [f64; 2]) -> [f64; 2] {
+        match piece.track {
+            Track::Side(side, ..) => on_side(side, piece.along(at)),
+            Track::Wall(..) => [piece.knots[0].at[0], at[1]],
+            Track::Arc(..) => at,
+        }
+    }
+
+    /// Puts a partner between two vertices of a piece, or moves one of them there that is not needed where it is. False if it is one of them.
+    fn insert(&self, piece: &mut Piece, i: usize, at: [f64; 2], image: Point3, class: usize) -> bool {
+        let name = self.piece_name(piece, at);
+        let length = distance(piece.knots[i - 1].image, piece.knots[i].image);
+        for k in [i - 1, i] {
+            let knot = &mut piece.knots[k];
+            if distance2(knot.at, at) < 1e-10 {
+                // There already; or the vertex itself, which has its class.
+                let new = knot.class.is_none();
+                if new {
+                    knot.class = Some(class);
+                }
+                return new;
+            }
+            if !knot.fixed && knot.class.is_none() && distance(knot.image, image) < 0.35 * length {
+                *knot = Knot { at, key: key(name, piece.q, at), image, fixed: false, class: Some(class) };
+                return true;
+            }
+        }
+        piece.knots.insert(i, Knot { at, key: key(name, piece.q, at), image, fixed: false, class: Some(class) });
+        true
+    }
+
+    /// The vertices in their places, and the arcs in space.
+    fn settle(&self, gluing: &mut Gluing, pieces: Vec<Piece>, sides: &mut Sides) {
+        let mut edges: BTreeMap<[usize; 2], usize> = BTreeMap::new();
+        for piece in &pieces {
+            for w in piece.knots.windows(2) {
+                if let [Some(a), Some(b)] = [w[0].class, w[1].class] {
+                    *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
+                }
+            }
+        }
+        let mut done = std::collections::BTreeSet::new();
+        for mut piece in pieces {
+            let classes: Vec<usize> = piece.knots.iter().filter_map(|k| k.class).collect();
+            let mut run: Vec<usize> = Vec::new();
+            let mut sheets = 0;
+            for w in classes.windows(2) {
+                let edge = [w[0].min(w[1]), w[0].max(w[1])];
+                let n = edges.get(&edge).copied().unwrap_or(0);
+                if !done.insert(edge) || (n != sheets && !run.is_empty()) {
+                    self.close(gluing, &mut run, sheets);
+                }
+                if run.last() != Some(&w[0]) {
+                    run = vec![w[0]];
+                }
+                if edges.remove(&edge).is_some() {
+                    sheets = n;
+                    run.push(w[1]);
+                } else {
+                    run.clear();
+                }
+            }
+            self.close(gluing, &mut run, sheets);
+            for knot in &piece.knots {
+                if let Some(class) = knot.class {
+                    gluing.classes.insert(knot.key, class);
+                }
+            }
+            // Between base points and their rectangles.
+            for (end, ray) in piece.rays.into_iter().enumerate() {
+                let Some((fan, ray)) = ray else { continue };
+                if end == 1 {
+                    piece.knots.reverse();
+                }
+                let first = (1..piece.knots.len()).find(|&j| piece.knots[j].fixed && self.is_ring(&piece, &piece.knots[j])).unwrap_or(1);
+                let inner: Vec<Knot> = piece.knots.drain(..first).collect();
+                let list = inner[1..].iter().rev().filter_map(|k| Some((k.class?, k.at))).collect();
+                gluing.spokes.insert((fan, ray), list);
+                if end == 1 {
+                    piece.knots.reverse();
+                }
+            }
+            match piece.track {
+                Track::Side(side, sign, _) => {
+                    let places = sides.get_mut(&(side, sign)).expect("the side");
+                    let (Some(first), Some(last)) = (piece.knots.first(), piece.knots.last()) else { continue };
+                    let (from, to) = (piece.along(first.at), piece.along(last.at));
+                    places.retain(|p| p.0 <= from || p.0 >= to);
+                    let at = places.partition_point(|p| p.0 <= from);
+                    let inner: Vec<(f64, bool)> =
+                        piece.knots[1..piece.knots.len() - 1].iter().map(|k| (piece.along(k.at), true)).collect();
+                    places.splice(at..at, inner);
+                }
+                track => {
+                    gluing.lines.insert(track, piece.knots.iter().map(|k| k.at).collect());
+                }
+            }
+        }
+    }
+    fn is_ring(&self, piece: &Piece, knot: &Knot) -> bool {
+        let x = knot.at;
+        self.sites.iter().filter(|s| s.0.0 == piece.q || matches!(piece.track, Track::Side(..))).any(|(_, s)| {
+            let (h, v) = (self.widths[s.fan], s.height);
+            let on_arc = s.arcs.iter().any(|a| a.end == x);
+            on_arc || (x[0] - s.at[0]).abs() == h || (x[1] - s.at[1]).abs() == v
+        })
+    }
+    fn close(&self, gluing: &mut Gluing, run: &mut Vec<usize>, sheets: usize) {
+        if run.len() > 1 {
+            let points = run.iter().map(|&c| gluing.images[c]).collect();
+            gluing.arcs.push(DoubleArc { points, sheets });
+        }
+        run.clear();
+    }
+}
+
+fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
