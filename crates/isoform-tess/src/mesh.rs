@@ -14,8 +14,8 @@ use crate::map::Map;
 use crate::region::Region;
 use crate::singular::{CurveKind, RealPart};
 use crate::surface::{Kind, MeshOptions, Point3, Surface};
-use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
 use gluing::{Gluing, Track, key};
+use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
 use plane::{Measure, Plane, Shared};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
@@ -479,21 +479,31 @@ impl Builder<'_> {
             for k in (0..fan.directions.len()).filter(|&k| fan.inside[k]) {
                 for backward in [false, true] {
                     let sector = Self::sector(fan, k, backward);
-                    let ends = sector.map(|(k, b)| {
-                        let at = self.ring(q, site, &fan.directions[k], b)?;
+                    let Some(ends) = self.sector_ends(q, site, fan, sector) else { continue };
+                    let mut insert = |at: [f64; 2], ray: Ray| {
                         let name = match () {
                             () if at[0] == 0.0 => name_on(0, at[1]),
                             () if at[1] == 0.0 => name_on(1, at[0]),
                             () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => name_on(2, at[0]),
                             () => Name::Inner,
                         };
-                        let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), b));
+                        let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
                         let faces = arc.map_or(0, |x| self.bits(x.curve));
                         let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
                         let v = cdt.insert(Node { name, image, ..Node::inner(at, faces) }).ok()?;
-                        rays.insert((v.index(), site.fan), (fan.directions[k].key(), b));
+                        rays.insert((v.index(), site.fan), ray);
                         Some(v)
-                    });
+                    };
+                    for (k, backward) in sector {
+                        let d = &fan.directions[k];
+                        let same: Vec<_> = self.ring(q, site, d, backward).into_iter().map(|at| insert(at, (d.key(), backward))).collect();
+                        for w in same.windows(2) {
+                            if let [Some(a), Some(b)] = *w {
+                                constraints.extend([[apex, a], [apex, b], [a, b]]);
+                            }
+                        }
+                    }
+                    let ends = [(0, ends[0]), (1, ends[1])].map(|(i, at)| insert(at, (fan.directions[sector[i].0].key(), sector[i].1)));
                     if let [Some(a), Some(b)] = ends {
                         constraints.extend([[apex, a], [apex, b], [a, b]]);
                     }
@@ -610,6 +620,8 @@ impl Builder<'_> {
                     _ => Kind::Ordinary,
                 };
                 surface.points.push(measure.image(node));
+                surface.faces.push(node.faces);
+                surface.double.push(matches!(key.0, Name::Double(_)));
                 surface.kinds.push(kind);
                 surface.points.len() as u32 - 1
             })
@@ -631,8 +643,8 @@ impl Builder<'_> {
             // From the rectangle to the seam, with what lies between on a double curve.
             let [first, second] = [(first, a, from), (second, b, to)].map(|(ray, at, vertex)| {
                 let mut path = vec![(vertex, at)];
-                for &(class, at) in self.gluing.spoke(fan, ray) {
-                    path.push((add(surface, global, Name::Double(class), self.gluing.image(class), Kind::Double), at));
+                for &(class, at) in self.gluing.spoke(fan, ray, at) {
+                    path.push((add(surface, global, Name::Double(class), (self.gluing.image(class), 0), Kind::Double), at));
                 }
                 let d = self.fans[fan].directions.iter().find(|d| d.key() == ray.0).expect("a direction of the fan");
                 let (name, point, faces) = self.seam_vertex(fan, d);
@@ -643,7 +655,7 @@ impl Builder<'_> {
                     (Name::Double(_), _) => Kind::Double,
                     _ => Kind::Seam,
                 };
-                path.push((add(surface, global, name, point, kind), p));
+                path.push((add(surface, global, name, (point, faces), kind), p));
                 path
             });
             // A strip between both, from the rectangle on.
@@ -835,12 +847,41 @@ impl Builder<'_> {
 }
 
 /// The vertex of a name that all unit triangles share.
-fn add(surface: &mut Surface, global: &mut BTreeMap<(Name, usize, usize), u32>, name: Name, point: Point3, kind: Kind) -> u32 {
+fn add(
+    surface: &mut Surface,
+    global: &mut BTreeMap<(Name, usize, usize), u32>,
+    name: Name,
+    (point, faces): (Point3, u8),
+    kind: Kind,
+) -> u32 {
     *global.entry((name, 0, 0)).or_insert_with(|| {
         surface.points.push(point);
+        surface.faces.push(faces);
+        surface.double.push(matches!(name, Name::Double(_)));
         surface.kinds.push(kind);
         surface.points.len() as u32 - 1
     })
+}
+
+/// Looks whether the surface ends on the faces of the box only, and no edge but those of the double curve has more than two triangles.
+fn check(s: &mut Surface) {
+    let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+    for t in &s.triangles {
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            *uses.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    let same_face = |e: &[u32; 2]| s.faces[e[0] as usize] & s.faces[e[1] as usize] != 0;
+    let is_double = |e: &[u32; 2]| e.iter().all(|&v| s.double[v as usize]);
+    let open = uses.iter().filter(|(e, n)| **n == 1 && !same_face(e)).count();
+    let crowded = uses.iter().filter(|(e, n)| **n > 2 && !(is_double(e) && **n % 2 == 0)).count();
+    if open > 0 {
+        s.unproven.push(format!("the surface is open along {open} edges in the box"));
+    }
+    if crowded > 0 {
+        s.unproven
+            .push(format!("{crowded} edges have more than two triangles and are not of a double curve, or have an odd number of them"));
+    }
 }
 
 /// Without the triangles that contracted curves have closed up.
@@ -850,6 +891,7 @@ fn finish(mut s: Surface) -> Surface {
     s.triangles = keep.iter().map(|&k| s.triangles[k]).collect();
     s.charts = keep.iter().map(|&k| s.charts[k]).collect();
     s.corners = keep.iter().map(|&k| s.corners[k]).collect();
+    check(&mut s);
     s.unproven.sort();
     s.unproven.dedup();
     s

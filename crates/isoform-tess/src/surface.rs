@@ -1,9 +1,9 @@
 //! The whole way from a map to the triangles of its surface in a box.
 
 use crate::analysis::{Analysis, Budget, analyse};
+use crate::double::{pinch_points, solitary_arcs};
 use crate::field::Algebraic;
 use crate::map::Map;
-use crate::double::{pinch_points, solitary_arcs};
 use crate::mesh::{Curves, mesh};
 use crate::region::Region;
 use crate::singular::CurveKind;
@@ -92,6 +92,9 @@ pub struct Surface {
     pub solitary_arcs: Vec<Vec<Point3>>,
     /// What is not proved; empty if everything is.
     pub unproven: Vec<String>,
+    /// The faces of the box that each vertex is on, as bits, and whether sheets meet there.
+    pub(crate) faces: Vec<u8>,
+    pub(crate) double: Vec<bool>,
 }
 
 /// Analyses a map and triangulates its surface in a box. The analysis says in `seconds` how long the triangulation took, too; the surface

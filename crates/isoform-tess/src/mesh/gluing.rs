@@ -67,7 +67,7 @@ pub(super) struct Gluing {
     /// Vertices of arcs and walls between their ends, and of sides.
     lines: BTreeMap<Track, Vec<[f64; 2]>>,
     /// Vertices between rectangles and seams, from the rectangle on.
-    spokes: BTreeMap<(usize, Ray), Vec<(usize, [f64; 2])>>,
+    spokes: BTreeMap<(usize, Ray, [u64; 2]), Vec<(usize, [f64; 2])>>,
     pub(super) arcs: Vec<DoubleArc>,
     pub(super) unproven: Vec<String>,
 }
@@ -82,8 +82,8 @@ impl Gluing {
     pub(super) fn line(&self, track: Track) -> Option<&Vec<[f64; 2]>> {
         self.lines.get(&track)
     }
-    pub(super) fn spoke(&self, fan: usize, ray: Ray) -> &[(usize, [f64; 2])] {
-        self.spokes.get(&(fan, ray)).map_or(&[], Vec::as_slice)
+    pub(super) fn spoke(&self, fan: usize, ray: Ray, ring: [f64; 2]) -> &[(usize, [f64; 2])] {
+        self.spokes.get(&(fan, ray, ring.map(f64::to_bits))).map_or(&[], Vec::as_slice)
     }
 }
 
@@ -93,8 +93,6 @@ impl Builder<'_> {
         let mut gluing = Gluing::default();
         let mut pieces = self.pieces(sides);
         self.add_pinches(&mut pieces, pinches);
-        let pinched: Vec<Point3> = pinches.iter().filter_map(|p| self.image_of_point(*p)).collect();
-        let mut lonely = 0;
         for fixed in [true, false] {
             for k in 0..pieces.len() {
                 let mut j = 0;
@@ -102,9 +100,8 @@ impl Builder<'_> {
                     let knot = &pieces[k].knots[j];
                     if knot.class.is_none() && knot.fixed == fixed {
                         let image = knot.image;
-                        let found = self.join(&mut pieces, k, j, gluing.images.len());
+                        self.join(&mut pieces, k, j, gluing.images.len());
                         gluing.images.push(image);
-                        lonely += usize::from(!found && !pinched.iter().any(|&p| distance(p, image) < 1e-7 * self.half_width));
                     }
                     j += 1;
                     if (self.stop)() {
@@ -114,16 +111,8 @@ impl Builder<'_> {
                 }
             }
         }
-        if lonely > 0 {
-            gluing.unproven.push(format!("{lonely} points of the double curve have no partner that was found"));
-        }
         self.settle(&mut gluing, pieces, sides);
         gluing
-    }
-
-    fn image_of_point(&self, p: [f64; 3]) -> Option<Point3> {
-        let (q, at) = (0..4).find_map(|q| Some((q, super::place_in(q, p)?)))?;
-        Some(self.charts[q].at(at))
     }
 
     fn knot(&self, q: usize, at: [f64; 2], name: Name, faces: u8, fixed: bool) -> Knot {
@@ -201,9 +190,11 @@ impl Builder<'_> {
                 let rays = [(ends[0], run[1]), (ends[1], run[run.len() - 2])].map(|(base, to)| {
                     let (fan, at) = base_of(base)?;
                     let (d, backward) = self.fans[fan].toward(q, on_side(side, to));
-                    let d = self.fans[fan].directions.iter().filter(|e| self.fans[fan].sides_along(e).any(|s| s == side)).find(|e| {
-                        (e.at[0] * d.at[1] - e.at[1] * d.at[0]).abs() < 1e-6
-                    })?;
+                    let d = self.fans[fan]
+                        .directions
+                        .iter()
+                        .filter(|e| self.fans[fan].sides_along(e).any(|s| s == side))
+                        .find(|e| (e.at[0] * d.at[1] - e.at[1] * d.at[0]).abs() < 1e-6)?;
                     Some((fan, (d.key(), backward), at))
                 });
                 let mut knots: Vec<Knot> = Vec::new();
@@ -276,7 +267,9 @@ impl Builder<'_> {
             for piece in pieces.iter_mut() {
                 let Some(at) = super::place_in(piece.q, p) else { continue };
                 let x = piece.along(at);
-                let Some(j) = (1..piece.knots.len()).find(|&j| piece.along(piece.knots[j - 1].at) <= x && x <= piece.along(piece.knots[j].at)) else {
+                let Some(j) =
+                    (1..piece.knots.len()).find(|&j| piece.along(piece.knots[j - 1].at) <= x && x <= piece.along(piece.knots[j].at))
+                else {
                     continue;
                 };
                 let (a, b) = (piece.knots[j - 1].at, piece.knots[j].at);
@@ -306,36 +299,29 @@ impl Builder<'_> {
         }
     }
 
-    /// Finds the partners of a vertex and gives them, and it, a class. Whether there is one.
-    fn join(&self, pieces: &mut [Piece], k: usize, j: usize, class: usize) -> bool {
+    /// Finds the partners of a vertex and gives them, and it, a class.
+    fn join(&self, pieces: &mut [Piece], k: usize, j: usize, class: usize) {
         let image = pieces[k].knots[j].image;
         let own = pieces[k].knots[j].key;
         pieces[k].knots[j].class = Some(class);
-        let mut found = false;
         let close = 1e-9 * self.half_width;
         for piece in pieces.iter_mut() {
             // Vertices that are there already, other ends of pieces that meet in the same parameter among them.
             for knot in piece.knots.iter_mut().filter(|x| x.fixed || x.class.is_some() || x.key == own) {
                 if knot.class.is_none_or(|c| c == class) && distance(knot.image, image) < close {
                     knot.class = Some(class);
-                    found |= knot.key != own;
                 }
             }
             let mut i = 1;
             while i < piece.knots.len() {
                 let (a, b) = (&piece.knots[i - 1], &piece.knots[i]);
                 let skip = a.class == Some(class) || b.class == Some(class);
-                if !skip
-                    && let Some(at) = self.partner(piece, i, image)
-                    && self.insert(piece, i, at, image, class)
-                {
-                    found = true;
-                    // It may have been inserted here: the next segment begins with it.
+                if !skip && let Some(at) = self.partner(piece, i, image) {
+                    self.insert(piece, i, at, image, class);
                 }
                 i += 1;
             }
         }
-        found
     }
 
     /// The parameter near to a segment of a piece with a given image, if there is one.
@@ -380,7 +366,7 @@ impl Builder<'_> {
             }
             if residual < 1e-13 * self.half_width || (residual < 1e-10 * self.half_width && residual >= 0.5 * last) {
                 let x = piece.along(at);
-                return (x > from - 1e-10 && x < to + 1e-10).then(|| self.onto(piece, at));
+                return (x > from - 1e-10 && x < to + 1e-10 && self.is_on(piece, at)).then(|| self.onto(piece, at));
             }
             last = residual;
             at = [at[0] + delta[0], at[1] + delta[1]];
@@ -389,6 +375,17 @@ impl Builder<'_> {
             }
         }
         None
+    }
+    /// Whether a parameter is on the curve of a piece, not on another one that crosses it.
+    fn is_on(&self, piece: &Piece, at: [f64; 2]) -> bool {
+        match piece.track {
+            Track::Arc(q, slab, i) => {
+                let v = Columns::new(&self.region.triangles[q].arrangement, slab).at(at[0], i);
+                v.is_none_or(|v| (v - at[1]).abs() < 1e-8)
+            }
+            Track::Wall(..) => (piece.knots[0].at[0] - at[0]).abs() < 1e-8,
+            Track::Side(side, ..) => distance2(on_side(side, piece.along(at)), at) < 1e-8,
+        }
     }
     /// Exactly on the side that a piece lies on.
     fn onto(&self, piece: &Piece, at: [f64; 2]) -> [f64; 2] {
@@ -399,27 +396,23 @@ impl Builder<'_> {
         }
     }
 
-    /// Puts a partner between two vertices of a piece, or moves one of them there that is not needed where it is. False if it is one of them.
-    fn insert(&self, piece: &mut Piece, i: usize, at: [f64; 2], image: Point3, class: usize) -> bool {
+    /// Puts a partner between two vertices of a piece, or moves one of them there that is not needed where it is.
+    fn insert(&self, piece: &mut Piece, i: usize, at: [f64; 2], image: Point3, class: usize) {
         let name = self.piece_name(piece, at);
         let length = distance(piece.knots[i - 1].image, piece.knots[i].image);
         for k in [i - 1, i] {
             let knot = &mut piece.knots[k];
             if distance2(knot.at, at) < 1e-10 {
                 // There already; or the vertex itself, which has its class.
-                let new = knot.class.is_none();
-                if new {
-                    knot.class = Some(class);
-                }
-                return new;
+                knot.class = knot.class.or(Some(class));
+                return;
             }
             if !knot.fixed && knot.class.is_none() && distance(knot.image, image) < 0.35 * length {
                 *knot = Knot { at, key: key(name, piece.q, at), image, fixed: false, class: Some(class) };
-                return true;
+                return;
             }
         }
         piece.knots.insert(i, Knot { at, key: key(name, piece.q, at), image, fixed: false, class: Some(class) });
-        true
     }
 
     /// The vertices in their places, and the arcs in space.
@@ -431,6 +424,11 @@ impl Builder<'_> {
                     *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
                 }
             }
+        }
+        // Two sheets at least meet in each piece; where a pinch point folds the curve, they belong to the same one.
+        let single = edges.values().filter(|n| **n < 2).count();
+        if single > 0 {
+            gluing.unproven.push(format!("{single} edges of the double curve have no partner that was found"));
         }
         let mut done = std::collections::BTreeSet::new();
         for mut piece in pieces {
@@ -466,9 +464,10 @@ impl Builder<'_> {
                     piece.knots.reverse();
                 }
                 let first = (1..piece.knots.len()).find(|&j| piece.knots[j].fixed && self.is_ring(&piece, &piece.knots[j])).unwrap_or(1);
+                let ring = piece.knots.get(first).map_or([0; 2], |k| k.at.map(f64::to_bits));
                 let inner: Vec<Knot> = piece.knots.drain(..first).collect();
                 let list = inner[1..].iter().rev().filter_map(|k| Some((k.class?, k.at))).collect();
-                gluing.spokes.insert((fan, ray), list);
+                gluing.spokes.insert((fan, ray, ring), list);
                 if end == 1 {
                     piece.knots.reverse();
                 }
@@ -480,8 +479,7 @@ impl Builder<'_> {
                     let (from, to) = (piece.along(first.at), piece.along(last.at));
                     places.retain(|p| p.0 <= from || p.0 >= to);
                     let at = places.partition_point(|p| p.0 <= from);
-                    let inner: Vec<(f64, bool)> =
-                        piece.knots[1..piece.knots.len() - 1].iter().map(|k| (piece.along(k.at), true)).collect();
+                    let inner: Vec<(f64, bool)> = piece.knots[1..piece.knots.len() - 1].iter().map(|k| (piece.along(k.at), true)).collect();
                     places.splice(at..at, inner);
                 }
                 track => {

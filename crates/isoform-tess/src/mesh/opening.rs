@@ -300,12 +300,24 @@ impl Builder<'_> {
         true
     }
 
-    /// The vertex of the rectangle in a direction, if that leads into the unit triangle.
-    pub(super) fn ring(&self, q: usize, site: &Site, d: &Direction, backward: bool) -> Option<[f64; 2]> {
-        let h = self.widths[site.fan];
-        if let Some(arc) = site.arcs.iter().find(|x| x.ray == (d.key(), backward)) {
-            return Some(arc.end);
+    /// The vertices of the rectangle in a direction, if that leads into the unit triangle, counterclockwise: the ends of the arcs that
+    /// have this tangent, and the place on a side along it.
+    pub(super) fn ring(&self, q: usize, site: &Site, d: &Direction, backward: bool) -> Vec<[f64; 2]> {
+        let mut found: Vec<[f64; 2]> = site.arcs.iter().filter(|x| x.ray == (d.key(), backward)).map(|x| x.end).collect();
+        if found.is_empty() || self.fans[site.fan].is_side(d) {
+            found.extend(self.straight(q, site, d, backward));
         }
+        // They span less than half a turn.
+        found.sort_by(|a, b| {
+            let [x, y] = [a, b].map(|p| [p[0] - site.at[0], p[1] - site.at[1]]);
+            0.0f64.total_cmp(&(x[0] * y[1] - x[1] * y[0]))
+        });
+        found
+    }
+
+    /// Where a straight ray leaves the rectangle.
+    fn straight(&self, q: usize, site: &Site, d: &Direction, backward: bool) -> Option<[f64; 2]> {
+        let h = self.widths[site.fan];
         let [du, dv] = self.fans[site.fan].direction_in(q, d, backward)?;
         let [u, v] = site.at;
         if du.abs() * site.height >= h * dv.abs() {
@@ -315,6 +327,16 @@ impl Builder<'_> {
         } else {
             Some([u + du * (site.height / dv.abs()), if dv > 0.0 { v + site.height } else { v - site.height }])
         }
+    }
+
+    /// The two vertices between which a sector lies in a unit triangle.
+    pub(super) fn sector_ends(&self, q: usize, site: &Site, fan: &Fan, rays: [(usize, bool); 2]) -> Option<[[f64; 2]; 2]> {
+        let [x, y] = rays.map(|(k, b)| fan.direction_in(q, &fan.directions[k], b));
+        let (x, y) = (x?, y?);
+        let [first, second] = rays.map(|(k, b)| self.ring(q, site, &fan.directions[k], b));
+        let counterclockwise = x[0] * y[1] - x[1] * y[0] > 0.0;
+        let ends = if counterclockwise { (first.last(), second.first()) } else { (first.first(), second.last()) };
+        Some([*ends.0?, *ends.1?])
     }
 
     /// Vertices on larger and larger rectangles around base points, in all their directions: the map turns along the seam as fast as ever on
@@ -334,7 +356,7 @@ impl Builder<'_> {
                         continue;
                     }
                     for backward in [false, true] {
-                        if let Some(at) = self.ring(q, site, d, backward) {
+                        if let Some(at) = self.straight(q, site, d, backward) {
                             let at: [f64; 2] = std::array::from_fn(|i| site.at[i] + scale * (at[i] - site.at[i]));
                             if at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0 {
                                 found.push(at);
@@ -383,13 +405,21 @@ impl Builder<'_> {
             for &(q, site) in sites {
                 for backward in [false, true] {
                     let rays = Self::sector(fan, k, backward);
-                    let ring = rays.map(|(k, b)| self.ring(q, site, &fan.directions[k], b));
-                    let [Some(a), Some(b)] = ring else { continue };
+                    let Some([a, b]) = self.sector_ends(q, site, fan, rays) else { continue };
+                    // An arc that bends away from its tangent may be beyond the next direction.
+                    let cross = |x: [f64; 2], y: [f64; 2]| x[0] * y[1] - x[1] * y[0];
+                    let straight = rays.map(|(k, b)| fan.direction_in(q, &fan.directions[k], b));
+                    let from_base = |x: [f64; 2]| [x[0] - site.at[0], x[1] - site.at[1]];
+                    if let [Some(x), Some(y)] = straight
+                        && cross(x, y) * cross(from_base(a), from_base(b)) <= 0.0
+                    {
+                        return false;
+                    }
                     let image = |x: [f64; 2]| self.charts[q].at(x);
                     let half = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
                     for ((end, at), (k, backward)) in ends.iter().zip([a, b]).zip(rays) {
                         // Halfway on an arc, not on its chord: it is the arc that bounds the surface.
-                        let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), backward));
+                        let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), backward) && x.end == at);
                         let halfway = arc.map_or(half(site.at, at), |x| x.middle);
                         if !self.is_near(image(halfway), middle(*end, image(at)), [*end, image(at)]) {
                             return false;
@@ -397,6 +427,16 @@ impl Builder<'_> {
                     }
                     fine &= self.is_near(image(half(a, b)), middle(image(a), image(b)), [image(a), image(b)]);
                     fine &= self.keeps_sign_from(q, [site.at, a, b], fan.multiplicity);
+                    // Between arcs with one tangent.
+                    for (k, backward) in rays {
+                        for w in self.ring(q, site, &fan.directions[k], backward).windows(2) {
+                            if !self.keeps_sign_from(q, [site.at, w[0], w[1]], fan.multiplicity)
+                                || cross(from_base(w[0]), from_base(w[1])) <= 0.0
+                            {
+                                return false;
+                            }
+                        }
+                    }
                 }
             }
             if fine {

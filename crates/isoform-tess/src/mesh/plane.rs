@@ -221,9 +221,10 @@ impl Plane {
                     let others: Vec<u32> = list[..k].iter().copied().filter(|&u| same(u)).chain([v]).collect();
                     // Through a chain of joined ones the surface is closed up as it should be.
                     let mut reached = vec![others[0]];
-                    while let Some(&next) = others.iter().find(|&&u| !reached.contains(&u) && reached.iter().any(|&r| {
-                        beside.get(&c).is_some_and(|b| b.contains(&[u, r]) || b.contains(&[r, u]))
-                    })) {
+                    while let Some(&next) = others.iter().find(|&&u| {
+                        !reached.contains(&u)
+                            && reached.iter().any(|&r| beside.get(&c).is_some_and(|b| b.contains(&[u, r]) || b.contains(&[r, u])))
+                    }) {
                         reached.push(next);
                     }
                     if !reached.contains(&v) {
