@@ -123,6 +123,26 @@ pub fn solitary_arcs(
     (search.arcs.into_iter().map(|arc| arc.into_iter().map(scale).collect()).collect(), search.problems)
 }
 
+/// The parameters of points of the double curve.
+pub(crate) struct Fibres {
+    search: Search,
+    half_width: f64,
+}
+
+impl Fibres {
+    pub(crate) fn new(map: &Map, singular: &Singular, half_width: f64, stop: &dyn Fn() -> bool) -> Result<Self, Stopped> {
+        let mut search = Search { sources: Vec::new(), tolerance: 1e-3, arcs: Vec::new(), problems: Vec::new() };
+        search.prepare(map, singular, half_width, stop)?;
+        Ok(Self { search, half_width })
+    }
+    /// Whether one real parameter and conjugate ones lead to a point, and nothing else.
+    pub(crate) fn is_met_by_conjugates(&self, p: [f64; 3]) -> bool {
+        let found = self.search.fibre(&[p[0] / self.half_width, p[1] / self.half_width, p[2] / self.half_width, 1.0]);
+        let real: Vec<&V> = found.iter().filter(|f| f.2).map(|f| &f.1).collect();
+        found.len() > real.len() && real.windows(2).all(|w| distance(w[0], w[1]) < 1e-5)
+    }
+}
+
 /// A complex number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct C {
@@ -916,7 +936,8 @@ fn directions() -> [[f64; 3]; 3] {
 }
 
 impl Search {
-    fn run(&mut self, map: &Map, singular: &Singular, half_width: f64, stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+    /// The curves, and their sections by a general plane.
+    fn prepare(&mut self, map: &Map, singular: &Singular, half_width: f64, stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
         let forms = rounded(map.forms().each_ref());
         for curve in &singular.curves {
             let contracted = matches!(curve.kind, CurveKind::Contracted(_));
@@ -937,6 +958,11 @@ impl Search {
                 self.problems.push("solitary curves: points of a section were lost".to_owned());
             }
         }
+        Ok(())
+    }
+
+    fn run(&mut self, map: &Map, singular: &Singular, half_width: f64, stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+        self.prepare(map, singular, half_width, stop)?;
         let hits = self.hits(stop)?;
         let mut traced = Vec::new();
         for hit in &hits {

@@ -9,6 +9,7 @@ mod opening;
 mod plane;
 
 use crate::analysis::Analysis;
+use crate::double::Fibres;
 use crate::fan::Fan;
 use crate::map::Map;
 use crate::region::Region;
@@ -136,7 +137,7 @@ pub(crate) fn mesh(
     builder.open_base_points(analysis.base_points.as_deref().unwrap_or_default());
     let mut sides = builder.sides();
     if curves.glued {
-        builder.gluing = builder.glue(&mut sides, &curves.pinches);
+        builder.gluing = builder.glue(&mut sides, &curves.pinches, curves.fibres.as_ref());
     }
     let mut global = BTreeMap::new();
     let mut surface = std::mem::take(&mut builder.surface);
@@ -159,12 +160,14 @@ pub(crate) struct Curves {
     /// Whether sheets that cross are joined.
     glued: bool,
     pinches: Vec<[f64; 3]>,
+    /// What tells a real parameter alone from one that meets conjugate ones.
+    fibres: Option<Fibres>,
 }
 
 impl Curves {
     /// Contracted ones; where sheets are joined, double ones and cuspidal edges, too.
-    pub(crate) fn new(analysis: &Analysis, glued: bool, pinches: Vec<[f64; 3]>) -> Self {
-        let mut found = Self { glued, pinches, ..Self::default() };
+    pub(crate) fn new(analysis: &Analysis, glued: bool, pinches: Vec<[f64; 3]>, fibres: Option<Fibres>) -> Self {
+        let mut found = Self { glued, pinches, fibres, ..Self::default() };
         for c in analysis.singular.iter().flat_map(|s| &s.curves) {
             let side = (0..3).find(|&k| c.curve.is_associate(&Poly::var(k)));
             match (&c.kind, side) {

@@ -1,7 +1,7 @@
 //! The whole way from a map to the triangles of its surface in a box.
 
 use crate::analysis::{Analysis, Budget, analyse};
-use crate::double::{pinch_points, solitary_arcs};
+use crate::double::{Fibres, pinch_points, solitary_arcs};
 use crate::field::Algebraic;
 use crate::map::Map;
 use crate::mesh::{Curves, mesh};
@@ -109,6 +109,7 @@ pub fn triangulate(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> b
     let b = options.half_width.to_f64().value();
     let glued = options.mode == Mode::Glued;
     let mut pinches = Vec::new();
+    let mut fibres = None;
     let mut solitary = Vec::new();
     if let Some(singular) = &analysis.singular {
         if glued && singular.curves.iter().any(|c| matches!(c.kind, CurveKind::Double)) {
@@ -116,6 +117,7 @@ pub fn triangulate(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> b
                 Ok(points) => pinches = points.iter().map(|p| p.each_ref().map(Algebraic::to_f64)).collect(),
                 Err(Stopped) => unproven.push("pinch points: stopped".to_owned()),
             }
+            fibres = Fibres::new(map, singular, b, stop).ok();
         }
         let (arcs, problems) = solitary_arcs(map, singular, b, options.mesh.tolerance, stop);
         solitary = arcs;
@@ -126,7 +128,7 @@ pub fn triangulate(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> b
     }
     analysis.seconds.push(("double curve", clock.elapsed().as_secs_f64()));
     let clock = Instant::now();
-    let curves = Curves::new(&analysis, glued, pinches);
+    let curves = Curves::new(&analysis, glued, pinches, fibres);
     let region = Region::new(map, &options.half_width, &curves.forms(), stop).map_err(|_| Stopped)?;
     analysis.seconds.push(("region", clock.elapsed().as_secs_f64()));
     let clock = Instant::now();

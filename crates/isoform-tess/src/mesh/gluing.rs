@@ -5,6 +5,7 @@
 //! of walls, rectangles around base points, pinch points) comes first, so that its partners are vertices, too; then the rest.
 
 use super::{Builder, Columns, Name, Ray, Sides, Stretch, distance, on_side, sides_of};
+use crate::double::Fibres;
 use crate::surface::{DoubleArc, Point3};
 use std::collections::BTreeMap;
 
@@ -89,7 +90,7 @@ impl Gluing {
 
 impl Builder<'_> {
     /// Finds the vertices of the double curve and their partners. Sides of the unit triangles that are double get their places.
-    pub(super) fn glue(&self, sides: &mut Sides, pinches: &[[f64; 3]]) -> Gluing {
+    pub(super) fn glue(&self, sides: &mut Sides, pinches: &[[f64; 3]], fibres: Option<&Fibres>) -> Gluing {
         let mut gluing = Gluing::default();
         let mut pieces = self.pieces(sides);
         self.add_pinches(&mut pieces, pinches);
@@ -111,7 +112,7 @@ impl Builder<'_> {
                 }
             }
         }
-        self.settle(&mut gluing, pieces, sides);
+        self.settle(&mut gluing, pieces, sides, fibres);
         gluing
     }
 
@@ -416,7 +417,7 @@ impl Builder<'_> {
     }
 
     /// The vertices in their places, and the arcs in space.
-    fn settle(&self, gluing: &mut Gluing, pieces: Vec<Piece>, sides: &mut Sides) {
+    fn settle(&self, gluing: &mut Gluing, pieces: Vec<Piece>, sides: &mut Sides, fibres: Option<&Fibres>) {
         let mut edges: BTreeMap<[usize; 2], usize> = BTreeMap::new();
         for piece in &pieces {
             for w in piece.knots.windows(2) {
@@ -425,8 +426,22 @@ impl Builder<'_> {
                 }
             }
         }
-        // Two sheets at least meet in each piece; where a pinch point folds the curve, they belong to the same one.
-        let single = edges.values().filter(|n| **n < 2).count();
+        // Two sheets at least meet in each piece, if they do not belong to the same one that a pinch point folds, or the other one is not real.
+        let mut single = 0;
+        for piece in &pieces {
+            let alone = |w: &&[Knot]| match [w[0].class, w[1].class] {
+                [Some(a), Some(b)] => edges.get(&[a.min(b), a.max(b)]).copied().unwrap_or(0) < 2,
+                _ => true,
+            };
+            let lonely: Vec<&[Knot]> = piece.knots.windows(2).filter(alone).collect();
+            if let Some(w) = lonely.get(lonely.len() / 2) {
+                let at = [0, 1].map(|i| 0.5 * (w[0].at[i] + w[1].at[i]));
+                let knot = w.iter().find(|k| !k.fixed).map_or_else(|| self.charts[piece.q].at(at), |k| k.image);
+                if !fibres.is_some_and(|f| f.is_met_by_conjugates(knot)) {
+                    single += lonely.len();
+                }
+            }
+        }
         if single > 0 {
             gluing.unproven.push(format!("{single} edges of the double curve have no partner that was found"));
         }
@@ -497,7 +512,7 @@ impl Builder<'_> {
         })
     }
     fn close(&self, gluing: &mut Gluing, run: &mut Vec<usize>, sheets: usize) {
-        if run.len() > 1 {
+        if run.len() > 1 && sheets > 1 {
             let points = run.iter().map(|&c| gluing.images[c]).collect();
             gluing.arcs.push(DoubleArc { points, sheets });
         }
