@@ -8,6 +8,7 @@ use crate::fan::{Direction, Fan};
 use crate::map::Map;
 use crate::surface::Point3;
 use isoform_algebra::{Poly, RBig};
+use std::collections::BTreeMap;
 
 /// Largest half width of a rectangle, halvings of it, and directions of a base point.
 const WIDTH: f64 = 1.0 / 16.0;
@@ -95,7 +96,7 @@ impl Builder<'_> {
 
     /// The directions in which the drawn arcs leave base points; each has to have as many arcs as its curve has branches.
     fn match_arcs(&mut self, problems: &mut Vec<String>) {
-        let mut count = std::collections::BTreeMap::new();
+        let mut count = BTreeMap::new();
         let keys: Vec<(usize, usize, usize)> = self.sites.keys().copied().collect();
         for (q, k, p) in keys {
             let a = &self.region.triangles[q].arrangement;
@@ -348,23 +349,37 @@ impl Builder<'_> {
             let fan = &self.fans[site.fan];
             let apart = |other: &&&Site| (other.at[0] - site.at[0]).abs().max((other.at[1] - site.at[1]).abs());
             let nearest = here.iter().filter(|s| s.at != site.at).map(|s| apart(&s)).fold(1.0, f64::min);
-            let mut scale = 2.0;
+            let mut last: BTreeMap<([u64; 2], bool), Point3> = BTreeMap::new();
+            let mut scale = 1.0;
             while scale * site.height < 0.4 * nearest {
+                let mut ring = Vec::new();
                 for (k, d) in fan.directions.iter().enumerate() {
                     let before = fan.inside[(k + fan.inside.len() - 1) % fan.inside.len()];
                     if !(fan.inside[k] && before) || !d.factors.is_empty() || fan.is_side(d) {
                         continue;
                     }
                     for backward in [false, true] {
-                        if let Some(at) = self.straight(q, site, d, backward) {
-                            let at: [f64; 2] = std::array::from_fn(|i| site.at[i] + scale * (at[i] - site.at[i]));
-                            if at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0 {
-                                found.push(at);
-                            }
+                        let Some(at) = self.straight(q, site, d, backward) else { continue };
+                        let at: [f64; 2] = std::array::from_fn(|i| site.at[i] + scale * (at[i] - site.at[i]));
+                        if at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0 {
+                            ring.push(((d.key(), backward), at, self.charts[q].at(at)));
                         }
                     }
                 }
-                scale *= 2.0;
+                // A ring as near to the last one as its vertices are to each other, in space, makes triangles that are round; nearer ones do not.
+                let median = |mut x: Vec<f64>| {
+                    x.sort_by(f64::total_cmp);
+                    x.get(x.len() / 2).copied()
+                };
+                let along = median(ring.windows(2).filter(|w| w[0].0.1 == w[1].0.1).map(|w| distance(w[0].2, w[1].2)).collect());
+                let across = median(ring.iter().filter_map(|(ray, _, p)| Some(distance(*last.get(ray)?, *p))).collect());
+                if scale == 1.0 || across.zip(along).is_none_or(|(across, along)| across > along) {
+                    last = ring.iter().map(|(ray, _, p)| (*ray, *p)).collect();
+                    if scale > 1.0 {
+                        found.extend(ring.into_iter().map(|x| x.1));
+                    }
+                }
+                scale *= 1.5;
             }
         }
         found

@@ -78,6 +78,9 @@ fn smallest_angle(p: [Point3; 3]) -> f64 {
     least
 }
 
+/// Rounds of coarsening, and the smallest angle, in radians, below which a triangle is too thin.
+const COARSENING: usize = 4;
+const COARSE: f64 = 0.2;
 /// Rounds in which edges are split that fall together in space.
 const CLASHES: usize = 12;
 /// How much an edge wants to be split whose ends, or the corners opposite to it, have one image: the surface would be closed up there.
@@ -167,6 +170,14 @@ impl Plane {
         let all = (0..self.triangles.len() as u32).flat_map(|t| self.triangles[t as usize].map(|v| (t, v))).collect();
         self.legalise(all, measure);
         let mut ended = self.work_off(most, measure, stop);
+        for _ in 0..COARSENING {
+            if ended != Ended::default() || self.coarsen(measure) == 0 {
+                break;
+            }
+            let all = (0..self.triangles.len() as u32).flat_map(|t| self.triangles[t as usize].map(|v| (t, v))).collect();
+            self.legalise(all, measure);
+            ended = self.work_off(most, measure, stop);
+        }
         for _ in 0..CLASHES {
             let clashes = self.clashes();
             if clashes.is_empty() || ended != Ended::default() {
@@ -236,6 +247,142 @@ impl Plane {
         found.sort_unstable();
         found.dedup();
         found
+    }
+
+    /// Pulls vertices of thin triangles onto their neighbours where nothing gets worse. Returns how many.
+    fn coarsen(&mut self, measure: &dyn Measure) -> usize {
+        let mut at: Vec<u32> = vec![NONE; self.nodes.len()];
+        let mut free: Vec<bool> = (0..self.nodes.len())
+            .map(|v| self.nodes[v].name == Name::Inner && self.nodes[v].faces == 0 && self.shared[v].is_none())
+            .collect();
+        for (t, v) in self.triangles.iter().enumerate() {
+            for i in 0..3 {
+                at[v[i] as usize] = t as u32;
+                if self.fixed[t][i] {
+                    free[v[(i + 1) % 3] as usize] = false;
+                    free[v[(i + 2) % 3] as usize] = false;
+                }
+            }
+        }
+        let mut dead = vec![false; self.triangles.len()];
+        let mut done = 0;
+        for v in 0..self.nodes.len() as u32 {
+            if !free[v as usize] || at[v as usize] == NONE {
+                continue;
+            }
+            // Around v, counterclockwise: triangle k has the corners v, ring k and ring k + 1.
+            let (mut star, mut ring) = (Vec::new(), Vec::new());
+            let mut t = at[v as usize];
+            while star.first() != Some(&t) && star.len() < 64 {
+                let i = self.triangles[t as usize].iter().position(|&x| x == v).expect("a triangle at v");
+                star.push(t);
+                ring.push(self.triangles[t as usize][(i + 1) % 3]);
+                // The neighbour beyond the edge from v to the corner after.
+                t = self.adjacent[t as usize][(i + 1) % 3];
+            }
+            let n = star.len();
+            let worst = |p: [u32; 3]| smallest_angle(p.map(|x| self.images[x as usize]));
+            let before = star.iter().map(|&t| worst(self.triangles[t as usize])).fold(f64::INFINITY, f64::min);
+            if n == 64 || before > COARSE {
+                continue;
+            }
+            let mut order: Vec<usize> = (0..n).collect();
+            let far = |k: &usize| distance(self.images[ring[*k] as usize], self.images[v as usize]);
+            order.sort_by(|a, b| far(a).total_cmp(&far(b)));
+            let target = order.into_iter().take(4).find(|&k| {
+                let w = ring[k];
+                let made: Vec<[u32; 3]> = (1..n - 1).map(|j| [w, ring[(k + j) % n], ring[(k + j + 1) % n]]).collect();
+                let fits = |t: &[u32; 3]| {
+                    let corners = t.map(|x| self.nodes[x as usize].at);
+                    let p = t.map(|x| self.images[x as usize]);
+                    let center = [0, 1].map(|i| (corners[0][i] + corners[1][i] + corners[2][i]) / 3.0);
+                    let off = distance(measure.at(center), std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0));
+                    off <= measure.tolerance() && measure.is_sound(corners)
+                };
+                made.iter().all(|&t| worst(t) > before && self.is_counterclockwise(t) && self.is_thick(t))
+                    && (2..n - 1).all(|j| {
+                        let x = ring[(k + j) % n];
+                        !self.have_one_image([w, x]) && !self.is_ambiguous([w, x]) && self.excess(w, x, measure) <= SPLIT
+                    })
+                    // w has no other way to a vertex of the ring.
+                    && !(2..n - 1).any(|j| self.are_joined(at[w as usize], w, ring[(k + j) % n]))
+                    && made.iter().all(fits)
+            });
+            let Some(k) = target else { continue };
+            let w = ring[k];
+            // The two triangles between v and w go; the others get w for v.
+            let (gone, last) = (star[k], star[(k + n - 1) % n]);
+            let outer = |t: u32| {
+                let i = self.triangles[t as usize].iter().position(|&x| x == v).expect("a triangle at v");
+                (self.adjacent[t as usize][i], self.fixed[t as usize][i])
+            };
+            let (beyond, beyond_last) = (outer(gone), outer(last));
+            for j in 1..n - 1 {
+                let t = star[(k + j) % n] as usize;
+                let i = self.triangles[t].iter().position(|&x| x == v).expect("a triangle at v");
+                self.triangles[t][i] = w;
+            }
+            // (v, w, next): the triangle after it meets what was beyond the edge from w to next.
+            let join = |this: &mut Self, t: u32, ends: [u32; 2], (n, fixed): (u32, bool)| {
+                for (a, b) in [(t, n), (n, t)] {
+                    if a != NONE {
+                        let x = this.triangles[a as usize];
+                        let i = (0..3).find(|&i| !ends.contains(&x[i])).expect("a corner opposite to the edge");
+                        this.adjacent[a as usize][i] = b;
+                        this.fixed[a as usize][i] = fixed || b == NONE;
+                    }
+                }
+            };
+            join(self, star[(k + 1) % n], [w, ring[(k + 1) % n]], beyond);
+            join(self, star[(k + n - 2) % n], [w, ring[(k + n - 1) % n]], beyond_last);
+            for t in [gone, last] {
+                dead[t as usize] = true;
+            }
+            at[v as usize] = NONE;
+            for j in 1..n - 1 {
+                let t = star[(k + j) % n];
+                self.triangles[t as usize].iter().for_each(|&x| at[x as usize] = t);
+            }
+            done += 1;
+        }
+        self.remove(&dead);
+        done
+    }
+
+    /// Whether two vertices have an edge, looked for around the first from one of its triangles on, both ways.
+    fn are_joined(&self, from: u32, w: u32, x: u32) -> bool {
+        for step in [1, 2] {
+            let mut t = from;
+            for _ in 0..64 {
+                let v = self.triangles[t as usize];
+                if v.contains(&x) {
+                    return true;
+                }
+                let i = v.iter().position(|&y| y == w).expect("a triangle at w");
+                t = self.adjacent[t as usize][(i + step) % 3];
+                if t == NONE || t == from {
+                    break;
+                }
+            }
+        }
+        false
+    }
+
+    /// Without the triangles that are marked.
+    fn remove(&mut self, dead: &[bool]) {
+        let mut new = vec![NONE; dead.len()];
+        let mut n = 0;
+        for (t, _) in dead.iter().enumerate().filter(|d| !d.1) {
+            new[t] = n;
+            n += 1;
+        }
+        let kept = |t: &usize| !dead[*t];
+        self.triangles = (0..dead.len()).filter(kept).map(|t| self.triangles[t]).collect();
+        self.fixed = (0..dead.len()).filter(kept).map(|t| self.fixed[t]).collect();
+        let renumbered = |t: usize| self.adjacent[t].map(|n| if n == NONE { NONE } else { new[n as usize] });
+        self.adjacent = (0..dead.len()).filter(kept).map(renumbered).collect();
+        self.queued = vec![false; n as usize];
+        self.queue.clear();
     }
 
     fn work_off(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
