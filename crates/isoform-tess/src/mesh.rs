@@ -11,6 +11,7 @@ mod plane;
 use crate::analysis::Analysis;
 use crate::double::Fibres;
 use crate::fan::Fan;
+use crate::field::Algebraic;
 use crate::map::Map;
 use crate::region::Region;
 use crate::singular::{CurveKind, RealPart};
@@ -137,7 +138,7 @@ pub(crate) fn mesh(
     builder.open_base_points(analysis.base_points.as_deref().unwrap_or_default());
     let mut sides = builder.sides();
     if curves.glued {
-        builder.gluing = builder.glue(&mut sides, &curves.pinches, curves.fibres.as_ref());
+        builder.gluing = builder.glue(&mut sides, &curves.pinches, &curves.isolated, curves.fibres.as_ref());
     }
     let mut global = BTreeMap::new();
     let mut surface = std::mem::take(&mut builder.surface);
@@ -160,6 +161,8 @@ pub(crate) struct Curves {
     /// Whether sheets that cross are joined.
     glued: bool,
     pinches: Vec<[f64; 3]>,
+    /// Isolated real points of singular curves.
+    isolated: Vec<[f64; 3]>,
     /// What tells a real parameter alone from one that meets conjugate ones.
     fibres: Option<Fibres>,
 }
@@ -170,6 +173,11 @@ impl Curves {
         let mut found = Self { glued, pinches, fibres, ..Self::default() };
         for c in analysis.singular.iter().flat_map(|s| &s.curves) {
             let side = (0..3).find(|&k| c.curve.is_associate(&Poly::var(k)));
+            if let RealPart::Points(points) = &c.real
+                && glued
+            {
+                found.isolated.extend(points.iter().map(|p| p.each_ref().map(Algebraic::to_f64)));
+            }
             match (&c.kind, side) {
                 (CurveKind::Contracted(to), None) if !to.at_infinity() => {
                     let images = to.points().iter().map(|p| [0, 1, 2].map(|k| p[k].to_f64() / p[3].to_f64())).collect::<Vec<_>>();
@@ -572,6 +580,9 @@ impl Builder<'_> {
             let below = lines[k].iter().rev().find(|(_, line)| height(line, at[0]) < at[1]).map(|l| l.0);
             t.inside[k][below.unwrap_or(0)]
         };
+        for at in self.gluing.points(q) {
+            let _ = cdt.insert(Node::inner(at, 0));
+        }
         for at in self.rings_around(q) {
             if inside(at) {
                 let _ = cdt.insert(Node::inner(at, 0));
@@ -651,20 +662,27 @@ impl Builder<'_> {
                 }
                 let d = self.fans[fan].directions.iter().find(|d| d.key() == ray.0).expect("a direction of the fan");
                 let (name, point, faces) = self.seam_vertex(fan, d);
-                let name = self.gluing.class(&key(name, 0, at)).map_or(name, Name::Double);
+                let name = self.gluing.name(&key(name, 0, at)).unwrap_or(name);
                 let kind = match (name, faces) {
                     (Name::Image(_), _) => Kind::Contracted,
                     (_, 1..) => Kind::Box,
                     (Name::Double(_), _) => Kind::Double,
                     _ => Kind::Seam,
                 };
+                let point = match name {
+                    Name::Image(k) => self.images[k],
+                    Name::Double(k) => self.gluing.image(k),
+                    _ => point,
+                };
                 path.push((add(surface, global, name, (point, faces), kind), p));
                 path
             });
+            let first_is_double = surface.double[first[0].0 as usize];
             // A strip between both, from the rectangle on.
             let (mut i, mut j) = (0, 0);
             while i + 1 < first.len() || j + 1 < second.len() {
-                let on_second = i + 1 == first.len() || (j + 1 < second.len() && j * first.len() <= i * second.len());
+                // Edges from the seam's end of a double curve to the rectangle: the other diagonals would be there twice where the curve is folded.
+                let on_second = i + 1 == first.len() || (j + 1 < second.len() && !first_is_double);
                 let next = if on_second { second[j + 1] } else { first[i + 1] };
                 let t = [first[i], second[j], next];
                 made.push((t.map(|t| t.0), t.map(|t| t.1)));
@@ -763,7 +781,7 @@ impl Builder<'_> {
         });
         match image {
             Some(k) => Name::Image(k),
-            None => self.gluing.class(&key(node.name, q, node.at)).map_or(node.name, Name::Double),
+            None => self.gluing.name(&key(node.name, q, node.at)).unwrap_or(node.name),
         }
     }
 
@@ -972,6 +990,15 @@ impl Measure for InChart<'_, '_> {
     }
     fn at(&self, at: [f64; 2]) -> Point3 {
         self.builder.charts[self.q].at(at)
+    }
+    fn normal(&self, [u, v]: [f64; 2]) -> Point3 {
+        const STEP: f64 = 1e-6;
+        let along = |h: [f64; 2]| {
+            let (p, q) = (self.at([u + h[0], v + h[1]]), self.at([u - h[0], v - h[1]]));
+            [0, 1, 2].map(|i| p[i] - q[i])
+        };
+        let (x, y) = (along([STEP, 0.0]), along([0.0, STEP]));
+        [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]
     }
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool {
         self.builder.keeps_sign(self.q, at)

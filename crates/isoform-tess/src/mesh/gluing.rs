@@ -63,19 +63,25 @@ impl Piece {
 #[derive(Default)]
 pub(super) struct Gluing {
     /// The class of each vertex on the double curve.
-    classes: BTreeMap<Key, usize>,
+    classes: BTreeMap<Key, Name>,
     images: Vec<Point3>,
     /// Vertices of arcs and walls between their ends, and of sides.
     lines: BTreeMap<Track, Vec<[f64; 2]>>,
     /// Vertices between rectangles and seams, from the rectangle on.
     spokes: BTreeMap<(usize, Ray, [u64; 2]), Vec<(usize, [f64; 2])>>,
+    points: Vec<(usize, [f64; 2])>,
     pub(super) arcs: Vec<DoubleArc>,
     pub(super) unproven: Vec<String>,
 }
 
 impl Gluing {
-    pub(super) fn class(&self, key: &Key) -> Option<usize> {
+    /// The name of a vertex that it shares with its partners.
+    pub(super) fn name(&self, key: &Key) -> Option<Name> {
         self.classes.get(key).copied()
+    }
+    /// Isolated points of the double curve that are vertices, in a unit triangle.
+    pub(super) fn points(&self, q: usize) -> impl Iterator<Item = [f64; 2]> {
+        self.points.iter().filter(move |p| p.0 == q).map(|p| p.1)
     }
     pub(super) fn image(&self, class: usize) -> Point3 {
         self.images[class]
@@ -90,7 +96,7 @@ impl Gluing {
 
 impl Builder<'_> {
     /// Finds the vertices of the double curve and their partners. Sides of the unit triangles that are double get their places.
-    pub(super) fn glue(&self, sides: &mut Sides, pinches: &[[f64; 3]], fibres: Option<&Fibres>) -> Gluing {
+    pub(super) fn glue(&self, sides: &mut Sides, pinches: &[[f64; 3]], isolated: &[[f64; 3]], fibres: Option<&Fibres>) -> Gluing {
         let mut gluing = Gluing::default();
         let mut pieces = self.pieces(sides);
         self.add_pinches(&mut pieces, pinches);
@@ -113,7 +119,62 @@ impl Builder<'_> {
             }
         }
         self.settle(&mut gluing, pieces, sides, fibres);
+        self.join_isolated(&mut gluing, isolated);
         gluing
+    }
+
+    /// Isolated real points of singular curves, and images of contracted ones: those with one image become one vertex.
+    fn join_isolated(&self, gluing: &mut Gluing, isolated: &[[f64; 3]]) {
+        let close = 1e-9 * self.half_width;
+        let mut points: Vec<(usize, [f64; 2], Point3)> = Vec::new();
+        for &p in isolated {
+            for q in 0..4 {
+                let Some(at) = super::place_in(q, p) else { continue };
+                let image = self.charts[q].at(at);
+                // Base points have no image, and none of their own.
+                if image.iter().all(|x| x.abs() <= self.half_width) {
+                    points.push((q, at, image));
+                }
+            }
+        }
+        for &(q, at, image) in &points {
+            let name = if at[0] == 0.0 {
+                self.name_on(q, 0, at[1])
+            } else if at[1] == 0.0 {
+                self.name_on(q, 1, at[0])
+            } else if at[0] + at[1] == 1.0 {
+                self.name_on(q, 2, at[0])
+            } else {
+                Name::Inner
+            };
+            let contracted = self.images.iter().position(|&p| distance(p, image) < close).map(Name::Image);
+            let double = gluing.images.iter().position(|&p| distance(p, image) < close).map(Name::Double);
+            let others = points.iter().filter(|o| distance(o.2, image) < close).map(|o| o.0 != q || distance2(o.1, at) > 1e-12).any(|x| x);
+            if !(contracted.is_some() || double.is_some() || others) {
+                continue;
+            }
+            if !matches!(name, Name::Inner | Name::Corner(_)) {
+                // The places of sides are settled.
+                gluing.unproven.push("isolated points with one image are not joined".into());
+                continue;
+            }
+            let shared = contracted.or(double).unwrap_or_else(|| {
+                gluing.images.push(image);
+                Name::Double(gluing.images.len() - 1)
+            });
+            gluing.classes.insert(key(name, q, at), shared);
+            if name == Name::Inner {
+                gluing.points.push((q, at));
+            }
+        }
+        // Contracted curves with one image are one vertex already; a double curve may go through it.
+        for (k, &p) in self.images.iter().enumerate() {
+            for name in gluing.classes.values_mut() {
+                if matches!(name, Name::Double(c) if distance(gluing.images[*c], p) < close) {
+                    *name = Name::Image(k);
+                }
+            }
+        }
     }
 
     fn knot(&self, q: usize, at: [f64; 2], name: Name, faces: u8, fixed: bool) -> Knot {
@@ -469,7 +530,7 @@ impl Builder<'_> {
             self.close(gluing, &mut run, sheets);
             for knot in &piece.knots {
                 if let Some(class) = knot.class {
-                    gluing.classes.insert(knot.key, class);
+                    gluing.classes.insert(knot.key, Name::Double(class));
                 }
             }
             // Between base points and their rectangles.

@@ -456,7 +456,8 @@ impl Builder<'_> {
             }
             if fine {
                 k += 1;
-            } else if fan.directions.len() >= DIRECTIONS {
+            } else if fan.directions.len() >= DIRECTIONS || distance(ends[0], ends[1]) < 0.1 * self.options.tolerance {
+                // What is not fine is not the seam then: an arc is too far from its tangent.
                 return false;
             } else if fan.split(k) == 0 {
                 k = 0;

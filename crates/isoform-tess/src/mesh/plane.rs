@@ -18,6 +18,8 @@ pub(super) trait Measure {
     fn shared(&self, node: &Node) -> Option<Shared>;
     /// The value of the map.
     fn at(&self, at: [f64; 2]) -> Point3;
+    /// The normal of the surface, of any length, for parameters turned counterclockwise.
+    fn normal(&self, at: [f64; 2]) -> Point3;
     /// Whether the pole curve is proved to miss a triangle.
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool;
     fn tolerance(&self) -> f64;
@@ -62,6 +64,9 @@ pub(super) struct Plane {
 fn sub(a: Point3, b: Point3) -> Point3 {
     std::array::from_fn(|i| a[i] - b[i])
 }
+fn cross(x: Point3, y: Point3) -> Point3 {
+    [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]
+}
 fn distance(a: Point3, b: Point3) -> f64 {
     sub(a, b).iter().map(|x| x * x).sum::<f64>().sqrt()
 }
@@ -70,7 +75,7 @@ fn smallest_angle(p: [Point3; 3]) -> f64 {
     let mut least = f64::INFINITY;
     for i in 0..3 {
         let (x, y) = (sub(p[(i + 1) % 3], p[i]), sub(p[(i + 2) % 3], p[i]));
-        let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+        let cross = cross(x, y);
         let dot: f64 = x.iter().zip(y).map(|(x, y)| x * y).sum();
         let angle = cross.iter().map(|c| c * c).sum::<f64>().sqrt().atan2(dot);
         least = least.min(if angle.is_nan() || x == [0.0; 3] || y == [0.0; 3] { -1.0 } else { angle });
@@ -87,6 +92,10 @@ const CLASHES: usize = 12;
 const PINCHED: f64 = 1.5;
 /// Least area of flipped triangles in the parameters, per square of their longest edge.
 const THIN: f64 = 1e-11;
+/// Least cosine between the normals of a triangle and of the surface, and the shortest edges, per longest allowed, of triangles that are split
+/// for it: where the surface has a cusp no size is small enough.
+const FACING: f64 = 0.3;
+const LEAST: f64 = 0.03;
 /// An edge wants to be split when its number is above 1.
 const SPLIT: f64 = 1.0;
 
@@ -115,6 +124,21 @@ impl Plane {
     }
     fn images_of(&self, t: u32) -> [Point3; 3] {
         self.triangles[t as usize].map(|v| self.images[v as usize])
+    }
+    /// The cosine of the angle between the normals of a triangle and of the surface in its middle; 1 where that has none.
+    fn facing(&self, t: [u32; 3], measure: &dyn Measure) -> f64 {
+        let [a, b, c] = t.map(|v| self.nodes[v as usize].at);
+        let [p, q, r] = t.map(|v| self.images[v as usize]);
+        let normal = measure.normal([0, 1].map(|i| (a[i] + b[i] + c[i]) / 3.0));
+        let own = cross(sub(q, p), sub(r, p));
+        let size = |x: Point3| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let cosine = own.iter().zip(normal).map(|(x, y)| x * y).sum::<f64>() / (size(own) * size(normal));
+        if cosine.is_nan() { 1.0 } else { cosine }
+    }
+    /// The smallest angle of a triangle, in radians; below zero if it does not face the way the surface does.
+    fn worth(&self, t: [u32; 3], measure: &dyn Measure) -> f64 {
+        let facing = self.facing(t, measure);
+        if facing < FACING { facing - FACING } else { smallest_angle(t.map(|v| self.images[v as usize])) }
     }
     fn is_counterclockwise(&self, t: [u32; 3]) -> bool {
         let [a, b, c] = t.map(|v| {
@@ -281,7 +305,7 @@ impl Plane {
                 t = self.adjacent[t as usize][(i + 1) % 3];
             }
             let n = star.len();
-            let worst = |p: [u32; 3]| smallest_angle(p.map(|x| self.images[x as usize]));
+            let worst = |t: [u32; 3]| self.worth(t, measure);
             let before = star.iter().map(|&t| worst(self.triangles[t as usize])).fold(f64::INFINITY, f64::min);
             if n == 64 || before > COARSE {
                 continue;
@@ -415,13 +439,19 @@ impl Plane {
             }
             let at = self.corners(t);
             let sound = measure.is_sound(at);
+            let mut only_turned = false;
             let mut split = worst.filter(|w| w.0 > SPLIT).map(|w| Some(w.1));
             if split.is_none() {
                 let p = self.images_of(t);
                 let center = [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0);
                 let off = distance(measure.at(center), std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0));
                 let is_far = off > measure.tolerance() || off.is_nan();
-                if !sound || is_far {
+                let is_turned = || {
+                    let long = (0..3).map(|i| distance(p[i], p[(i + 1) % 3])).fold(0.0, f64::max);
+                    long > LEAST * measure.longest() && self.facing(v, measure) < FACING
+                };
+                only_turned = sound && !is_far;
+                if !sound || is_far || is_turned() {
                     // The longest edge: of the parameters for the sign, in space for the distance.
                     let length = |i: usize| {
                         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
@@ -439,14 +469,9 @@ impl Plane {
                     None => self.split_triangle(t, measure),
                 };
             if !done {
-                if std::env::var("DBG").is_ok() {
-                    eprintln!("full {is_full} edge {edge:?} worst {worst:?} sound {sound} at {at:?} images {:?}", self.images_of(t));
-                }
-                if sound {
-                    ended.coarse += 1;
-                } else {
-                    ended.unsound += 1;
-                }
+                // One that only faces a wrong way is as near to the surface as asked for.
+                ended.unsound += usize::from(!sound);
+                ended.coarse += usize::from(sound && (is_full || !only_turned));
             }
         }
         ended
@@ -580,11 +605,10 @@ impl Plane {
         {
             return false;
         }
-        let least =
-            |t: [[u32; 3]; 2]| t.map(|t| smallest_angle(t.map(|v| self.images[v as usize]))).into_iter().fold(f64::INFINITY, f64::min);
-        let before = least([[c, a, b], [d, b, a]]);
-        let after = least(made);
-        if after <= 1.1 * before || after <= 0.0 {
+        let least = |t: [[u32; 3]; 2]| t.map(|t| self.worth(t, measure)).into_iter().fold(f64::INFINITY, f64::min);
+        let (before, after) = (least([[c, a, b], [d, b, a]]), least(made));
+        let better = if before > 0.0 { after > 1.1 * before } else { after > before + 1e-3 };
+        if !better {
             return false;
         }
         let excess = self.excess(c, d, measure);
