@@ -10,13 +10,9 @@ fn options(half_width: f64) -> MeshOptions {
     MeshOptions { tolerance: 1e-2 * half_width, longest: 0.5 * half_width, triangles: 400_000 }
 }
 
-fn surface(map: &Map, half_width: i64) -> Surface {
-    let options = TriangulateOptions {
-        half_width: RBig::from(half_width),
-        mode: Mode::Normalised,
-        mesh: options(half_width as f64),
-        budget: Budget::default(),
-    };
+fn surface(map: &Map, half_width: i64, mode: Mode) -> Surface {
+    let options =
+        TriangulateOptions { half_width: RBig::from(half_width), mode, mesh: options(half_width as f64), budget: Budget::default() };
     triangulate(map, &options, &|| false).expect("not stopped").0
 }
 
@@ -59,7 +55,7 @@ fn topology(s: &Surface) -> [i64; 3] {
 #[test]
 fn sphere() {
     let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default()).expect("a map");
-    let s = surface(&map, 2);
+    let s = surface(&map, 2, Mode::Normalised);
     assert!(s.unproven.is_empty(), "{:?}", s.unproven);
     assert_eq!(topology(&s), [2, 1, 0]);
     assert_eq!(s.kinds.iter().filter(|k| **k == Kind::Contracted).count(), 1, "the pole opposite to the origin");
@@ -107,7 +103,11 @@ fn normalised(known: &serde_json::Value) -> [Option<i64>; 3] {
     }
 }
 
-/// Members of the zoo whose topology in the box is known, without real base points in it.
+/// Base points that others are infinitely near to, or a double curve of degree 18: not certified so far, and slow.
+const HARD: [&str; 8] =
+    ["cuspidal_edge", "dense3", "elliptic_cone", "moebius_ruled", "pole_4ovals", "pole_acnode", "pole_cusp", "pole_node"];
+
+/// Members of the zoo before sheets are joined: what is certified is right, and most is certified.
 #[test]
 fn surfaces_of_the_zoo() {
     let surfaces = zoo();
@@ -115,20 +115,42 @@ fn surfaces_of_the_zoo() {
         return;
     }
     let mut wrong = Vec::new();
-    let mut compared = 0;
-    for (name, known, map) in surfaces {
-        let half_width = known["box"].as_i64().expect("a number");
-        let clock = std::time::Instant::now();
-        let s = surface(&map, half_width);
-        let expected = normalised(&known);
-        let t = topology(&s);
-        println!("{name} {t:?} of {expected:?}, {} triangles {:?} {:?}", s.triangles.len(), s.unproven, clock.elapsed());
-        compared += 1;
-        let differs = expected.iter().zip(t).any(|(e, t)| e.is_some_and(|e| e != t));
-        if s.unproven.is_empty() && differs {
-            wrong.push(format!("{name}: {t:?} instead of {expected:?}"));
+    let mut certified = 0;
+    for (name, known, map) in surfaces.iter().filter(|s| !HARD.contains(&s.0.as_str())) {
+        let s = surface(map, known["box"].as_i64().expect("a number"), Mode::Normalised);
+        let (expected, t) = (normalised(known), topology(&s));
+        println!("{name} {t:?} of {expected:?}, {} triangles {:?}", s.triangles.len(), s.unproven);
+        if s.unproven.is_empty() {
+            certified += 1;
+            if expected.iter().zip(t).any(|(e, t)| e.is_some_and(|e| e != t)) {
+                wrong.push(format!("{name}: {t:?} instead of {expected:?}"));
+            }
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
-    assert!(compared >= 11, "{compared} surfaces");
+    assert!(certified >= 24, "{certified} surfaces are certified");
+}
+
+/// Sheets joined: Euler numbers of the images, by hand. Steiner's surface has three double lines through a triple point and six pinch points.
+#[test]
+fn joined_sheets() {
+    let steiner = ["2*t", "2*s", "2*s*t", "s^2 + t^2 + 1"];
+    let cross_cap = ["2*s*t", "2*t", "1 - t^2", "1 + s^2 + t^2"];
+    for (texts, euler) in [(steiner, Some(5)), (cross_cap, None)] {
+        let map = Map::parse(texts, Default::default()).expect("a map");
+        let s = surface(&map, 2, Mode::Glued);
+        let mut edges: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+        for t in &s.triangles {
+            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
+            }
+        }
+        assert!(s.unproven.is_empty(), "{texts:?} {:?}", s.unproven);
+        assert!(edges.values().all(|n| [2, 4].contains(n)), "{texts:?}");
+        assert!(edges.values().any(|n| *n == 4), "{texts:?}");
+        let used: std::collections::BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
+        let counted = used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64;
+        assert!(euler.is_none_or(|e| e == counted), "{texts:?} {counted}");
+        assert!(!s.double_curve.is_empty() && s.double_curve.iter().all(|a| a.sheets >= 2), "{texts:?}");
+    }
 }

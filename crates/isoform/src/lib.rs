@@ -30,6 +30,7 @@
 mod compare;
 mod facets;
 mod meshing;
+mod rational;
 mod template;
 mod topology;
 
@@ -44,5 +45,6 @@ pub use isoform_mesh as mesh;
 pub use isoform_num as num;
 pub use isoform_tess as tess;
 pub use meshing::{certified_adaptation, certified_mesh, default_size, solid_of, surface_of};
+pub use rational::rational_surface;
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};

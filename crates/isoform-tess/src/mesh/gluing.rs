@@ -59,6 +59,9 @@ impl Piece {
     }
 }
 
+/// A vertex between a rectangle and a seam: its class and parameters.
+type SpokeVertex = (usize, [f64; 2]);
+
 /// What is glued.
 #[derive(Default)]
 pub(super) struct Gluing {
@@ -68,7 +71,7 @@ pub(super) struct Gluing {
     /// Vertices of arcs and walls between their ends, and of sides.
     lines: BTreeMap<Track, Vec<[f64; 2]>>,
     /// Vertices between rectangles and seams, from the rectangle on.
-    spokes: BTreeMap<(usize, Ray, [u64; 2]), Vec<(usize, [f64; 2])>>,
+    spokes: BTreeMap<(usize, Ray, [u64; 2]), Vec<SpokeVertex>>,
     points: Vec<(usize, [f64; 2])>,
     pub(super) arcs: Vec<DoubleArc>,
     pub(super) unproven: Vec<String>,
@@ -89,7 +92,7 @@ impl Gluing {
     pub(super) fn line(&self, track: Track) -> Option<&Vec<[f64; 2]>> {
         self.lines.get(&track)
     }
-    pub(super) fn spoke(&self, fan: usize, ray: Ray, ring: [f64; 2]) -> &[(usize, [f64; 2])] {
+    pub(super) fn spoke(&self, fan: usize, ray: Ray, ring: [f64; 2]) -> &[SpokeVertex] {
         self.spokes.get(&(fan, ray, ring.map(f64::to_bits))).map_or(&[], Vec::as_slice)
     }
 }
@@ -149,7 +152,7 @@ impl Builder<'_> {
             };
             let contracted = self.images.iter().position(|&p| distance(p, image) < close).map(Name::Image);
             let double = gluing.images.iter().position(|&p| distance(p, image) < close).map(Name::Double);
-            let others = points.iter().filter(|o| distance(o.2, image) < close).map(|o| o.0 != q || distance2(o.1, at) > 1e-12).any(|x| x);
+            let others = points.iter().filter(|o| distance(o.2, image) < close).any(|o| o.0 != q || distance2(o.1, at) > 1e-12);
             if !(contracted.is_some() || double.is_some() || others) {
                 continue;
             }

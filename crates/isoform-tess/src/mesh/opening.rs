@@ -355,7 +355,7 @@ impl Builder<'_> {
                 let mut ring = Vec::new();
                 for (k, d) in fan.directions.iter().enumerate() {
                     let before = fan.inside[(k + fan.inside.len() - 1) % fan.inside.len()];
-                    if !(fan.inside[k] && before) || !d.factors.is_empty() || fan.is_side(d) {
+                    if !fan.inside[k] || !before || !d.factors.is_empty() || fan.is_side(d) {
                         continue;
                     }
                     for backward in [false, true] {

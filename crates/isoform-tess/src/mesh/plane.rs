@@ -96,6 +96,8 @@ const THIN: f64 = 1e-11;
 /// for it: where the surface has a cusp no size is small enough.
 const FACING: f64 = 0.3;
 const LEAST: f64 = 0.03;
+/// Least area in the parameters, per square of the longest edge, of triangles that are split because they face a wrong way.
+const TURNED: f64 = 1e-6;
 /// An edge wants to be split when its number is above 1.
 const SPLIT: f64 = 1.0;
 
@@ -147,11 +149,11 @@ impl Plane {
         });
         orient2d(a, b, c) > 0.0
     }
-    fn is_thick(&self, t: [u32; 3]) -> bool {
+    fn is_thick(&self, t: [u32; 3], least: f64) -> bool {
         let [a, b, c] = t.map(|v| self.nodes[v as usize].at);
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
         let long = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
-        area > THIN * long(a, b).max(long(b, c)).max(long(c, a))
+        area > least * long(a, b).max(long(b, c)).max(long(c, a))
     }
     fn push(&mut self, t: u32) {
         if !self.queued[t as usize] {
@@ -323,7 +325,7 @@ impl Plane {
                     let off = distance(measure.at(center), std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0));
                     off <= measure.tolerance() && measure.is_sound(corners)
                 };
-                made.iter().all(|&t| worst(t) > before && self.is_counterclockwise(t) && self.is_thick(t))
+                made.iter().all(|&t| worst(t) > before && self.is_counterclockwise(t) && self.is_thick(t, THIN))
                     && (2..n - 1).all(|j| {
                         let x = ring[(k + j) % n];
                         !self.have_one_image([w, x]) && !self.is_ambiguous([w, x]) && self.excess(w, x, measure) <= SPLIT
@@ -448,7 +450,7 @@ impl Plane {
                 let is_far = off > measure.tolerance() || off.is_nan();
                 let is_turned = || {
                     let long = (0..3).map(|i| distance(p[i], p[(i + 1) % 3])).fold(0.0, f64::max);
-                    long > LEAST * measure.longest() && self.facing(v, measure) < FACING
+                    long > LEAST * measure.longest() && self.is_thick(v, TURNED) && self.facing(v, measure) < FACING
                 };
                 only_turned = sound && !is_far;
                 if !sound || is_far || is_turned() {
@@ -462,7 +464,7 @@ impl Plane {
                 }
             }
             let Some(edge) = split else { continue };
-            let is_full = self.triangles.len() + 4 > most || steps > 20 * most || (steps % 256 == 0 && stop());
+            let is_full = self.triangles.len() + 4 > most || steps > 20 * most || (steps.is_multiple_of(256) && stop());
             let done = !is_full
                 && match edge {
                     Some(i) => self.split_edge(t, i, measure),
@@ -598,7 +600,7 @@ impl Plane {
         let d = self.triangles[n as usize][j];
         let made = [[c, a, d], [c, d, b]];
         // Room for further vertices is needed: three parameters on a line but for rounding are no triangle.
-        if !made.iter().all(|&t| self.is_counterclockwise(t) && self.is_thick(t))
+        if !made.iter().all(|&t| self.is_counterclockwise(t) && self.is_thick(t, THIN))
             || self.have_one_image([c, d])
             || self.have_one_image([a, b])
             || self.is_ambiguous([c, d])
