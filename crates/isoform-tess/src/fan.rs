@@ -3,7 +3,8 @@
 //! A direction and its opposite lead to the same point (C. L. Bajaj, A. Royappa, 1994, Theorem 1), so directions are kept up to sign, and
 //! those that bound the region or lie on a curve that is drawn are among them: the tangents there.
 
-use crate::base::{BasePoint, BinaryForm};
+use crate::base::{BasePoint, BinaryForm, Seam};
+use crate::field::Algebraic;
 use crate::region::Region;
 use crate::surface::Point3;
 use isoform_algebra::{Poly, QUADRANTS, RBig, real_roots};
@@ -35,6 +36,24 @@ impl Direction {
     }
 }
 
+/// A blow-up in the direction (1 : v), or in the direction (0 : 1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Step {
+    /// (u, v) = (u′, u′(v₀ + v′)).
+    Along(f64),
+    /// (u, v) = (u′v′, v′).
+    Across,
+}
+
+/// All seams of a base point with the blow-ups that lead to them.
+fn nodes<'a>(seam: &'a Seam, chain: &[Step], found: &mut Vec<(Vec<Step>, &'a Seam)>) {
+    found.push((chain.to_vec(), seam));
+    for near in &seam.near {
+        let step = if near.direction[0].is_zero() { Step::Across } else { Step::Along(near.direction[1].to_f64()) };
+        nodes(&near.seam, &[chain, &[step]].concat(), found);
+    }
+}
+
 /// A base point and its directions.
 #[derive(Clone)]
 pub(crate) struct Fan {
@@ -42,6 +61,8 @@ pub(crate) struct Fan {
     pub(crate) problem: Option<String>,
     /// Homogeneous coordinates (s, t, w).
     point: [f64; 3],
+    /// Blow-ups to the base point infinitely near to it whose seam is meant.
+    chain: Vec<Step>,
     variables: [usize; 2],
     one: usize,
     pub(crate) multiplicity: usize,
@@ -78,15 +99,58 @@ fn rationals(form: &BinaryForm) -> Vec<RBig> {
 
 impl Fan {
     /// The directions that matter from the start: of the curves that bound the region or are drawn in it, and of the sides of the unit triangles.
-    pub(crate) fn new(base: &BasePoint, region: &Region) -> Self {
+    ///
+    /// Of the seams of infinitely near points one at most may reach into the box, and not where it meets the others.
+    pub(crate) fn new(base: &BasePoint, region: &Region, w: &Poly) -> Self {
+        if base.seam.near.is_empty() {
+            return Self::of_seam(base, &base.seam, Vec::new(), region, w);
+        }
+        let mut all = Vec::new();
+        nodes(&base.seam, &[], &mut all);
+        let mut fans: Vec<Self> = all.into_iter().map(|(chain, seam)| Self::of_seam(base, seam, chain, region, w)).collect();
+        let in_box = |f: &Self| f.problem.is_some() || f.inside.contains(&true);
+        let [s, t, w] = base.to_f64();
+        let problem = Some(format!("the base point ({s} : {t} : {w}) is left open: base points are infinitely near to it"));
+        match fans.iter().filter(|f| in_box(f)).count() {
+            0 => fans.swap_remove(0),
+            1 => {
+                let place = fans.iter().position(in_box).expect("one of them");
+                let mut fan = fans.swap_remove(place);
+                if fan.meets_others(&base.seam) {
+                    fan.problem = fan.problem.or(problem);
+                }
+                fan
+            }
+            _ => Self { problem, ..fans.swap_remove(0) },
+        }
+    }
+
+    /// Whether the seam is in the box where other seams begin: in the direction of the exceptional line, and of near points.
+    fn meets_others(&self, first: &Seam) -> bool {
+        let mut seam = first;
+        for step in &self.chain {
+            let mine = |n: &&crate::base::Near| match step {
+                Step::Across => n.direction[0].is_zero(),
+                Step::Along(v) => !n.direction[0].is_zero() && n.direction[1].to_f64() == *v,
+            };
+            let Some(near) = seam.near.iter().find(mine) else { return true };
+            seam = &near.seam;
+        }
+        let mut meeting: Vec<[f64; 2]> = seam.near.iter().map(|n| n.direction.each_ref().map(Algebraic::to_f64)).collect();
+        meeting.extend(self.chain.last().map(|step| if *step == Step::Across { [1.0, 0.0] } else { [0.0, 1.0] }));
+        meeting.into_iter().any(|at| {
+            let d = Direction::new(at);
+            let [x, y, z, w] = self.forms(d.at);
+            [x, y, z].iter().all(|x| x.abs() <= (1.0 + 1e-9) * self.half_width * w.abs())
+        })
+    }
+
+    fn of_seam(base: &BasePoint, seam: &Seam, chain: Vec<Step>, region: &Region, w_form: &Poly) -> Self {
         let named = || {
             let [s, t, w] = base.to_f64();
             format!("the base point ({s} : {t} : {w})")
         };
         let mut problem = None;
-        if !base.seam.near.is_empty() {
-            problem = Some(format!("{} is left open: base points are infinitely near to it", named()));
-        }
         let ([u, v], one) = base.chart.variables();
         let mut directions: Vec<Direction> = Vec::new();
         let mut add = |at: [f64; 2], faces: u8, factors: &[usize]| {
@@ -106,12 +170,13 @@ impl Fan {
             d.factors.extend(factors.iter().filter(|f| !d.factors.contains(f)).copied().collect::<Vec<_>>());
         };
         // Exact ones first.
-        for (k, at) in [(u, [0.0, 1.0]), (v, [1.0, 0.0])] {
-            if base.point[k].is_zero() {
+        let lifts = [chain.iter().all(|s| *s == Step::Across), chain.iter().all(|s| *s == Step::Along(0.0))];
+        for (k, at, lifts) in [(u, [0.0, 1.0], lifts[0]), (v, [1.0, 0.0], lifts[1])] {
+            if base.point[k].is_zero() && lifts {
                 add(at, 0, &[]);
             }
         }
-        let [x, y, z, w] = base.seam.leading.each_ref().map(rationals);
+        let [x, y, z, w] = seam.leading.each_ref().map(rationals);
         for face in 0..6 {
             let form = [&x, &y, &z][face / 2];
             let b = if face % 2 == 0 { region.half_width.clone() } else { -region.half_width.clone() };
@@ -127,7 +192,7 @@ impl Fan {
         }
         let point = base.to_f64();
         for f in region.extra.iter().flatten().copied().filter(|&f| region.faces[f].is_empty()) {
-            for at in tangents(&region.factors[f], point, [u, v], one) {
+            for at in tangents(&region.factors[f], point, [u, v], one, &chain).1 {
                 add(at, 0, &[f]);
             }
         }
@@ -142,8 +207,9 @@ impl Fan {
             point,
             variables: [u, v],
             one,
-            multiplicity: base.multiplicity(),
-            curve: base.seam.curve.each_ref().map(BinaryForm::to_f64),
+            multiplicity: if chain.is_empty() { base.multiplicity() } else { tangents(w_form, point, [u, v], one, &[]).0 },
+            chain,
+            curve: seam.curve.each_ref().map(BinaryForm::to_f64),
             half_width: region.half_width.to_f64().value(),
             directions,
             inside: Vec::new(),
@@ -154,6 +220,10 @@ impl Fan {
                 [x, y, z].iter().all(|x| x.abs() <= fan.half_width * w.abs())
             })
             .collect();
+        // What is outside of the box need not be opened.
+        if !fan.inside.contains(&true) {
+            fan.problem = None;
+        }
         fan
     }
 
@@ -161,7 +231,9 @@ impl Fan {
     pub(crate) fn sides_along(&self, d: &Direction) -> impl Iterator<Item = usize> {
         let at = d.at;
         let [u, v] = self.variables;
-        [(u, at[0]), (v, at[1])].into_iter().filter(|&(k, x)| self.point[k] == 0.0 && x == 0.0).map(|s| s.0).collect::<Vec<_>>().into_iter()
+        let lifts = [self.chain.iter().all(|s| *s == Step::Across), self.chain.iter().all(|s| *s == Step::Along(0.0))];
+        let sides = [(u, at[0], lifts[0]), (v, at[1], lifts[1])].into_iter();
+        sides.filter(|&(k, x, lifts)| self.point[k] == 0.0 && x == 0.0 && lifts).map(|s| s.0).collect::<Vec<_>>().into_iter()
     }
     pub(crate) fn is_side(&self, d: &Direction) -> bool {
         self.sides_along(d).next().is_some()
@@ -232,28 +304,69 @@ impl Fan {
         // Along the third side.
         if y[2] == 0.0 && dy[2] == 0.0 { Some([u, -u]) } else { Some([u, v]) }
     }
+    /// Whether the directions are those of a base point that is infinitely near.
+    pub(crate) fn is_near(&self) -> bool {
+        !self.chain.is_empty()
+    }
+    /// The point of a ray at a distance in the coordinates of the last blow-up, if it is in the unit triangle.
+    pub(crate) fn on_ray(&self, quadrant: usize, d: &Direction, backward: bool, distance: f64) -> Option<[f64; 2]> {
+        let length = if backward { -distance } else { distance };
+        let mut at = d.at.map(|x| length * x);
+        for step in self.chain.iter().rev() {
+            let [x, y] = at;
+            at = match step {
+                Step::Along(v) => [x, x * (v + y)],
+                Step::Across => [x * y, y],
+            };
+        }
+        let mut x = self.point;
+        x[self.variables[0]] += at[0];
+        x[self.variables[1]] += at[1];
+        let y = self.signed(quadrant, x);
+        let sign = [1.0, -1.0].into_iter().find(|sign| y.iter().all(|y| sign * y >= 0.0))?;
+        let sum: f64 = y.iter().map(|y| sign * y).sum();
+        Some([sign * y[0] / sum, sign * y[1] / sum])
+    }
     /// The direction, up to sign, from the base point to a point of a unit triangle, and whether it is backward.
     pub(crate) fn toward(&self, quadrant: usize, [u, v]: [f64; 2]) -> (Direction, bool) {
         let x = self.signed(quadrant, [u, v, 1.0 - u - v]);
-        let local = self.variables.map(|k| x[k] / x[self.one] - self.point[k]);
+        let mut local = self.variables.map(|k| x[k] / x[self.one] - self.point[k]);
+        for step in &self.chain {
+            let [x, y] = local;
+            local = match step {
+                Step::Along(v) => [x, y / x - v],
+                Step::Across => [x / y, y],
+            };
+        }
         let d = Direction::new(local);
         let backward = d.at[0] * local[0] + d.at[1] * local[1] < 0.0;
         (d, backward)
     }
 }
 
-/// The real tangents of a curve in a point of it, from its terms of least degree there, which are known to rounding.
-fn tangents(curve: &Poly, point: [f64; 3], [u, v]: [usize; 2], one: usize) -> Vec<[f64; 2]> {
+/// The multiplicity of a point of a curve, after blow-ups, and the real tangents there: from its terms of least degree, which are known to rounding.
+fn tangents(curve: &Poly, point: [f64; 3], [u, v]: [usize; 2], one: usize, chain: &[Step]) -> (usize, Vec<[f64; 2]>) {
     let round = |x: f64| RBig::try_from(x).unwrap_or_default();
     let p = curve.dehomogenise(one);
     let shift = |k: usize| Poly::var(k) + Poly::constant(round(point[k]));
-    let local = p.substitute(u, &shift(u)).substitute(v, &shift(v));
+    let mut local = p.substitute(u, &shift(u)).substitute(v, &shift(v));
+    for step in chain {
+        let (x, y) = (Poly::var(u), Poly::var(v));
+        let (moved, line) = match step {
+            Step::Along(v0) => (local.substitute(v, &(&x * (Poly::constant(round(*v0)) + y))), x),
+            Step::Across => (local.substitute(u, &(x * &y)), y),
+        };
+        local = moved;
+        while let Some(quotient) = local.div_exact(&line) {
+            local = quotient;
+        }
+    }
     let size = local.to_f64().iter().map(|t| t.1.abs()).fold(0.0, f64::max);
     for degree in 0..=local.total_degree() {
         let part = local.homogeneous_part(degree);
         if part.to_f64().iter().any(|t| t.1.abs() > 1e-9 * size) {
             if degree == 0 {
-                return Vec::new();
+                return (0, Vec::new());
             }
             let coefficient = |j: usize| {
                 let mut e = [0u16; 4];
@@ -262,8 +375,8 @@ fn tangents(curve: &Poly, point: [f64; 3], [u, v]: [usize; 2], one: usize) -> Ve
                 let c = part.coefficient(e);
                 if c.to_f64().value().abs() > 1e-9 * size { c } else { RBig::ZERO }
             };
-            return zeros(&(0..=degree).map(coefficient).collect::<Vec<_>>());
+            return (degree, zeros(&(0..=degree).map(coefficient).collect::<Vec<_>>()));
         }
     }
-    Vec::new()
+    (0, Vec::new())
 }

@@ -135,7 +135,7 @@ pub(crate) fn mesh(
         surface: Surface::default(),
     };
     builder.find_contracted(map, curves);
-    builder.open_base_points(analysis.base_points.as_deref().unwrap_or_default());
+    builder.open_base_points(analysis.base_points.as_deref().unwrap_or_default(), &map.forms()[3]);
     let mut sides = builder.sides();
     if curves.glued {
         builder.gluing = builder.glue(&mut sides, &curves.pinches, &curves.isolated, curves.fibres.as_ref());

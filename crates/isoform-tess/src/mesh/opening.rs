@@ -46,8 +46,8 @@ impl Builder<'_> {
     }
 
     /// Finds the base points in the region and the rectangles around them.
-    pub(super) fn open_base_points(&mut self, points: &[BasePoint]) {
-        self.fans = points.iter().map(|p| Fan::new(p, self.region)).collect();
+    pub(super) fn open_base_points(&mut self, points: &[BasePoint], w: &Poly) {
+        self.fans = points.iter().map(|p| Fan::new(p, self.region, w)).collect();
         let mut problems = Vec::new();
         for (q, t) in self.region.triangles.iter().enumerate() {
             for (k, wall) in t.arrangement.walls.iter().enumerate() {
@@ -108,7 +108,8 @@ impl Builder<'_> {
                     continue;
                 }
                 let width = a.walls[slab + 1].u.to_f64() - a.walls[slab].u.to_f64();
-                let step = 1e-7f64.min(0.25 * width);
+                // Further blow-ups lose digits.
+                let step = if fan.is_near() { 1e-4f64 } else { 1e-7 }.min(0.25 * width);
                 let u = if right { site.at[0] + step } else { site.at[0] - step };
                 let ends_here: Vec<usize> = self
                     .drawn(q, slab)
@@ -319,7 +320,16 @@ impl Builder<'_> {
     /// Where a straight ray leaves the rectangle.
     fn straight(&self, q: usize, site: &Site, d: &Direction, backward: bool) -> Option<[f64; 2]> {
         let h = self.widths[site.fan];
-        let [du, dv] = self.fans[site.fan].direction_in(q, d, backward)?;
+        let fan = &self.fans[site.fan];
+        if fan.is_near() && !fan.is_side(d) {
+            return fan.on_ray(q, d, backward, self.reach(q, site, d, backward)?);
+        }
+        let [du, dv] = match fan.is_near() {
+            // Along the side.
+            true => fan.on_ray(q, d, backward, 1e-3).map(|x| [x[0] - site.at[0], x[1] - site.at[1]]),
+            false => fan.direction_in(q, d, backward),
+        }?;
+        let dv = if du != 0.0 && site.at[0] + site.at[1] == 1.0 && (du + dv).abs() < 1e-15 { -du } else { dv };
         let [u, v] = site.at;
         if du.abs() * site.height >= h * dv.abs() {
             let x = if du > 0.0 { u + h } else { u - h };
@@ -330,10 +340,37 @@ impl Builder<'_> {
         }
     }
 
+    /// How far a ray of an infinitely near point reaches in its rectangle.
+    fn reach(&self, q: usize, site: &Site, d: &Direction, backward: bool) -> Option<f64> {
+        let (fan, h) = (&self.fans[site.fan], self.widths[site.fan]);
+        let is_out = |distance: f64| {
+            fan.on_ray(q, d, backward, distance).is_none_or(|x| (x[0] - site.at[0]).abs() > h || (x[1] - site.at[1]).abs() > site.height)
+        };
+        fan.on_ray(q, d, backward, 1e-6)?;
+        let (mut lo, mut hi) = (0.0, 4.0);
+        for _ in 0..100 {
+            let middle = 0.5 * (lo + hi);
+            if is_out(middle) { hi = middle } else { lo = middle }
+        }
+        (lo > 0.0).then_some(lo)
+    }
+    /// Halfway on a ray from the base point to a vertex of the rectangle.
+    fn halfway(&self, q: usize, site: &Site, d: &Direction, backward: bool, end: [f64; 2]) -> [f64; 2] {
+        let fan = &self.fans[site.fan];
+        let straight = [0.5 * (site.at[0] + end[0]), 0.5 * (site.at[1] + end[1])];
+        if !fan.is_near() || fan.is_side(d) {
+            return straight;
+        }
+        self.reach(q, site, d, backward).and_then(|r| fan.on_ray(q, d, backward, 0.5 * r)).unwrap_or(straight)
+    }
+
     /// The two vertices between which a sector lies in a unit triangle.
     pub(super) fn sector_ends(&self, q: usize, site: &Site, fan: &Fan, rays: [(usize, bool); 2]) -> Option<[[f64; 2]; 2]> {
-        let [x, y] = rays.map(|(k, b)| fan.direction_in(q, &fan.directions[k], b));
-        let (x, y) = (x?, y?);
+        let toward = |(k, b): (usize, bool)| match fan.is_near() {
+            true => self.straight(q, site, &fan.directions[k], b).map(|x| [x[0] - site.at[0], x[1] - site.at[1]]),
+            false => fan.direction_in(q, &fan.directions[k], b),
+        };
+        let (x, y) = (toward(rays[0])?, toward(rays[1])?);
         let [first, second] = rays.map(|(k, b)| self.ring(q, site, &fan.directions[k], b));
         let counterclockwise = x[0] * y[1] - x[1] * y[0] > 0.0;
         let ends = if counterclockwise { (first.last(), second.first()) } else { (first.first(), second.last()) };
@@ -347,6 +384,9 @@ impl Builder<'_> {
         let here: Vec<&Site> = self.sites.range((q, 0, 0)..(q + 1, 0, 0)).map(|s| s.1).collect();
         for site in &here {
             let fan = &self.fans[site.fan];
+            if fan.is_near() {
+                continue;
+            }
             let apart = |other: &&&Site| (other.at[0] - site.at[0]).abs().max((other.at[1] - site.at[1]).abs());
             let nearest = here.iter().filter(|s| s.at != site.at).map(|s| apart(&s)).fold(1.0, f64::min);
             let mut last: BTreeMap<([u64; 2], bool), Point3> = BTreeMap::new();
@@ -426,6 +466,7 @@ impl Builder<'_> {
                     let straight = rays.map(|(k, b)| fan.direction_in(q, &fan.directions[k], b));
                     let from_base = |x: [f64; 2]| [x[0] - site.at[0], x[1] - site.at[1]];
                     if let [Some(x), Some(y)] = straight
+                        && !fan.is_near()
                         && cross(x, y) * cross(from_base(a), from_base(b)) <= 0.0
                     {
                         return false;
@@ -435,7 +476,7 @@ impl Builder<'_> {
                     for ((end, at), (k, backward)) in ends.iter().zip([a, b]).zip(rays) {
                         // Halfway on an arc, not on its chord: it is the arc that bounds the surface.
                         let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), backward) && x.end == at);
-                        let halfway = arc.map_or(half(site.at, at), |x| x.middle);
+                        let halfway = arc.map_or_else(|| self.halfway(q, site, &fan.directions[k], backward, at), |x| x.middle);
                         if !self.is_near(image(halfway), middle(*end, image(at)), [*end, image(at)]) {
                             return false;
                         }
