@@ -463,10 +463,12 @@ impl Builder<'_> {
                     let Some([a, b]) = self.sector_ends(q, site, fan, rays) else { continue };
                     // An arc that bends away from its tangent may be beyond the next direction.
                     let cross = |x: [f64; 2], y: [f64; 2]| x[0] * y[1] - x[1] * y[0];
-                    let straight = rays.map(|(k, b)| fan.direction_in(q, &fan.directions[k], b));
                     let from_base = |x: [f64; 2]| [x[0] - site.at[0], x[1] - site.at[1]];
+                    let straight = rays.map(|(k, b)| match fan.is_near() {
+                        true => self.straight(q, site, &fan.directions[k], b).map(from_base),
+                        false => fan.direction_in(q, &fan.directions[k], b),
+                    });
                     if let [Some(x), Some(y)] = straight
-                        && !fan.is_near()
                         && cross(x, y) * cross(from_base(a), from_base(b)) <= 0.0
                     {
                         return false;
