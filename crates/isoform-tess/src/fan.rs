@@ -327,6 +327,16 @@ impl Fan {
         let sum: f64 = y.iter().map(|y| sign * y).sum();
         Some([sign * y[0] / sum, sign * y[1] / sum])
     }
+    /// The direction, among those with a factor, nearest to that of a point of the factor's curve close by: its key, and whether it is backward.
+    pub(crate) fn ray_toward(&self, quadrant: usize, at: [f64; 2], factor: usize) -> Option<([u64; 2], bool)> {
+        let (d, backward) = self.toward(quadrant, at);
+        let off = |e: &&Direction| (e.at[0] * d.at[1] - e.at[1] * d.at[0]).abs();
+        let mine = self.directions.iter().filter(|e| e.factors.contains(&factor));
+        let e = mine.min_by(|x, y| off(x).total_cmp(&off(y))).filter(|e| off(e) < 0.2)?;
+        // The same direction up to sign may be named by its opposite.
+        let same = e.at[0] * d.at[0] + e.at[1] * d.at[1] > 0.0;
+        Some((e.key(), backward == same))
+    }
     /// The direction, up to sign, from the base point to a point of a unit triangle, and whether it is backward.
     pub(crate) fn toward(&self, quadrant: usize, [u, v]: [f64; 2]) -> (Direction, bool) {
         let x = self.signed(quadrant, [u, v, 1.0 - u - v]);

@@ -4,6 +4,8 @@
 //! Between two walls of an arrangement the polylines of arcs have their vertices over the same u, in the order of the arcs: they cannot
 //! cross, and what they bound is the region up to isotopy.
 
+mod chart;
+mod closing;
 mod gluing;
 mod opening;
 mod plane;
@@ -16,43 +18,14 @@ use crate::map::Map;
 use crate::region::Region;
 use crate::singular::{CurveKind, RealPart};
 use crate::surface::{Kind, MeshOptions, Point3, Surface};
+use chart::Chart;
+use closing::finish;
 use gluing::{Gluing, Track, key};
 use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
+use isoform_geom::{cross, norm, sub};
 use plane::{Measure, Plane, Shared};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
-
-/// A map evaluated in floating point on one of the unit triangles.
-struct Chart {
-    signs: [f64; 2],
-    terms: [Vec<([u8; 3], f64)>; 4],
-    degree: usize,
-}
-
-impl Chart {
-    fn new(map: &Map, quadrant: usize) -> Self {
-        let terms =
-            map.forms().each_ref().map(|f| f.to_f64().into_iter().map(|(e, c)| ([e[0] as u8, e[1] as u8, e[2] as u8], c)).collect());
-        let signs = QUADRANTS[quadrant].map(|s| s as f64);
-        Self { signs, terms, degree: map.degree() }
-    }
-    fn forms(&self, u: f64, v: f64) -> [f64; 4] {
-        let x = [self.signs[0] * u, self.signs[1] * v, 1.0 - u - v];
-        let mut powers = [[1.0; 65]; 3];
-        for (p, x) in powers.iter_mut().zip(x) {
-            for k in 1..=self.degree {
-                p[k] = p[k - 1] * x;
-            }
-        }
-        self.terms.each_ref().map(|terms| {
-            terms.iter().map(|&([i, j, k], c)| c * powers[0][usize::from(i)] * powers[1][usize::from(j)] * powers[2][usize::from(k)]).sum()
-        })
-    }
-    fn at(&self, [u, v]: [f64; 2]) -> Point3 {
-        let [x, y, z, w] = self.forms(u, v);
-        [x / w, y / w, z / w]
-    }
-}
 
 /// A name that both triangles at a side agree on: the sides s = 0, t = 0, w = 0 by the sign of t, s, s t, the place along them as bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -97,16 +70,14 @@ fn middle(a: Point3, b: Point3) -> Point3 {
     std::array::from_fn(|i| 0.5 * (a[i] + b[i]))
 }
 fn distance(a: Point3, b: Point3) -> f64 {
-    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
+    norm(sub(a, b))
 }
 
 /// Halvings of a stretch of an arc or side: ends with vertical tangents are approached to 2⁻⁴⁰ of the stretch.
 const HALVINGS: usize = 40;
 
-/// Triangulates the part of the surface that is in the box. Sheets that cross are not joined. The region is decomposed by the contracted
-/// curves of the analysis, too.
-///
-/// Base points that others are infinitely near to are left open, and said to be unproven.
+/// Triangulates the part of the surface that is in the box. The region is decomposed by `curves`, too. What could not be opened, joined or
+/// refined is said to be unproven.
 pub(crate) fn mesh(
     map: &Map,
     region: &Region,
@@ -131,7 +102,6 @@ pub(crate) fn mesh(
         fans: Vec::new(),
         sites: BTreeMap::new(),
         widths: Vec::new(),
-        base: bernstein_base(&map.forms()[3]),
         surface: Surface::default(),
     };
     builder.find_contracted(map, curves);
@@ -224,7 +194,6 @@ struct Builder<'a> {
     sites: BTreeMap<(usize, usize, usize), Site>,
     /// Half the widths of the rectangles around them.
     widths: Vec<f64>,
-    base: Vec<f64>,
     surface: Surface,
 }
 
@@ -411,7 +380,7 @@ impl Builder<'_> {
                 let mut stack = vec![(w[0], w[1], 0)];
                 while let Some((a, b, depth)) = stack.pop() {
                     let rough = || self.on_side[side].is_none() && !self.is_fine(&at, a, b);
-                    let signed = || self.keeps_sign(both[0], [a, b, a].map(|x| on_side(side, x)));
+                    let signed = || self.charts[both[0]].keeps_sign([a, b, a].map(|x| on_side(side, x)), 0);
                     if inside && depth < HALVINGS && (rough() || !signed()) {
                         let m = 0.5 * (a + b);
                         stack.extend([(m, b, depth + 1), (a, m, depth + 1)]);
@@ -845,7 +814,7 @@ impl Builder<'_> {
                 && distance(m, middle(p, r)) <= 0.3 * self.options.tolerance
                 // The triangles beside it meet the chord in the parameters, not the arc.
                 && distance(at(chord), middle(p, r)) <= 0.3 * self.options.tolerance
-                && self.keeps_sign(q, [left, right, left]);
+                && self.charts[q].keeps_sign([left, right, left], 0);
             // One halving at least: a chord may meet the middle by chance.
             if fine && depth > 1 {
                 line.push(right);
@@ -856,14 +825,6 @@ impl Builder<'_> {
         }
         *in_order &= line[1..line.len() - 1].iter().all(|[u, v]| *v > 0.0 && *v < 1.0 - u);
         line
-    }
-
-    /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding.
-    fn keeps_sign(&self, q: usize, at: [[f64; 2]; 3]) -> bool {
-        let s = self.charts[q].signs;
-        let corners = at.map(|[u, v]| [s[0] * u, s[1] * v, 1.0 - u - v]);
-        let (lo, hi, error) = bernstein_range(&self.base, self.charts[q].degree, corners, 0);
-        lo > error || hi < -error
     }
 }
 
@@ -882,65 +843,6 @@ fn add(
         surface.kinds.push(kind);
         surface.points.len() as u32 - 1
     })
-}
-
-/// Looks whether the surface ends on the faces of the box only, and no edge but those of the double curve has more than two triangles.
-fn check(s: &mut Surface, half_width: f64, glued: bool) {
-    let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-    for t in &s.triangles {
-        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-            *uses.entry([a.min(b), a.max(b)]).or_default() += 1;
-        }
-    }
-    let same_face = |e: &[u32; 2]| s.faces[e[0] as usize] & s.faces[e[1] as usize] != 0;
-    let is_double = |e: &[u32; 2]| e.iter().all(|&v| s.double[v as usize]);
-    let open = uses.iter().filter(|(e, n)| **n == 1 && !same_face(e)).count();
-    let crowded = uses.iter().filter(|(e, n)| **n > 2 && !(is_double(e) && **n % 2 == 0)).count();
-    let size = |t: &[u32; 3]| {
-        let [p, q, r] = t.map(|v| s.points[v as usize]);
-        let (x, y): (Point3, Point3) = (std::array::from_fn(|i| q[i] - p[i]), std::array::from_fn(|i| r[i] - p[i]));
-        let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
-        cross.iter().map(|c| c * c).sum::<f64>().sqrt()
-    };
-    let flat = s.triangles.iter().filter(|t| size(t) < 2e-14 * half_width * half_width).count();
-    if glued {
-        // Sorted along one axis, points that are near to each other are near in the order.
-        let mut used: Vec<Point3> =
-            uses.keys().flatten().copied().collect::<BTreeSet<u32>>().iter().map(|&v| s.points[v as usize]).collect();
-        used.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let close = 4e-9 * half_width;
-        let near = |i: usize| {
-            let after = used[i + 1..].iter().take_while(|q| q[0] - used[i][0] < close).take(1000);
-            after.filter(|q| distance(used[i], **q) < close).count()
-        };
-        let twice: usize = (0..used.len()).map(near).sum();
-        if twice > 0 {
-            s.unproven.push(format!("{twice} pairs of vertices lie upon each other"));
-        }
-    }
-    if flat > 0 {
-        s.unproven.push(format!("{flat} triangles have no area"));
-    }
-    if open > 0 {
-        s.unproven.push(format!("the surface is open along {open} edges in the box"));
-    }
-    if crowded > 0 {
-        s.unproven
-            .push(format!("{crowded} edges have more than two triangles and are not of a double curve, or have an odd number of them"));
-    }
-}
-
-/// Without the triangles that contracted curves have closed up.
-fn finish(mut s: Surface, half_width: f64, glued: bool) -> Surface {
-    let whole = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
-    let keep: Vec<usize> = (0..s.triangles.len()).filter(|&k| whole(&s.triangles[k])).collect();
-    s.triangles = keep.iter().map(|&k| s.triangles[k]).collect();
-    s.charts = keep.iter().map(|&k| s.charts[k]).collect();
-    s.corners = keep.iter().map(|&k| s.corners[k]).collect();
-    check(&mut s, half_width, glued);
-    s.unproven.sort();
-    s.unproven.dedup();
-    s
 }
 
 /// The arcs over a slab at places that are asked for more than once.
@@ -1020,13 +922,12 @@ impl Measure for InChart<'_, '_> {
         const STEP: f64 = 1e-6;
         let along = |h: [f64; 2]| {
             let (p, q) = (self.at([u + h[0], v + h[1]]), self.at([u - h[0], v - h[1]]));
-            [0, 1, 2].map(|i| p[i] - q[i])
+            sub(p, q)
         };
-        let (x, y) = (along([STEP, 0.0]), along([0.0, STEP]));
-        [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]
+        cross(along([STEP, 0.0]), along([0.0, STEP]))
     }
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool {
-        self.builder.keeps_sign(self.q, at)
+        self.builder.charts[self.q].keeps_sign(at, 0)
     }
     fn tolerance(&self) -> f64 {
         self.builder.options.tolerance
@@ -1054,60 +955,4 @@ fn height(line: &[[f64; 2]], u: f64) -> f64 {
     let k = line.partition_point(|p| p[0] < u).clamp(1, line.len() - 1);
     let ([a, p], [b, q]) = (line[k - 1], line[k]);
     p + (q - p) * ((u - a) / (b - a)).clamp(0.0, 1.0)
-}
-
-/// Place of (i, j, n − i − j) among the coefficients of a ternary form of degree n.
-fn slot(n: usize, i: usize, j: usize) -> usize {
-    i * (n + 1) - i * i.saturating_sub(1) / 2 + j
-}
-
-/// Bernstein coefficients of a ternary form on the triangle (1,0,0), (0,1,0), (0,0,1).
-fn bernstein_base(form: &Poly) -> Vec<f64> {
-    let n = form.total_degree();
-    let factorial = |k: usize| (1..=k).fold(RBig::ONE, |p, k| p * RBig::from(k));
-    let mut out = vec![0.0; (n + 1) * (n + 2) / 2];
-    for (e, c) in form.terms() {
-        let [i, j, k] = [0, 1, 2].map(|x| usize::from(e[x]));
-        let count = factorial(n) / (factorial(i) * factorial(j) * factorial(k));
-        out[slot(n, i, j)] = (RBig::from(c.clone()) / (RBig::from(form.denominator().clone()) * count)).to_f64().value();
-    }
-    out
-}
-
-/// Least and greatest Bernstein coefficient on the triangle with the corners given, and a bound of their rounding errors: by the polar
-/// form, one argument at a time. Those that vanish because the first corner is a zero of that multiplicity are left out.
-fn bernstein_range(base: &[f64], n: usize, corners: [[f64; 3]; 3], multiplicity: usize) -> (f64, f64, f64) {
-    let step = |b: &[[f64; 2]], d: usize, p: [f64; 3]| -> Vec<[f64; 2]> {
-        let mut out = Vec::with_capacity(d * (d + 1) / 2);
-        for i in 0..d {
-            for j in 0..d - i {
-                let [x, y, z] = [b[slot(d, i + 1, j)], b[slot(d, i, j + 1)], b[slot(d, i, j)]];
-                out.push([x[0] * p[0] + y[0] * p[1] + z[0] * p[2], x[1] * p[0].abs() + y[1] * p[1].abs() + z[1] * p[2].abs()]);
-            }
-        }
-        out
-    };
-    let (mut lo, mut hi, mut size) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
-    let mut first: Vec<[f64; 2]> = base.iter().map(|&b| [b, b.abs()]).collect();
-    for i in 0..=n {
-        let mut second = first.clone();
-        for j in 0..=n - i {
-            let mut third = second.clone();
-            for d in (1..=n - i - j).rev() {
-                third = step(&third, d, corners[2]);
-            }
-            let [value, magnitude] = third[0];
-            if i + multiplicity > n {
-                continue;
-            }
-            (lo, hi, size) = (lo.min(value), hi.max(value), size.max(magnitude));
-            if j < n - i {
-                second = step(&second, n - i - j, corners[1]);
-            }
-        }
-        if i < n {
-            first = step(&first, n - i, corners[0]);
-        }
-    }
-    (lo, hi, 4.0 * f64::EPSILON * (n + 2) as f64 * size)
 }

@@ -9,10 +9,8 @@ use crate::region::Region;
 use crate::singular::CurveKind;
 use crate::univariate::Stopped;
 use isoform_algebra::RBig;
+pub use isoform_geom::Point3;
 use std::time::Instant;
-
-/// A point of space.
-pub type Point3 = [f64; 3];
 
 /// Whether sheets that cross are joined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,14 +16,20 @@ fn surface(map: &Map, half_width: i64, mode: Mode) -> Surface {
     triangulate(map, &options, &|| false).expect("not stopped").0
 }
 
-/// Euler characteristic, components, boundary loops; every edge has one or two triangles.
-fn topology(s: &Surface) -> [i64; 3] {
-    let mut edges: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+/// How many triangles each edge has.
+fn edges(s: &Surface) -> BTreeMap<[u32; 2], usize> {
+    let mut edges = BTreeMap::new();
     for t in &s.triangles {
         for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
             *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
         }
     }
+    edges
+}
+
+/// Euler characteristic, components, boundary loops; every edge has one or two triangles.
+fn topology(s: &Surface) -> [i64; 3] {
+    let edges = edges(s);
     let crowded: Vec<_> = edges.iter().filter(|e| *e.1 > 2).collect();
     if !crowded.is_empty() {
         let at = |v: u32| s.points[v as usize];
@@ -138,12 +144,7 @@ fn joined_sheets() {
     for (texts, euler) in [(steiner, Some(5)), (cross_cap, None)] {
         let map = Map::parse(texts, Default::default()).expect("a map");
         let s = surface(&map, 2, Mode::Glued);
-        let mut edges: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-        for t in &s.triangles {
-            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-                *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
-            }
-        }
+        let edges = edges(&s);
         assert!(s.unproven.is_empty(), "{texts:?} {:?}", s.unproven);
         assert!(edges.values().all(|n| [2, 4].contains(n)), "{texts:?}");
         assert!(edges.values().any(|n| *n == 4), "{texts:?}");

@@ -123,31 +123,20 @@ impl Builder<'_> {
                 for i in ends_here {
                     let curve = a.slabs[slab].arcs[i].curve;
                     let Some(&v) = over.get(i) else { continue };
-                    let (d, backward) = fan.toward(q, [u, v]);
-                    let off = |e: &Direction| (e.at[0] * d.at[1] - e.at[1] * d.at[0]).abs();
-                    let mine = fan.directions.iter().filter(|e| e.factors.contains(&curve));
-                    let Some(e) = mine.min_by(|x, y| off(x).total_cmp(&off(y))).filter(|e| off(e) < 0.2) else {
+                    let Some(ray) = fan.ray_toward(q, [u, v], curve) else {
                         problems.push("an arc's tangent in a base point was not found".to_owned());
                         continue;
                     };
-                    // The same direction up to sign may be named by its opposite.
-                    let same = e.at[0] * d.at[0] + e.at[1] * d.at[1] > 0.0;
-                    let ray = (e.key(), backward == same);
                     *count.entry((site.fan, ray)).or_insert(0usize) += 1;
                     arcs.push(SiteArc { ray, right, curve, chain: vec![(slab, i)], end: [0.0; 2], middle: [0.0; 2] });
                 }
             }
             for (up, from) in [(true, Some(p)), (false, p.checked_sub(1))] {
                 let Some(curve) = from.and_then(|from| self.drawn_on(q, k, from)) else { continue };
-                let (d, backward) = fan.toward(q, [site.at[0], site.at[1] + if up { 1e-3 } else { -1e-3 }]);
-                let across = |e: &Direction| (e.at[0] * d.at[1] - e.at[1] * d.at[0]).abs();
-                let Some(e) = fan.directions.iter().filter(|e| e.factors.contains(&curve)).min_by(|x, y| across(x).total_cmp(&across(y)))
-                else {
+                let Some(ray) = fan.ray_toward(q, [site.at[0], site.at[1] + if up { 1e-3 } else { -1e-3 }], curve) else {
                     problems.push("an arc's tangent in a base point was not found".to_owned());
                     continue;
                 };
-                let same = e.at[0] * d.at[0] + e.at[1] * d.at[1] > 0.0;
-                let ray = (e.key(), backward == same);
                 *count.entry((site.fan, ray)).or_insert(0usize) += 1;
                 arcs.push(SiteArc { ray, right: up, curve, chain: Vec::new(), end: [0.0; 2], middle: [0.0; 2] });
             }
@@ -484,11 +473,11 @@ impl Builder<'_> {
                         }
                     }
                     fine &= self.is_near(image(half(a, b)), middle(image(a), image(b)), [image(a), image(b)]);
-                    fine &= self.keeps_sign_from(q, [site.at, a, b], fan.multiplicity);
+                    fine &= self.charts[q].keeps_sign([site.at, a, b], fan.multiplicity);
                     // Between arcs with one tangent.
                     for (k, backward) in rays {
                         for w in self.ring(q, site, &fan.directions[k], backward).windows(2) {
-                            if !self.keeps_sign_from(q, [site.at, w[0], w[1]], fan.multiplicity)
+                            if !self.charts[q].keeps_sign([site.at, w[0], w[1]], fan.multiplicity)
                                 || cross(from_base(w[0]), from_base(w[1])) <= 0.0
                             {
                                 return false;
@@ -512,14 +501,6 @@ impl Builder<'_> {
     /// Whether the middle of a straight piece is near to the surface, and the piece short.
     fn is_near(&self, on: Point3, chord: Point3, ends: [Point3; 2]) -> bool {
         distance(on, chord) <= 0.5 * self.options.tolerance && distance(ends[0], ends[1]) <= self.options.longest
-    }
-
-    /// Whether W has one sign on a triangle with a base point as its first corner, the seam included.
-    fn keeps_sign_from(&self, q: usize, at: [[f64; 2]; 3], multiplicity: usize) -> bool {
-        let s = self.charts[q].signs;
-        let corners = at.map(|[u, v]| [s[0] * u, s[1] * v, 1.0 - u - v]);
-        let (lo, hi, error) = super::bernstein_range(&self.base, self.charts[q].degree, corners, multiplicity);
-        lo > error || hi < -error
     }
 
     /// The vertex of a seam: its name, position and faces, and whether it is the image of a contracted curve.

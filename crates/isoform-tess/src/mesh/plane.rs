@@ -3,8 +3,9 @@
 //! A Delaunay triangulation of the parameters is of no use where the map stretches directions differently, as it does around base points
 //! without bound: triangles have to be long in the parameters to be round in space.
 
-use super::{Name, Node};
+use super::{Name, Node, distance};
 use crate::surface::Point3;
+use isoform_geom::{cross, dot, norm, sub};
 use robust::{Coord, orient2d};
 use std::collections::{BTreeMap, VecDeque};
 
@@ -61,23 +62,22 @@ pub(super) struct Plane {
     queue: VecDeque<u32>,
 }
 
-fn sub(a: Point3, b: Point3) -> Point3 {
-    std::array::from_fn(|i| a[i] - b[i])
+/// Two triangles (c, a, b) and (d, b, a).
+struct Quad {
+    /// c, a, d, b: counterclockwise.
+    corners: [u32; 4],
+    /// The second triangle.
+    n: u32,
+    /// Beyond the edges c a, a d, d b, b c: the triangle, and whether the edge is fixed.
+    outer: [(u32, bool); 4],
 }
-fn cross(x: Point3, y: Point3) -> Point3 {
-    [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]
-}
-fn distance(a: Point3, b: Point3) -> f64 {
-    sub(a, b).iter().map(|x| x * x).sum::<f64>().sqrt()
-}
+
 /// The smallest angle of a triangle; negative if it has no area or no position.
 fn smallest_angle(p: [Point3; 3]) -> f64 {
     let mut least = f64::INFINITY;
     for i in 0..3 {
         let (x, y) = (sub(p[(i + 1) % 3], p[i]), sub(p[(i + 2) % 3], p[i]));
-        let cross = cross(x, y);
-        let dot: f64 = x.iter().zip(y).map(|(x, y)| x * y).sum();
-        let angle = cross.iter().map(|c| c * c).sum::<f64>().sqrt().atan2(dot);
+        let angle = norm(cross(x, y)).atan2(dot(x, y));
         least = least.min(if angle.is_nan() || x == [0.0; 3] || y == [0.0; 3] { -1.0 } else { angle });
     }
     least
@@ -133,8 +133,7 @@ impl Plane {
         let [p, q, r] = t.map(|v| self.images[v as usize]);
         let normal = measure.normal([0, 1].map(|i| (a[i] + b[i] + c[i]) / 3.0));
         let own = cross(sub(q, p), sub(r, p));
-        let size = |x: Point3| x.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let cosine = own.iter().zip(normal).map(|(x, y)| x * y).sum::<f64>() / (size(own) * size(normal));
+        let cosine = dot(own, normal) / (norm(own) * norm(normal));
         if cosine.is_nan() { 1.0 } else { cosine }
     }
     /// The smallest angle of a triangle, in radians; below zero if it does not face the way the surface does.
@@ -253,15 +252,16 @@ impl Plane {
         for (c, list) in around {
             for (k, &v) in list.iter().enumerate() {
                 let same = |u: u32| self.have_one_image([u, v]);
-                let joined = |u: u32| beside.get(&c).is_some_and(|b| b.contains(&[u, v]) || b.contains(&[v, u]));
-                if list[..k].iter().any(|&u| same(u) && !joined(u)) && !self.have_one_image([c, v]) {
+                let joined = |u: u32, v: u32| beside.get(&c).is_some_and(|b| b.contains(&[u, v]) || b.contains(&[v, u]));
+                if list[..k].iter().any(|&u| same(u) && !joined(u, v)) && !self.have_one_image([c, v]) {
                     let others: Vec<u32> = list[..k].iter().copied().filter(|&u| same(u)).chain([v]).collect();
                     // Through a chain of joined ones the surface is closed up as it should be.
                     let mut reached = vec![others[0]];
-                    while let Some(&next) = others.iter().find(|&&u| {
-                        !reached.contains(&u)
-                            && reached.iter().any(|&r| beside.get(&c).is_some_and(|b| b.contains(&[u, r]) || b.contains(&[r, u])))
-                    }) {
+                    let next = |reached: &[u32]| {
+                        let near = |u: u32| !reached.contains(&u) && reached.iter().any(|&r| joined(u, r));
+                        others.iter().copied().find(|&u| near(u))
+                    };
+                    while let Some(next) = next(&reached) {
                         reached.push(next);
                     }
                     if !reached.contains(&v) {
@@ -515,12 +515,22 @@ impl Plane {
         self.triangles.len() as u32 - 1
     }
 
-    /// Splits the edge opposite to corner i in the middle of its parameters. False if rounding leaves no room.
-    fn split_edge(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
-        let [c, a, b] = [0, 1, 2].map(|k| self.triangles[t as usize][(i + k) % 3]);
+    /// The two triangles at the edge opposite to corner i of one of them.
+    fn quad(&self, t: u32, i: usize) -> Quad {
         let n = self.adjacent[t as usize][i];
         let j = self.place(n, t);
-        let d = self.triangles[n as usize][j];
+        let corner = |t: u32, k: usize| self.triangles[t as usize][k % 3];
+        let beyond = |t: u32, k: usize| (self.adjacent[t as usize][k % 3], self.fixed[t as usize][k % 3]);
+        Quad {
+            corners: [corner(t, i), corner(t, i + 1), corner(n, j), corner(t, i + 2)],
+            n,
+            outer: [beyond(t, i + 2), beyond(n, j + 1), beyond(n, j + 2), beyond(t, i + 1)],
+        }
+    }
+
+    /// Splits the edge opposite to corner i in the middle of its parameters. False if rounding leaves no room.
+    fn split_edge(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
+        let Quad { corners: [c, a, d, b], n, outer: [ca, ad, db, bc] } = self.quad(t, i);
         let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
         let m = self.add([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])], measure);
         let made = [[c, a, m], [c, m, b], [d, b, m], [d, m, a]];
@@ -528,20 +538,12 @@ impl Plane {
             self.drop_last();
             return false;
         }
-        // Of t: opposite to a is the edge b c, opposite to b the edge c a.
-        let (at_a, at_b) = ((i + 1) % 3, (i + 2) % 3);
-        let (n_a, n_b) = (self.adjacent[t as usize][at_a], self.adjacent[t as usize][at_b]);
-        let (f_a, f_b) = (self.fixed[t as usize][at_a], self.fixed[t as usize][at_b]);
-        // Of n: (d, b, a).
-        let (jb, ja) = ((j + 1) % 3, (j + 2) % 3);
-        let (o_b, o_a) = (self.adjacent[n as usize][jb], self.adjacent[n as usize][ja]);
-        let (g_b, g_a) = (self.fixed[n as usize][jb], self.fixed[n as usize][ja]);
         let (t2, n2) = (self.new_triangle(), self.new_triangle());
         // (c, a, m): opposite c: n2 (a m); opposite a: t2 (m c); opposite m: the edge c a.
-        self.set(t, made[0], [n2, t2, n_b], [false, false, f_b]);
-        self.set(t2, made[1], [n, n_a, t], [false, f_a, false]);
-        self.set(n, made[2], [t2, n2, o_a], [false, false, g_a]);
-        self.set(n2, made[3], [t, o_b, n], [false, g_b, false]);
+        self.set(t, made[0], [n2, t2, ca.0], [false, false, ca.1]);
+        self.set(t2, made[1], [n, bc.0, t], [false, bc.1, false]);
+        self.set(n, made[2], [t2, n2, db.0], [false, false, db.1]);
+        self.set(n2, made[3], [t, ad.0, n], [false, ad.1, false]);
         for k in [t, t2, n, n2] {
             self.push(k);
         }
@@ -594,10 +596,7 @@ impl Plane {
 
     /// Flips the edge opposite to corner i if the smallest angle grows and nothing gets worse.
     fn flip(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
-        let [c, a, b] = [0, 1, 2].map(|k| self.triangles[t as usize][(i + k) % 3]);
-        let n = self.adjacent[t as usize][i];
-        let j = self.place(n, t);
-        let d = self.triangles[n as usize][j];
+        let Quad { corners: [c, a, d, b], n, outer: [ca, ad, db, bc] } = self.quad(t, i);
         let made = [[c, a, d], [c, d, b]];
         // Room for further vertices is needed: three parameters on a line but for rounding are no triangle.
         if !made.iter().all(|&t| self.is_counterclockwise(t) && self.is_thick(t, THIN))
@@ -621,15 +620,9 @@ impl Plane {
         if !made.iter().all(|&t| sound(t)) && [[c, a, b], [d, b, a]].iter().all(|&t| sound(t)) {
             return false;
         }
-        let (at_a, at_b) = ((i + 1) % 3, (i + 2) % 3);
-        let (n_a, n_b) = (self.adjacent[t as usize][at_a], self.adjacent[t as usize][at_b]);
-        let (f_a, f_b) = (self.fixed[t as usize][at_a], self.fixed[t as usize][at_b]);
-        let (jb, ja) = ((j + 1) % 3, (j + 2) % 3);
-        let (o_b, o_a) = (self.adjacent[n as usize][jb], self.adjacent[n as usize][ja]);
-        let (g_b, g_a) = (self.fixed[n as usize][jb], self.fixed[n as usize][ja]);
-        // (c, a, d): opposite c the edge a d (of n, opposite b), opposite a the new edge, opposite d the edge c a.
-        self.set(t, made[0], [o_b, n, n_b], [g_b, false, f_b]);
-        self.set(n, made[1], [o_a, n_a, t], [g_a, f_a, false]);
+        // (c, a, d): opposite c the edge a d, opposite a the new edge, opposite d the edge c a.
+        self.set(t, made[0], [ad.0, n, ca.0], [ad.1, false, ca.1]);
+        self.set(n, made[1], [db.0, bc.0, t], [db.1, bc.1, false]);
         self.push(t);
         self.push(n);
         true

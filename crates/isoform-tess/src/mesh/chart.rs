@@ -1,0 +1,99 @@
+//! A map in floating point on a unit triangle, and the proof that W keeps its sign on a part of it.
+
+use crate::map::Map;
+use crate::surface::Point3;
+use isoform_algebra::{Poly, QUADRANTS, RBig};
+
+/// A map evaluated in floating point on one of the unit triangles.
+pub(super) struct Chart {
+    signs: [f64; 2],
+    terms: [Vec<([u8; 3], f64)>; 4],
+    degree: usize,
+    /// Bernstein coefficients of W on the triangle (1,0,0), (0,1,0), (0,0,1).
+    w: Vec<f64>,
+}
+
+impl Chart {
+    pub(super) fn new(map: &Map, quadrant: usize) -> Self {
+        let terms =
+            map.forms().each_ref().map(|f| f.to_f64().into_iter().map(|(e, c)| ([e[0] as u8, e[1] as u8, e[2] as u8], c)).collect());
+        let signs = QUADRANTS[quadrant].map(|s| s as f64);
+        Self { signs, terms, degree: map.degree(), w: bernstein_base(&map.forms()[3]) }
+    }
+    fn forms(&self, u: f64, v: f64) -> [f64; 4] {
+        let x = [self.signs[0] * u, self.signs[1] * v, 1.0 - u - v];
+        let mut powers = [[1.0; 65]; 3];
+        for (p, x) in powers.iter_mut().zip(x) {
+            for k in 1..=self.degree {
+                p[k] = p[k - 1] * x;
+            }
+        }
+        self.terms.each_ref().map(|terms| {
+            terms.iter().map(|&([i, j, k], c)| c * powers[0][usize::from(i)] * powers[1][usize::from(j)] * powers[2][usize::from(k)]).sum()
+        })
+    }
+    pub(super) fn at(&self, [u, v]: [f64; 2]) -> Point3 {
+        let [x, y, z, w] = self.forms(u, v);
+        [x / w, y / w, z / w]
+    }
+    /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding, those left out that vanish because W has a zero of
+    /// that multiplicity in the first corner.
+    pub(super) fn keeps_sign(&self, at: [[f64; 2]; 3], multiplicity: usize) -> bool {
+        let corners = at.map(|[u, v]| [self.signs[0] * u, self.signs[1] * v, 1.0 - u - v]);
+        let (lo, hi, error) = bernstein_range(&self.w, self.degree, corners, multiplicity);
+        lo > error || hi < -error
+    }
+}
+
+/// Place of (i, j, n − i − j) among the coefficients of a ternary form of degree n.
+fn slot(n: usize, i: usize, j: usize) -> usize {
+    i * (n + 1) - i * i.saturating_sub(1) / 2 + j
+}
+
+/// Bernstein coefficients of a ternary form on the triangle (1,0,0), (0,1,0), (0,0,1).
+fn bernstein_base(form: &Poly) -> Vec<f64> {
+    let n = form.total_degree();
+    let factorial = |k: usize| (1..=k).fold(RBig::ONE, |p, k| p * RBig::from(k));
+    let mut out = vec![0.0; (n + 1) * (n + 2) / 2];
+    for (e, c) in form.terms() {
+        let [i, j, k] = [0, 1, 2].map(|x| usize::from(e[x]));
+        let count = factorial(n) / (factorial(i) * factorial(j) * factorial(k));
+        out[slot(n, i, j)] = (RBig::from(c.clone()) / (RBig::from(form.denominator().clone()) * count)).to_f64().value();
+    }
+    out
+}
+
+/// Least and greatest Bernstein coefficient on the triangle with the corners given, and a bound of their rounding errors: by the polar
+/// form, one argument at a time. Those that vanish because the first corner is a zero of that multiplicity are left out.
+fn bernstein_range(base: &[f64], n: usize, corners: [[f64; 3]; 3], multiplicity: usize) -> (f64, f64, f64) {
+    let step = |b: &[[f64; 2]], d: usize, p: [f64; 3]| -> Vec<[f64; 2]> {
+        let mut out = Vec::with_capacity(d * (d + 1) / 2);
+        for i in 0..d {
+            for j in 0..d - i {
+                let [x, y, z] = [b[slot(d, i + 1, j)], b[slot(d, i, j + 1)], b[slot(d, i, j)]];
+                out.push([x[0] * p[0] + y[0] * p[1] + z[0] * p[2], x[1] * p[0].abs() + y[1] * p[1].abs() + z[1] * p[2].abs()]);
+            }
+        }
+        out
+    };
+    let (mut lo, mut hi, mut size) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
+    let mut first: Vec<[f64; 2]> = base.iter().map(|&b| [b, b.abs()]).collect();
+    for i in 0..=n.saturating_sub(multiplicity) {
+        let mut second = first.clone();
+        for j in 0..=n - i {
+            let mut third = second.clone();
+            for d in (1..=n - i - j).rev() {
+                third = step(&third, d, corners[2]);
+            }
+            let [value, magnitude] = third[0];
+            (lo, hi, size) = (lo.min(value), hi.max(value), size.max(magnitude));
+            if j < n - i {
+                second = step(&second, n - i - j, corners[1]);
+            }
+        }
+        if i < n.saturating_sub(multiplicity) {
+            first = step(&first, n - i, corners[0]);
+        }
+    }
+    (lo, hi, 4.0 * f64::EPSILON * (n + 2) as f64 * size)
+}

@@ -1,0 +1,63 @@
+//! A last look at the triangles, by their indices and positions alone.
+
+use super::distance;
+use crate::surface::{Point3, Surface};
+use isoform_geom::{cross, norm, sub};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Looks whether the surface ends on the faces of the box only, and no edge but those of the double curve has more than two triangles.
+fn check(s: &mut Surface, half_width: f64, glued: bool) {
+    let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+    for t in &s.triangles {
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            *uses.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    let same_face = |e: &[u32; 2]| s.faces[e[0] as usize] & s.faces[e[1] as usize] != 0;
+    let is_double = |e: &[u32; 2]| e.iter().all(|&v| s.double[v as usize]);
+    let open = uses.iter().filter(|(e, n)| **n == 1 && !same_face(e)).count();
+    let crowded = uses.iter().filter(|(e, n)| **n > 2 && !(is_double(e) && **n % 2 == 0)).count();
+    let size = |t: &[u32; 3]| {
+        let [p, q, r] = t.map(|v| s.points[v as usize]);
+        norm(cross(sub(q, p), sub(r, p)))
+    };
+    let flat = s.triangles.iter().filter(|t| size(t) < 2e-14 * half_width * half_width).count();
+    if glued {
+        // Sorted along one axis, points that are near to each other are near in the order.
+        let mut used: Vec<Point3> =
+            uses.keys().flatten().copied().collect::<BTreeSet<u32>>().iter().map(|&v| s.points[v as usize]).collect();
+        used.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let close = 4e-9 * half_width;
+        let near = |i: usize| {
+            let after = used[i + 1..].iter().take_while(|q| q[0] - used[i][0] < close).take(1000);
+            after.filter(|q| distance(used[i], **q) < close).count()
+        };
+        let twice: usize = (0..used.len()).map(near).sum();
+        if twice > 0 {
+            s.unproven.push(format!("{twice} pairs of vertices lie upon each other"));
+        }
+    }
+    if flat > 0 {
+        s.unproven.push(format!("{flat} triangles have no area"));
+    }
+    if open > 0 {
+        s.unproven.push(format!("the surface is open along {open} edges in the box"));
+    }
+    if crowded > 0 {
+        s.unproven
+            .push(format!("{crowded} edges have more than two triangles and are not of a double curve, or have an odd number of them"));
+    }
+}
+
+/// Without the triangles that contracted curves have closed up.
+pub(super) fn finish(mut s: Surface, half_width: f64, glued: bool) -> Surface {
+    let whole = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+    let keep: Vec<usize> = (0..s.triangles.len()).filter(|&k| whole(&s.triangles[k])).collect();
+    s.triangles = keep.iter().map(|&k| s.triangles[k]).collect();
+    s.charts = keep.iter().map(|&k| s.charts[k]).collect();
+    s.corners = keep.iter().map(|&k| s.corners[k]).collect();
+    check(&mut s, half_width, glued);
+    s.unproven.sort();
+    s.unproven.dedup();
+    s
+}
