@@ -379,7 +379,14 @@ impl Builder<'_> {
                 }
                 let mut stack = vec![(w[0], w[1], 0)];
                 while let Some((a, b, depth)) = stack.pop() {
-                    let rough = || self.on_side[side].is_none() && !self.is_fine(&at, a, b);
+                    // A contracted side has one image, but what leaves it there turns, the faster the nearer to base points.
+                    let rough = || match self.on_side[side] {
+                        None => !self.is_fine(&at, a, b),
+                        Some(_) => {
+                            let near = based.iter().map(|p| (a - p.0).abs().min((b - p.0).abs())).fold(1.0 / 16.0, f64::min);
+                            b - a > near
+                        }
+                    };
                     let signed = || self.charts[both[0]].keeps_sign([a, b, a].map(|x| on_side(side, x)), 0);
                     if inside && depth < HALVINGS && (rough() || !signed()) {
                         let m = 0.5 * (a + b);

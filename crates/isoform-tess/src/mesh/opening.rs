@@ -373,9 +373,6 @@ impl Builder<'_> {
         let here: Vec<&Site> = self.sites.range((q, 0, 0)..(q + 1, 0, 0)).map(|s| s.1).collect();
         for site in &here {
             let fan = &self.fans[site.fan];
-            if fan.is_near() {
-                continue;
-            }
             let apart = |other: &&&Site| (other.at[0] - site.at[0]).abs().max((other.at[1] - site.at[1]).abs());
             let nearest = here.iter().filter(|s| s.at != site.at).map(|s| apart(&s)).fold(1.0, f64::min);
             let mut last: BTreeMap<([u64; 2], bool), Point3> = BTreeMap::new();
@@ -388,8 +385,11 @@ impl Builder<'_> {
                         continue;
                     }
                     for backward in [false, true] {
-                        let Some(at) = self.straight(q, site, d, backward) else { continue };
-                        let at: [f64; 2] = std::array::from_fn(|i| site.at[i] + scale * (at[i] - site.at[i]));
+                        let at = match fan.is_near() {
+                            true => self.reach(q, site, d, backward).and_then(|r| fan.on_ray(q, d, backward, scale * r)),
+                            false => self.straight(q, site, d, backward).map(|at| [0, 1].map(|i| site.at[i] + scale * (at[i] - site.at[i]))),
+                        };
+                        let Some(at) = at else { continue };
                         if at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0 {
                             ring.push(((d.key(), backward), at, self.charts[q].at(at)));
                         }

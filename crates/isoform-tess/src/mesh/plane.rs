@@ -98,6 +98,8 @@ const FACING: f64 = 0.3;
 const LEAST: f64 = 0.03;
 /// Least area in the parameters, per square of the longest edge, of triangles that are split because they face a wrong way.
 const TURNED: f64 = 1e-6;
+/// How far from an edge towards the larger triangle beside it it is split: points on one line would leave no room for flips.
+const ASIDE: [f64; 3] = [0.1, 0.02, 0.0];
 /// An edge wants to be split when its number is above 1.
 const SPLIT: f64 = 1.0;
 
@@ -532,12 +534,24 @@ impl Plane {
     fn split_edge(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
         let Quad { corners: [c, a, d, b], n, outer: [ca, ad, db, bc] } = self.quad(t, i);
         let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
-        let m = self.add([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])], measure);
-        let made = [[c, a, m], [c, m, b], [d, b, m], [d, m, a]];
-        if !made.iter().all(|&t| self.is_counterclockwise(t)) {
+        let [p, q] = [c, d].map(|v| self.nodes[v as usize].at);
+        let area = |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
+        let toward = if area(p) > area(q) { p } else { q };
+        let made = |m: u32| [[c, a, m], [c, m, b], [d, b, m], [d, m, a]];
+        let mut m = NONE;
+        for aside in ASIDE {
+            let at: [f64; 2] = std::array::from_fn(|i| 0.5 * (x[i] + y[i]) * (1.0 - aside) + aside * toward[i]);
+            m = self.add(at, measure);
+            if made(m).iter().all(|&t| self.is_counterclockwise(t)) {
+                break;
+            }
             self.drop_last();
+            m = NONE;
+        }
+        if m == NONE {
             return false;
         }
+        let made = made(m);
         let (t2, n2) = (self.new_triangle(), self.new_triangle());
         // (c, a, m): opposite c: n2 (a m); opposite a: t2 (m c); opposite m: the edge c a.
         self.set(t, made[0], [n2, t2, ca.0], [false, false, ca.1]);
