@@ -22,7 +22,7 @@ use chart::Chart;
 use closing::finish;
 use gluing::{Gluing, Track, key};
 use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
-use isoform_geom::{cross, norm, sub};
+use isoform_geom::{norm, sub};
 use plane::{Measure, Plane, Shared};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
@@ -925,13 +925,8 @@ impl Measure for InChart<'_, '_> {
     fn at(&self, at: [f64; 2]) -> Point3 {
         self.builder.charts[self.q].at(at)
     }
-    fn normal(&self, [u, v]: [f64; 2]) -> Point3 {
-        const STEP: f64 = 1e-6;
-        let along = |h: [f64; 2]| {
-            let (p, q) = (self.at([u + h[0], v + h[1]]), self.at([u - h[0], v - h[1]]));
-            sub(p, q)
-        };
-        cross(along([STEP, 0.0]), along([0.0, STEP]))
+    fn normal(&self, at: [f64; 2]) -> Point3 {
+        self.builder.charts[self.q].normal(at)
     }
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool {
         self.builder.charts[self.q].keeps_sign(at, 0)

@@ -7,6 +7,7 @@ use super::{Name, Node, distance};
 use crate::surface::Point3;
 use isoform_geom::{cross, dot, norm, sub};
 use robust::{Coord, orient2d};
+use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
 
 pub(super) const NONE: u32 = u32::MAX;
@@ -58,6 +59,10 @@ pub(super) struct Plane {
     adjacent: Vec<[u32; 3]>,
     /// Whether the edges opposite to the corners stay.
     fixed: Vec<[bool; 3]>,
+    /// What [`Self::worth`] says of them, NaN before it is asked.
+    worths: Vec<Cell<f64>>,
+    /// Whether the pole curve is proved to miss them.
+    sound: Vec<bool>,
     queued: Vec<bool>,
     queue: VecDeque<u32>,
 }
@@ -72,20 +77,25 @@ struct Quad {
     outer: [(u32, bool); 4],
 }
 
-/// The smallest angle of a triangle; negative if it has no area or no position.
-fn smallest_angle(p: [Point3; 3]) -> f64 {
-    let mut least = f64::INFINITY;
-    for i in 0..3 {
-        let (x, y) = (sub(p[(i + 1) % 3], p[i]), sub(p[(i + 2) % 3], p[i]));
-        let angle = norm(cross(x, y)).atan2(dot(x, y));
-        least = least.min(if angle.is_nan() || x == [0.0; 3] || y == [0.0; 3] { -1.0 } else { angle });
+/// The sine of the smallest angle of a triangle; negative if it has no area or no position.
+fn least_sine([p, q, r]: [Point3; 3]) -> f64 {
+    let (x, y, z) = (sub(q, p), sub(r, q), sub(p, r));
+    let [mut a, mut b, c] = [x, y, z].map(|e| dot(e, e));
+    // The smallest angle is between the two longer edges.
+    let shortest = a.min(b).min(c);
+    if shortest == a {
+        a = c;
+    } else if shortest == b {
+        b = c;
     }
-    least
+    let twice = cross(x, y);
+    let sine = (dot(twice, twice) / (a * b)).sqrt();
+    if sine.is_nan() || shortest == 0.0 { -1.0 } else { sine }
 }
 
-/// Rounds of coarsening, and the smallest angle, in radians, below which a triangle is too thin.
+/// Rounds of coarsening, and the sine of the smallest angle below which a triangle is too thin.
 const COARSENING: usize = 4;
-const COARSE: f64 = 0.2;
+const COARSE: f64 = 0.4;
 /// Rounds in which edges are split that fall together in space.
 const CLASHES: usize = 12;
 /// How much an edge wants to be split whose ends, or the corners opposite to it, have one image: the surface would be closed up there.
@@ -118,9 +128,11 @@ impl Plane {
         let fixed = triangles.iter().zip(&adjacent).map(stays).collect();
         let images = nodes.iter().map(|n| measure.image(n)).collect();
         let shared = nodes.iter().map(|n| measure.shared(n)).collect();
+        let worths = vec![Cell::new(f64::NAN); triangles.len()];
+        let sound = triangles.iter().map(|t| measure.is_sound(t.map(|v| nodes[v as usize].at))).collect();
         let queued = vec![true; triangles.len()];
         let queue = (0..triangles.len() as u32).collect();
-        Self { nodes, images, shared, triangles, adjacent, fixed, queued, queue }
+        Self { nodes, images, shared, triangles, adjacent, fixed, worths, sound, queued, queue }
     }
 
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
@@ -138,10 +150,21 @@ impl Plane {
         let cosine = dot(own, normal) / (norm(own) * norm(normal));
         if cosine.is_nan() { 1.0 } else { cosine }
     }
-    /// The smallest angle of a triangle, in radians; below zero if it does not face the way the surface does.
+    fn least_sine(&self, t: [u32; 3]) -> f64 {
+        least_sine(t.map(|v| self.images[v as usize]))
+    }
+    /// The sine of the smallest angle of a triangle; below zero if it does not face the way the surface does.
     fn worth(&self, t: [u32; 3], measure: &dyn Measure) -> f64 {
         let facing = self.facing(t, measure);
-        if facing < FACING { facing - FACING } else { smallest_angle(t.map(|v| self.images[v as usize])) }
+        if facing < FACING { facing - FACING } else { self.least_sine(t) }
+    }
+    /// That of a triangle that is there, computed once.
+    fn known_worth(&self, t: u32, measure: &dyn Measure) -> f64 {
+        let known = &self.worths[t as usize];
+        if known.get().is_nan() {
+            known.set(self.worth(self.triangles[t as usize], measure));
+        }
+        known.get()
     }
     fn is_counterclockwise(&self, t: [u32; 3]) -> bool {
         let [a, b, c] = t.map(|v| {
@@ -309,11 +332,11 @@ impl Plane {
                 t = self.adjacent[t as usize][(i + 1) % 3];
             }
             let n = star.len();
-            let worst = |t: [u32; 3]| self.worth(t, measure);
-            let before = star.iter().map(|&t| worst(self.triangles[t as usize])).fold(f64::INFINITY, f64::min);
-            if n == 64 || before > COARSE {
+            let before = star.iter().map(|&t| self.known_worth(t, measure)).fold(f64::INFINITY, f64::min);
+            if n == 64 || !star.iter().all(|&t| self.sound[t as usize]) {
                 continue;
             }
+            let before = before.min(COARSE);
             let mut order: Vec<usize> = (0..n).collect();
             let far = |k: &usize| distance(self.images[ring[*k] as usize], self.images[v as usize]);
             order.sort_by(|a, b| far(a).total_cmp(&far(b)));
@@ -325,9 +348,12 @@ impl Plane {
                     let p = t.map(|x| self.images[x as usize]);
                     let center = [0, 1].map(|i| (corners[0][i] + corners[1][i] + corners[2][i]) / 3.0);
                     let off = distance(measure.at(center), std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0));
-                    off <= measure.tolerance() && measure.is_sound(corners)
+                    off <= measure.tolerance()
                 };
-                made.iter().all(|&t| worst(t) > before && self.is_counterclockwise(t) && self.is_thick(t, THIN))
+                made.iter().all(|&t| {
+                    let fits = self.is_counterclockwise(t) && self.is_thick(t, THIN) && self.least_sine(t) > before;
+                    fits && self.worth(t, measure) > before
+                })
                     && (2..n - 1).all(|j| {
                         let x = ring[(k + j) % n];
                         !self.have_one_image([w, x]) && !self.is_ambiguous([w, x]) && self.excess(w, x, measure) <= SPLIT
@@ -349,6 +375,7 @@ impl Plane {
                 let t = star[(k + j) % n] as usize;
                 let i = self.triangles[t].iter().position(|&x| x == v).expect("a triangle at v");
                 self.triangles[t][i] = w;
+                self.worths[t].set(f64::NAN);
             }
             // (v, w, next): the triangle after it meets what was beyond the edge from w to next.
             let join = |this: &mut Self, t: u32, ends: [u32; 2], (n, fixed): (u32, bool)| {
@@ -407,6 +434,8 @@ impl Plane {
         let kept = |t: &usize| !dead[*t];
         self.triangles = (0..dead.len()).filter(kept).map(|t| self.triangles[t]).collect();
         self.fixed = (0..dead.len()).filter(kept).map(|t| self.fixed[t]).collect();
+        self.worths = (0..dead.len()).filter(kept).map(|t| self.worths[t].clone()).collect();
+        self.sound = (0..dead.len()).filter(kept).map(|t| self.sound[t]).collect();
         let renumbered = |t: usize| self.adjacent[t].map(|n| if n == NONE { NONE } else { new[n as usize] });
         self.adjacent = (0..dead.len()).filter(kept).map(renumbered).collect();
         self.queued = vec![false; n as usize];
@@ -442,7 +471,7 @@ impl Plane {
                 }
             }
             let at = self.corners(t);
-            let sound = measure.is_sound(at);
+            let sound = self.sound[t as usize];
             let mut only_turned = false;
             let mut split = worst.filter(|w| w.0 > SPLIT).map(|w| Some(w.1));
             if split.is_none() {
@@ -498,6 +527,7 @@ impl Plane {
         self.triangles[t as usize] = v;
         self.adjacent[t as usize] = n;
         self.fixed[t as usize] = fixed;
+        self.worths[t as usize].set(f64::NAN);
         for (i, &n) in n.iter().enumerate() {
             if n != NONE {
                 // The edge from the other side.
@@ -513,6 +543,8 @@ impl Plane {
         self.triangles.push([0; 3]);
         self.adjacent.push([NONE; 3]);
         self.fixed.push([false; 3]);
+        self.worths.push(Cell::new(f64::NAN));
+        self.sound.push(false);
         self.queued.push(false);
         self.triangles.len() as u32 - 1
     }
@@ -527,6 +559,15 @@ impl Plane {
             corners: [corner(t, i), corner(t, i + 1), corner(n, j), corner(t, i + 2)],
             n,
             outer: [beyond(t, i + 2), beyond(n, j + 1), beyond(n, j + 2), beyond(t, i + 1)],
+        }
+    }
+
+    /// Proves that the pole curve misses new triangles: they lie where old ones were, and the first of either have the same numbers.
+    fn prove<const N: usize, const M: usize>(&mut self, old: [u32; N], new: [u32; M], measure: &dyn Measure) {
+        if old.iter().all(|&t| self.sound[t as usize]) {
+            new.iter().for_each(|&t| self.sound[t as usize] = true);
+        } else {
+            new.iter().for_each(|&t| self.sound[t as usize] = measure.is_sound(self.corners(t)));
         }
     }
 
@@ -558,6 +599,7 @@ impl Plane {
         self.set(t2, made[1], [n, bc.0, t], [false, bc.1, false]);
         self.set(n, made[2], [t2, n2, db.0], [false, false, db.1]);
         self.set(n2, made[3], [t, ad.0, n], [false, ad.1, false]);
+        self.prove([t, n], [t, t2, n, n2], measure);
         for k in [t, t2, n, n2] {
             self.push(k);
         }
@@ -580,6 +622,7 @@ impl Plane {
         self.set(t, made[0], [n[0], t2, t3], [f[0], false, false]);
         self.set(t2, made[1], [n[1], t3, t], [f[1], false, false]);
         self.set(t3, made[2], [n[2], t, t2], [f[2], false, false]);
+        self.prove([t], [t, t2, t3], measure);
         for k in [t, t2, t3] {
             self.push(k);
         }
@@ -620,23 +663,26 @@ impl Plane {
         {
             return false;
         }
-        let least = |t: [[u32; 3]; 2]| t.map(|t| self.worth(t, measure)).into_iter().fold(f64::INFINITY, f64::min);
-        let (before, after) = (least([[c, a, b], [d, b, a]]), least(made));
-        let better = if before > 0.0 { after > 1.1 * before } else { after > before + 1e-3 };
-        if !better {
+        let before = self.known_worth(t, measure).min(self.known_worth(n, measure));
+        let is_better = |after: f64| if before > 0.0 { after > 1.1 * before } else { after > before + 1e-3 };
+        // Where the triangles face is dearer than their angles.
+        let is_better = |t: [u32; 3]| is_better(self.least_sine(t)) && is_better(self.worth(t, measure));
+        if !made.iter().all(|&t| is_better(t)) {
             return false;
         }
         let excess = self.excess(c, d, measure);
         if excess > SPLIT && excess > self.excess(a, b, measure) {
             return false;
         }
-        let sound = |t: [u32; 3]| measure.is_sound(t.map(|v| self.nodes[v as usize].at));
-        if !made.iter().all(|&t| sound(t)) && [[c, a, b], [d, b, a]].iter().all(|&t| sound(t)) {
+        let known = [t, n].map(|t| self.sound[t as usize]);
+        let sound = made.map(|t| known == [true; 2] || measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
+        if known != sound && sound != [true; 2] {
             return false;
         }
         // (c, a, d): opposite c the edge a d, opposite a the new edge, opposite d the edge c a.
         self.set(t, made[0], [ad.0, n, ca.0], [ad.1, false, ca.1]);
         self.set(n, made[1], [db.0, bc.0, t], [db.1, bc.1, false]);
+        (self.sound[t as usize], self.sound[n as usize]) = (sound[0], sound[1]);
         self.push(t);
         self.push(n);
         true
