@@ -925,6 +925,9 @@ impl Measure for InChart<'_, '_> {
     fn at(&self, at: [f64; 2]) -> Point3 {
         self.builder.charts[self.q].at(at)
     }
+    fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
+        self.builder.charts[self.q].step(at, to)
+    }
     fn normal(&self, at: [f64; 2]) -> Point3 {
         self.builder.charts[self.q].normal(at)
     }

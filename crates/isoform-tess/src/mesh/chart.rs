@@ -3,7 +3,7 @@
 use crate::map::{MAX_DEGREE, Map};
 use crate::surface::Point3;
 use isoform_algebra::{Poly, QUADRANTS, RBig};
-use isoform_geom::cross;
+use isoform_geom::{cross, dot, sub};
 use std::collections::BTreeMap;
 
 /// A map evaluated in floating point on one of the unit triangles.
@@ -75,11 +75,24 @@ impl Chart {
         }
         sum
     }
+    /// The image and the derivatives by u and v.
+    fn tangents(&self, at: [f64; 2]) -> [Point3; 3] {
+        let [p, by_u, by_v] = if self.degree < FEW { self.derivatives::<FEW>(at) } else { self.derivatives::<MANY>(at) };
+        let tangent = |d: [f64; 4]| [0, 1, 2].map(|k| (d[k] - p[k] / p[3] * d[3]) / p[3]);
+        [[0, 1, 2].map(|k| p[k] / p[3]), tangent(by_u), tangent(by_v)]
+    }
+    /// The step that brings the image nearest to a point, to first order: one of Gauss and Newton. None where the tangents are parallel.
+    pub(super) fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
+        let [p, x, y] = self.tangents(at);
+        let off = sub(to, p);
+        let (xx, xy, yy, x, y) = (dot(x, x), dot(x, y), dot(y, y), dot(x, off), dot(y, off));
+        let det = xx * yy - xy * xy;
+        (det > 1e-12 * xx * yy).then(|| [(yy * x - xy * y) / det, (xx * y - xy * x) / det])
+    }
     /// The normal of the surface, of any length, for parameters turned counterclockwise.
     pub(super) fn normal(&self, at: [f64; 2]) -> Point3 {
-        let [p, by_u, by_v] = if self.degree < FEW { self.derivatives::<FEW>(at) } else { self.derivatives::<MANY>(at) };
-        let tangent = |d: [f64; 4]| [0, 1, 2].map(|k| d[k] * p[3] - p[k] * d[3]);
-        cross(tangent(by_u), tangent(by_v))
+        let [_, x, y] = self.tangents(at);
+        cross(x, y)
     }
     /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding, those left out that vanish because W has a zero of
     /// that multiplicity in the first corner.

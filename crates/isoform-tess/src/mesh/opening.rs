@@ -8,6 +8,7 @@ use crate::fan::{Direction, Fan};
 use crate::map::Map;
 use crate::surface::Point3;
 use isoform_algebra::{Poly, RBig};
+use isoform_geom::{dot, sub};
 use std::collections::BTreeMap;
 
 /// Largest half width of a rectangle, halvings of it, and directions of a base point.
@@ -375,23 +376,28 @@ impl Builder<'_> {
             let fan = &self.fans[site.fan];
             let apart = |other: &&&Site| (other.at[0] - site.at[0]).abs().max((other.at[1] - site.at[1]).abs());
             let nearest = here.iter().filter(|s| s.at != site.at).map(|s| apart(&s)).fold(1.0, f64::min);
-            let mut last: BTreeMap<([u64; 2], bool), Point3> = BTreeMap::new();
+            let mut last: BTreeMap<(usize, bool), Point3> = BTreeMap::new();
             let mut scale = 1.0;
+            // Every other ring lies between the directions: vertices on one line would leave no room for flips.
+            let mut is_between = false;
             while scale * site.height < 0.4 * nearest {
                 let mut ring = Vec::new();
                 for (k, d) in fan.directions.iter().enumerate() {
                     let before = fan.inside[(k + fan.inside.len() - 1) % fan.inside.len()];
-                    if !fan.inside[k] || !before || !d.factors.is_empty() || fan.is_side(d) {
+                    if !fan.inside[k] || !is_between && (!before || !d.factors.is_empty() || fan.is_side(d)) {
                         continue;
                     }
+                    let d = &if is_between { fan.between(k) } else { d.clone() };
                     for backward in [false, true] {
                         let at = match fan.is_near() {
                             true => self.reach(q, site, d, backward).and_then(|r| fan.on_ray(q, d, backward, scale * r)),
-                            false => self.straight(q, site, d, backward).map(|at| [0, 1].map(|i| site.at[i] + scale * (at[i] - site.at[i]))),
+                            false => {
+                                self.straight(q, site, d, backward).map(|at| [0, 1].map(|i| site.at[i] + scale * (at[i] - site.at[i])))
+                            }
                         };
                         let Some(at) = at else { continue };
                         if at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0 {
-                            ring.push(((d.key(), backward), at, self.charts[q].at(at)));
+                            ring.push(((k, backward), at, self.charts[q].at(at)));
                         }
                     }
                 }
@@ -407,6 +413,7 @@ impl Builder<'_> {
                     if scale > 1.0 {
                         found.extend(ring.into_iter().map(|x| x.1));
                     }
+                    is_between = !is_between;
                 }
                 scale *= 1.5;
             }
@@ -445,7 +452,7 @@ impl Builder<'_> {
                 continue;
             }
             let ends = [k, fan.next(k)].map(|k| fan.seam(&fan.directions[k]));
-            let mut fine = self.is_near(fan.seam(&fan.between(k)), middle(ends[0], ends[1]), ends);
+            let mut fine = self.is_near_chord(fan.seam(&fan.between(k)), ends);
             for &(q, site) in sites {
                 for backward in [false, true] {
                     let rays = Self::sector(fan, k, backward);
@@ -468,7 +475,7 @@ impl Builder<'_> {
                         // Halfway on an arc, not on its chord: it is the arc that bounds the surface.
                         let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), backward) && x.end == at);
                         let halfway = arc.map_or_else(|| self.halfway(q, site, &fan.directions[k], backward, at), |x| x.middle);
-                        if !self.is_near(image(halfway), middle(*end, image(at)), [*end, image(at)]) {
+                        if !self.is_near_chord(image(halfway), [*end, image(at)]) {
                             return false;
                         }
                     }
@@ -498,6 +505,14 @@ impl Builder<'_> {
         true
     }
 
+    /// Whether a point of a curve is near to a straight piece that stands for it and that is not divided any more, and the piece short. It may be
+    /// anywhere along it: where arcs touch faces of the box, a curve leaves its end like a square root.
+    fn is_near_chord(&self, on: Point3, [p, q]: [Point3; 2]) -> bool {
+        let (along, from) = (sub(q, p), sub(on, p));
+        let share = (dot(from, along) / dot(along, along)).clamp(0.0, 1.0);
+        let nearest = std::array::from_fn(|i| if share > 0.0 { p[i] + share * along[i] } else { p[i] });
+        distance(on, nearest) <= 0.5 * self.options.tolerance && distance(p, q) <= self.options.longest
+    }
     /// Whether the middle of a straight piece is near to the surface, and the piece short.
     fn is_near(&self, on: Point3, chord: Point3, ends: [Point3; 2]) -> bool {
         distance(on, chord) <= 0.5 * self.options.tolerance && distance(ends[0], ends[1]) <= self.options.longest
