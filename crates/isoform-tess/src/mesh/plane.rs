@@ -554,7 +554,7 @@ impl Plane {
                 let is_far = off > 1.0 || off.is_nan();
                 let is_turned = || {
                     let long = (0..3).map(|i| distance(p[i], p[(i + 1) % 3])).fold(0.0, f64::max);
-                    long > LEAST * measure.longest() && self.is_thick(v, TURNED) && self.known_worth(t, measure).0 < 0.0
+                    long > LEAST * measure.longest() && self.is_thick(v, TURNED) && self.facing(v, measure)[0] < FACING
                 };
                 only_turned = sound && !is_far;
                 if !sound || is_far || is_turned() {
