@@ -6,6 +6,7 @@
 
 mod chart;
 mod closing;
+pub(crate) mod fineness;
 mod gluing;
 mod opening;
 mod plane;
@@ -20,6 +21,7 @@ use crate::singular::{CurveKind, RealPart};
 use crate::surface::{Kind, MeshOptions, Point3, Surface};
 use chart::Chart;
 use closing::finish;
+use fineness::Fineness;
 use gluing::{Gluing, Track, key};
 use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
 use isoform_geom::{cross, norm, sub};
@@ -84,11 +86,13 @@ pub(crate) fn mesh(
     analysis: &Analysis,
     curves: &Curves,
     options: &MeshOptions,
+    fineness: &Fineness,
     stop: &dyn Fn() -> bool,
 ) -> Surface {
     let mut builder = Builder {
         region,
         options,
+        fineness,
         stop,
         charts: std::array::from_fn(|q| Chart::new(map, q)),
         half_width: region.half_width.to_f64().value(),
@@ -175,6 +179,7 @@ impl Curves {
 struct Builder<'a> {
     region: &'a Region,
     options: &'a MeshOptions,
+    fineness: &'a Fineness,
     stop: &'a dyn Fn() -> bool,
     charts: [Chart; 4],
     half_width: f64,
@@ -330,6 +335,11 @@ impl Builder<'_> {
         p
     }
 
+    /// The largest distance from the surface near to a point.
+    fn tolerance_at(&self, p: Point3) -> f64 {
+        self.options.tolerance * self.fineness.factor(p, self.half_width)
+    }
+
     /// Whether a straight piece may stand for what lies between two parameters of a curve in space.
     fn is_fine(&self, at: &dyn Fn(f64) -> Point3, a: f64, b: f64) -> bool {
         let (p, q) = (at(a), at(b));
@@ -338,7 +348,7 @@ impl Builder<'_> {
             distance(at(a + t * (b - a)), x)
         });
         // Values that are not numbers are never fine.
-        distance(p, q) <= self.options.longest && off.iter().all(|&d| d <= 0.3 * self.options.tolerance)
+        distance(p, q) <= self.options.longest && off.iter().all(|&d| d <= 0.3 * self.tolerance_at(middle(p, q)))
     }
 
     /// Places along the sides that both triangles use.
@@ -589,6 +599,8 @@ impl Builder<'_> {
         if ended.coarse > 0 {
             surface.unproven.push("the triangles are not everywhere as near to the surface as asked for".into());
         }
+        let ring: Vec<[u32; 2]> = at_apex.iter().map(|&[_, a, b]| [a, b]).collect();
+        let ways = plane.ways_around(&ring, &measure);
         let mut vertex = |k: u32| {
             let node = &plane.nodes[k as usize];
             let key = match self.merged(q, node) {
@@ -612,12 +624,13 @@ impl Builder<'_> {
         let mut made: Vec<([u32; 3], [[f64; 2]; 3])> =
             plane.triangles.iter().map(|t| (t.map(&mut vertex), t.map(|v| plane.nodes[v as usize].at))).collect();
         let mut opened = Vec::new();
-        for [p, a, b] in at_apex {
+        for ([p, a, b], way) in at_apex.into_iter().zip(ways) {
             let Some(&fan) = apexes.get(&(p as usize)) else { continue };
             let ray = |v: u32| rays.get(&(v as usize, fan)).copied();
-            opened.push(([vertex(a), vertex(b)], [p, a, b], ray(a).zip(ray(b)), fan));
+            let way: Vec<(u32, [f64; 2])> = way.into_iter().map(|v| (vertex(v), plane.nodes[v as usize].at)).collect();
+            opened.push(([vertex(a), vertex(b)], way, [p, a, b], ray(a).zip(ray(b)), fan));
         }
-        for ([from, to], corners, directions, fan) in opened {
+        for ([from, to], way, corners, directions, fan) in opened {
             let Some((first, second)) = directions else {
                 surface.unproven.push("triangles at base points are left out".to_owned());
                 continue;
@@ -653,8 +666,13 @@ impl Builder<'_> {
                 // Edges from the seam's end of a double curve to the rectangle: the other diagonals would be there twice where the curve is folded.
                 let on_second = i + 1 == first.len() || (j + 1 < second.len() && !first_is_double);
                 let next = if on_second { second[j + 1] } else { first[i + 1] };
-                let t = [first[i], second[j], next];
-                made.push((t.map(|t| t.0), t.map(|t| t.1)));
+                // From one to the other, the first time on the way that bounds the triangles outside.
+                let outer = way.iter().filter(|_| i + j == 0);
+                let path: Vec<(u32, [f64; 2])> = [first[i]].into_iter().chain(outer.copied()).chain([second[j]]).collect();
+                for w in path.windows(2) {
+                    let t = [w[0], w[1], next];
+                    made.push((t.map(|t| t.0), t.map(|t| t.1)));
+                }
                 if on_second { j += 1 } else { i += 1 }
             }
         }
@@ -810,10 +828,11 @@ impl Builder<'_> {
             let mid = [u, v];
             let (p, m, r) = (at(left), at(mid), at(right));
             let chord = [u, 0.5 * (left[1] + right[1])];
+            let tolerance = self.tolerance_at(m);
             let fine = distance(p, r) <= self.options.longest
-                && distance(m, middle(p, r)) <= 0.3 * self.options.tolerance
+                && distance(m, middle(p, r)) <= 0.3 * tolerance
                 // The triangles beside it meet the chord in the parameters, not the arc.
-                && distance(at(chord), middle(p, r)) <= 0.3 * self.options.tolerance
+                && distance(at(chord), middle(p, r)) <= 0.3 * tolerance
                 && self.charts[q].keeps_sign([left, right, left], 0);
             // One halving at least: a chord may meet the middle by chance.
             if fine && depth > 1 {
@@ -929,8 +948,8 @@ impl Measure for InChart<'_, '_> {
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool {
         self.builder.charts[self.q].keeps_sign(at, 0)
     }
-    fn tolerance(&self) -> f64 {
-        self.builder.options.tolerance
+    fn tolerance(&self, near: Point3) -> f64 {
+        self.builder.tolerance_at(near)
     }
     fn longest(&self) -> f64 {
         self.builder.options.longest

@@ -488,7 +488,7 @@ impl Builder<'_> {
             }
             if fine {
                 k += 1;
-            } else if fan.directions.len() >= DIRECTIONS || distance(ends[0], ends[1]) < 0.1 * self.options.tolerance {
+            } else if fan.directions.len() >= DIRECTIONS || distance(ends[0], ends[1]) < 0.1 * self.tolerance_at(ends[0]) {
                 // What is not fine is not the seam then: an arc is too far from its tangent.
                 return false;
             } else if fan.split(k) == 0 {
@@ -500,7 +500,7 @@ impl Builder<'_> {
 
     /// Whether the middle of a straight piece is near to the surface, and the piece short.
     fn is_near(&self, on: Point3, chord: Point3, ends: [Point3; 2]) -> bool {
-        distance(on, chord) <= 0.5 * self.options.tolerance && distance(ends[0], ends[1]) <= self.options.longest
+        distance(on, chord) <= 0.5 * self.tolerance_at(chord) && distance(ends[0], ends[1]) <= self.options.longest
     }
 
     /// The vertex of a seam: its name, position and faces, and whether it is the image of a contracted curve.

@@ -23,7 +23,8 @@ pub(super) trait Measure {
     fn normal(&self, at: [f64; 2]) -> Point3;
     /// Whether the pole curve is proved to miss a triangle.
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool;
-    fn tolerance(&self) -> f64;
+    /// The largest distance from the surface, near to a point.
+    fn tolerance(&self, near: Point3) -> f64;
     fn longest(&self) -> f64;
 }
 
@@ -165,8 +166,9 @@ impl Plane {
         let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
         let [p, q] = [a, b].map(|v| self.images[v as usize]);
         let on = measure.at([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])]);
-        let error = distance(on, std::array::from_fn(|i| 0.5 * (p[i] + q[i])));
-        let excess = (error / measure.tolerance()).max(distance(p, q) / measure.longest());
+        let chord = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
+        let error = distance(on, chord);
+        let excess = (error / measure.tolerance(chord)).max(distance(p, q) / measure.longest());
         if error.is_nan() { f64::INFINITY } else { excess }
     }
     fn have_one_image(&self, [a, b]: [u32; 2]) -> bool {
@@ -221,6 +223,56 @@ impl Plane {
         }
         ended.clashes = self.clashes().len();
         ended
+    }
+
+    /// What bounds the triangles that will be made beyond an edge from a to b: instead of the edge, which is straight in the parameters and may
+    /// bend in space, the way around triangles at it that face a wrong way. These are left out. The vertices between a and b.
+    pub(super) fn ways_around(&mut self, edges: &[[u32; 2]], measure: &dyn Measure) -> Vec<Vec<u32>> {
+        let mut sides: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+        let mut held = vec![false; self.nodes.len()];
+        for (t, v) in self.triangles.iter().enumerate() {
+            for i in (0..3).filter(|&i| self.fixed[t][i]) {
+                let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
+                (held[a as usize], held[b as usize]) = (true, true);
+                sides.insert((a, b), t as u32);
+            }
+        }
+        let mut dead = vec![false; self.triangles.len()];
+        let mut ways = Vec::new();
+        for &[from, to] in edges {
+            let mut way = Vec::new();
+            let mut stack = vec![(from, to)];
+            while let Some((a, b)) = stack.pop() {
+                let wrong = sides.get(&(b, a)).copied().filter(|&t| self.facing(self.triangles[t as usize], measure) < FACING);
+                let around = wrong.and_then(|t| {
+                    let v = self.triangles[t as usize];
+                    let i = (0..3).find(|&i| v[i] != a && v[i] != b)?;
+                    let m = v[i];
+                    let free = !held[m as usize] && self.shared[m as usize].is_none() && self.nodes[m as usize].name == Name::Inner;
+                    free.then_some((t, i, m))
+                });
+                if let Some((t, i, m)) = around {
+                    dead[t as usize] = true;
+                    held[m as usize] = true;
+                    // Counterclockwise m, b, a.
+                    for (k, edge) in [((i + 1) % 3, (m, a)), ((i + 2) % 3, (b, m))] {
+                        let n = self.adjacent[t as usize][k];
+                        if n != NONE {
+                            let j = self.place(n, t);
+                            self.adjacent[n as usize][j] = NONE;
+                            self.fixed[n as usize][j] = true;
+                            sides.insert(edge, n);
+                        }
+                    }
+                    stack.extend([(m, b), (a, m)]);
+                } else if b != to {
+                    way.push(b);
+                }
+            }
+            ways.push(way);
+        }
+        self.remove(&dead);
+        ways
     }
 
     /// Edges from a vertex to two others that have one image, which would be one edge with four triangles in space.
@@ -323,7 +375,7 @@ impl Plane {
                     let p = t.map(|x| self.images[x as usize]);
                     let center = [0, 1].map(|i| (corners[0][i] + corners[1][i] + corners[2][i]) / 3.0);
                     let off = distance(measure.at(center), std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0));
-                    off <= measure.tolerance() && measure.is_sound(corners)
+                    off <= measure.tolerance(p[0]) && measure.is_sound(corners)
                 };
                 made.iter().all(|&t| worst(t) > before && self.is_counterclockwise(t) && self.is_thick(t, THIN))
                     && (2..n - 1).all(|j| {
@@ -447,7 +499,7 @@ impl Plane {
                 let p = self.images_of(t);
                 let center = [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0);
                 let off = distance(measure.at(center), std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0));
-                let is_far = off > measure.tolerance() || off.is_nan();
+                let is_far = off > measure.tolerance(p[0]) || off.is_nan();
                 let is_turned = || {
                     let long = (0..3).map(|i| distance(p[i], p[(i + 1) % 3])).fold(0.0, f64::max);
                     long > LEAST * measure.longest() && self.is_thick(v, TURNED) && self.facing(v, measure) < FACING
