@@ -10,6 +10,7 @@
 
 mod analysis;
 mod base;
+mod cover;
 mod dense;
 mod double;
 mod fan;

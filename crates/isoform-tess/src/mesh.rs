@@ -659,7 +659,8 @@ impl Builder<'_> {
                 path.push((add(surface, global, name, (point, faces), kind), p));
                 path
             });
-            let first_is_double = surface.double[first[0].0 as usize];
+            let folds = |ray: Ray| self.fans[fan].directions.iter().any(|d| d.key() == ray.0 && self.fans[fan].is_fold(d));
+            let first_is_double = surface.double[first[0].0 as usize] || directions.is_some_and(|d| folds(d.0));
             // A strip between both, from the rectangle on.
             let (mut i, mut j) = (0, 0);
             while i + 1 < first.len() || j + 1 < second.len() {
