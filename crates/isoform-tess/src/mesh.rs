@@ -24,7 +24,7 @@ use closing::finish;
 use fineness::Fineness;
 use gluing::{Gluing, Track, key};
 use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
-use isoform_geom::{cross, norm, sub};
+use isoform_geom::{cross, dot, norm, sub};
 use plane::{Measure, Plane, Shared};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
@@ -663,17 +663,18 @@ impl Builder<'_> {
             let first_is_double = surface.double[first[0].0 as usize] || directions.is_some_and(|d| folds(d.0));
             // A strip between both, from the rectangle on.
             let (mut i, mut j) = (0, 0);
+            let mut push = |t: [PathVertex; 3]| made.push((t.map(|t| t.0), t.map(|t| t.1)));
+            if !way.is_empty() {
+                // Those on the way that bounds the triangles outside have no other edges to vertices that are shared.
+                for t in around(&surface.points, first[1], &[&first[..1], &way, &second[..1]].concat(), second[1]) {
+                    push(t);
+                }
+                (i, j) = (1, 1);
+            }
             while i + 1 < first.len() || j + 1 < second.len() {
                 // Edges from the seam's end of a double curve to the rectangle: the other diagonals would be there twice where the curve is folded.
                 let on_second = i + 1 == first.len() || (j + 1 < second.len() && !first_is_double);
-                let next = if on_second { second[j + 1] } else { first[i + 1] };
-                // From one to the other, the first time on the way that bounds the triangles outside.
-                let outer = way.iter().filter(|_| i + j == 0);
-                let path: Vec<(u32, [f64; 2])> = [first[i]].into_iter().chain(outer.copied()).chain([second[j]]).collect();
-                for w in path.windows(2) {
-                    let t = [w[0], w[1], next];
-                    made.push((t.map(|t| t.0), t.map(|t| t.1)));
-                }
+                push([first[i], second[j], if on_second { second[j + 1] } else { first[i + 1] }]);
                 if on_second { j += 1 } else { i += 1 }
             }
         }
@@ -846,6 +847,30 @@ impl Builder<'_> {
         *in_order &= line[1..line.len() - 1].iter().all(|[u, v]| *v > 0.0 && *v < 1.0 - u);
         line
     }
+}
+
+/// A vertex and its parameters.
+type PathVertex = (u32, [f64; 2]);
+
+/// Triangles between an edge from `a` to `b` and a way of three vertices or more beside it: with `a` up to one of those in between, then with `b`,
+/// so that none is turned against the others if that is possible.
+fn around(points: &[Point3], a: PathVertex, way: &[PathVertex], b: PathVertex) -> Vec<[PathVertex; 3]> {
+    let normal = |t: &[PathVertex; 3]| {
+        let [p, q, r] = t.map(|v| points[v.0 as usize]);
+        cross(sub(q, p), sub(r, p))
+    };
+    let made = |k: usize| {
+        let before = way[..=k].windows(2).map(|w| [w[0], w[1], a]);
+        let after = way[k..].windows(2).map(|w| [w[0], w[1], b]);
+        before.chain([[a, way[k], b]]).chain(after).collect::<Vec<_>>()
+    };
+    let worst = |k: usize| {
+        let normals: Vec<Point3> = made(k).iter().map(normal).collect();
+        let sum = normals.iter().fold([0.0; 3], |sum, n| std::array::from_fn(|i| sum[i] + n[i]));
+        normals.iter().map(|n| dot(*n, sum) / norm(sum)).fold(f64::INFINITY, f64::min)
+    };
+    let best = (1..way.len() - 1).max_by(|&k, &l| worst(k).total_cmp(&worst(l)));
+    made(best.expect("three vertices or more"))
 }
 
 /// The vertex of a name that all unit triangles share.

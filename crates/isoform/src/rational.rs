@@ -23,24 +23,40 @@ pub fn rational_surface(map: &Map, options: &TriangulateOptions, stop: &dyn Fn()
         let mut seconds = 0.0;
         let mut look = |surface: &Surface| {
             let clock = Instant::now();
-            let found = crossings(surface);
+            let found = crossings(surface, stop);
             seconds += clock.elapsed().as_secs_f64();
             found
         };
         let mut found = look(&surface);
+        // The places of all rounds so far are finer in the next, whatever came of them: what is kept is the best.
+        let mut last: Option<(Surface, Intersections)> = None;
         for _ in 0..ROUNDS {
-            let Some(i) = found.as_ref().filter(|i| (1..=MOST).contains(&i.pairs.count)) else { break };
+            let (tried, i) = match &last {
+                Some((tried, i)) => (tried, i),
+                None => {
+                    let Some(i) = &found else { break };
+                    (&surface, i)
+                }
+            };
             // What is open for other reasons is not mended by this.
-            if !surface.unproven.is_empty() || surface.triangles.len() > options.mesh.triangles / 2 || stop() {
+            let is_hopeless = !tried.unproven.is_empty() || tried.triangles.len() > options.mesh.triangles / 2;
+            if i.pairs.is_empty() || !i.complete || is_hopeless || stop() {
                 break;
             }
-            prepared.refine(&boxes(&surface, i));
-            surface = prepared.surface(stop);
-            found = look(&surface);
+            prepared.refine(&boxes(tried, i));
+            let next = prepared.surface(stop);
+            let Some(crossing) = look(&next) else { break };
+            let is_better = next.unproven.is_empty() && found.as_ref().is_none_or(|f| crossing.pairs.count < f.pairs.count);
+            if is_better {
+                surface = next.clone();
+                found = Some(crossing.clone());
+            }
+            last = Some((next, crossing));
         }
-        match found.map(|i| i.pairs.count) {
-            Some(0) => {}
-            Some(n) => surface.unproven.push(format!("{n} pairs of triangles cross")),
+        match found {
+            Some(i) if !i.complete => surface.unproven.push(format!("more than {} pairs of triangles cross", i.pairs.count.min(MOST))),
+            Some(i) if i.pairs.is_empty() => {}
+            Some(i) => surface.unproven.push(format!("{} pairs of triangles cross", i.pairs.count)),
             None => surface.unproven.push("whether triangles cross was not looked for".to_owned()),
         }
         prepared.analysis.seconds.push(("crossings", seconds));
@@ -48,9 +64,12 @@ pub fn rational_surface(map: &Map, options: &TriangulateOptions, stop: &dyn Fn()
     Ok((surface, prepared.analysis))
 }
 
-fn crossings(surface: &Surface) -> Option<Intersections> {
+fn crossings(surface: &Surface, stop: &dyn Fn() -> bool) -> Option<Intersections> {
+    if stop() {
+        return None;
+    }
     let mesh = Mesh { points: surface.points.clone(), triangles: surface.triangles.clone(), ..Mesh::default() };
-    let options = check::Options { places: MOST, ..check::Options::default() };
+    let options = check::Options { places: MOST, pairs: MOST, ..check::Options::default() };
     certify(&mesh, None, &options, &Control::default()).intersections
 }
 
