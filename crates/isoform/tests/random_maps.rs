@@ -51,6 +51,7 @@ fn random_maps() {
             let made = rational_surface(&map, &options, &stop);
             let seconds = clock.elapsed().as_secs_f64();
             if seconds > 2.0 * allowed.as_secs_f64() {
+                println!("{seed} {mode:?} {seconds:.1} s, too slow: {texts:?}");
                 slow.push((seed, mode, seconds));
             }
             let Ok((surface, _)) = made else {

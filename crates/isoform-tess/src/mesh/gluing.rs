@@ -232,8 +232,9 @@ impl Builder<'_> {
     fn seam_pieces(&self, fan: usize, pieces: &mut Vec<Piece>) {
         let f = &self.fans[fan];
         let n = f.directions.len();
-        // All the way around it ends where it began.
-        let first = (0..n).find(|&k| f.inside[k] && !f.inside[(k + n - 1) % n]).unwrap_or(0);
+        // All the way around it ends where it began: in a fold, if there is one.
+        let fold = || f.directions.iter().position(|d| f.is_fold(d));
+        let first = (0..n).find(|&k| f.inside[k] && !f.inside[(k + n - 1) % n]).or_else(fold).unwrap_or(0);
         let knot = |k: usize| {
             let d = &f.directions[k % n];
             let (name, image, _) = self.seam_vertex(fan, d);
