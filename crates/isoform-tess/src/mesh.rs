@@ -77,6 +77,8 @@ fn distance(a: Point3, b: Point3) -> f64 {
 
 /// Halvings of a stretch of an arc or side: ends with vertical tangents are approached to 2⁻⁴⁰ of the stretch.
 const HALVINGS: usize = 40;
+/// Vertices of a stretch at most: more has one along which the map is not continuous.
+const VERTICES: usize = 1 << 14;
 
 /// Triangulates the part of the surface that is in the box. The region is decomposed by `curves`, too. What could not be opened, joined or
 /// refined is said to be unproven.
@@ -391,7 +393,7 @@ impl Builder<'_> {
                 while let Some((a, b, depth)) = stack.pop() {
                     let rough = || self.on_side[side].is_none() && !self.is_fine(&at, a, b);
                     let signed = || self.charts[both[0]].keeps_sign([a, b, a].map(|x| on_side(side, x)), 0);
-                    if inside && depth < HALVINGS && (rough() || !signed()) {
+                    if inside && depth < HALVINGS && list.len() < VERTICES && (rough() || !signed()) {
                         let m = 0.5 * (a + b);
                         stack.extend([(m, b, depth + 1), (a, m, depth + 1)]);
                     } else {
@@ -551,7 +553,9 @@ impl Builder<'_> {
             }
         }
         if crossing || !in_order {
-            surface.unproven.push("arcs of the region's boundary are closer together than rounding".into());
+            surface
+                .unproven
+                .push("arcs of the region's boundary are closer together than rounding, or could not be drawn to the end".into());
         }
         let us: Vec<f64> = walls.iter().map(|w| w.u.to_f64()).collect();
         let inside = |at: [f64; 2]| {
@@ -716,7 +720,7 @@ impl Builder<'_> {
         let mut stack = vec![(a[1], b[1], 0)];
         while let Some((x, y, depth)) = stack.pop() {
             let at = |v: f64| self.charts[q].at([a[0], v]);
-            if depth < HALVINGS && !self.is_fine(&at, x, y) {
+            if depth < HALVINGS && line.len() < VERTICES && !self.is_fine(&at, x, y) {
                 let m = 0.5 * (x + y);
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {
@@ -822,7 +826,9 @@ impl Builder<'_> {
         let mut stack = vec![(stretch.from, stretch.to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left[0] + right[0]);
-            let room = left[0] < u && u < right[0] && depth < HALVINGS;
+            let is_full = line.len() > VERTICES || (self.stop)();
+            *in_order &= !is_full;
+            let room = left[0] < u && u < right[0] && depth < HALVINGS && !is_full;
             let Some(v) = room.then(|| over.at(u, i)).flatten() else {
                 line.push(right);
                 continue;

@@ -39,6 +39,7 @@ fn random_maps() {
             invalid += 1;
             continue;
         };
+        println!("{seed} {texts:?}");
         for mode in [Mode::Normalised, Mode::Glued] {
             let clock = Instant::now();
             let stop = || clock.elapsed() > allowed;
