@@ -4,6 +4,7 @@
 //! those that bound the region or lie on a curve that is drawn are among them: the tangents there.
 
 use crate::base::{BasePoint, BinaryForm, Seam};
+use crate::cover::Involution;
 use crate::field::Algebraic;
 use crate::region::Region;
 use crate::surface::Point3;
@@ -26,6 +27,10 @@ impl Direction {
         let sign = if at[1] < 0.0 || (at[1] == 0.0 && at[0] < 0.0) { -1.0 } else { 1.0 };
         // No negative zeros: a direction names a vertex.
         Self { at: at.map(|x| sign * x / length + 0.0), faces: 0, factors: Vec::new() }
+    }
+    /// Whether both are one but for rounding.
+    fn is_same(&self, other: &Self) -> bool {
+        (self.at[0] * other.at[1] - self.at[1] * other.at[0]).abs() < 1e-12
     }
     pub(crate) fn angle(&self) -> f64 {
         self.at[1].atan2(self.at[0])
@@ -67,11 +72,27 @@ pub(crate) struct Fan {
     one: usize,
     pub(crate) multiplicity: usize,
     curve: [Vec<f64>; 4],
+    /// The pairs of directions with one image, if the seam runs twice through its points. Partners of directions are directions.
+    cover: Option<Involution>,
     half_width: f64,
     /// Ascending by angle in [0, π).
     pub(crate) directions: Vec<Direction>,
     /// Whether the seam is in the box between each direction and the next, the last and the first again.
     pub(crate) inside: Vec<bool>,
+}
+
+/// A direction that faces of the box and factors of the region belong to, unless it is there already.
+fn add_to(directions: &mut Vec<Direction>, at: [f64; 2], faces: u8, factors: &[usize]) {
+    let new = Direction::new(at);
+    let d = match directions.iter_mut().find(|d| d.is_same(&new)) {
+        Some(d) => d,
+        None => {
+            directions.push(new);
+            directions.last_mut().expect("just added")
+        }
+    };
+    d.faces |= faces;
+    d.factors.extend(factors.iter().filter(|f| !d.factors.contains(f)).copied().collect::<Vec<_>>());
 }
 
 fn eval(form: &[f64], [a, b]: [f64; 2]) -> f64 {
@@ -153,22 +174,7 @@ impl Fan {
         let mut problem = None;
         let ([u, v], one) = base.chart.variables();
         let mut directions: Vec<Direction> = Vec::new();
-        let mut add = |at: [f64; 2], faces: u8, factors: &[usize]| {
-            let new = Direction::new(at);
-            let same = |d: &&mut Direction| {
-                let cross = d.at[0] * new.at[1] - d.at[1] * new.at[0];
-                cross.abs() < 1e-12
-            };
-            let d = match directions.iter_mut().find(same) {
-                Some(d) => d,
-                None => {
-                    directions.push(new);
-                    directions.last_mut().expect("just added")
-                }
-            };
-            d.faces |= faces;
-            d.factors.extend(factors.iter().filter(|f| !d.factors.contains(f)).copied().collect::<Vec<_>>());
-        };
+        let mut add = |at: [f64; 2], faces: u8, factors: &[usize]| add_to(&mut directions, at, faces, factors);
         // Exact ones first.
         let lifts = [chain.iter().all(|s| *s == Step::Across), chain.iter().all(|s| *s == Step::Along(0.0))];
         for (k, at, lifts) in [(u, [0.0, 1.0], lifts[0]), (v, [1.0, 0.0], lifts[1])] {
@@ -201,6 +207,18 @@ impl Fan {
             let angle = PI * (0.13 + 0.25 * f64::from(k));
             add([angle.cos(), angle.sin()], 0, &[]);
         }
+        let cover = Involution::of(&seam.curve, &|| false).ok().flatten();
+        if let Some(cover) = &cover {
+            // Before the partners of others, so that near ones are known to be these.
+            cover.fixed().into_iter().for_each(|at| add(at, 0, &[]));
+            for d in directions.clone() {
+                add_to(&mut directions, cover.partner(d.at), d.faces, &[]);
+            }
+            // Those that were there already.
+            for d in directions.clone() {
+                add_to(&mut directions, cover.partner(d.at), d.faces, &[]);
+            }
+        }
         directions.sort_by(|a, b| a.angle().total_cmp(&b.angle()));
         let mut fan = Self {
             problem,
@@ -210,6 +228,7 @@ impl Fan {
             multiplicity: if chain.is_empty() { base.multiplicity() } else { tangents(w_form, point, [u, v], one, &[]).0 },
             chain,
             curve: seam.curve.each_ref().map(BinaryForm::to_f64),
+            cover,
             half_width: region.half_width.to_f64().value(),
             directions,
             inside: Vec::new(),
@@ -261,15 +280,32 @@ impl Fan {
         let (a, b) = (self.directions[k].at, self.directions[self.next(k)].at);
         Direction::new([a[0] + sign * b[0], a[1] + sign * b[1]])
     }
-    /// Puts one more direction after number k; returns where it is.
+    /// Puts one more direction after number k, and its partner if it has one; returns the first number after which there is a new one.
     pub(crate) fn split(&mut self, k: usize) -> usize {
         let d = self.between(k);
-        let inside = self.inside[k];
-        // Beyond π it is the first.
-        let at = if k + 1 == self.directions.len() && d.angle() < self.directions[0].angle() { 0 } else { k + 1 };
+        let partner = self.cover.map(|c| Direction::new(c.partner(d.at)));
+        let mut first = self.insert(d);
+        if let Some(partner) = partner {
+            first = first.min(self.insert(partner));
+        }
+        first
+    }
+    /// Puts a direction in its place; returns the number of the one before it, or 0 if it is the first.
+    fn insert(&mut self, d: Direction) -> usize {
+        let at = self.directions.partition_point(|e| e.angle() < d.angle());
+        let before = at.checked_sub(1).unwrap_or(self.directions.len() - 1);
+        let inside = self.inside[before];
         self.directions.insert(at, d);
         self.inside.insert(at, inside);
-        at
+        at.saturating_sub(1)
+    }
+    /// Whether the seam runs twice through its points.
+    pub(crate) fn is_double(&self) -> bool {
+        self.cover.is_some()
+    }
+    /// Whether the seam turns back in a direction.
+    pub(crate) fn is_fold(&self, d: &Direction) -> bool {
+        self.cover.is_some_and(|c| c.fixed().into_iter().map(Direction::new).any(|f| f.is_same(d)))
     }
     /// The sign that (s, t, w) needs to be in a quadrant, if it is in it.
     fn sign_in(&self, quadrant: usize) -> Option<f64> {

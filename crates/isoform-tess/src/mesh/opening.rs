@@ -293,7 +293,7 @@ impl Builder<'_> {
     }
 
     /// The vertices of the rectangle in a direction, if that leads into the unit triangle, counterclockwise: the ends of the arcs that
-    /// have this tangent, and the place on a side along it.
+    /// have this tangent, what keeps double ones apart, and the place on a side along it.
     pub(super) fn ring(&self, q: usize, site: &Site, d: &Direction, backward: bool) -> Vec<[f64; 2]> {
         let mut found: Vec<[f64; 2]> = site.arcs.iter().filter(|x| x.ray == (d.key(), backward)).map(|x| x.end).collect();
         if found.is_empty() || self.fans[site.fan].is_side(d) {
@@ -304,6 +304,11 @@ impl Builder<'_> {
             let [x, y] = [a, b].map(|p| [p[0] - site.at[0], p[1] - site.at[1]]);
             0.0f64.total_cmp(&(x[0] * y[1] - x[1] * y[0]))
         });
+        // Between two arcs of the double curve with one tangent no edge may lead from one to the other: another sheet may have it, too.
+        let is_double = |at: [f64; 2]| site.arcs.iter().any(|x| x.end == at && self.double.contains(&x.curve));
+        for k in (1..found.len()).rev().filter(|&k| is_double(found[k - 1]) && is_double(found[k])).collect::<Vec<_>>() {
+            found.insert(k, [0, 1].map(|i| 0.5 * (found[k - 1][i] + found[k][i])));
+        }
         found
     }
 
@@ -452,7 +457,10 @@ impl Builder<'_> {
                 continue;
             }
             let ends = [k, fan.next(k)].map(|k| fan.seam(&fan.directions[k]));
-            let mut fine = self.is_near_chord(fan.seam(&fan.between(k)), ends);
+            // Between two arcs of the double curve the strip needs vertices that are on none: another sheet may have edges from one to the other, too.
+            let is_end = |d: &Direction| fan.is_fold(d) || d.factors.iter().any(|f| self.double.contains(f));
+            let crowded = is_end(&fan.directions[k]) && is_end(&fan.directions[fan.next(k)]);
+            let mut fine = !crowded && self.is_near_chord(fan.seam(&fan.between(k)), ends);
             for &(q, site) in sites {
                 for backward in [false, true] {
                     let rays = Self::sector(fan, k, backward);
@@ -495,11 +503,11 @@ impl Builder<'_> {
             }
             if fine {
                 k += 1;
-            } else if fan.directions.len() >= DIRECTIONS || distance(ends[0], ends[1]) < 0.1 * self.options.tolerance {
+            } else if fan.directions.len() >= DIRECTIONS || distance(ends[0], ends[1]) < 0.1 * self.tolerance_at(ends[0]) {
                 // What is not fine is not the seam then: an arc is too far from its tangent.
                 return false;
-            } else if fan.split(k) == 0 {
-                k = 0;
+            } else {
+                k = k.min(fan.split(k));
             }
         }
         true
@@ -511,11 +519,11 @@ impl Builder<'_> {
         let (along, from) = (sub(q, p), sub(on, p));
         let share = (dot(from, along) / dot(along, along)).clamp(0.0, 1.0);
         let nearest = std::array::from_fn(|i| if share > 0.0 { p[i] + share * along[i] } else { p[i] });
-        distance(on, nearest) <= 0.5 * self.options.tolerance && distance(p, q) <= self.options.longest
+        distance(on, nearest) <= 0.5 * self.tolerance_at(on) && distance(p, q) <= self.options.longest
     }
     /// Whether the middle of a straight piece is near to the surface, and the piece short.
     fn is_near(&self, on: Point3, chord: Point3, ends: [Point3; 2]) -> bool {
-        distance(on, chord) <= 0.5 * self.options.tolerance && distance(ends[0], ends[1]) <= self.options.longest
+        distance(on, chord) <= 0.5 * self.tolerance_at(chord) && distance(ends[0], ends[1]) <= self.options.longest
     }
 
     /// The vertex of a seam: its name, position and faces, and whether it is the image of a contracted curve.

@@ -26,7 +26,8 @@ pub(super) trait Measure {
     fn normal(&self, at: [f64; 2]) -> Point3;
     /// Whether the pole curve is proved to miss a triangle.
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool;
-    fn tolerance(&self) -> f64;
+    /// The largest distance from the surface, near to a point.
+    fn tolerance(&self, near: Point3) -> f64;
     fn longest(&self) -> f64;
 }
 
@@ -106,7 +107,7 @@ fn shares(z: [f64; 2], [a, b, c]: [[f64; 2]; 3]) -> [f64; 3] {
 fn nearest(mut at: [f64; 2], to: Point3, within: &dyn Fn([f64; 2]) -> bool, measure: &dyn Measure) -> ([f64; 2], f64) {
     let mut error = distance(measure.at(at), to);
     for _ in 0..NEARER {
-        if error <= measure.tolerance() {
+        if error <= measure.tolerance(to) {
             break;
         }
         let Some(step) = measure.step(at, to) else { break };
@@ -256,8 +257,9 @@ impl Plane {
                     shares[0] >= MARGIN && shares[1] >= MARGIN && (0.0..=MARGIN).contains(&shares[2])
                 })
         };
-        let (at, error) = nearest(from, middle(p, q), &within, measure);
-        let excess = (error / measure.tolerance()).max(distance(p, q) / measure.longest());
+        let chord = middle(p, q);
+        let (at, error) = nearest(from, chord, &within, measure);
+        let excess = (error / measure.tolerance(chord)).max(distance(p, q) / measure.longest());
         (if error.is_nan() { f64::INFINITY } else { excess }, at)
     }
     /// How far the middle of a triangle is from the surface, in tolerances.
@@ -266,7 +268,7 @@ impl Plane {
         let [p, q, r] = t.map(|v| self.images[v as usize]);
         let from = [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0);
         let center = std::array::from_fn(|i| (p[i] + q[i] + r[i]) / 3.0);
-        nearest(from, center, &|z| is_even && shares(z, at).iter().all(|&s| s >= 0.5 * MARGIN), measure).1 / measure.tolerance()
+        nearest(from, center, &|z| is_even && shares(z, at).iter().all(|&s| s >= 0.5 * MARGIN), measure).1 / measure.tolerance(center)
     }
     fn have_one_image(&self, [a, b]: [u32; 2]) -> bool {
         self.shared[a as usize].is_some() && self.shared[a as usize] == self.shared[b as usize]
@@ -320,6 +322,56 @@ impl Plane {
         }
         ended.clashes = self.clashes().len();
         ended
+    }
+
+    /// What bounds the triangles that will be made beyond an edge from a to b: instead of the edge, which is straight in the parameters and may
+    /// bend in space, the way around triangles at it that face a wrong way. These are left out. The vertices between a and b.
+    pub(super) fn ways_around(&mut self, edges: &[[u32; 2]], measure: &dyn Measure) -> Vec<Vec<u32>> {
+        let mut sides: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+        let mut held = vec![false; self.nodes.len()];
+        for (t, v) in self.triangles.iter().enumerate() {
+            for i in (0..3).filter(|&i| self.fixed[t][i]) {
+                let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
+                (held[a as usize], held[b as usize]) = (true, true);
+                sides.insert((a, b), t as u32);
+            }
+        }
+        let mut dead = vec![false; self.triangles.len()];
+        let mut ways = Vec::new();
+        for &[from, to] in edges {
+            let mut way = Vec::new();
+            let mut stack = vec![(from, to)];
+            while let Some((a, b)) = stack.pop() {
+                let wrong = sides.get(&(b, a)).copied().filter(|&t| self.facing(self.triangles[t as usize], measure)[0] < FACING);
+                let around = wrong.and_then(|t| {
+                    let v = self.triangles[t as usize];
+                    let i = (0..3).find(|&i| v[i] != a && v[i] != b)?;
+                    let m = v[i];
+                    let free = !held[m as usize] && self.shared[m as usize].is_none() && self.nodes[m as usize].name == Name::Inner;
+                    free.then_some((t, i, m))
+                });
+                if let Some((t, i, m)) = around {
+                    dead[t as usize] = true;
+                    held[m as usize] = true;
+                    // Counterclockwise m, b, a.
+                    for (k, edge) in [((i + 1) % 3, (m, a)), ((i + 2) % 3, (b, m))] {
+                        let n = self.adjacent[t as usize][k];
+                        if n != NONE {
+                            let j = self.place(n, t);
+                            self.adjacent[n as usize][j] = NONE;
+                            self.fixed[n as usize][j] = true;
+                            sides.insert(edge, n);
+                        }
+                    }
+                    stack.extend([(m, b), (a, m)]);
+                } else if b != to {
+                    way.push(b);
+                }
+            }
+            ways.push(way);
+        }
+        self.remove(&dead);
+        ways
     }
 
     /// Edges from a vertex to two others that have one image, which would be one edge with four triangles in space.
