@@ -598,7 +598,8 @@ impl Builder<'_> {
             .flat_map(|[a, b]| [(a, b), (b, a)])
             .collect();
         let measure = InChart { builder: self, q };
-        let mut plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &measure);
+        let rim: Vec<[u32; 2]> = at_apex.iter().map(|&[_, a, b]| [a, b]).collect();
+        let mut plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &rim, &measure);
         let room = self.options.triangles.saturating_sub(surface.triangles.len());
         let ended = plane.refine(room, &measure, self.stop);
         if ended.unsound > 0 {
@@ -610,8 +611,6 @@ impl Builder<'_> {
         if ended.coarse > 0 {
             surface.unproven.push("the triangles are not everywhere as near to the surface as asked for".into());
         }
-        let ring: Vec<[u32; 2]> = at_apex.iter().map(|&[_, a, b]| [a, b]).collect();
-        let ways = plane.ways_around(&ring, &measure);
         let mut vertex = |k: u32| {
             let node = &plane.nodes[k as usize];
             let key = match self.merged(q, node) {
@@ -635,10 +634,10 @@ impl Builder<'_> {
         let mut made: Vec<([u32; 3], [[f64; 2]; 3])> =
             plane.triangles.iter().map(|t| (t.map(&mut vertex), t.map(|v| plane.nodes[v as usize].at))).collect();
         let mut opened = Vec::new();
-        for ([p, a, b], way) in at_apex.into_iter().zip(ways) {
+        for [p, a, b] in at_apex {
             let Some(&fan) = apexes.get(&(p as usize)) else { continue };
             let ray = |v: u32| rays.get(&(v as usize, fan)).copied();
-            let way: Vec<(u32, [f64; 2])> = way.into_iter().map(|v| (vertex(v), plane.nodes[v as usize].at)).collect();
+            let way: Vec<(u32, [f64; 2])> = plane.way([a, b]).into_iter().map(|v| (vertex(v), plane.nodes[v as usize].at)).collect();
             opened.push(([vertex(a), vertex(b)], way, [p, a, b], ray(a).zip(ray(b)), fan));
         }
         for ([from, to], way, corners, directions, fan) in opened {

@@ -66,6 +66,8 @@ pub(super) struct Plane {
     worths: Vec<Cell<Option<(f64, bool)>>>,
     /// Whether the pole curve is proved to miss them.
     sound: Vec<bool>,
+    /// Edges beyond which triangles are made at the end, from the lesser vertex to the greater, and the vertices that they were split in.
+    rim: BTreeMap<[u32; 2], Option<u32>>,
     queued: Vec<bool>,
     queue: VecDeque<u32>,
 }
@@ -160,8 +162,14 @@ const ASIDE: [f64; 2] = [0.1, 0.02];
 const SPLIT: f64 = 1.0;
 
 impl Plane {
-    /// From counterclockwise triangles; edges that only one of them has, and those in `fixed`, stay.
-    pub(super) fn new(nodes: Vec<Node>, triangles: Vec<[u32; 3]>, fixed: &dyn Fn(u32, u32) -> bool, measure: &dyn Measure) -> Self {
+    /// From counterclockwise triangles; edges that only one of them has, and those in `fixed`, stay, but those of the rim may be split.
+    pub(super) fn new(
+        nodes: Vec<Node>,
+        triangles: Vec<[u32; 3]>,
+        fixed: &dyn Fn(u32, u32) -> bool,
+        rim: &[[u32; 2]],
+        measure: &dyn Measure,
+    ) -> Self {
         let mut sides: BTreeMap<(u32, u32), (u32, usize)> = BTreeMap::new();
         for (k, t) in triangles.iter().enumerate() {
             for i in 0..3 {
@@ -176,9 +184,10 @@ impl Plane {
         let shared = nodes.iter().map(|n| measure.shared(n)).collect();
         let worths = vec![Cell::new(None); triangles.len()];
         let sound = triangles.iter().map(|t| measure.is_sound(t.map(|v| nodes[v as usize].at))).collect();
+        let rim = rim.iter().map(|&[a, b]| ([a.min(b), a.max(b)], None)).collect();
         let queued = vec![true; triangles.len()];
         let queue = (0..triangles.len() as u32).collect();
-        Self { nodes, images, shared, triangles, adjacent, fixed, worths, sound, queued, queue }
+        Self { nodes, images, shared, triangles, adjacent, fixed, worths, sound, rim, queued, queue }
     }
 
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
@@ -324,54 +333,42 @@ impl Plane {
         ended
     }
 
-    /// What bounds the triangles that will be made beyond an edge from a to b: instead of the edge, which is straight in the parameters and may
-    /// bend in space, the way around triangles at it that face a wrong way. These are left out. The vertices between a and b.
-    pub(super) fn ways_around(&mut self, edges: &[[u32; 2]], measure: &dyn Measure) -> Vec<Vec<u32>> {
-        let mut sides: BTreeMap<(u32, u32), u32> = BTreeMap::new();
-        let mut held = vec![false; self.nodes.len()];
-        for (t, v) in self.triangles.iter().enumerate() {
-            for i in (0..3).filter(|&i| self.fixed[t][i]) {
-                let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
-                (held[a as usize], held[b as usize]) = (true, true);
-                sides.insert((a, b), t as u32);
-            }
+    /// The vertices that were put between the ends of an edge of the rim.
+    pub(super) fn way(&self, [a, b]: [u32; 2]) -> Vec<u32> {
+        let Some(&Some(m)) = self.rim.get(&[a.min(b), a.max(b)]) else { return Vec::new() };
+        let mut way = self.way([a, m]);
+        way.push(m);
+        way.extend(self.way([m, b]));
+        way
+    }
+    fn is_rim(&self, t: u32, i: usize) -> bool {
+        let v = self.triangles[t as usize];
+        let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
+        self.rim.get(&[a.min(b), a.max(b)]) == Some(&None)
+    }
+    /// Splits an edge of the rim opposite to corner i. False if rounding leaves no room.
+    fn split_rim(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
+        let v = self.triangles[t as usize];
+        let [c, a, b] = [v[i], v[(i + 1) % 3], v[(i + 2) % 3]];
+        let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
+        let m = self.add([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])], measure);
+        if ![[c, a, m], [c, m, b]].iter().all(|&t| self.is_counterclockwise(t)) {
+            self.drop_last();
+            return false;
         }
-        let mut dead = vec![false; self.triangles.len()];
-        let mut ways = Vec::new();
-        for &[from, to] in edges {
-            let mut way = Vec::new();
-            let mut stack = vec![(from, to)];
-            while let Some((a, b)) = stack.pop() {
-                let wrong = sides.get(&(b, a)).copied().filter(|&t| self.facing(self.triangles[t as usize], measure)[0] < FACING);
-                let around = wrong.and_then(|t| {
-                    let v = self.triangles[t as usize];
-                    let i = (0..3).find(|&i| v[i] != a && v[i] != b)?;
-                    let m = v[i];
-                    let free = !held[m as usize] && self.shared[m as usize].is_none() && self.nodes[m as usize].name == Name::Inner;
-                    free.then_some((t, i, m))
-                });
-                if let Some((t, i, m)) = around {
-                    dead[t as usize] = true;
-                    held[m as usize] = true;
-                    // Counterclockwise m, b, a.
-                    for (k, edge) in [((i + 1) % 3, (m, a)), ((i + 2) % 3, (b, m))] {
-                        let n = self.adjacent[t as usize][k];
-                        if n != NONE {
-                            let j = self.place(n, t);
-                            self.adjacent[n as usize][j] = NONE;
-                            self.fixed[n as usize][j] = true;
-                            sides.insert(edge, n);
-                        }
-                    }
-                    stack.extend([(m, b), (a, m)]);
-                } else if b != to {
-                    way.push(b);
-                }
-            }
-            ways.push(way);
+        let beyond = |k: usize| (self.adjacent[t as usize][(i + k) % 3], self.fixed[t as usize][(i + k) % 3]);
+        let (ca, bc) = (beyond(2), beyond(1));
+        let t2 = self.new_triangle();
+        self.set(t, [c, a, m], [NONE, t2, ca.0], [true, false, ca.1]);
+        self.set(t2, [c, m, b], [NONE, bc.0, t], [true, bc.1, false]);
+        self.rim.insert([a.min(b), a.max(b)], Some(m));
+        self.rim.extend([[a, m], [b, m]].map(|e| (e, None)));
+        self.prove([t], [t, t2], measure);
+        for k in [t, t2] {
+            self.push(k);
         }
-        self.remove(&dead);
-        ways
+        self.legalise([t, t2].map(|k| (k, m)).to_vec(), measure);
+        true
     }
 
     /// Edges from a vertex to two others that have one image, which would be one edge with four triangles in space.
@@ -615,7 +612,7 @@ impl Plane {
                         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
                         if sound { distance(p[j], p[k]) } else { self.length(t, i) }
                     };
-                    let free = (0..3).filter(|&i| !self.fixed[t as usize][i]);
+                    let free = (0..3).filter(|&i| !self.fixed[t as usize][i] || self.is_rim(t, i));
                     split = Some(free.max_by(|&i, &j| length(i).total_cmp(&length(j))));
                 }
             }
@@ -623,6 +620,7 @@ impl Plane {
             let is_full = self.triangles.len() + 4 > most || steps > 20 * most || (steps.is_multiple_of(256) && stop());
             let done = !is_full
                 && match edge {
+                    Some(i) if self.fixed[t as usize][i] => self.split_rim(t, i, measure),
                     Some(i) => self.split_edge(t, i, measure),
                     None => self.split_triangle(t, measure),
                 };
