@@ -9,6 +9,7 @@
 //! Four triangles, one per quadrant of (s, t), make up the projective plane.
 
 use crate::fibre::{Fibre, FibreError, Fibres};
+use crate::float_roots::proved_roots;
 use crate::poly::Poly;
 use crate::resultant::{ResultantError, Subresultants, resultant};
 use crate::roots::{RealRoot, real_roots, simplest_between};
@@ -84,6 +85,8 @@ pub struct Slab {
 /// The decomposition of the unit triangle by curves.
 pub struct Arrangement {
     curves: Vec<Poly>,
+    /// Their terms with coefficients known to rounding.
+    terms: Vec<Vec<([usize; 2], Interval)>>,
     /// Which curves contain the sides u = 0, v = 0, u + v = 1.
     pub sides: Vec<[bool; 3]>,
     /// From u = 0 to u = 1, both included.
@@ -163,7 +166,8 @@ impl Arrangement {
             let arcs = order.iter().zip(left.into_iter().zip(right)).map(|(&curve, (left, right))| Arc { curve, left, right }).collect();
             slabs.push(Slab { u, arcs, between });
         }
-        Ok(Self { curves: work.curves.into_iter().map(|c| c.rest).collect(), sides, walls, slabs })
+        let (curves, terms) = work.curves.into_iter().map(|c| (c.rest, c.terms)).unzip();
+        Ok(Self { curves, terms, sides, walls, slabs })
     }
 
     /// The number that stands for the side v = 0 among curves.
@@ -174,7 +178,7 @@ impl Arrangement {
     pub fn upper(&self) -> usize {
         self.curves.len() + 1
     }
-    /// v on every arc of a slab over some u strictly between its walls, from bottom to top, correctly rounded.
+    /// v on every arc of a slab over some u strictly between its walls, from bottom to top, to 1e-14 of its size.
     ///
     /// # Panics
     /// If u is not between the walls.
@@ -184,9 +188,8 @@ impl Arrangement {
         let mut roots: BTreeMap<usize, std::vec::IntoIter<f64>> = BTreeMap::new();
         let mut value = |curve: usize| {
             let over = roots.entry(curve).or_insert_with(|| {
-                let g = self.curves[curve].set(U, u).to_upoly(V).unwrap_or_default();
-                let inside = |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(&top).is_lt();
-                real_roots(&g).into_iter().filter(inside).map(|r| r.to_f64()).collect::<Vec<_>>().into_iter()
+                let count = arcs.iter().filter(|a| a.curve == curve).count();
+                self.near_roots(curve, u, &top, count).unwrap_or_else(|| self.exact_roots(curve, u, &top)).into_iter()
             });
             over.next().expect("an arc over every u of the slab")
         };
@@ -196,6 +199,29 @@ impl Arrangement {
             Some(_) => top.to_f64().value(),
         };
         arcs.iter().map(height).collect()
+    }
+    /// The roots of a curve over u between 0 and `top`, correctly rounded.
+    fn exact_roots(&self, curve: usize, u: &RBig, top: &RBig) -> Vec<f64> {
+        let g = self.curves[curve].set(U, u).to_upoly(V).unwrap_or_default();
+        let inside = |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(top).is_lt();
+        real_roots(&g).into_iter().filter(inside).map(|r| r.to_f64()).collect()
+    }
+    /// The same in floating point, if that proves them.
+    fn near_roots(&self, curve: usize, u: &RBig, top: &RBig, count: usize) -> Option<Vec<f64>> {
+        let (x, top) = (u.to_f64().value(), top.to_f64().value());
+        let around = Interval::new(x.next_down(), x.next_up());
+        // Values of u that are doubles are met exactly.
+        let x = if RBig::try_from(x).is_ok_and(|x| x == *u) { Interval::new(x, x) } else { around };
+        let terms = &self.terms[curve];
+        let mut coefficients = vec![Interval::new(0.0, 0.0); 1 + terms.iter().map(|t| t.0[1]).max()?];
+        let mut powers = vec![Interval::new(1.0, 1.0)];
+        for &([i, j], c) in terms {
+            while powers.len() <= i {
+                powers.push(powers[powers.len() - 1] * x);
+            }
+            coefficients[j] = coefficients[j] + c * powers[i];
+        }
+        proved_roots(&coefficients, top, count)
     }
     /// The polynomial of a curve, squarefree, without sides and vertical lines.
     pub fn curve(&self, k: usize) -> &Poly {

@@ -34,6 +34,7 @@ mod ball;
 mod compose;
 mod factor;
 mod fibre;
+mod float_roots;
 mod gcd;
 mod implicit;
 mod modpoly;
