@@ -975,6 +975,9 @@ impl Measure for InChart<'_, '_> {
     fn at(&self, at: [f64; 2]) -> Point3 {
         self.builder.charts[self.q].at(at)
     }
+    fn beside_chord(&self, chord: [[f64; 2]; 2], image: usize) -> Option<[f64; 2]> {
+        self.builder.charts[self.q].beside_chord(chord, self.builder.images[image])
+    }
     fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
         self.builder.charts[self.q].step(at, to)
     }

@@ -89,6 +89,25 @@ impl Chart {
         let det = xx * yy - xy * xy;
         (det > 1e-12 * xx * yy).then(|| [(yy * x - xy * y) / det, (xx * y - xy * x) / det])
     }
+    /// The point on the perpendicular bisector of a chord with an image that is the whole of a curve's, by Newton's method. None if there is none near.
+    pub(super) fn beside_chord(&self, [a, b]: [[f64; 2]; 2], image: Point3) -> Option<[f64; 2]> {
+        let across = [a[1] - b[1], b[0] - a[0]];
+        let mut off = 0.0f64;
+        for _ in 0..8 {
+            let at = [0, 1].map(|k| 0.5 * (a[k] + b[k]) + off * across[k]);
+            let [p, x, y] = self.tangents(at);
+            let slope: Point3 = std::array::from_fn(|k| x[k] * across[0] + y[k] * across[1]);
+            let step = dot(sub(image, p), slope) / dot(slope, slope);
+            off += step;
+            if step.abs() <= 1e-14 {
+                return Some([0, 1].map(|k| 0.5 * (a[k] + b[k]) + off * across[k]));
+            }
+            if !(off.abs() < 0.5) {
+                return None;
+            }
+        }
+        None
+    }
     /// The normal of the surface, of any length, for parameters turned counterclockwise.
     pub(super) fn normal(&self, at: [f64; 2]) -> Point3 {
         let [_, x, y] = self.tangents(at);

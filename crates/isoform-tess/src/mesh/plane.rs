@@ -20,6 +20,8 @@ pub(super) trait Measure {
     fn shared(&self, node: &Node) -> Option<Shared>;
     /// The value of the map.
     fn at(&self, at: [f64; 2]) -> Point3;
+    /// The point of a contracted curve beside the middle of a chord of it, with this image.
+    fn beside_chord(&self, chord: [[f64; 2]; 2], image: usize) -> Option<[f64; 2]>;
     /// The step in the parameters that brings the image nearest to a point, to first order.
     fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]>;
     /// The normal of the surface, of any length, for parameters turned counterclockwise.
@@ -158,6 +160,8 @@ const LEAST: f64 = 0.03;
 const TURNED: f64 = 1e-6;
 /// How far from an edge towards the larger triangle beside it it is split: points on one line would leave no room for flips.
 const ASIDE: [f64; 2] = [0.1, 0.02];
+/// How far contracted curves may bulge beyond their chords, per height of the triangles beside them.
+const BULGE: f64 = 0.2;
 /// An edge wants to be split when its number is above 1.
 const SPLIT: f64 = 1.0;
 
@@ -289,6 +293,18 @@ impl Plane {
         let is_side = |v: u32| self.shared[v as usize].is_none() && self.nodes[v as usize].name != Name::Inner;
         let is_shared = |v: u32| self.shared[v as usize].is_some();
         is_double(a) && is_double(b) || is_side(a) && is_shared(b) || is_side(b) && is_shared(a)
+    }
+    /// Where the edge opposite to corner i is to be split, because it is a chord of a contracted curve that leaves the triangle too little room:
+    /// what lies between the chord and the curve is turned over.
+    fn bulge(&self, t: u32, i: usize, measure: &dyn Measure) -> Option<([f64; 2], usize)> {
+        let v = self.triangles[t as usize];
+        let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
+        let is_inner = self.fixed[t as usize][i] && self.adjacent[t as usize][i] != NONE;
+        let Some(Shared::Contracted(image)) = self.shared[a as usize].filter(|_| is_inner && self.have_one_image([a, b])) else { return None };
+        let [x, y, z] = [a, b, v[i]].map(|v| self.nodes[v as usize].at);
+        let m = measure.beside_chord([x, y], image)?;
+        let above = |z: [f64; 2]| (y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0]);
+        (above(m).abs() > BULGE * above(z).abs()).then_some((m, image))
     }
     /// The length in the parameters of the edge opposite to corner i.
     fn length(&self, t: u32, i: usize) -> f64 {
@@ -572,6 +588,12 @@ impl Plane {
             self.queued[t as usize] = false;
             steps += 1;
             let v = self.triangles[t as usize];
+            if self.triangles.len() + 4 <= most
+                && let Some((i, (at, image))) = (0..3).find_map(|i| Some((i, self.bulge(t, i, measure)?)))
+                && self.split_at(t, i, Node { image: Some(image), ..Node::inner(at, 0) }, measure)
+            {
+                continue;
+            }
             let mut worst: Option<(f64, usize)> = None;
             for i in (0..3).filter(|&i| !self.fixed[t as usize][i]) {
                 let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
@@ -634,9 +656,11 @@ impl Plane {
     }
 
     fn add(&mut self, at: [f64; 2], measure: &dyn Measure) -> u32 {
-        let node = Node::inner(at, 0);
+        self.add_node(Node::inner(at, 0), measure)
+    }
+    fn add_node(&mut self, node: Node, measure: &dyn Measure) -> u32 {
         self.images.push(measure.image(&node));
-        self.shared.push(None);
+        self.shared.push(measure.shared(&node));
         self.nodes.push(node);
         self.nodes.len() as u32 - 1
     }
@@ -727,15 +751,25 @@ impl Plane {
                 break;
             }
         }
-        let Some(at) = fitting else { return false };
-        let m = self.add(at, measure);
-        let made = made(m);
+        fitting.is_some_and(|at| self.split_at(t, i, Node::inner(at, 0), measure))
+    }
+
+    /// Splits the edge opposite to corner i in a new vertex; what was fixed stays so. False if that leaves no room.
+    fn split_at(&mut self, t: u32, i: usize, node: Node, measure: &dyn Measure) -> bool {
+        let along = self.fixed[t as usize][i];
+        let Quad { corners: [c, a, d, b], n, outer: [ca, ad, db, bc] } = self.quad(t, i);
+        let m = self.add_node(node, measure);
+        let made = [[c, a, m], [c, m, b], [d, b, m], [d, m, a]];
+        if !made.iter().all(|&t| self.is_counterclockwise(t)) {
+            self.drop_last();
+            return false;
+        }
         let (t2, n2) = (self.new_triangle(), self.new_triangle());
         // (c, a, m): opposite c: n2 (a m); opposite a: t2 (m c); opposite m: the edge c a.
-        self.set(t, made[0], [n2, t2, ca.0], [false, false, ca.1]);
-        self.set(t2, made[1], [n, bc.0, t], [false, bc.1, false]);
-        self.set(n, made[2], [t2, n2, db.0], [false, false, db.1]);
-        self.set(n2, made[3], [t, ad.0, n], [false, ad.1, false]);
+        self.set(t, made[0], [n2, t2, ca.0], [along, false, ca.1]);
+        self.set(t2, made[1], [n, bc.0, t], [along, bc.1, false]);
+        self.set(n, made[2], [t2, n2, db.0], [along, false, db.1]);
+        self.set(n2, made[3], [t, ad.0, n], [along, ad.1, false]);
         self.prove([t, n], [t, t2, n, n2], measure);
         for k in [t, t2, n, n2] {
             self.push(k);
