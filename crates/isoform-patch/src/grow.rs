@@ -1,0 +1,337 @@
+//! Patch growing (Wurm, Jüttler and Kim 2003, section 3.2): from a small patch on the tangent plane, Newton steps and extrapolations
+//! in turn, until the bound on S is reached.
+//!
+//! Departures from the paper, which leaves these things open:
+//! - Corners are put back along the normal of the patch, not along ∇F: at a self-intersection ∇F turns and leads to the wrong branch.
+//! - The bound is approached from what S was at the sizes before: S is nearly a power of the size, so that few extrapolations fail.
+//! - After an extrapolation that proves too large the patch is shortened, which counts as an extrapolation and is seen in the trace.
+
+use crate::objective::{CORNERS, Evaluated, Objective, Targets, Terms, Weights};
+use crate::options::{Error, Options};
+use crate::solver::{Stop, first_damping, minimise};
+use crate::surface::{Seed, contains, project, project_along};
+use isoform_geom::{Aabb, Point3, RationalPatch, dot, norm};
+
+/// Edge of the start patch, in edges of the region.
+const START_SIZE: f64 = 0.1;
+/// The start patch is halved until its planar self has at most so many times the allowed S.
+const START_EXCESS: f64 = 10.0;
+/// Halvings of the start patch: 2⁻³⁰ of the region is beyond any use.
+const HALVINGS: usize = 30;
+/// The largest extrapolation at one side, in edges of the patch.
+const MOST_GROWTH: f64 = 0.16;
+/// S after an extrapolation, before Newton steps, may be this many times its bound.
+const MOST_EXCESS: f64 = 30.0;
+/// Bisections of an extrapolation before a side counts as finished.
+const BISECTIONS: usize = 6;
+/// The share of the bound on S that the last extrapolations aim at.
+const AIM: f64 = 0.997;
+/// A patch with S above this share of the bound is as large as it gets.
+const FULL: f64 = 0.985;
+/// Shortenings in a row before the last good patch is taken.
+const SHORTENINGS: usize = 4;
+/// Newton steps after an extrapolation, far from the bound and near it.
+const STEPS: (Stop, Stop) = (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 2e-3 });
+/// What is near the bound.
+const NEAR: f64 = 0.3;
+
+/// What a row of the trace is written after.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// A Newton step.
+    Newton,
+    /// An extrapolation, before the first step that follows it.
+    Grow,
+}
+
+/// A row of the trace.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// What has happened.
+    pub phase: Phase,
+    /// S.
+    pub sum: f64,
+    /// Its terms.
+    pub terms: Terms,
+    /// l₁ and l₂.
+    pub lengths: (f64, f64),
+    /// The factors ω.
+    pub weights: Weights,
+}
+
+/// A patch as large as the bound admits, with the way to it.
+#[derive(Clone, Debug)]
+pub struct Grown {
+    /// The patch.
+    pub patch: RationalPatch,
+    /// The point of the surface it was started at.
+    pub seed_point: Point3,
+    /// The terms of S at the patch.
+    pub terms: Terms,
+    /// The last l₁, l₂ and corners.
+    pub targets: Targets,
+    /// The last factors ω.
+    pub weights: Weights,
+    /// All steps.
+    pub trace: Vec<Row>,
+}
+
+impl Grown {
+    /// S.
+    pub fn sum(&self) -> f64 {
+        self.terms.sum(&self.weights)
+    }
+    /// The area of its part in a region, to some per cent.
+    pub fn area(&self, region: &Aabb) -> f64 {
+        area(&self.patch, &|p| contains(region, p))
+    }
+    /// How many rows of the trace belong to a phase.
+    pub fn count(&self, phase: Phase) -> usize {
+        self.trace.iter().filter(|r| r.phase == phase).count()
+    }
+}
+
+/// A growing patch.
+pub(crate) struct Growth<'f> {
+    pub(crate) objective: Objective<'f>,
+    pub(crate) patch: RationalPatch,
+    pub(crate) at: Evaluated,
+    pub(crate) trace: Vec<Row>,
+    options: Options,
+    damping: f64,
+    seed: Seed,
+    /// Edge of the region: the unit of length in which bounds hold.
+    unit: f64,
+}
+
+/// A patch with the targets and factors it was found with.
+#[derive(Clone)]
+struct State {
+    patch: RationalPatch,
+    at: Evaluated,
+    targets: Targets,
+    weights: Weights,
+}
+
+impl<'f> Growth<'f> {
+    /// The start patch about a seed.
+    pub(crate) fn start(objective: Objective<'f>, seed: Seed, options: &Options) -> Result<Self, Error> {
+        let unit = options.region.size().into_iter().fold(0.0, f64::max);
+        let mut growth = Self {
+            patch: RationalPatch::planar(options.degree, seed.point, seed.tangents[0], seed.tangents[1]),
+            at: Evaluated::default(),
+            objective,
+            trace: Vec::new(),
+            options: *options,
+            damping: first_damping(),
+            seed,
+            unit,
+        };
+        growth.objective.weights = options.start;
+        let mut size = START_SIZE * unit;
+        for _ in 0..HALVINGS {
+            let [a, b] = seed.tangents.map(|t| t.map(|v| v * size));
+            let origin = std::array::from_fn(|k| seed.point[k] - 0.5 * (a[k] + b[k]));
+            let patch = RationalPatch::planar(options.degree, origin, a, b);
+            if let Some((targets, at)) = growth.retargeted(&patch)
+                && at.terms.i <= START_EXCESS * growth.limit()
+            {
+                (growth.patch, growth.at, growth.objective.targets) = (patch, at, targets);
+                return Ok(growth);
+            }
+            size *= 0.5;
+        }
+        Err(Error::NoPatch { at: seed.point })
+    }
+
+    /// The bound on S.
+    fn limit(&self) -> f64 {
+        self.options.limit * self.unit * self.unit
+    }
+
+    fn sum(&self) -> f64 {
+        self.objective.sum(&self.at.terms)
+    }
+
+    fn row(objective: &Objective<'_>, phase: Phase, terms: &Terms) -> Row {
+        let t = &objective.targets;
+        Row { phase, sum: objective.sum(terms), terms: *terms, lengths: (t.l1, t.l2), weights: objective.weights }
+    }
+
+    /// Lengths and corners for a patch (section 3.3), and its value with them.
+    fn retargeted(&self, patch: &RationalPatch) -> Option<(Targets, Evaluated)> {
+        let at = self.objective.evaluate(patch)?;
+        let (l1, l2) = self.objective.mean_lengths(&at);
+        let (field, edge) = (self.objective.field(), l1.max(l2).sqrt());
+        let mut corners = [[0.0; 3]; 4];
+        for (corner, &(u, v)) in corners.iter_mut().zip(&CORNERS) {
+            let t = patch.tangents(u, v);
+            let n = t.normal();
+            let length = norm(n);
+            let along = (length > 0.0).then(|| project_along(field, t.point, n.map(|x| x / length), 0.25 * edge)).flatten();
+            let near = |q: &Point3| isoform_geom::distance_squared(*q, t.point) <= (0.25 * edge).powi(2);
+            *corner = along.or_else(|| project(field, t.point, edge).filter(near)).unwrap_or(t.point);
+        }
+        let targets = Targets { l1, l2, corners };
+        let at = self.objective.with_targets(patch, at, &targets)?;
+        Some((targets, at))
+    }
+
+    /// Newton steps until `stop`.
+    fn descend(&mut self, stop: Stop) {
+        let at = std::mem::take(&mut self.at);
+        let trace = &mut self.trace;
+        let left = self.options.most_steps.saturating_sub(trace.iter().filter(|r| r.phase == Phase::Newton).count());
+        let stop = Stop { steps: stop.steps.min(left), ..stop };
+        let mut each = |o: &Objective<'_>, t: &Terms| trace.push(Self::row(o, Phase::Newton, t));
+        (self.at, _) = minimise(&mut self.objective, &mut self.patch, at, &self.options.floor, stop, &mut self.damping, &mut each);
+    }
+
+    /// Hands a patch to Newton's method.
+    fn take(&mut self, patch: RationalPatch, targets: Targets, at: Evaluated) {
+        (self.patch, self.at, self.objective.targets) = (patch, at, targets);
+        self.trace.push(Self::row(&self.objective, Phase::Grow, &self.at.terms));
+    }
+
+    fn state(&self) -> State {
+        State { patch: self.patch.clone(), at: self.at.clone(), targets: self.objective.targets, weights: self.objective.weights }
+    }
+
+    /// Which sides (u = 0, u = 1, v = 0, v = 1) still lie in the region, in part.
+    fn sides_inside(&self) -> [bool; 4] {
+        const SAMPLES: usize = 9;
+        std::array::from_fn(|side| {
+            (0..SAMPLES).any(|i| {
+                let t = i as f64 / (SAMPLES - 1) as f64;
+                let (u, v) = [(0.0, t), (1.0, t), (t, 0.0), (t, 1.0)][side];
+                contains(&self.options.region, self.patch.point(u, v))
+            })
+        })
+    }
+
+    /// The patch longer by shares of its edges at its four sides.
+    fn longer(&self, by: [f64; 4]) -> RationalPatch {
+        let patch = self.patch.part((-by[0], 1.0 + by[1]), (-by[2], 1.0 + by[3]));
+        balanced(patch)
+    }
+
+    /// Whether an extrapolated patch is a start for Newton's method.
+    fn is_fair(&self, at: &Evaluated) -> bool {
+        self.objective.sum(&at.terms) <= MOST_EXCESS * self.limit()
+    }
+
+    /// Grows until the bound on S is reached.
+    pub(crate) fn to_limit(&mut self) {
+        let limit = self.limit();
+        self.descend(STEPS.0);
+        let mut best: Option<State> = None;
+        let mut history: Vec<(f64, f64)> = Vec::new();
+        let (mut most, mut shortened) = (MOST_GROWTH, 0);
+        for _ in 0..self.options.most_extrapolations {
+            if self.sum() > NEAR * limit {
+                self.descend(STEPS.1);
+            }
+            let sum = self.sum();
+            let size = self.objective.targets.l1.max(1e-300) * self.objective.targets.l2.max(1e-300);
+            let size = size.powf(0.25);
+            history.push((size.ln(), sum.ln()));
+            let is_good = sum <= limit && self.patch.weight_is_positive(6);
+            if is_good {
+                best = Some(self.state());
+                shortened = 0;
+                if sum >= FULL * limit {
+                    break;
+                }
+            } else {
+                shortened += 1;
+                if shortened > SHORTENINGS {
+                    break;
+                }
+            }
+            // S as a power of the size, by the last two patches.
+            let power = match history.as_slice() {
+                [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > 1e-4 => ((y1 - y0) / (x1 - x0)).clamp(3.0, 12.0),
+                _ => 6.0,
+            };
+            let factor = (AIM * limit / sum).powf(1.0 / power);
+            let wanted = (0.5 * (factor - 1.0)).clamp(-0.2, most);
+            if !self.extrapolate(wanted) {
+                break;
+            }
+            if is_good && wanted < most {
+                // Later attempts come from a larger patch: they may not exceed what is left by much.
+                most = wanted.max(1e-3);
+            }
+            self.descend(STEPS.0);
+        }
+        self.settle(best);
+    }
+
+    /// Goes back to the best patch, unless it is the present one.
+    fn settle(&mut self, best: Option<State>) {
+        let Some(best) = best else { return };
+        if best.patch != self.patch {
+            self.objective.weights = best.weights;
+            self.take(best.patch, best.targets, best.at);
+        }
+    }
+
+    /// Extrapolates by a share at each side that lies in the region, less where that is too much; false where nothing is gained.
+    fn extrapolate(&mut self, share: f64) -> bool {
+        let inside = if share > 0.0 { self.sides_inside() } else { [true; 4] };
+        if inside == [false; 4] {
+            return false;
+        }
+        let mut share = share;
+        for _ in 0..BISECTIONS {
+            let patch = self.longer(inside.map(|i| if i { share } else { 0.0 }));
+            if let Some((targets, at)) = self.retargeted(&patch)
+                && (share < 0.0 || self.is_fair(&at))
+            {
+                self.take(patch, targets, at);
+                return true;
+            }
+            share *= 0.5;
+        }
+        false
+    }
+
+    /// What was grown.
+    pub(crate) fn finish(self) -> Grown {
+        Grown {
+            patch: self.patch,
+            seed_point: self.seed.point,
+            terms: self.at.terms,
+            targets: self.objective.targets,
+            weights: self.objective.weights,
+            trace: self.trace,
+        }
+    }
+}
+
+/// The same surface with control points scaled so that their mean weight is 1, where J is least or nearly so.
+fn balanced(mut patch: RationalPatch) -> RationalPatch {
+    let mean = patch.control().iter().map(|c| c[3]).sum::<f64>() / patch.control().len() as f64;
+    if mean > 0.0 && mean.is_finite() {
+        for v in patch.control_mut().as_flattened_mut() {
+            *v /= mean;
+        }
+    }
+    patch
+}
+
+/// The area of a patch by a grid of area elements, only where `inside` holds.
+pub(crate) fn area(patch: &RationalPatch, inside: &dyn Fn(Point3) -> bool) -> f64 {
+    const N: usize = 24;
+    let mut sum = 0.0;
+    for i in 0..N {
+        for j in 0..N {
+            let t = patch.tangents((i as f64 + 0.5) / N as f64, (j as f64 + 0.5) / N as f64);
+            if inside(t.point) {
+                let n = t.normal();
+                sum += dot(n, n).sqrt();
+            }
+        }
+    }
+    sum / (N * N) as f64
+}
