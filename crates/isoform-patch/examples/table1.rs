@@ -91,7 +91,7 @@ fn main() {
         };
         let clock = Instant::now();
         match parameterize(&field, &options) {
-            Ok(g) => println!(
+            Ok(g) => { if std::env::var("TRACE").is_ok() { for r in &g.trace { println!("{:?} S {:.3e} I {:.2e} J {:.2e} L {:.2e} R {:.2e} E {:.2e} l {:.4} {:.4} w {:.0e} {:.0e} {:.0e} {:.0e}", r.phase, r.sum, r.terms.i, r.terms.j*r.weights.j, r.terms.l*r.weights.l, r.terms.r*r.weights.r, r.terms.e*r.weights.e, r.lengths.0, r.lengths.1, r.weights.j, r.weights.l, r.weights.r, r.weights.e); } } println!(
                 "{name:22} {:3} {:>4} {:6.1} ms {:6} {:7} {:9.2e} {:7.4}   {paper}",
                 field.degree(),
                 format!("{},{}", degree.0, degree.1),
@@ -100,7 +100,7 @@ fn main() {
                 g.count(Phase::Newton),
                 g.sum(),
                 g.area(&options.region),
-            ),
+            ) },
             Err(error) => println!("{name:22} {error}"),
         }
     }

@@ -22,6 +22,8 @@ const HALVINGS: usize = 30;
 const MOST_GROWTH: f64 = 0.16;
 /// S after an extrapolation, before Newton steps, may be this many times its bound.
 const MOST_EXCESS: f64 = 30.0;
+/// Secant steps towards the size that an extrapolation aims at.
+const SECANTS: usize = 4;
 /// Bisections of an extrapolation before a side counts as finished.
 const BISECTIONS: usize = 6;
 /// The share of the bound on S that the last extrapolations aim at.
@@ -226,14 +228,13 @@ impl<'f> Growth<'f> {
         self.descend(STEPS.0);
         let mut best: Option<State> = None;
         let mut history: Vec<(f64, f64)> = Vec::new();
-        let (mut most, mut shortened) = (MOST_GROWTH, 0);
+        let mut shortened = 0;
         for _ in 0..self.options.most_extrapolations {
             if self.sum() > NEAR * limit {
                 self.descend(STEPS.1);
             }
             let sum = self.sum();
-            let size = self.objective.targets.l1.max(1e-300) * self.objective.targets.l2.max(1e-300);
-            let size = size.powf(0.25);
+            let size = mean_edge(self.objective.targets.l1, self.objective.targets.l2);
             history.push((size.ln(), sum.ln()));
             let is_good = sum <= limit && self.patch.weight_is_positive(6);
             if is_good {
@@ -254,13 +255,9 @@ impl<'f> Growth<'f> {
                 _ => 6.0,
             };
             let factor = (AIM * limit / sum).powf(1.0 / power);
-            let wanted = (0.5 * (factor - 1.0)).clamp(-0.2, most);
-            if !self.extrapolate(wanted) {
+            // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the present patch.
+            if !self.extrapolate(size * factor.clamp(0.8, 1.0 + 2.0 * MOST_GROWTH)) {
                 break;
-            }
-            if is_good && wanted < most {
-                // Later attempts come from a larger patch: they may not exceed what is left by much.
-                most = wanted.max(1e-3);
             }
             self.descend(STEPS.0);
         }
@@ -276,19 +273,36 @@ impl<'f> Growth<'f> {
         }
     }
 
-    /// Extrapolates by a share at each side that lies in the region, less where that is too much; false where nothing is gained.
-    fn extrapolate(&mut self, share: f64) -> bool {
-        let inside = if share > 0.0 { self.sides_inside() } else { [true; 4] };
-        if inside == [false; 4] {
+    /// Extrapolates (or shortens) at all sides that lie in the region until l₁ and l₂ are those of a patch with that mean edge; by less
+    /// where the result is no start for Newton's method. False where nothing is gained.
+    fn extrapolate(&mut self, size: f64) -> bool {
+        let (l1, l2) = self.objective.mean_lengths(&self.at);
+        let present = mean_edge(l1, l2);
+        let inside = if size > present { self.sides_inside() } else { [true; 4] };
+        let sides = inside.iter().filter(|i| **i).count() as f64;
+        if sides == 0.0 {
             return false;
         }
-        let mut share = share;
+        // Each share lengthens one of the two edges, and so the mean edge by half of itself; then secants.
+        let mut share = ((size / present - 1.0) * 2.0 / sides).clamp(-0.2, MOST_GROWTH);
+        let by = |share: f64| inside.map(|i| if i { share } else { 0.0 });
+        for _ in 0..SECANTS {
+            let Some(l) = self.objective.evaluate(&self.longer(by(share))).map(|at| self.objective.mean_lengths(&at)) else { break };
+            let reached = mean_edge(l.0, l.1) - present;
+            let factor = (size - present) / reached;
+            if !(factor > 0.1 && factor < 10.0) {
+                break;
+            }
+            share = (share * factor).clamp(-0.2, MOST_GROWTH);
+            if (factor - 1.0).abs() < 1e-3 {
+                break;
+            }
+        }
         for _ in 0..BISECTIONS {
-            let patch = self.longer(inside.map(|i| if i { share } else { 0.0 }));
-            if let Some((targets, at)) = self.retargeted(&patch)
+            if let Some((targets, at)) = self.retargeted(&self.longer(by(share)))
                 && (share < 0.0 || self.is_fair(&at))
             {
-                self.take(patch, targets, at);
+                self.take(self.longer(by(share)), targets, at);
                 return true;
             }
             share *= 0.5;
@@ -309,15 +323,28 @@ impl<'f> Growth<'f> {
     }
 }
 
-/// The same surface with control points scaled so that their mean weight is 1, where J is least or nearly so.
+/// The same surface with control points scaled so that the least and the largest weight are as far from 1, where J is least or nearly so.
 fn balanced(mut patch: RationalPatch) -> RationalPatch {
-    let mean = patch.control().iter().map(|c| c[3]).sum::<f64>() / patch.control().len() as f64;
-    if mean > 0.0 && mean.is_finite() {
+    const N: usize = 6;
+    let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+    for i in 0..=N {
+        for j in 0..=N {
+            let w = patch.homogeneous(i as f64 / N as f64, j as f64 / N as f64)[0][3];
+            (lo, hi) = (lo.min(w), hi.max(w));
+        }
+    }
+    let middle = 0.5 * (lo + hi);
+    if lo > 0.0 && middle.is_finite() {
         for v in patch.control_mut().as_flattened_mut() {
-            *v /= mean;
+            *v /= middle;
         }
     }
     patch
+}
+
+/// The geometric mean of the edges √l₁ and √l₂.
+fn mean_edge(l1: f64, l2: f64) -> f64 {
+    (l1.max(f64::MIN_POSITIVE) * l2.max(f64::MIN_POSITIVE)).powf(0.25)
 }
 
 /// The area of a patch by a grid of area elements, only where `inside` holds.
