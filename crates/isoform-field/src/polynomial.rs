@@ -3,8 +3,7 @@
 use isoform_geom::{Aabb, Expansion, Field, Point3};
 use isoform_num::{Interval, Jet2, Jet3, Real};
 
-/// Index pairs and triples of second and third derivatives, in the order of jets.
-const PAIRS: [[usize; 2]; 6] = [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]];
+/// Index triples of third derivatives, in the order of jets.
 const TRIPLES: [[usize; 3]; 10] =
     [[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 1, 1], [0, 1, 2], [0, 2, 2], [1, 1, 1], [1, 1, 2], [1, 2, 2], [2, 2, 2]];
 
@@ -104,6 +103,76 @@ impl Polynomial {
     }
 }
 
+/// The orders of all derivatives up to the third, in the order of jets.
+const ORDERS: [[usize; 3]; 20] = [
+    [0, 0, 0],
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+    [2, 0, 0],
+    [1, 1, 0],
+    [1, 0, 1],
+    [0, 2, 0],
+    [0, 1, 1],
+    [0, 0, 2],
+    [3, 0, 0],
+    [2, 1, 0],
+    [2, 0, 1],
+    [1, 2, 0],
+    [1, 1, 1],
+    [1, 0, 2],
+    [0, 3, 0],
+    [0, 2, 1],
+    [0, 1, 2],
+    [0, 0, 3],
+];
+
+/// By axis and exponent: the power and its derivatives to order 3.
+struct Derivatives {
+    of: [Vec<[f64; 4]>; 3],
+}
+
+impl Derivatives {
+    fn new(at: Point3, degrees: [usize; 3]) -> Self {
+        let of = std::array::from_fn(|k| {
+            let mut powers = vec![1.0; degrees[k] + 1];
+            for e in 1..=degrees[k] {
+                powers[e] = powers[e - 1] * at[k];
+            }
+            let derivative = |e: usize, d: usize| {
+                if e < d { 0.0 } else { (e - d + 1..=e).map(|v| v as f64).product::<f64>() * powers[e - d] }
+            };
+            (0..=degrees[k]).map(|e| std::array::from_fn(|d| derivative(e, d))).collect()
+        });
+        Self { of }
+    }
+    fn of(&self, e: &[u16; 3]) -> [[f64; 4]; 3] {
+        std::array::from_fn(|k| self.of[k][usize::from(e[k])])
+    }
+}
+
+impl Polynomial {
+    /// A bound on the relative rounding error of a sum of terms, in the sum of their absolute values: one unit for each product in
+    /// a power, three for each derivative's factor, four for the term and one for each addition, all doubled.
+    fn rounding(&self) -> f64 {
+        (self.degrees.iter().sum::<usize>() + self.terms.len() + 16) as f64 * f64::EPSILON
+    }
+    /// The value at a point with a bound on its rounding error.
+    fn enclosed(&self, at: Point3) -> Interval {
+        let d = [0; 3];
+        let (here, near) = (Powers::new(at, self.degrees), Powers::new(at.map(f64::abs), self.degrees));
+        let (mut sum, mut absolute) = (0.0, 0.0);
+        for (e, c) in &self.terms {
+            if let (Some(h), Some(n)) = (here.derivative(e, d), near.derivative(e, d)) {
+                sum += c * h;
+                absolute += c.abs() * n;
+            }
+        }
+        let r = self.rounding() * absolute;
+        Interval::new((sum - r).next_down(), (sum + r).next_up())
+    }
+}
+
 impl Field for Polynomial {
     fn value(&self, p: Point3) -> f64 {
         Powers::new(p, self.degrees).sum(&self.terms, [0; 3])
@@ -135,6 +204,9 @@ impl Field for Polynomial {
         j
     }
     fn bounds(&self, region: Aabb) -> Interval {
+        if region.lo == region.hi {
+            return self.enclosed(region.lo);
+        }
         let at = std::array::from_fn(|k| Interval::new(region.lo[k], region.hi[k]));
         Powers::new(at, self.degrees).sum(&self.terms, [0; 3])
     }
@@ -145,14 +217,35 @@ impl Field for Polynomial {
         Some(Jet3 { v: low.v, g: low.g, h: low.h, t })
     }
     fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
-        let point = Powers::new(at.map(|v| Interval::new(v, v)), self.degrees);
-        let whole = Powers::new(std::array::from_fn(|k| Interval::new(region.lo[k], region.hi[k])), self.degrees);
-        let sum = |axes: &[usize]| point.sum(&self.terms, orders(axes));
+        // Sums of the terms, and of their absolute values, for the point and for the farthest corner of the region.
+        let reach: Point3 = std::array::from_fn(|k| (region.hi[k] - at[k]).max(at[k] - region.lo[k]).next_up());
+        let [here, near, far] = [at, at.map(f64::abs), std::array::from_fn(|k| (at[k].abs() + reach[k]).next_up())]
+            .map(|p| Derivatives::new(p, self.degrees));
+        let mut sums = [0.0f64; 20];
+        let (mut absolute, mut wide) = ([0.0f64; 20], [0.0f64; 10]);
+        for (e, c) in &self.terms {
+            let (h, n, f) = (here.of(e), near.of(e), far.of(e));
+            for (k, d) in ORDERS.iter().enumerate() {
+                let product = |t: &[[f64; 4]; 3]| t[0][d[0]] * t[1][d[1]] * t[2][d[2]];
+                sums[k] += c * product(&h);
+                let size = c.abs() * product(&n);
+                absolute[k] += size;
+                if k >= 10 {
+                    wide[k - 10] += c.abs() * product(&f);
+                }
+            }
+        }
+        let rounding = self.rounding();
+        let ball = |m: f64, r: f64| Interval::new((m - r).next_down(), (m + r).next_up());
+        let point = |k: usize| ball(sums[k], rounding * absolute[k]);
+        // A monomial with a positive factor differs in the region from its value at the point by no more than it does, taken with
+        // absolute values of the coordinates, at the farthest corner.
+        let third = |k: usize| ball(sums[10 + k], (wide[k] - absolute[10 + k]) + 4.0 * rounding * wide[k]);
         Some(Expansion {
-            value: sum(&[]),
-            gradient: [0, 1, 2].map(|a| sum(&[a])),
-            hessian: PAIRS.map(|axes| sum(&axes)),
-            third: TRIPLES.map(|axes| whole.sum(&self.terms, orders(&axes))),
+            value: point(0),
+            gradient: std::array::from_fn(|k| point(1 + k)),
+            hessian: std::array::from_fn(|k| point(4 + k)),
+            third: std::array::from_fn(third),
         })
     }
 }

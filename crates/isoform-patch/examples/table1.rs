@@ -91,16 +91,21 @@ fn main() {
         };
         let clock = Instant::now();
         match parameterize(&field, &options) {
-            Ok(g) => { if std::env::var("TRACE").is_ok() { for r in &g.trace { println!("{:?} S {:.3e} I {:.2e} J {:.2e} L {:.2e} R {:.2e} E {:.2e} l {:.4} {:.4} w {:.0e} {:.0e} {:.0e} {:.0e}", r.phase, r.sum, r.terms.i, r.terms.j*r.weights.j, r.terms.l*r.weights.l, r.terms.r*r.weights.r, r.terms.e*r.weights.e, r.lengths.0, r.lengths.1, r.weights.j, r.weights.l, r.weights.r, r.weights.e); } } println!(
-                "{name:22} {:3} {:>4} {:6.1} ms {:6} {:7} {:9.2e} {:7.4}   {paper}",
-                field.degree(),
-                format!("{},{}", degree.0, degree.1),
-                1e3 * clock.elapsed().as_secs_f64(),
-                g.count(Phase::Grow),
-                g.count(Phase::Newton),
-                g.sum(),
-                g.area(&options.region),
-            ) },
+            Ok(made) => {
+                let g = &made.grown;
+                if std::env::var("TRACE").is_ok() { for r in &g.trace { println!("{:?} S {:.3e} I {:.2e} J {:.2e} L {:.2e} R {:.2e} E {:.2e} l {:.4} {:.4} w {:.0e} {:.0e} {:.0e} {:.0e}", r.phase, r.sum, r.terms.i, r.terms.j*r.weights.j, r.terms.l*r.weights.l, r.terms.r*r.weights.r, r.terms.e*r.weights.e, r.lengths.0, r.lengths.1, r.weights.j, r.weights.l, r.weights.r, r.weights.e); } }
+                println!(
+                    "{name:22} {:3} {:>4} {:6.1} ms {:6} {:7} {:9.2e} {:7.4}   {paper}",
+                    field.degree(),
+                    format!("{},{}", degree.0, degree.1),
+                    1e3 * clock.elapsed().as_secs_f64(),
+                    g.count(Phase::Grow),
+                    g.count(Phase::Newton),
+                    g.sum(),
+                    g.area(&options.region),
+                );
+                println!("{:?} {:?}", made.distances, made.seconds);
+            }
             Err(error) => println!("{name:22} {error}"),
         }
     }

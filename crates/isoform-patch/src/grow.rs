@@ -151,6 +151,11 @@ impl<'f> Growth<'f> {
         self.options.limit * self.unit * self.unit
     }
 
+    /// Whether S keeps its bound.
+    pub(crate) fn is_within_limit(&self) -> bool {
+        self.sum() <= self.limit()
+    }
+
     fn sum(&self) -> f64 {
         self.objective.sum(&self.at.terms)
     }

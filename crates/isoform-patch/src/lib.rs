@@ -5,6 +5,7 @@
 //! piece of a tangent plane until S reaches a bound. Any [`Field`] with derivatives will do.
 #![forbid(unsafe_code)]
 
+mod distance;
 mod grow;
 mod local;
 mod objective;
@@ -12,18 +13,39 @@ mod options;
 mod solver;
 mod surface;
 
+pub use distance::{Distances, distances, prove, sampled};
 pub use grow::{Grown, Phase, Row};
 pub use objective::{Derivatives, Evaluated, K, Method, Objective, Targets, Terms, Weights};
 pub use options::{Error, Options, PAPER_LIMIT};
 
 use isoform_geom::Field;
+use std::time::Instant;
 
 /// The largest degree: beyond it, systems are large and nothing is gained.
 pub const MOST_DEGREE: usize = 8;
 
-/// Grows one patch.
-pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Grown, Error> {
-    check(field, options)?;
+/// A patch this near to the surface, in diagonals of the region, is exact to rounding.
+const EXACT: f64 = 1e-12;
+
+/// A patch with what is known of it.
+#[derive(Clone, Debug)]
+pub struct Parameterized {
+    /// The patch and the way to it.
+    pub grown: Grown,
+    /// How far it is from the surface.
+    pub distances: Distances,
+    /// Whether S keeps its bound.
+    pub is_within_limit: bool,
+    /// Whether the patch lies on the surface, to rounding.
+    pub is_exact: bool,
+    /// Seconds by phase.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Grows one patch on the surface `field` = 0, and proves how far from it the patch is.
+pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterized, Error> {
+    check(options)?;
+    let mut clock = Clock::default();
     let seed = match options.seed_point {
         Some(p) => surface::given(field, p, &options.region)?,
         None => surface::chosen(field, options.seed, &options.region)?,
@@ -31,13 +53,40 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Grown, Error
     if options.method == Method::Newton && field.jet3(seed.point).is_none() {
         return Err(Error::NoThirdDerivatives);
     }
+    clock.phase("seed");
     let objective = Objective::new(field, options.degree, options.method, options.nodes);
     let mut growth = grow::Growth::start(objective, seed, options)?;
     growth.to_limit();
-    Ok(growth.finish())
+    let is_within_limit = growth.is_within_limit();
+    let grown = growth.finish();
+    clock.phase("grow");
+    let distances = distances(field, &grown.patch);
+    clock.phase("certify");
+    let is_exact = distances.bound.is_some_and(|b| b <= EXACT * options.region.diagonal());
+    Ok(Parameterized { grown, distances, is_within_limit, is_exact, seconds: clock.seconds })
 }
 
-fn check(_: &dyn Field, options: &Options) -> Result<(), Error> {
+/// Takes the time of phases.
+struct Clock {
+    since: Instant,
+    seconds: Vec<(&'static str, f64)>,
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Self { since: Instant::now(), seconds: Vec::new() }
+    }
+}
+
+impl Clock {
+    /// A phase has ended.
+    fn phase(&mut self, name: &'static str) {
+        self.seconds.push((name, self.since.elapsed().as_secs_f64()));
+        self.since = Instant::now();
+    }
+}
+
+fn check(options: &Options) -> Result<(), Error> {
     let (m, n) = options.degree;
     if !(1..=MOST_DEGREE).contains(&m) || !(1..=MOST_DEGREE).contains(&n) {
         return Err(Error::Degree(m, n));

@@ -6,7 +6,7 @@ use isoform_geom::{Aabb, Field, Point3, cross, dot, norm};
 /// Newton steps towards the surface.
 const STEPS: usize = 60;
 /// Distance to the surface that counts as none, in diagonals of the box.
-const ON_SURFACE: f64 = 1e-12;
+pub(crate) const ON_SURFACE: f64 = 1e-12;
 /// A gradient below this share of the Hessian times the diagonal is taken for 0: the surface has no tangent plane to start on.
 const SINGULAR: f64 = 1e-7;
 /// Random places tried in search of the surface.

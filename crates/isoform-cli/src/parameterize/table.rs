@@ -1,0 +1,40 @@
+//! The result for people.
+
+use super::{Made, document};
+use crate::fit::table::brief;
+use crate::mesh::table::line;
+use isoform::patch::{Parameterized, Phase};
+
+/// The patches, what is proved of them, and where they went.
+pub(super) fn text(made: &Made) -> String {
+    let (m, n) = made.options.degree;
+    let mut text = line("surface", made.name.clone()) + &line("degree", format!("{m},{n}; {}", document::method(made.options.method)));
+    for (i, p) in made.patches.iter().enumerate() {
+        if made.patches.len() > 1 {
+            text += &line("patch", (i + 1).to_string());
+        }
+        text += &patch(p, made);
+    }
+    for sentence in made.failures() {
+        text += &line("NOT KEPT", sentence);
+    }
+    let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
+    text += &line("time", format!("{} s", brief(seconds)));
+    made.written.iter().fold(text, |text, path| text + &line("wrote", path.clone()))
+}
+
+fn patch(p: &Parameterized, made: &Made) -> String {
+    let (g, t) = (&p.grown, &p.grown.terms);
+    let [x, y, z] = g.seed_point.map(brief);
+    let bound = p.distances.bound.map_or("not proved".to_owned(), |b| format!("at most {}, proved", brief(b)));
+    let (least, most) = g.patch.control_weights();
+    let steps = format!("{} extrapolations, {} Newton steps", g.count(Phase::Grow), g.count(Phase::Newton));
+    let terms = format!("{} with I {}, J {}, L {}, R {}, E {}", brief(g.sum()), brief(t.i), brief(t.j), brief(t.l), brief(t.r), brief(t.e));
+    line("seed", format!("({x}, {y}, {z})"))
+        + &line("steps", steps)
+        + &line("S", terms)
+        + &line("distance", format!("{bound}; root mean square {}", brief(p.distances.rms)))
+        + &line("area", format!("{} in the box", brief(g.area(&made.options.region))))
+        + &line("weights", format!("{} to {} at the control points", brief(least), brief(most)))
+        + &if p.is_exact { line("exact", "the patch lies on the surface, to rounding".to_owned()) } else { String::new() }
+}
