@@ -87,6 +87,7 @@ fn main() {
         let options = Options {
             seed_point: Some(seed),
             method,
+            exact: std::env::var("EXACT").is_ok(),
             ..Options::paper(degree, Aabb { lo: [-0.5; 3], hi: [0.5; 3] })
         };
         let clock = Instant::now();

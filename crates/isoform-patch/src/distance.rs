@@ -38,15 +38,18 @@ pub struct Distances {
     pub rms: f64,
 }
 
-/// Samples the distance of a patch from the surface: (largest, root mean square over the area).
-pub fn sampled(field: &dyn Field, patch: &RationalPatch) -> (f64, f64) {
-    let mut points = Vec::with_capacity(SAMPLES * SAMPLES);
-    let mut areas = Vec::with_capacity(SAMPLES * SAMPLES);
-    for i in 0..SAMPLES {
-        for j in 0..SAMPLES {
-            let t = patch.tangents(i as f64 / (SAMPLES - 1) as f64, j as f64 / (SAMPLES - 1) as f64);
+/// Samples the distance of a patch from the surface in a square grid of so many samples (at least 2) in each direction: the largest,
+/// and the root mean square over the area.
+pub fn sampled(field: &dyn Field, patch: &RationalPatch, samples: usize) -> (f64, f64) {
+    let mut points = Vec::with_capacity(samples * samples);
+    let mut areas = Vec::with_capacity(samples * samples);
+    for i in 0..samples {
+        for j in 0..samples {
+            let t = patch.tangents(i as f64 / (samples - 1) as f64, j as f64 / (samples - 1) as f64);
             points.push(t.point);
-            areas.push(norm(t.normal()));
+            // The trapezoidal rule: half at the border.
+            let half = |i: usize| if i == 0 || i == samples - 1 { 0.5 } else { 1.0 };
+            areas.push(norm(t.normal()) * half(i) * half(j));
         }
     }
     let distances = foot_distances(field, &points);
@@ -105,11 +108,13 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
     jets
 }
 
-/// Measures and proves: the bound is at least what is sampled, and aims at no more than 1.8 times that.
-pub fn distances(field: &dyn Field, patch: &RationalPatch) -> Distances {
-    let (sampled, rms) = sampled(field, patch);
+/// Measures and proves: the bound is at least what is sampled, and aims at no more than 1.8 times that
+/// and, if that is not less than what is sampled, at no more than the tolerance.
+pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
+    let (sampled, rms) = sampled(field, patch, SAMPLES);
     let size = patch.control_box().map_or(1.0, |b| b.lo.iter().chain(&b.hi).fold(0.0f64, |m, v| m.max(v.abs())));
     let target = (SLACK * sampled).max(ROUNDING * size);
+    let target = tolerance.filter(|t| *t >= sampled).map_or(target, |t| target.min(t));
     let bound = prove(field, patch, target, MOST_CELLS).map(|b| b.max(sampled));
     Distances { bound, sampled, rms }
 }
@@ -131,7 +136,6 @@ pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize
             None => pending.extend(cell.halves(true).iter().flat_map(|half| half.halves(false)).map(|c| (c, depth + 1))),
         }
     }
-    if std::env::var("CELLS").is_ok() { eprintln!("{looked_at} cells"); }
     Some(worst)
 }
 

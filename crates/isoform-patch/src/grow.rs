@@ -6,10 +6,12 @@
 //! - The bound is approached from what S was at the sizes before: S is nearly a power of the size, so that few extrapolations fail.
 //! - After an extrapolation that proves too large the patch is shortened, which counts as an extrapolation and is seen in the trace.
 
+use crate::distance::{prove, sampled};
+use crate::exact::onto;
 use crate::objective::{CORNERS, Evaluated, Objective, Targets, Terms, Weights};
 use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
-use crate::surface::{Seed, contains, project, project_along};
+use crate::surface::{ON_SURFACE, Seed, contains, project, project_along};
 use isoform_geom::{Aabb, Point3, RationalPatch, dot, norm};
 
 /// Edge of the start patch, in edges of the region.
@@ -34,6 +36,18 @@ const FULL: f64 = 0.985;
 const SHORTENINGS: usize = 4;
 /// Newton steps after an extrapolation, far from the bound and near it.
 const STEPS: (Stop, Stop) = (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 2e-3 });
+/// The sampled distance may be this share of the tolerance: what the proof adds must fit, too.
+const WITHIN: f64 = 0.93;
+/// Samples of the distance in each direction while a patch grows.
+const GROWING_SAMPLES: usize = 17;
+/// Bisections of the extrapolation of an exact patch.
+const EXACT_BISECTIONS: usize = 14;
+/// The least control weight of an exact patch.
+const LEAST_WEIGHT: f64 = 0.05;
+/// Times that a patch is made shorter for the proof of its tolerance.
+const SHORTER: usize = 12;
+/// Cells of that proof.
+const PROOF_CELLS: usize = 300_000;
 /// What is near the bound.
 const NEAR: f64 = 0.3;
 
@@ -136,7 +150,7 @@ impl<'f> Growth<'f> {
             let origin = std::array::from_fn(|k| seed.point[k] - 0.5 * (a[k] + b[k]));
             let patch = RationalPatch::planar(options.degree, origin, a, b);
             if let Some((targets, at)) = growth.retargeted(&patch)
-                && at.terms.i <= START_EXCESS * growth.limit()
+                && growth.is_start(&at)
             {
                 (growth.patch, growth.at, growth.objective.targets) = (patch, at, targets);
                 return Ok(growth);
@@ -154,6 +168,22 @@ impl<'f> Growth<'f> {
     /// Whether S keeps its bound.
     pub(crate) fn is_within_limit(&self) -> bool {
         self.sum() <= self.limit()
+    }
+
+    /// How much of what is allowed the patch makes use of: of S, or of the distance from the surface.
+    fn load(&self) -> f64 {
+        match self.options.tolerance {
+            Some(t) => sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0 / (WITHIN * t),
+            None => self.sum() / self.limit(),
+        }
+    }
+
+    /// Whether a planar patch is small enough to start with.
+    fn is_start(&self, at: &Evaluated) -> bool {
+        match self.options.tolerance {
+            Some(t) => at.terms.i.sqrt() <= START_EXCESS * t,
+            None => at.terms.i <= START_EXCESS * self.limit(),
+        }
     }
 
     fn sum(&self) -> f64 {
@@ -204,15 +234,16 @@ impl<'f> Growth<'f> {
         State { patch: self.patch.clone(), at: self.at.clone(), targets: self.objective.targets, weights: self.objective.weights }
     }
 
-    /// Which sides (u = 0, u = 1, v = 0, v = 1) still lie in the region, in part.
+    /// Which sides (u = 0, u = 1, v = 0, v = 1) still lie in the region, for the most part.
     fn sides_inside(&self) -> [bool; 4] {
         const SAMPLES: usize = 9;
         std::array::from_fn(|side| {
-            (0..SAMPLES).any(|i| {
+            let inside = (0..SAMPLES).filter(|&i| {
                 let t = i as f64 / (SAMPLES - 1) as f64;
                 let (u, v) = [(0.0, t), (1.0, t), (t, 0.0), (t, 1.0)][side];
                 contains(&self.options.region, self.patch.point(u, v))
-            })
+            });
+            2 * inside.count() > SAMPLES
         })
     }
 
@@ -224,28 +255,30 @@ impl<'f> Growth<'f> {
 
     /// Whether an extrapolated patch is a start for Newton's method.
     fn is_fair(&self, at: &Evaluated) -> bool {
-        self.objective.sum(&at.terms) <= MOST_EXCESS * self.limit()
+        match self.options.tolerance {
+            Some(t) => at.terms.i.sqrt() <= MOST_EXCESS * t,
+            None => self.objective.sum(&at.terms) <= MOST_EXCESS * self.limit(),
+        }
     }
 
-    /// Grows until the bound on S is reached.
+    /// Grows until the bound on S, or on the distance, is reached.
     pub(crate) fn to_limit(&mut self) {
-        let limit = self.limit();
         self.descend(STEPS.0);
         let mut best: Option<State> = None;
         let mut history: Vec<(f64, f64)> = Vec::new();
         let mut shortened = 0;
         for _ in 0..self.options.most_extrapolations {
-            if self.sum() > NEAR * limit {
+            let mut load = self.load();
+            if load > NEAR {
                 self.descend(STEPS.1);
+                load = self.load();
             }
-            let sum = self.sum();
             let size = mean_edge(self.objective.targets.l1, self.objective.targets.l2);
-            history.push((size.ln(), sum.ln()));
-            let is_good = sum <= limit && self.patch.weight_is_positive(6);
-            if is_good {
+            history.push((size.ln(), load.max(f64::MIN_POSITIVE).ln()));
+            if load <= 1.0 && self.patch.weight_is_positive(6) {
                 best = Some(self.state());
                 shortened = 0;
-                if sum >= FULL * limit {
+                if load >= FULL {
                     break;
                 }
             } else {
@@ -254,12 +287,12 @@ impl<'f> Growth<'f> {
                     break;
                 }
             }
-            // S as a power of the size, by the last two patches.
+            // The load as a power of the size, by the last two patches.
             let power = match history.as_slice() {
                 [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > 1e-4 => ((y1 - y0) / (x1 - x0)).clamp(3.0, 12.0),
                 _ => 6.0,
             };
-            let factor = (AIM * limit / sum).powf(1.0 / power);
+            let factor = (AIM / load).powf(1.0 / power);
             // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the present patch.
             if !self.extrapolate(size * factor.clamp(0.8, 1.0 + 2.0 * MOST_GROWTH)) {
                 break;
@@ -267,6 +300,47 @@ impl<'f> Growth<'f> {
             self.descend(STEPS.0);
         }
         self.settle(best);
+    }
+
+    /// Brings the patch onto the surface to rounding, if that succeeds, and extrapolates it, which then costs nothing of I, as far as
+    /// the bound on S and positive control weights admit. Whether it succeeded.
+    pub(crate) fn to_surface(&mut self) -> bool {
+        let (patch, root) = onto(&self.objective, &self.patch);
+        if root > ON_SURFACE * self.unit || patch.control_weights().0 <= 0.0 {
+            return false;
+        }
+        let fits = |growth: &Self, share: f64| {
+            let longer = balanced(patch.part((-share, 1.0 + share), (-share, 1.0 + share)));
+            let (targets, at) = growth.retargeted(&longer)?;
+            let fits = growth.options.tolerance.is_some() || growth.objective.sum(&at.terms) <= growth.limit();
+            (fits && at.terms.i.sqrt() <= ON_SURFACE * growth.unit && longer.control_weights().0 > LEAST_WEIGHT).then_some((longer, targets, at))
+        };
+        let (mut lo, mut hi) = (-0.25, MOST_GROWTH);
+        let mut best = fits(self, lo);
+        for _ in 0..EXACT_BISECTIONS {
+            let share = 0.5 * (lo + hi);
+            match fits(self, share) {
+                Some(found) => (lo, best) = (share, Some(found)),
+                None => hi = share,
+            }
+        }
+        let Some((patch, targets, at)) = best else { return false };
+        self.take(patch, targets, at);
+        true
+    }
+
+    /// Shortens the patch until its distance from the surface is proved to keep the tolerance; false where that fails.
+    pub(crate) fn to_tolerance(&mut self) -> bool {
+        let Some(tolerance) = self.options.tolerance else { return true };
+        for _ in 0..SHORTER {
+            if prove(self.objective.field(), &self.patch, tolerance, PROOF_CELLS).is_some() {
+                return true;
+            }
+            let shorter = self.longer([-0.01; 4]);
+            let Some((targets, at)) = self.retargeted(&shorter) else { return false };
+            self.take(shorter, targets, at);
+        }
+        false
     }
 
     /// Goes back to the best patch, unless it is the present one.

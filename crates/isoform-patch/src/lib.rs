@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod distance;
+mod exact;
 mod grow;
 mod local;
 mod objective;
@@ -46,6 +47,7 @@ pub struct Parameterized {
 pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterized, Error> {
     check(options)?;
     let mut clock = Clock::default();
+    let options = &options.relaxed();
     let seed = match options.seed_point {
         Some(p) => surface::given(field, p, &options.region)?,
         None => surface::chosen(field, options.seed, &options.region)?,
@@ -57,10 +59,14 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     let objective = Objective::new(field, options.degree, options.method, options.nodes);
     let mut growth = grow::Growth::start(objective, seed, options)?;
     growth.to_limit();
+    if options.exact {
+        growth.to_surface();
+    }
+    growth.to_tolerance();
     let is_within_limit = growth.is_within_limit();
     let grown = growth.finish();
     clock.phase("grow");
-    let distances = distances(field, &grown.patch);
+    let distances = distances(field, &grown.patch, options.tolerance);
     clock.phase("certify");
     let is_exact = distances.bound.is_some_and(|b| b <= EXACT * options.region.diagonal());
     Ok(Parameterized { grown, distances, is_within_limit, is_exact, seconds: clock.seconds })

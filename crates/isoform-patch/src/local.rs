@@ -46,6 +46,16 @@ impl Node {
         Residuals { distance, u: dot(pu, pu) - targets.l1, v: dot(pv, pv) - targets.l2, angle: dot(pu, pv) }
     }
 
+    /// The derivatives of F/|∇F| by p*, with |∇F| taken as constant; 0 where that is 0.
+    pub(crate) fn distance_gradient(&self, jet: &Jet2) -> [f64; 4] {
+        let (w, length) = (self.z[3], dot(jet.g, jet.g).sqrt());
+        if length == 0.0 {
+            return [0.0; 4];
+        }
+        let d = jet.g.map(|g| g / length);
+        [d[0] / w, d[1] / w, d[2] / w, -dot(d, self.point) / w]
+    }
+
     /// The places in z that pᵤ,ₖ (or pᵥ,ₖ) depends on: Nₖ, w, N_{k,u}, wᵤ; and its derivatives by them.
     fn tangent(&self, which: usize, k: usize) -> ([usize; 4], [f64; 4]) {
         let (w, offset) = (self.z[3], 4 + 4 * which);

@@ -284,6 +284,27 @@ impl<'f> Objective<'f> {
         Some(d)
     }
 
+    /// The residuals √weight F/|∇F| at all nodes and their derivatives by the unknowns with |∇F| taken as constant, row by row.
+    pub(crate) fn distance_rows(&self, at: &Evaluated) -> (Vec<f64>, Vec<f64>) {
+        let (m, n) = self.degree;
+        let count = (m + 1) * (n + 1);
+        let (mut rows, mut residuals) = (Vec::with_capacity(at.nodes.len() * 4 * count), Vec::with_capacity(at.nodes.len()));
+        let mut nodes = at.nodes.iter().zip(&at.jets);
+        for ([a, _], wu) in self.u.b.iter().zip(&self.u.weights) {
+            for (([b, _], wv), (node, jet)) in self.v.b.iter().zip(&self.v.weights).zip(&mut nodes) {
+                let root = (wu * wv).sqrt();
+                residuals.push(root * node.residuals(jet, &self.targets).distance);
+                let first = node.distance_gradient(jet);
+                for f in first {
+                    for x in a {
+                        rows.extend(b.iter().map(|y| root * f * x * y));
+                    }
+                }
+            }
+        }
+        (rows, residuals)
+    }
+
     /// Adds ω_E E.
     fn corner_terms(&self, patch: &RationalPatch, d: &mut Derivatives) {
         let count = d.gradient.len() / 4;

@@ -58,6 +58,19 @@ impl Options {
     }
 }
 
+impl Options {
+    /// With a tolerance D the shape terms may not weigh more than errors of its size do: their thresholds fall with D².
+    pub(crate) fn relaxed(&self) -> Self {
+        let Some(tolerance) = self.tolerance else { return *self };
+        let unit = self.region.size().into_iter().fold(0.0, f64::max);
+        let share = (RELAXED * (tolerance / unit).powi(2) / PAPER_LIMIT).min(1.0);
+        Self { floor: self.floor.scaled(share), ..*self }
+    }
+}
+
+/// The thresholds of the factors for a tolerance D, in those for S ≤ D².
+const RELAXED: f64 = 0.1;
+
 /// Why there is no patch.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Error {

@@ -17,6 +17,10 @@ const MOST_DAMPING: f64 = 1e8;
 /// What the diagonal entries are lifted to, as a share of the mean one, before they are multiplied by the damping.
 const LEAST_DIAGONAL: f64 = 1e-4;
 
+/// A factor is lowered while its term has more than this share of I. The paper says 1, which leaves terms that are nearly as large as I
+/// where they are, and with them a quarter of the area.
+const MOST_SHARE: f64 = 0.05;
+
 /// When a phase of steps ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stop {
@@ -91,7 +95,7 @@ pub(crate) fn first_damping() -> f64 {
 fn lower(w: &mut Weights, t: &Terms, floor: &Weights) -> bool {
     let mut lowered = false;
     let mut one = |w: &mut f64, term: f64, floor: f64| {
-        if *w * term > t.i && *w > floor {
+        if *w * term > MOST_SHARE * t.i && *w > floor {
             *w = (0.1 * *w).max(floor);
             lowered = true;
         }

@@ -9,6 +9,8 @@ const STEPS: usize = 60;
 pub(crate) const ON_SURFACE: f64 = 1e-12;
 /// A gradient below this share of the Hessian times the diagonal is taken for 0: the surface has no tangent plane to start on.
 const SINGULAR: f64 = 1e-7;
+/// Differences of curvatures below this share of their size are taken for 0.
+const UMBILIC: f64 = 1e-3;
 /// Random places tried in search of the surface.
 const PLACES: usize = 4000;
 /// Points of the surface among which the one with the gentlest surroundings becomes the seed.
@@ -100,7 +102,8 @@ pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64)
     None
 }
 
-/// The frame at a point of the surface, turned by an angle; an error where there is no tangent plane.
+/// The frame of the directions of principal curvature at a point of the surface, turned by an angle; an error where there is no tangent
+/// plane. Lines of curvature are orthogonal also farther away, so that a patch along them has little R.
 pub(crate) fn frame(field: &dyn Field, point: Point3, angle: f64, scale: f64) -> Result<Seed, Error> {
     let j = field.jet(point);
     let g = norm(j.g);
@@ -119,7 +122,11 @@ pub(crate) fn frame(field: &dyn Field, point: Point3, angle: f64, scale: f64) ->
     let a = cross(n, e);
     let a = a.map(|v| v / norm(a));
     let b = cross(n, a);
-    let (s, c) = angle.sin_cos();
+    let form = |u: Point3, v: Point3| (0..3).flat_map(|i| (0..3).map(move |k| (i, k))).map(|(i, k)| u[i] * j.second(i, k) * v[k]).sum::<f64>();
+    let (twist, difference) = (2.0 * form(a, b), form(a, a) - form(b, b));
+    // Where all curvatures are alike there are no such directions.
+    let principal = if twist.hypot(difference) > UMBILIC * h { 0.5 * twist.atan2(difference) } else { 0.0 };
+    let (s, c) = (principal + angle).sin_cos();
     let first = std::array::from_fn(|k| c * a[k] + s * b[k]);
     Ok(Seed { point, tangents: [first, cross(n, first)], curvature: h / g })
 }
