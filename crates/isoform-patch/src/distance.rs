@@ -133,10 +133,41 @@ pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize
         match bound_of_cell(field, &cell, depth, target, &products) {
             Some(b) => worst = worst.max(b),
             None if depth == MOST_DEPTH => return None,
-            None => pending.extend(cell.halves(true).iter().flat_map(|half| half.halves(false)).map(|c| (c, depth + 1))),
+            None => pending.extend(quarters(&cell).map(|c| (c, depth + 1))),
         }
     }
     Some(worst)
+}
+
+/// The quarters of a patch, by de Casteljau's algorithm at 1/2 in both directions.
+fn quarters(patch: &RationalPatch) -> [RationalPatch; 4] {
+    let (m, n) = patch.degree();
+    let mut all = [0; 4].map(|_| patch.clone());
+    // Along v: patches 0 and 2 take the lower half, 1 and 3 the upper one; then along u: 0 and 1 the lower, 2 and 3 the upper.
+    for (which, patch) in all.iter_mut().enumerate() {
+        let control = patch.control_mut();
+        for i in 0..=m {
+            halve(control, i * (n + 1), 1, n, which % 2 == 1);
+        }
+        for j in 0..=n {
+            halve(control, j, n + 1, m, which >= 2);
+        }
+    }
+    all
+}
+
+/// Replaces the Bézier points at `first`, `first + step`, … of degree n by those of the lower or the upper half.
+fn halve(control: &mut [[f64; 4]], first: usize, step: usize, n: usize, upper: bool) {
+    for level in 1..=n {
+        // In place: from the far end for the lower half, so that point k keeps its value of level k.
+        for i in level..=n {
+            let k = if upper { i - level } else { n - (i - level) };
+            let next = if upper { k + 1 } else { k - 1 };
+            for d in 0..4 {
+                control[first + k * step][d] = 0.5 * (control[first + k * step][d] + control[first + next * step][d]);
+            }
+        }
+    }
 }
 
 fn middle(i: &Interval) -> f64 {
@@ -180,10 +211,10 @@ fn bound_of_cell(field: &dyn Field, cell: &RationalPatch, depth: u32, target: f6
         return Some(b + rounding);
     }
     // Small against the bound: any sign change nearby will do.
-    if reach > 0.6 * target {
+    if reach > 0.85 * target {
         return None;
     }
-    sign_change(field, c, &e.value, target - reach - rounding).map(|t| t + reach + rounding)
+    changes_sign(field, c, &e.value, (target - reach - rounding) * (1.0 - 1e-12)).then_some(target)
 }
 
 /// M/G, if that is no more than `beyond`.
@@ -281,29 +312,23 @@ const DIRECTIONS: [[f64; 3]; 13] = [
     [-0.57, 0.57, 0.57],
 ];
 
-/// The least of a few distances, up to `most`, within which F certainly vanishes near c.
-fn sign_change(field: &dyn Field, c: Point3, here: &Interval, most: f64) -> Option<f64> {
-    if here.lo() == 0.0 && here.hi() == 0.0 {
-        return Some(0.0);
-    }
+/// Whether F certainly vanishes within t of c.
+fn changes_sign(field: &dyn Field, c: Point3, here: &Interval, t: f64) -> bool {
     let sign = |i: &Interval| if i.lo() > 0.0 { 1 } else if i.hi() < 0.0 { -1 } else { 0 };
-    for share in [0.1, 0.3, 1.0] {
-        let t = share * most;
-        let (mut seen_positive, mut seen_negative) = (sign(here) > 0, sign(here) < 0);
-        for d in &DIRECTIONS {
-            for s in [-t, t] {
-                let p: Point3 = std::array::from_fn(|k| c[k] + s * d[k]);
-                let there = sign(&field.bounds(Aabb { lo: p, hi: p }));
-                seen_positive |= there > 0;
-                seen_negative |= there < 0;
-                // Both signs in a ball, which is connected.
-                if seen_positive && seen_negative {
-                    return Some(t * (1.0 + 1e-12));
-                }
+    let (mut positive, mut negative) = (sign(here) > 0, sign(here) < 0);
+    for d in &DIRECTIONS {
+        for s in [-t, t] {
+            // Both signs in a ball, which is connected.
+            if positive && negative {
+                return true;
             }
+            let p: Point3 = std::array::from_fn(|k| c[k] + s * d[k]);
+            let there = sign(&field.bounds(Aabb { lo: p, hi: p }));
+            positive |= there > 0;
+            negative |= there < 0;
         }
     }
-    None
+    positive && negative
 }
 
 /// Products of Bernstein polynomials of degree (m, n), of degree (2m, 2n).
@@ -342,5 +367,36 @@ impl Products {
             }
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quarters_are_parts() {
+        let control = (0..12).map(|i| f64::from(i)).map(|i| [i.sin(), i.cos(), 0.3 * i, 1.0 + 0.1 * (3.0 * i).sin()]).collect();
+        let patch = RationalPatch::new((2, 3), control).expect("a patch");
+        let (lower, upper) = ((0.0, 0.5), (0.5, 1.0));
+        let parts = [(lower, lower), (lower, upper), (upper, lower), (upper, upper)].map(|(u, v)| patch.part(u, v));
+        for (a, b) in quarters(&patch).iter().zip(&parts) {
+            for (a, b) in a.control().as_flattened().iter().zip(b.control().as_flattened()) {
+                assert!((a - b).abs() < 1e-15);
+            }
+        }
+    }
+
+    #[test]
+    fn products_are_products() {
+        let products = Products::new((2, 1));
+        let (a, b) = ([1.0, 2.0, 0.5, -1.0, 3.0, 0.2], [0.3, 1.0, -2.0, 0.7, 1.5, 1.1]);
+        let value = |c: &[f64], m: usize, n: usize, u: f64, v: f64| {
+            let (bu, bv) = (isoform_geom::bernstein(m, u).0, isoform_geom::bernstein(n, v).0);
+            (0..=m).map(|i| (0..=n).map(|j| bu[i] * bv[j] * c[i * (n + 1) + j]).sum::<f64>()).sum::<f64>()
+        };
+        let (u, v) = (0.3, 0.8);
+        let product = value(&products.of(&a, &b), 4, 2, u, v);
+        assert!((product - value(&a, 2, 1, u, v) * value(&b, 2, 1, u, v)).abs() < 1e-15);
     }
 }

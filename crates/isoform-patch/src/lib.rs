@@ -28,6 +28,11 @@ pub const MOST_DEGREE: usize = 8;
 /// A patch this near to the surface, in diagonals of the region, is exact to rounding.
 const EXACT: f64 = 1e-12;
 
+/// Quadrature that is off by more than this share is repeated with more nodes.
+const UNRESOLVED: f64 = 0.02;
+/// More nodes than this in each direction are not tried.
+const MOST_NODES: usize = 40;
+
 /// A patch with what is known of it.
 #[derive(Clone, Debug)]
 pub struct Parameterized {
@@ -56,20 +61,39 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
         return Err(Error::NoThirdDerivatives);
     }
     clock.phase("seed");
-    let objective = Objective::new(field, options.degree, options.method, options.nodes);
-    let mut growth = grow::Growth::start(objective, seed, options)?;
-    growth.to_limit();
-    if options.exact {
-        growth.to_surface();
-    }
-    growth.to_tolerance();
-    let is_within_limit = growth.is_within_limit();
-    let grown = growth.finish();
+    let mut nodes = options.nodes.unwrap_or(K as usize / 2 * options.degree.0.max(options.degree.1) + 1);
+    let (grown, is_within_limit) = loop {
+        let objective = Objective::new(field, options.degree, options.method, Some(nodes));
+        let mut growth = grow::Growth::start(objective, seed, options)?;
+        growth.to_limit();
+        if options.exact {
+            growth.to_surface();
+        }
+        growth.to_tolerance();
+        let is_within_limit = growth.is_within_limit();
+        let grown = growth.finish();
+        // Across self-intersections and tight blends integrands have kinks: there, again with more nodes.
+        if options.nodes.is_some() || options.tolerance.is_some() || nodes > MOST_NODES || is_resolved(field, &grown, nodes) {
+            break (grown, is_within_limit);
+        }
+        nodes = nodes * 8 / 5;
+    };
     clock.phase("grow");
     let distances = distances(field, &grown.patch, options.tolerance);
     clock.phase("certify");
     let is_exact = distances.bound.is_some_and(|b| b <= EXACT * options.region.diagonal());
     Ok(Parameterized { grown, distances, is_within_limit, is_exact, seconds: clock.seconds })
+}
+
+/// Whether a rule with more nodes finds nearly the same integrals.
+fn is_resolved(field: &dyn Field, grown: &Grown, nodes: usize) -> bool {
+    let mut finer = Objective::new(field, grown.patch.degree(), Method::Frozen, Some(nodes * 9 / 5));
+    (finer.weights, finer.targets) = (grown.weights, grown.targets);
+    let Some(at) = finer.evaluate(&grown.patch) else { return false };
+    let sum = grown.sum();
+    let near = |a: f64, b: f64, factor: f64| (a - b).abs() <= UNRESOLVED * a.max(b) || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum;
+    let (a, b, w) = (at.terms, grown.terms, grown.weights);
+    near(a.i, b.i, 1.0) && near(a.j, b.j, w.j) && near(a.l, b.l, w.l) && near(a.r, b.r, w.r) && (at.terms.sum(&w) - sum).abs() <= 0.01 * sum
 }
 
 /// Takes the time of phases.
