@@ -219,8 +219,8 @@ impl Field for Polynomial {
     fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
         // Sums of the terms, and of their absolute values, for the point and for the farthest corner of the region.
         let reach: Point3 = std::array::from_fn(|k| (region.hi[k] - at[k]).max(at[k] - region.lo[k]).next_up());
-        let [here, near, far] = [at, at.map(f64::abs), std::array::from_fn(|k| (at[k].abs() + reach[k]).next_up())]
-            .map(|p| Derivatives::new(p, self.degrees));
+        let [here, near, far] =
+            [at, at.map(f64::abs), std::array::from_fn(|k| (at[k].abs() + reach[k]).next_up())].map(|p| Derivatives::new(p, self.degrees));
         let mut sums = [0.0f64; 20];
         let (mut absolute, mut wide) = ([0.0f64; 20], [0.0f64; 10]);
         for (e, c) in &self.terms {
@@ -283,7 +283,11 @@ mod tests {
         let region = Aabb { lo: at.map(|v| v - 0.1), hi: at.map(|v| v + 0.1) };
         let e = p.expansion(at, region).expect("an expansion");
         let here = p.jet3(at).expect("a jet");
-        assert!(e.value.contains(here.v) && (0..3).all(|k| e.gradient[k].contains(here.g[k])) && (0..6).all(|k| e.hessian[k].contains(here.h[k])));
+        assert!(
+            e.value.contains(here.v)
+                && (0..3).all(|k| e.gradient[k].contains(here.g[k]))
+                && (0..6).all(|k| e.hessian[k].contains(here.h[k]))
+        );
         assert!(e.value.width() < 1e-14);
         for corner in 0..8 {
             let q: Point3 = std::array::from_fn(|k| if corner >> k & 1 == 1 { region.hi[k] } else { region.lo[k] });

@@ -49,6 +49,14 @@ fn figure8() -> Terms {
     plus(&times(&even, &even), &times(&rho2, &times(&odd, &odd)), -1.0)
 }
 
+/// (x² + y² + z² + R² − r²)² − 4R²(x² + y²).
+fn torus() -> Terms {
+    let (big, small) = (0.33f64, 0.15f64);
+    let rho2: Terms = vec![([2, 0, 0], 1.0), ([0, 2, 0], 1.0)];
+    let sum = plus(&plus(&rho2, &vec![([0, 0, 2], 1.0)], 1.0), &vec![([0, 0, 0], 1.0)], big * big - small * small);
+    plus(&times(&sum, &sum), &rho2, -4.0 * big * big)
+}
+
 /// Σ cos(2πx) by Taylor polynomials of degree 12.
 fn schwarz12() -> Terms {
     let mut terms: Terms = vec![([0, 0, 0], 3.0)];
@@ -80,8 +88,12 @@ fn main() {
         ("Schwarz P, degree 12", schwarz12(), (3, 3), [0.25, 0.25, 0.25], "32 s, 10, 50"),
         ("figure eight revolved", figure8(), (3, 3), [0.38, 0.0, 0.07], "10 s, 18, 57"),
         ("Whitney umbrella", whitney, (3, 3), [0.22, 0.35, 0.0], "14.91 s, 18, 113"),
+        ("torus", torus(), (2, 2), [0.48, 0.0, 0.0], "not in the paper"),
     ];
-    println!("{:22} {:>3} {:>4} {:>9} {:>6} {:>7} {:>9} {:>7}   paper: time, extrapolations, Newton steps", "surface", "d", "m,n", "time", "extr.", "Newton", "S", "area");
+    println!(
+        "{:22} {:>3} {:>4} {:>9} {:>6} {:>7} {:>9} {:>7}   paper: time, extrapolations, Newton steps",
+        "surface", "d", "m,n", "time", "extr.", "Newton", "S", "area"
+    );
     for (name, terms, degree, seed, paper) in rows {
         let field = Polynomial::new(terms);
         let options = Options {
@@ -94,7 +106,26 @@ fn main() {
         match parameterize(&field, &options) {
             Ok(made) => {
                 let g = &made.grown;
-                if std::env::var("TRACE").is_ok() { for r in &g.trace { println!("{:?} S {:.3e} I {:.2e} J {:.2e} L {:.2e} R {:.2e} E {:.2e} l {:.4} {:.4} w {:.0e} {:.0e} {:.0e} {:.0e}", r.phase, r.sum, r.terms.i, r.terms.j*r.weights.j, r.terms.l*r.weights.l, r.terms.r*r.weights.r, r.terms.e*r.weights.e, r.lengths.0, r.lengths.1, r.weights.j, r.weights.l, r.weights.r, r.weights.e); } }
+                if std::env::var("TRACE").is_ok() {
+                    for r in &g.trace {
+                        println!(
+                            "{:?} S {:.3e} I {:.2e} J {:.2e} L {:.2e} R {:.2e} E {:.2e} l {:.4} {:.4} w {:.0e} {:.0e} {:.0e} {:.0e}",
+                            r.phase,
+                            r.sum,
+                            r.terms.i,
+                            r.terms.j * r.weights.j,
+                            r.terms.l * r.weights.l,
+                            r.terms.r * r.weights.r,
+                            r.terms.e * r.weights.e,
+                            r.lengths.0,
+                            r.lengths.1,
+                            r.weights.j,
+                            r.weights.l,
+                            r.weights.r,
+                            r.weights.e
+                        );
+                    }
+                }
                 println!(
                     "{name:22} {:3} {:>4} {:6.1} ms {:6} {:7} {:9.2e} {:7.4}   {paper}",
                     field.degree(),

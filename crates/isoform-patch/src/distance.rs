@@ -21,7 +21,9 @@ const SLACK: f64 = 1.8;
 /// Bounds below this share of the largest coordinate are lost in rounding.
 const ROUNDING: f64 = 2e-14;
 /// Cells that may be looked at.
-const MOST_CELLS: usize = 400_000;
+const MOST_CELLS: usize = 25_000;
+/// Newton steps to a foot point about which the sign is looked at.
+const FOOT_STEPS: usize = 8;
 /// Halvings of the patch in each direction.
 const MOST_DEPTH: u32 = 18;
 /// The relative error of subdivision, per halving, in the largest coordinate: four roundings for each of at most eight levels.
@@ -214,7 +216,7 @@ fn bound_of_cell(field: &dyn Field, cell: &RationalPatch, depth: u32, target: f6
     if reach > 0.85 * target {
         return None;
     }
-    changes_sign(field, c, &e.value, (target - reach - rounding) * (1.0 - 1e-12)).then_some(target)
+    changes_sign(field, c, &e.value, (target - reach - rounding) * (1.0 - 1e-9)).then_some(target)
 }
 
 /// M/G, if that is no more than `beyond`.
@@ -224,7 +226,7 @@ fn smooth_bound(e: &Expansion, d: &[[f64; 4]], r: Point3, beyond: f64, products:
     let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
     let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
     let length = norm(g);
-    if !(length > 0.0) || !length.is_finite() {
+    if length == 0.0 || !length.is_finite() {
         return None;
     }
     let at = |i: usize, j: usize| h[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]];
@@ -243,7 +245,7 @@ fn smooth_bound(e: &Expansion, d: &[[f64; 4]], r: Point3, beyond: f64, products:
     }
     lost += 0.5 * cubic(&t, wide, Some(g.map(|v| v.abs() / length)));
     let slope = (length - lost) * (1.0 - 1e-12);
-    if !(slope > 0.0) {
+    if slope.is_nan() || slope <= 0.0 {
         return None;
     }
     // w² (F(c) + ∇F·δ + δᵀHδ/2).
@@ -261,7 +263,8 @@ fn smooth_bound(e: &Expansion, d: &[[f64; 4]], r: Point3, beyond: f64, products:
     let w2 = products.of(&w, &w);
     let mut most = q.iter().zip(&w2).fold(0.0f64, |m, (q, w)| m.max((q / w).abs()));
     // What the coefficients leave out: rounding of the sums, radii of the derivatives, the remainder.
-    let size = value.abs() + (0..3).map(|k| g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()).sum::<f64>();
+    let size =
+        value.abs() + (0..3).map(|k| g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()).sum::<f64>();
     most += 64.0 * f64::EPSILON * size;
     most += radius(&e.value);
     for i in 0..3 {
@@ -312,23 +315,39 @@ const DIRECTIONS: [[f64; 3]; 13] = [
     [-0.57, 0.57, 0.57],
 ];
 
-/// Whether F certainly vanishes within t of c.
+/// Whether F certainly vanishes within t of c: it has both signs in that ball, which is connected. Points are tried about c, and about
+/// where Newton's method leads to from there, as the sectors between two sheets that cross may be narrow.
 fn changes_sign(field: &dyn Field, c: Point3, here: &Interval, t: f64) -> bool {
-    let sign = |i: &Interval| if i.lo() > 0.0 { 1 } else if i.hi() < 0.0 { -1 } else { 0 };
+    let sign = |i: &Interval| i32::from(i.lo() > 0.0) - i32::from(i.hi() < 0.0);
     let (mut positive, mut negative) = (sign(here) > 0, sign(here) < 0);
-    for d in &DIRECTIONS {
-        for s in [-t, t] {
-            // Both signs in a ball, which is connected.
-            if positive && negative {
-                return true;
-            }
-            let p: Point3 = std::array::from_fn(|k| c[k] + s * d[k]);
-            let there = sign(&field.bounds(Aabb { lo: p, hi: p }));
-            positive |= there > 0;
-            negative |= there < 0;
+    let mut seen = |p: Point3| {
+        let there = sign(&field.bounds(Aabb { lo: p, hi: p }));
+        positive |= there > 0;
+        negative |= there < 0;
+        positive && negative
+    };
+    let mut around = |q: Point3, t: f64| {
+        DIRECTIONS.iter().any(|d| [-t, t].into_iter().any(|s| seen(std::array::from_fn(|k| q[k] + s * d[k]))))
+    };
+    if t <= 0.0 {
+        return false;
+    }
+    if around(c, t) {
+        return true;
+    }
+    let mut q = c;
+    for _ in 0..FOOT_STEPS {
+        let j = field.jet(q);
+        let step = j.v / j.g.iter().map(|g| g * g).sum::<f64>();
+        if !step.is_finite() {
+            break;
+        }
+        for k in 0..3 {
+            q[k] -= step * j.g[k];
         }
     }
-    positive && negative
+    let left = t - norm(sub(q, c));
+    left > 0.1 * t && around(q, 0.99 * left)
 }
 
 /// Products of Bernstein polynomials of degree (m, n), of degree (2m, 2n).
@@ -345,9 +364,8 @@ fn binomial(n: usize, k: usize) -> f64 {
 
 impl Products {
     fn new(degree: (usize, usize)) -> Self {
-        let table = |n: usize| {
-            (0..=n).map(|i| (0..=n).map(|k| binomial(n, i) * binomial(n, k) / binomial(2 * n, i + k)).collect()).collect()
-        };
+        let table =
+            |n: usize| (0..=n).map(|i| (0..=n).map(|k| binomial(n, i) * binomial(n, k) / binomial(2 * n, i + k)).collect()).collect();
         Self { degree, u: table(degree.0), v: table(degree.1) }
     }
     fn of(&self, a: &[f64], b: &[f64]) -> Vec<f64> {

@@ -42,12 +42,14 @@ const WITHIN: f64 = 0.93;
 const GROWING_SAMPLES: usize = 17;
 /// Bisections of the extrapolation of an exact patch.
 const EXACT_BISECTIONS: usize = 14;
-/// The least control weight of an exact patch.
-const LEAST_WEIGHT: f64 = 0.05;
+/// The least control weight of a patch: CAD systems drop faces with negative ones without a word, and quotients of small ones are large.
+const LEAST_WEIGHT: f64 = 0.02;
 /// Times that a patch is made shorter for the proof of its tolerance.
 const SHORTER: usize = 12;
 /// Cells of that proof.
 const PROOF_CELLS: usize = 300_000;
+/// By how much at each side.
+const SHARE_SHORTER: f64 = 0.01;
 /// What is near the bound.
 const NEAR: f64 = 0.3;
 
@@ -113,6 +115,8 @@ pub(crate) struct Growth<'f> {
     pub(crate) patch: RationalPatch,
     pub(crate) at: Evaluated,
     pub(crate) trace: Vec<Row>,
+    /// The last patch that kept the bound.
+    good: Option<State>,
     options: Options,
     damping: f64,
     seed: Seed,
@@ -138,6 +142,7 @@ impl<'f> Growth<'f> {
             at: Evaluated::default(),
             objective,
             trace: Vec::new(),
+            good: None,
             options: *options,
             damping: first_damping(),
             seed,
@@ -186,7 +191,7 @@ impl<'f> Growth<'f> {
         }
     }
 
-    fn sum(&self) -> f64 {
+    pub(crate) fn sum(&self) -> f64 {
         self.objective.sum(&self.at.terms)
     }
 
@@ -195,7 +200,7 @@ impl<'f> Growth<'f> {
         Row { phase, sum: objective.sum(terms), terms: *terms, lengths: (t.l1, t.l2), weights: objective.weights }
     }
 
-    /// Lengths and corners for a patch (section 3.3), and its value with them.
+    /// Lengths and corners for a patch (section 3.3), and its value with them; none where a corner has no foot nearby.
     fn retargeted(&self, patch: &RationalPatch) -> Option<(Targets, Evaluated)> {
         let at = self.objective.evaluate(patch)?;
         let (l1, l2) = self.objective.mean_lengths(&at);
@@ -207,7 +212,8 @@ impl<'f> Growth<'f> {
             let length = norm(n);
             let along = (length > 0.0).then(|| project_along(field, t.point, n.map(|x| x / length), 0.25 * edge)).flatten();
             let near = |q: &Point3| isoform_geom::distance_squared(*q, t.point) <= (0.25 * edge).powi(2);
-            *corner = along.or_else(|| project(field, t.point, edge).filter(near)).unwrap_or(t.point);
+            // Past the end of a surface there is no foot: the patch has no business there.
+            *corner = along.or_else(|| project(field, t.point, edge).filter(near))?;
         }
         let targets = Targets { l1, l2, corners };
         let at = self.objective.with_targets(patch, at, &targets)?;
@@ -262,9 +268,8 @@ impl<'f> Growth<'f> {
     }
 
     /// Grows until the bound on S, or on the distance, is reached.
-    pub(crate) fn to_limit(&mut self) {
+    pub(crate) fn grow_to_limit(&mut self) {
         self.descend(STEPS.0);
-        let mut best: Option<State> = None;
         let mut history: Vec<(f64, f64)> = Vec::new();
         let mut shortened = 0;
         for _ in 0..self.options.most_extrapolations {
@@ -273,10 +278,10 @@ impl<'f> Growth<'f> {
                 self.descend(STEPS.1);
                 load = self.load();
             }
-            let size = mean_edge(self.objective.targets.l1, self.objective.targets.l2);
-            history.push((size.ln(), load.max(f64::MIN_POSITIVE).ln()));
-            if load <= 1.0 && self.patch.weight_is_positive(6) {
-                best = Some(self.state());
+            let aims = [self.objective.targets.l1, self.objective.targets.l2].map(|l| l.max(f64::MIN_POSITIVE).sqrt());
+            history.push((0.5 * (aims[0] * aims[1]).ln(), load.max(f64::MIN_POSITIVE).ln()));
+            if load <= 1.0 && self.patch.control_weights().0 > LEAST_WEIGHT {
+                self.good = Some(self.state());
                 shortened = 0;
                 if load >= FULL {
                     break;
@@ -292,19 +297,24 @@ impl<'f> Growth<'f> {
                 [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > 1e-4 => ((y1 - y0) / (x1 - x0)).clamp(3.0, 12.0),
                 _ => 6.0,
             };
-            let factor = (AIM / load).powf(1.0 / power);
-            // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the present patch.
-            if !self.extrapolate(size * factor.clamp(0.8, 1.0 + 2.0 * MOST_GROWTH)) {
+            let factor = (AIM / load).powf(1.0 / power).clamp(0.8, 1.0 + 2.0 * MOST_GROWTH);
+            // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the present patch; but its proportions are
+            // those of the present one, as the steps shorten that direction more in which length costs more.
+            let reached = self.edges();
+            let shift = ((reached[1] * aims[0]) / (reached[0] * aims[1])).sqrt();
+            if !self.extrapolate([aims[0] * factor / shift, aims[1] * factor * shift]) {
                 break;
             }
             self.descend(STEPS.0);
         }
-        self.settle(best);
+        if let Some(best) = self.good.take() {
+            self.settle(best);
+        }
     }
 
     /// Brings the patch onto the surface to rounding, if that succeeds, and extrapolates it, which then costs nothing of I, as far as
     /// the bound on S and positive control weights admit. Whether it succeeded.
-    pub(crate) fn to_surface(&mut self) -> bool {
+    pub(crate) fn bring_onto_surface(&mut self) -> bool {
         let (patch, root) = onto(&self.objective, &self.patch);
         if root > ON_SURFACE * self.unit || patch.control_weights().0 <= 0.0 {
             return false;
@@ -313,7 +323,8 @@ impl<'f> Growth<'f> {
             let longer = balanced(patch.part((-share, 1.0 + share), (-share, 1.0 + share)));
             let (targets, at) = growth.retargeted(&longer)?;
             let fits = growth.options.tolerance.is_some() || growth.objective.sum(&at.terms) <= growth.limit();
-            (fits && at.terms.i.sqrt() <= ON_SURFACE * growth.unit && longer.control_weights().0 > LEAST_WEIGHT).then_some((longer, targets, at))
+            (fits && at.terms.i.sqrt() <= ON_SURFACE * growth.unit && longer.control_weights().0 > LEAST_WEIGHT)
+                .then_some((longer, targets, at))
         };
         let (mut lo, mut hi) = (-0.25, MOST_GROWTH);
         let mut best = fits(self, lo);
@@ -330,63 +341,77 @@ impl<'f> Growth<'f> {
     }
 
     /// Shortens the patch until its distance from the surface is proved to keep the tolerance; false where that fails.
-    pub(crate) fn to_tolerance(&mut self) -> bool {
+    pub(crate) fn keep_tolerance(&mut self) -> bool {
         let Some(tolerance) = self.options.tolerance else { return true };
         for _ in 0..SHORTER {
             if prove(self.objective.field(), &self.patch, tolerance, PROOF_CELLS).is_some() {
                 return true;
             }
-            let shorter = self.longer([-0.01; 4]);
-            let Some((targets, at)) = self.retargeted(&shorter) else { return false };
-            self.take(shorter, targets, at);
+            if !self.retreat(SHARE_SHORTER) {
+                return false;
+            }
         }
         false
     }
 
-    /// Goes back to the best patch, unless it is the present one.
-    fn settle(&mut self, best: Option<State>) {
-        let Some(best) = best else { return };
-        if best.patch != self.patch {
-            self.objective.weights = best.weights;
-            self.take(best.patch, best.targets, best.at);
+    /// Goes back to a patch, unless it is the present one.
+    fn settle(&mut self, to: State) {
+        if to.patch != self.patch {
+            self.objective.weights = to.weights;
+            self.take(to.patch, to.targets, to.at);
         }
     }
 
-    /// Extrapolates (or shortens) at all sides that lie in the region until l₁ and l₂ are those of a patch with that mean edge; by less
-    /// where the result is no start for Newton's method. False where nothing is gained.
-    fn extrapolate(&mut self, size: f64) -> bool {
-        let (l1, l2) = self.objective.mean_lengths(&self.at);
-        let present = mean_edge(l1, l2);
-        let inside = if size > present { self.sides_inside() } else { [true; 4] };
-        let sides = inside.iter().filter(|i| **i).count() as f64;
-        if sides == 0.0 {
+    /// Shortens the patch by a share at each side, without Newton steps; false where that is no patch.
+    pub(crate) fn retreat(&mut self, share: f64) -> bool {
+        let shorter = self.longer([-share; 4]);
+        match self.retargeted(&shorter) {
+            Some((targets, at)) => self.take(shorter, targets, at),
+            None => return false,
+        }
+        true
+    }
+
+    /// Extrapolates (or shortens) at the sides that lie in the region until √l₁ and √l₂ are the given edges; by less where the result is
+    /// no start for Newton's method. False where nothing is gained.
+    fn extrapolate(&mut self, edges: [f64; 2]) -> bool {
+        let present = self.edges();
+        let inside = self.sides_inside();
+        // A direction in which the patch shall be shorter is so at both sides.
+        let moves: [bool; 4] = std::array::from_fn(|side| inside[side] || edges[side / 2] < present[side / 2]);
+        let sides = [0, 2].map(|first| f64::from(u8::from(moves[first]) + u8::from(moves[first + 1])));
+        if sides == [0.0; 2] {
             return false;
         }
-        // Each share lengthens one of the two edges, and so the mean edge by half of itself; then secants.
-        let mut share = ((size / present - 1.0) * 2.0 / sides).clamp(-0.2, MOST_GROWTH);
-        let by = |share: f64| inside.map(|i| if i { share } else { 0.0 });
+        let range = |share: f64| share.clamp(-0.2, MOST_GROWTH);
+        let mut shares = [0, 1].map(|k| if sides[k] > 0.0 { range((edges[k] / present[k] - 1.0) / sides[k]) } else { 0.0 });
+        let by = |shares: [f64; 2]| std::array::from_fn(|side| if moves[side] { shares[side / 2] } else { 0.0 });
         for _ in 0..SECANTS {
-            let Some(l) = self.objective.evaluate(&self.longer(by(share))).map(|at| self.objective.mean_lengths(&at)) else { break };
-            let reached = mean_edge(l.0, l.1) - present;
-            let factor = (size - present) / reached;
-            if !(factor > 0.1 && factor < 10.0) {
-                break;
-            }
-            share = (share * factor).clamp(-0.2, MOST_GROWTH);
-            if (factor - 1.0).abs() < 1e-3 {
-                break;
+            let Some(reached) = self.objective.lengths(&self.longer(by(shares))) else { break };
+            for (k, l) in [reached.0, reached.1].into_iter().enumerate() {
+                let factor = (edges[k] - present[k]) / (l.sqrt() - present[k]);
+                if factor > 0.1 && factor < 10.0 {
+                    shares[k] = range(shares[k] * factor);
+                }
             }
         }
         for _ in 0..BISECTIONS {
-            if let Some((targets, at)) = self.retargeted(&self.longer(by(share)))
-                && (share < 0.0 || self.is_fair(&at))
+            let patch = self.longer(by(shares));
+            if let Some((targets, at)) = self.retargeted(&patch)
+                && (shares.iter().all(|s| *s < 0.0) || self.is_fair(&at))
             {
-                self.take(self.longer(by(share)), targets, at);
+                self.take(patch, targets, at);
                 return true;
             }
-            share *= 0.5;
+            shares = shares.map(|s| 0.5 * s);
         }
         false
+    }
+
+    /// The roots of the means of g₁₁ and g₂₂.
+    fn edges(&self) -> [f64; 2] {
+        let (l1, l2) = self.objective.mean_lengths(&self.at);
+        [l1.max(f64::MIN_POSITIVE).sqrt(), l2.max(f64::MIN_POSITIVE).sqrt()]
     }
 
     /// What was grown.
@@ -419,11 +444,6 @@ fn balanced(mut patch: RationalPatch) -> RationalPatch {
         }
     }
     patch
-}
-
-/// The geometric mean of the edges √l₁ and √l₂.
-fn mean_edge(l1: f64, l2: f64) -> f64 {
-    (l1.max(f64::MIN_POSITIVE) * l2.max(f64::MIN_POSITIVE)).powf(0.25)
 }
 
 /// The area of a patch by a grid of area elements, only where `inside` holds.

@@ -31,7 +31,7 @@ impl Node {
     /// None where w ≤ 0.
     pub(crate) fn new(z: [f64; 12]) -> Option<Self> {
         let w = z[3];
-        if !(w > 0.0) {
+        if w.is_nan() || w <= 0.0 {
             return None;
         }
         let point: Point3 = std::array::from_fn(|k| z[k] / w);
@@ -81,7 +81,15 @@ pub(crate) struct Local {
 
 impl Local {
     /// `third` is used by Newton's method only.
-    pub(crate) fn new(node: &Node, jet: &Jet2, third: Option<&Jet3>, method: Method, targets: &Targets, factors: &Weights, weight: f64) -> Self {
+    pub(crate) fn new(
+        node: &Node,
+        jet: &Jet2,
+        third: Option<&Jet3>,
+        method: Method,
+        targets: &Targets,
+        factors: &Weights,
+        weight: f64,
+    ) -> Self {
         let mut local = Self { gradient: [0.0; 12], hessian: [[0.0; 12]; 12] };
         let r = node.residuals(jet, targets);
         local.distance(node, jet, third, method, r.distance, weight);

@@ -182,7 +182,14 @@ impl<'f> Objective<'f> {
 
     /// The means of g₁₁ and g₂₂: with these l₁ and l₂ a patch has the least L.
     pub(crate) fn mean_lengths(&self, at: &Evaluated) -> (f64, f64) {
-        let mut nodes = at.nodes.iter();
+        self.mean(&at.nodes)
+    }
+    /// The same of a patch that is not evaluated; none where w ≤ 0.
+    pub(crate) fn lengths(&self, patch: &RationalPatch) -> Option<(f64, f64)> {
+        Some(self.mean(&self.nodes(patch)?))
+    }
+    fn mean(&self, nodes: &[Node]) -> (f64, f64) {
+        let mut nodes = nodes.iter();
         let (mut l1, mut l2) = (0.0, 0.0);
         for wu in &self.u.weights {
             for (wv, node) in self.v.weights.iter().zip(&mut nodes) {
@@ -351,8 +358,12 @@ fn over_v(local: &Local, b: &[Vec<f64>; 2], n: usize, inner: &mut [f64], side: &
         for l in k..4 {
             let c = |s: usize, t: usize| local.hessian[4 * s + k][4 * t + l];
             // By the orders in u: what multiplies (B, B′) from the left and from the right.
-            let pairs: [[[f64; 2]; 2]; 4] =
-                [[[c(0, 0), c(0, 2)], [c(2, 0), c(2, 2)]], [[c(0, 1), 0.0], [c(2, 1), 0.0]], [[c(1, 0), c(1, 2)], [0.0; 2]], [[c(1, 1), 0.0], [0.0; 2]]];
+            let pairs: [[[f64; 2]; 2]; 4] = [
+                [[c(0, 0), c(0, 2)], [c(2, 0), c(2, 2)]],
+                [[c(0, 1), 0.0], [c(2, 1), 0.0]],
+                [[c(1, 0), c(1, 2)], [0.0; 2]],
+                [[c(1, 1), 0.0], [0.0; 2]],
+            ];
             for (orders, matrix) in pairs.iter().enumerate() {
                 let out = &mut inner[(orders * 16 + 4 * k + l) * n * n..][..n * n];
                 for i in 0..n {

@@ -122,7 +122,8 @@ pub(crate) fn frame(field: &dyn Field, point: Point3, angle: f64, scale: f64) ->
     let a = cross(n, e);
     let a = a.map(|v| v / norm(a));
     let b = cross(n, a);
-    let form = |u: Point3, v: Point3| (0..3).flat_map(|i| (0..3).map(move |k| (i, k))).map(|(i, k)| u[i] * j.second(i, k) * v[k]).sum::<f64>();
+    let form =
+        |u: Point3, v: Point3| (0..3).flat_map(|i| (0..3).map(move |k| (i, k))).map(|(i, k)| u[i] * j.second(i, k) * v[k]).sum::<f64>();
     let (twist, difference) = (2.0 * form(a, b), form(a, a) - form(b, b));
     // Where all curvatures are alike there are no such directions.
     let principal = if twist.hypot(difference) > UMBILIC * h { 0.5 * twist.atan2(difference) } else { 0.0 };

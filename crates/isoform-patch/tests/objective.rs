@@ -63,7 +63,9 @@ fn integrals_of_flat_patches_are_closed_forms() {
         .zip(&o.targets.corners)
         .map(|(p, q)| (0..3).map(|k| (p[k] - q[k]) * (p[k] - q[k])).sum::<f64>())
         .sum();
-    assert!(at.terms.e > e - 1.0 && o.evaluate(&RationalPatch::planar((3, 2), [0.0, 0.0, 0.5], a, b)).expect("a value").terms.e - e < 1e-15);
+    assert!(
+        at.terms.e > e - 1.0 && o.evaluate(&RationalPatch::planar((3, 2), [0.0, 0.0, 0.5], a, b)).expect("a value").terms.e - e < 1e-15
+    );
 }
 
 /// The gradient of Gauss-Newton and of Newton, and the Hessian of Newton, by central differences; both symmetric.

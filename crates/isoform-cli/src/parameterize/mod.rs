@@ -155,8 +155,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let options = options(args, context);
     let patch = parameterize(subject.field.as_ref(), &options).map_err(|e| failure(&e, &subject.name, &options))?;
     seconds.extend(patch.seconds.iter().copied());
-    let mut made =
-        Made { name: subject.name, options, patches: vec![patch], warnings: subject.warnings, written: Vec::new(), seconds };
+    let mut made = Made { name: subject.name, options, patches: vec![patch], warnings: subject.warnings, written: Vec::new(), seconds };
 
     clock = Instant::now();
     let file = document::patches(&made);
@@ -212,15 +211,24 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
     match *error {
         Error::Degree(..) => Failure::usage(error.to_string()).hint("--degree 3,3"),
         Error::Option { .. } | Error::Region => Failure::usage(error.to_string()).hint("a positive number"),
-        Error::NoSurface => none("empty").why("none of some thousand random places in it led to one").hint("another --box, or --seed-point"),
+        Error::NoSurface => {
+            none("empty").why("none of some thousand random places in it led to one").hint("another --box, or --seed-point")
+        }
         Error::FarSeed { at } => {
             let hint = if options.seed_point.is_some() { "a point nearer to the surface, or a larger --box" } else { "another --seed" };
-            none("far-seed").somewhere(at).why("Newton's method along the gradient does not come to the surface in the box from there").hint(hint)
+            none("far-seed")
+                .somewhere(at)
+                .why("Newton's method along the gradient does not come to the surface in the box from there")
+                .hint(hint)
         }
-        Error::Singular { at } => none("singular").somewhere(at).why("the gradient of the function vanishes there").hint("another --seed-point"),
+        Error::Singular { at } => {
+            none("singular").somewhere(at).why("the gradient of the function vanishes there").hint("another --seed-point")
+        }
         Error::NotFinite { at } => none("not-a-number").somewhere(at).hint("a --seed-point and a --box around the part where it is one"),
         Error::NoThirdDerivatives => none("derivatives").hint("--method gauss-newton"),
-        Error::NoPatch { at } => none("no-patch").somewhere(at).why("the surface is too curved, or not smooth, there").hint("another --seed-point"),
+        Error::NoPatch { at } => {
+            none("no-patch").somewhere(at).why("the surface is too curved, or not smooth, there").hint("another --seed-point")
+        }
     }
 }
 

@@ -63,7 +63,8 @@ fn polynomial(path: &Path, text: &str) -> Result<Box<dyn Field>, Failure> {
         return Err(wrong("key", "there is no text under the key F".to_owned()).hint(EXAMPLE));
     };
     let parsed = isoform::polynomial(formula).map_err(|e: ParseError| {
-        let mut failure = wrong("polynomial", format!("F, column {}: {e}", e.column)).hint("a polynomial in x, y and z with rational coefficients");
+        let mut failure =
+            wrong("polynomial", format!("F, column {}: {e}", e.column)).hint("a polynomial in x, y and z with rational coefficients");
         failure.place.column = Some(e.column);
         failure
     })?;

@@ -16,7 +16,15 @@ pub fn whitney() -> Polynomial {
 }
 /// A quartic without symmetry.
 pub fn quartic() -> Polynomial {
-    Polynomial::new([([4, 0, 0], 1.0), ([1, 2, 1], -0.7), ([0, 3, 0], 0.4), ([0, 0, 2], 1.3), ([1, 0, 0], 0.2), ([0, 0, 1], -0.9), ([0, 0, 0], -0.1)])
+    Polynomial::new([
+        ([4, 0, 0], 1.0),
+        ([1, 2, 1], -0.7),
+        ([0, 3, 0], 0.4),
+        ([0, 0, 2], 1.3),
+        ([1, 0, 0], 0.2),
+        ([0, 0, 1], -0.9),
+        ([0, 0, 0], -0.1),
+    ])
 }
 
 /// The stereographic patch on the sphere of radius r: (2s, 2t, s² + t² − 1, s² + t² + 1) for s, t in [−a, a], from below.
