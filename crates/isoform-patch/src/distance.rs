@@ -326,9 +326,8 @@ fn changes_sign(field: &dyn Field, c: Point3, here: &Interval, t: f64) -> bool {
         negative |= there < 0;
         positive && negative
     };
-    let mut around = |q: Point3, t: f64| {
-        DIRECTIONS.iter().any(|d| [-t, t].into_iter().any(|s| seen(std::array::from_fn(|k| q[k] + s * d[k]))))
-    };
+    let mut around =
+        |q: Point3, t: f64| DIRECTIONS.iter().any(|d| [-t, t].into_iter().any(|s| seen(std::array::from_fn(|k| q[k] + s * d[k]))));
     if t <= 0.0 {
         return false;
     }

@@ -56,6 +56,7 @@ pub(super) fn document(made: &Made) -> Value {
         "seed": options.seed,
         "seconds": made.seconds.iter().map(|(phase, s)| ((*phase).to_owned(), json!(s))).collect::<Map<_, _>>(),
         "patches": list,
+        "coverage": made.coverage.map(|(covered, samples)| json!({"covered": covered, "samples": samples})),
         "files": made.written,
         "warnings": made.warnings,
     })

@@ -5,15 +5,21 @@ mod subject;
 mod table;
 
 use crate::eval;
+use crate::interrupt;
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use isoform::geom::{Aabb, Point3};
-use isoform::patch::{Error, Method, Options, Parameterized, parameterize};
+use isoform::patch::{Error, Method, Options, Parameterized, cover, parameterize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Half the width of the box unless another is given: the paper's cube of edge 1.
 const HALF_WIDTH: f64 = 0.5;
+
+/// The share of samples that a cover must have on patches to count as one.
+const COVERED: f64 = 0.999;
+/// Patches of a cover unless another number is given.
+const MOST_PATCHES: usize = 1000;
 
 /// Finds a rational patch as large as possible on the surface of a model
 #[derive(clap::Args)]
@@ -22,6 +28,7 @@ Examples:
   isoform parameterize sphere.json --degree 2,2 --paper -o patch.json
   isoform parameterize part.hf --degree 3,3 --seed-point 0.1,0.2,0.3 --tol 1e-5 -o patch.json
   isoform parameterize gyroid.hf --degree 3,3 --paper --seed 7 -o patch.json --trace trace.csv --json
+  isoform parameterize torus.hf --degree 2,2 --cover --tol 1e-4 -o patches.json
 
 where sphere.json is a polynomial in x, y and z: {\"F\": \"x^2 + y^2 + z^2 - 1/4\"}
 
@@ -29,7 +36,7 @@ The method is that of Wurm, Jüttler and Kim (2003): S = I + ω_J J + ω_L L + �
 patch comes with a proved bound on its distance from the surface, see docs/parameterize.md.
 
 Exit code: 0 when the bound is proved and everything asked for is kept, 3 when not (files are written all the same), 2 for unreadable
-input, 4 without a patch.")]
+input, 4 without a patch, 130 after Ctrl-C during --cover.")]
 pub(crate) struct Args {
     /// The model: a HyperFun file, or a JSON file with a polynomial F (- for stdin)
     model: PathBuf,
@@ -52,6 +59,12 @@ pub(crate) struct Args {
     /// As large as possible within this distance of the surface, proved, instead of a bound on S
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     tol: Option<f64>,
+    /// As many patches as it takes until all of the surface in the box lies on one, within --tol
+    #[arg(long, requires = "tol", conflicts_with_all = ["seed_point", "trace", "paper"])]
+    cover: bool,
+    /// At most so many patches, with --cover
+    #[arg(long, value_name = "N", default_value_t = MOST_PATCHES, requires = "cover", value_parser = at_least_one)]
+    patches: usize,
     /// How steps are computed
     #[arg(long, value_enum, default_value_t = Solver::GaussNewton)]
     method: Solver,
@@ -79,6 +92,10 @@ enum Solver {
     Frozen,
     /// The paper's: Newton's method with the exact Hessian, damped where that is indefinite
     Newton,
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "a positive integer is expected".to_owned())
 }
 
 fn degree(text: &str) -> Result<(usize, usize), String> {
@@ -109,6 +126,8 @@ struct Made {
     name: String,
     options: Options,
     patches: Vec<Parameterized>,
+    /// Of a cover: how many samples of the surface lie on a patch, and how many there are.
+    coverage: Option<(usize, usize)>,
     warnings: Vec<String>,
     written: Vec<String>,
     /// Seconds by phase.
@@ -119,6 +138,9 @@ impl Made {
     /// What was asked for and is not so.
     fn failures(&self) -> Vec<String> {
         let mut list = Vec::new();
+        if let Some((covered, samples)) = self.coverage.filter(|(covered, samples)| (*covered as f64) < COVERED * *samples as f64) {
+            list.push(format!("{covered} of {samples} samples of the surface lie on a patch"));
+        }
         for (i, p) in self.patches.iter().enumerate() {
             match p.distances.bound {
                 None => list.push(format!("patch {}: no bound on its distance from the surface could be proved", i + 1)),
@@ -153,9 +175,21 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let subject = subject::read(&args.model, &args.language, args.params.as_ref(), context)?;
     let mut seconds = vec![("read", clock.elapsed().as_secs_f64())];
     let options = options(args, context);
-    let patch = parameterize(subject.field.as_ref(), &options).map_err(|e| failure(&e, &subject.name, &options))?;
-    seconds.extend(patch.seconds.iter().copied());
-    let mut made = Made { name: subject.name, options, patches: vec![patch], warnings: subject.warnings, written: Vec::new(), seconds };
+    let (patches, coverage) = if args.cover {
+        interrupt::watch();
+        clock = Instant::now();
+        let stop = || interrupt::happened() || context.is_late();
+        let threads = context.global.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
+        let made =
+            cover(subject.field.as_ref(), &options, args.patches, threads, &stop).map_err(|e| failure(&e, &subject.name, &options))?;
+        seconds.push(("cover", clock.elapsed().as_secs_f64()));
+        (made.patches, Some((made.covered, made.samples)))
+    } else {
+        let patch = parameterize(subject.field.as_ref(), &options).map_err(|e| failure(&e, &subject.name, &options))?;
+        seconds.extend(patch.seconds.iter().copied());
+        (vec![patch], None)
+    };
+    let mut made = Made { name: subject.name, options, patches, coverage, warnings: subject.warnings, written: Vec::new(), seconds };
 
     clock = Instant::now();
     let file = document::patches(&made);
@@ -177,7 +211,11 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     }
     made.warnings.extend(made.failures());
     made.warnings.iter().for_each(|w| context.warn(w));
-    let exit = if made.failures().is_empty() { DONE } else { PARTIAL };
+    let exit = match () {
+        () if interrupt::happened() => interrupt::INTERRUPTED,
+        () if made.failures().is_empty() => DONE,
+        () => PARTIAL,
+    };
     let mut json = document::document(&made);
     if !stdout.is_empty() {
         json["text"] = String::from_utf8_lossy(&stdout).into();

@@ -9,11 +9,15 @@ use isoform::patch::{Parameterized, Phase};
 pub(super) fn text(made: &Made) -> String {
     let (m, n) = made.options.degree;
     let mut text = line("surface", made.name.clone()) + &line("degree", format!("{m},{n}; {}", document::method(made.options.method)));
-    for (i, p) in made.patches.iter().enumerate() {
-        if made.patches.len() > 1 {
-            text += &line("patch", (i + 1).to_string());
+    if let Some((covered, samples)) = made.coverage {
+        text += &line("cover", format!("{} patches on which {covered} of {samples} samples of the surface lie", made.patches.len()));
+        let worst = made.patches.iter().filter_map(|p| p.distances.bound).fold(0.0, f64::max);
+        text += &line("distance", format!("at most {}, proved", brief(worst)));
+    }
+    for p in &made.patches {
+        if made.coverage.is_none() {
+            text += &patch(p, made);
         }
-        text += &patch(p, made);
     }
     for sentence in made.failures() {
         text += &line("NOT KEPT", sentence);
