@@ -21,7 +21,7 @@ const SLACK: f64 = 1.8;
 /// Bounds below this share of the largest coordinate are lost in rounding.
 const ROUNDING: f64 = 2e-14;
 /// Cells that may be looked at.
-const MOST_CELLS: usize = 25_000;
+const MOST_CELLS: usize = 60_000;
 /// Newton steps to a foot point about which the sign is looked at.
 const FOOT_STEPS: usize = 8;
 /// Halvings of the patch in each direction.

@@ -212,7 +212,7 @@ impl<'f> Growth<'f> {
             let length = norm(n);
             let along = (length > 0.0).then(|| project_along(field, t.point, n.map(|x| x / length), 0.25 * edge)).flatten();
             let near = |q: &Point3| isoform_geom::distance_squared(*q, t.point) <= (0.25 * edge).powi(2);
-            // Past the end of a surface there is no foot: the patch has no business there.
+            // Without a foot nearby the patch has left the surface.
             *corner = along.or_else(|| project(field, t.point, edge).filter(near))?;
         }
         let targets = Targets { l1, l2, corners };

@@ -62,7 +62,7 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     };
     clock.phase("grow");
     let mut known = distances(field, &growth.patch, options.tolerance);
-    // Where nothing can be proved (past the end of a surface with a boundary, for one), a smaller patch may be better.
+    // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
         if known.bound.is_some() || !growth.retreat(share) {
             break;

@@ -48,24 +48,32 @@ fn rows_of_the_trace_add_up_and_descend() {
     assert_eq!((last.terms, last.weights), (g.terms, g.weights));
 }
 
-/// The double curve is x = y = 0: beyond it the patch must go on where x y has the same sign as before turned round.
+/// x = s y with s² = z + 1/2: a parameter line that passes the double curve x = y = 0 keeps the sign of s, that is of x y.
 #[test]
 fn the_umbrella_is_dived_through_on_its_branch() {
+    const N: usize = 60;
     let field = whitney();
     let g = parameterize(&field, &paper((3, 3), [0.22, 0.35, 0.0])).expect("a patch").grown;
-    let mut beyond = 0;
-    for i in 0..=40 {
-        for j in 0..=40 {
-            let [x, y, z] = g.patch.point(f64::from(i) / 40.0, f64::from(j) / 40.0);
-            // Beyond the end of the umbrella, z < −1/2, there is no branch to be on.
-            if y.abs() > 0.03 && z > -0.45 {
-                // On x = y √(z + 1/2) both have one sign.
-                assert!(x * y > 0.0, "({x}, {y})");
-                beyond += usize::from(y < 0.0);
+    let mut passed = 0;
+    for line in 0..=N {
+        for along_u in [false, true] {
+            let mut last: Option<[f64; 2]> = None;
+            for k in 0..=N {
+                let (s, t) = (line as f64 / N as f64, k as f64 / N as f64);
+                let [x, y, _] = if along_u { g.patch.point(t, s) } else { g.patch.point(s, t) };
+                if y.abs() < 0.03 {
+                    continue;
+                }
+                // Where s is nearly 0, at the fold z = −1/2, its sign says nothing.
+                if let Some([x0, y0]) = last.filter(|l| l[1] * y < 0.0 && l[0].abs().min(x.abs()) > 5e-3) {
+                    assert!(x0 * y0 * x * y > 0.0, "({x0}, {y0}) and ({x}, {y})");
+                    passed += 1;
+                }
+                last = Some([x, y]);
             }
         }
     }
-    assert!(beyond > 20, "{beyond}");
+    assert!(passed > 20, "{passed}");
 }
 
 #[test]
