@@ -8,7 +8,7 @@
 
 use crate::distance::{prove, sampled};
 use crate::exact::onto;
-use crate::objective::{CORNERS, Evaluated, Objective, Targets, Terms, Weights};
+use crate::objective::{CORNERS, Evaluated, Method, Objective, Targets, Terms, Weights};
 use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
 use crate::surface::{ON_SURFACE, Seed, contains, project, project_along};
@@ -50,6 +50,12 @@ const SHORTER: usize = 12;
 const PROOF_CELLS: usize = 300_000;
 /// By how much at each side.
 const SHARE_SHORTER: f64 = 0.01;
+/// Quadrature that is off by more than this share gets more nodes.
+const UNRESOLVED: f64 = 0.02;
+/// From this share of the bound on.
+const RESOLVE: f64 = 0.05;
+/// With so many nodes in each direction it gets no more.
+const ENOUGH_NODES: usize = 20;
 /// What is near the bound.
 const NEAR: f64 = 0.3;
 
@@ -278,6 +284,10 @@ impl<'f> Growth<'f> {
                 self.descend(STEPS.1);
                 load = self.load();
             }
+            if load > RESOLVE && self.refine() {
+                self.descend(STEPS.1);
+                load = self.load();
+            }
             let aims = [self.objective.targets.l1, self.objective.targets.l2].map(|l| l.max(f64::MIN_POSITIVE).sqrt());
             history.push((0.5 * (aims[0] * aims[1]).ln(), load.max(f64::MIN_POSITIVE).ln()));
             if load <= 1.0 && self.patch.control_weights().0 > LEAST_WEIGHT {
@@ -310,6 +320,37 @@ impl<'f> Growth<'f> {
         if let Some(best) = self.good.take() {
             self.settle(best);
         }
+    }
+
+    /// Chooses more quadrature nodes where integrals are off by too much, as they are where integrands have kinks: across
+    /// self-intersections and at tight blends. Whether it did.
+    fn refine(&mut self) -> bool {
+        let nodes = self.objective.nodes_per_direction();
+        if self.options.nodes.is_some() || self.options.tolerance.is_some() || nodes >= ENOUGH_NODES {
+            return false;
+        }
+        let mut finer = Objective::new(self.objective.field(), self.patch.degree(), Method::Frozen, Some(nodes * 9 / 5));
+        (finer.weights, finer.targets) = (self.objective.weights, self.objective.targets);
+        let (a, w, sum) = (self.at.terms, self.objective.weights, self.sum());
+        let near =
+            |a: f64, b: f64, factor: f64| (a - b).abs() <= UNRESOLVED * a.max(b) || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum;
+        let resolved = finer.evaluate(&self.patch).is_some_and(|at| {
+            let b = at.terms;
+            let all = near(a.i, b.i, 1.0) && near(a.j, b.j, w.j) && near(a.l, b.l, w.l) && near(a.r, b.r, w.r);
+            all && (b.sum(&w) - sum).abs() <= 0.5 * UNRESOLVED * sum
+        });
+        if resolved {
+            return false;
+        }
+        self.objective.set_nodes(nodes * 8 / 5);
+        match self.retargeted(&self.patch) {
+            Some((targets, at)) => self.take(self.patch.clone(), targets, at),
+            None => {
+                self.objective.set_nodes(nodes);
+                return false;
+            }
+        }
+        true
     }
 
     /// Brings the patch onto the surface to rounding, if that succeeds, and extrapolates it, which then costs nothing of I, as far as

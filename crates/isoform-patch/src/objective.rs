@@ -20,6 +20,22 @@ const KINDS: usize = 3;
 /// The corner parameters (uᵢ, vᵢ) of E, in the order of [`Targets::corners`].
 pub(crate) const CORNERS: [(f64, f64); 4] = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
 
+/// Calls a function with the number of control points in a row as a constant, which lets its loops be unrolled.
+macro_rules! sized {
+    ($n:expr, $f:ident($($argument:expr),*)) => {
+        match $n {
+            2 => $f::<2>($($argument),*),
+            3 => $f::<3>($($argument),*),
+            4 => $f::<4>($($argument),*),
+            5 => $f::<5>($($argument),*),
+            6 => $f::<6>($($argument),*),
+            7 => $f::<7>($($argument),*),
+            8 => $f::<8>($($argument),*),
+            _ => $f::<9>($($argument),*),
+        }
+    };
+}
+
 /// The factors ω of equation (1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
@@ -144,14 +160,27 @@ impl std::fmt::Debug for Objective<'_> {
 }
 
 impl<'f> Objective<'f> {
-    /// For patches of degree (m, n), with `nodes` quadrature nodes in each direction; none: as many as make J exact, K max(m, n)/2 + 1.
+    /// For patches of degree (m, n) from 1 to [`crate::MOST_DEGREE`], with `nodes` quadrature nodes in each direction; none: as many as make J exact, K max(m, n)/2 + 1.
+    ///
+    /// # Panics
+    /// If a degree is out of its range.
     pub fn new(field: &'f dyn Field, degree: (usize, usize), method: Method, nodes: Option<usize>) -> Self {
+        let range = 1..=crate::MOST_DEGREE;
+        assert!(range.contains(&degree.0) && range.contains(&degree.1), "degree {degree:?}");
         let nodes = nodes.unwrap_or(K as usize / 2 * degree.0.max(degree.1) + 1).max(2);
         let targets = Targets { l1: 1.0, l2: 1.0, corners: [[0.0; 3]; 4] };
         let (u, v) = (Basis::new(degree.0, nodes), Basis::new(degree.1, nodes));
         Self { field, method, degree, u, v, weights: Weights::START, targets }
     }
 
+    /// Quadrature nodes in each direction.
+    pub fn nodes_per_direction(&self) -> usize {
+        self.u.weights.len()
+    }
+    /// Chooses another rule.
+    pub(crate) fn set_nodes(&mut self, nodes: usize) {
+        (self.u, self.v) = (Basis::new(self.degree.0, nodes), Basis::new(self.degree.1, nodes));
+    }
     /// The number of unknowns, 4 (m + 1)(n + 1).
     pub fn unknowns(&self) -> usize {
         4 * (self.degree.0 + 1) * (self.degree.1 + 1)
@@ -277,9 +306,9 @@ impl<'f> Objective<'f> {
                 let ((node, jet), point) = nodes.next().expect("one node per pair");
                 let third: Option<Jet3> = if self.method == Method::Newton { Some(self.field.jet3(*point)?) } else { None };
                 let local = Local::new(node, jet, third.as_ref(), self.method, &self.targets, &self.weights, wu * wv);
-                over_v(&local, b, n + 1, &mut inner, &mut side);
+                sized!(n + 1, over_v(&local, b, &mut inner, &mut side));
             }
-            over_u(a, (m + 1, n + 1), &inner, &side, &mut d);
+            sized!(n + 1, over_u(a, m + 1, &inner, &side, &mut d));
         }
         self.corner_terms(patch, &mut d);
         // Blocks of coordinates k > l are the transposes of those with k < l.
@@ -342,14 +371,15 @@ impl<'f> Objective<'f> {
 /// The derivative in u and in v that a kind of numbers is made with: p* has (0, 0), p*ᵤ (1, 0), p*ᵥ (0, 1).
 const ORDERS: [(usize, usize); KINDS] = [(0, 0), (1, 0), (0, 1)];
 
-/// Adds a node to the sums over v. `inner` holds, by the orders (a, a′) in u and the coordinates (k, l), an (n + 1)² matrix;
-/// `side` by a and k a vector.
-fn over_v(local: &Local, b: &[Vec<f64>; 2], n: usize, inner: &mut [f64], side: &mut [f64]) {
+/// Adds a node to the sums over v. `inner` holds, by the orders (a, a′) in u and the coordinates (k, l), an N × N matrix; `side` by a
+/// and k a vector.
+fn over_v<const N: usize>(local: &Local, b: &[Vec<f64>; 2], inner: &mut [f64], side: &mut [f64]) {
+    let (inner, side) = (inner.as_chunks_mut::<N>().0, side.as_chunks_mut::<N>().0);
+    let b: [[f64; N]; 2] = std::array::from_fn(|order| std::array::from_fn(|j| b[order][j]));
     for (s, &(a, bs)) in ORDERS.iter().enumerate() {
         for k in 0..4 {
-            let g = local.gradient[4 * s + k];
-            let out = &mut side[(a * 4 + k) * n..][..n];
-            for j in 0..n {
+            let (g, out) = (local.gradient[4 * s + k], &mut side[a * 4 + k]);
+            for j in 0..N {
                 out[j] += g * b[bs][j];
             }
         }
@@ -358,47 +388,44 @@ fn over_v(local: &Local, b: &[Vec<f64>; 2], n: usize, inner: &mut [f64], side: &
         for l in k..4 {
             let c = |s: usize, t: usize| local.hessian[4 * s + k][4 * t + l];
             // By the orders in u: what multiplies (B, B′) from the left and from the right.
-            let pairs: [[[f64; 2]; 2]; 4] = [
-                [[c(0, 0), c(0, 2)], [c(2, 0), c(2, 2)]],
-                [[c(0, 1), 0.0], [c(2, 1), 0.0]],
-                [[c(1, 0), c(1, 2)], [0.0; 2]],
-                [[c(1, 1), 0.0], [0.0; 2]],
-            ];
-            for (orders, matrix) in pairs.iter().enumerate() {
-                let out = &mut inner[(orders * 16 + 4 * k + l) * n * n..][..n * n];
-                for i in 0..n {
-                    let x = b[0][i] * matrix[0][0] + b[1][i] * matrix[1][0];
-                    let y = b[0][i] * matrix[0][1] + b[1][i] * matrix[1][1];
-                    for j in 0..n {
-                        out[i * n + j] += x * b[0][j] + y * b[1][j];
+            let mut add = |orders: usize, x: [f64; N], y: Option<[f64; N]>| {
+                let out = &mut inner[(orders * 16 + 4 * k + l) * N..][..N];
+                for i in 0..N {
+                    for j in 0..N {
+                        out[i][j] += x[i] * b[0][j] + y.map_or(0.0, |y| y[i] * b[1][j]);
                     }
                 }
-            }
+            };
+            let left = |p: f64, q: f64| std::array::from_fn(|i| p * b[0][i] + q * b[1][i]);
+            add(0, left(c(0, 0), c(2, 0)), Some(left(c(0, 2), c(2, 2))));
+            add(1, left(c(0, 1), c(2, 1)), None);
+            add(2, b[0].map(|v| c(1, 0) * v), Some(b[0].map(|v| c(1, 2) * v)));
+            add(3, b[0].map(|v| c(1, 1) * v), None);
         }
     }
 }
 
-/// Adds the sums over v at one u to the derivatives.
-fn over_u(a: &[Vec<f64>; 2], (m, n): (usize, usize), inner: &[f64], side: &[f64], d: &mut Derivatives) {
-    let count = m * n;
-    let size = 4 * count;
+/// Adds the sums over v at one u to the derivatives; m control points in u, N in v.
+fn over_u<const N: usize>(a: &[Vec<f64>; 2], m: usize, inner: &[f64], side: &[f64], d: &mut Derivatives) {
+    let (inner, side) = (inner.as_chunks::<N>().0, side.as_chunks::<N>().0);
+    let count = m * N;
+    let (gradient, hessian) = (d.gradient.as_chunks_mut::<N>().0, d.hessian.as_chunks_mut::<N>().0);
     for k in 0..4 {
         for i in 0..m {
-            for j in 0..n {
-                d.gradient[k * count + i * n + j] += a[0][i] * side[k * n + j] + a[1][i] * side[(4 + k) * n + j];
+            for j in 0..N {
+                gradient[k * m + i][j] += a[0][i] * side[k][j] + a[1][i] * side[4 + k][j];
             }
         }
         for l in k..4 {
-            let blocks: [&[f64]; 4] = std::array::from_fn(|orders| &inner[(orders * 16 + 4 * k + l) * n * n..][..n * n]);
+            let block = |orders: usize| &inner[(orders * 16 + 4 * k + l) * N..][..N];
+            let (r0, r1, r2, r3) = (block(0), block(1), block(2), block(3));
             for i in 0..m {
                 for i2 in 0..m {
                     let f = [a[0][i] * a[0][i2], a[0][i] * a[1][i2], a[1][i] * a[0][i2], a[1][i] * a[1][i2]];
-                    for j in 0..n {
-                        let out = &mut d.hessian[(k * count + i * n + j) * size + l * count + i2 * n..][..n];
-                        let row = |o: usize| &blocks[o][j * n..][..n];
-                        let (r0, r1, r2, r3) = (row(0), row(1), row(2), row(3));
-                        for j2 in 0..n {
-                            out[j2] += f[0] * r0[j2] + f[1] * r1[j2] + f[2] * r2[j2] + f[3] * r3[j2];
+                    for j in 0..N {
+                        let out = &mut hessian[(k * count + i * N + j) * 4 * m + l * m + i2];
+                        for j2 in 0..N {
+                            out[j2] += f[0] * r0[j][j2] + f[1] * r1[j][j2] + f[2] * r2[j][j2] + f[3] * r3[j][j2];
                         }
                     }
                 }

@@ -2,7 +2,7 @@
 
 use crate::distance::{Distances, distances};
 use crate::grow::{Grown, Growth};
-use crate::objective::{K, Method, Objective};
+use crate::objective::{Method, Objective};
 use crate::options::{Error, Options};
 use crate::{MOST_DEGREE, surface};
 use isoform_geom::Field;
@@ -10,12 +10,8 @@ use std::time::Instant;
 
 /// A patch this near to the surface, in diagonals of the region, is exact to rounding.
 const EXACT: f64 = 1e-12;
-/// Quadrature that is off by more than this share is repeated with more nodes.
-const UNRESOLVED: f64 = 0.02;
 /// How much shorter patches become, in turn, at each side where nothing can be proved.
 const RETREATS: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
-/// With so many nodes in each direction it is not repeated.
-const ENOUGH_NODES: usize = 20;
 
 /// A patch with what is known of it.
 #[derive(Clone, Debug)]
@@ -45,21 +41,13 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
         return Err(Error::NoThirdDerivatives);
     }
     clock.phase("seed");
-    let mut nodes = options.nodes.unwrap_or(K as usize / 2 * options.degree.0.max(options.degree.1) + 1);
-    let mut growth = loop {
-        let objective = Objective::new(field, options.degree, options.method, Some(nodes));
-        let mut growth = Growth::start(objective, seed, options)?;
-        growth.grow_to_limit();
-        if options.exact {
-            growth.bring_onto_surface();
-        }
-        growth.keep_tolerance();
-        // Across self-intersections and tight blends integrands have kinks: there, again with more nodes.
-        if options.nodes.is_some() || options.tolerance.is_some() || nodes >= ENOUGH_NODES || is_resolved(field, &growth, nodes) {
-            break growth;
-        }
-        nodes = nodes * 8 / 5;
-    };
+    let objective = Objective::new(field, options.degree, options.method, options.nodes);
+    let mut growth = Growth::start(objective, seed, options)?;
+    growth.grow_to_limit();
+    if options.exact {
+        growth.bring_onto_surface();
+    }
+    growth.keep_tolerance();
     clock.phase("grow");
     let mut known = distances(field, &growth.patch, options.tolerance);
     // Where nothing can be proved, of a smaller patch it may be.
@@ -73,17 +61,6 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     let is_within_limit = growth.is_within_limit();
     let is_exact = known.bound.is_some_and(|b| b <= EXACT * options.region.diagonal());
     Ok(Parameterized { grown: growth.finish(), distances: known, is_within_limit, is_exact, seconds: clock.seconds })
-}
-
-/// Whether a rule with more nodes finds nearly the same integrals.
-fn is_resolved(field: &dyn Field, growth: &Growth<'_>, nodes: usize) -> bool {
-    let mut finer = Objective::new(field, growth.patch.degree(), Method::Frozen, Some(nodes * 9 / 5));
-    (finer.weights, finer.targets) = (growth.objective.weights, growth.objective.targets);
-    let Some(at) = finer.evaluate(&growth.patch) else { return false };
-    let sum = growth.sum();
-    let near = |a: f64, b: f64, factor: f64| (a - b).abs() <= UNRESOLVED * a.max(b) || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum;
-    let (a, b, w) = (at.terms, growth.at.terms, growth.objective.weights);
-    near(a.i, b.i, 1.0) && near(a.j, b.j, w.j) && near(a.l, b.l, w.l) && near(a.r, b.r, w.r) && (at.terms.sum(&w) - sum).abs() <= 0.01 * sum
 }
 
 /// Takes the time of phases.
