@@ -134,17 +134,20 @@ struct Derivatives {
 
 impl Derivatives {
     fn new(at: Point3, degrees: [usize; 3]) -> Self {
-        let of = std::array::from_fn(|k| {
-            let mut powers = vec![1.0; degrees[k] + 1];
-            for e in 1..=degrees[k] {
-                powers[e] = powers[e - 1] * at[k];
+        let mut all = Self { of: degrees.map(|n| vec![[0.0; 4]; n + 1]) };
+        all.set(at);
+        all
+    }
+    fn set(&mut self, at: Point3) {
+        for (powers, x) in self.of.iter_mut().zip(at) {
+            powers[0] = [1.0, 0.0, 0.0, 0.0];
+            for n in 1..powers.len() {
+                // Derivative d of xⁿ is n times derivative d − 1 of xⁿ⁻¹.
+                let [v, d1, d2, _] = powers[n - 1];
+                let f = n as f64;
+                powers[n] = [v * x, f * v, f * d1, f * d2];
             }
-            let derivative = |e: usize, d: usize| {
-                if e < d { 0.0 } else { (e - d + 1..=e).map(|v| v as f64).product::<f64>() * powers[e - d] }
-            };
-            (0..=degrees[k]).map(|e| std::array::from_fn(|d| derivative(e, d))).collect()
-        });
-        Self { of }
+        }
     }
     fn of(&self, e: &[u16; 3]) -> [[f64; 4]; 3] {
         std::array::from_fn(|k| self.of[k][usize::from(e[k])])
@@ -156,6 +159,25 @@ impl Polynomial {
     /// a power, three for each derivative's factor, four for the term and one for each addition, all doubled.
     fn rounding(&self) -> f64 {
         (self.degrees.iter().sum::<usize>() + self.terms.len() + 16) as f64 * f64::EPSILON
+    }
+    fn jet_of(&self, d: &Derivatives) -> Jet2 {
+        let mut j = Jet2 { v: 0.0, g: [0.0; 3], h: [0.0; 6] };
+        for (e, c) in &self.terms {
+            let [x, y, z] = d.of(e);
+            let yz = c * y[0] * z[0];
+            let (cx0, cx1) = (c * x[0], c * x[1]);
+            j.v += x[0] * yz;
+            j.g[0] += x[1] * yz;
+            j.g[1] += cx0 * y[1] * z[0];
+            j.g[2] += cx0 * y[0] * z[1];
+            j.h[0] += x[2] * yz;
+            j.h[1] += cx1 * y[1] * z[0];
+            j.h[2] += cx1 * y[0] * z[1];
+            j.h[3] += cx0 * y[2] * z[0];
+            j.h[4] += cx0 * y[1] * z[1];
+            j.h[5] += cx0 * y[0] * z[2];
+        }
+        j
     }
     /// The value at a point with a bound on its rounding error.
     fn enclosed(&self, at: Point3) -> Interval {
@@ -178,30 +200,14 @@ impl Field for Polynomial {
         Powers::new(p, self.degrees).sum(&self.terms, [0; 3])
     }
     fn jet(&self, p: Point3) -> Jet2 {
-        let powers = Powers::new(p, self.degrees).of;
-        let mut j = Jet2 { v: 0.0, g: [0.0; 3], h: [0.0; 6] };
-        for (e, c) in &self.terms {
-            // By axis: the power, its first and its second derivative.
-            let d: [[f64; 3]; 3] = std::array::from_fn(|k| {
-                let n = usize::from(e[k]);
-                let (x, f) = (&powers[k], n as f64);
-                [x[n], if n > 0 { f * x[n - 1] } else { 0.0 }, if n > 1 { f * (f - 1.0) * x[n - 2] } else { 0.0 }]
-            });
-            let [x, y, z] = d;
-            let yz = c * y[0] * z[0];
-            let (cx0, cx1) = (c * x[0], c * x[1]);
-            j.v += x[0] * yz;
-            j.g[0] += x[1] * yz;
-            j.g[1] += cx0 * y[1] * z[0];
-            j.g[2] += cx0 * y[0] * z[1];
-            j.h[0] += x[2] * yz;
-            j.h[1] += cx1 * y[1] * z[0];
-            j.h[2] += cx1 * y[0] * z[1];
-            j.h[3] += cx0 * y[2] * z[0];
-            j.h[4] += cx0 * y[1] * z[1];
-            j.h[5] += cx0 * y[0] * z[2];
+        self.jet_of(&Derivatives::new(p, self.degrees))
+    }
+    fn jets(&self, points: &[Point3], out: &mut [Jet2]) {
+        let mut derivatives = Derivatives::new([0.0; 3], self.degrees);
+        for (p, j) in points.iter().zip(out) {
+            derivatives.set(*p);
+            *j = self.jet_of(&derivatives);
         }
-        j
     }
     fn bounds(&self, region: Aabb) -> Interval {
         if region.lo == region.hi {

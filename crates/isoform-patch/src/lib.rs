@@ -12,6 +12,7 @@ mod grow;
 mod local;
 mod objective;
 mod options;
+mod quadric;
 mod single;
 mod solver;
 mod surface;
@@ -21,6 +22,7 @@ pub use distance::{Distances, distances, prove, sampled};
 pub use grow::{Grown, Phase, Row};
 pub use objective::{Derivatives, Evaluated, K, Method, Objective, Targets, Terms, Weights};
 pub use options::{Error, Options, PAPER_LIMIT};
+pub use quadric::{Quadric, quadric};
 pub use single::{Parameterized, parameterize};
 
 /// The largest degree: beyond it, systems are large and nothing is gained.

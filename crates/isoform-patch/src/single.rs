@@ -4,6 +4,7 @@ use crate::distance::{Distances, distances};
 use crate::grow::{Grown, Growth};
 use crate::objective::{Method, Objective};
 use crate::options::{Error, Options};
+use crate::quadric::{Quadric, quadric};
 use crate::{MOST_DEGREE, surface};
 use isoform_geom::Field;
 use std::time::Instant;
@@ -24,6 +25,8 @@ pub struct Parameterized {
     pub is_within_limit: bool,
     /// Whether the patch lies on the surface, to rounding.
     pub is_exact: bool,
+    /// The quadric on which an exact patch lies, if it does.
+    pub quadric: Option<Quadric>,
     /// Seconds by phase.
     pub seconds: Vec<(&'static str, f64)>,
 }
@@ -60,7 +63,8 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();
     let is_exact = known.bound.is_some_and(|b| b <= EXACT * options.region.diagonal());
-    Ok(Parameterized { grown: growth.finish(), distances: known, is_within_limit, is_exact, seconds: clock.seconds })
+    let quadric = if is_exact { quadric(&growth.patch) } else { None };
+    Ok(Parameterized { quadric, grown: growth.finish(), distances: known, is_within_limit, is_exact, seconds: clock.seconds })
 }
 
 /// Takes the time of phases.

@@ -5,7 +5,7 @@ mod common;
 use common::{CUBE, quartic, sphere, stereographic, whitney};
 use isoform_geom::{Aabb, Field, Point3, RationalPatch};
 use isoform_num::Jet2;
-use isoform_patch::{Error, Method, Options, PAPER_LIMIT, Phase, Weights, distances, parameterize, prove};
+use isoform_patch::{Error, Method, Options, PAPER_LIMIT, Phase, Quadric, Weights, distances, parameterize, prove};
 
 fn paper(degree: (usize, usize), seed_point: Point3) -> Options {
     Options { seed_point: Some(seed_point), ..Options::paper(degree, CUBE) }
@@ -129,6 +129,8 @@ fn patches_on_quadrics_become_exact() {
     assert!(made.is_exact && made.grown.terms.i < 1e-28, "{:e}", made.grown.terms.i);
     assert!(made.grown.area(&CUBE) > 0.3 * std::f64::consts::PI - 0.02 && made.grown.patch.control_weights().0 > 0.0);
     assert!(made.grown.sum() <= PAPER_LIMIT);
+    let Some(Quadric::Sphere { center, radius }) = made.quadric else { panic!("{:?}", made.quadric) };
+    assert!((radius - 0.5).abs() < 1e-12 && center.iter().all(|c| c.abs() < 1e-12), "{center:?}, {radius}");
 }
 
 /// A function that is not a number on one side.

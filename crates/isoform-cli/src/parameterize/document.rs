@@ -1,7 +1,7 @@
 //! The documents of patches: their file, the trace, and what --json prints.
 
 use super::Made;
-use isoform::patch::{Grown, Method, Parameterized, Phase};
+use isoform::patch::{Grown, Method, Parameterized, Phase, Quadric};
 use serde_json::{Map, Value, json};
 
 /// The file of the patches. The same each time.
@@ -93,6 +93,20 @@ fn report(p: &Parameterized, made: &Made) -> Value {
         "weight_is_positive": g.patch.weight_is_positive(8),
         "area": g.area(&made.options.region),
         "exact": p.is_exact,
+        "entity": p.quadric.as_ref().map(entity),
         "seed_point": g.seed_point,
     })
+}
+
+/// The surface that an exact patch lies on.
+fn entity(q: &Quadric) -> Value {
+    match q {
+        Quadric::Plane { normal, offset } => json!({"kind": q.name(), "normal": normal, "offset": offset}),
+        Quadric::Sphere { center, radius } => json!({"kind": q.name(), "center": center, "radius": radius}),
+        Quadric::Cylinder { point, axis, radius } => json!({"kind": q.name(), "point": point, "axis": axis, "radius": radius}),
+        Quadric::Cone { apex, axis, half_angle } => json!({"kind": q.name(), "apex": apex, "axis": axis, "half_angle": half_angle}),
+        Quadric::Other { center, scale, coefficients } => {
+            json!({"kind": q.name(), "center": center, "scale": scale, "coefficients": coefficients})
+        }
+    }
 }

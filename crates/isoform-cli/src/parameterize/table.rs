@@ -3,7 +3,7 @@
 use super::{Made, document};
 use crate::fit::table::brief;
 use crate::mesh::table::line;
-use isoform::patch::{Parameterized, Phase};
+use isoform::patch::{Parameterized, Phase, Quadric};
 
 /// The patches, what is proved of them, and where they went.
 pub(super) fn text(made: &Made) -> String {
@@ -40,5 +40,15 @@ fn patch(p: &Parameterized, made: &Made) -> String {
         + &line("distance", format!("{bound}; root mean square {}", brief(p.distances.rms)))
         + &line("area", format!("{} in the box", brief(g.area(&made.options.region))))
         + &line("weights", format!("{} to {} at the control points", brief(least), brief(most)))
-        + &if p.is_exact { line("exact", "the patch lies on the surface, to rounding".to_owned()) } else { String::new() }
+        + &if p.is_exact { line("exact", format!("the patch lies on the surface, to rounding{}", entity(p))) } else { String::new() }
+}
+
+/// Which surface that is.
+fn entity(p: &Parameterized) -> String {
+    match &p.quadric {
+        Some(Quadric::Sphere { center: [x, y, z], radius }) => format!(": a sphere about ({x:.12}, {y:.12}, {z:.12}) of radius {radius:.12}"),
+        Some(Quadric::Cylinder { radius, .. }) => format!(": a cylinder of radius {radius:.12}"),
+        Some(quadric) => format!(": a {}", quadric.name()),
+        None => String::new(),
+    }
 }
