@@ -1,8 +1,9 @@
 //! `parameterize` as a user runs it.
 
+#[allow(dead_code, reason = "other tests use the rest")]
 mod common;
 
-use common::*;
+use common::{Folder, code, document, isoform};
 use serde_json::{Value, json};
 use std::fs;
 

@@ -81,7 +81,9 @@ fn main() {
         ("figure eight revolved", figure8(), (3, 3), [0.38, 0.0, 0.07], "10 s, 18, 57"),
         ("Whitney umbrella", whitney, (3, 3), [0.22, 0.35, 0.0], "14.91 s, 18, 113"),
     ];
-    println!("| surface | d | m,n | paper: time, extrapolations, Newton steps | time | extrapolations | Newton steps | area in the cube | distance at most |");
+    println!(
+        "| surface | d | m,n | paper: time, extrapolations, Newton steps | time | extrapolations | Newton steps | area in the cube | distance at most |"
+    );
     println!("|---|---|---|---|---|---|---|---|---|");
     for (name, terms, degree, seed, paper) in rows {
         let field = Polynomial::new(terms);

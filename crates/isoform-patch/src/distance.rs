@@ -19,15 +19,16 @@ const CORRECTIONS: usize = 2;
 /// The proved bound may be so many times the sampled distance; if that fails, so many times.
 const SLACK: [f64; 2] = [1.8, 2.7];
 /// Bounds below this share of the largest coordinate are lost in rounding.
-const ROUNDING: f64 = 2e-14;
+const ROUNDING: f64 = 1e-13;
 /// Cells that may be looked at.
 const MOST_CELLS: usize = 60_000;
 /// Newton steps to a foot point about which the sign is looked at.
 const FOOT_STEPS: usize = 8;
 /// Halvings of the patch in each direction.
 const MOST_DEPTH: u32 = 18;
-/// The relative error of subdivision, per halving, in the largest coordinate: four roundings for each of at most eight levels.
-const SUBDIVISION: f64 = 32.0 * f64::EPSILON;
+/// The relative error of subdivision, per quartering, in the largest coordinate: half a unit for each of at most sixteen levels, in a
+/// coordinate and in the weight.
+const SUBDIVISION: f64 = 16.0 * f64::EPSILON;
 
 /// Distances from the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,12 +9,16 @@
 use crate::objective::Objective;
 use isoform_geom::RationalPatch;
 
-/// Steps; some fifteen are needed where there is a solution.
-const STEPS: usize = 40;
+/// Steps; where there is a solution some twenty are needed, as convergence is linear until the error is small.
+const STEPS: usize = 80;
+/// A step that leaves less than this share of the best value makes progress.
+const PROGRESS: f64 = 0.9;
 /// The least damping, relative to the largest column: beyond what rounding leaves.
 const LEAST_DAMPING: f64 = 1e-14;
-/// After so many steps that do not halve the best value there is nothing more to be had.
-const PATIENCE: usize = 4;
+/// After so many steps without progress there is nothing more to be had.
+const PATIENCE: usize = 5;
+/// Below this, relative to the largest coordinate, there is only rounding.
+const ENOUGH: f64 = 3e-16;
 
 /// The patch nearest by with the least I that such steps lead to, and the root of that I.
 pub(crate) fn onto(objective: &Objective<'_>, patch: &RationalPatch) -> (RationalPatch, f64) {
@@ -37,11 +41,11 @@ pub(crate) fn onto(objective: &Objective<'_>, patch: &RationalPatch) -> (Rationa
         let Some(value) = objective.evaluate(&next) else { break };
         (patch, at) = (next, value);
         let root = at.terms.i.sqrt();
-        since = if root < 0.5 * best.1 { 0 } else { since + 1 };
+        since = if root < PROGRESS * best.1 { 0 } else { since + 1 };
         if root < best.1 {
             best = (patch.clone(), root);
         }
-        if since >= PATIENCE || root == 0.0 {
+        if since >= PATIENCE || root <= ENOUGH * scale {
             break;
         }
     }

@@ -4,6 +4,7 @@
 //! Departures from the paper, which leaves these things open:
 //! - Corners are put back along the normal of the patch, not along ∇F: at a self-intersection ∇F turns and leads to the wrong branch.
 //! - The bound is approached from what S was at the sizes before: S is nearly a power of the size, so that few extrapolations fail.
+//! - Where a direction is shortened more by Newton steps, the next extrapolation leaves it so: patches take the proportions that suit them.
 //! - After an extrapolation that proves too large the patch is shortened, which counts as an extrapolation and is seen in the trace.
 
 use crate::distance::{prove, sampled};
@@ -13,6 +14,7 @@ use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
 use crate::surface::{ON_SURFACE, Seed, contains, project, project_along};
 use isoform_geom::{Aabb, Point3, RationalPatch, dot, norm};
+use std::time::Instant;
 
 /// Edge of the start patch, in edges of the region.
 const START_SIZE: f64 = 0.1;
@@ -26,7 +28,7 @@ const MOST_GROWTH: f64 = 0.16;
 const MOST_EXCESS: f64 = 30.0;
 /// Secant steps towards the size that an extrapolation aims at.
 const SECANTS: usize = 4;
-/// Bisections of an extrapolation before a side counts as finished.
+/// Bisections of an extrapolation until it is a start for Newton's method.
 const BISECTIONS: usize = 6;
 /// The share of the bound on S that the last extrapolations aim at.
 const AIM: f64 = 0.997;
@@ -121,6 +123,8 @@ pub(crate) struct Growth<'f> {
     pub(crate) patch: RationalPatch,
     pub(crate) at: Evaluated,
     pub(crate) trace: Vec<Row>,
+    /// Whether the time was over before the patch was as large as it gets.
+    pub(crate) is_late: bool,
     /// The last patch that kept the bound.
     good: Option<State>,
     options: Options,
@@ -148,6 +152,7 @@ impl<'f> Growth<'f> {
             at: Evaluated::default(),
             objective,
             trace: Vec::new(),
+            is_late: false,
             good: None,
             options: *options,
             damping: first_damping(),
@@ -279,6 +284,10 @@ impl<'f> Growth<'f> {
         let mut history: Vec<(f64, f64)> = Vec::new();
         let mut shortened = 0;
         for _ in 0..self.options.most_extrapolations {
+            if self.options.deadline.is_some_and(|d| Instant::now() >= d) {
+                self.is_late = true;
+                break;
+            }
             let mut load = self.load();
             if load > NEAR {
                 self.descend(STEPS.1);

@@ -2,6 +2,7 @@
 
 use crate::objective::{Method, Weights};
 use isoform_geom::{Aabb, Point3};
+use std::time::Instant;
 
 /// The bound on S of all of the paper's examples.
 pub const PAPER_LIMIT: f64 = 1e-6;
@@ -31,6 +32,8 @@ pub struct Options {
     pub tolerance: Option<f64>,
     /// Afterwards bring the patch onto the surface to rounding, where its degree admits that.
     pub exact: bool,
+    /// When to stop growing.
+    pub deadline: Option<Instant>,
     /// The most extrapolations.
     pub most_extrapolations: usize,
     /// The most Newton steps altogether.
@@ -52,6 +55,7 @@ impl Options {
             limit: PAPER_LIMIT,
             tolerance: None,
             exact: false,
+            deadline: None,
             most_extrapolations: 200,
             most_steps: 1500,
         }

@@ -5,8 +5,12 @@ use isoform_num::linalg::symmetric_eigen;
 
 /// Samples in each direction.
 const SAMPLES: usize = 15;
-/// Eigenvalues of the moments below this share of the largest are 0: rounding leaves 10⁻¹⁶ or so.
+/// Singular values below this share of the largest are 0: rounding leaves 10⁻¹⁵ or so.
 const ZERO: f64 = 1e-13;
+/// Columns with a smaller cosine are orthogonal.
+const ORTHOGONAL: f64 = 1e-15;
+/// Sweeps of rotations; some ten are needed.
+const SWEEPS: usize = 40;
 /// Two eigenvalues of a quadric's matrix that differ by less than this are the same.
 const SAME: f64 = 1e-8;
 
@@ -130,19 +134,44 @@ pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
 }
 
 /// The unit vector a with a·m(p) = 0 at all points, if there is one, and whether it is the only one.
+///
+/// By Hestenes' one-sided Jacobi method: rotations of the columns of the matrix of all m(p) until they are orthogonal. Moments would
+/// square the small singular values, and half of the digits would be lost.
 fn null<const N: usize>(points: &[Point3], monomials: impl Fn(&Point3) -> [f64; N]) -> (Option<[f64; N]>, bool) {
-    let mut moments = vec![0.0; N * N];
-    for p in points {
-        let m = monomials(p);
-        for i in 0..N {
-            for j in 0..N {
-                moments[i * N + j] += m[i] * m[j];
+    let mut rows: Vec<[f64; N]> = points.iter().map(monomials).collect();
+    let mut v: [[f64; N]; N] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+    for _ in 0..SWEEPS {
+        let mut rotated = false;
+        for p in 0..N {
+            for q in p + 1..N {
+                let (mut pp, mut qq, mut pq) = (0.0, 0.0, 0.0);
+                for r in &rows {
+                    (pp, qq, pq) = (pp + r[p] * r[p], qq + r[q] * r[q], pq + r[p] * r[q]);
+                }
+                if pq.abs() <= ORTHOGONAL * (pp * qq).sqrt() {
+                    continue;
+                }
+                rotated = true;
+                let zeta = (qq - pp) / (2.0 * pq);
+                let t = if zeta >= 0.0 { 1.0 } else { -1.0 } / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
+                let c = 1.0 / (1.0 + t * t).sqrt();
+                let s = c * t;
+                for r in rows.iter_mut().chain(v.iter_mut()) {
+                    (r[p], r[q]) = (c * r[p] - s * r[q], s * r[p] + c * r[q]);
+                }
             }
         }
+        if !rotated {
+            break;
+        }
     }
-    let (values, vectors) = symmetric_eigen(&moments, N);
-    let small = |k: usize| values[k] <= ZERO * values[N - 1];
-    if small(0) && !small(1) { (Some(std::array::from_fn(|i| vectors[i])), true) } else { (None, false) }
+    let sizes: [f64; N] = std::array::from_fn(|k| rows.iter().map(|r| r[k] * r[k]).sum::<f64>().sqrt());
+    let most = sizes.iter().fold(0.0f64, |m, v| m.max(*v));
+    let small: Vec<usize> = (0..N).filter(|&k| sizes[k] <= ZERO * most).collect();
+    match small.as_slice() {
+        &[k] => (Some(std::array::from_fn(|i| v[i][k])), true),
+        _ => (None, false),
+    }
 }
 
 #[cfg(test)]
@@ -176,7 +205,8 @@ mod tests {
         bent.control_mut()[5][2] = 0.5;
         assert_eq!(quadric(&bent), None);
         // z = x y
-        let saddle = RationalPatch::new((1, 1), vec![[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 1.0]]);
+        let saddle =
+            RationalPatch::new((1, 1), vec![[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 1.0]]);
         assert_eq!(quadric(&saddle.expect("a patch")).map(|q| q.name()), Some("quadric"));
     }
 }

@@ -23,6 +23,8 @@ pub struct Parameterized {
     pub distances: Distances,
     /// Whether S keeps its bound.
     pub is_within_limit: bool,
+    /// Whether the time was over before the patch was as large as it gets.
+    pub is_late: bool,
     /// Whether the patch lies on the surface, to rounding.
     pub is_exact: bool,
     /// The quadric on which an exact patch lies, if it does.
@@ -64,7 +66,15 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     let is_within_limit = growth.is_within_limit();
     let is_exact = known.bound.is_some_and(|b| b <= EXACT * options.region.diagonal());
     let quadric = if is_exact { quadric(&growth.patch) } else { None };
-    Ok(Parameterized { quadric, grown: growth.finish(), distances: known, is_within_limit, is_exact, seconds: clock.seconds })
+    Ok(Parameterized {
+        quadric,
+        is_late: growth.is_late,
+        grown: growth.finish(),
+        distances: known,
+        is_within_limit,
+        is_exact,
+        seconds: clock.seconds,
+    })
 }
 
 /// Takes the time of phases.

@@ -133,6 +133,27 @@ fn patches_on_quadrics_become_exact() {
     assert!((radius - 0.5).abs() < 1e-12 && center.iter().all(|c| c.abs() < 1e-12), "{center:?}, {radius}");
 }
 
+/// From any side: ellipsoid, cylinder, cone, saddle, each with a seed of its own and its own angle.
+#[test]
+fn other_quadrics_become_exact_and_are_named() {
+    let quadrics: [(&[([u16; 3], f64)], &str); 5] = [
+        (&[([2, 0, 0], 1.0), ([0, 2, 0], 1.0), ([0, 0, 2], 1.0), ([0, 0, 0], -0.25)], "sphere"),
+        (&[([2, 0, 0], 1.0), ([0, 2, 0], 2.0), ([0, 0, 2], 3.0), ([0, 0, 0], -0.25)], "quadric"),
+        (&[([2, 0, 0], 9.0), ([0, 2, 0], 9.0), ([0, 0, 0], -1.0)], "cylinder"),
+        (&[([2, 0, 0], 9.0), ([0, 2, 0], 9.0), ([0, 0, 2], -1.0), ([0, 0, 1], 2.0), ([0, 0, 0], -1.0)], "cone"),
+        (&[([2, 0, 0], 1.0), ([0, 2, 0], -1.0), ([0, 0, 1], -0.5)], "quadric"),
+    ];
+    for (terms, name) in quadrics {
+        let field = isoform_field::Polynomial::new(terms.to_vec());
+        for seed in 1..=5 {
+            let made = parameterize(&field, &Options { exact: true, seed, ..Options::paper((2, 2), CUBE) }).expect("a patch");
+            assert!(made.grown.terms.i < 1e-28, "{name}, {seed}: {:e}", made.grown.terms.i);
+            assert!(made.is_exact, "{name}, {seed}: {:?}", made.distances);
+            assert_eq!(made.quadric.map(|q| q.name()), Some(name), "{seed}");
+        }
+    }
+}
+
 /// A function that is not a number on one side.
 struct HalfNan;
 impl Field for HalfNan {

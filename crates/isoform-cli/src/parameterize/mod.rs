@@ -152,6 +152,9 @@ impl Made {
             if self.options.tolerance.is_none() && !p.is_within_limit {
                 list.push(format!("patch {}: S is {:e}, above the bound", i + 1, p.grown.sum()));
             }
+            if p.is_late {
+                list.push(format!("patch {}: the time was over before it was as large as it gets", i + 1));
+            }
             if self.options.exact && !p.is_exact {
                 list.push(format!("patch {}: it could not be made exact", i + 1));
             }
@@ -236,6 +239,7 @@ fn options(args: &Args, context: &Context) -> Options {
             Solver::Newton => Method::Newton,
         },
         nodes: args.nodes.map(usize::from),
+        deadline: context.deadline,
         tolerance: args.tol,
         exact: args.exact,
         ..Options::paper(args.degree, region)

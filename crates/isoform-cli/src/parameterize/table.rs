@@ -46,7 +46,9 @@ fn patch(p: &Parameterized, made: &Made) -> String {
 /// Which surface that is.
 fn entity(p: &Parameterized) -> String {
     match &p.quadric {
-        Some(Quadric::Sphere { center: [x, y, z], radius }) => format!(": a sphere about ({x:.12}, {y:.12}, {z:.12}) of radius {radius:.12}"),
+        Some(Quadric::Sphere { center: [x, y, z], radius }) => {
+            format!(": a sphere about ({x:.12}, {y:.12}, {z:.12}) of radius {radius:.12}")
+        }
         Some(Quadric::Cylinder { radius, .. }) => format!(": a cylinder of radius {radius:.12}"),
         Some(quadric) => format!(": a {}", quadric.name()),
         None => String::new(),

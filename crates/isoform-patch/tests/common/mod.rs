@@ -4,18 +4,18 @@
 use isoform_field::Polynomial;
 use isoform_geom::{Aabb, RationalPatch};
 
-pub const CUBE: Aabb = Aabb { lo: [-0.5; 3], hi: [0.5; 3] };
+pub(crate) const CUBE: Aabb = Aabb { lo: [-0.5; 3], hi: [0.5; 3] };
 
 /// x² + y² + z² − r².
-pub fn sphere(r: f64) -> Polynomial {
+pub(crate) fn sphere(r: f64) -> Polynomial {
     Polynomial::new([([2, 0, 0], 1.0), ([0, 2, 0], 1.0), ([0, 0, 2], 1.0), ([0, 0, 0], -r * r)])
 }
 /// Whitney's umbrella x² = y² (z + 1/2).
-pub fn whitney() -> Polynomial {
+pub(crate) fn whitney() -> Polynomial {
     Polynomial::new([([2, 0, 0], 1.0), ([0, 2, 1], -1.0), ([0, 2, 0], -0.5)])
 }
 /// A quartic without symmetry.
-pub fn quartic() -> Polynomial {
+pub(crate) fn quartic() -> Polynomial {
     Polynomial::new([
         ([4, 0, 0], 1.0),
         ([1, 2, 1], -0.7),
@@ -28,7 +28,7 @@ pub fn quartic() -> Polynomial {
 }
 
 /// The stereographic patch on the sphere of radius r: (2s, 2t, s² + t² − 1, s² + t² + 1) for s, t in [−a, a], from below.
-pub fn stereographic(r: f64, a: f64) -> RationalPatch {
+pub(crate) fn stereographic(r: f64, a: f64) -> RationalPatch {
     // Bernstein coefficients of 1, s and s² on [−a, a].
     let (one, s, s2) = ([1.0; 3], [-a, 0.0, a], [a * a, -a * a, a * a]);
     let mut control = Vec::new();
