@@ -252,20 +252,13 @@ fn smooth_bound(e: &Expansion, d: &[[f64; 4]], r: Point3, beyond: f64, products:
     if slope.is_nan() || slope <= 0.0 {
         return None;
     }
-    // w² (F(c) + ∇F·δ + δᵀHδ/2).
-    let n = d.len();
-    let w: Vec<f64> = d.iter().map(|p| p[3]).collect();
-    let first: Vec<f64> = d.iter().map(|p| value * p[3] + g[0] * p[0] + g[1] * p[1] + g[2] * p[2]).collect();
-    let mut q = products.of(&w, &first);
-    for k in 0..3 {
-        let a: Vec<f64> = (0..n).map(|i| d[i][k]).collect();
-        let b: Vec<f64> = d.iter().map(|p| 0.5 * (at(k, 0) * p[0] + at(k, 1) * p[1] + at(k, 2) * p[2])).collect();
-        for (q, p) in q.iter_mut().zip(products.of(&a, &b)) {
-            *q += p;
-        }
-    }
-    let w2 = products.of(&w, &w);
-    let mut most = q.iter().zip(&w2).fold(0.0f64, |m, (q, w)| m.max((q / w).abs()));
+    // w² (F(c) + ∇F·δ + δᵀHδ/2) as a scalar product of (w δ, w) with (H w δ/2, F(c) w + ∇F·w δ).
+    let right = |p: &[f64; 4]| {
+        let h = |k: usize| 0.5 * (at(k, 0) * p[0] + at(k, 1) * p[1] + at(k, 2) * p[2]);
+        [h(0), h(1), h(2), value * p[3] + g[0] * p[0] + g[1] * p[1] + g[2] * p[2]]
+    };
+    let rights: Vec<[f64; 4]> = d.iter().map(right).collect();
+    let mut most = products.of(d, &rights).iter().fold(0.0f64, |m, [q, w2]| m.max((q / w2).abs()));
     // What the coefficients leave out: rounding of the sums, radii of the derivatives, the remainder.
     let size =
         value.abs() + (0..3).map(|k| g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()).sum::<f64>();
@@ -371,18 +364,21 @@ impl Products {
             |n: usize| (0..=n).map(|i| (0..=n).map(|k| binomial(n, i) * binomial(n, k) / binomial(2 * n, i + k)).collect()).collect();
         Self { degree, u: table(degree.0), v: table(degree.1) }
     }
-    fn of(&self, a: &[f64], b: &[f64]) -> Vec<f64> {
+    /// The coefficients of a·b, and those of the square of the last entry of a.
+    fn of(&self, a: &[[f64; 4]], b: &[[f64; 4]]) -> Vec<[f64; 2]> {
         let (m, n) = self.degree;
-        let mut out = vec![0.0; (2 * m + 1) * (2 * n + 1)];
+        let mut out = vec![[0.0; 2]; (2 * m + 1) * (2 * n + 1)];
         for i in 0..=m {
             for k in 0..=m {
                 let fu = self.u[i][k];
                 for j in 0..=n {
-                    let x = fu * a[i * (n + 1) + j];
+                    let (p, fv) = (&a[i * (n + 1) + j], &self.v[j]);
                     let row = &mut out[(i + k) * (2 * n + 1) + j..][..n + 1];
-                    let (b, fv) = (&b[k * (n + 1)..][..n + 1], &self.v[j]);
+                    let (a, b) = (&a[k * (n + 1)..][..n + 1], &b[k * (n + 1)..][..n + 1]);
                     for l in 0..=n {
-                        row[l] += x * fv[l] * b[l];
+                        let (f, q) = (fu * fv[l], &b[l]);
+                        row[l][0] += f * (p[0] * q[0] + p[1] * q[1] + (p[2] * q[2] + p[3] * q[3]));
+                        row[l][1] += f * p[3] * a[l][3];
                     }
                 }
             }
@@ -411,13 +407,17 @@ mod tests {
     #[test]
     fn products_are_products() {
         let products = Products::new((2, 1));
-        let (a, b) = ([1.0, 2.0, 0.5, -1.0, 3.0, 0.2], [0.3, 1.0, -2.0, 0.7, 1.5, 1.1]);
-        let value = |c: &[f64], m: usize, n: usize, u: f64, v: f64| {
-            let (bu, bv) = (isoform_geom::bernstein(m, u).0, isoform_geom::bernstein(n, v).0);
-            (0..=m).map(|i| (0..=n).map(|j| bu[i] * bv[j] * c[i * (n + 1) + j]).sum::<f64>()).sum::<f64>()
+        let list = |seed: f64| -> Vec<[f64; 4]> {
+            (0..6).map(|i| std::array::from_fn(|k| (seed + f64::from(i) * 1.3 + k as f64).sin())).collect()
         };
-        let (u, v) = (0.3, 0.8);
-        let product = value(&products.of(&a, &b), 4, 2, u, v);
-        assert!((product - value(&a, 2, 1, u, v) * value(&b, 2, 1, u, v)).abs() < 1e-15);
+        let (a, b) = (list(0.2), list(0.9));
+        let value = |c: &dyn Fn(usize) -> f64, m: usize, n: usize| {
+            let (bu, bv) = (isoform_geom::bernstein(m, 0.3).0, isoform_geom::bernstein(n, 0.8).0);
+            (0..=m).map(|i| (0..=n).map(|j| bu[i] * bv[j] * c(i * (n + 1) + j)).sum::<f64>()).sum::<f64>()
+        };
+        let product = products.of(&a, &b);
+        let want: f64 = (0..4).map(|k| value(&|i| a[i][k], 2, 1) * value(&|i| b[i][k], 2, 1)).sum();
+        assert!((value(&|i| product[i][0], 4, 2) - want).abs() < 1e-14);
+        assert!((value(&|i| product[i][1], 4, 2) - value(&|i| a[i][3], 2, 1).powi(2)).abs() < 1e-14);
     }
 }

@@ -133,10 +133,12 @@ fn patches_on_quadrics_become_exact() {
     assert!((radius - 0.5).abs() < 1e-12 && center.iter().all(|c| c.abs() < 1e-12), "{center:?}, {radius}");
 }
 
+type Term = ([u16; 3], f64);
+
 /// From any side: ellipsoid, cylinder, cone, saddle, each with a seed of its own and its own angle.
 #[test]
 fn other_quadrics_become_exact_and_are_named() {
-    let quadrics: [(&[([u16; 3], f64)], &str); 5] = [
+    let quadrics: [(&[Term], &str); 5] = [
         (&[([2, 0, 0], 1.0), ([0, 2, 0], 1.0), ([0, 0, 2], 1.0), ([0, 0, 0], -0.25)], "sphere"),
         (&[([2, 0, 0], 1.0), ([0, 2, 0], 2.0), ([0, 0, 2], 3.0), ([0, 0, 0], -0.25)], "quadric"),
         (&[([2, 0, 0], 9.0), ([0, 2, 0], 9.0), ([0, 0, 0], -1.0)], "cylinder"),
