@@ -393,7 +393,7 @@ mod tests {
 
     #[test]
     fn quarters_are_parts() {
-        let control = (0..12).map(|i| f64::from(i)).map(|i| [i.sin(), i.cos(), 0.3 * i, 1.0 + 0.1 * (3.0 * i).sin()]).collect();
+        let control = (0..12).map(f64::from).map(|i| [i.sin(), i.cos(), 0.3 * i, 1.0 + 0.1 * (3.0 * i).sin()]).collect();
         let patch = RationalPatch::new((2, 3), control).expect("a patch");
         let (lower, upper) = ((0.0, 0.5), (0.5, 1.0));
         let parts = [(lower, lower), (lower, upper), (upper, lower), (upper, upper)].map(|(u, v)| patch.part(u, v));
