@@ -294,7 +294,7 @@ mod tests {
                 && (0..3).all(|k| e.gradient[k].contains(here.g[k]))
                 && (0..6).all(|k| e.hessian[k].contains(here.h[k]))
         );
-        assert!(e.value.width() < 1e-14);
+        assert!(e.value.width() < 1e-12);
         for corner in 0..8 {
             let q: Point3 = std::array::from_fn(|k| if corner >> k & 1 == 1 { region.hi[k] } else { region.lo[k] });
             let there = p.jet3(q).expect("a jet");

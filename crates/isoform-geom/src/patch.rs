@@ -272,7 +272,7 @@ mod tests {
                 assert!((a[k] - b[k]).abs() < 1e-13);
             }
         }
-        let back = q.part((0.25, 1.25), (-0.3 / 1.1, 0.7 / 1.1));
+        let back = q.part((0.25, 1.5), (-0.3 / 1.1, 0.7 / 1.1));
         for (a, b) in back.control().iter().zip(p.control()) {
             for k in 0..4 {
                 assert!((a[k] - b[k]).abs() < 1e-13);
