@@ -11,6 +11,7 @@ mod interrupt;
 mod mesh;
 mod model;
 mod output;
+mod parameterize;
 mod progress;
 mod recover;
 mod report;
@@ -38,6 +39,7 @@ enum Verb {
     Recover(Box<recover::Args>),
     Fit(Box<fit::Args>),
     Mesh(Box<mesh::Args>),
+    Parameterize(Box<parameterize::Args>),
     Triangulate(Box<triangulate::Args>),
     Eval(eval::Args),
     Inspect(inspect::Args),
@@ -55,6 +57,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         Verb::Recover(args) => recover::run(&args, context),
         Verb::Fit(args) => fit::run(&args, context),
         Verb::Mesh(args) => mesh::run(&args, context),
+        Verb::Parameterize(args) => parameterize::run(&args, context),
         Verb::Triangulate(args) => triangulate::run(&args, context),
         Verb::Inspect(args) => inspect::run(&args, context),
         Verb::Convert(args) => convert::run(&args, context),

@@ -3,8 +3,8 @@
 use crate::block::{Block, LANES, Lane, Plan, Wanted, dispatch};
 use crate::jets::{self, JetBlock};
 use crate::tape::Tape;
-use isoform_geom::{Aabb, Field, ParamField, Point3};
-use isoform_num::{Interval, Jet2};
+use isoform_geom::{Aabb, Expansion, Field, ParamField, Point3};
+use isoform_num::{Interval, IntervalJet, Jet2, Jet3, Real};
 use rayon::prelude::*;
 
 /// Points per piece of work: sums are taken per piece and then in the order of the pieces, whoever computed them.
@@ -290,6 +290,12 @@ impl Bound {
         &self.a
     }
 
+    /// f in any number type.
+    fn run<R: Real>(&self, x: [R; 3]) -> R {
+        let a: Vec<R> = self.a.iter().map(|&v| R::constant(v)).collect();
+        self.residual.tape.eval(&x, &a, &mut Vec::new())
+    }
+
     /// 2-jets at many points: value, gradient, Hessian; in blocks, on all threads of the current pool for large inputs.
     ///
     /// # Panics
@@ -324,7 +330,7 @@ impl Field for Bound {
     }
     fn jet(&self, p: Point3) -> Jet2 {
         let x: [Jet2; 3] = std::array::from_fn(|i| Jet2::variable(p[i], i));
-        let a: Vec<Jet2> = self.a.iter().map(|&v| isoform_num::Real::constant(v)).collect();
+        let a: Vec<Jet2> = self.a.iter().map(|&v| Real::constant(v)).collect();
         self.residual.tape.eval(&x, &a, &mut Vec::new())
     }
     fn bounds(&self, region: Aabb) -> Interval {
@@ -332,5 +338,19 @@ impl Field for Bound {
     }
     fn values(&self, points: &[Point3], out: &mut [f64]) {
         ParamField::values(&self.residual, points, &self.a, out);
+    }
+    fn jets(&self, points: &[Point3], out: &mut [Jet2]) {
+        Self::jets(self, points, out);
+    }
+    fn jet3(&self, p: Point3) -> Option<Jet3> {
+        Some(self.run(std::array::from_fn(|i| Jet3::variable(p[i], i))))
+    }
+    fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
+        if self.residual.tape.has_natives() {
+            return None;
+        }
+        let point = self.run(std::array::from_fn(|i| IntervalJet::variable(Interval::new(at[i], at[i]), i)));
+        let whole = self.run(std::array::from_fn(|i| IntervalJet::variable(Interval::new(region.lo[i], region.hi[i]), i)));
+        Some(Expansion { value: point.v, gradient: point.g, hessian: point.h, third: whole.t })
     }
 }

@@ -131,6 +131,10 @@ impl Tape {
     pub fn is_empty(&self) -> bool {
         self.code.is_empty()
     }
+    /// Whether it calls functions that are iterations, of which intervals prove nothing.
+    pub(crate) fn has_natives(&self) -> bool {
+        !self.natives.is_empty()
+    }
     /// Number of results.
     pub fn n_results(&self) -> usize {
         self.roots.len()

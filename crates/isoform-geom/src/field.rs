@@ -1,7 +1,7 @@
 //! What a stage asks of an implicit function.
 
 use crate::{Aabb, Point3};
-use isoform_num::{Interval, Jet2};
+use isoform_num::{Interval, Jet2, Jet3};
 
 /// A function of space; inside is `value ≥ 0`, the outward normal is −∇f/|∇f|.
 pub trait Field: Send + Sync {
@@ -19,6 +19,35 @@ pub trait Field: Send + Sync {
             *v = self.value(*p);
         }
     }
+    /// 2-jets at many points; override to go fast.
+    fn jets(&self, points: &[Point3], out: &mut [Jet2]) {
+        for (p, j) in points.iter().zip(out) {
+            *j = self.jet(*p);
+        }
+    }
+    /// f with all derivatives to order 3; nothing by default.
+    fn jet3(&self, _p: Point3) -> Option<Jet3> {
+        None
+    }
+    /// What can be proved of f near a point: intervals for its derivatives there, and for the third ones in the whole region,
+    /// which holds the point. Nothing by default.
+    fn expansion(&self, _at: Point3, _region: Aabb) -> Option<Expansion> {
+        None
+    }
+}
+
+/// Intervals for a function's derivatives: those to order 2 at a point, those of order 3 in a region about it. By Taylor's theorem
+/// they enclose f in the region.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Expansion {
+    /// f at the point.
+    pub value: Interval,
+    /// ∇f at the point.
+    pub gradient: [Interval; 3],
+    /// Second derivatives xx, xy, xz, yy, yz, zz at the point.
+    pub hessian: [Interval; 6],
+    /// Third derivatives xxx, xxy, xxz, xyy, xyz, xzz, yyy, yyz, yzz, zzz in the region.
+    pub third: [Interval; 10],
 }
 
 /// A function of space with parameters a: the residual of a fit.

@@ -7,12 +7,14 @@ mod cloud;
 mod field;
 mod kdtree;
 mod mesh;
+mod patch;
 mod point;
 mod solid;
 
 pub use cloud::{Column, PointCloud};
-pub use field::{Field, ParamField};
+pub use field::{Expansion, Field, ParamField};
 pub use kdtree::KdTree;
 pub use mesh::{Curve, Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
+pub use patch::{PatchError, RationalPatch, Tangents, bernstein};
 pub use point::{Aabb, Point3, cross, distance_squared, dot, norm, sub};
 pub use solid::{Csg, OnePiece, Solid};

@@ -3,14 +3,20 @@
 //! - [`Real`]: what a function must know of its number type, so that one formula serves values, jets and intervals.
 //! - [`Interval`]: outward rounded, so that a bound is a proof.
 //! - [`Jet1`], [`Jet2`], [`Jet3`]: a value with its derivatives to order 1, 2 or 3 (forward mode).
+//! - [`IntervalJet`]: intervals for all derivatives to order 3 over a box.
+//! - [`gauss_legendre`]: nodes and weights of Gauss quadrature.
 //! - [`linalg`]: the few dense solvers of small symmetric systems that fitting needs.
 #![forbid(unsafe_code)]
 
 mod interval;
+mod interval_jet;
 mod jet;
 pub mod linalg;
+mod quadrature;
 mod real;
 
 pub use interval::Interval;
+pub use interval_jet::IntervalJet;
 pub use jet::{Jet1, Jet2, Jet3};
+pub use quadrature::gauss_legendre;
 pub use real::Real;

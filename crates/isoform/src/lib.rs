@@ -30,6 +30,7 @@
 mod compare;
 mod facets;
 mod meshing;
+mod patches;
 mod rational;
 mod template;
 mod topology;
@@ -43,8 +44,10 @@ pub use isoform_geom as geom;
 pub use isoform_io as io;
 pub use isoform_mesh as mesh;
 pub use isoform_num as num;
+pub use isoform_patch as patch;
 pub use isoform_tess as tess;
 pub use meshing::{certified_adaptation, certified_mesh, default_size, solid_of, surface_of};
+pub use patches::{COORDINATES, field_of, polynomial};
 pub use rational::rational_surface;
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};

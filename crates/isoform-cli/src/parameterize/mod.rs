@@ -1,0 +1,293 @@
+//! `isoform parameterize`: rational patches on the surface of a model.
+
+mod document;
+mod subject;
+mod table;
+
+use crate::eval;
+use crate::interrupt;
+use crate::model::Language;
+use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
+use isoform::geom::{Aabb, Point3};
+use isoform::patch::{Error, Method, Options, Parameterized, cover, parameterize};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Half the width of the box unless another is given: the paper's cube of edge 1.
+const HALF_WIDTH: f64 = 0.5;
+
+/// The share of samples that a cover must have on patches to count as one.
+const COVERED: f64 = 0.999;
+/// Patches of a cover unless another number is given.
+const MOST_PATCHES: usize = 1000;
+
+/// Finds a rational patch as large as possible on the surface of a model
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  isoform parameterize sphere.json --degree 2,2 --paper -o patch.json
+  isoform parameterize part.hf --degree 3,3 --seed-point 0.1,0.2,0.3 --tol 1e-5 -o patch.json
+  isoform parameterize gyroid.hf --degree 3,3 --paper --seed 7 -o patch.json --trace trace.csv --json
+  isoform parameterize torus.hf --degree 2,2 --cover --tol 1e-4 -o patches.json
+
+where sphere.json is a polynomial in x, y and z: {\"F\": \"x^2 + y^2 + z^2 - 1/4\"}
+
+The method is that of Wurm, Jüttler and Kim (2003): S = I + ω_J J + ω_L L + ω_R R + ω_E E is minimised while the patch grows. Every
+patch comes with a proved bound on its distance from the surface, see docs/parameterize.md.
+
+Exit code: 0 when the bound is proved and everything asked for is kept, 3 when not (files are written all the same), 2 for unreadable
+input, 4 without a patch, 130 after Ctrl-C during --cover.")]
+pub(crate) struct Args {
+    /// The model: a HyperFun file, or a JSON file with a polynomial F (- for stdin)
+    model: PathBuf,
+    /// The degrees of the patch in u and in v
+    #[arg(long, value_name = "M,N", default_value = "3,3", value_parser = degree)]
+    degree: (usize, usize),
+    /// Where surface is wanted: half the width of a box around the origin, or x,y,z of its lower and of its upper corner
+    /// [default: 0.5]
+    #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = region)]
+    region: Option<Aabb>,
+    /// Start at the point of the surface near this one, instead of one chosen by --seed
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
+    seed_point: Option<Point3>,
+    /// The paper's settings: factors and thresholds of its Table 2, S <= 1e-6 (the default; takes no other bound)
+    #[arg(long, conflicts_with = "tol")]
+    paper: bool,
+    /// Afterwards bring the patch onto the surface to rounding, where its degree admits that
+    #[arg(long)]
+    exact: bool,
+    /// As large as possible within this distance of the surface, proved, instead of a bound on S
+    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    tol: Option<f64>,
+    /// As many patches as it takes until all of the surface in the box lies on one, within --tol
+    #[arg(long, requires = "tol", conflicts_with_all = ["seed_point", "trace", "paper"])]
+    cover: bool,
+    /// At most so many patches, with --cover
+    #[arg(long, value_name = "N", default_value_t = MOST_PATCHES, requires = "cover", value_parser = at_least_one)]
+    patches: usize,
+    /// How steps are computed
+    #[arg(long, value_enum, default_value_t = Solver::GaussNewton)]
+    method: Solver,
+    /// Gauss nodes in each direction [default: as many as make J exact, 4 max(m,n) + 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=64))]
+    nodes: Option<u8>,
+    /// The values of the parameters a, in their order; missing ones are as annotated, else 0
+    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
+    params: Option<eval::Parameters>,
+    /// Write the patches as JSON (- for stdout); may be repeated
+    #[arg(short, long, value_name = "FILE")]
+    output: Vec<PathBuf>,
+    /// Write every step as a table (CSV)
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
+    #[command(flatten)]
+    language: Language,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Solver {
+    /// Gauss-Newton with Levenberg-Marquardt damping
+    GaussNewton,
+    /// The same with |grad F| taken as constant in each step: first derivatives of F only
+    Frozen,
+    /// The paper's: Newton's method with the exact Hessian, damped where that is indefinite
+    Newton,
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "a positive integer is expected".to_owned())
+}
+
+fn degree(text: &str) -> Result<(usize, usize), String> {
+    let mut numbers = text.split(',').map(|word| word.trim().parse::<usize>());
+    match (numbers.next(), numbers.next(), numbers.next()) {
+        (Some(Ok(m)), Some(Ok(n)), None) => Ok((m, n)),
+        _ => Err("two degrees are expected, such as 3,3".to_owned()),
+    }
+}
+
+fn region(text: &str) -> Result<Aabb, String> {
+    match output::numbers(text)?.as_slice() {
+        &[b] if b > 0.0 => Ok(Aabb { lo: [-b; 3], hi: [b; 3] }),
+        [_] => Err("a positive number is expected".to_owned()),
+        _ => output::region(text),
+    }
+}
+
+fn point(text: &str) -> Result<Point3, String> {
+    match output::numbers(text)?.as_slice() {
+        &[x, y, z] => Ok([x, y, z]),
+        _ => Err("three numbers are expected".to_owned()),
+    }
+}
+
+/// What was made, and of what.
+struct Made {
+    name: String,
+    options: Options,
+    patches: Vec<Parameterized>,
+    /// Of a cover: how many samples of the surface lie on a patch, and how many there are.
+    coverage: Option<(usize, usize)>,
+    warnings: Vec<String>,
+    written: Vec<String>,
+    /// Seconds by phase.
+    seconds: Vec<(&'static str, f64)>,
+}
+
+impl Made {
+    /// What was asked for and is not so.
+    fn failures(&self) -> Vec<String> {
+        let mut list = Vec::new();
+        if let Some((covered, samples)) = self.coverage.filter(|(covered, samples)| (*covered as f64) < COVERED * *samples as f64) {
+            list.push(format!("{covered} of {samples} samples of the surface lie on a patch"));
+        }
+        for (i, p) in self.patches.iter().enumerate() {
+            match p.distances.bound {
+                None => list.push(format!("patch {}: no bound on its distance from the surface could be proved", i + 1)),
+                Some(b) if self.options.tolerance.is_some_and(|t| b > t) => {
+                    list.push(format!("patch {}: its distance is proved to be at most {b:e} only", i + 1));
+                }
+                Some(_) => {}
+            }
+            if self.options.tolerance.is_none() && !p.is_within_limit {
+                list.push(format!("patch {}: S is {:e}, above the bound", i + 1, p.grown.sum()));
+            }
+            if p.is_late {
+                list.push(format!("patch {}: the time was over before it was as large as it gets", i + 1));
+            }
+            if self.options.exact && !p.is_exact {
+                list.push(format!("patch {}: it could not be made exact", i + 1));
+            }
+        }
+        list
+    }
+}
+
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    for path in args.output.iter().filter(|p| p.as_path() != Path::new("-")) {
+        if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+            let failure = Failure::usage(format!("{}: patches are not written with this ending", path.display()));
+            return Err(failure.why("patches are written as JSON").hint("a name that ends in .json"));
+        }
+        output::check_folder(path)?;
+    }
+    if let Some(path) = &args.trace {
+        output::check_folder(path)?;
+    }
+    let mut clock = Instant::now();
+    let subject = subject::read(&args.model, &args.language, args.params.as_ref(), context)?;
+    let mut seconds = vec![("read", clock.elapsed().as_secs_f64())];
+    let options = options(args, context);
+    let (patches, coverage) = if args.cover {
+        interrupt::watch();
+        clock = Instant::now();
+        let stop = || interrupt::happened() || context.is_late();
+        let threads = context.global.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
+        let made =
+            cover(subject.field.as_ref(), &options, args.patches, threads, &stop).map_err(|e| failure(&e, &subject.name, &options))?;
+        seconds.push(("cover", clock.elapsed().as_secs_f64()));
+        (made.patches, Some((made.covered, made.samples)))
+    } else {
+        let patch = parameterize(subject.field.as_ref(), &options).map_err(|e| failure(&e, &subject.name, &options))?;
+        seconds.extend(patch.seconds.iter().copied());
+        (vec![patch], None)
+    };
+    let mut made = Made { name: subject.name, options, patches, coverage, warnings: subject.warnings, written: Vec::new(), seconds };
+
+    clock = Instant::now();
+    let file = document::patches(&made);
+    let mut stdout = Vec::new();
+    for path in &args.output {
+        if path == Path::new("-") {
+            stdout = file.clone();
+        } else {
+            output::write_file(path, &file)?;
+            made.written.push(path.display().to_string());
+        }
+    }
+    if let Some(path) = &args.trace {
+        output::write_file(path, document::trace(&made.patches[0].grown).as_bytes())?;
+        made.written.push(path.display().to_string());
+    }
+    if !made.written.is_empty() {
+        made.seconds.push(("write", clock.elapsed().as_secs_f64()));
+    }
+    made.warnings.extend(made.failures());
+    made.warnings.iter().for_each(|w| context.warn(w));
+    let exit = match () {
+        () if interrupt::happened() => interrupt::INTERRUPTED,
+        () if made.failures().is_empty() => DONE,
+        () => PARTIAL,
+    };
+    let mut json = document::document(&made);
+    if !stdout.is_empty() {
+        json["text"] = String::from_utf8_lossy(&stdout).into();
+    }
+    let stdout = if stdout.is_empty() { table::text(&made).into_bytes() } else { stdout };
+    Ok(Outcome { exit, json, stdout })
+}
+
+fn options(args: &Args, context: &Context) -> Options {
+    let b = HALF_WIDTH;
+    let region = args.region.unwrap_or(Aabb { lo: [-b; 3], hi: [b; 3] });
+    Options {
+        seed_point: args.seed_point,
+        seed: context.global.seed,
+        method: match args.method {
+            Solver::GaussNewton => Method::GaussNewton,
+            Solver::Frozen => Method::Frozen,
+            Solver::Newton => Method::Newton,
+        },
+        nodes: args.nodes.map(usize::from),
+        deadline: context.deadline,
+        tolerance: args.tol,
+        exact: args.exact,
+        ..Options::paper(args.degree, region)
+    }
+}
+
+/// Why there is no patch.
+fn failure(error: &Error, name: &str, options: &Options) -> Failure {
+    let message = format!("{name}: {error}");
+    let none = |code| Failure::new(NO_RESULT, code, message.clone());
+    match *error {
+        Error::Degree(..) => Failure::usage(error.to_string()).hint("--degree 3,3"),
+        Error::Option { .. } | Error::Region => Failure::usage(error.to_string()).hint("a positive number"),
+        Error::NoSurface => {
+            none("empty").why("none of some thousand random places in it led to one").hint("another --box, or --seed-point")
+        }
+        Error::FarSeed { at } => {
+            let hint = if options.seed_point.is_some() { "a point nearer to the surface, or a larger --box" } else { "another --seed" };
+            none("far-seed")
+                .somewhere(at)
+                .why("Newton's method along the gradient does not come to the surface in the box from there")
+                .hint(hint)
+        }
+        Error::Singular { at } => {
+            none("singular").somewhere(at).why("the gradient of the function vanishes there").hint("another --seed-point")
+        }
+        Error::NotFinite { at } => none("not-a-number").somewhere(at).hint("a --seed-point and a --box around the part where it is one"),
+        Error::NoThirdDerivatives => none("derivatives").hint("--method gauss-newton"),
+        Error::NoPatch { at } => {
+            none("no-patch").somewhere(at).why("the surface is too curved, or not smooth, there").hint("another --seed-point")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn degrees_and_boxes_are_read() {
+        assert_eq!(degree("2, 3"), Ok((2, 3)));
+        for bad in ["", "2", "2,3,4", "-1,2", "a,b", "2.5,1"] {
+            assert!(degree(bad).is_err(), "{bad}");
+        }
+        assert_eq!(region("0.5"), Ok(Aabb { lo: [-0.5; 3], hi: [0.5; 3] }));
+        assert_eq!(region("0,0,0,1,2,3"), Ok(Aabb { lo: [0.0; 3], hi: [1.0, 2.0, 3.0] }));
+        for bad in ["0", "-1", "nan", "1,2", "1,1,1,0,0,0", ""] {
+            assert!(region(bad).is_err(), "{bad}");
+        }
+    }
+}

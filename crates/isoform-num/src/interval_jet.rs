@@ -1,0 +1,336 @@
+//! Taylor expansions with interval coefficients: enclosures of all derivatives to order 3 over a box.
+//!
+//! Where a kink (of a minimum, maximum or absolute value) may lie in the box, the gradient is the hull of both sides, which is
+//! Clarke's generalised gradient or more, and nothing is claimed of higher derivatives.
+
+use crate::{Interval, Real};
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// Index pairs i ≤ j in the order in which second derivatives are stored.
+const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+/// Where ∂²/∂xᵢ∂xⱼ is stored.
+const AT2: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+/// Index triples in the order in which third derivatives are stored.
+const TRIPLES: [(usize, usize, usize); 10] =
+    [(0, 0, 0), (0, 0, 1), (0, 0, 2), (0, 1, 1), (0, 1, 2), (0, 2, 2), (1, 1, 1), (1, 1, 2), (1, 2, 2), (2, 2, 2)];
+
+/// Intervals that hold a function and its derivatives to order 3 in x, y, z over a box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IntervalJet {
+    /// Value.
+    pub v: Interval,
+    /// Gradient.
+    pub g: [Interval; 3],
+    /// Second derivatives xx, xy, xz, yy, yz, zz.
+    pub h: [Interval; 6],
+    /// Third derivatives xxx, xxy, xxz, xyy, xyz, xzz, yyy, yyz, yzz, zzz.
+    pub t: [Interval; 10],
+}
+
+fn c(v: f64) -> Interval {
+    Interval::constant(v)
+}
+
+impl IntervalJet {
+    /// The coordinate `i` (0 = x, 1 = y, 2 = z) with the range `v`.
+    pub fn variable(v: Interval, i: usize) -> Self {
+        let mut j = Self::flat(v);
+        j.g[i] = c(1.0);
+        j
+    }
+    fn flat(v: Interval) -> Self {
+        Self { v, g: [c(0.0); 3], h: [c(0.0); 6], t: [c(0.0); 10] }
+    }
+    /// The function f(self), whose derivatives of order 0 to 3 have the ranges `f`.
+    fn chain(&self, [f0, f1, f2, f3]: [Interval; 4]) -> Self {
+        let (g, s) = (&self.g, |i: usize, j: usize| self.h[AT2[i][j]]);
+        Self {
+            v: f0,
+            g: g.map(|u| f1 * u),
+            h: std::array::from_fn(|n| {
+                let (i, j) = PAIRS[n];
+                f1 * self.h[n] + f2 * g[i] * g[j]
+            }),
+            t: std::array::from_fn(|n| {
+                let (i, j, k) = TRIPLES[n];
+                f1 * self.t[n] + f2 * (s(i, j) * g[k] + s(i, k) * g[j] + s(j, k) * g[i]) + f3 * g[i] * g[j] * g[k]
+            }),
+        }
+    }
+    fn map2(&self, o: &Self, f: impl Fn(Interval, Interval) -> Interval) -> Self {
+        Self {
+            v: f(self.v, o.v),
+            g: std::array::from_fn(|i| f(self.g[i], o.g[i])),
+            h: std::array::from_fn(|i| f(self.h[i], o.h[i])),
+            t: std::array::from_fn(|i| f(self.t[i], o.t[i])),
+        }
+    }
+    fn product(&self, o: &Self) -> Self {
+        let (a, b) = (|i: usize, j: usize| self.h[AT2[i][j]], |i: usize, j: usize| o.h[AT2[i][j]]);
+        Self {
+            v: self.v * o.v,
+            g: std::array::from_fn(|i| self.v * o.g[i] + self.g[i] * o.v),
+            h: std::array::from_fn(|n| {
+                let (i, j) = PAIRS[n];
+                self.v * o.h[n] + self.g[i] * o.g[j] + self.g[j] * o.g[i] + self.h[n] * o.v
+            }),
+            t: std::array::from_fn(|n| {
+                let (i, j, k) = TRIPLES[n];
+                self.v * o.t[n]
+                    + self.g[i] * b(j, k)
+                    + self.g[j] * b(i, k)
+                    + self.g[k] * b(i, j)
+                    + a(i, j) * o.g[k]
+                    + a(i, k) * o.g[j]
+                    + a(j, k) * o.g[i]
+                    + self.t[n] * o.v
+            }),
+        }
+    }
+    /// One of two branches of a continuous function, it is not known which.
+    fn either(&self, o: &Self, v: Interval) -> Self {
+        Self { v, g: std::array::from_fn(|i| self.g[i].hull(&o.g[i])), h: [Interval::ALL; 6], t: [Interval::ALL; 10] }
+    }
+    /// A function that may jump.
+    fn unknown(v: Interval) -> Self {
+        Self { v, g: [Interval::ALL; 3], h: [Interval::ALL; 6], t: [Interval::ALL; 10] }
+    }
+    /// A step function: flat where it is constant.
+    fn step(v: Interval) -> Self {
+        if v.lo() == v.hi() { Self::flat(v) } else { Self::unknown(v) }
+    }
+}
+
+impl Add for IntervalJet {
+    type Output = Self;
+    fn add(self, o: Self) -> Self {
+        self.map2(&o, |a, b| a + b)
+    }
+}
+impl Sub for IntervalJet {
+    type Output = Self;
+    fn sub(self, o: Self) -> Self {
+        self.map2(&o, |a, b| a - b)
+    }
+}
+impl Neg for IntervalJet {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.map2(&self, |a, _| -a)
+    }
+}
+impl Mul for IntervalJet {
+    type Output = Self;
+    fn mul(self, o: Self) -> Self {
+        self.product(&o)
+    }
+}
+impl Div for IntervalJet {
+    type Output = Self;
+    #[allow(clippy::suspicious_arithmetic_impl, reason = "u / v = u · v⁻¹")]
+    fn div(self, o: Self) -> Self {
+        let r = c(1.0) / o.v;
+        let mut q = self.product(&o.chain([r, -r.square(), c(2.0) * r.powi(3), c(-6.0) * r.powi(4)]));
+        q.v = self.v / o.v;
+        q
+    }
+}
+
+impl Real for IntervalJet {
+    fn constant(v: f64) -> Self {
+        Self::flat(c(v))
+    }
+    fn value(&self) -> f64 {
+        self.v.value()
+    }
+    fn sqrt(&self) -> Self {
+        let s = self.v.sqrt();
+        if self.v.lo() <= 0.0 {
+            return Self::unknown(s);
+        }
+        let d = c(0.5) / s;
+        self.chain([s, d, c(-0.5) * d / self.v, c(0.75) * d / self.v.square()])
+    }
+    fn exp(&self) -> Self {
+        self.chain([self.v.exp(); 4])
+    }
+    fn ln(&self) -> Self {
+        if self.v.lo() <= 0.0 {
+            return Self::unknown(self.v.ln());
+        }
+        let r = c(1.0) / self.v;
+        self.chain([self.v.ln(), r, -r.square(), c(2.0) * r.powi(3)])
+    }
+    fn sin(&self) -> Self {
+        let (s, k) = (self.v.sin(), self.v.cos());
+        self.chain([s, k, -s, -k])
+    }
+    fn cos(&self) -> Self {
+        let (s, k) = (self.v.sin(), self.v.cos());
+        self.chain([k, -s, -k, s])
+    }
+    fn tan(&self) -> Self {
+        let t = self.v.tan();
+        let q = c(1.0) + t.square();
+        self.chain([t, q, c(2.0) * t * q, c(2.0) * q * (c(1.0) + c(3.0) * t.square())])
+    }
+    fn asin(&self) -> Self {
+        if self.v.lo() <= -1.0 || self.v.hi() >= 1.0 {
+            return Self::unknown(self.v.asin());
+        }
+        let q = c(1.0) - self.v.square();
+        let r = c(1.0) / q.sqrt();
+        self.chain([self.v.asin(), r, self.v * r / q, (c(1.0) + c(2.0) * self.v.square()) * r / q.square()])
+    }
+    fn acos(&self) -> Self {
+        let mut r = -self.asin();
+        r.v = self.v.acos();
+        r
+    }
+    fn atan(&self) -> Self {
+        let (u, q) = (self.v, c(1.0) / (c(1.0) + self.v.square()));
+        self.chain([u.atan(), q, c(-2.0) * u * q.square(), (c(6.0) * u.square() - c(2.0)) * q.powi(3)])
+    }
+    fn sinh(&self) -> Self {
+        let (s, k) = (self.v.sinh(), self.v.cosh());
+        self.chain([s, k, s, k])
+    }
+    fn cosh(&self) -> Self {
+        let (s, k) = (self.v.sinh(), self.v.cosh());
+        self.chain([k, s, k, s])
+    }
+    fn tanh(&self) -> Self {
+        let t = self.v.tanh();
+        let q = c(1.0) - t.square();
+        self.chain([t, q, c(-2.0) * t * q, q * (c(6.0) * t.square() - c(2.0))])
+    }
+    fn abs(&self) -> Self {
+        match () {
+            () if self.v.lo() >= 0.0 => *self,
+            () if self.v.hi() <= 0.0 => -*self,
+            () => self.either(&-*self, self.v.abs()),
+        }
+    }
+    fn square(&self) -> Self {
+        self.chain([self.v.square(), c(2.0) * self.v, c(2.0), c(0.0)])
+    }
+    fn powi(&self, n: i32) -> Self {
+        let mut factor = 1.0;
+        self.chain(std::array::from_fn(|k| {
+            let k = k as i32;
+            let r = if factor == 0.0 { c(0.0) } else { c(factor) * self.v.powi(n - k) };
+            factor *= f64::from(n - k);
+            r
+        }))
+    }
+    fn powf(&self, e: &Self) -> Self {
+        if self.v.lo() <= 0.0 {
+            return Self::unknown(self.v.powf(&e.v));
+        }
+        let mut r = (self.ln() * *e).exp();
+        r.v = self.v.powf(&e.v);
+        r
+    }
+    fn atan2(&self, x: &Self) -> Self {
+        let v = self.v.atan2(&x.v);
+        let mut r = match () {
+            () if !x.v.contains(0.0) => (*self / *x).atan(),
+            () if !self.v.contains(0.0) => -(*x / *self).atan(),
+            () => return Self::unknown(v),
+        };
+        // Across the negative x axis the angle jumps.
+        if x.v.lo() < 0.0 && self.v.contains(0.0) {
+            return Self::unknown(v);
+        }
+        r.v = v;
+        r
+    }
+    fn floor(&self) -> Self {
+        Self::step(self.v.floor())
+    }
+    fn ceil(&self) -> Self {
+        Self::step(self.v.ceil())
+    }
+    fn trunc(&self) -> Self {
+        Self::step(self.v.trunc())
+    }
+    fn sign(&self) -> Self {
+        Self::step(self.v.sign())
+    }
+    fn min(&self, o: &Self) -> Self {
+        match () {
+            () if self.v.hi() <= o.v.lo() => *self,
+            () if o.v.hi() <= self.v.lo() => *o,
+            () => self.either(o, self.v.min(&o.v)),
+        }
+    }
+    fn max(&self, o: &Self) -> Self {
+        match () {
+            () if self.v.lo() >= o.v.hi() => *self,
+            () if o.v.lo() >= self.v.hi() => *o,
+            () => self.either(o, self.v.max(&o.v)),
+        }
+    }
+    fn less(&self, o: &Self) -> Self {
+        Self::step(self.v.less(&o.v))
+    }
+    fn less_eq(&self, o: &Self) -> Self {
+        Self::step(self.v.less_eq(&o.v))
+    }
+    fn select(&self, a: &Self, b: &Self) -> Self {
+        match () {
+            () if !self.v.contains(0.0) => *a,
+            () if self.v.lo() == 0.0 && self.v.hi() == 0.0 => *b,
+            () => Self::unknown(a.v.hull(&b.v)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Jet3;
+
+    fn formula<R: Real>(x: &R, y: &R, z: &R) -> R {
+        let c = R::constant;
+        let a = (x.square() + y.square() + c(0.5)).sqrt() * z.sin() / (y.cosh() + c(1.0));
+        let b = (x.clone() * y.clone()).exp() - (z.square() + c(1.0)).ln() + x.atan() * y.tanh();
+        let d = x.powi(3) - z.powi(-2) + (y.clone() * c(0.3)).asin() + (x.clone() * c(0.2)).acos() + z.sinh() * x.cos();
+        let e = (x.square() + c(1.0)).powf(&(y.clone() + c(0.7))) + y.atan2(&(x.clone() + c(3.0))) + z.tan();
+        a + b.r_union(&d) * e.max(&x.abs())
+    }
+
+    /// Intervals over a box hold the jets at its points, and shrink to them with the box.
+    #[test]
+    fn jets_of_points_lie_inside() {
+        let centre = [0.7, -0.4, 0.9];
+        for radius in [0.0, 1e-6, 1e-3, 0.05] {
+            let [x, y, z] = std::array::from_fn(|i| IntervalJet::variable(Interval::new(centre[i] - radius, centre[i] + radius), i));
+            let all = formula(&x, &y, &z);
+            for corner in 0..8 {
+                let at: [f64; 3] = std::array::from_fn(|i| centre[i] + if corner >> i & 1 == 1 { radius } else { -radius });
+                let [x, y, z] = std::array::from_fn(|i| Jet3::variable(at[i], i));
+                let one = formula(&x, &y, &z);
+                assert!(all.v.contains(one.v));
+                assert!((0..3).all(|i| all.g[i].contains(one.g[i])));
+                assert!((0..6).all(|i| all.h[i].contains(one.h[i])));
+                // Plain jets round, too: a hundred units in the last place.
+                assert!((0..10).all(|i| one.t[i] > all.t[i].lo() - 1e-11 && one.t[i] < all.t[i].hi() + 1e-11));
+            }
+            if radius <= 1e-3 {
+                assert!(all.t.iter().all(|t| t.width() <= 1e-9 + 1e5 * radius), "{radius}: {:?}", all.t);
+            }
+        }
+    }
+
+    #[test]
+    fn kinks_are_not_passed_over() {
+        let x = IntervalJet::variable(Interval::new(-1.0, 1.0), 0);
+        let a = x.abs();
+        assert_eq!((a.v.lo(), a.v.hi()), (0.0, 1.0));
+        assert_eq!((a.g[0].lo(), a.g[0].hi()), (-1.0, 1.0));
+        assert_eq!(a.h[0], Interval::ALL);
+        let y = IntervalJet::variable(Interval::new(2.0, 3.0), 1);
+        assert_eq!(x.max(&y), y);
+    }
+}

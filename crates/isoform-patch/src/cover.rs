@@ -1,0 +1,195 @@
+//! Covering: patches until all of the surface in the region lies on one (the future work of Wurm, Jüttler and Kim 2003, section 5).
+//!
+//! The surface is known by samples: random places of the region, projected. Each round starts a few patches at uncovered samples far
+//! from what is covered and from one another, grown side by side; in the end, patches that others make superfluous are left out.
+
+use crate::surface::{Random, contains, project};
+use crate::{Error, Options, Parameterized, single};
+use isoform_geom::{Field, Point3, RationalPatch, distance_squared, dot, sub};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Random places that are projected to samples.
+const PLACES: usize = 12_000;
+/// Patches that are grown side by side; fixed, so that the result does not depend on the number of threads.
+const ROUND: usize = 4;
+/// Samples of a patch in each direction, from which feet of samples are sought.
+const GRID: usize = 33;
+/// Newton steps towards the foot of a sample on a patch.
+const STEPS: usize = 12;
+/// Samples at which no patch may be had are given up after so many failures altogether.
+const MOST_FAILURES: usize = 200;
+
+/// Patches with what they cover.
+#[derive(Clone, Debug)]
+pub struct Cover {
+    /// The patches, in the order in which they were chosen.
+    pub patches: Vec<Parameterized>,
+    /// Points of the surface by which coverage was measured.
+    pub samples: usize,
+    /// How many of them lie on a patch, within the tolerance.
+    pub covered: usize,
+}
+
+/// Covers the surface in the region with patches that keep the tolerance.
+///
+/// `most` bounds their number, `stop` is asked between rounds, and `threads` work side by side; the result depends on neither of
+/// the latter unless it is stopped.
+pub fn cover(field: &dyn Field, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
+    single::check(options)?;
+    let tolerance = options.tolerance.ok_or(Error::Option { name: "the tolerance", value: f64::NAN })?;
+    let samples = samples(field, options);
+    if samples.is_empty() {
+        return Err(Error::NoSurface);
+    }
+    let mut patches: Vec<(Parameterized, Vec<bool>)> = Vec::new();
+    let mut open: Vec<bool> = vec![true; samples.len()];
+    // The squared distance of each sample from covered samples and tried seeds.
+    let mut far = vec![f64::INFINITY; samples.len()];
+    let (mut failures, mut last_error) = (0, Error::NoSurface);
+    while open.contains(&true) && patches.len() < most && failures < MOST_FAILURES && !stop() {
+        let seeds = next_seeds(&samples, &open, &far, ROUND.min(most - patches.len()));
+        let made = side_by_side(seeds.len(), threads, &|i| {
+            let options = Options { seed_point: Some(samples[seeds[i]]), ..*options };
+            let patch = single::parameterize(field, &options)?;
+            let covers = reached(&patch.grown.patch, &samples, tolerance);
+            Ok((patch, covers))
+        });
+        for (seed, made) in seeds.iter().zip(made) {
+            match made {
+                Ok((patch, covers)) if patch.distances.bound.is_some_and(|b| b <= tolerance) && covers.contains(&true) => {
+                    for (i, c) in covers.iter().enumerate() {
+                        open[i] &= !c;
+                    }
+                    // Its own sample is done with, even if rounding says that it is not quite reached.
+                    open[*seed] = false;
+                    patches.push((patch, covers));
+                }
+                Ok(_) => {
+                    failures += 1;
+                    open[*seed] = false;
+                }
+                Err(error) => {
+                    (failures, last_error) = (failures + 1, error);
+                    open[*seed] = false;
+                }
+            }
+            far[*seed] = 0.0;
+        }
+        update_far(&samples, &open, &mut far);
+    }
+    if patches.is_empty() {
+        return Err(last_error);
+    }
+    let patches = needed(patches);
+    let covered = (0..samples.len()).filter(|&i| patches.iter().any(|p| p.1[i])).count();
+    Ok(Cover { patches: patches.into_iter().map(|p| p.0).collect(), samples: samples.len(), covered })
+}
+
+/// Points of the surface in the region.
+fn samples(field: &dyn Field, options: &Options) -> Vec<Point3> {
+    let (mut random, scale) = (Random::new(options.seed), options.region.diagonal());
+    (0..PLACES).filter_map(|_| project(field, random.place(&options.region), scale)).filter(|p| contains(&options.region, *p)).collect()
+}
+
+/// Uncovered samples, each the farthest from what is covered and from those before it.
+fn next_seeds(samples: &[Point3], open: &[bool], far: &[f64], count: usize) -> Vec<usize> {
+    let mut far = far.to_vec();
+    let mut seeds: Vec<usize> = Vec::new();
+    for _ in 0..count {
+        // The first among equals.
+        let best = (0..samples.len()).filter(|&i| open[i]).max_by(|&a, &b| far[a].total_cmp(&far[b]).then(b.cmp(&a)));
+        let Some(best) = best.filter(|b| !seeds.contains(b)) else { break };
+        seeds.push(best);
+        for (f, p) in far.iter_mut().zip(samples) {
+            *f = f.min(distance_squared(*p, samples[best]));
+        }
+    }
+    seeds
+}
+
+/// The distances of open samples from those that no longer are.
+fn update_far(samples: &[Point3], open: &[bool], far: &mut [f64]) {
+    let done: Vec<Point3> = samples.iter().zip(open).filter(|(_, o)| !**o).map(|(p, _)| *p).collect();
+    let tree = isoform_geom::KdTree::new(&done);
+    for i in 0..samples.len() {
+        if open[i] && !done.is_empty() {
+            far[i] = far[i].min(tree.nearest(samples[i]).map_or(f64::INFINITY, |n| n.1));
+        }
+    }
+}
+
+/// Runs jobs on threads; results in their order.
+fn side_by_side<T: Send>(jobs: usize, threads: usize, job: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
+    if threads <= 1 || jobs <= 1 {
+        return (0..jobs).map(job).collect();
+    }
+    let next = AtomicUsize::new(0);
+    let mut all: Vec<(usize, T)> = std::thread::scope(|scope| {
+        let work = || {
+            let mut mine = Vec::new();
+            loop {
+                let i = next.fetch_add(1, Ordering::Relaxed);
+                if i >= jobs {
+                    return mine;
+                }
+                mine.push((i, job(i)));
+            }
+        };
+        let handles: Vec<_> = (0..threads.min(jobs)).map(|_| scope.spawn(work)).collect();
+        handles.into_iter().flat_map(|h| h.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
+    });
+    all.sort_by_key(|r| r.0);
+    all.into_iter().map(|r| r.1).collect()
+}
+
+/// Which points lie within `tolerance` of a patch: the foot is sought by Newton's method from the nearest of a grid of points.
+pub fn reached(patch: &RationalPatch, points: &[Point3], tolerance: f64) -> Vec<bool> {
+    let at = |i: usize| i as f64 / (GRID - 1) as f64;
+    let grid: Vec<Point3> = (0..GRID * GRID).map(|k| patch.point(at(k / GRID), at(k % GRID))).collect();
+    let mut step = 0.0f64;
+    for k in 0..GRID * GRID {
+        for n in [(k % GRID + 1 < GRID).then_some(k + 1), (k + GRID < GRID * GRID).then_some(k + GRID)].into_iter().flatten() {
+            step = step.max(distance_squared(grid[k], grid[n]));
+        }
+    }
+    let near = tolerance + step.sqrt();
+    let tree = isoform_geom::KdTree::new(&grid);
+    let reaches = |p: Point3| {
+        let Some((k, d2)) = tree.nearest(p).map(|n| (n.0, n.1)) else { return false };
+        if d2 > near * near {
+            return false;
+        }
+        let (mut u, mut v) = (at(k / GRID), at(k % GRID));
+        for _ in 0..STEPS {
+            let t = patch.tangents(u, v);
+            let r = sub(p, t.point);
+            if dot(r, r) <= tolerance * tolerance {
+                return true;
+            }
+            let (a, b, c) = (dot(t.u, t.u), dot(t.u, t.v), dot(t.v, t.v));
+            let (e, f) = (dot(t.u, r), dot(t.v, r));
+            let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
+            u = (u + (c * e - b * f) / determinant).clamp(0.0, 1.0);
+            v = (v + (a * f - b * e) / determinant).clamp(0.0, 1.0);
+        }
+        false
+    };
+    points.iter().map(|p| reaches(*p)).collect()
+}
+
+/// A part of the patches that covers as much: greedily the one that covers most of what is open.
+fn needed(mut patches: Vec<(Parameterized, Vec<bool>)>) -> Vec<(Parameterized, Vec<bool>)> {
+    let count = patches.first().map_or(0, |p| p.1.len());
+    let mut open: Vec<bool> = vec![true; count];
+    let mut chosen = Vec::new();
+    loop {
+        let gain = |p: &(Parameterized, Vec<bool>)| p.1.iter().zip(&open).filter(|(c, o)| **c && **o).count();
+        let best = (0..patches.len()).max_by(|&a, &b| gain(&patches[a]).cmp(&gain(&patches[b])).then(b.cmp(&a)));
+        let Some(best) = best.filter(|&b| gain(&patches[b]) > 0) else { return chosen };
+        let patch = patches.remove(best);
+        for (o, c) in open.iter_mut().zip(&patch.1) {
+            *o &= !c;
+        }
+        chosen.push(patch);
+    }
+}

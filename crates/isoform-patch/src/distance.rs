@@ -1,0 +1,423 @@
+//! Distances of a patch from the surface, sampled and proved.
+//!
+//! The proof goes cell by cell. About a point c near a cell, F = F(c) + ∇F·δ + δᵀHδ/2 up to a remainder that third derivatives bound;
+//! with the homogeneous patch put in for δ, times w², the first part is a Bézier polynomial, and the quotients of its coefficients by
+//! those of w² bound it. Where n·∇F ≥ G > 0 for a unit vector n in a neighbourhood of the cell that is wider by M/G than the cell
+//! itself, and |F| ≤ M on the cell, the surface is at most M/G away along ±n. Where no such n exists (at self-intersections) cells
+//! are divided until they are small against the bound; then it suffices that F changes its sign between c and a point nearby.
+
+use crate::surface::ON_SURFACE;
+use isoform_geom::{Aabb, Expansion, Field, Point3, RationalPatch, norm, sub};
+use isoform_num::{Interval, Jet2};
+
+/// Samples in each direction.
+const SAMPLES: usize = 41;
+/// Newton steps towards the surface.
+const STEPS: usize = 25;
+/// Corrections of foot points.
+const CORRECTIONS: usize = 2;
+/// The proved bound may be so many times the sampled distance; if that fails, so many times.
+const SLACK: [f64; 2] = [1.8, 2.7];
+/// Bounds below this share of the largest coordinate are lost in rounding.
+const ROUNDING: f64 = 1e-13;
+/// Cells that may be looked at.
+const MOST_CELLS: usize = 60_000;
+/// Newton steps to a foot point about which the sign is looked at.
+const FOOT_STEPS: usize = 8;
+/// Halvings of the patch in each direction.
+const MOST_DEPTH: u32 = 18;
+/// The relative error of subdivision, per quartering, in the largest coordinate: half a unit for each of at most sixteen levels, in a
+/// coordinate and in the weight.
+const SUBDIVISION: f64 = 16.0 * f64::EPSILON;
+
+/// Distances from the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Distances {
+    /// No point of the patch is farther from the surface; none where that could not be proved.
+    pub bound: Option<f64>,
+    /// The largest distance among samples.
+    pub sampled: f64,
+    /// The root mean square over the area, by samples.
+    pub rms: f64,
+}
+
+/// Samples the distance of a patch from the surface in a square grid of so many samples (at least 2) in each direction: the largest,
+/// and the root mean square over the area.
+pub fn sampled(field: &dyn Field, patch: &RationalPatch, samples: usize) -> (f64, f64) {
+    let mut points = Vec::with_capacity(samples * samples);
+    let mut areas = Vec::with_capacity(samples * samples);
+    for i in 0..samples {
+        for j in 0..samples {
+            let t = patch.tangents(i as f64 / (samples - 1) as f64, j as f64 / (samples - 1) as f64);
+            points.push(t.point);
+            // The trapezoidal rule: half at the border.
+            let half = |i: usize| if i == 0 || i == samples - 1 { 0.5 } else { 1.0 };
+            areas.push(norm(t.normal()) * half(i) * half(j));
+        }
+    }
+    let distances = foot_distances(field, &points);
+    let (mut most, mut sum, mut area) = (0.0f64, 0.0, 0.0);
+    for (d, a) in distances.iter().zip(&areas) {
+        most = most.max(*d);
+        sum += d * d * a;
+        area += a;
+    }
+    (most, (sum / area).sqrt())
+}
+
+/// Distances of points from the surface, by foot points: exact where these converge to the nearest one, too large elsewhere.
+pub(crate) fn foot_distances(field: &dyn Field, points: &[Point3]) -> Vec<f64> {
+    let mut feet = points.to_vec();
+    let mut jets = project_all(field, &mut feet);
+    let mut best: Vec<f64> = feet.iter().zip(points).map(|(q, p)| norm(sub(*p, *q))).collect();
+    for _ in 0..CORRECTIONS {
+        // The part of p − q in the tangent plane leads to a better start.
+        let mut moved: Vec<Point3> = Vec::with_capacity(points.len());
+        for ((p, q), j) in points.iter().zip(&feet).zip(&jets) {
+            let (d, g2) = (sub(*p, *q), j.g.iter().map(|g| g * g).sum::<f64>());
+            let along = if g2 > 0.0 { (d[0] * j.g[0] + d[1] * j.g[1] + d[2] * j.g[2]) / g2 } else { 0.0 };
+            moved.push(std::array::from_fn(|k| q[k] + d[k] - along * j.g[k]));
+        }
+        jets = project_all(field, &mut moved);
+        for ((b, q), p) in best.iter_mut().zip(&moved).zip(points) {
+            *b = b.min(norm(sub(*p, *q)));
+        }
+        feet = moved;
+    }
+    best
+}
+
+/// Moves points onto the surface along gradients; gives back the jets there.
+fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
+    let mut jets = vec![Jet2 { v: 0.0, g: [0.0; 3], h: [0.0; 6] }; points.len()];
+    for _ in 0..STEPS {
+        field.jets(points, &mut jets);
+        let mut most = 0.0f64;
+        for (p, j) in points.iter_mut().zip(&jets) {
+            let g2: f64 = j.g.iter().map(|g| g * g).sum();
+            let step = j.v / g2;
+            if j.v == 0.0 || !step.is_finite() {
+                continue;
+            }
+            most = most.max(step.abs() * g2.sqrt());
+            for k in 0..3 {
+                p[k] -= step * j.g[k];
+            }
+        }
+        if most <= ON_SURFACE {
+            break;
+        }
+    }
+    jets
+}
+
+/// Measures and proves: the bound is at least what is sampled, and aims at no more than 1.8 times that (2.7 times where that
+/// cannot be proved)
+/// and, if that is not less than what is sampled, at no more than the tolerance.
+pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
+    let (sampled, rms) = sampled(field, patch, SAMPLES);
+    let size = patch.control_box().map_or(1.0, |b| b.lo.iter().chain(&b.hi).fold(0.0f64, |m, v| m.max(v.abs())));
+    let bound = SLACK.iter().find_map(|slack| {
+        let target = (slack * sampled).max(ROUNDING * size);
+        let target = tolerance.filter(|t| *t >= sampled).map_or(target, |t| target.min(t));
+        prove(field, patch, target, MOST_CELLS).map(|b| b.max(sampled))
+    });
+    Distances { bound, sampled, rms }
+}
+
+/// A bound on the distance of all points of a patch from the surface that is at most `target`, if such a one can be proved with so
+/// many cells.
+pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
+    let products = Products::new(patch.degree());
+    let mut pending = vec![(patch.clone(), 0u32)];
+    let (mut worst, mut looked_at) = (0.0f64, 0);
+    while let Some((cell, depth)) = pending.pop() {
+        looked_at += 1;
+        if looked_at > cells {
+            return None;
+        }
+        match bound_of_cell(field, &cell, depth, target, &products) {
+            Some(b) => worst = worst.max(b),
+            None if depth == MOST_DEPTH => return None,
+            None => pending.extend(quarters(&cell).map(|c| (c, depth + 1))),
+        }
+    }
+    Some(worst)
+}
+
+/// The quarters of a patch, by de Casteljau's algorithm at 1/2 in both directions.
+fn quarters(patch: &RationalPatch) -> [RationalPatch; 4] {
+    let (m, n) = patch.degree();
+    let mut all = [0; 4].map(|_| patch.clone());
+    // Along v: patches 0 and 2 take the lower half, 1 and 3 the upper one; then along u: 0 and 1 the lower, 2 and 3 the upper.
+    for (which, patch) in all.iter_mut().enumerate() {
+        let control = patch.control_mut();
+        for i in 0..=m {
+            halve(control, i * (n + 1), 1, n, which % 2 == 1);
+        }
+        for j in 0..=n {
+            halve(control, j, n + 1, m, which >= 2);
+        }
+    }
+    all
+}
+
+/// Replaces the Bézier points at `first`, `first + step`, … of degree n by those of the lower or the upper half.
+fn halve(control: &mut [[f64; 4]], first: usize, step: usize, n: usize, upper: bool) {
+    for level in 1..=n {
+        // In place: from the far end for the lower half, so that point k keeps its value of level k.
+        for i in level..=n {
+            let k = if upper { i - level } else { n - (i - level) };
+            let next = if upper { k + 1 } else { k - 1 };
+            for d in 0..4 {
+                control[first + k * step][d] = 0.5 * (control[first + k * step][d] + control[first + next * step][d]);
+            }
+        }
+    }
+}
+
+fn middle(i: &Interval) -> f64 {
+    0.5 * i.lo() + 0.5 * i.hi()
+}
+/// The largest |x − middle|, rounded up.
+fn radius(i: &Interval) -> f64 {
+    let m = middle(i);
+    (i.hi() - m).max(m - i.lo()).next_up()
+}
+fn magnitude(i: &Interval) -> f64 {
+    i.lo().abs().max(i.hi().abs())
+}
+
+/// A bound on the distance of a cell from the surface, if one of at most `target` is found.
+fn bound_of_cell(field: &dyn Field, cell: &RationalPatch, depth: u32, target: f64, products: &Products) -> Option<f64> {
+    let (least, _) = cell.control_weights();
+    if least <= 0.0 {
+        return None;
+    }
+    let c = cell.point(0.5, 0.5);
+    // δ over the cell lies within these; c need not be exact.
+    let d: Vec<[f64; 4]> = cell.control().iter().map(|p| [p[0] - c[0] * p[3], p[1] - c[1] * p[3], p[2] - c[2] * p[3], p[3]]).collect();
+    let mut r = [0.0f64; 3];
+    let mut largest = 0.0f64;
+    for p in &d {
+        for k in 0..3 {
+            r[k] = r[k].max((p[k] / p[3]).abs() * (1.0 + 1e-12));
+            largest = largest.max(c[k].abs() + r[k]);
+        }
+    }
+    let rounding = SUBDIVISION * f64::from(depth + 1) * largest;
+    let reach = norm(r);
+    let near = field.jet(c);
+    // How far beyond the cell the surface is sought: as far as it seems to be, not as far as it may be.
+    let beyond = (2.0 * near.v.abs() / norm(near.g) + 0.25 * reach).min(target);
+    let beyond = if beyond.is_nan() { target } else { beyond };
+    let region = Aabb { lo: std::array::from_fn(|k| c[k] - r[k] - beyond), hi: std::array::from_fn(|k| c[k] + r[k] + beyond) };
+    let e = field.expansion(c, region)?;
+    if let Some(b) = smooth_bound(&e, &d, r, beyond, products).filter(|b| b + rounding <= target) {
+        return Some(b + rounding);
+    }
+    // Small against the bound: any sign change nearby will do.
+    if reach > 0.85 * target {
+        return None;
+    }
+    changes_sign(field, c, &e.value, (target - reach - rounding) * (1.0 - 1e-9)).then_some(target)
+}
+
+/// M/G, if that is no more than `beyond`.
+fn smooth_bound(e: &Expansion, d: &[[f64; 4]], r: Point3, beyond: f64, products: &Products) -> Option<f64> {
+    let value = middle(&e.value);
+    let g: Point3 = std::array::from_fn(|k| middle(&e.gradient[k]));
+    let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
+    let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
+    let length = norm(g);
+    if length == 0.0 || !length.is_finite() {
+        return None;
+    }
+    let at = |i: usize, j: usize| h[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]];
+    // A lower bound of n·∇F with n = ∇F(c)/|∇F(c)| in the neighbourhood.
+    let wide: Point3 = r.map(|v| v + beyond);
+    let mut lost = 0.0;
+    for i in 0..3 {
+        let n = g[i].abs() / length;
+        lost += n * radius(&e.gradient[i]);
+        for j in 0..3 {
+            lost += n * radius(&e.hessian[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]]) * wide[j];
+        }
+    }
+    for j in 0..3 {
+        lost += (0..3).map(|i| g[i] / length * at(i, j)).sum::<f64>().abs() * wide[j];
+    }
+    lost += 0.5 * cubic(&t, wide, Some(g.map(|v| v.abs() / length)));
+    let slope = (length - lost) * (1.0 - 1e-12);
+    if slope.is_nan() || slope <= 0.0 {
+        return None;
+    }
+    // w² (F(c) + ∇F·δ + δᵀHδ/2) as a scalar product of (w δ, w) with (H w δ/2, F(c) w + ∇F·w δ).
+    let right = |p: &[f64; 4]| {
+        let h = |k: usize| 0.5 * (at(k, 0) * p[0] + at(k, 1) * p[1] + at(k, 2) * p[2]);
+        [h(0), h(1), h(2), value * p[3] + g[0] * p[0] + g[1] * p[1] + g[2] * p[2]]
+    };
+    let rights: Vec<[f64; 4]> = d.iter().map(right).collect();
+    let mut most = products.of(d, &rights).iter().fold(0.0f64, |m, [q, w2]| m.max((q / w2).abs()));
+    // What the coefficients leave out: rounding of the sums, radii of the derivatives, the remainder.
+    let size =
+        value.abs() + (0..3).map(|k| g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()).sum::<f64>();
+    most += 64.0 * f64::EPSILON * size;
+    most += radius(&e.value);
+    for i in 0..3 {
+        most += radius(&e.gradient[i]) * r[i];
+        for j in 0..3 {
+            most += 0.5 * radius(&e.hessian[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]]) * r[i] * r[j];
+        }
+    }
+    most += cubic(&t, r, None) / 6.0;
+    let bound = most / slope * (1.0 + 1e-12);
+    (bound.is_finite() && bound <= beyond).then_some(bound)
+}
+
+/// Σ t_ijk r_i r_j r_k over all i, j, k; with `n`, Σ t_ijk n_i r_j r_k.
+fn cubic(t: &[f64; 10], r: Point3, n: Option<Point3>) -> f64 {
+    const PLACE: [[[usize; 3]; 3]; 3] =
+        [[[0, 1, 2], [1, 3, 4], [2, 4, 5]], [[1, 3, 4], [3, 6, 7], [4, 7, 8]], [[2, 4, 5], [4, 7, 8], [5, 8, 9]]];
+    let first = n.unwrap_or(r);
+    let mut sum = 0.0;
+    for i in 0..3 {
+        for j in 0..3 {
+            for k in 0..3 {
+                let f = first[i] * r[j] * r[k];
+                // 0 · ∞ is nothing here.
+                if f > 0.0 {
+                    sum += t[PLACE[i][j][k]] * f;
+                }
+            }
+        }
+    }
+    sum
+}
+
+/// Directions in which a change of sign is sought.
+const DIRECTIONS: [[f64; 3]; 13] = [
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [0.0, 0.7, 0.7],
+    [0.0, 0.7, -0.7],
+    [0.7, 0.0, 0.7],
+    [0.7, 0.0, -0.7],
+    [0.7, 0.7, 0.0],
+    [0.7, -0.7, 0.0],
+    [0.57, 0.57, 0.57],
+    [0.57, 0.57, -0.57],
+    [0.57, -0.57, 0.57],
+    [-0.57, 0.57, 0.57],
+];
+
+/// Whether F certainly vanishes within t of c: it has both signs in that ball, which is connected. Points are tried about c, and about
+/// where Newton's method leads to from there, as the sectors between two sheets that cross may be narrow.
+fn changes_sign(field: &dyn Field, c: Point3, here: &Interval, t: f64) -> bool {
+    let sign = |i: &Interval| i32::from(i.lo() > 0.0) - i32::from(i.hi() < 0.0);
+    let (mut positive, mut negative) = (sign(here) > 0, sign(here) < 0);
+    let mut seen = |p: Point3| {
+        let there = sign(&field.bounds(Aabb { lo: p, hi: p }));
+        positive |= there > 0;
+        negative |= there < 0;
+        positive && negative
+    };
+    let mut around =
+        |q: Point3, t: f64| DIRECTIONS.iter().any(|d| [-t, t].into_iter().any(|s| seen(std::array::from_fn(|k| q[k] + s * d[k]))));
+    if t <= 0.0 {
+        return false;
+    }
+    if around(c, t) {
+        return true;
+    }
+    let mut q = c;
+    for _ in 0..FOOT_STEPS {
+        let j = field.jet(q);
+        let step = j.v / j.g.iter().map(|g| g * g).sum::<f64>();
+        if !step.is_finite() {
+            break;
+        }
+        for k in 0..3 {
+            q[k] -= step * j.g[k];
+        }
+    }
+    let left = t - norm(sub(q, c));
+    left > 0.1 * t && around(q, 0.99 * left)
+}
+
+/// Products of Bernstein polynomials of degree (m, n), of degree (2m, 2n).
+struct Products {
+    degree: (usize, usize),
+    /// By (i, k): what bᵢ cₖ adds to coefficient i + k.
+    u: Vec<Vec<f64>>,
+    v: Vec<Vec<f64>>,
+}
+
+fn binomial(n: usize, k: usize) -> f64 {
+    (0..k).fold(1.0, |b, i| b * (n - i) as f64 / (i + 1) as f64)
+}
+
+impl Products {
+    fn new(degree: (usize, usize)) -> Self {
+        let table =
+            |n: usize| (0..=n).map(|i| (0..=n).map(|k| binomial(n, i) * binomial(n, k) / binomial(2 * n, i + k)).collect()).collect();
+        Self { degree, u: table(degree.0), v: table(degree.1) }
+    }
+    /// The coefficients of a·b, and those of the square of the last entry of a.
+    fn of(&self, a: &[[f64; 4]], b: &[[f64; 4]]) -> Vec<[f64; 2]> {
+        let (m, n) = self.degree;
+        let mut out = vec![[0.0; 2]; (2 * m + 1) * (2 * n + 1)];
+        for i in 0..=m {
+            for k in 0..=m {
+                let fu = self.u[i][k];
+                for j in 0..=n {
+                    let (p, fv) = (&a[i * (n + 1) + j], &self.v[j]);
+                    let row = &mut out[(i + k) * (2 * n + 1) + j..][..n + 1];
+                    let (a, b) = (&a[k * (n + 1)..][..n + 1], &b[k * (n + 1)..][..n + 1]);
+                    for l in 0..=n {
+                        let (f, q) = (fu * fv[l], &b[l]);
+                        row[l][0] += f * (p[0] * q[0] + p[1] * q[1] + (p[2] * q[2] + p[3] * q[3]));
+                        row[l][1] += f * p[3] * a[l][3];
+                    }
+                }
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quarters_are_parts() {
+        let control = (0..12).map(f64::from).map(|i| [i.sin(), i.cos(), 0.3 * i, 1.0 + 0.1 * (3.0 * i).sin()]).collect();
+        let patch = RationalPatch::new((2, 3), control).expect("a patch");
+        let (lower, upper) = ((0.0, 0.5), (0.5, 1.0));
+        let parts = [(lower, lower), (lower, upper), (upper, lower), (upper, upper)].map(|(u, v)| patch.part(u, v));
+        for (a, b) in quarters(&patch).iter().zip(&parts) {
+            for (a, b) in a.control().as_flattened().iter().zip(b.control().as_flattened()) {
+                assert!((a - b).abs() < 1e-15);
+            }
+        }
+    }
+
+    #[test]
+    fn products_are_products() {
+        let products = Products::new((2, 1));
+        let list = |seed: f64| -> Vec<[f64; 4]> {
+            (0..6).map(|i| std::array::from_fn(|k| (seed + f64::from(i) * 1.3 + k as f64).sin())).collect()
+        };
+        let (a, b) = (list(0.2), list(0.9));
+        let value = |c: &dyn Fn(usize) -> f64, m: usize, n: usize| {
+            let (bu, bv) = (isoform_geom::bernstein(m, 0.3).0, isoform_geom::bernstein(n, 0.8).0);
+            (0..=m).map(|i| (0..=n).map(|j| bu[i] * bv[j] * c(i * (n + 1) + j)).sum::<f64>()).sum::<f64>()
+        };
+        let product = products.of(&a, &b);
+        let want: f64 = (0..4).map(|k| value(&|i| a[i][k], 2, 1) * value(&|i| b[i][k], 2, 1)).sum();
+        assert!((value(&|i| product[i][0], 4, 2) - want).abs() < 1e-14);
+        assert!((value(&|i| product[i][1], 4, 2) - value(&|i| a[i][3], 2, 1).powi(2)).abs() < 1e-14);
+    }
+}

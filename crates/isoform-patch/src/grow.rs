@@ -1,0 +1,513 @@
+//! Patch growing (Wurm, Jüttler and Kim 2003, section 3.2): from a small patch on the tangent plane, Newton steps and extrapolations
+//! in turn, until the bound on S is reached.
+//!
+//! Departures from the paper, which leaves these things open:
+//! - Corners are put back along the normal of the patch, not along ∇F: at a self-intersection ∇F turns and leads to the wrong branch.
+//! - The bound is approached from what S was at the sizes before: S is nearly a power of the size, so that few extrapolations fail.
+//! - Where a direction is shortened more by Newton steps, the next extrapolation leaves it so: patches take the proportions that suit them.
+//! - After an extrapolation that proves too large the patch is shortened, which counts as an extrapolation and is seen in the trace.
+
+use crate::distance::{prove, sampled};
+use crate::exact::onto;
+use crate::objective::{CORNERS, Evaluated, Method, Objective, Targets, Terms, Weights};
+use crate::options::{Error, Options};
+use crate::solver::{Stop, first_damping, minimise};
+use crate::surface::{ON_SURFACE, Seed, contains, project, project_along};
+use isoform_geom::{Aabb, Point3, RationalPatch, dot, norm};
+use std::time::Instant;
+
+/// Edge of the start patch, in edges of the region.
+const START_SIZE: f64 = 0.1;
+/// The start patch is halved until its planar self has at most so many times the allowed S.
+const START_EXCESS: f64 = 10.0;
+/// Halvings of the start patch: 2⁻³⁰ of the region is beyond any use.
+const HALVINGS: usize = 30;
+/// The largest extrapolation at one side, in edges of the patch.
+const MOST_GROWTH: f64 = 0.16;
+/// S after an extrapolation, before Newton steps, may be this many times its bound.
+const MOST_EXCESS: f64 = 30.0;
+/// Secant steps towards the size that an extrapolation aims at.
+const SECANTS: usize = 4;
+/// Bisections of an extrapolation until it is a start for Newton's method.
+const BISECTIONS: usize = 6;
+/// The share of the bound on S that the last extrapolations aim at.
+const AIM: f64 = 0.997;
+/// A patch with S above this share of the bound is as large as it gets.
+const FULL: f64 = 0.985;
+/// Shortenings in a row before the last good patch is taken.
+const SHORTENINGS: usize = 4;
+/// Newton steps after an extrapolation, far from the bound and near it.
+const STEPS: (Stop, Stop) = (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 2e-3 });
+/// The sampled distance may be this share of the tolerance: what the proof adds must fit, too.
+const WITHIN: f64 = 0.93;
+/// Samples of the distance in each direction while a patch grows.
+const GROWING_SAMPLES: usize = 17;
+/// Bisections of the extrapolation of an exact patch.
+const EXACT_BISECTIONS: usize = 14;
+/// The least control weight of a patch: CAD systems drop faces with negative ones without a word, and quotients of small ones are large.
+const LEAST_WEIGHT: f64 = 0.02;
+/// Times that a patch is made shorter for the proof of its tolerance.
+const SHORTER: usize = 12;
+/// Cells of that proof.
+const PROOF_CELLS: usize = 300_000;
+/// By how much at each side.
+const SHARE_SHORTER: f64 = 0.01;
+/// Quadrature that is off by more than this share gets more nodes.
+const UNRESOLVED: f64 = 0.02;
+/// From this share of the bound on.
+const RESOLVE: f64 = 0.05;
+/// With so many nodes in each direction it gets no more.
+const ENOUGH_NODES: usize = 20;
+/// What is near the bound.
+const NEAR: f64 = 0.3;
+
+/// What a row of the trace is written after.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// A Newton step.
+    Newton,
+    /// An extrapolation, before the first step that follows it.
+    Grow,
+}
+
+/// A row of the trace.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// What has happened.
+    pub phase: Phase,
+    /// S.
+    pub sum: f64,
+    /// Its terms.
+    pub terms: Terms,
+    /// l₁ and l₂.
+    pub lengths: (f64, f64),
+    /// The factors ω.
+    pub weights: Weights,
+}
+
+/// A patch as large as the bound admits, with the way to it.
+#[derive(Clone, Debug)]
+pub struct Grown {
+    /// The patch.
+    pub patch: RationalPatch,
+    /// The point of the surface it was started at.
+    pub seed_point: Point3,
+    /// The terms of S at the patch.
+    pub terms: Terms,
+    /// The last l₁, l₂ and corners.
+    pub targets: Targets,
+    /// The last factors ω.
+    pub weights: Weights,
+    /// All steps.
+    pub trace: Vec<Row>,
+}
+
+impl Grown {
+    /// S.
+    pub fn sum(&self) -> f64 {
+        self.terms.sum(&self.weights)
+    }
+    /// The area of its part in a region, to some per cent.
+    pub fn area(&self, region: &Aabb) -> f64 {
+        area(&self.patch, &|p| contains(region, p))
+    }
+    /// How many rows of the trace belong to a phase.
+    pub fn count(&self, phase: Phase) -> usize {
+        self.trace.iter().filter(|r| r.phase == phase).count()
+    }
+}
+
+/// A growing patch.
+pub(crate) struct Growth<'f> {
+    pub(crate) objective: Objective<'f>,
+    pub(crate) patch: RationalPatch,
+    pub(crate) at: Evaluated,
+    pub(crate) trace: Vec<Row>,
+    /// Whether the time was over before the patch was as large as it gets.
+    pub(crate) is_late: bool,
+    /// The last patch that kept the bound.
+    good: Option<State>,
+    options: Options,
+    damping: f64,
+    seed: Seed,
+    /// Edge of the region: the unit of length in which bounds hold.
+    unit: f64,
+}
+
+/// A patch with the targets and factors it was found with.
+#[derive(Clone)]
+struct State {
+    patch: RationalPatch,
+    at: Evaluated,
+    targets: Targets,
+    weights: Weights,
+}
+
+impl<'f> Growth<'f> {
+    /// The start patch about a seed.
+    pub(crate) fn start(objective: Objective<'f>, seed: Seed, options: &Options) -> Result<Self, Error> {
+        let unit = options.region.size().into_iter().fold(0.0, f64::max);
+        let mut growth = Self {
+            patch: RationalPatch::planar(options.degree, seed.point, seed.tangents[0], seed.tangents[1]),
+            at: Evaluated::default(),
+            objective,
+            trace: Vec::new(),
+            is_late: false,
+            good: None,
+            options: *options,
+            damping: first_damping(),
+            seed,
+            unit,
+        };
+        growth.objective.weights = options.start;
+        let mut size = START_SIZE * unit;
+        for _ in 0..HALVINGS {
+            let [a, b] = seed.tangents.map(|t| t.map(|v| v * size));
+            let origin = std::array::from_fn(|k| seed.point[k] - 0.5 * (a[k] + b[k]));
+            let patch = RationalPatch::planar(options.degree, origin, a, b);
+            if let Some((targets, at)) = growth.retargeted(&patch)
+                && growth.is_start(&at)
+            {
+                (growth.patch, growth.at, growth.objective.targets) = (patch, at, targets);
+                return Ok(growth);
+            }
+            size *= 0.5;
+        }
+        Err(Error::NoPatch { at: seed.point })
+    }
+
+    /// The bound on S.
+    fn limit(&self) -> f64 {
+        self.options.limit * self.unit * self.unit
+    }
+
+    /// Whether S keeps its bound.
+    pub(crate) fn is_within_limit(&self) -> bool {
+        self.sum() <= self.limit()
+    }
+
+    /// How much of what is allowed the patch makes use of: of S, or of the distance from the surface.
+    fn load(&self) -> f64 {
+        match self.options.tolerance {
+            Some(t) => sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0 / (WITHIN * t),
+            None => self.sum() / self.limit(),
+        }
+    }
+
+    /// Whether a planar patch is small enough to start with.
+    fn is_start(&self, at: &Evaluated) -> bool {
+        match self.options.tolerance {
+            Some(t) => at.terms.i.sqrt() <= START_EXCESS * t,
+            None => at.terms.i <= START_EXCESS * self.limit(),
+        }
+    }
+
+    pub(crate) fn sum(&self) -> f64 {
+        self.objective.sum(&self.at.terms)
+    }
+
+    fn row(objective: &Objective<'_>, phase: Phase, terms: &Terms) -> Row {
+        let t = &objective.targets;
+        Row { phase, sum: objective.sum(terms), terms: *terms, lengths: (t.l1, t.l2), weights: objective.weights }
+    }
+
+    /// Lengths and corners for a patch (section 3.3), and its value with them; none where a corner has no foot nearby.
+    fn retargeted(&self, patch: &RationalPatch) -> Option<(Targets, Evaluated)> {
+        let at = self.objective.evaluate(patch)?;
+        let (l1, l2) = self.objective.mean_lengths(&at);
+        let (field, edge) = (self.objective.field(), l1.max(l2).sqrt());
+        let mut corners = [[0.0; 3]; 4];
+        for (corner, &(u, v)) in corners.iter_mut().zip(&CORNERS) {
+            let t = patch.tangents(u, v);
+            let n = t.normal();
+            let length = norm(n);
+            let along = (length > 0.0).then(|| project_along(field, t.point, n.map(|x| x / length), 0.25 * edge)).flatten();
+            let near = |q: &Point3| isoform_geom::distance_squared(*q, t.point) <= (0.25 * edge).powi(2);
+            // Without a foot nearby the patch has left the surface.
+            *corner = along.or_else(|| project(field, t.point, edge).filter(near))?;
+        }
+        let targets = Targets { l1, l2, corners };
+        let at = self.objective.with_targets(patch, at, &targets)?;
+        Some((targets, at))
+    }
+
+    /// Newton steps until `stop`.
+    fn descend(&mut self, stop: Stop) {
+        let at = std::mem::take(&mut self.at);
+        let trace = &mut self.trace;
+        let left = self.options.most_steps.saturating_sub(trace.iter().filter(|r| r.phase == Phase::Newton).count());
+        let stop = Stop { steps: stop.steps.min(left), ..stop };
+        let mut each = |o: &Objective<'_>, t: &Terms| trace.push(Self::row(o, Phase::Newton, t));
+        (self.at, _) = minimise(&mut self.objective, &mut self.patch, at, &self.options.floor, stop, &mut self.damping, &mut each);
+    }
+
+    /// Hands a patch to Newton's method.
+    fn take(&mut self, patch: RationalPatch, targets: Targets, at: Evaluated) {
+        (self.patch, self.at, self.objective.targets) = (patch, at, targets);
+        self.trace.push(Self::row(&self.objective, Phase::Grow, &self.at.terms));
+    }
+
+    fn state(&self) -> State {
+        State { patch: self.patch.clone(), at: self.at.clone(), targets: self.objective.targets, weights: self.objective.weights }
+    }
+
+    /// Which sides (u = 0, u = 1, v = 0, v = 1) still lie in the region, for the most part.
+    fn sides_inside(&self) -> [bool; 4] {
+        const SAMPLES: usize = 9;
+        std::array::from_fn(|side| {
+            let inside = (0..SAMPLES).filter(|&i| {
+                let t = i as f64 / (SAMPLES - 1) as f64;
+                let (u, v) = [(0.0, t), (1.0, t), (t, 0.0), (t, 1.0)][side];
+                contains(&self.options.region, self.patch.point(u, v))
+            });
+            2 * inside.count() > SAMPLES
+        })
+    }
+
+    /// The patch longer by shares of its edges at its four sides.
+    fn longer(&self, by: [f64; 4]) -> RationalPatch {
+        let patch = self.patch.part((-by[0], 1.0 + by[1]), (-by[2], 1.0 + by[3]));
+        balanced(patch)
+    }
+
+    /// Whether an extrapolated patch is a start for Newton's method.
+    fn is_fair(&self, at: &Evaluated) -> bool {
+        match self.options.tolerance {
+            Some(t) => at.terms.i.sqrt() <= MOST_EXCESS * t,
+            None => self.objective.sum(&at.terms) <= MOST_EXCESS * self.limit(),
+        }
+    }
+
+    /// Grows until the bound on S, or on the distance, is reached.
+    pub(crate) fn grow_to_limit(&mut self) {
+        self.descend(STEPS.0);
+        let mut history: Vec<(f64, f64)> = Vec::new();
+        let mut shortened = 0;
+        for _ in 0..self.options.most_extrapolations {
+            if self.options.deadline.is_some_and(|d| Instant::now() >= d) {
+                self.is_late = true;
+                break;
+            }
+            let mut load = self.load();
+            if load > NEAR {
+                self.descend(STEPS.1);
+                load = self.load();
+            }
+            if load > RESOLVE && self.refine() {
+                self.descend(STEPS.1);
+                load = self.load();
+            }
+            let aims = [self.objective.targets.l1, self.objective.targets.l2].map(|l| l.max(f64::MIN_POSITIVE).sqrt());
+            history.push((0.5 * (aims[0] * aims[1]).ln(), load.max(f64::MIN_POSITIVE).ln()));
+            if load <= 1.0 && self.patch.control_weights().0 > LEAST_WEIGHT {
+                self.good = Some(self.state());
+                shortened = 0;
+                if load >= FULL {
+                    break;
+                }
+            } else {
+                shortened += 1;
+                if shortened > SHORTENINGS {
+                    break;
+                }
+            }
+            // The load as a power of the size, by the last two patches.
+            let power = match history.as_slice() {
+                [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > 1e-4 => ((y1 - y0) / (x1 - x0)).clamp(3.0, 12.0),
+                _ => 6.0,
+            };
+            let factor = (AIM / load).powf(1.0 / power).clamp(0.8, 1.0 + 2.0 * MOST_GROWTH);
+            // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the present patch; but its proportions are
+            // those of the present one, as the steps shorten that direction more in which length costs more.
+            let reached = self.edges();
+            let shift = ((reached[1] * aims[0]) / (reached[0] * aims[1])).sqrt();
+            if !self.extrapolate([aims[0] * factor / shift, aims[1] * factor * shift]) {
+                break;
+            }
+            self.descend(STEPS.0);
+        }
+        if let Some(best) = self.good.take() {
+            self.settle(best);
+        }
+    }
+
+    /// Chooses more quadrature nodes where integrals are off by too much, as they are where integrands have kinks: across
+    /// self-intersections and at tight blends. Whether it did.
+    fn refine(&mut self) -> bool {
+        let nodes = self.objective.nodes_per_direction();
+        if self.options.nodes.is_some() || self.options.tolerance.is_some() || nodes >= ENOUGH_NODES {
+            return false;
+        }
+        let mut finer = Objective::new(self.objective.field(), self.patch.degree(), Method::Frozen, Some(nodes * 9 / 5));
+        (finer.weights, finer.targets) = (self.objective.weights, self.objective.targets);
+        let (a, w, sum) = (self.at.terms, self.objective.weights, self.sum());
+        let near =
+            |a: f64, b: f64, factor: f64| (a - b).abs() <= UNRESOLVED * a.max(b) || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum;
+        let resolved = finer.evaluate(&self.patch).is_some_and(|at| {
+            let b = at.terms;
+            let all = near(a.i, b.i, 1.0) && near(a.j, b.j, w.j) && near(a.l, b.l, w.l) && near(a.r, b.r, w.r);
+            all && (b.sum(&w) - sum).abs() <= 0.5 * UNRESOLVED * sum
+        });
+        if resolved {
+            return false;
+        }
+        self.objective.set_nodes(nodes * 8 / 5);
+        match self.retargeted(&self.patch) {
+            Some((targets, at)) => self.take(self.patch.clone(), targets, at),
+            None => {
+                self.objective.set_nodes(nodes);
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Brings the patch onto the surface to rounding, if that succeeds, and extrapolates it, which then costs nothing of I, as far as
+    /// the bound on S and positive control weights admit. Whether it succeeded.
+    pub(crate) fn bring_onto_surface(&mut self) -> bool {
+        let (patch, root) = onto(&self.objective, &self.patch);
+        if root > ON_SURFACE * self.unit || patch.control_weights().0 <= 0.0 {
+            return false;
+        }
+        let fits = |growth: &Self, share: f64| {
+            let longer = balanced(patch.part((-share, 1.0 + share), (-share, 1.0 + share)));
+            let (targets, at) = growth.retargeted(&longer)?;
+            let fits = growth.options.tolerance.is_some() || growth.objective.sum(&at.terms) <= growth.limit();
+            (fits && at.terms.i.sqrt() <= ON_SURFACE * growth.unit && longer.control_weights().0 > LEAST_WEIGHT)
+                .then_some((longer, targets, at))
+        };
+        let (mut lo, mut hi) = (-0.25, MOST_GROWTH);
+        let mut best = fits(self, lo);
+        for _ in 0..EXACT_BISECTIONS {
+            let share = 0.5 * (lo + hi);
+            match fits(self, share) {
+                Some(found) => (lo, best) = (share, Some(found)),
+                None => hi = share,
+            }
+        }
+        let Some((patch, targets, at)) = best else { return false };
+        self.take(patch, targets, at);
+        true
+    }
+
+    /// Shortens the patch until its distance from the surface is proved to keep the tolerance; false where that fails.
+    pub(crate) fn keep_tolerance(&mut self) -> bool {
+        let Some(tolerance) = self.options.tolerance else { return true };
+        for _ in 0..SHORTER {
+            if prove(self.objective.field(), &self.patch, tolerance, PROOF_CELLS).is_some() {
+                return true;
+            }
+            if !self.retreat(SHARE_SHORTER) {
+                return false;
+            }
+        }
+        false
+    }
+
+    /// Goes back to a patch, unless it is the present one.
+    fn settle(&mut self, to: State) {
+        if to.patch != self.patch {
+            self.objective.weights = to.weights;
+            self.take(to.patch, to.targets, to.at);
+        }
+    }
+
+    /// Shortens the patch by a share at each side, without Newton steps; false where that is no patch.
+    pub(crate) fn retreat(&mut self, share: f64) -> bool {
+        let shorter = self.longer([-share; 4]);
+        match self.retargeted(&shorter) {
+            Some((targets, at)) => self.take(shorter, targets, at),
+            None => return false,
+        }
+        true
+    }
+
+    /// Extrapolates (or shortens) at the sides that lie in the region until √l₁ and √l₂ are the given edges; by less where the result is
+    /// no start for Newton's method. False where nothing is gained.
+    fn extrapolate(&mut self, edges: [f64; 2]) -> bool {
+        let present = self.edges();
+        let inside = self.sides_inside();
+        // A direction in which the patch shall be shorter is so at both sides.
+        let moves: [bool; 4] = std::array::from_fn(|side| inside[side] || edges[side / 2] < present[side / 2]);
+        let sides = [0, 2].map(|first| f64::from(u8::from(moves[first]) + u8::from(moves[first + 1])));
+        if sides == [0.0; 2] {
+            return false;
+        }
+        let range = |share: f64| share.clamp(-0.2, MOST_GROWTH);
+        let mut shares = [0, 1].map(|k| if sides[k] > 0.0 { range((edges[k] / present[k] - 1.0) / sides[k]) } else { 0.0 });
+        let by = |shares: [f64; 2]| std::array::from_fn(|side| if moves[side] { shares[side / 2] } else { 0.0 });
+        for _ in 0..SECANTS {
+            let Some(reached) = self.objective.lengths(&self.longer(by(shares))) else { break };
+            for (k, l) in [reached.0, reached.1].into_iter().enumerate() {
+                let factor = (edges[k] - present[k]) / (l.sqrt() - present[k]);
+                if factor > 0.1 && factor < 10.0 {
+                    shares[k] = range(shares[k] * factor);
+                }
+            }
+        }
+        for _ in 0..BISECTIONS {
+            let patch = self.longer(by(shares));
+            if let Some((targets, at)) = self.retargeted(&patch)
+                && (shares.iter().all(|s| *s < 0.0) || self.is_fair(&at))
+            {
+                self.take(patch, targets, at);
+                return true;
+            }
+            shares = shares.map(|s| 0.5 * s);
+        }
+        false
+    }
+
+    /// The roots of the means of g₁₁ and g₂₂.
+    fn edges(&self) -> [f64; 2] {
+        let (l1, l2) = self.objective.mean_lengths(&self.at);
+        [l1.max(f64::MIN_POSITIVE).sqrt(), l2.max(f64::MIN_POSITIVE).sqrt()]
+    }
+
+    /// What was grown.
+    pub(crate) fn finish(self) -> Grown {
+        Grown {
+            patch: self.patch,
+            seed_point: self.seed.point,
+            terms: self.at.terms,
+            targets: self.objective.targets,
+            weights: self.objective.weights,
+            trace: self.trace,
+        }
+    }
+}
+
+/// The same surface with control points scaled so that the least and the largest weight are as far from 1, where J is least or nearly so.
+fn balanced(mut patch: RationalPatch) -> RationalPatch {
+    const N: usize = 6;
+    let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+    for i in 0..=N {
+        for j in 0..=N {
+            let w = patch.homogeneous(i as f64 / N as f64, j as f64 / N as f64)[0][3];
+            (lo, hi) = (lo.min(w), hi.max(w));
+        }
+    }
+    let middle = 0.5 * (lo + hi);
+    if lo > 0.0 && middle.is_finite() {
+        for v in patch.control_mut().as_flattened_mut() {
+            *v /= middle;
+        }
+    }
+    patch
+}
+
+/// The area of a patch by a grid of area elements, only where `inside` holds.
+pub(crate) fn area(patch: &RationalPatch, inside: &dyn Fn(Point3) -> bool) -> f64 {
+    const N: usize = 24;
+    let mut sum = 0.0;
+    for i in 0..N {
+        for j in 0..N {
+            let t = patch.tangents((i as f64 + 0.5) / N as f64, (j as f64 + 0.5) / N as f64);
+            if inside(t.point) {
+                let n = t.normal();
+                sum += dot(n, n).sqrt();
+            }
+        }
+    }
+    sum / (N * N) as f64
+}

@@ -1,0 +1,29 @@
+//! Approximate rational parameterization of implicit surfaces.
+//!
+//! E. Wurm, B. Jüttler, M.-S. Kim: Approximate Rational Parameterization of Implicitly Defined Surfaces (2003). A rational
+//! tensor-product Bézier patch is fitted to a surface F = 0 by minimising S = I + ω_J J + ω_L L + ω_R R + ω_E E, and grown from a small
+//! piece of a tangent plane until S reaches a bound. Any [`isoform_geom::Field`] with derivatives will do.
+#![forbid(unsafe_code)]
+
+mod cover;
+mod distance;
+mod exact;
+mod grow;
+mod local;
+mod objective;
+mod options;
+mod quadric;
+mod single;
+mod solver;
+mod surface;
+
+pub use cover::{Cover, cover, reached};
+pub use distance::{Distances, distances, prove, sampled};
+pub use grow::{Grown, Phase, Row};
+pub use objective::{Derivatives, Evaluated, K, Method, Objective, Targets, Terms, Weights};
+pub use options::{Error, Options, PAPER_LIMIT};
+pub use quadric::{Quadric, quadric};
+pub use single::{Parameterized, parameterize};
+
+/// The largest degree: beyond it, systems are large and nothing is gained.
+pub const MOST_DEGREE: usize = 8;

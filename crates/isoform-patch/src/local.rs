@@ -1,0 +1,211 @@
+//! The integrands of the objective as functions of z = (p*, p*ᵤ, p*ᵥ) ∈ ℝ¹² at one node.
+//!
+//! With N the first three coordinates of p* and w its last: p = N/w and pᵤ = (Nᵤ − p wᵤ)/w, the same for v.
+
+use crate::objective::{K, Method, Targets, Weights};
+use isoform_geom::{Point3, dot};
+use isoform_num::{Jet2, Jet3};
+
+/// z with the point and the tangents it stands for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Node {
+    pub(crate) z: [f64; 12],
+    pub(crate) point: Point3,
+    pub(crate) tangents: [Point3; 2],
+}
+
+/// The residuals whose squares are integrated.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Residuals {
+    /// F/|∇F|, 0 where both vanish.
+    pub(crate) distance: f64,
+    /// g₁₁ − l₁.
+    pub(crate) u: f64,
+    /// g₂₂ − l₂.
+    pub(crate) v: f64,
+    /// g₁₂.
+    pub(crate) angle: f64,
+}
+
+impl Node {
+    /// None where w ≤ 0.
+    pub(crate) fn new(z: [f64; 12]) -> Option<Self> {
+        let w = z[3];
+        if w.is_nan() || w <= 0.0 {
+            return None;
+        }
+        let point: Point3 = std::array::from_fn(|k| z[k] / w);
+        let tangents = [4, 8].map(|t| std::array::from_fn(|k| (z[t + k] - point[k] * z[t + 3]) / w));
+        Some(Self { z, point, tangents })
+    }
+
+    pub(crate) fn residuals(&self, jet: &Jet2, targets: &Targets) -> Residuals {
+        let [pu, pv] = self.tangents;
+        let g = dot(jet.g, jet.g).sqrt();
+        let distance = if jet.v == 0.0 { 0.0 } else { jet.v / g };
+        Residuals { distance, u: dot(pu, pu) - targets.l1, v: dot(pv, pv) - targets.l2, angle: dot(pu, pv) }
+    }
+
+    /// The derivatives of F/|∇F| by p*, with |∇F| taken as constant; 0 where that is 0.
+    pub(crate) fn distance_gradient(&self, jet: &Jet2) -> [f64; 4] {
+        let (w, length) = (self.z[3], dot(jet.g, jet.g).sqrt());
+        if length == 0.0 {
+            return [0.0; 4];
+        }
+        let d = jet.g.map(|g| g / length);
+        [d[0] / w, d[1] / w, d[2] / w, -dot(d, self.point) / w]
+    }
+
+    /// The places in z that pᵤ,ₖ (or pᵥ,ₖ) depends on: Nₖ, w, N_{k,u}, wᵤ; and its derivatives by them.
+    fn tangent(&self, which: usize, k: usize) -> ([usize; 4], [f64; 4]) {
+        let (w, offset) = (self.z[3], 4 + 4 * which);
+        let (wu, p, pu) = (self.z[offset + 3], self.point[k], self.tangents[which][k]);
+        ([k, 3, offset + k, offset + 3], [-wu / (w * w), (p * wu / w - pu) / w, 1.0 / w, -p / w])
+    }
+    /// The second derivatives of the same.
+    fn tangent_second(&self, which: usize, k: usize) -> [[f64; 4]; 4] {
+        let (w, offset) = (self.z[3], 4 + 4 * which);
+        let (n, nu, wu) = (self.z[k], self.z[offset + k], self.z[offset + 3]);
+        let (w2, w3) = (w * w, w * w * w);
+        let (n_w, w_w, w_nu, w_wu) = (2.0 * wu / w3, 2.0 * nu / w3 - 6.0 * n * wu / (w3 * w), -1.0 / w2, 2.0 * n / w3);
+        [[0.0, n_w, 0.0, -1.0 / w2], [n_w, w_w, w_nu, w_wu], [0.0, w_nu, 0.0, 0.0], [-1.0 / w2, w_wu, 0.0, 0.0]]
+    }
+}
+
+/// Gradient and second derivatives of the integrand of S by z, times the quadrature weight.
+#[derive(Clone, Debug)]
+pub(crate) struct Local {
+    pub(crate) gradient: [f64; 12],
+    pub(crate) hessian: [[f64; 12]; 12],
+}
+
+impl Local {
+    /// `third` is used by Newton's method only.
+    pub(crate) fn new(
+        node: &Node,
+        jet: &Jet2,
+        third: Option<&Jet3>,
+        method: Method,
+        targets: &Targets,
+        factors: &Weights,
+        weight: f64,
+    ) -> Self {
+        let mut local = Self { gradient: [0.0; 12], hessian: [[0.0; 12]; 12] };
+        let r = node.residuals(jet, targets);
+        local.distance(node, jet, third, method, r.distance, weight);
+
+        let x = node.z[3] - 1.0;
+        let k = f64::from(K);
+        local.gradient[3] += weight * factors.j * k * x.powi(K - 1);
+        local.hessian[3][3] += weight * factors.j * k * (k - 1.0) * x.powi(K - 2);
+
+        let exact = method == Method::Newton;
+        local.form(node, (0, 0), r.u, weight * factors.l, exact);
+        local.form(node, (1, 1), r.v, weight * factors.l, exact);
+        local.form(node, (0, 1), r.angle, weight * factors.r, exact);
+        local
+    }
+
+    /// Adds a residual with value, gradient and, where it counts, second derivatives: s r² with 2 s (∇r ∇rᵀ + r ∇²r).
+    fn square<const N: usize>(&mut self, places: &[usize; N], r: f64, first: &[f64; N], second: Option<&[[f64; N]; N]>, s: f64) {
+        for a in 0..N {
+            self.gradient[places[a]] += 2.0 * s * r * first[a];
+            for b in 0..N {
+                let curved = second.map_or(0.0, |h| r * h[a][b]);
+                self.hessian[places[a]][places[b]] += 2.0 * s * (first[a] * first[b] + curved);
+            }
+        }
+    }
+
+    /// F²/|∇F|².
+    fn distance(&mut self, node: &Node, jet: &Jet2, third: Option<&Jet3>, method: Method, r: f64, weight: f64) {
+        let (w, p, g) = (node.z[3], node.point, jet.g);
+        let length = dot(g, g).sqrt();
+        if length == 0.0 {
+            return;
+        }
+        // ∇(F/|∇F|) = ∇F/|∇F| − F H∇F/|∇F|³.
+        let hg: Point3 = std::array::from_fn(|i| (0..3).map(|j| jet.second(i, j) * g[j]).sum());
+        let bent = if method == Method::Frozen { 0.0 } else { r / (length * length) };
+        let d: Point3 = std::array::from_fn(|i| g[i] / length - bent * hg[i]);
+        // By p*: N enters as N/w.
+        let first = [d[0] / w, d[1] / w, d[2] / w, -dot(d, p) / w];
+        let Some(third) = third else {
+            self.square(&[0, 1, 2, 3], r, &first, None, weight);
+            return;
+        };
+        let t = third_derivatives(third);
+        let s3 = 1.0 / (length * length * length);
+        let mut second_p = [[0.0; 3]; 3];
+        for i in 0..3 {
+            for j in 0..3 {
+                let tg: f64 = (0..3).map(|k| t[i][j][k] * g[k]).sum();
+                let hh: f64 = (0..3).map(|k| jet.second(i, k) * jet.second(k, j)).sum();
+                let s_ij = -s3 * (tg + hh) + 3.0 * s3 * hg[i] * hg[j] / (length * length);
+                second_p[i][j] = jet.second(i, j) / length - s3 * (g[i] * hg[j] + g[j] * hg[i]) + jet.v * s_ij;
+            }
+        }
+        // ∂p/∂z: the identity over w for N, −p/w for w; ∂²p_k/∂N_k∂w = −1/w², ∂²p_k/∂w² = 2 p_k/w².
+        let along = |i: usize, k: usize| if i == 3 { -p[k] / w } else { f64::from(u8::from(i == k)) / w };
+        let mut second = [[0.0; 4]; 4];
+        for a in 0..4 {
+            for b in 0..4 {
+                for i in 0..3 {
+                    for j in 0..3 {
+                        second[a][b] += along(a, i) * second_p[i][j] * along(b, j);
+                    }
+                }
+            }
+        }
+        for k in 0..3 {
+            second[k][3] -= d[k] / (w * w);
+            second[3][k] -= d[k] / (w * w);
+            second[3][3] += 2.0 * d[k] * p[k] / (w * w);
+        }
+        self.square(&[0, 1, 2, 3], r, &first, Some(&second), weight);
+    }
+
+    /// (⟨pₐ, p_b⟩ − l)² for a, b ∈ {u, v}; `r` is its value before squaring.
+    fn form(&mut self, node: &Node, (a, b): (usize, usize), r: f64, s: f64, exact: bool) {
+        let mut first = [0.0; 12];
+        let mut second = [[0.0; 12]; 12];
+        for k in 0..3 {
+            let ((places_a, da), (places_b, db)) = (node.tangent(a, k), node.tangent(b, k));
+            let (pa, pb) = (node.tangents[a][k], node.tangents[b][k]);
+            for i in 0..4 {
+                first[places_a[i]] += pb * da[i];
+                first[places_b[i]] += pa * db[i];
+            }
+            if exact {
+                let (ha, hb) = (node.tangent_second(a, k), node.tangent_second(b, k));
+                for i in 0..4 {
+                    for j in 0..4 {
+                        second[places_a[i]][places_a[j]] += pb * ha[i][j];
+                        second[places_b[i]][places_b[j]] += pa * hb[i][j];
+                        second[places_a[i]][places_b[j]] += da[i] * db[j];
+                        second[places_b[j]][places_a[i]] += da[i] * db[j];
+                    }
+                }
+            }
+        }
+        let all: [usize; 12] = std::array::from_fn(|i| i);
+        self.square(&all, r, &first, exact.then_some(&second), s);
+    }
+}
+
+/// All third derivatives as a full array.
+fn third_derivatives(j: &Jet3) -> [[[f64; 3]; 3]; 3] {
+    // Places of the sorted triples xxx, xxy, xxz, xyy, xyz, xzz, yyy, yyz, yzz, zzz.
+    let place = |mut t: [usize; 3]| {
+        t.sort_unstable();
+        match t {
+            [0, 0, k] => k,
+            [0, 1, k] => 2 + k,
+            [0, ..] => 5,
+            [1, 1, k] => 5 + k,
+            [1, ..] => 8,
+            _ => 9,
+        }
+    };
+    std::array::from_fn(|a| std::array::from_fn(|b| std::array::from_fn(|c| j.t[place([a, b, c])])))
+}

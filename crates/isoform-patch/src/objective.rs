@@ -1,0 +1,435 @@
+//! The objective S = I + ω_J J + ω_L L + ω_R R + ω_E E (Wurm, Jüttler and Kim 2003, equation (1)) with its derivatives.
+//!
+//! - I = ∬ F²/|∇F|² du dv, the mean squared Sampson distance (3)
+//! - J = ∬ (w − 1)ᴷ du dv with K = 8, section 2.3
+//! - L = ∬ (g₁₁ − l₁)² + (g₂₂ − l₂)² du dv and R = ∬ g₁₂² du dv, section 2.4
+//! - E = Σ |p(uᵢ, vᵢ) − Pᵢ|² over the four corners, section 2.5
+//!
+//! Every integrand is a function of the twelve numbers z = (p*, p*ᵤ, p*ᵥ) at a node, so that its derivatives by the control points are
+//! those by z, 12 and 12 × 12 of them, carried over by the Bernstein basis. That last step uses the tensor product: first over the
+//! nodes in v, then over those in u, which costs a quarter of summing node by node.
+
+use crate::local::{Local, Node};
+use isoform_geom::{Field, Point3, RationalPatch, bernstein, distance_squared, dot, sub};
+use isoform_num::{Jet2, Jet3, gauss_legendre};
+
+/// The exponent K of J (section 2.3).
+pub const K: i32 = 8;
+/// Nodes where only these three kinds of numbers occur: p*, p*ᵤ, p*ᵥ.
+const KINDS: usize = 3;
+/// The corner parameters (uᵢ, vᵢ) of E, in the order of [`Targets::corners`].
+pub(crate) const CORNERS: [(f64, f64); 4] = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
+
+/// Calls a function with the number of control points in a row as a constant, which lets its loops be unrolled.
+macro_rules! sized {
+    ($n:expr, $f:ident($($argument:expr),*)) => {
+        match $n {
+            2 => $f::<2>($($argument),*),
+            3 => $f::<3>($($argument),*),
+            4 => $f::<4>($($argument),*),
+            5 => $f::<5>($($argument),*),
+            6 => $f::<6>($($argument),*),
+            7 => $f::<7>($($argument),*),
+            8 => $f::<8>($($argument),*),
+            _ => $f::<9>($($argument),*),
+        }
+    };
+}
+
+/// The factors ω of equation (1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Weights {
+    /// ω_J.
+    pub j: f64,
+    /// ω_L.
+    pub l: f64,
+    /// ω_R.
+    pub r: f64,
+    /// ω_E.
+    pub e: f64,
+}
+
+impl Weights {
+    /// The values at the start of Table 2.
+    pub const START: Self = Self { j: 100.0, l: 1.0, r: 1.0, e: 1e-2 };
+    /// The lower thresholds of Table 2.
+    pub const FLOOR: Self = Self { j: 1e-1, l: 1e-5, r: 1e-5, e: 1e-4 };
+    /// All factors times `s`.
+    pub fn scaled(self, s: f64) -> Self {
+        Self { j: s * self.j, l: s * self.l, r: s * self.r, e: s * self.e }
+    }
+}
+
+/// The values of the terms of equation (1).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Terms {
+    /// I.
+    pub i: f64,
+    /// J.
+    pub j: f64,
+    /// L.
+    pub l: f64,
+    /// R.
+    pub r: f64,
+    /// E.
+    pub e: f64,
+}
+
+impl Terms {
+    /// S = I + ω_J J + ω_L L + ω_R R + ω_E E.
+    pub fn sum(&self, w: &Weights) -> f64 {
+        self.i + w.j * self.j + w.l * self.l + w.r * self.r + w.e * self.e
+    }
+}
+
+/// What a patch is drawn to: the squared lengths l₁, l₂ of L and the points Pᵢ of E (section 3.3).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Targets {
+    /// l₁, the aim of g₁₁.
+    pub l1: f64,
+    /// l₂, the aim of g₂₂.
+    pub l2: f64,
+    /// Pᵢ for the corners (0,0), (1,0), (0,1), (1,1).
+    pub corners: [Point3; 4],
+}
+
+/// How second derivatives of S are had.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Gauss-Newton with the residual F/|∇F|, whose gradient contains second derivatives of F.
+    #[default]
+    GaussNewton,
+    /// Gauss-Newton with |∇F| taken as constant: first derivatives of F only.
+    Frozen,
+    /// The paper's Newton method: all second derivatives, with third derivatives of F.
+    Newton,
+}
+
+/// A quadrature rule with the Bernstein basis at its nodes, for one degree.
+#[derive(Clone, Debug)]
+struct Basis {
+    weights: Vec<f64>,
+    /// By node and index: B, then B′.
+    b: Vec<[Vec<f64>; 2]>,
+}
+
+impl Basis {
+    fn new(degree: usize, nodes: usize) -> Self {
+        let (x, weights) = gauss_legendre(nodes);
+        let b = x.iter().map(|&t| bernstein(degree, t)).map(|(b, d)| [b, d]).collect();
+        Self { weights, b }
+    }
+}
+
+/// The objective for patches of one degree on one surface.
+pub struct Objective<'f> {
+    field: &'f dyn Field,
+    method: Method,
+    degree: (usize, usize),
+    u: Basis,
+    v: Basis,
+    /// The factors ω.
+    pub weights: Weights,
+    /// Lengths and corners.
+    pub targets: Targets,
+}
+
+/// The objective's value at a patch, with what its derivatives need.
+#[derive(Clone, Debug, Default)]
+pub struct Evaluated {
+    /// The terms.
+    pub terms: Terms,
+    nodes: Vec<Node>,
+    points: Vec<Point3>,
+    jets: Vec<Jet2>,
+}
+
+/// Gradient and symmetric second derivatives (row-major) of S by the unknowns, in the order x of all control points, then y, z, w.
+#[derive(Clone, Debug, Default)]
+pub struct Derivatives {
+    /// ∂S/∂α.
+    pub gradient: Vec<f64>,
+    /// ∂²S/∂α∂β or what stands for it.
+    pub hessian: Vec<f64>,
+}
+
+impl std::fmt::Debug for Objective<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Objective").field("degree", &self.degree).field("method", &self.method).finish_non_exhaustive()
+    }
+}
+
+impl<'f> Objective<'f> {
+    /// For patches of degree (m, n) from 1 to [`crate::MOST_DEGREE`], with `nodes` quadrature nodes in each direction; none: as many as make J exact, K max(m, n)/2 + 1.
+    ///
+    /// # Panics
+    /// If a degree is out of its range.
+    pub fn new(field: &'f dyn Field, degree: (usize, usize), method: Method, nodes: Option<usize>) -> Self {
+        let range = 1..=crate::MOST_DEGREE;
+        assert!(range.contains(&degree.0) && range.contains(&degree.1), "degree {degree:?}");
+        let nodes = nodes.unwrap_or(K as usize / 2 * degree.0.max(degree.1) + 1).max(2);
+        let targets = Targets { l1: 1.0, l2: 1.0, corners: [[0.0; 3]; 4] };
+        let (u, v) = (Basis::new(degree.0, nodes), Basis::new(degree.1, nodes));
+        Self { field, method, degree, u, v, weights: Weights::START, targets }
+    }
+
+    /// Quadrature nodes in each direction.
+    pub fn nodes_per_direction(&self) -> usize {
+        self.u.weights.len()
+    }
+    /// Chooses another rule.
+    pub(crate) fn set_nodes(&mut self, nodes: usize) {
+        (self.u, self.v) = (Basis::new(self.degree.0, nodes), Basis::new(self.degree.1, nodes));
+    }
+    /// The number of unknowns, 4 (m + 1)(n + 1).
+    pub fn unknowns(&self) -> usize {
+        4 * (self.degree.0 + 1) * (self.degree.1 + 1)
+    }
+    /// The surface.
+    pub fn field(&self) -> &'f dyn Field {
+        self.field
+    }
+    /// S at the terms' values.
+    pub fn sum(&self, terms: &Terms) -> f64 {
+        terms.sum(&self.weights)
+    }
+
+    /// The terms at a patch; none where w ≤ 0 at a node or F is not finite.
+    pub fn evaluate(&self, patch: &RationalPatch) -> Option<Evaluated> {
+        let nodes = self.nodes(patch)?;
+        let points: Vec<Point3> = nodes.iter().map(|z| z.point).collect();
+        let mut jets = vec![Jet2 { v: 0.0, g: [0.0; 3], h: [0.0; 6] }; points.len()];
+        self.field.jets(&points, &mut jets);
+        self.terms(patch, nodes, points, jets)
+    }
+
+    /// The same patch's value with other targets.
+    pub(crate) fn with_targets(&self, patch: &RationalPatch, at: Evaluated, targets: &Targets) -> Option<Evaluated> {
+        let other = Self { targets: *targets, u: self.u.clone(), v: self.v.clone(), ..*self };
+        other.terms(patch, at.nodes, at.points, at.jets)
+    }
+
+    /// The means of g₁₁ and g₂₂: with these l₁ and l₂ a patch has the least L.
+    pub(crate) fn mean_lengths(&self, at: &Evaluated) -> (f64, f64) {
+        self.mean(&at.nodes)
+    }
+    /// The same of a patch that is not evaluated; none where w ≤ 0.
+    pub(crate) fn lengths(&self, patch: &RationalPatch) -> Option<(f64, f64)> {
+        Some(self.mean(&self.nodes(patch)?))
+    }
+    fn mean(&self, nodes: &[Node]) -> (f64, f64) {
+        let mut nodes = nodes.iter();
+        let (mut l1, mut l2) = (0.0, 0.0);
+        for wu in &self.u.weights {
+            for (wv, node) in self.v.weights.iter().zip(&mut nodes) {
+                let [pu, pv] = node.tangents;
+                l1 += wu * wv * dot(pu, pu);
+                l2 += wu * wv * dot(pv, pv);
+            }
+        }
+        (l1, l2)
+    }
+
+    fn terms(&self, patch: &RationalPatch, nodes: Vec<Node>, points: Vec<Point3>, jets: Vec<Jet2>) -> Option<Evaluated> {
+        let mut terms = Terms::default();
+        let mut all = nodes.iter().zip(&jets);
+        for wu in &self.u.weights {
+            for (wv, (node, jet)) in self.v.weights.iter().zip(&mut all) {
+                let weight = wu * wv;
+                let r = node.residuals(jet, &self.targets);
+                terms.i += weight * r.distance * r.distance;
+                terms.j += weight * (node.z[3] - 1.0).powi(K);
+                terms.l += weight * (r.u * r.u + r.v * r.v);
+                terms.r += weight * r.angle * r.angle;
+            }
+        }
+        for (i, &(u, v)) in CORNERS.iter().enumerate() {
+            let c = patch.control()[self.corner(u, v)];
+            if c[3] <= 0.0 {
+                return None;
+            }
+            terms.e += distance_squared([c[0] / c[3], c[1] / c[3], c[2] / c[3]], self.targets.corners[i]);
+        }
+        let finite = [terms.i, terms.j, terms.l, terms.r, terms.e].iter().all(|t| t.is_finite());
+        finite.then_some(Evaluated { terms, nodes, points, jets })
+    }
+
+    /// The index of the control point at a corner.
+    fn corner(&self, u: f64, v: f64) -> usize {
+        let (m, n) = self.degree;
+        (if u > 0.5 { m * (n + 1) } else { 0 }) + if v > 0.5 { n } else { 0 }
+    }
+
+    /// p*, p*ᵤ, p*ᵥ at all nodes, those of one u after the other; none where w ≤ 0.
+    fn nodes(&self, patch: &RationalPatch) -> Option<Vec<Node>> {
+        let n = self.degree.1;
+        let mut nodes = Vec::with_capacity(self.u.b.len() * self.v.b.len());
+        for [a, da] in &self.u.b {
+            // The curve over v at this u, and its derivative by u.
+            let mut row = vec![[[0.0; 4]; 2]; n + 1];
+            for (i, controls) in patch.control().chunks(n + 1).enumerate() {
+                for (row, c) in row.iter_mut().zip(controls) {
+                    for k in 0..4 {
+                        row[0][k] += a[i] * c[k];
+                        row[1][k] += da[i] * c[k];
+                    }
+                }
+            }
+            for [b, db] in &self.v.b {
+                let mut z = [0.0; 12];
+                for (j, row) in row.iter().enumerate() {
+                    for k in 0..4 {
+                        z[k] += b[j] * row[0][k];
+                        z[4 + k] += b[j] * row[1][k];
+                        z[8 + k] += db[j] * row[0][k];
+                    }
+                }
+                nodes.push(Node::new(z)?);
+            }
+        }
+        Some(nodes)
+    }
+
+    /// Gradient and second derivatives of S. None if Newton's method is asked of a field without third derivatives.
+    pub fn derivatives(&self, patch: &RationalPatch, at: &Evaluated) -> Option<Derivatives> {
+        let (m, n) = self.degree;
+        let count = (m + 1) * (n + 1);
+        let size = 4 * count;
+        let mut d = Derivatives { gradient: vec![0.0; size], hessian: vec![0.0; size * size] };
+        let mut inner = vec![0.0; 4 * 16 * (n + 1) * (n + 1)];
+        let mut side = vec![0.0; 2 * 4 * (n + 1)];
+        let mut nodes = at.nodes.iter().zip(&at.jets).zip(&at.points);
+        for (a, wu) in self.u.b.iter().zip(&self.u.weights) {
+            inner.fill(0.0);
+            side.fill(0.0);
+            for (b, wv) in self.v.b.iter().zip(&self.v.weights) {
+                let ((node, jet), point) = nodes.next().expect("one node per pair");
+                let third: Option<Jet3> = if self.method == Method::Newton { Some(self.field.jet3(*point)?) } else { None };
+                let local = Local::new(node, jet, third.as_ref(), self.method, &self.targets, &self.weights, wu * wv);
+                sized!(n + 1, over_v(&local, b, &mut inner, &mut side));
+            }
+            sized!(n + 1, over_u(a, m + 1, &inner, &side, &mut d));
+        }
+        self.corner_terms(patch, &mut d);
+        // Blocks of coordinates k > l are the transposes of those with k < l.
+        for row in 0..size {
+            for column in 0..row / count * count {
+                d.hessian[row * size + column] = d.hessian[column * size + row];
+            }
+        }
+        Some(d)
+    }
+
+    /// The residuals √weight F/|∇F| at all nodes and their derivatives by the unknowns with |∇F| taken as constant, row by row.
+    pub(crate) fn distance_rows(&self, at: &Evaluated) -> (Vec<f64>, Vec<f64>) {
+        let (m, n) = self.degree;
+        let count = (m + 1) * (n + 1);
+        let (mut rows, mut residuals) = (Vec::with_capacity(at.nodes.len() * 4 * count), Vec::with_capacity(at.nodes.len()));
+        let mut nodes = at.nodes.iter().zip(&at.jets);
+        for ([a, _], wu) in self.u.b.iter().zip(&self.u.weights) {
+            for (([b, _], wv), (node, jet)) in self.v.b.iter().zip(&self.v.weights).zip(&mut nodes) {
+                let root = (wu * wv).sqrt();
+                residuals.push(root * node.residuals(jet, &self.targets).distance);
+                let first = node.distance_gradient(jet);
+                for f in first {
+                    for x in a {
+                        rows.extend(b.iter().map(|y| root * f * x * y));
+                    }
+                }
+            }
+        }
+        (rows, residuals)
+    }
+
+    /// Adds ω_E E.
+    fn corner_terms(&self, patch: &RationalPatch, d: &mut Derivatives) {
+        let count = d.gradient.len() / 4;
+        let size = 4 * count;
+        for (i, &(u, v)) in CORNERS.iter().enumerate() {
+            let at = self.corner(u, v);
+            let c = patch.control()[at];
+            let w = c[3];
+            let p = [c[0] / w, c[1] / w, c[2] / w];
+            let r = sub(p, self.targets.corners[i]);
+            for k in 0..3 {
+                // r_k by c_k and by w, and its second derivatives by (c_k, w) and (w, w).
+                let places = [k * count + at, 3 * count + at];
+                let first = [1.0 / w, -p[k] / w];
+                let curved = if self.method == Method::Newton { 1.0 } else { 0.0 };
+                let second = [[0.0, -1.0 / (w * w)], [-1.0 / (w * w), 2.0 * p[k] / (w * w)]];
+                for (a, &row) in places.iter().enumerate() {
+                    d.gradient[row] += 2.0 * self.weights.e * r[k] * first[a];
+                    for (b, &column) in places.iter().enumerate() {
+                        d.hessian[row * size + column] += 2.0 * self.weights.e * (first[a] * first[b] + curved * r[k] * second[a][b]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The derivative in u and in v that a kind of numbers is made with: p* has (0, 0), p*ᵤ (1, 0), p*ᵥ (0, 1).
+const ORDERS: [(usize, usize); KINDS] = [(0, 0), (1, 0), (0, 1)];
+
+/// Adds a node to the sums over v. `inner` holds, by the orders (a, a′) in u and the coordinates (k, l), an N × N matrix; `side` by a
+/// and k a vector.
+fn over_v<const N: usize>(local: &Local, b: &[Vec<f64>; 2], inner: &mut [f64], side: &mut [f64]) {
+    let (inner, side) = (inner.as_chunks_mut::<N>().0, side.as_chunks_mut::<N>().0);
+    let b: [[f64; N]; 2] = std::array::from_fn(|order| std::array::from_fn(|j| b[order][j]));
+    for (s, &(a, bs)) in ORDERS.iter().enumerate() {
+        for k in 0..4 {
+            let (g, out) = (local.gradient[4 * s + k], &mut side[a * 4 + k]);
+            for j in 0..N {
+                out[j] += g * b[bs][j];
+            }
+        }
+    }
+    for k in 0..4 {
+        for l in k..4 {
+            let c = |s: usize, t: usize| local.hessian[4 * s + k][4 * t + l];
+            // By the orders in u: what multiplies (B, B′) from the left and from the right.
+            let mut add = |orders: usize, x: [f64; N], y: Option<[f64; N]>| {
+                let out = &mut inner[(orders * 16 + 4 * k + l) * N..][..N];
+                for i in 0..N {
+                    for j in 0..N {
+                        out[i][j] += x[i] * b[0][j] + y.map_or(0.0, |y| y[i] * b[1][j]);
+                    }
+                }
+            };
+            let left = |p: f64, q: f64| std::array::from_fn(|i| p * b[0][i] + q * b[1][i]);
+            add(0, left(c(0, 0), c(2, 0)), Some(left(c(0, 2), c(2, 2))));
+            add(1, left(c(0, 1), c(2, 1)), None);
+            add(2, b[0].map(|v| c(1, 0) * v), Some(b[0].map(|v| c(1, 2) * v)));
+            add(3, b[0].map(|v| c(1, 1) * v), None);
+        }
+    }
+}
+
+/// Adds the sums over v at one u to the derivatives; m control points in u, N in v.
+fn over_u<const N: usize>(a: &[Vec<f64>; 2], m: usize, inner: &[f64], side: &[f64], d: &mut Derivatives) {
+    let (inner, side) = (inner.as_chunks::<N>().0, side.as_chunks::<N>().0);
+    let count = m * N;
+    let (gradient, hessian) = (d.gradient.as_chunks_mut::<N>().0, d.hessian.as_chunks_mut::<N>().0);
+    for k in 0..4 {
+        for i in 0..m {
+            for j in 0..N {
+                gradient[k * m + i][j] += a[0][i] * side[k][j] + a[1][i] * side[4 + k][j];
+            }
+        }
+        for l in k..4 {
+            let block = |orders: usize| &inner[(orders * 16 + 4 * k + l) * N..][..N];
+            let (r0, r1, r2, r3) = (block(0), block(1), block(2), block(3));
+            for i in 0..m {
+                for i2 in 0..m {
+                    let f = [a[0][i] * a[0][i2], a[0][i] * a[1][i2], a[1][i] * a[0][i2], a[1][i] * a[1][i2]];
+                    for j in 0..N {
+                        let out = &mut hessian[(k * count + i * N + j) * 4 * m + l * m + i2];
+                        for j2 in 0..N {
+                            out[j2] += f[0] * r0[j][j2] + f[1] * r1[j][j2] + f[2] * r2[j][j2] + f[3] * r3[j][j2];
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

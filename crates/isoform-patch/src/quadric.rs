@@ -1,0 +1,212 @@
+//! The quadric that an exact patch lies on, by its name.
+
+use isoform_geom::{Point3, RationalPatch, dot, norm, sub};
+use isoform_num::linalg::symmetric_eigen;
+
+/// Samples in each direction.
+const SAMPLES: usize = 15;
+/// Singular values below this share of the largest are 0: rounding leaves 10⁻¹⁵ or so.
+const ZERO: f64 = 1e-13;
+/// Columns with a smaller cosine are orthogonal.
+const ORTHOGONAL: f64 = 1e-15;
+/// Sweeps of rotations; some ten are needed.
+const SWEEPS: usize = 40;
+/// Two eigenvalues of a quadric's matrix that differ by less than this are the same.
+const SAME: f64 = 1e-8;
+
+/// A surface that CAD systems have a name for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Quadric {
+    /// n·x = d with |n| = 1.
+    Plane {
+        /// n.
+        normal: Point3,
+        /// d.
+        offset: f64,
+    },
+    /// All points at a distance from one.
+    Sphere {
+        /// The one.
+        center: Point3,
+        /// The distance.
+        radius: f64,
+    },
+    /// All points at a distance from a line.
+    Cylinder {
+        /// The point of the axis nearest to the patch's centre.
+        point: Point3,
+        /// The direction of the axis, of length 1.
+        axis: Point3,
+        /// The distance.
+        radius: f64,
+    },
+    /// All lines through a point at an angle to another.
+    Cone {
+        /// The point.
+        apex: Point3,
+        /// The direction of the axis, of length 1.
+        axis: Point3,
+        /// The angle, in radians.
+        half_angle: f64,
+    },
+    /// Another quadric Σ aᵢ mᵢ = 0 with the monomials x², y², z², xy, yz, zx, x, y, z, 1 in coordinates about `center`, in units of `scale`.
+    Other {
+        /// Where the coordinates begin.
+        center: Point3,
+        /// Their unit.
+        scale: f64,
+        /// a, of length 1.
+        coefficients: [f64; 10],
+    },
+}
+
+impl Quadric {
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Plane { .. } => "plane",
+            Self::Sphere { .. } => "sphere",
+            Self::Cylinder { .. } => "cylinder",
+            Self::Cone { .. } => "cone",
+            Self::Other { .. } => "quadric",
+        }
+    }
+}
+
+/// The quadric on which a patch lies to rounding, if it lies on one and on one only.
+pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
+    let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
+    let points: Vec<Point3> = (0..SAMPLES * SAMPLES).map(|k| patch.point(at(k / SAMPLES), at(k % SAMPLES))).collect();
+    let count = points.len() as f64;
+    let center: Point3 = std::array::from_fn(|k| points.iter().map(|p| p[k]).sum::<f64>() / count);
+    let scale = points.iter().map(|p| norm(sub(*p, center))).fold(0.0, f64::max);
+    if scale == 0.0 || !scale.is_finite() {
+        return None;
+    }
+    let local: Vec<Point3> = points.iter().map(|p| sub(*p, center).map(|v| v / scale)).collect();
+    if let (Some(normal), true) = null(&local, |p| *p) {
+        return Some(Quadric::Plane { normal, offset: dot(normal, center) });
+    }
+    let (a, _) = null(&local, |&[x, y, z]| [x * x, y * y, z * z, x * y, y * z, z * x, x, y, z, 1.0]);
+    let a = a?;
+    let matrix = [a[0], 0.5 * a[3], 0.5 * a[5], 0.5 * a[3], a[1], 0.5 * a[4], 0.5 * a[5], 0.5 * a[4], a[2]];
+    let (mut values, vectors) = symmetric_eigen(&matrix, 3);
+    let (mut b, mut constant) = ([0.5 * a[6], 0.5 * a[7], 0.5 * a[8]], a[9]);
+    // With a sign that makes two of the three positive.
+    if values[1] < 0.0 {
+        (b, constant) = (b.map(|v| -v), -constant);
+        values.iter_mut().for_each(|v| *v = -*v);
+    }
+    let size = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    let same = |i: usize, j: usize| (values[i] - values[j]).abs() <= SAME * size;
+    let vector = |k: usize| -> Point3 { std::array::from_fn(|i| vectors[3 * k + i]) };
+    let along: [f64; 3] = std::array::from_fn(|k| dot(vector(k), b));
+    let global = |p: Point3| -> Point3 { std::array::from_fn(|k| center[k] + scale * p[k]) };
+    // Which eigenvalue stands alone; the other two are the same.
+    let alone = (0..3).find(|&k| same((k + 1) % 3, (k + 2) % 3));
+    let other = Quadric::Other { center, scale, coefficients: a };
+    let Some(alone) = alone else { return Some(other) };
+    let (twice, single) = (values[(alone + 1) % 3], values[alone]);
+    if twice <= SAME * size {
+        return Some(other);
+    }
+    // The middle in the plane of the two equal ones.
+    let (i, j) = ((alone + 1) % 3, (alone + 2) % 3);
+    let flat: Point3 = std::array::from_fn(|k| -(along[i] * vector(i)[k] + along[j] * vector(j)[k]) / twice);
+    let rest = constant - (along[i] * along[i] + along[j] * along[j]) / twice;
+    if single.abs() <= SAME * size {
+        let is_cylinder = along[alone].abs() <= SAME * size && rest < 0.0;
+        return Some(if is_cylinder {
+            Quadric::Cylinder { point: global(flat), axis: vector(alone), radius: scale * (-rest / twice).sqrt() }
+        } else {
+            other
+        });
+    }
+    let middle: Point3 = std::array::from_fn(|k| flat[k] - along[alone] / single * vector(alone)[k]);
+    let rest = rest - along[alone] * along[alone] / single;
+    if same(alone, i) && rest < 0.0 {
+        return Some(Quadric::Sphere { center: global(middle), radius: scale * (-rest / twice).sqrt() });
+    }
+    if single < 0.0 && rest.abs() <= SAME * size {
+        return Some(Quadric::Cone { apex: global(middle), axis: vector(alone), half_angle: (-single / twice).sqrt().atan() });
+    }
+    Some(other)
+}
+
+/// The unit vector a with a·m(p) = 0 at all points, if there is one, and whether it is the only one.
+///
+/// By Hestenes' one-sided Jacobi method: rotations of the columns of the matrix of all m(p) until they are orthogonal. Moments would
+/// square the small singular values, and half of the digits would be lost.
+fn null<const N: usize>(points: &[Point3], monomials: impl Fn(&Point3) -> [f64; N]) -> (Option<[f64; N]>, bool) {
+    let mut rows: Vec<[f64; N]> = points.iter().map(monomials).collect();
+    let mut v: [[f64; N]; N] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+    for _ in 0..SWEEPS {
+        let mut rotated = false;
+        for p in 0..N {
+            for q in p + 1..N {
+                let (mut pp, mut qq, mut pq) = (0.0, 0.0, 0.0);
+                for r in &rows {
+                    (pp, qq, pq) = (pp + r[p] * r[p], qq + r[q] * r[q], pq + r[p] * r[q]);
+                }
+                if pq.abs() <= ORTHOGONAL * (pp * qq).sqrt() {
+                    continue;
+                }
+                rotated = true;
+                let zeta = (qq - pp) / (2.0 * pq);
+                let t = if zeta >= 0.0 { 1.0 } else { -1.0 } / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
+                let c = 1.0 / (1.0 + t * t).sqrt();
+                let s = c * t;
+                for r in rows.iter_mut().chain(v.iter_mut()) {
+                    (r[p], r[q]) = (c * r[p] - s * r[q], s * r[p] + c * r[q]);
+                }
+            }
+        }
+        if !rotated {
+            break;
+        }
+    }
+    let sizes: [f64; N] = std::array::from_fn(|k| rows.iter().map(|r| r[k] * r[k]).sum::<f64>().sqrt());
+    let most = sizes.iter().fold(0.0f64, |m, v| m.max(*v));
+    let small: Vec<usize> = (0..N).filter(|&k| sizes[k] <= ZERO * most).collect();
+    match small.as_slice() {
+        &[k] => (Some(std::array::from_fn(|i| v[i][k])), true),
+        _ => (None, false),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(a: Point3, b: Point3) -> bool {
+        norm(sub(a, b)) < 1e-12
+    }
+
+    #[test]
+    fn planes_and_cylinders_and_cones_are_named() {
+        let plane = RationalPatch::planar((2, 2), [0.0, 0.0, 0.7], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        let Some(Quadric::Plane { normal, offset }) = quadric(&plane) else { panic!("{:?}", quadric(&plane)) };
+        assert!(normal[2].abs() > 1.0 - 1e-14 && (offset * normal[2] - 0.7).abs() < 1e-12);
+        // A quarter of a circle, of radius r0 below and r1 above.
+        let s = 0.5f64.sqrt();
+        let ruled = |r0: f64, r1: f64| {
+            let arc = |r: f64, z: f64| [[r + 3.0, 1.0, z, 1.0], [s * (r + 3.0), s * (r + 1.0), s * z, s], [3.0, r + 1.0, z, 1.0]];
+            RationalPatch::new((1, 2), [arc(r0, 0.0), arc(r1, 1.0)].concat()).expect("a patch")
+        };
+        let Some(Quadric::Cylinder { point, axis, radius }) = quadric(&ruled(0.4, 0.4)) else { panic!("no cylinder") };
+        assert!((radius - 0.4).abs() < 1e-12 && (axis[2].abs() - 1.0).abs() < 1e-12 && close([point[0], point[1], 0.0], [3.0, 1.0, 0.0]));
+        let Some(Quadric::Cone { apex, half_angle, .. }) = quadric(&ruled(0.25, 0.5)) else { panic!("no cone") };
+        assert!(close(apex, [3.0, 1.0, -1.0]) && (half_angle - 0.25f64.atan()).abs() < 1e-12, "{apex:?}, {half_angle}");
+    }
+
+    #[test]
+    fn other_surfaces_are_none_or_other() {
+        let mut bent = RationalPatch::planar((3, 3), [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        bent.control_mut()[5][2] = 0.5;
+        assert_eq!(quadric(&bent), None);
+        // z = x y
+        let saddle =
+            RationalPatch::new((1, 1), vec![[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 1.0]]);
+        assert_eq!(quadric(&saddle.expect("a patch")).map(|q| q.name()), Some("quadric"));
+    }
+}

@@ -1,0 +1,170 @@
+//! Points of the surface: projections, seeds.
+
+use crate::Error;
+use isoform_geom::{Aabb, Field, Point3, cross, dot, norm};
+
+/// Newton steps towards the surface.
+const STEPS: usize = 60;
+/// Distance to the surface that counts as none, in diagonals of the box.
+pub(crate) const ON_SURFACE: f64 = 1e-12;
+/// A gradient below this share of the Hessian times the diagonal is taken for 0: the surface has no tangent plane to start on.
+const SINGULAR: f64 = 1e-7;
+/// Differences of curvatures below this share of their size are taken for 0.
+const UMBILIC: f64 = 1e-3;
+/// Random places tried in search of the surface.
+const PLACES: usize = 4000;
+/// Points of the surface among which the one with the gentlest surroundings becomes the seed.
+const CANDIDATES: usize = 8;
+
+/// A point of the surface to start at, with a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Seed {
+    pub(crate) point: Point3,
+    /// Two orthogonal unit vectors of the tangent plane.
+    pub(crate) tangents: [Point3; 2],
+    /// A bound on the curvatures, |H|/|∇F| with the Frobenius norm.
+    pub(crate) curvature: f64,
+}
+
+/// Numbers from 0 to 1, the same each time (SplitMix64).
+pub(crate) struct Random(u64);
+
+impl Random {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0xD134_2543_DE82_EF95).wrapping_add(0x9E37_79B9_7F4A_7C15))
+    }
+    pub(crate) fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+    pub(crate) fn place(&mut self, region: &Aabb) -> Point3 {
+        std::array::from_fn(|k| region.lo[k] + self.next() * (region.hi[k] - region.lo[k]))
+    }
+}
+
+/// Whether a point lies in a box, boundary included.
+pub(crate) fn contains(region: &Aabb, p: Point3) -> bool {
+    (0..3).all(|k| region.lo[k] <= p[k] && p[k] <= region.hi[k])
+}
+
+/// The point that Newton's method along the gradient leads to; none where it does not come to the surface.
+pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Point3> {
+    let mut p = from;
+    for _ in 0..STEPS {
+        let j = field.jet(p);
+        let g2 = dot(j.g, j.g);
+        if j.v == 0.0 {
+            return Some(p);
+        }
+        let step = j.v / g2;
+        let length = step.abs() * g2.sqrt();
+        if !length.is_finite() {
+            return None;
+        }
+        // Far from the surface the linear model is not to be trusted for more than a part of the box.
+        let damped = step * (0.1 * scale / length).min(1.0);
+        for k in 0..3 {
+            p[k] -= damped * j.g[k];
+        }
+        if length <= ON_SURFACE * scale {
+            return Some(p);
+        }
+    }
+    None
+}
+
+/// Where the line p + t d meets the surface near t = 0; none where Newton's method leaves |t| ≤ `reach`.
+pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64) -> Option<Point3> {
+    let at = |t: f64| -> Point3 { std::array::from_fn(|k| p[k] + t * d[k]) };
+    let mut t = 0.0;
+    for _ in 0..STEPS {
+        let j = field.jet(at(t));
+        if j.v == 0.0 {
+            return Some(at(t));
+        }
+        let slope = dot(j.g, d);
+        let step = j.v / slope;
+        // Along a line nearly in the surface the foot point is not decided.
+        if !step.is_finite() || slope.abs() < 0.05 * norm(j.g) * norm(d) {
+            return None;
+        }
+        t -= step;
+        if t.abs() > reach {
+            return None;
+        }
+        if step.abs() <= ON_SURFACE * reach {
+            return Some(at(t));
+        }
+    }
+    None
+}
+
+/// The frame of the directions of principal curvature at a point of the surface, turned by an angle; an error where there is no tangent
+/// plane. Lines of curvature are orthogonal also farther away, so that a patch along them has little R.
+pub(crate) fn frame(field: &dyn Field, point: Point3, angle: f64, scale: f64) -> Result<Seed, Error> {
+    let j = field.jet(point);
+    let g = norm(j.g);
+    let h = (0..3).flat_map(|a| (0..3).map(move |b| (a, b))).map(|(a, b)| j.second(a, b).powi(2)).sum::<f64>().sqrt();
+    if !g.is_finite() || !h.is_finite() {
+        return Err(Error::NotFinite { at: point });
+    }
+    if g <= SINGULAR * h * scale || g == 0.0 {
+        return Err(Error::Singular { at: point });
+    }
+    let n = j.g.map(|v| v / g);
+    // The axis least along the normal gives the first tangent.
+    let axis = (0..3).min_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs())).unwrap_or(0);
+    let mut e = [0.0; 3];
+    e[axis] = 1.0;
+    let a = cross(n, e);
+    let a = a.map(|v| v / norm(a));
+    let b = cross(n, a);
+    let form =
+        |u: Point3, v: Point3| (0..3).flat_map(|i| (0..3).map(move |k| (i, k))).map(|(i, k)| u[i] * j.second(i, k) * v[k]).sum::<f64>();
+    let (twist, difference) = (2.0 * form(a, b), form(a, a) - form(b, b));
+    // Where all curvatures are alike there are no such directions.
+    let principal = if twist.hypot(difference) > UMBILIC * h { 0.5 * twist.atan2(difference) } else { 0.0 };
+    let (s, c) = (principal + angle).sin_cos();
+    let first = std::array::from_fn(|k| c * a[k] + s * b[k]);
+    Ok(Seed { point, tangents: [first, cross(n, first)], curvature: h / g })
+}
+
+/// The seed at the point of the surface that a given point leads to.
+pub(crate) fn given(field: &dyn Field, near: Point3, region: &Aabb) -> Result<Seed, Error> {
+    let scale = region.diagonal();
+    if !field.value(near).is_finite() {
+        return Err(Error::NotFinite { at: near });
+    }
+    let point = project(field, near, scale).ok_or(Error::FarSeed { at: near })?;
+    if !contains(region, point) {
+        return Err(Error::FarSeed { at: near });
+    }
+    frame(field, point, 0.0, scale)
+}
+
+/// The k-th seed: of some random points of the surface the one whose surroundings are least curved, at a random angle.
+pub(crate) fn chosen(field: &dyn Field, k: u64, region: &Aabb) -> Result<Seed, Error> {
+    let (mut random, scale) = (Random::new(k), region.diagonal());
+    let (mut best, mut found): (Option<Seed>, usize) = (None, 0);
+    let mut singular = None;
+    for _ in 0..PLACES {
+        let place = random.place(region);
+        let Some(point) = project(field, place, scale).filter(|p| contains(region, *p)) else { continue };
+        match frame(field, point, std::f64::consts::TAU * random.next(), scale) {
+            Ok(seed) => {
+                found += 1;
+                if best.is_none_or(|b| seed.curvature < b.curvature) {
+                    best = Some(seed);
+                }
+            }
+            Err(error) => singular = Some(error),
+        }
+        if found == CANDIDATES {
+            break;
+        }
+    }
+    best.ok_or(singular.unwrap_or(Error::NoSurface))
+}

@@ -1,0 +1,191 @@
+//! Patches that grow, and what is proved of them.
+
+mod common;
+
+use common::{CUBE, quartic, sphere, stereographic, whitney};
+use isoform_geom::{Aabb, Field, Point3, RationalPatch};
+use isoform_num::Jet2;
+use isoform_patch::{Error, Method, Options, PAPER_LIMIT, Phase, Quadric, Weights, distances, parameterize, prove};
+
+fn paper(degree: (usize, usize), seed_point: Point3) -> Options {
+    Options { seed_point: Some(seed_point), ..Options::paper(degree, CUBE) }
+}
+
+/// Table 1's first row: 14 extrapolations and 46 Newton steps; the exact stereographic patch with S = 10⁻⁶ has 30.1 % of the area.
+#[test]
+fn the_sphere_of_the_paper() {
+    let field = sphere(0.5);
+    for method in [Method::GaussNewton, Method::Frozen, Method::Newton] {
+        let options = Options { method, ..paper((2, 2), [0.0, 0.0, 0.5]) };
+        let made = parameterize(&field, &options).expect("a patch");
+        let g = &made.grown;
+        let share = g.area(&CUBE) / std::f64::consts::PI;
+        assert!((0.29..0.31).contains(&share), "{method:?}: {share}");
+        assert!(g.count(Phase::Grow) <= 14 && g.count(Phase::Newton) <= 50, "{method:?}");
+        assert!(g.sum() <= PAPER_LIMIT && made.is_within_limit);
+        assert!(g.patch.control_weights().0 > 0.3);
+        let bound = made.distances.bound.expect("a proof");
+        assert!(bound >= made.distances.sampled && bound <= 3.0 * made.distances.sampled);
+    }
+}
+
+#[test]
+fn rows_of_the_trace_add_up_and_descend() {
+    let field = whitney();
+    let g = parameterize(&field, &paper((3, 3), [0.22, 0.35, 0.0])).expect("a patch").grown;
+    for r in &g.trace {
+        assert!((r.terms.sum(&r.weights) / r.sum - 1.0).abs() < 1e-14);
+        let (w, lo, hi) = (r.weights, Weights::FLOOR, Weights::START);
+        for (w, (lo, hi)) in [(w.j, (lo.j, hi.j)), (w.l, (lo.l, hi.l)), (w.r, (lo.r, hi.r)), (w.e, (lo.e, hi.e))] {
+            assert!(lo <= w && w <= hi);
+        }
+    }
+    for pair in g.trace.windows(2) {
+        assert!(pair[1].phase == Phase::Grow || pair[1].sum <= pair[0].sum);
+        assert!(pair[1].phase == Phase::Grow || pair[1].lengths == pair[0].lengths);
+    }
+    let last = g.trace.last().expect("rows");
+    assert_eq!((last.terms, last.weights), (g.terms, g.weights));
+}
+
+/// x = s y with s² = z + 1/2: a parameter line that passes the double curve x = y = 0 keeps the sign of s, that is of x y.
+#[test]
+fn the_umbrella_is_dived_through_on_its_branch() {
+    const N: usize = 60;
+    let field = whitney();
+    let g = parameterize(&field, &paper((3, 3), [0.22, 0.35, 0.0])).expect("a patch").grown;
+    let mut passed = 0;
+    for line in 0..=N {
+        for along_u in [false, true] {
+            let mut last: Option<[f64; 2]> = None;
+            for k in 0..=N {
+                let (s, t) = (line as f64 / N as f64, k as f64 / N as f64);
+                let [x, y, _] = if along_u { g.patch.point(t, s) } else { g.patch.point(s, t) };
+                if y.abs() < 0.03 {
+                    continue;
+                }
+                // Where s is nearly 0, at the fold z = −1/2, its sign says nothing.
+                if let Some([x0, y0]) = last.filter(|l| l[1] * y < 0.0 && l[0].abs().min(x.abs()) > 5e-3) {
+                    assert!(x0 * y0 * x * y > 0.0, "({x0}, {y0}) and ({x}, {y})");
+                    passed += 1;
+                }
+                last = Some([x, y]);
+            }
+        }
+    }
+    assert!(passed > 20, "{passed}");
+}
+
+#[test]
+fn seeds_differ_and_repeat() {
+    let field = quartic();
+    let make = |seed| parameterize(&field, &Options { seed, ..Options::paper((3, 3), CUBE) }).map(|p| p.grown);
+    let (one, two, again) = (make(1).expect("a patch"), make(2).expect("a patch"), make(1).expect("a patch"));
+    assert_ne!(one.seed_point, two.seed_point);
+    assert_eq!(one.patch, again.patch);
+    assert_eq!(one.trace, again.trace);
+}
+
+/// A sphere of radius r in F of radius R is |r − R| away everywhere.
+#[test]
+fn bounds_hold_and_are_tight() {
+    for offset in [1e-2, 1e-5, 1e-9] {
+        let d = distances(&sphere(0.5), &stereographic(0.5 + offset, 0.5), None);
+        let bound = d.bound.expect("a proof");
+        assert!((d.sampled / offset - 1.0).abs() < 1e-6, "{d:?}");
+        assert!(bound >= offset * (1.0 - 1e-9) - 1e-15 && bound <= 1.8 * offset + 1e-13, "{d:?}");
+        assert!(prove(&sphere(0.5), &stereographic(0.5 + offset, 0.5), 0.9 * offset, 100_000).is_none());
+    }
+    let exact = distances(&sphere(0.5), &stereographic(0.5, 0.5), None);
+    assert!(exact.bound.expect("a proof") < 1e-13);
+}
+
+/// Across a double curve ∇F vanishes; a plane of F = x y, moved by d, is d away from it all the same.
+#[test]
+fn bounds_hold_at_self_intersections() {
+    let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);
+    let patch = RationalPatch::planar((1, 1), [1e-3, -0.3, -0.3], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]);
+    let d = distances(&planes, &patch, None);
+    assert!((d.sampled - 1e-3).abs() < 1e-9, "{d:?}");
+    let bound = d.bound.expect("a proof");
+    assert!((1e-3..2e-3).contains(&bound), "{d:?}");
+    assert!(prove(&planes, &patch, 0.99e-3, 20_000).is_none());
+}
+
+#[test]
+fn tolerances_are_kept() {
+    let field = sphere(0.5);
+    let options = Options { tolerance: Some(1e-5), ..paper((2, 2), [0.0, 0.0, 0.5]) };
+    let made = parameterize(&field, &options).expect("a patch");
+    let bound = made.distances.bound.expect("a proof");
+    assert!(bound <= 1e-5 && made.distances.sampled <= bound && bound <= 3.0 * made.distances.sampled, "{:?}", made.distances);
+    assert!(made.grown.area(&CUBE) > 0.2 * std::f64::consts::PI);
+}
+
+#[test]
+fn patches_on_quadrics_become_exact() {
+    let field = sphere(0.5);
+    let made = parameterize(&field, &Options { exact: true, ..paper((2, 2), [0.0, 0.0, 0.5]) }).expect("a patch");
+    assert!(made.is_exact && made.grown.terms.i < 1e-28, "{:e}", made.grown.terms.i);
+    assert!(made.grown.area(&CUBE) > 0.3 * std::f64::consts::PI - 0.02 && made.grown.patch.control_weights().0 > 0.0);
+    assert!(made.grown.sum() <= PAPER_LIMIT);
+    let Some(Quadric::Sphere { center, radius }) = made.quadric else { panic!("{:?}", made.quadric) };
+    assert!((radius - 0.5).abs() < 1e-12 && center.iter().all(|c| c.abs() < 1e-12), "{center:?}, {radius}");
+}
+
+type Term = ([u16; 3], f64);
+
+/// From any side: ellipsoid, cylinder, cone, saddle, each with a seed of its own and its own angle.
+#[test]
+fn other_quadrics_become_exact_and_are_named() {
+    let quadrics: [(&[Term], &str); 5] = [
+        (&[([2, 0, 0], 1.0), ([0, 2, 0], 1.0), ([0, 0, 2], 1.0), ([0, 0, 0], -0.25)], "sphere"),
+        (&[([2, 0, 0], 1.0), ([0, 2, 0], 2.0), ([0, 0, 2], 3.0), ([0, 0, 0], -0.25)], "quadric"),
+        (&[([2, 0, 0], 9.0), ([0, 2, 0], 9.0), ([0, 0, 0], -1.0)], "cylinder"),
+        (&[([2, 0, 0], 9.0), ([0, 2, 0], 9.0), ([0, 0, 2], -1.0), ([0, 0, 1], 2.0), ([0, 0, 0], -1.0)], "cone"),
+        (&[([2, 0, 0], 1.0), ([0, 2, 0], -1.0), ([0, 0, 1], -0.5)], "quadric"),
+    ];
+    for (terms, name) in quadrics {
+        let field = isoform_field::Polynomial::new(terms.to_vec());
+        for seed in 1..=5 {
+            let made = parameterize(&field, &Options { exact: true, seed, ..Options::paper((2, 2), CUBE) }).expect("a patch");
+            assert!(made.grown.terms.i < 1e-28, "{name}, {seed}: {:e}", made.grown.terms.i);
+            assert!(made.is_exact, "{name}, {seed}: {:?}", made.distances);
+            assert_eq!(made.quadric.map(|q| q.name()), Some(name), "{seed}");
+        }
+    }
+}
+
+/// A function that is not a number on one side.
+struct HalfNan;
+impl Field for HalfNan {
+    fn value(&self, p: Point3) -> f64 {
+        self.jet(p).v
+    }
+    fn jet(&self, p: Point3) -> Jet2 {
+        let v = if p[0] > 0.1 { f64::NAN } else { p[2] };
+        Jet2 { v, g: [0.0, 0.0, 1.0], h: [0.0; 6] }
+    }
+}
+
+#[test]
+fn bad_input_is_refused_with_a_reason() {
+    let field = sphere(0.5);
+    let error = |field: &dyn Field, options: Options| parameterize(field, &options).map(|_| ()).expect_err("no patch");
+    let at = |seed| paper((2, 2), seed);
+    assert_eq!(error(&field, paper((0, 2), [0.0; 3])), Error::Degree(0, 2));
+    assert_eq!(error(&field, paper((2, 99), [0.0; 3])), Error::Degree(2, 99));
+    assert_eq!(error(&field, Options { limit: -1.0, ..at([0.0, 0.0, 0.5]) }), Error::Option { name: "the bound on S", value: -1.0 });
+    assert_eq!(error(&field, Options { region: Aabb::EMPTY, ..at([0.0, 0.0, 0.5]) }), Error::Region);
+    assert_eq!(error(&field, at([0.0; 3])), Error::FarSeed { at: [0.0; 3] });
+    assert_eq!(error(&field, at([40.0, 0.0, 0.0])), Error::FarSeed { at: [40.0, 0.0, 0.0] });
+    assert_eq!(error(&whitney(), at([0.0, 0.0, 0.2])), Error::Singular { at: [0.0, 0.0, 0.2] });
+    assert_eq!(error(&sphere(9.0), Options::paper((2, 2), CUBE)), Error::NoSurface);
+    assert!(matches!(error(&HalfNan, at([0.3, 0.0, 0.0])), Error::NotFinite { .. }));
+    let method = Method::Newton;
+    assert_eq!(error(&HalfNan, Options { method, ..at([0.0, 0.0, 0.1]) }), Error::NoThirdDerivatives);
+    // Beside the part without values there is a patch, and it stays out of it.
+    let made = parameterize(&HalfNan, &Options { most_extrapolations: 20, ..at([0.0, 0.0, 0.1]) }).expect("a patch");
+    assert!(made.grown.patch.control().iter().flatten().all(|v| v.is_finite()));
+    assert_eq!(made.distances.bound, None);
+}
