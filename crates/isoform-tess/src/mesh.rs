@@ -75,6 +75,8 @@ fn distance(a: Point3, b: Point3) -> f64 {
     norm(sub(a, b))
 }
 
+/// Halvings of a contracted curve because what leaves it turns.
+const TURNS: usize = 10;
 /// Halvings of a stretch of an arc or side: ends with vertical tangents are approached to 2⁻⁴⁰ of the stretch.
 const HALVINGS: usize = 40;
 /// Vertices of a stretch at most: more has one along which the map is not continuous.
@@ -396,7 +398,7 @@ impl Builder<'_> {
                         None => !self.is_fine(&at, a, b),
                         Some(_) => {
                             let near = based.iter().map(|p| (a - p.0).abs().min((b - p.0).abs())).fold(1.0 / 16.0, f64::min);
-                            b - a > near
+                            b - a > near || depth < TURNS && self.charts[both[0]].turns([a, 0.5 * (a + b), b].map(|x| on_side(side, x)))
                         }
                     };
                     let signed = || self.charts[both[0]].keeps_sign([a, b, a].map(|x| on_side(side, x)), 0);
@@ -722,12 +724,14 @@ impl Builder<'_> {
             }
         }
         let [a, b] = ends;
+        let is_contracted = self.drawn_on(q, wall, point).is_some_and(|f| self.on_curve.contains_key(&f));
         let mut line = vec![a];
         let mut stack = vec![(a[1], b[1], 0)];
         while let Some((x, y, depth)) = stack.pop() {
             let at = |v: f64| self.charts[q].at([a[0], v]);
-            if depth < HALVINGS && line.len() < VERTICES && !self.is_fine(&at, x, y) {
-                let m = 0.5 * (x + y);
+            let m = 0.5 * (x + y);
+            let turns = || is_contracted && depth < TURNS && self.charts[q].turns([x, m, y].map(|v| [a[0], v]));
+            if depth < HALVINGS && line.len() < VERTICES && (!self.is_fine(&at, x, y) || turns()) {
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {
                 line.push([a[0], y]);
@@ -829,6 +833,7 @@ impl Builder<'_> {
             return line;
         }
         let at = |[u, v]: [f64; 2]| self.charts[q].at([u, v]);
+        let is_contracted = self.on_curve.contains_key(&over.arrangement.slabs[over.slab].arcs[i].curve);
         let mut stack = vec![(stretch.from, stretch.to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left[0] + right[0]);
@@ -847,6 +852,7 @@ impl Builder<'_> {
                 && distance(m, middle(p, r)) <= 0.3 * tolerance
                 // The triangles beside it meet the chord in the parameters, not the arc.
                 && distance(at(chord), middle(p, r)) <= 0.3 * tolerance
+                && !(is_contracted && depth < TURNS && self.charts[q].turns([left, mid, right]))
                 && self.charts[q].keeps_sign([left, right, left], 0);
             // One halving at least: a chord may meet the middle by chance.
             if fine && depth > 1 {
@@ -977,6 +983,9 @@ impl Measure for InChart<'_, '_> {
     }
     fn beside_chord(&self, chord: [[f64; 2]; 2], image: usize) -> Option<[f64; 2]> {
         self.builder.charts[self.q].beside_chord(chord, self.builder.images[image])
+    }
+    fn turns(&self, at: [[f64; 2]; 3]) -> bool {
+        self.builder.charts[self.q].turns(at)
     }
     fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
         self.builder.charts[self.q].step(at, to)

@@ -3,7 +3,7 @@
 use crate::map::{MAX_DEGREE, Map};
 use crate::surface::Point3;
 use isoform_algebra::{Poly, QUADRANTS, RBig};
-use isoform_geom::{cross, dot, sub};
+use isoform_geom::{cross, dot, norm, sub};
 use std::collections::BTreeMap;
 
 /// A map evaluated in floating point on one of the unit triangles.
@@ -16,6 +16,8 @@ pub(super) struct Chart {
     w: Vec<f64>,
 }
 
+/// Least cosine of the angle between directions that count as near.
+const TURN: f64 = 0.97;
 /// One more than the degree up to which powers fit a short list; that for all degrees.
 const FEW: usize = 9;
 const MANY: usize = MAX_DEGREE + 1;
@@ -99,7 +101,7 @@ impl Chart {
             let slope: Point3 = std::array::from_fn(|k| x[k] * across[0] + y[k] * across[1]);
             let step = dot(sub(image, p), slope) / dot(slope, slope);
             off += step;
-            if step.abs() <= 1e-14 {
+            if step.abs() <= 1e-12 {
                 return Some([0, 1].map(|k| 0.5 * (a[k] + b[k]) + off * across[k]));
             }
             if !(off.abs() < 0.5) {
@@ -107,6 +109,17 @@ impl Chart {
             }
         }
         None
+    }
+    /// Whether the surface leaves the one image of a contracted curve in directions that are far from each other at three places of it.
+    pub(super) fn turns(&self, [a, m, b]: [[f64; 2]; 3]) -> bool {
+        let across = [a[1] - b[1], b[0] - a[0]];
+        let leaving = |at: [f64; 2]| {
+            let [_, x, y] = self.tangents(at);
+            let d: Point3 = std::array::from_fn(|k| x[k] * across[0] + y[k] * across[1]);
+            d.map(|c| c / norm(d))
+        };
+        let [p, q, r] = [a, m, b].map(leaving);
+        dot(p, q) < TURN || dot(q, r) < TURN
     }
     /// The normal of the surface, of any length, for parameters turned counterclockwise.
     pub(super) fn normal(&self, at: [f64; 2]) -> Point3 {

@@ -8,7 +8,7 @@ use crate::surface::Point3;
 use isoform_geom::{cross, dot, norm, sub};
 use robust::{Coord, orient2d};
 use std::cell::Cell;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 pub(super) const NONE: u32 = u32::MAX;
 
@@ -22,6 +22,8 @@ pub(super) trait Measure {
     fn at(&self, at: [f64; 2]) -> Point3;
     /// The point of a contracted curve beside the middle of a chord of it, with this image.
     fn beside_chord(&self, chord: [[f64; 2]; 2], image: usize) -> Option<[f64; 2]>;
+    /// Whether the surface leaves a contracted curve in directions that are far from each other at three places of it.
+    fn turns(&self, at: [[f64; 2]; 3]) -> bool;
     /// The step in the parameters that brings the image nearest to a point, to first order.
     fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]>;
     /// The normal of the surface, of any length, for parameters turned counterclockwise.
@@ -162,6 +164,8 @@ const TURNED: f64 = 1e-6;
 const ASIDE: [f64; 2] = [0.1, 0.02];
 /// How far contracted curves may bulge beyond their chords, per height of the triangles beside them.
 const BULGE: f64 = 0.2;
+/// That per length of the chord beyond which no vertex is taken off them: new vertices come to lie between the chord and the curve otherwise.
+const STRAIGHT: f64 = 1e-6;
 /// An edge wants to be split when its number is above 1.
 const SPLIT: f64 = 1.0;
 
@@ -300,11 +304,13 @@ impl Plane {
         let v = self.triangles[t as usize];
         let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
         let is_inner = self.fixed[t as usize][i] && self.adjacent[t as usize][i] != NONE;
-        let Some(Shared::Contracted(image)) = self.shared[a as usize].filter(|_| is_inner && self.have_one_image([a, b])) else { return None };
+        let Some(Shared::Contracted(image)) = self.shared[a as usize].filter(|_| is_inner && self.have_one_image([a, b])) else {
+            return None;
+        };
         let [x, y, z] = [a, b, v[i]].map(|v| self.nodes[v as usize].at);
         let m = measure.beside_chord([x, y], image)?;
-        let above = |z: [f64; 2]| (y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0]);
-        (above(m).abs() > BULGE * above(z).abs()).then_some((m, image))
+        let above = |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
+        (above(m) > BULGE * above(z)).then_some((m, image))
     }
     /// The length in the parameters of the edge opposite to corner i.
     fn length(&self, t: u32, i: usize) -> f64 {
@@ -318,6 +324,7 @@ impl Plane {
 
     /// Splits edges until all triangles are near the surface and W keeps its sign on them, or there are too many.
     pub(super) fn refine(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
+        self.thin_contracted(measure);
         let all = (0..self.triangles.len() as u32).flat_map(|t| self.triangles[t as usize].map(|v| (t, v))).collect();
         self.legalise(all, measure);
         let mut ended = self.work_off(most, measure, stop);
@@ -460,19 +467,10 @@ impl Plane {
             if !free[v as usize] || at[v as usize] == NONE {
                 continue;
             }
-            // Around v, counterclockwise: triangle k has the corners v, ring k and ring k + 1.
-            let (mut star, mut ring) = (Vec::new(), Vec::new());
-            let mut t = at[v as usize];
-            while star.first() != Some(&t) && star.len() < 64 {
-                let i = self.triangles[t as usize].iter().position(|&x| x == v).expect("a triangle at v");
-                star.push(t);
-                ring.push(self.triangles[t as usize][(i + 1) % 3]);
-                // The neighbour beyond the edge from v to the corner after.
-                t = self.adjacent[t as usize][(i + 1) % 3];
-            }
+            let Some((star, ring)) = self.star(at[v as usize], v) else { continue };
             let n = star.len();
             let before = star.iter().map(|&t| self.known_worth(t, measure).0).fold(f64::INFINITY, f64::min);
-            if n == 64 || !star.iter().all(|&t| self.sound[t as usize]) {
+            if !star.iter().all(|&t| self.sound[t as usize]) {
                 continue;
             }
             let before = before.min(COARSE);
@@ -502,45 +500,128 @@ impl Plane {
                     && made.iter().all(|&t| self.off(t, is_even, measure) <= 1.0)
             });
             let Some(k) = target else { continue };
-            let w = ring[k];
-            // The two triangles between v and w go; the others get w for v.
-            let (gone, last) = (star[k], star[(k + n - 1) % n]);
-            let outer = |t: u32| {
-                let i = self.triangles[t as usize].iter().position(|&x| x == v).expect("a triangle at v");
-                (self.adjacent[t as usize][i], self.fixed[t as usize][i])
-            };
-            let (beyond, beyond_last) = (outer(gone), outer(last));
-            for j in 1..n - 1 {
-                let t = star[(k + j) % n] as usize;
-                let i = self.triangles[t].iter().position(|&x| x == v).expect("a triangle at v");
-                self.triangles[t][i] = w;
-                self.worths[t].set(None);
-            }
-            // (v, w, next): the triangle after it meets what was beyond the edge from w to next.
-            let join = |this: &mut Self, t: u32, ends: [u32; 2], (n, fixed): (u32, bool)| {
-                for (a, b) in [(t, n), (n, t)] {
-                    if a != NONE {
-                        let x = this.triangles[a as usize];
-                        let i = (0..3).find(|&i| !ends.contains(&x[i])).expect("a corner opposite to the edge");
-                        this.adjacent[a as usize][i] = b;
-                        this.fixed[a as usize][i] = fixed || b == NONE;
-                    }
-                }
-            };
-            join(self, star[(k + 1) % n], [w, ring[(k + 1) % n]], beyond);
-            join(self, star[(k + n - 2) % n], [w, ring[(k + n - 1) % n]], beyond_last);
-            for t in [gone, last] {
-                dead[t as usize] = true;
-            }
-            at[v as usize] = NONE;
-            for j in 1..n - 1 {
-                let t = star[(k + j) % n];
-                self.triangles[t as usize].iter().for_each(|&x| at[x as usize] = t);
-            }
+            self.pull((v, k), (&star, &ring), &mut at, &mut dead);
             done += 1;
         }
         self.remove(&dead);
         done
+    }
+
+    /// The triangles around a vertex, counterclockwise from one of them on, and the vertices on the ring: triangle k has the corners v, ring k and
+    /// ring k + 1. None at borders, and where they are too many.
+    fn star(&self, from: u32, v: u32) -> Option<(Vec<u32>, Vec<u32>)> {
+        let (mut star, mut ring) = (Vec::new(), Vec::new());
+        let mut t = from;
+        while star.first() != Some(&t) {
+            if t == NONE || star.len() == 64 {
+                return None;
+            }
+            let i = self.triangles[t as usize].iter().position(|&x| x == v)?;
+            star.push(t);
+            ring.push(self.triangles[t as usize][(i + 1) % 3]);
+            // The neighbour beyond the edge from v to the corner after.
+            t = self.adjacent[t as usize][(i + 1) % 3];
+        }
+        Some((star, ring))
+    }
+
+    /// Pulls a vertex onto number k of its ring. `at` holds a triangle at every vertex; triangles that are gone are marked in `dead`.
+    fn pull(&mut self, (v, k): (u32, usize), (star, ring): (&[u32], &[u32]), at: &mut [u32], dead: &mut [bool]) {
+        let n = star.len();
+        let w = ring[k];
+        // The two triangles between v and w go; the others get w for v.
+        let (gone, last) = (star[k], star[(k + n - 1) % n]);
+        let outer = |t: u32| {
+            let i = self.triangles[t as usize].iter().position(|&x| x == v).expect("a triangle at v");
+            (self.adjacent[t as usize][i], self.fixed[t as usize][i])
+        };
+        let (beyond, beyond_last) = (outer(gone), outer(last));
+        for j in 1..n - 1 {
+            let t = star[(k + j) % n] as usize;
+            let i = self.triangles[t].iter().position(|&x| x == v).expect("a triangle at v");
+            self.triangles[t][i] = w;
+            self.worths[t].set(None);
+        }
+        // (v, w, next): the triangle after it meets what was beyond the edge from w to next.
+        let join = |this: &mut Self, t: u32, ends: [u32; 2], (n, fixed): (u32, bool)| {
+            for (a, b) in [(t, n), (n, t)] {
+                if a != NONE {
+                    let x = this.triangles[a as usize];
+                    let i = (0..3).find(|&i| !ends.contains(&x[i])).expect("a corner opposite to the edge");
+                    this.adjacent[a as usize][i] = b;
+                    this.fixed[a as usize][i] = fixed || b == NONE;
+                }
+            }
+        };
+        join(self, star[(k + 1) % n], [w, ring[(k + 1) % n]], beyond);
+        join(self, star[(k + n - 2) % n], [w, ring[(k + n - 1) % n]], beyond_last);
+        for t in [gone, last] {
+            dead[t as usize] = true;
+        }
+        at[v as usize] = NONE;
+        for j in 1..n - 1 {
+            let t = star[(k + j) % n];
+            self.triangles[t as usize].iter().for_each(|&x| at[x as usize] = t);
+        }
+    }
+
+    /// Takes vertices off contracted curves that are nearer to each other than what leaves the curve there needs: triangles between such vertices and
+    /// a far one have two sides that are the same in space.
+    fn thin_contracted(&mut self, measure: &dyn Measure) {
+        let mut at: Vec<u32> = vec![NONE; self.nodes.len()];
+        let mut along: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
+        for (t, v) in self.triangles.iter().enumerate() {
+            for i in 0..3 {
+                at[v[i] as usize] = t as u32;
+                if self.fixed[t][i] {
+                    let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
+                    along.entry(a).or_default().insert(b);
+                    along.entry(b).or_default().insert(a);
+                }
+            }
+        }
+        let mut dead = vec![false; self.triangles.len()];
+        for v in 0..self.nodes.len() as u32 {
+            let is_inner = self.nodes[v as usize].name == Name::Inner && self.nodes[v as usize].faces == 0;
+            let Some(Shared::Contracted(image)) = self.shared[v as usize].filter(|_| is_inner && at[v as usize] != NONE) else { continue };
+            let ends: Vec<u32> = along.get(&v).into_iter().flatten().copied().collect();
+            let [a, b] = ends[..] else { continue };
+            // Vertices beside the new chord have to stay on their side of the curve.
+            let [x, y] = [a, b].map(|w| self.nodes[w as usize].at);
+            let is_straight = measure.beside_chord([x, y], image).is_some_and(|m| {
+                let off = (m[0] - 0.5 * (x[0] + y[0])).hypot(m[1] - 0.5 * (x[1] + y[1]));
+                off <= STRAIGHT * (x[0] - y[0]).hypot(x[1] - y[1])
+            });
+            if !is_straight
+                || ![a, b].iter().all(|&w| self.have_one_image([v, w]))
+                || measure.turns([a, v, b].map(|w| self.nodes[w as usize].at))
+            {
+                continue;
+            }
+            let Some((star, ring)) = self.star(at[v as usize], v) else { continue };
+            if !star.iter().all(|&t| self.sound[t as usize]) {
+                continue;
+            }
+            let n = ring.len();
+            let place = |w: u32| ring.iter().position(|&x| x == w);
+            let fits = |k: usize| {
+                let made = (1..n - 1).map(|j| [ring[k], ring[(k + j) % n], ring[(k + j + 1) % n]]);
+                let is_joined = |j: usize| self.are_joined(at[ring[k] as usize], ring[k], ring[(k + j) % n]);
+                made.clone().all(|t| self.is_counterclockwise(t) && self.is_thick(t, THIN)) && !(2..n - 1).any(is_joined)
+            };
+            let Some(k) = [a, b].into_iter().filter_map(place).find(|&k| fits(k)) else { continue };
+            let (w, other) = if ring[k] == a { (a, b) } else { (b, a) };
+            self.pull((v, k), (&star, &ring), &mut at, &mut dead);
+            for (x, y) in [(w, other), (other, w)] {
+                if let Some(list) = along.get_mut(&x) {
+                    list.remove(&v);
+                    list.insert(y);
+                }
+            }
+        }
+        self.remove(&dead);
+        self.queued.fill(true);
+        self.queue = (0..self.triangles.len() as u32).collect();
     }
 
     /// Whether two vertices have an edge, looked for around the first from one of its triangles on, both ways.
@@ -720,7 +801,7 @@ impl Plane {
 
     /// Splits the edge opposite to corner i, in the middle if there is room. False if rounding leaves no room.
     fn split_edge(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
-        let Quad { corners: [c, a, d, b], n, outer: [ca, ad, db, bc] } = self.quad(t, i);
+        let Quad { corners: [c, a, d, b], n, .. } = self.quad(t, i);
         let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
         let [p, q] = [c, d].map(|v| self.nodes[v as usize].at);
         let area = |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
