@@ -104,7 +104,7 @@ impl Chart {
             if step.abs() <= 1e-12 {
                 return Some([0, 1].map(|k| 0.5 * (a[k] + b[k]) + off * across[k]));
             }
-            if !(off.abs() < 0.5) {
+            if off.is_nan() || off.abs() >= 0.5 {
                 return None;
             }
         }
