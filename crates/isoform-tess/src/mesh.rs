@@ -12,7 +12,7 @@ mod plane;
 
 use crate::analysis::Analysis;
 use crate::double::Fibres;
-use crate::fan::Fan;
+use crate::fan::{Direction, Fan, Key};
 use crate::field::Algebraic;
 use crate::map::Map;
 use crate::region::Region;
@@ -36,7 +36,7 @@ enum Name {
     /// The image of a contracted curve.
     Image(usize),
     /// On the seam of a base point, in a direction.
-    Seam(usize, [u64; 2]),
+    Seam(usize, Key),
     /// Where sheets meet.
     Double(usize),
 }
@@ -232,7 +232,7 @@ impl SiteArc {
 }
 
 /// A direction of a fan, by its key, and whether it is backward.
-type Ray = ([u64; 2], bool);
+type Ray = (Key, bool);
 
 /// Where a point (s : t : w) is in the unit triangle of a quadrant, if it is in it.
 fn place_in(quadrant: usize, p: [f64; 3]) -> Option<[f64; 2]> {
@@ -381,7 +381,7 @@ impl Builder<'_> {
                 while let Some((a, b, depth)) = stack.pop() {
                     let rough = || self.on_side[side].is_none() && !self.is_fine(&at, a, b);
                     let signed = || self.charts[both[0]].keeps_sign([a, b, a].map(|x| on_side(side, x)), 0);
-                    if inside && depth < HALVINGS && (rough() || !signed()) {
+                    if inside && depth < HALVINGS && !(self.stop)() && (rough() || !signed()) {
                         let m = 0.5 * (a + b);
                         stack.extend([(m, b, depth + 1), (a, m, depth + 1)]);
                     } else {
@@ -456,37 +456,34 @@ impl Builder<'_> {
             let Some(&apex) = at_wall.get(&(k, p)) else { continue };
             apexes.insert(apex.index(), site.fan);
             let fan = &self.fans[site.fan];
-            for k in (0..fan.directions.len()).filter(|&k| fan.inside[k]) {
-                for backward in [false, true] {
-                    let sector = Self::sector(fan, k, backward);
-                    let Some(ends) = self.sector_ends(q, site, fan, sector) else { continue };
-                    let mut insert = |at: [f64; 2], ray: Ray| {
-                        let name = match () {
-                            () if at[0] == 0.0 => name_on(0, at[1]),
-                            () if at[1] == 0.0 => name_on(1, at[0]),
-                            () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => name_on(2, at[0]),
-                            () => Name::Inner,
-                        };
-                        let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
-                        let faces = arc.map_or(0, |x| self.bits(x.curve));
-                        let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
-                        let v = cdt.insert(Node { name, image, ..Node::inner(at, faces) }).ok()?;
-                        rays.insert((v.index(), site.fan), ray);
-                        Some(v)
+            for sector in fan.sectors.iter().filter(|s| s.inside) {
+                let Some(ends) = self.sector_ends(q, site, fan, sector) else { continue };
+                let mut insert = |at: [f64; 2], ray: Ray| {
+                    let name = match () {
+                        () if at[0] == 0.0 => name_on(0, at[1]),
+                        () if at[1] == 0.0 => name_on(1, at[0]),
+                        () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => name_on(2, at[0]),
+                        () => Name::Inner,
                     };
-                    for (k, backward) in sector {
-                        let d = &fan.directions[k];
-                        let same: Vec<_> = self.ring(q, site, d, backward).into_iter().map(|at| insert(at, (d.key(), backward))).collect();
-                        for w in same.windows(2) {
-                            if let [Some(a), Some(b)] = *w {
-                                constraints.extend([[apex, a], [apex, b], [a, b]]);
-                            }
+                    let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
+                    let faces = arc.map_or(0, |x| self.bits(x.curve));
+                    let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
+                    let v = cdt.insert(Node { name, image, ..Node::inner(at, faces) }).ok()?;
+                    rays.insert((v.index(), site.fan), ray);
+                    Some(v)
+                };
+                for (k, backward) in sector.rays {
+                    let d = &fan.directions[k];
+                    let same: Vec<_> = self.ring(q, site, d, backward).into_iter().map(|at| insert(at, (d.key(), backward))).collect();
+                    for w in same.windows(2) {
+                        if let [Some(a), Some(b)] = *w {
+                            constraints.extend([[apex, a], [apex, b], [a, b]]);
                         }
                     }
-                    let ends = [(0, ends[0]), (1, ends[1])].map(|(i, at)| insert(at, (fan.directions[sector[i].0].key(), sector[i].1)));
-                    if let [Some(a), Some(b)] = ends {
-                        constraints.extend([[apex, a], [apex, b], [a, b]]);
-                    }
+                }
+                let ends = [(0, ends[0]), (1, ends[1])].map(|(i, at)| insert(at, (fan.directions[sector.rays[i].0].key(), sector.rays[i].1)));
+                if let [Some(a), Some(b)] = ends {
+                    constraints.extend([[apex, a], [apex, b], [a, b]]);
                 }
             }
         }
@@ -623,13 +620,12 @@ impl Builder<'_> {
                 continue;
             };
             let [p, a, b] = corners.map(|v| plane.nodes[v as usize].at);
+            let double = |surface: &mut Surface, global: &mut BTreeMap<_, _>, class: usize| {
+                add(surface, global, Name::Double(class), (self.gluing.image(class), 0), Kind::Double)
+            };
+            let sector = self.fans[fan].sector_between(first, second);
             // From the rectangle to the seam, with what lies between on a double curve.
-            let [first, second] = [(first, a, from), (second, b, to)].map(|(ray, at, vertex)| {
-                let mut path = vec![(vertex, at)];
-                for &(class, at) in self.gluing.spoke(fan, ray, at) {
-                    path.push((add(surface, global, Name::Double(class), (self.gluing.image(class), 0), Kind::Double), at));
-                }
-                let d = self.fans[fan].directions.iter().find(|d| d.key() == ray.0).expect("a direction of the fan");
+            let seam_end = |surface: &mut Surface, global: &mut BTreeMap<_, _>, d: &Direction, at: [f64; 2]| {
                 let (name, point, faces) = self.seam_vertex(fan, d);
                 let name = self.gluing.name(&key(name, 0, at)).unwrap_or(name);
                 let kind = match (name, faces) {
@@ -643,9 +639,21 @@ impl Builder<'_> {
                     Name::Double(k) => self.gluing.image(k),
                     _ => point,
                 };
-                path.push((add(surface, global, name, (point, faces), kind), p));
+                (add(surface, global, name, (point, faces), kind), p)
+            };
+            let [mut first, second] = [(first, a, from), (second, b, to)].map(|(ray, at, vertex)| {
+                let mut path = vec![(vertex, at)];
+                path.extend(self.gluing.spoke(fan, ray, at).iter().map(|&(class, at)| (double(surface, global, class), at)));
+                let d = self.fans[fan].directions.iter().find(|d| d.key() == ray.0).expect("a direction of the fan");
+                path.push(seam_end(surface, global, d, at));
                 path
             });
+            // From one seam to another one.
+            if let Some(corner) = sector.and_then(|s| s.corner.as_ref()) {
+                first.push(seam_end(surface, global, corner, p));
+            }
+            // What lies between two rays need not lie in the straight triangle: then the strip has no parameters but those of the base point.
+            let is_straight = !self.fans[fan].has_near() || self.charts[q].keeps_sign([p, a, b], self.fans[fan].multiplicity);
             let first_is_double = surface.double[first[0].0 as usize];
             // A strip between both, from the rectangle on.
             let (mut i, mut j) = (0, 0);
@@ -654,7 +662,7 @@ impl Builder<'_> {
                 let on_second = i + 1 == first.len() || (j + 1 < second.len() && !first_is_double);
                 let next = if on_second { second[j + 1] } else { first[i + 1] };
                 let t = [first[i], second[j], next];
-                made.push((t.map(|t| t.0), t.map(|t| t.1)));
+                made.push((t.map(|t| t.0), t.map(|t| if is_straight { t.1 } else { p })));
                 if on_second { j += 1 } else { i += 1 }
             }
         }
@@ -696,7 +704,7 @@ impl Builder<'_> {
         let mut stack = vec![(a[1], b[1], 0)];
         while let Some((x, y, depth)) = stack.pop() {
             let at = |v: f64| self.charts[q].at([a[0], v]);
-            if depth < HALVINGS && !self.is_fine(&at, x, y) {
+            if depth < HALVINGS && !(self.stop)() && !self.is_fine(&at, x, y) {
                 let m = 0.5 * (x + y);
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {
@@ -802,7 +810,7 @@ impl Builder<'_> {
         let mut stack = vec![(stretch.from, stretch.to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left[0] + right[0]);
-            let room = left[0] < u && u < right[0] && depth < HALVINGS;
+            let room = left[0] < u && u < right[0] && depth < HALVINGS && !(self.stop)();
             let Some(v) = room.then(|| over.at(u, i)).flatten() else {
                 line.push(right);
                 continue;

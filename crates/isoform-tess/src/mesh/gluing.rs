@@ -254,13 +254,7 @@ impl Builder<'_> {
                 // From the base point along the side: to larger places at the beginning, to smaller ones at the end.
                 let rays = [(ends[0], run[1]), (ends[1], run[run.len() - 2])].map(|(base, to)| {
                     let (fan, at) = base_of(base)?;
-                    let (d, backward) = self.fans[fan].toward(q, on_side(side, to));
-                    let d = self.fans[fan]
-                        .directions
-                        .iter()
-                        .filter(|e| self.fans[fan].sides_along(e).any(|s| s == side))
-                        .find(|e| (e.at[0] * d.at[1] - e.at[1] * d.at[0]).abs() < 1e-6)?;
-                    Some((fan, (d.key(), backward), at))
+                    Some((fan, self.fans[fan].ray_along(q, side, on_side(side, to))?, at))
                 });
                 let mut knots: Vec<Knot> = Vec::new();
                 for (k, &x) in run.iter().enumerate() {
