@@ -175,6 +175,13 @@ fn is_in_box(curve: &[BinaryForm; 4], half_width: &RBig, at: [f64; 2]) -> bool {
         })
 }
 
+/// A vector as a direction, and whether it is backward.
+fn directed(node: usize, x: [f64; 2]) -> (Direction, bool) {
+    let d = Direction::new(node, x);
+    let backward = d.at[0] * x[0] + d.at[1] * x[1] < 0.0;
+    (d, backward)
+}
+
 /// A station of the walk around a base point.
 struct Station {
     ray: (usize, bool),
@@ -434,14 +441,20 @@ impl Fan {
             (a, b) == (first, second) || (b, a) == (first, second)
         })
     }
-    /// In the middle of a sector's seam, or of one of its two seams, up to sign.
-    pub(crate) fn between(&self, sector: &Sector, piece: usize) -> Direction {
+    /// In the middle of a sector's seam, or of one of its two seams, and whether it is backward.
+    pub(crate) fn between(&self, sector: &Sector, piece: usize) -> (Direction, bool) {
         let (node, [a, b]) = self.piece(sector, piece);
-        Direction::new(node, [a[0] + b[0], a[1] + b[1]])
+        directed(node, [a[0] + b[0], a[1] + b[1]])
+    }
+    /// The ray of a sector's seam, or of one of its two seams, to a point of a unit triangle.
+    pub(crate) fn toward(&self, quadrant: usize, at: [f64; 2], sector: &Sector, piece: usize) -> Option<(Direction, bool)> {
+        let (node, [a, b]) = self.piece(sector, piece);
+        let x = self.lifted(quadrant, at, node);
+        let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+        (cross(a, x) * cross(a, b) > 0.0 && cross(x, b) * cross(a, b) > 0.0).then(|| directed(node, x))
     }
     /// Puts one more direction there.
-    pub(crate) fn split(&mut self, sector: usize, piece: usize) {
-        let d = self.between(&self.sectors[sector], piece);
+    pub(crate) fn split(&mut self, d: Direction) {
         let marks = &mut self.nodes[d.node].marks;
         let n = marks.len();
         let at = marks.partition_point(|m| m.0.angle() < d.angle());
@@ -579,12 +592,34 @@ impl Fan {
         }
         local
     }
-    /// The image of a point of a ray at a distance in the coordinates of its node, if that is not the only one.
-    pub(crate) fn image_on_ray(&self, d: &Direction, backward: bool, distance: f64) -> Point3 {
-        let [u, v] = d.signed(backward).map(|x| distance * x);
-        let value = |f: &Form| f.terms.iter().map(|([i, j], c)| c * u.powi(*i as i32) * v.powi(*j as i32)).sum::<f64>();
-        let [x, y, z, w] = self.nodes[d.node].forms.each_ref().map(value);
-        [x / w, y / w, z / w]
+    /// The image of a point of a ray at a distance in the coordinates of its node, if that is not the only one; or beside it, on a face of the
+    /// box.
+    pub(crate) fn image_on_ray(&self, d: &Direction, backward: bool, distance: f64, face: Option<usize>) -> Point3 {
+        let [a, b] = d.signed(backward);
+        let value = |off: f64| {
+            let [u, v] = [distance * a - off * b, distance * b + off * a];
+            let value = |f: &Form| f.terms.iter().map(|([i, j], c)| c * u.powi(*i as i32) * v.powi(*j as i32)).sum::<f64>();
+            self.nodes[d.node].forms.each_ref().map(value)
+        };
+        let mut off = 0.0;
+        let bound = |face: usize| if face % 2 == 0 { -self.half_width } else { self.half_width };
+        if let Some(face) = face {
+            let rest = |off: f64| {
+                let x = value(off);
+                x[face / 2] - bound(face) * x[3]
+            };
+            let step = 1e-6 * distance;
+            for _ in 0..20 {
+                let slope = (rest(off + step) - rest(off - step)) / (2.0 * step);
+                off -= rest(off) / slope;
+            }
+        }
+        let [x, y, z, w] = value(off);
+        let mut p = [x / w, y / w, z / w];
+        if let Some(face) = face {
+            p[face / 2] = bound(face);
+        }
+        p
     }
     /// The point of a ray at a distance in the coordinates of its node, if it is in the unit triangle.
     pub(crate) fn on_ray(&self, quadrant: usize, d: &Direction, backward: bool, distance: f64) -> Option<[f64; 2]> {

@@ -37,6 +37,8 @@ enum Name {
     Image(usize),
     /// On the seam of a base point, in a direction.
     Seam(usize, Key),
+    /// On a ray of a base point, in a direction, backward or not: so many vertices after the rectangle.
+    Ray(usize, Ray, usize),
     /// Where sheets meet.
     Double(usize),
 }
@@ -575,8 +577,10 @@ impl Builder<'_> {
             .collect();
         let measure = InChart { builder: self, q };
         let mut plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &measure);
+        if std::env::var("DBG").is_ok() { eprintln!("refine {q} {}", plane.triangles.len()); }
         let room = self.options.triangles.saturating_sub(surface.triangles.len());
         let ended = plane.refine(room, &measure, self.stop);
+        if std::env::var("DBG").is_ok() { eprintln!("refined {q} {} {ended:?}", plane.triangles.len()); }
         if ended.unsound > 0 {
             surface.unproven.push("W is not proved to keep its sign on every triangle".into());
         }
@@ -645,6 +649,13 @@ impl Builder<'_> {
                 let mut path = vec![(vertex, at)];
                 path.extend(self.gluing.spoke(fan, ray, at).iter().map(|&(class, at)| (double(surface, global, class), at)));
                 let d = self.fans[fan].directions.iter().find(|d| d.key() == ray.0).expect("a direction of the fan");
+                let site = self.sites.range((q, 0, 0)..(q + 1, 0, 0)).map(|s| s.1).find(|s| s.fan == fan);
+                let faces = surface.faces[vertex as usize];
+                if path.len() == 1 && surface.kinds[vertex as usize] != Kind::Contracted {
+                    let on_ray = site.map_or_else(Vec::new, |s| self.points_on_ray(q, s, &self.fans[fan], d, ray.1, at));
+                    let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
+                    path.extend(on_ray.into_iter().enumerate().map(|(k, x)| (add(surface, global, Name::Ray(fan, ray, k), (x, faces), kind), p)));
+                }
                 path.push(seam_end(surface, global, d, at));
                 path
             });
@@ -656,10 +667,13 @@ impl Builder<'_> {
             let is_straight = !self.fans[fan].has_near() || self.charts[q].keeps_sign([p, a, b], self.fans[fan].multiplicity);
             let first_is_double = surface.double[first[0].0 as usize];
             // A strip between both, from the rectangle on.
+            let is_even = !self.fans[fan].has_near();
             let (mut i, mut j) = (0, 0);
             while i + 1 < first.len() || j + 1 < second.len() {
                 // Edges from the seam's end of a double curve to the rectangle: the other diagonals would be there twice where the curve is folded.
-                let on_second = i + 1 == first.len() || (j + 1 < second.len() && !first_is_double);
+                let across = |a: u32, b: u32| distance(surface.points[a as usize], surface.points[b as usize]);
+                let shorter = || across(second[j + 1].0, first[i].0) < across(first[i + 1].0, second[j].0);
+                let on_second = i + 1 == first.len() || (j + 1 < second.len() && if is_even { !first_is_double } else { shorter() });
                 let next = if on_second { second[j + 1] } else { first[i + 1] };
                 let t = [first[i], second[j], next];
                 made.push((t.map(|t| t.0), t.map(|t| if is_straight { t.1 } else { p })));

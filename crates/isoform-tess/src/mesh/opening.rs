@@ -17,8 +17,8 @@ const WIDTH: f64 = 1.0 / 16.0;
 const ROUNDS: usize = 60;
 const DIRECTIONS: usize = 2000;
 /// Where base points are infinitely near, rays differ in high powers of the width: it has to be large for them to be told apart.
-const NEAR_WIDTH: f64 = 1.0 / 8.0;
-const NEAR_ROUNDS: usize = 16;
+const NEAR_WIDTH: f64 = 1.0 / 4.0;
+const NEAR_ROUNDS: usize = 12;
 
 impl Builder<'_> {
     pub(super) fn find_contracted(&mut self, map: &Map, curves: &Curves) {
@@ -397,14 +397,33 @@ impl Builder<'_> {
         }
         (hi > 1e-6).then_some(lo)
     }
-    /// The image of halfway on a ray from the base point to a vertex of the rectangle.
-    fn halfway(&self, q: usize, site: &Site, d: &Direction, backward: bool, end: [f64; 2]) -> Point3 {
-        let fan = &self.fans[site.fan];
-        let curved = if d.node == 0 || fan.is_side(d) { None } else { self.reach(q, site, d, backward) };
-        match curved {
-            Some(r) => fan.image_on_ray(d, backward, 0.5 * r),
-            None => self.charts[q].at([0.5 * (site.at[0] + end[0]), 0.5 * (site.at[1] + end[1])]),
+    /// Points of the surface between a vertex of the rectangle and the seam, from the rectangle on, where base points are infinitely near: there
+    /// is no room for rectangles that are small in space.
+    pub(super) fn points_on_ray(&self, q: usize, site: &Site, fan: &Fan, d: &Direction, backward: bool, at: [f64; 2]) -> Vec<Point3> {
+        let key = (d.key(), backward);
+        let arc = site.arcs.iter().find(|x| x.ray == key && x.end == at);
+        let face = arc.and_then(|x| self.region.faces[x.curve].first().copied());
+        let x = fan.lifted(q, at, d.node);
+        let reach = (0..2).map(|i| x[i] * d.signed(backward)[i]).sum::<f64>();
+        let drawn = site.arcs.iter().filter(|x| x.ray == key).count();
+        if !fan.has_near() || drawn > 1 || (arc.is_some() && face.is_none()) || !(reach > 0.0 && reach.is_finite()) {
+            return Vec::new();
         }
+        let on = |t: f64| fan.image_on_ray(d, backward, t * reach, face);
+        let first = self.image(q, at, arc.map_or(0, |x| self.bits(x.curve)));
+        let mut found = Vec::new();
+        let mut stack = vec![(1.0, first, 0.0, fan.seam(d), 0)];
+        while let Some((a, p, b, r, depth)) = stack.pop() {
+            let quarters = [0.75, 0.5, 0.25].map(|t| on(b + t * (a - b)));
+            let off = quarters.iter().map(|&x| distance(x, nearest(x, p, r))).fold(0.0, f64::max);
+            if depth < 12 && (off > 0.3 * self.options.tolerance || distance(p, r) > self.options.longest) {
+                let m = 0.5 * (a + b);
+                stack.extend([(m, quarters[1], b, r, depth + 1), (a, p, m, quarters[1], depth + 1)]);
+            } else if b > 0.0 {
+                found.push(r);
+            }
+        }
+        found
     }
 
     /// The two vertices between which a sector lies in a unit triangle.
@@ -498,8 +517,8 @@ impl Builder<'_> {
                 match self.look(fan, sector, sites) {
                     Look::Fine => drop(done.insert(name)),
                     Look::TooLarge => { if std::env::var("DBG").is_ok() { let r = sector.rays.map(|r| (fan.directions[r.0].node, fan.directions[r.0].signed(r.1))); eprintln!("  {r:?} too large"); } return false }
-                    Look::Split(piece) if fan.directions.len() < DIRECTIONS => {
-                        fan.split(s, piece);
+                    Look::Split(d) if fan.directions.len() < DIRECTIONS => {
+                        fan.split(d);
                         continue 'again;
                     }
                     Look::Split(_) => return false,
@@ -519,7 +538,7 @@ impl Builder<'_> {
         };
         let mut rough: Vec<bool> = Vec::new();
         for (piece, [p, r]) in pieces.iter().enumerate() {
-            rough.push(!self.is_near(fan.seam(&fan.between(sector, piece)), middle(*p, *r), [*p, *r]));
+            rough.push(!self.is_near(fan.seam(&fan.between(sector, piece).0), middle(*p, *r), [*p, *r]));
         }
         let mut fine = !rough.contains(&true);
         let mut longest = pieces.iter().map(|[p, r]| distance(*p, *r)).fold(0.0, f64::max);
@@ -538,19 +557,11 @@ impl Builder<'_> {
             let half = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
             let mut points = vec![a, b];
             for ((end, at), (k, backward)) in ends.iter().zip([a, b]).zip(sector.rays) {
-                // Halfway on an arc, not on its chord: it is the arc that bounds the surface.
                 let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), backward) && x.end == at);
-                let on = arc.map_or_else(|| self.halfway(q, site, &fan.directions[k], backward, at), |x| self.image(q, x.middle, self.bits(x.curve)));
-                let is_near = match fan.has_near() {
-                    // Rays of near points are not run through evenly: anywhere on the straight piece. And there is no room for small rectangles.
-                    true => {
-                        distance(on, nearest(on, *end, image(at))) <= self.options.tolerance
-                            && distance(*end, image(at)) <= self.options.longest
-                    }
-                    false => self.is_near(on, middle(*end, image(at)), [*end, image(at)]),
-                };
-                if !is_near {
-                    if std::env::var("DBG").is_ok() { eprintln!("halfway q {q} {on:?} at {at:?} end {end:?} image {:?}", image(at)); }
+                // Halfway on an arc, not on its chord: it is the arc that bounds the surface. Where points are infinitely near, strips have
+                // vertices in between.
+                let on = image(arc.map_or_else(|| half(site.at, at), |x| x.middle));
+                if !fan.has_near() && !self.is_near(on, middle(*end, image(at)), [*end, image(at)]) {
                     return Look::TooLarge;
                 }
                 points.extend(arc.map(|x| x.middle));
@@ -560,14 +571,14 @@ impl Builder<'_> {
             points.extend((1..8).map(|i| [0, 1].map(|k| a[k] + f64::from(i) / 8.0 * (b[k] - a[k]))));
             let is_signed = self.charts[q].keeps_sign([site.at, a, b], fan.multiplicity)
                 || fan.has_near() && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
-            if std::env::var("DBG").is_ok() && !is_signed { eprintln!("unsigned q {q} {a:?} {b:?} lifted {:?}", points.iter().map(|&x| fan.lifted(q, x, fan.directions[sector.rays[0].0].node)).collect::<Vec<_>>()); }
+            if std::env::var("DBG").is_ok() && !is_signed { eprintln!("unsigned q {q} {a:?} {b:?} rays {:?}", sector.rays.map(|r| (fan.directions[r.0].node, fan.directions[r.0].signed(r.1)))); }
             if !self.is_near(image(half(a, b)), middle(chord[0], chord[1]), chord) || !is_signed {
                 if fine && sector.corner.is_some() {
                     // Where the ray in the middle is farther away from the ends.
                     let apart = [0, 1].map(|piece| {
-                        let d = fan.between(sector, piece);
-                        let found = [false, true].into_iter().filter_map(|b| self.straight(q, site, &d, b)).map(image);
-                        found.map(|p| distance(p, chord[0]).min(distance(p, chord[1]))).fold(0.0, f64::max)
+                        let (d, backward) = fan.between(sector, piece);
+                        let found = self.straight(q, site, &d, backward).map(image);
+                        found.map_or(0.0, |p| distance(p, chord[0]).min(distance(p, chord[1])))
                     });
                     worse = usize::from(apart[1] > apart[0]);
                 }
@@ -588,7 +599,30 @@ impl Builder<'_> {
             true => Look::Fine,
             // What is not fine is not the seam then: an arc is too far from its tangent.
             false if longest < 0.01 * self.options.tolerance => Look::TooLarge,
-            false => Look::Split(worse),
+            false if !fan.has_near() => Look::Split(fan.between(sector, 0).0),
+            false => {
+                // Rays of two nodes, and arcs, have their order next to the base point, but not everywhere.
+                let is_between = |(d, backward): &(Direction, bool)| {
+                    sites.iter().all(|&(q, site)| {
+                        let Some([a, b]) = self.sector_ends(q, site, fan, sector) else { return true };
+                        let Some(x) = self.straight(q, site, d, *backward) else { return false };
+                        let orient = |a: [f64; 2], b: [f64; 2]| {
+                            let [a, b] = [a, b].map(|x| [x[0] - site.at[0], x[1] - site.at[1]]);
+                            if fan.keeps_turn(q) { a[0] * b[1] - a[1] * b[0] } else { a[1] * b[0] - a[0] * b[1] }
+                        };
+                        orient(a, x) > 0.0 && orient(x, b) > 0.0
+                    })
+                };
+                let pieces = if sector.corner.is_some() { vec![worse, 1 - worse] } else { vec![0] };
+                let halfway = pieces.iter().flat_map(|&piece| {
+                    sites.iter().filter_map(move |&(q, site)| {
+                        let [a, b] = self.sector_ends(q, site, fan, sector)?;
+                        fan.toward(q, [0, 1].map(|i| 0.5 * (a[i] + b[i])), sector, piece)
+                    })
+                });
+                let mut candidates = pieces.iter().map(|&piece| fan.between(sector, piece)).chain(halfway);
+                candidates.find(is_between).map_or(Look::TooLarge, |(d, _)| Look::Split(d))
+            }
         }
     }
 
@@ -627,10 +661,10 @@ impl Builder<'_> {
     }
 }
 
-/// What a sector needs: nothing, another direction in piece 0 or 1 of its seam, or a smaller rectangle.
+/// What a sector needs: nothing, another direction, or a smaller rectangle.
 enum Look {
     Fine,
-    Split(usize),
+    Split(Direction),
     TooLarge,
 }
 
