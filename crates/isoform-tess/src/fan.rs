@@ -162,7 +162,6 @@ fn rationals(form: &BinaryForm) -> Vec<RBig> {
     form.coefficients.iter().map(|c| c.as_rational().unwrap_or_else(|| if c.is_zero() { RBig::ZERO } else { round(c.to_f64()) })).collect()
 }
 
-
 /// Whether a seam is in the box in a direction, exact for the direction rounded.
 fn is_in_box(curve: &[BinaryForm; 4], half_width: &RBig, at: [f64; 2]) -> bool {
     let [a, b] = at.map(|x| RBig::try_from(x).unwrap_or_default());
@@ -356,7 +355,12 @@ impl Fan {
             .map(|k| {
                 let ((a, corners), (b, _)) = (&stations[k], &stations[(k + 1) % n]);
                 debug_assert!(corners.len() <= 1, "a ray between two corners");
-                Sector { rays: [a.ray, b.ray], marks: [a.after.0, b.before.0], corner: corners.first().cloned(), inside: a.after.1 && b.before.1 }
+                Sector {
+                    rays: [a.ray, b.ray],
+                    marks: [a.after.0, b.before.0],
+                    corner: corners.first().cloned(),
+                    inside: a.after.1 && b.before.1,
+                }
             })
             .collect();
         let torn = (0..n).any(|k| stations[k].0.after.1 != stations[(k + 1) % n].0.before.1);
@@ -497,7 +501,13 @@ impl Fan {
     }
     /// The points that whole seams are.
     pub(crate) fn contracted(&self) -> impl Iterator<Item = Point3> {
-        self.sectors.iter().filter(|s| s.inside).flat_map(|s| s.rays).map(|r| &self.directions[r.0]).filter(|d| self.nodes[d.node].constant).map(|d| self.seam(d))
+        self.sectors
+            .iter()
+            .filter(|s| s.inside)
+            .flat_map(|s| s.rays)
+            .map(|r| &self.directions[r.0])
+            .filter(|d| self.nodes[d.node].constant)
+            .map(|d| self.seam(d))
     }
     /// Whether the point of the seam in a direction is all of a seam: of the direction's node, or of one that it meets there.
     pub(crate) fn is_contracted(&self, d: &Direction) -> bool {
@@ -636,7 +646,13 @@ impl Fan {
     /// Whether W keeps its sign between the two rays of a sector, from the base point to points of the unit triangle: those on the chord
     /// between the rays, and others that the sector reaches to. In the coordinates of the node farther away from the base point, where W is
     /// divided by what vanishes on exceptional lines.
-    pub(crate) fn keeps_sign(&self, quadrant: usize, sector: &Sector, points: &[[f64; 2]], proof: &dyn Fn(&Form, [[f64; 2]; 3], bool) -> bool) -> bool {
+    pub(crate) fn keeps_sign(
+        &self,
+        quadrant: usize,
+        sector: &Sector,
+        points: &[[f64; 2]],
+        proof: &dyn Fn(&Form, [[f64; 2]; 3], bool) -> bool,
+    ) -> bool {
         let nodes = sector.rays.map(|r| self.directions[r.0].node);
         let deep = if self.nodes[nodes[0]].chain.len() > self.nodes[nodes[1]].chain.len() { 0 } else { 1 };
         let node = &self.nodes[nodes[deep]];

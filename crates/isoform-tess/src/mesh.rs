@@ -77,6 +77,9 @@ fn distance(a: Point3, b: Point3) -> f64 {
 
 /// Halvings of a stretch of an arc or side: ends with vertical tangents are approached to 2⁻⁴⁰ of the stretch.
 const HALVINGS: usize = 40;
+/// Halvings, and triangles, where a base point is left open: nothing gets fine enough there, and the result is not certified anyway.
+const OPEN_HALVINGS: usize = 12;
+const OPEN_TRIANGLES: usize = 100_000;
 
 /// Triangulates the part of the surface that is in the box. The region is decomposed by `curves`, too. What could not be opened, joined or
 /// refined is said to be unproven.
@@ -104,6 +107,7 @@ pub(crate) fn mesh(
         fans: Vec::new(),
         sites: BTreeMap::new(),
         widths: Vec::new(),
+        halvings: HALVINGS,
         surface: Surface::default(),
     };
     builder.find_contracted(map, curves);
@@ -196,6 +200,7 @@ struct Builder<'a> {
     sites: BTreeMap<(usize, usize, usize), Site>,
     /// Half the widths of the rectangles around them.
     widths: Vec<f64>,
+    halvings: usize,
     surface: Surface,
 }
 
@@ -383,7 +388,7 @@ impl Builder<'_> {
                 while let Some((a, b, depth)) = stack.pop() {
                     let rough = || self.on_side[side].is_none() && !self.is_fine(&at, a, b);
                     let signed = || self.charts[both[0]].keeps_sign([a, b, a].map(|x| on_side(side, x)), 0);
-                    if inside && depth < HALVINGS && !(self.stop)() && (rough() || !signed()) {
+                    if inside && depth < self.halvings && !(self.stop)() && (rough() || !signed()) {
                         let m = 0.5 * (a + b);
                         stack.extend([(m, b, depth + 1), (a, m, depth + 1)]);
                     } else {
@@ -483,7 +488,8 @@ impl Builder<'_> {
                         }
                     }
                 }
-                let ends = [(0, ends[0]), (1, ends[1])].map(|(i, at)| insert(at, (fan.directions[sector.rays[i].0].key(), sector.rays[i].1)));
+                let ends =
+                    [(0, ends[0]), (1, ends[1])].map(|(i, at)| insert(at, (fan.directions[sector.rays[i].0].key(), sector.rays[i].1)));
                 if let [Some(a), Some(b)] = ends {
                     constraints.extend([[apex, a], [apex, b], [a, b]]);
                 }
@@ -577,10 +583,9 @@ impl Builder<'_> {
             .collect();
         let measure = InChart { builder: self, q };
         let mut plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &measure);
-        if std::env::var("DBG").is_ok() { eprintln!("refine {q} {}", plane.triangles.len()); }
-        let room = self.options.triangles.saturating_sub(surface.triangles.len());
+        let most = if self.halvings < HALVINGS { self.options.triangles.min(OPEN_TRIANGLES) } else { self.options.triangles };
+        let room = most.saturating_sub(surface.triangles.len());
         let ended = plane.refine(room, &measure, self.stop);
-        if std::env::var("DBG").is_ok() { eprintln!("refined {q} {} {ended:?}", plane.triangles.len()); }
         if ended.unsound > 0 {
             surface.unproven.push("W is not proved to keep its sign on every triangle".into());
         }
@@ -654,7 +659,9 @@ impl Builder<'_> {
                 if path.len() == 1 && surface.kinds[vertex as usize] != Kind::Contracted {
                     let on_ray = site.map_or_else(Vec::new, |s| self.points_on_ray(q, s, &self.fans[fan], d, ray.1, at));
                     let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
-                    path.extend(on_ray.into_iter().enumerate().map(|(k, x)| (add(surface, global, Name::Ray(fan, ray, k), (x, faces), kind), p)));
+                    path.extend(
+                        on_ray.into_iter().enumerate().map(|(k, x)| (add(surface, global, Name::Ray(fan, ray, k), (x, faces), kind), p)),
+                    );
                 }
                 path.push(seam_end(surface, global, d, at));
                 path
@@ -718,7 +725,7 @@ impl Builder<'_> {
         let mut stack = vec![(a[1], b[1], 0)];
         while let Some((x, y, depth)) = stack.pop() {
             let at = |v: f64| self.charts[q].at([a[0], v]);
-            if depth < HALVINGS && !(self.stop)() && !self.is_fine(&at, x, y) {
+            if depth < self.halvings && !(self.stop)() && !self.is_fine(&at, x, y) {
                 let m = 0.5 * (x + y);
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {
@@ -824,7 +831,7 @@ impl Builder<'_> {
         let mut stack = vec![(stretch.from, stretch.to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left[0] + right[0]);
-            let room = left[0] < u && u < right[0] && depth < HALVINGS && !(self.stop)();
+            let room = left[0] < u && u < right[0] && depth < self.halvings && !(self.stop)();
             let Some(v) = room.then(|| over.at(u, i)).flatten() else {
                 line.push(right);
                 continue;

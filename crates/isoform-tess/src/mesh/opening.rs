@@ -3,7 +3,7 @@
 //! A triangle with a base point as corner becomes a quadrilateral, whose fourth side is a piece of the seam curve.
 
 use super::chart::keeps_sign_on;
-use super::{Builder, Curves, Name, Ray, Site, SiteArc, distance, middle};
+use super::{Builder, Curves, Name, OPEN_HALVINGS, Ray, Site, SiteArc, distance, middle};
 use crate::base::BasePoint;
 use crate::fan::{Direction, Fan, Sector};
 use crate::map::Map;
@@ -53,7 +53,8 @@ impl Builder<'_> {
     /// Finds the base points in the region and the rectangles around them.
     pub(super) fn open_base_points(&mut self, points: &[BasePoint], w: &Poly) {
         self.fans = points.iter().map(|p| Fan::new(p, self.region, w)).collect();
-        let contracted: Vec<Point3> = self.fans.iter().filter(|f| f.problem.is_none()).flat_map(|f| f.contracted().collect::<Vec<_>>()).collect();
+        let contracted: Vec<Point3> =
+            self.fans.iter().filter(|f| f.problem.is_none()).flat_map(|f| f.contracted().collect::<Vec<_>>()).collect();
         for p in contracted {
             self.image_of(p);
         }
@@ -80,8 +81,6 @@ impl Builder<'_> {
         }
         if !self.sites.is_empty() {
             self.match_arcs(&mut problems);
-            if std::env::var("DBG").is_ok() { for f in &self.fans { for x in &f.sectors { let r = x.rays.map(|r| (f.directions[r.0].node, f.directions[r.0].signed(r.1))); eprintln!("{r:?} inside {} corner {:?}", x.inside, x.corner.as_ref().map(|c| c.key().0)); } }
-            for (k, s) in &self.sites { eprintln!("site {k:?} at {:?}", s.at); for a in &s.arcs { eprintln!("   arc node {} {:?} right {} curve {}", a.ray.0.0, a.ray.0.1.map(f64::from_bits), a.right, a.curve); } } eprintln!("{problems:?}"); }
             self.widths = self.fans.iter().map(|f| if f.has_near() { NEAR_WIDTH } else { WIDTH }).collect();
             let mut done = false;
             let mut halved = vec![0; self.fans.len()];
@@ -93,7 +92,6 @@ impl Builder<'_> {
                 if too_large.is_empty() {
                     too_large = self.refine_directions();
                 }
-                if std::env::var("DBG").is_ok() { eprintln!("widths {:?} too large {too_large:?} dirs {:?}", self.widths, self.fans.iter().map(|f| f.directions.len()).collect::<Vec<_>>()); }
                 done = too_large.is_empty();
                 if done {
                     break;
@@ -109,6 +107,9 @@ impl Builder<'_> {
             if !done {
                 problems.push("the surface next to base points is not near enough to it, or W may change its sign there".to_owned());
             }
+        }
+        if !problems.is_empty() {
+            self.halvings = OPEN_HALVINGS;
         }
         self.surface.unproven.extend(problems);
     }
@@ -516,7 +517,7 @@ impl Builder<'_> {
                 }
                 match self.look(fan, sector, sites) {
                     Look::Fine => drop(done.insert(name)),
-                    Look::TooLarge => { if std::env::var("DBG").is_ok() { let r = sector.rays.map(|r| (fan.directions[r.0].node, fan.directions[r.0].signed(r.1))); eprintln!("  {r:?} too large"); } return false }
+                    Look::TooLarge => return false,
                     Look::Split(d) if fan.directions.len() < DIRECTIONS => {
                         fan.split(d);
                         continue 'again;
@@ -550,7 +551,6 @@ impl Builder<'_> {
             let turn = if fan.keeps_turn(q) { 1.0 } else { -1.0 };
             // An arc that bends away from its tangent may be beyond the next direction.
             if turn * cross(from_base(a), from_base(b)) <= 0.0 {
-                if std::env::var("DBG").is_ok() { eprintln!("turn {a:?} {b:?} base {:?} {}", site.at, cross(from_base(a), from_base(b))); }
                 return Look::TooLarge;
             }
             let image = |x: [f64; 2]| self.charts[q].at(x);
@@ -571,7 +571,6 @@ impl Builder<'_> {
             points.extend((1..8).map(|i| [0, 1].map(|k| a[k] + f64::from(i) / 8.0 * (b[k] - a[k]))));
             let is_signed = self.charts[q].keeps_sign([site.at, a, b], fan.multiplicity)
                 || fan.has_near() && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
-            if std::env::var("DBG").is_ok() && !is_signed { eprintln!("unsigned q {q} {a:?} {b:?} rays {:?}", sector.rays.map(|r| (fan.directions[r.0].node, fan.directions[r.0].signed(r.1)))); }
             if !self.is_near(image(half(a, b)), middle(chord[0], chord[1]), chord) || !is_signed {
                 if fine && sector.corner.is_some() {
                     // Where the ray in the middle is farther away from the ends.
@@ -587,8 +586,7 @@ impl Builder<'_> {
             // Between arcs with one tangent.
             for (k, backward) in sector.rays {
                 for w in self.ring(q, site, &fan.directions[k], backward).windows(2) {
-                    if !self.charts[q].keeps_sign([site.at, w[0], w[1]], fan.multiplicity)
-                        || cross(from_base(w[0]), from_base(w[1])) <= 0.0
+                    if !self.charts[q].keeps_sign([site.at, w[0], w[1]], fan.multiplicity) || cross(from_base(w[0]), from_base(w[1])) <= 0.0
                     {
                         return Look::TooLarge;
                     }
