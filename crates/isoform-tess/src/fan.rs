@@ -275,12 +275,13 @@ impl Fan {
             }
         }
         let [x, y, z, w] = seam.curve.each_ref().map(rationals);
+        let mut in_face = false;
         for face in 0..6 {
             let form = [&x, &y, &z][face / 2];
             let b = if face % 2 == 0 { region.half_width.clone() } else { -region.half_width.clone() };
             let sum: Vec<RBig> = form.iter().zip(&w).map(|(x, w)| x + &b * w).collect();
             if sum.iter().all(RBig::is_zero) {
-                self.problem = open("its seam lies in a face of the box");
+                in_face = true;
                 continue;
             }
             let factors: Vec<usize> = (0..region.factors.len()).filter(|&f| region.faces[f].contains(&face)).collect();
@@ -318,6 +319,9 @@ impl Fan {
                 is_in_box(&seam.curve, &region.half_width, middle)
             })
             .collect();
+        if in_face && inside.contains(&true) {
+            self.problem = open("its seam lies in a face of the box");
+        }
         for (k, (d, mark)) in marks.iter().enumerate() {
             if mark.is_some() && (inside[k] || inside[(k + n - 1) % n]) && d.faces != 0 {
                 self.problem = open("two of its seams meet in a face of the box");

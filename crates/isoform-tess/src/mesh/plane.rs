@@ -414,9 +414,11 @@ impl Plane {
     fn work_off(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
         let mut ended = Ended::default();
         let mut steps = 0usize;
+        let mut late = false;
         while let Some(t) = self.queue.pop_front() {
             self.queued[t as usize] = false;
             steps += 1;
+            late |= steps.is_multiple_of(256) && stop();
             let v = self.triangles[t as usize];
             let mut worst: Option<(f64, usize)> = None;
             for i in (0..3).filter(|&i| !self.fixed[t as usize][i]) {
@@ -464,7 +466,7 @@ impl Plane {
                 }
             }
             let Some(edge) = split else { continue };
-            let is_full = self.triangles.len() + 4 > most || steps > 20 * most || (steps.is_multiple_of(256) && stop());
+            let is_full = self.triangles.len() + 4 > most || steps > 20 * most || late;
             let done = !is_full
                 && match edge {
                     Some(i) => self.split_edge(t, i, measure),
