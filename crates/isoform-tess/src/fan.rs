@@ -92,8 +92,11 @@ pub(crate) struct Form {
     pub(crate) order: usize,
 }
 
+/// A seam with the blow-ups that lead to it, the axes that are exceptional lines, and the numbers of the seams near to it.
+type Found<'a> = (Vec<Step>, [bool; 2], &'a Seam, Vec<usize>);
+
 /// All seams of a base point with the blow-ups that lead to them, parents first.
-fn collect<'a>(seam: &'a Seam, chain: &[Step], exceptional: [bool; 2], found: &mut Vec<(Vec<Step>, [bool; 2], &'a Seam, Vec<usize>)>) {
+fn collect<'a>(seam: &'a Seam, chain: &[Step], exceptional: [bool; 2], found: &mut Vec<Found<'a>>) {
     let place = found.len();
     found.push((chain.to_vec(), exceptional, seam, Vec::new()));
     for near in &seam.near {
@@ -106,6 +109,9 @@ fn collect<'a>(seam: &'a Seam, chain: &[Step], exceptional: [bool; 2], found: &m
         collect(&near.seam, &[chain, &[step]].concat(), exceptional, found);
     }
 }
+
+/// What proves that a polynomial keeps its sign on a triangle, of which the first corner may be the origin.
+type Proof<'a> = &'a dyn Fn(&Form, [[f64; 2]; 3], bool) -> bool;
 
 /// Two rays next to each other, counterclockwise in the local coordinates of the base point.
 #[derive(Clone, Debug)]
@@ -616,7 +622,7 @@ impl Fan {
             self.nodes[d.node].forms.each_ref().map(value)
         };
         let mut off = 0.0;
-        let bound = |face: usize| if face % 2 == 0 { -self.half_width } else { self.half_width };
+        let bound = |face: usize| if face.is_multiple_of(2) { -self.half_width } else { self.half_width };
         if let Some(face) = face {
             let rest = |off: f64| {
                 let x = value(off);
@@ -650,13 +656,7 @@ impl Fan {
     /// Whether W keeps its sign between the two rays of a sector, from the base point to points of the unit triangle: those on the chord
     /// between the rays, and others that the sector reaches to. In the coordinates of the node farther away from the base point, where W is
     /// divided by what vanishes on exceptional lines.
-    pub(crate) fn keeps_sign(
-        &self,
-        quadrant: usize,
-        sector: &Sector,
-        points: &[[f64; 2]],
-        proof: &dyn Fn(&Form, [[f64; 2]; 3], bool) -> bool,
-    ) -> bool {
+    pub(crate) fn keeps_sign(&self, quadrant: usize, sector: &Sector, points: &[[f64; 2]], proof: Proof<'_>) -> bool {
         let nodes = sector.rays.map(|r| self.directions[r.0].node);
         let deep = if self.nodes[nodes[0]].chain.len() > self.nodes[nodes[1]].chain.len() { 0 } else { 1 };
         let node = &self.nodes[nodes[deep]];
