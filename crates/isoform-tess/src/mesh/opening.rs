@@ -18,7 +18,7 @@ const ROUNDS: usize = 60;
 const DIRECTIONS: usize = 2000;
 /// Where base points are infinitely near, rays differ in high powers of the width: it has to be large for them to be told apart.
 const NEAR_WIDTH: f64 = 1.0 / 4.0;
-const NEAR_ROUNDS: usize = 12;
+const NEAR_ROUNDS: usize = 40;
 
 impl Builder<'_> {
     pub(super) fn find_contracted(&mut self, map: &Map, curves: &Curves) {
