@@ -10,6 +10,7 @@
 //! two meet: a corner, which belongs to both seams.
 
 use crate::base::{BasePoint, BinaryForm, Seam};
+use crate::cover::Involution;
 use crate::field::Algebraic;
 use crate::region::Region;
 use crate::surface::Point3;
@@ -37,6 +38,10 @@ impl Direction {
         let sign = if at[1] < 0.0 || (at[1] == 0.0 && at[0] < 0.0) { -1.0 } else { 1.0 };
         // No negative zeros: a direction names a vertex.
         Self { node, at: at.map(|x| sign * x / length + 0.0), faces: 0, factors: Vec::new() }
+    }
+    /// Whether both are one but for rounding.
+    fn is_same(&self, other: &Self) -> bool {
+        (self.at[0] * other.at[1] - self.at[1] * other.at[0]).abs() < 1e-12
     }
     fn angle(&self) -> f64 {
         self.at[1].atan2(self.at[0])
@@ -79,6 +84,8 @@ struct Node {
     curve: [Vec<f64>; 4],
     /// Whether the seam is one point only.
     constant: bool,
+    /// The pairs of directions with one image, if the seam runs twice through its points. Partners of directions are directions.
+    cover: Option<Involution>,
     /// What is in which direction, ascending by angle in [0, π), and whether the seam is in the box between this and the next.
     marks: Vec<(Direction, Mark, bool)>,
     /// X, Y, Z and W there, without what vanishes on exceptional lines; empty if there is no other node.
@@ -139,6 +146,7 @@ pub(crate) struct Fan {
     pub(crate) multiplicity: usize,
     half_width: f64,
     nodes: Vec<Node>,
+    is_tree: bool,
     /// All rays, up to sign.
     pub(crate) directions: Vec<Direction>,
     /// Around the base point once.
@@ -215,21 +223,29 @@ impl Fan {
             multiplicity: if all.len() == 1 { base.multiplicity() } else { tangents(w_form, point, [u, v], one, &[]).0 },
             half_width: region.half_width.to_f64().value(),
             nodes: Vec::new(),
+            is_tree: false,
             directions: Vec::new(),
             sectors: Vec::new(),
         };
         for (chain, exceptional, seam, children) in all {
             let place = fan.nodes.len();
-            let marks = fan.marks(base, place, &chain, exceptional, seam, &children, region);
+            let cover = Involution::of(&seam.curve, &|| false).ok().flatten();
+            let marks = fan.marks(base, place, &chain, exceptional, seam, &children, cover, region);
+            // Where other seams begin their vertices have other names.
+            let begins = |k: usize| matches!(marks[k].1, Mark::Near(_)) && (marks[k].2 || marks[(k + marks.len() - 1) % marks.len()].2);
+            let cover = cover.filter(|_| !(0..marks.len()).any(begins));
             let forms = seam.forms.each_ref().map(|f| {
                 let terms: Vec<([usize; 2], f64)> = f.iter().map(|(e, c)| (*e, c.to_f64())).collect();
                 Form { order: terms.iter().map(|([i, j], _)| i + j).min().unwrap_or(0), terms }
             });
             let curve = seam.curve.each_ref().map(BinaryForm::to_f64);
             let constant = curve[0].len() == 1;
-            fan.nodes.push(Node { chain, curve, constant, marks, forms });
+            fan.nodes.push(Node { chain, curve, constant, cover, marks, forms });
         }
         fan.arrange();
+        let mut open = fan.sectors.iter().filter(|s| s.inside);
+        let first = open.clone().next().map(|s| fan.directions[s.rays[0].0].node);
+        fan.is_tree = open.any(|s| s.corner.is_some() || s.rays.iter().any(|r| Some(fan.directions[r.0].node) != first));
         // What is outside of the box need not be opened.
         if !fan.sectors.iter().any(|s| s.inside) {
             fan.problem = None;
@@ -247,15 +263,15 @@ impl Fan {
         exceptional: [bool; 2],
         seam: &Seam,
         children: &[usize],
+        cover: Option<Involution>,
         region: &Region,
     ) -> Vec<(Direction, Mark, bool)> {
         let [s, t, w] = self.point;
         let open = |why: &str| Some(format!("the base point ({s} : {t} : {w}) is left open: {why}"));
         let mut marks: Vec<(Direction, Option<Mark>)> = Vec::new();
-        let mut add = |at: [f64; 2], faces: u8, factors: &[usize], mark: Option<Mark>| {
+        let add_to = |marks: &mut Vec<(Direction, Option<Mark>)>, at: [f64; 2], faces: u8, factors: &[usize], mark: Option<Mark>| {
             let new = Direction::new(node, at);
-            let same = |d: &(Direction, Option<Mark>)| (d.0.at[0] * new.at[1] - d.0.at[1] * new.at[0]).abs() < 1e-12;
-            let place = marks.iter().position(same).unwrap_or_else(|| {
+            let place = marks.iter().position(|d| d.0.is_same(&new)).unwrap_or_else(|| {
                 marks.push((new, mark));
                 marks.len() - 1
             });
@@ -263,6 +279,7 @@ impl Fan {
             d.faces |= faces;
             d.factors.extend(factors.iter().filter(|f| !d.factors.contains(f)).copied().collect::<Vec<_>>());
         };
+        let mut add = |at, faces, factors: &[usize], mark| add_to(&mut marks, at, faces, factors, mark);
         // Exact ones first.
         for (near, &child) in seam.near.iter().zip(children) {
             let at = if near.direction[0].is_zero() { [0.0, 1.0] } else { [1.0, near.direction[1].to_f64()] };
@@ -314,6 +331,16 @@ impl Fan {
                 let sign = if k + 1 == n { -1.0 } else { 1.0 };
                 let middle = Direction::new(node, [0, 1].map(|i| first.0.at[i] + sign * second.0.at[i]));
                 marks.push((middle, None));
+            }
+        }
+        if let Some(cover) = cover {
+            // Before the partners of others, so that near ones are known to be these.
+            cover.fixed().into_iter().for_each(|at| add_to(&mut marks, at, 0, &[], None));
+            // Twice: for those that were there already.
+            for _ in 0..2 {
+                for (d, _) in marks.clone() {
+                    add_to(&mut marks, cover.partner(d.at), d.faces, &[], None);
+                }
             }
         }
         marks.sort_by(|a, b| a.0.angle().total_cmp(&b.0.angle()));
@@ -467,15 +494,29 @@ impl Fan {
         let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
         (cross(a, x) * cross(a, b) > 0.0 && cross(x, b) * cross(a, b) > 0.0).then(|| directed(node, x))
     }
-    /// Puts one more direction there.
+    /// Puts one more direction there, and its partner if it has one.
     pub(crate) fn split(&mut self, d: Direction) {
+        let partner = self.nodes[d.node].cover.map(|c| Direction::new(d.node, c.partner(d.at)));
+        for d in [Some(d), partner].into_iter().flatten() {
+            self.insert(d);
+        }
+        self.arrange();
+    }
+    fn insert(&mut self, d: Direction) {
         let marks = &mut self.nodes[d.node].marks;
         let n = marks.len();
         let at = marks.partition_point(|m| m.0.angle() < d.angle());
         let inside = marks[(at + n - 1) % n].2;
         marks.insert(at, (d.clone(), Mark::Station(self.directions.len()), inside));
         self.directions.push(d);
-        self.arrange();
+    }
+    /// The seams that run twice through their points: directions, ascending by angle, and whether the seam is in the box between each and the next.
+    pub(crate) fn doubled(&self) -> impl Iterator<Item = Vec<(&Direction, bool)>> {
+        self.nodes.iter().filter(|n| n.cover.is_some()).map(|n| n.marks.iter().map(|(d, _, inside)| (d, *inside)).collect())
+    }
+    /// Whether the seam turns back in a direction.
+    pub(crate) fn is_fold(&self, d: &Direction) -> bool {
+        self.nodes[d.node].cover.is_some_and(|c| c.fixed().into_iter().map(|at| Direction::new(d.node, at)).any(|f| f.is_same(d)))
     }
 
     /// The lines s = 0, t = 0, w = 0 that lead through the base point in a direction.
@@ -584,9 +625,13 @@ impl Fan {
         });
         a[0] * b[1] - a[1] * b[0] > 0.0
     }
-    /// Whether other base points are infinitely near.
-    pub(crate) fn has_near(&self) -> bool {
-        self.nodes.len() > 1
+    /// Whether other base points are infinitely near, and one seam at most is in the box, away from where it meets the others.
+    pub(crate) fn is_near(&self) -> bool {
+        self.nodes.len() > 1 && !self.is_tree
+    }
+    /// Whether seams of several base points that are infinitely near have to be opened together.
+    pub(crate) fn is_tree(&self) -> bool {
+        self.is_tree
     }
     /// From the coordinates of a node to those of the base point.
     fn lowered(&self, node: usize, mut at: [f64; 2]) -> [f64; 2] {

@@ -10,6 +10,7 @@
 
 mod analysis;
 mod base;
+mod cover;
 mod dense;
 mod double;
 mod fan;
@@ -30,6 +31,6 @@ pub use field::{Algebraic, Element, NumberField};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
 pub use region::{Region, RegionTopology, Triangle};
 pub use singular::{Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular};
-pub use surface::{DoubleArc, Kind, MeshOptions, Mode, Point3, Surface, TriangulateOptions, triangulate};
+pub use surface::{DoubleArc, Kind, MeshOptions, Mode, Point3, Prepared, Surface, TriangulateOptions, triangulate};
 pub use univariate::Stopped;
 pub use zeros::Chart;

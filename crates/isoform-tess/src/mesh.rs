@@ -6,6 +6,7 @@
 
 mod chart;
 mod closing;
+pub(crate) mod fineness;
 mod gluing;
 mod opening;
 mod plane;
@@ -20,9 +21,10 @@ use crate::singular::{CurveKind, RealPart};
 use crate::surface::{Kind, MeshOptions, Point3, Surface};
 use chart::Chart;
 use closing::finish;
+use fineness::Fineness;
 use gluing::{Gluing, Track, key};
 use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
-use isoform_geom::{cross, norm, sub};
+use isoform_geom::{cross, dot, norm, sub};
 use plane::{Measure, Plane, Shared};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
@@ -80,6 +82,8 @@ const HALVINGS: usize = 40;
 /// Halvings, and triangles, where a base point is left open: nothing gets fine enough there, and the result is not certified anyway.
 const OPEN_HALVINGS: usize = 12;
 const OPEN_TRIANGLES: usize = 100_000;
+/// Vertices of a stretch at most: more has one along which the map is not continuous.
+const VERTICES: usize = 1 << 14;
 
 /// Triangulates the part of the surface that is in the box. The region is decomposed by `curves`, too. What could not be opened, joined or
 /// refined is said to be unproven.
@@ -89,11 +93,13 @@ pub(crate) fn mesh(
     analysis: &Analysis,
     curves: &Curves,
     options: &MeshOptions,
+    fineness: &Fineness,
     stop: &dyn Fn() -> bool,
 ) -> Surface {
     let mut builder = Builder {
         region,
         options,
+        fineness,
         stop,
         charts: std::array::from_fn(|q| Chart::new(map, q)),
         half_width: region.half_width.to_f64().value(),
@@ -181,6 +187,7 @@ impl Curves {
 struct Builder<'a> {
     region: &'a Region,
     options: &'a MeshOptions,
+    fineness: &'a Fineness,
     stop: &'a dyn Fn() -> bool,
     charts: [Chart; 4],
     half_width: f64,
@@ -337,6 +344,11 @@ impl Builder<'_> {
         p
     }
 
+    /// The largest distance from the surface near to a point.
+    fn tolerance_at(&self, p: Point3) -> f64 {
+        self.options.tolerance * self.fineness.factor(p, self.half_width)
+    }
+
     /// Whether a straight piece may stand for what lies between two parameters of a curve in space.
     fn is_fine(&self, at: &dyn Fn(f64) -> Point3, a: f64, b: f64) -> bool {
         let (p, q) = (at(a), at(b));
@@ -345,7 +357,7 @@ impl Builder<'_> {
             distance(at(a + t * (b - a)), x)
         });
         // Values that are not numbers are never fine.
-        distance(p, q) <= self.options.longest && off.iter().all(|&d| d <= 0.3 * self.options.tolerance)
+        distance(p, q) <= self.options.longest && off.iter().all(|&d| d <= 0.3 * self.tolerance_at(middle(p, q)))
     }
 
     /// Places along the sides that both triangles use.
@@ -386,9 +398,16 @@ impl Builder<'_> {
                 }
                 let mut stack = vec![(w[0], w[1], 0)];
                 while let Some((a, b, depth)) = stack.pop() {
-                    let rough = || self.on_side[side].is_none() && !self.is_fine(&at, a, b);
+                    // A contracted side has one image, but what leaves it there turns, the faster the nearer to base points.
+                    let rough = || match self.on_side[side] {
+                        None => !self.is_fine(&at, a, b),
+                        Some(_) => {
+                            let near = based.iter().map(|p| (a - p.0).abs().min((b - p.0).abs())).fold(1.0 / 16.0, f64::min);
+                            b - a > near
+                        }
+                    };
                     let signed = || self.charts[both[0]].keeps_sign([a, b, a].map(|x| on_side(side, x)), 0);
-                    if inside && depth < self.halvings && !(self.stop)() && (rough() || !signed()) {
+                    if inside && depth < self.halvings && list.len() < VERTICES && !(self.stop)() && (rough() || !signed()) {
                         let m = 0.5 * (a + b);
                         stack.extend([(m, b, depth + 1), (a, m, depth + 1)]);
                     } else {
@@ -546,7 +565,9 @@ impl Builder<'_> {
             }
         }
         if crossing || !in_order {
-            surface.unproven.push("arcs of the region's boundary are closer together than rounding".into());
+            surface
+                .unproven
+                .push("arcs of the region's boundary are closer together than rounding, or could not be drawn to the end".into());
         }
         let us: Vec<f64> = walls.iter().map(|w| w.u.to_f64()).collect();
         let inside = |at: [f64; 2]| {
@@ -582,7 +603,8 @@ impl Builder<'_> {
             .flat_map(|[a, b]| [(a, b), (b, a)])
             .collect();
         let measure = InChart { builder: self, q };
-        let mut plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &measure);
+        let rim: Vec<[u32; 2]> = at_apex.iter().map(|&[_, a, b]| [a, b]).collect();
+        let mut plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &rim, &measure);
         let most = if self.halvings < HALVINGS { self.options.triangles.min(OPEN_TRIANGLES) } else { self.options.triangles };
         let room = most.saturating_sub(surface.triangles.len());
         let ended = plane.refine(room, &measure, self.stop);
@@ -621,9 +643,10 @@ impl Builder<'_> {
         for [p, a, b] in at_apex {
             let Some(&fan) = apexes.get(&(p as usize)) else { continue };
             let ray = |v: u32| rays.get(&(v as usize, fan)).copied();
-            opened.push(([vertex(a), vertex(b)], [p, a, b], ray(a).zip(ray(b)), fan));
+            let way: Vec<(u32, [f64; 2])> = plane.way([a, b]).into_iter().map(|v| (vertex(v), plane.nodes[v as usize].at)).collect();
+            opened.push(([vertex(a), vertex(b)], way, [p, a, b], ray(a).zip(ray(b)), fan));
         }
-        for ([from, to], corners, directions, fan) in opened {
+        for ([from, to], way, corners, directions, fan) in opened {
             let Some((first, second)) = directions else {
                 surface.unproven.push("triangles at base points are left out".to_owned());
                 continue;
@@ -671,19 +694,26 @@ impl Builder<'_> {
                 first.push(seam_end(surface, global, corner, p));
             }
             // What lies between two rays need not lie in the straight triangle: then the strip has no parameters but those of the base point.
-            let is_straight = !self.fans[fan].has_near() || self.charts[q].keeps_sign([p, a, b], self.fans[fan].multiplicity);
-            let first_is_double = surface.double[first[0].0 as usize];
+            let is_straight = !self.fans[fan].is_tree() || self.charts[q].keeps_sign([p, a, b], self.fans[fan].multiplicity);
+            let folds = |ray: Ray| self.fans[fan].directions.iter().any(|d| d.key() == ray.0 && self.fans[fan].is_fold(d));
+            let first_is_double = surface.double[first[0].0 as usize] || directions.is_some_and(|d| folds(d.0));
             // A strip between both, from the rectangle on.
-            let is_even = !self.fans[fan].has_near();
+            let is_even = !self.fans[fan].is_tree();
             let (mut i, mut j) = (0, 0);
+            let mut push = |t: [PathVertex; 3]| made.push((t.map(|t| t.0), t.map(|t| if is_straight { t.1 } else { p })));
+            if !way.is_empty() {
+                // Those on the way that bounds the triangles outside have no other edges to vertices that are shared.
+                for t in around(&surface.points, first[1], &[&first[..1], &way, &second[..1]].concat(), second[1]) {
+                    push(t);
+                }
+                (i, j) = (1, 1);
+            }
             while i + 1 < first.len() || j + 1 < second.len() {
                 // Edges from the seam's end of a double curve to the rectangle: the other diagonals would be there twice where the curve is folded.
                 let across = |a: u32, b: u32| distance(surface.points[a as usize], surface.points[b as usize]);
                 let shorter = || across(second[j + 1].0, first[i].0) < across(first[i + 1].0, second[j].0);
                 let on_second = i + 1 == first.len() || (j + 1 < second.len() && if is_even { !first_is_double } else { shorter() });
-                let next = if on_second { second[j + 1] } else { first[i + 1] };
-                let t = [first[i], second[j], next];
-                made.push((t.map(|t| t.0), t.map(|t| if is_straight { t.1 } else { p })));
+                push([first[i], second[j], if on_second { second[j + 1] } else { first[i + 1] }]);
                 if on_second { j += 1 } else { i += 1 }
             }
         }
@@ -725,7 +755,7 @@ impl Builder<'_> {
         let mut stack = vec![(a[1], b[1], 0)];
         while let Some((x, y, depth)) = stack.pop() {
             let at = |v: f64| self.charts[q].at([a[0], v]);
-            if depth < self.halvings && !(self.stop)() && !self.is_fine(&at, x, y) {
+            if depth < self.halvings && line.len() < VERTICES && !(self.stop)() && !self.is_fine(&at, x, y) {
                 let m = 0.5 * (x + y);
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {
@@ -831,7 +861,9 @@ impl Builder<'_> {
         let mut stack = vec![(stretch.from, stretch.to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left[0] + right[0]);
-            let room = left[0] < u && u < right[0] && depth < self.halvings && !(self.stop)();
+            let is_full = line.len() > VERTICES || (self.stop)();
+            *in_order &= !is_full;
+            let room = left[0] < u && u < right[0] && depth < self.halvings && !is_full;
             let Some(v) = room.then(|| over.at(u, i)).flatten() else {
                 line.push(right);
                 continue;
@@ -839,10 +871,11 @@ impl Builder<'_> {
             let mid = [u, v];
             let (p, m, r) = (at(left), at(mid), at(right));
             let chord = [u, 0.5 * (left[1] + right[1])];
+            let tolerance = self.tolerance_at(m);
             let fine = distance(p, r) <= self.options.longest
-                && distance(m, middle(p, r)) <= 0.3 * self.options.tolerance
+                && distance(m, middle(p, r)) <= 0.3 * tolerance
                 // The triangles beside it meet the chord in the parameters, not the arc.
-                && distance(at(chord), middle(p, r)) <= 0.3 * self.options.tolerance
+                && distance(at(chord), middle(p, r)) <= 0.3 * tolerance
                 && self.charts[q].keeps_sign([left, right, left], 0);
             // One halving at least: a chord may meet the middle by chance.
             if fine && depth > 1 {
@@ -855,6 +888,30 @@ impl Builder<'_> {
         *in_order &= line[1..line.len() - 1].iter().all(|[u, v]| *v > 0.0 && *v < 1.0 - u);
         line
     }
+}
+
+/// A vertex and its parameters.
+type PathVertex = (u32, [f64; 2]);
+
+/// Triangles between an edge from `a` to `b` and a way of three vertices or more beside it: with `a` up to one of those in between, then with `b`,
+/// so that none is turned against the others if that is possible.
+fn around(points: &[Point3], a: PathVertex, way: &[PathVertex], b: PathVertex) -> Vec<[PathVertex; 3]> {
+    let normal = |t: &[PathVertex; 3]| {
+        let [p, q, r] = t.map(|v| points[v.0 as usize]);
+        cross(sub(q, p), sub(r, p))
+    };
+    let made = |k: usize| {
+        let before = way[..=k].windows(2).map(|w| [w[0], w[1], a]);
+        let after = way[k..].windows(2).map(|w| [w[0], w[1], b]);
+        before.chain([[a, way[k], b]]).chain(after).collect::<Vec<_>>()
+    };
+    let worst = |k: usize| {
+        let normals: Vec<Point3> = made(k).iter().map(normal).collect();
+        let sum = normals.iter().fold([0.0; 3], |sum, n| std::array::from_fn(|i| sum[i] + n[i]));
+        normals.iter().map(|n| dot(*n, sum) / norm(sum)).fold(f64::INFINITY, f64::min)
+    };
+    let best = (1..way.len() - 1).max_by(|&k, &l| worst(k).total_cmp(&worst(l)));
+    made(best.expect("three vertices or more"))
 }
 
 /// The vertex of a name that all unit triangles share.
@@ -947,19 +1004,17 @@ impl Measure for InChart<'_, '_> {
     fn at(&self, at: [f64; 2]) -> Point3 {
         self.builder.charts[self.q].at(at)
     }
-    fn normal(&self, [u, v]: [f64; 2]) -> Point3 {
-        const STEP: f64 = 1e-6;
-        let along = |h: [f64; 2]| {
-            let (p, q) = (self.at([u + h[0], v + h[1]]), self.at([u - h[0], v - h[1]]));
-            sub(p, q)
-        };
-        cross(along([STEP, 0.0]), along([0.0, STEP]))
+    fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
+        self.builder.charts[self.q].step(at, to)
+    }
+    fn normal(&self, at: [f64; 2]) -> Point3 {
+        self.builder.charts[self.q].normal(at)
     }
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool {
         self.builder.charts[self.q].keeps_sign(at, 0)
     }
-    fn tolerance(&self) -> f64 {
-        self.builder.options.tolerance
+    fn tolerance(&self, near: Point3) -> f64 {
+        self.builder.tolerance_at(near)
     }
     fn longest(&self) -> f64 {
         self.builder.options.longest

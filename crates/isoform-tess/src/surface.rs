@@ -4,6 +4,7 @@ use crate::analysis::{Analysis, Budget, analyse};
 use crate::double::{Fibres, pinch_points, solitary_arcs};
 use crate::field::Algebraic;
 use crate::map::Map;
+use crate::mesh::fineness::Fineness;
 use crate::mesh::{Curves, mesh};
 use crate::region::Region;
 use crate::singular::CurveKind;
@@ -95,44 +96,83 @@ pub struct Surface {
     pub(crate) double: Vec<bool>,
 }
 
+/// A map analysed, and the parameters that it sends into a box: all but the triangles.
+pub struct Prepared<'a> {
+    map: &'a Map,
+    options: &'a TriangulateOptions,
+    /// What is known of the map; `seconds` of the triangles, too.
+    pub analysis: Analysis,
+    curves: Curves,
+    region: Region,
+    solitary: Vec<Vec<Point3>>,
+    unproven: Vec<String>,
+    fineness: Fineness,
+}
+
+impl<'a> Prepared<'a> {
+    /// Analyses a map and finds the parameters of its surface in a box.
+    ///
+    /// # Errors
+    /// [`Stopped`], if not even the region of parameters was found in time.
+    pub fn new(map: &'a Map, options: &'a TriangulateOptions, stop: &dyn Fn() -> bool) -> Result<Self, Stopped> {
+        let mut analysis = analyse(map, &options.budget, stop);
+        let mut unproven = analysis.unproven.clone();
+        let clock = Instant::now();
+        let b = options.half_width.to_f64().value();
+        let glued = options.mode == Mode::Glued;
+        let mut pinches = Vec::new();
+        let mut fibres = None;
+        let mut solitary = Vec::new();
+        if let Some(singular) = &analysis.singular {
+            if glued && singular.curves.iter().any(|c| matches!(c.kind, CurveKind::Double)) {
+                match pinch_points(map, stop) {
+                    Ok(points) => pinches = points.iter().map(|p| p.each_ref().map(Algebraic::to_f64)).collect(),
+                    Err(Stopped) => unproven.push("pinch points: stopped".to_owned()),
+                }
+                fibres = Fibres::new(map, singular, b, stop).ok();
+            }
+            let (arcs, problems) = solitary_arcs(map, singular, b, options.mesh.tolerance, stop);
+            solitary = arcs;
+            unproven.extend(problems);
+        }
+        if glued && analysis.degrees.is_some_and(|d| d.map_degree > 1) {
+            unproven.push("several parameters have the same image everywhere: sheets that lie upon each other are not joined".to_owned());
+        }
+        analysis.seconds.push(("double curve", clock.elapsed().as_secs_f64()));
+        let clock = Instant::now();
+        let curves = Curves::new(&analysis, glued, pinches, fibres);
+        let region = Region::new(map, &options.half_width, &curves.forms(), stop).map_err(|_| Stopped)?;
+        analysis.seconds.push(("region", clock.elapsed().as_secs_f64()));
+        Ok(Self { map, options, analysis, curves, region, solitary, unproven, fineness: Fineness::default() })
+    }
+
+    /// The triangles; `unproven` repeats what the analysis could not prove.
+    pub fn surface(&mut self, stop: &dyn Fn() -> bool) -> Surface {
+        let clock = Instant::now();
+        let mut surface = mesh(self.map, &self.region, &self.analysis, &self.curves, &self.options.mesh, &self.fineness, stop);
+        let seconds = clock.elapsed().as_secs_f64();
+        match self.analysis.seconds.iter_mut().find(|s| s.0 == "triangles") {
+            Some(known) => known.1 += seconds,
+            None => self.analysis.seconds.push(("triangles", seconds)),
+        }
+        surface.solitary_arcs.clone_from(&self.solitary);
+        surface.unproven.extend(self.unproven.iter().cloned());
+        surface
+    }
+
+    /// Divides the tolerance by four in and around boxes, given by their least and greatest coordinates: for the next [`Prepared::surface`].
+    pub fn refine(&mut self, boxes: &[[Point3; 2]]) {
+        self.fineness.refine(boxes, self.options.half_width.to_f64().value());
+    }
+}
+
 /// Analyses a map and triangulates its surface in a box. The analysis says in `seconds` how long the triangulation took, too; the surface
 /// repeats in `unproven` what the analysis could not prove.
 ///
 /// # Errors
 /// [`Stopped`], if not even the region of parameters was found in time.
 pub fn triangulate(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> bool) -> Result<(Surface, Analysis), Stopped> {
-    let mut analysis = analyse(map, &options.budget, stop);
-    let mut unproven = analysis.unproven.clone();
-    let clock = Instant::now();
-    let b = options.half_width.to_f64().value();
-    let glued = options.mode == Mode::Glued;
-    let mut pinches = Vec::new();
-    let mut fibres = None;
-    let mut solitary = Vec::new();
-    if let Some(singular) = &analysis.singular {
-        if glued && singular.curves.iter().any(|c| matches!(c.kind, CurveKind::Double)) {
-            match pinch_points(map, stop) {
-                Ok(points) => pinches = points.iter().map(|p| p.each_ref().map(Algebraic::to_f64)).collect(),
-                Err(Stopped) => unproven.push("pinch points: stopped".to_owned()),
-            }
-            fibres = Fibres::new(map, singular, b, stop).ok();
-        }
-        let (arcs, problems) = solitary_arcs(map, singular, b, options.mesh.tolerance, stop);
-        solitary = arcs;
-        unproven.extend(problems);
-    }
-    if glued && analysis.degrees.is_some_and(|d| d.map_degree > 1) {
-        unproven.push("several parameters have the same image everywhere: sheets that lie upon each other are not joined".to_owned());
-    }
-    analysis.seconds.push(("double curve", clock.elapsed().as_secs_f64()));
-    let clock = Instant::now();
-    let curves = Curves::new(&analysis, glued, pinches, fibres);
-    let region = Region::new(map, &options.half_width, &curves.forms(), stop).map_err(|_| Stopped)?;
-    analysis.seconds.push(("region", clock.elapsed().as_secs_f64()));
-    let clock = Instant::now();
-    let mut surface = mesh(map, &region, &analysis, &curves, &options.mesh, stop);
-    analysis.seconds.push(("triangles", clock.elapsed().as_secs_f64()));
-    surface.solitary_arcs = solitary;
-    surface.unproven.extend(unproven);
-    Ok((surface, analysis))
+    let mut prepared = Prepared::new(map, options, stop)?;
+    let surface = prepared.surface(stop);
+    Ok((surface, prepared.analysis))
 }

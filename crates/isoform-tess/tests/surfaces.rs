@@ -163,3 +163,26 @@ fn joined_sheets() {
         assert!(!s.double_curve.is_empty() && s.double_curve.iter().all(|a| a.sheets >= 2), "{texts:?}");
     }
 }
+
+/// The conoid of Plücker, z = 2xy/(x² + y²): its double line is the seam of a base point that two directions each have in common.
+#[test]
+fn seams_that_run_twice() {
+    let map = Map::parse(["s^3 + s*t^2", "s^2*t + t^3", "2*s*t", "s^2 + t^2"], Default::default()).expect("a map");
+    let s = surface(&map, 2, Mode::Glued);
+    assert!(s.unproven.is_empty(), "{:?}", s.unproven);
+    let edges = edges(&s);
+    let on_axis = |v: u32| s.points[v as usize][..2].iter().all(|x| x.abs() < 1e-12);
+    let mut inner = 0;
+    for ([a, b], n) in &edges {
+        if on_axis(*a) && on_axis(*b) {
+            assert_eq!(*n, 4, "{:?}", s.points[*a as usize]);
+            inner += 1;
+        }
+    }
+    assert!(inner > 4, "{inner} edges on the axis");
+    let [arc] = &s.double_curve[..] else { panic!("{} arcs from pinch point to pinch point", s.double_curve.len()) };
+    assert_eq!(arc.sheets, 2);
+    assert!([0, arc.points.len() - 1].iter().all(|&k| (arc.points[k][2].abs() - 1.0).abs() < 1e-12));
+    let used: std::collections::BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
+    assert_eq!(used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64, 1);
+}

@@ -1,27 +1,81 @@
 //! Rational surfaces with a last look at their triangles.
 
-use isoform_geom::Mesh;
+use isoform_geom::{Aabb, Mesh};
 use isoform_mesh::Control;
-use isoform_mesh::check::{self, certify};
-use isoform_tess::{Analysis, Map, Mode, Stopped, Surface, TriangulateOptions};
+use isoform_mesh::check::{self, Intersections, certify};
+use isoform_tess::{Analysis, Map, Mode, Point3, Prepared, Stopped, Surface, TriangulateOptions};
 use std::time::Instant;
 
-/// [`isoform_tess::triangulate`]; where sheets are joined, triangles that cross all the same are found exactly and said to be unproven.
+/// How often the surface is made again, finer where triangles cross.
+const ROUNDS: usize = 6;
+/// More pairs of triangles that cross than this are no accident of sheets that are close together.
+const MOST: usize = 2000;
+
+/// [`isoform_tess::triangulate`]; where sheets are joined, triangles that cross all the same are found exactly. The surface is made again with a
+/// finer tolerance around them; those that are left are said to be unproven.
 ///
 /// # Errors
 /// [`Stopped`].
 pub fn rational_surface(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> bool) -> Result<(Surface, Analysis), Stopped> {
-    let (mut surface, mut analysis) = isoform_tess::triangulate(map, options, stop)?;
+    let mut prepared = Prepared::new(map, options, stop)?;
+    let mut surface = prepared.surface(stop);
     if options.mode == Mode::Glued {
-        let clock = Instant::now();
-        let mesh = Mesh { points: surface.points.clone(), triangles: surface.triangles.clone(), ..Mesh::default() };
-        let certificate = certify(&mesh, None, &check::Options::default(), &Control::default());
-        match certificate.intersections.map(|i| i.pairs.count) {
-            Some(0) => {}
-            Some(n) => surface.unproven.push(format!("{n} pairs of triangles cross")),
+        let mut seconds = 0.0;
+        let mut look = |surface: &Surface| {
+            let clock = Instant::now();
+            let found = crossings(surface, stop);
+            seconds += clock.elapsed().as_secs_f64();
+            found
+        };
+        let mut found = look(&surface);
+        // The places of all rounds so far are finer in the next, whatever came of them: what is kept is the best.
+        let mut last: Option<(Surface, Intersections)> = None;
+        for _ in 0..ROUNDS {
+            let (tried, i) = match &last {
+                Some((tried, i)) => (tried, i),
+                None => {
+                    let Some(i) = &found else { break };
+                    (&surface, i)
+                }
+            };
+            // What is open for other reasons is not mended by this.
+            let is_hopeless = !tried.unproven.is_empty() || tried.triangles.len() > options.mesh.triangles / 2;
+            if i.pairs.is_empty() || !i.complete || is_hopeless || stop() {
+                break;
+            }
+            prepared.refine(&boxes(tried, i));
+            let next = prepared.surface(stop);
+            let Some(crossing) = look(&next) else { break };
+            let is_better = next.unproven.is_empty() && found.as_ref().is_none_or(|f| crossing.pairs.count < f.pairs.count);
+            if is_better {
+                surface = next.clone();
+                found = Some(crossing.clone());
+            }
+            last = Some((next, crossing));
+        }
+        match found {
+            Some(i) if !i.complete => surface.unproven.push(format!("more than {} pairs of triangles cross", i.pairs.count.min(MOST))),
+            Some(i) if i.pairs.is_empty() => {}
+            Some(i) => surface.unproven.push(format!("{} pairs of triangles cross", i.pairs.count)),
             None => surface.unproven.push("whether triangles cross was not looked for".to_owned()),
         }
-        analysis.seconds.push(("crossings", clock.elapsed().as_secs_f64()));
+        prepared.analysis.seconds.push(("crossings", seconds));
     }
-    Ok((surface, analysis))
+    Ok((surface, prepared.analysis))
+}
+
+fn crossings(surface: &Surface, stop: &dyn Fn() -> bool) -> Option<Intersections> {
+    if stop() {
+        return None;
+    }
+    let mesh = Mesh { points: surface.points.clone(), triangles: surface.triangles.clone(), ..Mesh::default() };
+    let options = check::Options { places: MOST, pairs: MOST, ..check::Options::default() };
+    certify(&mesh, None, &options, &Control::default()).intersections
+}
+
+/// Around the triangles that cross.
+fn boxes(surface: &Surface, found: &Intersections) -> Vec<[Point3; 2]> {
+    let triangles = found.pairs.places.iter().flat_map(|p| &p.elements);
+    let around = |t: &u32| Aabb::of(&surface.triangles[*t as usize].map(|v| surface.points[v as usize]));
+    triangles.map(around).map(|b| [b.lo, b.hi]).collect()
 }

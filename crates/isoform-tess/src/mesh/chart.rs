@@ -1,41 +1,99 @@
 //! A map in floating point on a unit triangle, and the proof that W keeps its sign on a part of it.
 
 use crate::fan::Form;
-use crate::map::Map;
+use crate::map::{MAX_DEGREE, Map};
 use crate::surface::Point3;
 use isoform_algebra::{Poly, QUADRANTS, RBig};
+use isoform_geom::{cross, dot, sub};
+use std::collections::BTreeMap;
 
 /// A map evaluated in floating point on one of the unit triangles.
 pub(super) struct Chart {
     signs: [f64; 2],
-    terms: [Vec<([u8; 3], f64)>; 4],
+    /// Exponents, and the coefficients of X, Y, Z, W.
+    terms: Vec<([u8; 3], [f64; 4])>,
     degree: usize,
     /// Bernstein coefficients of W on the triangle (1,0,0), (0,1,0), (0,0,1).
     w: Vec<f64>,
 }
 
+/// One more than the degree up to which powers fit a short list; that for all degrees.
+const FEW: usize = 9;
+const MANY: usize = MAX_DEGREE + 1;
+
 impl Chart {
     pub(super) fn new(map: &Map, quadrant: usize) -> Self {
-        let terms =
-            map.forms().each_ref().map(|f| f.to_f64().into_iter().map(|(e, c)| ([e[0] as u8, e[1] as u8, e[2] as u8], c)).collect());
+        let mut terms: BTreeMap<[u8; 3], [f64; 4]> = BTreeMap::new();
+        for (form, f) in map.forms().iter().enumerate() {
+            for (e, c) in f.to_f64() {
+                terms.entry([0, 1, 2].map(|k| e[k] as u8)).or_default()[form] = c;
+            }
+        }
         let signs = QUADRANTS[quadrant].map(|s| s as f64);
-        Self { signs, terms, degree: map.degree(), w: bernstein_base(&map.forms()[3]) }
+        Self { signs, terms: terms.into_iter().collect(), degree: map.degree(), w: bernstein_base(&map.forms()[3]) }
     }
-    fn forms(&self, u: f64, v: f64) -> [f64; 4] {
+    /// Powers of (s, t, w) up to the degree.
+    fn powers<const N: usize>(&self, [u, v]: [f64; 2]) -> [[f64; N]; 3] {
         let x = [self.signs[0] * u, self.signs[1] * v, 1.0 - (u + v)];
-        let mut powers = [[1.0; 65]; 3];
+        let mut powers = [[1.0; N]; 3];
         for (p, x) in powers.iter_mut().zip(x) {
             for k in 1..=self.degree {
                 p[k] = p[k - 1] * x;
             }
         }
-        self.terms.each_ref().map(|terms| {
-            terms.iter().map(|&([i, j, k], c)| c * powers[0][usize::from(i)] * powers[1][usize::from(j)] * powers[2][usize::from(k)]).sum()
-        })
+        powers
     }
-    pub(super) fn at(&self, [u, v]: [f64; 2]) -> Point3 {
-        let [x, y, z, w] = self.forms(u, v);
+    fn forms<const N: usize>(&self, at: [f64; 2]) -> [f64; 4] {
+        let [x, y, z] = self.powers::<N>(at);
+        let mut sum = [0.0; 4];
+        for ([i, j, k], c) in &self.terms {
+            let m = x[usize::from(*i)] * y[usize::from(*j)] * z[usize::from(*k)];
+            for (s, c) in sum.iter_mut().zip(c) {
+                *s += m * c;
+            }
+        }
+        sum
+    }
+    pub(super) fn at(&self, at: [f64; 2]) -> Point3 {
+        let [x, y, z, w] = if self.degree < FEW { self.forms::<FEW>(at) } else { self.forms::<MANY>(at) };
         [x / w, y / w, z / w]
+    }
+    /// The forms and their derivatives by u and v.
+    fn derivatives<const N: usize>(&self, at: [f64; 2]) -> [[f64; 4]; 3] {
+        let [x, y, z] = self.powers::<N>(at);
+        let mut sum = [[0.0; 4]; 3];
+        for ([i, j, k], c) in &self.terms {
+            let [i, j, k] = [*i, *j, *k].map(usize::from);
+            let lowered = |p: &[f64; N], e: usize| if e == 0 { 0.0 } else { e as f64 * p[e - 1] };
+            let along_w = x[i] * y[j] * lowered(&z, k);
+            let by_u = self.signs[0] * lowered(&x, i) * y[j] * z[k] - along_w;
+            let by_v = self.signs[1] * x[i] * lowered(&y, j) * z[k] - along_w;
+            for (s, m) in sum.iter_mut().zip([x[i] * y[j] * z[k], by_u, by_v]) {
+                for (s, c) in s.iter_mut().zip(c) {
+                    *s += m * c;
+                }
+            }
+        }
+        sum
+    }
+    /// The image and the derivatives by u and v.
+    fn tangents(&self, at: [f64; 2]) -> [Point3; 3] {
+        let [p, by_u, by_v] = if self.degree < FEW { self.derivatives::<FEW>(at) } else { self.derivatives::<MANY>(at) };
+        let tangent = |d: [f64; 4]| [0, 1, 2].map(|k| (d[k] - p[k] / p[3] * d[3]) / p[3]);
+        [[0, 1, 2].map(|k| p[k] / p[3]), tangent(by_u), tangent(by_v)]
+    }
+    /// The step that brings the image nearest to a point, to first order: one of Gauss and Newton. None where the tangents are parallel.
+    pub(super) fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
+        let [p, x, y] = self.tangents(at);
+        let off = sub(to, p);
+        let (xx, xy, yy, x, y) = (dot(x, x), dot(x, y), dot(y, y), dot(x, off), dot(y, off));
+        let det = xx * yy - xy * xy;
+        (det > 1e-12 * xx * yy).then(|| [(yy * x - xy * y) / det, (xx * y - xy * x) / det])
+    }
+    /// The normal of the surface, of any length, for parameters turned counterclockwise.
+    pub(super) fn normal(&self, at: [f64; 2]) -> Point3 {
+        let [_, x, y] = self.tangents(at);
+        cross(x, y)
     }
     /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding, those left out that vanish because W has a zero of
     /// that multiplicity in the first corner.

@@ -39,6 +39,8 @@ pub(super) enum Track {
     Wall(usize, usize, usize),
     /// Side and sign, number of the stretch on it.
     Side(usize, i64, usize),
+    /// A seam that runs twice through its points: base point, number of the stretch.
+    Seam(usize, usize),
 }
 
 struct Piece {
@@ -50,6 +52,9 @@ struct Piece {
 }
 
 impl Piece {
+    fn is_seam(&self) -> bool {
+        matches!(self.track, Track::Seam(..))
+    }
     /// The coordinate along it.
     fn along(&self, at: [f64; 2]) -> f64 {
         match self.track {
@@ -217,7 +222,41 @@ impl Builder<'_> {
         for (&(side, sign), places) in sides.iter().filter(|s| self.double_sides[s.0.0]) {
             self.side_pieces(side, sign, places, &mut pieces);
         }
+        for fan in (0..self.fans.len()).filter(|&f| self.sites.values().any(|s| s.fan == f)) {
+            self.seam_pieces(fan, &mut pieces);
+        }
         pieces
+    }
+
+    /// The stretches in the box of seams that run twice through their points.
+    fn seam_pieces(&self, fan: usize, pieces: &mut Vec<Piece>) {
+        let f = &self.fans[fan];
+        let mut number = 0;
+        for seam in f.doubled() {
+            let n = seam.len();
+            let inside = |k: usize| seam[k % n].1;
+            // All the way around it ends where it began: in a fold, if there is one.
+            let fold = || (0..n).find(|&k| f.is_fold(seam[k].0));
+            let first = (0..n).find(|&k| inside(k) && !inside(k + n - 1)).or_else(fold).unwrap_or(0);
+            let knot = |k: usize| {
+                let d = seam[k % n].0;
+                let (name, image, _) = self.seam_vertex(fan, d);
+                Knot { at: d.at, key: key(name, 0, d.at), image, fixed: true, class: None }
+            };
+            let mut knots: Vec<Knot> = Vec::new();
+            for k in first..first + n {
+                if inside(k) {
+                    if knots.is_empty() {
+                        knots.push(knot(k));
+                    }
+                    knots.push(knot(k + 1));
+                }
+                if !knots.is_empty() && (!inside(k) || k + 1 == first + n) {
+                    pieces.push(Piece { track: Track::Seam(fan, number), q: 0, knots: std::mem::take(&mut knots), rays: [None; 2] });
+                    number += 1;
+                }
+            }
+        }
     }
 
     fn piece(&self, track: Track, q: usize, line: &[[f64; 2]], stretch: &Stretch, walls: [(usize, usize); 2]) -> Piece {
@@ -323,7 +362,7 @@ impl Builder<'_> {
     /// Makes vertices of the pinch points.
     fn add_pinches(&self, pieces: &mut [Piece], pinches: &[[f64; 3]]) {
         for &p in pinches {
-            for piece in pieces.iter_mut() {
+            for piece in pieces.iter_mut().filter(|p| !p.is_seam()) {
                 let Some(at) = super::place_in(piece.q, p) else { continue };
                 let x = piece.along(at);
                 let Some(j) =
@@ -370,6 +409,10 @@ impl Builder<'_> {
                 if knot.class.is_none_or(|c| c == class) && distance(knot.image, image) < close {
                     knot.class = Some(class);
                 }
+            }
+            // All partners on seams are directions already.
+            if piece.is_seam() {
+                continue;
             }
             let mut i = 1;
             while i < piece.knots.len() {
@@ -444,6 +487,7 @@ impl Builder<'_> {
             }
             Track::Wall(..) => (piece.knots[0].at[0] - at[0]).abs() < 1e-8,
             Track::Side(side, ..) => distance2(on_side(side, piece.along(at)), at) < 1e-8,
+            Track::Seam(..) => false,
         }
     }
     /// Exactly on the side that a piece lies on.
@@ -451,7 +495,7 @@ impl Builder<'_> {
         match piece.track {
             Track::Side(side, ..) => on_side(side, piece.along(at)),
             Track::Wall(..) => [piece.knots[0].at[0], at[1]],
-            Track::Arc(..) => at,
+            Track::Arc(..) | Track::Seam(..) => at,
         }
     }
 
@@ -494,7 +538,8 @@ impl Builder<'_> {
             let lonely: Vec<&[Knot]> = piece.knots.windows(2).filter(alone).collect();
             if let Some(w) = lonely.get(lonely.len() / 2) {
                 let at = [0, 1].map(|i| 0.5 * (w[0].at[i] + w[1].at[i]));
-                let knot = w.iter().find(|k| !k.fixed).map_or_else(|| self.charts[piece.q].at(at), |k| k.image);
+                let middle = || if piece.is_seam() { w[0].image } else { self.charts[piece.q].at(at) };
+                let knot = w.iter().find(|k| !k.fixed).map_or_else(middle, |k| k.image);
                 if !fibres.is_some_and(|f| f.is_met_by_conjugates(knot)) {
                     single += lonely.len();
                 }
@@ -555,6 +600,7 @@ impl Builder<'_> {
                     let inner: Vec<(f64, bool)> = piece.knots[1..piece.knots.len() - 1].iter().map(|k| (piece.along(k.at), true)).collect();
                     places.splice(at..at, inner);
                 }
+                Track::Seam(..) => {}
                 track => {
                     gluing.lines.insert(track, piece.knots.iter().map(|k| k.at).collect());
                 }

@@ -81,7 +81,7 @@ impl Builder<'_> {
         }
         if !self.sites.is_empty() {
             self.match_arcs(&mut problems);
-            self.widths = self.fans.iter().map(|f| if f.has_near() { NEAR_WIDTH } else { WIDTH }).collect();
+            self.widths = self.fans.iter().map(|f| if f.is_tree() { NEAR_WIDTH } else { WIDTH }).collect();
             let mut done = false;
             let mut halved = vec![0; self.fans.len()];
             for _ in 0..ROUNDS {
@@ -96,11 +96,11 @@ impl Builder<'_> {
                 if done {
                     break;
                 }
-                if too_large.iter().any(|&f| self.fans[f].has_near() && halved[f] == NEAR_ROUNDS) {
+                if too_large.iter().any(|&f| self.fans[f].is_tree() && halved[f] == NEAR_ROUNDS) {
                     break;
                 }
                 for f in too_large {
-                    self.widths[f] *= if self.fans[f].has_near() { 0.75 } else { 0.5 };
+                    self.widths[f] *= if self.fans[f].is_tree() { 0.75 } else { 0.5 };
                     halved[f] += 1;
                 }
             }
@@ -343,7 +343,7 @@ impl Builder<'_> {
     }
 
     /// The vertices of the rectangle in a direction, if that leads into the unit triangle, counterclockwise: the ends of the arcs that
-    /// have this tangent, and the place on a side along it.
+    /// have this tangent, what keeps double ones apart, and the place on a side along it.
     pub(super) fn ring(&self, q: usize, site: &Site, d: &Direction, backward: bool) -> Vec<[f64; 2]> {
         let mut found: Vec<[f64; 2]> = site.arcs.iter().filter(|x| x.ray == (d.key(), backward)).map(|x| x.end).collect();
         if found.is_empty() || self.fans[site.fan].is_side(d) {
@@ -354,6 +354,11 @@ impl Builder<'_> {
             let [x, y] = [a, b].map(|p| [p[0] - site.at[0], p[1] - site.at[1]]);
             0.0f64.total_cmp(&(x[0] * y[1] - x[1] * y[0]))
         });
+        // Between two arcs of the double curve with one tangent no edge may lead from one to the other: another sheet may have it, too.
+        let is_double = |at: [f64; 2]| site.arcs.iter().any(|x| x.end == at && self.double.contains(&x.curve));
+        for k in (1..found.len()).rev().filter(|&k| is_double(found[k - 1]) && is_double(found[k])).collect::<Vec<_>>() {
+            found.insert(k, [0, 1].map(|i| 0.5 * (found[k - 1][i] + found[k][i])));
+        }
         found
     }
 
@@ -398,6 +403,15 @@ impl Builder<'_> {
         }
         (hi > 1e-6).then_some(lo)
     }
+    /// Halfway on a ray from the base point to a vertex of the rectangle.
+    fn halfway(&self, q: usize, site: &Site, d: &Direction, backward: bool, end: [f64; 2]) -> [f64; 2] {
+        let fan = &self.fans[site.fan];
+        let straight = [0.5 * (site.at[0] + end[0]), 0.5 * (site.at[1] + end[1])];
+        if d.node == 0 || fan.is_side(d) {
+            return straight;
+        }
+        self.reach(q, site, d, backward).and_then(|r| fan.on_ray(q, d, backward, 0.5 * r)).unwrap_or(straight)
+    }
     /// Points of the surface between a vertex of the rectangle and the seam, from the rectangle on, where base points are infinitely near: there
     /// is no room for rectangles that are small in space.
     pub(super) fn points_on_ray(&self, q: usize, site: &Site, fan: &Fan, d: &Direction, backward: bool, at: [f64; 2]) -> Vec<Point3> {
@@ -407,7 +421,7 @@ impl Builder<'_> {
         let x = fan.lifted(q, at, d.node);
         let reach = (0..2).map(|i| x[i] * d.signed(backward)[i]).sum::<f64>();
         let drawn = site.arcs.iter().filter(|x| x.ray == key).count();
-        if !fan.has_near() || drawn > 1 || (arc.is_some() && face.is_none()) || !(reach > 0.0 && reach.is_finite()) {
+        if !fan.is_tree() || drawn > 1 || (arc.is_some() && face.is_none()) || !(reach > 0.0 && reach.is_finite()) {
             return Vec::new();
         }
         let on = |t: f64| fan.image_on_ray(d, backward, t * reach, face);
@@ -417,7 +431,7 @@ impl Builder<'_> {
         while let Some((a, p, b, r, depth)) = stack.pop() {
             let quarters = [0.75, 0.5, 0.25].map(|t| on(b + t * (a - b)));
             let off = quarters.iter().map(|&x| distance(x, nearest(x, p, r))).fold(0.0, f64::max);
-            if depth < 12 && (off > 0.3 * self.options.tolerance || distance(p, r) > self.options.longest) {
+            if depth < 12 && (off > 0.3 * self.tolerance_at(p) || distance(p, r) > self.options.longest) {
                 let m = 0.5 * (a + b);
                 stack.extend([(m, quarters[1], b, r, depth + 1), (a, p, m, quarters[1], depth + 1)]);
             } else if b > 0.0 {
@@ -445,26 +459,29 @@ impl Builder<'_> {
         let here: Vec<&Site> = self.sites.range((q, 0, 0)..(q + 1, 0, 0)).map(|s| s.1).collect();
         for site in &here {
             let fan = &self.fans[site.fan];
-            if fan.has_near() {
-                continue;
-            }
             let apart = |other: &&&Site| (other.at[0] - site.at[0]).abs().max((other.at[1] - site.at[1]).abs());
             let nearest = here.iter().filter(|s| s.at != site.at).map(|s| apart(&s)).fold(1.0, f64::min);
-            let mut last: BTreeMap<Ray, Point3> = BTreeMap::new();
+            let mut last: BTreeMap<usize, Point3> = BTreeMap::new();
             let mut scale = 1.0;
+            // Every other ring lies between the directions: vertices on one line would leave no room for flips.
+            let mut is_between = false;
             while scale * site.height < 0.4 * nearest {
                 let mut ring = Vec::new();
                 for (s, sector) in fan.sectors.iter().enumerate() {
                     let before = &fan.sectors[(s + fan.sectors.len() - 1) % fan.sectors.len()];
                     let (k, backward) = sector.rays[0];
                     let d = &fan.directions[k];
-                    if !sector.inside || !before.inside || !d.factors.is_empty() || fan.is_side(d) {
+                    if !sector.inside || !is_between && (!before.inside || !d.factors.is_empty() || fan.is_side(d)) {
                         continue;
                     }
-                    let Some(at) = self.straight(q, site, d, backward) else { continue };
-                    let at: [f64; 2] = std::array::from_fn(|i| site.at[i] + scale * (at[i] - site.at[i]));
+                    let (d, backward) = if is_between { fan.between(sector, 0) } else { (d.clone(), backward) };
+                    let at = match d.node {
+                        0 => self.straight(q, site, &d, backward).map(|at| [0, 1].map(|i| site.at[i] + scale * (at[i] - site.at[i]))),
+                        _ => self.reach(q, site, &d, backward).and_then(|r| fan.on_ray(q, &d, backward, scale * r)),
+                    };
+                    let Some(at) = at else { continue };
                     if at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0 {
-                        ring.push(((d.key(), backward), at, self.charts[q].at(at)));
+                        ring.push((s, at, self.charts[q].at(at)));
                     }
                 }
                 // A ring as near to the last one as its vertices are to each other, in space, makes triangles that are round; nearer ones do not.
@@ -479,6 +496,7 @@ impl Builder<'_> {
                     if scale > 1.0 {
                         found.extend(ring.into_iter().map(|x| x.1));
                     }
+                    is_between = !is_between;
                 }
                 scale *= 1.5;
             }
@@ -538,10 +556,16 @@ impl Builder<'_> {
             Some(corner) => ends.iter().map(|&p| [p, fan.seam(corner)]).collect(),
         };
         let mut rough: Vec<bool> = Vec::new();
-        for (piece, [p, r]) in pieces.iter().enumerate() {
-            rough.push(!self.is_near(fan.seam(&fan.between(sector, piece).0), middle(*p, *r), [*p, *r]));
+        for (piece, ends) in pieces.iter().enumerate() {
+            rough.push(!self.is_near_chord(fan.seam(&fan.between(sector, piece).0), *ends));
         }
-        let mut fine = !rough.contains(&true);
+        // Between two arcs of the double curve the strip needs vertices that are on none: another sheet may have edges from one to the other, too.
+        let is_end = |k: usize| {
+            let d = &fan.directions[k];
+            fan.is_fold(d) || d.factors.iter().any(|f| self.double.contains(f))
+        };
+        let crowded = sector.rays.iter().all(|r| is_end(r.0));
+        let mut fine = !crowded && !rough.contains(&true);
         let mut longest = pieces.iter().map(|[p, r]| distance(*p, *r)).fold(0.0, f64::max);
         let mut worse = usize::from(rough.len() > 1 && rough[1]);
         for &(q, site) in sites {
@@ -558,19 +582,20 @@ impl Builder<'_> {
             let mut points = vec![a, b];
             for ((end, at), (k, backward)) in ends.iter().zip([a, b]).zip(sector.rays) {
                 let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), backward) && x.end == at);
-                // Halfway on an arc, not on its chord: it is the arc that bounds the surface. Where points are infinitely near, strips have
-                // vertices in between.
-                let on = image(arc.map_or_else(|| half(site.at, at), |x| x.middle));
-                if !fan.has_near() && !self.is_near(on, middle(*end, image(at)), [*end, image(at)]) {
+                // Halfway on an arc, not on its chord: it is the arc that bounds the surface. In trees strips have vertices in between.
+                let halfway = arc.map_or_else(|| self.halfway(q, site, &fan.directions[k], backward, at), |x| x.middle);
+                if !fan.is_tree() && !self.is_near_chord(image(halfway), [*end, image(at)]) {
                     return Look::TooLarge;
                 }
                 points.extend(arc.map(|x| x.middle));
             }
             let chord = [image(a), image(b)];
-            longest = longest.max(distance(chord[0], chord[1]));
+            if fan.is_tree() {
+                longest = longest.max(distance(chord[0], chord[1]));
+            }
             points.extend((1..8).map(|i| [0, 1].map(|k| a[k] + f64::from(i) / 8.0 * (b[k] - a[k]))));
             let is_signed = self.charts[q].keeps_sign([site.at, a, b], fan.multiplicity)
-                || fan.has_near() && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
+                || fan.is_tree() && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
             if !self.is_near(image(half(a, b)), middle(chord[0], chord[1]), chord) || !is_signed {
                 if fine && sector.corner.is_some() {
                     // Where the ray in the middle is farther away from the ends.
@@ -593,11 +618,12 @@ impl Builder<'_> {
                 }
             }
         }
+        let least = if fan.is_tree() { 0.01 } else { 0.1 };
         match fine {
             true => Look::Fine,
             // What is not fine is not the seam then: an arc is too far from its tangent.
-            false if longest < 0.01 * self.options.tolerance => Look::TooLarge,
-            false if !fan.has_near() => Look::Split(fan.between(sector, 0).0),
+            false if longest < least * self.tolerance_at(ends[0]) => Look::TooLarge,
+            false if !fan.is_tree() => Look::Split(fan.between(sector, 0).0),
             false => {
                 // Rays of two nodes, and arcs, have their order next to the base point, but not everywhere.
                 let is_between = |(d, backward): &(Direction, bool)| {
@@ -624,9 +650,17 @@ impl Builder<'_> {
         }
     }
 
+    /// Whether a point of a curve is near to a straight piece that stands for it and that is not divided any more, and the piece short. It may be
+    /// anywhere along it: where arcs touch faces of the box, a curve leaves its end like a square root.
+    fn is_near_chord(&self, on: Point3, [p, q]: [Point3; 2]) -> bool {
+        let (along, from) = (sub(q, p), sub(on, p));
+        let share = (dot(from, along) / dot(along, along)).clamp(0.0, 1.0);
+        let nearest = std::array::from_fn(|i| if share > 0.0 { p[i] + share * along[i] } else { p[i] });
+        distance(on, nearest) <= 0.5 * self.tolerance_at(on) && distance(p, q) <= self.options.longest
+    }
     /// Whether the middle of a straight piece is near to the surface, and the piece short.
     fn is_near(&self, on: Point3, chord: Point3, ends: [Point3; 2]) -> bool {
-        distance(on, chord) <= 0.5 * self.options.tolerance && distance(ends[0], ends[1]) <= self.options.longest
+        distance(on, chord) <= 0.5 * self.tolerance_at(chord) && distance(ends[0], ends[1]) <= self.options.longest
     }
 
     /// The vertex of a seam: its name, position and faces, and whether it is the image of a contracted curve.

@@ -3,10 +3,11 @@
 //! A Delaunay triangulation of the parameters is of no use where the map stretches directions differently, as it does around base points
 //! without bound: triangles have to be long in the parameters to be round in space.
 
-use super::{Name, Node, distance};
+use super::{Name, Node, distance, middle};
 use crate::surface::Point3;
 use isoform_geom::{cross, dot, norm, sub};
 use robust::{Coord, orient2d};
+use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
 
 pub(super) const NONE: u32 = u32::MAX;
@@ -19,11 +20,14 @@ pub(super) trait Measure {
     fn shared(&self, node: &Node) -> Option<Shared>;
     /// The value of the map.
     fn at(&self, at: [f64; 2]) -> Point3;
+    /// The step in the parameters that brings the image nearest to a point, to first order.
+    fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]>;
     /// The normal of the surface, of any length, for parameters turned counterclockwise.
     fn normal(&self, at: [f64; 2]) -> Point3;
     /// Whether the pole curve is proved to miss a triangle.
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool;
-    fn tolerance(&self) -> f64;
+    /// The largest distance from the surface, near to a point.
+    fn tolerance(&self, near: Point3) -> f64;
     fn longest(&self) -> f64;
 }
 
@@ -58,6 +62,12 @@ pub(super) struct Plane {
     adjacent: Vec<[u32; 3]>,
     /// Whether the edges opposite to the corners stay.
     fixed: Vec<[bool; 3]>,
+    /// What [`Self::worth`] says of them, once it is asked.
+    worths: Vec<Cell<Option<(f64, bool)>>>,
+    /// Whether the pole curve is proved to miss them.
+    sound: Vec<bool>,
+    /// Edges beyond which triangles are made at the end, from the lesser vertex to the greater, and the vertices that they were split in.
+    rim: BTreeMap<[u32; 2], Option<u32>>,
     queued: Vec<bool>,
     queue: VecDeque<u32>,
 }
@@ -72,20 +82,60 @@ struct Quad {
     outer: [(u32, bool); 4],
 }
 
-/// The smallest angle of a triangle; negative if it has no area or no position.
-fn smallest_angle(p: [Point3; 3]) -> f64 {
-    let mut least = f64::INFINITY;
-    for i in 0..3 {
-        let (x, y) = (sub(p[(i + 1) % 3], p[i]), sub(p[(i + 2) % 3], p[i]));
-        let angle = norm(cross(x, y)).atan2(dot(x, y));
-        least = least.min(if angle.is_nan() || x == [0.0; 3] || y == [0.0; 3] { -1.0 } else { angle });
+/// The sine of the smallest angle of a triangle; negative if it has no area or no position.
+fn least_sine([p, q, r]: [Point3; 3]) -> f64 {
+    let (x, y, z) = (sub(q, p), sub(r, q), sub(p, r));
+    let [mut a, mut b, c] = [x, y, z].map(|e| dot(e, e));
+    // The smallest angle is between the two longer edges.
+    let shortest = a.min(b).min(c);
+    if shortest == a {
+        a = c;
+    } else if shortest == b {
+        b = c;
     }
-    least
+    let twice = cross(x, y);
+    let sine = (dot(twice, twice) / (a * b)).sqrt();
+    if sine.is_nan() || shortest == 0.0 { -1.0 } else { sine }
 }
 
-/// Rounds of coarsening, and the smallest angle, in radians, below which a triangle is too thin.
+/// The shares of the corners of a triangle, of either orientation, in a point.
+fn shares(z: [f64; 2], [a, b, c]: [[f64; 2]; 3]) -> [f64; 3] {
+    let area = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let whole = area(a, b, c);
+    [area(b, c, z), area(c, a, z), area(a, b, z)].map(|x| x / whole)
+}
+
+/// From given parameters, others in `within` with an image that is nearer to a point, if that is farther than the tolerance; and the distance.
+fn nearest(mut at: [f64; 2], to: Point3, within: &dyn Fn([f64; 2]) -> bool, measure: &dyn Measure) -> ([f64; 2], f64) {
+    let mut error = distance(measure.at(at), to);
+    for _ in 0..NEARER {
+        if error <= measure.tolerance(to) {
+            break;
+        }
+        let Some(step) = measure.step(at, to) else { break };
+        let better = [1.0, 0.5, 0.25].into_iter().find_map(|share| {
+            let next = [0, 1].map(|i| at[i] + share * step[i]);
+            let off = distance(measure.at(next), to);
+            (within(next) && off < error).then_some((next, off))
+        });
+        let Some(better) = better else { break };
+        let is_enough = better.1 > 0.7 * error;
+        (at, error) = better;
+        if is_enough {
+            break;
+        }
+    }
+    (at, error)
+}
+
+/// Steps towards the nearest parameters, and how far they stay from the ends of an edge or the corners of a triangle, in shares.
+const NEARER: usize = 3;
+const MARGIN: f64 = 0.25;
+/// How near to the corners beside it an edge is not split, per length.
+const CROWDED: f64 = 0.25;
+/// Rounds of coarsening, and the sine of the smallest angle below which a triangle is too thin.
 const COARSENING: usize = 4;
-const COARSE: f64 = 0.2;
+const COARSE: f64 = 0.4;
 /// Rounds in which edges are split that fall together in space.
 const CLASHES: usize = 12;
 /// How much an edge wants to be split whose ends, or the corners opposite to it, have one image: the surface would be closed up there.
@@ -95,15 +145,31 @@ const THIN: f64 = 1e-11;
 /// Least cosine between the normals of a triangle and of the surface, and the shortest edges, per longest allowed, of triangles that are split
 /// for it: where the surface has a cusp no size is small enough.
 const FACING: f64 = 0.3;
+/// Least share of the smaller of the areas of a triangle and of what it stands for in the larger: points of the parameters that lie nearly on a line
+/// may be a fine triangle in space, but one that stands for nothing.
+const SHARE: f64 = 0.2;
+/// That above which the parameters are even on it.
+const EVEN: f64 = 0.5;
+/// That below which it stands for nothing, and is made by no flip, and what it is worth.
+const EMPTY: f64 = 0.02;
+const NOTHING: f64 = -2.0;
 const LEAST: f64 = 0.03;
 /// Least area in the parameters, per square of the longest edge, of triangles that are split because they face a wrong way.
 const TURNED: f64 = 1e-6;
+/// How far from an edge towards the larger triangle beside it it is split: points on one line would leave no room for flips.
+const ASIDE: [f64; 2] = [0.1, 0.02];
 /// An edge wants to be split when its number is above 1.
 const SPLIT: f64 = 1.0;
 
 impl Plane {
-    /// From counterclockwise triangles; edges that only one of them has, and those in `fixed`, stay.
-    pub(super) fn new(nodes: Vec<Node>, triangles: Vec<[u32; 3]>, fixed: &dyn Fn(u32, u32) -> bool, measure: &dyn Measure) -> Self {
+    /// From counterclockwise triangles; edges that only one of them has, and those in `fixed`, stay, but those of the rim may be split.
+    pub(super) fn new(
+        nodes: Vec<Node>,
+        triangles: Vec<[u32; 3]>,
+        fixed: &dyn Fn(u32, u32) -> bool,
+        rim: &[[u32; 2]],
+        measure: &dyn Measure,
+    ) -> Self {
         let mut sides: BTreeMap<(u32, u32), (u32, usize)> = BTreeMap::new();
         for (k, t) in triangles.iter().enumerate() {
             for i in 0..3 {
@@ -116,9 +182,12 @@ impl Plane {
         let fixed = triangles.iter().zip(&adjacent).map(stays).collect();
         let images = nodes.iter().map(|n| measure.image(n)).collect();
         let shared = nodes.iter().map(|n| measure.shared(n)).collect();
+        let worths = vec![Cell::new(None); triangles.len()];
+        let sound = triangles.iter().map(|t| measure.is_sound(t.map(|v| nodes[v as usize].at))).collect();
+        let rim = rim.iter().map(|&[a, b]| ([a.min(b), a.max(b)], None)).collect();
         let queued = vec![true; triangles.len()];
         let queue = (0..triangles.len() as u32).collect();
-        Self { nodes, images, shared, triangles, adjacent, fixed, queued, queue }
+        Self { nodes, images, shared, triangles, adjacent, fixed, worths, sound, rim, queued, queue }
     }
 
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
@@ -127,19 +196,43 @@ impl Plane {
     fn images_of(&self, t: u32) -> [Point3; 3] {
         self.triangles[t as usize].map(|v| self.images[v as usize])
     }
-    /// The cosine of the angle between the normals of a triangle and of the surface in its middle; 1 where that has none.
-    fn facing(&self, t: [u32; 3], measure: &dyn Measure) -> f64 {
+    /// The cosine of the angle between the normals of a triangle and of the surface in its middle, and the share of the smaller of their areas in
+    /// the larger; 1 where the surface has no normal.
+    fn facing(&self, t: [u32; 3], measure: &dyn Measure) -> [f64; 2] {
         let [a, b, c] = t.map(|v| self.nodes[v as usize].at);
         let [p, q, r] = t.map(|v| self.images[v as usize]);
         let normal = measure.normal([0, 1].map(|i| (a[i] + b[i] + c[i]) / 3.0));
         let own = cross(sub(q, p), sub(r, p));
-        let cosine = dot(own, normal) / (norm(own) * norm(normal));
-        if cosine.is_nan() { 1.0 } else { cosine }
+        let (n, m) = (norm(own), norm(normal));
+        let area = m * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
+        let (cosine, share) = (dot(own, normal) / (n * m), (n / area).min(area / n));
+        [cosine, share].map(|x| if x.is_nan() { 1.0 } else { x })
     }
-    /// The smallest angle of a triangle, in radians; below zero if it does not face the way the surface does.
-    fn worth(&self, t: [u32; 3], measure: &dyn Measure) -> f64 {
-        let facing = self.facing(t, measure);
-        if facing < FACING { facing - FACING } else { smallest_angle(t.map(|v| self.images[v as usize])) }
+    fn least_sine(&self, t: [u32; 3]) -> f64 {
+        least_sine(t.map(|v| self.images[v as usize]))
+    }
+    /// What a triangle is worth: the sine of its smallest angle; below zero if it does not face the way the surface does, or has another area. And
+    /// whether the parameters are even on it: what is in the middle there is about in the middle in space.
+    fn worth(&self, t: [u32; 3], measure: &dyn Measure) -> (f64, bool) {
+        let [facing, share] = self.facing(t, measure);
+        let worst = (facing - FACING).min(share - SHARE);
+        let worth = match worst {
+            _ if share < EMPTY => NOTHING,
+            _ if worst < 0.0 => worst,
+            _ => self.least_sine(t),
+        };
+        (worth, facing > FACING && share > EVEN)
+    }
+    /// That of a triangle that is there, computed once.
+    fn known_worth(&self, t: u32, measure: &dyn Measure) -> (f64, bool) {
+        let known = &self.worths[t as usize];
+        if known.get().is_none() {
+            known.set(Some(self.worth(self.triangles[t as usize], measure)));
+        }
+        known.get().unwrap_or((NOTHING, false))
+    }
+    fn is_even(&self, t: u32, measure: &dyn Measure) -> bool {
+        self.known_worth(t, measure).1
     }
     fn is_counterclockwise(&self, t: [u32; 3]) -> bool {
         let [a, b, c] = t.map(|v| {
@@ -160,14 +253,31 @@ impl Plane {
             self.queue.push_back(t);
         }
     }
-    /// How much the edge between two vertices wants to be split.
-    fn excess(&self, a: u32, b: u32, measure: &dyn Measure) -> f64 {
-        let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
+    /// How much the edge between two vertices wants to be split, and where: in the middle of its parameters, or, if they are even, at those of the
+    /// triangles beside it with the corners `beside` whose image is nearest to the middle of the edge.
+    fn excess(&self, [a, b]: [u32; 2], beside: [u32; 2], is_even: bool, measure: &dyn Measure) -> (f64, [f64; 2]) {
+        let [x, y, c, d] = [a, b, beside[0], beside[1]].map(|v| self.nodes[v as usize].at);
         let [p, q] = [a, b].map(|v| self.images[v as usize]);
-        let on = measure.at([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])]);
-        let error = distance(on, std::array::from_fn(|i| 0.5 * (p[i] + q[i])));
-        let excess = (error / measure.tolerance()).max(distance(p, q) / measure.longest());
-        if error.is_nan() { f64::INFINITY } else { excess }
+        let from = [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])];
+        let within = |z: [f64; 2]| {
+            is_even
+                && [c, d].into_iter().any(|c| {
+                    let shares = shares(z, [x, y, c]);
+                    shares[0] >= MARGIN && shares[1] >= MARGIN && (0.0..=MARGIN).contains(&shares[2])
+                })
+        };
+        let chord = middle(p, q);
+        let (at, error) = nearest(from, chord, &within, measure);
+        let excess = (error / measure.tolerance(chord)).max(distance(p, q) / measure.longest());
+        (if error.is_nan() { f64::INFINITY } else { excess }, at)
+    }
+    /// How far the middle of a triangle is from the surface, in tolerances.
+    fn off(&self, t: [u32; 3], is_even: bool, measure: &dyn Measure) -> f64 {
+        let at = t.map(|v| self.nodes[v as usize].at);
+        let [p, q, r] = t.map(|v| self.images[v as usize]);
+        let from = [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0);
+        let center = std::array::from_fn(|i| (p[i] + q[i] + r[i]) / 3.0);
+        nearest(from, center, &|z| is_even && shares(z, at).iter().all(|&s| s >= 0.5 * MARGIN), measure).1 / measure.tolerance(center)
     }
     fn have_one_image(&self, [a, b]: [u32; 2]) -> bool {
         self.shared[a as usize].is_some() && self.shared[a as usize] == self.shared[b as usize]
@@ -221,6 +331,44 @@ impl Plane {
         }
         ended.clashes = self.clashes().len();
         ended
+    }
+
+    /// The vertices that were put between the ends of an edge of the rim.
+    pub(super) fn way(&self, [a, b]: [u32; 2]) -> Vec<u32> {
+        let Some(&Some(m)) = self.rim.get(&[a.min(b), a.max(b)]) else { return Vec::new() };
+        let mut way = self.way([a, m]);
+        way.push(m);
+        way.extend(self.way([m, b]));
+        way
+    }
+    fn is_rim(&self, t: u32, i: usize) -> bool {
+        let v = self.triangles[t as usize];
+        let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
+        self.rim.get(&[a.min(b), a.max(b)]) == Some(&None)
+    }
+    /// Splits an edge of the rim opposite to corner i. False if rounding leaves no room.
+    fn split_rim(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
+        let v = self.triangles[t as usize];
+        let [c, a, b] = [v[i], v[(i + 1) % 3], v[(i + 2) % 3]];
+        let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
+        let m = self.add([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])], measure);
+        if ![[c, a, m], [c, m, b]].iter().all(|&t| self.is_counterclockwise(t)) {
+            self.drop_last();
+            return false;
+        }
+        let beyond = |k: usize| (self.adjacent[t as usize][(i + k) % 3], self.fixed[t as usize][(i + k) % 3]);
+        let (ca, bc) = (beyond(2), beyond(1));
+        let t2 = self.new_triangle();
+        self.set(t, [c, a, m], [NONE, t2, ca.0], [true, false, ca.1]);
+        self.set(t2, [c, m, b], [NONE, bc.0, t], [true, bc.1, false]);
+        self.rim.insert([a.min(b), a.max(b)], Some(m));
+        self.rim.extend([[a, m], [b, m]].map(|e| (e, None)));
+        self.prove([t], [t, t2], measure);
+        for k in [t, t2] {
+            self.push(k);
+        }
+        self.legalise([t, t2].map(|k| (k, m)).to_vec(), measure);
+        true
     }
 
     /// Edges from a vertex to two others that have one image, which would be one edge with four triangles in space.
@@ -307,32 +455,35 @@ impl Plane {
                 t = self.adjacent[t as usize][(i + 1) % 3];
             }
             let n = star.len();
-            let worst = |t: [u32; 3]| self.worth(t, measure);
-            let before = star.iter().map(|&t| worst(self.triangles[t as usize])).fold(f64::INFINITY, f64::min);
-            if n == 64 || before > COARSE {
+            let before = star.iter().map(|&t| self.known_worth(t, measure).0).fold(f64::INFINITY, f64::min);
+            if n == 64 || !star.iter().all(|&t| self.sound[t as usize]) {
                 continue;
             }
+            let before = before.min(COARSE);
             let mut order: Vec<usize> = (0..n).collect();
             let far = |k: &usize| distance(self.images[ring[*k] as usize], self.images[v as usize]);
             order.sort_by(|a, b| far(a).total_cmp(&far(b)));
             let target = order.into_iter().take(4).find(|&k| {
                 let w = ring[k];
                 let made: Vec<[u32; 3]> = (1..n - 1).map(|j| [w, ring[(k + j) % n], ring[(k + j + 1) % n]]).collect();
-                let fits = |t: &[u32; 3]| {
-                    let corners = t.map(|x| self.nodes[x as usize].at);
-                    let p = t.map(|x| self.images[x as usize]);
-                    let center = [0, 1].map(|i| (corners[0][i] + corners[1][i] + corners[2][i]) / 3.0);
-                    let off = distance(measure.at(center), std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0));
-                    off <= measure.tolerance() && measure.is_sound(corners)
-                };
-                made.iter().all(|&t| worst(t) > before && self.is_counterclockwise(t) && self.is_thick(t, THIN))
+                let mut is_even = true;
+                let is_better = made.iter().all(|&t| {
+                    let may = self.is_counterclockwise(t) && self.is_thick(t, THIN) && self.least_sine(t) > before;
+                    may && {
+                        let (worth, even) = self.worth(t, measure);
+                        is_even &= even;
+                        worth > before
+                    }
+                });
+                is_better
                     && (2..n - 1).all(|j| {
-                        let x = ring[(k + j) % n];
-                        !self.have_one_image([w, x]) && !self.is_ambiguous([w, x]) && self.excess(w, x, measure) <= SPLIT
+                        let [before, x, after] = [j - 1, j, j + 1].map(|j| ring[(k + j) % n]);
+                        let is_free = !self.have_one_image([w, x]) && !self.is_ambiguous([w, x]);
+                        is_free && self.excess([w, x], [before, after], is_even, measure).0 <= SPLIT
                     })
                     // w has no other way to a vertex of the ring.
                     && !(2..n - 1).any(|j| self.are_joined(at[w as usize], w, ring[(k + j) % n]))
-                    && made.iter().all(fits)
+                    && made.iter().all(|&t| self.off(t, is_even, measure) <= 1.0)
             });
             let Some(k) = target else { continue };
             let w = ring[k];
@@ -347,6 +498,7 @@ impl Plane {
                 let t = star[(k + j) % n] as usize;
                 let i = self.triangles[t].iter().position(|&x| x == v).expect("a triangle at v");
                 self.triangles[t][i] = w;
+                self.worths[t].set(None);
             }
             // (v, w, next): the triangle after it meets what was beyond the edge from w to next.
             let join = |this: &mut Self, t: u32, ends: [u32; 2], (n, fixed): (u32, bool)| {
@@ -405,6 +557,8 @@ impl Plane {
         let kept = |t: &usize| !dead[*t];
         self.triangles = (0..dead.len()).filter(kept).map(|t| self.triangles[t]).collect();
         self.fixed = (0..dead.len()).filter(kept).map(|t| self.fixed[t]).collect();
+        self.worths = (0..dead.len()).filter(kept).map(|t| self.worths[t].clone()).collect();
+        self.sound = (0..dead.len()).filter(kept).map(|t| self.sound[t]).collect();
         let renumbered = |t: usize| self.adjacent[t].map(|n| if n == NONE { NONE } else { new[n as usize] });
         self.adjacent = (0..dead.len()).filter(kept).map(renumbered).collect();
         self.queued = vec![false; n as usize];
@@ -425,7 +579,8 @@ impl Plane {
                 let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
                 let n = self.adjacent[t as usize][i];
                 let far = self.triangles[n as usize][self.place(n, t)];
-                let mut excess = self.excess(a, b, measure);
+                let is_even = self.is_even(t, measure) && self.is_even(n, measure);
+                let mut excess = self.excess([a, b], [v[i], far], is_even, measure).0;
                 if self.have_one_image([a, b]) || self.is_ambiguous([a, b]) {
                     excess = excess.max(PINCHED);
                 }
@@ -441,18 +596,16 @@ impl Plane {
                     worst = Some((PINCHED, k));
                 }
             }
-            let at = self.corners(t);
-            let sound = measure.is_sound(at);
+            let sound = self.sound[t as usize];
             let mut only_turned = false;
             let mut split = worst.filter(|w| w.0 > SPLIT).map(|w| Some(w.1));
             if split.is_none() {
                 let p = self.images_of(t);
-                let center = [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0);
-                let off = distance(measure.at(center), std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0));
-                let is_far = off > measure.tolerance() || off.is_nan();
+                let off = self.off(v, self.is_even(t, measure), measure);
+                let is_far = off > 1.0 || off.is_nan();
                 let is_turned = || {
                     let long = (0..3).map(|i| distance(p[i], p[(i + 1) % 3])).fold(0.0, f64::max);
-                    long > LEAST * measure.longest() && self.is_thick(v, TURNED) && self.facing(v, measure) < FACING
+                    long > LEAST * measure.longest() && self.is_thick(v, TURNED) && self.facing(v, measure)[0] < FACING
                 };
                 only_turned = sound && !is_far;
                 if !sound || is_far || is_turned() {
@@ -461,7 +614,7 @@ impl Plane {
                         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
                         if sound { distance(p[j], p[k]) } else { self.length(t, i) }
                     };
-                    let free = (0..3).filter(|&i| !self.fixed[t as usize][i]);
+                    let free = (0..3).filter(|&i| !self.fixed[t as usize][i] || self.is_rim(t, i));
                     split = Some(free.max_by(|&i, &j| length(i).total_cmp(&length(j))));
                 }
             }
@@ -469,6 +622,7 @@ impl Plane {
             let is_full = self.triangles.len() + 4 > most || steps > 20 * most || late;
             let done = !is_full
                 && match edge {
+                    Some(i) if self.fixed[t as usize][i] => self.split_rim(t, i, measure),
                     Some(i) => self.split_edge(t, i, measure),
                     None => self.split_triangle(t, measure),
                 };
@@ -498,6 +652,7 @@ impl Plane {
         self.triangles[t as usize] = v;
         self.adjacent[t as usize] = n;
         self.fixed[t as usize] = fixed;
+        self.worths[t as usize].set(None);
         for (i, &n) in n.iter().enumerate() {
             if n != NONE {
                 // The edge from the other side.
@@ -513,6 +668,8 @@ impl Plane {
         self.triangles.push([0; 3]);
         self.adjacent.push([NONE; 3]);
         self.fixed.push([false; 3]);
+        self.worths.push(Cell::new(None));
+        self.sound.push(false);
         self.queued.push(false);
         self.triangles.len() as u32 - 1
     }
@@ -530,22 +687,58 @@ impl Plane {
         }
     }
 
-    /// Splits the edge opposite to corner i in the middle of its parameters. False if rounding leaves no room.
+    /// Proves that the pole curve misses new triangles: they lie where old ones were, and the first of either have the same numbers.
+    fn prove<const N: usize, const M: usize>(&mut self, old: [u32; N], new: [u32; M], measure: &dyn Measure) {
+        if old.iter().all(|&t| self.sound[t as usize]) {
+            new.iter().for_each(|&t| self.sound[t as usize] = true);
+        } else {
+            new.iter().for_each(|&t| self.sound[t as usize] = measure.is_sound(self.corners(t)));
+        }
+    }
+
+    /// Splits the edge opposite to corner i, in the middle if there is room. False if rounding leaves no room.
     fn split_edge(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
         let Quad { corners: [c, a, d, b], n, outer: [ca, ad, db, bc] } = self.quad(t, i);
         let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
-        let m = self.add([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])], measure);
-        let made = [[c, a, m], [c, m, b], [d, b, m], [d, m, a]];
-        if !made.iter().all(|&t| self.is_counterclockwise(t)) {
-            self.drop_last();
-            return false;
+        let [p, q] = [c, d].map(|v| self.nodes[v as usize].at);
+        let area = |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
+        let toward = if area(p) > area(q) { p } else { q };
+        let made = |m: u32| [[c, a, m], [c, m, b], [d, b, m], [d, m, a]];
+        let halfway = [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])];
+        let is_even = self.is_even(t, measure) && self.is_even(n, measure);
+        let mut best = self.excess([a, b], [c, d], is_even, measure).1;
+        // Not where a corner beside the edge is already.
+        let [c_image, d_image, a_image, b_image] = [c, d, a, b].map(|v| self.images[v as usize]);
+        let there = measure.at(best);
+        if distance(there, c_image).min(distance(there, d_image)) < CROWDED * distance(a_image, b_image) {
+            best = halfway;
         }
+        let places = [(best, ASIDE[0]), (halfway, ASIDE[0]), (halfway, ASIDE[1]), (halfway, 0.0)]
+            .map(|(from, aside)| [0, 1].map(|i| from[i] * (1.0 - aside) + aside * toward[i]));
+        // The first where there is room, if one is where no triangle stands for nothing, that.
+        let mut fitting = None;
+        for at in places {
+            let m = self.add(at, measure);
+            let fits = made(m).iter().all(|&t| self.is_counterclockwise(t));
+            let is_good = fits && made(m).iter().all(|&t| self.worth(t, measure).0 > NOTHING);
+            self.drop_last();
+            if is_good || fits && fitting.is_none() {
+                fitting = Some(at);
+            }
+            if is_good {
+                break;
+            }
+        }
+        let Some(at) = fitting else { return false };
+        let m = self.add(at, measure);
+        let made = made(m);
         let (t2, n2) = (self.new_triangle(), self.new_triangle());
         // (c, a, m): opposite c: n2 (a m); opposite a: t2 (m c); opposite m: the edge c a.
         self.set(t, made[0], [n2, t2, ca.0], [false, false, ca.1]);
         self.set(t2, made[1], [n, bc.0, t], [false, bc.1, false]);
         self.set(n, made[2], [t2, n2, db.0], [false, false, db.1]);
         self.set(n2, made[3], [t, ad.0, n], [false, ad.1, false]);
+        self.prove([t, n], [t, t2, n, n2], measure);
         for k in [t, t2, n, n2] {
             self.push(k);
         }
@@ -568,6 +761,7 @@ impl Plane {
         self.set(t, made[0], [n[0], t2, t3], [f[0], false, false]);
         self.set(t2, made[1], [n[1], t3, t], [f[1], false, false]);
         self.set(t3, made[2], [n[2], t, t2], [f[2], false, false]);
+        self.prove([t], [t, t2, t3], measure);
         for k in [t, t2, t3] {
             self.push(k);
         }
@@ -608,23 +802,35 @@ impl Plane {
         {
             return false;
         }
-        let least = |t: [[u32; 3]; 2]| t.map(|t| self.worth(t, measure)).into_iter().fold(f64::INFINITY, f64::min);
-        let (before, after) = (least([[c, a, b], [d, b, a]]), least(made));
-        let better = if before > 0.0 { after > 1.1 * before } else { after > before + 1e-3 };
-        if !better {
+        let (x, y) = (self.known_worth(t, measure), self.known_worth(n, measure));
+        let (before, was_even) = (x.0.min(y.0), x.1 && y.1);
+        let is_better = |after: f64| after > NOTHING && if before > 0.0 { after > 1.1 * before } else { after > before + 1e-3 };
+        // Where the triangles face is dearer than their angles.
+        let mut is_even = true;
+        for &t in &made {
+            // Where the triangles face is dearer than their angles.
+            if !is_better(self.least_sine(t)) {
+                return false;
+            }
+            let (worth, even) = self.worth(t, measure);
+            is_even &= even;
+            if !is_better(worth) {
+                return false;
+            }
+        }
+        let excess = self.excess([c, d], [a, b], is_even, measure).0;
+        if excess > SPLIT && excess > self.excess([a, b], [c, d], was_even, measure).0 {
             return false;
         }
-        let excess = self.excess(c, d, measure);
-        if excess > SPLIT && excess > self.excess(a, b, measure) {
-            return false;
-        }
-        let sound = |t: [u32; 3]| measure.is_sound(t.map(|v| self.nodes[v as usize].at));
-        if !made.iter().all(|&t| sound(t)) && [[c, a, b], [d, b, a]].iter().all(|&t| sound(t)) {
+        let known = [t, n].map(|t| self.sound[t as usize]);
+        let sound = made.map(|t| known == [true; 2] || measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
+        if known != sound && sound != [true; 2] {
             return false;
         }
         // (c, a, d): opposite c the edge a d, opposite a the new edge, opposite d the edge c a.
         self.set(t, made[0], [ad.0, n, ca.0], [ad.1, false, ca.1]);
         self.set(n, made[1], [db.0, bc.0, t], [db.1, bc.1, false]);
+        (self.sound[t as usize], self.sound[n as usize]) = (sound[0], sound[1]);
         self.push(t);
         self.push(n);
         true

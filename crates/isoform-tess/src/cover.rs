@@ -1,0 +1,134 @@
+//! Seam curves that run through each of their points twice: the pairs of directions with one image.
+//!
+//! A seam curve c(a : b) of degree q, its forms without a common factor, is a map of degree k, a divisor of q, onto its image. Over a general
+//! point (1 : m) the greatest common divisor of the minors of c(x) and c(1 : m) has the degree k; it is more only where the image is
+//! singular, for less than q² values of m. For k = 2 the two directions of a pair are exchanged by an involution
+//! α·y·y′ + β·(y + y′) + γ = 0 of y = b/a, that two pairs determine. Where it leaves a direction fixed the seam turns back: a pinch point.
+
+use crate::base::BinaryForm;
+use crate::field::{Algebraic, Element};
+use crate::univariate::{Coefficients, Stopped, divide, gcd, trim};
+use isoform_algebra::RBig;
+use std::cmp::Ordering;
+
+/// What exchanges the two directions with one image: α, β, γ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Involution {
+    form: [f64; 3],
+    /// Whether it leaves two real directions fixed, or none.
+    folds: bool,
+}
+
+impl Involution {
+    /// That of a seam curve, if it runs through its points exactly twice.
+    pub(crate) fn of(curve: &[BinaryForm; 4], stop: &dyn Fn() -> bool) -> Result<Option<Self>, Stopped> {
+        let q = curve[0].degree();
+        let first = &curve[0].coefficients[0];
+        let (field, root) = (first.field(), first.root());
+        if q < 2 || !q.is_multiple_of(2) {
+            return Ok(None);
+        }
+        let mut pairs: Vec<[Element; 3]> = Vec::new();
+        for m in (0..=q * q).map(RBig::from) {
+            let at = curve.each_ref().map(|f| f.eval(&RBig::ONE, &m).element().clone());
+            let mut common: Coefficients = Vec::new();
+            // The power of a that divides all minors is lost where these are trimmed.
+            let mut vertical = q;
+            for i in 0..4 {
+                for j in 0..i {
+                    let product =
+                        |f: &BinaryForm, e: &Element| f.coefficients.iter().map(|c| field.mul(c.element(), e)).collect::<Vec<_>>();
+                    let (x, y) = (product(&curve[i], &at[j]), product(&curve[j], &at[i]));
+                    let mut minor: Coefficients = x.iter().zip(&y).map(|(x, y)| x.sub(y)).collect();
+                    trim(&mut minor);
+                    if !minor.is_empty() {
+                        vertical = vertical.min(q + 1 - minor.len());
+                        common = gcd(field, &common, &minor, stop)?;
+                    }
+                }
+            }
+            match common.len() - 1 + vertical {
+                1 => return Ok(None),
+                2 => {
+                    let linear = [Element::rational(&-m.clone()), Element::rational(&RBig::ONE)].to_vec();
+                    // (a : b) of the partner.
+                    let (a, b) = match vertical {
+                        1 => (Element::zero(), Element::rational(&RBig::ONE)),
+                        _ => (Element::rational(&RBig::ONE), divide(field, &common, &linear).0[0].negated()),
+                    };
+                    pairs.push([b.scaled(&m), a.scaled(&m).add(&b), a]);
+                }
+                _ => {}
+            }
+        }
+        let Some(first) = pairs.first() else { return Ok(None) };
+        let form = pairs[1..].iter().find_map(|second| {
+            let minor = |i: usize, j: usize| field.mul(&first[i], &second[j]).sub(&field.mul(&first[j], &second[i]));
+            let form = [minor(1, 2), minor(2, 0), minor(0, 1)];
+            form.iter().any(|e| !e.is_zero()).then_some(form)
+        });
+        let Some(form) = form else { return Ok(None) };
+        let number = |e: Element| Algebraic::new(field, root, e);
+        let discriminant = number(field.mul(&form[1], &form[1]).sub(&field.mul(&form[0], &form[2])));
+        let folds = discriminant.sign() == Ordering::Greater;
+        Ok(Some(Self { form: form.map(|e| number(e).to_f64()), folds }))
+    }
+
+    /// The other direction with the same image.
+    pub(crate) fn partner(&self, [a, b]: [f64; 2]) -> [f64; 2] {
+        let [x, y, z] = self.form;
+        [x * b + y * a, -(y * b + z * a)]
+    }
+
+    /// The directions that are their own partners.
+    pub(crate) fn fixed(&self) -> Vec<[f64; 2]> {
+        if !self.folds {
+            return Vec::new();
+        }
+        let [x, y, z] = self.form;
+        // x·b² + 2y·a·b + z·a² = 0, without cancellation.
+        let r = (y * y - x * z).sqrt();
+        let s = if y < 0.0 { -y + r } else { -y - r };
+        vec![[x, s], [s, z]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn curve(forms: [&[i64]; 4]) -> [BinaryForm; 4] {
+        forms.map(|f| BinaryForm { coefficients: f.iter().map(|&c| Algebraic::rational(&RBig::from(c))).collect() })
+    }
+    fn involution(forms: [&[i64]; 4]) -> Option<Involution> {
+        Involution::of(&curve(forms), &|| false).expect("not stopped")
+    }
+
+    /// The conoid of Plücker: z = 2ab/(a² + b²).
+    #[test]
+    fn exchanges_the_directions_of_a_fold() {
+        let found = involution([&[0, 0, 0], &[0, 0, 0], &[0, 2, 0], &[1, 0, 1]]).expect("twice");
+        let is = |x: [f64; 2], y: [f64; 2]| (x[0] * y[1] - x[1] * y[0]).abs() < 1e-15;
+        assert!(is(found.partner([1.0, 3.0]), [3.0, 1.0]) && is(found.partner([1.0, 0.0]), [0.0, 1.0]));
+        let fixed = found.fixed();
+        assert!(fixed.len() == 2 && fixed.iter().all(|f| f[0].abs() == f[1].abs()), "{fixed:?}");
+    }
+
+    /// z = a²/b² folds at 0 and infinity; z = (a² − b²)/(a·b) nowhere, as (a : b) and (b : −a) are pairs.
+    #[test]
+    fn special_directions() {
+        let found = involution([&[0, 0, 0], &[0, 0, 0], &[1, 0, 0], &[0, 0, 1]]).expect("twice");
+        assert_eq!(found.fixed().len(), 2);
+        let found = involution([&[0, 0, 0], &[0, 0, 0], &[1, 0, -1], &[0, 1, 0]]).expect("twice");
+        assert_eq!(found.fixed(), Vec::<[f64; 2]>::new());
+        assert_eq!(found.partner([1.0, 0.0])[0], 0.0);
+    }
+
+    #[test]
+    fn curves_that_run_once() {
+        // A conic, a line, a quartic with nodes.
+        assert_eq!(involution([&[0, 1, 0], &[1, 0, 0], &[0, 0, 0], &[0, 0, 1]]), None);
+        assert_eq!(involution([&[0, 1], &[1, 0], &[0, 0], &[1, 1]]), None);
+        assert_eq!(involution([&[1, 0, 0, 0, 0], &[0, 1, 0, 2, 0], &[0, 0, 3, 0, 0], &[0, 1, 0, 0, 1]]), None);
+    }
+}

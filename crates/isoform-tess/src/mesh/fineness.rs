@@ -1,0 +1,50 @@
+//! Where triangles have to be finer than elsewhere: cells of space in which the tolerance is divided by four once or more.
+//!
+//! Whether sheets that are close together cross is not decided by the tolerance that was asked for. Where their triangles do, the surface is
+//! triangulated again, and all that depends on the tolerance there is the finer: curves, seams and triangles of all sheets.
+
+use crate::surface::Point3;
+use std::collections::BTreeMap;
+
+/// Cells along the box.
+const CELLS: f64 = 128.0;
+/// Divisions by four at most.
+const MOST: u8 = 6;
+
+/// How often the tolerance is divided by four, by cells of space.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Fineness {
+    levels: BTreeMap<[i32; 3], u8>,
+}
+
+fn cell(p: Point3, half_width: f64) -> [i32; 3] {
+    p.map(|x| (0.5 * CELLS * (x / half_width)).floor() as i32)
+}
+
+impl Fineness {
+    /// Once more in the cells around the given boxes.
+    pub(crate) fn refine(&mut self, boxes: &[[Point3; 2]], half_width: f64) {
+        let mut cells = std::collections::BTreeSet::new();
+        for [lo, hi] in boxes {
+            let (a, b) = (cell(*lo, half_width), cell(*hi, half_width));
+            for x in a[0] - 1..=b[0] + 1 {
+                for y in a[1] - 1..=b[1] + 1 {
+                    for z in a[2] - 1..=b[2] + 1 {
+                        cells.insert([x, y, z]);
+                    }
+                }
+            }
+        }
+        for cell in cells {
+            let level = self.levels.entry(cell).or_default();
+            *level = (*level + 1).min(MOST);
+        }
+    }
+    /// What the tolerance is multiplied by at a point.
+    pub(crate) fn factor(&self, p: Point3, half_width: f64) -> f64 {
+        if self.levels.is_empty() {
+            return 1.0;
+        }
+        self.levels.get(&cell(p, half_width)).map_or(1.0, |&level| 0.25f64.powi(i32::from(level)))
+    }
+}

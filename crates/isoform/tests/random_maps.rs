@@ -1,0 +1,89 @@
+//! Random maps with small coefficients through the whole façade: slow, so asked for by `cargo test --release -p isoform -- --ignored random`.
+
+use isoform::rational_surface;
+use isoform_algebra::RBig;
+use isoform_mesh::Control;
+use isoform_mesh::check::{Options, certify};
+use isoform_tess::{Budget, Map, MeshOptions, Mode, TriangulateOptions};
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+/// A polynomial of a degree with small coefficients, most of them zero.
+fn polynomial(rng: &mut fastrand::Rng, degree: usize) -> String {
+    let mut text = String::new();
+    for i in 0..=degree {
+        for j in 0..=degree - i {
+            let c = if rng.u8(0..10) < 4 { rng.i32(-3..=3) } else { 0 };
+            if c != 0 {
+                text += &format!("{c:+}*s^{i}*t^{j}");
+            }
+        }
+    }
+    if text.is_empty() { "1".to_owned() } else { text }
+}
+
+/// No panic, no more time than allowed and some, and no crossings or open edges in what is certified.
+#[test]
+#[ignore = "takes minutes"]
+fn random_maps() {
+    let count = std::env::var("ISOFORM_RANDOM_MAPS").ok().and_then(|n| n.parse().ok()).unwrap_or(60);
+    let allowed = Duration::from_secs(4);
+    let mut why: BTreeMap<String, usize> = BTreeMap::new();
+    let (mut certified, mut reported, mut nothing, mut invalid) = (0, 0, 0, 0);
+    let mut slow = Vec::new();
+    for seed in 0..count {
+        let mut rng = fastrand::Rng::with_seed(seed);
+        let degree = 2 + (seed % 3) as usize;
+        let texts: [String; 4] = std::array::from_fn(|_| polynomial(&mut rng, degree));
+        let Ok(map) = Map::parse(texts.each_ref().map(String::as_str), Default::default()) else {
+            invalid += 1;
+            continue;
+        };
+        println!("{seed} {texts:?}");
+        for mode in [Mode::Normalised, Mode::Glued] {
+            let clock = Instant::now();
+            let stop = || clock.elapsed() > allowed;
+            let options = TriangulateOptions {
+                half_width: RBig::from(3),
+                mode,
+                mesh: MeshOptions { tolerance: 0.03, longest: 1.0, triangles: 100_000 },
+                budget: Budget { seconds: 0.25 * allowed.as_secs_f64(), ..Budget::default() },
+            };
+            let made = rational_surface(&map, &options, &stop);
+            let seconds = clock.elapsed().as_secs_f64();
+            if seconds > 2.0 * allowed.as_secs_f64() {
+                println!("{seed} {mode:?} {seconds:.1} s, too slow: {texts:?}");
+                slow.push((seed, mode, seconds));
+            }
+            let Ok((surface, _)) = made else {
+                nothing += 1;
+                continue;
+            };
+            if !surface.unproven.is_empty() {
+                reported += 1;
+                for sentence in &surface.unproven {
+                    let kind: String = sentence.chars().filter(|c| !c.is_ascii_digit()).take(60).collect();
+                    *why.entry(kind).or_default() += 1;
+                }
+                println!("{seed} {mode:?} {seconds:.1} s, {} triangles: {:?}", surface.triangles.len(), surface.unproven);
+                continue;
+            }
+            certified += 1;
+            let mesh = isoform_geom::Mesh { points: surface.points, triangles: surface.triangles, ..Default::default() };
+            let certificate = certify(&mesh, None, &Options::default(), &Control::default());
+            assert!(certificate.malformed.is_empty(), "{texts:?} {mode:?}: {:?}", certificate.malformed);
+            if mode == Mode::Glued && !mesh.triangles.is_empty() {
+                let pairs = certificate.intersections.map(|i| i.pairs.count);
+                assert_eq!(pairs, Some(0), "{texts:?}");
+            }
+            assert!(mesh.points.iter().flatten().all(|x| x.abs() <= 3.0 * (1.0 + 1e-9)), "{texts:?}");
+        }
+    }
+    println!("{certified} certified, {reported} with something open, {nothing} stopped, {invalid} maps invalid");
+    let mut why: Vec<_> = why.into_iter().collect();
+    why.sort_by_key(|w| std::cmp::Reverse(w.1));
+    for (sentence, n) in why {
+        println!("{n:4} {sentence}");
+    }
+    assert!(slow.is_empty(), "too slow: {slow:?}");
+}
