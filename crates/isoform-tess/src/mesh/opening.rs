@@ -19,6 +19,8 @@ const DIRECTIONS: usize = 2000;
 /// Where base points are infinitely near, rays differ in high powers of the width: it has to be large for them to be told apart.
 const NEAR_WIDTH: f64 = 1.0 / 4.0;
 const NEAR_ROUNDS: usize = 40;
+/// How far from the middle of an edge of such a rectangle what is in the middle of its parameters may be, per length.
+const UNEVEN: f64 = 0.15;
 
 impl Builder<'_> {
     pub(super) fn find_contracted(&mut self, map: &Map, curves: &Curves) {
@@ -535,7 +537,14 @@ impl Builder<'_> {
                 }
                 match self.look(fan, sector, sites) {
                     Look::Fine => drop(done.insert(name)),
-                    Look::TooLarge => return false,
+                    Look::TooLarge => {
+                        if std::env::var_os("DBG").is_some() {
+                            let d = sector.rays.map(|(k, b)| (fan.directions[k].node, fan.directions[k].signed(b), fan.seam(&fan.directions[k])));
+                            let at: Vec<_> = sites.iter().filter_map(|&(q, site)| Some((q, self.sector_ends(q, site, fan, sector)?.map(|x| ([x[0]-site.at[0],x[1]-site.at[1]], self.charts[q].at(x)))))).collect();
+                            eprintln!("too large {:?} {:?} corner {:?} at {:?} dirs {}", self.widths, d, sector.corner.as_ref().map(|c| fan.seam(c)), at, fan.directions.len());
+                        }
+                        return false;
+                    }
                     Look::Split(d) if fan.directions.len() < DIRECTIONS => {
                         fan.split(d);
                         continue 'again;
@@ -596,7 +605,13 @@ impl Builder<'_> {
             points.extend((1..8).map(|i| [0, 1].map(|k| a[k] + f64::from(i) / 8.0 * (b[k] - a[k]))));
             let is_signed = self.charts[q].keeps_sign([site.at, a, b], fan.multiplicity)
                 || fan.is_tree() && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
-            if !self.is_near(image(half(a, b)), middle(chord[0], chord[1]), chord) || !is_signed {
+            // In trees, where the map is far from even, the point may slide along the chord, but not so far that triangles beside it were uneven.
+            let on = image(half(a, b));
+            let off = distance(on, middle(chord[0], chord[1]));
+            let is_even = off <= UNEVEN * distance(chord[0], chord[1]) || off <= 0.5 * self.tolerance_at(on);
+            let is_near =
+                if fan.is_tree() { is_even && self.is_near_chord(on, chord) } else { self.is_near(on, middle(chord[0], chord[1]), chord) };
+            if !is_near || !is_signed {
                 if fine && sector.corner.is_some() {
                     // Where the ray in the middle is farther away from the ends.
                     let apart = [0, 1].map(|piece| {
