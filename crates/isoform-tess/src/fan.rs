@@ -15,8 +15,13 @@ use crate::field::Algebraic;
 use crate::region::Region;
 use crate::surface::Point3;
 use isoform_algebra::{Poly, QUADRANTS, RBig, real_roots};
+use isoform_geom::{dot, sub};
 use std::cmp::Ordering;
 use std::f64::consts::PI;
+
+/// How far from its node the bend of a ray is found, and the largest.
+const BENT: f64 = 1e-3;
+const MOST_BENT: f64 = 8.0;
 
 /// What names a point of a seam: the node, and the direction.
 pub(crate) type Key = (usize, [u64; 2]);
@@ -30,6 +35,8 @@ pub(crate) struct Direction {
     pub(crate) faces: u8,
     /// Factors of the region with this tangent.
     pub(crate) factors: Vec<usize>,
+    /// How the ray bends to the left of the direction: the rest is forward or backward along it, this times the square of the distance beside it.
+    bend: f64,
 }
 
 impl Direction {
@@ -37,7 +44,7 @@ impl Direction {
         let length = at[0].hypot(at[1]);
         let sign = if at[1] < 0.0 || (at[1] == 0.0 && at[0] < 0.0) { -1.0 } else { 1.0 };
         // No negative zeros: a direction names a vertex.
-        Self { node, at: at.map(|x| sign * x / length + 0.0), faces: 0, factors: Vec::new() }
+        Self { node, at: at.map(|x| sign * x / length + 0.0), faces: 0, factors: Vec::new(), bend: 0.0 }
     }
     /// Whether both are one but for rounding.
     fn is_same(&self, other: &Self) -> bool {
@@ -49,6 +56,13 @@ impl Direction {
     /// What names the point of the seam.
     pub(crate) fn key(&self) -> Key {
         (self.node, self.at.map(f64::to_bits))
+    }
+    /// A point of the ray or, with the distance beside it, of its neighbourhood.
+    fn at_distance(&self, backward: bool, distance: f64, off: f64) -> [f64; 2] {
+        let [a, b] = self.at;
+        let along = if backward { -distance } else { distance };
+        let off = off + self.bend * distance * distance;
+        [along * a - off * b, along * b + off * a]
     }
     /// ± (a, b).
     pub(crate) fn signed(&self, backward: bool) -> [f64; 2] {
@@ -246,6 +260,7 @@ impl Fan {
         let mut open = fan.sectors.iter().filter(|s| s.inside);
         let first = open.clone().next().map(|s| fan.directions[s.rays[0].0].node);
         fan.is_tree = open.any(|s| s.corner.is_some() || s.rays.iter().any(|r| Some(fan.directions[r.0].node) != first));
+        fan.directions = fan.directions.iter().map(|d| fan.bent(d.clone())).collect();
         // What is outside of the box need not be opened.
         if !fan.sectors.iter().any(|s| s.inside) {
             fan.problem = None;
@@ -485,14 +500,18 @@ impl Fan {
     /// In the middle of a sector's seam, or of one of its two seams, and whether it is backward.
     pub(crate) fn between(&self, sector: &Sector, piece: usize) -> (Direction, bool) {
         let (node, [a, b]) = self.piece(sector, piece);
-        directed(node, [a[0] + b[0], a[1] + b[1]])
+        let (d, backward) = directed(node, [a[0] + b[0], a[1] + b[1]]);
+        (self.bent(d), backward)
     }
     /// The ray of a sector's seam, or of one of its two seams, to a point of a unit triangle.
     pub(crate) fn toward(&self, quadrant: usize, at: [f64; 2], sector: &Sector, piece: usize) -> Option<(Direction, bool)> {
         let (node, [a, b]) = self.piece(sector, piece);
         let x = self.lifted(quadrant, at, node);
         let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
-        (cross(a, x) * cross(a, b) > 0.0 && cross(x, b) * cross(a, b) > 0.0).then(|| directed(node, x))
+        (cross(a, x) * cross(a, b) > 0.0 && cross(x, b) * cross(a, b) > 0.0).then(|| {
+            let (d, backward) = directed(node, x);
+            (self.bent(d), backward)
+        })
     }
     /// Puts one more direction there, and its partner if it has one.
     pub(crate) fn split(&mut self, d: Direction) {
@@ -625,10 +644,6 @@ impl Fan {
         });
         a[0] * b[1] - a[1] * b[0] > 0.0
     }
-    /// Whether other base points are infinitely near, and one seam at most is in the box, away from where it meets the others.
-    pub(crate) fn is_near(&self) -> bool {
-        self.nodes.len() > 1 && !self.is_tree
-    }
     /// Whether seams of several base points that are infinitely near have to be opened together.
     pub(crate) fn is_tree(&self) -> bool {
         self.is_tree
@@ -657,15 +672,37 @@ impl Fan {
         }
         local
     }
+    /// X, Y, Z and W at a point of a node.
+    fn value(&self, node: usize, [u, v]: [f64; 2]) -> [f64; 4] {
+        let value = |f: &Form| f.terms.iter().map(|([i, j], c)| c * u.powi(*i as i32) * v.powi(*j as i32)).sum::<f64>();
+        self.nodes[node].forms.each_ref().map(value)
+    }
+    /// Bends a ray of a tree, so that its image leaves the seam at a right angle: others sweep along the seam, the faster the deeper in the tree.
+    fn bent(&self, mut d: Direction) -> Direction {
+        if !self.is_tree || d.node == 0 || self.nodes[d.node].constant || self.is_side(&d) {
+            return d;
+        }
+        let point = |x: [f64; 4]| [x[0] / x[3], x[1] / x[3], x[2] / x[3]];
+        let curve = |at: [f64; 2]| point(self.nodes[d.node].curve.each_ref().map(|f| eval(f, at)));
+        let [a, b] = d.at;
+        let ends = [1e-4, -1e-4].map(|x| curve([a - x * b, b + x * a]));
+        let (tangent, foot) = (sub(ends[0], ends[1]), curve(d.at));
+        let rest = |off: f64| dot(sub(point(self.value(d.node, [BENT * a - off * b, BENT * b + off * a])), foot), tangent);
+        let (mut off, step) = (0.0, 1e-3 * BENT);
+        for _ in 0..8 {
+            off -= rest(off) * 2.0 * step / (rest(off + step) - rest(off - step));
+        }
+        let bend = off / (BENT * BENT);
+        if bend.abs() < MOST_BENT {
+            d.bend = bend;
+        }
+        d
+    }
+
     /// The image of a point of a ray at a distance in the coordinates of its node, if that is not the only one; or beside it, on a face of the
     /// box.
     pub(crate) fn image_on_ray(&self, d: &Direction, backward: bool, distance: f64, face: Option<usize>) -> Point3 {
-        let [a, b] = d.signed(backward);
-        let value = |off: f64| {
-            let [u, v] = [distance * a - off * b, distance * b + off * a];
-            let value = |f: &Form| f.terms.iter().map(|([i, j], c)| c * u.powi(*i as i32) * v.powi(*j as i32)).sum::<f64>();
-            self.nodes[d.node].forms.each_ref().map(value)
-        };
+        let value = |off: f64| self.value(d.node, d.at_distance(backward, distance, off));
         let mut off = 0.0;
         let bound = |face: usize| if face.is_multiple_of(2) { -self.half_width } else { self.half_width };
         if let Some(face) = face {
@@ -688,7 +725,7 @@ impl Fan {
     }
     /// The point of a ray at a distance in the coordinates of its node, if it is in the unit triangle.
     pub(crate) fn on_ray(&self, quadrant: usize, d: &Direction, backward: bool, distance: f64) -> Option<[f64; 2]> {
-        let at = self.lowered(d.node, d.signed(backward).map(|x| distance * x));
+        let at = self.lowered(d.node, d.at_distance(backward, distance, 0.0));
         let mut x = self.point;
         x[self.variables[0]] += at[0];
         x[self.variables[1]] += at[1];

@@ -537,14 +537,7 @@ impl Builder<'_> {
                 }
                 match self.look(fan, sector, sites) {
                     Look::Fine => drop(done.insert(name)),
-                    Look::TooLarge => {
-                        if std::env::var_os("DBG").is_some() {
-                            let d = sector.rays.map(|(k, b)| (fan.directions[k].node, fan.directions[k].signed(b), fan.seam(&fan.directions[k])));
-                            let at: Vec<_> = sites.iter().filter_map(|&(q, site)| Some((q, self.sector_ends(q, site, fan, sector)?.map(|x| ([x[0]-site.at[0],x[1]-site.at[1]], self.charts[q].at(x)))))).collect();
-                            eprintln!("too large {:?} {:?} corner {:?} at {:?} dirs {}", self.widths, d, sector.corner.as_ref().map(|c| fan.seam(c)), at, fan.directions.len());
-                        }
-                        return false;
-                    }
+                    Look::TooLarge => return false,
                     Look::Split(d) if fan.directions.len() < DIRECTIONS => {
                         fan.split(d);
                         continue 'again;
@@ -597,6 +590,9 @@ impl Builder<'_> {
                     return Look::TooLarge;
                 }
                 points.extend(arc.map(|x| x.middle));
+                // Rays that are bent.
+                let reach = if fan.is_tree() && arc.is_none() { self.reach(q, site, &fan.directions[k], backward) } else { None };
+                points.extend([0.25, 0.5, 0.75].into_iter().filter_map(|t| fan.on_ray(q, &fan.directions[k], backward, t * reach?)));
             }
             let chord = [image(a), image(b)];
             if fan.is_tree() {
@@ -604,7 +600,10 @@ impl Builder<'_> {
             }
             points.extend((1..8).map(|i| [0, 1].map(|k| a[k] + f64::from(i) / 8.0 * (b[k] - a[k]))));
             let is_signed = self.charts[q].keeps_sign([site.at, a, b], fan.multiplicity)
-                || fan.is_tree() && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
+                // The parameters inside are in a cell of the region, in which W has no zero; what is left are edges of the rectangle that leave it.
+                || fan.is_tree()
+                    && self.charts[q].keeps_sign([a, b, a], 0)
+                    && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
             // In trees, where the map is far from even, the point may slide along the chord, but not so far that triangles beside it were uneven.
             let on = image(half(a, b));
             let off = distance(on, middle(chord[0], chord[1]));
