@@ -109,7 +109,7 @@ fn normalised(known: &serde_json::Value) -> [Option<i64>; 3] {
     }
 }
 
-/// Base points that others are infinitely near to, or a double curve of degree 18: not certified so far, and slow.
+/// Chains of six infinitely near base points, or a double curve of degree 18: slow.
 const HARD: [&str; 5] = ["dense3", "pole_4ovals", "pole_acnode", "pole_cusp", "pole_node"];
 
 /// Members of the zoo before sheets are joined: what is certified is right, and most is certified.
