@@ -62,6 +62,9 @@ pub struct Seam {
     pub curve: [BinaryForm; 4],
     /// The real directions in which all leading forms vanish, each with the base point that is infinitely near in it.
     pub near: Vec<Near>,
+    /// All of X, Y, Z and W in the local coordinates (u, v), divided by the exceptional lines as often as they divide all four: terms (i, j)
+    /// of u^i v^j. Empty where no other base points are infinitely near.
+    pub forms: [Vec<([usize; 2], Algebraic)>; 4],
 }
 
 /// A base point that is infinitely near to another one.
@@ -156,6 +159,8 @@ struct Class {
     common: Coefficients,
     curve: [Coefficients; 4],
     near: Vec<NearClass>,
+    /// All terms, if they are wanted.
+    forms: [Local; 4],
 }
 
 struct NearClass {
@@ -173,7 +178,11 @@ fn class_at(map: &Map, zero: &Zero, real: bool, stop: &dyn Fn() -> bool) -> Resu
         check(stop)?;
         local.push(expand(form, zero, room));
     }
-    blow_up(&zero.field, local.try_into().expect("four forms"), room, real, stop)
+    let mut class = blow_up(&zero.field, local.try_into().expect("four forms"), room, real, stop)?;
+    if !class.near.is_empty() {
+        class.lift(map.forms().each_ref().map(|form| expand(form, zero, map.degree())), stop)?;
+    }
+    Ok(class)
 }
 
 /// The terms up to degree `room` of a form in the local coordinates of a point, by Horner's rule in each of them.
@@ -267,13 +276,12 @@ fn blow_up(k: &Arc<NumberField>, mut local: [Local; 4], room: usize, real: bool,
         near.push(NearClass { theta: extension.theta, direction: [Element::rational(&RBig::ONE), extension.root], class });
     }
     if vertical > 0 {
-        // u^i v^j becomes u′^i v′^(i+j−q).
-        let moved = local.each_ref().map(|f| f.iter().map(|([i, j], c)| ([*i, i + j - q], c.clone())).collect());
+        let moved = local.each_ref().map(|f| across(f, q));
         let direction = [Element::zero(), Element::rational(&RBig::ONE)];
         near.push(NearClass { theta: k.generator(), direction, class: blow_up(k, moved, room, real, stop)? });
     }
     common.resize(common.len() + vertical, Element::zero());
-    Ok(Class { field: Arc::clone(k), multiplicity: q, leading, common, curve, near })
+    Ok(Class { field: Arc::clone(k), multiplicity: q, leading, common, curve, near, forms: Default::default() })
 }
 
 /// u^i v^j becomes u′^(i+j−q)(v₀ + v′)^j.
@@ -297,7 +305,29 @@ fn along_direction(k: &NumberField, f: &Local, v0: &Element, q: usize, inside: i
     result
 }
 
+/// u^i v^j becomes u′^i v′^(i+j−q).
+fn across(f: &Local, q: usize) -> Local {
+    f.iter().map(|([i, j], c)| ([*i, i + j - q], c.clone())).collect()
+}
+
 impl Class {
+    /// Takes all terms along.
+    fn lift(&mut self, forms: [Local; 4], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+        check(stop)?;
+        for near in &mut self.near {
+            let target = Arc::clone(&near.class.field);
+            let same = Arc::ptr_eq(&target, &self.field);
+            let inside = |c: &Element| if same { c.clone() } else { self.field.embed(c, &target, &near.theta) };
+            let moved = forms.each_ref().map(|f| match near.direction[0].is_zero() {
+                true => across(f, self.multiplicity),
+                false => along_direction(&target, f, &near.direction[1], self.multiplicity, inside),
+            });
+            near.class.lift(moved, stop)?;
+        }
+        self.forms = forms;
+        Ok(())
+    }
+
     fn sum_of_squares(&self) -> usize {
         self.field.degree() * self.multiplicity.pow(2) + self.near.iter().map(|n| n.class.sum_of_squares()).sum::<usize>()
     }
@@ -321,6 +351,7 @@ impl Class {
             common: form(&self.common),
             curve: self.curve.each_ref().map(form),
             near,
+            forms: self.forms.each_ref().map(|f| f.iter().map(|(e, c)| (*e, number(c))).collect()),
         }
     }
 }

@@ -13,7 +13,7 @@ mod plane;
 
 use crate::analysis::Analysis;
 use crate::double::Fibres;
-use crate::fan::Fan;
+use crate::fan::{Direction, Fan, Key};
 use crate::field::Algebraic;
 use crate::map::Map;
 use crate::region::Region;
@@ -38,7 +38,9 @@ enum Name {
     /// The image of a contracted curve.
     Image(usize),
     /// On the seam of a base point, in a direction.
-    Seam(usize, [u64; 2]),
+    Seam(usize, Key),
+    /// On a ray of a base point, in a direction, backward or not: so many vertices after the rectangle.
+    Ray(usize, Ray, usize),
     /// Where sheets meet.
     Double(usize),
 }
@@ -79,6 +81,9 @@ fn distance(a: Point3, b: Point3) -> f64 {
 const TURNS: usize = 10;
 /// Halvings of a stretch of an arc or side: ends with vertical tangents are approached to 2⁻⁴⁰ of the stretch.
 const HALVINGS: usize = 40;
+/// Halvings, and triangles, where a base point is left open: nothing gets fine enough there, and the result is not certified anyway.
+const OPEN_HALVINGS: usize = 12;
+const OPEN_TRIANGLES: usize = 100_000;
 /// Vertices of a stretch at most: more has one along which the map is not continuous.
 const VERTICES: usize = 1 << 14;
 
@@ -110,6 +115,7 @@ pub(crate) fn mesh(
         fans: Vec::new(),
         sites: BTreeMap::new(),
         widths: Vec::new(),
+        halvings: HALVINGS,
         surface: Surface::default(),
     };
     builder.find_contracted(map, curves);
@@ -203,6 +209,7 @@ struct Builder<'a> {
     sites: BTreeMap<(usize, usize, usize), Site>,
     /// Half the widths of the rectangles around them.
     widths: Vec<f64>,
+    halvings: usize,
     surface: Surface,
 }
 
@@ -241,7 +248,7 @@ impl SiteArc {
 }
 
 /// A direction of a fan, by its key, and whether it is backward.
-type Ray = ([u64; 2], bool);
+type Ray = (Key, bool);
 
 /// Where a point (s : t : w) is in the unit triangle of a quadrant, if it is in it.
 fn place_in(quadrant: usize, p: [f64; 3]) -> Option<[f64; 2]> {
@@ -402,7 +409,7 @@ impl Builder<'_> {
                         }
                     };
                     let signed = || self.charts[both[0]].keeps_sign([a, b, a].map(|x| on_side(side, x)), 0);
-                    if inside && depth < HALVINGS && list.len() < VERTICES && (rough() || !signed()) {
+                    if inside && depth < self.halvings && list.len() < VERTICES && !(self.stop)() && (rough() || !signed()) {
                         let m = 0.5 * (a + b);
                         stack.extend([(m, b, depth + 1), (a, m, depth + 1)]);
                     } else {
@@ -477,37 +484,35 @@ impl Builder<'_> {
             let Some(&apex) = at_wall.get(&(k, p)) else { continue };
             apexes.insert(apex.index(), site.fan);
             let fan = &self.fans[site.fan];
-            for k in (0..fan.directions.len()).filter(|&k| fan.inside[k]) {
-                for backward in [false, true] {
-                    let sector = Self::sector(fan, k, backward);
-                    let Some(ends) = self.sector_ends(q, site, fan, sector) else { continue };
-                    let mut insert = |at: [f64; 2], ray: Ray| {
-                        let name = match () {
-                            () if at[0] == 0.0 => name_on(0, at[1]),
-                            () if at[1] == 0.0 => name_on(1, at[0]),
-                            () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => name_on(2, at[0]),
-                            () => Name::Inner,
-                        };
-                        let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
-                        let faces = arc.map_or(0, |x| self.bits(x.curve));
-                        let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
-                        let v = cdt.insert(Node { name, image, ..Node::inner(at, faces) }).ok()?;
-                        rays.insert((v.index(), site.fan), ray);
-                        Some(v)
+            for sector in fan.sectors.iter().filter(|s| s.inside) {
+                let Some(ends) = self.sector_ends(q, site, fan, sector) else { continue };
+                let mut insert = |at: [f64; 2], ray: Ray| {
+                    let name = match () {
+                        () if at[0] == 0.0 => name_on(0, at[1]),
+                        () if at[1] == 0.0 => name_on(1, at[0]),
+                        () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => name_on(2, at[0]),
+                        () => Name::Inner,
                     };
-                    for (k, backward) in sector {
-                        let d = &fan.directions[k];
-                        let same: Vec<_> = self.ring(q, site, d, backward).into_iter().map(|at| insert(at, (d.key(), backward))).collect();
-                        for w in same.windows(2) {
-                            if let [Some(a), Some(b)] = *w {
-                                constraints.extend([[apex, a], [apex, b], [a, b]]);
-                            }
+                    let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
+                    let faces = arc.map_or(0, |x| self.bits(x.curve));
+                    let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
+                    let v = cdt.insert(Node { name, image, ..Node::inner(at, faces) }).ok()?;
+                    rays.insert((v.index(), site.fan), ray);
+                    Some(v)
+                };
+                for (k, backward) in sector.rays {
+                    let d = &fan.directions[k];
+                    let same: Vec<_> = self.ring(q, site, d, backward).into_iter().map(|at| insert(at, (d.key(), backward))).collect();
+                    for w in same.windows(2) {
+                        if let [Some(a), Some(b)] = *w {
+                            constraints.extend([[apex, a], [apex, b], [a, b]]);
                         }
                     }
-                    let ends = [(0, ends[0]), (1, ends[1])].map(|(i, at)| insert(at, (fan.directions[sector[i].0].key(), sector[i].1)));
-                    if let [Some(a), Some(b)] = ends {
-                        constraints.extend([[apex, a], [apex, b], [a, b]]);
-                    }
+                }
+                let ends =
+                    [(0, ends[0]), (1, ends[1])].map(|(i, at)| insert(at, (fan.directions[sector.rays[i].0].key(), sector.rays[i].1)));
+                if let [Some(a), Some(b)] = ends {
+                    constraints.extend([[apex, a], [apex, b], [a, b]]);
                 }
             }
         }
@@ -602,7 +607,8 @@ impl Builder<'_> {
         let measure = InChart { builder: self, q };
         let rim: Vec<[u32; 2]> = at_apex.iter().map(|&[_, a, b]| [a, b]).collect();
         let mut plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &rim, &measure);
-        let room = self.options.triangles.saturating_sub(surface.triangles.len());
+        let most = if self.halvings < HALVINGS { self.options.triangles.min(OPEN_TRIANGLES) } else { self.options.triangles };
+        let room = most.saturating_sub(surface.triangles.len());
         let ended = plane.refine(room, &measure, self.stop);
         if ended.unsound > 0 {
             surface.unproven.push("W is not proved to keep its sign on every triangle".into());
@@ -648,13 +654,12 @@ impl Builder<'_> {
                 continue;
             };
             let [p, a, b] = corners.map(|v| plane.nodes[v as usize].at);
+            let double = |surface: &mut Surface, global: &mut BTreeMap<_, _>, class: usize| {
+                add(surface, global, Name::Double(class), (self.gluing.image(class), 0), Kind::Double)
+            };
+            let sector = self.fans[fan].sector_between(first, second);
             // From the rectangle to the seam, with what lies between on a double curve.
-            let [first, second] = [(first, a, from), (second, b, to)].map(|(ray, at, vertex)| {
-                let mut path = vec![(vertex, at)];
-                for &(class, at) in self.gluing.spoke(fan, ray, at) {
-                    path.push((add(surface, global, Name::Double(class), (self.gluing.image(class), 0), Kind::Double), at));
-                }
-                let d = self.fans[fan].directions.iter().find(|d| d.key() == ray.0).expect("a direction of the fan");
+            let seam_end = |surface: &mut Surface, global: &mut BTreeMap<_, _>, d: &Direction, at: [f64; 2]| {
                 let (name, point, faces) = self.seam_vertex(fan, d);
                 let name = self.gluing.name(&key(name, 0, at)).unwrap_or(name);
                 let kind = match (name, faces) {
@@ -668,14 +673,36 @@ impl Builder<'_> {
                     Name::Double(k) => self.gluing.image(k),
                     _ => point,
                 };
-                path.push((add(surface, global, name, (point, faces), kind), p));
+                (add(surface, global, name, (point, faces), kind), p)
+            };
+            let [mut first, second] = [(first, a, from), (second, b, to)].map(|(ray, at, vertex)| {
+                let mut path = vec![(vertex, at)];
+                path.extend(self.gluing.spoke(fan, ray, at).iter().map(|&(class, at)| (double(surface, global, class), at)));
+                let d = self.fans[fan].directions.iter().find(|d| d.key() == ray.0).expect("a direction of the fan");
+                let site = self.sites.range((q, 0, 0)..(q + 1, 0, 0)).map(|s| s.1).find(|s| s.fan == fan);
+                let faces = surface.faces[vertex as usize];
+                if path.len() == 1 && surface.kinds[vertex as usize] != Kind::Contracted {
+                    let on_ray = site.map_or_else(Vec::new, |s| self.points_on_ray(q, s, &self.fans[fan], d, ray.1, at));
+                    let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
+                    path.extend(
+                        on_ray.into_iter().enumerate().map(|(k, x)| (add(surface, global, Name::Ray(fan, ray, k), (x, faces), kind), p)),
+                    );
+                }
+                path.push(seam_end(surface, global, d, at));
                 path
             });
+            // From one seam to another one.
+            if let Some(corner) = sector.and_then(|s| s.corner.as_ref()) {
+                first.push(seam_end(surface, global, corner, p));
+            }
+            // What lies between two rays need not lie in the straight triangle: then the strip has no parameters but those of the base point.
+            let is_straight = !self.fans[fan].is_tree() || self.charts[q].keeps_sign([p, a, b], self.fans[fan].multiplicity);
             let folds = |ray: Ray| self.fans[fan].directions.iter().any(|d| d.key() == ray.0 && self.fans[fan].is_fold(d));
             let first_is_double = surface.double[first[0].0 as usize] || directions.is_some_and(|d| folds(d.0));
             // A strip between both, from the rectangle on.
+            let is_even = !self.fans[fan].is_tree();
             let (mut i, mut j) = (0, 0);
-            let mut push = |t: [PathVertex; 3]| made.push((t.map(|t| t.0), t.map(|t| t.1)));
+            let mut push = |t: [PathVertex; 3]| made.push((t.map(|t| t.0), t.map(|t| if is_straight { t.1 } else { p })));
             if !way.is_empty() {
                 // Those on the way that bounds the triangles outside have no other edges to vertices that are shared.
                 for t in around(&surface.points, first[1], &[&first[..1], &way, &second[..1]].concat(), second[1]) {
@@ -685,7 +712,9 @@ impl Builder<'_> {
             }
             while i + 1 < first.len() || j + 1 < second.len() {
                 // Edges from the seam's end of a double curve to the rectangle: the other diagonals would be there twice where the curve is folded.
-                let on_second = i + 1 == first.len() || (j + 1 < second.len() && !first_is_double);
+                let across = |a: u32, b: u32| distance(surface.points[a as usize], surface.points[b as usize]);
+                let shorter = || across(second[j + 1].0, first[i].0) < across(first[i + 1].0, second[j].0);
+                let on_second = i + 1 == first.len() || (j + 1 < second.len() && if is_even { !first_is_double } else { shorter() });
                 push([first[i], second[j], if on_second { second[j + 1] } else { first[i + 1] }]);
                 if on_second { j += 1 } else { i += 1 }
             }
@@ -731,7 +760,7 @@ impl Builder<'_> {
             let at = |v: f64| self.charts[q].at([a[0], v]);
             let m = 0.5 * (x + y);
             let turns = || is_contracted && depth < TURNS && self.charts[q].turns([x, m, y].map(|v| [a[0], v]));
-            if depth < HALVINGS && line.len() < VERTICES && (!self.is_fine(&at, x, y) || turns()) {
+            if depth < self.halvings && line.len() < VERTICES && !(self.stop)() && (!self.is_fine(&at, x, y) || turns()) {
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {
                 line.push([a[0], y]);
@@ -839,7 +868,7 @@ impl Builder<'_> {
             let u = 0.5 * (left[0] + right[0]);
             let is_full = line.len() > VERTICES || (self.stop)();
             *in_order &= !is_full;
-            let room = left[0] < u && u < right[0] && depth < HALVINGS && !is_full;
+            let room = left[0] < u && u < right[0] && depth < self.halvings && !is_full;
             let Some(v) = room.then(|| over.at(u, i)).flatten() else {
                 line.push(right);
                 continue;

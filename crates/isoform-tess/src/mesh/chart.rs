@@ -1,5 +1,6 @@
 //! A map in floating point on a unit triangle, and the proof that W keeps its sign on a part of it.
 
+use crate::fan::Form;
 use crate::map::{MAX_DEGREE, Map};
 use crate::surface::Point3;
 use isoform_algebra::{Poly, QUADRANTS, RBig};
@@ -35,7 +36,7 @@ impl Chart {
     }
     /// Powers of (s, t, w) up to the degree.
     fn powers<const N: usize>(&self, [u, v]: [f64; 2]) -> [[f64; N]; 3] {
-        let x = [self.signs[0] * u, self.signs[1] * v, 1.0 - u - v];
+        let x = [self.signs[0] * u, self.signs[1] * v, 1.0 - (u + v)];
         let mut powers = [[1.0; N]; 3];
         for (p, x) in powers.iter_mut().zip(x) {
             for k in 1..=self.degree {
@@ -129,7 +130,7 @@ impl Chart {
     /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding, those left out that vanish because W has a zero of
     /// that multiplicity in the first corner.
     pub(super) fn keeps_sign(&self, at: [[f64; 2]; 3], multiplicity: usize) -> bool {
-        let corners = at.map(|[u, v]| [self.signs[0] * u, self.signs[1] * v, 1.0 - u - v]);
+        let corners = at.map(|[u, v]| [self.signs[0] * u, self.signs[1] * v, 1.0 - (u + v)]);
         let (lo, hi, error) = bernstein_range(&self.w, self.degree, corners, multiplicity);
         lo > error || hi < -error
     }
@@ -187,3 +188,50 @@ fn bernstein_range(base: &[f64], n: usize, corners: [[f64; 3]; 3], multiplicity:
     }
     (lo, hi, 4.0 * f64::EPSILON * (n + 2) as f64 * size)
 }
+
+/// Whether a polynomial in two variables is proved to keep its sign on a triangle, by bisection; with a zero of its order in the first
+/// corner, which is the origin.
+pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool) -> bool {
+    let n = form.terms.iter().map(|([i, j], _)| i + j).max().unwrap_or(0);
+    let factorial = |k: usize| (1..=k).map(|k| k as f64).product::<f64>();
+    let mut base = vec![0.0; (n + 1) * (n + 2) / 2];
+    for ([i, j], c) in &form.terms {
+        base[slot(n, *i, *j)] = c * factorial(*i) * factorial(*j) * factorial(n - i - j) / factorial(n);
+    }
+    let mut signs = [false; 2];
+    let mut stack = vec![(corners, at_origin, PROOF)];
+    while let Some((t, at_origin, depth)) = stack.pop() {
+        let (lo, hi, error) = bernstein_range(&base, n, t.map(|[u, v]| [u, v, 1.0]), if at_origin { form.order } else { 0 });
+        // The coefficients themselves are rounded, too.
+        let error = 4.0 * error;
+        if lo > error || hi < -error {
+            signs[usize::from(hi < -error)] = true;
+        } else if depth == 0 {
+            return false;
+        } else {
+            let half = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+            let long = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+            let [a, b, c] = t;
+            if at_origin {
+                // Nearer to the origin, and the rest.
+                let (p, q) = (half(a, b), half(a, c));
+                stack.extend([([a, p, q], true, depth - 1), ([p, b, c], false, depth - 1), ([p, c, q], false, depth - 1)]);
+            } else {
+                let (a, b, c) = match [long(a, b), long(b, c), long(c, a)] {
+                    [x, y, z] if x >= y && x >= z => (a, b, c),
+                    [_, y, z] if y >= z => (b, c, a),
+                    _ => (c, a, b),
+                };
+                let m = half(a, b);
+                stack.extend([([a, m, c], false, depth - 1), ([m, b, c], false, depth - 1)]);
+            }
+        }
+        if signs == [true; 2] {
+            return false;
+        }
+    }
+    true
+}
+
+/// Bisections.
+const PROOF: usize = 6;

@@ -222,36 +222,39 @@ impl Builder<'_> {
         for (&(side, sign), places) in sides.iter().filter(|s| self.double_sides[s.0.0]) {
             self.side_pieces(side, sign, places, &mut pieces);
         }
-        for fan in (0..self.fans.len()).filter(|&f| self.fans[f].is_double() && self.sites.values().any(|s| s.fan == f)) {
+        for fan in (0..self.fans.len()).filter(|&f| self.sites.values().any(|s| s.fan == f)) {
             self.seam_pieces(fan, &mut pieces);
         }
         pieces
     }
 
-    /// The stretches in the box of a seam that runs twice through its points.
+    /// The stretches in the box of seams that run twice through their points.
     fn seam_pieces(&self, fan: usize, pieces: &mut Vec<Piece>) {
         let f = &self.fans[fan];
-        let n = f.directions.len();
-        // All the way around it ends where it began: in a fold, if there is one.
-        let fold = || f.directions.iter().position(|d| f.is_fold(d));
-        let first = (0..n).find(|&k| f.inside[k] && !f.inside[(k + n - 1) % n]).or_else(fold).unwrap_or(0);
-        let knot = |k: usize| {
-            let d = &f.directions[k % n];
-            let (name, image, _) = self.seam_vertex(fan, d);
-            Knot { at: d.at, key: key(name, 0, d.at), image, fixed: true, class: None }
-        };
-        let mut knots: Vec<Knot> = Vec::new();
         let mut number = 0;
-        for k in first..first + n {
-            if f.inside[k % n] {
-                if knots.is_empty() {
-                    knots.push(knot(k));
+        for seam in f.doubled() {
+            let n = seam.len();
+            let inside = |k: usize| seam[k % n].1;
+            // All the way around it ends where it began: in a fold, if there is one.
+            let fold = || (0..n).find(|&k| f.is_fold(seam[k].0));
+            let first = (0..n).find(|&k| inside(k) && !inside(k + n - 1)).or_else(fold).unwrap_or(0);
+            let knot = |k: usize| {
+                let d = seam[k % n].0;
+                let (name, image, _) = self.seam_vertex(fan, d);
+                Knot { at: d.at, key: key(name, 0, d.at), image, fixed: true, class: None }
+            };
+            let mut knots: Vec<Knot> = Vec::new();
+            for k in first..first + n {
+                if inside(k) {
+                    if knots.is_empty() {
+                        knots.push(knot(k));
+                    }
+                    knots.push(knot(k + 1));
                 }
-                knots.push(knot(k + 1));
-            }
-            if !knots.is_empty() && (!f.inside[k % n] || k + 1 == first + n) {
-                pieces.push(Piece { track: Track::Seam(fan, number), q: 0, knots: std::mem::take(&mut knots), rays: [None; 2] });
-                number += 1;
+                if !knots.is_empty() && (!inside(k) || k + 1 == first + n) {
+                    pieces.push(Piece { track: Track::Seam(fan, number), q: 0, knots: std::mem::take(&mut knots), rays: [None; 2] });
+                    number += 1;
+                }
             }
         }
     }
@@ -290,13 +293,7 @@ impl Builder<'_> {
                 // From the base point along the side: to larger places at the beginning, to smaller ones at the end.
                 let rays = [(ends[0], run[1]), (ends[1], run[run.len() - 2])].map(|(base, to)| {
                     let (fan, at) = base_of(base)?;
-                    let (d, backward) = self.fans[fan].toward(q, on_side(side, to));
-                    let d = self.fans[fan]
-                        .directions
-                        .iter()
-                        .filter(|e| self.fans[fan].sides_along(e).any(|s| s == side))
-                        .find(|e| (e.at[0] * d.at[1] - e.at[1] * d.at[0]).abs() < 1e-6)?;
-                    Some((fan, (d.key(), backward), at))
+                    Some((fan, self.fans[fan].ray_along(q, side, on_side(side, to))?, at))
                 });
                 let mut knots: Vec<Knot> = Vec::new();
                 for (k, &x) in run.iter().enumerate() {

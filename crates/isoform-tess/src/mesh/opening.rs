@@ -2,19 +2,25 @@
 //!
 //! A triangle with a base point as corner becomes a quadrilateral, whose fourth side is a piece of the seam curve.
 
-use super::{Builder, Curves, Name, Site, SiteArc, distance, middle};
+use super::chart::keeps_sign_on;
+use super::{Builder, Curves, Name, OPEN_HALVINGS, Ray, Site, SiteArc, distance, middle};
 use crate::base::BasePoint;
-use crate::fan::{Direction, Fan};
+use crate::fan::{Direction, Fan, Sector};
 use crate::map::Map;
 use crate::surface::Point3;
 use isoform_algebra::{Poly, RBig};
 use isoform_geom::{dot, sub};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Largest half width of a rectangle, halvings of it, and directions of a base point.
 const WIDTH: f64 = 1.0 / 16.0;
 const ROUNDS: usize = 60;
 const DIRECTIONS: usize = 2000;
+/// Where base points are infinitely near, rays differ in high powers of the width: it has to be large for them to be told apart.
+const NEAR_WIDTH: f64 = 1.0 / 4.0;
+const NEAR_ROUNDS: usize = 40;
+/// How far from the middle of an edge of such a rectangle what is in the middle of its parameters may be, per length.
+const UNEVEN: f64 = 0.15;
 
 impl Builder<'_> {
     pub(super) fn find_contracted(&mut self, map: &Map, curves: &Curves) {
@@ -49,6 +55,11 @@ impl Builder<'_> {
     /// Finds the base points in the region and the rectangles around them.
     pub(super) fn open_base_points(&mut self, points: &[BasePoint], w: &Poly) {
         self.fans = points.iter().map(|p| Fan::new(p, self.region, w)).collect();
+        let contracted: Vec<Point3> =
+            self.fans.iter().filter(|f| f.problem.is_none()).flat_map(|f| f.contracted().collect::<Vec<_>>()).collect();
+        for p in contracted {
+            self.image_of(p);
+        }
         let mut problems = Vec::new();
         for (q, t) in self.region.triangles.iter().enumerate() {
             for (k, wall) in t.arrangement.walls.iter().enumerate() {
@@ -72,8 +83,9 @@ impl Builder<'_> {
         }
         if !self.sites.is_empty() {
             self.match_arcs(&mut problems);
-            self.widths = vec![WIDTH; self.fans.len()];
+            self.widths = self.fans.iter().map(|f| if f.is_tree() { NEAR_WIDTH } else { WIDTH }).collect();
             let mut done = false;
+            let mut halved = vec![0; self.fans.len()];
             for _ in 0..ROUNDS {
                 if (self.stop)() {
                     break;
@@ -86,58 +98,96 @@ impl Builder<'_> {
                 if done {
                     break;
                 }
-                too_large.into_iter().for_each(|f| self.widths[f] *= 0.5);
+                if too_large.iter().any(|&f| self.fans[f].is_tree() && halved[f] == NEAR_ROUNDS) {
+                    break;
+                }
+                for f in too_large {
+                    self.widths[f] *= if self.fans[f].is_tree() { 0.75 } else { 0.5 };
+                    halved[f] += 1;
+                }
             }
             if !done {
                 problems.push("the surface next to base points is not near enough to it, or W may change its sign there".to_owned());
             }
         }
+        if !problems.is_empty() {
+            self.halvings = OPEN_HALVINGS;
+        }
         self.surface.unproven.extend(problems);
     }
 
-    /// The directions in which the drawn arcs leave base points; each has to have as many arcs as its curve has branches.
+    /// The rays to which the drawn arcs at base points are tangent. Both are known in their order around the base point, on either side of its
+    /// wall: there is one way to match them.
     fn match_arcs(&mut self, problems: &mut Vec<String>) {
-        let mut count = BTreeMap::new();
+        let mut count: BTreeMap<(usize, Ray), usize> = BTreeMap::new();
         let keys: Vec<(usize, usize, usize)> = self.sites.keys().copied().collect();
         for (q, k, p) in keys {
             let a = &self.region.triangles[q].arrangement;
             let site = &self.sites[&(q, k, p)];
             let fan = &self.fans[site.fan];
+            // Rays in the triangle, counterclockwise there.
+            let mut rays: Vec<((usize, bool), [f64; 2])> = Vec::new();
+            for sector in &fan.sectors {
+                let (d, backward) = sector.rays[0];
+                rays.extend(fan.beginning(q, &fan.directions[d], backward).map(|x| (sector.rays[0], x)));
+            }
+            if !fan.keeps_turn(q) {
+                rays.reverse();
+            }
+            let beside = |x: [f64; 2]| if x[0].abs() < 1e-13 * x[1].abs() { 0.0 } else { x[0].signum() };
             let mut arcs = Vec::new();
             for (slab, right) in [(k.wrapping_sub(1), false), (k, true)] {
                 if slab >= a.slabs.len() {
                     continue;
                 }
-                let width = a.walls[slab + 1].u.to_f64() - a.walls[slab].u.to_f64();
-                // Further blow-ups lose digits.
-                let step = if fan.is_near() { 1e-4f64 } else { 1e-7 }.min(0.25 * width);
-                let u = if right { site.at[0] + step } else { site.at[0] - step };
-                let ends_here: Vec<usize> = self
+                let mut ends_here: Vec<usize> = self
                     .drawn(q, slab)
                     .into_iter()
                     .filter(|&i| if right { a.slabs[slab].arcs[i].left == p } else { a.slabs[slab].arcs[i].right == p })
                     .collect();
-                if ends_here.is_empty() {
-                    continue;
+                if !right {
+                    ends_here.reverse();
                 }
-                let over = RBig::try_from(u).map(|u| a.arcs_over(slab, &u)).unwrap_or_default();
-                for i in ends_here {
+                // The rays on that side, after and before those along the wall.
+                let mine = if right { 1.0 } else { -1.0 };
+                let n = rays.len();
+                let first = (0..n).find(|&i| beside(rays[i].1) == mine && beside(rays[(i + n - 1) % n].1) != mine).unwrap_or(0);
+                let mut run: Vec<usize> = (0..n).map(|i| (first + i) % n).filter(|&i| beside(rays[i].1) == mine).collect();
+                let vertical = |up: bool| (0..n).find(|&i| beside(rays[i].1) == 0.0 && (rays[i].1[1] > 0.0) == up);
+                if let Some(i) = vertical(!right) {
+                    run.insert(0, i);
+                }
+                run.extend(vertical(right));
+                let wanted: Vec<(bool, usize, &[usize])> = run
+                    .iter()
+                    .map(|&i| {
+                        let d = &fan.directions[rays[i].0.0];
+                        let expected = self.arcs_along(fan, rays[i].0);
+                        let optional = fan.is_side(d) || beside(rays[i].1) == 0.0;
+                        (optional, if fan.is_side(d) { 2 } else { expected }, &d.factors[..])
+                    })
+                    .collect();
+                let curves: Vec<usize> = ends_here.iter().map(|&i| a.slabs[slab].arcs[i].curve).collect();
+                let Some(matched) = in_turn(&curves, &wanted) else {
+                    problems.push("arcs and tangents in a base point do not agree".to_owned());
+                    continue;
+                };
+                for (i, place) in ends_here.into_iter().zip(matched) {
+                    let (d, backward) = rays[run[place]].0;
+                    let ray = (fan.directions[d].key(), backward);
+                    *count.entry((site.fan, ray)).or_insert(0) += 1;
                     let curve = a.slabs[slab].arcs[i].curve;
-                    let Some(&v) = over.get(i) else { continue };
-                    let Some(ray) = fan.ray_toward(q, [u, v], curve) else {
-                        problems.push("an arc's tangent in a base point was not found".to_owned());
-                        continue;
-                    };
-                    *count.entry((site.fan, ray)).or_insert(0usize) += 1;
                     arcs.push(SiteArc { ray, right, curve, chain: vec![(slab, i)], end: [0.0; 2], middle: [0.0; 2] });
                 }
             }
             for (up, from) in [(true, Some(p)), (false, p.checked_sub(1))] {
                 let Some(curve) = from.and_then(|from| self.drawn_on(q, k, from)) else { continue };
-                let Some(ray) = fan.ray_toward(q, [site.at[0], site.at[1] + if up { 1e-3 } else { -1e-3 }], curve) else {
+                let mine = |x: [f64; 2]| x[0].abs() < 1e-9 * x[1].abs() && (x[1] > 0.0) == up;
+                let Some(((d, backward), _)) = rays.iter().find(|(r, x)| mine(*x) && fan.directions[r.0].factors.contains(&curve)) else {
                     problems.push("an arc's tangent in a base point was not found".to_owned());
                     continue;
                 };
+                let ray = (fan.directions[*d].key(), *backward);
                 *count.entry((site.fan, ray)).or_insert(0usize) += 1;
                 arcs.push(SiteArc { ray, right: up, curve, chain: Vec::new(), end: [0.0; 2], middle: [0.0; 2] });
             }
@@ -145,22 +195,24 @@ impl Builder<'_> {
         }
         for site in self.sites.values() {
             let fan = &self.fans[site.fan];
-            for (k, d) in fan.directions.iter().enumerate() {
-                let before = fan.inside[(k + fan.inside.len() - 1) % fan.inside.len()];
-                let expected = match (before, fan.inside[k]) {
-                    (true, true) => d.factors.iter().filter(|f| self.region.faces[**f].is_empty()).count(),
-                    (false, false) => 0,
-                    _ => 1,
-                };
-                if fan.is_side(d) {
-                    continue;
-                }
-                for backward in [false, true] {
-                    if count.get(&(site.fan, (d.key(), backward))).copied().unwrap_or(0) != expected {
-                        problems.push("arcs and tangents in a base point do not agree".to_owned());
-                    }
+            for sector in &fan.sectors {
+                let (d, backward) = sector.rays[0];
+                let d = &fan.directions[d];
+                let found = count.get(&(site.fan, (d.key(), backward))).copied().unwrap_or(0);
+                if !fan.is_side(d) && found != self.arcs_along(fan, sector.rays[0]) {
+                    problems.push("arcs and tangents in a base point do not agree".to_owned());
                 }
             }
+        }
+    }
+
+    /// How many drawn arcs have a ray as their tangent.
+    fn arcs_along(&self, fan: &Fan, ray: (usize, bool)) -> usize {
+        let at = |i: usize| fan.sectors.iter().find(|s| s.rays[i] == ray).is_some_and(|s| s.inside);
+        match (at(1), at(0)) {
+            (true, true) => fan.directions[ray.0].factors.iter().filter(|f| self.region.faces[**f].is_empty()).count(),
+            (false, false) => 0,
+            _ => 1,
         }
     }
 
@@ -312,17 +364,17 @@ impl Builder<'_> {
         found
     }
 
-    /// Where a straight ray leaves the rectangle.
+    /// Where a ray leaves the rectangle.
     fn straight(&self, q: usize, site: &Site, d: &Direction, backward: bool) -> Option<[f64; 2]> {
         let h = self.widths[site.fan];
         let fan = &self.fans[site.fan];
-        if fan.is_near() && !fan.is_side(d) {
+        if d.node > 0 && !fan.is_side(d) {
             return fan.on_ray(q, d, backward, self.reach(q, site, d, backward)?);
         }
-        let [du, dv] = match fan.is_near() {
+        let [du, dv] = match d.node {
+            0 => fan.direction_in(q, d, backward),
             // Along the side.
-            true => fan.on_ray(q, d, backward, 1e-3).map(|x| [x[0] - site.at[0], x[1] - site.at[1]]),
-            false => fan.direction_in(q, d, backward),
+            _ => fan.on_ray(q, d, backward, 1e-3).map(|x| [x[0] - site.at[0], x[1] - site.at[1]]),
         }?;
         let dv = if du != 0.0 && site.at[0] + site.at[1] == 1.0 && (du + dv).abs() < 1e-15 { -du } else { dv };
         let [u, v] = site.at;
@@ -341,34 +393,64 @@ impl Builder<'_> {
         let is_out = |distance: f64| {
             fan.on_ray(q, d, backward, distance).is_none_or(|x| (x[0] - site.at[0]).abs() > h || (x[1] - site.at[1]).abs() > site.height)
         };
-        fan.on_ray(q, d, backward, 1e-6)?;
-        let (mut lo, mut hi) = (0.0, 4.0);
-        for _ in 0..100 {
+        fan.beginning(q, d, backward)?;
+        let mut hi = 1e-6;
+        while !is_out(hi) && hi < 1e6 {
+            hi *= 1.5;
+        }
+        let mut lo = hi / 1.5;
+        for _ in 0..60 {
             let middle = 0.5 * (lo + hi);
             if is_out(middle) { hi = middle } else { lo = middle }
         }
-        (lo > 0.0).then_some(lo)
+        (hi > 1e-6).then_some(lo)
     }
     /// Halfway on a ray from the base point to a vertex of the rectangle.
     fn halfway(&self, q: usize, site: &Site, d: &Direction, backward: bool, end: [f64; 2]) -> [f64; 2] {
         let fan = &self.fans[site.fan];
         let straight = [0.5 * (site.at[0] + end[0]), 0.5 * (site.at[1] + end[1])];
-        if !fan.is_near() || fan.is_side(d) {
+        if d.node == 0 || fan.is_side(d) {
             return straight;
         }
         self.reach(q, site, d, backward).and_then(|r| fan.on_ray(q, d, backward, 0.5 * r)).unwrap_or(straight)
     }
+    /// Points of the surface between a vertex of the rectangle and the seam, from the rectangle on, where base points are infinitely near: there
+    /// is no room for rectangles that are small in space.
+    pub(super) fn points_on_ray(&self, q: usize, site: &Site, fan: &Fan, d: &Direction, backward: bool, at: [f64; 2]) -> Vec<Point3> {
+        let key = (d.key(), backward);
+        let arc = site.arcs.iter().find(|x| x.ray == key && x.end == at);
+        let face = arc.and_then(|x| self.region.faces[x.curve].first().copied());
+        let x = fan.lifted(q, at, d.node);
+        let reach = (0..2).map(|i| x[i] * d.signed(backward)[i]).sum::<f64>();
+        let drawn = site.arcs.iter().filter(|x| x.ray == key).count();
+        if !fan.is_tree() || drawn > 1 || (arc.is_some() && face.is_none()) || !(reach > 0.0 && reach.is_finite()) {
+            return Vec::new();
+        }
+        let on = |t: f64| fan.image_on_ray(d, backward, t * reach, face);
+        let first = self.image(q, at, arc.map_or(0, |x| self.bits(x.curve)));
+        let mut found = Vec::new();
+        let mut stack = vec![(1.0, first, 0.0, fan.seam(d), 0)];
+        while let Some((a, p, b, r, depth)) = stack.pop() {
+            let quarters = [0.75, 0.5, 0.25].map(|t| on(b + t * (a - b)));
+            let off = quarters.iter().map(|&x| distance(x, nearest(x, p, r))).fold(0.0, f64::max);
+            if depth < 12 && (off > 0.3 * self.tolerance_at(p) || distance(p, r) > self.options.longest) {
+                let m = 0.5 * (a + b);
+                stack.extend([(m, quarters[1], b, r, depth + 1), (a, p, m, quarters[1], depth + 1)]);
+            } else if b > 0.0 {
+                found.push(r);
+            }
+        }
+        found
+    }
 
     /// The two vertices between which a sector lies in a unit triangle.
-    pub(super) fn sector_ends(&self, q: usize, site: &Site, fan: &Fan, rays: [(usize, bool); 2]) -> Option<[[f64; 2]; 2]> {
-        let toward = |(k, b): (usize, bool)| match fan.is_near() {
-            true => self.straight(q, site, &fan.directions[k], b).map(|x| [x[0] - site.at[0], x[1] - site.at[1]]),
-            false => fan.direction_in(q, &fan.directions[k], b),
-        };
-        let (x, y) = (toward(rays[0])?, toward(rays[1])?);
-        let [first, second] = rays.map(|(k, b)| self.ring(q, site, &fan.directions[k], b));
-        let counterclockwise = x[0] * y[1] - x[1] * y[0] > 0.0;
-        let ends = if counterclockwise { (first.last(), second.first()) } else { (first.first(), second.last()) };
+    pub(super) fn sector_ends(&self, q: usize, site: &Site, fan: &Fan, sector: &Sector) -> Option<[[f64; 2]; 2]> {
+        let [first, second] = sector.rays.map(|(k, b)| {
+            let d = &fan.directions[k];
+            fan.beginning(q, d, b).map(|_| self.ring(q, site, d, b))
+        });
+        let (first, second) = (first?, second?);
+        let ends = if fan.keeps_turn(q) { (first.last(), second.first()) } else { (first.first(), second.last()) };
         Some([*ends.0?, *ends.1?])
     }
 
@@ -381,29 +463,27 @@ impl Builder<'_> {
             let fan = &self.fans[site.fan];
             let apart = |other: &&&Site| (other.at[0] - site.at[0]).abs().max((other.at[1] - site.at[1]).abs());
             let nearest = here.iter().filter(|s| s.at != site.at).map(|s| apart(&s)).fold(1.0, f64::min);
-            let mut last: BTreeMap<(usize, bool), Point3> = BTreeMap::new();
+            let mut last: BTreeMap<usize, Point3> = BTreeMap::new();
             let mut scale = 1.0;
             // Every other ring lies between the directions: vertices on one line would leave no room for flips.
             let mut is_between = false;
             while scale * site.height < 0.4 * nearest {
                 let mut ring = Vec::new();
-                for (k, d) in fan.directions.iter().enumerate() {
-                    let before = fan.inside[(k + fan.inside.len() - 1) % fan.inside.len()];
-                    if !fan.inside[k] || !is_between && (!before || !d.factors.is_empty() || fan.is_side(d)) {
+                for (s, sector) in fan.sectors.iter().enumerate() {
+                    let before = &fan.sectors[(s + fan.sectors.len() - 1) % fan.sectors.len()];
+                    let (k, backward) = sector.rays[0];
+                    let d = &fan.directions[k];
+                    if !sector.inside || !is_between && (!before.inside || !d.factors.is_empty() || fan.is_side(d)) {
                         continue;
                     }
-                    let d = &if is_between { fan.between(k) } else { d.clone() };
-                    for backward in [false, true] {
-                        let at = match fan.is_near() {
-                            true => self.reach(q, site, d, backward).and_then(|r| fan.on_ray(q, d, backward, scale * r)),
-                            false => {
-                                self.straight(q, site, d, backward).map(|at| [0, 1].map(|i| site.at[i] + scale * (at[i] - site.at[i])))
-                            }
-                        };
-                        let Some(at) = at else { continue };
-                        if at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0 {
-                            ring.push(((k, backward), at, self.charts[q].at(at)));
-                        }
+                    let (d, backward) = if is_between { fan.between(sector, 0) } else { (d.clone(), backward) };
+                    let at = match d.node {
+                        0 => self.straight(q, site, &d, backward).map(|at| [0, 1].map(|i| site.at[i] + scale * (at[i] - site.at[i]))),
+                        _ => self.reach(q, site, &d, backward).and_then(|r| fan.on_ray(q, &d, backward, scale * r)),
+                    };
+                    let Some(at) = at else { continue };
+                    if at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0 {
+                        ring.push((s, at, self.charts[q].at(at)));
                     }
                 }
                 // A ring as near to the last one as its vertices are to each other, in space, makes triangles that are round; nearer ones do not.
@@ -411,7 +491,7 @@ impl Builder<'_> {
                     x.sort_by(f64::total_cmp);
                     x.get(x.len() / 2).copied()
                 };
-                let along = median(ring.windows(2).filter(|w| w[0].0.1 == w[1].0.1).map(|w| distance(w[0].2, w[1].2)).collect());
+                let along = median(ring.windows(2).map(|w| distance(w[0].2, w[1].2)).collect());
                 let across = median(ring.iter().filter_map(|(ray, _, p)| Some(distance(*last.get(ray)?, *p))).collect());
                 if scale == 1.0 || across.zip(along).is_none_or(|(across, along)| across > along) {
                     last = ring.iter().map(|(ray, _, p)| (*ray, *p)).collect();
@@ -424,13 +504,6 @@ impl Builder<'_> {
             }
         }
         found
-    }
-
-    /// The two rays of the sector after a direction, on either side of the base point.
-    pub(super) fn sector(fan: &Fan, k: usize, backward: bool) -> [(usize, bool); 2] {
-        let next = fan.next(k);
-        let wraps = fan.directions[next].angle() < fan.directions[k].angle();
-        [(k, backward), (next, backward != wraps)]
     }
 
     /// More directions, until seams and rectangles are near the surface and W keeps its sign. Returns the base points whose rectangles are too
@@ -450,67 +523,145 @@ impl Builder<'_> {
     }
 
     fn refine_fan(&self, fan: &mut Fan, sites: &[(usize, &Site)]) -> bool {
-        let mut k = 0;
-        while k < fan.directions.len() {
-            if !fan.inside[k] {
-                k += 1;
-                continue;
+        // By their rays: splitting one leaves the others as they are.
+        let mut done: BTreeSet<[Ray; 2]> = BTreeSet::new();
+        'again: loop {
+            for s in 0..fan.sectors.len() {
+                let sector = &fan.sectors[s];
+                let name = sector.rays.map(|(k, backward)| (fan.directions[k].key(), backward));
+                if !sector.inside || done.contains(&name) {
+                    continue;
+                }
+                if (self.stop)() {
+                    return false;
+                }
+                match self.look(fan, sector, sites) {
+                    Look::Fine => drop(done.insert(name)),
+                    Look::TooLarge => return false,
+                    Look::Split(d) if fan.directions.len() < DIRECTIONS => {
+                        fan.split(d);
+                        continue 'again;
+                    }
+                    Look::Split(_) => return false,
+                }
             }
-            let ends = [k, fan.next(k)].map(|k| fan.seam(&fan.directions[k]));
-            // Between two arcs of the double curve the strip needs vertices that are on none: another sheet may have edges from one to the other, too.
-            let is_end = |d: &Direction| fan.is_fold(d) || d.factors.iter().any(|f| self.double.contains(f));
-            let crowded = is_end(&fan.directions[k]) && is_end(&fan.directions[fan.next(k)]);
-            let mut fine = !crowded && self.is_near_chord(fan.seam(&fan.between(k)), ends);
-            for &(q, site) in sites {
-                for backward in [false, true] {
-                    let rays = Self::sector(fan, k, backward);
-                    let Some([a, b]) = self.sector_ends(q, site, fan, rays) else { continue };
-                    // An arc that bends away from its tangent may be beyond the next direction.
-                    let cross = |x: [f64; 2], y: [f64; 2]| x[0] * y[1] - x[1] * y[0];
-                    let from_base = |x: [f64; 2]| [x[0] - site.at[0], x[1] - site.at[1]];
-                    let straight = rays.map(|(k, b)| match fan.is_near() {
-                        true => self.straight(q, site, &fan.directions[k], b).map(from_base),
-                        false => fan.direction_in(q, &fan.directions[k], b),
+            return true;
+        }
+    }
+
+    /// What a sector needs.
+    fn look(&self, fan: &Fan, sector: &Sector, sites: &[(usize, &Site)]) -> Look {
+        let ends = sector.rays.map(|(k, _)| fan.seam(&fan.directions[k]));
+        // The pieces of the seam: one, or one to the corner and one from there.
+        let pieces: Vec<[Point3; 2]> = match &sector.corner {
+            None => vec![ends],
+            Some(corner) => ends.iter().map(|&p| [p, fan.seam(corner)]).collect(),
+        };
+        let mut rough: Vec<bool> = Vec::new();
+        for (piece, ends) in pieces.iter().enumerate() {
+            rough.push(!self.is_near_chord(fan.seam(&fan.between(sector, piece).0), *ends));
+        }
+        // Between two arcs of the double curve the strip needs vertices that are on none: another sheet may have edges from one to the other, too.
+        let is_end = |k: usize| {
+            let d = &fan.directions[k];
+            fan.is_fold(d) || d.factors.iter().any(|f| self.double.contains(f))
+        };
+        let crowded = sector.rays.iter().all(|r| is_end(r.0));
+        let mut fine = !crowded && !rough.contains(&true);
+        let mut longest = pieces.iter().map(|[p, r]| distance(*p, *r)).fold(0.0, f64::max);
+        let mut worse = usize::from(rough.len() > 1 && rough[1]);
+        for &(q, site) in sites {
+            let Some([a, b]) = self.sector_ends(q, site, fan, sector) else { continue };
+            let cross = |x: [f64; 2], y: [f64; 2]| x[0] * y[1] - x[1] * y[0];
+            let from_base = |x: [f64; 2]| [x[0] - site.at[0], x[1] - site.at[1]];
+            let turn = if fan.keeps_turn(q) { 1.0 } else { -1.0 };
+            // An arc that bends away from its tangent may be beyond the next direction.
+            if turn * cross(from_base(a), from_base(b)) <= 0.0 {
+                return Look::TooLarge;
+            }
+            let image = |x: [f64; 2]| self.charts[q].at(x);
+            let half = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+            let mut points = vec![a, b];
+            for ((end, at), (k, backward)) in ends.iter().zip([a, b]).zip(sector.rays) {
+                let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), backward) && x.end == at);
+                // Halfway on an arc, not on its chord: it is the arc that bounds the surface. In trees strips have vertices in between.
+                let halfway = arc.map_or_else(|| self.halfway(q, site, &fan.directions[k], backward, at), |x| x.middle);
+                if !fan.is_tree() && !self.is_near_chord(image(halfway), [*end, image(at)]) {
+                    return Look::TooLarge;
+                }
+                points.extend(arc.map(|x| x.middle));
+                // Rays that are bent.
+                let reach = if fan.is_tree() && arc.is_none() { self.reach(q, site, &fan.directions[k], backward) } else { None };
+                points.extend([0.25, 0.5, 0.75].into_iter().filter_map(|t| fan.on_ray(q, &fan.directions[k], backward, t * reach?)));
+            }
+            let chord = [image(a), image(b)];
+            if fan.is_tree() {
+                longest = longest.max(distance(chord[0], chord[1]));
+            }
+            points.extend((1..8).map(|i| [0, 1].map(|k| a[k] + f64::from(i) / 8.0 * (b[k] - a[k]))));
+            let is_signed = self.charts[q].keeps_sign([site.at, a, b], fan.multiplicity)
+                // The parameters inside are in a cell of the region, in which W has no zero; what is left are edges of the rectangle that leave it.
+                || fan.is_tree()
+                    && self.charts[q].keeps_sign([a, b, a], 0)
+                    && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
+            // In trees, where the map is far from even, the point may slide along the chord, but not so far that triangles beside it were uneven.
+            let on = image(half(a, b));
+            let off = distance(on, middle(chord[0], chord[1]));
+            let is_even = off <= UNEVEN * distance(chord[0], chord[1]) || off <= 0.5 * self.tolerance_at(on);
+            let is_near =
+                if fan.is_tree() { is_even && self.is_near_chord(on, chord) } else { self.is_near(on, middle(chord[0], chord[1]), chord) };
+            if !is_near || !is_signed {
+                if fine && sector.corner.is_some() {
+                    // Where the ray in the middle is farther away from the ends.
+                    let apart = [0, 1].map(|piece| {
+                        let (d, backward) = fan.between(sector, piece);
+                        let found = self.straight(q, site, &d, backward).map(image);
+                        found.map_or(0.0, |p| distance(p, chord[0]).min(distance(p, chord[1])))
                     });
-                    if let [Some(x), Some(y)] = straight
-                        && cross(x, y) * cross(from_base(a), from_base(b)) <= 0.0
+                    worse = usize::from(apart[1] > apart[0]);
+                }
+                fine = false;
+            }
+            // Between arcs with one tangent.
+            for (k, backward) in sector.rays {
+                for w in self.ring(q, site, &fan.directions[k], backward).windows(2) {
+                    if !self.charts[q].keeps_sign([site.at, w[0], w[1]], fan.multiplicity) || cross(from_base(w[0]), from_base(w[1])) <= 0.0
                     {
-                        return false;
-                    }
-                    let image = |x: [f64; 2]| self.charts[q].at(x);
-                    let half = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-                    for ((end, at), (k, backward)) in ends.iter().zip([a, b]).zip(rays) {
-                        // Halfway on an arc, not on its chord: it is the arc that bounds the surface.
-                        let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), backward) && x.end == at);
-                        let halfway = arc.map_or_else(|| self.halfway(q, site, &fan.directions[k], backward, at), |x| x.middle);
-                        if !self.is_near_chord(image(halfway), [*end, image(at)]) {
-                            return false;
-                        }
-                    }
-                    fine &= self.is_near(image(half(a, b)), middle(image(a), image(b)), [image(a), image(b)]);
-                    fine &= self.charts[q].keeps_sign([site.at, a, b], fan.multiplicity);
-                    // Between arcs with one tangent.
-                    for (k, backward) in rays {
-                        for w in self.ring(q, site, &fan.directions[k], backward).windows(2) {
-                            if !self.charts[q].keeps_sign([site.at, w[0], w[1]], fan.multiplicity)
-                                || cross(from_base(w[0]), from_base(w[1])) <= 0.0
-                            {
-                                return false;
-                            }
-                        }
+                        return Look::TooLarge;
                     }
                 }
             }
-            if fine {
-                k += 1;
-            } else if fan.directions.len() >= DIRECTIONS || distance(ends[0], ends[1]) < 0.1 * self.tolerance_at(ends[0]) {
-                // What is not fine is not the seam then: an arc is too far from its tangent.
-                return false;
-            } else {
-                k = k.min(fan.split(k));
+        }
+        let least = if fan.is_tree() { 0.01 } else { 0.1 };
+        match fine {
+            true => Look::Fine,
+            // What is not fine is not the seam then: an arc is too far from its tangent.
+            false if longest < least * self.tolerance_at(ends[0]) => Look::TooLarge,
+            false if !fan.is_tree() => Look::Split(fan.between(sector, 0).0),
+            false => {
+                // Rays of two nodes, and arcs, have their order next to the base point, but not everywhere.
+                let is_between = |(d, backward): &(Direction, bool)| {
+                    sites.iter().all(|&(q, site)| {
+                        let Some([a, b]) = self.sector_ends(q, site, fan, sector) else { return true };
+                        let Some(x) = self.straight(q, site, d, *backward) else { return false };
+                        let orient = |a: [f64; 2], b: [f64; 2]| {
+                            let [a, b] = [a, b].map(|x| [x[0] - site.at[0], x[1] - site.at[1]]);
+                            if fan.keeps_turn(q) { a[0] * b[1] - a[1] * b[0] } else { a[1] * b[0] - a[0] * b[1] }
+                        };
+                        orient(a, x) > 0.0 && orient(x, b) > 0.0
+                    })
+                };
+                let pieces = if sector.corner.is_some() { vec![worse, 1 - worse] } else { vec![0] };
+                let halfway = pieces.iter().flat_map(|&piece| {
+                    sites.iter().filter_map(move |&(q, site)| {
+                        let [a, b] = self.sector_ends(q, site, fan, sector)?;
+                        fan.toward(q, [0, 1].map(|i| 0.5 * (a[i] + b[i])), sector, piece)
+                    })
+                });
+                let mut candidates = pieces.iter().map(|&piece| fan.between(sector, piece)).chain(halfway);
+                candidates.find(is_between).map_or(Look::TooLarge, |(d, _)| Look::Split(d))
             }
         }
-        true
     }
 
     /// Whether a point of a curve is near to a straight piece that stands for it and that is not divided any more, and the piece short. It may be
@@ -532,6 +683,9 @@ impl Builder<'_> {
         let p = f.seam(d);
         let mut images: Vec<usize> = d.factors.iter().filter_map(|f| self.on_curve.get(f)).flatten().copied().collect();
         images.extend(f.sides_along(d).filter_map(|side| self.on_side[side]));
+        if f.is_contracted(d) {
+            images.extend(0..self.images.len());
+        }
         let near = |k: &usize| distance(self.images[*k], p) <= 1e-6 * self.half_width;
         match images.into_iter().find(near) {
             Some(k) => (Name::Image(k), self.images[k], 0),
@@ -551,4 +705,30 @@ impl Builder<'_> {
         }
         places
     }
+}
+
+/// What a sector needs: nothing, another direction, or a smaller rectangle.
+enum Look {
+    Fine,
+    Split(Direction),
+    TooLarge,
+}
+
+/// The rays, in their order, of arcs in theirs: each ray says whether it may have fewer arcs than so many, and which curves they may belong to.
+fn in_turn(curves: &[usize], rays: &[(bool, usize, &[usize])]) -> Option<Vec<usize>> {
+    let Some((&(optional, most, factors), rest)) = rays.split_first() else { return curves.is_empty().then(Vec::new) };
+    let fits = curves.iter().take(most).take_while(|c| factors.contains(c)).count();
+    let least = if optional { 0 } else { most };
+    (least..=fits).rev().find_map(|n| {
+        let others = in_turn(&curves[n..], rest)?;
+        Some(std::iter::repeat_n(0, n).chain(others.into_iter().map(|k| k + 1)).collect())
+    })
+}
+
+/// The point of a segment that is nearest to another one.
+fn nearest(p: Point3, a: Point3, b: Point3) -> Point3 {
+    let (d, x) = (sub(b, a), sub(p, a));
+    let t = (dot(x, d) / dot(d, d)).clamp(0.0, 1.0);
+    // One point, if it has no length.
+    if t.is_nan() { a } else { std::array::from_fn(|i| a[i] + t * d[i]) }
 }

@@ -665,9 +665,11 @@ impl Plane {
     fn work_off(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
         let mut ended = Ended::default();
         let mut steps = 0usize;
+        let mut late = false;
         while let Some(t) = self.queue.pop_front() {
             self.queued[t as usize] = false;
             steps += 1;
+            late |= steps.is_multiple_of(256) && stop();
             let v = self.triangles[t as usize];
             if self.triangles.len() + 4 <= most
                 && let Some((i, (at, image))) = (0..3).find_map(|i| Some((i, self.bulge(t, i, measure)?)))
@@ -720,7 +722,7 @@ impl Plane {
                 }
             }
             let Some(edge) = split else { continue };
-            let is_full = self.triangles.len() + 4 > most || steps > 20 * most || (steps.is_multiple_of(256) && stop());
+            let is_full = self.triangles.len() + 4 > most || steps > 20 * most || late;
             let done = !is_full
                 && match edge {
                     Some(i) if self.fixed[t as usize][i] => self.split_rim(t, i, measure),
