@@ -178,7 +178,7 @@ impl Arrangement {
     pub fn upper(&self) -> usize {
         self.curves.len() + 1
     }
-    /// v on every arc of a slab over some u strictly between its walls, from bottom to top, to 1e-14 of its size.
+    /// v on every arc of a slab over some u strictly between its walls, from bottom to top, to 1e-13 of its size.
     ///
     /// # Panics
     /// If u is not between the walls.

@@ -4,7 +4,7 @@ use isoform_num::Interval;
 
 /// Halvings of the range in search of roots, and how wide a bracket that proves one may be, per size of the root.
 const HALVINGS: usize = 40;
-const WIDTH: f64 = 1e-14;
+const WIDTH: f64 = 1e-13;
 
 /// The roots in (0, `top`) of a polynomial with coefficients c₀, c₁, … that are known to rounding, if there are `count` of them, each simple.
 ///
