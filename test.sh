@@ -121,8 +121,8 @@ elif ! command -v python3 >/dev/null; then
   missing python3
 else
   say "acceptance: python packages"
-  packages=(numpy scipy nlopt meshio libigl tetgen gmsh scikit-fem scikit-image matplotlib sympy)
-  modules='import numpy, scipy, nlopt, meshio, igl, tetgen, gmsh, skfem, skimage, matplotlib, sympy'
+  packages=(numpy scipy nlopt meshio libigl tetgen gmsh scikit-fem scikit-image matplotlib sympy cadquery-ocp)
+  modules='import numpy, scipy, nlopt, meshio, igl, tetgen, gmsh, skfem, skimage, matplotlib, sympy, OCP.STEPControl'
   # Outside the clone, and anew whenever the list of requirements changes.
   hash=$(sha256sum "$checks/requirements.txt" | cut -c1-16)
   venv=${XDG_CACHE_HOME:-$HOME/.cache}/isoform/venv-$hash
@@ -140,6 +140,8 @@ else
     # Some of its surfaces, as the whole takes half an hour. Not all of the rest is certified yet: docs/rational.md, "What is open".
     accept "rational surfaces, in part" "$venv/bin/python" "$checks/accept_rational.py" --quick --isoform "$(realpath "$binary")" \
       --only sphere,cylinder,elliptic_paraboloid_inv,hyperbolic_paraboloid,hyperboloid2,steiner_roman,cross_cap,revolution_fig3,whitney_umbrella
+    # Covers of the torus and of the pipes, and more seeds, without --quick.
+    accept "rational patches, in part" "$venv/bin/python" "$checks/accept_patch.py" --quick --isoform "$(realpath "$binary")"
     accept "meshes in solvers" "$venv/bin/python" "$checks/accept_mesh.py" --solve --isoform "$(realpath "$binary")"
     run_example() { PATH=$(dirname "$(realpath "$binary")"):$PATH "$venv/bin/python" -B "examples/fe/$1.py" "$scratch/$1" && ls -l "$scratch/$1/stress.png"; }
     check "example: scan to stress with scikit-fem" run_example scikit_fem

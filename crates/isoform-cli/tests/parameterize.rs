@@ -89,6 +89,69 @@ fn covers_do_not_depend_on_threads() {
 }
 
 #[test]
+fn step_and_triangles_beside_json() {
+    let folder = Folder::new("parameterize-files");
+    let model = folder.file("ball.hf", BALL);
+    let names = ["p.json", "p.step", "again.STP", "p.obj", "p.ply", "p.glb"];
+    let paths = names.map(|n| folder.path(n));
+    let outputs: Vec<&str> = paths.iter().flat_map(|p| ["-o", p]).collect();
+    let grid = ["--degree", "2,2", "--tol", "1e-4", "--grid", "8", "--units", "cm"];
+    let (code, document) = parameterize(&model, &[&outputs[..], &grid].concat());
+    assert_eq!((code, &document["files"]), (0, &json!(paths)), "{document}");
+    let text = |name: &str| fs::read_to_string(folder.0.join(name)).expect("a file");
+    let step = text("p.step");
+    assert_eq!(step, text("again.STP"));
+    assert!(step.contains("PRODUCT('ball'") && step.contains("SI_UNIT(.CENTI.,.METRE.)"));
+    assert_eq!(step.matches("ADVANCED_FACE").count(), 1);
+    // The first control point, divided by its weight.
+    let corner = &folder.json("p.json")["patches"][0]["control"][0][0];
+    let n = |k: usize| corner[k].as_f64().expect("a number");
+    let point: Vec<String> = (0..3).map(|k| format!("{}", n(k) / n(3))).collect();
+    assert!(step.replace(",\n", ",").contains(&format!("({})", point.join(","))), "{point:?}");
+    let obj = text("p.obj");
+    let lines = |start: &str| obj.lines().filter(|l| l.starts_with(start)).count();
+    assert_eq!((lines("v "), lines("vt "), lines("f ")), (81, 81, 128));
+    let ply = fs::read(folder.0.join("p.ply")).expect("a file");
+    let header = String::from_utf8_lossy(&ply[..400]).into_owned();
+    assert!(header.contains("property double u\nproperty double v\nproperty double distance\n"), "{header}");
+    assert_eq!(fs::read(folder.0.join("p.glb")).expect("a file")[..4], *b"glTF");
+    // Triangles face outward.
+    let points: Vec<Vec<f64>> =
+        obj.lines().filter_map(|l| l.strip_prefix("v ")).map(|l| l.split(' ').map(|w| w.parse().expect("a number")).collect()).collect();
+    for face in obj.lines().filter_map(|l| l.strip_prefix("f ")) {
+        let t: Vec<&Vec<f64>> =
+            face.split(' ').map(|w| &points[w.split('/').next().and_then(|i| i.parse::<usize>().ok()).expect("an index") - 1]).collect();
+        let [a, b, c] = [t[0], t[1], t[2]];
+        let det = a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
+        assert!(det > 0.0, "{face}");
+    }
+    // What a format has no place for is said.
+    let (_, document) = parameterize(&model, &["--degree", "2,2", "--tol", "1e-4", "-o", &folder.path("p.stl")]);
+    assert!(
+        document["warnings"].as_array().is_some_and(|w| w.iter().any(|w| w.as_str().is_some_and(|w| w.contains("distance")))),
+        "{document}"
+    );
+}
+
+#[test]
+fn exact_patches_are_on_named_surfaces_in_step() {
+    let folder = Folder::new("parameterize-named");
+    let shapes = [
+        ("sphere", SPHERE, "SPHERICAL_SURFACE"),
+        ("cylinder", r#"{"F": "x^2 + y^2 - 1/16"}"#, "CYLINDRICAL_SURFACE"),
+        ("cone", r#"{"F": "x^2 + y^2 - z^2/4"}"#, "CONICAL_SURFACE"),
+    ];
+    for (name, formula, entity) in shapes {
+        let model = folder.file(&format!("{name}.json"), formula);
+        let path = folder.path(&format!("{name}.step"));
+        let (code, document) = parameterize(&model, &["--degree", "2,2", "--exact", "--seed-point", "0.1,0.3,0.2", "-o", &path]);
+        assert_eq!((code, &document["patches"][0]["entity"]["kind"]), (0, &json!(name)), "{document}");
+        let text = fs::read_to_string(&path).expect("a file");
+        assert!(text.contains(entity) && !text.contains("B_SPLINE_SURFACE("), "{name}");
+    }
+}
+
+#[test]
 fn bad_input_is_refused() {
     let folder = Folder::new("parameterize-bad");
     let model = folder.file("sphere.json", SPHERE);
@@ -100,7 +163,10 @@ fn bad_input_is_refused() {
     let is = |code: i32, name: &str| (code, name.to_owned());
     assert_eq!(error(&model, &["--degree", "0,2"]), is(1, "usage"));
     assert_eq!(error(&model, &["--degree", "2"]), is(1, "usage"));
-    assert_eq!(error(&model, &["-o", "patches.step"]), is(1, "usage"));
+    assert_eq!(error(&model, &["-o", "patches.iges"]), is(1, "usage"));
+    assert_eq!(error(&model, &["-o", "patches.step", "--units", "parsec"]), is(1, "usage"));
+    assert_eq!(error(&model, &["-o", "nowhere/patches.step"]), is(2, "not-writable"));
+    assert_eq!(error(&model, &["--grid", "0"]), is(1, "usage"));
     assert_eq!(error(&model, &["--cover"]), is(1, "usage"));
     assert_eq!(error(&model, &["--paper", "--tol", "1e-3"]), is(1, "usage"));
     assert_eq!(error(&model, &["--seed-point", "0,0,0"]), is(4, "far-seed"));

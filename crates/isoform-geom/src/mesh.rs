@@ -1,6 +1,6 @@
 //! Meshes with groups: labelled triangles, tetrahedra, feature curves and corners.
 
-use crate::{Aabb, Point3};
+use crate::{Aabb, Column, Point3};
 
 /// Pairs of corners that the mid-edge nodes 4 to 9 of a ten-node tetrahedron belong to (the order of VTK and CalculiX).
 pub const TET_EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
@@ -43,6 +43,9 @@ pub struct Mesh {
     pub curves: Vec<Curve>,
     /// Nodes at corners of the solid.
     pub corners: Vec<u32>,
+    /// Further numbers per node, each list as long as `points`. Those called `u` and `v` are parameters on the surface: formats with
+    /// textures take them as texture coordinates.
+    pub columns: Vec<Column>,
 }
 
 /// A feature curve: where two parts meet at an angle.
@@ -62,6 +65,11 @@ impl Mesh {
     /// 2 with mid-edge nodes, else 1.
     pub fn order(&self) -> u32 {
         if self.tet_mids.is_empty() && self.triangle_mids.is_empty() { 1 } else { 2 }
+    }
+    /// The columns `u` and `v`, if both are there.
+    pub fn parameters(&self) -> Option<(&[f64], &[f64])> {
+        let named = |name: &str| self.columns.iter().find(|c| c.name == name).map(|c| c.values.as_slice());
+        named("u").zip(named("v"))
     }
     /// Smallest box around the nodes.
     pub fn bounds(&self) -> Aabb {

@@ -204,6 +204,13 @@ impl RationalPatch {
         [(0.0, 0.5), (0.5, 1.0)].map(|half| if along_u { self.part(half, whole) } else { self.part(whole, half) })
     }
 
+    /// The same surface with u and v exchanged: its other side.
+    pub fn transposed(&self) -> Self {
+        let (m, n) = self.degree;
+        let control = (0..=n).flat_map(|j| (0..=m).map(move |i| self.control[i * (n + 1) + j])).collect();
+        Self { degree: (n, m), control }
+    }
+
     /// The least and largest weight among the control points; between them lies w on \[0, 1\]².
     pub fn control_weights(&self) -> (f64, f64) {
         self.control.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), c| (lo.min(c[3]), hi.max(c[3])))
@@ -278,6 +285,14 @@ mod tests {
                 assert!((a[k] - b[k]).abs() < 1e-13);
             }
         }
+    }
+
+    #[test]
+    fn transposed_patches_show_the_other_side() {
+        let p = wavy(2, 3);
+        let q = p.transposed();
+        assert_eq!((q.degree(), q.transposed()), ((3, 2), p.clone()));
+        assert!(p.point(0.2, 0.7).iter().zip(q.point(0.7, 0.2)).all(|(a, b)| (a - b).abs() < 1e-15));
     }
 
     #[test]

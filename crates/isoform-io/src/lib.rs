@@ -8,6 +8,8 @@
 //! [`write_mesh_path`] and [`read_mesh`] do the same for a [`Mesh`](isoform_geom::Mesh) with its parts, curves and regions, volume or surface:
 //! Gmsh, VTK, Abaqus/CalculiX, Nastran, STL, OBJ, PLY, OFF, 3MF and glTF ([`mesh_formats`]).
 //!
+//! [`write_step_path`] gives rational patches to CAD systems as faces of a STEP file (AP242).
+//!
 //! No size that a file announces is believed before the bytes are there, and NaN ends here: points with one are dropped and counted.
 //!
 //! A new format is one file with `sniff` and `read` (and `write`), and one line in `registry.rs`; for meshes in `mesh/`.
@@ -43,6 +45,7 @@ mod read;
 mod registry;
 mod roles;
 mod sample;
+mod step;
 mod stl;
 mod text;
 mod write;
@@ -54,4 +57,5 @@ pub use inspect::{ColumnRange, Inspection, UnitGuess, inspect, inspect_unit};
 pub use mesh::{MeshFormat, MeshReadOptions, MeshWriteOptions, mesh_format_named, mesh_formats, read_mesh, write_mesh, write_mesh_path};
 pub use read::{MeshPoints, ReadOptions, ReadReport, read};
 pub use registry::{Format, format_named, formats};
+pub use step::{STEP_UNITS, StepFace, StepOptions, StepSurface, step, write_step_path};
 pub use write::{WriteOptions, WriteReport, write, write_atomic, write_path};

@@ -10,6 +10,7 @@ mod bdf;
 mod boundary;
 mod build;
 mod check;
+mod chequer;
 mod color;
 mod glb;
 mod group;
@@ -27,6 +28,7 @@ mod vtu;
 mod xml;
 mod zip;
 
+use registry::Columns;
 pub use registry::{MeshFormat, mesh_format_named, mesh_formats};
 
 use crate::input::Input;
@@ -124,6 +126,15 @@ fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> Write
     let bits = if format.single && options.ascii != Some(true) { 32 } else { 64 };
     if bits == 32 {
         warnings.push(format!("{} holds coordinates of 32 bits: about seven digits", format.title));
+    }
+    let left_out = mesh.columns.iter().map(|c| c.name.as_str()).filter(|name| match format.columns {
+        Columns::None => true,
+        Columns::Texture => mesh.parameters().is_none() || !["u", "v"].contains(name),
+        Columns::All => false,
+    });
+    let left_out: Vec<&str> = left_out.collect();
+    if !left_out.is_empty() {
+        warnings.push(format!("{} has no place for the nodes' {}: left out", format.title, left_out.join(", ")));
     }
     WriteReport { format: format.name, warnings }
 }

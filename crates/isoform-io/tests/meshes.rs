@@ -5,10 +5,10 @@ mod common;
 use common::cube::block;
 use common::damage::{apply, damage};
 use common::meshes::{FOREIGN, mesh_fixtures};
-use isoform_geom::{Curve, Mesh, Point3, TET_EDGES, TRIANGLE_EDGES};
+use isoform_geom::{Column, Curve, Mesh, Point3, TET_EDGES, TRIANGLE_EDGES};
 use isoform_io::{
-    MeshReadOptions, MeshWriteOptions, ReadError, ReadReport, Source, mesh_format_named, mesh_formats, read_mesh, write_mesh,
-    write_mesh_path,
+    MeshReadOptions, MeshWriteOptions, ReadError, ReadOptions, ReadReport, Source, mesh_format_named, mesh_formats, read, read_mesh,
+    write_mesh, write_mesh_path,
 };
 use proptest::prelude::*;
 use std::time::{Duration, Instant};
@@ -313,6 +313,7 @@ fn any_mesh() -> impl Strategy<Value = Mesh> {
                     tets,
                     edges,
                     corners,
+                    columns: vec![],
                 }
             })
     })
@@ -458,4 +459,58 @@ fn names_find_formats() {
     assert_eq!(mesh_format_named(".VTU").map(|f| f.name), Some("vtu"));
     assert_eq!(mesh_format_named("nas").map(|f| f.title), Some("Nastran"));
     assert!(mesh_format_named("xyz").is_none());
+}
+
+/// A bent square with parameters and another number per node.
+fn parameterized() -> Mesh {
+    let at = |k: usize| ((k / 3) as f64 / 2.0, (k % 3) as f64 / 2.0);
+    let points: Vec<Point3> = (0..9).map(at).map(|(u, v)| [u, v, u * v]).collect();
+    let triangles = [0, 1, 3, 4].into_iter().flat_map(|k| [[k, k + 3, k + 4], [k, k + 4, k + 1]]).collect();
+    let column = |name: &str, value: fn((f64, f64)) -> f64| Column { name: name.into(), values: (0..9).map(at).map(value).collect() };
+    let columns = vec![column("u", |p| p.0), column("v", |p| p.1), column("distance", |p| 0.1 * p.0 - p.1 / 3.0)];
+    Mesh { columns, ..Mesh::from_triangles(points, triangles) }
+}
+
+#[test]
+fn numbers_per_node_go_where_there_is_a_place() {
+    let mesh = parameterized();
+    for format in ["ply", "ply-ascii"] {
+        let bytes = written(&mesh, format);
+        let (cloud, _) = read(Source::Bytes { name: "t.ply", bytes: &bytes }, None, &ReadOptions::default()).expect("valid");
+        assert_eq!((&cloud.columns, &cloud.points), (&mesh.columns, &mesh.points), "{format}");
+    }
+    let obj = String::from_utf8(written(&mesh, "obj")).expect("text");
+    assert!(obj.contains("\nvt 0.5 1.0\n") && obj.contains("\nf 1/1 4/4 5/5\n"), "{obj}");
+    assert_eq!(through(&mesh, "obj"), Mesh { columns: vec![], ..mesh.clone() });
+    let left = |format: &str| write_mesh(&mesh, &mut Vec::new(), format, &MeshWriteOptions::default()).expect("written").warnings;
+    let told = |format: &str| left(format).iter().filter(|w| w.contains("no place")).cloned().collect::<Vec<_>>();
+    assert_eq!([told("ply"), told("glb")], [vec![], Vec::<String>::new()]);
+    assert_eq!(told("obj"), ["OBJ has no place for the nodes' distance: left out"]);
+    assert_eq!(told("vtu"), ["VTK has no place for the nodes' u, v, distance: left out"]);
+}
+
+#[test]
+fn gltf_has_a_texture_along_parameters() {
+    let bytes = written(&parameterized(), "glb");
+    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("four")) as usize;
+    assert_eq!((word(8), word(12) % 4), (bytes.len(), 0));
+    let scene: serde_json::Value = serde_json::from_slice(&bytes[20..20 + word(12)]).expect("JSON");
+    let data = &bytes[28 + word(12)..];
+    assert_eq!(scene["buffers"][0]["byteLength"], data.len());
+    let attributes = &scene["meshes"][0]["primitives"][0]["attributes"];
+    let view = |accessor: &serde_json::Value| {
+        let accessor = &scene["accessors"][accessor.as_u64().expect("a number") as usize];
+        let view = &scene["bufferViews"][accessor["bufferView"].as_u64().expect("a number") as usize];
+        let [start, length] = ["byteOffset", "byteLength"].map(|k| view[k].as_u64().unwrap_or(0) as usize);
+        let floats = data[start..start + length].chunks(4).map(|c| f32::from_le_bytes(c.try_into().expect("four")));
+        (accessor["type"].as_str().expect("a type").to_owned(), floats.collect::<Vec<_>>())
+    };
+    let (kind, uv) = view(&attributes["TEXCOORD_0"]);
+    assert_eq!((kind.as_str(), uv.len(), &uv[6..10]), ("VEC2", 18, &[0.5, 0.0, 0.5, 0.5][..]));
+    let (kind, distance) = view(&attributes["_DISTANCE"]);
+    assert_eq!((kind.as_str(), distance[1]), ("SCALAR", -1.0_f32 / 6.0));
+    let image = &scene["bufferViews"][scene["images"][0]["bufferView"].as_u64().expect("a number") as usize];
+    let [start, length] = ["byteOffset", "byteLength"].map(|k| image[k].as_u64().expect("a number") as usize);
+    assert!(data[start..].starts_with(b"\x89PNG") && data[..start + length].ends_with(b"IEND\xae\x42\x60\x82"));
+    assert!(start + length <= data.len() && data.len() - start - length < 4);
 }

@@ -66,7 +66,7 @@ pub fn sampled(field: &dyn Field, patch: &RationalPatch, samples: usize) -> (f64
 }
 
 /// Distances of points from the surface, by foot points: exact where these converge to the nearest one, too large elsewhere.
-pub(crate) fn foot_distances(field: &dyn Field, points: &[Point3]) -> Vec<f64> {
+pub fn foot_distances(field: &dyn Field, points: &[Point3]) -> Vec<f64> {
     let mut feet = points.to_vec();
     let mut jets = project_all(field, &mut feet);
     let mut best: Vec<f64> = feet.iter().zip(points).map(|(q, p)| norm(sub(*p, *q))).collect();

@@ -18,7 +18,7 @@ mod solver;
 mod surface;
 
 pub use cover::{Cover, cover, reached};
-pub use distance::{Distances, distances, prove, sampled};
+pub use distance::{Distances, distances, foot_distances, prove, sampled};
 pub use grow::{Grown, Phase, Row};
 pub use objective::{Derivatives, Evaluated, K, Method, Objective, Targets, Terms, Weights};
 pub use options::{Error, Options, PAPER_LIMIT};

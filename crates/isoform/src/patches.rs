@@ -1,9 +1,11 @@
-//! Surfaces to parameterize: of programs, and of polynomials as text.
+//! Surfaces to parameterize, of programs and of polynomials as text; and their patches for CAD and as triangles.
 
 use isoform_algebra::{ParseError, Poly};
 use isoform_field::hyperfun::Model;
 use isoform_field::{Bound, Graph, Polynomial, Residual, RunField, SolidError, Tape};
-use isoform_geom::Field;
+use isoform_geom::{Column, Field, Mesh, RationalPatch, dot};
+use isoform_io::{StepFace, StepSurface};
+use isoform_patch::{Parameterized, Quadric, foot_distances};
 
 /// The names of the coordinates in polynomials.
 pub const COORDINATES: [&str; 3] = ["x", "y", "z"];
@@ -37,4 +39,60 @@ pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
     let terms: Vec<([u16; 3], f64)> = exact.to_f64().into_iter().map(|(e, c)| ([e[0], e[1], e[2]], c)).collect();
     let usable = !exact.is_constant() && terms.iter().all(|t| t.1.is_finite());
     Ok(usable.then(|| Polynomial::new(terms)))
+}
+
+/// Patches as faces for STEP, their outside up: that is where the function falls. Patches that are exact are on the surface they lie on.
+pub fn step_faces(field: &dyn Field, patches: &[Parameterized]) -> Vec<StepFace> {
+    let face = |(i, p): (usize, &Parameterized)| {
+        let patch = if is_outward(field, &p.grown.patch) { p.grown.patch.clone() } else { p.grown.patch.transposed() };
+        let surface = match p.quadric {
+            Some(Quadric::Plane { normal, offset }) => Some(StepSurface::Plane { normal, offset }),
+            Some(Quadric::Sphere { center, radius }) => Some(StepSurface::Sphere { center, radius }),
+            Some(Quadric::Cylinder { point, axis, radius }) => Some(StepSurface::Cylinder { point, axis, radius }),
+            Some(Quadric::Cone { apex, axis, half_angle }) => Some(StepSurface::Cone { apex, axis, half_angle }),
+            Some(Quadric::Other { .. }) | None => None,
+        };
+        StepFace { name: format!("patch {}", i + 1), patch, surface: surface.filter(|_| p.is_exact) }
+    };
+    patches.iter().enumerate().map(face).collect()
+}
+
+/// Patches as triangles, two for each of `squares`² squares of the domain, a part for each patch; with the parameters u and v and the
+/// distance from the surface at every node. Counterclockwise from outside, where the function falls.
+///
+/// # Panics
+/// If there are no squares.
+pub fn patch_mesh(field: &dyn Field, patches: &[Parameterized], squares: usize) -> Mesh {
+    assert!(squares > 0, "a grid has squares");
+    let mut mesh = Mesh::default();
+    let side = squares + 1;
+    let (mut us, mut vs) = (Vec::new(), Vec::new());
+    for (number, p) in patches.iter().enumerate() {
+        let patch = &p.grown.patch;
+        let outward = is_outward(field, patch);
+        let first = mesh.points.len() as u32;
+        for k in 0..side * side {
+            let (u, v) = ((k / side) as f64 / squares as f64, (k % side) as f64 / squares as f64);
+            mesh.points.push(patch.point(u, v));
+            us.push(u);
+            vs.push(v);
+        }
+        for k in 0..squares * squares {
+            let corner = |i: usize, j: usize| first + ((k / squares + i) * side + k % squares + j) as u32;
+            let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+            mesh.triangles.extend(if outward { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] });
+            mesh.triangle_parts.extend([number as u32; 2]);
+        }
+        mesh.parts.push(format!("patch {}", number + 1));
+    }
+    let distances = foot_distances(field, &mesh.points);
+    let column = |name: &str, values| Column { name: name.to_owned(), values };
+    mesh.columns = vec![column("u", us), column("v", vs), column("distance", distances)];
+    mesh
+}
+
+/// Whether ∂p/∂u × ∂p/∂v in the middle is on the side where the function falls.
+fn is_outward(field: &dyn Field, patch: &RationalPatch) -> bool {
+    let middle = patch.tangents(0.5, 0.5);
+    dot(middle.normal(), field.jet(middle.point).g) <= 0.0
 }

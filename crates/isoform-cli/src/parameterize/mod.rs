@@ -1,6 +1,7 @@
 //! `isoform parameterize`: rational patches on the surface of a model.
 
 mod document;
+mod files;
 mod subject;
 mod table;
 
@@ -9,8 +10,9 @@ use crate::interrupt;
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use isoform::geom::{Aabb, Point3};
+use isoform::io::STEP_UNITS;
 use isoform::patch::{Error, Method, Options, Parameterized, cover, parameterize};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Half the width of the box unless another is given: the paper's cube of edge 1.
@@ -18,6 +20,8 @@ const HALF_WIDTH: f64 = 0.5;
 
 /// The share of samples that a cover must have on patches to count as one.
 const COVERED: f64 = 0.999;
+/// Squares along each side of a patch unless another number is given.
+const SQUARES: u16 = 32;
 /// Patches of a cover unless another number is given.
 const MOST_PATCHES: usize = 1000;
 
@@ -28,7 +32,8 @@ Examples:
   isoform parameterize sphere.json --degree 2,2 --paper -o patch.json
   isoform parameterize part.hf --degree 3,3 --seed-point 0.1,0.2,0.3 --tol 1e-5 -o patch.json
   isoform parameterize gyroid.hf --degree 3,3 --paper --seed 7 -o patch.json --trace trace.csv --json
-  isoform parameterize torus.hf --degree 2,2 --cover --tol 1e-4 -o patches.json
+  isoform parameterize torus.hf --degree 2,2 --cover --tol 1e-4 -o patches.json -o patches.step
+  isoform parameterize torus.hf --degree 2,2 --cover --tol 1e-4 -o patches.glb
 
 where sphere.json is a polynomial in x, y and z: {\"F\": \"x^2 + y^2 + z^2 - 1/4\"}
 
@@ -74,9 +79,15 @@ pub(crate) struct Args {
     /// The values of the parameters a, in their order; missing ones are as annotated, else 0
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
     params: Option<eval::Parameters>,
-    /// Write the patches as JSON (- for stdout); may be repeated
+    /// Write the patches: .json (- for stdout), .step or .stp for CAD, or triangles as .obj, .ply, .glb, ...; may be repeated
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
+    /// Unit of length that files state [default: mm in STEP, none in others]
+    #[arg(long, value_name = "UNIT", value_parser = clap::builder::PossibleValuesParser::new(STEP_UNITS))]
+    units: Option<String>,
+    /// Triangles come from so many squares along each side of a patch
+    #[arg(long, value_name = "N", default_value_t = SQUARES, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    grid: u16,
     /// Write every step as a table (CSV)
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
@@ -164,13 +175,7 @@ impl Made {
 }
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    for path in args.output.iter().filter(|p| p.as_path() != Path::new("-")) {
-        if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
-            let failure = Failure::usage(format!("{}: patches are not written with this ending", path.display()));
-            return Err(failure.why("patches are written as JSON").hint("a name that ends in .json"));
-        }
-        output::check_folder(path)?;
-    }
+    let targets = files::targets(&args.output)?;
     if let Some(path) = &args.trace {
         output::check_folder(path)?;
     }
@@ -195,16 +200,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let mut made = Made { name: subject.name, options, patches, coverage, warnings: subject.warnings, written: Vec::new(), seconds };
 
     clock = Instant::now();
-    let file = document::patches(&made);
-    let mut stdout = Vec::new();
-    for path in &args.output {
-        if path == Path::new("-") {
-            stdout = file.clone();
-        } else {
-            output::write_file(path, &file)?;
-            made.written.push(path.display().to_string());
-        }
-    }
+    let stdout = files::write(&mut made, subject.field.as_ref(), &targets, args)?;
     if let Some(path) = &args.trace {
         output::write_file(path, document::trace(&made.patches[0].grown).as_bytes())?;
         made.written.push(path.display().to_string());

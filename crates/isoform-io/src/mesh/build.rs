@@ -217,6 +217,7 @@ impl Builder {
             edge_curves,
             curves: curves.into_iter().map(|name| Curve { name, parts: [0; 2] }).collect(),
             corners: self.corners.corners.into_iter().map(|[c]| c).collect(),
+            columns: Vec::new(),
         };
         let turned = turn_inverted(&mut mesh);
         if turned > 0 {

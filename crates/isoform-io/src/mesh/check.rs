@@ -37,6 +37,9 @@ fn complaint(mesh: &Mesh) -> Option<String> {
     if let Some((what, got, want)) = lengths.iter().find(|(_, got, want)| *got != 0 && got != want) {
         return Some(format!("there are {got} {what} where {want} are needed"));
     }
+    if let Some(c) = m.columns.iter().find(|c| c.values.len() != n) {
+        return Some(format!("there are {} values of {} where {n} are needed", c.values.len(), c.name));
+    }
     let nodes = [
         ("triangle", highest(&m.triangles)),
         ("mid node of a triangle", highest(&m.triangle_mids)),
@@ -81,6 +84,8 @@ mod tests {
         };
         assert_eq!(wrong(|m| m.triangles[0][1] = 3), "a triangle uses node 3 of 3");
         assert_eq!(wrong(|m| m.triangle_parts = vec![0]), "an element lies on part 0 of 0");
+        let column = |m: &mut Mesh| m.columns = vec![isoform_geom::Column { name: "u".into(), values: vec![0.5] }];
+        assert_eq!(wrong(column), "there are 1 values of u where 3 are needed");
         assert_eq!(wrong(|m| m.corners = vec![9]), "a corner uses node 9 of 3");
         assert_eq!(wrong(|m| m.triangle_mids = vec![[0; 3]; 2]), "there are 2 mid nodes of triangles where 1 are needed");
         assert!(wrong(|m| m.points[1][2] = f64::NAN).starts_with("node 1 is at"));

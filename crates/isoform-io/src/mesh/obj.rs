@@ -1,4 +1,4 @@
-//! OBJ: vertices in full, faces in a group per part.
+//! OBJ: vertices in full, faces in a group per part, parameters as texture coordinates.
 
 use super::MeshWriteOptions;
 use super::group::{Groups, Names};
@@ -25,6 +25,12 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
     for p in nodes.points(mesh) {
         out.str("v ").float(p[0]).str(" ").float(p[1]).str(" ").float(p[2]).line()?;
     }
+    let parameters = mesh.parameters();
+    if let Some((u, v)) = parameters {
+        for (u, v) in nodes.values(u).zip(nodes.values(v)) {
+            out.str("vt ").float(u).str(" ").float(v).line()?;
+        }
+    }
     let parts = Groups::parts(mesh);
     let mut names = Names::new(LONGEST_NAME, plain);
     for (i, triangles) in parts.filled() {
@@ -33,7 +39,14 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
         }
         for &t in triangles {
             let [a, b, c] = nodes.triangle(mesh, t as usize).map(|n| n + 1);
-            out.str("f ").int(a).str(" ").int(b).str(" ").int(c).line()?;
+            out.str("f");
+            for n in [a, b, c] {
+                out.str(" ").int(n);
+                if parameters.is_some() {
+                    out.str("/").int(n);
+                }
+            }
+            out.line()?;
         }
     }
     out.flush()

@@ -1,4 +1,4 @@
-//! PLY: corners of 64 bits, triangles with the tag of their part as the face property `part`, names in comments `part 1 name`.
+//! PLY: corners of 64 bits, triangles with the tag of their part as the face property `part`, names in comments `part 1 name`, all numbers per node.
 
 use super::MeshWriteOptions;
 use super::number::Out;
@@ -19,18 +19,24 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
         out.str("comment part ").int(i + 1).str(" ").str(&plain).line()?;
     }
     out.str("element vertex ").int(nodes.len()).str("\nproperty double x\nproperty double y\nproperty double z").line()?;
+    for column in &mesh.columns {
+        let word: String = column.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+        out.str("property double ").str(&word).line()?;
+    }
     out.str("element face ").int(mesh.triangles.len()).str("\nproperty list uchar int vertex_indices").line()?;
     let has_parts = !mesh.triangle_parts.is_empty();
     out.str(if has_parts { "property int part\nend_header" } else { "end_header" }).line()?;
+    let mut columns: Vec<_> = mesh.columns.iter().map(|c| nodes.values(&c.values)).collect();
     for p in nodes.points(mesh) {
-        if ascii {
-            out.float(p[0]).str(" ").float(p[1]).str(" ").float(p[2]).line()?;
-        } else {
-            p.iter().for_each(|v| {
+        let rest = columns.iter_mut().filter_map(Iterator::next);
+        for (i, v) in p.iter().copied().chain(rest).enumerate() {
+            if ascii {
+                out.str(if i == 0 { "" } else { " " }).float(v);
+            } else {
                 out.bytes(&v.to_le_bytes());
-            });
-            out.end()?;
+            }
         }
+        if ascii { out.line()? } else { out.end()? }
     }
     for i in 0..mesh.triangles.len() {
         let corners = nodes.triangle(mesh, i);

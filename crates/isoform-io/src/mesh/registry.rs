@@ -8,6 +8,17 @@ use isoform_geom::Mesh;
 
 pub(super) type ReadFn = fn(&mut Input<'_>, &mut ReadReport) -> Result<Mesh>;
 
+/// What a format keeps of a mesh's columns.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Columns {
+    /// Nothing.
+    None,
+    /// The parameters u and v, as texture coordinates.
+    Texture,
+    /// All.
+    All,
+}
+
 /// A file format of meshes.
 pub struct MeshFormat {
     /// Short name.
@@ -22,6 +33,8 @@ pub struct MeshFormat {
     pub second_order: bool,
     /// Whether coordinates have 32 bits, except in text.
     pub single: bool,
+    /// What becomes of the numbers per node.
+    pub(super) columns: Columns,
     /// What is kept, for lists of formats.
     pub about: &'static str,
     pub(super) sniff: fn(&[u8]) -> Sniff,
@@ -50,17 +63,17 @@ const NO: fn(&[u8]) -> Sniff = |_| Sniff::No;
 
 #[rustfmt::skip]
 static FORMATS: [MeshFormat; 11] = [
-    MeshFormat { name: "msh", extensions: &["msh"], title: "Gmsh 4.1", volume: true, second_order: true, single: false, about: "parts, curves, regions and corners as physical groups; text, or binary as msh-binary", sniff: msh::sniff, read: Some(msh::read), write: msh::write },
-    MeshFormat { name: "msh2", extensions: &["msh2"], title: "Gmsh 2.2", volume: true, second_order: true, single: false, about: "as msh, for older programs", sniff: msh::sniff, read: Some(msh::read), write: msh::write2 },
-    MeshFormat { name: "vtu", extensions: &["vtu"], title: "VTK", volume: true, second_order: true, single: false, about: "for ParaView; tags of parts, regions and curves as cell data", sniff: vtu::sniff, read: Some(vtu::read), write: vtu::write },
-    MeshFormat { name: "inp", extensions: &["inp"], title: "Abaqus/CalculiX", volume: true, second_order: true, single: false, about: "elements by region, node sets and surfaces by part, no step", sniff: inp::sniff, read: Some(inp::read), write: inp::write },
-    MeshFormat { name: "bdf", extensions: &["bdf", "nas"], title: "Nastran", volume: true, second_order: true, single: false, about: "bulk data, a property per part and region", sniff: NO, read: None, write: bdf::write },
-    MeshFormat { name: "stl", extensions: &["stl"], title: "STL", volume: false, second_order: false, single: true, about: "triangles in 32 bits; text with a solid per part as stl-ascii", sniff: crate::stl::sniff, read: Some(surface::read_stl), write: stl::write },
-    MeshFormat { name: "obj", extensions: &["obj"], title: "OBJ", volume: false, second_order: false, single: false, about: "triangles in a group per part", sniff: crate::obj::sniff, read: Some(surface::read_obj), write: obj::write },
-    MeshFormat { name: "ply", extensions: &["ply"], title: "PLY", volume: false, second_order: false, single: false, about: "triangles with the tag of their part", sniff: crate::ply::sniff, read: Some(surface::read_ply), write: ply::write },
-    MeshFormat { name: "off", extensions: &["off"], title: "OFF", volume: false, second_order: false, single: false, about: "triangles without groups", sniff: crate::off::sniff, read: Some(surface::read_off), write: off::write },
-    MeshFormat { name: "3mf", extensions: &["3mf"], title: "3MF", volume: false, second_order: false, single: false, about: "for printing; a material per part, with the unit", sniff: NO, read: None, write: three_mf::write },
-    MeshFormat { name: "glb", extensions: &["glb"], title: "glTF", volume: false, second_order: false, single: true, about: "for viewers; a coloured material per part, in 32 bits about the centre", sniff: NO, read: None, write: glb::write },
+    MeshFormat { name: "msh", extensions: &["msh"], title: "Gmsh 4.1", volume: true, second_order: true, single: false, columns: Columns::None, about: "parts, curves, regions and corners as physical groups; text, or binary as msh-binary", sniff: msh::sniff, read: Some(msh::read), write: msh::write },
+    MeshFormat { name: "msh2", extensions: &["msh2"], title: "Gmsh 2.2", volume: true, second_order: true, single: false, columns: Columns::None, about: "as msh, for older programs", sniff: msh::sniff, read: Some(msh::read), write: msh::write2 },
+    MeshFormat { name: "vtu", extensions: &["vtu"], title: "VTK", volume: true, second_order: true, single: false, columns: Columns::None, about: "for ParaView; tags of parts, regions and curves as cell data", sniff: vtu::sniff, read: Some(vtu::read), write: vtu::write },
+    MeshFormat { name: "inp", extensions: &["inp"], title: "Abaqus/CalculiX", volume: true, second_order: true, single: false, columns: Columns::None, about: "elements by region, node sets and surfaces by part, no step", sniff: inp::sniff, read: Some(inp::read), write: inp::write },
+    MeshFormat { name: "bdf", extensions: &["bdf", "nas"], title: "Nastran", volume: true, second_order: true, single: false, columns: Columns::None, about: "bulk data, a property per part and region", sniff: NO, read: None, write: bdf::write },
+    MeshFormat { name: "stl", extensions: &["stl"], title: "STL", volume: false, second_order: false, single: true, columns: Columns::None, about: "triangles in 32 bits; text with a solid per part as stl-ascii", sniff: crate::stl::sniff, read: Some(surface::read_stl), write: stl::write },
+    MeshFormat { name: "obj", extensions: &["obj"], title: "OBJ", volume: false, second_order: false, single: false, columns: Columns::Texture, about: "triangles in a group per part; parameters as texture coordinates", sniff: crate::obj::sniff, read: Some(surface::read_obj), write: obj::write },
+    MeshFormat { name: "ply", extensions: &["ply"], title: "PLY", volume: false, second_order: false, single: false, columns: Columns::All, about: "triangles with the tag of their part; all numbers per node", sniff: crate::ply::sniff, read: Some(surface::read_ply), write: ply::write },
+    MeshFormat { name: "off", extensions: &["off"], title: "OFF", volume: false, second_order: false, single: false, columns: Columns::None, about: "triangles without groups", sniff: crate::off::sniff, read: Some(surface::read_off), write: off::write },
+    MeshFormat { name: "3mf", extensions: &["3mf"], title: "3MF", volume: false, second_order: false, single: false, columns: Columns::None, about: "for printing; a material per part, with the unit", sniff: NO, read: None, write: three_mf::write },
+    MeshFormat { name: "glb", extensions: &["glb"], title: "glTF", volume: false, second_order: false, single: true, columns: Columns::All, about: "for viewers; a coloured material per part, in 32 bits about the centre; a chequered texture along parameters, other numbers as attributes", sniff: NO, read: None, write: glb::write },
 ];
 
 /// All formats of meshes.

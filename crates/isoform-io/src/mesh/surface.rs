@@ -56,6 +56,10 @@ impl SurfaceNodes {
     pub(super) fn points<'m>(&self, mesh: &'m Mesh) -> impl Iterator<Item = &'m Point3> {
         self.nodes.iter().map(|&n| &mesh.points[n as usize])
     }
+    /// Those values of a column that belong to the nodes.
+    pub(super) fn values<'m>(&self, column: &'m [f64]) -> impl Iterator<Item = f64> + use<'_, 'm> {
+        self.nodes.iter().map(|&n| column[n as usize])
+    }
     /// Corners of a triangle in the new numbers.
     pub(super) fn triangle(&self, mesh: &Mesh, i: usize) -> [u32; 3] {
         mesh.triangles[i].map(|n| self.number[n as usize])

@@ -1,0 +1,38 @@
+//! A chequered texture as PNG: along the parameters of a surface it shows how they run.
+
+use flate2::write::ZlibEncoder;
+use flate2::{Compression, Crc};
+use std::io::Write;
+
+/// Fields along each side.
+const FIELDS: usize = 8;
+/// Greys of the fields.
+const GREYS: [u8; 2] = [255, 150];
+
+/// A pixel per field, in 8-bit grey.
+pub(super) fn png() -> Vec<u8> {
+    let mut rows = Vec::new();
+    for i in 0..FIELDS {
+        // Each row begins with its filter: none.
+        rows.push(0);
+        rows.extend((0..FIELDS).map(|j| GREYS[(i + j) % 2]));
+    }
+    let mut packed = ZlibEncoder::new(Vec::new(), Compression::best());
+    packed.write_all(&rows).expect("memory takes all");
+    let size = (FIELDS as u32).to_be_bytes();
+    let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
+    chunk(&mut png, b"IHDR", &[&size[..], &size, &[8, 0, 0, 0, 0]].concat());
+    chunk(&mut png, b"IDAT", &packed.finish().expect("memory takes all"));
+    chunk(&mut png, b"IEND", &[]);
+    png
+}
+
+fn chunk(png: &mut Vec<u8>, kind: &[u8; 4], data: &[u8]) {
+    let mut crc = Crc::new();
+    crc.update(kind);
+    crc.update(data);
+    png.extend((data.len() as u32).to_be_bytes());
+    png.extend(kind);
+    png.extend(data);
+    png.extend(crc.sum().to_be_bytes());
+}
