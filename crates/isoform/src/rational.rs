@@ -8,6 +8,8 @@ use std::time::Instant;
 
 /// How often the surface is made again, finer where triangles cross.
 const ROUNDS: usize = 6;
+/// How many of these rounds may be no better than the ones before.
+const IN_VAIN: usize = 2;
 /// More pairs of triangles that cross than this are no accident of sheets that are close together.
 const MOST: usize = 2000;
 
@@ -30,6 +32,7 @@ pub fn rational_surface(map: &Map, options: &TriangulateOptions, stop: &dyn Fn()
         let mut found = look(&surface);
         // The places of all rounds so far are finer in the next, whatever came of them: what is kept is the best.
         let mut last: Option<(Surface, Intersections)> = None;
+        let mut in_vain = 0;
         for _ in 0..ROUNDS {
             let (tried, i) = match &last {
                 Some((tried, i)) => (tried, i),
@@ -40,7 +43,7 @@ pub fn rational_surface(map: &Map, options: &TriangulateOptions, stop: &dyn Fn()
             };
             // What is open for other reasons is not mended by this.
             let is_hopeless = !tried.unproven.is_empty() || tried.triangles.len() > options.mesh.triangles / 2;
-            if i.pairs.is_empty() || !i.complete || is_hopeless || stop() {
+            if i.pairs.is_empty() || !i.complete || is_hopeless || in_vain == IN_VAIN || stop() {
                 break;
             }
             prepared.refine(&boxes(tried, i));
@@ -50,6 +53,8 @@ pub fn rational_surface(map: &Map, options: &TriangulateOptions, stop: &dyn Fn()
             if is_better {
                 surface = next.clone();
                 found = Some(crossing.clone());
+            } else {
+                in_vain += 1;
             }
             last = Some((next, crossing));
         }
