@@ -67,7 +67,7 @@ fn help_has_an_example() {
     let help = isoform(&["triangulate", "--help"]);
     let text = stdout(&help);
     assert!(code(&help) == 0 && text.contains("isoform triangulate sphere.json --box 2 -o sphere.obj"), "{text}");
-    assert!(text.contains(SPHERE) && text.contains("[default: 6.5e-4 B]"), "{text}");
+    assert!(text.contains(SPHERE) && text.contains("[default: 5e-4 B]"), "{text}");
 }
 
 #[test]

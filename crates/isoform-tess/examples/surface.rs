@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let options = TriangulateOptions {
         half_width: RBig::try_from(b).map_err(|_| "not a number")?,
         mode: Mode::Glued,
-        mesh: MeshOptions { tolerance: 6.5e-4 * b, longest: 0.25 * b, triangles: 2_000_000 },
+        mesh: MeshOptions { tolerance: 5e-4 * b, longest: 0.25 * b, triangles: 2_000_000 },
         budget: Budget::default(),
     };
     let (surface, analysis) = triangulate(&map, &options, &|| false)?;

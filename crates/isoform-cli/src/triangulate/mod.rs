@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Tolerance unless another is given, in half widths of the box.
-const TOLERANCE: f64 = 6.5e-4;
+const TOLERANCE: f64 = 5e-4;
 /// Longest edge unless another is given, in half widths of the box.
 const LONGEST: f64 = 0.25;
 /// Number of triangles at which refinement stops unless another is given.
@@ -48,7 +48,7 @@ pub(crate) struct Args {
     /// Half the width of the box around the origin, taken as exactly this number: 2, 0.1, 1/3
     #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = half_width)]
     half_width: HalfWidth,
-    /// Largest distance of the middles of triangles and edges from the surface [default: 6.5e-4 B]
+    /// Largest distance of the middles of triangles and edges from the surface [default: 5e-4 B]
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     tol: Option<f64>,
     /// Largest length of edges [default: 0.25 B]
