@@ -403,6 +403,7 @@ impl Builder<'_> {
                     // A contracted side has one image, but what leaves it there turns, the faster the nearer to base points.
                     let rough = || match self.on_side[side] {
                         None => !self.is_fine(&at, a, b),
+                        Some(_) if based.is_empty() => false,
                         Some(_) => {
                             let near = based.iter().map(|p| (a - p.0).abs().min((b - p.0).abs())).fold(1.0 / 16.0, f64::min);
                             b - a > near || depth < TURNS && self.charts[both[0]].turns([a, 0.5 * (a + b), b].map(|x| on_side(side, x)))
