@@ -9,6 +9,7 @@ mod kdtree;
 mod mesh;
 mod patch;
 mod point;
+mod quadric;
 mod solid;
 
 pub use cloud::{Column, PointCloud};
@@ -16,5 +17,6 @@ pub use field::{Expansion, Field, ParamField};
 pub use kdtree::KdTree;
 pub use mesh::{Curve, Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
 pub use patch::{PatchError, RationalPatch, Tangents, bernstein};
-pub use point::{Aabb, Point3, cross, distance_squared, dot, norm, sub};
+pub use point::{Aabb, Point3, cross, distance_squared, distance_to_segment, dot, norm, sub};
+pub use quadric::Quadric;
 pub use solid::{Csg, OnePiece, Solid};

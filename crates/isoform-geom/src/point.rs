@@ -23,6 +23,14 @@ pub fn norm(a: Point3) -> f64 {
     dot(a, a).sqrt()
 }
 
+/// The distance of a point from a segment, which may have no length.
+pub fn distance_to_segment(p: Point3, [a, b]: [Point3; 2]) -> f64 {
+    let (d, e) = (sub(b, a), sub(p, a));
+    let d2 = dot(d, d);
+    let t = if d2 > 0.0 { (dot(d, e) / d2).clamp(0.0, 1.0) } else { 0.0 };
+    norm(std::array::from_fn(|i| e[i] - t * d[i]))
+}
+
 /// |a − b|².
 pub fn distance_squared(a: Point3, b: Point3) -> f64 {
     dot(sub(a, b), sub(a, b))

@@ -57,5 +57,5 @@ pub use inspect::{ColumnRange, Inspection, UnitGuess, inspect, inspect_unit};
 pub use mesh::{MeshFormat, MeshReadOptions, MeshWriteOptions, mesh_format_named, mesh_formats, read_mesh, write_mesh, write_mesh_path};
 pub use read::{MeshPoints, ReadOptions, ReadReport, read};
 pub use registry::{Format, format_named, formats};
-pub use step::{STEP_UNITS, StepFace, StepOptions, StepSurface, step, write_step_path};
+pub use step::{STEP_UNITS, StepFace, StepOptions, step, write_step_path};
 pub use write::{WriteOptions, WriteReport, write, write_atomic, write_path};

@@ -11,7 +11,7 @@ mod placement;
 mod spline;
 
 use crate::{WriteError, write_atomic};
-use isoform_geom::{Point3, RationalPatch, distance_squared};
+use isoform_geom::{Point3, Quadric, RationalPatch, distance_squared};
 use part21::Document;
 use placement::Placement;
 use spline::Spline;
@@ -32,45 +32,8 @@ pub struct StepFace {
     pub name: String,
     /// The patch; ∂p/∂u × ∂p/∂v points outward.
     pub patch: RationalPatch,
-    /// The surface that the patch lies on to rounding, if it has a name.
-    pub surface: Option<StepSurface>,
-}
-
-/// A surface with a name.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum StepSurface {
-    /// n·x = d with |n| = 1.
-    Plane {
-        /// n.
-        normal: Point3,
-        /// d.
-        offset: f64,
-    },
-    /// All points at a distance from one.
-    Sphere {
-        /// The one.
-        center: Point3,
-        /// The distance.
-        radius: f64,
-    },
-    /// All points at a distance from a line.
-    Cylinder {
-        /// A point of the axis.
-        point: Point3,
-        /// The direction of the axis, of length 1.
-        axis: Point3,
-        /// The distance.
-        radius: f64,
-    },
-    /// All lines through a point at an angle to another.
-    Cone {
-        /// The point.
-        apex: Point3,
-        /// The direction of the axis, of length 1.
-        axis: Point3,
-        /// The angle, in radians.
-        half_angle: f64,
-    },
+    /// The surface that the patch lies on to rounding, if that is known.
+    pub surface: Option<Quadric>,
 }
 
 /// How to write STEP.

@@ -1,7 +1,7 @@
 //! STEP as text: whole, numbered, exact. That CAD systems take it is for the acceptance checks to say, with OpenCASCADE.
 
 use isoform_geom::RationalPatch;
-use isoform_io::{StepFace, StepOptions, StepSurface, step, write_step_path};
+use isoform_io::{StepFace, StepOptions, step, write_step_path};
 use std::collections::{BTreeMap, BTreeSet};
 
 fn face(patch: RationalPatch) -> StepFace {
@@ -104,7 +104,7 @@ fn negative_weights_become_knots() {
 #[test]
 fn named_surfaces_units_and_what_is_refused() {
     let center = [0.1, 0.2, 0.3];
-    let sphere = Some(StepSurface::Sphere { center, radius: 0.5 });
+    let sphere = Some(isoform_geom::Quadric::Sphere { center, radius: 0.5 });
     let faces = [StepFace { name: String::new(), patch: cap(center), surface: sphere }];
     let with = |units: &str| step(&faces, &StepOptions { units: Some(units.to_owned()), ..StepOptions::default() });
     let all = instances(&with("m").expect("a file"));

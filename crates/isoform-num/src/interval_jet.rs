@@ -3,16 +3,9 @@
 //! Where a kink (of a minimum, maximum or absolute value) may lie in the box, the gradient is the hull of both sides, which is
 //! Clarke's generalised gradient or more, and nothing is claimed of higher derivatives.
 
+use crate::jet::{AT2, PAIRS, TRIPLES};
 use crate::{Interval, Real};
 use std::ops::{Add, Div, Mul, Neg, Sub};
-
-/// Index pairs i ≤ j in the order in which second derivatives are stored.
-const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
-/// Where ∂²/∂xᵢ∂xⱼ is stored.
-const AT2: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
-/// Index triples in the order in which third derivatives are stored.
-const TRIPLES: [(usize, usize, usize); 10] =
-    [(0, 0, 0), (0, 0, 1), (0, 0, 2), (0, 1, 1), (0, 1, 2), (0, 2, 2), (1, 1, 1), (1, 1, 2), (1, 2, 2), (2, 2, 2)];
 
 /// Intervals that hold a function and its derivatives to order 3 in x, y, z over a box.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,11 +7,11 @@ use crate::Real;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Index pairs i ≤ j in the order in which second derivatives are stored.
-const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+pub(crate) const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 /// Where ∂²/∂xᵢ∂xⱼ is stored.
-const AT2: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+pub(crate) const AT2: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 /// Index triples i ≤ j ≤ k in the order in which third derivatives are stored.
-const TRIPLES: [(usize, usize, usize); 10] =
+pub(crate) const TRIPLES: [(usize, usize, usize); 10] =
     [(0, 0, 0), (0, 0, 1), (0, 0, 2), (0, 1, 1), (0, 1, 2), (0, 2, 2), (1, 1, 1), (1, 1, 2), (1, 2, 2), (2, 2, 2)];
 
 /// Value and first derivatives by N variables.

@@ -20,9 +20,10 @@ mod surface;
 pub use cover::{Cover, cover, reached};
 pub use distance::{Distances, distances, foot_distances, prove, sampled};
 pub use grow::{Grown, Phase, Row};
+pub use isoform_geom::Quadric;
 pub use objective::{Derivatives, Evaluated, K, Method, Objective, Targets, Terms, Weights};
 pub use options::{Error, Options, PAPER_LIMIT};
-pub use quadric::{Quadric, quadric};
+pub use quadric::quadric;
 pub use single::{Parameterized, parameterize};
 
 /// The largest degree: beyond it, systems are large and nothing is gained.

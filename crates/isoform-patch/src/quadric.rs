@@ -1,6 +1,6 @@
 //! The quadric that an exact patch lies on, by its name.
 
-use isoform_geom::{Point3, RationalPatch, dot, norm, sub};
+use isoform_geom::{Point3, Quadric, RationalPatch, dot, norm, sub};
 use isoform_num::linalg::symmetric_eigen;
 
 /// Samples in each direction.
@@ -13,65 +13,6 @@ const ORTHOGONAL: f64 = 1e-15;
 const SWEEPS: usize = 40;
 /// Two eigenvalues of a quadric's matrix that differ by less than this are the same.
 const SAME: f64 = 1e-8;
-
-/// A surface that CAD systems have a name for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Quadric {
-    /// n·x = d with |n| = 1.
-    Plane {
-        /// n.
-        normal: Point3,
-        /// d.
-        offset: f64,
-    },
-    /// All points at a distance from one.
-    Sphere {
-        /// The one.
-        center: Point3,
-        /// The distance.
-        radius: f64,
-    },
-    /// All points at a distance from a line.
-    Cylinder {
-        /// The point of the axis nearest to the patch's centre.
-        point: Point3,
-        /// The direction of the axis, of length 1.
-        axis: Point3,
-        /// The distance.
-        radius: f64,
-    },
-    /// All lines through a point at an angle to another.
-    Cone {
-        /// The point.
-        apex: Point3,
-        /// The direction of the axis, of length 1.
-        axis: Point3,
-        /// The angle, in radians.
-        half_angle: f64,
-    },
-    /// Another quadric Σ aᵢ mᵢ = 0 with the monomials x², y², z², xy, yz, zx, x, y, z, 1 in coordinates about `center`, in units of `scale`.
-    Other {
-        /// Where the coordinates begin.
-        center: Point3,
-        /// Their unit.
-        scale: f64,
-        /// a, of length 1.
-        coefficients: [f64; 10],
-    },
-}
-
-impl Quadric {
-    /// Its name.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Plane { .. } => "plane",
-            Self::Sphere { .. } => "sphere",
-            Self::Cylinder { .. } => "cylinder",
-            Self::Cone { .. } => "cone",
-            Self::Other { .. } => "quadric",
-        }
-    }
-}
 
 /// The quadric on which a patch lies to rounding, if it lies on one and on one only.
 pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {

@@ -4,9 +4,9 @@ use crate::distance::{Distances, distances};
 use crate::grow::{Grown, Growth};
 use crate::objective::{Method, Objective};
 use crate::options::{Error, Options};
-use crate::quadric::{Quadric, quadric};
+use crate::quadric::quadric;
 use crate::{MOST_DEGREE, surface};
-use isoform_geom::Field;
+use isoform_geom::{Field, Quadric};
 use std::time::Instant;
 
 /// A patch this near to the surface, in diagonals of the region, is exact to rounding.

@@ -19,6 +19,7 @@ use crate::singular::{CurveKind, Singular, signed_minors};
 use crate::univariate::{Stopped, check};
 use crate::zeros::common_zeros;
 use isoform_algebra::{Poly, RBig, map_degrees};
+use isoform_geom::distance_to_segment;
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// Slices of the box in each of three directions, at most and at least; in between about as many points as said are followed from one
@@ -791,7 +792,7 @@ fn trace(source: &Source, start: &State, tolerance: f64) -> (Vec<State>, End) {
             // Between here and a base point nothing more can be told.
             let middle = settle(source, &normalised(&along(&here.p, &next.p, 1.0)));
             let Some(middle) = middle else { return if end == Some(End::Real) { Some((next, end, error)) } else { None } };
-            if step > 1e-7 && distance_to_segment(&middle.point(), &here.point(), &next.point()) > 0.5 * tolerance {
+            if step > 1e-7 && distance_to_segment(middle.point(), [here.point(), next.point()]) > 0.5 * tolerance {
                 return None;
             }
             Some((next, end, error))
@@ -869,14 +870,6 @@ fn blend(p: &V, at: f64) -> V {
 /// Whether a point lies on the way from one to the next, whose tangents differ by little.
 fn on_step(p: &V, a: &V, b: &V, moved: f64) -> bool {
     distance(p, a) + distance(p, b) <= 1.03 * moved + 1e-9
-}
-
-fn distance_to_segment(p: &[f64; 3], a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    let d = [0, 1, 2].map(|i| b[i] - a[i]);
-    let e = [0, 1, 2].map(|i| p[i] - a[i]);
-    let d2 = d.iter().map(|x| x * x).sum::<f64>();
-    let t = if d2 > 0.0 { ((0..3).map(|i| d[i] * e[i]).sum::<f64>() / d2).clamp(0.0, 1.0) } else { 0.0 };
-    length(&[0, 1, 2].map(|i| e[i] - t * d[i]))
 }
 
 /// A solution in one of the planes.

@@ -4,8 +4,8 @@ use isoform_algebra::{ParseError, Poly};
 use isoform_field::hyperfun::Model;
 use isoform_field::{Bound, Graph, Polynomial, Residual, RunField, SolidError, Tape};
 use isoform_geom::{Column, Field, Mesh, RationalPatch, dot};
-use isoform_io::{StepFace, StepSurface};
-use isoform_patch::{Parameterized, Quadric, foot_distances};
+use isoform_io::StepFace;
+use isoform_patch::{Parameterized, foot_distances};
 
 /// The names of the coordinates in polynomials.
 pub const COORDINATES: [&str; 3] = ["x", "y", "z"];
@@ -45,14 +45,7 @@ pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
 pub fn step_faces(field: &dyn Field, patches: &[Parameterized]) -> Vec<StepFace> {
     let face = |(i, p): (usize, &Parameterized)| {
         let patch = if is_outward(field, &p.grown.patch) { p.grown.patch.clone() } else { p.grown.patch.transposed() };
-        let surface = match p.quadric {
-            Some(Quadric::Plane { normal, offset }) => Some(StepSurface::Plane { normal, offset }),
-            Some(Quadric::Sphere { center, radius }) => Some(StepSurface::Sphere { center, radius }),
-            Some(Quadric::Cylinder { point, axis, radius }) => Some(StepSurface::Cylinder { point, axis, radius }),
-            Some(Quadric::Cone { apex, axis, half_angle }) => Some(StepSurface::Cone { apex, axis, half_angle }),
-            Some(Quadric::Other { .. }) | None => None,
-        };
-        StepFace { name: format!("patch {}", i + 1), patch, surface: surface.filter(|_| p.is_exact) }
+        StepFace { name: format!("patch {}", i + 1), patch, surface: p.quadric.filter(|_| p.is_exact) }
     };
     patches.iter().enumerate().map(face).collect()
 }

@@ -1,7 +1,6 @@
 //! Where a named surface stands, turned so that its seam and its poles are away from the patch.
 
-use super::StepSurface;
-use isoform_geom::{Point3, RationalPatch, dot, norm, sub};
+use isoform_geom::{Point3, Quadric, RationalPatch, dot, norm, sub};
 
 /// Where a patch is looked at, in each direction.
 const SAMPLES: usize = 9;
@@ -27,14 +26,15 @@ pub(super) struct Placed {
     pub(super) agrees: bool,
 }
 
-/// The surface about the patch; none where the patch comes near a pole, an apex or the seam, wherever these are put.
-pub(super) fn place(surface: &StepSurface, patch: &RationalPatch) -> Option<Placed> {
+/// The surface about the patch; none where the patch comes near a pole, an apex or the seam, wherever these are put, and for quadrics without
+/// an entity.
+pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> {
     let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
     let points: Vec<Point3> = (0..SAMPLES * SAMPLES).map(|k| patch.point(at(k / SAMPLES), at(k % SAMPLES))).collect();
     let middle = patch.tangents(0.5, 0.5);
     let outward = middle.normal();
     match *surface {
-        StepSurface::Plane { normal, offset } => {
+        Quadric::Plane { normal, offset } => {
             let x = unit(across(middle.u, normal))?;
             let origin = normal.map(|v| offset * v);
             Some(Placed {
@@ -44,7 +44,7 @@ pub(super) fn place(surface: &StepSurface, patch: &RationalPatch) -> Option<Plac
                 agrees: dot(normal, outward) > 0.0,
             })
         }
-        StepSurface::Sphere { center, radius } => {
+        Quadric::Sphere { center, radius } => {
             let out = unit(sub(middle.point, center))?;
             let z = unit(across(middle.v, out))?;
             let x = out.map(|v| -v);
@@ -58,7 +58,7 @@ pub(super) fn place(surface: &StepSurface, patch: &RationalPatch) -> Option<Plac
             };
             far.then_some(placed)
         }
-        StepSurface::Cylinder { point, axis, radius } => {
+        Quadric::Cylinder { point, axis, radius } => {
             let out = unit(across(sub(middle.point, point), axis))?;
             let x = out.map(|v| -v);
             let far = points.iter().all(|p| away(across(sub(*p, point), axis), x));
@@ -66,7 +66,7 @@ pub(super) fn place(surface: &StepSurface, patch: &RationalPatch) -> Option<Plac
             let placed = Placed { entity: "CYLINDRICAL_SURFACE", axes, numbers: vec![radius], agrees: dot(out, outward) > 0.0 };
             far.then_some(placed)
         }
-        StepSurface::Cone { apex, axis, half_angle } => {
+        Quadric::Cone { apex, axis, half_angle } => {
             // The axis towards the patch, and the circle about it at the patch's middle.
             let height = dot(sub(middle.point, apex), axis);
             let z = axis.map(|v| v * height.signum());
@@ -85,6 +85,8 @@ pub(super) fn place(surface: &StepSurface, patch: &RationalPatch) -> Option<Plac
                 Placed { entity: "CONICAL_SURFACE", axes: Placement { origin, z, x }, numbers, agrees: dot(normal, outward) > 0.0 };
             far.then_some(placed)
         }
+        // STEP has no entity for the others.
+        Quadric::Other { .. } => None,
     }
 }
 
@@ -114,7 +116,7 @@ mod tests {
     #[test]
     fn orthogonal_axes_and_sides() {
         let patch = RationalPatch::planar((1, 1), [0.0, 0.0, 0.3], [1.0, 0.2, 0.0], [0.0, 1.0, 0.0]);
-        let placed = place(&StepSurface::Plane { normal: [0.0, 0.0, -1.0], offset: -0.3 }, &patch).expect("a plane");
+        let placed = place(&Quadric::Plane { normal: [0.0, 0.0, -1.0], offset: -0.3 }, &patch).expect("a plane");
         assert!(!placed.agrees && dot(placed.axes.x, placed.axes.z) == 0.0);
         assert_eq!(placed.axes.origin, [-0.0, -0.0, 0.3]);
     }
@@ -130,7 +132,7 @@ mod tests {
             };
             RationalPatch::new((2, 2), (0..9).map(|k| at(k / 3, k % 3)).collect()).expect("a patch")
         };
-        let sphere = StepSurface::Sphere { center: [0.0; 3], radius: 0.5 };
+        let sphere = Quadric::Sphere { center: [0.0; 3], radius: 0.5 };
         assert!(place(&sphere, &cap(0.5)).is_some() && place(&sphere, &cap(1.0)).is_none() && place(&sphere, &cap(2.0)).is_none());
     }
 }

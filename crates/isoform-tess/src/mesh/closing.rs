@@ -49,20 +49,26 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
     }
 }
 
+/// Leaves out all triangles but some, and what belongs to them.
+fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> bool) {
+    let kept: Vec<usize> = (0..s.triangles.len()).filter(|&k| is_kept(s, &s.triangles[k])).collect();
+    s.triangles = kept.iter().map(|&k| s.triangles[k]).collect();
+    s.charts = kept.iter().map(|&k| s.charts[k]).collect();
+    s.corners = kept.iter().map(|&k| s.corners[k]).collect();
+}
+
 /// Leaves out vertices without a position, and the triangles at them, which is said to be unproven.
 fn leave_out_lost(s: &mut Surface) {
-    let is_lost = |v: u32| !s.points[v as usize].iter().all(|x| x.is_finite());
-    let keep: Vec<usize> = (0..s.triangles.len()).filter(|&k| !s.triangles[k].iter().any(|&v| is_lost(v))).collect();
-    let vertices: Vec<u32> = (0..s.points.len() as u32).filter(|&v| !is_lost(v)).collect();
+    let is_lost = |s: &Surface, v: u32| !s.points[v as usize].iter().all(|x| x.is_finite());
+    let vertices: Vec<u32> = (0..s.points.len() as u32).filter(|&v| !is_lost(s, v)).collect();
     if vertices.len() == s.points.len() {
         return;
     }
     s.unproven.push(format!("{} vertices have no position; the triangles at them are left out", s.points.len() - vertices.len()));
     let mut new = vec![0; s.points.len()];
     vertices.iter().enumerate().for_each(|(n, &v)| new[v as usize] = n as u32);
-    s.triangles = keep.iter().map(|&k| s.triangles[k].map(|v| new[v as usize])).collect();
-    s.charts = keep.iter().map(|&k| s.charts[k]).collect();
-    s.corners = keep.iter().map(|&k| s.corners[k]).collect();
+    keep(s, |s, t| !t.iter().any(|&v| is_lost(s, v)));
+    s.triangles.iter_mut().flatten().for_each(|v| *v = new[*v as usize]);
     let of = |v: &u32| *v as usize;
     s.points = vertices.iter().map(|v| s.points[of(v)]).collect();
     s.kinds = vertices.iter().map(|v| s.kinds[of(v)]).collect();
@@ -72,11 +78,7 @@ fn leave_out_lost(s: &mut Surface) {
 
 /// Without the triangles that contracted curves have closed up.
 pub(super) fn finish(mut s: Surface, half_width: f64, glued: bool) -> Surface {
-    let whole = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
-    let keep: Vec<usize> = (0..s.triangles.len()).filter(|&k| whole(&s.triangles[k])).collect();
-    s.triangles = keep.iter().map(|&k| s.triangles[k]).collect();
-    s.charts = keep.iter().map(|&k| s.charts[k]).collect();
-    s.corners = keep.iter().map(|&k| s.corners[k]).collect();
+    keep(&mut s, |_, t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0]);
     leave_out_lost(&mut s);
     check(&mut s, half_width, glued);
     s.unproven.sort();

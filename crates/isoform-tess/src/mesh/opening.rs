@@ -9,7 +9,7 @@ use crate::fan::{Direction, Fan, Sector};
 use crate::map::Map;
 use crate::surface::Point3;
 use isoform_algebra::{Poly, RBig};
-use isoform_geom::{dot, sub};
+use isoform_geom::distance_to_segment;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Largest half width of a rectangle, halvings of it, and directions of a base point.
@@ -432,7 +432,7 @@ impl Builder<'_> {
         let mut stack = vec![(1.0, first, 0.0, fan.seam(d), 0)];
         while let Some((a, p, b, r, depth)) = stack.pop() {
             let quarters = [0.75, 0.5, 0.25].map(|t| on(b + t * (a - b)));
-            let off = quarters.iter().map(|&x| distance(x, nearest(x, p, r))).fold(0.0, f64::max);
+            let off = quarters.iter().map(|&x| distance_to_segment(x, [p, r])).fold(0.0, f64::max);
             if depth < 12 && (off > 0.3 * self.tolerance_at(p) || distance(p, r) > self.options.longest) {
                 let m = 0.5 * (a + b);
                 stack.extend([(m, quarters[1], b, r, depth + 1), (a, p, m, quarters[1], depth + 1)]);
@@ -667,10 +667,7 @@ impl Builder<'_> {
     /// Whether a point of a curve is near to a straight piece that stands for it and that is not divided any more, and the piece short. It may be
     /// anywhere along it: where arcs touch faces of the box, a curve leaves its end like a square root.
     fn is_near_chord(&self, on: Point3, [p, q]: [Point3; 2]) -> bool {
-        let (along, from) = (sub(q, p), sub(on, p));
-        let share = (dot(from, along) / dot(along, along)).clamp(0.0, 1.0);
-        let nearest = std::array::from_fn(|i| if share > 0.0 { p[i] + share * along[i] } else { p[i] });
-        distance(on, nearest) <= 0.5 * self.tolerance_at(on) && distance(p, q) <= self.options.longest
+        distance_to_segment(on, [p, q]) <= 0.5 * self.tolerance_at(on) && distance(p, q) <= self.options.longest
     }
     /// Whether the middle of a straight piece is near to the surface, and the piece short.
     fn is_near(&self, on: Point3, chord: Point3, ends: [Point3; 2]) -> bool {
@@ -723,12 +720,4 @@ fn in_turn(curves: &[usize], rays: &[(bool, usize, &[usize])]) -> Option<Vec<usi
         let others = in_turn(&curves[n..], rest)?;
         Some(std::iter::repeat_n(0, n).chain(others.into_iter().map(|k| k + 1)).collect())
     })
-}
-
-/// The point of a segment that is nearest to another one.
-fn nearest(p: Point3, a: Point3, b: Point3) -> Point3 {
-    let (d, x) = (sub(b, a), sub(p, a));
-    let t = (dot(x, d) / dot(d, d)).clamp(0.0, 1.0);
-    // One point, if it has no length.
-    if t.is_nan() { a } else { std::array::from_fn(|i| a[i] + t * d[i]) }
 }
