@@ -5,6 +5,7 @@
 //! piece of a tangent plane until S reaches a bound. Any [`isoform_geom::Field`] with derivatives will do.
 #![forbid(unsafe_code)]
 
+mod compose;
 mod cover;
 mod distance;
 mod exact;
@@ -16,6 +17,7 @@ mod quadric;
 mod single;
 mod solver;
 mod surface;
+mod torus;
 
 pub use cover::{Cover, cover, reached};
 pub use distance::{Distances, distances, foot_distances, prove, sampled};

@@ -105,6 +105,9 @@ fn entity(q: &Quadric) -> Value {
         Quadric::Sphere { center, radius } => json!({"kind": q.name(), "center": center, "radius": radius}),
         Quadric::Cylinder { point, axis, radius } => json!({"kind": q.name(), "point": point, "axis": axis, "radius": radius}),
         Quadric::Cone { apex, axis, half_angle } => json!({"kind": q.name(), "apex": apex, "axis": axis, "half_angle": half_angle}),
+        Quadric::Torus { center, axis, major, minor } => {
+            json!({"kind": q.name(), "center": center, "axis": axis, "major_radius": major, "minor_radius": minor})
+        }
         Quadric::Other { center, scale, coefficients } => {
             json!({"kind": q.name(), "center": center, "scale": scale, "coefficients": coefficients})
         }
