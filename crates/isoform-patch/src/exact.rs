@@ -30,10 +30,13 @@ const BISECTIONS: usize = 10;
 const EXTRAPOLATIONS: usize = 12;
 /// Samples in each direction at which normals are looked at.
 const NORMALS: usize = 13;
-/// Degrees at which exact patches are sought where there is none of the degree asked for.
-const LOWER: [usize; 2] = [3, 2];
+/// The most degree of other patches from which exact ones are sought, in turn, and whether they are small.
+const LOWER: [(usize, bool); 3] = [(3, false), (2, false), (2, true)];
+/// The cosine of the largest angle between a normal and that in the middle: the faces of STEP's own entities have to keep away from poles
+/// and seams.
+const LEAST_TURN: f64 = 0.175;
 /// An exact patch with this share of the area that it had before is large enough.
-const LEAST_AREA: f64 = 0.5;
+const LEAST_AREA: f64 = 0.3;
 /// The root of I, in units of the region, that is left by rounding; steps that converge slowly end above it.
 const RESOLVED: f64 = 5e-15;
 /// The share of the bound on S up to which an exact patch is extrapolated: polishing changes S a little.
@@ -47,15 +50,16 @@ pub(crate) type Fitting = (RationalPatch, Targets, Evaluated);
 /// Brings a grown patch onto the surface to rounding, if that succeeds, and extrapolates it, which then costs nothing of I, as far as
 /// the bound on S and positive control weights admit. Whether it succeeded.
 ///
-/// Where there is no exact patch of that degree nearby, or only a small one, one of lower degree that `grow` makes is brought there, and
-/// raised to the degree asked for.
-pub(crate) fn make_exact<'f>(growth: &mut Growth<'f>, grow: impl Fn((usize, usize)) -> Option<Growth<'f>>) -> bool {
+/// Where there is no exact patch nearby, or only a small one, `grow` makes patches of lower degrees in turn, in the end a small one. They are
+/// brought there, raised to the degree asked for and extrapolated: a large patch is not near an exact one where its angles are not right.
+pub(crate) fn make_exact<'f>(growth: &mut Growth<'f>, grow: impl Fn((usize, usize), bool) -> Option<Growth<'f>>) -> bool {
     let (m, n) = growth.patch.degree();
-    let before = area(&growth.patch, &|_| true);
+    let enough = LEAST_AREA * area(&growth.patch, &|_| true);
     let mut best: Option<(f64, Fitting)> = None;
-    let lower = LOWER.iter().map(|k| (m.min(*k), n.min(*k))).filter(|d| *d != (m, n)).map(&grow);
-    // The patch itself, then those of lower degrees, which grow only when it is their turn.
-    for source in std::iter::once(None).chain(lower.flatten().map(Some)) {
+    let degrees = LOWER.map(|(k, is_small)| ((m.min(k), n.min(k)), is_small));
+    let others = degrees.into_iter().filter(|(d, is_small)| *is_small || *d != (m, n)).filter_map(|(d, is_small)| grow(d, is_small));
+    // The patch itself, then the others, which grow only when it is their turn.
+    for source in std::iter::once(None).chain(others.map(Some)) {
         let source = source.as_ref().unwrap_or(growth);
         for share in SHORTER {
             let Some(found) = source.exact_nearby(share).and_then(|p| growth.extended(p.elevated((m, n)))) else { continue };
@@ -63,11 +67,9 @@ pub(crate) fn make_exact<'f>(growth: &mut Growth<'f>, grow: impl Fn((usize, usiz
             if best.as_ref().is_none_or(|b| size > b.0) {
                 best = Some((size, found));
             }
-            if size >= LEAST_AREA * before {
-                break;
-            }
+            break;
         }
-        if best.as_ref().is_some_and(|b| b.0 >= LEAST_AREA * before) {
+        if best.as_ref().is_some_and(|b| b.0 >= enough) {
             break;
         }
     }
@@ -115,16 +117,32 @@ impl Growth<'_> {
     /// A patch that is nearly exact, if it is fit to be taken, and keeps a share of the bound on S.
     fn fitting(&self, patch: RationalPatch, share: f64) -> Option<Fitting> {
         let (targets, at) = self.retargeted(&patch)?;
-        let fits = self.options.tolerance.is_some() || self.objective.sum(&at.terms) <= share * self.limit();
+        let fits = match self.options.tolerance {
+            Some(_) => turns_little(&patch),
+            None => self.objective.sum(&at.terms) <= share * self.limit(),
+        };
         let is_exact = at.terms.i.sqrt() <= ON_SURFACE * self.unit;
         (fits && is_exact && patch.control_weights().0 > LEAST_WEIGHT && is_regular(&patch)).then_some((patch, targets, at))
     }
 }
 
+/// The normals of a patch, row by row.
+fn normals(patch: &RationalPatch) -> Vec<Point3> {
+    let at = |i: usize| i as f64 / (NORMALS - 1) as f64;
+    (0..NORMALS * NORMALS).map(|k| patch.tangents(at(k / NORMALS), at(k % NORMALS)).normal()).collect()
+}
+
+/// Whether no normal of a patch is at nearly a right angle to that in the middle.
+fn turns_little(patch: &RationalPatch) -> bool {
+    let normals = normals(patch);
+    let middle = normals[normals.len() / 2];
+    let length = dot(middle, middle).sqrt();
+    normals.iter().all(|n| dot(*n, middle) >= LEAST_TURN * length * dot(*n, *n).sqrt())
+}
+
 /// Whether a patch neither folds nor comes down to a curve: I = 0 holds on those, too.
 fn is_regular(patch: &RationalPatch) -> bool {
-    let at = |i: usize| i as f64 / (NORMALS - 1) as f64;
-    let normals: Vec<Point3> = (0..NORMALS * NORMALS).map(|k| patch.tangents(at(k / NORMALS), at(k % NORMALS)).normal()).collect();
+    let normals = normals(patch);
     let (lo, hi) = normals.iter().map(|n| dot(*n, *n)).fold((f64::INFINITY, 0.0f64), |(lo, hi), n| (lo.min(n), hi.max(n)));
     let turns = |k: usize, next: usize| dot(normals[k], normals[next]) <= 0.0;
     let folds = (0..NORMALS * NORMALS)

@@ -14,6 +14,8 @@ use std::time::Instant;
 const EXACT: f64 = 1e-12;
 /// if it is proved to be this near everywhere: where it passes a self-intersection, or the function is no polynomial, proofs end here.
 const PROVED: f64 = 1e-6;
+/// The bound on S of small patches from which exact ones are sought, as a share of the bound.
+const SMALL: f64 = 1e-3;
 /// How much shorter patches become, in turn, at each side where nothing can be proved.
 const RETREATS: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
 
@@ -40,7 +42,7 @@ pub struct Parameterized {
 pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterized, Error> {
     check(options)?;
     let mut clock = Clock::default();
-    let options = &options.relaxed();
+    let (asked, options) = (options, &options.relaxed());
     let seed = match options.seed_point {
         Some(p) => surface::given(field, p, &options.region)?,
         None => surface::chosen(field, options.seed, &options.region)?,
@@ -55,11 +57,13 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     let mut growth = Growth::start(objective, seed, options)?;
     growth.grow_to_limit();
     if options.exact {
-        make_exact(&mut growth, |degree| {
+        make_exact(&mut growth, |degree, is_small| {
             let objective = Objective::new(field, degree, options.method, options.nodes);
-            let mut lower = Growth::start(objective, seed, &Options { degree, ..*options }).ok()?;
-            lower.grow_to_limit();
-            Some(lower)
+            let small = Options { degree, limit: SMALL * asked.limit, tolerance: None, ..*asked };
+            let options = if is_small { small } else { Options { degree, ..*options } };
+            let mut other = Growth::start(objective, seed, &options).ok()?;
+            other.grow_to_limit();
+            Some(other)
         });
     }
     growth.keep_tolerance();

@@ -160,14 +160,25 @@ fn other_quadrics_become_exact_and_are_named() {
 #[test]
 fn patches_on_tori_become_exact_and_are_named() {
     let field = torus(0.33, 0.15);
-    for (degree, seed) in [((2, 2), 1), ((2, 2), 2), ((3, 3), 3), ((3, 2), 4)] {
+    for (degree, seed) in [((2, 2), 1), ((2, 2), 2), ((3, 3), 3), ((4, 3), 4)] {
         let made = parameterize(&field, &Options { exact: true, seed, ..Options::paper(degree, CUBE) }).expect("a patch");
         assert!(made.is_exact && made.grown.terms.i < 1e-28, "{degree:?}, {seed}: {:e}", made.grown.terms.i);
         assert!(made.distances.bound.is_some_and(|b| b < 1e-12), "{:?}", made.distances);
-        assert!(made.is_within_limit && made.grown.area(&CUBE) > 0.1, "{degree:?}, {seed}: {}", made.grown.area(&CUBE));
+        assert!(made.is_within_limit && made.grown.area(&CUBE) > 0.05, "{degree:?}, {seed}: {}", made.grown.area(&CUBE));
         let Some(Quadric::Torus { center, axis, major, minor }) = made.quadric else { panic!("{:?}", made.quadric) };
         assert!((major - 0.33).abs() < 1e-12 && (minor - 0.15).abs() < 1e-12 && axis[2].abs() > 1.0 - 1e-12);
         assert!(center.iter().all(|c| c.abs() < 1e-12), "{center:?}");
+    }
+}
+
+/// At the outer equator the patch that has grown is not near an exact one; with a tolerance shape terms weigh little.
+#[test]
+fn exact_patches_are_found_from_small_ones() {
+    let field = torus(0.33, 0.15);
+    for (tolerance, seed_point) in [(None, [0.48, 0.0, 0.0]), (Some(1e-4), [0.48, 0.0, 0.0]), (Some(1e-4), [0.0, 0.3, 0.2])] {
+        let made = parameterize(&field, &Options { exact: true, tolerance, ..paper((2, 2), seed_point) }).expect("a patch");
+        assert!(made.is_exact && made.grown.area(&CUBE) > 0.1, "{:?}, {}", made.distances, made.grown.area(&CUBE));
+        assert_eq!(made.quadric.map(|q| q.name()), Some("torus"));
     }
 }
 
