@@ -23,7 +23,7 @@ pub use cover::{Cover, cover, reached};
 pub use distance::{Distances, distances, foot_distances, prove, sampled};
 pub use grow::{Grown, Phase, Row};
 pub use isoform_geom::Quadric;
-pub use objective::{Derivatives, Evaluated, K, Method, Objective, Targets, Terms, Weights};
+pub use objective::{Derivatives, Evaluated, Inner, K, Method, Objective, Targets, Terms, Weights};
 pub use options::{Error, Options, PAPER_LIMIT};
 pub use quadric::quadric;
 pub use single::{Parameterized, parameterize};

@@ -53,15 +53,14 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
         return Err(Error::NoThirdDerivatives);
     }
     clock.phase("seed");
-    let objective = Objective::new(field, options.degree, options.method, options.nodes);
-    let mut growth = Growth::start(objective, seed, options)?;
+    let objective = |degree| Objective::new(field, degree, options.method, options.nodes).with_inner(options.inner);
+    let mut growth = Growth::start(objective(options.degree), seed, options)?;
     growth.grow_to_limit();
     if options.exact {
         make_exact(&mut growth, |degree, is_small| {
-            let objective = Objective::new(field, degree, options.method, options.nodes);
             let small = Options { degree, limit: SMALL * asked.limit, tolerance: None, ..*asked };
             let options = if is_small { small } else { Options { degree, ..*options } };
-            let mut other = Growth::start(objective, seed, &options).ok()?;
+            let mut other = Growth::start(objective(degree), seed, &options).ok()?;
             other.grow_to_limit();
             Some(other)
         });

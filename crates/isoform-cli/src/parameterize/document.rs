@@ -1,7 +1,7 @@
 //! The documents of patches: their file, the trace, and what --json prints.
 
 use super::Made;
-use isoform::patch::{Grown, Method, Parameterized, Phase, Quadric};
+use isoform::patch::{Grown, Inner, Method, Parameterized, Phase, Quadric};
 use serde_json::{Map, Value, json};
 
 /// The file of the patches. The same each time.
@@ -53,6 +53,7 @@ pub(super) fn document(made: &Made) -> Value {
         "degree": [options.degree.0, options.degree.1],
         "box": {"lo": options.region.lo, "hi": options.region.hi},
         "method": method(options.method),
+        "inner": if options.inner == Inner::Tangents { "tangents" } else { "lengths" },
         "seed": options.seed,
         "seconds": made.seconds.iter().map(|(phase, s)| ((*phase).to_owned(), json!(s))).collect::<Map<_, _>>(),
         "patches": list,
