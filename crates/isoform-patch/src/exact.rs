@@ -30,8 +30,9 @@ const BISECTIONS: usize = 10;
 const EXTRAPOLATIONS: usize = 12;
 /// Samples in each direction at which normals are looked at.
 const NORMALS: usize = 13;
-/// The most degree of other patches from which exact ones are sought, in turn, and whether they are small.
-const LOWER: [(usize, bool); 3] = [(3, false), (2, false), (2, true)];
+/// The most degree of other patches from which exact ones are sought, in turn, and their share of the bound on S; below 1 with the shape terms
+/// of the paper also where a tolerance is asked for.
+const OTHERS: [(usize, f64); 4] = [(3, 1.0), (2, 1.0), (2, 1e-3), (2, 1e-6)];
 /// The cosine of the largest angle between a normal and that in the middle: the faces of STEP's own entities have to keep away from poles
 /// and seams.
 const LEAST_TURN: f64 = 0.175;
@@ -50,14 +51,14 @@ pub(crate) type Fitting = (RationalPatch, Targets, Evaluated);
 /// Brings a grown patch onto the surface to rounding, if that succeeds, and extrapolates it, which then costs nothing of I, as far as
 /// the bound on S and positive control weights admit. Whether it succeeded.
 ///
-/// Where there is no exact patch nearby, or only a small one, `grow` makes patches of lower degrees in turn, in the end a small one. They are
+/// Where there is no exact patch nearby, or only a small one, `grow` makes patches of lower degrees in turn, in the end small ones. They are
 /// brought there, raised to the degree asked for and extrapolated: a large patch is not near an exact one where its angles are not right.
-pub(crate) fn make_exact<'f>(growth: &mut Growth<'f>, grow: impl Fn((usize, usize), bool) -> Option<Growth<'f>>) -> bool {
+pub(crate) fn make_exact<'f>(growth: &mut Growth<'f>, grow: impl Fn((usize, usize), f64) -> Option<Growth<'f>>) -> bool {
     let (m, n) = growth.patch.degree();
     let enough = LEAST_AREA * area(&growth.patch, &|_| true);
     let mut best: Option<(f64, Fitting)> = None;
-    let degrees = LOWER.map(|(k, is_small)| ((m.min(k), n.min(k)), is_small));
-    let others = degrees.into_iter().filter(|(d, is_small)| *is_small || *d != (m, n)).filter_map(|(d, is_small)| grow(d, is_small));
+    let others = OTHERS.map(|(k, share)| ((m.min(k), n.min(k)), share));
+    let others = others.into_iter().filter(|(d, share)| *share < 1.0 || *d != (m, n)).filter_map(|(d, share)| grow(d, share));
     // The patch itself, then the others, which grow only when it is their turn.
     for source in std::iter::once(None).chain(others.map(Some)) {
         let source = source.as_ref().unwrap_or(growth);

@@ -7,7 +7,7 @@ use isoform_num::linalg::symmetric_eigen;
 /// Samples in each direction.
 const SAMPLES: usize = 15;
 /// Singular values below this share of the largest are 0: rounding leaves 10⁻¹⁵ or so.
-pub(crate) const ZERO: f64 = 1e-13;
+const ZERO: f64 = 1e-13;
 /// Columns with a smaller cosine are orthogonal.
 const ORTHOGONAL: f64 = 1e-15;
 /// Sweeps of rotations; some ten are needed.

@@ -14,8 +14,6 @@ use std::time::Instant;
 const EXACT: f64 = 1e-12;
 /// if it is proved to be this near everywhere: where it passes a self-intersection, or the function is no polynomial, proofs end here.
 const PROVED: f64 = 1e-6;
-/// The bound on S of small patches from which exact ones are sought, as a share of the bound.
-const SMALL: f64 = 1e-3;
 /// How much shorter patches become, in turn, at each side where nothing can be proved.
 const RETREATS: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
 
@@ -57,9 +55,9 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     let mut growth = Growth::start(objective(options.degree), seed, options)?;
     growth.grow_to_limit();
     if options.exact {
-        make_exact(&mut growth, |degree, is_small| {
-            let small = Options { degree, limit: SMALL * asked.limit, tolerance: None, ..*asked };
-            let options = if is_small { small } else { Options { degree, ..*options } };
+        make_exact(&mut growth, |degree, share| {
+            let small = Options { degree, limit: share * asked.limit, tolerance: None, ..*asked };
+            let options = if share < 1.0 { small } else { Options { degree, ..*options } };
             let mut other = Growth::start(objective(degree), seed, &options).ok()?;
             other.grow_to_limit();
             Some(other)

@@ -5,11 +5,13 @@
 //! some digits, which Gauss-Newton steps on the points' distances from the torus bring back.
 
 use crate::exact::damped_least_squares;
-use crate::quadric::{ZERO, null};
+use crate::quadric::null;
 use isoform_geom::{Point3, Quadric, cross, dot, norm, sub};
 
 /// Normals are exact to so much.
 const NORMALS: f64 = 1e-10;
+/// The patch is this near to the torus, in units of its own size: what is left of rounding where control weights differ much.
+const ON_TORUS: f64 = 5e-13;
 /// Gauss-Newton steps; they start a few digits away from rounding.
 const STEPS: usize = 4;
 
@@ -70,7 +72,7 @@ fn refined(points: &[Point3], mut center: Point3, mut axis: Point3, mut major: f
         }
         if step == STEPS {
             let most = residuals.iter().fold(0.0f64, |m, r| m.max(r.abs()));
-            return (most <= ZERO && major > 0.0 && minor > 0.0).then_some(Quadric::Torus { center, axis, major, minor });
+            return (most <= ON_TORUS && major > 0.0 && minor > 0.0).then_some(Quadric::Torus { center, axis, major, minor });
         }
         let by = damped_least_squares(rows, &residuals, 7, 0.0)?;
         let tilted: Point3 = std::array::from_fn(|k| axis[k] - by[3] * x[k] - by[4] * y[k]);

@@ -16,17 +16,18 @@ const DOMAIN: [f64; 4] = [540.0, 1020.0, 40.0, 370.0];
 const DECADES: f64 = 10.0;
 /// Quadrangles in each direction.
 const GRID: usize = 40;
-/// Half the width and half the depth of the domain in the picture, and the height of the graph above it.
-const SPAN: [f64; 3] = [150.0, 62.0, 150.0];
+/// Where the sides of the domain run to in the picture, and the height of the graph above it: askew, so that no corner hides another.
+const ALONG: [[f64; 2]; 2] = [[225.0, 52.0], [105.0, -88.0]];
+const RISE: f64 = 170.0;
 /// Where the middle of the domain is drawn.
-const MIDDLE: [f64; 2] = [735.0, 290.0];
+const MIDDLE: [f64; 2] = [720.0, 285.0];
 /// Colours from nothing to the most (viridis).
 const SHADES: [[f64; 3]; 5] = [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 201.0, 98.0], [253.0, 231.0, 37.0]];
 
 const STYLE: &str = "\
 text { font: 13px sans-serif; fill: #444 } .title { font-size: 15px; fill: #222 } .axis { stroke: #b8b8b4; stroke-width: 1; fill: none }
 .line { fill: none; stroke-width: 1.8; stroke-linejoin: round } .S { stroke: #1f4e79 } .I { stroke: #d1495b } .E { stroke: #4d8f3a }
-.grow { stroke: #555; stroke-width: 1.2 } .sheet { stroke: #fff; stroke-width: 0.25; stroke-linejoin: round }
+.grow { stroke: #555; stroke-width: 1.2 } .sheet { stroke: #000; stroke-opacity: 0.3; stroke-width: 0.4; stroke-linejoin: round }
 ";
 
 /// The picture as SVG.
@@ -101,26 +102,24 @@ fn sheet(svg: &mut String, field: &dyn Field, patch: &RationalPatch) {
     let most = values.iter().copied().filter(|v| v.is_finite()).fold(0.0, f64::max);
     let scale = if most > 0.0 { most } else { 1.0 };
     let value = |i: usize, j: usize| (values[i * (GRID + 1) + j] / scale).clamp(0.0, 1.0);
-    // u runs to the right and to the front, v to the right and to the back.
-    let place = |u: f64, v: f64, h: f64| [MIDDLE[0] + SPAN[0] * (u + v - 1.0), MIDDLE[1] + SPAN[1] * (u - v) - SPAN[2] * h];
+    let along = |k: usize, u: f64, v: f64| MIDDLE[k] + ALONG[0][k] * (u - 0.5) + ALONG[1][k] * (v - 0.5);
+    let place = |u: f64, v: f64, h: f64| [along(0, u, v), along(1, u, v) - RISE * h];
     let pair = |p: [f64; 2]| format!("{:.1} {:.1}", p[0], p[1]);
     let _ = writeln!(svg, "<text class=\"title\" x=\"{left}\" y=\"22\">Squared Sampson distance over the domain</text>");
     let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(u, v)| pair(place(u, v, 0.0)));
     let _ = writeln!(svg, "<path class=\"axis\" d=\"M{}z\"/>", corners.join("L"));
-    // From the back, u − v = −1, to the front.
+    // From the back to the front.
     let mut order: Vec<(usize, usize)> = (0..GRID).flat_map(|i| (0..GRID).map(move |j| (i, j))).collect();
-    order.sort_by_key(|(i, j)| *i + GRID - *j);
+    order.sort_by(|a, b| along(1, at(a.0), at(a.1)).total_cmp(&along(1, at(b.0), at(b.1))));
     for (i, j) in order {
         let around = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)];
         let path: Vec<String> = around.iter().map(|&(a, b)| pair(place(at(a), at(b), value(a, b)))).collect();
         let mean = around.iter().map(|&(a, b)| value(a, b)).sum::<f64>() / 4.0;
         let _ = writeln!(svg, "<path class=\"sheet\" fill=\"{}\" d=\"M{}z\"/>", color(mean), path.join("L"));
     }
-    for (u, v, text, anchor) in
-        [(0.5, -0.14, "u", "middle"), (1.14, 0.5, "v", "middle"), (-0.04, -0.04, "0", "end"), (1.1, -0.06, "1", "middle")]
-    {
+    for (u, v, text) in [(0.5, -0.12, "u"), (1.08, 0.5, "v"), (-0.04, -0.06, "0"), (1.0, -0.12, "1"), (1.08, 1.0, "1")] {
         let [x, y] = place(u, v, 0.0);
-        let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{text}</text>", y + 5.0);
+        let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{text}</text>", y + 5.0);
     }
     let (bar, height) = (right - 80.0, bottom - top - 60.0);
     for k in 0..GRID {
