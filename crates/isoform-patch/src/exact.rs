@@ -32,7 +32,7 @@ const EXTRAPOLATIONS: usize = 12;
 const NORMALS: usize = 13;
 /// The most degree of other patches from which exact ones are sought, in turn, and their share of the bound on S; below 1 with the shape terms
 /// of the paper also where a tolerance is asked for.
-const OTHERS: [(usize, f64); 4] = [(3, 1.0), (2, 1.0), (2, 1e-3), (2, 1e-6)];
+const OTHERS: [(usize, f64); 5] = [(3, 1.0), (2, 1.0), (2, 0.5), (2, 1e-3), (2, 1e-6)];
 /// The cosine of the largest angle between a normal and that in the middle: the faces of STEP's own entities have to keep away from poles
 /// and seams.
 const LEAST_TURN: f64 = 0.175;

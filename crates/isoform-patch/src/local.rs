@@ -2,7 +2,7 @@
 //!
 //! With N the first three coordinates of p* and w its last: p = N/w and pᵤ = (Nᵤ − p wᵤ)/w, the same for v.
 
-use crate::objective::{Inner, K, Method, Targets, Weights};
+use crate::objective::{K, Method, Objective, Targets};
 use isoform_geom::{Point3, dot};
 use isoform_num::{Jet2, Jet3};
 
@@ -81,16 +81,8 @@ pub(crate) struct Local {
 
 impl Local {
     /// `third` is used by Newton's method only.
-    pub(crate) fn new(
-        node: &Node,
-        jet: &Jet2,
-        third: Option<&Jet3>,
-        method: Method,
-        inner: Inner,
-        targets: &Targets,
-        factors: &Weights,
-        weight: f64,
-    ) -> Self {
+    pub(crate) fn new(node: &Node, jet: &Jet2, third: Option<&Jet3>, objective: &Objective<'_>, weight: f64) -> Self {
+        let (method, targets, factors) = (objective.method, &objective.targets, &objective.weights);
         let mut local = Self { gradient: [0.0; 12], hessian: [[0.0; 12]; 12] };
         let r = node.residuals(jet, targets);
         local.distance(node, jet, third, method, r.distance, weight);
@@ -101,7 +93,7 @@ impl Local {
         local.hessian[3][3] += weight * factors.j * k * (k - 1.0) * x.powi(K - 2);
 
         let exact = method == Method::Newton;
-        let [x, y, both] = inner.factors(targets);
+        let [x, y, both] = objective.inner.factors(targets);
         let mut add = |r: f64, s: f64, form: &Form| local.square(&ALL, r, &form.first, exact.then_some(&form.second), s);
         let (g11, g22) = (Form::new(node, (0, 0), exact), Form::new(node, (1, 1), exact));
         add(r.u, weight * factors.l * x, &g11);

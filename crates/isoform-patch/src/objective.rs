@@ -149,7 +149,7 @@ impl Basis {
 /// The objective for patches of one degree on one surface.
 pub struct Objective<'f> {
     field: &'f dyn Field,
-    method: Method,
+    pub(crate) method: Method,
     degree: (usize, usize),
     u: Basis,
     v: Basis,
@@ -337,7 +337,7 @@ impl<'f> Objective<'f> {
             for (b, wv) in self.v.b.iter().zip(&self.v.weights) {
                 let ((node, jet), point) = nodes.next().expect("one node per pair");
                 let third: Option<Jet3> = if self.method == Method::Newton { Some(self.field.jet3(*point)?) } else { None };
-                let local = Local::new(node, jet, third.as_ref(), self.method, self.inner, &self.targets, &self.weights, wu * wv);
+                let local = Local::new(node, jet, third.as_ref(), self, wu * wv);
                 sized!(n + 1, over_v(&local, b, &mut inner, &mut side));
             }
             sized!(n + 1, over_u(a, m + 1, &inner, &side, &mut d));
