@@ -36,8 +36,9 @@ const OTHERS: [(usize, f64); 5] = [(3, 1.0), (2, 1.0), (2, 0.5), (2, 1e-3), (2, 
 /// The cosine of the largest angle between a normal and that in the middle: the faces of STEP's own entities have to keep away from poles
 /// and seams.
 const LEAST_TURN: f64 = 0.175;
-/// An exact patch with this share of the area that it had before is large enough.
-const LEAST_AREA: f64 = 0.3;
+/// An exact patch with this share of the area that it had before is large enough; one with less than that share is none: patches that are small
+/// enough are near any surface.
+const LEAST_AREA: [f64; 2] = [0.3, 0.05];
 /// The root of I, in units of the region, that is left by rounding; steps that converge slowly end above it.
 const RESOLVED: f64 = 5e-15;
 /// The share of the bound on S up to which an exact patch is extrapolated: polishing changes S a little.
@@ -55,7 +56,7 @@ pub(crate) type Fitting = (RationalPatch, Targets, Evaluated);
 /// brought there, raised to the degree asked for and extrapolated: a large patch is not near an exact one where its angles are not right.
 pub(crate) fn make_exact<'f>(growth: &mut Growth<'f>, grow: impl Fn((usize, usize), f64) -> Option<Growth<'f>>) -> bool {
     let (m, n) = growth.patch.degree();
-    let enough = LEAST_AREA * area(&growth.patch, &|_| true);
+    let [enough, least] = LEAST_AREA.map(|share| share * area(&growth.patch, &|_| true));
     let mut best: Option<(f64, Fitting)> = None;
     let others = OTHERS.map(|(k, share)| ((m.min(k), n.min(k)), share));
     let others = others.into_iter().filter(|(d, share)| *share < 1.0 || *d != (m, n)).filter_map(|(d, share)| grow(d, share));
@@ -65,10 +66,10 @@ pub(crate) fn make_exact<'f>(growth: &mut Growth<'f>, grow: impl Fn((usize, usiz
         for share in SHORTER {
             let Some(found) = source.exact_nearby(share).and_then(|p| growth.extended(p.elevated((m, n)))) else { continue };
             let size = area(&found.0, &|_| true);
-            if best.as_ref().is_none_or(|b| size > b.0) {
+            if size >= least && best.as_ref().is_none_or(|b| size > b.0) {
                 best = Some((size, found));
+                break;
             }
-            break;
         }
         if best.as_ref().is_some_and(|b| b.0 >= enough) {
             break;
