@@ -5,9 +5,15 @@
 //! those of w² bound it. Where n·∇F ≥ G > 0 for a unit vector n in a neighbourhood of the cell that is wider by M/G than the cell
 //! itself, and |F| ≤ M on the cell, the surface is at most M/G away along ±n. Where no such n exists (at self-intersections) cells
 //! are divided until they are small against the bound; then it suffices that F changes its sign between c and a point nearby.
+//!
+//! On patches that lie on the surface to rounding, M is that of F∘p where F is a polynomial. At a self-intersection there are then unit
+//! vectors e and f with eᵀHe ≥ λ and fᵀHf ≤ −λ about the cell: along ±e, whichever way F does not fall, it has grown by λt²/2 after t, along f
+//! fallen by as much, so that the surface is at most √(2M/λ) away.
 
+use crate::compose::largest;
 use crate::surface::ON_SURFACE;
 use isoform_geom::{Aabb, Expansion, Field, Point3, RationalPatch, norm, sub};
+use isoform_num::linalg::symmetric_eigen;
 use isoform_num::{Interval, Jet2};
 
 /// Samples in each direction.
@@ -20,6 +26,12 @@ const CORRECTIONS: usize = 2;
 const SLACK: [f64; 2] = [1.8, 2.7];
 /// Bounds below this share of the largest coordinate are lost in rounding.
 const ROUNDING: f64 = 1e-13;
+/// A patch this near to the surface, in units of the largest coordinate, lies on it to rounding. Of such a one
+const EXACT: f64 = 1e-12;
+/// these bounds are tried in turn, with so many cells: what is left of rounding; at self-intersections its root; and what expansions come to.
+const EXACT_TARGETS: [(f64, usize); 3] = [(1e-13, 2000), (1e-12, 2000), (1e-6, 60_000)];
+/// Compositions are worth their cost for bounds below this share of the largest coordinate.
+const COMPOSED: f64 = 1e-5;
 /// Cells that may be looked at.
 const MOST_CELLS: usize = 60_000;
 /// Newton steps to a foot point about which the sign is looked at.
@@ -116,7 +128,11 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
 /// and, if that is not less than what is sampled, at no more than the tolerance.
 pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
     let (sampled, rms) = sampled(field, patch, SAMPLES);
-    let size = patch.control_box().map_or(1.0, |b| b.lo.iter().chain(&b.hi).fold(0.0f64, |m, v| m.max(v.abs())));
+    let size = largest_coordinate(patch);
+    if sampled <= EXACT * size {
+        let proved = |(target, cells): &(f64, usize)| prove(field, patch, (target * size).max(2.0 * sampled), *cells);
+        return Distances { bound: EXACT_TARGETS.iter().find_map(proved).map(|b| b.max(sampled)), sampled, rms };
+    }
     let bound = SLACK.iter().find_map(|slack| {
         let target = (slack * sampled).max(ROUNDING * size);
         let target = tolerance.filter(|t| *t >= sampled).map_or(target, |t| target.min(t));
@@ -125,10 +141,17 @@ pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64
     Distances { bound, sampled, rms }
 }
 
+/// The largest coordinate of a patch, at least; 1 unless its control weights are positive.
+fn largest_coordinate(patch: &RationalPatch) -> f64 {
+    patch.control_box().map_or(1.0, |b| b.lo.iter().chain(&b.hi).fold(0.0f64, |m, v| m.max(v.abs())))
+}
+
 /// A bound on the distance of all points of a patch from the surface that is at most `target`, if such a one can be proved with so
 /// many cells.
 pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
     let products = Products::new(patch.degree());
+    let size = largest_coordinate(patch);
+    let known = field.terms().filter(|_| target < COMPOSED * size).and_then(|t| largest(t, patch)).unwrap_or(f64::INFINITY);
     let mut pending = vec![(patch.clone(), 0u32)];
     let (mut worst, mut looked_at) = (0.0f64, 0);
     while let Some((cell, depth)) = pending.pop() {
@@ -136,7 +159,7 @@ pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize
         if looked_at > cells {
             return None;
         }
-        match bound_of_cell(field, &cell, depth, target, &products) {
+        match bound_of_cell(field, &cell, depth, target, known, &products) {
             Some(b) => worst = worst.max(b),
             None if depth == MOST_DEPTH => return None,
             None => pending.extend(quarters(&cell).map(|c| (c, depth + 1))),
@@ -188,8 +211,8 @@ fn magnitude(i: &Interval) -> f64 {
     i.lo().abs().max(i.hi().abs())
 }
 
-/// A bound on the distance of a cell from the surface, if one of at most `target` is found.
-fn bound_of_cell(field: &dyn Field, cell: &RationalPatch, depth: u32, target: f64, products: &Products) -> Option<f64> {
+/// A bound on the distance of a cell from the surface, if one of at most `target` is found; |F| is known to be at most `known` on it.
+fn bound_of_cell(field: &dyn Field, cell: &RationalPatch, depth: u32, target: f64, known: f64, products: &Products) -> Option<f64> {
     let (least, _) = cell.control_weights();
     if least <= 0.0 {
         return None;
@@ -213,8 +236,15 @@ fn bound_of_cell(field: &dyn Field, cell: &RationalPatch, depth: u32, target: f6
     let beyond = if beyond.is_nan() { target } else { beyond };
     let region = Aabb { lo: std::array::from_fn(|k| c[k] - r[k] - beyond), hi: std::array::from_fn(|k| c[k] + r[k] + beyond) };
     let e = field.expansion(c, region)?;
-    if let Some(b) = smooth_bound(&e, &d, r, beyond, products).filter(|b| b + rounding <= target) {
+    if let Some(b) = smooth_bound(&e, &d, r, beyond, known, products).filter(|b| b + rounding <= target) {
         return Some(b + rounding);
+    }
+    if known.is_finite() {
+        let region = Aabb { lo: std::array::from_fn(|k| c[k] - r[k] - target), hi: std::array::from_fn(|k| c[k] + r[k] + target) };
+        let e = field.expansion(c, region)?;
+        if let Some(b) = crossing_bound(&e, r.map(|v| v + target), known).filter(|b| b + rounding <= target) {
+            return Some(b + rounding);
+        }
     }
     // Small against the bound: any sign change nearby will do.
     if reach > 0.85 * target {
@@ -223,8 +253,32 @@ fn bound_of_cell(field: &dyn Field, cell: &RationalPatch, depth: u32, target: f6
     changes_sign(field, c, &e.value, (target - reach - rounding) * (1.0 - 1e-9)).then_some(target)
 }
 
+/// √(2M/λ), where second derivatives have both signs by λ or more within `wide` of the point of expansion.
+fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f64> {
+    let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
+    let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
+    let (values, vectors) = symmetric_eigen(&[h[0], h[1], h[2], h[1], h[3], h[4], h[2], h[4], h[5]], 3);
+    // A lower bound of |eᵀHe| for an eigenvector e: from the value, what third derivatives, radii and rounding may take away.
+    let least = |k: usize| {
+        let n: Point3 = std::array::from_fn(|i| vectors[3 * k + i].abs());
+        let mut lost = 1e-14 * h.iter().map(|v| v.abs()).sum::<f64>();
+        for i in 0..3 {
+            for j in 0..3 {
+                let along = |l: usize| t[PLACE[i][j][l]] * wide[l];
+                lost += n[i] * n[j] * (radius(&e.hessian[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]]) + (0..3).map(along).sum::<f64>());
+            }
+        }
+        values[k].abs() * (1.0 - 1e-12) - lost
+    };
+    let lambda = least(0).min(least(2));
+    if values[0] >= 0.0 || values[2] <= 0.0 || lambda.is_nan() || lambda <= 0.0 {
+        return None;
+    }
+    Some((2.0 * most / lambda).sqrt() * (1.0 + 1e-12))
+}
+
 /// M/G, if that is no more than `beyond`.
-fn smooth_bound(e: &Expansion, d: &[[f64; 4]], r: Point3, beyond: f64, products: &Products) -> Option<f64> {
+fn smooth_bound(e: &Expansion, d: &[[f64; 4]], r: Point3, beyond: f64, known: f64, products: &Products) -> Option<f64> {
     let value = middle(&e.value);
     let g: Point3 = std::array::from_fn(|k| middle(&e.gradient[k]));
     let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
@@ -271,14 +325,16 @@ fn smooth_bound(e: &Expansion, d: &[[f64; 4]], r: Point3, beyond: f64, products:
         }
     }
     most += cubic(&t, r, None) / 6.0;
-    let bound = most / slope * (1.0 + 1e-12);
+    let bound = most.min(known) / slope * (1.0 + 1e-12);
     (bound.is_finite() && bound <= beyond).then_some(bound)
 }
 
+/// Where ∂³F/∂xᵢ∂xⱼ∂xₖ is among the ten third derivatives.
+const PLACE: [[[usize; 3]; 3]; 3] =
+    [[[0, 1, 2], [1, 3, 4], [2, 4, 5]], [[1, 3, 4], [3, 6, 7], [4, 7, 8]], [[2, 4, 5], [4, 7, 8], [5, 8, 9]]];
+
 /// Σ t_ijk r_i r_j r_k over all i, j, k; with `n`, Σ t_ijk n_i r_j r_k.
 fn cubic(t: &[f64; 10], r: Point3, n: Option<Point3>) -> f64 {
-    const PLACE: [[[usize; 3]; 3]; 3] =
-        [[[0, 1, 2], [1, 3, 4], [2, 4, 5]], [[1, 3, 4], [3, 6, 7], [4, 7, 8]], [[2, 4, 5], [4, 7, 8], [5, 8, 9]]];
     let first = n.unwrap_or(r);
     let mut sum = 0.0;
     for i in 0..3 {

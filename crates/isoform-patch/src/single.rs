@@ -1,6 +1,7 @@
 //! One patch: seed, growth, exactness, tolerance, proof.
 
 use crate::distance::{Distances, distances};
+use crate::exact::make_exact;
 use crate::grow::{Grown, Growth};
 use crate::objective::{Method, Objective};
 use crate::options::{Error, Options};
@@ -9,8 +10,10 @@ use crate::{MOST_DEGREE, surface};
 use isoform_geom::{Field, Quadric};
 use std::time::Instant;
 
-/// A patch this near to the surface, in diagonals of the region, is exact to rounding.
+/// A patch whose samples are this near to the surface, in diagonals of the region, is exact to rounding,
 const EXACT: f64 = 1e-12;
+/// if it is proved to be this near everywhere: where it passes a self-intersection, or the function is no polynomial, proofs end here.
+const PROVED: f64 = 1e-6;
 /// How much shorter patches become, in turn, at each side where nothing can be proved.
 const RETREATS: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
 
@@ -37,20 +40,28 @@ pub struct Parameterized {
 pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterized, Error> {
     check(options)?;
     let mut clock = Clock::default();
-    let options = &options.relaxed();
+    let (asked, options) = (options, &options.relaxed());
     let seed = match options.seed_point {
         Some(p) => surface::given(field, p, &options.region)?,
         None => surface::chosen(field, options.seed, &options.region)?,
     };
+    // Tori and cylinders have exact patches of low degree only along their lines of curvature.
+    let seed = if options.exact { surface::frame(field, seed.point, 0.0, options.region.diagonal())? } else { seed };
     if options.method == Method::Newton && field.jet3(seed.point).is_none() {
         return Err(Error::NoThirdDerivatives);
     }
     clock.phase("seed");
-    let objective = Objective::new(field, options.degree, options.method, options.nodes);
-    let mut growth = Growth::start(objective, seed, options)?;
+    let objective = |degree| Objective::new(field, degree, options.method, options.nodes).with_inner(options.inner);
+    let mut growth = Growth::start(objective(options.degree), seed, options)?;
     growth.grow_to_limit();
     if options.exact {
-        growth.bring_onto_surface();
+        make_exact(&mut growth, |degree, share| {
+            let small = Options { degree, limit: share * asked.limit, tolerance: None, ..*asked };
+            let options = if share < 1.0 { small } else { Options { degree, ..*options } };
+            let mut other = Growth::start(objective(degree), seed, &options).ok()?;
+            other.grow_to_limit();
+            Some(other)
+        });
     }
     growth.keep_tolerance();
     clock.phase("grow");
@@ -64,7 +75,8 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();
-    let is_exact = known.bound.is_some_and(|b| b <= EXACT * options.region.diagonal());
+    let diagonal = options.region.diagonal();
+    let is_exact = known.sampled <= EXACT * diagonal && known.bound.is_some_and(|b| b <= PROVED * diagonal);
     let quadric = if is_exact { quadric(&growth.patch) } else { None };
     Ok(Parameterized {
         quadric,
