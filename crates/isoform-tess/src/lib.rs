@@ -1,7 +1,7 @@
 //! Rational parametric surfaces (s, t) ↦ (X/W, Y/W, Z/W), analysed exactly for certified triangulation.
 //!
 //! - [`Map`]: four polynomials with rational coefficients, checked, as forms of one degree in (s : t : w).
-//! - [`Region`]: the parameters that a map sends into a box.
+//! - [`Region`]: the parameters that a map sends into a box; a [`Domain`] restricts them.
 //! - [`base_points`]: where the four vanish together, with the seam curves of every level of blowing up.
 //! - [`singular`]: curves over which the surface crosses itself, has cusps, or to which a point belongs.
 //! - [`analyse`]: all of it, with the degrees, the implicit equation and the pole curve, within a [`Budget`].
@@ -12,6 +12,7 @@ mod analysis;
 mod base;
 mod cover;
 mod dense;
+mod domain;
 mod double;
 mod fan;
 mod field;
@@ -26,6 +27,7 @@ mod zeros;
 
 pub use analysis::{Analysis, Budget, analyse};
 pub use base::{BasePoint, BinaryForm, Near, Seam, base_multiplicity, base_points};
+pub use domain::{Domain, DomainError, MAX_CORNERS, Parameters};
 pub use double::{pinch_points, solitary_arcs};
 pub use field::{Algebraic, Element, NumberField};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
