@@ -114,7 +114,9 @@ fn control(value: &Value, at: &str) -> Result<(usize, Vec<ControlPoint>), PatchF
             let p = point(p, 3, format!("{at}, point {} {}", i + 1, j + 1))?;
             let w = match &weights {
                 None => RBig::ONE,
-                Some(w) => number(&w[i][j]).map_or_else(|| wrong(&format!("{at}, weight {} {}", i + 1, j + 1), "a number is expected"), Ok)?,
+                Some(w) => {
+                    number(&w[i][j]).map_or_else(|| wrong(&format!("{at}, weight {} {}", i + 1, j + 1), "a number is expected"), Ok)?
+                }
             };
             found.push([&p[0] * &w, &p[1] * &w, &p[2] * &w, w]);
         }
@@ -214,14 +216,16 @@ impl Patch {
     fn polynomials(&self) -> [Poly; 4] {
         let [m, n] = self.degree;
         [0, 1, 2, 3].map(|c| {
-            let mut rows: Vec<Vec<RBig>> = self.control.chunks(n + 1).map(|row| to_powers(row.iter().map(|p| p[c].clone()).collect())).collect();
+            let mut rows: Vec<Vec<RBig>> =
+                self.control.chunks(n + 1).map(|row| to_powers(row.iter().map(|p| p[c].clone()).collect())).collect();
             for j in 0..=n {
                 let column = to_powers((0..=m).map(|i| rows[i][j].clone()).collect());
                 column.into_iter().enumerate().for_each(|(i, x)| rows[i][j] = x);
             }
-            let terms = rows.into_iter().enumerate().flat_map(|(i, row)| {
-                row.into_iter().enumerate().map(move |(j, x)| ([i as u16, j as u16, 0, 0], x))
-            });
+            let terms = rows
+                .into_iter()
+                .enumerate()
+                .flat_map(|(i, row)| row.into_iter().enumerate().map(move |(j, x)| ([i as u16, j as u16, 0, 0], x)));
             Poly::from_terms(terms.filter(|t| !t.1.is_zero()))
         })
     }
@@ -279,7 +283,8 @@ mod tests {
 
     #[test]
     fn a_bilinear_patch() {
-        let file = json!({"schema": 1, "patches": [{"degree": [1, 1], "control": [[[0, 0, 0, 1], [0, 2, 0, 1]], [[3, 0, 0, 1], [6, 4, 10, 2]]]}]});
+        let file =
+            json!({"schema": 1, "patches": [{"degree": [1, 1], "control": [[[0, 0, 0, 1], [0, 2, 0, 1]], [[3, 0, 0, 1], [6, 4, 10, 2]]]}]});
         let patches = read_patches(&file).expect("patches");
         assert_eq!(eval(&patches[0], 0.0, 1.0), [0.0, 2.0, 0.0]);
         assert_eq!(eval(&patches[0], 1.0, 1.0), [3.0, 2.0, 5.0]);
@@ -294,7 +299,8 @@ mod tests {
             return f64::from(u8::from(knots[k] <= x && x < knots[k + 1]));
         }
         let ramp = |a: f64, b: f64| if a == b { 0.0 } else { (x - a) / (b - a) };
-        ramp(knots[k], knots[k + p]) * spline(p - 1, knots, k, x) + (1.0 - ramp(knots[k + 1], knots[k + p + 1])) * spline(p - 1, knots, k + 1, x)
+        ramp(knots[k], knots[k + p]) * spline(p - 1, knots, k, x)
+            + (1.0 - ramp(knots[k + 1], knots[k + p + 1])) * spline(p - 1, knots, k + 1, x)
     }
 
     #[test]
@@ -304,7 +310,8 @@ mod tests {
         let (p, q, rows, columns) = (2, 2, 4, 5);
         let point = |i: usize, j: usize| [i as f64, j as f64, ((3 * i + 5 * j * j) % 7) as f64];
         let weight = |i: usize, j: usize| 1.0 + 0.25 * ((i + 2 * j) % 3) as f64;
-        let grid = |f: &dyn Fn(usize, usize) -> Value| (0..rows).map(|i| (0..columns).map(|j| f(i, j)).collect()).collect::<Vec<Vec<Value>>>();
+        let grid =
+            |f: &dyn Fn(usize, usize) -> Value| (0..rows).map(|i| (0..columns).map(|j| f(i, j)).collect()).collect::<Vec<Vec<Value>>>();
         let file = json!({"degree": [p, q], "knots_u": u, "knots_v": v,
             "points": grid(&|i, j| json!(point(i, j))), "weights": grid(&|i, j| json!(weight(i, j)))});
         assert!(is_patch_file(&file));

@@ -4,9 +4,11 @@ use crate::analysis::{Analysis, Budget, analyse, analyse_clear};
 use crate::domain::Domain;
 use crate::double::{Fibres, pinch_points, solitary_arcs};
 use crate::field::Algebraic;
+use crate::joined::join;
 use crate::map::Map;
 use crate::mesh::fineness::Fineness;
 use crate::mesh::{Curves, mesh};
+use crate::patch::Patch;
 use crate::region::{Region, is_clear};
 use crate::singular::CurveKind;
 use crate::univariate::Stopped;
@@ -90,6 +92,8 @@ pub struct Surface {
     pub charts: Vec<u8>,
     /// u and v of its corners there.
     pub corners: Vec<[[f64; 2]; 3]>,
+    /// The patch that each triangle is of, where patches were joined.
+    pub patches: Vec<u32>,
     /// Arcs in which real sheets meet.
     pub double_curve: Vec<DoubleArc>,
     /// Real points of the surface that only conjugate parameters reach, as polylines.
@@ -188,4 +192,13 @@ pub fn triangulate(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> b
     let mut prepared = Prepared::new(map, options, stop)?;
     let surface = prepared.surface(stop);
     Ok((surface, prepared.analysis))
+}
+
+/// One surface of the surfaces of patches, each over [0, 1]² and in the same box: joined along sides with the same control points.
+///
+/// # Panics
+/// If there are not as many surfaces as patches.
+pub fn join_patches(patches: &[Patch], surfaces: Vec<Surface>, half_width: f64) -> Surface {
+    assert_eq!(patches.len(), surfaces.len(), "a surface for every patch");
+    join(patches, surfaces, half_width)
 }
