@@ -299,6 +299,11 @@ impl Builder<'_> {
         };
         (0..self.region.factors.len()).filter(|&f| through(f)).fold(0, |bits, f| bits | self.bits(f))
     }
+    /// The faces of the box that a whole side of a unit triangle is sent to.
+    fn faces_along(&self, q: usize, side: usize) -> u8 {
+        let sides = &self.region.triangles[q].arrangement.sides;
+        (0..self.region.factors.len()).filter(|&f| sides[f][side]).fold(0, |bits, f| bits | self.bits(f))
+    }
     fn bits(&self, factor: usize) -> u8 {
         self.region.faces[factor].iter().fold(0, |bits, face| bits | 1 << face)
     }
@@ -462,20 +467,19 @@ impl Builder<'_> {
         let mut constraints: Vec<[spade::handles::FixedVertexHandle; 2]> = Vec::new();
         let keys = sides_of(q);
         let name_on = |side: usize, x: f64| self.name_on(q, side, x);
-        let mut on_borders = BTreeMap::new();
+        let mut on_sides = BTreeMap::new();
         for (side, key) in keys.iter().enumerate() {
             let mut before = None;
-            let mut last = 0;
+            let mut last = (0, 0);
             for (i, &(x, inside)) in sides[key].iter().enumerate() {
-                let next = if inside { self.side_bit(q, side, x, sides[key][i + 1].0) } else { 0 };
-                let node = Node { name: name_on(side, x), borders: last | next, ..Node::inner(on_side(side, x), 0) };
-                last = next;
-                let borders = node.borders;
-                let Ok(v) = cdt.insert(node) else { continue };
+                let next = if inside { (self.faces_along(q, side), self.side_bit(q, side, x, sides[key][i + 1].0)) } else { (0, 0) };
+                let Ok(v) = cdt.insert(Node { name: name_on(side, x), ..Node::inner(on_side(side, x), 0) }) else { continue };
                 // Corners belong to two sides.
-                let all = on_borders.entry(v.index()).or_insert(0u64);
-                *all |= borders;
-                cdt.vertex_data_mut(v).borders = *all;
+                let all = on_sides.entry(v.index()).or_insert((0u8, 0u64));
+                *all = (all.0 | last.0 | next.0, all.1 | last.1 | next.1);
+                let node = cdt.vertex_data_mut(v);
+                (node.faces, node.borders) = *all;
+                last = next;
                 if let Some(b) = before {
                     constraints.push([b, v]);
                 }

@@ -338,6 +338,20 @@ mod tests {
         assert!(patches[0].side(2).iter().eq(patches[1].side(0).iter().rev()));
     }
 
+    /// What the fuzzing target does, on its seeds.
+    #[test]
+    fn the_corpus_is_read() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/read_patches");
+        for entry in std::fs::read_dir(folder).expect("a corpus") {
+            let text = std::fs::read(entry.expect("an entry").path()).expect("readable");
+            let Ok(json) = serde_json::from_slice(&text) else { continue };
+            if let Ok(patches) = read_patches(&json) {
+                patch_bounds(&patches);
+                assert!(is_patch_file(&json) && patches.iter().all(|p| p.map().is_ok() || p.map().is_err_and(|e| !e.code().is_empty())));
+            }
+        }
+    }
+
     #[test]
     fn files_that_are_wrong_are_refused() {
         let points = json!([[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]]);

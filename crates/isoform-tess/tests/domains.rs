@@ -167,6 +167,9 @@ fn poles_inside_and_the_box() {
     // Sides that lie in faces of the box.
     let m = certified(PLANE, "1", &rectangle(["0", "1"], ["-1", "1"]), 1e-2);
     assert!((area(&m) - 2.0).abs() < 1e-12);
+    // A face of the box that is a side of a unit triangle.
+    let m = certified(["s + 1", "t", "0", "1"], "1", &rectangle(["-1", "3"], ["-1/2", "1/2"]), 1e-2);
+    assert!((area(&m) - 1.0).abs() < 1e-12);
     // A hole that the box makes: an annulus between a square and a circle of poles.
     let m = certified(["s*(s^2+t^2)", "t*(s^2+t^2)", "1", "s^2+t^2"], "4", &rectangle(["-1", "1"], ["-1", "1"]), 1e-2);
     assert_eq!(topology(&m), [0, 1, 2]);
@@ -221,7 +224,15 @@ fn double_curves_that_end() {
     assert_eq!(sheets(&m), [2]);
     let top = m.double_curve[0].points.iter().map(|p| p[2]).fold(0.0, f64::max);
     assert!((top - 0.25).abs() < 1e-12, "{top}");
-    // Along a side: three triangles at its edges where the partner is inside.
-    let m = over(umbrella, "2", &polygon("0,-1 1,-1 1,1 0,1"), 1e-2, Mode::Glued);
-    println!("{:?}", m.unproven);
+    // A corner on it, whose partner is inside.
+    let m = certified(umbrella, "2", &polygon("0,1/2 1,1 1,-1 -1,-1 -1,1"), 1e-2);
+    assert_eq!(sheets(&m), [2]);
+    let top = m.double_curve[0].points.iter().map(|p| p[2]).fold(0.0, f64::max);
+    assert!((top - 0.25).abs() < 1e-12, "{top}");
+    // Along a side, partners on the same one: the side is closed up.
+    let m = certified(umbrella, "2", &polygon("0,-1 1,-1 1,1 0,1"), 1e-2);
+    assert_eq!(topology(&m), [1, 1, 1]);
+    // Along a side, partners inside: edges of three triangles are no result that is proved.
+    let m = over(umbrella, "2", &polygon("0,0 0,1 1,1 1,-1 -1,-1 -1,0"), 1e-2, Mode::Glued);
+    assert!(m.unproven.iter().any(|u| u.contains("odd number")), "{:?}", m.unproven);
 }
