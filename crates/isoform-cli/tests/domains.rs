@@ -49,7 +49,7 @@ fn rectangles_and_polygons() {
     // Decimals and fractions, ends in either order; the box is found from bounds of the surface.
     let (exit, j) = triangulate(&map, &["--rectangle", "-0.5,3/2,1,-1", "-o", &out, "--sidecar", &f.path("s.json")]);
     assert_eq!((exit, &j["box"], &j["box_chosen"]), (0, &json!("8/5"), &json!(true)), "{j}");
-    assert_eq!(j["domain"], json!([["-1/2", "-1"], ["3/2", "-1"], ["3/2", "1"], ["-1/2", "1"]]));
+    assert_eq!(j["region"], json!([["-1/2", "-1"], ["3/2", "-1"], ["3/2", "1"], ["-1/2", "1"]]));
     assert_eq!(j["topology"], json!({"euler": 1, "components": 1, "boundary_loops": 1, "edges_of_more_than_two": 0}));
     assert!((area(&obj(&f, "m.obj")) - 4.0).abs() < 1e-12);
     let s: Value = serde_json::from_slice(&fs::read(f.path("s.json")).expect("a file")).expect("JSON");
@@ -57,7 +57,7 @@ fn rectangles_and_polygons() {
     let (exit, _) = triangulate(&map, &["--polygon", "0,0 4,0 4,1 1,1 1,4 0,4", "--box", "2", "-o", &out]);
     assert!(exit == 0 && (area(&obj(&f, "m.obj")) - 3.0).abs() < 1e-12, "an L, cut by the box");
     let o = isoform(&["triangulate", &map, "--polygon", "0,0 2,0 1,1"]);
-    assert!(code(&o) == 0 && stdout(&o).contains("domain       (0, 0) (2, 0) (1, 1)") && stdout(&o).contains("chosen"), "{}", stdout(&o));
+    assert!(code(&o) == 0 && stdout(&o).contains("region       (0, 0) (2, 0) (1, 1)") && stdout(&o).contains("chosen"), "{}", stdout(&o));
     // Nothing of the region in the box.
     let sphere = f.file("sphere.json", SPHERE);
     let (exit, j) = triangulate(&sphere, &["--rectangle", "2,3,2,3", "--box", "1/2"]);
@@ -86,6 +86,8 @@ fn bad_regions_are_refused() {
         assert_eq!((exit, &j["error"]["code"]), (1, &json!("usage")), "{more:?}: {j}");
         assert!(j.to_string().contains(words), "{more:?}: {j}");
     }
+    let o = isoform(&["triangulate", &map]);
+    assert!(code(&o) == 1 && stderr(&o).contains("the parameters are the whole plane"), "{}", stderr(&o));
     // The pole goes through the region: no box can be chosen.
     let pole = f.file("pole.json", r#"{"X": "s^2", "Y": "s*t", "Z": "1", "W": "s"}"#);
     let (exit, j) = triangulate(&pole, &["--rectangle", "-1,1,0,1"]);
@@ -148,14 +150,14 @@ fn closed_nurbs_surfaces() {
     let sphere = json!({"nurbs": [turned(&half, &[0.0, 0.0, 0.0, 0.5, 0.5, 1.0, 1.0, 1.0])]});
     for (surface, patches, euler, exact) in [(torus, 16, 0, 12.0 * PI * PI), (sphere, 8, 2, 4.0 * PI)] {
         let map = f.file("n.json", surface.to_string());
-        let errors = ["0.04", "0.01"].map(|tol| {
+        let errors = ["0.004", "0.001"].map(|tol| {
             let (exit, j) = triangulate(&map, &["--tol", tol, "-o", &f.path("m.obj")]);
             assert_eq!((exit, &j["patches"], &j["certified"]), (0, &json!(patches), &json!(true)), "{j}");
             let closed = json!({"euler": euler, "components": 1, "boundary_loops": 0, "edges_of_more_than_two": 0});
             assert_eq!(j["topology"], closed, "{}", j["unproven"]);
             (area(&obj(&f, "m.obj")) / exact - 1.0).abs()
         });
-        assert!(errors[0] < 0.05 && errors[1] < 0.4 * errors[0], "{errors:?}");
+        assert!(errors[0] < 5e-3 && errors[1] < 0.4 * errors[0], "{errors:?}");
     }
 }
 

@@ -193,8 +193,8 @@ impl Net {
         }
         let mut net = Self { columns: n + 1, coefficients: c };
         // From powers: the k-th Bernstein coefficient is the sum of aᵢ·(k over i)/(n over i).
-        net.each(true, |line| from_powers(line));
-        net.each(false, |line| from_powers(line));
+        net.each(true, from_powers);
+        net.each(false, from_powers);
         net
     }
     /// Applies something to every row, or to every column.
@@ -295,7 +295,7 @@ mod tests {
     #[test]
     fn polygons_are_simple() {
         let square = Domain::polygon(points(&[[0, 0], [0, 2], [2, 2], [2, 0]])).expect("a square");
-        assert_eq!(square, Domain::rectangle([2, 0].map(RBig::from), [0, 2].map(RBig::from)).map(|r| r).expect("the same").turned(&square));
+        assert_eq!(square, Domain::rectangle([2, 0].map(RBig::from), [0, 2].map(RBig::from)).expect("the same").turned(&square));
         let wrong = |list: &[[i64; 2]]| Domain::polygon(points(list)).expect_err("no polygon");
         assert_eq!(wrong(&[[0, 0], [1, 1]]), DomainError::TooFew { found: 2 });
         assert_eq!(wrong(&[[0, 0], [1, 1], [0, 0]]), DomainError::TooFew { found: 2 });

@@ -680,7 +680,7 @@ impl Builder<'_> {
                 surface.points.len() as u32 - 1
             })
         };
-        let mut made: Vec<([u32; 3], [[f64; 2]; 3], [u64; 3])> = Vec::new();
+        let mut made: Vec<Made> = Vec::new();
         for t in &plane.triangles {
             let nodes = t.map(|v| &plane.nodes[v as usize]);
             made.push((t.map(&mut vertex), nodes.map(|n| n.at), nodes.map(|n| n.borders)));
@@ -949,6 +949,9 @@ impl Builder<'_> {
         line
     }
 }
+
+/// A triangle: its vertices, their parameters, the sides of the domain that they are on.
+type Made = ([u32; 3], [[f64; 2]; 3], [u64; 3]);
 
 /// A vertex and its parameters.
 type PathVertex = (u32, [f64; 2]);

@@ -27,7 +27,7 @@ pub(super) fn document(made: &Made) -> Value {
         },
         "box": options.half_width.to_string(),
         "box_chosen": made.is_chosen,
-        "domain": options.domain.as_ref().map(|d| d.corners().iter().map(|c| c.each_ref().map(ToString::to_string)).collect::<Vec<_>>()),
+        "region": options.domain.as_ref().map(|d| d.corners().iter().map(|c| c.each_ref().map(ToString::to_string)).collect::<Vec<_>>()),
         "patches": if made.patches.is_empty() { Value::Null } else { made.patches.len().into() },
         "mode": mode(options.mode),
         "tolerance": options.mesh.tolerance,

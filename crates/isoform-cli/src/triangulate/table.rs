@@ -17,7 +17,7 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
     };
     if let Some(domain) = made.options.domain.as_ref() {
         let corners: Vec<String> = domain.corners().iter().map(|[s, t]| format!("({s}, {t})")).collect();
-        text += &line("domain", corners.join(" "));
+        text += &line("region", corners.join(" "));
     }
     let box_line = format!(
         "{}{} about the origin in x, y and z; tolerance {}, edges up to {}; {}",
