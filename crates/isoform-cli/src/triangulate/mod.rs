@@ -60,10 +60,10 @@ pub(crate) struct Args {
     /// Draw only parameters in a polygon with these corners: "0,0 2,0 1,3/2"
     #[arg(long, value_name = "S,T S,T ...", allow_hyphen_values = true, value_parser = polygon)]
     polygon: Option<Domain>,
-    /// Largest distance of the middles of triangles and edges from the surface [default: 5e-4 B; without --box of half the surface's width]
+    /// Largest distance of the middles of triangles and edges from the surface; without --box, B is half its width here [default: 5e-4 B]
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     tol: Option<f64>,
-    /// Largest length of edges [default: 0.25 B, or of half the width]
+    /// Largest length of edges; without --box, B is half the surface's width here [default: 0.25 B]
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     longest: Option<f64>,
     /// Stop refining at about so many triangles
