@@ -11,6 +11,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let b: f64 = half_width.parse()?;
     let options = TriangulateOptions {
         half_width: RBig::try_from(b).map_err(|_| "not a number")?,
+        domain: None,
         mode: Mode::Glued,
         mesh: MeshOptions { tolerance: 5e-4 * b, longest: 0.25 * b, triangles: 2_000_000 },
         budget: Budget::default(),

@@ -12,20 +12,22 @@ use std::time::Instant;
 /// What an analysis may cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
-    /// Largest degree of an implicit equation; beyond it self-intersections are not looked for.
+    /// Largest degree of an implicit equation; beyond it self-intersections are not looked for. With 0 nothing is said of them.
     pub implicit_degree: usize,
+    /// Whether the whole plane of parameters is analysed for a surface over a part of it that is proved to hold no pole.
+    pub everywhere: bool,
     /// Seconds for the implicit equation, and again for the singular curves; what is cut off by them depends on the machine.
     pub seconds: f64,
 }
 
 impl Default for Budget {
     fn default() -> Self {
-        Self { implicit_degree: DEFAULT_MAX_DEGREE, seconds: f64::INFINITY }
+        Self { implicit_degree: DEFAULT_MAX_DEGREE, everywhere: true, seconds: f64::INFINITY }
     }
 }
 
 /// Exact facts about a map; a part that was not to be had is `None`, and `unproven` says so.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Analysis {
     /// Degrees of the map and of the surface.
     pub degrees: Option<MapDegrees>,
@@ -47,16 +49,7 @@ pub struct Analysis {
 
 /// Analyses a map. Everything but `seconds` is the same each time, unless `stop` or [`Budget::seconds`] intervenes.
 pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis {
-    let mut found = Analysis {
-        degrees: None,
-        implicit: None,
-        base_points: None,
-        pole: None,
-        pole_topology: None,
-        singular: None,
-        unproven: Vec::new(),
-        seconds: Vec::new(),
-    };
+    let mut found = Analysis::default();
     let mut clock = Instant::now();
     let mut lap = |found: &mut Analysis, phase: &'static str| {
         found.seconds.push((phase, clock.elapsed().as_secs_f64()));
@@ -94,6 +87,7 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
         move || stop() || start.elapsed().as_secs_f64() > limit
     };
     match found.degrees {
+        _ if budget.implicit_degree == 0 => {}
         Some(degrees) if degrees.implicit_degree <= budget.implicit_degree => {
             match implicit(map.affine(), budget.implicit_degree, &until(budget.seconds)) {
                 Ok(equation) => found.implicit = equation,
@@ -120,6 +114,18 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
         Err(Stopped) => found.unproven.push("double, ramified and contracted curves: stopped".to_owned()),
     }
     lap(&mut found, "singular curves");
+    found
+}
+
+/// What a domain in which the map is proved to have no pole needs to be known of: contracted curves and cuspidal edges.
+pub(crate) fn analyse_clear(map: &Map, stop: &dyn Fn() -> bool) -> Analysis {
+    let mut found = Analysis::default();
+    let clock = Instant::now();
+    match singular(map, None, stop) {
+        Ok(curves) => found.singular = Some(curves),
+        Err(Stopped) => found.unproven.push("contracted curves: stopped".to_owned()),
+    }
+    found.seconds.push(("singular curves", clock.elapsed().as_secs_f64()));
     found
 }
 

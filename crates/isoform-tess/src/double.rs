@@ -15,7 +15,7 @@
 use crate::base::{BasePoint, Seam, base_points};
 use crate::field::{Algebraic, Element, NumberField};
 use crate::map::Map;
-use crate::singular::{CurveKind, Singular, signed_minors};
+use crate::singular::{CurveKind, Singular, SingularCurve, signed_minors};
 use crate::univariate::{Stopped, check};
 use crate::zeros::common_zeros;
 use isoform_algebra::{Poly, RBig, map_degrees};
@@ -128,13 +128,16 @@ pub fn solitary_arcs(
 pub(crate) struct Fibres {
     search: Search,
     half_width: f64,
+    /// How many of the sources are curves of parameters: the rest are seams.
+    curves: usize,
 }
 
 impl Fibres {
     pub(crate) fn new(map: &Map, singular: &Singular, half_width: f64, stop: &dyn Fn() -> bool) -> Result<Self, Stopped> {
         let mut search = Search { sources: Vec::new(), tolerance: 1e-3, arcs: Vec::new(), problems: Vec::new() };
         search.prepare(map, singular, half_width, stop)?;
-        Ok(Self { search, half_width })
+        let curves = curves_of(map, singular).count();
+        Ok(Self { search, half_width, curves })
     }
     /// Whether one real parameter and conjugate ones lead to a point, and nothing else.
     pub(crate) fn is_met_by_conjugates(&self, p: [f64; 3]) -> bool {
@@ -142,6 +145,24 @@ impl Fibres {
         let real: Vec<&V> = found.iter().filter(|f| f.2).map(|f| &f.1).collect();
         found.len() > real.len() && real.windows(2).all(|w| distance(w[0], w[1]) < 1e-5)
     }
+    /// Whether all the partners of a real parameter (s : t : w) with a given image were found to be conjugate or in a part of the plane.
+    pub(crate) fn is_alone(&self, p: [f64; 3], own: [f64; 3], is_elsewhere: &dyn Fn([f64; 3]) -> bool) -> bool {
+        let found = self.search.fibre(&[p[0] / self.half_width, p[1] / self.half_width, p[2] / self.half_width, 1.0]);
+        let own = normalised(&own.map(|x| C::new(x, 0.0)));
+        let real = |v: &V| {
+            let phase = v.iter().copied().max_by(|a, b| a.norm2().total_cmp(&b.norm2())).unwrap_or(C::ONE).inverse();
+            v.map(|c| (c * phase).re)
+        };
+        let is_other = |f: &&(usize, V, bool)| !f.2 || distance(&f.1, &own) > 1e-5;
+        found.iter().any(|f| is_other(&f))
+            && found.iter().filter(|f| f.2).filter(is_other).all(|(k, v, _)| *k < self.curves && is_elsewhere(real(v)))
+    }
+}
+
+/// The curves with images that are curves in space.
+fn curves_of<'a>(map: &'a Map, singular: &'a Singular) -> impl Iterator<Item = &'a SingularCurve> {
+    let is_left_out = |c: &&SingularCurve| matches!(c.kind, CurveKind::Contracted(_)) || map.forms()[3].is_multiple_of(&c.curve);
+    singular.curves.iter().filter(move |c| !is_left_out(c))
 }
 
 /// A complex number.
@@ -932,11 +953,7 @@ impl Search {
     /// The curves, and their sections by a general plane.
     fn prepare(&mut self, map: &Map, singular: &Singular, half_width: f64, stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
         let forms = rounded(map.forms().each_ref());
-        for curve in &singular.curves {
-            let contracted = matches!(curve.kind, CurveKind::Contracted(_));
-            if contracted || map.forms()[3].is_multiple_of(&curve.curve) {
-                continue;
-            }
+        for curve in curves_of(map, singular) {
             let [terms] = rounded([&curve.curve]);
             let source = Source::new(Form::new(terms), curve.curve.total_degree(), forms.clone(), map.degree(), half_width);
             self.sources.push(source);

@@ -1,7 +1,8 @@
 //! Rational parametric surfaces (s, t) ↦ (X/W, Y/W, Z/W), analysed exactly for certified triangulation.
 //!
 //! - [`Map`]: four polynomials with rational coefficients, checked, as forms of one degree in (s : t : w).
-//! - [`Region`]: the parameters that a map sends into a box.
+//! - [`Region`]: the parameters that a map sends into a box; a [`Domain`] restricts them.
+//! - [`Patch`]: rational Bézier patches, and those of NURBS surfaces, as maps over [0, 1]².
 //! - [`base_points`]: where the four vanish together, with the seam curves of every level of blowing up.
 //! - [`singular`]: curves over which the surface crosses itself, has cusps, or to which a point belongs.
 //! - [`analyse`]: all of it, with the degrees, the implicit equation and the pole curve, within a [`Budget`].
@@ -12,11 +13,14 @@ mod analysis;
 mod base;
 mod cover;
 mod dense;
+mod domain;
 mod double;
 mod fan;
 mod field;
+mod joined;
 mod map;
 mod mesh;
+mod patch;
 mod region;
 mod residues;
 mod singular;
@@ -26,11 +30,13 @@ mod zeros;
 
 pub use analysis::{Analysis, Budget, analyse};
 pub use base::{BasePoint, BinaryForm, Near, Seam, base_multiplicity, base_points};
+pub use domain::{Domain, DomainError, MAX_CORNERS, Parameters, bounds_over};
 pub use double::{pinch_points, solitary_arcs};
 pub use field::{Algebraic, Element, NumberField};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
+pub use patch::{ControlPoint, Patch, PatchFileError, is_patch_file, patch_bounds, read_patches};
 pub use region::{Region, RegionTopology, Triangle};
 pub use singular::{Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular};
-pub use surface::{DoubleArc, Kind, MeshOptions, Mode, Point3, Prepared, Surface, TriangulateOptions, triangulate};
+pub use surface::{DoubleArc, Kind, MeshOptions, Mode, Point3, Prepared, Surface, TriangulateOptions, join_patches, triangulate};
 pub use univariate::Stopped;
 pub use zeros::Chart;

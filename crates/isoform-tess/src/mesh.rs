@@ -4,6 +4,7 @@
 //! Between two walls of an arrangement the polylines of arcs have their vertices over the same u, in the order of the arcs: they cannot
 //! cross, and what they bound is the region up to isotopy.
 
+mod border;
 mod chart;
 mod closing;
 pub(crate) mod fineness;
@@ -55,11 +56,13 @@ struct Node {
     image: Option<usize>,
     /// A base point: the map has no value there.
     apex: bool,
+    /// The sides of the domain that it is on, as bits.
+    borders: u64,
 }
 
 impl Node {
     fn inner(at: [f64; 2], faces: u8) -> Self {
-        Self { at, name: Name::Inner, faces, image: None, apex: false }
+        Self { at, name: Name::Inner, faces, image: None, apex: false, borders: 0 }
     }
 }
 
@@ -119,7 +122,9 @@ pub(crate) fn mesh(
         surface: Surface::default(),
     };
     builder.find_contracted(map, curves);
-    builder.open_base_points(analysis.base_points.as_deref().unwrap_or_default(), &map.forms()[3]);
+    if !region.is_clear {
+        builder.open_base_points(analysis.base_points.as_deref().unwrap_or_default(), &map.forms()[3]);
+    }
     let mut sides = builder.sides();
     if curves.glued {
         builder.gluing = builder.glue(&mut sides, &curves.pinches, &curves.isolated, curves.fibres.as_ref());
@@ -259,6 +264,12 @@ fn place_in(quadrant: usize, p: [f64; 3]) -> Option<[f64; 2]> {
     Some([sign * y[0] / sum, sign * y[1] / sum])
 }
 
+/// (s : t : w) of a point of a unit triangle.
+fn in_plane(quadrant: usize, [u, v]: [f64; 2]) -> [f64; 3] {
+    let [s, t] = QUADRANTS[quadrant].map(|s| s as f64);
+    [s * u, t * v, 1.0 - u - v]
+}
+
 type Cdt = ConstrainedDelaunayTriangulation<Node>;
 /// Places along each side, by side and sign, and whether the stretch after each belongs to the region.
 type Sides = BTreeMap<(usize, i64), Vec<(f64, bool)>>;
@@ -287,6 +298,11 @@ impl Builder<'_> {
             w.points[point].curves.contains(&f) || w.vertical.contains(&f) || a.sides[f].iter().zip(on).any(|(side, on)| *side && on)
         };
         (0..self.region.factors.len()).filter(|&f| through(f)).fold(0, |bits, f| bits | self.bits(f))
+    }
+    /// The faces of the box that a whole side of a unit triangle is sent to.
+    fn faces_along(&self, q: usize, side: usize) -> u8 {
+        let sides = &self.region.triangles[q].arrangement.sides;
+        (0..self.region.factors.len()).filter(|&f| sides[f][side]).fold(0, |bits, f| bits | self.bits(f))
     }
     fn bits(&self, factor: usize) -> u8 {
         self.region.faces[factor].iter().fold(0, |bits, face| bits | 1 << face)
@@ -398,6 +414,12 @@ impl Builder<'_> {
                     list.push((w[0], inside));
                     continue;
                 }
+                let bit = if inside { self.side_bit(both[0], side, w[0], w[1]) } else { 0 };
+                if let Some(line) = self.border_line(both[0], bit, on_side(side, w[0]), on_side(side, w[1])) {
+                    let place = |at: &[f64; 2]| if side == 0 { at[1] } else { at[0] };
+                    list.extend(line[..line.len() - 1].iter().map(|at| (place(at), inside)));
+                    continue;
+                }
                 let mut stack = vec![(w[0], w[1], 0)];
                 while let Some((a, b, depth)) = stack.pop() {
                     // A contracted side has one image, but what leaves it there turns, the faster the nearer to base points.
@@ -438,15 +460,26 @@ impl Builder<'_> {
 
     /// One unit triangle: its vertices and triangles are added to the surface.
     fn chart(&self, q: usize, sides: &Sides, global: &mut BTreeMap<(Name, usize, usize), u32>, surface: &mut Surface) {
+        if !self.region.triangles[q].inside.iter().flatten().any(|inside| *inside) {
+            return;
+        }
         let mut cdt = Cdt::new();
         let mut constraints: Vec<[spade::handles::FixedVertexHandle; 2]> = Vec::new();
         let keys = sides_of(q);
         let name_on = |side: usize, x: f64| self.name_on(q, side, x);
+        let mut on_sides = BTreeMap::new();
         for (side, key) in keys.iter().enumerate() {
             let mut before = None;
-            for &(x, inside) in &sides[key] {
-                let node = Node { name: name_on(side, x), ..Node::inner(on_side(side, x), 0) };
-                let Ok(v) = cdt.insert(node) else { continue };
+            let mut last = (0, 0);
+            for (i, &(x, inside)) in sides[key].iter().enumerate() {
+                let next = if inside { (self.faces_along(q, side), self.side_bit(q, side, x, sides[key][i + 1].0)) } else { (0, 0) };
+                let Ok(v) = cdt.insert(Node { name: name_on(side, x), ..Node::inner(on_side(side, x), 0) }) else { continue };
+                // Corners belong to two sides.
+                let all = on_sides.entry(v.index()).or_insert((0u8, 0u64));
+                *all = (all.0 | last.0 | next.0, all.1 | last.1 | next.1);
+                let node = cdt.vertex_data_mut(v);
+                (node.faces, node.borders) = *all;
+                last = next;
                 if let Some(b) = before {
                     constraints.push([b, v]);
                 }
@@ -472,7 +505,13 @@ impl Builder<'_> {
                 if (k == 0 || p == 0 || p == top) && !t.is_real(k, p) && !apex {
                     continue;
                 }
-                let node = Node { at, name, faces, image: if apex { None } else { self.image_at(q, k, p) }, apex };
+                let borders = self.region.sides_of_point(q, k, p);
+                let node = Node { at, name, faces, image: if apex { None } else { self.image_at(q, k, p) }, apex, borders };
+                // The line of a side goes on inside.
+                let is_line = |f: &usize| self.region.lines.get(*f).is_none_or(|l| *l != 0 && !self.is_drawn_inside(*f));
+                if borders == 0 && faces == 0 && wall.points[p].curves.iter().chain(&wall.vertical).all(is_line) {
+                    continue;
+                }
                 if let Ok(v) = cdt.insert(node) {
                     at_wall.insert((k, p), v);
                 }
@@ -525,7 +564,7 @@ impl Builder<'_> {
             let mut here_lines = Vec::new();
             for i in drawn {
                 let arc = t.arrangement.slabs[k].arcs[i];
-                let faces = self.bits(arc.curve);
+                let (faces, borders) = (self.bits(arc.curve), self.region.side_of_arc(q, k, i));
                 let stretch = self.stretch(q, k, i);
                 let line = match self.gluing.line(Track::Arc(q, k, i)) {
                     Some(line) => line.clone(),
@@ -537,7 +576,7 @@ impl Builder<'_> {
                     let vertex = |(at, known): (usize, Option<&spade::handles::FixedVertexHandle>), based: bool, cdt: &mut Cdt| {
                         if based {
                             let image = self.nearest_image(q, arc.curve, line[at]);
-                            cdt.insert(Node { image, ..Node::inner(line[at], faces) }).ok()
+                            cdt.insert(Node { image, borders, ..Node::inner(line[at], faces) }).ok()
                         } else {
                             known.copied()
                         }
@@ -546,7 +585,7 @@ impl Builder<'_> {
                     let last = vertex(ends[1], stretch.based[1], &mut cdt);
                     for &at in &line[1..line.len() - 1] {
                         let image = self.nearest_image(q, arc.curve, at);
-                        let Ok(v) = cdt.insert(Node { image, ..Node::inner(at, faces) }) else { continue };
+                        let Ok(v) = cdt.insert(Node { image, borders, ..Node::inner(at, faces) }) else { continue };
                         constraints.extend(before.map(|b| [b, v]));
                         before = Some(v);
                     }
@@ -631,6 +670,7 @@ impl Builder<'_> {
                     Name::Image(_) => Kind::Contracted,
                     _ if node.faces > 0 => Kind::Box,
                     Name::Double(_) => Kind::Double,
+                    _ if node.borders > 0 => Kind::Border,
                     _ => Kind::Ordinary,
                 };
                 surface.points.push(measure.image(node));
@@ -640,8 +680,11 @@ impl Builder<'_> {
                 surface.points.len() as u32 - 1
             })
         };
-        let mut made: Vec<([u32; 3], [[f64; 2]; 3])> =
-            plane.triangles.iter().map(|t| (t.map(&mut vertex), t.map(|v| plane.nodes[v as usize].at))).collect();
+        let mut made: Vec<Made> = Vec::new();
+        for t in &plane.triangles {
+            let nodes = t.map(|v| &plane.nodes[v as usize]);
+            made.push((t.map(&mut vertex), nodes.map(|n| n.at), nodes.map(|n| n.borders)));
+        }
         let mut opened = Vec::new();
         for [p, a, b] in at_apex {
             let Some(&fan) = apexes.get(&(p as usize)) else { continue };
@@ -703,7 +746,7 @@ impl Builder<'_> {
             // A strip between both, from the rectangle on.
             let is_even = !self.fans[fan].is_tree();
             let (mut i, mut j) = (0, 0);
-            let mut push = |t: [PathVertex; 3]| made.push((t.map(|t| t.0), t.map(|t| if is_straight { t.1 } else { p })));
+            let mut push = |t: [PathVertex; 3]| made.push((t.map(|t| t.0), t.map(|t| if is_straight { t.1 } else { p }), [0; 3]));
             if !way.is_empty() {
                 // Those on the way that bounds the triangles outside have no other edges to vertices that are shared.
                 for t in around(&surface.points, first[1], &[&first[..1], &way, &second[..1]].concat(), second[1]) {
@@ -720,7 +763,8 @@ impl Builder<'_> {
                 if on_second { j += 1 } else { i += 1 }
             }
         }
-        for (triangle, corners) in made {
+        for (triangle, corners, borders) in made {
+            surface.borders.push(borders);
             surface.triangles.push(triangle);
             surface.charts.push(q as u8);
             surface.corners.push(corners);
@@ -755,6 +799,11 @@ impl Builder<'_> {
         }
         let [a, b] = ends;
         let is_contracted = self.drawn_on(q, wall, point).is_some_and(|f| self.on_curve.contains_key(&f));
+        let based = rays.map(|r| r.is_some());
+        let stretch = Stretch { before: vec![], from: a, to: b, after: vec![], based, rays };
+        if let Some(line) = self.border_line(q, self.region.side_of_wall(q, wall, point), a, b) {
+            return (stretch, line.into_iter().map(|at| [a[0], at[1]]).collect());
+        }
         let mut line = vec![a];
         let mut stack = vec![(a[1], b[1], 0)];
         while let Some((x, y, depth)) = stack.pop() {
@@ -767,8 +816,7 @@ impl Builder<'_> {
                 line.push([a[0], y]);
             }
         }
-        let based = rays.map(|r| r.is_some());
-        (Stretch { before: vec![], from: a, to: b, after: vec![], based, rays }, line)
+        (stretch, line)
     }
 
     /// Stretches of walls that are drawn.
@@ -782,7 +830,7 @@ impl Builder<'_> {
     ) {
         for p in 0..self.region.triangles[q].arrangement.walls[wall].points.len() - 1 {
             let Some(curve) = self.drawn_on(q, wall, p) else { continue };
-            let faces = self.bits(curve);
+            let (faces, borders) = (self.bits(curve), self.region.side_of_wall(q, wall, p));
             let (stretch, mut line) = self.upright(q, wall, p);
             if let Some(known) = self.gluing.line(Track::Wall(q, wall, p)) {
                 line.clone_from(known);
@@ -794,7 +842,7 @@ impl Builder<'_> {
                 let known = match i {
                     0 if !stretch.based[0] => at_wall.get(&(wall, p)).copied(),
                     i if i == last && !stretch.based[1] => at_wall.get(&(wall, p + 1)).copied(),
-                    _ => insert(Node { image: self.nearest_image(q, curve, at), ..Node::inner(at, faces) }),
+                    _ => insert(Node { image: self.nearest_image(q, curve, at), borders, ..Node::inner(at, faces) }),
                 };
                 let Some(next) = known else { continue };
                 constraints.extend(before.map(|b| [b, next]));
@@ -862,6 +910,11 @@ impl Builder<'_> {
         if !stretch.is_open() {
             return line;
         }
+        let is_drawn_in = |line: &[[f64; 2]]| line[1..line.len() - 1].iter().all(|[u, v]| *v > 0.0 && *v < 1.0 - u);
+        if let Some(line) = self.border_line(q, self.region.side_of_arc(q, over.slab, i), stretch.from, stretch.to) {
+            *in_order &= line.len() <= VERTICES && is_drawn_in(&line) && line.windows(2).all(|w| w[0][0] < w[1][0]);
+            return line;
+        }
         let at = |[u, v]: [f64; 2]| self.charts[q].at([u, v]);
         let is_contracted = self.on_curve.contains_key(&over.arrangement.slabs[over.slab].arcs[i].curve);
         let mut stack = vec![(stretch.from, stretch.to, 0)];
@@ -892,10 +945,13 @@ impl Builder<'_> {
                 stack.push((left, mid, depth + 1));
             }
         }
-        *in_order &= line[1..line.len() - 1].iter().all(|[u, v]| *v > 0.0 && *v < 1.0 - u);
+        *in_order &= is_drawn_in(&line);
         line
     }
 }
+
+/// A triangle: its vertices, their parameters, the sides of the domain that they are on.
+type Made = ([u32; 3], [[f64; 2]; 3], [u64; 3]);
 
 /// A vertex and its parameters.
 type PathVertex = (u32, [f64; 2]);

@@ -3,7 +3,11 @@
 //! |X|, |Y|, |Z| ≤ B|W| is bounded by the six curves X ± B W, Y ± B W, Z ± B W. In each of the four unit triangles their
 //! arrangement has finitely many cells, on each of which the map stays inside the box or outside of it. A cell that is inside does not meet
 //! the pole curve: where W vanishes inside, all four forms do, and that is a base point.
+//!
+//! The sides of a region of the parameter plane are lines that enter the same arrangement; cells outside of it are not inside. Curves of the box
+//! that are proved to miss it are left out: where one of them is, no base point is in the region.
 
+use crate::domain::{Domain, image_bounds, parameters};
 use crate::map::Map;
 use isoform_algebra::{Arrangement, ArrangementError, Poly, QUADRANTS, RBig, coprime_base, in_triangle};
 use std::collections::BTreeMap;
@@ -24,10 +28,16 @@ pub struct Region {
     pub factors: Vec<Poly>,
     /// The faces of the box that each factor belongs to: −X, +X, −Y, +Y, −Z, +Z are 0 to 5.
     pub faces: Vec<Vec<usize>>,
+    /// The sides of the domain whose lines each factor is, as bits.
+    pub(crate) lines: Vec<u64>,
     /// Of each of the other curves the factors that it consists of.
     pub extra: Vec<Vec<usize>>,
     /// By quadrants, as in [`QUADRANTS`].
     pub triangles: Vec<Triangle>,
+    /// The part of the parameter plane to which it is restricted.
+    pub domain: Option<Domain>,
+    /// Whether the map is proved to have no pole in the closed domain and to send it into the open box: then neither was decomposed.
+    pub is_clear: bool,
 }
 
 /// The topology of a region: of the surface in the box as far as no two parameters have the same image.
@@ -47,12 +57,32 @@ impl Region {
     /// # Errors
     /// [`ArrangementError`], if stopped.
     pub fn new(map: &Map, half_width: &RBig, extra: &[Poly], stop: &dyn Fn() -> bool) -> Result<Self, ArrangementError> {
+        Self::within(map, half_width, None, extra, stop)
+    }
+    /// Those of them that are in a domain.
+    ///
+    /// # Errors
+    /// [`ArrangementError`], if stopped.
+    pub fn within(
+        map: &Map,
+        half_width: &RBig,
+        domain: Option<&Domain>,
+        extra: &[Poly],
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Self, ArrangementError> {
         let [forms @ .., w] = map.forms();
-        let bounds: Vec<Poly> = forms.iter().flat_map(|x| [x + &w.scale(half_width), x - &w.scale(half_width)]).collect();
-        let all: Vec<Poly> = bounds.iter().chain(extra).cloned().collect();
+        let is_clear = domain.is_some_and(|d| is_clear(map, half_width, d));
+        let bounds: Vec<Poly> = match is_clear {
+            true => Vec::new(),
+            false => forms.iter().flat_map(|x| [x + &w.scale(half_width), x - &w.scale(half_width)]).collect(),
+        };
+        let lines = domain.map(Domain::lines).unwrap_or_default();
+        let all: Vec<Poly> = bounds.iter().chain(&lines).chain(extra).cloned().collect();
         let (factors, divisors) = coprime_base(&all);
-        let extra = divisors[6..].to_vec();
-        let faces = (0..factors.len()).map(|f| (0..6).filter(|&b| divisors[b].contains(&f)).collect()).collect();
+        let extra = divisors[bounds.len() + lines.len()..].to_vec();
+        let faces = (0..factors.len()).map(|f| (0..bounds.len()).filter(|&b| divisors[b].contains(&f)).collect()).collect();
+        let sides = |f: usize| (0..lines.len()).filter(|k| divisors[bounds.len() + k].contains(&f)).fold(0, |bits, k| bits | 1 << k);
+        let lines = (0..factors.len()).map(sides).collect();
         let mut triangles = Vec::with_capacity(4);
         for quadrant in 0..4 {
             let local = |p: &Poly| in_triangle(p, quadrant);
@@ -69,12 +99,60 @@ impl Region {
                             low.sign() != high.sign() || low.is_zero() || high.is_zero()
                         })
                     };
-                    slab.between.iter().map(between).collect()
+                    let in_domain = |v: &RBig| domain.is_none_or(|d| parameters(quadrant, [&slab.u, v]).is_some_and(|p| d.contains(&p)));
+                    slab.between.iter().map(|v| in_domain(v) && between(v)).collect()
                 })
                 .collect();
             triangles.push(Triangle { arrangement, inside });
         }
-        Ok(Self { half_width: half_width.clone(), factors, faces, extra, triangles })
+        Ok(Self { half_width: half_width.clone(), factors, faces, lines, extra, triangles, domain: domain.cloned(), is_clear })
+    }
+    /// The side of the domain, as a bit, that an arc over a slab lies on: none for what only lies on its line.
+    pub(crate) fn side_of_arc(&self, quadrant: usize, slab: usize, place: usize) -> u64 {
+        let a = &self.triangles[quadrant].arrangement;
+        let (u, curve) = (&a.slabs[slab].u, a.slabs[slab].arcs[place].curve);
+        let v = match curve {
+            c if c == a.lower() => Some(RBig::ZERO),
+            c if c == a.upper() => Some(RBig::ONE - u),
+            c if self.lines[c] != 0 => on_line(a.curve(c), u),
+            _ => None,
+        };
+        v.map_or(0, |v| self.side_at(quadrant, [u, &v]))
+    }
+    /// The same for the wall between a point and the next.
+    pub(crate) fn side_of_wall(&self, quadrant: usize, wall: usize, point: usize) -> u64 {
+        let w = &self.triangles[quadrant].arrangement.walls[wall];
+        // The side u = 0, or an upright line.
+        let is_line = point + 1 < w.points.len() && (wall == 0 || w.vertical.iter().any(|&f| self.lines[f] != 0));
+        let Some(u) = Some(&w.u).filter(|_| self.domain.is_some() && is_line).and_then(|u| u.to_rational()) else { return 0 };
+        let v = (&w.points[point].hi + &w.points[point + 1].lo) / RBig::from(2);
+        self.side_at(quadrant, [&u, &v])
+    }
+    /// The same for what a place of a unit triangle's side lies on: it is no point that a curve goes through.
+    pub(crate) fn side_of_place(&self, quadrant: usize, at: [f64; 2]) -> u64 {
+        let [u, v] = at.map(|x| RBig::try_from(x).unwrap_or_default());
+        if self.domain.is_none() { 0 } else { self.side_at(quadrant, [&u, &v]) }
+    }
+    fn side_at(&self, quadrant: usize, at: [&RBig; 2]) -> u64 {
+        let side = |d: &Domain| d.side_at(&parameters(quadrant, at)?);
+        self.domain.as_ref().and_then(side).map_or(0, |k| 1 << k)
+    }
+    /// All sides that end in a point of a wall, or that it is on.
+    pub(crate) fn sides_of_point(&self, quadrant: usize, wall: usize, point: usize) -> u64 {
+        if self.domain.is_none() {
+            return 0;
+        }
+        let a = &self.triangles[quadrant].arrangement;
+        let mut bits = 0;
+        for (slab, right) in [(wall.wrapping_sub(1), false), (wall, true)] {
+            for (i, arc) in a.slabs.get(slab).map_or(&[][..], |s| &s.arcs).iter().enumerate() {
+                if (if right { arc.left } else { arc.right }) == point {
+                    bits |= self.side_of_arc(quadrant, slab, i);
+                }
+            }
+        }
+        let before = point.checked_sub(1).map_or(0, |p| self.side_of_wall(quadrant, wall, p));
+        bits | before | self.side_of_wall(quadrant, wall, point)
     }
 
     /// Euler characteristic, components and boundary loops. The region is taken as the closure of its cells.
@@ -85,6 +163,19 @@ impl Region {
         }
         count.finish()
     }
+}
+
+/// Whether the map is proved to have no pole in a closed domain and to send it into the open box.
+pub(crate) fn is_clear(map: &Map, half_width: &RBig, domain: &Domain) -> bool {
+    let inside = |[lo, hi]: &[RBig; 2]| *lo > -half_width && hi < half_width;
+    image_bounds(map.affine(), &domain.bounds()).is_some_and(|b| b.iter().all(inside))
+}
+
+/// v on a line over u.
+fn on_line(line: &Poly, u: &RBig) -> Option<RBig> {
+    let rest = line.set(0, u);
+    let slope = rest.coefficient([0, 1, 0, 0]);
+    (!slope.is_zero()).then(|| -rest.coefficient([0; 4]) / slope)
 }
 
 impl Triangle {

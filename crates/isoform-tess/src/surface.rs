@@ -1,12 +1,15 @@
 //! The whole way from a map to the triangles of its surface in a box.
 
-use crate::analysis::{Analysis, Budget, analyse};
+use crate::analysis::{Analysis, Budget, analyse, analyse_clear};
+use crate::domain::Domain;
 use crate::double::{Fibres, pinch_points, solitary_arcs};
 use crate::field::Algebraic;
+use crate::joined::join;
 use crate::map::Map;
 use crate::mesh::fineness::Fineness;
 use crate::mesh::{Curves, mesh};
-use crate::region::Region;
+use crate::patch::Patch;
+use crate::region::{Region, is_clear};
 use crate::singular::CurveKind;
 use crate::univariate::Stopped;
 use isoform_algebra::RBig;
@@ -38,6 +41,8 @@ pub struct MeshOptions {
 pub struct TriangulateOptions {
     /// Half the width of the box around the origin.
     pub half_width: RBig,
+    /// The part of the parameter plane to which the surface is restricted: all of it if there is none.
+    pub domain: Option<Domain>,
     /// Whether sheets that cross are joined.
     pub mode: Mode,
     /// How fine.
@@ -61,6 +66,8 @@ pub enum Kind {
     Contracted,
     /// On a curve or in a point where the rank of the map drops.
     Cusp,
+    /// On a side of the domain.
+    Border,
 }
 
 /// An arc in which sheets of the surface meet.
@@ -85,6 +92,8 @@ pub struct Surface {
     pub charts: Vec<u8>,
     /// u and v of its corners there.
     pub corners: Vec<[[f64; 2]; 3]>,
+    /// The patch that each triangle is of, where patches were joined.
+    pub patches: Vec<u32>,
     /// Arcs in which real sheets meet.
     pub double_curve: Vec<DoubleArc>,
     /// Real points of the surface that only conjugate parameters reach, as polylines.
@@ -93,6 +102,8 @@ pub struct Surface {
     pub unproven: Vec<String>,
     /// The faces of the box that each vertex is on, as bits, and whether sheets meet there.
     pub(crate) faces: Vec<u8>,
+    /// The sides of the domain that the corners of the triangles are on, as bits.
+    pub(crate) borders: Vec<[u64; 3]>,
     pub(crate) double: Vec<bool>,
 }
 
@@ -115,7 +126,10 @@ impl<'a> Prepared<'a> {
     /// # Errors
     /// [`Stopped`], if not even the region of parameters was found in time.
     pub fn new(map: &'a Map, options: &'a TriangulateOptions, stop: &dyn Fn() -> bool) -> Result<Self, Stopped> {
-        let mut analysis = analyse(map, &options.budget, stop);
+        let domain = options.domain.as_ref();
+        let is_local =
+            options.mode == Mode::Normalised && !options.budget.everywhere && domain.is_some_and(|d| is_clear(map, &options.half_width, d));
+        let mut analysis = if is_local { analyse_clear(map, stop) } else { analyse(map, &options.budget, stop) };
         let mut unproven = analysis.unproven.clone();
         let clock = Instant::now();
         let b = options.half_width.to_f64().value();
@@ -131,9 +145,12 @@ impl<'a> Prepared<'a> {
                 }
                 fibres = Fibres::new(map, singular, b, stop).ok();
             }
-            let (arcs, problems) = solitary_arcs(map, singular, b, options.mesh.tolerance, stop);
-            solitary = arcs;
-            unproven.extend(problems);
+            // No parameters of a domain lead to solitary arcs.
+            if domain.is_none() {
+                let (arcs, problems) = solitary_arcs(map, singular, b, options.mesh.tolerance, stop);
+                solitary = arcs;
+                unproven.extend(problems);
+            }
         }
         if glued && analysis.degrees.is_some_and(|d| d.map_degree > 1) {
             unproven.push("several parameters have the same image everywhere: sheets that lie upon each other are not joined".to_owned());
@@ -141,7 +158,7 @@ impl<'a> Prepared<'a> {
         analysis.seconds.push(("double curve", clock.elapsed().as_secs_f64()));
         let clock = Instant::now();
         let curves = Curves::new(&analysis, glued, pinches, fibres);
-        let region = Region::new(map, &options.half_width, &curves.forms(), stop).map_err(|_| Stopped)?;
+        let region = Region::within(map, &options.half_width, domain, &curves.forms(), stop).map_err(|_| Stopped)?;
         analysis.seconds.push(("region", clock.elapsed().as_secs_f64()));
         Ok(Self { map, options, analysis, curves, region, solitary, unproven, fineness: Fineness::default() })
     }
@@ -175,4 +192,13 @@ pub fn triangulate(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> b
     let mut prepared = Prepared::new(map, options, stop)?;
     let surface = prepared.surface(stop);
     Ok((surface, prepared.analysis))
+}
+
+/// One surface of the surfaces of patches, each over [0, 1]² and in the same box: joined along sides with the same control points.
+///
+/// # Panics
+/// If there are not as many surfaces as patches.
+pub fn join_patches(patches: &[Patch], surfaces: Vec<Surface>, half_width: f64) -> Surface {
+    assert_eq!(patches.len(), surfaces.len(), "a surface for every patch");
+    join(patches, surfaces, half_width)
 }

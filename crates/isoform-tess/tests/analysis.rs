@@ -264,7 +264,7 @@ fn random_maps_are_analysed_or_refused() {
         });
         let Ok(map) = Map::new(polynomials, Options { reduce: true }) else { continue };
         // The implicit equations of degree 16 are slow without optimisation.
-        let found = analyse(&map, &Budget { implicit_degree: 9, seconds: f64::INFINITY }, &go);
+        let found = analyse(&map, &Budget { implicit_degree: 9, ..Budget::default() }, &go);
         for sentence in &found.unproven {
             assert!(sentence.contains("above the limit of 9"), "{:?}: {sentence}", map.affine());
         }
@@ -278,7 +278,7 @@ fn stopping_is_said() {
     let found = analyse(&map(CLEBSCH), &Budget::default(), &|| true);
     assert!(found.base_points.is_none() && found.singular.is_none() && found.degrees.is_none());
     assert_eq!(found.unproven.len(), 6, "{:?}", found.unproven);
-    let found = analyse(&map(ROMAN), &Budget { implicit_degree: 3, seconds: f64::INFINITY }, &go);
+    let found = analyse(&map(ROMAN), &Budget { implicit_degree: 3, ..Budget::default() }, &go);
     assert_eq!(found.unproven, ["self-intersections: the surface has degree 4, above the limit of 3"]);
     assert!(found.singular.is_some_and(|s| s.double.is_none()));
 }

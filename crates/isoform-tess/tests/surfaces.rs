@@ -11,8 +11,13 @@ fn options(half_width: f64) -> MeshOptions {
 }
 
 fn surface(map: &Map, half_width: i64, mode: Mode) -> Surface {
-    let options =
-        TriangulateOptions { half_width: RBig::from(half_width), mode, mesh: options(half_width as f64), budget: Budget::default() };
+    let options = TriangulateOptions {
+        half_width: RBig::from(half_width),
+        domain: None,
+        mode,
+        mesh: options(half_width as f64),
+        budget: Budget::default(),
+    };
     triangulate(map, &options, &|| false).expect("not stopped").0
 }
 

@@ -1,9 +1,12 @@
 //! Rational surfaces with a last look at their triangles.
 
+use isoform_algebra::RBig;
 use isoform_geom::{Aabb, Mesh};
 use isoform_mesh::Control;
 use isoform_mesh::check::{self, Intersections, certify};
-use isoform_tess::{Analysis, Map, Mode, Point3, Prepared, Stopped, Surface, TriangulateOptions};
+use isoform_tess::{
+    Analysis, Budget, Domain, Map, MapError, Mode, Patch, Point3, Prepared, Stopped, Surface, TriangulateOptions, join_patches,
+};
 use std::time::Instant;
 
 /// How often the surface is made again, finer where triangles cross.
@@ -67,6 +70,53 @@ pub fn rational_surface(map: &Map, options: &TriangulateOptions, stop: &dyn Fn()
         prepared.analysis.seconds.push(("crossings", seconds));
     }
     Ok((surface, prepared.analysis))
+}
+
+/// Why patches have no triangles.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PatchesError {
+    /// One of them is no surface.
+    #[error("{name}: {error}")]
+    Map {
+        /// Which.
+        name: String,
+        /// Why.
+        error: MapError,
+    },
+    /// The time was over.
+    #[error("stopped")]
+    Stopped,
+}
+
+/// Patches, each over [0, 1]², as one mesh: joined along the sides that they have in common. The domain of the options is not looked at. Of a
+/// patch that is proved to have no pole and to lie in the box only contracted curves are looked for, unless its sheets are to be joined.
+///
+/// # Errors
+/// [`PatchesError`].
+pub fn rational_patches(
+    patches: &[Patch],
+    options: &TriangulateOptions,
+    stop: &dyn Fn() -> bool,
+) -> Result<(Surface, Vec<(Map, Analysis)>), PatchesError> {
+    let unit = || [RBig::ZERO, RBig::ONE];
+    let domain = Domain::rectangle(unit(), unit()).ok();
+    let is_normalised = options.mode == Mode::Normalised;
+    let implicit_degree = if is_normalised { 0 } else { options.budget.implicit_degree };
+    let budget = Budget { implicit_degree, everywhere: false, ..options.budget };
+    let mut options = TriangulateOptions { domain, budget, ..options.clone() };
+    let (mut surfaces, mut known) = (Vec::new(), Vec::new());
+    for patch in patches {
+        let map = patch.map().map_err(|error| PatchesError::Map { name: patch.name.clone(), error })?;
+        let (surface, analysis) = rational_surface(&map, &options, stop).map_err(|_: Stopped| PatchesError::Stopped)?;
+        options.mesh.triangles = options.mesh.triangles.saturating_sub(surface.triangles.len());
+        surfaces.push(surface);
+        known.push((map, analysis));
+    }
+    let mut joined = join_patches(patches, surfaces, options.half_width.to_f64().value());
+    if patches.len() > 1 && !is_normalised {
+        joined.unproven.push("different patches are not cut where they cross".to_owned());
+    }
+    Ok((joined, known))
 }
 
 fn crossings(surface: &Surface, stop: &dyn Fn() -> bool) -> Option<Intersections> {

@@ -45,6 +45,7 @@ fn random_maps() {
             let stop = || clock.elapsed() > allowed;
             let options = TriangulateOptions {
                 half_width: RBig::from(3),
+                domain: None,
                 mode,
                 mesh: MeshOptions { tolerance: 0.03, longest: 1.0, triangles: 100_000 },
                 budget: Budget { seconds: 0.25 * allowed.as_secs_f64(), ..Budget::default() },

@@ -22,14 +22,17 @@ pub(super) fn document(made: &Made) -> Value {
         "verb": "triangulate",
         "map": {
             "file": made.name,
-            "degree": made.map.degree(),
-            "removed": made.map.removed().map(|f| f.display(&VARIABLES).to_string()),
+            "degree": made.maps.iter().map(isoform::tess::Map::degree).max(),
+            "removed": made.maps.first().and_then(|m| m.removed()).map(|f| f.display(&VARIABLES).to_string()),
         },
         "box": options.half_width.to_string(),
+        "box_chosen": made.is_chosen,
+        "region": options.domain.as_ref().map(|d| d.corners().iter().map(|c| c.each_ref().map(ToString::to_string)).collect::<Vec<_>>()),
+        "patches": if made.patches.is_empty() { Value::Null } else { made.patches.len().into() },
         "mode": mode(options.mode),
         "tolerance": options.mesh.tolerance,
         "longest": options.mesh.longest,
-        "surface_degree": made.analysis.degrees.map(|d| d.implicit_degree),
+        "surface_degree": made.analyses.iter().filter_map(|a| a.degrees).map(|d| d.implicit_degree).max(),
         "topology": {
             "euler": topology.euler, "components": topology.components, "boundary_loops": topology.boundary_loops,
             "edges_of_more_than_two": topology.crowded_edges,
@@ -52,9 +55,15 @@ pub(super) fn file(made: &Made) -> Vec<u8> {
 
 /// What is known of the surface. All but `seconds` is the same each time.
 fn report(made: &Made) -> Value {
-    let (surface, analysis) = (&made.surface, &made.analysis);
-    // What is unknown is among the unproven.
-    let pole = analysis.pole_topology.unwrap_or_default();
+    let surface = &made.surface;
+    let all = || made.analyses.iter();
+    // What is unknown is among the unproven, or not in the domain.
+    let pole = all().filter_map(|a| a.pole_topology).fold(CurveTopology::default(), |a, b| CurveTopology {
+        ovals: a.ovals + b.ovals,
+        pseudolines: a.pseudolines + b.pseudolines,
+        singular: a.singular + b.singular,
+        isolated: a.isolated + b.isolated,
+    });
     let mut json = json!({
         "certified": made.is_certified(),
         "unproven": surface.unproven,
@@ -64,10 +73,10 @@ fn report(made: &Made) -> Value {
         json["improper"] = true.into();
     }
     let rest = json!({
-        "base_points": analysis.base_points.iter().flatten().map(base_point).collect::<Vec<_>>(),
+        "base_points": all().filter_map(|a| a.base_points.as_ref()).flatten().map(base_point).collect::<Vec<_>>(),
         "pole_components": pole_components(&pole),
         "double_curve": surface.double_curve.iter().map(double_arc).collect::<Vec<_>>(),
-        "contracted": contracted(analysis).iter().map(|(curve, at)| json!({"curve": curve, "point": at})).collect::<Vec<_>>(),
+        "contracted": all().flat_map(contracted).map(|(curve, at)| json!({"curve": curve, "point": at})).collect::<Vec<_>>(),
         "solitary_arcs": surface.solitary_arcs,
         "seconds": made.seconds.iter().map(|(phase, s)| ((*phase).to_owned(), json!(s))).collect::<Map<_, _>>(),
     });
@@ -103,7 +112,10 @@ pub(super) fn contracted(analysis: &Analysis) -> Vec<(String, Option<[f64; 3]>)>
 /// The sidecar: charts and corners by triangle, kinds by vertex, in the order of the mesh.
 pub(super) fn sidecar(surface: &Surface) -> Vec<u8> {
     let kinds: Vec<&str> = surface.kinds.iter().map(|&k| kind(k)).collect();
-    let json = json!({"schema": 1, "chart": surface.charts, "corners": surface.corners, "kind": kinds});
+    let mut json = json!({"schema": 1, "chart": surface.charts, "corners": surface.corners, "kind": kinds});
+    if !surface.patches.is_empty() {
+        json["patch"] = json!(surface.patches);
+    }
     let mut bytes = serde_json::to_vec(&json).unwrap_or_default();
     bytes.push(b'\n');
     bytes
@@ -117,5 +129,6 @@ fn kind(kind: Kind) -> &'static str {
         Kind::Seam => "seam",
         Kind::Contracted => "contracted",
         Kind::Cusp => "cusp",
+        Kind::Border => "border",
     }
 }

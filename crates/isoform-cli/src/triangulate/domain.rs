@@ -80,10 +80,11 @@ pub(super) fn svg(made: &Made) -> String {
             let _ = writeln!(svg, "<path class=\"{class}\" d=\"{path}\"/>");
         }
     }
-    for at in made.analysis.base_points.iter().flatten().flat_map(|b| spots(b.to_f64())) {
+    let base_points = || made.analyses.iter().filter_map(|a| a.base_points.as_ref()).flatten();
+    for at in base_points().flat_map(|b| spots(b.to_f64())) {
         let _ = writeln!(svg, "<circle class=\"base\" cx=\"{}\" cy=\"{}\" r=\"4.5\"/>", at[0], at[1]);
     }
-    labels(&mut svg, [!open.is_empty(), !double.is_empty(), made.analysis.base_points.as_ref().is_some_and(|b| !b.is_empty())]);
+    labels(&mut svg, [!open.is_empty(), !double.is_empty(), base_points().next().is_some()]);
     svg += "</svg>\n";
     svg
 }

@@ -10,8 +10,11 @@ use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use crate::progress::Progress;
 use isoform::algebra::{Poly, RBig};
 use isoform::geom::Mesh;
-use isoform::tess::{Analysis, Budget, Map, MapError, MeshOptions, Mode, Options, Surface, TriangulateOptions, VARIABLES};
-use isoform::{Topology, topology};
+use isoform::tess::{
+    Analysis, Budget, Domain, Map, MapError, MeshOptions, Mode, Options, Patch, Surface, TriangulateOptions, VARIABLES, bounds_over,
+    is_patch_file, patch_bounds, read_patches,
+};
+use isoform::{PatchesError, Topology, topology};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -32,34 +35,43 @@ Examples:
   isoform triangulate sphere.json --box 2 -o sphere.obj
   isoform triangulate sphere.json --box 3/2 --tol 1e-4 -o sphere.ply --report report.json --domain domain.svg
   isoform triangulate sphere.json --box 2 --mode normalised -o sphere.obj --sidecar sidecar.json --json
+  isoform triangulate sphere.json --box 2 --rectangle -1/2,1,0,0.75 -o piece.obj
+  isoform triangulate patches.json -o patches.obj
 
 where sphere.json is a map (s, t) to (X/W, Y/W, Z/W):
   {\"X\": \"2*s\", \"Y\": \"2*t\", \"Z\": \"s^2 + t^2 - 1\", \"W\": \"s^2 + t^2 + 1\"}
 
 The parameters are the whole projective plane, infinity included; what is drawn is the part of the surface in the box from -B to B in x, y
-and z. Poles, base points, contracted and double curves are found with exact arithmetic, not by sampling. What could not be proved is
+and z; --rectangle and --polygon restrict the parameters. Files of patches, as isoform parameterize writes them, and of NURBS surfaces are drawn
+over their own parameters; their weights may be zero or negative. Poles, base points, contracted and double curves are found with exact arithmetic, not by sampling. What could not be proved is
 said, see docs/rational.md.
 
 Exit code: 0 when everything is proved, 3 when something is not (files are written all the same), 2 for an invalid map, 4 without
 triangles, 130 after Ctrl-C.")]
 pub(crate) struct Args {
-    /// The map: a JSON file with X, Y, Z and W, polynomials in s and t with rational coefficients (- for stdin)
+    /// The map: a JSON file with X, Y, Z and W, polynomials in s and t with rational coefficients, or a file of patches (- for stdin)
     map: PathBuf,
-    /// Half the width of the box around the origin, taken as exactly this number: 2, 0.1, 1/3
+    /// Half the width of the box around the origin, taken as exactly this number: 2, 0.1, 1/3; patches and regions without poles need none
     #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = half_width)]
-    half_width: HalfWidth,
-    /// Largest distance of the middles of triangles and edges from the surface [default: 5e-4 B]
+    half_width: Option<HalfWidth>,
+    /// Draw only parameters with S0 <= s <= S1 and T0 <= t <= T1, taken as exactly these numbers
+    #[arg(long, value_name = "S0,S1,T0,T1", allow_hyphen_values = true, value_parser = rectangle, conflicts_with = "polygon")]
+    rectangle: Option<Domain>,
+    /// Draw only parameters in a polygon with these corners: "0,0 2,0 1,3/2"
+    #[arg(long, value_name = "S,T S,T ...", allow_hyphen_values = true, value_parser = polygon)]
+    polygon: Option<Domain>,
+    /// Largest distance of the middles of triangles and edges from the surface; without --box, B is half its width here [default: 5e-4 B]
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     tol: Option<f64>,
-    /// Largest length of edges [default: 0.25 B]
+    /// Largest length of edges; without --box, B is half the surface's width here [default: 0.25 B]
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     longest: Option<f64>,
     /// Stop refining at about so many triangles
     #[arg(long, value_name = "N", default_value_t = MOST_TRIANGLES, value_parser = at_least_one)]
     triangles: usize,
-    /// Whether sheets that cross are joined
-    #[arg(long, value_enum, default_value_t = Sheets::Glued)]
-    mode: Sheets,
+    /// Whether sheets that cross are joined [default: glued; for patches normalised]
+    #[arg(long, value_enum)]
+    mode: Option<Sheets>,
     /// Divide X, Y, Z and W by their common factor instead of refusing the map
     #[arg(long)]
     reduce: bool,
@@ -95,9 +107,28 @@ struct HalfWidth {
     near: f64,
 }
 
-fn half_width(text: &str) -> Result<HalfWidth, String> {
+fn rational(text: &str) -> Result<RBig, String> {
     let exact = Poly::parse(text.trim(), &[]).ok().and_then(|p| p.as_constant());
-    let exact = exact.ok_or("a decimal number or a fraction is expected, such as 2, 0.1 or 1/3")?;
+    exact.ok_or_else(|| "a decimal number or a fraction is expected, such as 2, 0.1 or 1/3".to_owned())
+}
+
+fn rectangle(text: &str) -> Result<Domain, String> {
+    let list = text.split(',').map(rational).collect::<Result<Vec<_>, _>>()?;
+    let [s0, s1, t0, t1] = <[RBig; 4]>::try_from(list).map_err(|l| format!("four numbers are expected, {} are there", l.len()))?;
+    Domain::rectangle([s0, s1], [t0, t1]).map_err(|e| e.to_string())
+}
+
+fn polygon(text: &str) -> Result<Domain, String> {
+    let corner = |c: &str| {
+        let list = c.split(',').map(rational).collect::<Result<Vec<_>, _>>()?;
+        <[RBig; 2]>::try_from(list).map_err(|_| format!("{c}: s,t is expected"))
+    };
+    let corners = text.split_whitespace().map(corner).collect::<Result<Vec<_>, _>>()?;
+    Domain::polygon(corners).map_err(|e| e.to_string())
+}
+
+fn half_width(text: &str) -> Result<HalfWidth, String> {
+    let exact = rational(text)?;
     let near = exact.to_f64_fast();
     if near > 0.0 && near.is_normal() { Ok(HalfWidth { exact, near }) } else { Err("a positive number is expected".to_owned()) }
 }
@@ -109,12 +140,17 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 /// A triangulated surface with all that is known of it.
 struct Made {
     name: String,
-    map: Map,
+    /// One, or one for every patch.
+    maps: Vec<Map>,
+    analyses: Vec<Analysis>,
+    /// The names of patches; none for a map.
+    patches: Vec<String>,
     /// B to the nearest double.
     half_width: f64,
+    /// Whether B was not given, but comes from bounds of the surface.
+    is_chosen: bool,
     options: TriangulateOptions,
     surface: Surface,
-    analysis: Analysis,
     topology: Topology,
     written: Vec<Written>,
     /// Seconds by phase.
@@ -134,7 +170,7 @@ impl Made {
     }
     /// How many parameters reach a general point of the surface; 0 if that is unknown.
     fn map_degree(&self) -> usize {
-        self.analysis.degrees.map_or(0, |d| d.map_degree)
+        self.analyses.iter().filter_map(|a| a.degrees).map(|d| d.map_degree).max().unwrap_or(0)
     }
 }
 
@@ -147,14 +183,16 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         }
         output::check_folder(path)?;
     }
-    let map = read(&args.map, args.reduce)?;
-    if let Some(factor) = map.removed() {
+    let subject = read(&args.map, args.reduce)?;
+    let mut made = make(args, subject, context)?;
+    for factor in made.maps.iter().filter_map(Map::removed).filter(|_| made.patches.is_empty()) {
         context.warn(format_args!("X, Y, Z and W were divided by their common factor {}", factor.display(&VARIABLES)));
     }
-    let mut made = make(args, map, context)?;
 
     let clock = Instant::now();
-    let mesh = Mesh::from_triangles(made.surface.points.clone(), made.surface.triangles.clone());
+    let mut mesh = Mesh::from_triangles(made.surface.points.clone(), made.surface.triangles.clone());
+    mesh.triangle_parts.clone_from(&made.surface.patches);
+    mesh.parts.clone_from(&made.patches);
     let (written, stdout) = files::write_mesh_files(&mesh, None, &targets)?;
     made.written = written;
     if let Some(path) = &args.sidecar {
@@ -184,11 +222,52 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     Ok(Outcome { exit: made.exit(), json, stdout })
 }
 
-/// Reads and checks a map.
-fn read(path: &Path, reduce: bool) -> Result<Map, Failure> {
+/// What there is to draw.
+enum Subject {
+    Map(Box<Map>),
+    Patches(Vec<Patch>),
+}
+
+/// Reads and checks a map, or patches.
+fn read(path: &Path, reduce: bool) -> Result<Subject, Failure> {
     let text = output::text(output::read_file(path)?);
     let path = if path == Path::new("-") { Path::new("stdin") } else { path };
-    Map::from_json(&text, Options { reduce }).map_err(|e| invalid(&e, path, &text))
+    if let Some(json) = serde_json::from_str::<Value>(&text).ok().filter(is_patch_file) {
+        return read_patches(&json).map(Subject::Patches).map_err(|e| {
+            let mut failure = Failure::input("not_patches", format!("{}: {e}", path.display()));
+            failure.place.file = Some(path.to_owned());
+            failure.hint("see Patches in docs/rational.md")
+        });
+    }
+    Map::from_json(&text, Options { reduce }).map(|m| Subject::Map(Box::new(m))).map_err(|e| invalid(&e, path, &text))
+}
+
+/// The box: as asked for, or, where the surface is proved to have bounds, around it; half the largest width of the surface in the box then.
+fn find_box(args: &Args, subject: &Subject) -> Result<(HalfWidth, f64, bool), Failure> {
+    if let Some(given) = &args.half_width {
+        return Ok((given.clone(), given.near, false));
+    }
+    let domain = args.rectangle.as_ref().or(args.polygon.as_ref());
+    let bounds = match subject {
+        Subject::Map(map) => domain.and_then(|d| bounds_over(map, d)),
+        Subject::Patches(patches) => patch_bounds(patches),
+    };
+    let Some(bounds) = bounds else {
+        let why = match (subject, domain) {
+            (Subject::Map(_), None) => "the parameters are the whole plane",
+            (Subject::Map(_), Some(_)) => "W is not proved to keep its sign over the region",
+            (Subject::Patches(_), _) => "the weights are not proved to keep their sign",
+        };
+        return Err(Failure::usage("--box is needed").why(why.to_owned()).hint("--box B, half the width of a box around the origin"));
+    };
+    let near = bounds.map(|b| b.map(|x| x.to_f64_fast()));
+    let most = near.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+    let width = near.iter().map(|[lo, hi]| 0.5 * (hi - lo)).fold(0.0, f64::max);
+    // Two digits, at least a hundredth more than needed.
+    let exponent = (1.01 * most).log10().floor() as i32 - 1;
+    let text = format!("{:.0}e{exponent}", (1.01 * most / 10f64.powi(exponent)).ceil());
+    let exact = half_width(&text).map_err(|_| Failure::usage("--box is needed").why("the surface is too large or too small".to_owned()))?;
+    Ok((exact, width, true))
 }
 
 /// Why it is no map, and where.
@@ -211,16 +290,26 @@ fn invalid(error: &MapError, path: &Path, text: &str) -> Failure {
     failure
 }
 
-/// Triangulates a map, or says why there is no triangle.
-fn make(args: &Args, map: Map, context: &Context) -> Result<Made, Failure> {
-    let b = args.half_width.near;
+/// Triangulates a map or patches, or says why there is no triangle.
+fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failure> {
+    let domain = args.rectangle.as_ref().or(args.polygon.as_ref());
+    let is_map = matches!(subject, Subject::Map(_));
+    if !is_map && domain.is_some() {
+        return Err(Failure::usage("patches are drawn over their own parameters").hint("without --rectangle and --polygon"));
+    }
+    let (half_width, size, is_chosen) = find_box(args, &subject)?;
     let seconds = context.global.time_limit.map_or(f64::INFINITY, |t| EXACT_SHARE * t.as_secs_f64());
     let options = TriangulateOptions {
-        half_width: args.half_width.exact.clone(),
-        mode: if args.mode == Sheets::Glued { Mode::Glued } else { Mode::Normalised },
+        half_width: half_width.exact.clone(),
+        domain: domain.cloned(),
+        mode: match args.mode {
+            Some(Sheets::Glued) => Mode::Glued,
+            None if is_map => Mode::Glued,
+            _ => Mode::Normalised,
+        },
         mesh: MeshOptions {
-            tolerance: args.tol.unwrap_or(TOLERANCE * b),
-            longest: args.longest.unwrap_or(LONGEST * b),
+            tolerance: args.tol.unwrap_or(TOLERANCE * size),
+            longest: args.longest.unwrap_or(LONGEST * size),
             triangles: args.triangles,
         },
         budget: Budget { seconds, ..Budget::default() },
@@ -235,14 +324,37 @@ fn make(args: &Args, map: Map, context: &Context) -> Result<Made, Failure> {
         progress.show("triangulation", done());
         interrupt::happened() || context.is_late()
     };
-    let (surface, mut analysis) = isoform::rational_surface(&map, &options, &stop).map_err(|_| nothing(&name, &[], context))?;
+    let mut patches = Vec::new();
+    let (surface, known) = match subject {
+        Subject::Map(map) => {
+            let found = isoform::rational_surface(&map, &options, &stop).map_err(|_| nothing(&name, &[], context))?;
+            (found.0, vec![(*map, found.1)])
+        }
+        Subject::Patches(list) => {
+            patches = list.iter().map(|p| p.name.clone()).collect();
+            isoform::rational_patches(&list, &options, &stop).map_err(|e| match e {
+                PatchesError::Map { name: which, error } => {
+                    Failure::input(error.code(), format!("{name}: {which}: {error}")).hint(error.hint())
+                }
+                PatchesError::Stopped => nothing(&name, &[], context),
+            })?
+        }
+    };
     drop(progress);
     if surface.triangles.is_empty() {
         return Err(nothing(&name, &surface.unproven, context));
     }
     let topology = topology(&surface.triangles);
-    let seconds = std::mem::take(&mut analysis.seconds);
-    Ok(Made { name, map, half_width: b, options, surface, analysis, topology, written: Vec::new(), seconds })
+    let mut seconds: Vec<(&'static str, f64)> = Vec::new();
+    for &(phase, s) in known.iter().flat_map(|k| &k.1.seconds) {
+        match seconds.iter_mut().find(|known| known.0 == phase) {
+            Some(known) => known.1 += s,
+            None => seconds.push((phase, s)),
+        }
+    }
+    let (maps, analyses) = known.into_iter().unzip();
+    let half_width = half_width.near;
+    Ok(Made { name, maps, analyses, patches, half_width, is_chosen, options, surface, topology, written: Vec::new(), seconds })
 }
 
 /// Why there is no triangle.

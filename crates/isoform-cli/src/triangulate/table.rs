@@ -11,19 +11,29 @@ use std::path::PathBuf;
 pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
     let (surface, topology, mesh) = (&made.surface, &made.topology, &made.options.mesh);
     let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
-    let mut text = line("map", degrees(made));
+    let mut text = match made.patches.len() {
+        0 => line("map", degrees(made)),
+        n => line("map", format!("{}, of degree {} or less", count(n, "patch").replace("patchs", "patches"), degree(made))),
+    };
+    if let Some(domain) = made.options.domain.as_ref() {
+        let corners: Vec<String> = domain.corners().iter().map(|[s, t]| format!("({s}, {t})")).collect();
+        text += &line("region", corners.join(" "));
+    }
     let box_line = format!(
-        "{} about the origin in x, y and z; tolerance {}, edges up to {}; {}",
+        "{}{} about the origin in x, y and z; tolerance {}, edges up to {}; {}",
         made.half_width,
+        if made.is_chosen { ", chosen to hold all of it," } else { "" },
         mesh.tolerance,
         mesh.longest,
         document::mode(made.options.mode)
     );
     text += &line("box", box_line);
-    text += &line("base points", base_points(made.analysis.base_points.as_deref()));
-    text += &line("pole", pole(made.analysis.pole_topology.as_ref()));
-    text += &line("double curve", double_curve(made));
-    let contracted = document::contracted(&made.analysis);
+    if let ([analysis], []) = (&made.analyses[..], &made.patches[..]) {
+        text += &line("base points", base_points(analysis.base_points.as_deref()));
+        text += &line("pole", pole(analysis.pole_topology.as_ref()));
+        text += &line("double curve", double_curve(made));
+    }
+    let contracted: Vec<_> = made.analyses.iter().filter(|_| made.patches.is_empty()).flat_map(document::contracted).collect();
     for (i, (curve, to)) in contracted.iter().enumerate() {
         let to = to.map_or("a point at infinity".to_owned(), |[x, y, z]| format!("({x}, {y}, {z})"));
         text += &line(if i == 0 { "contracted" } else { "" }, format!("{curve} = 0 to {to}"));
@@ -57,9 +67,13 @@ fn count(n: usize, what: &str) -> String {
     }
 }
 
+fn degree(made: &Made) -> usize {
+    made.maps.iter().map(isoform::tess::Map::degree).max().unwrap_or(0)
+}
+
 fn degrees(made: &Made) -> String {
-    let degree = made.map.degree();
-    match made.analysis.degrees {
+    let degree = degree(made);
+    match made.analyses.first().and_then(|a| a.degrees) {
         None => format!("of degree {degree}; how often it covers the surface is unknown"),
         Some(d) if d.map_degree == 1 => format!("of degree {degree}, proper, onto a surface of degree {}", d.implicit_degree),
         Some(d) => {

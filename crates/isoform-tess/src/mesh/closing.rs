@@ -8,14 +8,20 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Looks whether the surface ends on the faces of the box only, and no edge but those of the double curve has more than two triangles.
 fn check(s: &mut Surface, half_width: f64, glued: bool) {
     let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-    for t in &s.triangles {
-        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-            *uses.entry([a.min(b), a.max(b)]).or_default() += 1;
+    // Edges that lie on a side of the domain in a triangle.
+    let mut bordering: BTreeSet<[u32; 2]> = BTreeSet::new();
+    for (t, borders) in s.triangles.iter().zip(&s.borders) {
+        for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+            let edge = [t[i].min(t[j]), t[i].max(t[j])];
+            *uses.entry(edge).or_default() += 1;
+            if borders[i] & borders[j] != 0 {
+                bordering.insert(edge);
+            }
         }
     }
     let same_face = |e: &[u32; 2]| s.faces[e[0] as usize] & s.faces[e[1] as usize] != 0;
     let is_double = |e: &[u32; 2]| e.iter().all(|&v| s.double[v as usize]);
-    let open = uses.iter().filter(|(e, n)| **n == 1 && !same_face(e)).count();
+    let open = uses.iter().filter(|(e, n)| **n == 1 && !same_face(e) && !bordering.contains(*e)).count();
     let crowded = uses.iter().filter(|(e, n)| **n > 2 && !(is_double(e) && **n % 2 == 0)).count();
     let size = |t: &[u32; 3]| {
         let [p, q, r] = t.map(|v| s.points[v as usize]);
@@ -55,6 +61,7 @@ fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> bool) {
     s.triangles = kept.iter().map(|&k| s.triangles[k]).collect();
     s.charts = kept.iter().map(|&k| s.charts[k]).collect();
     s.corners = kept.iter().map(|&k| s.corners[k]).collect();
+    s.borders = kept.iter().map(|&k| s.borders[k]).collect();
 }
 
 /// Leaves out vertices without a position, and the triangles at them, which is said to be unproven.

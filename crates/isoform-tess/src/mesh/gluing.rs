@@ -4,7 +4,7 @@
 //! The curve is walked through piece by piece: arcs over slabs, stretches of walls, sides of the unit triangles. What is special there (points
 //! of walls, rectangles around base points, pinch points) comes first, so that its partners are vertices, too; then the rest.
 
-use super::{Builder, Columns, Name, Ray, Sides, Stretch, distance, on_side, sides_of};
+use super::{Builder, Columns, Name, Ray, Sides, Stretch, distance, in_plane, on_side, sides_of};
 use crate::double::Fibres;
 use crate::surface::{DoubleArc, Point3};
 use std::collections::BTreeMap;
@@ -139,6 +139,9 @@ impl Builder<'_> {
             for q in 0..4 {
                 let Some(at) = super::place_in(q, p) else { continue };
                 let image = self.charts[q].at(at);
+                if self.region.domain.as_ref().is_some_and(|d| d.is_outside(in_plane(q, at))) {
+                    continue;
+                }
                 // Base points have no image, and none of their own.
                 if image.iter().all(|x| x.abs() <= self.half_width) {
                     points.push((q, at, image));
@@ -535,7 +538,15 @@ impl Builder<'_> {
                 [Some(a), Some(b)] => edges.get(&[a.min(b), a.max(b)]).copied().unwrap_or(0) < 2,
                 _ => true,
             };
-            let lonely: Vec<&[Knot]> = piece.knots.windows(2).filter(alone).collect();
+            let mut lonely: Vec<&[Knot]> = piece.knots.windows(2).filter(alone).collect();
+            // Partners may be outside of the domain on some of its length only.
+            if let (Some(_), Some(fibres), false) = (&self.region.domain, fibres, piece.is_seam()) {
+                lonely.retain(|w| {
+                    let at = self.on_curve_of(piece, [0, 1].map(|i| 0.5 * (w[0].at[i] + w[1].at[i])));
+                    let is_outside = |p: [f64; 3]| self.region.domain.as_ref().is_some_and(|d| d.is_outside(p));
+                    !fibres.is_alone(self.charts[piece.q].at(at), in_plane(piece.q, at), &is_outside)
+                });
+            }
             if let Some(w) = lonely.get(lonely.len() / 2) {
                 let at = [0, 1].map(|i| 0.5 * (w[0].at[i] + w[1].at[i]));
                 let middle = || if piece.is_seam() { w[0].image } else { self.charts[piece.q].at(at) };
@@ -605,6 +616,13 @@ impl Builder<'_> {
                     gluing.lines.insert(track, piece.knots.iter().map(|k| k.at).collect());
                 }
             }
+        }
+    }
+    /// The point of a piece over, or beside, one of its chords.
+    fn on_curve_of(&self, piece: &Piece, at: [f64; 2]) -> [f64; 2] {
+        match piece.track {
+            Track::Arc(q, slab, i) => Columns::new(&self.region.triangles[q].arrangement, slab).at(at[0], i).map_or(at, |v| [at[0], v]),
+            _ => at,
         }
     }
     fn is_ring(&self, piece: &Piece, knot: &Knot) -> bool {

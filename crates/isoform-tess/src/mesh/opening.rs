@@ -68,6 +68,10 @@ impl Builder<'_> {
                         continue;
                     }
                     let at = self.place(q, k, p);
+                    if self.region.sides_of_point(q, k, p) != 0 {
+                        problems.push("a base point on a side of the domain is left open".to_owned());
+                        continue;
+                    }
                     let near = |f: &Fan| f.place(q).is_some_and(|x| (x[0] - at[0]).hypot(x[1] - at[1]) < 1e-9);
                     match self.fans.iter().position(near) {
                         Some(fan) => match &self.fans[fan].problem {
