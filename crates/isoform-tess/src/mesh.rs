@@ -620,9 +620,27 @@ impl Builder<'_> {
         for at in self.gluing.points(q) {
             let _ = cdt.insert(Node::inner(at, 0));
         }
-        for at in self.rings_around(q) {
-            if inside(at) {
-                let _ = cdt.insert(Node::inner(at, 0));
+        let mut handles: BTreeMap<[u64; 2], _> = cdt.vertices().map(|v| (v.data().at.map(f64::to_bits), v.fix())).collect();
+        let rings = self.rings_around(q);
+        for (at, _) in &rings {
+            let place = at.map(f64::to_bits);
+            if inside(*at) && !handles.contains_key(&place) {
+                handles.extend(cdt.insert(Node::inner(*at, 0)).ok().map(|v| (place, v)));
+            }
+        }
+        let fixed: BTreeSet<(u32, u32)> = cdt
+            .undirected_edges()
+            .filter(|e| e.is_constraint_edge())
+            .map(|e| e.vertices().map(|v| v.index() as u32))
+            .flat_map(|[a, b]| [(a, b), (b, a)])
+            .collect();
+        // Edges that are there at the beginning only.
+        for (at, legs) in &rings {
+            for leg in legs {
+                let [a, b] = [at, leg].map(|x| handles.get(&x.map(f64::to_bits)).copied());
+                if let Some((a, b)) = a.zip(b).filter(|(a, b)| a != b && cdt.can_add_constraint(*a, *b)) {
+                    cdt.add_constraint(a, b);
+                }
             }
         }
         let nodes: Vec<Node> = cdt.vertices().map(|v| *v.data()).collect();
@@ -638,12 +656,6 @@ impl Builder<'_> {
                 None => plain.push(t),
             }
         }
-        let fixed: BTreeSet<(u32, u32)> = cdt
-            .undirected_edges()
-            .filter(|e| e.is_constraint_edge())
-            .map(|e| e.vertices().map(|v| v.index() as u32))
-            .flat_map(|[a, b]| [(a, b), (b, a)])
-            .collect();
         let measure = InChart { builder: self, q };
         let rim: Vec<[u32; 2]> = at_apex.iter().map(|&[_, a, b]| [a, b]).collect();
         let mut plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &rim, &measure);

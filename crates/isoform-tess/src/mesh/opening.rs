@@ -459,8 +459,9 @@ impl Builder<'_> {
     }
 
     /// Vertices on larger and larger rectangles around base points, in all their directions: the map turns along the seam as fast as ever on
-    /// small circles, and triangles that lead straight from there to far vertices would be too thin.
-    pub(super) fn rings_around(&self, q: usize) -> Vec<[f64; 2]> {
+    /// small circles, and triangles that lead straight from there to far vertices would be too thin. With the places to which edges lead from
+    /// them: those next to them on their own ring and on the one before, along the rays. Nearest ones are beside the rays on a long rectangle.
+    pub(super) fn rings_around(&self, q: usize) -> Vec<([f64; 2], Vec<[f64; 2]>)> {
         let mut found = Vec::new();
         let here: Vec<&Site> = self.sites.range((q, 0, 0)..(q + 1, 0, 0)).map(|s| s.1).collect();
         for site in &here {
@@ -468,6 +469,8 @@ impl Builder<'_> {
             let apart = |other: &&&Site| (other.at[0] - site.at[0]).abs().max((other.at[1] - site.at[1]).abs());
             let nearest = here.iter().filter(|s| s.at != site.at).map(|s| apart(&s)).fold(1.0, f64::min);
             let mut last: BTreeMap<usize, Point3> = BTreeMap::new();
+            // By sectors, those of the ring before; none on the rectangle itself.
+            let mut inner: Option<BTreeMap<usize, [f64; 2]>> = None;
             let mut scale = 1.0;
             // Every other ring lies between the directions: vertices on one line would leave no room for flips.
             let mut is_between = false;
@@ -500,7 +503,22 @@ impl Builder<'_> {
                 if scale == 1.0 || across.zip(along).is_none_or(|(across, along)| across > along) {
                     last = ring.iter().map(|(ray, _, p)| (*ray, *p)).collect();
                     if scale > 1.0 {
-                        found.extend(ring.into_iter().map(|x| x.1));
+                        let here: BTreeMap<usize, [f64; 2]> = ring.iter().map(|x| (x.0, x.1)).collect();
+                        let n = fan.sectors.len();
+                        for (s, at, _) in ring {
+                            // Rays of infinitely near points.
+                            let is_bent = fan.sectors[s].rays.iter().any(|r| fan.directions[r.0].node > 0);
+                            // Between its rays, or from the sector before to its own.
+                            let beside = if is_between { [s, (s + 1) % n] } else { [(s + n - 1) % n, s] };
+                            let legs = match &inner {
+                                _ if is_bent => Vec::new(),
+                                Some(inner) => beside.iter().filter_map(|s| inner.get(s)).copied().collect(),
+                                None => self.sector_ends(q, site, fan, &fan.sectors[s]).map_or_else(Vec::new, |ends| ends.to_vec()),
+                            };
+                            let along = here.get(&((s + n - 1) % n)).copied().filter(|_| !is_bent);
+                            found.push((at, legs.into_iter().chain(along).collect()));
+                        }
+                        inner = Some(here);
                     }
                     is_between = !is_between;
                 }
