@@ -150,6 +150,23 @@ fn chain_of_blow_ups() {
     assert_eq!(topology(&s), [1, 1, 2]);
 }
 
+/// A ring cyclide whose parameters are moved so that two base points, and the line through them that is contracted to a point of a face of the
+/// box, lie inside of unit triangles: the face's form vanishes twice on the line, which bounds no region but is drawn.
+#[test]
+fn contracted_curve_in_a_face_of_the_box() {
+    let texts = [
+        "-12*A^2*B^2 + 8*A^2*C^2 + 24*B^2*C^2 + 4*C^4",
+        "36*A*B^2*C + 4*A*C^3",
+        "-28*A^2*B*C - 4*B*C^3",
+        "A^2*B^2 + 4*A^2*C^2 + 4*B^2*C^2 + C^4",
+    ];
+    let texts = texts.map(|t| t.replace('A', "(s + 2*t + 2)").replace('B', "(3*s - t - 3)").replace('C', "(2*s - 9*t)"));
+    let map = Map::parse(texts.each_ref().map(String::as_str), Default::default()).expect("a map");
+    let s = surface(&map, 12, Mode::Normalised);
+    assert!(s.unproven.is_empty(), "{:?}", s.unproven);
+    assert_eq!(topology(&s), [0, 1, 0]);
+}
+
 /// Sheets joined: Euler numbers of the images, by hand. Steiner's surface has three double lines through a triple point and six pinch points.
 #[test]
 fn joined_sheets() {
