@@ -4,8 +4,9 @@
 //! from what is covered and from one another, grown side by side; in the end, patches that others make superfluous are left out.
 
 use crate::surface::{Random, contains, project};
+use crate::whole::Whole;
 use crate::{Error, Options, Parameterized, single};
-use isoform_geom::{Field, Point3, RationalPatch, distance_squared, dot, sub};
+use isoform_geom::{Field, Parts, Point3, RationalPatch, distance_squared, dot, sub};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Random places that are projected to samples.
@@ -35,9 +36,18 @@ pub struct Cover {
 /// `most` bounds their number, `stop` is asked between rounds, and `threads` work side by side; the result depends on neither of
 /// the latter unless it is stopped.
 pub fn cover(field: &dyn Field, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
+    cover_whole(&Whole::of_field(field), options, most, threads, stop)
+}
+
+/// The same of a surface of parts: each patch stays on one, and ends at its edges.
+pub fn cover_parts(parts: &Parts, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
+    cover_whole(&Whole::of_parts(parts), options, most, threads, stop)
+}
+
+fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
     single::check(options)?;
     let tolerance = options.tolerance.ok_or(Error::Option { name: "the tolerance", value: f64::NAN })?;
-    let samples = samples(field, options);
+    let (samples, parts) = samples(whole, options);
     if samples.is_empty() {
         return Err(Error::NoSurface);
     }
@@ -49,8 +59,7 @@ pub fn cover(field: &dyn Field, options: &Options, most: usize, threads: usize, 
     while open.contains(&true) && patches.len() < most && failures < MOST_FAILURES && !stop() {
         let seeds = next_seeds(&samples, &open, &far, ROUND.min(most - patches.len()));
         let made = side_by_side(seeds.len(), threads, &|i| {
-            let options = Options { seed_point: Some(samples[seeds[i]]), ..*options };
-            let patch = single::parameterize(field, &options)?;
+            let patch = single::at(whole, parts[seeds[i]], samples[seeds[i]], options)?;
             let covers = reached(&patch.grown.patch, &samples, tolerance);
             Ok((patch, covers))
         });
@@ -85,10 +94,20 @@ pub fn cover(field: &dyn Field, options: &Options, most: usize, threads: usize, 
     Ok(Cover { patches: patches.into_iter().map(|p| p.0).collect(), samples: samples.len(), covered })
 }
 
-/// Points of the surface in the region.
-fn samples(field: &dyn Field, options: &Options) -> Vec<Point3> {
+/// Points of the surface in the region, and the parts they lie on.
+fn samples(whole: &Whole<'_>, options: &Options) -> (Vec<Point3>, Vec<usize>) {
     let (mut random, scale) = (Random::new(options.seed), options.region.diagonal());
-    (0..PLACES).filter_map(|_| project(field, random.place(&options.region), scale)).filter(|p| contains(&options.region, *p)).collect()
+    let mut found = (Vec::new(), Vec::new());
+    for part in 0..whole.len() {
+        for _ in 0..PLACES {
+            let p = project(whole.field(part), random.place(&options.region), scale).filter(|p| contains(&options.region, *p));
+            if let Some(p) = p.filter(|p| whole.is_on(part, *p, scale)) {
+                found.0.push(p);
+                found.1.push(part);
+            }
+        }
+    }
+    found
 }
 
 /// Uncovered samples, each the farthest from what is covered and from those before it.

@@ -1,12 +1,14 @@
 //! One patch: seed, growth, exactness, tolerance, proof.
 
-use crate::distance::{Distances, distances};
+use crate::distance::{Distances, distances_on};
 use crate::grow::{Grown, Growth};
 use crate::objective::{Method, Objective};
 use crate::options::{Error, Options};
 use crate::quadric::quadric;
+use crate::surface::Seed;
+use crate::whole::{On, Whole};
 use crate::{MOST_DEGREE, surface};
-use isoform_geom::{Field, Quadric};
+use isoform_geom::{Field, Parts, Point3, Quadric, norm, sub};
 use std::time::Instant;
 
 /// A patch this near to the surface, in diagonals of the region, is exact to rounding.
@@ -33,34 +35,130 @@ pub struct Parameterized {
     pub seconds: Vec<(&'static str, f64)>,
 }
 
+/// Edges nearer than this, in edges of the region, are where patches start.
+const AT_EDGE: f64 = 0.05;
+/// Along an edge nearer than this, in radii of curvature, patches start also where they do not start at it.
+const NEAR_EDGE: f64 = 0.3;
+/// Places of a part among which the one farthest from its edges is chosen to start at, and places tried for them.
+const CHOICE: (usize, usize) = (8, 4000);
+
 /// Grows one patch on the surface `field` = 0, and proves how far from it the patch is.
 pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterized, Error> {
     check(options)?;
     let mut clock = Clock::default();
-    let options = &options.relaxed();
     let seed = match options.seed_point {
         Some(p) => surface::given(field, p, &options.region)?,
         None => surface::chosen(field, options.seed, &options.region)?,
     };
+    clock.phase("seed");
+    let whole = Whole::of_field(field);
+    grown(On { whole: &whole, part: 0 }, seed, None, options, clock)
+}
+
+/// Grows one patch on one of the parts of a surface, as far as its edges, and proves how far from the surface it is.
+///
+/// The patch stays on the part on which its seed lies; it reaches beyond the edges of the part by less than the tolerance.
+pub fn parameterize_part(parts: &Parts, options: &Options) -> Result<Parameterized, Error> {
+    check(options)?;
+    let whole = Whole::of_parts(parts);
+    let (part, point) = match options.seed_point {
+        Some(p) => nearest(&whole, p, options).ok_or(Error::FarSeed { at: p })?,
+        None => chosen(&whole, options).ok_or(Error::NoSurface)?,
+    };
+    at(&whole, part, point, options)
+}
+
+/// The point of the surface that a place leads to, with its part.
+fn nearest(whole: &Whole<'_>, p: Point3, options: &Options) -> Option<(usize, Point3)> {
+    let scale = options.region.diagonal();
+    let mut best: Option<(f64, usize, Point3)> = None;
+    for part in 0..whole.len() {
+        let foot = surface::project(whole.field(part), p, scale).filter(|q| surface::contains(&options.region, *q));
+        let Some(q) = foot.filter(|q| whole.is_on(part, *q, scale)) else { continue };
+        let d = norm(sub(q, p));
+        if best.is_none_or(|b| d < b.0) {
+            best = Some((d, part, q));
+        }
+    }
+    best.map(|b| (b.1, b.2))
+}
+
+/// A random point of the surface, far from edges.
+fn chosen(whole: &Whole<'_>, options: &Options) -> Option<(usize, Point3)> {
+    let (mut random, scale) = (surface::Random::new(options.seed), options.region.diagonal());
+    let mut best: Option<(f64, usize, Point3)> = None;
+    let mut found = 0;
+    for _ in 0..CHOICE.1 {
+        let Some((part, q)) = nearest(whole, random.place(&options.region), options) else { continue };
+        let d = whole.nearest_edge(part, q, scale).map_or(f64::INFINITY, |(e, _)| norm(sub(e, q)));
+        if best.is_none_or(|b| d > b.0) {
+            best = Some((d, part, q));
+        }
+        found += 1;
+        if found == CHOICE.0 {
+            break;
+        }
+    }
+    best.map(|b| (b.1, b.2))
+}
+
+/// Grows a patch about a point of a part.
+pub(crate) fn at(whole: &Whole<'_>, part: usize, point: Point3, options: &Options) -> Result<Parameterized, Error> {
+    let mut clock = Clock::default();
+    let on = On { whole, part };
+    let (scale, unit) = (options.region.diagonal(), options.region.size().into_iter().fold(0.0, f64::max));
+    let mut seed = surface::frame(on.field(), point, 0.0, scale)?;
+    let mut from = None;
+    if let Some((foot, edge)) = (!whole.is_single()).then(|| whole.nearest_edge(part, point, scale)).flatten()
+        && let Some(tangents) = on.along(edge, foot, point)
+    {
+        let far = norm(sub(foot, point));
+        if far <= AT_EDGE * unit {
+            seed = Seed { point: foot, tangents, ..seed };
+            from = Some(edge);
+        } else if far * seed.curvature <= NEAR_EDGE {
+            seed = Seed { tangents: in_plane(tangents, on.field().jet(point).g), ..seed };
+        }
+    }
+    clock.phase("seed");
+    match grown(on, seed, from, options, clock) {
+        // Corners where nothing fits at the edge: about the point itself.
+        Err(_) if from.is_some() => grown(on, surface::frame(on.field(), point, 0.0, scale)?, None, options, Clock::default()),
+        made => made,
+    }
+}
+
+/// Tangents turned into the plane with a normal.
+fn in_plane(tangents: [Point3; 2], normal: Point3) -> [Point3; 2] {
+    let n = normal.map(|v| v / norm(normal));
+    let d = isoform_geom::dot(tangents[0], n);
+    let t: Point3 = std::array::from_fn(|k| tangents[0][k] - d * n[k]);
+    let t = t.map(|v| v / norm(t));
+    [t, isoform_geom::cross(n, t)]
+}
+
+fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Options, mut clock: Clock) -> Result<Parameterized, Error> {
+    let options = &options.relaxed();
+    let (whole, field) = (on.whole, on.field());
     if options.method == Method::Newton && field.jet3(seed.point).is_none() {
         return Err(Error::NoThirdDerivatives);
     }
-    clock.phase("seed");
     let objective = Objective::new(field, options.degree, options.method, options.nodes);
-    let mut growth = Growth::start(objective, seed, options)?;
+    let mut growth = Growth::start(objective, on, seed, edge, options)?;
     growth.grow_to_limit();
-    if options.exact {
+    // A patch that ends at edges would leave them.
+    if options.exact && whole.is_single() {
         growth.bring_onto_surface();
     }
     growth.keep_tolerance();
     clock.phase("grow");
-    let mut known = distances(field, &growth.patch, options.tolerance);
+    let mut known = distances_on(whole, &growth.patch, options.tolerance);
     // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
         if known.bound.is_some() || !growth.retreat(share) {
             break;
         }
-        known = distances(field, &growth.patch, options.tolerance);
+        known = distances_on(whole, &growth.patch, options.tolerance);
     }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();
