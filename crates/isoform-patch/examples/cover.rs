@@ -11,7 +11,7 @@ fn main() {
     let text = std::fs::read_to_string(&arguments[0]).expect("a file");
     let model = Model::parse(&text, Mode::Default).expect("a model");
     let parts = isoform_field::parts_of(&model, &vec![0.0; model.n_params()]).expect("parts");
-    println!("{} parts, {:?}", parts.parts.len(), parts.tree);
+    println!("{} parts", parts.parts.len());
     let (degree, tolerance, b) = (number(1, 3.0) as usize, number(2, 1e-4), number(3, 0.5));
     let options =
         Options { tolerance: Some(tolerance), ..Options::paper((degree, degree), Aabb { lo: [-b; 3], hi: [b; 3] }) };

@@ -9,8 +9,10 @@ use crate::{Error, Options, Parameterized, single};
 use isoform_geom::{Field, Parts, Point3, RationalPatch, distance_squared, dot, sub};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Random places that are projected to samples.
+/// Random places that are projected to samples of a part.
 const PLACES: usize = 12_000;
+/// The same for all parts of a surface together.
+const MOST_PLACES: usize = 150_000;
 /// Patches that are grown side by side; fixed, so that the result does not depend on the number of threads.
 const ROUND: usize = 4;
 /// Samples of a patch in each direction, from which feet of samples are sought.
@@ -41,7 +43,8 @@ pub fn cover(field: &dyn Field, options: &Options, most: usize, threads: usize, 
 
 /// The same of a surface of parts: each patch stays on one, and ends at its edges.
 pub fn cover_parts(parts: &Parts, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
-    cover_whole(&Whole::of_parts(parts), options, most, threads, stop)
+    single::check(options)?;
+    cover_whole(&Whole::of_parts(parts, &options.region), options, most, threads, stop)
 }
 
 fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
@@ -64,6 +67,12 @@ fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize
             Ok((patch, covers))
         });
         for (seed, made) in seeds.iter().zip(made) {
+            if std::env::var("DEBUG").is_ok() {
+                match &made {
+                    Ok((p, c)) => eprintln!("{:.4?} area {:.5} bound {:?} sampled {:.2e} covers {} rows {} {:?} open {}", samples[*seed], p.grown.area(&options.region), p.distances.bound, p.distances.sampled, c.iter().filter(|c| **c).count(), p.grown.trace.len(), p.seconds.iter().map(|s| (s.1 * 1e3) as u32).collect::<Vec<_>>(), open.iter().filter(|c| **c).count()),
+                    Err(e) => eprintln!("{:.4?} {e}", samples[*seed]),
+                }
+            }
             match made {
                 Ok((patch, covers)) if patch.distances.bound.is_some_and(|b| b <= tolerance) && covers.contains(&true) => {
                     for (i, c) in covers.iter().enumerate() {
@@ -98,8 +107,10 @@ fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize
 fn samples(whole: &Whole<'_>, options: &Options) -> (Vec<Point3>, Vec<usize>) {
     let (mut random, scale) = (Random::new(options.seed), options.region.diagonal());
     let mut found = (Vec::new(), Vec::new());
-    for part in 0..whole.len() {
-        for _ in 0..PLACES {
+    let relevant = if whole.is_single() { vec![0] } else { whole.relevant() };
+    let places = PLACES.min(MOST_PLACES / relevant.len().max(1));
+    for part in relevant {
+        for _ in 0..places {
             let p = project(whole.field(part), random.place(&options.region), scale).filter(|p| contains(&options.region, *p));
             if let Some(p) = p.filter(|p| whole.is_on(part, *p, scale)) {
                 found.0.push(p);

@@ -26,6 +26,10 @@ const SLACK: [f64; 2] = [1.8, 2.7];
 const ROUNDING: f64 = 1e-13;
 /// Cells that may be looked at.
 const MOST_CELLS: usize = 60_000;
+/// Of a surface with parts, for a bound that is better than the tolerance,
+const MOST_CELLS_AT_EDGES: usize = 6000;
+/// which is not sought below this share of it.
+const AT_EDGES: f64 = 0.02;
 /// Newton steps to a foot point about which the sign is looked at.
 const FOOT_STEPS: usize = 8;
 /// Halvings of the patch in each direction.
@@ -138,15 +142,16 @@ pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64
 pub(crate) fn distances_on(whole: &Whole<'_>, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
     let (sampled, rms) = sampled_on(whole, patch, SAMPLES);
     let size = patch.control_box().map_or(1.0, |b| b.lo.iter().chain(&b.hi).fold(0.0f64, |m, v| m.max(v.abs())));
+    // At edges a bound may be farther from the distance than elsewhere, and what is little against the tolerance is not worth its cells.
+    let (least, cells) = if whole.is_single() { (0.0, MOST_CELLS) } else { (AT_EDGES * tolerance.unwrap_or(0.0), MOST_CELLS_AT_EDGES) };
     let bound = SLACK.iter().find_map(|slack| {
-        let target = (slack * sampled).max(ROUNDING * size);
+        let target = (slack * sampled).max(ROUNDING * size).max(least);
         let target = tolerance.filter(|t| *t >= sampled).map_or(target, |t| target.min(t));
-        prove_on(whole, patch, target, MOST_CELLS).map(|b| b.max(sampled))
+        prove_on(whole, patch, target, cells).map(|b| b.max(sampled))
     });
-    // At edges a bound may be farther from the distance than that.
     let bound = bound.or_else(|| {
         let target = tolerance.filter(|t| !whole.is_single() && *t >= sampled)?;
-        prove_on(whole, patch, target, MOST_CELLS).map(|b| b.max(sampled))
+        prove_on(whole, patch, target, cells).map(|b| b.max(sampled))
     });
     Distances { bound, sampled, rms }
 }

@@ -11,7 +11,7 @@ mod edges;
 
 pub(crate) use edges::Side;
 
-use crate::distance::{prove_on, sampled};
+use crate::distance::{prove_on, sampled, sampled_on};
 use crate::exact::onto;
 use crate::objective::{CORNERS, Evaluated, Method, Objective, Targets, Terms, Weights};
 use crate::options::{Error, Options};
@@ -58,6 +58,11 @@ const LEAST_WEIGHT: f64 = 0.02;
 const SHORTER: usize = 12;
 /// Cells of that proof.
 const PROOF_CELLS: usize = 300_000;
+/// The same of a surface with parts.
+const PROOF_CELLS_AT_EDGES: usize = 5000;
+/// Before it is proved, the distance is sampled in a finer grid; near edges proofs need some room.
+const PROVED_SAMPLES: usize = 33;
+const HOPELESS: f64 = 0.7;
 /// By how much at each side.
 const SHARE_SHORTER: f64 = 0.01;
 /// Quadrature that is off by more than this share gets more nodes.
@@ -221,7 +226,8 @@ impl<'f> Growth<'f> {
             Some(t) if self.on.whole.is_single() => sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0 / (WITHIN * t),
             Some(t) => {
                 let distance = sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0;
-                (distance / (WITHIN_PART * t)).max(self.off_edges(self.on) / self.overlap())
+                let whole = sampled_on(self.on.whole, &self.patch, GROWING_SAMPLES).0;
+                (distance.max(whole) / (WITHIN_PART * t)).max(self.off_edges(self.on) / self.overlap())
             }
             None => self.sum() / self.limit(),
         }
@@ -442,8 +448,11 @@ impl<'f> Growth<'f> {
     /// Shortens the patch until its distance from the surface is proved to keep the tolerance; false where that fails.
     pub(crate) fn keep_tolerance(&mut self) -> bool {
         let Some(tolerance) = self.options.tolerance else { return true };
+        let is_single = self.on.whole.is_single();
+        let cells = if is_single { PROOF_CELLS } else { PROOF_CELLS_AT_EDGES };
         for _ in 0..SHORTER {
-            if prove_on(self.on.whole, &self.patch, tolerance, PROOF_CELLS).is_some() {
+            let is_hopeless = !is_single && sampled_on(self.on.whole, &self.patch, PROVED_SAMPLES).0 > HOPELESS * tolerance;
+            if !is_hopeless && prove_on(self.on.whole, &self.patch, tolerance, cells).is_some() {
                 return true;
             }
             if !self.retreat(SHARE_SHORTER) {

@@ -60,7 +60,7 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
 /// The patch stays on the part on which its seed lies; it reaches beyond the edges of the part by less than the tolerance.
 pub fn parameterize_part(parts: &Parts, options: &Options) -> Result<Parameterized, Error> {
     check(options)?;
-    let whole = Whole::of_parts(parts);
+    let whole = Whole::of_parts(parts, &options.region);
     let (part, point) = match options.seed_point {
         Some(p) => nearest(&whole, p, options).ok_or(Error::FarSeed { at: p })?,
         None => chosen(&whole, options).ok_or(Error::NoSurface)?,
@@ -121,11 +121,14 @@ pub(crate) fn at(whole: &Whole<'_>, part: usize, point: Point3, options: &Option
         }
     }
     clock.phase("seed");
-    match grown(on, seed, from, options, clock) {
-        // Corners where nothing fits at the edge: about the point itself.
-        Err(_) if from.is_some() => grown(on, surface::frame(on.field(), point, 0.0, scale)?, None, options, Clock::default()),
-        made => made,
+    let made = grown(on, seed, from, options, clock);
+    let keeps = |p: &Parameterized| p.distances.bound.is_some_and(|b| options.tolerance.is_none_or(|t| b <= t));
+    if from.is_none() || made.as_ref().is_ok_and(keeps) {
+        return made;
     }
+    // Where nothing fits at the edge: about the point itself.
+    let again = grown(on, Seed { point, tangents: in_plane(seed.tangents, on.field().jet(point).g), ..seed }, None, options, Clock::default());
+    if again.as_ref().is_ok_and(keeps) || made.is_err() { again } else { made }
 }
 
 /// Tangents turned into the plane with a normal.

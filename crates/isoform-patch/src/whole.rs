@@ -2,7 +2,15 @@
 
 use isoform_geom::{Aabb, Csg, Field, Parts, Point3, cross, dot, norm, sub};
 use isoform_num::Interval;
+use std::collections::BTreeSet;
+use std::sync::Arc;
 
+/// What the octree reaches beyond the region, in its edges.
+const MARGIN: f64 = 0.3;
+/// Halvings of its cells.
+const DEEPEST: usize = 6;
+/// Cells with so few parts are not divided.
+const FEW: usize = 2;
 /// Newton steps onto an edge.
 const STEPS: usize = 20;
 /// Foot points on edges are found to this, in the scale given.
@@ -21,10 +29,31 @@ struct Part<'f> {
 
 /// A surface as parts; a single field is one of them.
 pub(crate) struct Whole<'f> {
-    tree: Csg,
     parts: Vec<Part<'f>>,
-    /// By piece, its parts.
-    pieces: Vec<Vec<usize>>,
+    /// What matters anywhere.
+    all: Arc<Local>,
+    /// An octree; its root is the first cell.
+    cells: Vec<Cell>,
+}
+
+/// What matters in a cell.
+struct Local {
+    tree: Csg,
+    /// The pieces of the tree with those of their parts that may count.
+    pieces: Vec<(u32, Vec<usize>)>,
+}
+
+struct Cell {
+    region: Aabb,
+    local: Arc<Local>,
+    /// The first of eight cells that this one is divided into.
+    children: Option<usize>,
+}
+
+impl Local {
+    fn parts(&self, piece: u32) -> &[usize] {
+        self.pieces.iter().find(|p| p.0 == piece).map_or(&[], |p| &p.1)
+    }
 }
 
 /// Where a place lies outside of a part.
@@ -46,19 +75,94 @@ pub(crate) struct On<'f> {
 impl<'f> Whole<'f> {
     /// The zero set of one function.
     pub(crate) fn of_field(field: &'f dyn Field) -> Self {
-        Self { tree: Csg::Piece(0), parts: vec![Part { piece: 0, field, limits: Vec::new() }], pieces: vec![vec![0]] }
+        let local = Arc::new(Local { tree: Csg::Piece(0), pieces: vec![(0, vec![0])] });
+        Self { parts: vec![Part { piece: 0, field, limits: Vec::new() }], all: local.clone(), cells: vec![Cell { region: Aabb::EMPTY, local, children: None }] }
     }
 
-    /// A surface of parts.
-    pub(crate) fn of_parts(parts: &'f Parts) -> Self {
+    /// A surface of parts; in the region it is known well what matters where.
+    pub(crate) fn of_parts(parts: &'f Parts, region: &Aabb) -> Self {
         let list: Vec<Part<'f>> = parts
             .parts
             .iter()
             .map(|p| Part { piece: p.piece, field: p.field.as_ref(), limits: p.limits.iter().map(AsRef::as_ref).collect() })
             .collect();
-        let count = parts.tree.pieces().into_iter().max().map_or(0, |p| p as usize + 1);
-        let pieces = (0..count).map(|piece| (0..list.len()).filter(|&k| list[k].piece as usize == piece).collect()).collect();
-        Self { tree: parts.tree.clone(), parts: list, pieces }
+        let numbers: BTreeSet<u32> = parts.tree.pieces().into_iter().collect();
+        let pieces = numbers.into_iter().map(|piece| (piece, (0..list.len()).filter(|&k| list[k].piece == piece).collect())).collect();
+        // Patches reach beyond the region.
+        let more = region.size().map(|s| MARGIN * s);
+        let region = Aabb {
+            lo: std::array::from_fn(|k| region.lo[k] - more[k]),
+            hi: std::array::from_fn(|k| region.hi[k] + more[k]),
+        };
+        let local = Arc::new(Local { tree: parts.tree.clone(), pieces });
+        let mut whole = Self { parts: list, all: local.clone(), cells: vec![Cell { region, local, children: None }] };
+        whole.divide(0, 0);
+        whole
+    }
+
+    /// Divides a cell until few parts are left.
+    fn divide(&mut self, cell: usize, depth: usize) {
+        let region = self.cells[cell].region;
+        // Without surface in it, what matters is what did before.
+        let Some(local) = self.narrow(&self.cells[cell].local, region) else { return };
+        let parts: usize = local.pieces.iter().map(|p| p.1.len()).sum();
+        let local = Arc::new(local);
+        self.cells[cell].local = local.clone();
+        if parts <= FEW || depth == DEEPEST {
+            return;
+        }
+        let first = self.cells.len();
+        self.cells[cell].children = Some(first);
+        for octant in 0..8 {
+            let middle = |k: usize| 0.5 * (region.lo[k] + region.hi[k]);
+            let upper = |k: usize| octant >> k & 1 == 1;
+            let region = Aabb {
+                lo: std::array::from_fn(|k| if upper(k) { middle(k) } else { region.lo[k] }),
+                hi: std::array::from_fn(|k| if upper(k) { region.hi[k] } else { middle(k) }),
+            };
+            self.cells.push(Cell { region, local: local.clone(), children: None });
+        }
+        for child in first..first + 8 {
+            self.divide(child, depth + 1);
+        }
+    }
+
+    /// What matters in a region, of what matters in one that holds it; none where there is no surface.
+    fn narrow(&self, of: &Local, region: Aabb) -> Option<Local> {
+        let known: Vec<(u32, Vec<usize>, Interval)> = of
+            .pieces
+            .iter()
+            .map(|(piece, parts)| {
+                let parts = self.possible(parts, region);
+                let range = self.hull(&parts, region);
+                (*piece, parts, range)
+            })
+            .collect();
+        let range = |piece: u32| known.iter().find(|k| k.0 == piece).map_or(Interval::ALL, |k| k.2);
+        let tree = narrowed(&of.tree, &range).ok()?;
+        let left: BTreeSet<u32> = tree.pieces().into_iter().collect();
+        Some(Local { tree, pieces: known.into_iter().filter(|k| left.contains(&k.0)).map(|k| (k.0, k.1)).collect() })
+    }
+
+    /// The smallest cell that holds a region.
+    fn local(&self, region: Aabb) -> &Local {
+        let holds = |cell: &Cell| (0..3).all(|k| cell.region.lo[k] <= region.lo[k] && region.hi[k] <= cell.region.hi[k]);
+        let mut at = &self.cells[0];
+        if !holds(at) {
+            return &self.all;
+        }
+        while let Some(child) = at.children.and_then(|first| self.cells[first..first + 8].iter().find(|c| holds(c))) {
+            at = child;
+        }
+        &at.local
+    }
+
+    /// The parts that matter somewhere.
+    pub(crate) fn relevant(&self) -> Vec<usize> {
+        let leaves = self.cells.iter().filter(|c| c.children.is_none());
+        let all: BTreeSet<usize> =
+            leaves.filter_map(|c| self.narrow(&c.local, c.region)).flat_map(|l| l.pieces.into_iter().flat_map(|p| p.1)).collect();
+        all.into_iter().collect()
     }
 
     /// Number of parts.
@@ -74,10 +178,9 @@ impl<'f> Whole<'f> {
         self.parts[part].field
     }
 
-    /// The part of a piece that counts at a place.
-    fn counting(&self, piece: u32, p: Point3) -> Option<usize> {
-        let parts = &self.pieces[piece as usize];
-        if let [one] = parts.as_slice() {
+    /// The one of the parts of a piece that counts at a place.
+    fn counting(&self, parts: &[usize], p: Point3) -> Option<usize> {
+        if let [one] = parts {
             return Some(*one);
         }
         let least = |k: usize| self.parts[k].limits.iter().map(|l| l.value(p)).fold(f64::INFINITY, f64::min);
@@ -93,11 +196,15 @@ impl<'f> Whole<'f> {
         if self.is_single() {
             return (of(self.parts[0].field), 0);
         }
-        let all: Vec<(f64, usize)> = (0..self.pieces.len())
-            .map(|piece| self.counting(piece as u32, p).map_or((f64::NAN, 0), |part| (of(self.parts[part].field), part)))
+        let local = self.local(Aabb { lo: p, hi: p });
+        let all: Vec<(u32, f64, usize)> = local
+            .pieces
+            .iter()
+            .map(|(piece, parts)| self.counting(parts, p).map_or((*piece, f64::NAN, 0), |part| (*piece, of(self.parts[part].field), part)))
             .collect();
-        let (value, piece) = self.tree.value_and_piece(&|piece| all[piece as usize].0);
-        (value, all[piece as usize].1)
+        let find = |piece: u32| all.iter().find(|a| a.0 == piece).map_or((f64::NAN, 0), |a| (a.1, a.2));
+        let (value, piece) = local.tree.value_and_piece(&|piece| find(piece).0);
+        (value, find(piece).1)
     }
 
     /// Whether a place on the zero set of a part is on the surface, and on that part of it.
@@ -153,13 +260,10 @@ impl<'f> Whole<'f> {
     /// What decides the sign in a region: the tree without what cannot, and its parts.
     pub(crate) fn within(&self, region: Aabb) -> Option<(Csg, Vec<usize>)> {
         if self.is_single() {
-            return Some((self.tree.clone(), vec![0]));
+            return Some((Csg::Piece(0), vec![0]));
         }
-        let possible: Vec<Vec<usize>> = self.pieces.iter().map(|parts| self.possible(parts, region)).collect();
-        let ranges: Vec<Interval> = possible.iter().map(|parts| self.hull(parts, region)).collect();
-        let tree = narrowed(&self.tree, &|piece| ranges[piece as usize]).ok()?;
-        let parts = tree.pieces().into_iter().flat_map(|piece| possible[piece as usize].iter().copied()).collect();
-        Some((tree, parts))
+        let local = self.narrow(self.local(region), region)?;
+        Some((local.tree, local.pieces.into_iter().flat_map(|p| p.1).collect()))
     }
 
     /// The parts of a list that may count somewhere in a region.
@@ -178,7 +282,8 @@ impl<'f> Whole<'f> {
     /// A range of the function at a place.
     pub(crate) fn range_at(&self, p: Point3) -> Interval {
         let region = Aabb { lo: p, hi: p };
-        self.tree.range(&|piece| self.hull(&self.possible(&self.pieces[piece as usize], region), region))
+        let local = self.local(region);
+        local.tree.range(&|piece| self.hull(&self.possible(local.parts(piece), region), region))
     }
 }
 

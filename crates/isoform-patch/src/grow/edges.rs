@@ -28,7 +28,7 @@ impl Side<'_> {
 /// The share of the tolerance by which a patch may reach beyond edges.
 pub(crate) const OVERLAP: f64 = 0.3;
 /// Samples along a side.
-const SAMPLES: usize = 17;
+const SAMPLES: usize = 25;
 /// Newton steps to where a parameter line meets an edge.
 const STEPS: usize = 12;
 /// How far in, and beyond an extrapolation, an edge may be that a side is put onto, in the patch's lengths.
