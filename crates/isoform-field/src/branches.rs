@@ -9,9 +9,11 @@ use crate::hyperfun::Model;
 use crate::library::{Library, Native};
 use crate::ops::{Binary, Ops, SetOp, Unary};
 use crate::residual::{Bound, Residual};
+use crate::smooth::Random;
 use crate::solid::{Pieces, SolidError};
 use crate::tape::Tape;
 use isoform_geom::{Field, Parts, SmoothPart, Solid};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A piece with more parts than this stays whole.
@@ -21,16 +23,58 @@ const MOST_BRANCHES: usize = 32;
 pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
     let pieces = Pieces::of_model(model, a)?;
     let (mut graph, roots) = pieces.functions();
-    let mut parts = Vec::new();
+    // What is decided the same way by a zero is no question of its own.
+    graph.constant(0.0);
+    let (mut parts, mut known) = (Vec::new(), Known::default());
     for (piece, root) in roots.into_iter().enumerate() {
         let root = graph.lowered(root);
         let branches = branches(&mut graph, root).unwrap_or_else(|| vec![(root, Vec::new())]);
         for (root, limits) in branches {
-            let field = |root: NodeId| -> Arc<dyn Field> { Arc::new(Bound::new(Residual::new(Tape::new(&graph, &[root], 3, 0)), &[])) };
-            parts.push(SmoothPart { piece: piece as u32, field: field(root), limits: limits.into_iter().map(field).collect() });
+            let field = known.field(&graph, root);
+            let limits = limits.into_iter().map(|l| known.field(&graph, l)).collect();
+            parts.push(SmoothPart { piece: piece as u32, field, limits });
         }
     }
     Ok(Parts { tree: pieces.tree().clone(), parts })
+}
+
+/// The functions of parts. Those that agree at random places are one: two decisions often lead to one formula, written differently.
+#[derive(Default)]
+struct Known {
+    by_node: HashMap<NodeId, Arc<dyn Field>>,
+    by_values: Vec<(Vec<f64>, Arc<dyn Field>)>,
+}
+
+/// Random places at which functions are compared.
+const PLACES: usize = 24;
+/// They agree within this, relative to 1 and the values.
+const SAME: f64 = 1e-12;
+
+impl Known {
+    fn field(&mut self, graph: &Graph, root: NodeId) -> Arc<dyn Field> {
+        if let Some(field) = self.by_node.get(&root) {
+            return field.clone();
+        }
+        let field: Arc<dyn Field> = Arc::new(Bound::new(Residual::new(Tape::new(graph, &[root], 3, 0)), &[]));
+        let mut random = Random::new();
+        let values: Vec<f64> = (0..PLACES)
+            .map(|_| {
+                let p = random.place(3);
+                field.value([p[0], p[1], p[2]])
+            })
+            .collect();
+        let same = |other: &[f64]| {
+            let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * (1.0 + a.abs().max(b.abs()));
+            values.iter().zip(other).all(near)
+        };
+        let found = self.by_values.iter().find(|(other, _)| same(other)).map(|(_, field)| field.clone());
+        let field = found.unwrap_or_else(|| {
+            self.by_values.push((values, field.clone()));
+            field
+        });
+        self.by_node.insert(root, field.clone());
+        field
+    }
 }
 
 /// What a kink depends on: whether the first is at least the second.

@@ -5,6 +5,8 @@ use isoform_num::Interval;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+/// Where it is looked on which side of an edge a part is, in the scale given.
+const ASIDE: f64 = 1e-6;
 /// What the octree reaches beyond the region, in its edges.
 const MARGIN: f64 = 0.3;
 /// Halvings of its cells.
@@ -24,6 +26,8 @@ const TANGENTIAL: f64 = 1e-3;
 struct Part<'f> {
     piece: u32,
     field: &'f dyn Field,
+    /// The first part with the same function: the surface goes on smoothly from one to the other.
+    function: usize,
     limits: Vec<&'f dyn Field>,
 }
 
@@ -76,7 +80,7 @@ impl<'f> Whole<'f> {
     /// The zero set of one function.
     pub(crate) fn of_field(field: &'f dyn Field) -> Self {
         let local = Arc::new(Local { tree: Csg::Piece(0), pieces: vec![(0, vec![0])] });
-        Self { parts: vec![Part { piece: 0, field, limits: Vec::new() }], all: local.clone(), cells: vec![Cell { region: Aabb::EMPTY, local, children: None }] }
+        Self { parts: vec![Part { piece: 0, field, function: 0, limits: Vec::new() }], all: local.clone(), cells: vec![Cell { region: Aabb::EMPTY, local, children: None }] }
     }
 
     /// A surface of parts; in the region it is known well what matters where.
@@ -84,7 +88,12 @@ impl<'f> Whole<'f> {
         let list: Vec<Part<'f>> = parts
             .parts
             .iter()
-            .map(|p| Part { piece: p.piece, field: p.field.as_ref(), limits: p.limits.iter().map(AsRef::as_ref).collect() })
+            .map(|p| Part {
+                piece: p.piece,
+                field: p.field.as_ref(),
+                function: parts.parts.iter().position(|o| Arc::ptr_eq(&o.field, &p.field)).unwrap_or(0),
+                limits: p.limits.iter().map(AsRef::as_ref).collect(),
+            })
             .collect();
         let numbers: BTreeSet<u32> = parts.tree.pieces().into_iter().collect();
         let pieces = numbers.into_iter().map(|piece| (piece, (0..list.len()).filter(|&k| list[k].piece == piece).collect())).collect();
@@ -157,11 +166,11 @@ impl<'f> Whole<'f> {
         &at.local
     }
 
-    /// The parts that matter somewhere.
+    /// The parts that matter somewhere; of those with the same function the first.
     pub(crate) fn relevant(&self) -> Vec<usize> {
         let leaves = self.cells.iter().filter(|c| c.children.is_none());
         let all: BTreeSet<usize> =
-            leaves.filter_map(|c| self.narrow(&c.local, c.region)).flat_map(|l| l.pieces.into_iter().flat_map(|p| p.1)).collect();
+            leaves.filter_map(|c| self.narrow(&c.local, c.region)).flat_map(|l| l.pieces.into_iter().flat_map(|p| p.1)).map(|k| self.parts[k].function).collect();
         all.into_iter().collect()
     }
 
@@ -212,8 +221,9 @@ impl<'f> Whole<'f> {
         if self.is_single() {
             return true;
         }
-        let (value, _) = self.first_order(p);
-        value.abs() <= ON_SURFACE * scale && self.parts[part].limits.iter().all(|l| l.value(p) >= 0.0)
+        let (value, decides) = self.first_order(p);
+        let is_within = || self.parts[part].limits.iter().all(|l| l.value(p) >= 0.0);
+        value.abs() <= ON_SURFACE * scale && (self.parts[decides].function == self.parts[part].function || is_within())
     }
 
     /// Where a place on a part is beyond the part's edge; none where it is not, and where it cannot be said.
@@ -222,39 +232,61 @@ impl<'f> Whole<'f> {
             return None;
         }
         let own = &self.parts[part];
-        let mut worst: Option<Beyond<'f>> = None;
-        let mut see = |by: f64, edge: &'f dyn Field| {
-            if by > worst.map_or(0.0, |w| w.by) {
-                worst = Some(Beyond { by, edge });
-            }
-        };
-        for limit in &own.limits {
-            let j = limit.jet(p);
-            see(-j.v / norm(j.g), *limit);
-        }
         let (value, decides) = self.first_order(p);
-        if self.parts[decides].piece != own.piece {
-            see(value.abs(), self.parts[decides].field);
+        let other = &self.parts[decides];
+        if other.function == own.function {
+            return None;
         }
-        worst
+        // Beyond a limit of the part that is the least beyond its own; at smooth joins the distance says nothing yet.
+        let local = self.local(Aabb { lo: p, hi: p });
+        let mut least: Option<Option<Beyond<'f>>> = None;
+        for same in local.pieces.iter().flat_map(|piece| &piece.1).map(|&k| &self.parts[k]).filter(|o| o.function == own.function) {
+            let mut worst: Option<Beyond<'f>> = None;
+            for limit in &same.limits {
+                let j = limit.jet(p);
+                let by = -j.v / norm(j.g);
+                if by > worst.map_or(0.0, |w| w.by) {
+                    worst = Some(Beyond { by, edge: *limit });
+                }
+            }
+            if least.is_none_or(|l| l.map_or(0.0, |l| l.by) > worst.map_or(0.0, |w| w.by)) {
+                least = Some(worst);
+            }
+        }
+        let j = own.field.jet(p);
+        let sharp = Beyond { by: value.abs() - j.v.abs() / norm(j.g), edge: other.field };
+        match least.flatten() {
+            Some(limit) if limit.by >= sharp.by => Some(limit),
+            _ => (sharp.by > 0.0).then_some(sharp),
+        }
     }
 
     /// The nearest point of the part's edge that Newton's method finds from a place on it, with what vanishes there.
     pub(crate) fn nearest_edge(&self, part: usize, p: Point3, scale: f64) -> Option<(Point3, &'f dyn Field)> {
         let own = &self.parts[part];
-        let others = self.parts.iter().filter(|o| o.piece != own.piece).map(|o| (o.field, false));
+        let others = self.parts.iter().enumerate().filter(|(k, o)| o.function == *k && o.function != own.function).map(|(_, o)| o.field);
+        let limits = self.parts.iter().filter(|o| o.function == own.function).flat_map(|o| o.limits.iter().copied());
         let mut best: Option<(f64, Point3, &'f dyn Field)> = None;
-        for (edge, is_limit) in others.chain(own.limits.iter().map(|l| (*l, true))) {
+        for edge in others.chain(limits) {
             let Some(q) = onto_both(own.field, edge, p, scale) else { continue };
             let d = norm(sub(q, p));
-            // At a limit the surface goes on smoothly: it needs to be near there, too.
-            let is_there = self.first_order(q).0.abs() <= ON_SURFACE * scale
-                && (is_limit || own.limits.iter().all(|l| l.value(q) >= -ON_SURFACE * scale * norm(l.jet(q).g)));
-            if is_there && best.is_none_or(|b| d < b.0) {
+            if best.is_none_or(|b| d < b.0) && self.first_order(q).0.abs() <= ON_SURFACE * scale && self.ends_at(own, edge, q, scale) {
                 best = Some((d, q, edge));
             }
         }
         best.map(|(_, q, edge)| (q, edge))
+    }
+
+    /// Whether a part is there on one side of an edge, and not on the other.
+    fn ends_at(&self, own: &Part<'f>, edge: &dyn Field, q: Point3, scale: f64) -> bool {
+        let (f, g) = (own.field.jet(q).g, edge.jet(q).g);
+        let across = cross(f, cross(f, g));
+        let step = ASIDE * scale / norm(across);
+        let is_there = |sign: f64| {
+            let p: Point3 = std::array::from_fn(|k| q[k] + sign * step * across[k]);
+            self.parts[self.first_order(p).1].function == own.function
+        };
+        is_there(1.0) != is_there(-1.0)
     }
 
     /// What decides the sign in a region: the tree without what cannot, and its parts.
