@@ -10,7 +10,7 @@ use isoform_geom::{Field, Parts, Point3, RationalPatch, distance_squared, dot, s
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Random places that are projected to samples of a part.
-const PLACES: usize = 12_000;
+const PLACES: usize = 30_000;
 /// The same for all parts of a surface together.
 const MOST_PLACES: usize = 150_000;
 /// Patches that are grown side by side; fixed, so that the result does not depend on the number of threads.
@@ -67,12 +67,6 @@ fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize
             Ok((patch, covers))
         });
         for (seed, made) in seeds.iter().zip(made) {
-            if std::env::var("DEBUG").is_ok() {
-                match &made {
-                    Ok((p, c)) => eprintln!("{:.4?} area {:.5} bound {:?} sampled {:.2e} covers {} rows {} {:?} open {}", samples[*seed], p.grown.area(&options.region), p.distances.bound, p.distances.sampled, c.iter().filter(|c| **c).count(), p.grown.trace.len(), p.seconds.iter().map(|s| (s.1 * 1e3) as u32).collect::<Vec<_>>(), open.iter().filter(|c| **c).count()),
-                    Err(e) => eprintln!("{:.4?} {e}", samples[*seed]),
-                }
-            }
             match made {
                 Ok((patch, covers)) if patch.distances.bound.is_some_and(|b| b <= tolerance) && covers.contains(&true) => {
                     for (i, c) in covers.iter().enumerate() {

@@ -27,7 +27,7 @@ const ROUNDING: f64 = 1e-13;
 /// Cells that may be looked at.
 const MOST_CELLS: usize = 60_000;
 /// Of a surface with parts, for a bound that is better than the tolerance,
-const MOST_CELLS_AT_EDGES: usize = 6000;
+const MOST_CELLS_AT_EDGES: usize = 2000;
 /// which is not sought below this share of it.
 const AT_EDGES: f64 = 0.02;
 /// Newton steps to a foot point about which the sign is looked at.
@@ -258,15 +258,7 @@ fn bound_of_cell(whole: &Whole<'_>, cell: &RationalPatch, depth: u32, target: f6
 }
 
 /// M/G, if that is no more than `beyond`.
-fn smooth_bound(
-    whole: &Whole<'_>,
-    c: Point3,
-    region: Aabb,
-    d: &[[f64; 4]],
-    r: Point3,
-    beyond: f64,
-    products: &Products,
-) -> Option<f64> {
+fn smooth_bound(whole: &Whole<'_>, c: Point3, region: Aabb, d: &[[f64; 4]], r: Point3, beyond: f64, products: &Products) -> Option<f64> {
     let (tree, parts) = whole.within(region)?;
     let expansions: Vec<Expansion> = parts.iter().map(|&k| whole.field(k).expansion(c, region)).collect::<Option<_>>()?;
     let mut n = [0.0; 3];

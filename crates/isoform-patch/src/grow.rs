@@ -18,8 +18,8 @@ use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
 use crate::surface::{ON_SURFACE, Seed, contains, project, project_along};
 use crate::whole::On;
-use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
 use edges::OVERLAP;
+use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
 use std::time::Instant;
 
 /// Edge of the start patch, in edges of the region.
@@ -56,10 +56,12 @@ const EXACT_BISECTIONS: usize = 14;
 const LEAST_WEIGHT: f64 = 0.02;
 /// Times that a patch is made shorter for the proof of its tolerance.
 const SHORTER: usize = 12;
+/// The same of a surface with parts: there more is in vain.
+const SHORTER_AT_EDGES: usize = 4;
 /// Cells of that proof.
 const PROOF_CELLS: usize = 300_000;
 /// The same of a surface with parts.
-const PROOF_CELLS_AT_EDGES: usize = 5000;
+const PROOF_CELLS_AT_EDGES: usize = 2500;
 /// Before it is proved, the distance is sampled in a finer grid; near edges proofs need some room.
 const PROVED_SAMPLES: usize = 33;
 const HOPELESS: f64 = 0.7;
@@ -450,7 +452,11 @@ impl<'f> Growth<'f> {
         let Some(tolerance) = self.options.tolerance else { return true };
         let is_single = self.on.whole.is_single();
         let cells = if is_single { PROOF_CELLS } else { PROOF_CELLS_AT_EDGES };
-        for _ in 0..SHORTER {
+        for _ in 0..if is_single { SHORTER } else { SHORTER_AT_EDGES } {
+            if self.options.deadline.is_some_and(|d| Instant::now() >= d) {
+                self.is_late = true;
+                return false;
+            }
             let is_hopeless = !is_single && sampled_on(self.on.whole, &self.patch, PROVED_SAMPLES).0 > HOPELESS * tolerance;
             if !is_hopeless && prove_on(self.on.whole, &self.patch, tolerance, cells).is_some() {
                 return true;
@@ -476,7 +482,8 @@ impl<'f> Growth<'f> {
         // What lies on an edge is to stay near it.
         let little = 0.5 * self.overlap();
         let edges = self.edges();
-        let shorter = self.longer(std::array::from_fn(|side| if self.sides[side].is_at_edge() { -little / edges[side / 2] } else { -share }));
+        let shorter =
+            self.longer(std::array::from_fn(|side| if self.sides[side].is_at_edge() { -little / edges[side / 2] } else { -share }));
         match self.retargeted(&shorter) {
             Some((targets, at)) => self.take(shorter, targets, at),
             None => return false,

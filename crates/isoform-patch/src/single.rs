@@ -127,7 +127,8 @@ pub(crate) fn at(whole: &Whole<'_>, part: usize, point: Point3, options: &Option
         return made;
     }
     // Where nothing fits at the edge: about the point itself.
-    let again = grown(on, Seed { point, tangents: in_plane(seed.tangents, on.field().jet(point).g), ..seed }, None, options, Clock::default());
+    let again =
+        grown(on, Seed { point, tangents: in_plane(seed.tangents, on.field().jet(point).g), ..seed }, None, options, Clock::default());
     if again.as_ref().is_ok_and(keeps) || made.is_err() { again } else { made }
 }
 

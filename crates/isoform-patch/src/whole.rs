@@ -80,7 +80,11 @@ impl<'f> Whole<'f> {
     /// The zero set of one function.
     pub(crate) fn of_field(field: &'f dyn Field) -> Self {
         let local = Arc::new(Local { tree: Csg::Piece(0), pieces: vec![(0, vec![0])] });
-        Self { parts: vec![Part { piece: 0, field, function: 0, limits: Vec::new() }], all: local.clone(), cells: vec![Cell { region: Aabb::EMPTY, local, children: None }] }
+        Self {
+            parts: vec![Part { piece: 0, field, function: 0, limits: Vec::new() }],
+            all: local.clone(),
+            cells: vec![Cell { region: Aabb::EMPTY, local, children: None }],
+        }
     }
 
     /// A surface of parts; in the region it is known well what matters where.
@@ -99,10 +103,7 @@ impl<'f> Whole<'f> {
         let pieces = numbers.into_iter().map(|piece| (piece, (0..list.len()).filter(|&k| list[k].piece == piece).collect())).collect();
         // Patches reach beyond the region.
         let more = region.size().map(|s| MARGIN * s);
-        let region = Aabb {
-            lo: std::array::from_fn(|k| region.lo[k] - more[k]),
-            hi: std::array::from_fn(|k| region.hi[k] + more[k]),
-        };
+        let region = Aabb { lo: std::array::from_fn(|k| region.lo[k] - more[k]), hi: std::array::from_fn(|k| region.hi[k] + more[k]) };
         let local = Arc::new(Local { tree: parts.tree.clone(), pieces });
         let mut whole = Self { parts: list, all: local.clone(), cells: vec![Cell { region, local, children: None }] };
         whole.divide(0, 0);
@@ -169,8 +170,11 @@ impl<'f> Whole<'f> {
     /// The parts that matter somewhere; of those with the same function the first.
     pub(crate) fn relevant(&self) -> Vec<usize> {
         let leaves = self.cells.iter().filter(|c| c.children.is_none());
-        let all: BTreeSet<usize> =
-            leaves.filter_map(|c| self.narrow(&c.local, c.region)).flat_map(|l| l.pieces.into_iter().flat_map(|p| p.1)).map(|k| self.parts[k].function).collect();
+        let all: BTreeSet<usize> = leaves
+            .filter_map(|c| self.narrow(&c.local, c.region))
+            .flat_map(|l| l.pieces.into_iter().flat_map(|p| p.1))
+            .map(|k| self.parts[k].function)
+            .collect();
         all.into_iter().collect()
     }
 

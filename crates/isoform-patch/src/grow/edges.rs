@@ -99,9 +99,7 @@ impl<'f> Growth<'f> {
     /// Whether a start patch lies on its part; one at an edge need not fit that yet.
     pub(crate) fn starts_within(on: On<'f>, patch: &RationalPatch, allowed: f64, at_edge: bool) -> bool {
         let first = usize::from(at_edge);
-        (0..5).all(|i| {
-            (first..5).all(|j| on.beyond(patch.point(i as f64 / 4.0, j as f64 / 4.0)).is_none_or(|b| b.by <= allowed))
-        })
+        (0..5).all(|i| (first..5).all(|j| on.beyond(patch.point(i as f64 / 4.0, j as f64 / 4.0)).is_none_or(|b| b.by <= allowed)))
     }
 
     /// Where a side lies farthest beyond an edge.
