@@ -15,6 +15,10 @@ const PLACES: usize = 30_000;
 const MOST_PLACES: usize = 150_000;
 /// Patches that are grown side by side; fixed, so that the result does not depend on the number of threads.
 const ROUND: usize = 4;
+/// Sets of samples that are covered in turn,
+const MOST_ROUNDS: usize = 4;
+/// unless no more than this share of a set is not covered already.
+const ENOUGH: f64 = 3e-4;
 /// Samples of a patch in each direction, from which feet of samples are sought.
 const GRID: usize = 33;
 /// Newton steps towards the foot of a sample on a patch.
@@ -50,7 +54,8 @@ pub fn cover_parts(parts: &Parts, options: &Options, most: usize, threads: usize
 fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
     single::check(options)?;
     let tolerance = options.tolerance.ok_or(Error::Option { name: "the tolerance", value: f64::NAN })?;
-    let (samples, parts) = samples(whole, options);
+    let (mut random, mut rounds) = (Random::new(options.seed), 1);
+    let (mut samples, mut parts) = more_samples(whole, options, &mut random);
     if samples.is_empty() {
         return Err(Error::NoSurface);
     }
@@ -59,7 +64,32 @@ fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize
     // The squared distance of each sample from covered samples and tried seeds.
     let mut far = vec![f64::INFINITY; samples.len()];
     let (mut failures, mut last_error) = (0, Error::NoSurface);
-    while open.contains(&true) && patches.len() < most && failures < MOST_FAILURES && !stop() {
+    while patches.len() < most && failures < MOST_FAILURES && !stop() {
+        if !open.contains(&true) {
+            if rounds == MOST_ROUNDS {
+                break;
+            }
+            // Other samples see what lies between the first ones.
+            rounds += 1;
+            let (fresh, their_parts) = more_samples(whole, options, &mut random);
+            let mut fresh_open = vec![true; fresh.len()];
+            for (patch, covers) in &mut patches {
+                let reached = reached(&patch.grown.patch, &fresh, tolerance);
+                fresh_open.iter_mut().zip(&reached).for_each(|(o, r)| *o &= !r);
+                covers.extend(reached);
+            }
+            let missed = fresh_open.iter().filter(|o| **o).count();
+            let count = fresh.len() as f64;
+            samples.extend(fresh);
+            parts.extend(their_parts);
+            open.extend(fresh_open);
+            far.resize(samples.len(), f64::INFINITY);
+            if (missed as f64) < ENOUGH * count {
+                break;
+            }
+            update_far(&samples, &open, &mut far);
+            continue;
+        }
         let seeds = next_seeds(&samples, &open, &far, ROUND.min(most - patches.len()));
         let made = side_by_side(seeds.len(), threads, &|i| {
             let patch = single::at(whole, parts[seeds[i]], samples[seeds[i]], options)?;
@@ -98,8 +128,8 @@ fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize
 }
 
 /// Points of the surface in the region, and the parts they lie on.
-fn samples(whole: &Whole<'_>, options: &Options) -> (Vec<Point3>, Vec<usize>) {
-    let (mut random, scale) = (Random::new(options.seed), options.region.diagonal());
+fn more_samples(whole: &Whole<'_>, options: &Options, random: &mut Random) -> (Vec<Point3>, Vec<usize>) {
+    let scale = options.region.diagonal();
     let mut found = (Vec::new(), Vec::new());
     let relevant = if whole.is_single() { vec![0] } else { whole.relevant() };
     let places = PLACES.min(MOST_PLACES / relevant.len().max(1));
