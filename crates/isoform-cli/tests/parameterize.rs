@@ -140,6 +140,8 @@ fn exact_patches_are_on_named_surfaces_in_step() {
         ("sphere", SPHERE, "SPHERICAL_SURFACE"),
         ("cylinder", r#"{"F": "x^2 + y^2 - 1/16"}"#, "CYLINDRICAL_SURFACE"),
         ("cone", r#"{"F": "x^2 + y^2 - z^2/4"}"#, "CONICAL_SURFACE"),
+        // Radii 3/10 and 3/20.
+        ("torus", r#"{"F": "(x^2 + y^2 + z^2 + 27/400)^2 - 9/25*(x^2 + y^2)"}"#, "TOROIDAL_SURFACE"),
     ];
     for (name, formula, entity) in shapes {
         let model = folder.file(&format!("{name}.json"), formula);
@@ -148,7 +150,25 @@ fn exact_patches_are_on_named_surfaces_in_step() {
         assert_eq!((code, &document["patches"][0]["entity"]["kind"]), (0, &json!(name)), "{document}");
         let text = fs::read_to_string(&path).expect("a file");
         assert!(text.contains(entity) && !text.contains("B_SPLINE_SURFACE("), "{name}");
+        if name == "torus" {
+            let of = |key: &str| document["patches"][0]["entity"][key].as_f64().unwrap_or_default();
+            assert!((of("major_radius") - 0.3).abs() < 1e-12 && (of("minor_radius") - 0.15).abs() < 1e-12, "{document}");
+        }
     }
+}
+
+#[test]
+fn figures_and_the_other_term() {
+    let folder = Folder::new("parameterize-figure");
+    let (model, path) = (folder.file("sphere.json", SPHERE), folder.path("steps.svg"));
+    let (code, document) = parameterize(&model, &["--degree", "2,2", "--inner", "tangents", "--figure", &path]);
+    assert_eq!((code, &document["inner"]), (0, &json!("tangents")));
+    let svg = fs::read_to_string(&path).expect("a picture");
+    assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n") && !svg.contains("NaN"));
+    // A plus for each extrapolation and one in the legend; three lines; 40 x 40 quadrangles.
+    let count = |what: &str| svg.matches(what).count();
+    let extrapolations = document["patches"][0]["extrapolation_steps"].as_u64().expect("a number") as usize;
+    assert_eq!((count("class=\"grow\""), count("<polyline"), count("class=\"sheet\"")), (extrapolations + 1, 3, 1600));
 }
 
 #[test]
@@ -178,6 +198,14 @@ fn bad_input_is_refused() {
     assert_eq!(error(&file(r#"{"F": "3"}"#), &[]), is(2, "polynomial"));
     assert_eq!(error(&file(r#"{"F": "x^2 - y^2*z"}"#), &["--seed-point", "0,0,0.2"]), is(4, "singular"));
     assert_eq!(error(&file(r#"{"F": "x^2 + y^2 + z^2 + 1"}"#), &[]), is(4, "empty"));
+    let half = folder.file("half.hf", "my_model(x[3], a[1]) { my_model = sqrt(x[1]) - 0.3; }");
+    assert_eq!(error(&half, &["--seed-point", "-0.2,0,0"]), is(4, "not-a-number"));
+    assert_eq!(error(&model, &["--seed-point", "1e9,0,0"]), is(4, "far-seed"));
+    assert_eq!(error(&model, &["--seed-point", "nan,0,0"]), is(1, "usage"));
+    assert_eq!(error(&model, &["--degree", "9,2"]), is(1, "usage"));
+    assert_eq!(error(&model, &["--inner", "angles"]), is(1, "usage"));
+    assert_eq!(error(&model, &["--figure", "nowhere/f.svg"]), is(2, "not-writable"));
+    assert_eq!(error(&model, &["--cover", "--tol", "1e-3", "--figure", "f.svg"]), is(1, "usage"));
     assert_eq!(error(&model, &["--params", "1"]), is(1, "usage"));
     assert_eq!(error("nowhere.json", &[]), is(2, "file"));
 }

@@ -196,6 +196,9 @@ impl Polynomial {
 }
 
 impl Field for Polynomial {
+    fn terms(&self) -> Option<&[([u16; 3], f64)]> {
+        Some(&self.terms)
+    }
     fn value(&self, p: Point3) -> f64 {
         Powers::new(p, self.degrees).sum(&self.terms, [0; 3])
     }

@@ -34,6 +34,10 @@ pub trait Field: Send + Sync {
     fn expansion(&self, _at: Point3, _region: Aabb) -> Option<Expansion> {
         None
     }
+    /// The terms c xⁱyʲzᵏ, as ([i, j, k], c), of an f that is their sum; nothing by default.
+    fn terms(&self) -> Option<&[([u16; 3], f64)]> {
+        None
+    }
 }
 
 /// Intervals for a function's derivatives: those to order 2 at a point, those of order 3 in a region about it. By Taylor's theorem

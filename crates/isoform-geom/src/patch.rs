@@ -107,6 +107,21 @@ fn reparameterize(points: &mut [[f64; 4]], a: f64, b: f64) {
     points.copy_from_slice(&new);
 }
 
+/// The points of the same Bézier curve at a degree not below its own.
+fn raised(points: &[[f64; 4]], degree: usize) -> Vec<[f64; 4]> {
+    let mut points = points.to_vec();
+    while points.len() <= degree {
+        let n = points.len();
+        let blend = |i: usize| {
+            let t = i as f64 / n as f64;
+            let (before, at) = (points[i.saturating_sub(1)], points[i.min(n - 1)]);
+            std::array::from_fn(|d| t * before[d] + (1.0 - t) * at[d])
+        };
+        points = (0..=n).map(blend).collect();
+    }
+    points
+}
+
 impl RationalPatch {
     /// A patch of degree (m, n) in (u, v); `control[i * (n + 1) + j]` = cᵢⱼ.
     pub fn new(degree: (usize, usize), control: Vec<[f64; 4]>) -> Result<Self, PatchError> {
@@ -204,6 +219,19 @@ impl RationalPatch {
         [(0.0, 0.5), (0.5, 1.0)].map(|half| if along_u { self.part(half, whole) } else { self.part(whole, half) })
     }
 
+    /// The same patch with degrees raised to (m, n).
+    ///
+    /// # Panics
+    /// If a degree is below the present one.
+    pub fn elevated(&self, (m, n): (usize, usize)) -> Self {
+        let (m0, n0) = self.degree;
+        assert!(m >= m0 && n >= n0, "degrees {m}, {n} below {m0}, {n0}");
+        let rows: Vec<Vec<[f64; 4]>> = self.control.chunks(n0 + 1).map(|row| raised(row, n)).collect();
+        let columns: Vec<Vec<[f64; 4]>> = (0..=n).map(|j| raised(&rows.iter().map(|row| row[j]).collect::<Vec<_>>(), m)).collect();
+        let control = (0..=m).flat_map(|i| columns.iter().map(move |column| column[i])).collect();
+        Self { degree: (m, n), control }
+    }
+
     /// The same surface with u and v exchanged: its other side.
     pub fn transposed(&self) -> Self {
         let (m, n) = self.degree;
@@ -284,6 +312,15 @@ mod tests {
             for k in 0..4 {
                 assert!((a[k] - b[k]).abs() < 1e-13);
             }
+        }
+    }
+
+    #[test]
+    fn elevated_patches_are_the_same() {
+        let (p, q) = (wavy(2, 3), wavy(2, 3).elevated((4, 5)));
+        assert_eq!((q.degree(), p.elevated((2, 3))), ((4, 5), p.clone()));
+        for (u, v) in [(0.0, 1.0), (0.2, 0.7), (0.9, 0.4)] {
+            assert!(p.homogeneous(u, v).iter().flatten().zip(q.homogeneous(u, v).iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-13));
         }
     }
 

@@ -1,4 +1,4 @@
-//! Surfaces of degree 2, by their names.
+//! Surfaces that CAD systems have a name for: those of degree 2, and the torus.
 
 use crate::Point3;
 
@@ -37,6 +37,17 @@ pub enum Quadric {
         /// The angle, in radians.
         half_angle: f64,
     },
+    /// All points at a distance from a circle: of degree 4, but a name of CAD systems like the others.
+    Torus {
+        /// The middle of the circle.
+        center: Point3,
+        /// The normal of its plane, of length 1.
+        axis: Point3,
+        /// Its radius.
+        major: f64,
+        /// The distance.
+        minor: f64,
+    },
     /// Another quadric Σ aᵢ mᵢ = 0 with the monomials x², y², z², xy, yz, zx, x, y, z, 1 in coordinates about `center`, in units of `scale`.
     Other {
         /// Where the coordinates begin.
@@ -56,6 +67,7 @@ impl Quadric {
             Self::Sphere { .. } => "sphere",
             Self::Cylinder { .. } => "cylinder",
             Self::Cone { .. } => "cone",
+            Self::Torus { .. } => "torus",
             Self::Other { .. } => "quadric",
         }
     }

@@ -1,7 +1,7 @@
 //! STEP (ISO 10303-21, AP242): rational patches as faces of CAD.
 //!
 //! Each patch is an ADVANCED_FACE in an open shell of its own, bounded by its four borders as rational B-spline curves. Its surface is the
-//! patch itself as a rational B-spline with clamped knots, or the plane, sphere, cylinder or cone that it lies on. CAD systems drop faces
+//! patch itself as a rational B-spline with clamped knots, or the plane, sphere, cylinder, cone or torus that it lies on. CAD systems drop faces
 //! that have a control weight of 0 or less without a word: knots are inserted until all are positive, which changes no point of the surface.
 //!
 //! The same patches give the same bytes: the time stamp is a fixed one unless another is given.

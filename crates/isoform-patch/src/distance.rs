@@ -6,12 +6,18 @@
 //! itself, and |F| ≤ M on the cell, the surface is at most M/G away along ±n. Where no such n exists (at self-intersections) cells
 //! are divided until they are small against the bound; then it suffices that F changes its sign between c and a point nearby.
 //!
+//! On patches that lie on the surface to rounding, M is that of F∘p where F is a polynomial. At a self-intersection there are then unit
+//! vectors e and f with eᵀHe ≥ λ and fᵀHf ≤ −λ about the cell: along ±e, whichever way F does not fall, it has grown by λt²/2 after t, along f
+//! fallen by as much, so that the surface is at most √(2M/λ) away.
+//!
 //! Minima and maxima of parts keep both arguments: n·∇F is at least the least of the parts' that matter, and the tree carries bounds of
 //! the parts over to one of F. As only signs count, each piece is first divided by its gradient's length at c.
 
+use crate::compose::largest;
 use crate::surface::ON_SURFACE;
 use crate::whole::Whole;
 use isoform_geom::{Aabb, Expansion, Field, Point3, RationalPatch, norm, sub};
+use isoform_num::linalg::symmetric_eigen;
 use isoform_num::{Interval, Jet2};
 
 /// Samples in each direction.
@@ -24,6 +30,12 @@ const CORRECTIONS: usize = 2;
 const SLACK: [f64; 2] = [1.8, 2.7];
 /// Bounds below this share of the largest coordinate are lost in rounding.
 const ROUNDING: f64 = 1e-13;
+/// A patch this near to the surface, in units of the largest coordinate, lies on it to rounding. Of such a one
+const EXACT: f64 = 1e-12;
+/// these bounds are tried in turn, with so many cells: what is left of rounding; at self-intersections its root; and what expansions come to.
+const EXACT_TARGETS: [(f64, usize); 3] = [(1e-13, 2000), (1e-12, 2000), (1e-6, 60_000)];
+/// Compositions are worth their cost for bounds below this share of the largest coordinate.
+const COMPOSED: f64 = 1e-5;
 /// Cells that may be looked at.
 const MOST_CELLS: usize = 60_000;
 /// Of a surface with parts, for a bound that is better than the tolerance,
@@ -141,7 +153,11 @@ pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64
 /// The same from a whole surface.
 pub(crate) fn distances_on(whole: &Whole<'_>, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
     let (sampled, rms) = sampled_on(whole, patch, SAMPLES);
-    let size = patch.control_box().map_or(1.0, |b| b.lo.iter().chain(&b.hi).fold(0.0f64, |m, v| m.max(v.abs())));
+    let size = largest_coordinate(patch);
+    if whole.is_single() && sampled <= EXACT * size {
+        let proved = |(target, cells): &(f64, usize)| prove_on(whole, patch, (target * size).max(2.0 * sampled), *cells);
+        return Distances { bound: EXACT_TARGETS.iter().find_map(proved).map(|b| b.max(sampled)), sampled, rms };
+    }
     // At edges a bound may be farther from the distance than elsewhere, and what is little against the tolerance is not worth its cells.
     let (least, cells) = if whole.is_single() { (0.0, MOST_CELLS) } else { (AT_EDGES * tolerance.unwrap_or(0.0), MOST_CELLS_AT_EDGES) };
     let bound = SLACK.iter().find_map(|slack| {
@@ -156,6 +172,11 @@ pub(crate) fn distances_on(whole: &Whole<'_>, patch: &RationalPatch, tolerance: 
     Distances { bound, sampled, rms }
 }
 
+/// The largest coordinate of a patch, at least; 1 unless its control weights are positive.
+fn largest_coordinate(patch: &RationalPatch) -> f64 {
+    patch.control_box().map_or(1.0, |b| b.lo.iter().chain(&b.hi).fold(0.0f64, |m, v| m.max(v.abs())))
+}
+
 /// A bound on the distance of all points of a patch from the surface that is at most `target`, if such a one can be proved with so
 /// many cells.
 pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
@@ -165,6 +186,9 @@ pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize
 /// The same from a whole surface.
 pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
     let products = Products::new(patch.degree());
+    let size = largest_coordinate(patch);
+    let terms = if whole.is_single() && target < COMPOSED * size { whole.field(0).terms() } else { None };
+    let known = terms.and_then(|t| largest(t, patch)).unwrap_or(f64::INFINITY);
     let mut pending = vec![(patch.clone(), 0u32)];
     let (mut worst, mut looked_at) = (0.0f64, 0);
     while let Some((cell, depth)) = pending.pop() {
@@ -172,7 +196,7 @@ pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, ce
         if looked_at > cells {
             return None;
         }
-        match bound_of_cell(whole, &cell, depth, target, &products) {
+        match bound_of_cell(whole, &cell, depth, target, known, &products) {
             Some(b) => worst = worst.max(b),
             None if depth == MOST_DEPTH => return None,
             None => pending.extend(quarters(&cell).map(|c| (c, depth + 1))),
@@ -224,8 +248,9 @@ fn magnitude(i: &Interval) -> f64 {
     i.lo().abs().max(i.hi().abs())
 }
 
-/// A bound on the distance of a cell from the surface, if one of at most `target` is found.
-fn bound_of_cell(whole: &Whole<'_>, cell: &RationalPatch, depth: u32, target: f64, products: &Products) -> Option<f64> {
+/// A bound on the distance of a cell from the surface, if one of at most `target` is found; of a single function F, |F| is known to be at most
+/// `known` on it.
+fn bound_of_cell(whole: &Whole<'_>, cell: &RationalPatch, depth: u32, target: f64, known: f64, products: &Products) -> Option<f64> {
     let (least, _) = cell.control_weights();
     if least <= 0.0 {
         return None;
@@ -246,19 +271,58 @@ fn bound_of_cell(whole: &Whole<'_>, cell: &RationalPatch, depth: u32, target: f6
     // How far beyond the cell the surface is sought: as far as it seems to be, not as far as it may be.
     let beyond = (2.0 * whole.first_order(c).0.abs() + 0.25 * reach).min(target);
     let beyond = if beyond.is_nan() { target } else { beyond };
-    let region = Aabb { lo: std::array::from_fn(|k| c[k] - r[k] - beyond), hi: std::array::from_fn(|k| c[k] + r[k] + beyond) };
-    if let Some(b) = smooth_bound(whole, c, region, &d, r, beyond, products).filter(|b| b + rounding <= target) {
+    if let Some(b) = smooth_bound(whole, c, &d, r, beyond, known, products).filter(|b| b + rounding <= target) {
         return Some(b + rounding);
     }
-    // Small against the bound: any sign change nearby will do.
+    if known.is_finite() {
+        let e = whole.field(0).expansion(c, about(c, r, target))?;
+        if let Some(b) = crossing_bound(&e, r.map(|v| v + target), known).filter(|b| b + rounding <= target) {
+            return Some(b + rounding);
+        }
+    }
+    // Small against the bound: any sign change nearby will do, if the functions are such of which something can be proved.
     if reach > 0.85 * target {
+        return None;
+    }
+    let near = about(c, r, target);
+    if whole.within(near)?.1.iter().any(|&k| whole.field(k).expansion(c, near).is_none()) {
         return None;
     }
     changes_sign(whole, c, (target - reach - rounding) * (1.0 - 1e-9)).then_some(target)
 }
 
-/// M/G, if that is no more than `beyond`.
-fn smooth_bound(whole: &Whole<'_>, c: Point3, region: Aabb, d: &[[f64; 4]], r: Point3, beyond: f64, products: &Products) -> Option<f64> {
+/// The box that reaches `by` beyond c ± r.
+fn about(c: Point3, r: Point3, by: f64) -> Aabb {
+    Aabb { lo: std::array::from_fn(|k| c[k] - r[k] - by), hi: std::array::from_fn(|k| c[k] + r[k] + by) }
+}
+
+/// √(2M/λ), where second derivatives have both signs by λ or more within `wide` of the point of expansion.
+fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f64> {
+    let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
+    let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
+    let (values, vectors) = symmetric_eigen(&[h[0], h[1], h[2], h[1], h[3], h[4], h[2], h[4], h[5]], 3);
+    // A lower bound of |eᵀHe| for an eigenvector e: from the value, what third derivatives, radii and rounding may take away.
+    let least = |k: usize| {
+        let n: Point3 = std::array::from_fn(|i| vectors[3 * k + i].abs());
+        let mut lost = 1e-14 * h.iter().map(|v| v.abs()).sum::<f64>();
+        for i in 0..3 {
+            for j in 0..3 {
+                let along = |l: usize| t[PLACE[i][j][l]] * wide[l];
+                lost += n[i] * n[j] * (radius(&e.hessian[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]]) + (0..3).map(along).sum::<f64>());
+            }
+        }
+        values[k].abs() * (1.0 - 1e-12) - lost
+    };
+    let lambda = least(0).min(least(2));
+    if values[0] >= 0.0 || values[2] <= 0.0 || lambda.is_nan() || lambda <= 0.0 {
+        return None;
+    }
+    Some((2.0 * most / lambda).sqrt() * (1.0 + 1e-12))
+}
+
+/// M/G, if that is no more than `beyond`; of a single function, M is no more than `known`.
+fn smooth_bound(whole: &Whole<'_>, c: Point3, d: &[[f64; 4]], r: Point3, beyond: f64, known: f64, products: &Products) -> Option<f64> {
+    let region = about(c, r, beyond);
     let (tree, parts) = whole.within(region)?;
     let expansions: Vec<Expansion> = parts.iter().map(|&k| whole.field(k).expansion(c, region)).collect::<Option<_>>()?;
     let mut n = [0.0; 3];
@@ -297,7 +361,8 @@ fn smooth_bound(whole: &Whole<'_>, c: Point3, region: Aabb, d: &[[f64; 4]], r: P
         let of = parts.iter().zip(&ranges).filter(|(k, _)| whole.piece(**k) == piece).map(|(_, r)| *r);
         of.reduce(|a, b| a.hull(&b)).unwrap_or(Interval::ALL)
     };
-    let bound = magnitude(&tree.range(&of_piece)) / slope * (1.0 + 1e-12);
+    let most = magnitude(&tree.range(&of_piece)).min(if whole.is_single() { known / unit(0) } else { f64::INFINITY });
+    let bound = most / slope * (1.0 + 1e-12);
     (bound.is_finite() && bound <= beyond).then_some(bound)
 }
 
@@ -358,10 +423,12 @@ fn range(e: &Expansion, d: &[[f64; 4]], r: Point3, products: &Products) -> (f64,
     (lo - most, hi + most)
 }
 
+/// Where ∂³F/∂xᵢ∂xⱼ∂xₖ is among the ten third derivatives.
+const PLACE: [[[usize; 3]; 3]; 3] =
+    [[[0, 1, 2], [1, 3, 4], [2, 4, 5]], [[1, 3, 4], [3, 6, 7], [4, 7, 8]], [[2, 4, 5], [4, 7, 8], [5, 8, 9]]];
+
 /// Σ t_ijk r_i r_j r_k over all i, j, k; with `n`, Σ t_ijk n_i r_j r_k.
 fn cubic(t: &[f64; 10], r: Point3, n: Option<Point3>) -> f64 {
-    const PLACE: [[[usize; 3]; 3]; 3] =
-        [[[0, 1, 2], [1, 3, 4], [2, 4, 5]], [[1, 3, 4], [3, 6, 7], [4, 7, 8]], [[2, 4, 5], [4, 7, 8], [5, 8, 9]]];
     let first = n.unwrap_or(r);
     let mut sum = 0.0;
     for i in 0..3 {

@@ -12,11 +12,10 @@ mod edges;
 pub(crate) use edges::Side;
 
 use crate::distance::{prove_on, sampled, sampled_on};
-use crate::exact::onto;
 use crate::objective::{CORNERS, Evaluated, Method, Objective, Targets, Terms, Weights};
 use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
-use crate::surface::{ON_SURFACE, Seed, contains, project, project_along};
+use crate::surface::{Seed, contains, project, project_along};
 use crate::whole::On;
 use edges::OVERLAP;
 use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
@@ -29,7 +28,7 @@ const START_EXCESS: f64 = 10.0;
 /// Halvings of the start patch: 2⁻³⁰ of the region is beyond any use.
 const HALVINGS: usize = 30;
 /// The largest extrapolation at one side, in edges of the patch.
-const MOST_GROWTH: f64 = 0.16;
+pub(crate) const MOST_GROWTH: f64 = 0.16;
 /// S after an extrapolation, before Newton steps, may be this many times its bound.
 const MOST_EXCESS: f64 = 30.0;
 /// Secant steps towards the size that an extrapolation aims at.
@@ -50,10 +49,8 @@ const WITHIN: f64 = 0.93;
 const WITHIN_PART: f64 = 0.6;
 /// Samples of the distance in each direction while a patch grows.
 const GROWING_SAMPLES: usize = 17;
-/// Bisections of the extrapolation of an exact patch.
-const EXACT_BISECTIONS: usize = 14;
 /// The least control weight of a patch: CAD systems drop faces with negative ones without a word, and quotients of small ones are large.
-const LEAST_WEIGHT: f64 = 0.02;
+pub(crate) const LEAST_WEIGHT: f64 = 0.02;
 /// Times that a patch is made shorter for the proof of its tolerance.
 const SHORTER: usize = 12;
 /// The same of a surface with parts: there more is in vain.
@@ -142,11 +139,11 @@ pub(crate) struct Growth<'f> {
     pub(crate) is_late: bool,
     /// The last patch that kept the bound.
     good: Option<State<'f>>,
-    options: Options,
+    pub(crate) options: Options,
     damping: f64,
     seed: Seed,
     /// Edge of the region: the unit of length in which bounds hold.
-    unit: f64,
+    pub(crate) unit: f64,
     /// The part that the patch grows on.
     on: On<'f>,
     /// What the sides u = 0, u = 1, v = 0, v = 1 do.
@@ -192,7 +189,7 @@ impl<'f> Growth<'f> {
         for _ in 0..HALVINGS {
             let [a, b] = seed.tangents.map(|t| t.map(|v| v * size));
             let below = if edge.is_some() { 0.0 } else { 0.5 };
-            let origin = std::array::from_fn(|k| seed.point[k] - 0.5 * a[k] - below * b[k]);
+            let origin = std::array::from_fn(|k| seed.point[k] - (0.5 * a[k] + below * b[k]));
             let patch = RationalPatch::planar(options.degree, origin, a, b);
             if let Some((targets, at)) = growth.retargeted(&patch)
                 && growth.is_start(&at)
@@ -213,7 +210,7 @@ impl<'f> Growth<'f> {
     }
 
     /// The bound on S.
-    fn limit(&self) -> f64 {
+    pub(crate) fn limit(&self) -> f64 {
         self.options.limit * self.unit * self.unit
     }
 
@@ -263,7 +260,7 @@ impl<'f> Growth<'f> {
     }
 
     /// Lengths and corners for a patch (section 3.3), and its value with them; none where a corner has no foot nearby.
-    fn retargeted(&self, patch: &RationalPatch) -> Option<(Targets, Evaluated)> {
+    pub(crate) fn retargeted(&self, patch: &RationalPatch) -> Option<(Targets, Evaluated)> {
         let at = self.objective.evaluate(patch)?;
         let (l1, l2) = self.objective.mean_lengths(&at);
         let (field, edge) = (self.objective.field(), l1.max(l2).sqrt());
@@ -293,7 +290,7 @@ impl<'f> Growth<'f> {
     }
 
     /// Hands a patch to Newton's method.
-    fn take(&mut self, patch: RationalPatch, targets: Targets, at: Evaluated) {
+    pub(crate) fn take(&mut self, patch: RationalPatch, targets: Targets, at: Evaluated) {
         (self.patch, self.at, self.objective.targets) = (patch, at, targets);
         self.trace.push(Self::row(&self.objective, Phase::Grow, &self.at.terms));
     }
@@ -308,23 +305,22 @@ impl<'f> Growth<'f> {
         }
     }
 
-    /// Which sides (u = 0, u = 1, v = 0, v = 1) still lie in the region, for the most part.
-    fn sides_inside(&self) -> [bool; 4] {
+    /// Which sides (u = 0, u = 1, v = 0, v = 1) of a patch still lie in the region, for the most part.
+    pub(crate) fn sides_inside(&self, patch: &RationalPatch) -> [bool; 4] {
         const SAMPLES: usize = 9;
         std::array::from_fn(|side| {
             let inside = (0..SAMPLES).filter(|&i| {
                 let t = i as f64 / (SAMPLES - 1) as f64;
                 let (u, v) = [(0.0, t), (1.0, t), (t, 0.0), (t, 1.0)][side];
-                contains(&self.options.region, self.patch.point(u, v))
+                contains(&self.options.region, patch.point(u, v))
             });
             2 * inside.count() > SAMPLES
         })
     }
 
     /// The patch longer by shares of its edges at its four sides.
-    fn longer(&self, by: [f64; 4]) -> RationalPatch {
-        let patch = self.patch.part((-by[0], 1.0 + by[1]), (-by[2], 1.0 + by[3]));
-        balanced(patch)
+    pub(crate) fn longer(&self, by: [f64; 4]) -> RationalPatch {
+        longer(&self.patch, by)
     }
 
     /// Whether an extrapolated patch is a start for Newton's method.
@@ -396,7 +392,7 @@ impl<'f> Growth<'f> {
             return false;
         }
         let mut finer = Objective::new(self.objective.field(), self.patch.degree(), Method::Frozen, Some(nodes * 9 / 5));
-        (finer.weights, finer.targets) = (self.objective.weights, self.objective.targets);
+        (finer.inner, finer.weights, finer.targets) = (self.objective.inner, self.objective.weights, self.objective.targets);
         let (a, w, sum) = (self.at.terms, self.objective.weights, self.sum());
         let near =
             |a: f64, b: f64, factor: f64| (a - b).abs() <= UNRESOLVED * a.max(b) || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum;
@@ -416,34 +412,6 @@ impl<'f> Growth<'f> {
                 return false;
             }
         }
-        true
-    }
-
-    /// Brings the patch onto the surface to rounding, if that succeeds, and extrapolates it, which then costs nothing of I, as far as
-    /// the bound on S and positive control weights admit. Whether it succeeded.
-    pub(crate) fn bring_onto_surface(&mut self) -> bool {
-        let (patch, root) = onto(&self.objective, &self.patch);
-        if root > ON_SURFACE * self.unit || patch.control_weights().0 <= 0.0 {
-            return false;
-        }
-        let fits = |growth: &Self, share: f64| {
-            let longer = balanced(patch.part((-share, 1.0 + share), (-share, 1.0 + share)));
-            let (targets, at) = growth.retargeted(&longer)?;
-            let fits = growth.options.tolerance.is_some() || growth.objective.sum(&at.terms) <= growth.limit();
-            (fits && at.terms.i.sqrt() <= ON_SURFACE * growth.unit && longer.control_weights().0 > LEAST_WEIGHT)
-                .then_some((longer, targets, at))
-        };
-        let (mut lo, mut hi) = (-0.25, MOST_GROWTH);
-        let mut best = fits(self, lo);
-        for _ in 0..EXACT_BISECTIONS {
-            let share = 0.5 * (lo + hi);
-            match fits(self, share) {
-                Some(found) => (lo, best) = (share, Some(found)),
-                None => hi = share,
-            }
-        }
-        let Some((patch, targets, at)) = best else { return false };
-        self.take(patch, targets, at);
         true
     }
 
@@ -495,7 +463,7 @@ impl<'f> Growth<'f> {
     /// no start for Newton's method. False where nothing is gained.
     fn extrapolate(&mut self, edges: [f64; 2]) -> bool {
         let present = self.edges();
-        let inside = self.sides_inside();
+        let inside = self.sides_inside(&self.patch);
         // A direction in which the patch shall be shorter is so at both sides.
         let moves: [bool; 4] = std::array::from_fn(|side| {
             (inside[side] && matches!(self.sides[side], Side::Free))
@@ -555,6 +523,11 @@ impl<'f> Growth<'f> {
             trace: self.trace,
         }
     }
+}
+
+/// A patch longer by shares of its edges at its four sides.
+pub(crate) fn longer(patch: &RationalPatch, by: [f64; 4]) -> RationalPatch {
+    balanced(patch.part((-by[0], 1.0 + by[1]), (-by[2], 1.0 + by[3])))
 }
 
 /// The same surface with control points scaled so that the least and the largest weight are as far from 1, where J is least or nearly so.

@@ -5,6 +5,7 @@
 //! piece of a tangent plane until S reaches a bound. Any [`isoform_geom::Field`] with derivatives will do.
 #![forbid(unsafe_code)]
 
+mod compose;
 mod cover;
 mod distance;
 mod exact;
@@ -16,13 +17,14 @@ mod quadric;
 mod single;
 mod solver;
 mod surface;
+mod torus;
 mod whole;
 
 pub use cover::{Cover, cover, cover_parts, reached};
 pub use distance::{Distances, distances, foot_distances, prove, sampled};
 pub use grow::{Grown, Phase, Row};
 pub use isoform_geom::Quadric;
-pub use objective::{Derivatives, Evaluated, K, Method, Objective, Targets, Terms, Weights};
+pub use objective::{Derivatives, Evaluated, Inner, K, Method, Objective, Targets, Terms, Weights};
 pub use options::{Error, Options, PAPER_LIMIT};
 pub use quadric::quadric;
 pub use single::{Parameterized, parameterize, parameterize_part};

@@ -2,7 +2,7 @@
 //!
 //! With N the first three coordinates of p* and w its last: p = N/w and pᵤ = (Nᵤ − p wᵤ)/w, the same for v.
 
-use crate::objective::{K, Method, Targets, Weights};
+use crate::objective::{K, Method, Objective, Targets};
 use isoform_geom::{Point3, dot};
 use isoform_num::{Jet2, Jet3};
 
@@ -81,15 +81,8 @@ pub(crate) struct Local {
 
 impl Local {
     /// `third` is used by Newton's method only.
-    pub(crate) fn new(
-        node: &Node,
-        jet: &Jet2,
-        third: Option<&Jet3>,
-        method: Method,
-        targets: &Targets,
-        factors: &Weights,
-        weight: f64,
-    ) -> Self {
+    pub(crate) fn new(node: &Node, jet: &Jet2, third: Option<&Jet3>, objective: &Objective<'_>, weight: f64) -> Self {
+        let (method, targets, factors) = (objective.method, &objective.targets, &objective.weights);
         let mut local = Self { gradient: [0.0; 12], hessian: [[0.0; 12]; 12] };
         let r = node.residuals(jet, targets);
         local.distance(node, jet, third, method, r.distance, weight);
@@ -100,9 +93,16 @@ impl Local {
         local.hessian[3][3] += weight * factors.j * k * (k - 1.0) * x.powi(K - 2);
 
         let exact = method == Method::Newton;
-        local.form(node, (0, 0), r.u, weight * factors.l, exact);
-        local.form(node, (1, 1), r.v, weight * factors.l, exact);
-        local.form(node, (0, 1), r.angle, weight * factors.r, exact);
+        let [x, y, both] = objective.inner.factors(targets);
+        let mut add = |r: f64, s: f64, form: &Form| local.square(&ALL, r, &form.first, exact.then_some(&form.second), s);
+        let (g11, g22) = (Form::new(node, (0, 0), exact), Form::new(node, (1, 1), exact));
+        add(r.u, weight * factors.l * x, &g11);
+        add(r.v, weight * factors.l * y, &g22);
+        if both > 0.0 {
+            let sum = g11.blend(1.0 / targets.l1, &g22, 1.0 / targets.l2);
+            add(r.u / targets.l1 + r.v / targets.l2, weight * factors.l * both, &sum);
+        }
+        add(r.angle, weight * factors.r, &Form::new(node, (0, 1), exact));
         local
     }
 
@@ -164,9 +164,20 @@ impl Local {
         }
         self.square(&[0, 1, 2, 3], r, &first, Some(&second), weight);
     }
+}
 
-    /// (⟨pₐ, p_b⟩ − l)² for a, b ∈ {u, v}; `r` is its value before squaring.
-    fn form(&mut self, node: &Node, (a, b): (usize, usize), r: f64, s: f64, exact: bool) {
+/// All places in z.
+const ALL: [usize; 12] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
+
+/// The derivatives of ⟨pₐ, p_b⟩ by z; second ones only where they are asked for.
+struct Form {
+    first: [f64; 12],
+    second: [[f64; 12]; 12],
+}
+
+impl Form {
+    /// For a, b ∈ {u, v}.
+    fn new(node: &Node, (a, b): (usize, usize), exact: bool) -> Self {
         let mut first = [0.0; 12];
         let mut second = [[0.0; 12]; 12];
         for k in 0..3 {
@@ -188,8 +199,13 @@ impl Local {
                 }
             }
         }
-        let all: [usize; 12] = std::array::from_fn(|i| i);
-        self.square(&all, r, &first, exact.then_some(&second), s);
+        Self { first, second }
+    }
+
+    /// s self + t other.
+    fn blend(&self, s: f64, other: &Self, t: f64) -> Self {
+        let sum = |a: &[f64; 12], b: &[f64; 12]| std::array::from_fn(|k| s * a[k] + t * b[k]);
+        Self { first: sum(&self.first, &other.first), second: std::array::from_fn(|k| sum(&self.second[k], &other.second[k])) }
     }
 }
 

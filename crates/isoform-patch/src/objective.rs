@@ -5,6 +5,11 @@
 //! - L = ∬ (g₁₁ − l₁)² + (g₂₂ − l₂)² du dv and R = ∬ g₁₂² du dv, section 2.4
 //! - E = Σ |p(uᵢ, vᵢ) − Pᵢ|² over the four corners, section 2.5
 //!
+//! Remark 1's functional (5), a choice, is ∫ (|D(φ)|² − 1)² dφ for the tangent vectors D(φ) = cos φ pᵤ/√l₁ + sin φ pᵥ/√l₂, unit vectors where
+//! p is an isometric rectangle; the paper prints l₂ and l₁ in place of 1/l₁ and 1/l₂, with which they are not, and loses a plus sign. With
+//! a = g₁₁/l₁ − 1 and b = g₂₂/l₂ − 1 it is π (a²/2 + b²/2 + (a + b)²/4 + g₁₂²/(l₁l₂)). Times l₁l₂/π the last term is R's integrand: the others
+//! take the place of L's.
+//!
 //! Every integrand is a function of the twelve numbers z = (p*, p*ᵤ, p*ᵥ) at a node, so that its derivatives by the control points are
 //! those by z, 12 and 12 × 12 of them, carried over by the Bernstein basis. That last step uses the tensor product: first over the
 //! nodes in v, then over those in u, which costs a quarter of summing node by node.
@@ -95,6 +100,26 @@ pub struct Targets {
     pub corners: [Point3; 4],
 }
 
+/// What measures the lengths of tangents in L.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Inner {
+    /// (g₁₁ − l₁)² + (g₂₂ − l₂)², section 2.4.
+    #[default]
+    Lengths,
+    /// Remark 1: tangents in all directions; with a = g₁₁/l₁ − 1 and b = g₂₂/l₂ − 1, l₁l₂ (a²/2 + b²/2 + (a + b)²/4).
+    Tangents,
+}
+
+impl Inner {
+    /// L's integrand as a sum of three squares for x = g₁₁ − l₁ and y = g₂₂ − l₂: the factors of x², y² and (x/l₁ + y/l₂)².
+    pub(crate) fn factors(self, t: &Targets) -> [f64; 3] {
+        match self {
+            Self::Lengths => [1.0, 1.0, 0.0],
+            Self::Tangents => [0.5 * t.l2 / t.l1, 0.5 * t.l1 / t.l2, 0.25 * t.l1 * t.l2],
+        }
+    }
+}
+
 /// How second derivatives of S are had.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
@@ -126,10 +151,11 @@ impl Basis {
 /// The objective for patches of one degree on one surface.
 pub struct Objective<'f> {
     field: &'f dyn Field,
-    method: Method,
+    pub(crate) method: Method,
     degree: (usize, usize),
     u: Basis,
     v: Basis,
+    pub(crate) inner: Inner,
     /// The factors ω.
     pub weights: Weights,
     /// Lengths and corners.
@@ -174,9 +200,13 @@ impl<'f> Objective<'f> {
         let nodes = nodes.unwrap_or(K as usize / 2 * degree.0.max(degree.1) + 1).max(2);
         let targets = Targets { l1: 1.0, l2: 1.0, corners: [[0.0; 3]; 4] };
         let (u, v) = (Basis::new(degree.0, nodes), Basis::new(degree.1, nodes));
-        Self { field, method, degree, u, v, weights: Weights::START, targets, sides: [None; 4] }
+        Self { field, method, degree, u, v, inner: Inner::default(), weights: Weights::START, targets, sides: [None; 4] }
     }
 
+    /// The same with another L.
+    pub fn with_inner(self, inner: Inner) -> Self {
+        Self { inner, ..self }
+    }
     /// Quadrature nodes in each direction.
     pub fn nodes_per_direction(&self) -> usize {
         self.u.weights.len()
@@ -242,6 +272,7 @@ impl<'f> Objective<'f> {
 
     fn terms(&self, patch: &RationalPatch, nodes: Vec<Node>, points: Vec<Point3>, jets: Vec<Jet2>) -> Option<Evaluated> {
         let mut terms = Terms::default();
+        let (factors, t) = (self.inner.factors(&self.targets), &self.targets);
         let mut all = nodes.iter().zip(&jets);
         for wu in &self.u.weights {
             for (wv, (node, jet)) in self.v.weights.iter().zip(&mut all) {
@@ -249,7 +280,8 @@ impl<'f> Objective<'f> {
                 let r = node.residuals(jet, &self.targets);
                 terms.i += weight * r.distance * r.distance;
                 terms.j += weight * (node.z[3] - 1.0).powi(K);
-                terms.l += weight * (r.u * r.u + r.v * r.v);
+                let both = r.u / t.l1 + r.v / t.l2;
+                terms.l += weight * (factors[0] * r.u * r.u + factors[1] * r.v * r.v + factors[2] * both * both);
                 terms.r += weight * r.angle * r.angle;
             }
         }
@@ -322,7 +354,7 @@ impl<'f> Objective<'f> {
             for (b, wv) in self.v.b.iter().zip(&self.v.weights) {
                 let ((node, jet), point) = nodes.next().expect("one node per pair");
                 let third: Option<Jet3> = if self.method == Method::Newton { Some(self.field.jet3(*point)?) } else { None };
-                let local = Local::new(node, jet, third.as_ref(), self.method, &self.targets, &self.weights, wu * wv);
+                let local = Local::new(node, jet, third.as_ref(), self, wu * wv);
                 sized!(n + 1, over_v(&local, b, &mut inner, &mut side));
             }
             sized!(n + 1, over_u(a, m + 1, &inner, &side, &mut d));

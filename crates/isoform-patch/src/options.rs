@@ -1,6 +1,6 @@
 //! What is asked for, and why it may not be had.
 
-use crate::objective::{Method, Weights};
+use crate::objective::{Inner, Method, Weights};
 use isoform_geom::{Aabb, Point3};
 use std::time::Instant;
 
@@ -20,6 +20,8 @@ pub struct Options {
     pub seed: u64,
     /// The solver.
     pub method: Method,
+    /// What L is: that of section 2.4, or Remark 1's.
+    pub inner: Inner,
     /// Quadrature nodes in each direction; none: as many as make J exact.
     pub nodes: Option<usize>,
     /// The factors ω at the start.
@@ -49,6 +51,7 @@ impl Options {
             seed_point: None,
             seed: 1,
             method: Method::default(),
+            inner: Inner::default(),
             nodes: None,
             start: Weights::START,
             floor: Weights::FLOOR,

@@ -1,6 +1,7 @@
-//! The quadric that an exact patch lies on, by its name.
+//! The quadric, or torus, that an exact patch lies on, by its name.
 
-use isoform_geom::{Point3, Quadric, RationalPatch, dot, norm, sub};
+use crate::torus::torus;
+use isoform_geom::{Point3, Quadric, RationalPatch, Tangents, dot, norm, sub};
 use isoform_num::linalg::symmetric_eigen;
 
 /// Samples in each direction.
@@ -14,10 +15,11 @@ const SWEEPS: usize = 40;
 /// Two eigenvalues of a quadric's matrix that differ by less than this are the same.
 const SAME: f64 = 1e-8;
 
-/// The quadric on which a patch lies to rounding, if it lies on one and on one only.
+/// The quadric on which a patch lies to rounding, if it lies on one and on one only, else the torus.
 pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
     let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
-    let points: Vec<Point3> = (0..SAMPLES * SAMPLES).map(|k| patch.point(at(k / SAMPLES), at(k % SAMPLES))).collect();
+    let samples: Vec<Tangents> = (0..SAMPLES * SAMPLES).map(|k| patch.tangents(at(k / SAMPLES), at(k % SAMPLES))).collect();
+    let points: Vec<Point3> = samples.iter().map(|t| t.point).collect();
     let count = points.len() as f64;
     let center: Point3 = std::array::from_fn(|k| points.iter().map(|p| p[k]).sum::<f64>() / count);
     let scale = points.iter().map(|p| norm(sub(*p, center))).fold(0.0, f64::max);
@@ -25,11 +27,20 @@ pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
         return None;
     }
     let local: Vec<Point3> = points.iter().map(|p| sub(*p, center).map(|v| v / scale)).collect();
-    if let (Some(normal), true) = null(&local, |p| *p) {
+    if let (Some(normal), true) = null(local.clone(), ZERO) {
         return Some(Quadric::Plane { normal, offset: dot(normal, center) });
     }
-    let (a, _) = null(&local, |&[x, y, z]| [x * x, y * y, z * z, x * y, y * z, z * x, x, y, z, 1.0]);
-    let a = a?;
+    let global = |p: Point3| -> Point3 { std::array::from_fn(|k| center[k] + scale * p[k]) };
+    let monomials = local.iter().map(|&[x, y, z]| [x * x, y * y, z * z, x * y, y * z, z * x, x, y, z, 1.0]);
+    let (Some(a), _) = null(monomials.collect(), ZERO) else {
+        let normals: Vec<Point3> = samples.iter().map(|t| t.normal()).map(|n| n.map(|v| v / norm(n))).collect();
+        return match torus(&local, &normals)? {
+            Quadric::Torus { center, axis, major, minor } => {
+                Some(Quadric::Torus { center: global(center), axis, major: scale * major, minor: scale * minor })
+            }
+            other => Some(other),
+        };
+    };
     let matrix = [a[0], 0.5 * a[3], 0.5 * a[5], 0.5 * a[3], a[1], 0.5 * a[4], 0.5 * a[5], 0.5 * a[4], a[2]];
     let (mut values, vectors) = symmetric_eigen(&matrix, 3);
     let (mut b, mut constant) = ([0.5 * a[6], 0.5 * a[7], 0.5 * a[8]], a[9]);
@@ -42,7 +53,6 @@ pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
     let same = |i: usize, j: usize| (values[i] - values[j]).abs() <= SAME * size;
     let vector = |k: usize| -> Point3 { std::array::from_fn(|i| vectors[3 * k + i]) };
     let along: [f64; 3] = std::array::from_fn(|k| dot(vector(k), b));
-    let global = |p: Point3| -> Point3 { std::array::from_fn(|k| center[k] + scale * p[k]) };
     // Which eigenvalue stands alone; the other two are the same.
     let alone = (0..3).find(|&k| same((k + 1) % 3, (k + 2) % 3));
     let other = Quadric::Other { center, scale, coefficients: a };
@@ -74,12 +84,12 @@ pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
     Some(other)
 }
 
-/// The unit vector a with a·m(p) = 0 at all points, if there is one, and whether it is the only one.
+/// The unit vector a with a·m = 0 for all rows m, if there is one, and whether it is the only one; singular values below the share `zero` of
+/// the largest are 0.
 ///
-/// By Hestenes' one-sided Jacobi method: rotations of the columns of the matrix of all m(p) until they are orthogonal. Moments would
+/// By Hestenes' one-sided Jacobi method: rotations of the columns of the matrix until they are orthogonal. Moments would
 /// square the small singular values, and half of the digits would be lost.
-fn null<const N: usize>(points: &[Point3], monomials: impl Fn(&Point3) -> [f64; N]) -> (Option<[f64; N]>, bool) {
-    let mut rows: Vec<[f64; N]> = points.iter().map(monomials).collect();
+pub(crate) fn null<const N: usize>(mut rows: Vec<[f64; N]>, zero: f64) -> (Option<[f64; N]>, bool) {
     let mut v: [[f64; N]; N] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
     for _ in 0..SWEEPS {
         let mut rotated = false;
@@ -108,7 +118,7 @@ fn null<const N: usize>(points: &[Point3], monomials: impl Fn(&Point3) -> [f64; 
     }
     let sizes: [f64; N] = std::array::from_fn(|k| rows.iter().map(|r| r[k] * r[k]).sum::<f64>().sqrt());
     let most = sizes.iter().fold(0.0f64, |m, v| m.max(*v));
-    let small: Vec<usize> = (0..N).filter(|&k| sizes[k] <= ZERO * most).collect();
+    let small: Vec<usize> = (0..N).filter(|&k| sizes[k] <= zero * most).collect();
     match small.as_slice() {
         &[k] => (Some(std::array::from_fn(|i| v[i][k])), true),
         _ => (None, false),
@@ -138,6 +148,29 @@ mod tests {
         assert!((radius - 0.4).abs() < 1e-12 && (axis[2].abs() - 1.0).abs() < 1e-12 && close([point[0], point[1], 0.0], [3.0, 1.0, 0.0]));
         let Some(Quadric::Cone { apex, half_angle, .. }) = quadric(&ruled(0.25, 0.5)) else { panic!("no cone") };
         assert!(close(apex, [3.0, 1.0, -1.0]) && (half_angle - 0.25f64.atan()).abs() < 1e-12, "{apex:?}, {half_angle}");
+    }
+
+    /// Arcs about a slanted axis of circles of radius 0.2 about a circle of radius 0.7.
+    #[test]
+    fn tori_are_named() {
+        let s = 0.5f64.sqrt();
+        let arc = [[1.0, 0.0, 1.0], [s, s, s], [0.0, 1.0, 1.0]];
+        // About the z axis, then turned: x towards z by 3/5, 4/5, then y towards z the same.
+        let mut control = Vec::new();
+        for [c, d, w] in arc {
+            for [e, f, v] in arc {
+                let out = 0.7 * v + 0.2 * e;
+                let p = [out * c, out * d, 0.2 * f * w];
+                let p = [0.8 * p[0] - 0.6 * p[2], p[1], 0.6 * p[0] + 0.8 * p[2]];
+                let p = [p[0], 0.8 * p[1] - 0.6 * p[2], 0.6 * p[1] + 0.8 * p[2]];
+                control.push([p[0] + 0.1 * v * w, p[1] - 0.4 * v * w, p[2], v * w]);
+            }
+        }
+        let patch = RationalPatch::new((2, 2), control).expect("a patch");
+        let Some(Quadric::Torus { center, axis, major, minor }) = quadric(&patch) else { panic!("{:?}", quadric(&patch)) };
+        let sign = axis[2].signum();
+        assert!(close(axis.map(|v| sign * v), [-0.6, -0.48, 0.64]) && close(center, [0.1, -0.4, 0.0]), "{axis:?}, {center:?}");
+        assert!((major - 0.7).abs() < 1e-12 && (minor - 0.2).abs() < 1e-12, "{major}, {minor}");
     }
 
     #[test]

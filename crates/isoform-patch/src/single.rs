@@ -1,6 +1,7 @@
 //! One patch: seed, growth, exactness, tolerance, proof.
 
 use crate::distance::{Distances, distances_on};
+use crate::exact::make_exact;
 use crate::grow::{Grown, Growth};
 use crate::objective::{Method, Objective};
 use crate::options::{Error, Options};
@@ -11,8 +12,10 @@ use crate::{MOST_DEGREE, surface};
 use isoform_geom::{Field, Parts, Point3, Quadric, norm, sub};
 use std::time::Instant;
 
-/// A patch this near to the surface, in diagonals of the region, is exact to rounding.
+/// A patch whose samples are this near to the surface, in diagonals of the region, is exact to rounding,
 const EXACT: f64 = 1e-12;
+/// if it is proved to be this near everywhere: where it passes a self-intersection, or the function is no polynomial, proofs end here.
+const PROVED: f64 = 1e-6;
 /// How much shorter patches become, in turn, at each side where nothing can be proved.
 const RETREATS: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
 
@@ -142,17 +145,26 @@ fn in_plane(tangents: [Point3; 2], normal: Point3) -> [Point3; 2] {
 }
 
 fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Options, mut clock: Clock) -> Result<Parameterized, Error> {
-    let options = &options.relaxed();
+    let (asked, options) = (options, &options.relaxed());
     let (whole, field) = (on.whole, on.field());
+    // A patch that ends at edges would leave them.
+    let to_be_exact = options.exact && whole.is_single();
+    // Tori and cylinders have exact patches of low degree only along their lines of curvature.
+    let seed = if to_be_exact { surface::frame(field, seed.point, 0.0, options.region.diagonal())? } else { seed };
     if options.method == Method::Newton && field.jet3(seed.point).is_none() {
         return Err(Error::NoThirdDerivatives);
     }
-    let objective = Objective::new(field, options.degree, options.method, options.nodes);
-    let mut growth = Growth::start(objective, on, seed, edge, options)?;
+    let objective = |degree| Objective::new(field, degree, options.method, options.nodes).with_inner(options.inner);
+    let mut growth = Growth::start(objective(options.degree), on, seed, edge, options)?;
     growth.grow_to_limit();
-    // A patch that ends at edges would leave them.
-    if options.exact && whole.is_single() {
-        growth.bring_onto_surface();
+    if to_be_exact {
+        make_exact(&mut growth, |degree, share| {
+            let small = Options { degree, limit: share * asked.limit, tolerance: None, ..*asked };
+            let options = if share < 1.0 { small } else { Options { degree, ..*options } };
+            let mut other = Growth::start(objective(degree), on, seed, None, &options).ok()?;
+            other.grow_to_limit();
+            Some(other)
+        });
     }
     growth.keep_tolerance();
     clock.phase("grow");
@@ -166,7 +178,10 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
     }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();
-    let is_exact = known.bound.is_some_and(|b| b <= EXACT * options.region.diagonal());
+    let diagonal = options.region.diagonal();
+    // Proofs on parts need not come near rounding, which their samples show to first order only.
+    let proved = if whole.is_single() { PROVED } else { EXACT };
+    let is_exact = known.sampled <= EXACT * diagonal && known.bound.is_some_and(|b| b <= proved * diagonal);
     let quadric = if is_exact { quadric(&growth.patch) } else { None };
     Ok(Parameterized {
         quadric,

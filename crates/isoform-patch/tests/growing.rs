@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{CUBE, quartic, sphere, stereographic, whitney};
+use common::{CUBE, quartic, sphere, stereographic, torus, whitney};
 use isoform_geom::{Aabb, Field, Point3, RationalPatch};
 use isoform_num::Jet2;
 use isoform_patch::{Error, Method, Options, PAPER_LIMIT, Phase, Quadric, Weights, distances, parameterize, prove};
@@ -153,6 +153,58 @@ fn other_quadrics_become_exact_and_are_named() {
             assert!(made.is_exact, "{name}, {seed}: {:?}", made.distances);
             assert_eq!(made.quadric.map(|q| q.name()), Some(name), "{seed}");
         }
+    }
+}
+
+/// Where there is no exact patch of the degree nearby, one of lower degree is raised. The parameters are those of the polynomial.
+#[test]
+fn patches_on_tori_become_exact_and_are_named() {
+    let field = torus(0.33, 0.15);
+    for (degree, seed) in [((2, 2), 1), ((2, 2), 2), ((3, 3), 3), ((4, 3), 4)] {
+        let made = parameterize(&field, &Options { exact: true, seed, ..Options::paper(degree, CUBE) }).expect("a patch");
+        assert!(made.is_exact && made.grown.terms.i < 1e-28, "{degree:?}, {seed}: {:e}", made.grown.terms.i);
+        assert!(made.distances.bound.is_some_and(|b| b < 1e-12), "{:?}", made.distances);
+        assert!(made.is_within_limit && made.grown.area(&CUBE) > 0.05, "{degree:?}, {seed}: {}", made.grown.area(&CUBE));
+        let Some(Quadric::Torus { center, axis, major, minor }) = made.quadric else { panic!("{:?}", made.quadric) };
+        assert!((major - 0.33).abs() < 1e-12 && (minor - 0.15).abs() < 1e-12 && axis[2].abs() > 1.0 - 1e-12);
+        assert!(center.iter().all(|c| c.abs() < 1e-12), "{center:?}");
+    }
+}
+
+/// At the outer equator the patch that has grown is not near an exact one; with a tolerance shape terms weigh little.
+#[test]
+fn exact_patches_are_found_from_small_ones() {
+    let field = torus(0.33, 0.15);
+    for (tolerance, seed_point) in [(None, [0.48, 0.0, 0.0]), (Some(1e-4), [0.48, 0.0, 0.0]), (Some(1e-4), [0.0, 0.3, 0.2])] {
+        let made = parameterize(&field, &Options { exact: true, tolerance, ..paper((2, 2), seed_point) }).expect("a patch");
+        assert!(made.is_exact && made.grown.area(&CUBE) > 0.1, "{:?}, {}", made.distances, made.grown.area(&CUBE));
+        assert_eq!(made.quadric.map(|q| q.name()), Some("torus"));
+    }
+}
+
+/// x = s y, z = s² − 1/2: of degree 2 altogether. F's second derivatives have both signs on the double curve, from which the bound comes.
+#[test]
+fn patches_across_a_double_curve_become_exact() {
+    let field = whitney();
+    let made = parameterize(&field, &Options { exact: true, ..paper((2, 2), [0.22, 0.35, 0.0]) }).expect("a patch");
+    assert!(made.is_exact && made.grown.terms.i < 1e-28, "{:?}", made.distances);
+    let sides: Vec<f64> = [0.0, 1.0].iter().flat_map(|u| [0.0, 1.0].map(|v| made.grown.patch.point(*u, v)[1])).collect();
+    assert!(sides.iter().any(|y| *y < 0.0) && sides.iter().any(|y| *y > 0.0), "{sides:?}");
+    let bound = made.distances.bound.expect("a proof");
+    assert!(bound >= made.distances.sampled && bound < 1e-6, "{:?}", made.distances);
+    assert_eq!(made.quadric, None);
+}
+
+/// Two planes that cross: patches on one of them, moved by d, are d away from it, and no bound may be less.
+#[test]
+fn bounds_at_crossings_are_no_less_than_distances() {
+    let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);
+    for d in [1e-12, 1e-13, 0.0] {
+        let patch = RationalPatch::planar((2, 2), [d, -0.3, -0.3], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]);
+        // |F| = 0.3 d at most, and λ = 1: √(0.6 d), and rounding.
+        let bound = prove(&planes, &patch, 2e-6, 100_000).expect("a proof");
+        let known = (0.6 * d).sqrt();
+        assert!(bound >= d.max(known) && bound < known + 2e-7, "{d:e}: {bound:e}");
     }
 }
 

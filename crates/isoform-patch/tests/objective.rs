@@ -4,7 +4,7 @@ mod common;
 
 use common::{CUBE, quartic, sphere, stereographic, whitney};
 use isoform_geom::{Field, RationalPatch, cross, norm};
-use isoform_patch::{Method, Objective, Targets, Weights};
+use isoform_patch::{Inner, Method, Objective, Targets, Weights};
 
 fn objective<'f>(field: &'f dyn Field, degree: (usize, usize), method: Method) -> Objective<'f> {
     let mut o = Objective::new(field, degree, method, None);
@@ -68,17 +68,35 @@ fn integrals_of_flat_patches_are_closed_forms() {
     );
 }
 
+/// Remark 1: L + R is l₁l₂/π times ∫ (|cos φ pᵤ/√l₁ + sin φ pᵥ/√l₂|² − 1)² dφ, here by the trapezoidal rule, which is exact for it.
+#[test]
+fn tangents_in_all_directions_are_measured() {
+    let field = sphere(0.5);
+    let o = objective(&field, (3, 2), Method::GaussNewton).with_inner(Inner::Tangents);
+    let (a, b) = ([0.3, 0.1, 0.0], [0.1, 0.4, 0.2]);
+    let at = o.evaluate(&RationalPatch::planar((3, 2), [0.0, 0.0, 0.5], a, b)).expect("a value");
+    let (l1, l2, n) = (o.targets.l1, o.targets.l2, 16);
+    let integral: f64 = (0..n)
+        .map(|k| {
+            let (s, c) = (std::f64::consts::TAU * f64::from(k) / f64::from(n)).sin_cos();
+            let d2: f64 = (0..3).map(|k| (c * a[k] / l1.sqrt() + s * b[k] / l2.sqrt()).powi(2)).sum();
+            (d2 - 1.0).powi(2) * std::f64::consts::TAU / f64::from(n)
+        })
+        .sum();
+    assert!((at.terms.l + at.terms.r - l1 * l2 / std::f64::consts::PI * integral).abs() < 1e-15);
+}
+
 /// The gradient of Gauss-Newton and of Newton, and the Hessian of Newton, by central differences; both symmetric.
 #[test]
 fn derivatives_agree_with_differences() {
     let fields: [&dyn Field; 3] = [&quartic(), &whitney(), &sphere(0.5)];
     for field in fields {
-        for degree in [(2, 2), (3, 1)] {
-            let o = objective(field, degree, Method::Newton);
+        for (degree, inner) in [((2, 2), Inner::Lengths), ((3, 1), Inner::Lengths), ((2, 2), Inner::Tangents)] {
+            let o = objective(field, degree, Method::Newton).with_inner(inner);
             let patch = bent(degree.0, degree.1);
             let at = o.evaluate(&patch).expect("a value");
             let d = o.derivatives(&patch, &at).expect("derivatives");
-            let gauss = objective(field, degree, Method::GaussNewton).derivatives(&patch, &at).expect("derivatives");
+            let gauss = objective(field, degree, Method::GaussNewton).with_inner(inner).derivatives(&patch, &at).expect("derivatives");
             let n = o.unknowns();
             let size = d.hessian.iter().fold(0.0f64, |m, v| m.max(v.abs()));
             let h = 1e-5;

@@ -1,7 +1,7 @@
 //! The documents of patches: their file, the trace, and what --json prints.
 
 use super::Made;
-use isoform::patch::{Grown, Method, Parameterized, Phase, Quadric};
+use isoform::patch::{Grown, Inner, Method, Parameterized, Phase, Quadric};
 use serde_json::{Map, Value, json};
 
 /// The file of the patches. The same each time.
@@ -53,6 +53,7 @@ pub(super) fn document(made: &Made) -> Value {
         "degree": [options.degree.0, options.degree.1],
         "box": {"lo": options.region.lo, "hi": options.region.hi},
         "method": method(options.method),
+        "inner": if options.inner == Inner::Tangents { "tangents" } else { "lengths" },
         "seed": options.seed,
         "seconds": made.seconds.iter().map(|(phase, s)| ((*phase).to_owned(), json!(s))).collect::<Map<_, _>>(),
         "patches": list,
@@ -105,6 +106,9 @@ fn entity(q: &Quadric) -> Value {
         Quadric::Sphere { center, radius } => json!({"kind": q.name(), "center": center, "radius": radius}),
         Quadric::Cylinder { point, axis, radius } => json!({"kind": q.name(), "point": point, "axis": axis, "radius": radius}),
         Quadric::Cone { apex, axis, half_angle } => json!({"kind": q.name(), "apex": apex, "axis": axis, "half_angle": half_angle}),
+        Quadric::Torus { center, axis, major, minor } => {
+            json!({"kind": q.name(), "center": center, "axis": axis, "major_radius": major, "minor_radius": minor})
+        }
         Quadric::Other { center, scale, coefficients } => {
             json!({"kind": q.name(), "center": center, "scale": scale, "coefficients": coefficients})
         }

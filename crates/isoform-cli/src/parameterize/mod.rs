@@ -1,6 +1,7 @@
 //! `isoform parameterize`: rational patches on the surface of a model.
 
 mod document;
+mod figure;
 mod files;
 mod subject;
 mod table;
@@ -11,7 +12,7 @@ use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use isoform::geom::{Aabb, Point3};
 use isoform::io::STEP_UNITS;
-use isoform::patch::{Error, Method, Options, Parameterized, cover, cover_parts, parameterize, parameterize_part};
+use isoform::patch::{self, Error, Method, Options, Parameterized, cover, cover_parts, parameterize, parameterize_part};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -65,7 +66,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     tol: Option<f64>,
     /// As many patches as it takes until all of the surface in the box lies on one, within --tol
-    #[arg(long, requires = "tol", conflicts_with_all = ["seed_point", "trace", "paper"])]
+    #[arg(long, requires = "tol", conflicts_with_all = ["seed_point", "trace", "figure", "paper"])]
     cover: bool,
     /// At most so many patches, with --cover
     #[arg(long, value_name = "N", default_value_t = MOST_PATCHES, requires = "cover", value_parser = at_least_one)]
@@ -73,6 +74,9 @@ pub(crate) struct Args {
     /// How steps are computed
     #[arg(long, value_enum, default_value_t = Solver::GaussNewton)]
     method: Solver,
+    /// What the term L measures
+    #[arg(long, value_enum, default_value_t = Inner::Lengths)]
+    inner: Inner,
     /// Gauss nodes in each direction [default: as many as make J exact, 4 max(m,n) + 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=64))]
     nodes: Option<u8>,
@@ -91,6 +95,9 @@ pub(crate) struct Args {
     /// Write every step as a table (CSV)
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
+    /// Draw S, I and E over the steps, and the squared Sampson distance over the domain (SVG)
+    #[arg(long, value_name = "FILE")]
+    figure: Option<PathBuf>,
     #[command(flatten)]
     language: Language,
 }
@@ -103,6 +110,14 @@ enum Solver {
     Frozen,
     /// The paper's: Newton's method with the exact Hessian, damped where that is indefinite
     Newton,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Inner {
+    /// The lengths of the parameter lines' tangents, section 2.4 of the paper
+    Lengths,
+    /// Tangents in all directions, the paper's Remark 1
+    Tangents,
 }
 
 fn at_least_one(text: &str) -> Result<usize, String> {
@@ -176,7 +191,7 @@ impl Made {
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output)?;
-    if let Some(path) = &args.trace {
+    for path in [&args.trace, &args.figure].into_iter().flatten() {
         output::check_folder(path)?;
     }
     let mut clock = Instant::now();
@@ -213,6 +228,11 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         output::write_file(path, document::trace(&made.patches[0].grown).as_bytes())?;
         made.written.push(path.display().to_string());
     }
+    if let Some(path) = &args.figure {
+        let svg = figure::svg(subject.field.as_ref(), &made.patches[0].grown, &made.name);
+        output::write_file(path, svg.as_bytes())?;
+        made.written.push(path.display().to_string());
+    }
     if !made.written.is_empty() {
         made.seconds.push(("write", clock.elapsed().as_secs_f64()));
     }
@@ -241,6 +261,10 @@ fn options(args: &Args, context: &Context) -> Options {
             Solver::GaussNewton => Method::GaussNewton,
             Solver::Frozen => Method::Frozen,
             Solver::Newton => Method::Newton,
+        },
+        inner: match args.inner {
+            Inner::Lengths => patch::Inner::Lengths,
+            Inner::Tangents => patch::Inner::Tangents,
         },
         nodes: args.nodes.map(usize::from),
         deadline: context.deadline,

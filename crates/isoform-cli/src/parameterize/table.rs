@@ -50,6 +50,9 @@ fn entity(p: &Parameterized) -> String {
             format!(": a sphere about ({x:.12}, {y:.12}, {z:.12}) of radius {radius:.12}")
         }
         Some(Quadric::Cylinder { radius, .. }) => format!(": a cylinder of radius {radius:.12}"),
+        Some(Quadric::Torus { center: [x, y, z], major, minor, .. }) => {
+            format!(": a torus about ({x:.12}, {y:.12}, {z:.12}) of radii {major:.12} and {minor:.12}")
+        }
         Some(quadric) => format!(": a {}", quadric.name()),
         None => String::new(),
     }

@@ -85,6 +85,22 @@ pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> 
                 Placed { entity: "CONICAL_SURFACE", axes: Placement { origin, z, x }, numbers, agrees: dot(normal, outward) > 0.0 };
             far.then_some(placed)
         }
+        Quadric::Torus { center, axis, major, minor } => {
+            // Only about the axis can the seam be put opposite to the patch; along the tube it is the outer equator.
+            let out = unit(across(sub(middle.point, center), axis))?;
+            let x = out.map(|v| -v);
+            let tube = |p: Point3| -> Option<Point3> {
+                let round = unit(across(sub(p, center), axis))?;
+                Some(std::array::from_fn(|k| p[k] - center[k] - major * round[k]))
+            };
+            let normal = unit(tube(middle.point)?)?;
+            let far =
+                points.iter().all(|p| away(across(sub(*p, center), axis), x) && tube(*p).is_some_and(|d| away(d, normal.map(|v| -v))));
+            let axes = Placement { origin: center, z: axis, x };
+            let placed = Placed { entity: "TOROIDAL_SURFACE", axes, numbers: vec![major, minor], agrees: dot(normal, outward) > 0.0 };
+            // With a tube that reaches the axis it is another entity, which few readers know.
+            (far && minor < AWAY * major).then_some(placed)
+        }
         // STEP has no entity for the others.
         Quadric::Other { .. } => None,
     }

@@ -14,6 +14,14 @@ pub(crate) fn sphere(r: f64) -> Polynomial {
 pub(crate) fn whitney() -> Polynomial {
     Polynomial::new([([2, 0, 0], 1.0), ([0, 2, 1], -1.0), ([0, 2, 0], -0.5)])
 }
+/// (x² + y² + z² + R² − r²)² = 4 R² (x² + y²).
+pub(crate) fn torus(major: f64, minor: f64) -> Polynomial {
+    let (r2, c) = (major * major, major * major - minor * minor);
+    let mut terms = vec![([2, 0, 0], 2.0 * c - 4.0 * r2), ([0, 2, 0], 2.0 * c - 4.0 * r2), ([0, 0, 2], 2.0 * c), ([0, 0, 0], c * c)];
+    terms.extend([[4, 0, 0], [0, 4, 0], [0, 0, 4]].map(|e| (e, 1.0)));
+    terms.extend([[2, 2, 0], [2, 0, 2], [0, 2, 2]].map(|e| (e, 2.0)));
+    Polynomial::new(terms)
+}
 /// A quartic without symmetry.
 pub(crate) fn quartic() -> Polynomial {
     Polynomial::new([

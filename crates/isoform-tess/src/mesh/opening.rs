@@ -210,7 +210,7 @@ impl Builder<'_> {
     fn arcs_along(&self, fan: &Fan, ray: (usize, bool)) -> usize {
         let at = |i: usize| fan.sectors.iter().find(|s| s.rays[i] == ray).is_some_and(|s| s.inside);
         match (at(1), at(0)) {
-            (true, true) => fan.directions[ray.0].factors.iter().filter(|f| self.region.faces[**f].is_empty()).count(),
+            (true, true) => fan.directions[ray.0].factors.iter().filter(|f| self.is_drawn_inside(**f)).count(),
             (false, false) => 0,
             _ => 1,
         }

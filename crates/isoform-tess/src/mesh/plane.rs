@@ -8,7 +8,9 @@ use crate::surface::Point3;
 use isoform_geom::{cross, dot, norm, sub};
 use robust::{Coord, orient2d};
 use std::cell::Cell;
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
+
+mod improving;
 
 pub(super) const NONE: u32 = u32::MAX;
 
@@ -66,14 +68,26 @@ pub(super) struct Plane {
     adjacent: Vec<[u32; 3]>,
     /// Whether the edges opposite to the corners stay.
     fixed: Vec<[bool; 3]>,
-    /// What [`Self::worth`] says of them, once it is asked.
-    worths: Vec<Cell<Option<(f64, bool)>>>,
+    /// What [`Self::look_at`] says of them, once it is asked.
+    looks: Vec<Cell<Option<Look>>>,
     /// Whether the pole curve is proved to miss them.
     sound: Vec<bool>,
     /// Edges beyond which triangles are made at the end, from the lesser vertex to the greater, and the vertices that they were split in.
     rim: BTreeMap<[u32; 2], Option<u32>>,
     queued: Vec<bool>,
     queue: VecDeque<u32>,
+}
+
+/// A triangle seen in space.
+#[derive(Clone, Copy, Debug)]
+struct Look {
+    corners: [u32; 3],
+    /// The sine of its smallest angle; below zero if it does not face the way the surface does, or has another area.
+    worth: f64,
+    /// Whether the parameters are even on it: what is in the middle there is about in the middle in space.
+    is_even: bool,
+    /// The cosine of the angle between the normals of the triangle and of the surface in its middle.
+    facing: f64,
 }
 
 /// Two triangles (c, a, b) and (d, b, a).
@@ -137,9 +151,8 @@ const NEARER: usize = 3;
 const MARGIN: f64 = 0.25;
 /// How near to the corners beside it an edge is not split, per length.
 const CROWDED: f64 = 0.25;
-/// Rounds of coarsening, and the sine of the smallest angle below which a triangle is too thin.
-const COARSENING: usize = 4;
-const COARSE: f64 = 0.4;
+/// Rounds of improvement.
+const IMPROVEMENTS: usize = 4;
 /// Rounds in which edges are split that fall together in space.
 const CLASHES: usize = 12;
 /// How much an edge wants to be split whose ends, or the corners opposite to it, have one image: the surface would be closed up there.
@@ -164,8 +177,6 @@ const TURNED: f64 = 1e-6;
 const ASIDE: [f64; 2] = [0.1, 0.02];
 /// How far contracted curves may bulge beyond their chords, per height of the triangles beside them.
 const BULGE: f64 = 0.2;
-/// That per length of the chord beyond which no vertex is taken off them: new vertices come to lie between the chord and the curve otherwise.
-const STRAIGHT: f64 = 1e-6;
 /// An edge wants to be split when its number is above 1.
 const SPLIT: f64 = 1.0;
 
@@ -190,12 +201,12 @@ impl Plane {
         let fixed = triangles.iter().zip(&adjacent).map(stays).collect();
         let images = nodes.iter().map(|n| measure.image(n)).collect();
         let shared = nodes.iter().map(|n| measure.shared(n)).collect();
-        let worths = vec![Cell::new(None); triangles.len()];
+        let looks = vec![Cell::new(None); triangles.len()];
         let sound = triangles.iter().map(|t| measure.is_sound(t.map(|v| nodes[v as usize].at))).collect();
         let rim = rim.iter().map(|&[a, b]| ([a.min(b), a.max(b)], None)).collect();
         let queued = vec![true; triangles.len()];
         let queue = (0..triangles.len() as u32).collect();
-        Self { nodes, images, shared, triangles, adjacent, fixed, worths, sound, rim, queued, queue }
+        Self { nodes, images, shared, triangles, adjacent, fixed, looks, sound, rim, queued, queue }
     }
 
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
@@ -219,9 +230,7 @@ impl Plane {
     fn least_sine(&self, t: [u32; 3]) -> f64 {
         least_sine(t.map(|v| self.images[v as usize]))
     }
-    /// What a triangle is worth: the sine of its smallest angle; below zero if it does not face the way the surface does, or has another area. And
-    /// whether the parameters are even on it: what is in the middle there is about in the middle in space.
-    fn worth(&self, t: [u32; 3], measure: &dyn Measure) -> (f64, bool) {
+    fn look_at(&self, t: [u32; 3], measure: &dyn Measure) -> Look {
         let [facing, share] = self.facing(t, measure);
         let worst = (facing - FACING).min(share - SHARE);
         let worth = match worst {
@@ -229,18 +238,16 @@ impl Plane {
             _ if worst < 0.0 => worst,
             _ => self.least_sine(t),
         };
-        (worth, facing > FACING && share > EVEN)
+        Look { corners: t, worth, is_even: facing > FACING && share > EVEN, facing }
     }
     /// That of a triangle that is there, computed once.
-    fn known_worth(&self, t: u32, measure: &dyn Measure) -> (f64, bool) {
-        let known = &self.worths[t as usize];
-        if known.get().is_none() {
-            known.set(Some(self.worth(self.triangles[t as usize], measure)));
-        }
-        known.get().unwrap_or((NOTHING, false))
-    }
-    fn is_even(&self, t: u32, measure: &dyn Measure) -> bool {
-        self.known_worth(t, measure).1
+    fn look(&self, t: u32, measure: &dyn Measure) -> Look {
+        let known = self.looks[t as usize].get();
+        known.unwrap_or_else(|| {
+            let look = self.look_at(self.triangles[t as usize], measure);
+            self.looks[t as usize].set(Some(look));
+            look
+        })
     }
     fn is_counterclockwise(&self, t: [u32; 3]) -> bool {
         let [a, b, c] = t.map(|v| {
@@ -262,16 +269,18 @@ impl Plane {
         }
     }
     /// How much the edge between two vertices wants to be split, and where: in the middle of its parameters, or, if they are even, at those of the
-    /// triangles beside it with the corners `beside` whose image is nearest to the middle of the edge.
-    fn excess(&self, [a, b]: [u32; 2], beside: [u32; 2], is_even: bool, measure: &dyn Measure) -> (f64, [f64; 2]) {
-        let [x, y, c, d] = [a, b, beside[0], beside[1]].map(|v| self.nodes[v as usize].at);
+    /// triangles beside it whose image is nearest to the middle of the edge.
+    fn excess(&self, [a, b]: [u32; 2], beside: [Look; 2], measure: &dyn Measure) -> (f64, [f64; 2]) {
+        let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
         let [p, q] = [a, b].map(|v| self.images[v as usize]);
         let from = [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])];
+        let is_even = beside.iter().all(|look| look.is_even);
         let within = |z: [f64; 2]| {
             is_even
-                && [c, d].into_iter().any(|c| {
-                    let shares = shares(z, [x, y, c]);
-                    shares[0] >= MARGIN && shares[1] >= MARGIN && (0.0..=MARGIN).contains(&shares[2])
+                && beside.iter().any(|look| {
+                    let shares = shares(z, look.corners.map(|v| self.nodes[v as usize].at));
+                    let is_end = |k: usize| [a, b].contains(&look.corners[k]);
+                    (0..3).all(|k| if is_end(k) { shares[k] >= MARGIN } else { (0.0..=MARGIN).contains(&shares[k]) })
                 })
         };
         let chord = middle(p, q);
@@ -280,12 +289,13 @@ impl Plane {
         (if error.is_nan() { f64::INFINITY } else { excess }, at)
     }
     /// How far the middle of a triangle is from the surface, in tolerances.
-    fn off(&self, t: [u32; 3], is_even: bool, measure: &dyn Measure) -> f64 {
-        let at = t.map(|v| self.nodes[v as usize].at);
-        let [p, q, r] = t.map(|v| self.images[v as usize]);
+    fn off(&self, look: &Look, measure: &dyn Measure) -> f64 {
+        let at = look.corners.map(|v| self.nodes[v as usize].at);
+        let [p, q, r] = look.corners.map(|v| self.images[v as usize]);
         let from = [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0);
         let center = std::array::from_fn(|i| (p[i] + q[i] + r[i]) / 3.0);
-        nearest(from, center, &|z| is_even && shares(z, at).iter().all(|&s| s >= 0.5 * MARGIN), measure).1 / measure.tolerance(center)
+        let within = |z: [f64; 2]| look.is_even && shares(z, at).iter().all(|&s| s >= 0.5 * MARGIN);
+        nearest(from, center, &within, measure).1 / measure.tolerance(center)
     }
     fn have_one_image(&self, [a, b]: [u32; 2]) -> bool {
         self.shared[a as usize].is_some() && self.shared[a as usize] == self.shared[b as usize]
@@ -328,8 +338,8 @@ impl Plane {
         let all = (0..self.triangles.len() as u32).flat_map(|t| self.triangles[t as usize].map(|v| (t, v))).collect();
         self.legalise(all, measure);
         let mut ended = self.work_off(most, measure, stop);
-        for _ in 0..COARSENING {
-            if ended != Ended::default() || self.coarsen(measure) == 0 {
+        for _ in 0..IMPROVEMENTS {
+            if ended != Ended::default() || self.coarsen(measure) + self.smooth(measure) == 0 {
                 break;
             }
             let all = (0..self.triangles.len() as u32).flat_map(|t| self.triangles[t as usize].map(|v| (t, v))).collect();
@@ -446,222 +456,6 @@ impl Plane {
         found
     }
 
-    /// Pulls vertices of thin triangles onto their neighbours where nothing gets worse. Returns how many.
-    fn coarsen(&mut self, measure: &dyn Measure) -> usize {
-        let mut at: Vec<u32> = vec![NONE; self.nodes.len()];
-        let mut free: Vec<bool> = (0..self.nodes.len())
-            .map(|v| self.nodes[v].name == Name::Inner && self.nodes[v].faces == 0 && self.shared[v].is_none())
-            .collect();
-        for (t, v) in self.triangles.iter().enumerate() {
-            for i in 0..3 {
-                at[v[i] as usize] = t as u32;
-                if self.fixed[t][i] {
-                    free[v[(i + 1) % 3] as usize] = false;
-                    free[v[(i + 2) % 3] as usize] = false;
-                }
-            }
-        }
-        let mut dead = vec![false; self.triangles.len()];
-        let mut done = 0;
-        for v in 0..self.nodes.len() as u32 {
-            if !free[v as usize] || at[v as usize] == NONE {
-                continue;
-            }
-            let Some((star, ring)) = self.star(at[v as usize], v) else { continue };
-            let n = star.len();
-            let before = star.iter().map(|&t| self.known_worth(t, measure).0).fold(f64::INFINITY, f64::min);
-            if !star.iter().all(|&t| self.sound[t as usize]) {
-                continue;
-            }
-            let before = before.min(COARSE);
-            let mut order: Vec<usize> = (0..n).collect();
-            let far = |k: &usize| distance(self.images[ring[*k] as usize], self.images[v as usize]);
-            order.sort_by(|a, b| far(a).total_cmp(&far(b)));
-            let target = order.into_iter().take(4).find(|&k| {
-                let w = ring[k];
-                let made: Vec<[u32; 3]> = (1..n - 1).map(|j| [w, ring[(k + j) % n], ring[(k + j + 1) % n]]).collect();
-                let mut is_even = true;
-                let is_better = made.iter().all(|&t| {
-                    let may = self.is_counterclockwise(t) && self.is_thick(t, THIN) && self.least_sine(t) > before;
-                    may && {
-                        let (worth, even) = self.worth(t, measure);
-                        is_even &= even;
-                        worth > before
-                    }
-                });
-                is_better
-                    && (2..n - 1).all(|j| {
-                        let [before, x, after] = [j - 1, j, j + 1].map(|j| ring[(k + j) % n]);
-                        let is_free = !self.have_one_image([w, x]) && !self.is_ambiguous([w, x]);
-                        is_free && self.excess([w, x], [before, after], is_even, measure).0 <= SPLIT
-                    })
-                    // w has no other way to a vertex of the ring.
-                    && !(2..n - 1).any(|j| self.are_joined(at[w as usize], w, ring[(k + j) % n]))
-                    && made.iter().all(|&t| self.off(t, is_even, measure) <= 1.0)
-            });
-            let Some(k) = target else { continue };
-            self.pull((v, k), (&star, &ring), &mut at, &mut dead);
-            done += 1;
-        }
-        self.remove(&dead);
-        done
-    }
-
-    /// The triangles around a vertex, counterclockwise from one of them on, and the vertices on the ring: triangle k has the corners v, ring k and
-    /// ring k + 1. None at borders, and where they are too many.
-    fn star(&self, from: u32, v: u32) -> Option<(Vec<u32>, Vec<u32>)> {
-        let (mut star, mut ring) = (Vec::new(), Vec::new());
-        let mut t = from;
-        while star.first() != Some(&t) {
-            if t == NONE || star.len() == 64 {
-                return None;
-            }
-            let i = self.triangles[t as usize].iter().position(|&x| x == v)?;
-            star.push(t);
-            ring.push(self.triangles[t as usize][(i + 1) % 3]);
-            // The neighbour beyond the edge from v to the corner after.
-            t = self.adjacent[t as usize][(i + 1) % 3];
-        }
-        Some((star, ring))
-    }
-
-    /// Pulls a vertex onto number k of its ring. `at` holds a triangle at every vertex; triangles that are gone are marked in `dead`.
-    fn pull(&mut self, (v, k): (u32, usize), (star, ring): (&[u32], &[u32]), at: &mut [u32], dead: &mut [bool]) {
-        let n = star.len();
-        let w = ring[k];
-        // The two triangles between v and w go; the others get w for v.
-        let (gone, last) = (star[k], star[(k + n - 1) % n]);
-        let outer = |t: u32| {
-            let i = self.triangles[t as usize].iter().position(|&x| x == v).expect("a triangle at v");
-            (self.adjacent[t as usize][i], self.fixed[t as usize][i])
-        };
-        let (beyond, beyond_last) = (outer(gone), outer(last));
-        for j in 1..n - 1 {
-            let t = star[(k + j) % n] as usize;
-            let i = self.triangles[t].iter().position(|&x| x == v).expect("a triangle at v");
-            self.triangles[t][i] = w;
-            self.worths[t].set(None);
-        }
-        // (v, w, next): the triangle after it meets what was beyond the edge from w to next.
-        let join = |this: &mut Self, t: u32, ends: [u32; 2], (n, fixed): (u32, bool)| {
-            for (a, b) in [(t, n), (n, t)] {
-                if a != NONE {
-                    let x = this.triangles[a as usize];
-                    let i = (0..3).find(|&i| !ends.contains(&x[i])).expect("a corner opposite to the edge");
-                    this.adjacent[a as usize][i] = b;
-                    this.fixed[a as usize][i] = fixed || b == NONE;
-                }
-            }
-        };
-        join(self, star[(k + 1) % n], [w, ring[(k + 1) % n]], beyond);
-        join(self, star[(k + n - 2) % n], [w, ring[(k + n - 1) % n]], beyond_last);
-        for t in [gone, last] {
-            dead[t as usize] = true;
-        }
-        at[v as usize] = NONE;
-        for j in 1..n - 1 {
-            let t = star[(k + j) % n];
-            self.triangles[t as usize].iter().for_each(|&x| at[x as usize] = t);
-        }
-    }
-
-    /// Takes vertices off contracted curves that are nearer to each other than what leaves the curve there needs: triangles between such vertices and
-    /// a far one have two sides that are the same in space.
-    fn thin_contracted(&mut self, measure: &dyn Measure) {
-        let mut at: Vec<u32> = vec![NONE; self.nodes.len()];
-        let mut along: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
-        for (t, v) in self.triangles.iter().enumerate() {
-            for i in 0..3 {
-                at[v[i] as usize] = t as u32;
-                if self.fixed[t][i] {
-                    let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
-                    along.entry(a).or_default().insert(b);
-                    along.entry(b).or_default().insert(a);
-                }
-            }
-        }
-        let mut dead = vec![false; self.triangles.len()];
-        for v in 0..self.nodes.len() as u32 {
-            let is_inner = self.nodes[v as usize].name == Name::Inner && self.nodes[v as usize].faces == 0;
-            let Some(Shared::Contracted(image)) = self.shared[v as usize].filter(|_| is_inner && at[v as usize] != NONE) else { continue };
-            let ends: Vec<u32> = along.get(&v).into_iter().flatten().copied().collect();
-            let [a, b] = ends[..] else { continue };
-            // Vertices beside the new chord have to stay on their side of the curve.
-            let [x, y] = [a, b].map(|w| self.nodes[w as usize].at);
-            let is_straight = measure.beside_chord([x, y], image).is_some_and(|m| {
-                let off = (m[0] - 0.5 * (x[0] + y[0])).hypot(m[1] - 0.5 * (x[1] + y[1]));
-                off <= STRAIGHT * (x[0] - y[0]).hypot(x[1] - y[1])
-            });
-            if !is_straight
-                || ![a, b].iter().all(|&w| self.have_one_image([v, w]))
-                || measure.turns([a, v, b].map(|w| self.nodes[w as usize].at))
-            {
-                continue;
-            }
-            let Some((star, ring)) = self.star(at[v as usize], v) else { continue };
-            if !star.iter().all(|&t| self.sound[t as usize]) {
-                continue;
-            }
-            let n = ring.len();
-            let place = |w: u32| ring.iter().position(|&x| x == w);
-            let fits = |k: usize| {
-                let made = (1..n - 1).map(|j| [ring[k], ring[(k + j) % n], ring[(k + j + 1) % n]]);
-                let is_joined = |j: usize| self.are_joined(at[ring[k] as usize], ring[k], ring[(k + j) % n]);
-                made.clone().all(|t| self.is_counterclockwise(t) && self.is_thick(t, THIN)) && !(2..n - 1).any(is_joined)
-            };
-            let Some(k) = [a, b].into_iter().filter_map(place).find(|&k| fits(k)) else { continue };
-            let (w, other) = if ring[k] == a { (a, b) } else { (b, a) };
-            self.pull((v, k), (&star, &ring), &mut at, &mut dead);
-            for (x, y) in [(w, other), (other, w)] {
-                if let Some(list) = along.get_mut(&x) {
-                    list.remove(&v);
-                    list.insert(y);
-                }
-            }
-        }
-        self.remove(&dead);
-        self.queued.fill(true);
-        self.queue = (0..self.triangles.len() as u32).collect();
-    }
-
-    /// Whether two vertices have an edge, looked for around the first from one of its triangles on, both ways.
-    fn are_joined(&self, from: u32, w: u32, x: u32) -> bool {
-        for step in [1, 2] {
-            let mut t = from;
-            for _ in 0..64 {
-                let v = self.triangles[t as usize];
-                if v.contains(&x) {
-                    return true;
-                }
-                let i = v.iter().position(|&y| y == w).expect("a triangle at w");
-                t = self.adjacent[t as usize][(i + step) % 3];
-                if t == NONE || t == from {
-                    break;
-                }
-            }
-        }
-        false
-    }
-
-    /// Without the triangles that are marked.
-    fn remove(&mut self, dead: &[bool]) {
-        let mut new = vec![NONE; dead.len()];
-        let mut n = 0;
-        for (t, _) in dead.iter().enumerate().filter(|d| !d.1) {
-            new[t] = n;
-            n += 1;
-        }
-        let kept = |t: &usize| !dead[*t];
-        self.triangles = (0..dead.len()).filter(kept).map(|t| self.triangles[t]).collect();
-        self.fixed = (0..dead.len()).filter(kept).map(|t| self.fixed[t]).collect();
-        self.worths = (0..dead.len()).filter(kept).map(|t| self.worths[t].clone()).collect();
-        self.sound = (0..dead.len()).filter(kept).map(|t| self.sound[t]).collect();
-        let renumbered = |t: usize| self.adjacent[t].map(|n| if n == NONE { NONE } else { new[n as usize] });
-        self.adjacent = (0..dead.len()).filter(kept).map(renumbered).collect();
-        self.queued = vec![false; n as usize];
-        self.queue.clear();
-    }
-
     fn work_off(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
         let mut ended = Ended::default();
         let mut steps = 0usize;
@@ -682,8 +476,7 @@ impl Plane {
                 let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
                 let n = self.adjacent[t as usize][i];
                 let far = self.triangles[n as usize][self.place(n, t)];
-                let is_even = self.is_even(t, measure) && self.is_even(n, measure);
-                let mut excess = self.excess([a, b], [v[i], far], is_even, measure).0;
+                let mut excess = self.excess([a, b], [t, n].map(|t| self.look(t, measure)), measure).0;
                 if self.have_one_image([a, b]) || self.is_ambiguous([a, b]) {
                     excess = excess.max(PINCHED);
                 }
@@ -704,11 +497,12 @@ impl Plane {
             let mut split = worst.filter(|w| w.0 > SPLIT).map(|w| Some(w.1));
             if split.is_none() {
                 let p = self.images_of(t);
-                let off = self.off(v, self.is_even(t, measure), measure);
+                let look = self.look(t, measure);
+                let off = self.off(&look, measure);
                 let is_far = off > 1.0 || off.is_nan();
                 let is_turned = || {
                     let long = (0..3).map(|i| distance(p[i], p[(i + 1) % 3])).fold(0.0, f64::max);
-                    long > LEAST * measure.longest() && self.is_thick(v, TURNED) && self.facing(v, measure)[0] < FACING
+                    long > LEAST * measure.longest() && self.is_thick(v, TURNED) && look.facing < FACING
                 };
                 only_turned = sound && !is_far;
                 if !sound || is_far || is_turned() {
@@ -757,7 +551,7 @@ impl Plane {
         self.triangles[t as usize] = v;
         self.adjacent[t as usize] = n;
         self.fixed[t as usize] = fixed;
-        self.worths[t as usize].set(None);
+        self.looks[t as usize].set(None);
         for (i, &n) in n.iter().enumerate() {
             if n != NONE {
                 // The edge from the other side.
@@ -773,7 +567,7 @@ impl Plane {
         self.triangles.push([0; 3]);
         self.adjacent.push([NONE; 3]);
         self.fixed.push([false; 3]);
-        self.worths.push(Cell::new(None));
+        self.looks.push(Cell::new(None));
         self.sound.push(false);
         self.queued.push(false);
         self.triangles.len() as u32 - 1
@@ -810,8 +604,7 @@ impl Plane {
         let toward = if area(p) > area(q) { p } else { q };
         let made = |m: u32| [[c, a, m], [c, m, b], [d, b, m], [d, m, a]];
         let halfway = [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])];
-        let is_even = self.is_even(t, measure) && self.is_even(n, measure);
-        let mut best = self.excess([a, b], [c, d], is_even, measure).1;
+        let mut best = self.excess([a, b], [t, n].map(|t| self.look(t, measure)), measure).1;
         // Not where a corner beside the edge is already.
         let [c_image, d_image, a_image, b_image] = [c, d, a, b].map(|v| self.images[v as usize]);
         let there = measure.at(best);
@@ -825,7 +618,7 @@ impl Plane {
         for at in places {
             let m = self.add(at, measure);
             let fits = made(m).iter().all(|&t| self.is_counterclockwise(t));
-            let is_good = fits && made(m).iter().all(|&t| self.worth(t, measure).0 > NOTHING);
+            let is_good = fits && made(m).iter().all(|&t| self.look_at(t, measure).worth > NOTHING);
             self.drop_last();
             if is_good || fits && fitting.is_none() {
                 fitting = Some(at);
@@ -917,24 +710,19 @@ impl Plane {
         {
             return false;
         }
-        let (x, y) = (self.known_worth(t, measure), self.known_worth(n, measure));
-        let (before, was_even) = (x.0.min(y.0), x.1 && y.1);
+        let were = [t, n].map(|t| self.look(t, measure));
+        let before = were[0].worth.min(were[1].worth);
         let is_better = |after: f64| after > NOTHING && if before > 0.0 { after > 1.1 * before } else { after > before + 1e-3 };
         // Where the triangles face is dearer than their angles.
-        let mut is_even = true;
-        for &t in &made {
-            // Where the triangles face is dearer than their angles.
-            if !is_better(self.least_sine(t)) {
-                return false;
-            }
-            let (worth, even) = self.worth(t, measure);
-            is_even &= even;
-            if !is_better(worth) {
-                return false;
-            }
+        if !made.iter().all(|&t| is_better(self.least_sine(t))) {
+            return false;
         }
-        let excess = self.excess([c, d], [a, b], is_even, measure).0;
-        if excess > SPLIT && excess > self.excess([a, b], [c, d], was_even, measure).0 {
+        let will_be = made.map(|t| self.look_at(t, measure));
+        if !will_be.iter().all(|look| is_better(look.worth)) {
+            return false;
+        }
+        let excess = self.excess([c, d], will_be, measure).0;
+        if excess > SPLIT && excess > self.excess([a, b], were, measure).0 {
             return false;
         }
         let known = [t, n].map(|t| self.sound[t as usize]);

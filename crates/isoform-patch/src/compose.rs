@@ -1,0 +1,103 @@
+//! F∘p for a polynomial F: w^d F(x/w, y/w, z/w) is a polynomial of degree (d m, d n) whose Bernstein coefficients bound it.
+//!
+//! On patches that lie on the surface to rounding this bound is of the order of rounding, which no expansion about points comes to
+//! unless F is a quadric.
+
+use isoform_geom::RationalPatch;
+
+/// Compositions of higher degrees than this are not looked at: they cost much, and rounding grows with the degree.
+const MOST_DEGREE: usize = 32;
+
+/// Scaled Bernstein coefficients (multiplied by binomials, so that products are convolutions) of degree (m, n).
+#[derive(Clone)]
+struct Scaled {
+    degree: (usize, usize),
+    /// Coefficients, and sums of the absolute values of all that was added up to them.
+    values: Vec<[f64; 2]>,
+    /// Roundings behind each coefficient, in units of ε times its sum of absolute values.
+    roundings: usize,
+}
+
+impl Scaled {
+    fn one() -> Self {
+        Self { degree: (0, 0), values: vec![[1.0; 2]], roundings: 0 }
+    }
+    fn coordinate(patch: &RationalPatch, k: usize) -> Self {
+        let (m, n) = patch.degree();
+        let at = |i: usize| {
+            let v = patch.control()[i][k] * binomial(m, i / (n + 1)) * binomial(n, i % (n + 1));
+            [v, v.abs()]
+        };
+        Self { degree: (m, n), values: (0..(m + 1) * (n + 1)).map(at).collect(), roundings: 2 }
+    }
+    fn times(&self, other: &Self) -> Self {
+        let ((m, n), (k, l)) = (self.degree, other.degree);
+        let mut values = vec![[0.0; 2]; (m + k + 1) * (n + l + 1)];
+        for (i, a) in self.values.iter().enumerate() {
+            for (j, b) in other.values.iter().enumerate() {
+                let row = i / (n + 1) + j / (l + 1);
+                let out = &mut values[row * (n + l + 1) + i % (n + 1) + j % (l + 1)];
+                out[0] += a[0] * b[0];
+                out[1] += a[1] * b[1];
+            }
+        }
+        let sums = (m.min(k) + 1) * (n.min(l) + 1);
+        Self { degree: (m + k, n + l), values, roundings: self.roundings + other.roundings + sums + 1 }
+    }
+}
+
+fn binomial(n: usize, k: usize) -> f64 {
+    (0..k).fold(1.0, |b, i| b * (n - i) as f64 / (i + 1) as f64)
+}
+
+/// A bound on |F| over a patch for F = Σ c xⁱyʲzᵏ, rounding included; none for too high a degree or a control weight that is not positive.
+pub(crate) fn largest(terms: &[([u16; 3], f64)], patch: &RationalPatch) -> Option<f64> {
+    let d = terms.iter().map(|(e, _)| e.iter().map(|v| usize::from(*v)).sum()).max()?;
+    let (m, n) = patch.degree();
+    if d * m.max(n) > MOST_DEGREE || patch.control_weights().0 <= 0.0 {
+        return None;
+    }
+    let powers: [Vec<Scaled>; 4] = std::array::from_fn(|k| {
+        let base = Scaled::coordinate(patch, k);
+        let mut list = vec![Scaled::one()];
+        for i in 0..d {
+            list.push(list[i].times(&base));
+        }
+        list
+    });
+    let mut sums = vec![[0.0; 2]; (d * m + 1) * (d * n + 1)];
+    let mut roundings = 0;
+    for (e, c) in terms {
+        let [i, j, k] = e.map(usize::from);
+        let product = powers[0][i].times(&powers[1][j]).times(&powers[2][k]).times(&powers[3][d - i - j - k]);
+        for (sum, v) in sums.iter_mut().zip(&product.values) {
+            sum[0] += c * v[0];
+            sum[1] += (c * v[1]).abs();
+        }
+        roundings = roundings.max(product.roundings);
+    }
+    let whole = &powers[3][d];
+    let rounding = (roundings.max(whole.roundings) + terms.len() + 2) as f64 * f64::EPSILON;
+    let quotient = |(sum, w): (&[f64; 2], &[f64; 2])| (sum[0].abs() + rounding * sum[1]) / (w[0] * (1.0 - rounding));
+    let most = sums.iter().zip(&whole.values).map(quotient).fold(0.0, f64::max) * (1.0 + 1e-12);
+    most.is_finite().then_some(most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// z − c on a plane z = h is h − c; x y² on the same square of side 1 is at most 1, and its coefficients show it.
+    #[test]
+    fn bounds_of_compositions() {
+        let mut patch = RationalPatch::planar((2, 3), [0.0, 0.0, 0.25], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        // Other weights change no point.
+        patch.control_mut().iter_mut().for_each(|c| *c = c.map(|v| 1.7 * v));
+        let at = |terms: &[([u16; 3], f64)]| largest(terms, &patch).expect("a bound");
+        assert!((at(&[([0, 0, 1], 1.0), ([0, 0, 0], -0.2)]) - 0.05).abs() < 1e-12);
+        assert!((at(&[([1, 2, 0], -3.0)]) - 3.0).abs() < 1e-11);
+        let zero = at(&[([0, 0, 2], 1.0), ([0, 0, 0], -0.0625)]);
+        assert!(zero > 0.0 && zero < 1e-13, "{zero}");
+        assert_eq!(largest(&[([40, 0, 0], 1.0)], &patch), None);
+    }
+}
