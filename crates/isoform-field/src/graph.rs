@@ -104,6 +104,11 @@ impl Graph {
         }
     }
 
+    /// The node of the constant 0, if there is one.
+    pub(crate) fn zero(&self) -> Option<NodeId> {
+        self.known.get(&Node::Constant(0.0f64.to_bits())).copied()
+    }
+
     /// The arguments of a node, in order.
     pub fn arguments(&self, id: NodeId) -> Vec<NodeId> {
         match &self.nodes[id.at()] {

@@ -4,6 +4,7 @@
 //! - [`Tape`]: the compiled form; values, gradients, jets and intervals, in blocks of points.
 
 mod block;
+mod branches;
 pub mod graph;
 pub mod hyperfun;
 mod interpreted;
@@ -19,6 +20,7 @@ mod solid;
 mod split;
 mod tape;
 
+pub use branches::parts_of;
 pub use graph::{Graph, Node, NodeId};
 pub use interpreted::Interpreted;
 pub use library::{Axis, Library, Native};

@@ -77,6 +77,9 @@ pub struct Pieces {
     all: Tape,
     own: Tape,
     ranges: Ranges,
+    /// The functions of the pieces.
+    graph: Graph,
+    roots: Vec<NodeId>,
 }
 
 impl Pieces {
@@ -98,7 +101,7 @@ impl Pieces {
         let all = Tape::new(&bound, &pieces, 3, 0);
         let each = (0..pieces.len()).map(|k| all.result(k)).collect();
         let ranges = Ranges::new(&bound, &pieces, &monotone);
-        Ok(Self { names, tree, each, all, own, ranges })
+        Ok(Self { names, tree, each, all, own, ranges, graph: bound, roots: pieces })
     }
 
     /// The model with the values `a` of its parameters.
@@ -107,6 +110,11 @@ impl Pieces {
         let mut graph = Graph::new();
         let root = model.compile(&mut graph).map_err(SolidError::NoExpression)?;
         Self::new(&graph, root, a)
+    }
+
+    /// The functions of all pieces as expressions of the coordinates.
+    pub(crate) fn functions(&self) -> (Graph, Vec<NodeId>) {
+        (self.graph.clone(), self.roots.clone())
     }
 
     /// Number of operations of a piece's function: what its evaluation costs.

@@ -4,14 +4,21 @@
 //! from what is covered and from one another, grown side by side; in the end, patches that others make superfluous are left out.
 
 use crate::surface::{Random, contains, project};
+use crate::whole::Whole;
 use crate::{Error, Options, Parameterized, single};
-use isoform_geom::{Field, Point3, RationalPatch, distance_squared, dot, sub};
+use isoform_geom::{Field, Parts, Point3, RationalPatch, distance_squared, dot, sub};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Random places that are projected to samples.
-const PLACES: usize = 12_000;
+/// Random places that are projected to samples of a part.
+const PLACES: usize = 30_000;
+/// The same for all parts of a surface together.
+const MOST_PLACES: usize = 150_000;
 /// Patches that are grown side by side; fixed, so that the result does not depend on the number of threads.
 const ROUND: usize = 4;
+/// Sets of samples that are covered in turn,
+const MOST_ROUNDS: usize = 4;
+/// unless no more than this share of a set is not covered already.
+const ENOUGH: f64 = 3e-4;
 /// Samples of a patch in each direction, from which feet of samples are sought.
 const GRID: usize = 33;
 /// Newton steps towards the foot of a sample on a patch.
@@ -35,9 +42,20 @@ pub struct Cover {
 /// `most` bounds their number, `stop` is asked between rounds, and `threads` work side by side; the result depends on neither of
 /// the latter unless it is stopped.
 pub fn cover(field: &dyn Field, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
+    cover_whole(&Whole::of_field(field), options, most, threads, stop)
+}
+
+/// The same of a surface of parts: each patch stays on one, and ends at its edges.
+pub fn cover_parts(parts: &Parts, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
+    single::check(options)?;
+    cover_whole(&Whole::of_parts(parts, &options.region), options, most, threads, stop)
+}
+
+fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
     single::check(options)?;
     let tolerance = options.tolerance.ok_or(Error::Option { name: "the tolerance", value: f64::NAN })?;
-    let samples = samples(field, options);
+    let (mut random, mut rounds) = (Random::new(options.seed), 1);
+    let (mut samples, mut parts) = more_samples(whole, options, &mut random);
     if samples.is_empty() {
         return Err(Error::NoSurface);
     }
@@ -46,11 +64,35 @@ pub fn cover(field: &dyn Field, options: &Options, most: usize, threads: usize, 
     // The squared distance of each sample from covered samples and tried seeds.
     let mut far = vec![f64::INFINITY; samples.len()];
     let (mut failures, mut last_error) = (0, Error::NoSurface);
-    while open.contains(&true) && patches.len() < most && failures < MOST_FAILURES && !stop() {
+    while patches.len() < most && failures < MOST_FAILURES && !stop() {
+        if !open.contains(&true) {
+            if rounds == MOST_ROUNDS {
+                break;
+            }
+            // Other samples see what lies between the first ones.
+            rounds += 1;
+            let (fresh, their_parts) = more_samples(whole, options, &mut random);
+            let mut fresh_open = vec![true; fresh.len()];
+            for (patch, covers) in &mut patches {
+                let reached = reached(&patch.grown.patch, &fresh, tolerance);
+                fresh_open.iter_mut().zip(&reached).for_each(|(o, r)| *o &= !r);
+                covers.extend(reached);
+            }
+            let missed = fresh_open.iter().filter(|o| **o).count();
+            let count = fresh.len() as f64;
+            samples.extend(fresh);
+            parts.extend(their_parts);
+            open.extend(fresh_open);
+            far.resize(samples.len(), f64::INFINITY);
+            if (missed as f64) < ENOUGH * count {
+                break;
+            }
+            update_far(&samples, &open, &mut far);
+            continue;
+        }
         let seeds = next_seeds(&samples, &open, &far, ROUND.min(most - patches.len()));
         let made = side_by_side(seeds.len(), threads, &|i| {
-            let options = Options { seed_point: Some(samples[seeds[i]]), ..*options };
-            let patch = single::parameterize(field, &options)?;
+            let patch = single::at(whole, parts[seeds[i]], samples[seeds[i]], options)?;
             let covers = reached(&patch.grown.patch, &samples, tolerance);
             Ok((patch, covers))
         });
@@ -85,10 +127,22 @@ pub fn cover(field: &dyn Field, options: &Options, most: usize, threads: usize, 
     Ok(Cover { patches: patches.into_iter().map(|p| p.0).collect(), samples: samples.len(), covered })
 }
 
-/// Points of the surface in the region.
-fn samples(field: &dyn Field, options: &Options) -> Vec<Point3> {
-    let (mut random, scale) = (Random::new(options.seed), options.region.diagonal());
-    (0..PLACES).filter_map(|_| project(field, random.place(&options.region), scale)).filter(|p| contains(&options.region, *p)).collect()
+/// Points of the surface in the region, and the parts they lie on.
+fn more_samples(whole: &Whole<'_>, options: &Options, random: &mut Random) -> (Vec<Point3>, Vec<usize>) {
+    let scale = options.region.diagonal();
+    let mut found = (Vec::new(), Vec::new());
+    let relevant = if whole.is_single() { vec![0] } else { whole.relevant() };
+    let places = PLACES.min(MOST_PLACES / relevant.len().max(1));
+    for part in relevant {
+        for _ in 0..places {
+            let p = project(whole.field(part), random.place(&options.region), scale).filter(|p| contains(&options.region, *p));
+            if let Some(p) = p.filter(|p| whole.is_on(part, *p, scale)) {
+                found.0.push(p);
+                found.1.push(part);
+            }
+        }
+    }
+    found
 }
 
 /// Uncovered samples, each the farthest from what is covered and from those before it.

@@ -9,9 +9,13 @@
 //! On patches that lie on the surface to rounding, M is that of F∘p where F is a polynomial. At a self-intersection there are then unit
 //! vectors e and f with eᵀHe ≥ λ and fᵀHf ≤ −λ about the cell: along ±e, whichever way F does not fall, it has grown by λt²/2 after t, along f
 //! fallen by as much, so that the surface is at most √(2M/λ) away.
+//!
+//! Minima and maxima of parts keep both arguments: n·∇F is at least the least of the parts' that matter, and the tree carries bounds of
+//! the parts over to one of F. As only signs count, each piece is first divided by its gradient's length at c.
 
 use crate::compose::largest;
 use crate::surface::ON_SURFACE;
+use crate::whole::Whole;
 use isoform_geom::{Aabb, Expansion, Field, Point3, RationalPatch, norm, sub};
 use isoform_num::linalg::symmetric_eigen;
 use isoform_num::{Interval, Jet2};
@@ -34,6 +38,10 @@ const EXACT_TARGETS: [(f64, usize); 3] = [(1e-13, 2000), (1e-12, 2000), (1e-6, 6
 const COMPOSED: f64 = 1e-5;
 /// Cells that may be looked at.
 const MOST_CELLS: usize = 60_000;
+/// Of a surface with parts, for a bound that is better than the tolerance,
+const MOST_CELLS_AT_EDGES: usize = 2000;
+/// which is not sought below this share of it.
+const AT_EDGES: f64 = 0.02;
 /// Newton steps to a foot point about which the sign is looked at.
 const FOOT_STEPS: usize = 8;
 /// Halvings of the patch in each direction.
@@ -56,6 +64,18 @@ pub struct Distances {
 /// Samples the distance of a patch from the surface in a square grid of so many samples (at least 2) in each direction: the largest,
 /// and the root mean square over the area.
 pub fn sampled(field: &dyn Field, patch: &RationalPatch, samples: usize) -> (f64, f64) {
+    sampled_by(patch, samples, &|points| foot_distances(field, points))
+}
+
+/// The same of a whole surface: where it has parts, to first order.
+pub(crate) fn sampled_on(whole: &Whole<'_>, patch: &RationalPatch, samples: usize) -> (f64, f64) {
+    if whole.is_single() {
+        return sampled(whole.field(0), patch, samples);
+    }
+    sampled_by(patch, samples, &|points| points.iter().map(|p| whole.first_order(*p).0.abs()).collect())
+}
+
+fn sampled_by(patch: &RationalPatch, samples: usize, distances: &dyn Fn(&[Point3]) -> Vec<f64>) -> (f64, f64) {
     let mut points = Vec::with_capacity(samples * samples);
     let mut areas = Vec::with_capacity(samples * samples);
     for i in 0..samples {
@@ -67,7 +87,7 @@ pub fn sampled(field: &dyn Field, patch: &RationalPatch, samples: usize) -> (f64
             areas.push(norm(t.normal()) * half(i) * half(j));
         }
     }
-    let distances = foot_distances(field, &points);
+    let distances = distances(&points);
     let (mut most, mut sum, mut area) = (0.0f64, 0.0, 0.0);
     for (d, a) in distances.iter().zip(&areas) {
         most = most.max(*d);
@@ -127,16 +147,27 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
 /// cannot be proved)
 /// and, if that is not less than what is sampled, at no more than the tolerance.
 pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
-    let (sampled, rms) = sampled(field, patch, SAMPLES);
+    distances_on(&Whole::of_field(field), patch, tolerance)
+}
+
+/// The same from a whole surface.
+pub(crate) fn distances_on(whole: &Whole<'_>, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
+    let (sampled, rms) = sampled_on(whole, patch, SAMPLES);
     let size = largest_coordinate(patch);
-    if sampled <= EXACT * size {
-        let proved = |(target, cells): &(f64, usize)| prove(field, patch, (target * size).max(2.0 * sampled), *cells);
+    if whole.is_single() && sampled <= EXACT * size {
+        let proved = |(target, cells): &(f64, usize)| prove_on(whole, patch, (target * size).max(2.0 * sampled), *cells);
         return Distances { bound: EXACT_TARGETS.iter().find_map(proved).map(|b| b.max(sampled)), sampled, rms };
     }
+    // At edges a bound may be farther from the distance than elsewhere, and what is little against the tolerance is not worth its cells.
+    let (least, cells) = if whole.is_single() { (0.0, MOST_CELLS) } else { (AT_EDGES * tolerance.unwrap_or(0.0), MOST_CELLS_AT_EDGES) };
     let bound = SLACK.iter().find_map(|slack| {
-        let target = (slack * sampled).max(ROUNDING * size);
+        let target = (slack * sampled).max(ROUNDING * size).max(least);
         let target = tolerance.filter(|t| *t >= sampled).map_or(target, |t| target.min(t));
-        prove(field, patch, target, MOST_CELLS).map(|b| b.max(sampled))
+        prove_on(whole, patch, target, cells).map(|b| b.max(sampled))
+    });
+    let bound = bound.or_else(|| {
+        let target = tolerance.filter(|t| !whole.is_single() && *t >= sampled)?;
+        prove_on(whole, patch, target, cells).map(|b| b.max(sampled))
     });
     Distances { bound, sampled, rms }
 }
@@ -149,9 +180,15 @@ fn largest_coordinate(patch: &RationalPatch) -> f64 {
 /// A bound on the distance of all points of a patch from the surface that is at most `target`, if such a one can be proved with so
 /// many cells.
 pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
+    prove_on(&Whole::of_field(field), patch, target, cells)
+}
+
+/// The same from a whole surface.
+pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
     let products = Products::new(patch.degree());
     let size = largest_coordinate(patch);
-    let known = field.terms().filter(|_| target < COMPOSED * size).and_then(|t| largest(t, patch)).unwrap_or(f64::INFINITY);
+    let terms = if whole.is_single() && target < COMPOSED * size { whole.field(0).terms() } else { None };
+    let known = terms.and_then(|t| largest(t, patch)).unwrap_or(f64::INFINITY);
     let mut pending = vec![(patch.clone(), 0u32)];
     let (mut worst, mut looked_at) = (0.0f64, 0);
     while let Some((cell, depth)) = pending.pop() {
@@ -159,7 +196,7 @@ pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize
         if looked_at > cells {
             return None;
         }
-        match bound_of_cell(field, &cell, depth, target, known, &products) {
+        match bound_of_cell(whole, &cell, depth, target, known, &products) {
             Some(b) => worst = worst.max(b),
             None if depth == MOST_DEPTH => return None,
             None => pending.extend(quarters(&cell).map(|c| (c, depth + 1))),
@@ -211,8 +248,9 @@ fn magnitude(i: &Interval) -> f64 {
     i.lo().abs().max(i.hi().abs())
 }
 
-/// A bound on the distance of a cell from the surface, if one of at most `target` is found; |F| is known to be at most `known` on it.
-fn bound_of_cell(field: &dyn Field, cell: &RationalPatch, depth: u32, target: f64, known: f64, products: &Products) -> Option<f64> {
+/// A bound on the distance of a cell from the surface, if one of at most `target` is found; of a single function F, |F| is known to be at most
+/// `known` on it.
+fn bound_of_cell(whole: &Whole<'_>, cell: &RationalPatch, depth: u32, target: f64, known: f64, products: &Products) -> Option<f64> {
     let (least, _) = cell.control_weights();
     if least <= 0.0 {
         return None;
@@ -230,27 +268,32 @@ fn bound_of_cell(field: &dyn Field, cell: &RationalPatch, depth: u32, target: f6
     }
     let rounding = SUBDIVISION * f64::from(depth + 1) * largest;
     let reach = norm(r);
-    let near = field.jet(c);
     // How far beyond the cell the surface is sought: as far as it seems to be, not as far as it may be.
-    let beyond = (2.0 * near.v.abs() / norm(near.g) + 0.25 * reach).min(target);
+    let beyond = (2.0 * whole.first_order(c).0.abs() + 0.25 * reach).min(target);
     let beyond = if beyond.is_nan() { target } else { beyond };
-    let region = Aabb { lo: std::array::from_fn(|k| c[k] - r[k] - beyond), hi: std::array::from_fn(|k| c[k] + r[k] + beyond) };
-    let e = field.expansion(c, region)?;
-    if let Some(b) = smooth_bound(&e, &d, r, beyond, known, products).filter(|b| b + rounding <= target) {
+    if let Some(b) = smooth_bound(whole, c, &d, r, beyond, known, products).filter(|b| b + rounding <= target) {
         return Some(b + rounding);
     }
     if known.is_finite() {
-        let region = Aabb { lo: std::array::from_fn(|k| c[k] - r[k] - target), hi: std::array::from_fn(|k| c[k] + r[k] + target) };
-        let e = field.expansion(c, region)?;
+        let e = whole.field(0).expansion(c, about(c, r, target))?;
         if let Some(b) = crossing_bound(&e, r.map(|v| v + target), known).filter(|b| b + rounding <= target) {
             return Some(b + rounding);
         }
     }
-    // Small against the bound: any sign change nearby will do.
+    // Small against the bound: any sign change nearby will do, if the functions are such of which something can be proved.
     if reach > 0.85 * target {
         return None;
     }
-    changes_sign(field, c, &e.value, (target - reach - rounding) * (1.0 - 1e-9)).then_some(target)
+    let near = about(c, r, target);
+    if whole.within(near)?.1.iter().any(|&k| whole.field(k).expansion(c, near).is_none()) {
+        return None;
+    }
+    changes_sign(whole, c, (target - reach - rounding) * (1.0 - 1e-9)).then_some(target)
+}
+
+/// The box that reaches `by` beyond c ± r.
+fn about(c: Point3, r: Point3, by: f64) -> Aabb {
+    Aabb { lo: std::array::from_fn(|k| c[k] - r[k] - by), hi: std::array::from_fn(|k| c[k] + r[k] + by) }
 }
 
 /// √(2M/λ), where second derivatives have both signs by λ or more within `wide` of the point of expansion.
@@ -277,46 +320,98 @@ fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f64> {
     Some((2.0 * most / lambda).sqrt() * (1.0 + 1e-12))
 }
 
-/// M/G, if that is no more than `beyond`.
-fn smooth_bound(e: &Expansion, d: &[[f64; 4]], r: Point3, beyond: f64, known: f64, products: &Products) -> Option<f64> {
-    let value = middle(&e.value);
-    let g: Point3 = std::array::from_fn(|k| middle(&e.gradient[k]));
-    let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
-    let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
-    let length = norm(g);
-    if length == 0.0 || !length.is_finite() {
-        return None;
-    }
-    let at = |i: usize, j: usize| h[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]];
-    // A lower bound of n·∇F with n = ∇F(c)/|∇F(c)| in the neighbourhood.
-    let wide: Point3 = r.map(|v| v + beyond);
-    let mut lost = 0.0;
-    for i in 0..3 {
-        let n = g[i].abs() / length;
-        lost += n * radius(&e.gradient[i]);
-        for j in 0..3 {
-            lost += n * radius(&e.hessian[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]]) * wide[j];
+/// M/G, if that is no more than `beyond`; of a single function, M is no more than `known`.
+fn smooth_bound(whole: &Whole<'_>, c: Point3, d: &[[f64; 4]], r: Point3, beyond: f64, known: f64, products: &Products) -> Option<f64> {
+    let region = about(c, r, beyond);
+    let (tree, parts) = whole.within(region)?;
+    let expansions: Vec<Expansion> = parts.iter().map(|&k| whole.field(k).expansion(c, region)).collect::<Option<_>>()?;
+    let mut n = [0.0; 3];
+    let mut lengths = Vec::with_capacity(parts.len());
+    for e in &expansions {
+        let g = slopes(e);
+        let length = norm(g);
+        if length == 0.0 || !length.is_finite() {
+            return None;
         }
+        lengths.push(length);
+        n = std::array::from_fn(|k| n[k] + g[k] / length);
     }
-    for j in 0..3 {
-        lost += (0..3).map(|i| g[i] / length * at(i, j)).sum::<f64>().abs() * wide[j];
-    }
-    lost += 0.5 * cubic(&t, wide, Some(g.map(|v| v.abs() / length)));
-    let slope = (length - lost) * (1.0 - 1e-12);
+    let length = norm(n);
+    let n = n.map(|v| v / length);
+    // The parts of a piece have one unit of length.
+    let unit = |k: usize| {
+        let same = parts.iter().zip(&lengths).filter(|(other, _)| whole.piece(**other) == whole.piece(parts[k]));
+        same.fold(0.0f64, |m, (_, l)| m.max(*l))
+    };
+    let wide: Point3 = r.map(|v| v + beyond);
+    let slope = (0..parts.len()).map(|k| slope(&expansions[k], n, wide) / unit(k)).fold(f64::INFINITY, f64::min);
+    let slope = slope * (1.0 - 1e-12);
     if slope.is_nan() || slope <= 0.0 {
         return None;
     }
+    let ranges: Vec<Interval> = expansions
+        .iter()
+        .enumerate()
+        .map(|(k, e)| {
+            let ((lo, hi), unit) = (range(e, d, r, products), unit(k));
+            if lo <= hi { Interval::new(lo / unit, hi / unit) } else { Interval::ALL }
+        })
+        .collect();
+    let of_piece = |piece: u32| {
+        let of = parts.iter().zip(&ranges).filter(|(k, _)| whole.piece(**k) == piece).map(|(_, r)| *r);
+        of.reduce(|a, b| a.hull(&b)).unwrap_or(Interval::ALL)
+    };
+    let most = magnitude(&tree.range(&of_piece)).min(if whole.is_single() { known / unit(0) } else { f64::INFINITY });
+    let bound = most / slope * (1.0 + 1e-12);
+    (bound.is_finite() && bound <= beyond).then_some(bound)
+}
+
+/// ∇F at the point.
+fn slopes(e: &Expansion) -> Point3 {
+    std::array::from_fn(|k| middle(&e.gradient[k]))
+}
+
+/// A lower bound of n·∇F where no coordinate differs by more than `wide`.
+fn slope(e: &Expansion, n: Point3, wide: Point3) -> f64 {
+    let g = slopes(e);
+    let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
+    let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
+    let at = |i: usize, j: usize| [[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j];
+    let mut lost = 0.0;
+    for i in 0..3 {
+        lost += n[i].abs() * radius(&e.gradient[i]);
+        for j in 0..3 {
+            lost += n[i].abs() * radius(&e.hessian[at(i, j)]) * wide[j];
+        }
+    }
+    for j in 0..3 {
+        lost += (0..3).map(|i| n[i] * h[at(i, j)]).sum::<f64>().abs() * wide[j];
+    }
+    lost += 0.5 * cubic(&t, wide, Some(n.map(f64::abs)));
+    (0..3).map(|k| n[k] * g[k]).sum::<f64>() - lost
+}
+
+/// Bounds of F on a cell.
+fn range(e: &Expansion, d: &[[f64; 4]], r: Point3, products: &Products) -> (f64, f64) {
+    let value = middle(&e.value);
+    let g = slopes(e);
+    let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
+    let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
+    let at = |i: usize, j: usize| h[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]];
     // w² (F(c) + ∇F·δ + δᵀHδ/2) as a scalar product of (w δ, w) with (H w δ/2, F(c) w + ∇F·w δ).
     let right = |p: &[f64; 4]| {
         let h = |k: usize| 0.5 * (at(k, 0) * p[0] + at(k, 1) * p[1] + at(k, 2) * p[2]);
         [h(0), h(1), h(2), value * p[3] + g[0] * p[0] + g[1] * p[1] + g[2] * p[2]]
     };
     let rights: Vec<[f64; 4]> = d.iter().map(right).collect();
-    let mut most = products.of(d, &rights).iter().fold(0.0f64, |m, [q, w2]| m.max((q / w2).abs()));
+    let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+    for [q, w2] in products.of(d, &rights) {
+        (lo, hi) = (lo.min(q / w2), hi.max(q / w2));
+    }
     // What the coefficients leave out: rounding of the sums, radii of the derivatives, the remainder.
     let size =
         value.abs() + (0..3).map(|k| g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()).sum::<f64>();
-    most += 64.0 * f64::EPSILON * size;
+    let mut most = 64.0 * f64::EPSILON * size;
     most += radius(&e.value);
     for i in 0..3 {
         most += radius(&e.gradient[i]) * r[i];
@@ -325,8 +420,7 @@ fn smooth_bound(e: &Expansion, d: &[[f64; 4]], r: Point3, beyond: f64, known: f6
         }
     }
     most += cubic(&t, r, None) / 6.0;
-    let bound = most.min(known) / slope * (1.0 + 1e-12);
-    (bound.is_finite() && bound <= beyond).then_some(bound)
+    (lo - most, hi + most)
 }
 
 /// Where ∂³F/∂xᵢ∂xⱼ∂xₖ is among the ten third derivatives.
@@ -370,11 +464,12 @@ const DIRECTIONS: [[f64; 3]; 13] = [
 
 /// Whether F certainly vanishes within t of c: it has both signs in that ball, which is connected. Points are tried about c, and about
 /// where Newton's method leads to from there, as the sectors between two sheets that cross may be narrow.
-fn changes_sign(field: &dyn Field, c: Point3, here: &Interval, t: f64) -> bool {
+fn changes_sign(whole: &Whole<'_>, c: Point3, t: f64) -> bool {
     let sign = |i: &Interval| i32::from(i.lo() > 0.0) - i32::from(i.hi() < 0.0);
-    let (mut positive, mut negative) = (sign(here) > 0, sign(here) < 0);
+    let here = sign(&whole.range_at(c));
+    let (mut positive, mut negative) = (here > 0, here < 0);
     let mut seen = |p: Point3| {
-        let there = sign(&field.bounds(Aabb { lo: p, hi: p }));
+        let there = sign(&whole.range_at(p));
         positive |= there > 0;
         negative |= there < 0;
         positive && negative
@@ -389,7 +484,7 @@ fn changes_sign(field: &dyn Field, c: Point3, here: &Interval, t: f64) -> bool {
     }
     let mut q = c;
     for _ in 0..FOOT_STEPS {
-        let j = field.jet(q);
+        let j = whole.field(whole.first_order(q).1).jet(q);
         let step = j.v / j.g.iter().map(|g| g * g).sum::<f64>();
         if !step.is_finite() {
             break;

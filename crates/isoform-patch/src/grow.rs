@@ -7,12 +7,18 @@
 //! - Where a direction is shortened more by Newton steps, the next extrapolation leaves it so: patches take the proportions that suit them.
 //! - After an extrapolation that proves too large the patch is shortened, which counts as an extrapolation and is seen in the trace.
 
-use crate::distance::{prove, sampled};
+mod edges;
+
+pub(crate) use edges::Side;
+
+use crate::distance::{prove_on, sampled, sampled_on};
 use crate::objective::{CORNERS, Evaluated, Method, Objective, Targets, Terms, Weights};
 use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
 use crate::surface::{Seed, contains, project, project_along};
-use isoform_geom::{Aabb, Point3, RationalPatch, dot, norm};
+use crate::whole::On;
+use edges::OVERLAP;
+use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
 use std::time::Instant;
 
 /// Edge of the start patch, in edges of the region.
@@ -39,14 +45,23 @@ const SHORTENINGS: usize = 4;
 const STEPS: (Stop, Stop) = (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 2e-3 });
 /// The sampled distance may be this share of the tolerance: what the proof adds must fit, too.
 const WITHIN: f64 = 0.93;
+/// Of a part: at its edges what the proof adds may be as much as that.
+const WITHIN_PART: f64 = 0.6;
 /// Samples of the distance in each direction while a patch grows.
 const GROWING_SAMPLES: usize = 17;
 /// The least control weight of a patch: CAD systems drop faces with negative ones without a word, and quotients of small ones are large.
 pub(crate) const LEAST_WEIGHT: f64 = 0.02;
 /// Times that a patch is made shorter for the proof of its tolerance.
 const SHORTER: usize = 12;
+/// The same of a surface with parts: there more is in vain.
+const SHORTER_AT_EDGES: usize = 4;
 /// Cells of that proof.
 const PROOF_CELLS: usize = 300_000;
+/// The same of a surface with parts.
+const PROOF_CELLS_AT_EDGES: usize = 2500;
+/// Before it is proved, the distance is sampled in a finer grid; near edges proofs need some room.
+const PROVED_SAMPLES: usize = 33;
+const HOPELESS: f64 = 0.7;
 /// By how much at each side.
 const SHARE_SHORTER: f64 = 0.01;
 /// Quadrature that is off by more than this share gets more nodes.
@@ -123,26 +138,37 @@ pub(crate) struct Growth<'f> {
     /// Whether the time was over before the patch was as large as it gets.
     pub(crate) is_late: bool,
     /// The last patch that kept the bound.
-    good: Option<State>,
+    good: Option<State<'f>>,
     pub(crate) options: Options,
     damping: f64,
     seed: Seed,
     /// Edge of the region: the unit of length in which bounds hold.
     pub(crate) unit: f64,
+    /// The part that the patch grows on.
+    on: On<'f>,
+    /// What the sides u = 0, u = 1, v = 0, v = 1 do.
+    sides: [Side<'f>; 4],
 }
 
 /// A patch with the targets and factors it was found with.
 #[derive(Clone)]
-struct State {
+struct State<'f> {
     patch: RationalPatch,
     at: Evaluated,
     targets: Targets,
     weights: Weights,
+    sides: [Side<'f>; 4],
 }
 
 impl<'f> Growth<'f> {
-    /// The start patch about a seed.
-    pub(crate) fn start(objective: Objective<'f>, seed: Seed, options: &Options) -> Result<Self, Error> {
+    /// The start patch about a seed; with `edge`, the seed lies on an edge where that vanishes, and the patch to the left of it.
+    pub(crate) fn start(
+        objective: Objective<'f>,
+        on: On<'f>,
+        seed: Seed,
+        edge: Option<&'f dyn Field>,
+        options: &Options,
+    ) -> Result<Self, Error> {
         let unit = options.region.size().into_iter().fold(0.0, f64::max);
         let mut growth = Self {
             patch: RationalPatch::planar(options.degree, seed.point, seed.tangents[0], seed.tangents[1]),
@@ -155,16 +181,26 @@ impl<'f> Growth<'f> {
             damping: first_damping(),
             seed,
             unit,
+            on,
+            sides: [Side::Free; 4],
         };
         growth.objective.weights = options.start;
         let mut size = START_SIZE * unit;
         for _ in 0..HALVINGS {
             let [a, b] = seed.tangents.map(|t| t.map(|v| v * size));
-            let origin = std::array::from_fn(|k| seed.point[k] - 0.5 * (a[k] + b[k]));
+            let below = if edge.is_some() { 0.0 } else { 0.5 };
+            let origin = std::array::from_fn(|k| seed.point[k] - (0.5 * a[k] + below * b[k]));
             let patch = RationalPatch::planar(options.degree, origin, a, b);
             if let Some((targets, at)) = growth.retargeted(&patch)
                 && growth.is_start(&at)
+                && (on.whole.is_single() || Self::starts_within(on, &patch, growth.overlap(), edge.is_some()))
             {
+                let mut sides = growth.sides;
+                if let Some(edge) = edge {
+                    sides[2] = Side::At(edge);
+                }
+                growth.set_sides(sides);
+                let Some(at) = growth.objective.evaluate_with(&patch, &targets) else { break };
                 (growth.patch, growth.at, growth.objective.targets) = (patch, at, targets);
                 return Ok(growth);
             }
@@ -186,9 +222,24 @@ impl<'f> Growth<'f> {
     /// How much of what is allowed the patch makes use of: of S, or of the distance from the surface.
     fn load(&self) -> f64 {
         match self.options.tolerance {
-            Some(t) => sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0 / (WITHIN * t),
+            Some(t) if self.on.whole.is_single() => sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0 / (WITHIN * t),
+            Some(t) => {
+                let distance = sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0;
+                let whole = sampled_on(self.on.whole, &self.patch, GROWING_SAMPLES).0;
+                (distance.max(whole) / (WITHIN_PART * t)).max(self.off_edges(self.on) / self.overlap())
+            }
             None => self.sum() / self.limit(),
         }
+    }
+
+    /// How far the patch may reach beyond edges.
+    fn overlap(&self) -> f64 {
+        OVERLAP * self.options.tolerance.unwrap_or(self.limit().sqrt())
+    }
+
+    fn set_sides(&mut self, sides: [Side<'f>; 4]) {
+        self.sides = sides;
+        self.objective.sides = sides.map(|s| if let Side::At(edge) = s { Some(edge) } else { None });
     }
 
     /// Whether a planar patch is small enough to start with.
@@ -244,8 +295,14 @@ impl<'f> Growth<'f> {
         self.trace.push(Self::row(&self.objective, Phase::Grow, &self.at.terms));
     }
 
-    fn state(&self) -> State {
-        State { patch: self.patch.clone(), at: self.at.clone(), targets: self.objective.targets, weights: self.objective.weights }
+    fn state(&self) -> State<'f> {
+        State {
+            patch: self.patch.clone(),
+            at: self.at.clone(),
+            targets: self.objective.targets,
+            weights: self.objective.weights,
+            sides: self.sides,
+        }
     }
 
     /// Which sides (u = 0, u = 1, v = 0, v = 1) of a patch still lie in the region, for the most part.
@@ -361,8 +418,15 @@ impl<'f> Growth<'f> {
     /// Shortens the patch until its distance from the surface is proved to keep the tolerance; false where that fails.
     pub(crate) fn keep_tolerance(&mut self) -> bool {
         let Some(tolerance) = self.options.tolerance else { return true };
-        for _ in 0..SHORTER {
-            if prove(self.objective.field(), &self.patch, tolerance, PROOF_CELLS).is_some() {
+        let is_single = self.on.whole.is_single();
+        let cells = if is_single { PROOF_CELLS } else { PROOF_CELLS_AT_EDGES };
+        for _ in 0..if is_single { SHORTER } else { SHORTER_AT_EDGES } {
+            if self.options.deadline.is_some_and(|d| Instant::now() >= d) {
+                self.is_late = true;
+                return false;
+            }
+            let is_hopeless = !is_single && sampled_on(self.on.whole, &self.patch, PROVED_SAMPLES).0 > HOPELESS * tolerance;
+            if !is_hopeless && prove_on(self.on.whole, &self.patch, tolerance, cells).is_some() {
                 return true;
             }
             if !self.retreat(SHARE_SHORTER) {
@@ -373,8 +437,9 @@ impl<'f> Growth<'f> {
     }
 
     /// Goes back to a patch, unless it is the present one.
-    fn settle(&mut self, to: State) {
+    fn settle(&mut self, to: State<'f>) {
         if to.patch != self.patch {
+            self.set_sides(to.sides);
             self.objective.weights = to.weights;
             self.take(to.patch, to.targets, to.at);
         }
@@ -382,7 +447,11 @@ impl<'f> Growth<'f> {
 
     /// Shortens the patch by a share at each side, without Newton steps; false where that is no patch.
     pub(crate) fn retreat(&mut self, share: f64) -> bool {
-        let shorter = self.longer([-share; 4]);
+        // What lies on an edge is to stay near it.
+        let little = 0.5 * self.overlap();
+        let edges = self.edges();
+        let shorter =
+            self.longer(std::array::from_fn(|side| if self.sides[side].is_at_edge() { -little / edges[side / 2] } else { -share }));
         match self.retargeted(&shorter) {
             Some((targets, at)) => self.take(shorter, targets, at),
             None => return false,
@@ -396,7 +465,10 @@ impl<'f> Growth<'f> {
         let present = self.edges();
         let inside = self.sides_inside(&self.patch);
         // A direction in which the patch shall be shorter is so at both sides.
-        let moves: [bool; 4] = std::array::from_fn(|side| inside[side] || edges[side / 2] < present[side / 2]);
+        let moves: [bool; 4] = std::array::from_fn(|side| {
+            (inside[side] && matches!(self.sides[side], Side::Free))
+                || (edges[side / 2] < present[side / 2] && !self.sides[side].is_at_edge())
+        });
         let sides = [0, 2].map(|first| f64::from(u8::from(moves[first]) + u8::from(moves[first + 1])));
         if sides == [0.0; 2] {
             return false;
@@ -414,13 +486,21 @@ impl<'f> Growth<'f> {
             }
         }
         for _ in 0..BISECTIONS {
-            let patch = self.longer(by(shares));
+            let before = self.sides;
+            let patch = if self.on.whole.is_single() {
+                self.longer(by(shares))
+            } else {
+                let (patch, sides) = self.within_edges(self.on, by(shares), self.overlap());
+                self.set_sides(sides);
+                patch
+            };
             if let Some((targets, at)) = self.retargeted(&patch)
                 && (shares.iter().all(|s| *s < 0.0) || self.is_fair(&at))
             {
                 self.take(patch, targets, at);
                 return true;
             }
+            self.set_sides(before);
             shares = shares.map(|s| 0.5 * s);
         }
         false

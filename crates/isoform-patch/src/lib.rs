@@ -18,15 +18,16 @@ mod single;
 mod solver;
 mod surface;
 mod torus;
+mod whole;
 
-pub use cover::{Cover, cover, reached};
+pub use cover::{Cover, cover, cover_parts, reached};
 pub use distance::{Distances, distances, foot_distances, prove, sampled};
 pub use grow::{Grown, Phase, Row};
 pub use isoform_geom::Quadric;
 pub use objective::{Derivatives, Evaluated, Inner, K, Method, Objective, Targets, Terms, Weights};
 pub use options::{Error, Options, PAPER_LIMIT};
 pub use quadric::quadric;
-pub use single::{Parameterized, parameterize};
+pub use single::{Parameterized, parameterize, parameterize_part};
 
 /// The largest degree: beyond it, systems are large and nothing is gained.
 pub const MOST_DEGREE: usize = 8;

@@ -78,12 +78,14 @@ pub struct Terms {
     pub r: f64,
     /// E.
     pub e: f64,
+    /// The mean squared distances of sides from the edges that they shall lie on.
+    pub sides: f64,
 }
 
 impl Terms {
-    /// S = I + ω_J J + ω_L L + ω_R R + ω_E E.
+    /// S = I + ω_J J + ω_L L + ω_R R + ω_E E, and what sides add.
     pub fn sum(&self, w: &Weights) -> f64 {
-        self.i + w.j * self.j + w.l * self.l + w.r * self.r + w.e * self.e
+        self.i + w.j * self.j + w.l * self.l + w.r * self.r + w.e * self.e + self.sides
     }
 }
 
@@ -158,6 +160,8 @@ pub struct Objective<'f> {
     pub weights: Weights,
     /// Lengths and corners.
     pub targets: Targets,
+    /// What shall vanish along the sides u = 0, u = 1, v = 0, v = 1.
+    pub(crate) sides: [Option<&'f dyn Field>; 4],
 }
 
 /// The objective's value at a patch, with what its derivatives need.
@@ -196,7 +200,7 @@ impl<'f> Objective<'f> {
         let nodes = nodes.unwrap_or(K as usize / 2 * degree.0.max(degree.1) + 1).max(2);
         let targets = Targets { l1: 1.0, l2: 1.0, corners: [[0.0; 3]; 4] };
         let (u, v) = (Basis::new(degree.0, nodes), Basis::new(degree.1, nodes));
-        Self { field, method, degree, u, v, inner: Inner::default(), weights: Weights::START, targets }
+        Self { field, method, degree, u, v, inner: Inner::default(), weights: Weights::START, targets, sides: [None; 4] }
     }
 
     /// The same with another L.
@@ -231,6 +235,12 @@ impl<'f> Objective<'f> {
         let mut jets = vec![Jet2 { v: 0.0, g: [0.0; 3], h: [0.0; 6] }; points.len()];
         self.field.jets(&points, &mut jets);
         self.terms(patch, nodes, points, jets)
+    }
+
+    /// The terms at a patch with other targets.
+    pub(crate) fn evaluate_with(&self, patch: &RationalPatch, targets: &Targets) -> Option<Evaluated> {
+        let at = self.evaluate(patch)?;
+        self.with_targets(patch, at, targets)
     }
 
     /// The same patch's value with other targets.
@@ -282,7 +292,14 @@ impl<'f> Objective<'f> {
             }
             terms.e += distance_squared([c[0] / c[3], c[1] / c[3], c[2] / c[3]], self.targets.corners[i]);
         }
-        let finite = [terms.i, terms.j, terms.l, terms.r, terms.e].iter().all(|t| t.is_finite());
+        for (side, edge) in self.sides.iter().enumerate() {
+            let Some(edge) = edge else { continue };
+            for (_, weight, z) in self.along(patch, side) {
+                let r = Self::residual(*edge, z)?.0;
+                terms.sides += weight * r * r;
+            }
+        }
+        let finite = [terms.i, terms.j, terms.l, terms.r, terms.e, terms.sides].iter().all(|t| t.is_finite());
         finite.then_some(Evaluated { terms, nodes, points, jets })
     }
 
@@ -343,6 +360,7 @@ impl<'f> Objective<'f> {
             sized!(n + 1, over_u(a, m + 1, &inner, &side, &mut d));
         }
         self.corner_terms(patch, &mut d);
+        self.side_terms(patch, &mut d);
         // Blocks of coordinates k > l are the transposes of those with k < l.
         for row in 0..size {
             for column in 0..row / count * count {
@@ -371,6 +389,57 @@ impl<'f> Objective<'f> {
             }
         }
         (rows, residuals)
+    }
+
+    /// The control points of a side.
+    fn side(&self, side: usize) -> Vec<usize> {
+        let (m, n) = self.degree;
+        match side {
+            0 | 1 => (0..=n).map(|j| side * m * (n + 1) + j).collect(),
+            _ => (0..=m).map(|i| i * (n + 1) + (side - 2) * n).collect(),
+        }
+    }
+
+    /// Basis, weight and homogeneous point at the nodes along a side.
+    fn along<'s>(&'s self, patch: &RationalPatch, side: usize) -> impl Iterator<Item = (&'s [f64], f64, [f64; 4])> + use<'s, 'f> {
+        let basis = if side < 2 { &self.v } else { &self.u };
+        let control: Vec<[f64; 4]> = self.side(side).into_iter().map(|k| patch.control()[k]).collect();
+        basis.b.iter().zip(&basis.weights).map(move |([b, _], weight)| {
+            let z = std::array::from_fn(|k| b.iter().zip(&control).map(|(b, c)| b * c[k]).sum());
+            (b.as_slice(), *weight, z)
+        })
+    }
+
+    /// B/|∇B| at a homogeneous point, and its derivatives with |∇B| taken as constant.
+    fn residual(edge: &dyn Field, z: [f64; 4]) -> Option<(f64, [f64; 4])> {
+        let w = z[3];
+        let p: Point3 = std::array::from_fn(|k| z[k] / w);
+        let j = edge.jet(p);
+        let length = dot(j.g, j.g).sqrt();
+        let d = j.g.map(|g| g / (length * w));
+        let r = j.v / length;
+        (w > 0.0 && r.is_finite()).then_some((r, [d[0], d[1], d[2], -dot(d, p)]))
+    }
+
+    /// Adds what sides contribute.
+    fn side_terms(&self, patch: &RationalPatch, d: &mut Derivatives) {
+        let count = d.gradient.len() / 4;
+        let size = 4 * count;
+        for (side, edge) in self.sides.iter().enumerate() {
+            let Some(edge) = edge else { continue };
+            let places = self.side(side);
+            for (b, weight, z) in self.along(patch, side) {
+                let Some((r, first)) = Self::residual(*edge, z) else { continue };
+                let by: Vec<(usize, f64)> =
+                    (0..4).flat_map(|k| places.iter().zip(b).map(move |(at, b)| (k * count + at, first[k] * b))).collect();
+                for &(row, a) in &by {
+                    d.gradient[row] += 2.0 * weight * r * a;
+                    for &(column, b) in &by {
+                        d.hessian[row * size + column] += 2.0 * weight * a * b;
+                    }
+                }
+            }
+        }
     }
 
     /// Adds ω_E E.

@@ -1,13 +1,15 @@
 //! One patch: seed, growth, exactness, tolerance, proof.
 
-use crate::distance::{Distances, distances};
+use crate::distance::{Distances, distances_on};
 use crate::exact::make_exact;
 use crate::grow::{Grown, Growth};
 use crate::objective::{Method, Objective};
 use crate::options::{Error, Options};
 use crate::quadric::quadric;
+use crate::surface::Seed;
+use crate::whole::{On, Whole};
 use crate::{MOST_DEGREE, surface};
-use isoform_geom::{Field, Quadric};
+use isoform_geom::{Field, Parts, Point3, Quadric, norm, sub};
 use std::time::Instant;
 
 /// A patch whose samples are this near to the surface, in diagonals of the region, is exact to rounding,
@@ -36,47 +38,150 @@ pub struct Parameterized {
     pub seconds: Vec<(&'static str, f64)>,
 }
 
+/// Edges nearer than this, in edges of the region, are where patches start.
+const AT_EDGE: f64 = 0.05;
+/// Along an edge nearer than this, in radii of curvature, patches start also where they do not start at it.
+const NEAR_EDGE: f64 = 0.3;
+/// Places of a part among which the one farthest from its edges is chosen to start at, and places tried for them.
+const CHOICE: (usize, usize) = (8, 4000);
+
 /// Grows one patch on the surface `field` = 0, and proves how far from it the patch is.
 pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterized, Error> {
     check(options)?;
     let mut clock = Clock::default();
-    let (asked, options) = (options, &options.relaxed());
     let seed = match options.seed_point {
         Some(p) => surface::given(field, p, &options.region)?,
         None => surface::chosen(field, options.seed, &options.region)?,
     };
+    clock.phase("seed");
+    let whole = Whole::of_field(field);
+    grown(On { whole: &whole, part: 0 }, seed, None, options, clock)
+}
+
+/// Grows one patch on one of the parts of a surface, as far as its edges, and proves how far from the surface it is.
+///
+/// The patch stays on the part on which its seed lies; it reaches beyond the edges of the part by less than the tolerance.
+pub fn parameterize_part(parts: &Parts, options: &Options) -> Result<Parameterized, Error> {
+    check(options)?;
+    let whole = Whole::of_parts(parts, &options.region);
+    let (part, point) = match options.seed_point {
+        Some(p) => nearest(&whole, p, options).ok_or(Error::FarSeed { at: p })?,
+        None => chosen(&whole, options).ok_or(Error::NoSurface)?,
+    };
+    at(&whole, part, point, options)
+}
+
+/// The point of the surface that a place leads to, with its part.
+fn nearest(whole: &Whole<'_>, p: Point3, options: &Options) -> Option<(usize, Point3)> {
+    let scale = options.region.diagonal();
+    let mut best: Option<(f64, usize, Point3)> = None;
+    for part in 0..whole.len() {
+        let foot = surface::project(whole.field(part), p, scale).filter(|q| surface::contains(&options.region, *q));
+        let Some(q) = foot.filter(|q| whole.is_on(part, *q, scale)) else { continue };
+        let d = norm(sub(q, p));
+        if best.is_none_or(|b| d < b.0) {
+            best = Some((d, part, q));
+        }
+    }
+    best.map(|b| (b.1, b.2))
+}
+
+/// A random point of the surface, far from edges.
+fn chosen(whole: &Whole<'_>, options: &Options) -> Option<(usize, Point3)> {
+    let (mut random, scale) = (surface::Random::new(options.seed), options.region.diagonal());
+    let mut best: Option<(f64, usize, Point3)> = None;
+    let mut found = 0;
+    for _ in 0..CHOICE.1 {
+        let Some((part, q)) = nearest(whole, random.place(&options.region), options) else { continue };
+        let d = whole.nearest_edge(part, q, scale).map_or(f64::INFINITY, |(e, _)| norm(sub(e, q)));
+        if best.is_none_or(|b| d > b.0) {
+            best = Some((d, part, q));
+        }
+        found += 1;
+        if found == CHOICE.0 {
+            break;
+        }
+    }
+    best.map(|b| (b.1, b.2))
+}
+
+/// Grows a patch about a point of a part.
+pub(crate) fn at(whole: &Whole<'_>, part: usize, point: Point3, options: &Options) -> Result<Parameterized, Error> {
+    let mut clock = Clock::default();
+    let on = On { whole, part };
+    let (scale, unit) = (options.region.diagonal(), options.region.size().into_iter().fold(0.0, f64::max));
+    let mut seed = surface::frame(on.field(), point, 0.0, scale)?;
+    let mut from = None;
+    if let Some((foot, edge)) = (!whole.is_single()).then(|| whole.nearest_edge(part, point, scale)).flatten()
+        && let Some(tangents) = on.along(edge, foot, point)
+    {
+        let far = norm(sub(foot, point));
+        if far <= AT_EDGE * unit {
+            seed = Seed { point: foot, tangents, ..seed };
+            from = Some(edge);
+        } else if far * seed.curvature <= NEAR_EDGE {
+            seed = Seed { tangents: in_plane(tangents, on.field().jet(point).g), ..seed };
+        }
+    }
+    clock.phase("seed");
+    let made = grown(on, seed, from, options, clock);
+    let keeps = |p: &Parameterized| p.distances.bound.is_some_and(|b| options.tolerance.is_none_or(|t| b <= t));
+    if from.is_none() || made.as_ref().is_ok_and(keeps) {
+        return made;
+    }
+    // Where nothing fits at the edge: about the point itself.
+    let again =
+        grown(on, Seed { point, tangents: in_plane(seed.tangents, on.field().jet(point).g), ..seed }, None, options, Clock::default());
+    if again.as_ref().is_ok_and(keeps) || made.is_err() { again } else { made }
+}
+
+/// Tangents turned into the plane with a normal.
+fn in_plane(tangents: [Point3; 2], normal: Point3) -> [Point3; 2] {
+    let n = normal.map(|v| v / norm(normal));
+    let d = isoform_geom::dot(tangents[0], n);
+    let t: Point3 = std::array::from_fn(|k| tangents[0][k] - d * n[k]);
+    let t = t.map(|v| v / norm(t));
+    [t, isoform_geom::cross(n, t)]
+}
+
+fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Options, mut clock: Clock) -> Result<Parameterized, Error> {
+    let (asked, options) = (options, &options.relaxed());
+    let (whole, field) = (on.whole, on.field());
+    // A patch that ends at edges would leave them.
+    let to_be_exact = options.exact && whole.is_single();
     // Tori and cylinders have exact patches of low degree only along their lines of curvature.
-    let seed = if options.exact { surface::frame(field, seed.point, 0.0, options.region.diagonal())? } else { seed };
+    let seed = if to_be_exact { surface::frame(field, seed.point, 0.0, options.region.diagonal())? } else { seed };
     if options.method == Method::Newton && field.jet3(seed.point).is_none() {
         return Err(Error::NoThirdDerivatives);
     }
-    clock.phase("seed");
     let objective = |degree| Objective::new(field, degree, options.method, options.nodes).with_inner(options.inner);
-    let mut growth = Growth::start(objective(options.degree), seed, options)?;
+    let mut growth = Growth::start(objective(options.degree), on, seed, edge, options)?;
     growth.grow_to_limit();
-    if options.exact {
+    if to_be_exact {
         make_exact(&mut growth, |degree, share| {
             let small = Options { degree, limit: share * asked.limit, tolerance: None, ..*asked };
             let options = if share < 1.0 { small } else { Options { degree, ..*options } };
-            let mut other = Growth::start(objective(degree), seed, &options).ok()?;
+            let mut other = Growth::start(objective(degree), on, seed, None, &options).ok()?;
             other.grow_to_limit();
             Some(other)
         });
     }
     growth.keep_tolerance();
     clock.phase("grow");
-    let mut known = distances(field, &growth.patch, options.tolerance);
+    let mut known = distances_on(whole, &growth.patch, options.tolerance);
     // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
         if known.bound.is_some() || !growth.retreat(share) {
             break;
         }
-        known = distances(field, &growth.patch, options.tolerance);
+        known = distances_on(whole, &growth.patch, options.tolerance);
     }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();
     let diagonal = options.region.diagonal();
-    let is_exact = known.sampled <= EXACT * diagonal && known.bound.is_some_and(|b| b <= PROVED * diagonal);
+    // Proofs on parts need not come near rounding, which their samples show to first order only.
+    let proved = if whole.is_single() { PROVED } else { EXACT };
+    let is_exact = known.sampled <= EXACT * diagonal && known.bound.is_some_and(|b| b <= proved * diagonal);
     let quadric = if is_exact { quadric(&growth.patch) } else { None };
     Ok(Parameterized {
         quadric,

@@ -47,7 +47,7 @@ pub use isoform_num as num;
 pub use isoform_patch as patch;
 pub use isoform_tess as tess;
 pub use meshing::{certified_adaptation, certified_mesh, default_size, solid_of, surface_of};
-pub use patches::{COORDINATES, field_of, patch_mesh, polynomial, step_faces};
+pub use patches::{COORDINATES, field_of, parts_of, patch_mesh, polynomial, step_faces};
 pub use rational::{PatchesError, rational_patches, rational_surface};
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};

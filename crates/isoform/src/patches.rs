@@ -3,7 +3,7 @@
 use isoform_algebra::{ParseError, Poly};
 use isoform_field::hyperfun::Model;
 use isoform_field::{Bound, Graph, Polynomial, Residual, RunField, SolidError, Tape};
-use isoform_geom::{Column, Field, Mesh, RationalPatch, dot};
+use isoform_geom::{Column, Field, Mesh, Parts, RationalPatch, dot};
 use isoform_io::StepFace;
 use isoform_patch::{Parameterized, foot_distances};
 
@@ -23,6 +23,12 @@ pub fn field_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Field>, bool), Soli
         }
         Err(_) => Ok((Box::new(run), true)),
     }
+}
+
+/// The smooth parts of a model with the values `a` of its parameters, for patches that end at its edges; none where its program is no
+/// expression, where it has no parts that differ, and where there are too many.
+pub fn parts_of(model: &Model, a: &[f64]) -> Option<Parts> {
+    isoform_field::parts_of(model, a).ok().filter(|parts| parts.parts.len() > 1)
 }
 
 /// A polynomial in x, y and z with rational coefficients, rounded to nearest; none where a coefficient is beyond the largest double or

@@ -12,7 +12,7 @@ use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use isoform::geom::{Aabb, Point3};
 use isoform::io::STEP_UNITS;
-use isoform::patch::{self, Error, Method, Options, Parameterized, cover, parameterize};
+use isoform::patch::{self, Error, Method, Options, Parameterized, cover, cover_parts, parameterize, parameterize_part};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -203,12 +203,20 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         clock = Instant::now();
         let stop = || interrupt::happened() || context.is_late();
         let threads = context.global.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
-        let made =
-            cover(subject.field.as_ref(), &options, args.patches, threads, &stop).map_err(|e| failure(&e, &subject.name, &options))?;
+        let made = match &subject.parts {
+            Some(parts) => cover_parts(parts, &options, args.patches, threads, &stop),
+            None => cover(subject.field.as_ref(), &options, args.patches, threads, &stop),
+        };
+        let made = made.map_err(|e| failure(&e, &subject.name, &options))?;
         seconds.push(("cover", clock.elapsed().as_secs_f64()));
         (made.patches, Some((made.covered, made.samples)))
     } else {
-        let patch = parameterize(subject.field.as_ref(), &options).map_err(|e| failure(&e, &subject.name, &options))?;
+        // The bound on S is of the whole function; a distance is from the surface, whatever its parts are.
+        let made = match subject.parts.as_ref().filter(|_| options.tolerance.is_some()) {
+            Some(parts) => parameterize_part(parts, &options),
+            None => parameterize(subject.field.as_ref(), &options),
+        };
+        let patch = made.map_err(|e| failure(&e, &subject.name, &options))?;
         seconds.extend(patch.seconds.iter().copied());
         (vec![patch], None)
     };

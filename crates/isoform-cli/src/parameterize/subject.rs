@@ -5,7 +5,7 @@ use crate::output::{self, Context, Failure};
 use crate::{eval, gallery};
 use isoform::algebra::ParseError;
 use isoform::field::SolidError;
-use isoform::geom::Field;
+use isoform::geom::{Field, Parts};
 use serde_json::Value;
 use std::path::Path;
 
@@ -13,6 +13,8 @@ use std::path::Path;
 pub(super) struct Subject {
     pub(super) name: String,
     pub(super) field: Box<dyn Field>,
+    /// Its smooth parts, if it has several.
+    pub(super) parts: Option<Parts>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -26,7 +28,7 @@ pub(super) fn read(path: &Path, language: &Language, params: Option<&eval::Param
                 return Err(Failure::usage("a polynomial has no parameters").hint("leave out --params"));
             }
             let field = polynomial(path, &text)?;
-            return Ok(Subject { name, field, warnings: Vec::new() });
+            return Ok(Subject { name, field, parts: None, warnings: Vec::new() });
         }
         let model = model::parse(path, &text, language, context)?;
         return program(&model, params, name);
@@ -41,7 +43,8 @@ fn program(model: &isoform::field::hyperfun::Model, params: Option<&eval::Parame
         if matches!(e, SolidError::Dimension { .. }) { failure.hint("--object with one of three coordinates") } else { failure }
     })?;
     let warning = "the program is no expression: it is run statement by statement, and nothing is proved of it";
-    Ok(Subject { name, field, warnings: if is_run { vec![warning.to_owned()] } else { Vec::new() } })
+    let parts = isoform::parts_of(model, &values);
+    Ok(Subject { name, field, parts, warnings: if is_run { vec![warning.to_owned()] } else { Vec::new() } })
 }
 
 /// The polynomial of a JSON object's key F.

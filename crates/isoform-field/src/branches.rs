@@ -1,0 +1,221 @@
+//! The smooth parts of a model: its pieces with every kink inside decided.
+//!
+//! A blend such as max(u, v) + max(k − |u − v|, 0)²/(4k) is one piece, smooth but for its second derivatives. With its minima, maxima and
+//! |u| decided each way it falls into functions without kinks (here u, v and the fillet between them), each good for a part of space
+//! that is bounded by what the decisions depend on.
+
+use crate::graph::{Graph, Node, NodeId};
+use crate::hyperfun::Model;
+use crate::library::{Library, Native};
+use crate::ops::{Binary, Ops, SetOp, Unary};
+use crate::residual::{Bound, Residual};
+use crate::smooth::Random;
+use crate::solid::{Pieces, SolidError};
+use crate::tape::Tape;
+use isoform_geom::{Field, Parts, SmoothPart, Solid};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A piece with more parts than this stays whole.
+const MOST_BRANCHES: usize = 32;
+
+/// The smooth parts of a model with the values `a` of its parameters.
+pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
+    let pieces = Pieces::of_model(model, a)?;
+    let (mut graph, roots) = pieces.functions();
+    // What is decided the same way by a zero is no question of its own.
+    graph.constant(0.0);
+    let (mut parts, mut known) = (Vec::new(), Known::default());
+    for (piece, root) in roots.into_iter().enumerate() {
+        let root = graph.lowered(root);
+        let branches = branches(&mut graph, root).unwrap_or_else(|| vec![(root, Vec::new())]);
+        for (root, limits) in branches {
+            let field = known.field(&graph, root);
+            let limits = limits.into_iter().map(|l| known.field(&graph, l)).collect();
+            parts.push(SmoothPart { piece: piece as u32, field, limits });
+        }
+    }
+    Ok(Parts { tree: pieces.tree().clone(), parts })
+}
+
+/// The functions of parts. Those that agree at random places are one: two decisions often lead to one formula, written differently.
+#[derive(Default)]
+struct Known {
+    by_node: HashMap<NodeId, Arc<dyn Field>>,
+    by_values: Vec<(Vec<f64>, Arc<dyn Field>)>,
+}
+
+/// Random places at which functions are compared.
+const PLACES: usize = 24;
+/// They agree within this, relative to 1 and the values.
+const SAME: f64 = 1e-12;
+
+impl Known {
+    fn field(&mut self, graph: &Graph, root: NodeId) -> Arc<dyn Field> {
+        if let Some(field) = self.by_node.get(&root) {
+            return field.clone();
+        }
+        let field: Arc<dyn Field> = Arc::new(Bound::new(Residual::new(Tape::new(graph, &[root], 3, 0)), &[]));
+        let mut random = Random::new();
+        let values: Vec<f64> = (0..PLACES)
+            .map(|_| {
+                let p = random.place(3);
+                field.value([p[0], p[1], p[2]])
+            })
+            .collect();
+        let same = |other: &[f64]| {
+            let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * (1.0 + a.abs().max(b.abs()));
+            values.iter().zip(other).all(near)
+        };
+        let found = self.by_values.iter().find(|(other, _)| same(other)).map(|(_, field)| field.clone());
+        let field = found.unwrap_or_else(|| {
+            self.by_values.push((values, field.clone()));
+            field
+        });
+        self.by_node.insert(root, field.clone());
+        field
+    }
+}
+
+/// What a kink depends on: whether the first is at least the second.
+type Question = (NodeId, NodeId);
+
+/// The functions that a lowered expression consists of, each with what is not negative where it holds; none if they are too many.
+fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)>> {
+    let (mut pending, mut done) = (vec![(root, Vec::new())], Vec::new());
+    while let Some((root, limits)) = pending.pop() {
+        let Some(question) = first_question(graph, root) else {
+            if graph.constant_value(root).is_none() {
+                done.push((root, limits));
+            }
+            continue;
+        };
+        if pending.len() + done.len() >= MOST_BRANCHES {
+            return None;
+        }
+        for (yes, difference) in [(true, question), (false, (question.1, question.0))] {
+            let limit = graph.sub(&difference.0, &difference.1);
+            // What is decided by a constant has one answer.
+            if graph.constant_value(limit).is_some_and(|v| v < 0.0) {
+                continue;
+            }
+            let (nx, na) = graph.inputs(root);
+            let x: Vec<NodeId> = (0..nx).map(|i| graph.x(i)).collect();
+            let a: Vec<NodeId> = (0..na).map(|i| graph.param(i)).collect();
+            let source = graph.clone();
+            let decided = source.rewrite(root, &mut Deciding { graph, question, yes }, &x, &a, |_, _, _| {});
+            let mut limits = limits.clone();
+            limits.push(limit);
+            pending.push((decided, limits));
+        }
+    }
+    Some(done)
+}
+
+/// The first question of an expression: it does not depend on the answer to another one.
+fn first_question(graph: &Graph, root: NodeId) -> Option<Question> {
+    let need = graph.reachable(&[root]);
+    need.iter().enumerate().filter(|(_, need)| **need).find_map(|(i, _)| question(graph, graph.node(NodeId(i as u32))).map(|q| q.0))
+}
+
+/// The question of a node with a kink, and whether the node asks it the other way round. |u − v| asks the same as max(u, v).
+fn question(graph: &Graph, node: &Node) -> Option<(Question, bool)> {
+    let ordered = |u: NodeId, v: NodeId| if u <= v { ((u, v), false) } else { ((v, u), true) };
+    match *node {
+        Node::Set(SetOp::Min | SetOp::Max, u, v) | Node::Binary(Binary::Less | Binary::LessEq, u, v) => Some(ordered(u, v)),
+        Node::Unary(Unary::Abs, u) => match *graph.node(u) {
+            Node::Binary(Binary::Sub, u, v) => Some(ordered(u, v)),
+            _ => Some(ordered(u, graph.zero()?)),
+        },
+        _ => None,
+    }
+}
+
+/// Rebuilds an expression with one question answered.
+struct Deciding<'g> {
+    graph: &'g mut Graph,
+    question: Question,
+    yes: bool,
+}
+
+impl Deciding<'_> {
+    /// Whether u ≥ v, if that is known.
+    fn answer(&self, node: &Node) -> Option<bool> {
+        let (asked, reversed) = question(self.graph, node)?;
+        (asked == self.question).then_some(self.yes != reversed)
+    }
+}
+
+impl Ops for Deciding<'_> {
+    type V = NodeId;
+    fn constant(&mut self, c: f64) -> NodeId {
+        self.graph.constant(c)
+    }
+    fn unary(&mut self, op: Unary, a: &NodeId) -> NodeId {
+        match self.answer(&Node::Unary(op, *a)) {
+            Some(true) => *a,
+            Some(false) => self.graph.unary(Unary::Neg, a),
+            None => self.graph.unary(op, a),
+        }
+    }
+    fn binary(&mut self, op: Binary, a: &NodeId, b: &NodeId) -> NodeId {
+        match self.answer(&Node::Binary(op, *a, *b)) {
+            Some(at_least) => self.graph.constant(if at_least { 0.0 } else { 1.0 }),
+            None => self.graph.binary(op, a, b),
+        }
+    }
+    fn powi(&mut self, a: &NodeId, n: i32) -> NodeId {
+        self.graph.powi(a, n)
+    }
+    fn set(&mut self, op: SetOp, a: &NodeId, b: &NodeId) -> NodeId {
+        match self.answer(&Node::Set(op, *a, *b)) {
+            Some(at_least) => {
+                if at_least == (op == SetOp::Max) {
+                    *a
+                } else {
+                    *b
+                }
+            }
+            None => self.graph.set(op, a, b),
+        }
+    }
+    fn select(&mut self, condition: &NodeId, a: &NodeId, b: &NodeId) -> NodeId {
+        match self.graph.constant_value(*condition) {
+            Some(c) => {
+                if c == 0.0 {
+                    *b
+                } else {
+                    *a
+                }
+            }
+            None => self.graph.select(condition, a, b),
+        }
+    }
+    fn library(&mut self, f: Library, args: &[NodeId]) -> NodeId {
+        self.graph.library(f, args)
+    }
+    fn native(&mut self, f: Native, args: &[NodeId]) -> NodeId {
+        self.graph.native(f, args)
+    }
+    fn known(&self, v: &NodeId) -> Option<f64> {
+        self.graph.constant_value(*v)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hyperfun::Mode;
+
+    #[test]
+    fn a_blend_falls_into_its_sides_and_the_fillet() {
+        let text = "my_model(x[3], a[1]) { u = x[1]; v = x[2]; k = 0.5; h = max(k - abs(u - v), 0)/k; my_model = max(u, v) + h*h*k/4; }";
+        let parts = parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
+        assert_eq!(parts.parts.len(), 4);
+        for (p, want) in [([2.0, 1.0, 0.0], 2.0), ([1.0, 2.0, 0.0], 2.0), ([1.0, 1.0, 0.0], 1.125), ([1.0, 1.25, 0.0], 1.25 + 0.03125)] {
+            let holds = |part: &&SmoothPart| part.limits.iter().all(|l| l.value(p) >= 0.0);
+            let values: Vec<f64> = parts.parts.iter().filter(holds).map(|part| part.field.value(p)).collect();
+            assert!(!values.is_empty() && values.iter().all(|v| (v - want).abs() < 1e-15), "{p:?}: {values:?}");
+        }
+    }
+}

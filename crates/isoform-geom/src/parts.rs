@@ -1,0 +1,33 @@
+//! A surface as smooth parts: functions that are smooth wherever they are used, and how they are joined.
+
+use crate::{Csg, Field};
+use std::fmt;
+use std::sync::Arc;
+
+/// A smooth part of a surface.
+#[derive(Clone)]
+pub struct SmoothPart {
+    /// Which piece of the tree it belongs to.
+    pub piece: u32,
+    /// Its function. It is smooth also beyond the part.
+    pub field: Arc<dyn Field>,
+    /// The function is that of the piece where none of these is negative. The parts of a piece join smoothly there.
+    pub limits: Vec<Arc<dyn Field>>,
+}
+
+impl fmt::Debug for SmoothPart {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SmoothPart").field("piece", &self.piece).field("limits", &self.limits.len()).finish_non_exhaustive()
+    }
+}
+
+/// A surface whose function is joined from smooth ones: by minima and maxima at sharp edges, and from parts that join smoothly.
+///
+/// The surface is where the tree's value vanishes; its sign, not its value, is what counts, so that pieces may be scaled.
+#[derive(Clone, Debug)]
+pub struct Parts {
+    /// How the pieces are joined.
+    pub tree: Csg,
+    /// The parts of all pieces; at every place those of a piece that are not beyond their limits have the same value.
+    pub parts: Vec<SmoothPart>,
+}

@@ -1,0 +1,111 @@
+//! Patches on surfaces with sharp edges, judged by closed forms.
+
+use isoform_field::hyperfun::{Mode, Model};
+use isoform_geom::{Aabb, Parts, Point3};
+use isoform_patch::{Options, Parameterized, cover_parts, parameterize_part, reached};
+
+const CUBE: Aabb = Aabb { lo: [-0.5; 3], hi: [0.5; 3] };
+const TOLERANCE: f64 = 1e-3;
+
+fn parts(formula: &str) -> Parts {
+    let text = format!("my_model(x[3], a[1]) {{ my_model = {formula}; }}");
+    isoform_field::parts_of(&Model::parse(&text, Mode::Default).expect("a model"), &[0.0]).expect("parts")
+}
+
+fn options() -> Options {
+    Options { tolerance: Some(TOLERANCE), ..Options::paper((3, 3), CUBE) }
+}
+
+/// Every bound holds against the distance given in closed form, and keeps the tolerance.
+fn check(patches: &[Parameterized], distance: &dyn Fn(Point3) -> f64) {
+    for p in patches {
+        let bound = p.distances.bound.expect("a proof");
+        assert!(bound <= TOLERANCE);
+        for k in 0..41 * 41 {
+            let d = distance(p.grown.patch.point(f64::from(k / 41) / 40.0, f64::from(k % 41) / 40.0));
+            assert!(d <= bound, "{d:e} > {bound:e} about {:?}", p.grown.seed_point);
+        }
+    }
+}
+
+/// The share of points within the tolerance of a patch.
+fn share(patches: &[Parameterized], points: &[Point3]) -> f64 {
+    let lists: Vec<Vec<bool>> = patches.iter().map(|p| reached(&p.grown.patch, points, TOLERANCE)).collect();
+    (0..points.len()).filter(|&i| lists.iter().any(|l| l[i])).count() as f64 / points.len() as f64
+}
+
+/// Halves of the edges of a box.
+const SIZE: Point3 = [0.4, 0.3, 0.2];
+
+/// The distance from the surface of that box.
+fn from_box(p: Point3) -> f64 {
+    let q: Point3 = std::array::from_fn(|k| p[k].abs() - SIZE[k]);
+    let outside = q.iter().map(|v| v.max(0.0).powi(2)).sum::<f64>().sqrt();
+    if outside > 0.0 { outside } else { -q.iter().copied().fold(f64::NEG_INFINITY, f64::max) }
+}
+
+#[test]
+fn a_box_has_a_patch_for_each_face() {
+    let model = parts("min(min(0.4 - abs(x[1]), 0.3 - abs(x[2])), 0.2 - abs(x[3]))");
+    let made = cover_parts(&model, &options(), 100, 2, &|| false).expect("a cover");
+    check(&made.patches, &from_box);
+    assert_eq!(made.patches.len(), 6);
+    let mut points = Vec::new();
+    for k in 0..3 {
+        for i in 0..=60 {
+            for j in 0..=60 {
+                let at = |i: i32| f64::from(i) / 30.0 - 1.0;
+                let mut p = [0.0; 3];
+                (p[k], p[(k + 1) % 3], p[(k + 2) % 3]) = (SIZE[k], at(i) * SIZE[(k + 1) % 3], at(j) * SIZE[(k + 2) % 3]);
+                points.extend([p, p.map(|v| -v)]);
+            }
+        }
+    }
+    assert_eq!(share(&made.patches, &points), 1.0);
+    let again = cover_parts(&model, &options(), 100, 1, &|| false).expect("a cover");
+    assert!(made.patches.iter().zip(&again.patches).all(|(a, b)| a.grown.patch == b.grown.patch));
+}
+
+/// Triangles, whose corners no rectangle reaches.
+#[test]
+fn an_octahedron_is_covered() {
+    let made = cover_parts(&parts("0.45 - abs(x[1]) - abs(x[2]) - abs(x[3])"), &options(), 100, 2, &|| false).expect("a cover");
+    let points: Vec<Point3> = (0..=40)
+        .flat_map(|i| (0..=40 - i).map(move |j| [f64::from(i), f64::from(j), f64::from(40 - i - j)].map(|v| v * 0.45 / 40.0)))
+        .flat_map(|p| (0..8).map(move |s| std::array::from_fn(|k| if s >> k & 1 == 1 { -p[k] } else { p[k] })))
+        .collect();
+    assert!(share(&made.patches, &points) > 0.99);
+    // Planes of the faces; beyond the edges the surface is farther than the planes, but no farther than that.
+    check(&made.patches, &|p| (p.iter().map(|v| v.abs()).sum::<f64>() - 0.45).abs() / 3f64.sqrt());
+    assert!(made.patches.len() <= 40, "{}", made.patches.len());
+}
+
+/// A slab with a round hole: patches along the hole follow its circle.
+#[test]
+fn a_round_hole_is_followed() {
+    let model = parts("min(0.1 - abs(x[3]), sqrt(x[1]*x[1] + x[2]*x[2]) - 0.3)");
+    let options = Options { seed_point: Some([0.301, 0.0, 0.1]), ..options() };
+    let made = parameterize_part(&model, &options).expect("a patch");
+    check(std::slice::from_ref(&made), &|p| {
+        let (r, z) = (p[0].hypot(p[1]), p[2]);
+        if r < 0.3 { (0.3 - r).hypot((z.abs() - 0.1).max(0.0)) } else { (z.abs() - 0.1).abs() }
+    });
+    // A side lies on the circle for a good part of it; a straight one would by 2 √(2 · 0.3 · 1e-3) = 0.05 or 0.16 radians only.
+    let circle: Vec<Point3> =
+        (0..1000).map(|k| (f64::from(k) * 0.001 * std::f64::consts::TAU).sin_cos()).map(|(s, c)| [0.3 * c, 0.3 * s, 0.1]).collect();
+    let arc = share(std::slice::from_ref(&made), &circle) * std::f64::consts::TAU;
+    assert!(arc > 0.8, "{arc}");
+}
+
+/// Where a blend begins the surface goes on smoothly, with another curvature: bounds hold across.
+#[test]
+fn blends_are_covered_and_proved() {
+    // Two planes at a right angle, joined by a polynomial fillet.
+    let text = "my_model(x[3], a[1]) { u = 0 - x[1]; v = 0 - x[2]; h = max(0.2 - abs(u - v), 0); my_model = max(u, v) + h*h/0.8; }";
+    let model = isoform_field::parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
+    let value = |p: Point3| (-p[0]).max(-p[1]) + (0.2 - (p[1] - p[0]).abs()).max(0.0).powi(2) / 0.8;
+    let made = cover_parts(&model, &options(), 100, 2, &|| false).expect("a cover");
+    // |∇F| is between 1/√2 and 1, so that |F| is at most the distance, and the distance at most √2 |F|.
+    check(&made.patches, &|p| value(p).abs());
+    assert!(made.covered == made.samples && made.patches.len() <= 4, "{} of {}, {}", made.covered, made.samples, made.patches.len());
+}
