@@ -7,7 +7,8 @@ use isoform_mesh::check::{self, Intersections, certify};
 use isoform_tess::{
     Analysis, Budget, Domain, Map, MapError, Mode, Patch, Point3, Prepared, Stopped, Surface, TriangulateOptions, join_patches,
 };
-use std::time::Instant;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 /// How often the surface is made again, finer where triangles cross.
 const ROUNDS: usize = 6;
@@ -15,6 +16,8 @@ const ROUNDS: usize = 6;
 const IN_VAIN: usize = 2;
 /// More pairs of triangles that cross than this are no accident of sheets that are close together.
 const MOST: usize = 2000;
+/// How often it is asked whether to stop.
+const POLL: Duration = Duration::from_millis(1);
 
 /// [`isoform_tess::triangulate`]; where sheets are joined, triangles that cross all the same are found exactly. The surface is made again with a
 /// finer tolerance around them; those that are left are said to be unproven.
@@ -119,13 +122,24 @@ pub fn rational_patches(
     Ok((joined, known))
 }
 
+/// None if there was no time to look for all of them.
 fn crossings(surface: &Surface, stop: &dyn Fn() -> bool) -> Option<Intersections> {
     if stop() {
         return None;
     }
     let mesh = Mesh { points: surface.points.clone(), triangles: surface.triangles.clone(), ..Mesh::default() };
     let options = check::Options { places: MOST, pairs: MOST, ..check::Options::default() };
-    certify(&mesh, None, &options, &Control::default()).intersections
+    let stopped = AtomicBool::new(false);
+    let control = Control { cancelled: Some(&stopped), ..Control::default() };
+    let found = std::thread::scope(|scope| {
+        let work = scope.spawn(|| certify(&mesh, None, &options, &control).intersections);
+        while !work.is_finished() {
+            stopped.fetch_or(stop(), Ordering::Relaxed);
+            std::thread::sleep(POLL);
+        }
+        work.join().ok().flatten()
+    });
+    found.filter(|_| !stopped.into_inner())
 }
 
 /// Around the triangles that cross.
