@@ -380,8 +380,19 @@ impl RealRoot {
             if lo == hi {
                 return lo;
             }
+            // A root halfway between two of them: the interval might shrink for ever around it.
+            if lo.next_up() == hi
+                && let (Ok(a), Ok(b)) = (RBig::try_from(lo), RBig::try_from(hi))
+            {
+                let tie = (a + b) / RBig::from(2);
+                return match root.cmp_rational(&tie) {
+                    Ordering::Less => lo,
+                    Ordering::Greater => hi,
+                    Ordering::Equal => tie.to_f64().value(),
+                };
+            }
         }
-        unreachable!("the interval shrinks until both ends round to the same number")
+        unreachable!("the interval shrinks until both ends round to the same number or to neighbours")
     }
     /// An interval with `f64` ends that holds the number; they are neighbours or equal.
     pub fn to_interval(&self) -> Interval {

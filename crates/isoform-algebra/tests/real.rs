@@ -226,3 +226,14 @@ fn counting_agrees_with_isolating() {
         }
     }
 }
+
+/// Roots halfway between two neighbouring doubles, on a grid that halving the first interval does not meet: ties go to the even one.
+#[test]
+fn ties() {
+    let coefficients = ["83734783535626296711395216750389", "-329747378849440028749325827833856", "324518553658426726783156020576256"];
+    let f = UPoly::new(coefficients.iter().map(|c| c.parse::<IBig>().expect("an integer")).collect());
+    // The roots are these over 2^54; 8978173444146977 has 53 bits and is a double.
+    let halves = [8978173444146977u64, 9326483171275156];
+    let roots: Vec<f64> = real_roots(&f).iter().map(|r| r.to_f64()).collect();
+    assert_eq!(roots, halves.map(|n| n as f64 / 2f64.powi(54)));
+}
