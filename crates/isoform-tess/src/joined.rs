@@ -7,7 +7,7 @@
 use crate::patch::{ControlPoint, Patch};
 use crate::surface::{Kind, Point3, Surface};
 use isoform_algebra::RBig;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Places along a side that are nearer to each other are one.
 const SAME: f64 = 1e-9;
@@ -255,21 +255,9 @@ fn weld(patches: &[Patch], surfaces: Vec<Surface>, same: &[[(usize, u32); 2]], s
 
 /// Looks whether the mesh ends on the box and on sides of one patch only.
 fn check(s: &mut Surface, unshared: &[[u64; 3]], most: usize) {
-    let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-    let mut ends: BTreeSet<[u32; 2]> = BTreeSet::new();
-    for (t, bits) in s.triangles.iter().zip(unshared) {
-        for (i, j) in [(0, 1), (1, 2), (2, 0)] {
-            let edge = [t[i].min(t[j]), t[i].max(t[j])];
-            *uses.entry(edge).or_default() += 1;
-            if bits[i] & bits[j] != 0 {
-                ends.insert(edge);
-            }
-        }
-    }
-    let same_face = |e: &[u32; 2]| s.faces[e[0] as usize] & s.faces[e[1] as usize] != 0;
-    let is_double = |e: &[u32; 2]| e.iter().all(|&v| s.double[v as usize]);
-    let open = uses.iter().filter(|(e, n)| **n == 1 && !same_face(e) && !ends.contains(*e)).count();
-    let crowded = uses.iter().filter(|(e, n)| **n > most.max(2) && !is_double(e)).count();
+    let uses = s.edges(unshared);
+    let open = s.open_edges(&uses);
+    let crowded = uses.iter().filter(|(e, (n, _))| *n > most.max(2) && !s.is_double(e)).count();
     if open > 0 {
         s.unproven.push(format!("patches do not fit along {open} edges of sides that they have in common"));
     }

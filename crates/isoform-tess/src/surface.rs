@@ -14,6 +14,7 @@ use crate::singular::CurveKind;
 use crate::univariate::Stopped;
 use isoform_algebra::RBig;
 pub use isoform_geom::Point3;
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// Whether sheets that cross are joined.
@@ -105,6 +106,33 @@ pub struct Surface {
     /// The sides of the domain that the corners of the triangles are on, as bits.
     pub(crate) borders: Vec<[u64; 3]>,
     pub(crate) double: Vec<bool>,
+}
+
+/// Edges from the lesser vertex to the greater: how many triangles they have, and whether they lie on a side of the domain in one of them.
+pub(crate) type Edges = BTreeMap<[u32; 2], (usize, bool)>;
+
+impl Surface {
+    /// Its edges; `borders` has the sides of the domain that count for the corners of each triangle, as bits.
+    pub(crate) fn edges(&self, borders: &[[u64; 3]]) -> Edges {
+        let mut edges = Edges::new();
+        for (t, bits) in self.triangles.iter().zip(borders) {
+            for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                let (count, is_border) = edges.entry([t[i].min(t[j]), t[i].max(t[j])]).or_default();
+                *count += 1;
+                *is_border |= bits[i] & bits[j] != 0;
+            }
+        }
+        edges
+    }
+    /// How many edges have one triangle, and lie neither in a face of the box nor on a side of the domain.
+    pub(crate) fn open_edges(&self, edges: &Edges) -> usize {
+        let same_face = |e: &[u32; 2]| self.faces[e[0] as usize] & self.faces[e[1] as usize] != 0;
+        edges.iter().filter(|(e, (n, is_border))| *n == 1 && !is_border && !same_face(e)).count()
+    }
+    /// Whether both ends of an edge are on the double curve.
+    pub(crate) fn is_double(&self, edge: &[u32; 2]) -> bool {
+        edge.iter().all(|&v| self.double[v as usize])
+    }
 }
 
 /// A map analysed, and the parameters that it sends into a box: all but the triangles.

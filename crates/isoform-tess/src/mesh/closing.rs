@@ -3,26 +3,13 @@
 use super::distance;
 use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, norm, sub};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 /// Looks whether the surface ends on the faces of the box only, and no edge but those of the double curve has more than two triangles.
 fn check(s: &mut Surface, half_width: f64, glued: bool) {
-    let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-    // Edges that lie on a side of the domain in a triangle.
-    let mut bordering: BTreeSet<[u32; 2]> = BTreeSet::new();
-    for (t, borders) in s.triangles.iter().zip(&s.borders) {
-        for (i, j) in [(0, 1), (1, 2), (2, 0)] {
-            let edge = [t[i].min(t[j]), t[i].max(t[j])];
-            *uses.entry(edge).or_default() += 1;
-            if borders[i] & borders[j] != 0 {
-                bordering.insert(edge);
-            }
-        }
-    }
-    let same_face = |e: &[u32; 2]| s.faces[e[0] as usize] & s.faces[e[1] as usize] != 0;
-    let is_double = |e: &[u32; 2]| e.iter().all(|&v| s.double[v as usize]);
-    let open = uses.iter().filter(|(e, n)| **n == 1 && !same_face(e) && !bordering.contains(*e)).count();
-    let crowded = uses.iter().filter(|(e, n)| **n > 2 && !(is_double(e) && **n % 2 == 0)).count();
+    let uses = s.edges(&s.borders);
+    let open = s.open_edges(&uses);
+    let crowded = uses.iter().filter(|(e, (n, _))| *n > 2 && !(s.is_double(e) && *n % 2 == 0)).count();
     let size = |t: &[u32; 3]| {
         let [p, q, r] = t.map(|v| s.points[v as usize]);
         norm(cross(sub(q, p), sub(r, p)))

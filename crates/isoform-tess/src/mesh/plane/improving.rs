@@ -10,7 +10,8 @@ const THIN_IN_SPACE: f64 = 0.03;
 /// How much rounder the thinnest triangle has to get for a vertex to be moved, and the shares of the way that are tried.
 const BETTER: f64 = 1.1;
 const SHARES: [f64; 3] = [1.0, 0.5, 0.2];
-/// How far contracted curves may bulge beyond their chords, per length of these, for vertices to be taken off them: new vertices come to lie between the chord and the curve otherwise.
+/// How far contracted curves may bulge beyond their chords, per length of these, for vertices to be taken off them: new vertices come to lie
+/// between the chord and the curve otherwise.
 const STRAIGHT: f64 = 1e-6;
 
 impl Plane {
@@ -73,12 +74,12 @@ impl Plane {
             if before >= THIN_IN_SPACE || !star.iter().all(|&t| self.sound[t as usize]) {
                 continue;
             }
-            let old = (self.nodes[v as usize].at, self.images[v as usize]);
+            let old = self.nodes[v as usize].at;
             let steps = self.smoothing(v, &ring, measure);
             let mut best: Option<(f64, [f64; 2])> = None;
             for step in steps {
                 for share in SHARES {
-                    let to = [0, 1].map(|i| old.0[i] + share * step[i]);
+                    let to = [0, 1].map(|i| old[i] + share * step[i]);
                     self.put(v, to, measure);
                     let least = best.map_or(if before > 0.0 { BETTER * before } else { before + 1e-3 }, |b| b.0);
                     let worth = self.least_worth(&star, least, measure);
@@ -94,14 +95,14 @@ impl Plane {
                 let spoke = |k: usize| this.excess([v, ring[k]], [looks[k], looks[(k + n - 1) % n]], measure).0;
                 (0..n).map(spoke).chain(looks.iter().map(|look| this.off(look, measure))).collect()
             };
-            self.put(v, old.0, measure);
+            self.put(v, old, measure);
             let Some((_, to)) = best else { continue };
             let wanted = wants(self);
             self.put(v, to, measure);
             let is_fine = wants(self).iter().zip(&wanted).all(|(new, old)| *new <= old.max(SPLIT))
                 && star.iter().all(|&t| measure.is_sound(self.corners(t)));
             if !is_fine {
-                (self.nodes[v as usize].at, self.images[v as usize]) = old;
+                self.put(v, old, measure);
                 continue;
             }
             for t in star {
