@@ -1088,8 +1088,9 @@ impl Measure for InChart<'_, '_> {
     fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
         self.builder.charts[self.q].step(at, to)
     }
-    fn normal(&self, at: [f64; 2]) -> Point3 {
-        self.builder.charts[self.q].normal(at)
+    fn tangents(&self, at: [f64; 2]) -> [Point3; 2] {
+        let [_, by_u, by_v] = self.builder.charts[self.q].tangents(at);
+        [by_u, by_v]
     }
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool {
         self.builder.charts[self.q].keeps_sign(at, 0)

@@ -4,7 +4,7 @@ use crate::fan::Form;
 use crate::map::{MAX_DEGREE, Map};
 use crate::surface::Point3;
 use isoform_algebra::{Poly, QUADRANTS, RBig};
-use isoform_geom::{cross, dot, norm, sub};
+use isoform_geom::{dot, norm, sub};
 use std::collections::BTreeMap;
 
 /// A map evaluated in floating point on one of the unit triangles.
@@ -79,7 +79,7 @@ impl Chart {
         sum
     }
     /// The image and the derivatives by u and v.
-    fn tangents(&self, at: [f64; 2]) -> [Point3; 3] {
+    pub(super) fn tangents(&self, at: [f64; 2]) -> [Point3; 3] {
         let [p, by_u, by_v] = if self.degree < FEW { self.derivatives::<FEW>(at) } else { self.derivatives::<MANY>(at) };
         let tangent = |d: [f64; 4]| [0, 1, 2].map(|k| (d[k] - p[k] / p[3] * d[3]) / p[3]);
         [[0, 1, 2].map(|k| p[k] / p[3]), tangent(by_u), tangent(by_v)]
@@ -121,11 +121,6 @@ impl Chart {
         };
         let [p, q, r] = [a, m, b].map(leaving);
         dot(p, q) < TURN || dot(q, r) < TURN
-    }
-    /// The normal of the surface, of any length, for parameters turned counterclockwise.
-    pub(super) fn normal(&self, at: [f64; 2]) -> Point3 {
-        let [_, x, y] = self.tangents(at);
-        cross(x, y)
     }
     /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding, those left out that vanish because W has a zero of
     /// that multiplicity in the first corner.

@@ -28,8 +28,8 @@ pub(super) trait Measure {
     fn turns(&self, at: [[f64; 2]; 3]) -> bool;
     /// The step in the parameters that brings the image nearest to a point, to first order.
     fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]>;
-    /// The normal of the surface, of any length, for parameters turned counterclockwise.
-    fn normal(&self, at: [f64; 2]) -> Point3;
+    /// The derivatives by the parameters.
+    fn tangents(&self, at: [f64; 2]) -> [Point3; 2];
     /// Whether the pole curve is proved to miss a triangle.
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool;
     /// The largest distance from the surface, near to a point.
@@ -220,7 +220,8 @@ impl Plane {
     fn facing(&self, t: [u32; 3], measure: &dyn Measure) -> [f64; 2] {
         let [a, b, c] = t.map(|v| self.nodes[v as usize].at);
         let [p, q, r] = t.map(|v| self.images[v as usize]);
-        let normal = measure.normal([0, 1].map(|i| (a[i] + b[i] + c[i]) / 3.0));
+        let [x, y] = measure.tangents([0, 1].map(|i| (a[i] + b[i] + c[i]) / 3.0));
+        let normal = cross(x, y);
         let own = cross(sub(q, p), sub(r, p));
         let (n, m) = (norm(own), norm(normal));
         let area = m * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
@@ -698,6 +699,19 @@ impl Plane {
         }
     }
 
+    /// Whether the smallest angle of two triangles grows when their edge is flipped, by the derivatives in the middle.
+    fn is_rounder(&self, old: [u32; 2], made: [[u32; 3]; 2], measure: &dyn Measure) -> bool {
+        let corners = [made[0][0], made[0][1], made[0][2], made[1][2]];
+        let center = [0, 1].map(|i| corners.map(|v| self.nodes[v as usize].at[i]).iter().sum::<f64>() / 4.0);
+        let tangents = measure.tangents(center);
+        let linear = |v: u32| -> Point3 {
+            let [u, v] = [0, 1].map(|i| self.nodes[v as usize].at[i] - center[i]);
+            std::array::from_fn(|k| u * tangents[0][k] + v * tangents[1][k])
+        };
+        let worst = |triangles: [[u32; 3]; 2]| triangles.iter().map(|t| least_sine(t.map(linear))).fold(f64::INFINITY, f64::min);
+        worst(made) > 1.1 * worst(old.map(|t| self.triangles[t as usize]))
+    }
+
     /// Flips the edge opposite to corner i if the smallest angle grows and nothing gets worse.
     fn flip(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
         let Quad { corners: [c, a, d, b], n, outer: [ca, ad, db, bc] } = self.quad(t, i);
@@ -712,13 +726,16 @@ impl Plane {
         }
         let were = [t, n].map(|t| self.look(t, measure));
         let before = were[0].worth.min(were[1].worth);
+        // Ones that stand for nothing have the areas that chords and what bulges beyond them have between them: what counts is what they are to
+        // first order.
+        let is_flat = before <= NOTHING && ![[c, a], [a, d], [d, b], [b, c]].iter().any(|&e| self.have_one_image(e));
         let is_better = |after: f64| after > NOTHING && if before > 0.0 { after > 1.1 * before } else { after > before + 1e-3 };
         // Where the triangles face is dearer than their angles.
-        if !made.iter().all(|&t| is_better(self.least_sine(t))) {
+        if if is_flat { !self.is_rounder([t, n], made, measure) } else { !made.iter().all(|&t| is_better(self.least_sine(t))) } {
             return false;
         }
         let will_be = made.map(|t| self.look_at(t, measure));
-        if !will_be.iter().all(|look| is_better(look.worth)) {
+        if !is_flat && !will_be.iter().all(|look| is_better(look.worth)) {
             return false;
         }
         let excess = self.excess([c, d], will_be, measure).0;
