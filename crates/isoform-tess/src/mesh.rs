@@ -766,13 +766,15 @@ impl Builder<'_> {
                 }
                 (i, j) = (1, 1);
             }
-            while i + 1 < first.len() || j + 1 < second.len() {
-                // Edges from the seam's end of a double curve to the rectangle: the other diagonals would be there twice where the curve is folded.
-                let across = |a: u32, b: u32| distance(surface.points[a as usize], surface.points[b as usize]);
-                let shorter = || across(second[j + 1].0, first[i].0) < across(first[i + 1].0, second[j].0);
-                let on_second = i + 1 == first.len() || (j + 1 < second.len() && if is_even { !first_is_double } else { shorter() });
-                push([first[i], second[j], if on_second { second[j + 1] } else { first[i + 1] }]);
-                if on_second { j += 1 } else { i += 1 }
+            if is_even {
+                while i + 1 < first.len() || j + 1 < second.len() {
+                    // Edges from the seam's end of a double curve to the rectangle: the other diagonals would be there twice where the curve is folded.
+                    let on_second = i + 1 == first.len() || (j + 1 < second.len() && !first_is_double);
+                    push([first[i], second[j], if on_second { second[j + 1] } else { first[i + 1] }]);
+                    if on_second { j += 1 } else { i += 1 }
+                }
+            } else {
+                between(&surface.points, &first[i..], &second[j..]).into_iter().for_each(push);
             }
         }
         for (triangle, corners, borders) in made {
@@ -987,6 +989,37 @@ fn around(points: &[Point3], a: PathVertex, way: &[PathVertex], b: PathVertex) -
     };
     let best = (1..way.len() - 1).max_by(|&k, &l| worst(k).total_cmp(&worst(l)));
     made(best.expect("three vertices or more"))
+}
+
+/// Triangles of the least area between two paths, from an edge between their first vertices to one between their last: shorter diagonals lead
+/// beyond paths that are bent, as rays of infinitely near points are.
+fn between(points: &[Point3], first: &[PathVertex], second: &[PathVertex]) -> Vec<[PathVertex; 3]> {
+    let area = |t: [PathVertex; 3]| {
+        let [p, q, r] = t.map(|v| points[v.0 as usize]);
+        norm(cross(sub(q, p), sub(r, p)))
+    };
+    // The least area up to an edge from one to the other, and whether the last step was on the second.
+    let mut least = vec![vec![(0.0, false); second.len()]; first.len()];
+    for i in 0..first.len() {
+        for j in 0..second.len() {
+            let on_first = (i > 0).then(|| (least[i - 1][j].0 + area([first[i - 1], second[j], first[i]]), false));
+            let on_second = (j > 0).then(|| (least[i][j - 1].0 + area([first[i], second[j - 1], second[j]]), true));
+            least[i][j] = on_first.into_iter().chain(on_second).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, false));
+        }
+    }
+    let (mut i, mut j) = (first.len() - 1, second.len() - 1);
+    let mut made = Vec::new();
+    while i + j > 0 {
+        if least[i][j].1 {
+            made.push([first[i], second[j - 1], second[j]]);
+            j -= 1;
+        } else {
+            made.push([first[i - 1], second[j], first[i]]);
+            i -= 1;
+        }
+    }
+    made.reverse();
+    made
 }
 
 /// The vertex of a name that all unit triangles share.
