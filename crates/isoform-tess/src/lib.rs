@@ -15,6 +15,7 @@ mod cover;
 mod dense;
 mod domain;
 mod double;
+mod equation;
 mod fan;
 mod field;
 mod joined;

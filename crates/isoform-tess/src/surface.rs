@@ -3,6 +3,7 @@
 use crate::analysis::{Analysis, Budget, analyse, analyse_clear};
 use crate::domain::Domain;
 use crate::double::{Fibres, pinch_points, solitary_arcs};
+use crate::equation::Equation;
 use crate::field::Algebraic;
 use crate::joined::join;
 use crate::map::Map;
@@ -13,6 +14,7 @@ use crate::region::{Region, is_clear};
 use crate::singular::CurveKind;
 use crate::univariate::Stopped;
 use isoform_algebra::RBig;
+use isoform_geom::Aabb;
 pub use isoform_geom::Point3;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -135,6 +137,9 @@ impl Surface {
     }
 }
 
+/// How far triangles may be from the surface by its implicit equation, in tolerances.
+const FAR: f64 = 1.5;
+
 /// A map analysed, and the parameters that it sends into a box: all but the triangles.
 pub struct Prepared<'a> {
     map: &'a Map,
@@ -203,6 +208,19 @@ impl<'a> Prepared<'a> {
         surface.solitary_arcs.clone_from(&self.solitary);
         surface.unproven.extend(self.unproven.iter().cloned());
         surface
+    }
+
+    /// Boxes of triangles that are too far from the surface, as its implicit equation says to first order, if that is known. They are near enough to
+    /// the sheet that they stand for; but where sheets touch, what looks at the equation alone finds them farther away.
+    pub fn far(&self, surface: &Surface) -> Vec<[Point3; 2]> {
+        let Some(implicit) = &self.analysis.implicit else { return Vec::new() };
+        let equation = Equation::new(implicit);
+        let corners = |t: &[u32; 3]| t.map(|v| surface.points[v as usize]);
+        let is_far = |[p, q, r]: &[Point3; 3]| {
+            let center: Point3 = std::array::from_fn(|k| (p[k] + q[k] + r[k]) / 3.0);
+            equation.distance(center).is_some_and(|d| d > FAR * self.options.mesh.tolerance)
+        };
+        surface.triangles.iter().map(corners).filter(is_far).map(|t| Aabb::of(&t)).map(|b| [b.lo, b.hi]).collect()
     }
 
     /// Divides the tolerance by four in and around boxes, given by their least and greatest coordinates: for the next [`Prepared::surface`].

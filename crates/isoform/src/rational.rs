@@ -10,7 +10,9 @@ use isoform_tess::{
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often the surface is made again, finer where triangles cross.
+/// How often the surface is made again, finer where its implicit equation finds triangles far away.
+const NEARER: usize = 2;
+/// How often it is made again, finer where triangles cross.
 const ROUNDS: usize = 6;
 /// How many of these rounds may be no better than the ones before.
 const IN_VAIN: usize = 2;
@@ -27,6 +29,18 @@ const POLL: Duration = Duration::from_millis(1);
 pub fn rational_surface(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> bool) -> Result<(Surface, Analysis), Stopped> {
     let mut prepared = Prepared::new(map, options, stop)?;
     let mut surface = prepared.surface(stop);
+    for _ in 0..NEARER {
+        let far = prepared.far(&surface);
+        if far.is_empty() || !surface.unproven.is_empty() || stop() {
+            break;
+        }
+        prepared.refine(&far);
+        let next = prepared.surface(stop);
+        if !next.unproven.is_empty() {
+            break;
+        }
+        surface = next;
+    }
     if options.mode == Mode::Glued {
         let mut seconds = 0.0;
         let mut look = |surface: &Surface| {

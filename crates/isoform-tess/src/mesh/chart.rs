@@ -17,8 +17,10 @@ pub(super) struct Chart {
     w: Vec<f64>,
 }
 
-/// Least cosine of the angle between directions that count as near.
+/// Least cosine of the angle between directions that count as near, and the length of the step in the parameters, if there is room, that they are
+/// those of.
 const TURN: f64 = 0.97;
+const LEAVING: f64 = 1e-3;
 /// One more than the degree up to which powers fit a short list; that for all degrees.
 const FEW: usize = 9;
 const MANY: usize = MAX_DEGREE + 1;
@@ -113,10 +115,12 @@ impl Chart {
     }
     /// Whether the surface leaves the one image of a contracted curve in directions that are far from each other at three places of it.
     pub(super) fn turns(&self, [a, m, b]: [[f64; 2]; 3]) -> bool {
-        let across = [a[1] - b[1], b[0] - a[0]];
+        let length = (a[0] - b[0]).hypot(a[1] - b[1]);
+        let share = LEAVING.min(length) / length;
+        // A step, not a derivative: it may vanish all along the curve.
         let leaving = |at: [f64; 2]| {
-            let [_, x, y] = self.tangents(at);
-            let d: Point3 = std::array::from_fn(|k| x[k] * across[0] + y[k] * across[1]);
+            let beside = [at[0] + share * (a[1] - b[1]), at[1] + share * (b[0] - a[0])];
+            let d = sub(self.at(beside), self.at(at));
             d.map(|c| c / norm(d))
         };
         let [p, q, r] = [a, m, b].map(leaving);
