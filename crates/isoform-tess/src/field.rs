@@ -309,6 +309,14 @@ impl Algebraic {
     }
 }
 
+/// Whether a form vanishes at a point whose coordinates belong to one root of one field, or are rational.
+pub(crate) fn vanishes(form: &Poly, at: &[Algebraic; 3]) -> bool {
+    let field = at.iter().map(Algebraic::field).max_by_key(|f| f.degree()).expect("three coordinates");
+    let power = |k: usize, e: u16| (0..e).fold(Element::rational(&RBig::ONE), |p, _| field.mul(&p, at[k].element()));
+    let term = |e: &isoform_algebra::Exponents| (0..3).fold(Element::rational(&RBig::ONE), |p, k| field.mul(&p, &power(k, e[k])));
+    form.terms().iter().fold(Element::zero(), |sum, (e, c)| sum.add(&term(e).scaled(&RBig::from(c.clone())))).is_zero()
+}
+
 impl fmt::Debug for Algebraic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.as_rational() {

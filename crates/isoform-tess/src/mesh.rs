@@ -15,7 +15,7 @@ mod plane;
 use crate::analysis::Analysis;
 use crate::double::Fibres;
 use crate::fan::{Direction, Fan, Key};
-use crate::field::Algebraic;
+use crate::field::{Algebraic, vanishes};
 use crate::map::Map;
 use crate::region::Region;
 use crate::singular::{CurveKind, RealPart};
@@ -160,12 +160,15 @@ impl Curves {
     /// Contracted ones; where sheets are joined, double ones and cuspidal edges, too.
     pub(crate) fn new(analysis: &Analysis, glued: bool, pinches: Vec<[f64; 3]>, fibres: Option<Fibres>) -> Self {
         let mut found = Self { glued, pinches, fibres, ..Self::default() };
-        for c in analysis.singular.iter().flat_map(|s| &s.curves) {
+        let all = analysis.singular.as_ref().map_or(&[][..], |s| &s.curves);
+        for c in all {
             let side = (0..3).find(|&k| c.curve.is_associate(&Poly::var(k)));
             if let RealPart::Points(points) = &c.real
                 && glued
             {
-                found.isolated.extend(points.iter().map(|p| p.each_ref().map(Algebraic::to_f64)));
+                // Those of contracted curves have their images anyway.
+                let is_contracted = |p: &[Algebraic; 3]| all.iter().any(|c| matches!(c.kind, CurveKind::Contracted(_)) && vanishes(&c.curve, p));
+                found.isolated.extend(points.iter().filter(|p| !is_contracted(p)).map(|p| p.each_ref().map(Algebraic::to_f64)));
             }
             match (&c.kind, side) {
                 (CurveKind::Contracted(to), None) if !to.at_infinity() => {

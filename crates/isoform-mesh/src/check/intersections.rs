@@ -10,7 +10,7 @@ use isoform_geom::{Aabb, Point3};
 use rayon::prelude::*;
 
 /// Leaves that are worked on between two looks at the clock and at the number of pairs found.
-const ROUND: usize = 1 << 15;
+const ROUND: usize = 1 << 12;
 /// Leaves per task: enough work (some ten microseconds) to be worth a task.
 const TASK: usize = 64;
 
@@ -47,6 +47,9 @@ pub(super) fn find(
             .into_par_iter()
             .map(|from| {
                 let mut found = Vec::new();
+                if control.is_stopped() {
+                    return found;
+                }
                 for leaf in from..(from + TASK).min(to) {
                     tree.pairs_of_leaf(leaf, |a, b| {
                         let (i, j) = (a.min(b), a.max(b));
@@ -59,6 +62,7 @@ pub(super) fn find(
             })
             .collect();
         pairs.extend(found.into_iter().flatten());
+        complete &= !control.is_stopped();
     }
     pairs.par_sort_unstable();
     let mut hit = vec![false; triangles.len()];
