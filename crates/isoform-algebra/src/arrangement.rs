@@ -109,6 +109,9 @@ struct Curve {
     terms: Vec<([usize; 2], Interval)>,
 }
 
+/// Bits of critical values to which the fibres over them are looked at first, and some more.
+const FIRST_BITS: usize = 132;
+
 /// Where a number of the fibre comes from.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Origin {
@@ -335,6 +338,9 @@ impl Work {
     /// The points over a critical value, the numbers between them, and whether a curve touches the wall in one of them.
     fn wall(&mut self, u: RealRoot, stop: &dyn Fn() -> bool) -> Result<(Wall, (Separators, bool)), ArrangementError> {
         let n = self.curves.len();
+        // What all fibres begin with.
+        let mut u = u;
+        u.refine(FIRST_BITS);
         let mut fibres: Vec<Option<Fibre>> = Vec::with_capacity(n);
         for c in &self.curves {
             fibres.push(match &c.fibres {
@@ -363,7 +369,6 @@ impl Work {
             }
         }
         common[n][n + 1] = usize::from(u.cmp_rational(&RBig::ONE).is_eq());
-        let mut u = u;
         let mut bits = 72;
         let (ranges, groups) = loop {
             u.refine(bits);

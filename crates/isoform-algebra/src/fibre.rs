@@ -58,12 +58,22 @@ pub struct Fibre {
     /// Coefficients in y of f without those that vanish at α at the top, and of the common divisor with the derivative.
     coefficients: Vec<UPoly>,
     divisor: Vec<UPoly>,
+    /// Both at α, as last asked for.
+    near: Option<Near>,
     /// The real roots in ascending order.
     pub roots: Vec<FibreRoot>,
     /// The number of distinct complex roots.
     pub distinct_complex: usize,
     /// The degree of f(α, y); less than that of f if a root went to infinity.
     pub degree: usize,
+}
+
+/// Coefficients in y at α to a precision.
+struct Near {
+    precision: usize,
+    f: Vec<Ball>,
+    /// The quotient with simple roots.
+    simple: Vec<Ball>,
 }
 
 /// Number of bits to begin with; doubled until everything is decided.
@@ -120,6 +130,7 @@ impl Fibres {
             alpha: alpha.clone(),
             coefficients: self.coefficients.clone(),
             divisor,
+            near: None,
             roots: Vec::new(),
             distinct_complex: degree - repeated,
             degree,
@@ -203,9 +214,12 @@ impl Fibre {
         }
     }
     fn try_refine(&mut self, index: usize, bits: usize, precision: usize) -> bool {
-        let Some((_, simple)) = self.approximate(precision) else { return false };
+        if !self.approximate(precision) {
+            return false;
+        }
+        let simple = self.near.as_ref().map_or(&[][..], |near| &near.simple);
         let root = &mut self.roots[index];
-        let Some((lo, hi)) = narrow(&simple, (to_fixed(&root.lo, precision), to_fixed(&root.hi, precision)), bits, precision) else {
+        let Some((lo, hi)) = narrow(simple, (to_fixed(&root.lo, precision), to_fixed(&root.hi, precision)), bits, precision) else {
             return false;
         };
         // Ends that were rounded could have left the interval only by less than the last place; keep what is certain.
@@ -214,11 +228,16 @@ impl Fibre {
         true
     }
 
-    /// Coefficients of f(α, y) and of its quotient with simple roots.
-    fn approximate(&self, precision: usize) -> Option<(Vec<Ball>, Vec<Ball>)> {
-        let mut alpha = self.alpha.clone();
-        alpha.refine(precision + 4);
-        let (lo, hi) = alpha.interval();
+    /// Coefficients of f(α, y) and of its quotient with simple roots; false if that precision is too low.
+    fn approximate(&mut self, precision: usize) -> bool {
+        if self.near.as_ref().is_none_or(|near| near.precision != precision) {
+            self.alpha.refine(precision + 4);
+            self.near = self.at_precision(precision);
+        }
+        self.near.is_some()
+    }
+    fn at_precision(&self, precision: usize) -> Option<Near> {
+        let (lo, hi) = self.alpha.interval();
         let middle = to_fixed(&((&lo + &hi) / RBig::from(2)), precision);
         let x = if lo == hi && from_fixed(&middle, precision) == lo { Ball::exact(middle) } else { Ball { middle, radius: IBig::from(2) } };
         let specialise = |c: &UPoly| {
@@ -232,17 +251,18 @@ impl Fibre {
             divide(&f, &self.divisor.iter().map(specialise).collect::<Vec<_>>(), precision)?
         };
         simple.last()?.sign().filter(|s| s.is_ne())?;
-        Some((f, simple))
+        Some(Near { precision, f, simple })
     }
 
     /// Everything at one precision, or nothing if that does not decide.
-    fn isolate(&self, precision: usize, attempt: usize) -> Option<Vec<FibreRoot>> {
-        let (f, simple) = self.approximate(precision)?;
+    fn isolate(&mut self, precision: usize, attempt: usize) -> Option<Vec<FibreRoot>> {
+        self.approximate(precision);
+        let Near { f, simple, .. } = self.near.as_ref()?;
         if simple.len() == 1 {
             return Some(Vec::new());
         }
         let mut roots = Vec::new();
-        for (lo, hi) in isolate_simple(&simple, precision, attempt)? {
+        for (lo, hi) in isolate_simple(simple, precision, attempt)? {
             let (mut lo, mut hi) = (lo, hi);
             let mut multiplicity = 1;
             if !self.divisor.is_empty() {
@@ -251,8 +271,8 @@ impl Fibre {
                     if 3 * bits > precision {
                         return None;
                     }
-                    (lo, hi) = narrow(&simple, (lo, hi), bits, precision)?;
-                    if let Some(m) = pellet(&f, &simple, &lo, &hi, precision) {
+                    (lo, hi) = narrow(simple, (lo, hi), bits, precision)?;
+                    if let Some(m) = pellet(f, simple, &lo, &hi, precision) {
                         break m;
                     }
                     bits *= 2;

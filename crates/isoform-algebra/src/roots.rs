@@ -197,12 +197,12 @@ impl RealRoot {
     /// The root in an interval that holds exactly one, of which other roots may be end points.
     fn isolated(poly: &Arc<UPoly>, lo: IBig, hi: IBig, shift: usize) -> Self {
         let mut root = Self { poly: Arc::clone(poly), lo, hi, shift, gear: 1 };
-        let at = |x: &IBig, shift: usize| sign(&poly.eval_dyadic(x, shift));
+        let at = |x: &IBig, shift: usize| poly.sign_dyadic(x, shift);
         while root.lo != root.hi && (at(&root.lo, root.shift).is_eq() || at(&root.hi, root.shift).is_eq()) {
             // Just right of a root at lo the polynomial has the sign of its derivative there.
             let mut left = at(&root.lo, root.shift);
             if left.is_eq() {
-                left = sign(&poly.derivative().eval_dyadic(&root.lo, root.shift));
+                left = poly.derivative().sign_dyadic(&root.lo, root.shift);
             }
             root.double();
             let middle = (&root.lo + &root.hi) >> 1;
@@ -256,12 +256,11 @@ impl RealRoot {
         if self.is_exact() {
             return;
         }
-        let value = |x: &IBig, shift: usize| self.poly.eval_dyadic(x, shift);
         let width = &self.hi - &self.lo;
         let gear = self.gear;
         let shift = self.shift + gear;
         let (lo, hi) = (&self.lo << gear, &self.hi << gear);
-        let (at_lo, at_hi) = (value(&self.lo, self.shift), value(&self.hi, self.shift));
+        let (at_lo, at_hi) = self.at_ends();
         let left = sign(&at_lo);
         // The secant's zero, rounded to a point of the grid inside the interval.
         let parts = IBig::ONE << gear;
@@ -269,7 +268,7 @@ impl RealRoot {
         let doubled: IBig = (at_lo << (gear + 1)) / slope;
         let guess = ((doubled + IBig::ONE) >> 1usize).clamp(IBig::ONE, parts - IBig::ONE);
         let point = &lo + &guess * &width;
-        let at_point = sign(&value(&point, shift));
+        let at_point = self.poly.sign_dyadic(&point, shift);
         let (new_lo, new_hi, success) = if at_point.is_eq() {
             (point.clone(), point, true)
         } else {
@@ -279,7 +278,7 @@ impl RealRoot {
             } else if neighbour == hi {
                 left.reverse()
             } else {
-                sign(&value(&neighbour, shift))
+                self.poly.sign_dyadic(&neighbour, shift)
             };
             match (at_neighbour, at_point == left) {
                 (Ordering::Equal, _) => (neighbour.clone(), neighbour, true),
@@ -294,25 +293,31 @@ impl RealRoot {
         (self.lo, self.hi, self.shift) = (new_lo, new_hi, shift);
     }
 
+    /// The values at the ends up to a common factor, with certain signs and to more bits than the next refinement has parts.
+    fn at_ends(&self) -> (IBig, IBig) {
+        let mut precision = 64 + self.shift + self.gear;
+        while precision < self.poly.whole_precision(self.shift) {
+            let ends = [&self.lo, &self.hi].map(|x| self.poly.eval_near(x, self.shift, precision));
+            if ends.iter().all(|(value, error)| value.clone().abs() > error << (self.gear + 2)) {
+                return ends.map(|e| e.0).into();
+            }
+            precision *= 2;
+        }
+        [&self.lo, &self.hi].map(|x| self.poly.eval_dyadic(x, self.shift)).into()
+    }
+
     /// The sign of a polynomial at this number, exact.
     pub fn sign_of(&self, g: &UPoly) -> Ordering {
         if g.degree() == 0 {
             return sign(&g.leading());
         }
         let mut root = self.clone();
-        let derivative = g.derivative();
-        let absolute = UPoly::new(derivative.coefficients().iter().map(|c| c.clone().abs()).collect());
         for round in 0.. {
             if root.is_exact() {
-                return sign(&g.eval_dyadic(&root.lo, root.shift));
+                return g.sign_dyadic(&root.lo, root.shift);
             }
-            // |g(x) − g(m)| ≤ (hi − lo)/2 Σ i|gᵢ| R^(i−1) on the interval around its middle m, R the larger absolute end.
-            let middle = &root.lo + &root.hi;
-            let value = g.eval_dyadic(&middle, root.shift + 1);
-            let far = (&root.lo).abs().max((&root.hi).abs()) << 1;
-            let reach = absolute.eval_dyadic(&far, root.shift + 1) * (&root.hi - &root.lo);
-            if (&value).abs() > reach {
-                return sign(&value);
+            if let Some(sign) = root.sign_on_interval(g) {
+                return sign;
             }
             if round == 1 {
                 // The commonest case of a zero: g is a multiple of the polynomial, perhaps with a constant factor missing.
@@ -320,7 +325,7 @@ impl RealRoot {
                     return Ordering::Equal;
                 }
                 let h = root.poly.gcd(g);
-                let changes = |h: &UPoly| sign(&h.eval_dyadic(&root.lo, root.shift)) != sign(&h.eval_dyadic(&root.hi, root.shift));
+                let changes = |h: &UPoly| h.sign_dyadic(&root.lo, root.shift) != h.sign_dyadic(&root.hi, root.shift);
                 // A common divisor has only simple roots and none at the ends.
                 if h.degree() > 0 && changes(&h) {
                     return Ordering::Equal;
@@ -329,6 +334,26 @@ impl RealRoot {
             root.step();
         }
         unreachable!("the interval shrinks until the sign is decided")
+    }
+
+    /// The sign of a polynomial on the interval, if it is proved to have one there.
+    fn sign_on_interval(&self, g: &UPoly) -> Option<Ordering> {
+        // |g(x) − g(m)| ≤ (hi − lo)/2 Σ i|gᵢ| R^(i−1) on the interval around its middle m, R the larger absolute end.
+        let shift = self.shift + 1;
+        let middle = &self.lo + &self.hi;
+        let far = (&self.lo).abs().max((&self.hi).abs()) << 1;
+        let mut precision = 64 + shift;
+        loop {
+            let (value, error) = g.eval_near(&middle, shift, precision);
+            let reach = ((g.slope_bound(&far, shift, precision) * (&self.hi - &self.lo)) >> shift) + 1;
+            if (&value).abs() > &reach + &error {
+                return Some(sign(&value));
+            }
+            if error <= reach || precision > g.whole_precision(shift) {
+                return None;
+            }
+            precision *= 2;
+        }
     }
 
     /// Comparison with a rational number, exact.
@@ -342,7 +367,7 @@ impl RealRoot {
         // lo < r < hi: the root is right of r if the sign at r is that at lo.
         match self.poly.sign_at(r) {
             Ordering::Equal => Ordering::Equal,
-            s if s == sign(&self.poly.eval_dyadic(&self.lo, self.shift)) => Ordering::Greater,
+            s if s == self.poly.sign_dyadic(&self.lo, self.shift) => Ordering::Greater,
             _ => Ordering::Less,
         }
     }

@@ -1,7 +1,8 @@
 //! Dense univariate polynomials over the integers.
 
+use crate::modular::bits;
 use crate::poly::fraction_powers;
-use dashu_base::{Gcd, Sign, Signed, UnsignedAbs};
+use dashu_base::{Abs, Gcd, Sign, Signed, UnsignedAbs};
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
 use std::cmp::Ordering;
@@ -108,6 +109,51 @@ impl UPoly {
             sum = sum * numerator + (c << (shift * i));
         }
         sum
+    }
+    /// The value at numerator/2^shift and a bound of its error, both in units of 2^(t − precision) where t is the bit length of the largest
+    /// coefficient.
+    pub(crate) fn eval_near(&self, numerator: &IBig, shift: usize, precision: usize) -> (IBig, IBig) {
+        let (lost, gained) = self.unit(precision);
+        let (mut sum, mut error) = (IBig::ZERO, IBig::ZERO);
+        let size = numerator.clone().abs();
+        for c in self.coefficients.iter().rev() {
+            // Two that are rounded down.
+            sum = ((sum * numerator) >> shift) + if lost > 0 { c >> lost } else { c << gained };
+            error = ((error * &size) >> shift) + 3;
+        }
+        (sum, error)
+    }
+    /// A bound of the slopes between any points up to numerator/2^shift in absolute value, in the same units.
+    pub(crate) fn slope_bound(&self, numerator: &IBig, shift: usize, precision: usize) -> IBig {
+        let (lost, gained) = self.unit(precision);
+        let mut sum = IBig::ZERO;
+        for (i, c) in self.coefficients.iter().enumerate().skip(1).rev() {
+            let c = c.clone().abs() * i;
+            // Rounded up.
+            sum = ((sum * numerator) >> shift) + 2 + if lost > 0 { c >> lost } else { c << gained };
+        }
+        sum
+    }
+    /// How many bits coefficients lose, or gain, when written in units of 2^(t − precision).
+    fn unit(&self, precision: usize) -> (usize, usize) {
+        let top = self.coefficients.iter().map(bits).max().unwrap_or(0);
+        (top.saturating_sub(precision), precision.saturating_sub(top))
+    }
+    /// The precision at which nothing is gained over the exact value at numbers with that shift.
+    pub(crate) fn whole_precision(&self, shift: usize) -> usize {
+        self.coefficients.iter().map(bits).max().unwrap_or(0) + shift * self.degree()
+    }
+    /// The sign at numerator/2^shift, exact: by a precision that grows until it decides.
+    pub(crate) fn sign_dyadic(&self, numerator: &IBig, shift: usize) -> Ordering {
+        let mut precision = 64 + shift;
+        while precision < self.whole_precision(shift) {
+            let (value, error) = self.eval_near(numerator, shift, precision);
+            if value.clone().abs() > error {
+                return sign(&value);
+            }
+            precision *= 2;
+        }
+        sign(&self.eval_dyadic(numerator, shift))
     }
     /// p(x + a) for an integer a.
     pub fn shift(&self, a: &IBig) -> Self {

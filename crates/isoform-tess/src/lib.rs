@@ -22,6 +22,7 @@ mod joined;
 mod map;
 mod mesh;
 mod patch;
+mod quadrants;
 mod region;
 mod residues;
 mod singular;

@@ -167,7 +167,8 @@ impl Curves {
                 && glued
             {
                 // Those of contracted curves have their images anyway.
-                let is_contracted = |p: &[Algebraic; 3]| all.iter().any(|c| matches!(c.kind, CurveKind::Contracted(_)) && vanishes(&c.curve, p));
+                let is_contracted =
+                    |p: &[Algebraic; 3]| all.iter().any(|c| matches!(c.kind, CurveKind::Contracted(_)) && vanishes(&c.curve, p));
                 found.isolated.extend(points.iter().filter(|p| !is_contracted(p)).map(|p| p.each_ref().map(Algebraic::to_f64)));
             }
             match (&c.kind, side) {

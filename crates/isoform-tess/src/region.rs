@@ -9,6 +9,7 @@
 
 use crate::domain::{Domain, image_bounds, parameters};
 use crate::map::Map;
+use crate::quadrants::in_quadrants;
 use isoform_algebra::{Arrangement, ArrangementError, Poly, QUADRANTS, RBig, coprime_base, in_triangle};
 use std::collections::BTreeMap;
 
@@ -83,8 +84,7 @@ impl Region {
         let faces = (0..factors.len()).map(|f| (0..bounds.len()).filter(|&b| divisors[b].contains(&f)).collect()).collect();
         let sides = |f: usize| (0..lines.len()).filter(|k| divisors[bounds.len() + k].contains(&f)).fold(0, |bits, k| bits | 1 << k);
         let lines = (0..factors.len()).map(sides).collect();
-        let mut triangles = Vec::with_capacity(4);
-        for quadrant in 0..4 {
+        let triangles = in_quadrants(stop, |quadrant, stop| {
             let local = |p: &Poly| in_triangle(p, quadrant);
             let arrangement = Arrangement::new(&factors.iter().map(local).collect::<Vec<_>>(), stop)?;
             let bounds: Vec<Poly> = bounds.iter().map(local).collect();
@@ -103,8 +103,9 @@ impl Region {
                     slab.between.iter().map(|v| in_domain(v) && between(v)).collect()
                 })
                 .collect();
-            triangles.push(Triangle { arrangement, inside });
-        }
+            Ok(Triangle { arrangement, inside })
+        });
+        let triangles = triangles.into_iter().collect::<Result<_, ArrangementError>>()?;
         Ok(Self { half_width: half_width.clone(), factors, faces, lines, extra, triangles, domain: domain.cloned(), is_clear })
     }
     /// The side of the domain, as a bit, that an arc over a slab lies on: none for what only lies on its line.
