@@ -309,6 +309,29 @@ mod tests {
             let shifted = a.eval_dyadic(&IBig::from(n), 5);
             let at = RBig::from_parts(IBig::from(n), UBig::from(32u8));
             prop_assert_eq!(RBig::from_parts(shifted, UBig::from(32u8).pow(a.degree())), a.eval(&at));
+            prop_assert_eq!(a.sign_dyadic(&IBig::from(n), 5), a.sign_at(&at));
+        }
+
+        /// Near roots, where low precisions cannot decide, and errors and slopes have to be bounds.
+        #[test]
+        fn approximate_values_are_within_their_errors(a in any_poly(), root in -4000i32..4000, off in -3i32..3, shift in 5usize..40, precision in 1usize..90) {
+            // A root at root/2^11.
+            let p = &a * &UPoly::from_i64(&[-i64::from(root), 1 << 11]);
+            let x = (IBig::from(root) << shift) + off;
+            let (place, exact) = (shift + 11, p.eval_dyadic(&x, shift + 11));
+            prop_assert_eq!(p.sign_dyadic(&x, place), sign(&exact));
+            prop_assume!(!p.is_zero());
+            let unit = |n: &IBig| {
+                let top = p.coefficients().iter().map(bits).max().unwrap();
+                RBig::from(n.clone()) * if top > precision { RBig::from(IBig::ONE << (top - precision)) } else { RBig::from_parts(IBig::ONE, UBig::ONE << (precision - top)) }
+            };
+            let scale = UBig::ONE << (place * p.degree());
+            let (value, error) = p.eval_near(&x, place, precision);
+            let off = unit(&value) - RBig::from_parts(exact, scale);
+            prop_assert!(off.clone().abs() <= unit(&error));
+            let far = x.clone().abs();
+            let slope = p.derivative().eval(&RBig::from_parts(far.clone(), UBig::ONE << place)).abs();
+            prop_assert!(slope <= unit(&p.slope_bound(&far, place, precision)));
         }
     }
 }

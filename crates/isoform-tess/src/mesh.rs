@@ -1159,3 +1159,26 @@ fn height(line: &[[f64; 2]], u: f64) -> f64 {
     let ([a, p], [b, q]) = (line[k - 1], line[k]);
     p + (q - p) * ((u - a) / (b - a)).clamp(0.0, 1.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Between the parabola y = −z² / 3 and an axis that it touches: shorter diagonals would lead beyond the parabola. The triangles have the area
+    /// between the paths, by the shoelace formula, and so do not overlap.
+    #[test]
+    fn strips_beside_bent_paths() {
+        let heights = [0.4, 0.3, 0.2, 0.1, 0.0];
+        let mut points: Vec<Point3> = heights.iter().map(|z| [0.0, -z * z / 3.0, *z]).collect();
+        points.extend([[0.0, 0.0, 0.6], [0.0, 0.0, 0.0]]);
+        let path = |vertices: &[u32]| vertices.iter().map(|&v| (v, [0.0; 2])).collect::<Vec<_>>();
+        let made = between(&points, &path(&[5, 6]), &path(&[0, 1, 2, 3, 4]));
+        let area = |polygon: &[u32]| {
+            let at = |k: usize| points[polygon[k % polygon.len()] as usize];
+            0.5 * (0..polygon.len()).map(|k| at(k)[1] * at(k + 1)[2] - at(k)[2] * at(k + 1)[1]).sum::<f64>()
+        };
+        let sum: f64 = made.iter().map(|t| area(&t.map(|v| v.0)).abs()).sum();
+        assert!((sum - area(&[5, 0, 1, 2, 3, 4]).abs()).abs() < 1e-15, "{sum}");
+        assert_eq!(made.len(), 5);
+    }
+}

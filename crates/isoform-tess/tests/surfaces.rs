@@ -160,11 +160,33 @@ fn contracted_curve_in_a_face_of_the_box() {
         "-28*A^2*B*C - 4*B*C^3",
         "A^2*B^2 + 4*A^2*C^2 + 4*B^2*C^2 + C^4",
     ];
-    let texts = texts.map(|t| t.replace('A', "(s + 2*t + 2)").replace('B', "(3*s - t - 3)").replace('C', "(2*s - 9*t)"));
-    let map = Map::parse(texts.each_ref().map(String::as_str), Default::default()).expect("a map");
+    let map = of_parameters(texts, ["s + 2*t + 2", "3*s - t - 3", "2*s - 9*t"]);
     let s = surface(&map, 12, Mode::Normalised);
     assert!(s.unproven.is_empty(), "{:?}", s.unproven);
     assert_eq!(topology(&s), [0, 1, 0]);
+}
+
+/// Forms in the parameters, written with A, B, C for s, t, w.
+fn of_parameters(texts: [&str; 4], [a, b, c]: [&str; 3]) -> Map {
+    let texts = texts.map(|t| t.replace('A', &format!("({a})")).replace('B', &format!("({b})")).replace('C', &format!("({c})")));
+    Map::parse(texts.each_ref().map(String::as_str), Default::default()).expect("a map")
+}
+
+/// A projectivity of the parameters changes nothing. The conoid's parameters are stretched so that fans of long edges lie on curved parts of it;
+/// the other surface has a line that all of X, Y, Z contract to second order, with isolated points of double curves on it.
+#[test]
+fn moved_parameters() {
+    let conoid = (["A^3 + A*B^2", "A^2*B + B^3", "2*A*B*C", "C*A^2 + C*B^2"], 2);
+    let contracted = (["A*C^3", "B*C^3", "A^2*C^2 + C^4", "(A^2 + B^2 - C^2)^2"], 3);
+    let stretched = ["9*s - 2*t - 9", "-24*s - 8*t + 24", "4*s - 3*t - 8"];
+    let turned = ["-4*s - 9*t - 9", "9*s + 12*t - 9", "-12*s + 4*t - 8"];
+    for ((texts, half_width), moved, mode) in
+        [(conoid, stretched, Mode::Glued), (contracted, turned, Mode::Normalised), (contracted, turned, Mode::Glued)]
+    {
+        let [here, there] = [["s", "t", "1"], moved].map(|by| surface(&of_parameters(texts, by), half_width, mode));
+        assert!(here.unproven.is_empty() && there.unproven.is_empty(), "{texts:?} {mode:?} {:?} {:?}", here.unproven, there.unproven);
+        assert_eq!(topology(&here), topology(&there), "{texts:?} {mode:?}");
+    }
 }
 
 /// Sheets joined: Euler numbers of the images, by hand. Steiner's surface has three double lines through a triple point and six pinch points.
