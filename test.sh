@@ -139,7 +139,7 @@ else
     accept "mesh acceptance, in part" "$venv/bin/python" "$checks/accept_mesh.py" --quick --isoform "$(realpath "$binary")"
     # Some of its surfaces, as the whole takes half an hour. Not all of the rest is certified yet: docs/rational.md, "What is open".
     accept "rational surfaces, in part" "$venv/bin/python" "$checks/accept_rational.py" --quick --isoform "$(realpath "$binary")" \
-      --only sphere,cylinder,elliptic_paraboloid_inv,hyperbolic_paraboloid,hyperboloid2,steiner_roman,cross_cap,revolution_fig3,whitney_umbrella
+      --only bohemian_dome,cayley_cubic_4nodes,cayley_ruled_cubic_affine,sphere,cylinder,elliptic_paraboloid_inv,hyperbolic_paraboloid,hyperboloid2,steiner_roman,cross_cap,revolution_fig3,whitney_umbrella
     # Covers of the torus and of the pipes, and more seeds, without --quick.
     accept "rational patches, in part" "$venv/bin/python" "$checks/accept_patch.py" --quick --isoform "$(realpath "$binary")"
     accept "meshes in solvers" "$venv/bin/python" "$checks/accept_mesh.py" --solve --isoform "$(realpath "$binary")"
