@@ -44,8 +44,10 @@ const MOST_CELLS_AT_EDGES: usize = 2000;
 const AT_EDGES: f64 = 0.02;
 /// Newton steps to a foot point about which the sign is looked at.
 const FOOT_STEPS: usize = 8;
-/// Halvings of the patch in each direction.
-const MOST_DEPTH: u32 = 18;
+/// Divisions of the patch.
+const MOST_DEPTH: u32 = 24;
+/// A cell that is longer by this factor in one direction is divided there only.
+const LONGER: f64 = 1.6;
 /// The relative error of subdivision, per quartering, in the largest coordinate: half a unit for each of at most sixteen levels, in a
 /// coordinate and in the weight.
 const SUBDIVISION: f64 = 16.0 * f64::EPSILON;
@@ -147,11 +149,11 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
 /// cannot be proved)
 /// and, if that is not less than what is sampled, at no more than the tolerance.
 pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
-    distances_on(&Whole::of_field(field), patch, tolerance)
+    distances_on(&Whole::of_field(field), patch, tolerance, None)
 }
 
-/// The same from a whole surface.
-pub(crate) fn distances_on(whole: &Whole<'_>, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
+/// The same from a whole surface; at edges a bound that is proved already is made no better than 2.7 times what is sampled.
+pub(crate) fn distances_on(whole: &Whole<'_>, patch: &RationalPatch, tolerance: Option<f64>, proved: Option<f64>) -> Distances {
     let (sampled, rms) = sampled_on(whole, patch, SAMPLES);
     let size = largest_coordinate(patch);
     if whole.is_single() && sampled <= EXACT * size {
@@ -160,12 +162,17 @@ pub(crate) fn distances_on(whole: &Whole<'_>, patch: &RationalPatch, tolerance: 
     }
     // At edges a bound may be farther from the distance than elsewhere, and what is little against the tolerance is not worth its cells.
     let (least, cells) = if whole.is_single() { (0.0, MOST_CELLS) } else { (AT_EDGES * tolerance.unwrap_or(0.0), MOST_CELLS_AT_EDGES) };
-    let bound = SLACK.iter().find_map(|slack| {
+    let proved = proved.filter(|_| !whole.is_single()).map(|b| b.max(sampled));
+    let slacks = if proved.is_some() { &SLACK[1..] } else { &SLACK[..] };
+    if let Some(bound) = proved.filter(|b| *b <= (slacks[0] * sampled).max(least)) {
+        return Distances { bound: Some(bound), sampled, rms };
+    }
+    let bound = slacks.iter().find_map(|slack| {
         let target = (slack * sampled).max(ROUNDING * size).max(least);
         let target = tolerance.filter(|t| *t >= sampled).map_or(target, |t| target.min(t));
         prove_on(whole, patch, target, cells).map(|b| b.max(sampled))
     });
-    let bound = bound.or_else(|| {
+    let bound = bound.or(proved).or_else(|| {
         let target = tolerance.filter(|t| !whole.is_single() && *t >= sampled)?;
         prove_on(whole, patch, target, cells).map(|b| b.max(sampled))
     });
@@ -199,27 +206,41 @@ pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, ce
         match bound_of_cell(whole, &cell, depth, target, known, &products) {
             Some(b) => worst = worst.max(b),
             None if depth == MOST_DEPTH => return None,
-            None => pending.extend(quarters(&cell).map(|c| (c, depth + 1))),
+            None => pending.extend(divided(&cell).into_iter().map(|c| (c, depth + 1))),
         }
     }
     Some(worst)
 }
 
-/// The quarters of a patch, by de Casteljau's algorithm at 1/2 in both directions.
-fn quarters(patch: &RationalPatch) -> [RationalPatch; 4] {
+/// The halves of a patch that is longer in one direction, the quarters of another one.
+fn divided(patch: &RationalPatch) -> Vec<RationalPatch> {
+    let c = patch.control();
+    let (n, last) = (patch.degree().1, c.len() - 1);
+    let length = |a: usize, b: usize| {
+        let [p, q] = [c[a], c[b]].map(|c| [c[0] / c[3], c[1] / c[3], c[2] / c[3]]);
+        norm(sub(p, q))
+    };
+    let along_u = length(0, last - n).max(length(n, last));
+    let along_v = length(0, n).max(length(last - n, last));
+    parts(patch, along_v <= LONGER * along_u, along_u <= LONGER * along_v)
+}
+
+/// The parts of a patch, by de Casteljau's algorithm at 1/2, in u, in v or both.
+fn parts(patch: &RationalPatch, in_u: bool, in_v: bool) -> Vec<RationalPatch> {
     let (m, n) = patch.degree();
-    let mut all = [0; 4].map(|_| patch.clone());
-    // Along v: patches 0 and 2 take the lower half, 1 and 3 the upper one; then along u: 0 and 1 the lower, 2 and 3 the upper.
-    for (which, patch) in all.iter_mut().enumerate() {
-        let control = patch.control_mut();
-        for i in 0..=m {
-            halve(control, i * (n + 1), 1, n, which % 2 == 1);
+    let of = |upper_u: bool, upper_v: bool| {
+        let mut part = patch.clone();
+        let control = part.control_mut();
+        if in_v {
+            (0..=m).for_each(|i| halve(control, i * (n + 1), 1, n, upper_v));
         }
-        for j in 0..=n {
-            halve(control, j, n + 1, m, which >= 2);
+        if in_u {
+            (0..=n).for_each(|j| halve(control, j, n + 1, m, upper_u));
         }
-    }
-    all
+        part
+    };
+    let all = [(false, false), (false, true), (true, false), (true, true)];
+    all.into_iter().filter(|(u, v)| (in_u || !u) && (in_v || !v)).map(|(u, v)| of(u, v)).collect()
 }
 
 /// Replaces the Bézier points at `first`, `first + step`, … of degree n by those of the lower or the upper half.
@@ -548,7 +569,7 @@ mod tests {
         let patch = RationalPatch::new((2, 3), control).expect("a patch");
         let (lower, upper) = ((0.0, 0.5), (0.5, 1.0));
         let parts = [(lower, lower), (lower, upper), (upper, lower), (upper, upper)].map(|(u, v)| patch.part(u, v));
-        for (a, b) in quarters(&patch).iter().zip(&parts) {
+        for (a, b) in super::parts(&patch, true, true).iter().zip(&parts) {
             for (a, b) in a.control().as_flattened().iter().zip(b.control().as_flattened()) {
                 assert!((a - b).abs() < 1e-15);
             }

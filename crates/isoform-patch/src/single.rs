@@ -1,5 +1,6 @@
 //! One patch: seed, growth, exactness, tolerance, proof.
 
+use crate::cover::reached;
 use crate::distance::{Distances, distances_on};
 use crate::exact::make_exact;
 use crate::grow::{Grown, Growth};
@@ -39,7 +40,7 @@ pub struct Parameterized {
 }
 
 /// Edges nearer than this, in edges of the region, are where patches start.
-const AT_EDGE: f64 = 0.05;
+const AT_EDGE: f64 = 0.01;
 /// Along an edge nearer than this, in radii of curvature, patches start also where they do not start at it.
 const NEAR_EDGE: f64 = 0.3;
 /// Places of a part among which the one farthest from its edges is chosen to start at, and places tried for them.
@@ -126,10 +127,11 @@ pub(crate) fn at(whole: &Whole<'_>, part: usize, point: Point3, options: &Option
     clock.phase("seed");
     let made = grown(on, seed, from, options, clock);
     let keeps = |p: &Parameterized| p.distances.bound.is_some_and(|b| options.tolerance.is_none_or(|t| b <= t));
-    if from.is_none() || made.as_ref().is_ok_and(keeps) {
+    let serves = |p: &Parameterized| keeps(p) && options.tolerance.is_none_or(|t| reached(&p.grown.patch, &[point], t)[0]);
+    if from.is_none() || made.as_ref().is_ok_and(serves) {
         return made;
     }
-    // Where nothing fits at the edge: about the point itself.
+    // Where nothing fits at the edge, or does not come as far as the point: about the point itself.
     let again =
         grown(on, Seed { point, tangents: in_plane(seed.tangents, on.field().jet(point).g), ..seed }, None, options, Clock::default());
     if again.as_ref().is_ok_and(keeps) || made.is_err() { again } else { made }
@@ -166,15 +168,15 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
             Some(other)
         });
     }
-    growth.keep_tolerance();
+    let proved = growth.keep_tolerance();
     clock.phase("grow");
-    let mut known = distances_on(whole, &growth.patch, options.tolerance);
+    let mut known = distances_on(whole, &growth.patch, options.tolerance, proved);
     // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
         if known.bound.is_some() || !growth.retreat(share) {
             break;
         }
-        known = distances_on(whole, &growth.patch, options.tolerance);
+        known = distances_on(whole, &growth.patch, options.tolerance, None);
     }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();

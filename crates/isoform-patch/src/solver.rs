@@ -77,7 +77,7 @@ pub(crate) fn minimise(
         *damping = (*damping * (1.0 - (2.0 * gain.clamp(0.0, 1.0) - 1.0).powi(3)).clamp(0.1, 2.0)).max(LEAST_DAMPING);
         *patch = trial.patch;
         at = value;
-        let lowered = lower(&mut objective.weights, &at.terms, floor);
+        let lowered = lower(&mut objective.weights, &at.terms, floor, objective.little);
         each(objective, &at.terms);
         if !lowered && before - after < stop.decrease * before {
             return (at, step + 1);
@@ -91,11 +91,12 @@ pub(crate) fn first_damping() -> f64 {
     FIRST_DAMPING
 }
 
-/// Lowers factors whose term exceeds I (section 3.3); whether any was.
-fn lower(w: &mut Weights, t: &Terms, floor: &Weights) -> bool {
+/// Lowers factors whose term exceeds I (section 3.3), or `little` where that is more; whether any was.
+fn lower(w: &mut Weights, t: &Terms, floor: &Weights, little: f64) -> bool {
+    let most = MOST_SHARE * t.i.max(little);
     let mut lowered = false;
     let mut one = |w: &mut f64, term: f64, floor: f64| {
-        if *w * term > MOST_SHARE * t.i && *w > floor {
+        if *w * term > most && *w > floor {
             *w = (0.1 * *w).max(floor);
             lowered = true;
         }
