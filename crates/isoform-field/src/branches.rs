@@ -236,4 +236,16 @@ mod tests {
             assert!(!values.is_empty() && values.iter().all(|v| (v - want).abs() < 1e-15), "{p:?}: {values:?}");
         }
     }
+
+    /// Written in three ways, one question has one answer: parts that hold where u = v only would spoil proofs there.
+    #[test]
+    fn one_question_is_asked_once() {
+        let count = |size: &str| {
+            let text = format!(
+                "my_model(x[3], a[1]) {{ u = x[1]; v = x[2]; k = 0.5; h = max(k - {size}, 0)/k; my_model = max(u, v) + h*h*k/4; }}"
+            );
+            parts_of(&Model::parse(&text, Mode::Default).expect("a model"), &[0.0]).expect("parts").parts.len()
+        };
+        assert_eq!(["abs(u - v)", "max(u - v, v - u)", "0 - min(v - u, u - v)"].map(count), [4; 3]);
+    }
 }

@@ -31,6 +31,10 @@ const HALVINGS: usize = 30;
 pub(crate) const MOST_GROWTH: f64 = 0.16;
 /// S after an extrapolation, before Newton steps, may be this many times its bound.
 const MOST_EXCESS: f64 = 30.0;
+/// The load of a patch that is folded over.
+const FOLDED: f64 = 1e6;
+/// A patch that is longer by this factor has come near a pole. On a plane its distance would not show it.
+const MOST_LONGER: f64 = 2.5;
 /// Secant steps towards the size that an extrapolation aims at.
 const SECANTS: usize = 4;
 /// Bisections of an extrapolation until it is a start for Newton's method.
@@ -235,6 +239,7 @@ impl<'f> Growth<'f> {
     fn load(&self) -> f64 {
         match self.options.tolerance {
             Some(t) if self.on.whole.is_single() => sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0 / (WITHIN * t),
+            Some(_) if self.objective.is_folded(&self.at) => FOLDED,
             Some(t) => {
                 let distance = sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0;
                 let whole = sampled_on(self.on.whole, &self.patch, GROWING_SAMPLES).0;
@@ -347,7 +352,7 @@ impl<'f> Growth<'f> {
     pub(crate) fn grow_to_limit(&mut self) {
         self.descend(STEPS.0);
         let mut history: Vec<(f64, f64)> = Vec::new();
-        let (mut shortened, mut stale) = (0, 0);
+        let (mut shortened, mut stale, mut caution) = (0, 0, 1.0);
         for _ in 0..self.options.most_extrapolations {
             if self.options.deadline.is_some_and(|d| Instant::now() >= d) {
                 self.is_late = true;
@@ -391,13 +396,21 @@ impl<'f> Growth<'f> {
                 if shortened > SHORTENINGS {
                     break;
                 }
+                // Shortenings would not mend what has gone that wrong.
+                if load > MOST_EXCESS
+                    && let Some(good) = self.good.clone()
+                {
+                    self.settle(good);
+                    (load, caution) = (self.load(), 0.5 * caution);
+                    history.clear();
+                }
             }
             // The load as a power of the size, by the last two patches.
             let power = match history.as_slice() {
                 [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > 1e-4 => ((y1 - y0) / (x1 - x0)).clamp(3.0, 12.0),
                 _ => 6.0,
             };
-            let factor = (AIM / load).powf(1.0 / power).clamp(0.8, 1.0 + 2.0 * MOST_GROWTH);
+            let factor = (AIM / load).powf(1.0 / power).clamp(0.8, 1.0 + 2.0 * MOST_GROWTH * caution);
             // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the present patch; but its proportions are
             // those of the present one, as the steps shorten that direction more in which length costs more.
             let reached = self.edges();
@@ -541,6 +554,8 @@ impl<'f> Growth<'f> {
             };
             if let Some((targets, at)) = self.retargeted(&patch)
                 && (shares.iter().all(|s| *s < 0.0) || self.is_fair(&at))
+                && targets.l1.sqrt() <= MOST_LONGER * present[0]
+                && targets.l2.sqrt() <= MOST_LONGER * present[1]
             {
                 self.take(patch, targets, at);
                 return true;

@@ -4,7 +4,7 @@ use crate::cover::reached;
 use crate::distance::{Distances, distances_on};
 use crate::exact::make_exact;
 use crate::grow::{Grown, Growth};
-use crate::objective::{Method, Objective};
+use crate::objective::{Inner, Method, Objective};
 use crate::options::{Error, Options};
 use crate::quadric::quadric;
 use crate::surface::Seed;
@@ -156,7 +156,9 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
     if options.method == Method::Newton && field.jet3(seed.point).is_none() {
         return Err(Error::NoThirdDerivatives);
     }
-    let objective = |degree| Objective::new(field, degree, options.method, options.nodes).with_inner(options.inner);
+    // Patches along edges get long: L, which is about squared lengths, would not care for the shorter ones.
+    let inner = if whole.is_single() { options.inner } else { Inner::Tangents };
+    let objective = |degree| Objective::new(field, degree, options.method, options.nodes).with_inner(inner);
     let mut growth = Growth::start(objective(options.degree), on, seed, edge, options)?;
     growth.grow_to_limit();
     if to_be_exact {

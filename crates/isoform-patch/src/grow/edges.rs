@@ -35,6 +35,8 @@ const STEPS: usize = 12;
 const REACH: (f64, f64) = (-0.6, 0.6);
 /// Bisections towards an edge.
 const BISECTIONS: usize = 12;
+/// The share of a side that is near its end.
+const NEAR_END: f64 = 0.25;
 /// The most of a patch that is taken back at one side.
 const MOST_TRIMMED: f64 = 0.4;
 /// A side that gets no farther than this share of the patch has come to its edge.
@@ -104,14 +106,17 @@ impl<'f> Growth<'f> {
         (0..5).all(|i| (first..5).all(|j| on.beyond(patch.point(i as f64 / 4.0, j as f64 / 4.0)).is_none_or(|b| b.by <= allowed)))
     }
 
-    /// Where a side lies farthest beyond an edge, but those that its neighbours are held on: Newton steps see to them.
-    fn farthest(on: On<'f>, patch: &RationalPatch, side: usize, allowed: f64, but: [Side<'f>; 2]) -> Option<Beyond<'f>> {
-        let is_meant = |b: &Beyond<'f>| but.iter().any(|s| matches!(s, Side::At(edge) if std::ptr::addr_eq(*edge, b.edge)));
+    /// Where a side lies farthest beyond an edge. Near its ends it may lie beyond those that its neighbours `held` are held on: Newton
+    /// steps see to them.
+    fn farthest(on: On<'f>, patch: &RationalPatch, side: usize, allowed: f64, held: [Side<'f>; 2]) -> Option<Beyond<'f>> {
         let mut worst: Option<Beyond<'f>> = None;
         for i in 0..SAMPLES {
-            let (u, v) = parameters(side, i as f64 / (SAMPLES - 1) as f64, 0.0);
-            if let Some(b) = on.beyond(patch.point(u, v)).filter(|b| b.by > worst.map_or(allowed, |w| w.by) && !is_meant(b)) {
-                worst = Some(b);
+            let t = i as f64 / (SAMPLES - 1) as f64;
+            let (u, v) = parameters(side, t, 0.0);
+            let Some(beyond) = on.beyond(patch.point(u, v)).filter(|b| b.by > worst.map_or(allowed, |w| w.by)) else { continue };
+            let is_held = |side: Side<'f>| matches!(side, Side::At(edge) if std::ptr::addr_eq(edge, beyond.edge));
+            if !(t < NEAR_END && is_held(held[0]) || t > 1.0 - NEAR_END && is_held(held[1])) {
+                worst = Some(beyond);
             }
         }
         worst
@@ -154,12 +159,12 @@ impl<'f> Growth<'f> {
         let (mut patch, mut sides) = (self.patch.clone(), self.sides);
         for side in 0..4 {
             let longer = extended(&patch, side, by[side]);
-            let but = if side < 2 { [sides[2], sides[3]] } else { [sides[0], sides[1]] };
+            let held = if side < 2 { [sides[2], sides[3]] } else { [sides[0], sides[1]] };
             if by[side] <= 0.0 {
                 patch = longer;
                 continue;
             }
-            let Some(beyond) = Self::farthest(on, &longer, side, allowed, but) else {
+            let Some(beyond) = Self::farthest(on, &longer, side, allowed, held) else {
                 patch = longer;
                 continue;
             };
@@ -170,7 +175,7 @@ impl<'f> Growth<'f> {
             let (mut lo, mut hi) = (0.0, by[side]);
             for _ in 0..BISECTIONS {
                 let share = 0.5 * (lo + hi);
-                match Self::farthest(on, &extended(&patch, side, share), side, allowed, but) {
+                match Self::farthest(on, &extended(&patch, side, share), side, allowed, held) {
                     None => lo = share,
                     Some(_) => hi = share,
                 }
