@@ -114,7 +114,7 @@ fn blends_are_covered_and_proved() {
 #[test]
 fn a_round_fillet_is_one_patch_wide() {
     let text = "my_model(x[3], a[1]) { r = sqrt(x[1]*x[1] + x[2]*x[2]); u = 0 - x[3]; v = 0.25 - r;
-        h = max(0.12 - abs(u - v), 0); my_model = max(u, v) + h*h/0.48; }";
+        h = max(0.12 - max(u - v, v - u), 0); my_model = max(u, v) + h*h/0.48; }";
     let model = isoform_field::parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
     let options = Options { seed_point: Some([0.28, 0.0, 0.03]), ..options() };
     let made = parameterize_part(&model, &options).expect("a patch");
