@@ -86,9 +86,8 @@ fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)
     let (mut pending, mut done) = (vec![(root, Vec::new())], Vec::new());
     while let Some((root, limits)) = pending.pop() {
         let Some(question) = first_question(graph, root) else {
-            if graph.constant_value(root).is_none() {
-                done.push((root, limits));
-            }
+            // Constants count, too: without them the other functions would seem to hold where there is nothing but a constant.
+            done.push((root, limits));
             continue;
         };
         if pending.len() + done.len() >= MOST_BRANCHES {
@@ -247,5 +246,18 @@ mod tests {
             parts_of(&Model::parse(&text, Mode::Default).expect("a model"), &[0.0]).expect("parts").parts.len()
         };
         assert_eq!(["abs(u - v)", "max(u - v, v - u)"].map(count), [4; 2]);
+    }
+
+    /// Everywhere the parts that hold have the value of the model, also where that is a constant.
+    #[test]
+    fn constants_are_parts() {
+        let text = "my_model(x[3], a[1]) { my_model = cos(43*max(x[1], 0.1)) + 0.42; }";
+        let parts = parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
+        for (x, want) in [(1.0, 43f64.cos() + 0.42), (0.01, 4.3f64.cos() + 0.42), (-1.0, 4.3f64.cos() + 0.42)] {
+            let p = [x, 0.3, 0.7];
+            let holds = |part: &&SmoothPart| part.limits.iter().all(|l| l.value(p) >= 0.0);
+            let values: Vec<f64> = parts.parts.iter().filter(holds).map(|part| part.field.value(p)).collect();
+            assert!(!values.is_empty() && values.iter().all(|v| (v - want).abs() < 1e-15), "{x}: {values:?}");
+        }
     }
 }

@@ -260,7 +260,8 @@ impl<'f> Whole<'f> {
         let j = own.field.jet(p);
         let sharp = Beyond { by: value.abs() - j.v.abs() / norm(j.g), edge: other.field };
         match least.flatten() {
-            Some(limit) if limit.by >= sharp.by => Some(limit),
+            // From a constant, which vanishes nowhere, the distance is infinite.
+            Some(limit) if limit.by >= sharp.by || !sharp.by.is_finite() => Some(limit),
             _ => (sharp.by > 0.0).then_some(sharp),
         }
     }
