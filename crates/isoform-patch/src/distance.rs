@@ -19,6 +19,7 @@ use crate::whole::Whole;
 use isoform_geom::{Aabb, Expansion, Field, Point3, RationalPatch, norm, sub};
 use isoform_num::linalg::symmetric_eigen;
 use isoform_num::{Interval, Jet2};
+use std::time::Instant;
 
 /// Samples in each direction.
 const SAMPLES: usize = 41;
@@ -48,9 +49,9 @@ const FOOT_STEPS: usize = 8;
 const MOST_DEPTH: u32 = 24;
 /// A cell that is longer by this factor in one direction is divided there only.
 const LONGER: f64 = 1.6;
-/// The relative error of subdivision, per quartering, in the largest coordinate: half a unit for each of at most sixteen levels, in a
-/// coordinate and in the weight.
-const SUBDIVISION: f64 = 16.0 * f64::EPSILON;
+/// The error of subdivision, per quartering, in the largest homogeneous coordinate of the whole patch: half a unit for each of at most
+/// sixteen levels, for points three coordinates of which are so far off.
+const SUBDIVISION: f64 = 8.0 * 1.8 * f64::EPSILON;
 
 /// Distances from the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -149,15 +150,23 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
 /// cannot be proved)
 /// and, if that is not less than what is sampled, at no more than the tolerance.
 pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
-    distances_on(&Whole::of_field(field), patch, tolerance, None)
+    distances_on(&Whole::of_field(field), patch, tolerance, None, None)
 }
 
-/// The same from a whole surface; at edges a bound that is proved already is made no better than 2.7 times what is sampled.
-pub(crate) fn distances_on(whole: &Whole<'_>, patch: &RationalPatch, tolerance: Option<f64>, proved: Option<f64>) -> Distances {
+/// The same from a whole surface; at edges a bound that is proved already is made no better than 2.7 times what is sampled. After the
+/// deadline nothing more is proved.
+pub(crate) fn distances_on(
+    whole: &Whole<'_>,
+    patch: &RationalPatch,
+    tolerance: Option<f64>,
+    proved: Option<f64>,
+    deadline: Option<Instant>,
+) -> Distances {
+    let prove = |target, cells| prove_on(whole, patch, target, Effort { cells, deadline });
     let (sampled, rms) = sampled_on(whole, patch, SAMPLES);
     let size = largest_coordinate(patch);
     if whole.is_single() && sampled <= EXACT * size {
-        let proved = |(target, cells): &(f64, usize)| prove_on(whole, patch, (target * size).max(2.0 * sampled), *cells);
+        let proved = |(target, cells): &(f64, usize)| prove((target * size).max(2.0 * sampled), *cells);
         return Distances { bound: EXACT_TARGETS.iter().find_map(proved).map(|b| b.max(sampled)), sampled, rms };
     }
     // At edges a bound may be farther from the distance than elsewhere, and what is little against the tolerance is not worth its cells.
@@ -170,28 +179,45 @@ pub(crate) fn distances_on(whole: &Whole<'_>, patch: &RationalPatch, tolerance: 
     let bound = slacks.iter().find_map(|slack| {
         let target = (slack * sampled).max(ROUNDING * size).max(least);
         let target = tolerance.filter(|t| *t >= sampled).map_or(target, |t| target.min(t));
-        prove_on(whole, patch, target, cells).map(|b| b.max(sampled))
+        prove(target, cells).map(|b| b.max(sampled))
     });
     let bound = bound.or(proved).or_else(|| {
         let target = tolerance.filter(|t| !whole.is_single() && *t >= sampled)?;
-        prove_on(whole, patch, target, cells).map(|b| b.max(sampled))
+        prove(target, cells).map(|b| b.max(sampled))
     });
     Distances { bound, sampled, rms }
 }
 
-/// The largest coordinate of a patch, at least; 1 unless its control weights are positive.
+/// The largest coordinate of a patch, by samples: control points may be far away.
 fn largest_coordinate(patch: &RationalPatch) -> f64 {
-    patch.control_box().map_or(1.0, |b| b.lo.iter().chain(&b.hi).fold(0.0f64, |m, v| m.max(v.abs())))
+    const N: usize = 9;
+    let at = |i: usize| i as f64 / (N - 1) as f64;
+    let all = (0..N * N).flat_map(|k| patch.point(at(k / N), at(k % N)));
+    all.fold(0.0, |m, v| m.max(v.abs()))
+}
+
+/// The largest of |X|, |Y| and |Z| of the control points (x, y and z multiplied by the weight), and of their weights.
+fn largest_homogeneous(patch: &RationalPatch) -> (f64, f64) {
+    patch.control().iter().fold((0.0, 0.0), |(x, w), c| (x.max(c[0].abs()).max(c[1].abs()).max(c[2].abs()), w.max(c[3].abs())))
 }
 
 /// A bound on the distance of all points of a patch from the surface that is at most `target`, if such a one can be proved with so
 /// many cells.
 pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
-    prove_on(&Whole::of_field(field), patch, target, cells)
+    prove_on(&Whole::of_field(field), patch, target, Effort { cells, deadline: None })
+}
+
+/// What a proof may cost.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Effort {
+    /// Cells that may be looked at.
+    pub(crate) cells: usize,
+    /// When it is given up.
+    pub(crate) deadline: Option<Instant>,
 }
 
 /// The same from a whole surface.
-pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
+pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, effort: Effort) -> Option<f64> {
     let products = Products::new(patch.degree());
     let size = largest_coordinate(patch);
     let terms = if whole.is_single() && target < COMPOSED * size { whole.field(0).terms() } else { None };
@@ -200,10 +226,10 @@ pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, ce
     let (mut worst, mut looked_at) = (0.0f64, 0);
     while let Some((cell, depth)) = pending.pop() {
         looked_at += 1;
-        if looked_at > cells {
+        if looked_at > effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d) {
             return None;
         }
-        match bound_of_cell(whole, &cell, depth, target, known, &products) {
+        match bound_of_cell(whole, &cell, (depth, largest_homogeneous(patch)), target, known, &products) {
             Some(b) => worst = worst.max(b),
             None if depth == MOST_DEPTH => return None,
             None => pending.extend(divided(&cell).into_iter().map(|c| (c, depth + 1))),
@@ -271,7 +297,14 @@ fn magnitude(i: &Interval) -> f64 {
 
 /// A bound on the distance of a cell from the surface, if one of at most `target` is found; of a single function F, |F| is known to be at most
 /// `known` on it.
-fn bound_of_cell(whole: &Whole<'_>, cell: &RationalPatch, depth: u32, target: f64, known: f64, products: &Products) -> Option<f64> {
+fn bound_of_cell(
+    whole: &Whole<'_>,
+    cell: &RationalPatch,
+    (depth, whole_size): (u32, (f64, f64)),
+    target: f64,
+    known: f64,
+    products: &Products,
+) -> Option<f64> {
     let (least, _) = cell.control_weights();
     if least <= 0.0 {
         return None;
@@ -287,7 +320,8 @@ fn bound_of_cell(whole: &Whole<'_>, cell: &RationalPatch, depth: u32, target: f6
             largest = largest.max(c[k].abs() + r[k]);
         }
     }
-    let rounding = SUBDIVISION * f64::from(depth + 1) * largest;
+    // x = X/w is off by (ΔX + |x| Δw)/w.
+    let rounding = SUBDIVISION * f64::from(depth + 1) * (whole_size.0 + largest * whole_size.1) / least * (1.0 + 1e-9);
     let reach = norm(r);
     // How far beyond the cell the surface is sought: as far as it seems to be, not as far as it may be.
     let beyond = (2.0 * whole.first_order(c).0.abs() + 0.25 * reach).min(target);
@@ -591,5 +625,18 @@ mod tests {
         let want: f64 = (0..4).map(|k| value(&|i| a[i][k], 2, 1) * value(&|i| b[i][k], 2, 1)).sum();
         assert!((value(&|i| product[i][0], 4, 2) - want).abs() < 1e-14);
         assert!((value(&|i| product[i][1], 4, 2) - value(&|i| a[i][3], 2, 1).powi(2)).abs() < 1e-14);
+    }
+
+    /// Along a double curve a proof to 10⁻⁷ takes millions of cells: a deadline ends it.
+    #[test]
+    fn a_deadline_ends_a_proof() {
+        let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);
+        let patch = RationalPatch::planar((2, 2), [1e-10, -0.3, -0.3], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]);
+        let start = Instant::now();
+        let deadline = Some(start + std::time::Duration::from_millis(50));
+        let effort = Effort { cells: usize::MAX, deadline };
+        assert_eq!(prove_on(&Whole::of_field(&planes), &patch, 1e-7, effort), None);
+        let taken = start.elapsed().as_secs_f64();
+        assert!((0.05..5.0).contains(&taken), "{taken}");
     }
 }

@@ -11,7 +11,7 @@ mod edges;
 
 pub(crate) use edges::Side;
 
-use crate::distance::{prove_on, sampled, sampled_on};
+use crate::distance::{Effort, prove_on, sampled, sampled_on};
 use crate::objective::{CORNERS, Evaluated, Method, Objective, Targets, Terms, Weights};
 use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
@@ -48,7 +48,7 @@ const SHORTENINGS: usize = 4;
 /// Patches in a row that keep the bound and are no larger than another one before them.
 const STALE: usize = 6;
 /// With a tolerance, a root mean square distance below this share of it is no reason to let go of the patch's shape.
-const LITTLE: f64 = 0.1;
+const LITTLE: f64 = 0.05;
 /// Times that J gets more weight after an extrapolation, for control weights,
 const RAISES: usize = 8;
 /// unless the patch exceeds what is allowed by this factor anyway.
@@ -354,8 +354,7 @@ impl<'f> Growth<'f> {
         let mut history: Vec<(f64, f64)> = Vec::new();
         let (mut shortened, mut stale, mut caution) = (0, 0, 1.0);
         for _ in 0..self.options.most_extrapolations {
-            if self.options.deadline.is_some_and(|d| Instant::now() >= d) {
-                self.is_late = true;
+            if self.late() {
                 break;
             }
             self.trim();
@@ -388,7 +387,8 @@ impl<'f> Growth<'f> {
                     }
                 }
                 shortened = 0;
-                if load >= FULL {
+                // With a tolerance the proportions may still change, and with them the area.
+                if load >= FULL && (self.options.tolerance.is_none() || stale > 0) {
                     break;
                 }
             } else {
@@ -423,6 +423,12 @@ impl<'f> Growth<'f> {
         if let Some(best) = self.good.take() {
             self.settle(best);
         }
+    }
+
+    /// Whether the time is over, which is kept in mind.
+    pub(crate) fn late(&mut self) -> bool {
+        self.is_late |= self.options.deadline.is_some_and(|d| Instant::now() >= d);
+        self.is_late
     }
 
     /// Where a control weight is too small, gives J more weight; whether it did.
@@ -475,15 +481,14 @@ impl<'f> Growth<'f> {
     pub(crate) fn keep_tolerance(&mut self) -> Option<f64> {
         let tolerance = self.options.tolerance?;
         let is_single = self.on.whole.is_single();
-        let cells = if is_single { PROOF_CELLS } else { PROOF_CELLS_AT_EDGES };
+        let effort = Effort { cells: if is_single { PROOF_CELLS } else { PROOF_CELLS_AT_EDGES }, deadline: self.options.deadline };
         let (most, share) = if is_single { (SHORTER, SHARE_SHORTER) } else { (SHORTER_AT_EDGES, SHARE_SHORTER_AT_EDGES) };
         for _ in 0..most {
-            if self.options.deadline.is_some_and(|d| Instant::now() >= d) {
-                self.is_late = true;
+            if self.late() {
                 return None;
             }
             let is_hopeless = !is_single && sampled_on(self.on.whole, &self.patch, PROVED_SAMPLES).0 > HOPELESS * tolerance;
-            let proved = if is_hopeless { None } else { prove_on(self.on.whole, &self.patch, tolerance, cells) };
+            let proved = if is_hopeless { None } else { prove_on(self.on.whole, &self.patch, tolerance, effort) };
             if proved.is_some() {
                 return proved;
             }

@@ -172,13 +172,13 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
     }
     let proved = growth.keep_tolerance();
     clock.phase("grow");
-    let mut known = distances_on(whole, &growth.patch, options.tolerance, proved);
+    let mut known = distances_on(whole, &growth.patch, options.tolerance, proved, options.deadline);
     // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
-        if known.bound.is_some() || !growth.retreat(share) {
+        if known.bound.is_some() || growth.late() || !growth.retreat(share) {
             break;
         }
-        known = distances_on(whole, &growth.patch, options.tolerance, None);
+        known = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
     }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();

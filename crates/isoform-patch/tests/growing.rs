@@ -209,6 +209,20 @@ fn patches_across_a_double_curve_become_exact() {
     assert_eq!(made.quadric, None);
 }
 
+/// The middle control point of a stereographic patch over (−a, a)² has the weight 1 − 2a²: near a² = 1/2 it is far away, but the patch is
+/// as near to the sphere as others. A bound on the distance from a program that is no polynomial must show that, too.
+#[test]
+fn far_control_points_do_not_loosen_bounds() {
+    let patch = stereographic(0.5, 0.7);
+    let far = patch.control().iter().fold(0.0f64, |m, c| m.max((c[2] / c[3]).abs()));
+    assert!(far > 40.0, "{far}");
+    let text = "my_model(x[3], a[1]) { my_model = 0.5 - sqrt(x[1]^2 + x[2]^2 + x[3]^2); }";
+    let model = isoform_field::hyperfun::Model::parse(text, isoform_field::hyperfun::Mode::Default).expect("a model");
+    let parts = isoform_field::parts_of(&model, &[0.0]).expect("parts");
+    let bound = distances(parts.parts[0].field.as_ref(), &patch, None).bound.expect("a proof");
+    assert!(bound < 1e-6, "{bound:e}");
+}
+
 /// Two planes that cross: patches on one of them, moved by d, are d away from it, and no bound may be less.
 #[test]
 fn bounds_at_crossings_are_no_less_than_distances() {
