@@ -32,17 +32,18 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
         for (root, limits) in branches {
             let field = known.field(&graph, root);
             let limits = limits.into_iter().map(|l| known.field(&graph, l)).collect();
-            parts.push(SmoothPart { piece: piece as u32, field, limits });
+            let function = known.function(field.as_ref(), parts.len());
+            parts.push(SmoothPart { piece: piece as u32, field, limits, function });
         }
     }
     Ok(Parts { tree: pieces.tree().clone(), parts })
 }
 
-/// The functions of parts. Those that agree at random places are one: two decisions often lead to one formula, written differently.
+/// The functions of parts, and what they are at random places: two decisions often lead to one function, written differently.
 #[derive(Default)]
 struct Known {
     by_node: HashMap<NodeId, Arc<dyn Field>>,
-    by_values: Vec<(Vec<f64>, Arc<dyn Field>)>,
+    by_values: Vec<(Vec<f64>, usize)>,
 }
 
 /// Random places at which functions are compared.
@@ -52,10 +53,12 @@ const SAME: f64 = 1e-12;
 
 impl Known {
     fn field(&mut self, graph: &Graph, root: NodeId) -> Arc<dyn Field> {
-        if let Some(field) = self.by_node.get(&root) {
-            return field.clone();
-        }
-        let field: Arc<dyn Field> = Arc::new(Bound::new(Residual::new(Tape::new(graph, &[root], 3, 0)), &[]));
+        let new = || Arc::new(Bound::new(Residual::new(Tape::new(graph, &[root], 3, 0)), &[])) as Arc<dyn Field>;
+        self.by_node.entry(root).or_insert_with(new).clone()
+    }
+
+    /// The first part whose function agrees with that of this part.
+    fn function(&mut self, field: &dyn Field, part: usize) -> usize {
         let mut random = Random::new();
         let values: Vec<f64> = (0..PLACES)
             .map(|_| {
@@ -67,13 +70,11 @@ impl Known {
             let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * (1.0 + a.abs().max(b.abs()));
             values.iter().zip(other).all(near)
         };
-        let found = self.by_values.iter().find(|(other, _)| same(other)).map(|(_, field)| field.clone());
-        let field = found.unwrap_or_else(|| {
-            self.by_values.push((values, field.clone()));
-            field
-        });
-        self.by_node.insert(root, field.clone());
-        field
+        let found = self.by_values.iter().find(|(other, _)| same(other)).map(|(_, first)| *first);
+        found.unwrap_or_else(|| {
+            self.by_values.push((values, part));
+            part
+        })
     }
 }
 
@@ -85,9 +86,8 @@ fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)
     let (mut pending, mut done) = (vec![(root, Vec::new())], Vec::new());
     while let Some((root, limits)) = pending.pop() {
         let Some(question) = first_question(graph, root) else {
-            if graph.constant_value(root).is_none() {
-                done.push((root, limits));
-            }
+            // Constants count, too: without them the other functions would seem to hold where there is nothing but a constant.
+            done.push((root, limits));
             continue;
         };
         if pending.len() + done.len() >= MOST_BRANCHES {
@@ -118,16 +118,33 @@ fn first_question(graph: &Graph, root: NodeId) -> Option<Question> {
     need.iter().enumerate().filter(|(_, need)| **need).find_map(|(i, _)| question(graph, graph.node(NodeId(i as u32))).map(|q| q.0))
 }
 
-/// The question of a node with a kink, and whether the node asks it the other way round. |u − v| asks the same as max(u, v).
+/// The question of a node with a kink, and whether the node asks it the other way round. |u − v| and max(u − v, v − u) ask the same as
+/// max(u, v): asked apart, answers that contradict each other would make parts that hold where u = v only, and there spoil proofs.
 fn question(graph: &Graph, node: &Node) -> Option<(Question, bool)> {
     let ordered = |u: NodeId, v: NodeId| if u <= v { ((u, v), false) } else { ((v, u), true) };
+    let of_sign = |u: NodeId| match *graph.node(u) {
+        Node::Binary(Binary::Sub, u, v) => Some(ordered(u, v)),
+        _ => Some(ordered(u, graph.zero()?)),
+    };
     match *node {
-        Node::Set(SetOp::Min | SetOp::Max, u, v) | Node::Binary(Binary::Less | Binary::LessEq, u, v) => Some(ordered(u, v)),
-        Node::Unary(Unary::Abs, u) => match *graph.node(u) {
-            Node::Binary(Binary::Sub, u, v) => Some(ordered(u, v)),
-            _ => Some(ordered(u, graph.zero()?)),
-        },
+        Node::Set(SetOp::Min | SetOp::Max, u, v) | Node::Binary(Binary::Less | Binary::LessEq, u, v) => {
+            if is_negative(graph, u, v) {
+                of_sign(u)
+            } else {
+                Some(ordered(u, v))
+            }
+        }
+        Node::Unary(Unary::Abs, u) => of_sign(u),
         _ => None,
+    }
+}
+
+/// Whether v is −u, as far as is seen.
+fn is_negative(graph: &Graph, u: NodeId, v: NodeId) -> bool {
+    match (graph.node(u), graph.node(v)) {
+        (Node::Binary(Binary::Sub, a, b), Node::Binary(Binary::Sub, c, d)) => a == d && b == c,
+        (_, Node::Unary(Unary::Neg, w)) => *w == u,
+        _ => false,
     }
 }
 
@@ -216,6 +233,31 @@ mod tests {
             let holds = |part: &&SmoothPart| part.limits.iter().all(|l| l.value(p) >= 0.0);
             let values: Vec<f64> = parts.parts.iter().filter(holds).map(|part| part.field.value(p)).collect();
             assert!(!values.is_empty() && values.iter().all(|v| (v - want).abs() < 1e-15), "{p:?}: {values:?}");
+        }
+    }
+
+    /// Written in two ways, one question has one answer: parts that hold where u = v only would spoil proofs there.
+    #[test]
+    fn one_question_is_asked_once() {
+        let count = |size: &str| {
+            let text = format!(
+                "my_model(x[3], a[1]) {{ u = x[1]; v = x[2]; k = 0.5; h = max(k - {size}, 0)/k; my_model = max(u, v) + h*h*k/4; }}"
+            );
+            parts_of(&Model::parse(&text, Mode::Default).expect("a model"), &[0.0]).expect("parts").parts.len()
+        };
+        assert_eq!(["abs(u - v)", "max(u - v, v - u)"].map(count), [4; 2]);
+    }
+
+    /// Everywhere the parts that hold have the value of the model, also where that is a constant.
+    #[test]
+    fn constants_are_parts() {
+        let text = "my_model(x[3], a[1]) { my_model = cos(43*max(x[1], 0.1)) + 0.42; }";
+        let parts = parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
+        for (x, want) in [(1.0, 43f64.cos() + 0.42), (0.01, 4.3f64.cos() + 0.42), (-1.0, 4.3f64.cos() + 0.42)] {
+            let p = [x, 0.3, 0.7];
+            let holds = |part: &&SmoothPart| part.limits.iter().all(|l| l.value(p) >= 0.0);
+            let values: Vec<f64> = parts.parts.iter().filter(holds).map(|part| part.field.value(p)).collect();
+            assert!(!values.is_empty() && values.iter().all(|v| (v - want).abs() < 1e-15), "{x}: {values:?}");
         }
     }
 }

@@ -13,6 +13,9 @@ pub struct SmoothPart {
     pub field: Arc<dyn Field>,
     /// The function is that of the piece where none of these is negative. The parts of a piece join smoothly there.
     pub limits: Vec<Arc<dyn Field>>,
+    /// The first part that seems to have the same function, so that the surface goes on smoothly from one to the other. No proof may rely
+    /// on it: functions have been compared at some places only.
+    pub function: usize,
 }
 
 impl fmt::Debug for SmoothPart {

@@ -19,6 +19,7 @@ use crate::whole::Whole;
 use isoform_geom::{Aabb, Expansion, Field, Point3, RationalPatch, norm, sub};
 use isoform_num::linalg::symmetric_eigen;
 use isoform_num::{Interval, Jet2};
+use std::time::Instant;
 
 /// Samples in each direction.
 const SAMPLES: usize = 41;
@@ -44,11 +45,13 @@ const MOST_CELLS_AT_EDGES: usize = 2000;
 const AT_EDGES: f64 = 0.02;
 /// Newton steps to a foot point about which the sign is looked at.
 const FOOT_STEPS: usize = 8;
-/// Halvings of the patch in each direction.
-const MOST_DEPTH: u32 = 18;
-/// The relative error of subdivision, per quartering, in the largest coordinate: half a unit for each of at most sixteen levels, in a
-/// coordinate and in the weight.
-const SUBDIVISION: f64 = 16.0 * f64::EPSILON;
+/// Divisions of the patch.
+const MOST_DEPTH: u32 = 24;
+/// A cell that is longer by this factor in one direction is divided there only.
+const LONGER: f64 = 1.6;
+/// The error of subdivision, per quartering, in the largest homogeneous coordinate of the whole patch: half a unit for each of at most
+/// sixteen levels, for points three coordinates of which are so far off.
+const SUBDIVISION: f64 = 8.0 * 1.8 * f64::EPSILON;
 
 /// Distances from the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,44 +150,74 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
 /// cannot be proved)
 /// and, if that is not less than what is sampled, at no more than the tolerance.
 pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
-    distances_on(&Whole::of_field(field), patch, tolerance)
+    distances_on(&Whole::of_field(field), patch, tolerance, None, None)
 }
 
-/// The same from a whole surface.
-pub(crate) fn distances_on(whole: &Whole<'_>, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
+/// The same from a whole surface; at edges a bound that is proved already is made no better than 2.7 times what is sampled. After the
+/// deadline nothing more is proved.
+pub(crate) fn distances_on(
+    whole: &Whole<'_>,
+    patch: &RationalPatch,
+    tolerance: Option<f64>,
+    proved: Option<f64>,
+    deadline: Option<Instant>,
+) -> Distances {
+    let prove = |target, cells| prove_on(whole, patch, target, Effort { cells, deadline });
     let (sampled, rms) = sampled_on(whole, patch, SAMPLES);
     let size = largest_coordinate(patch);
     if whole.is_single() && sampled <= EXACT * size {
-        let proved = |(target, cells): &(f64, usize)| prove_on(whole, patch, (target * size).max(2.0 * sampled), *cells);
+        let proved = |(target, cells): &(f64, usize)| prove((target * size).max(2.0 * sampled), *cells);
         return Distances { bound: EXACT_TARGETS.iter().find_map(proved).map(|b| b.max(sampled)), sampled, rms };
     }
     // At edges a bound may be farther from the distance than elsewhere, and what is little against the tolerance is not worth its cells.
     let (least, cells) = if whole.is_single() { (0.0, MOST_CELLS) } else { (AT_EDGES * tolerance.unwrap_or(0.0), MOST_CELLS_AT_EDGES) };
-    let bound = SLACK.iter().find_map(|slack| {
+    let proved = proved.filter(|_| !whole.is_single()).map(|b| b.max(sampled));
+    let slacks = if proved.is_some() { &SLACK[1..] } else { &SLACK[..] };
+    if let Some(bound) = proved.filter(|b| *b <= (slacks[0] * sampled).max(least)) {
+        return Distances { bound: Some(bound), sampled, rms };
+    }
+    let bound = slacks.iter().find_map(|slack| {
         let target = (slack * sampled).max(ROUNDING * size).max(least);
         let target = tolerance.filter(|t| *t >= sampled).map_or(target, |t| target.min(t));
-        prove_on(whole, patch, target, cells).map(|b| b.max(sampled))
+        prove(target, cells).map(|b| b.max(sampled))
     });
-    let bound = bound.or_else(|| {
+    let bound = bound.or(proved).or_else(|| {
         let target = tolerance.filter(|t| !whole.is_single() && *t >= sampled)?;
-        prove_on(whole, patch, target, cells).map(|b| b.max(sampled))
+        prove(target, cells).map(|b| b.max(sampled))
     });
     Distances { bound, sampled, rms }
 }
 
-/// The largest coordinate of a patch, at least; 1 unless its control weights are positive.
+/// The largest coordinate of a patch, by samples: control points may be far away.
 fn largest_coordinate(patch: &RationalPatch) -> f64 {
-    patch.control_box().map_or(1.0, |b| b.lo.iter().chain(&b.hi).fold(0.0f64, |m, v| m.max(v.abs())))
+    const N: usize = 9;
+    let at = |i: usize| i as f64 / (N - 1) as f64;
+    let all = (0..N * N).flat_map(|k| patch.point(at(k / N), at(k % N)));
+    all.fold(0.0, |m, v| m.max(v.abs()))
+}
+
+/// The largest of |X|, |Y| and |Z| of the control points (x, y and z multiplied by the weight), and of their weights.
+fn largest_homogeneous(patch: &RationalPatch) -> (f64, f64) {
+    patch.control().iter().fold((0.0, 0.0), |(x, w), c| (x.max(c[0].abs()).max(c[1].abs()).max(c[2].abs()), w.max(c[3].abs())))
 }
 
 /// A bound on the distance of all points of a patch from the surface that is at most `target`, if such a one can be proved with so
 /// many cells.
 pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
-    prove_on(&Whole::of_field(field), patch, target, cells)
+    prove_on(&Whole::of_field(field), patch, target, Effort { cells, deadline: None })
+}
+
+/// What a proof may cost.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Effort {
+    /// Cells that may be looked at.
+    pub(crate) cells: usize,
+    /// When it is given up.
+    pub(crate) deadline: Option<Instant>,
 }
 
 /// The same from a whole surface.
-pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
+pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, effort: Effort) -> Option<f64> {
     let products = Products::new(patch.degree());
     let size = largest_coordinate(patch);
     let terms = if whole.is_single() && target < COMPOSED * size { whole.field(0).terms() } else { None };
@@ -193,33 +226,47 @@ pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, ce
     let (mut worst, mut looked_at) = (0.0f64, 0);
     while let Some((cell, depth)) = pending.pop() {
         looked_at += 1;
-        if looked_at > cells {
+        if looked_at > effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d) {
             return None;
         }
-        match bound_of_cell(whole, &cell, depth, target, known, &products) {
+        match bound_of_cell(whole, &cell, (depth, largest_homogeneous(patch)), target, known, &products) {
             Some(b) => worst = worst.max(b),
             None if depth == MOST_DEPTH => return None,
-            None => pending.extend(quarters(&cell).map(|c| (c, depth + 1))),
+            None => pending.extend(divided(&cell).into_iter().map(|c| (c, depth + 1))),
         }
     }
     Some(worst)
 }
 
-/// The quarters of a patch, by de Casteljau's algorithm at 1/2 in both directions.
-fn quarters(patch: &RationalPatch) -> [RationalPatch; 4] {
+/// The halves of a patch that is longer in one direction, the quarters of another one.
+fn divided(patch: &RationalPatch) -> Vec<RationalPatch> {
+    let c = patch.control();
+    let (n, last) = (patch.degree().1, c.len() - 1);
+    let length = |a: usize, b: usize| {
+        let [p, q] = [c[a], c[b]].map(|c| [c[0] / c[3], c[1] / c[3], c[2] / c[3]]);
+        norm(sub(p, q))
+    };
+    let along_u = length(0, last - n).max(length(n, last));
+    let along_v = length(0, n).max(length(last - n, last));
+    parts(patch, along_v <= LONGER * along_u, along_u <= LONGER * along_v)
+}
+
+/// The parts of a patch, by de Casteljau's algorithm at 1/2, in u, in v or both.
+fn parts(patch: &RationalPatch, in_u: bool, in_v: bool) -> Vec<RationalPatch> {
     let (m, n) = patch.degree();
-    let mut all = [0; 4].map(|_| patch.clone());
-    // Along v: patches 0 and 2 take the lower half, 1 and 3 the upper one; then along u: 0 and 1 the lower, 2 and 3 the upper.
-    for (which, patch) in all.iter_mut().enumerate() {
-        let control = patch.control_mut();
-        for i in 0..=m {
-            halve(control, i * (n + 1), 1, n, which % 2 == 1);
+    let of = |upper_u: bool, upper_v: bool| {
+        let mut part = patch.clone();
+        let control = part.control_mut();
+        if in_v {
+            (0..=m).for_each(|i| halve(control, i * (n + 1), 1, n, upper_v));
         }
-        for j in 0..=n {
-            halve(control, j, n + 1, m, which >= 2);
+        if in_u {
+            (0..=n).for_each(|j| halve(control, j, n + 1, m, upper_u));
         }
-    }
-    all
+        part
+    };
+    let all = [(false, false), (false, true), (true, false), (true, true)];
+    all.into_iter().filter(|(u, v)| (in_u || !u) && (in_v || !v)).map(|(u, v)| of(u, v)).collect()
 }
 
 /// Replaces the Bézier points at `first`, `first + step`, … of degree n by those of the lower or the upper half.
@@ -250,7 +297,14 @@ fn magnitude(i: &Interval) -> f64 {
 
 /// A bound on the distance of a cell from the surface, if one of at most `target` is found; of a single function F, |F| is known to be at most
 /// `known` on it.
-fn bound_of_cell(whole: &Whole<'_>, cell: &RationalPatch, depth: u32, target: f64, known: f64, products: &Products) -> Option<f64> {
+fn bound_of_cell(
+    whole: &Whole<'_>,
+    cell: &RationalPatch,
+    (depth, whole_size): (u32, (f64, f64)),
+    target: f64,
+    known: f64,
+    products: &Products,
+) -> Option<f64> {
     let (least, _) = cell.control_weights();
     if least <= 0.0 {
         return None;
@@ -266,7 +320,8 @@ fn bound_of_cell(whole: &Whole<'_>, cell: &RationalPatch, depth: u32, target: f6
             largest = largest.max(c[k].abs() + r[k]);
         }
     }
-    let rounding = SUBDIVISION * f64::from(depth + 1) * largest;
+    // x = X/w is off by (ΔX + |x| Δw)/w.
+    let rounding = SUBDIVISION * f64::from(depth + 1) * (whole_size.0 + largest * whole_size.1) / least * (1.0 + 1e-9);
     let reach = norm(r);
     // How far beyond the cell the surface is sought: as far as it seems to be, not as far as it may be.
     let beyond = (2.0 * whole.first_order(c).0.abs() + 0.25 * reach).min(target);
@@ -548,7 +603,7 @@ mod tests {
         let patch = RationalPatch::new((2, 3), control).expect("a patch");
         let (lower, upper) = ((0.0, 0.5), (0.5, 1.0));
         let parts = [(lower, lower), (lower, upper), (upper, lower), (upper, upper)].map(|(u, v)| patch.part(u, v));
-        for (a, b) in quarters(&patch).iter().zip(&parts) {
+        for (a, b) in super::parts(&patch, true, true).iter().zip(&parts) {
             for (a, b) in a.control().as_flattened().iter().zip(b.control().as_flattened()) {
                 assert!((a - b).abs() < 1e-15);
             }
@@ -570,5 +625,18 @@ mod tests {
         let want: f64 = (0..4).map(|k| value(&|i| a[i][k], 2, 1) * value(&|i| b[i][k], 2, 1)).sum();
         assert!((value(&|i| product[i][0], 4, 2) - want).abs() < 1e-14);
         assert!((value(&|i| product[i][1], 4, 2) - value(&|i| a[i][3], 2, 1).powi(2)).abs() < 1e-14);
+    }
+
+    /// Along a double curve a proof to 10⁻⁷ takes millions of cells: a deadline ends it.
+    #[test]
+    fn a_deadline_ends_a_proof() {
+        let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);
+        let patch = RationalPatch::planar((2, 2), [1e-10, -0.3, -0.3], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]);
+        let start = Instant::now();
+        let deadline = Some(start + std::time::Duration::from_millis(50));
+        let effort = Effort { cells: usize::MAX, deadline };
+        assert_eq!(prove_on(&Whole::of_field(&planes), &patch, 1e-7, effort), None);
+        let taken = start.elapsed().as_secs_f64();
+        assert!((0.05..5.0).contains(&taken), "{taken}");
     }
 }

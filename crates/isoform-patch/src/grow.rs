@@ -11,7 +11,7 @@ mod edges;
 
 pub(crate) use edges::Side;
 
-use crate::distance::{prove_on, sampled, sampled_on};
+use crate::distance::{Effort, prove_on, sampled, sampled_on};
 use crate::objective::{CORNERS, Evaluated, Method, Objective, Targets, Terms, Weights};
 use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
@@ -31,6 +31,10 @@ const HALVINGS: usize = 30;
 pub(crate) const MOST_GROWTH: f64 = 0.16;
 /// S after an extrapolation, before Newton steps, may be this many times its bound.
 const MOST_EXCESS: f64 = 30.0;
+/// The load of a patch that is folded over.
+const FOLDED: f64 = 1e6;
+/// A patch that is longer by this factor has come near a pole. On a plane its distance would not show it.
+const MOST_LONGER: f64 = 2.5;
 /// Secant steps towards the size that an extrapolation aims at.
 const SECANTS: usize = 4;
 /// Bisections of an extrapolation until it is a start for Newton's method.
@@ -41,6 +45,14 @@ const AIM: f64 = 0.997;
 const FULL: f64 = 0.985;
 /// Shortenings in a row before the last good patch is taken.
 const SHORTENINGS: usize = 4;
+/// Patches in a row that keep the bound and are no larger than another one before them.
+const STALE: usize = 6;
+/// With a tolerance, a root mean square distance below this share of it is no reason to let go of the patch's shape.
+const LITTLE: f64 = 0.05;
+/// Times that J gets more weight after an extrapolation, for control weights,
+const RAISES: usize = 8;
+/// unless the patch exceeds what is allowed by this factor anyway.
+const MOST_RAISED: f64 = 1.5;
 /// Newton steps after an extrapolation, far from the bound and near it.
 const STEPS: (Stop, Stop) = (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 2e-3 });
 /// The sampled distance may be this share of the tolerance: what the proof adds must fit, too.
@@ -54,16 +66,17 @@ pub(crate) const LEAST_WEIGHT: f64 = 0.02;
 /// Times that a patch is made shorter for the proof of its tolerance.
 const SHORTER: usize = 12;
 /// The same of a surface with parts: there more is in vain.
-const SHORTER_AT_EDGES: usize = 4;
+const SHORTER_AT_EDGES: usize = 3;
 /// Cells of that proof.
 const PROOF_CELLS: usize = 300_000;
 /// The same of a surface with parts.
-const PROOF_CELLS_AT_EDGES: usize = 2500;
+const PROOF_CELLS_AT_EDGES: usize = 8000;
 /// Before it is proved, the distance is sampled in a finer grid; near edges proofs need some room.
 const PROVED_SAMPLES: usize = 33;
 const HOPELESS: f64 = 0.7;
 /// By how much at each side.
 const SHARE_SHORTER: f64 = 0.01;
+const SHARE_SHORTER_AT_EDGES: f64 = 0.06;
 /// Quadrature that is off by more than this share gets more nodes.
 const UNRESOLVED: f64 = 0.02;
 /// From this share of the bound on.
@@ -185,6 +198,9 @@ impl<'f> Growth<'f> {
             sides: [Side::Free; 4],
         };
         growth.objective.weights = options.start;
+        if let Some(tolerance) = options.tolerance {
+            (growth.objective.little, growth.objective.by_control) = ((LITTLE * tolerance).powi(2), true);
+        }
         let mut size = START_SIZE * unit;
         for _ in 0..HALVINGS {
             let [a, b] = seed.tangents.map(|t| t.map(|v| v * size));
@@ -223,6 +239,7 @@ impl<'f> Growth<'f> {
     fn load(&self) -> f64 {
         match self.options.tolerance {
             Some(t) if self.on.whole.is_single() => sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0 / (WITHIN * t),
+            Some(_) if self.objective.is_folded(&self.at) => FOLDED,
             Some(t) => {
                 let distance = sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0;
                 let whole = sampled_on(self.on.whole, &self.patch, GROWING_SAMPLES).0;
@@ -335,27 +352,43 @@ impl<'f> Growth<'f> {
     pub(crate) fn grow_to_limit(&mut self) {
         self.descend(STEPS.0);
         let mut history: Vec<(f64, f64)> = Vec::new();
-        let mut shortened = 0;
+        let (mut shortened, mut stale, mut caution) = (0, 0, 1.0);
         for _ in 0..self.options.most_extrapolations {
-            if self.options.deadline.is_some_and(|d| Instant::now() >= d) {
-                self.is_late = true;
+            if self.late() {
                 break;
             }
+            self.trim();
             let mut load = self.load();
             if load > NEAR {
                 self.descend(STEPS.1);
+                self.trim();
                 load = self.load();
             }
             if load > RESOLVE && self.refine() {
                 self.descend(STEPS.1);
                 load = self.load();
             }
+            for _ in 0..RAISES {
+                if load > MOST_RAISED || !self.raise() {
+                    break;
+                }
+                load = self.load();
+            }
             let aims = [self.objective.targets.l1, self.objective.targets.l2].map(|l| l.max(f64::MIN_POSITIVE).sqrt());
             history.push((0.5 * (aims[0] * aims[1]).ln(), load.max(f64::MIN_POSITIVE).ln()));
             if load <= 1.0 && self.patch.control_weights().0 > LEAST_WEIGHT {
-                self.good = Some(self.state());
+                if self.good.as_ref().is_none_or(|g| self.objective.area(&self.at) > self.objective.area(&g.at)) {
+                    self.good = Some(self.state());
+                    stale = 0;
+                } else {
+                    stale += 1;
+                    if stale > STALE {
+                        break;
+                    }
+                }
                 shortened = 0;
-                if load >= FULL {
+                // With a tolerance the proportions may still change, and with them the area.
+                if load >= FULL && (self.options.tolerance.is_none() || stale > 0) {
                     break;
                 }
             } else {
@@ -363,13 +396,21 @@ impl<'f> Growth<'f> {
                 if shortened > SHORTENINGS {
                     break;
                 }
+                // Shortenings would not mend what has gone that wrong.
+                if load > MOST_EXCESS
+                    && let Some(good) = self.good.clone()
+                {
+                    self.settle(good);
+                    (load, caution) = (self.load(), 0.5 * caution);
+                    history.clear();
+                }
             }
             // The load as a power of the size, by the last two patches.
             let power = match history.as_slice() {
                 [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > 1e-4 => ((y1 - y0) / (x1 - x0)).clamp(3.0, 12.0),
                 _ => 6.0,
             };
-            let factor = (AIM / load).powf(1.0 / power).clamp(0.8, 1.0 + 2.0 * MOST_GROWTH);
+            let factor = (AIM / load).powf(1.0 / power).clamp(0.8, 1.0 + 2.0 * MOST_GROWTH * caution);
             // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the present patch; but its proportions are
             // those of the present one, as the steps shorten that direction more in which length costs more.
             let reached = self.edges();
@@ -384,6 +425,26 @@ impl<'f> Growth<'f> {
         }
     }
 
+    /// Whether the time is over, which is kept in mind.
+    pub(crate) fn late(&mut self) -> bool {
+        self.is_late |= self.options.deadline.is_some_and(|d| Instant::now() >= d);
+        self.is_late
+    }
+
+    /// Where a control weight is too small, gives J more weight; whether it did.
+    fn raise(&mut self) -> bool {
+        if !self.objective.by_control || self.patch.control_weights().0 > LEAST_WEIGHT {
+            return false;
+        }
+        let Some((targets, at)) = self.retargeted(&self.patch) else { return false };
+        self.options.floor.j *= 10.0;
+        self.objective.weights.j = self.objective.weights.j.max(self.options.floor.j);
+        self.take(self.patch.clone(), targets, at);
+        self.descend(STEPS.1);
+        self.trim();
+        true
+    }
+
     /// Chooses more quadrature nodes where integrals are off by too much, as they are where integrands have kinks: across
     /// self-intersections and at tight blends. Whether it did.
     fn refine(&mut self) -> bool {
@@ -393,6 +454,7 @@ impl<'f> Growth<'f> {
         }
         let mut finer = Objective::new(self.objective.field(), self.patch.degree(), Method::Frozen, Some(nodes * 9 / 5));
         (finer.inner, finer.weights, finer.targets) = (self.objective.inner, self.objective.weights, self.objective.targets);
+        (finer.sides, finer.by_control) = (self.objective.sides, self.objective.by_control);
         let (a, w, sum) = (self.at.terms, self.objective.weights, self.sum());
         let near =
             |a: f64, b: f64, factor: f64| (a - b).abs() <= UNRESOLVED * a.max(b) || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum;
@@ -415,25 +477,26 @@ impl<'f> Growth<'f> {
         true
     }
 
-    /// Shortens the patch until its distance from the surface is proved to keep the tolerance; false where that fails.
-    pub(crate) fn keep_tolerance(&mut self) -> bool {
-        let Some(tolerance) = self.options.tolerance else { return true };
+    /// Shortens the patch until its distance from the surface is proved to keep the tolerance; the bound, none where that fails.
+    pub(crate) fn keep_tolerance(&mut self) -> Option<f64> {
+        let tolerance = self.options.tolerance?;
         let is_single = self.on.whole.is_single();
-        let cells = if is_single { PROOF_CELLS } else { PROOF_CELLS_AT_EDGES };
-        for _ in 0..if is_single { SHORTER } else { SHORTER_AT_EDGES } {
-            if self.options.deadline.is_some_and(|d| Instant::now() >= d) {
-                self.is_late = true;
-                return false;
+        let effort = Effort { cells: if is_single { PROOF_CELLS } else { PROOF_CELLS_AT_EDGES }, deadline: self.options.deadline };
+        let (most, share) = if is_single { (SHORTER, SHARE_SHORTER) } else { (SHORTER_AT_EDGES, SHARE_SHORTER_AT_EDGES) };
+        for _ in 0..most {
+            if self.late() {
+                return None;
             }
             let is_hopeless = !is_single && sampled_on(self.on.whole, &self.patch, PROVED_SAMPLES).0 > HOPELESS * tolerance;
-            if !is_hopeless && prove_on(self.on.whole, &self.patch, tolerance, cells).is_some() {
-                return true;
+            let proved = if is_hopeless { None } else { prove_on(self.on.whole, &self.patch, tolerance, effort) };
+            if proved.is_some() {
+                return proved;
             }
-            if !self.retreat(SHARE_SHORTER) {
-                return false;
+            if !self.retreat(share) {
+                return None;
             }
         }
-        false
+        None
     }
 
     /// Goes back to a patch, unless it is the present one.
@@ -496,6 +559,8 @@ impl<'f> Growth<'f> {
             };
             if let Some((targets, at)) = self.retargeted(&patch)
                 && (shares.iter().all(|s| *s < 0.0) || self.is_fair(&at))
+                && targets.l1.sqrt() <= MOST_LONGER * present[0]
+                && targets.l2.sqrt() <= MOST_LONGER * present[1]
             {
                 self.take(patch, targets, at);
                 return true;

@@ -87,10 +87,12 @@ impl Local {
         let r = node.residuals(jet, targets);
         local.distance(node, jet, third, method, r.distance, weight);
 
-        let x = node.z[3] - 1.0;
-        let k = f64::from(K);
-        local.gradient[3] += weight * factors.j * k * x.powi(K - 1);
-        local.hessian[3][3] += weight * factors.j * k * (k - 1.0) * x.powi(K - 2);
+        if !objective.by_control {
+            let x = node.z[3] - 1.0;
+            let k = f64::from(K);
+            local.gradient[3] += weight * factors.j * k * x.powi(K - 1);
+            local.hessian[3][3] += weight * factors.j * k * (k - 1.0) * x.powi(K - 2);
+        }
 
         let exact = method == Method::Newton;
         let [x, y, both] = objective.inner.factors(targets);

@@ -15,7 +15,7 @@
 //! nodes in v, then over those in u, which costs a quarter of summing node by node.
 
 use crate::local::{Local, Node};
-use isoform_geom::{Field, Point3, RationalPatch, bernstein, distance_squared, dot, sub};
+use isoform_geom::{Field, Point3, RationalPatch, bernstein, cross, distance_squared, dot, sub};
 use isoform_num::{Jet2, Jet3, gauss_legendre};
 
 /// The exponent K of J (section 2.3).
@@ -162,6 +162,10 @@ pub struct Objective<'f> {
     pub targets: Targets,
     /// What shall vanish along the sides u = 0, u = 1, v = 0, v = 1.
     pub(crate) sides: [Option<&'f dyn Field>; 4],
+    /// I below this is no reason to lower factors.
+    pub(crate) little: f64,
+    /// J is the mean of (w − 1)ᴷ over the control points, which keeps all their weights positive.
+    pub(crate) by_control: bool,
 }
 
 /// The objective's value at a patch, with what its derivatives need.
@@ -200,7 +204,19 @@ impl<'f> Objective<'f> {
         let nodes = nodes.unwrap_or(K as usize / 2 * degree.0.max(degree.1) + 1).max(2);
         let targets = Targets { l1: 1.0, l2: 1.0, corners: [[0.0; 3]; 4] };
         let (u, v) = (Basis::new(degree.0, nodes), Basis::new(degree.1, nodes));
-        Self { field, method, degree, u, v, inner: Inner::default(), weights: Weights::START, targets, sides: [None; 4] }
+        Self {
+            field,
+            method,
+            degree,
+            u,
+            v,
+            inner: Inner::default(),
+            weights: Weights::START,
+            targets,
+            sides: [None; 4],
+            little: 0.0,
+            by_control: false,
+        }
     }
 
     /// The same with another L.
@@ -257,6 +273,25 @@ impl<'f> Objective<'f> {
     pub(crate) fn lengths(&self, patch: &RationalPatch) -> Option<(f64, f64)> {
         Some(self.mean(&self.nodes(patch)?))
     }
+    /// The area of the patch.
+    pub(crate) fn area(&self, at: &Evaluated) -> f64 {
+        let mut nodes = at.nodes.iter();
+        let mut sum = 0.0;
+        for wu in &self.u.weights {
+            for (wv, node) in self.v.weights.iter().zip(&mut nodes) {
+                let n = cross(node.tangents[0], node.tangents[1]);
+                sum += wu * wv * dot(n, n).sqrt();
+            }
+        }
+        sum
+    }
+    /// Whether the patch shows both sides to where F grows.
+    pub(crate) fn is_folded(&self, at: &Evaluated) -> bool {
+        let up = |(node, jet): (&Node, &Jet2)| dot(cross(node.tangents[0], node.tangents[1]), jet.g) > 0.0;
+        let mut sides = at.nodes.iter().zip(&at.jets).map(up);
+        let first = sides.next();
+        sides.any(|side| Some(side) != first)
+    }
     fn mean(&self, nodes: &[Node]) -> (f64, f64) {
         let mut nodes = nodes.iter();
         let (mut l1, mut l2) = (0.0, 0.0);
@@ -279,11 +314,17 @@ impl<'f> Objective<'f> {
                 let weight = wu * wv;
                 let r = node.residuals(jet, &self.targets);
                 terms.i += weight * r.distance * r.distance;
-                terms.j += weight * (node.z[3] - 1.0).powi(K);
+                if !self.by_control {
+                    terms.j += weight * (node.z[3] - 1.0).powi(K);
+                }
                 let both = r.u / t.l1 + r.v / t.l2;
                 terms.l += weight * (factors[0] * r.u * r.u + factors[1] * r.v * r.v + factors[2] * both * both);
                 terms.r += weight * r.angle * r.angle;
             }
+        }
+        if self.by_control {
+            let all = patch.control();
+            terms.j = all.iter().map(|c| (c[3] - 1.0).powi(K)).sum::<f64>() / all.len() as f64;
         }
         for (i, &(u, v)) in CORNERS.iter().enumerate() {
             let c = patch.control()[self.corner(u, v)];
@@ -358,6 +399,9 @@ impl<'f> Objective<'f> {
                 sized!(n + 1, over_v(&local, b, &mut inner, &mut side));
             }
             sized!(n + 1, over_u(a, m + 1, &inner, &side, &mut d));
+        }
+        if self.by_control {
+            self.control_terms(patch, &mut d);
         }
         self.corner_terms(patch, &mut d);
         self.side_terms(patch, &mut d);
@@ -439,6 +483,17 @@ impl<'f> Objective<'f> {
                     }
                 }
             }
+        }
+    }
+
+    /// Adds ω_J J by control points.
+    fn control_terms(&self, patch: &RationalPatch, d: &mut Derivatives) {
+        let count = patch.control().len();
+        let (size, k, factor) = (4 * count, f64::from(K), self.weights.j / count as f64);
+        for (at, c) in patch.control().iter().enumerate() {
+            let (x, row) = (c[3] - 1.0, 3 * count + at);
+            d.gradient[row] += factor * k * x.powi(K - 1);
+            d.hessian[row * size + row] += factor * k * (k - 1.0) * x.powi(K - 2);
         }
     }
 

@@ -71,12 +71,15 @@ impl Options {
         let Some(tolerance) = self.tolerance else { return *self };
         let unit = self.region.size().into_iter().fold(0.0, f64::max);
         let share = (RELAXED * (tolerance / unit).powi(2) / PAPER_LIMIT).min(1.0);
-        Self { floor: self.floor.scaled(share), ..*self }
+        let floor = self.floor.scaled(share);
+        Self { floor: Weights { j: BARRIER * floor.j, ..floor }, ..*self }
     }
 }
 
-/// The thresholds of the factors for a tolerance D, in those for S ≤ D².
+/// The thresholds of the factors for a tolerance D, in those for S ≤ D²;
 const RELAXED: f64 = 0.1;
+/// and of that of J, which counts control weights then, in these. Growing raises it where they get too small.
+const BARRIER: f64 = 1e-4;
 
 /// Why there is no patch.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

@@ -1,9 +1,10 @@
 //! One patch: seed, growth, exactness, tolerance, proof.
 
+use crate::cover::reached;
 use crate::distance::{Distances, distances_on};
 use crate::exact::make_exact;
 use crate::grow::{Grown, Growth};
-use crate::objective::{Method, Objective};
+use crate::objective::{Inner, Method, Objective};
 use crate::options::{Error, Options};
 use crate::quadric::quadric;
 use crate::surface::Seed;
@@ -39,7 +40,7 @@ pub struct Parameterized {
 }
 
 /// Edges nearer than this, in edges of the region, are where patches start.
-const AT_EDGE: f64 = 0.05;
+const AT_EDGE: f64 = 0.01;
 /// Along an edge nearer than this, in radii of curvature, patches start also where they do not start at it.
 const NEAR_EDGE: f64 = 0.3;
 /// Places of a part among which the one farthest from its edges is chosen to start at, and places tried for them.
@@ -126,10 +127,11 @@ pub(crate) fn at(whole: &Whole<'_>, part: usize, point: Point3, options: &Option
     clock.phase("seed");
     let made = grown(on, seed, from, options, clock);
     let keeps = |p: &Parameterized| p.distances.bound.is_some_and(|b| options.tolerance.is_none_or(|t| b <= t));
-    if from.is_none() || made.as_ref().is_ok_and(keeps) {
+    let serves = |p: &Parameterized| keeps(p) && options.tolerance.is_none_or(|t| reached(&p.grown.patch, &[point], t)[0]);
+    if from.is_none() || made.as_ref().is_ok_and(serves) {
         return made;
     }
-    // Where nothing fits at the edge: about the point itself.
+    // Where nothing fits at the edge, or does not come as far as the point: about the point itself.
     let again =
         grown(on, Seed { point, tangents: in_plane(seed.tangents, on.field().jet(point).g), ..seed }, None, options, Clock::default());
     if again.as_ref().is_ok_and(keeps) || made.is_err() { again } else { made }
@@ -154,7 +156,9 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
     if options.method == Method::Newton && field.jet3(seed.point).is_none() {
         return Err(Error::NoThirdDerivatives);
     }
-    let objective = |degree| Objective::new(field, degree, options.method, options.nodes).with_inner(options.inner);
+    // Patches along edges get long: L, which is about squared lengths, would not care for the shorter ones.
+    let inner = if whole.is_single() { options.inner } else { Inner::Tangents };
+    let objective = |degree| Objective::new(field, degree, options.method, options.nodes).with_inner(inner);
     let mut growth = Growth::start(objective(options.degree), on, seed, edge, options)?;
     growth.grow_to_limit();
     if to_be_exact {
@@ -166,15 +170,15 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
             Some(other)
         });
     }
-    growth.keep_tolerance();
+    let proved = growth.keep_tolerance();
     clock.phase("grow");
-    let mut known = distances_on(whole, &growth.patch, options.tolerance);
+    let mut known = distances_on(whole, &growth.patch, options.tolerance, proved, options.deadline);
     // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
-        if known.bound.is_some() || !growth.retreat(share) {
+        if known.bound.is_some() || growth.late() || !growth.retreat(share) {
             break;
         }
-        known = distances_on(whole, &growth.patch, options.tolerance);
+        known = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
     }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();

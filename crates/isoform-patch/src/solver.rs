@@ -20,6 +20,8 @@ const LEAST_DIAGONAL: f64 = 1e-4;
 /// A factor is lowered while its term has more than this share of I. The paper says 1, which leaves terms that are nearly as large as I
 /// where they are, and with them a quarter of the area.
 const MOST_SHARE: f64 = 0.05;
+/// The same of E where there is a tolerance, as a share of that of the others.
+const CORNERS: f64 = 0.02;
 
 /// When a phase of steps ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,7 +79,7 @@ pub(crate) fn minimise(
         *damping = (*damping * (1.0 - (2.0 * gain.clamp(0.0, 1.0) - 1.0).powi(3)).clamp(0.1, 2.0)).max(LEAST_DAMPING);
         *patch = trial.patch;
         at = value;
-        let lowered = lower(&mut objective.weights, &at.terms, floor);
+        let lowered = lower(&mut objective.weights, &at.terms, floor, objective.little);
         each(objective, &at.terms);
         if !lowered && before - after < stop.decrease * before {
             return (at, step + 1);
@@ -91,19 +93,22 @@ pub(crate) fn first_damping() -> f64 {
     FIRST_DAMPING
 }
 
-/// Lowers factors whose term exceeds I (section 3.3); whether any was.
-fn lower(w: &mut Weights, t: &Terms, floor: &Weights) -> bool {
+/// Lowers factors whose term exceeds I (section 3.3), or `little` where that is more; whether any was.
+fn lower(w: &mut Weights, t: &Terms, floor: &Weights, little: f64) -> bool {
+    let most = MOST_SHARE * t.i.max(little);
     let mut lowered = false;
-    let mut one = |w: &mut f64, term: f64, floor: f64| {
-        if *w * term > MOST_SHARE * t.i && *w > floor {
+    // With a tolerance, corners that hold on to where they were keep a patch from its best proportions.
+    let corners = if little > 0.0 { CORNERS * most } else { most };
+    let mut one = |w: &mut f64, term: f64, most: f64, floor: f64| {
+        if *w * term > most && *w > floor {
             *w = (0.1 * *w).max(floor);
             lowered = true;
         }
     };
-    one(&mut w.j, t.j, floor.j);
-    one(&mut w.l, t.l, floor.l);
-    one(&mut w.r, t.r, floor.r);
-    one(&mut w.e, t.e, floor.e);
+    one(&mut w.j, t.j, most, floor.j);
+    one(&mut w.l, t.l, most, floor.l);
+    one(&mut w.r, t.r, most, floor.r);
+    one(&mut w.e, t.e, corners, floor.e);
     lowered
 }
 

@@ -26,7 +26,7 @@ const TANGENTIAL: f64 = 1e-3;
 struct Part<'f> {
     piece: u32,
     field: &'f dyn Field,
-    /// The first part with the same function: the surface goes on smoothly from one to the other.
+    /// The first part with the same function, as far as is known: the surface goes on smoothly from one to the other.
     function: usize,
     limits: Vec<&'f dyn Field>,
 }
@@ -95,7 +95,7 @@ impl<'f> Whole<'f> {
             .map(|p| Part {
                 piece: p.piece,
                 field: p.field.as_ref(),
-                function: parts.parts.iter().position(|o| Arc::ptr_eq(&o.field, &p.field)).unwrap_or(0),
+                function: p.function,
                 limits: p.limits.iter().map(AsRef::as_ref).collect(),
             })
             .collect();
@@ -260,7 +260,8 @@ impl<'f> Whole<'f> {
         let j = own.field.jet(p);
         let sharp = Beyond { by: value.abs() - j.v.abs() / norm(j.g), edge: other.field };
         match least.flatten() {
-            Some(limit) if limit.by >= sharp.by => Some(limit),
+            // From a constant, which vanishes nowhere, the distance is infinite.
+            Some(limit) if limit.by >= sharp.by || !sharp.by.is_finite() => Some(limit),
             _ => (sharp.by > 0.0).then_some(sharp),
         }
     }
@@ -299,7 +300,15 @@ impl<'f> Whole<'f> {
             return Some((Csg::Piece(0), vec![0]));
         }
         let local = self.narrow(self.local(region), region)?;
-        Some((local.tree, local.pieces.into_iter().flat_map(|p| p.1).collect()))
+        let mut parts: Vec<usize> = Vec::new();
+        for k in local.pieces.into_iter().flat_map(|p| p.1) {
+            let is_same =
+                |o: &usize| self.parts[*o].piece == self.parts[k].piece && std::ptr::addr_eq(self.parts[*o].field, self.parts[k].field);
+            if !parts.iter().any(is_same) {
+                parts.push(k);
+            }
+        }
+        Some((local.tree, parts))
     }
 
     /// The parts of a list that may count somewhere in a region.

@@ -122,6 +122,20 @@ fn tolerances_are_kept() {
     assert!(made.grown.area(&CUBE) > 0.2 * std::f64::consts::PI);
 }
 
+/// A patch of higher degree is no smaller: on this torus one of degree 2,2 has an area of 0.23 at least.
+#[test]
+fn patches_to_a_tolerance_grow_as_large_as_they_can() {
+    let text = "my_model(x[3], a[1]) { my_model = 0.15 - sqrt((sqrt(x[1]*x[1] + x[2]*x[2]) - 0.33)^2 + x[3]*x[3]); }";
+    let model = isoform_field::hyperfun::Model::parse(text, isoform_field::hyperfun::Mode::Default).expect("a model");
+    let parts = isoform_field::parts_of(&model, &[0.0]).expect("parts");
+    for (degree, least) in [((2, 2), 0.23), ((3, 3), 0.23)] {
+        let options = Options { tolerance: Some(2e-5), ..paper(degree, [0.48, 0.0, 0.0]) };
+        let made = isoform_patch::parameterize_part(&parts, &options).expect("a patch");
+        assert!(made.distances.bound.is_some_and(|b| b <= 2e-5) && made.grown.area(&CUBE) > least, "{degree:?} {}", made.grown.area(&CUBE));
+        assert!(made.grown.patch.control_weights().0 > 0.0);
+    }
+}
+
 #[test]
 fn patches_on_quadrics_become_exact() {
     let field = sphere(0.5);
@@ -193,6 +207,20 @@ fn patches_across_a_double_curve_become_exact() {
     let bound = made.distances.bound.expect("a proof");
     assert!(bound >= made.distances.sampled && bound < 1e-6, "{:?}", made.distances);
     assert_eq!(made.quadric, None);
+}
+
+/// The middle control point of a stereographic patch over (−a, a)² has the weight 1 − 2a²: near a² = 1/2 it is far away, but the patch is
+/// as near to the sphere as others. A bound on the distance from a program that is no polynomial must show that, too.
+#[test]
+fn far_control_points_do_not_loosen_bounds() {
+    let patch = stereographic(0.5, 0.7);
+    let far = patch.control().iter().fold(0.0f64, |m, c| m.max((c[2] / c[3]).abs()));
+    assert!(far > 40.0, "{far}");
+    let text = "my_model(x[3], a[1]) { my_model = 0.5 - sqrt(x[1]^2 + x[2]^2 + x[3]^2); }";
+    let model = isoform_field::hyperfun::Model::parse(text, isoform_field::hyperfun::Mode::Default).expect("a model");
+    let parts = isoform_field::parts_of(&model, &[0.0]).expect("parts");
+    let bound = distances(parts.parts[0].field.as_ref(), &patch, None).bound.expect("a proof");
+    assert!(bound < 1e-6, "{bound:e}");
 }
 
 /// Two planes that cross: patches on one of them, moved by d, are d away from it, and no bound may be less.

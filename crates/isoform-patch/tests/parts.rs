@@ -18,9 +18,13 @@ fn options() -> Options {
 
 /// Every bound holds against the distance given in closed form, and keeps the tolerance.
 fn check(patches: &[Parameterized], distance: &dyn Fn(Point3) -> f64) {
+    check_within(patches, distance, TOLERANCE);
+}
+
+fn check_within(patches: &[Parameterized], distance: &dyn Fn(Point3) -> f64, tolerance: f64) {
     for p in patches {
         let bound = p.distances.bound.expect("a proof");
-        assert!(bound <= TOLERANCE);
+        assert!(bound <= tolerance);
         for k in 0..41 * 41 {
             let d = distance(p.grown.patch.point(f64::from(k / 41) / 40.0, f64::from(k % 41) / 40.0));
             assert!(d <= bound, "{d:e} > {bound:e} about {:?}", p.grown.seed_point);
@@ -108,4 +112,54 @@ fn blends_are_covered_and_proved() {
     // |∇F| is between 1/√2 and 1, so that |F| is at most the distance, and the distance at most √2 |F|.
     check(&made.patches, &|p| value(p).abs());
     assert!(made.covered == made.samples && made.patches.len() <= 4, "{} of {}, {}", made.covered, made.samples, made.patches.len());
+}
+
+/// A fillet is reached from within, across its whole width and along a good part of its circle, and proved where its two halves meet.
+#[test]
+fn a_round_fillet_is_one_patch_wide() {
+    let text = "my_model(x[3], a[1]) { r = sqrt(x[1]*x[1] + x[2]*x[2]); u = 0 - x[3]; v = 0.25 - r;
+        h = max(0.12 - max(u - v, v - u), 0); my_model = max(u, v) + h*h/0.48; }";
+    let model = isoform_field::parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
+    let options = Options { seed_point: Some([0.28, 0.0, 0.03]), ..options() };
+    let made = parameterize_part(&model, &options).expect("a patch");
+    // The middle of the fillet is the circle u = v = −0.03; its ends are those where u − v = ±0.12.
+    let arc = |r: f64, z: f64| -> f64 {
+        let circle: Vec<Point3> =
+            (0..720).map(|k| (f64::from(k) / 720.0 * std::f64::consts::TAU).sin_cos()).map(|(s, c)| [r * c, r * s, z]).collect();
+        share(std::slice::from_ref(&made), &circle) * std::f64::consts::TAU
+    };
+    assert!(made.distances.bound.is_some_and(|b| b <= TOLERANCE), "{:?}", made.distances);
+    for (r, z) in [(0.28, 0.03), (0.369, 0.0), (0.25, 0.119)] {
+        assert!(arc(r, z) > 1.0, "{} at {r}, {z}", arc(r, z));
+    }
+}
+
+/// Two functions that agree wherever one looks are two functions all the same: a dimple 0.004 wide in a plane.
+#[test]
+fn functions_that_seem_the_same_prove_nothing() {
+    let text = "my_model(x[3], a[1]) { d = (x[1] - 0.03)^2 + (x[2] - 0.02)^2;
+        my_model = max(x[3], x[3] + 0.1*exp(0 - 1000000*d)); }";
+    let model = isoform_field::parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
+    let options = Options { seed_point: Some([0.0, 0.0, 0.0]), tolerance: Some(1e-3), ..options() };
+    let made = parameterize_part(&model, &options).expect("a patch");
+    // The wall of the dimple is where 0.1 exp(−10⁶ d) = −z, so that at the middle of the dimple the surface is farther than this.
+    let hidden = [0.03, 0.02, 0.0];
+    let away = (0.1f64 / 0.002).ln().sqrt() * 1e-3;
+    assert!(away > 1.9e-3);
+    if reached(&made.grown.patch, &[hidden], 1e-9)[0] {
+        assert!(made.distances.bound.is_none_or(|b| b >= away), "{:?}", made.distances);
+    }
+}
+
+/// Where a piece is a constant there is no surface, whatever its other functions would be there: cos(43 z) = −0.42 at z = 0.0995, but
+/// with max(z, 0.1) in place of z from z = 0.1927 on only.
+#[test]
+fn nothing_is_proved_of_what_is_constant() {
+    let model = parts("cos(43*max(x[3], 0.1)) + 0.42");
+    let below = Options { tolerance: Some(0.02), region: Aabb { hi: [0.5, 0.5, 0.15], ..CUBE }, ..options() };
+    for seed_point in [Some([0.1, 0.2, 0.0995]), None] {
+        let made = parameterize_part(&model, &Options { seed_point, ..below });
+        assert!(made.is_err(), "{:?}", made.map(|m| (m.grown.seed_point, m.distances)));
+    }
+    assert!(cover_parts(&model, &below, 20, 2, &|| false).is_err());
 }

@@ -35,6 +35,10 @@ const STEPS: usize = 12;
 const REACH: (f64, f64) = (-0.6, 0.6);
 /// Bisections towards an edge.
 const BISECTIONS: usize = 12;
+/// The share of a side that is near its end.
+const NEAR_END: f64 = 0.25;
+/// The most of a patch that is taken back at one side.
+const MOST_TRIMMED: f64 = 0.4;
 /// A side that gets no farther than this share of the patch has come to its edge.
 const STUCK: f64 = 0.02;
 
@@ -102,16 +106,52 @@ impl<'f> Growth<'f> {
         (0..5).all(|i| (first..5).all(|j| on.beyond(patch.point(i as f64 / 4.0, j as f64 / 4.0)).is_none_or(|b| b.by <= allowed)))
     }
 
-    /// Where a side lies farthest beyond an edge.
-    fn farthest(on: On<'f>, patch: &RationalPatch, side: usize, allowed: f64) -> Option<Beyond<'f>> {
+    /// Where a side lies farthest beyond an edge. Near its ends it may lie beyond those that its neighbours `held` are held on: Newton
+    /// steps see to them.
+    fn farthest(on: On<'f>, patch: &RationalPatch, side: usize, allowed: f64, held: [Side<'f>; 2]) -> Option<Beyond<'f>> {
         let mut worst: Option<Beyond<'f>> = None;
         for i in 0..SAMPLES {
-            let (u, v) = parameters(side, i as f64 / (SAMPLES - 1) as f64, 0.0);
-            if let Some(b) = on.beyond(patch.point(u, v)).filter(|b| b.by > worst.map_or(allowed, |w| w.by)) {
-                worst = Some(b);
+            let t = i as f64 / (SAMPLES - 1) as f64;
+            let (u, v) = parameters(side, t, 0.0);
+            let Some(beyond) = on.beyond(patch.point(u, v)).filter(|b| b.by > worst.map_or(allowed, |w| w.by)) else { continue };
+            let is_held = |side: Side<'f>| matches!(side, Side::At(edge) if std::ptr::addr_eq(edge, beyond.edge));
+            if !(t < NEAR_END && is_held(held[0]) || t > 1.0 - NEAR_END && is_held(held[1])) {
+                worst = Some(beyond);
             }
         }
         worst
+    }
+
+    /// Takes back sides that Newton steps have moved beyond edges.
+    pub(crate) fn trim(&mut self) {
+        if self.on.whole.is_single() {
+            return;
+        }
+        let (on, allowed) = (self.on, self.overlap());
+        let mut patch = self.patch.clone();
+        for side in 0..4 {
+            if self.sides[side].is_at_edge() || Self::farthest(on, &patch, side, allowed, [Side::Free; 2]).is_none() {
+                continue;
+            }
+            let (mut lo, mut hi) = (0.0, MOST_TRIMMED);
+            if Self::farthest(on, &extended(&patch, side, -hi), side, allowed, [Side::Free; 2]).is_some() {
+                continue;
+            }
+            for _ in 0..BISECTIONS {
+                let share = 0.5 * (lo + hi);
+                match Self::farthest(on, &extended(&patch, side, -share), side, allowed, [Side::Free; 2]) {
+                    None => hi = share,
+                    Some(_) => lo = share,
+                }
+            }
+            patch = extended(&patch, side, -hi);
+        }
+        if patch != self.patch
+            && let patch = balanced(patch)
+            && let Some((targets, at)) = self.retargeted(&patch)
+        {
+            self.take(patch, targets, at);
+        }
     }
 
     /// The patch longer by shares of its edges at its four sides, but no longer than the part; and what its sides do then.
@@ -119,11 +159,12 @@ impl<'f> Growth<'f> {
         let (mut patch, mut sides) = (self.patch.clone(), self.sides);
         for side in 0..4 {
             let longer = extended(&patch, side, by[side]);
+            let held = if side < 2 { [sides[2], sides[3]] } else { [sides[0], sides[1]] };
             if by[side] <= 0.0 {
                 patch = longer;
                 continue;
             }
-            let Some(beyond) = Self::farthest(on, &longer, side, allowed) else {
+            let Some(beyond) = Self::farthest(on, &longer, side, allowed, held) else {
                 patch = longer;
                 continue;
             };
@@ -134,7 +175,7 @@ impl<'f> Growth<'f> {
             let (mut lo, mut hi) = (0.0, by[side]);
             for _ in 0..BISECTIONS {
                 let share = 0.5 * (lo + hi);
-                match Self::farthest(on, &extended(&patch, side, share), side, allowed) {
+                match Self::farthest(on, &extended(&patch, side, share), side, allowed, held) {
                     None => lo = share,
                     Some(_) => hi = share,
                 }
