@@ -570,7 +570,7 @@ fn distinct(source: &Source, points: impl IntoIterator<Item = V>) -> Vec<V> {
 }
 
 /// The section of a source by a general plane; whether no path was lost.
-fn first_section(source: &mut Source, plane: &Plane) -> bool {
+fn first_section(source: &mut Source, plane: &Plane, stop: &dyn Fn() -> bool) -> Result<bool, Stopped> {
     let mut stream = Stream(7);
     // Another try has other lines and other planes in between.
     for _ in 0..4 {
@@ -597,6 +597,7 @@ fn first_section(source: &mut Source, plane: &Plane) -> bool {
             let [a, b] = frame(&conj(line));
             let [a, b] = [[C::new(0.6, 0.3), C::new(0.2, -0.7)], [C::new(-0.2, -0.7), C::new(0.6, -0.3)]].map(|c| in_frame(&[a, b], c));
             for p in on_line(&source.curve, source.curve_degree, &a, &b) {
+                check(stop)?;
                 match track(source, &path, &p) {
                     Ok(p) => ends.push(p),
                     // Paths to multiple points at base points stop before their end.
@@ -611,10 +612,10 @@ fn first_section(source: &mut Source, plane: &Plane) -> bool {
             source.section = found;
         }
         if complete {
-            return true;
+            return Ok(true);
         }
     }
-    false
+    Ok(false)
 }
 
 /// A real point of space on the image of a source: a solution of f = 0, Im φ = 0.
@@ -963,8 +964,7 @@ impl Search {
         }
         let general = general_plane();
         for source in &mut self.sources {
-            check(stop)?;
-            if !first_section(source, &general) {
+            if !first_section(source, &general, stop)? {
                 self.problems.push("solitary curves: points of a section were lost".to_owned());
             }
         }
