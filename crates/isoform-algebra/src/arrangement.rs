@@ -8,7 +8,7 @@
 //!
 //! Four triangles, one per quadrant of (s, t), make up the projective plane.
 
-use crate::fibre::{Fibre, FibreError, Fibres};
+use crate::fibre::{FIRST_BITS, Fibre, FibreError, Fibres};
 use crate::float_roots::proved_roots;
 use crate::poly::Poly;
 use crate::resultant::{ResultantError, Subresultants, resultant};
@@ -108,9 +108,6 @@ struct Curve {
     /// For quick tests: terms with coefficients known to rounding.
     terms: Vec<([usize; 2], Interval)>,
 }
-
-/// Bits of critical values to which the fibres over them are looked at first, and some more.
-const FIRST_BITS: usize = 132;
 
 /// Where a number of the fibre comes from.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -336,10 +333,9 @@ type Separators = Vec<RBig>;
 
 impl Work {
     /// The points over a critical value, the numbers between them, and whether a curve touches the wall in one of them.
-    fn wall(&mut self, u: RealRoot, stop: &dyn Fn() -> bool) -> Result<(Wall, (Separators, bool)), ArrangementError> {
+    fn wall(&mut self, mut u: RealRoot, stop: &dyn Fn() -> bool) -> Result<(Wall, (Separators, bool)), ArrangementError> {
         let n = self.curves.len();
-        // What all fibres begin with.
-        let mut u = u;
+        // What all fibres begin with, found once.
         u.refine(FIRST_BITS);
         let mut fibres: Vec<Option<Fibre>> = Vec::with_capacity(n);
         for c in &self.curves {

@@ -78,6 +78,10 @@ struct Near {
 
 /// Number of bits to begin with; doubled until everything is decided.
 const FIRST_PRECISION: usize = 128;
+/// Bits of α beyond the precision of what is computed with it.
+const GUARD: usize = 4;
+/// To how many bits fibres ask for α first.
+pub(crate) const FIRST_BITS: usize = FIRST_PRECISION + GUARD;
 
 /// Bits of the ends between which bisection begins: enough to keep its points off numbers that people write.
 const GRAIN: usize = 64;
@@ -231,7 +235,7 @@ impl Fibre {
     /// Coefficients of f(α, y) and of its quotient with simple roots; false if that precision is too low.
     fn approximate(&mut self, precision: usize) -> bool {
         if self.near.as_ref().is_none_or(|near| near.precision != precision) {
-            self.alpha.refine(precision + 4);
+            self.alpha.refine(precision + GUARD);
             self.near = self.at_precision(precision);
         }
         self.near.is_some()

@@ -9,8 +9,11 @@ mod chart;
 mod closing;
 pub(crate) mod fineness;
 mod gluing;
+mod in_chart;
 mod opening;
 mod plane;
+mod stretch;
+mod strips;
 
 use crate::analysis::Analysis;
 use crate::double::Fibres;
@@ -24,11 +27,14 @@ use chart::Chart;
 use closing::finish;
 use fineness::Fineness;
 use gluing::{Gluing, Track, key};
+use in_chart::InChart;
 use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
-use isoform_geom::{cross, dot, norm, sub};
-use plane::{Measure, Plane, Shared};
+use isoform_geom::{norm, sub};
+use plane::{Measure, Plane};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
+use stretch::{Columns, Stretch, height};
+use strips::{PathVertex, around, between};
 
 /// A name that both triangles at a side agree on: the sides s = 0, t = 0, w = 0 by the sign of t, s, s t, the place along them as bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -894,137 +900,10 @@ impl Builder<'_> {
         let is_curve = |i: usize| self.is_drawn_inside(t.arrangement.slabs[slab].arcs[i].curve);
         (1..inside.len()).filter(|&i| inside[i - 1] != inside[i] || inside[i] && is_curve(i)).collect()
     }
-
-    /// What of an arc over a slab is to be drawn: without the pieces in rectangles around base points.
-    fn stretch(&self, q: usize, slab: usize, i: usize) -> Stretch {
-        let a = &self.region.triangles[q].arrangement;
-        let arc = a.slabs[slab].arcs[i];
-        let [left, right] = [(slab, arc.left), (slab + 1, arc.right)].map(|(k, p)| [a.walls[k].u.to_f64(), self.place(q, k, p)[1]]);
-        let mut s = Stretch { before: vec![left], from: left, to: right, after: vec![right], based: [false; 2], rays: [None; 2] };
-        for (site, x) in self.sites.range((q, 0, 0)..(q + 1, 0, 0)).flat_map(|s| s.1.arcs.iter().map(move |x| (s.1, x))) {
-            let Some(place) = x.chain.iter().position(|&c| c == (slab, i)) else { continue };
-            // On the chord from the base point to the side of the rectangle.
-            let chord = |u: f64| {
-                let t = (u - site.at[0]) / (x.end[0] - site.at[0]);
-                [u, site.at[1] + t * (x.end[1] - site.at[1])]
-            };
-            let is_last = place + 1 == x.chain.len();
-            if x.right {
-                s.before = vec![chord(left[0])];
-                (s.from, s.based[0]) = (if is_last { x.end } else { chord(right[0]) }, true);
-                s.rays[0] = is_last.then_some((site.fan, x.ray, site.at));
-            } else {
-                s.after = vec![chord(right[0])];
-                (s.to, s.based[1]) = (if is_last { x.end } else { chord(left[0]) }, true);
-                s.rays[1] = is_last.then_some((site.fan, x.ray, site.at));
-            }
-        }
-        s
-    }
-
-    /// A polyline for an arc; `in_order` is cleared where rounding does not keep it in the triangle.
-    fn polyline(&self, q: usize, stretch: &Stretch, i: usize, over: &mut Columns<'_>, in_order: &mut bool) -> Vec<[f64; 2]> {
-        let mut line = vec![stretch.from];
-        if !stretch.is_open() {
-            return line;
-        }
-        let is_drawn_in = |line: &[[f64; 2]]| line[1..line.len() - 1].iter().all(|[u, v]| *v > 0.0 && *v < 1.0 - u);
-        if let Some(line) = self.border_line(q, self.region.side_of_arc(q, over.slab, i), stretch.from, stretch.to) {
-            *in_order &= line.len() <= VERTICES && is_drawn_in(&line) && line.windows(2).all(|w| w[0][0] < w[1][0]);
-            return line;
-        }
-        let at = |[u, v]: [f64; 2]| self.charts[q].at([u, v]);
-        let is_contracted = self.on_curve.contains_key(&over.arrangement.slabs[over.slab].arcs[i].curve);
-        let mut stack = vec![(stretch.from, stretch.to, 0)];
-        while let Some((left, right, depth)) = stack.pop() {
-            let u = 0.5 * (left[0] + right[0]);
-            let is_full = line.len() > VERTICES || (self.stop)();
-            *in_order &= !is_full;
-            let room = left[0] < u && u < right[0] && depth < self.halvings && !is_full;
-            let Some(v) = room.then(|| over.at(u, i)).flatten() else {
-                line.push(right);
-                continue;
-            };
-            let mid = [u, v];
-            let (p, m, r) = (at(left), at(mid), at(right));
-            let chord = [u, 0.5 * (left[1] + right[1])];
-            let tolerance = self.tolerance_at(m);
-            let fine = distance(p, r) <= self.options.longest
-                && distance(m, middle(p, r)) <= 0.3 * tolerance
-                // The triangles beside it meet the chord in the parameters, not the arc.
-                && distance(at(chord), middle(p, r)) <= 0.3 * tolerance
-                && !(is_contracted && depth < TURNS && self.charts[q].turns([left, mid, right]))
-                && self.charts[q].keeps_sign([left, right, left], 0);
-            // One halving at least: a chord may meet the middle by chance.
-            if fine && depth > 1 {
-                line.push(right);
-            } else {
-                stack.push((mid, right, depth + 1));
-                stack.push((left, mid, depth + 1));
-            }
-        }
-        *in_order &= is_drawn_in(&line);
-        line
-    }
 }
 
 /// A triangle: its vertices, their parameters, the sides of the domain that they are on.
 type Made = ([u32; 3], [[f64; 2]; 3], [u64; 3]);
-
-/// A vertex and its parameters.
-type PathVertex = (u32, [f64; 2]);
-
-/// Triangles between an edge from `a` to `b` and a way of three vertices or more beside it: with `a` up to one of those in between, then with `b`,
-/// so that none is turned against the others if that is possible.
-fn around(points: &[Point3], a: PathVertex, way: &[PathVertex], b: PathVertex) -> Vec<[PathVertex; 3]> {
-    let normal = |t: &[PathVertex; 3]| {
-        let [p, q, r] = t.map(|v| points[v.0 as usize]);
-        cross(sub(q, p), sub(r, p))
-    };
-    let made = |k: usize| {
-        let before = way[..=k].windows(2).map(|w| [w[0], w[1], a]);
-        let after = way[k..].windows(2).map(|w| [w[0], w[1], b]);
-        before.chain([[a, way[k], b]]).chain(after).collect::<Vec<_>>()
-    };
-    let worst = |k: usize| {
-        let normals: Vec<Point3> = made(k).iter().map(normal).collect();
-        let sum = normals.iter().fold([0.0; 3], |sum, n| std::array::from_fn(|i| sum[i] + n[i]));
-        normals.iter().map(|n| dot(*n, sum) / norm(sum)).fold(f64::INFINITY, f64::min)
-    };
-    let best = (1..way.len() - 1).max_by(|&k, &l| worst(k).total_cmp(&worst(l)));
-    made(best.expect("three vertices or more"))
-}
-
-/// Triangles of the least area between two paths, from an edge between their first vertices to one between their last: shorter diagonals lead
-/// beyond paths that are bent, as rays of infinitely near points are.
-fn between(points: &[Point3], first: &[PathVertex], second: &[PathVertex]) -> Vec<[PathVertex; 3]> {
-    let area = |t: [PathVertex; 3]| {
-        let [p, q, r] = t.map(|v| points[v.0 as usize]);
-        norm(cross(sub(q, p), sub(r, p)))
-    };
-    // The least area up to an edge from one to the other, and whether the last step was on the second.
-    let mut least = vec![vec![(0.0, false); second.len()]; first.len()];
-    for i in 0..first.len() {
-        for j in 0..second.len() {
-            let on_first = (i > 0).then(|| (least[i - 1][j].0 + area([first[i - 1], second[j], first[i]]), false));
-            let on_second = (j > 0).then(|| (least[i][j - 1].0 + area([first[i], second[j - 1], second[j]]), true));
-            least[i][j] = on_first.into_iter().chain(on_second).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, false));
-        }
-    }
-    let (mut i, mut j) = (first.len() - 1, second.len() - 1);
-    let mut made = Vec::new();
-    while i + j > 0 {
-        if least[i][j].1 {
-            made.push([first[i], second[j - 1], second[j]]);
-            j -= 1;
-        } else {
-            made.push([first[i - 1], second[j], first[i]]);
-            i -= 1;
-        }
-    }
-    made.reverse();
-    made
-}
 
 /// The vertex of a name that all unit triangles share.
 fn add(
@@ -1043,103 +922,6 @@ fn add(
     })
 }
 
-/// The arcs over a slab at places that are asked for more than once.
-struct Columns<'a> {
-    arrangement: &'a Arrangement,
-    slab: usize,
-    known: BTreeMap<u64, Vec<f64>>,
-}
-
-impl<'a> Columns<'a> {
-    fn new(arrangement: &'a Arrangement, slab: usize) -> Self {
-        Self { arrangement, slab, known: BTreeMap::new() }
-    }
-    /// The height of an arc, if the place is between the walls.
-    fn at(&mut self, u: f64, arc: usize) -> Option<f64> {
-        let (a, slab) = (self.arrangement, self.slab);
-        let over = self.known.entry(u.to_bits()).or_insert_with(|| {
-            let exact = RBig::try_from(u).ok();
-            let between = |u: &RBig| a.walls[slab].u.cmp_rational(u).is_lt() && a.walls[slab + 1].u.cmp_rational(u).is_gt();
-            exact.filter(between).map(|u| a.arcs_over(slab, &u)).unwrap_or_default()
-        });
-        over.get(arc).copied()
-    }
-}
-
-/// A piece of an arc between two walls, from rectangle to rectangle around base points.
-struct Stretch {
-    /// What comes before `from` and after `to`: chords in rectangles.
-    before: Vec<[f64; 2]>,
-    from: [f64; 2],
-    to: [f64; 2],
-    after: Vec<[f64; 2]>,
-    /// Whether the ends are on rectangles.
-    based: [bool; 2],
-    /// The base points that the ends lead to: which, in which direction, where.
-    rays: [Option<(usize, Ray, [f64; 2])>; 2],
-}
-
-impl Stretch {
-    /// Whether anything is left outside of the rectangles.
-    fn is_open(&self) -> bool {
-        self.from[0] < self.to[0]
-    }
-    /// The whole polyline from wall to wall.
-    fn whole(&self, line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
-        let before = self.before.iter().copied().filter(|_| self.based[0]);
-        let after = self.after.iter().copied().filter(|_| self.based[1]);
-        before.chain(line).chain(after).collect()
-    }
-}
-
-/// What the triangles of one unit triangle have to be like.
-struct InChart<'a, 'b> {
-    builder: &'a Builder<'b>,
-    q: usize,
-}
-
-impl Measure for InChart<'_, '_> {
-    fn image(&self, node: &Node) -> Point3 {
-        match self.builder.merged(self.q, node) {
-            Name::Image(k) => self.builder.images[k],
-            Name::Double(k) => self.builder.gluing.image(k),
-            _ => self.builder.image(self.q, node.at, node.faces),
-        }
-    }
-    fn shared(&self, node: &Node) -> Option<Shared> {
-        match self.builder.merged(self.q, node) {
-            Name::Image(k) => Some(Shared::Contracted(k)),
-            Name::Double(k) => Some(Shared::Double(k)),
-            _ => None,
-        }
-    }
-    fn at(&self, at: [f64; 2]) -> Point3 {
-        self.builder.charts[self.q].at(at)
-    }
-    fn beside_chord(&self, chord: [[f64; 2]; 2], image: usize) -> Option<[f64; 2]> {
-        self.builder.charts[self.q].beside_chord(chord, self.builder.images[image])
-    }
-    fn turns(&self, at: [[f64; 2]; 3]) -> bool {
-        self.builder.charts[self.q].turns(at)
-    }
-    fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
-        self.builder.charts[self.q].step(at, to)
-    }
-    fn tangents(&self, at: [f64; 2]) -> [Point3; 2] {
-        let [_, by_u, by_v] = self.builder.charts[self.q].tangents(at);
-        [by_u, by_v]
-    }
-    fn is_sound(&self, at: [[f64; 2]; 3]) -> bool {
-        self.builder.charts[self.q].keeps_sign(at, 0)
-    }
-    fn tolerance(&self, near: Point3) -> f64 {
-        self.builder.tolerance_at(near)
-    }
-    fn longest(&self) -> f64 {
-        self.builder.options.longest
-    }
-}
-
 /// Whether a triangle, counterclockwise, lies beyond the side u + v = 1, whose points are on that line but for rounding.
 fn is_sliver(nodes: [Node; 3]) -> bool {
     let on_line = |n: &Node| matches!(n.name, Name::Side(2, ..) | Name::Corner(1 | 2));
@@ -1151,34 +933,4 @@ fn is_sliver(nodes: [Node; 3]) -> bool {
 
 fn center(at: [[f64; 2]; 3]) -> [f64; 2] {
     [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0)
-}
-
-/// The height of a polyline over a place.
-fn height(line: &[[f64; 2]], u: f64) -> f64 {
-    let k = line.partition_point(|p| p[0] < u).clamp(1, line.len() - 1);
-    let ([a, p], [b, q]) = (line[k - 1], line[k]);
-    p + (q - p) * ((u - a) / (b - a)).clamp(0.0, 1.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Between the parabola y = −z² / 3 and an axis that it touches: shorter diagonals would lead beyond the parabola. The triangles have the area
-    /// between the paths, by the shoelace formula, and so do not overlap.
-    #[test]
-    fn strips_beside_bent_paths() {
-        let heights = [0.4, 0.3, 0.2, 0.1, 0.0];
-        let mut points: Vec<Point3> = heights.iter().map(|z| [0.0, -z * z / 3.0, *z]).collect();
-        points.extend([[0.0, 0.0, 0.6], [0.0, 0.0, 0.0]]);
-        let path = |vertices: &[u32]| vertices.iter().map(|&v| (v, [0.0; 2])).collect::<Vec<_>>();
-        let made = between(&points, &path(&[5, 6]), &path(&[0, 1, 2, 3, 4]));
-        let area = |polygon: &[u32]| {
-            let at = |k: usize| points[polygon[k % polygon.len()] as usize];
-            0.5 * (0..polygon.len()).map(|k| at(k)[1] * at(k + 1)[2] - at(k)[2] * at(k + 1)[1]).sum::<f64>()
-        };
-        let sum: f64 = made.iter().map(|t| area(&t.map(|v| v.0)).abs()).sum();
-        assert!((sum - area(&[5, 0, 1, 2, 3, 4]).abs()).abs() < 1e-15, "{sum}");
-        assert_eq!(made.len(), 5);
-    }
 }

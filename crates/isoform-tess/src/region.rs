@@ -9,7 +9,7 @@
 
 use crate::domain::{Domain, image_bounds, parameters};
 use crate::map::Map;
-use crate::quadrants::in_quadrants;
+use crate::polling::in_quadrants;
 use isoform_algebra::{Arrangement, ArrangementError, Poly, QUADRANTS, RBig, coprime_base, in_triangle};
 use std::collections::BTreeMap;
 

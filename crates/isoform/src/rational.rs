@@ -5,10 +5,10 @@ use isoform_geom::{Aabb, Mesh};
 use isoform_mesh::Control;
 use isoform_mesh::check::{self, Intersections, certify};
 use isoform_tess::{
-    Analysis, Budget, Domain, Map, MapError, Mode, Patch, Point3, Prepared, Stopped, Surface, TriangulateOptions, join_patches,
+    Analysis, Budget, Domain, Map, MapError, Mode, Patch, Point3, Prepared, Stopped, Surface, TriangulateOptions, join_patches, polled,
 };
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 /// How often the surface is made again, finer where its implicit equation finds triangles far away.
 const NEARER: usize = 2;
@@ -18,8 +18,6 @@ const ROUNDS: usize = 6;
 const IN_VAIN: usize = 2;
 /// More pairs of triangles that cross than this are no accident of sheets that are close together.
 const MOST: usize = 2000;
-/// How often it is asked whether to stop.
-const POLL: Duration = Duration::from_millis(1);
 
 /// [`isoform_tess::triangulate`]; where sheets are joined, triangles that cross all the same are found exactly. The surface is made again with a
 /// finer tolerance around them; those that are left are said to be unproven.
@@ -143,17 +141,10 @@ fn crossings(surface: &Surface, stop: &dyn Fn() -> bool) -> Option<Intersections
     }
     let mesh = Mesh { points: surface.points.clone(), triangles: surface.triangles.clone(), ..Mesh::default() };
     let options = check::Options { places: MOST, pairs: MOST, ..check::Options::default() };
-    let stopped = AtomicBool::new(false);
-    let control = Control { cancelled: Some(&stopped), ..Control::default() };
-    let found = std::thread::scope(|scope| {
-        let work = scope.spawn(|| certify(&mesh, None, &options, &control).intersections);
-        while !work.is_finished() {
-            stopped.fetch_or(stop(), Ordering::Relaxed);
-            std::thread::sleep(POLL);
-        }
-        work.join().ok().flatten()
-    });
-    found.filter(|_| !stopped.into_inner())
+    polled(stop, |stopped| {
+        let control = Control { cancelled: Some(stopped), ..Control::default() };
+        certify(&mesh, None, &options, &control).intersections.filter(|_| !stopped.load(Ordering::Relaxed))
+    })
 }
 
 /// Around the triangles that cross.
