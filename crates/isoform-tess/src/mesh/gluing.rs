@@ -4,7 +4,8 @@
 //! The curve is walked through piece by piece: arcs over slabs, stretches of walls, sides of the unit triangles. What is special there (points
 //! of walls, rectangles around base points, pinch points) comes first, so that its partners are vertices, too; then the rest.
 
-use super::{Builder, Columns, Name, Ray, Sides, Stretch, distance, in_plane, on_side, sides_of};
+use super::stretch::{Columns, Stretch};
+use super::{Builder, Name, Ray, Sides, distance, in_plane, on_side, sides_of};
 use crate::double::Fibres;
 use crate::surface::{DoubleArc, Point3};
 use std::collections::BTreeMap;

@@ -76,6 +76,7 @@ pub(super) struct Plane {
     rim: BTreeMap<[u32; 2], Option<u32>>,
     queued: Vec<bool>,
     queue: VecDeque<u32>,
+    ended: Ended,
 }
 
 /// A triangle seen in space.
@@ -206,7 +207,7 @@ impl Plane {
         let rim = rim.iter().map(|&[a, b]| ([a.min(b), a.max(b)], None)).collect();
         let queued = vec![true; triangles.len()];
         let queue = (0..triangles.len() as u32).collect();
-        Self { nodes, images, shared, triangles, adjacent, fixed, looks, sound, rim, queued, queue }
+        Self { nodes, images, shared, triangles, adjacent, fixed, looks, sound, rim, queued, queue, ended: Ended::default() }
     }
 
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
@@ -333,23 +334,29 @@ impl Plane {
         self.adjacent[t as usize].iter().position(|&n| n == neighbour).expect("neighbours know each other")
     }
 
-    /// Splits edges until all triangles are near the surface and W keeps its sign on them, or there are too many.
-    pub(super) fn refine(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
+    /// Splits edges until all triangles are near the surface and W keeps its sign on them, or there are too many: then some are left waiting.
+    pub(super) fn begin(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) {
         self.thin_contracted(measure);
-        let all = (0..self.triangles.len() as u32).flat_map(|t| self.triangles[t as usize].map(|v| (t, v))).collect();
-        self.legalise(all, measure);
-        let mut ended = self.work_off(most, measure, stop);
+        self.legalise_all(measure);
+        self.work_off(most, true, measure, stop);
+    }
+    /// Whether triangles are left to be split.
+    pub(super) fn is_waiting(&self) -> bool {
+        !self.queue.is_empty()
+    }
+    /// Goes on with what was begun, with more triangles, makes them rounder, and tells edges apart that fall together.
+    pub(super) fn refine(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
+        self.work_off(most, false, measure, stop);
         for _ in 0..IMPROVEMENTS {
-            if ended != Ended::default() || self.coarsen(measure) + self.smooth(measure) == 0 {
+            if self.ended != Ended::default() || self.coarsen(measure) + self.smooth(measure) == 0 {
                 break;
             }
-            let all = (0..self.triangles.len() as u32).flat_map(|t| self.triangles[t as usize].map(|v| (t, v))).collect();
-            self.legalise(all, measure);
-            ended = self.work_off(most, measure, stop);
+            self.legalise_all(measure);
+            self.work_off(most, false, measure, stop);
         }
         for _ in 0..CLASHES {
             let clashes = self.clashes();
-            if clashes.is_empty() || ended != Ended::default() {
+            if clashes.is_empty() || self.ended != Ended::default() {
                 break;
             }
             for [a, b] in clashes {
@@ -361,10 +368,13 @@ impl Plane {
                     self.split_edge(t, i, measure);
                 }
             }
-            ended = self.work_off(most, measure, stop);
+            self.work_off(most, false, measure, stop);
         }
-        ended.clashes = self.clashes().len();
-        ended
+        Ended { clashes: self.clashes().len(), ..self.ended }
+    }
+    fn legalise_all(&mut self, measure: &dyn Measure) {
+        let all = (0..self.triangles.len() as u32).flat_map(|t| self.triangles[t as usize].map(|v| (t, v))).collect();
+        self.legalise(all, measure);
     }
 
     /// The vertices that were put between the ends of an edge of the rim.
@@ -457,8 +467,8 @@ impl Plane {
         found
     }
 
-    fn work_off(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
-        let mut ended = Ended::default();
+    /// Splits what is queued. Where there are too many triangles already, it waits, or is given up.
+    fn work_off(&mut self, most: usize, waits: bool, measure: &dyn Measure, stop: &dyn Fn() -> bool) {
         let mut steps = 0usize;
         let mut late = false;
         while let Some(t) = self.queue.pop_front() {
@@ -518,6 +528,11 @@ impl Plane {
             }
             let Some(edge) = split else { continue };
             let is_full = self.triangles.len() + 4 > most || steps > 20 * most || late;
+            if is_full && waits {
+                self.queue.push_front(t);
+                self.queued[t as usize] = true;
+                return;
+            }
             let done = !is_full
                 && match edge {
                     Some(i) if self.fixed[t as usize][i] => self.split_rim(t, i, measure),
@@ -526,11 +541,10 @@ impl Plane {
                 };
             if !done {
                 // One that only faces a wrong way is as near to the surface as asked for.
-                ended.unsound += usize::from(!sound);
-                ended.coarse += usize::from(sound && (is_full || !only_turned));
+                self.ended.unsound += usize::from(!sound);
+                self.ended.coarse += usize::from(sound && (is_full || !only_turned));
             }
         }
-        ended
     }
 
     fn add(&mut self, at: [f64; 2], measure: &dyn Measure) -> u32 {

@@ -1,0 +1,359 @@
+//! What bounds and crosses the region in a unit triangle, as a constrained Delaunay triangulation of the parameters.
+
+use super::in_chart::InChart;
+use super::plane::Plane;
+use super::stretch::{Columns, Stretch, height};
+use super::unit::Unit;
+use super::*;
+use spade::handles::FixedVertexHandle;
+use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
+
+type Cdt = ConstrainedDelaunayTriangulation<Node>;
+
+impl HasPosition for Node {
+    type Scalar = f64;
+    fn position(&self) -> Point2<f64> {
+        Point2::new(self.at[0], self.at[1])
+    }
+}
+
+/// What is drawn so far.
+struct Drawing {
+    cdt: Cdt,
+    constraints: Vec<[FixedVertexHandle; 2]>,
+    /// Points of walls, by wall and place.
+    at_wall: BTreeMap<(usize, usize), FixedVertexHandle>,
+    /// Base points: their fans, by vertex.
+    apexes: BTreeMap<usize, usize>,
+    /// Corners of the rectangles around them, by vertex and fan.
+    rays: BTreeMap<(usize, usize), Ray>,
+    /// The arcs drawn over each slab: their places, and parameters along them.
+    lines: Vec<Vec<(usize, Vec<[f64; 2]>)>>,
+    /// Whether neighbouring arcs could be told apart.
+    in_order: bool,
+}
+
+impl Drawing {
+    /// A vertex, unless it has no position.
+    fn vertex(&mut self, node: Node) -> Option<FixedVertexHandle> {
+        self.cdt.insert(node).ok()
+    }
+    /// An edge that stays, if both its ends are there.
+    fn edge(&mut self, a: Option<FixedVertexHandle>, b: Option<FixedVertexHandle>) {
+        self.constraints.extend(a.zip(b).map(|(a, b)| [a, b]));
+    }
+    /// Whether a place is in the region.
+    fn is_inside(&self, t: &crate::region::Triangle, us: &[f64], at: [f64; 2]) -> bool {
+        let k = us[1..us.len() - 1].partition_point(|&u| u < at[0]);
+        let below = self.lines[k].iter().rev().find(|(_, line)| height(line, at[0]) < at[1]).map(|l| l.0);
+        t.inside[k][below.unwrap_or(0)]
+    }
+}
+
+impl Builder<'_> {
+    /// The part of the region in a unit triangle, drawn and triangulated, to be refined. None if there is none.
+    pub(super) fn drawn_unit(&self, q: usize, sides: &Sides) -> Option<Unit> {
+        let t = &self.region.triangles[q];
+        if !t.inside.iter().flatten().any(|inside| *inside) {
+            return None;
+        }
+        let mut drawing = Drawing {
+            cdt: Cdt::new(),
+            constraints: Vec::new(),
+            at_wall: BTreeMap::new(),
+            apexes: BTreeMap::new(),
+            rays: BTreeMap::new(),
+            lines: Vec::new(),
+            in_order: true,
+        };
+        self.draw_sides(q, sides, &mut drawing);
+        self.draw_points(q, &mut drawing);
+        self.draw_rectangles(q, &mut drawing);
+        for slab in 0..t.arrangement.slabs.len() {
+            self.draw_arcs(q, slab, &mut drawing);
+        }
+        for wall in 0..t.arrangement.walls.len() {
+            self.draw_upright(q, wall, &mut drawing);
+        }
+        let mut crossing = false;
+        for [a, b] in std::mem::take(&mut drawing.constraints) {
+            if a != b && drawing.cdt.can_add_constraint(a, b) {
+                drawing.cdt.add_constraint(a, b);
+            } else {
+                crossing |= a != b;
+            }
+        }
+        let mut unproven = Vec::new();
+        if crossing || !drawing.in_order {
+            unproven.push("arcs of the region's boundary are closer together than rounding, or could not be drawn to the end".to_owned());
+        }
+        let us: Vec<f64> = t.arrangement.walls.iter().map(|w| w.u.to_f64()).collect();
+        for at in self.gluing.points(q) {
+            drawing.vertex(Node::inner(at, 0));
+        }
+        let mut handles: BTreeMap<[u64; 2], _> = drawing.cdt.vertices().map(|v| (v.data().at.map(f64::to_bits), v.fix())).collect();
+        let rings = self.rings_around(q);
+        for (at, _) in &rings {
+            let place = at.map(f64::to_bits);
+            if drawing.is_inside(t, &us, *at) && !handles.contains_key(&place) {
+                handles.extend(drawing.vertex(Node::inner(*at, 0)).map(|v| (place, v)));
+            }
+        }
+        let cdt = &mut drawing.cdt;
+        let fixed: BTreeSet<(u32, u32)> = cdt
+            .undirected_edges()
+            .filter(|e| e.is_constraint_edge())
+            .map(|e| e.vertices().map(|v| v.index() as u32))
+            .flat_map(|[a, b]| [(a, b), (b, a)])
+            .collect();
+        // Edges that are there at the beginning only.
+        for (at, legs) in &rings {
+            for leg in legs {
+                let [a, b] = [at, leg].map(|x| handles.get(&x.map(f64::to_bits)).copied());
+                if let Some((a, b)) = a.zip(b).filter(|(a, b)| a != b && cdt.can_add_constraint(*a, *b)) {
+                    cdt.add_constraint(a, b);
+                }
+            }
+        }
+        let nodes: Vec<Node> = drawing.cdt.vertices().map(|v| *v.data()).collect();
+        let (mut plain, mut at_apex) = (Vec::new(), Vec::new());
+        for face in drawing.cdt.inner_faces() {
+            let v = face.vertices();
+            if is_sliver(v.map(|v| *v.data())) || !drawing.is_inside(t, &us, center(v.map(|v| v.data().at))) {
+                continue;
+            }
+            let t = v.map(|v| v.index() as u32);
+            match (0..3).find(|&i| v[i].data().apex) {
+                Some(i) => at_apex.push([0, 1, 2].map(|k| t[(i + k) % 3])),
+                None => plain.push(t),
+            }
+        }
+        let rim: Vec<[u32; 2]> = at_apex.iter().map(|&[_, a, b]| [a, b]).collect();
+        let measure = InChart { builder: self, q };
+        let plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &rim, &measure);
+        Some(Unit { quadrant: q, plane, at_apex, apexes: drawing.apexes, rays: drawing.rays, unproven })
+    }
+
+    fn draw_sides(&self, q: usize, sides: &Sides, drawing: &mut Drawing) {
+        let mut on_sides = BTreeMap::new();
+        for (side, key) in sides_of(q).iter().enumerate() {
+            let mut before = None;
+            let mut last = (0, 0);
+            for (i, &(x, inside)) in sides[key].iter().enumerate() {
+                let next = if inside { (self.faces_along(q, side), self.side_bit(q, side, x, sides[key][i + 1].0)) } else { (0, 0) };
+                let Some(v) = drawing.vertex(Node { name: self.name_on(q, side, x), ..Node::inner(on_side(side, x), 0) }) else { continue };
+                // Corners belong to two sides.
+                let all = on_sides.entry(v.index()).or_insert((0u8, 0u64));
+                *all = (all.0 | last.0 | next.0, all.1 | last.1 | next.1);
+                let node = drawing.cdt.vertex_data_mut(v);
+                (node.faces, node.borders) = *all;
+                last = next;
+                drawing.edge(before, Some(v));
+                before = inside.then_some(v);
+            }
+        }
+    }
+
+    /// Points of walls in the region, with the faces that they are on; those on sides are there already.
+    fn draw_points(&self, q: usize, drawing: &mut Drawing) {
+        let t = &self.region.triangles[q];
+        let passed: Vec<(usize, usize)> = self.sites_in(q).flat_map(|(_, s)| &s.arcs).flat_map(|x| x.passed(&t.arrangement)).collect();
+        for (k, wall) in t.arrangement.walls.iter().enumerate() {
+            let top = wall.points.len() - 1;
+            for p in 0..=top {
+                if !t.holds_point(k, p) || passed.contains(&(k, p)) {
+                    continue;
+                }
+                let at = self.place(q, k, p);
+                let name = self.wall_name(q, k, p);
+                let faces = self.faces_at(q, k, p);
+                let apex = faces == 0b11_1111;
+                if (k == 0 || p == 0 || p == top) && !t.is_real(k, p) && !apex {
+                    continue;
+                }
+                let borders = self.region.sides_of_point(q, k, p);
+                let node = Node { at, name, faces, image: if apex { None } else { self.image_at(q, k, p) }, apex, borders };
+                // The line of a side goes on inside.
+                let is_line = |f: &usize| self.region.lines.get(*f).is_none_or(|l| *l != 0 && !self.is_drawn_inside(*f));
+                if borders == 0 && faces == 0 && wall.points[p].curves.iter().chain(&wall.vertical).all(is_line) {
+                    continue;
+                }
+                if let Some(v) = drawing.vertex(node) {
+                    drawing.at_wall.insert((k, p), v);
+                }
+            }
+        }
+    }
+
+    /// Base points with the rectangles around them.
+    fn draw_rectangles(&self, q: usize, drawing: &mut Drawing) {
+        for (&(_, k, p), site) in self.sites_in(q) {
+            let Some(&apex) = drawing.at_wall.get(&(k, p)) else { continue };
+            drawing.apexes.insert(apex.index(), site.fan);
+            let fan = &self.fans[site.fan];
+            for sector in fan.sectors.iter().filter(|s| s.inside) {
+                let Some(ends) = self.sector_ends(q, site, fan, sector) else { continue };
+                let insert = |at: [f64; 2], ray: Ray, drawing: &mut Drawing| {
+                    let name = match () {
+                        () if at[0] == 0.0 => self.name_on(q, 0, at[1]),
+                        () if at[1] == 0.0 => self.name_on(q, 1, at[0]),
+                        () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => self.name_on(q, 2, at[0]),
+                        () => Name::Inner,
+                    };
+                    let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
+                    let faces = arc.map_or(0, |x| self.bits(x.curve));
+                    let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
+                    let v = drawing.vertex(Node { name, image, ..Node::inner(at, faces) })?;
+                    drawing.rays.insert((v.index(), site.fan), ray);
+                    Some(v)
+                };
+                let around = |a, b, drawing: &mut Drawing| {
+                    if let (Some(a), Some(b)) = (a, b) {
+                        drawing.constraints.extend([[apex, a], [apex, b], [a, b]]);
+                    }
+                };
+                for (k, backward) in sector.rays {
+                    let d = &fan.directions[k];
+                    let same: Vec<_> =
+                        self.ring(q, site, d, backward).into_iter().map(|at| insert(at, (d.key(), backward), drawing)).collect();
+                    for w in same.windows(2) {
+                        around(w[0], w[1], drawing);
+                    }
+                }
+                let [a, b] = [0, 1].map(|i| insert(ends[i], (fan.directions[sector.rays[i].0].key(), sector.rays[i].1), drawing));
+                around(a, b, drawing);
+            }
+        }
+    }
+
+    /// The arcs of a slab.
+    fn draw_arcs(&self, q: usize, k: usize, drawing: &mut Drawing) {
+        let t = &self.region.triangles[q];
+        let mut over = Columns::new(&t.arrangement, k);
+        let mut lines = Vec::new();
+        for i in self.drawn(q, k) {
+            let arc = t.arrangement.slabs[k].arcs[i];
+            let (faces, borders) = (self.bits(arc.curve), self.region.side_of_arc(q, k, i));
+            let stretch = self.stretch(q, k, i);
+            let line = match self.gluing.line(Track::Arc(q, k, i)) {
+                Some(line) => line.clone(),
+                None => self.polyline(q, &stretch, i, &mut over, &mut drawing.in_order),
+            };
+            if stretch.is_open() {
+                let node = |at: [f64; 2]| Node { image: self.nearest_image(q, arc.curve, at), borders, ..Node::inner(at, faces) };
+                // From a vertex of a rectangle, or a point of a wall, to the next.
+                let ends = [(line[0], (k, arc.left)), (line[line.len() - 1], (k + 1, arc.right))];
+                let [mut before, last] = [0, 1].map(|e| {
+                    let (at, known) = ends[e];
+                    if stretch.based[e] { drawing.vertex(node(at)) } else { drawing.at_wall.get(&known).copied() }
+                });
+                for &at in &line[1..line.len() - 1] {
+                    let Some(v) = drawing.vertex(node(at)) else { continue };
+                    drawing.edge(before, Some(v));
+                    before = Some(v);
+                }
+                drawing.edge(before, last);
+            }
+            lines.push((i, stretch.whole(line)));
+        }
+        drawing.lines.push(lines);
+    }
+
+    /// Stretches of a wall that are drawn.
+    fn draw_upright(&self, q: usize, wall: usize, drawing: &mut Drawing) {
+        for p in 0..self.region.triangles[q].arrangement.walls[wall].points.len() - 1 {
+            let Some(curve) = self.drawn_on(q, wall, p) else { continue };
+            let (faces, borders) = (self.bits(curve), self.region.side_of_wall(q, wall, p));
+            let (stretch, mut line) = self.upright(q, wall, p);
+            if let Some(known) = self.gluing.line(Track::Wall(q, wall, p)) {
+                line.clone_from(known);
+            }
+            let last = line.len() - 1;
+            let mut before = None;
+            for (i, &at) in line.iter().enumerate() {
+                // From points of the wall, or from the rectangles around base points.
+                let known = match i {
+                    0 if !stretch.based[0] => drawing.at_wall.get(&(wall, p)).copied(),
+                    i if i == last && !stretch.based[1] => drawing.at_wall.get(&(wall, p + 1)).copied(),
+                    _ => drawing.vertex(Node { image: self.nearest_image(q, curve, at), borders, ..Node::inner(at, faces) }),
+                };
+                if known.is_some() {
+                    drawing.edge(before, known);
+                    before = known;
+                }
+            }
+        }
+    }
+
+    /// The curve that is drawn on a wall between a point and the next, if one is.
+    pub(super) fn drawn_on(&self, q: usize, wall: usize, point: usize) -> Option<usize> {
+        let t = &self.region.triangles[q];
+        let w = &t.arrangement.walls[wall];
+        if wall == 0 || wall + 1 == t.arrangement.walls.len() || point + 1 >= w.points.len() {
+            return None;
+        }
+        let is_curve = |f: &&usize| self.is_drawn_inside(**f);
+        match t.sides_held(wall, point) {
+            [false, false] => None,
+            [true, true] => w.vertical.iter().find(is_curve).copied(),
+            _ => w.vertical.first().copied(),
+        }
+    }
+
+    /// A drawn stretch of a wall after a point, from rectangle to rectangle around base points, and its vertices.
+    pub(super) fn upright(&self, q: usize, wall: usize, point: usize) -> (Stretch, Vec<[f64; 2]>) {
+        let mut ends = [point, point + 1].map(|p| self.place(q, wall, p));
+        let mut rays = [None; 2];
+        for (k, end) in ends.iter_mut().enumerate() {
+            if let Some(site) = self.sites.get(&(q, wall, point + k)) {
+                let arc = site.arcs.iter().find(|x| x.chain.is_empty() && x.right == (k == 0));
+                rays[k] = arc.map(|x| (site.fan, x.ray, site.at));
+                *end = arc.map_or(*end, |x| x.end);
+            }
+        }
+        let [a, b] = ends;
+        let is_contracted = self.drawn_on(q, wall, point).is_some_and(|f| self.on_curve.contains_key(&f));
+        let based = rays.map(|r| r.is_some());
+        let stretch = Stretch { before: vec![], from: a, to: b, after: vec![], based, rays };
+        if let Some(line) = self.border_line(q, self.region.side_of_wall(q, wall, point), a, b) {
+            return (stretch, line.into_iter().map(|at| [a[0], at[1]]).collect());
+        }
+        let mut line = vec![a];
+        let mut stack = vec![(a[1], b[1], 0)];
+        while let Some((x, y, depth)) = stack.pop() {
+            let at = |v: f64| self.charts[q].at([a[0], v]);
+            let m = 0.5 * (x + y);
+            let turns = || is_contracted && depth < TURNS && self.charts[q].turns([x, m, y].map(|v| [a[0], v]));
+            if depth < self.halvings && line.len() < VERTICES && !(self.stop)() && (!self.is_fine(&at, x, y) || turns()) {
+                stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
+            } else {
+                line.push([a[0], y]);
+            }
+        }
+        (stretch, line)
+    }
+
+    pub(super) fn is_drawn_inside(&self, factor: usize) -> bool {
+        self.on_curve.contains_key(&factor) || self.double.contains(&factor) || self.creased.contains(&factor)
+    }
+    /// The arcs of a slab that are drawn: those that have the region on one side, or on both and are contracted, double or cuspidal.
+    pub(super) fn drawn(&self, q: usize, slab: usize) -> Vec<usize> {
+        let t = &self.region.triangles[q];
+        let inside = &t.inside[slab];
+        let is_curve = |i: usize| self.is_drawn_inside(t.arrangement.slabs[slab].arcs[i].curve);
+        (1..inside.len()).filter(|&i| inside[i - 1] != inside[i] || inside[i] && is_curve(i)).collect()
+    }
+}
+
+/// Whether a triangle, counterclockwise, lies beyond the side u + v = 1, whose points are on that line but for rounding.
+fn is_sliver(nodes: [Node; 3]) -> bool {
+    let on_line = |n: &Node| matches!(n.name, Name::Side(2, ..) | Name::Corner(1 | 2));
+    nodes.iter().all(on_line) && {
+        let first = (0..3).min_by(|&i, &j| nodes[i].at[0].total_cmp(&nodes[j].at[0])).unwrap_or(0);
+        nodes[(first + 1) % 3].at[0] < nodes[(first + 2) % 3].at[0]
+    }
+}
+
+fn center(at: [[f64; 2]; 3]) -> [f64; 2] {
+    [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0)
+}
