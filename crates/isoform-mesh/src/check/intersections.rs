@@ -13,6 +13,8 @@ use rayon::prelude::*;
 const ROUND: usize = 1 << 12;
 /// Leaves per task: enough work (some ten microseconds) to be worth a task.
 const TASK: usize = 64;
+/// Pairs that a task decides between two looks at the clock.
+const LOOKS: usize = 256;
 
 /// Where the surface meets itself.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,26 +45,35 @@ pub(super) fn find(
         }
         let to = (round + ROUND).min(tree.leaves());
         let starts: Vec<usize> = (round..to).step_by(TASK).collect();
-        let found: Vec<Vec<(u32, u32)>> = starts
+        let found: Vec<(Vec<(u32, u32)>, bool)> = starts
             .into_par_iter()
             .map(|from| {
-                let mut found = Vec::new();
-                if control.is_stopped() {
-                    return found;
-                }
+                // Where everything meets everything, a task has a great many pairs.
+                let (mut found, mut looked, mut over) = (Vec::new(), 0usize, control.is_stopped());
                 for leaf in from..(from + TASK).min(to) {
+                    if over {
+                        break;
+                    }
                     tree.pairs_of_leaf(leaf, |a, b| {
+                        looked += 1;
+                        over |= found.len() > options.pairs || looked.is_multiple_of(LOOKS) && control.is_stopped();
                         let (i, j) = (a.min(b), a.max(b));
-                        if !skip[i as usize] && !skip[j as usize] && triangles_meet(points, triangles[i as usize], triangles[j as usize]) {
+                        if !over
+                            && !skip[i as usize]
+                            && !skip[j as usize]
+                            && triangles_meet(points, triangles[i as usize], triangles[j as usize])
+                        {
                             found.push((i, j));
                         }
                     });
                 }
-                found
+                (found, over)
             })
             .collect();
-        pairs.extend(found.into_iter().flatten());
-        complete &= !control.is_stopped();
+        for (found, over) in found {
+            pairs.extend(found);
+            complete &= !over;
+        }
     }
     pairs.par_sort_unstable();
     let mut hit = vec![false; triangles.len()];
