@@ -16,7 +16,8 @@ pub struct Budget {
     pub implicit_degree: usize,
     /// Whether the whole plane of parameters is analysed for a surface over a part of it that is proved to hold no pole.
     pub everywhere: bool,
-    /// Seconds for the implicit equation, and again for the singular curves; what is cut off by them depends on the machine.
+    /// Seconds for the implicit equation, again for the singular curves, for points and arcs on them, and for the decomposition of the parameters by
+    /// double curves; what is cut off by them depends on the machine.
     pub seconds: f64,
 }
 
@@ -82,14 +83,10 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     degrees(map, classes.ok().map(|c| c.multiplicity()), stop, &mut found);
     lap(&mut found, "degrees");
 
-    let until = |limit: f64| {
-        let start = Instant::now();
-        move || stop() || start.elapsed().as_secs_f64() > limit
-    };
     match found.degrees {
         _ if budget.implicit_degree == 0 => {}
         Some(degrees) if degrees.implicit_degree <= budget.implicit_degree => {
-            match implicit(map.affine(), budget.implicit_degree, &until(budget.seconds)) {
+            match implicit(map.affine(), budget.implicit_degree, &until(budget.seconds, stop)) {
                 Ok(equation) => found.implicit = equation,
                 Err(error) => found.unproven.push(format!("self-intersections: the implicit equation: {error}")),
             }
@@ -109,12 +106,18 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     }
     lap(&mut found, "implicit equation");
 
-    match singular(map, found.implicit.as_ref(), &until(budget.seconds)) {
+    match singular(map, found.implicit.as_ref(), &until(budget.seconds, stop)) {
         Ok(curves) => found.singular = Some(curves),
         Err(Stopped) => found.unproven.push("double, ramified and contracted curves: stopped".to_owned()),
     }
     lap(&mut found, "singular curves");
     found
+}
+
+/// Whether to stop, after so many seconds from now, too.
+pub(crate) fn until(limit: f64, stop: &dyn Fn() -> bool) -> impl Fn() -> bool {
+    let start = Instant::now();
+    move || stop() || start.elapsed().as_secs_f64() > limit
 }
 
 /// What a domain in which the map is proved to have no pole needs to be known of: contracted curves and cuspidal edges.

@@ -1,6 +1,6 @@
 //! The whole way from a map to the triangles of its surface in a box.
 
-use crate::analysis::{Analysis, Budget, analyse, analyse_clear};
+use crate::analysis::{Analysis, Budget, analyse, analyse_clear, until};
 use crate::domain::Domain;
 use crate::double::{Fibres, pinch_points, solitary_arcs};
 use crate::equation::Equation;
@@ -170,17 +170,18 @@ impl<'a> Prepared<'a> {
         let mut pinches = Vec::new();
         let mut fibres = None;
         let mut solitary = Vec::new();
+        let enough = until(options.budget.seconds, stop);
         if let Some(singular) = &analysis.singular {
             if glued && singular.curves.iter().any(|c| matches!(c.kind, CurveKind::Double)) {
-                match pinch_points(map, stop) {
+                match pinch_points(map, &enough) {
                     Ok(points) => pinches = points.iter().map(|p| p.each_ref().map(Algebraic::to_f64)).collect(),
                     Err(Stopped) => unproven.push("pinch points: stopped".to_owned()),
                 }
-                fibres = Fibres::new(map, singular, b, stop).ok();
+                fibres = Fibres::new(map, singular, b, &enough).ok();
             }
             // No parameters of a domain lead to solitary arcs.
             if domain.is_none() {
-                let (arcs, problems) = solitary_arcs(map, singular, b, options.mesh.tolerance, stop);
+                let (arcs, problems) = solitary_arcs(map, singular, b, options.mesh.tolerance, &enough);
                 solitary = arcs;
                 unproven.extend(problems);
             }
@@ -190,8 +191,18 @@ impl<'a> Prepared<'a> {
         }
         analysis.seconds.push(("double curve", clock.elapsed().as_secs_f64()));
         let clock = Instant::now();
-        let curves = Curves::new(&analysis, glued, pinches, fibres);
-        let region = Region::within(map, &options.half_width, domain, &curves.forms(), stop).map_err(|_| Stopped)?;
+        let mut curves = Curves::new(&analysis, glued, pinches, fibres);
+        let within = |curves: &Curves, stop: &dyn Fn() -> bool| Region::within(map, &options.half_width, domain, &curves.forms(), stop);
+        let region = match within(&curves, &until(if glued { options.budget.seconds } else { f64::INFINITY }, stop)) {
+            Ok(region) => region,
+            // Better sheets that cross than nothing.
+            Err(_) if glued => {
+                unproven.push("the parameters of the double curve: stopped; sheets that cross are not joined".to_owned());
+                curves = Curves::new(&analysis, false, Vec::new(), None);
+                within(&curves, stop).map_err(|_| Stopped)?
+            }
+            Err(_) => return Err(Stopped),
+        };
         analysis.seconds.push(("region", clock.elapsed().as_secs_f64()));
         Ok(Self { map, options, analysis, curves, region, solitary, unproven, fineness: Fineness::default() })
     }

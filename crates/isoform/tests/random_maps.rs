@@ -48,7 +48,7 @@ fn random_maps() {
                 domain: None,
                 mode,
                 mesh: MeshOptions { tolerance: 0.03, longest: 1.0, triangles: 100_000 },
-                budget: Budget { seconds: 0.25 * allowed.as_secs_f64(), ..Budget::default() },
+                budget: Budget { seconds: 0.18 * allowed.as_secs_f64(), ..Budget::default() },
             };
             let made = rational_surface(&map, &options, &stop);
             let seconds = clock.elapsed().as_secs_f64();

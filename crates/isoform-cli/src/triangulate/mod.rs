@@ -25,8 +25,8 @@ const TOLERANCE: f64 = 5e-4;
 const LONGEST: f64 = 0.25;
 /// Number of triangles at which refinement stops unless another is given.
 const MOST_TRIANGLES: usize = 400_000;
-/// The share of a time limit that the implicit equation may take, and the same again the singular curves: triangles come after them.
-const EXACT_SHARE: f64 = 0.25;
+/// The share of a time limit that each phase named in [`Budget::seconds`] may take: triangles come after them.
+const EXACT_SHARE: f64 = 0.18;
 
 /// Triangulates a rational parametric surface in a box
 #[derive(clap::Args)]
