@@ -17,6 +17,12 @@ impl HasPosition for Node {
     }
 }
 
+/// Rounds in which vertices are put into triangles that face a wrong way, the size of triangles that are left as they are, and the number of
+/// triangles that is enough: flips are of use only where triangles look like the surface.
+const SPREADS: usize = 12;
+const COARSE: f64 = 0.03;
+const SPREAD: usize = 4000;
+
 /// What is drawn so far.
 struct Drawing {
     cdt: Cdt,
@@ -115,11 +121,35 @@ impl Builder<'_> {
                 }
             }
         }
+        let measure = InChart { builder: self, q };
+        for _ in 0..SPREADS {
+            let (plane, _) = self.plane_of(t, &us, &drawing, &fixed, &measure);
+            let places = plane.turned(COARSE, &measure);
+            if places.is_empty() || plane.triangles.len() > SPREAD {
+                break;
+            }
+            for at in places {
+                drawing.vertex(Node::inner(at, 0));
+            }
+        }
+        let (plane, at_apex) = self.plane_of(t, &us, &drawing, &fixed, &measure);
+        Some(Unit { quadrant: q, plane, at_apex, apexes: drawing.apexes, rays: drawing.rays, unproven })
+    }
+
+    /// The triangles of a drawing that are in the region, and those at base points.
+    fn plane_of(
+        &self,
+        t: &crate::region::Triangle,
+        us: &[f64],
+        drawing: &Drawing,
+        fixed: &BTreeSet<(u32, u32)>,
+        measure: &InChart<'_, '_>,
+    ) -> (Plane, Vec<[u32; 3]>) {
         let nodes: Vec<Node> = drawing.cdt.vertices().map(|v| *v.data()).collect();
         let (mut plain, mut at_apex) = (Vec::new(), Vec::new());
         for face in drawing.cdt.inner_faces() {
             let v = face.vertices();
-            if is_sliver(v.map(|v| *v.data())) || !drawing.is_inside(t, &us, center(v.map(|v| v.data().at))) {
+            if is_sliver(v.map(|v| *v.data())) || !drawing.is_inside(t, us, center(v.map(|v| v.data().at))) {
                 continue;
             }
             let t = v.map(|v| v.index() as u32);
@@ -129,9 +159,7 @@ impl Builder<'_> {
             }
         }
         let rim: Vec<[u32; 2]> = at_apex.iter().map(|&[_, a, b]| [a, b]).collect();
-        let measure = InChart { builder: self, q };
-        let plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &rim, &measure);
-        Some(Unit { quadrant: q, plane, at_apex, apexes: drawing.apexes, rays: drawing.rays, unproven })
+        (Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &rim, measure), at_apex)
     }
 
     fn draw_sides(&self, q: usize, sides: &Sides, drawing: &mut Drawing) {

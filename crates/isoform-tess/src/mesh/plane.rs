@@ -210,6 +210,16 @@ impl Plane {
         Self { nodes, images, shared, triangles, adjacent, fixed, looks, sound, rim, queued, queue, ended: Ended::default() }
     }
 
+    /// The middles of triangles that do not face the way the surface does, or have another area, and have an edge that is longer in the parameters.
+    pub(super) fn turned(&self, longest: f64, measure: &dyn Measure) -> Vec<[f64; 2]> {
+        let is_long = |t: u32| (0..3).any(|i| self.length(t, i) > longest);
+        let is_pinched = |t: u32| {
+            let [a, b, c] = self.triangles[t as usize];
+            [[a, b], [b, c], [c, a]].iter().any(|&e| self.have_one_image(e))
+        };
+        let turned = (0..self.triangles.len() as u32).filter(|&t| is_long(t) && !is_pinched(t) && self.look(t, measure).worth < 0.0);
+        turned.map(|t| self.corners(t)).map(|at| [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0)).collect()
+    }
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
         self.triangles[t as usize].map(|v| self.nodes[v as usize].at)
     }
