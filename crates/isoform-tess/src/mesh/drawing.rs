@@ -1,7 +1,7 @@
 //! What bounds and crosses the region in a unit triangle, as a constrained Delaunay triangulation of the parameters.
 
 use super::in_chart::InChart;
-use super::plane::Plane;
+use super::plane::{Measure, Plane, is_turned};
 use super::stretch::{Columns, Stretch, height};
 use super::unit::Unit;
 use super::*;
@@ -17,11 +17,11 @@ impl HasPosition for Node {
     }
 }
 
-/// Rounds in which vertices are put into triangles that face a wrong way, the size of triangles that are left as they are, and the number of
-/// triangles that is enough: flips are of use only where triangles look like the surface.
+/// Rounds in which vertices are put into triangles that do not look like the surface, the number of triangles that is enough, and the length of edges
+/// in the parameters below which they are left to be split in space.
 const SPREADS: usize = 12;
-const COARSE: f64 = 0.03;
-const SPREAD: usize = 4000;
+const SPREAD: usize = 20_000;
+const SPREAD_LENGTH: f64 = 0.03;
 
 /// What is drawn so far.
 struct Drawing {
@@ -122,34 +122,12 @@ impl Builder<'_> {
             }
         }
         let measure = InChart { builder: self, q };
-        for _ in 0..SPREADS {
-            let (plane, _) = self.plane_of(t, &us, &drawing, &fixed, &measure);
-            let places = plane.turned(COARSE, &measure);
-            if places.is_empty() || plane.triangles.len() > SPREAD {
-                break;
-            }
-            for at in places {
-                drawing.vertex(Node::inner(at, 0));
-            }
-        }
-        let (plane, at_apex) = self.plane_of(t, &us, &drawing, &fixed, &measure);
-        Some(Unit { quadrant: q, plane, at_apex, apexes: drawing.apexes, rays: drawing.rays, unproven })
-    }
-
-    /// The triangles of a drawing that are in the region, and those at base points.
-    fn plane_of(
-        &self,
-        t: &crate::region::Triangle,
-        us: &[f64],
-        drawing: &Drawing,
-        fixed: &BTreeSet<(u32, u32)>,
-        measure: &InChart<'_, '_>,
-    ) -> (Plane, Vec<[u32; 3]>) {
+        self.spread(t, &us, &mut drawing, &measure);
         let nodes: Vec<Node> = drawing.cdt.vertices().map(|v| *v.data()).collect();
         let (mut plain, mut at_apex) = (Vec::new(), Vec::new());
         for face in drawing.cdt.inner_faces() {
             let v = face.vertices();
-            if is_sliver(v.map(|v| *v.data())) || !drawing.is_inside(t, us, center(v.map(|v| v.data().at))) {
+            if is_sliver(v.map(|v| *v.data())) || !drawing.is_inside(t, &us, center(v.map(|v| v.data().at))) {
                 continue;
             }
             let t = v.map(|v| v.index() as u32);
@@ -159,7 +137,41 @@ impl Builder<'_> {
             }
         }
         let rim: Vec<[u32; 2]> = at_apex.iter().map(|&[_, a, b]| [a, b]).collect();
-        (Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &rim, measure), at_apex)
+        let plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &rim, &measure);
+        Some(Unit { quadrant: q, plane, at_apex, apexes: drawing.apexes, rays: drawing.rays, unproven })
+    }
+
+    /// Puts vertices into large triangles that do not face the way the surface does, or have another area: flips and splits by what triangles are in
+    /// space are of use only where they look like the surface.
+    fn spread(&self, t: &crate::region::Triangle, us: &[f64], drawing: &mut Drawing, measure: &InChart<'_, '_>) {
+        let mut images = Vec::new();
+        let mut known = BTreeSet::new();
+        for _ in 0..SPREADS {
+            let new = drawing.cdt.vertices().skip(images.len());
+            images.extend(new.map(|v| (measure.image(v.data()), measure.shared(v.data()))));
+            let mut places = Vec::new();
+            for face in drawing.cdt.inner_faces() {
+                let v = face.vertices();
+                let mut sorted = v.map(|v| v.index());
+                sorted.sort_unstable();
+                if !known.insert(sorted) || v.iter().any(|v| v.data().apex) || is_sliver(v.map(|v| *v.data())) {
+                    continue;
+                }
+                let at = v.map(|v| v.data().at);
+                let [p, q, r] = v.map(|v| images[v.index()]);
+                let is_pinched = [(p.1, q.1), (q.1, r.1), (r.1, p.1)].iter().any(|(a, b)| a.is_some() && a == b);
+                let is_long = (0..3).any(|i| (at[i][0] - at[(i + 1) % 3][0]).hypot(at[i][1] - at[(i + 1) % 3][1]) > SPREAD_LENGTH);
+                if is_long && !is_pinched && is_turned(at, [p.0, q.0, r.0], measure) && drawing.is_inside(t, us, center(at)) {
+                    places.push(center(at));
+                }
+            }
+            if places.is_empty() || drawing.cdt.num_inner_faces() > SPREAD {
+                break;
+            }
+            for at in places {
+                drawing.vertex(Node::inner(at, 0));
+            }
+        }
     }
 
     fn draw_sides(&self, q: usize, sides: &Sides, drawing: &mut Drawing) {

@@ -117,6 +117,24 @@ fn least_sine([p, q, r]: [Point3; 3]) -> f64 {
     if sine.is_nan() || shortest == 0.0 { -1.0 } else { sine }
 }
 
+/// The cosine of the angle between the normals of a triangle and of the surface in its middle, and the share of the smaller of their areas in the
+/// larger; 1 where the surface has no normal.
+fn facing([a, b, c]: [[f64; 2]; 3], [p, q, r]: [Point3; 3], measure: &dyn Measure) -> [f64; 2] {
+    let [x, y] = measure.tangents([0, 1].map(|i| (a[i] + b[i] + c[i]) / 3.0));
+    let normal = cross(x, y);
+    let own = cross(sub(q, p), sub(r, p));
+    let (n, m) = (norm(own), norm(normal));
+    let area = m * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
+    let (cosine, share) = (dot(own, normal) / (n * m), (n / area).min(area / n));
+    [cosine, share].map(|x| if x.is_nan() { 1.0 } else { x })
+}
+
+/// Whether a triangle does not face the way the surface does, or has another area.
+pub(super) fn is_turned(at: [[f64; 2]; 3], images: [Point3; 3], measure: &dyn Measure) -> bool {
+    let [facing, share] = facing(at, images, measure);
+    facing < FACING || share < SHARE
+}
+
 /// The shares of the corners of a triangle, of either orientation, in a point.
 fn shares(z: [f64; 2], [a, b, c]: [[f64; 2]; 3]) -> [f64; 3] {
     let area = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
@@ -210,40 +228,17 @@ impl Plane {
         Self { nodes, images, shared, triangles, adjacent, fixed, looks, sound, rim, queued, queue, ended: Ended::default() }
     }
 
-    /// The middles of triangles that do not face the way the surface does, or have another area, and have an edge that is longer in the parameters.
-    pub(super) fn turned(&self, longest: f64, measure: &dyn Measure) -> Vec<[f64; 2]> {
-        let is_long = |t: u32| (0..3).any(|i| self.length(t, i) > longest);
-        let is_pinched = |t: u32| {
-            let [a, b, c] = self.triangles[t as usize];
-            [[a, b], [b, c], [c, a]].iter().any(|&e| self.have_one_image(e))
-        };
-        let turned = (0..self.triangles.len() as u32).filter(|&t| is_long(t) && !is_pinched(t) && self.look(t, measure).worth < 0.0);
-        turned.map(|t| self.corners(t)).map(|at| [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0)).collect()
-    }
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
         self.triangles[t as usize].map(|v| self.nodes[v as usize].at)
     }
     fn images_of(&self, t: u32) -> [Point3; 3] {
         self.triangles[t as usize].map(|v| self.images[v as usize])
     }
-    /// The cosine of the angle between the normals of a triangle and of the surface in its middle, and the share of the smaller of their areas in
-    /// the larger; 1 where the surface has no normal.
-    fn facing(&self, t: [u32; 3], measure: &dyn Measure) -> [f64; 2] {
-        let [a, b, c] = t.map(|v| self.nodes[v as usize].at);
-        let [p, q, r] = t.map(|v| self.images[v as usize]);
-        let [x, y] = measure.tangents([0, 1].map(|i| (a[i] + b[i] + c[i]) / 3.0));
-        let normal = cross(x, y);
-        let own = cross(sub(q, p), sub(r, p));
-        let (n, m) = (norm(own), norm(normal));
-        let area = m * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
-        let (cosine, share) = (dot(own, normal) / (n * m), (n / area).min(area / n));
-        [cosine, share].map(|x| if x.is_nan() { 1.0 } else { x })
-    }
     fn least_sine(&self, t: [u32; 3]) -> f64 {
         least_sine(t.map(|v| self.images[v as usize]))
     }
     fn look_at(&self, t: [u32; 3], measure: &dyn Measure) -> Look {
-        let [facing, share] = self.facing(t, measure);
+        let [facing, share] = facing(t.map(|v| self.nodes[v as usize].at), t.map(|v| self.images[v as usize]), measure);
         let worst = (facing - FACING).min(share - SHARE);
         let worth = match worst {
             _ if share < EMPTY => NOTHING,
