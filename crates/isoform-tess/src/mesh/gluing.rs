@@ -128,47 +128,46 @@ impl Builder<'_> {
             }
         }
         self.settle(&mut gluing, pieces, sides, fibres);
-        self.join_isolated(&mut gluing, isolated);
+        self.join_isolated(&mut gluing, isolated, sides);
         gluing
     }
 
     /// Isolated real points of singular curves, and images of contracted ones: those with one image become one vertex.
-    fn join_isolated(&self, gluing: &mut Gluing, isolated: &[[f64; 3]]) {
+    fn join_isolated(&self, gluing: &mut Gluing, isolated: &[[f64; 3]], sides: &mut Sides) {
         let close = 1e-9 * self.half_width;
-        let mut points: Vec<(usize, [f64; 2], Point3)> = Vec::new();
+        let mut points: Vec<(usize, [f64; 2], Point3, Name)> = Vec::new();
         for &p in isolated {
             for q in 0..4 {
-                let Some(at) = super::place_in(q, p) else { continue };
+                let Some(mut at) = super::place_in(q, p) else { continue };
+                let mut name = Name::Inner;
+                if let Some(side) = p.iter().position(|&x| x == 0.0) {
+                    let x = if side == 0 { at[1] } else { at[0] };
+                    (at, name) = (on_side(side, x), self.name_on(q, side, x));
+                }
                 let image = self.charts[q].at(at);
                 if self.region.domain.as_ref().is_some_and(|d| d.is_outside(in_plane(q, at))) {
                     continue;
                 }
                 // Base points have no image, and none of their own.
                 if image.iter().all(|x| x.abs() <= self.half_width) {
-                    points.push((q, at, image));
+                    points.push((q, at, image, name));
                 }
             }
         }
-        for &(q, at, image) in &points {
-            let name = if at[0] == 0.0 {
-                self.name_on(q, 0, at[1])
-            } else if at[1] == 0.0 {
-                self.name_on(q, 1, at[0])
-            } else if at[0] + at[1] == 1.0 {
-                self.name_on(q, 2, at[0])
-            } else {
-                Name::Inner
-            };
+        for &(q, at, image, name) in &points {
             let contracted = self.images.iter().position(|&p| distance(p, image) < close).map(Name::Image);
             let double = gluing.images.iter().position(|&p| distance(p, image) < close).map(Name::Double);
             let others = points.iter().filter(|o| distance(o.2, image) < close).any(|o| o.0 != q || distance2(o.1, at) > 1e-12);
             if !(contracted.is_some() || double.is_some() || others) {
                 continue;
             }
-            if !matches!(name, Name::Inner | Name::Corner(_)) {
-                // The places of sides are settled.
-                gluing.unproven.push("isolated points with one image are not joined".into());
-                continue;
+            if let Name::Side(side, sign, bits) = name {
+                let x = f64::from_bits(bits);
+                let places = sides.entry((side, sign)).or_default();
+                let k = places.partition_point(|p| p.0 < x);
+                if k > 0 && places.get(k).is_some_and(|p| p.0 != x) {
+                    places.insert(k, (x, places[k - 1].1));
+                }
             }
             let shared = contracted.or(double).unwrap_or_else(|| {
                 gluing.images.push(image);
