@@ -54,7 +54,7 @@ const RAISES: usize = 8;
 /// unless the patch exceeds what is allowed by this factor anyway.
 const MOST_RAISED: f64 = 1.5;
 /// Newton steps after an extrapolation, far from the bound and near it.
-const STEPS: (Stop, Stop) = (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 2e-3 });
+const STEPS: (Stop, Stop) = (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 4e-3 });
 /// The sampled distance may be this share of the tolerance: what the proof adds must fit, too.
 const WITHIN: f64 = 0.93;
 /// Of a part: at its edges what the proof adds may be as much as that.
@@ -82,7 +82,7 @@ const UNRESOLVED: f64 = 0.02;
 /// From this share of the bound on.
 const RESOLVE: f64 = 0.05;
 /// With so many nodes in each direction it gets no more.
-const ENOUGH_NODES: usize = 20;
+const ENOUGH_NODES: usize = 16;
 /// What is near the bound.
 const NEAR: f64 = 0.3;
 
@@ -466,7 +466,7 @@ impl<'f> Growth<'f> {
         if resolved {
             return false;
         }
-        self.objective.set_nodes(nodes * 8 / 5);
+        self.objective.set_nodes(nodes * 5 / 4);
         match self.retargeted(&self.patch) {
             Some((targets, at)) => self.take(self.patch.clone(), targets, at),
             None => {
