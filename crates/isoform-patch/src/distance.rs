@@ -174,9 +174,9 @@ pub(crate) fn distances_on(
     }
     // At edges a bound may be farther from the distance than elsewhere, and what is little against the tolerance is not worth its cells.
     let (least, cells) = if whole.is_single() { (0.0, MOST_CELLS) } else { (AT_EDGES * tolerance.unwrap_or(0.0), MOST_CELLS_AT_EDGES) };
-    let proved = proved.filter(|_| !whole.is_single()).map(|b| b.max(sampled));
-    let slacks = if proved.is_some() { &SLACK[1..] } else { &SLACK[..] };
-    if let Some(bound) = proved.filter(|b| *b <= (slacks[0] * sampled).max(least)) {
+    let proved = proved.map(|b| b.max(sampled));
+    let slacks = if proved.is_some() && !whole.is_single() { &SLACK[1..] } else { &SLACK[..] };
+    if let Some(bound) = proved.filter(|b| !whole.is_single() && *b <= (slacks[0] * sampled).max(least)) {
         return Distances { bound: Some(bound), sampled, rms };
     }
     let bound = slacks.iter().find_map(|slack| {
@@ -221,28 +221,37 @@ pub(crate) struct Effort {
 
 /// The same from a whole surface.
 pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, effort: Effort) -> Option<f64> {
+    proof(whole, patch, target, effort).ok()
+}
+
+/// The same; where it fails, the parameters of a place that took too much.
+pub(crate) fn proof(whole: &Whole<'_>, patch: &RationalPatch, target: f64, effort: Effort) -> Result<f64, (f64, f64)> {
     let products = Products::new(patch.degree());
     let size = largest_coordinate(patch);
     let terms = if whole.is_single() && target < COMPOSED * size { whole.field(0).terms() } else { None };
     let known = terms.and_then(|t| largest(t, patch)).unwrap_or(f64::INFINITY);
-    let mut pending = vec![(patch.clone(), 0u32)];
+    let mut pending = vec![(patch.clone(), [(0.0, 1.0); 2], 0u32)];
     let (mut worst, mut looked_at) = (0.0f64, 0);
-    while let Some((cell, depth)) = pending.pop() {
+    while let Some((cell, place, depth)) = pending.pop() {
+        let middle = || (0.5 * (place[0].0 + place[0].1), 0.5 * (place[1].0 + place[1].1));
         looked_at += 1;
         if looked_at > effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d) {
-            return None;
+            return Err(middle());
         }
         match bound_of_cell(whole, &cell, (depth, largest_homogeneous(patch)), target, known, &products) {
             Some(b) => worst = worst.max(b),
-            None if depth == MOST_DEPTH => return None,
-            None => pending.extend(divided(&cell).into_iter().map(|c| (c, depth + 1))),
+            None if depth == MOST_DEPTH => return Err(middle()),
+            None => pending.extend(divided(&cell, place).into_iter().map(|(c, place)| (c, place, depth + 1))),
         }
     }
-    Some(worst)
+    Ok(worst)
 }
 
-/// The halves of a patch that is longer in one direction, the quarters of another one.
-fn divided(patch: &RationalPatch) -> Vec<RationalPatch> {
+/// Ranges of u and of v.
+type Place = [(f64, f64); 2];
+
+/// The halves of a patch that is longer in one direction, the quarters of another one; each with its place.
+fn divided(patch: &RationalPatch, place: Place) -> Vec<(RationalPatch, Place)> {
     let c = patch.control();
     let (n, last) = (patch.degree().1, c.len() - 1);
     let length = |a: usize, b: usize| {
@@ -251,11 +260,11 @@ fn divided(patch: &RationalPatch) -> Vec<RationalPatch> {
     };
     let along_u = length(0, last - n).max(length(n, last));
     let along_v = length(0, n).max(length(last - n, last));
-    parts(patch, along_v <= LONGER * along_u, along_u <= LONGER * along_v)
+    parts(patch, place, along_v <= LONGER * along_u, along_u <= LONGER * along_v)
 }
 
 /// The parts of a patch, by de Casteljau's algorithm at 1/2, in u, in v or both.
-fn parts(patch: &RationalPatch, in_u: bool, in_v: bool) -> Vec<RationalPatch> {
+fn parts(patch: &RationalPatch, place: Place, in_u: bool, in_v: bool) -> Vec<(RationalPatch, Place)> {
     let (m, n) = patch.degree();
     let of = |upper_u: bool, upper_v: bool| {
         let mut part = patch.clone();
@@ -266,7 +275,12 @@ fn parts(patch: &RationalPatch, in_u: bool, in_v: bool) -> Vec<RationalPatch> {
         if in_u {
             (0..=n).for_each(|j| halve(control, j, n + 1, m, upper_u));
         }
-        part
+        let half = |(a, b): (f64, f64), divided: bool, upper: bool| match (divided, upper) {
+            (false, _) => (a, b),
+            (true, false) => (a, 0.5 * (a + b)),
+            (true, true) => (0.5 * (a + b), b),
+        };
+        (part, [half(place[0], in_u, upper_u), half(place[1], in_v, upper_v)])
     };
     let all = [(false, false), (false, true), (true, false), (true, true)];
     all.into_iter().filter(|(u, v)| (in_u || !u) && (in_v || !v)).map(|(u, v)| of(u, v)).collect()
@@ -631,7 +645,8 @@ mod tests {
         let patch = RationalPatch::new((2, 3), control).expect("a patch");
         let (lower, upper) = ((0.0, 0.5), (0.5, 1.0));
         let parts = [(lower, lower), (lower, upper), (upper, lower), (upper, upper)].map(|(u, v)| patch.part(u, v));
-        for (a, b) in super::parts(&patch, true, true).iter().zip(&parts) {
+        for ((a, [u, v]), b) in super::parts(&patch, [(0.0, 1.0); 2], true, true).iter().zip(&parts) {
+            assert_eq!(*b, patch.part(*u, *v));
             for (a, b) in a.control().as_flattened().iter().zip(b.control().as_flattened()) {
                 assert!((a - b).abs() < 1e-15);
             }
