@@ -70,22 +70,30 @@ impl Tangents {
 
 /// The Bernstein polynomials B₀ⁿ(t) … Bₙⁿ(t), and their derivatives.
 pub fn bernstein(n: usize, t: f64) -> (Vec<f64>, Vec<f64>) {
-    let (mut b, mut d) = (vec![1.0], vec![0.0; n + 1]);
+    let (mut b, mut d) = (vec![0.0; n + 1], vec![0.0; n + 1]);
+    basis(t, &mut b, &mut d);
+    (b, d)
+}
+
+/// The same in place, for a degree of one less than the number of places.
+fn basis(t: f64, b: &mut [f64], d: &mut [f64]) {
+    let n = b.len() - 1;
+    b[0] = 1.0;
+    d.fill(0.0);
     for k in 1..=n {
         if k == n {
-            for (i, low) in b.iter().enumerate() {
-                d[i] -= n as f64 * low;
-                d[i + 1] += n as f64 * low;
+            for i in 0..n {
+                d[i] -= n as f64 * b[i];
+                d[i + 1] += n as f64 * b[i];
             }
         }
-        let mut next = vec![0.0; k + 1];
-        for (i, low) in b.iter().enumerate() {
-            next[i] += (1.0 - t) * low;
-            next[i + 1] += t * low;
+        // From the far end, so that b[i − 1] still has its value of degree k − 1.
+        b[k] = t * b[k - 1];
+        for i in (1..k).rev() {
+            b[i] = (1.0 - t) * b[i] + t * b[i - 1];
         }
-        b = next;
+        b[0] *= 1.0 - t;
     }
-    (b, d)
 }
 
 /// Replaces Bézier points over \[0, 1\] by those over \[a, b\], which may reach beyond: the k-th is the blossom at (a, …, a, b, …, b).
@@ -167,7 +175,18 @@ impl RationalPatch {
 
     /// p*(u, v) with its first derivatives by u and by v.
     pub fn homogeneous(&self, u: f64, v: f64) -> [[f64; 4]; 3] {
-        let ((a, da), (b, db)) = (bernstein(self.degree.0, u), bernstein(self.degree.1, v));
+        let (m, n) = (self.degree.0 + 1, self.degree.1 + 1);
+        let (mut few, mut many) = ([0.0; 40], Vec::new());
+        let all = if 2 * (m + n) <= few.len() {
+            &mut few[..2 * (m + n)]
+        } else {
+            many.resize(2 * (m + n), 0.0);
+            &mut many[..]
+        };
+        let (in_u, in_v) = all.split_at_mut(2 * m);
+        let ((a, da), (b, db)) = (in_u.split_at_mut(m), in_v.split_at_mut(n));
+        basis(u, a, da);
+        basis(v, b, db);
         let mut h = [[0.0; 4]; 3];
         for (i, row) in self.control.chunks(self.degree.1 + 1).enumerate() {
             for (j, c) in row.iter().enumerate() {

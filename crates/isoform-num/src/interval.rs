@@ -135,8 +135,12 @@ fn times(a: f64, b: f64) -> f64 {
 impl Mul for Interval {
     type Output = Self;
     fn mul(self, o: Self) -> Self {
-        let p = [times(self.lo, o.lo), times(self.lo, o.hi), times(self.hi, o.lo), times(self.hi, o.hi)];
-        Self::out(p.iter().copied().fold(f64::INFINITY, f64::min), p.iter().copied().fold(f64::NEG_INFINITY, f64::max), 1)
+        let mut p = [self.lo * o.lo, self.lo * o.hi, self.hi * o.lo, self.hi * o.hi];
+        if p.iter().any(|v| v.is_nan()) {
+            p = [times(self.lo, o.lo), times(self.lo, o.hi), times(self.hi, o.lo), times(self.hi, o.hi)];
+        }
+        let (least, most) = (|a: f64, b: f64| if a < b { a } else { b }, |a: f64, b: f64| if a > b { a } else { b });
+        Self::out(least(least(p[0], p[1]), least(p[2], p[3])), most(most(p[0], p[1]), most(p[2], p[3])), 1)
     }
 }
 

@@ -24,6 +24,22 @@ fn c(v: f64) -> Interval {
     Interval::constant(v)
 }
 
+fn is_zero(v: Interval) -> bool {
+    v.lo() == 0.0 && v.hi() == 0.0
+}
+/// a b. Most derivatives are 0, and products with 0 are exact; widened, they would be slow subnormal numbers.
+fn times(a: Interval, b: Interval) -> Interval {
+    if is_zero(a) || is_zero(b) { c(0.0) } else { a * b }
+}
+/// a + b, exact where one is 0.
+fn plus(a: Interval, b: Interval) -> Interval {
+    match () {
+        () if is_zero(a) => b,
+        () if is_zero(b) => a,
+        () => a + b,
+    }
+}
+
 impl IntervalJet {
     /// The coordinate `i` (0 = x, 1 = y, 2 = z) with the range `v`.
     pub fn variable(v: Interval, i: usize) -> Self {
@@ -39,14 +55,15 @@ impl IntervalJet {
         let (g, s) = (&self.g, |i: usize, j: usize| self.h[AT2[i][j]]);
         Self {
             v: f0,
-            g: g.map(|u| f1 * u),
+            g: g.map(|u| times(f1, u)),
             h: std::array::from_fn(|n| {
                 let (i, j) = PAIRS[n];
-                f1 * self.h[n] + f2 * g[i] * g[j]
+                plus(times(f1, self.h[n]), times(times(f2, g[i]), g[j]))
             }),
             t: std::array::from_fn(|n| {
                 let (i, j, k) = TRIPLES[n];
-                f1 * self.t[n] + f2 * (s(i, j) * g[k] + s(i, k) * g[j] + s(j, k) * g[i]) + f3 * g[i] * g[j] * g[k]
+                let mixed = plus(plus(times(s(i, j), g[k]), times(s(i, k), g[j])), times(s(j, k), g[i]));
+                plus(plus(times(f1, self.t[n]), times(f2, mixed)), times(times(times(f3, g[i]), g[j]), g[k]))
             }),
         }
     }
@@ -60,23 +77,28 @@ impl IntervalJet {
     }
     fn product(&self, o: &Self) -> Self {
         let (a, b) = (|i: usize, j: usize| self.h[AT2[i][j]], |i: usize, j: usize| o.h[AT2[i][j]]);
+        fn sum<const N: usize>(products: [(Interval, Interval); N]) -> Interval {
+            products.into_iter().fold(c(0.0), |s, (a, b)| plus(s, times(a, b)))
+        }
         Self {
             v: self.v * o.v,
-            g: std::array::from_fn(|i| self.v * o.g[i] + self.g[i] * o.v),
+            g: std::array::from_fn(|i| plus(times(self.v, o.g[i]), times(self.g[i], o.v))),
             h: std::array::from_fn(|n| {
                 let (i, j) = PAIRS[n];
-                self.v * o.h[n] + self.g[i] * o.g[j] + self.g[j] * o.g[i] + self.h[n] * o.v
+                sum([(self.v, o.h[n]), (self.g[i], o.g[j]), (self.g[j], o.g[i]), (self.h[n], o.v)])
             }),
             t: std::array::from_fn(|n| {
                 let (i, j, k) = TRIPLES[n];
-                self.v * o.t[n]
-                    + self.g[i] * b(j, k)
-                    + self.g[j] * b(i, k)
-                    + self.g[k] * b(i, j)
-                    + a(i, j) * o.g[k]
-                    + a(i, k) * o.g[j]
-                    + a(j, k) * o.g[i]
-                    + self.t[n] * o.v
+                sum([
+                    (self.v, o.t[n]),
+                    (self.g[i], b(j, k)),
+                    (self.g[j], b(i, k)),
+                    (self.g[k], b(i, j)),
+                    (a(i, j), o.g[k]),
+                    (a(i, k), o.g[j]),
+                    (a(j, k), o.g[i]),
+                    (self.t[n], o.v),
+                ])
             }),
         }
     }
@@ -97,13 +119,13 @@ impl IntervalJet {
 impl Add for IntervalJet {
     type Output = Self;
     fn add(self, o: Self) -> Self {
-        self.map2(&o, |a, b| a + b)
+        self.map2(&o, plus)
     }
 }
 impl Sub for IntervalJet {
     type Output = Self;
     fn sub(self, o: Self) -> Self {
-        self.map2(&o, |a, b| a - b)
+        self.map2(&o, |a, b| plus(a, -b))
     }
 }
 impl Neg for IntervalJet {

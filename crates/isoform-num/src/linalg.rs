@@ -3,25 +3,34 @@
 /// Cholesky factor L (lower, row-major n × n, A = L Lᵀ) in place of A; `false` where A is not positive definite to working
 /// precision (A is then half overwritten).
 pub fn cholesky(a: &mut [f64], n: usize) -> bool {
+    // Lᵀ takes the place of the upper triangle meanwhile: rows along memory.
+    transpose(a, n);
     for j in 0..n {
-        let mut d = a[j * n + j];
-        for k in 0..j {
-            d -= a[j * n + k] * a[j * n + k];
+        let (done, row) = a.split_at_mut(j * n);
+        let row = &mut row[j..n];
+        for above in done.chunks(n) {
+            let f = above[j];
+            for (x, y) in row.iter_mut().zip(&above[j..]) {
+                *x -= f * y;
+            }
         }
-        if !(d > 0.0 && d.is_finite()) {
+        if !(row[0] > 0.0 && row[0].is_finite()) {
             return false;
         }
-        let d = d.sqrt();
-        a[j * n + j] = d;
-        for i in j + 1..n {
-            let mut s = a[i * n + j];
-            for k in 0..j {
-                s -= a[i * n + k] * a[j * n + k];
-            }
-            a[i * n + j] = s / d;
+        let d = row[0].sqrt();
+        row[0] = d;
+        row[1..].iter_mut().for_each(|x| *x /= d);
+    }
+    transpose(a, n);
+    true
+}
+
+fn transpose(a: &mut [f64], n: usize) {
+    for i in 0..n {
+        for j in 0..i {
+            a.swap(i * n + j, j * n + i);
         }
     }
-    true
 }
 
 /// Solves L Lᵀ x = b in place of b, for a factor from [`cholesky`].

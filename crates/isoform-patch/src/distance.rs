@@ -6,7 +6,7 @@
 //! itself, and |F| ≤ M on the cell, the surface is at most M/G away along ±n. Where no such n exists (at self-intersections) cells
 //! are divided until they are small against the bound; then it suffices that F changes its sign between c and a point nearby.
 //!
-//! On patches that lie on the surface to rounding, M is that of F∘p where F is a polynomial. At a self-intersection there are then unit
+//! On patches that lie on the surface to rounding, M is that of F∘p where F is a polynomial. At a self-intersection there are unit
 //! vectors e and f with eᵀHe ≥ λ and fᵀHf ≤ −λ about the cell: along ±e, whichever way F does not fall, it has grown by λt²/2 after t, along f
 //! fallen by as much, so that the surface is at most √(2M/λ) away.
 //!
@@ -45,6 +45,9 @@ const MOST_CELLS_AT_EDGES: usize = 2000;
 const AT_EDGES: f64 = 0.02;
 /// Newton steps to a foot point about which the sign is looked at.
 const FOOT_STEPS: usize = 8;
+/// At self-intersections the bound is about the root of the distance times the size of a cell: it is tried for cells up to so many times as large
+/// as what is to be proved.
+const CROSSING: f64 = 4.0;
 /// Divisions of the patch.
 const MOST_DEPTH: u32 = 24;
 /// A cell that is longer by this factor in one direction is divided there only.
@@ -171,9 +174,9 @@ pub(crate) fn distances_on(
     }
     // At edges a bound may be farther from the distance than elsewhere, and what is little against the tolerance is not worth its cells.
     let (least, cells) = if whole.is_single() { (0.0, MOST_CELLS) } else { (AT_EDGES * tolerance.unwrap_or(0.0), MOST_CELLS_AT_EDGES) };
-    let proved = proved.filter(|_| !whole.is_single()).map(|b| b.max(sampled));
-    let slacks = if proved.is_some() { &SLACK[1..] } else { &SLACK[..] };
-    if let Some(bound) = proved.filter(|b| *b <= (slacks[0] * sampled).max(least)) {
+    let proved = proved.map(|b| b.max(sampled));
+    let slacks = if proved.is_some() && !whole.is_single() { &SLACK[1..] } else { &SLACK[..] };
+    if let Some(bound) = proved.filter(|b| !whole.is_single() && *b <= (slacks[0] * sampled).max(least)) {
         return Distances { bound: Some(bound), sampled, rms };
     }
     let bound = slacks.iter().find_map(|slack| {
@@ -218,28 +221,37 @@ pub(crate) struct Effort {
 
 /// The same from a whole surface.
 pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, effort: Effort) -> Option<f64> {
+    proof(whole, patch, target, effort).ok()
+}
+
+/// The same; where it fails, the parameters of a place that took too much.
+pub(crate) fn proof(whole: &Whole<'_>, patch: &RationalPatch, target: f64, effort: Effort) -> Result<f64, (f64, f64)> {
     let products = Products::new(patch.degree());
     let size = largest_coordinate(patch);
     let terms = if whole.is_single() && target < COMPOSED * size { whole.field(0).terms() } else { None };
     let known = terms.and_then(|t| largest(t, patch)).unwrap_or(f64::INFINITY);
-    let mut pending = vec![(patch.clone(), 0u32)];
+    let mut pending = vec![(patch.clone(), [(0.0, 1.0); 2], 0u32)];
     let (mut worst, mut looked_at) = (0.0f64, 0);
-    while let Some((cell, depth)) = pending.pop() {
+    while let Some((cell, place, depth)) = pending.pop() {
+        let middle = || (0.5 * (place[0].0 + place[0].1), 0.5 * (place[1].0 + place[1].1));
         looked_at += 1;
         if looked_at > effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d) {
-            return None;
+            return Err(middle());
         }
         match bound_of_cell(whole, &cell, (depth, largest_homogeneous(patch)), target, known, &products) {
             Some(b) => worst = worst.max(b),
-            None if depth == MOST_DEPTH => return None,
-            None => pending.extend(divided(&cell).into_iter().map(|c| (c, depth + 1))),
+            None if depth == MOST_DEPTH => return Err(middle()),
+            None => pending.extend(divided(&cell, place).into_iter().map(|(c, place)| (c, place, depth + 1))),
         }
     }
-    Some(worst)
+    Ok(worst)
 }
 
-/// The halves of a patch that is longer in one direction, the quarters of another one.
-fn divided(patch: &RationalPatch) -> Vec<RationalPatch> {
+/// Ranges of u and of v.
+type Place = [(f64, f64); 2];
+
+/// The halves of a patch that is longer in one direction, the quarters of another one; each with its place.
+fn divided(patch: &RationalPatch, place: Place) -> Vec<(RationalPatch, Place)> {
     let c = patch.control();
     let (n, last) = (patch.degree().1, c.len() - 1);
     let length = |a: usize, b: usize| {
@@ -248,11 +260,11 @@ fn divided(patch: &RationalPatch) -> Vec<RationalPatch> {
     };
     let along_u = length(0, last - n).max(length(n, last));
     let along_v = length(0, n).max(length(last - n, last));
-    parts(patch, along_v <= LONGER * along_u, along_u <= LONGER * along_v)
+    parts(patch, place, along_v <= LONGER * along_u, along_u <= LONGER * along_v)
 }
 
 /// The parts of a patch, by de Casteljau's algorithm at 1/2, in u, in v or both.
-fn parts(patch: &RationalPatch, in_u: bool, in_v: bool) -> Vec<RationalPatch> {
+fn parts(patch: &RationalPatch, place: Place, in_u: bool, in_v: bool) -> Vec<(RationalPatch, Place)> {
     let (m, n) = patch.degree();
     let of = |upper_u: bool, upper_v: bool| {
         let mut part = patch.clone();
@@ -263,7 +275,12 @@ fn parts(patch: &RationalPatch, in_u: bool, in_v: bool) -> Vec<RationalPatch> {
         if in_u {
             (0..=n).for_each(|j| halve(control, j, n + 1, m, upper_u));
         }
-        part
+        let half = |(a, b): (f64, f64), divided: bool, upper: bool| match (divided, upper) {
+            (false, _) => (a, b),
+            (true, false) => (a, 0.5 * (a + b)),
+            (true, true) => (0.5 * (a + b), b),
+        };
+        (part, [half(place[0], in_u, upper_u), half(place[1], in_v, upper_v)])
     };
     let all = [(false, false), (false, true), (true, false), (true, true)];
     all.into_iter().filter(|(u, v)| (in_u || !u) && (in_v || !v)).map(|(u, v)| of(u, v)).collect()
@@ -324,14 +341,16 @@ fn bound_of_cell(
     let rounding = SUBDIVISION * f64::from(depth + 1) * (whole_size.0 + largest * whole_size.1) / least * (1.0 + 1e-9);
     let reach = norm(r);
     // How far beyond the cell the surface is sought: as far as it seems to be, not as far as it may be.
-    let beyond = (2.0 * whole.first_order(c).0.abs() + 0.25 * reach).min(target);
+    let beyond = (2.0 * whole.first_order(c).0.abs() + 0.125 * reach).min(target);
     let beyond = if beyond.is_nan() { target } else { beyond };
     if let Some(b) = smooth_bound(whole, c, &d, r, beyond, known, products).filter(|b| b + rounding <= target) {
         return Some(b + rounding);
     }
-    if known.is_finite() {
+    if known.is_finite() || (whole.is_single() && reach <= CROSSING * target) {
         let e = whole.field(0).expansion(c, about(c, r, target))?;
-        if let Some(b) = crossing_bound(&e, r.map(|v| v + target), known).filter(|b| b + rounding <= target) {
+        let (lo, hi) = range(&e, &d, r, products);
+        let most = if lo <= hi { known.min(hi.max(-lo)) } else { known };
+        if let Some(b) = crossing_bound(&e, r.map(|v| v + target), most).filter(|b| b + rounding <= target) {
             return Some(b + rounding);
         }
     }
@@ -399,7 +418,8 @@ fn smooth_bound(whole: &Whole<'_>, c: Point3, d: &[[f64; 4]], r: Point3, beyond:
         same.fold(0.0f64, |m, (_, l)| m.max(*l))
     };
     let wide: Point3 = r.map(|v| v + beyond);
-    let slope = (0..parts.len()).map(|k| slope(&expansions[k], n, wide) / unit(k)).fold(f64::INFINITY, f64::min);
+    let along = Along { n, beyond, wide, c, d };
+    let slope = (0..parts.len()).map(|k| along.slope(&expansions[k]) / unit(k)).fold(f64::INFINITY, f64::min);
     let slope = slope * (1.0 - 1e-12);
     if slope.is_nan() || slope <= 0.0 {
         return None;
@@ -426,24 +446,41 @@ fn slopes(e: &Expansion) -> Point3 {
     std::array::from_fn(|k| middle(&e.gradient[k]))
 }
 
-/// A lower bound of n·∇F where no coordinate differs by more than `wide`.
-fn slope(e: &Expansion, n: Point3, wide: Point3) -> f64 {
-    let g = slopes(e);
-    let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
-    let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
-    let at = |i: usize, j: usize| [[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j];
-    let mut lost = 0.0;
-    for i in 0..3 {
-        lost += n[i].abs() * radius(&e.gradient[i]);
-        for j in 0..3 {
-            lost += n[i].abs() * radius(&e.hessian[at(i, j)]) * wide[j];
+/// Where the surface is sought: from the points of a cell along ±n.
+struct Along<'d> {
+    n: Point3,
+    /// So far.
+    beyond: f64,
+    /// No coordinate differs from those of c by more.
+    wide: Point3,
+    c: Point3,
+    /// The cell's control points less c.
+    d: &'d [[f64; 4]],
+}
+
+impl Along<'_> {
+    /// A lower bound of n·∇F there.
+    fn slope(&self, e: &Expansion) -> f64 {
+        let (n, wide) = (self.n, self.wide);
+        let g = slopes(e);
+        let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
+        let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
+        let at = |i: usize, j: usize| [[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j];
+        let mut lost = 0.0;
+        for i in 0..3 {
+            lost += n[i].abs() * radius(&e.gradient[i]);
+            for j in 0..3 {
+                lost += n[i].abs() * radius(&e.hessian[at(i, j)]) * wide[j];
+            }
         }
+        // nᵀHδ is least at a control point.
+        let nh: Point3 = std::array::from_fn(|j| (0..3).map(|i| n[i] * h[at(i, j)]).sum());
+        let least = self.d.iter().map(|p| (nh[0] * p[0] + nh[1] * p[1] + nh[2] * p[2]) / p[3]).fold(f64::INFINITY, f64::min);
+        lost += self.beyond * (nh[0] * n[0] + nh[1] * n[1] + nh[2] * n[2]).abs();
+        lost += 16.0 * f64::EPSILON * (0..3).map(|j| nh[j].abs() * (self.c[j].abs() + wide[j])).sum::<f64>();
+        lost += 0.5 * cubic(&t, wide, Some(n.map(f64::abs)));
+        (0..3).map(|k| n[k] * g[k]).sum::<f64>() + least - lost
     }
-    for j in 0..3 {
-        lost += (0..3).map(|i| n[i] * h[at(i, j)]).sum::<f64>().abs() * wide[j];
-    }
-    lost += 0.5 * cubic(&t, wide, Some(n.map(f64::abs)));
-    (0..3).map(|k| n[k] * g[k]).sum::<f64>() - lost
 }
 
 /// Bounds of F on a cell.
@@ -460,9 +497,7 @@ fn range(e: &Expansion, d: &[[f64; 4]], r: Point3, products: &Products) -> (f64,
     };
     let rights: Vec<[f64; 4]> = d.iter().map(right).collect();
     let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
-    for [q, w2] in products.of(d, &rights) {
-        (lo, hi) = (lo.min(q / w2), hi.max(q / w2));
-    }
+    products.of(d, &rights, |q, w2| (lo, hi) = (lo.min(q / w2), hi.max(q / w2)));
     // What the coefficients leave out: rounding of the sums, radii of the derivatives, the remainder.
     let size =
         value.abs() + (0..3).map(|k| g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()).sum::<f64>();
@@ -570,10 +605,17 @@ impl Products {
             |n: usize| (0..=n).map(|i| (0..=n).map(|k| binomial(n, i) * binomial(n, k) / binomial(2 * n, i + k)).collect()).collect();
         Self { degree, u: table(degree.0), v: table(degree.1) }
     }
-    /// The coefficients of a·b, and those of the square of the last entry of a.
-    fn of(&self, a: &[[f64; 4]], b: &[[f64; 4]]) -> Vec<[f64; 2]> {
+    /// Tells the coefficients of a·b, each with that of the square of the last entry of a.
+    fn of(&self, a: &[[f64; 4]], b: &[[f64; 4]], mut each: impl FnMut(f64, f64)) {
         let (m, n) = self.degree;
-        let mut out = vec![[0.0; 2]; (2 * m + 1) * (2 * n + 1)];
+        let (mut few, mut many) = ([[0.0; 2]; 81], Vec::new());
+        let size = (2 * m + 1) * (2 * n + 1);
+        let out = if size <= few.len() {
+            &mut few[..size]
+        } else {
+            many.resize(size, [0.0; 2]);
+            &mut many[..]
+        };
         for i in 0..=m {
             for k in 0..=m {
                 let fu = self.u[i][k];
@@ -589,7 +631,7 @@ impl Products {
                 }
             }
         }
-        out
+        out.iter().for_each(|[q, w2]| each(*q, *w2));
     }
 }
 
@@ -603,7 +645,8 @@ mod tests {
         let patch = RationalPatch::new((2, 3), control).expect("a patch");
         let (lower, upper) = ((0.0, 0.5), (0.5, 1.0));
         let parts = [(lower, lower), (lower, upper), (upper, lower), (upper, upper)].map(|(u, v)| patch.part(u, v));
-        for (a, b) in super::parts(&patch, true, true).iter().zip(&parts) {
+        for ((a, [u, v]), b) in super::parts(&patch, [(0.0, 1.0); 2], true, true).iter().zip(&parts) {
+            assert_eq!(*b, patch.part(*u, *v));
             for (a, b) in a.control().as_flattened().iter().zip(b.control().as_flattened()) {
                 assert!((a - b).abs() < 1e-15);
             }
@@ -621,7 +664,8 @@ mod tests {
             let (bu, bv) = (isoform_geom::bernstein(m, 0.3).0, isoform_geom::bernstein(n, 0.8).0);
             (0..=m).map(|i| (0..=n).map(|j| bu[i] * bv[j] * c(i * (n + 1) + j)).sum::<f64>()).sum::<f64>()
         };
-        let product = products.of(&a, &b);
+        let mut product = Vec::new();
+        products.of(&a, &b, |q, w2| product.push([q, w2]));
         let want: f64 = (0..4).map(|k| value(&|i| a[i][k], 2, 1) * value(&|i| b[i][k], 2, 1)).sum();
         assert!((value(&|i| product[i][0], 4, 2) - want).abs() < 1e-14);
         assert!((value(&|i| product[i][1], 4, 2) - value(&|i| a[i][3], 2, 1).powi(2)).abs() < 1e-14);

@@ -11,7 +11,7 @@ mod edges;
 
 pub(crate) use edges::Side;
 
-use crate::distance::{Effort, prove_on, sampled, sampled_on};
+use crate::distance::{Effort, proof, sampled, sampled_on};
 use crate::objective::{CORNERS, Evaluated, Method, Objective, Targets, Terms, Weights};
 use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
@@ -54,7 +54,7 @@ const RAISES: usize = 8;
 /// unless the patch exceeds what is allowed by this factor anyway.
 const MOST_RAISED: f64 = 1.5;
 /// Newton steps after an extrapolation, far from the bound and near it.
-const STEPS: (Stop, Stop) = (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 2e-3 });
+const STEPS: (Stop, Stop) = (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 4e-3 });
 /// The sampled distance may be this share of the tolerance: what the proof adds must fit, too.
 const WITHIN: f64 = 0.93;
 /// Of a part: at its edges what the proof adds may be as much as that.
@@ -427,8 +427,13 @@ impl<'f> Growth<'f> {
 
     /// Whether the time is over, which is kept in mind.
     pub(crate) fn late(&mut self) -> bool {
-        self.is_late |= self.options.deadline.is_some_and(|d| Instant::now() >= d);
+        self.is_late |= self.is_over();
         self.is_late
+    }
+
+    /// Whether the time is over.
+    pub(crate) fn is_over(&self) -> bool {
+        self.options.deadline.is_some_and(|d| Instant::now() >= d)
     }
 
     /// Where a control weight is too small, gives J more weight; whether it did.
@@ -481,20 +486,23 @@ impl<'f> Growth<'f> {
     pub(crate) fn keep_tolerance(&mut self) -> Option<f64> {
         let tolerance = self.options.tolerance?;
         let is_single = self.on.whole.is_single();
-        let effort = Effort { cells: if is_single { PROOF_CELLS } else { PROOF_CELLS_AT_EDGES }, deadline: self.options.deadline };
+        let mut effort = Effort { cells: if is_single { PROOF_CELLS } else { PROOF_CELLS_AT_EDGES }, deadline: self.options.deadline };
         let (most, share) = if is_single { (SHORTER, SHARE_SHORTER) } else { (SHORTER_AT_EDGES, SHARE_SHORTER_AT_EDGES) };
         for _ in 0..most {
-            if self.late() {
+            if self.is_over() {
                 return None;
             }
             let is_hopeless = !is_single && sampled_on(self.on.whole, &self.patch, PROVED_SAMPLES).0 > HOPELESS * tolerance;
-            let proved = if is_hopeless { None } else { prove_on(self.on.whole, &self.patch, tolerance, effort) };
-            if proved.is_some() {
-                return proved;
-            }
-            if !self.retreat(share) {
+            let proved = if is_hopeless { Err(None) } else { proof(self.on.whole, &self.patch, tolerance, effort).map_err(Some) };
+            let left = match proved {
+                Ok(bound) => return Some(bound),
+                Err(Some(place)) if is_single => self.leave(place, share),
+                Err(_) => self.retreat(share),
+            };
+            if !left {
                 return None;
             }
+            effort.cells = effort.cells.min(PROOF_CELLS / 3);
         }
         None
     }
@@ -519,6 +527,17 @@ impl<'f> Growth<'f> {
             Some((targets, at)) => self.take(shorter, targets, at),
             None => return false,
         }
+        true
+    }
+
+    /// Shortens the patch by a share at each side, and at one so that a place is no longer on it: near a singular point nothing may be
+    /// provable. False where that is no patch.
+    fn leave(&mut self, (u, v): (f64, f64), share: f64) -> bool {
+        let lost = [u, 1.0 - u, v, 1.0 - v];
+        let side = (0..4).min_by(|&a, &b| lost[a].total_cmp(&lost[b])).unwrap_or(0);
+        let shorter = self.longer(std::array::from_fn(|k| if k == side { -lost[k] - share } else { -share }));
+        let Some((targets, at)) = self.retargeted(&shorter) else { return false };
+        self.take(shorter, targets, at);
         true
     }
 

@@ -96,7 +96,7 @@ impl Local {
 
         let exact = method == Method::Newton;
         let [x, y, both] = objective.inner.factors(targets);
-        let mut add = |r: f64, s: f64, form: &Form| local.square(&ALL, r, &form.first, exact.then_some(&form.second), s);
+        let mut add = |r: f64, s: f64, form: &Form| local.form(r, form, s);
         let (g11, g22) = (Form::new(node, (0, 0), exact), Form::new(node, (1, 1), exact));
         add(r.u, weight * factors.l * x, &g11);
         add(r.v, weight * factors.l * y, &g22);
@@ -115,6 +115,23 @@ impl Local {
             for b in 0..N {
                 let curved = second.map_or(0.0, |h| r * h[a][b]);
                 self.hessian[places[a]][places[b]] += 2.0 * s * (first[a] * first[b] + curved);
+            }
+        }
+    }
+
+    /// The same with all of z.
+    fn form(&mut self, r: f64, form: &Form, s: f64) {
+        for (a, row) in self.hessian.iter_mut().enumerate() {
+            let x = 2.0 * s * form.first[a];
+            self.gradient[a] += r * x;
+            for b in 0..12 {
+                row[b] += x * form.first[b];
+            }
+        }
+        let Some(second) = &form.second else { return };
+        for (row, h) in self.hessian.iter_mut().zip(second.iter()) {
+            for b in 0..12 {
+                row[b] += 2.0 * s * r * h[b];
             }
         }
     }
@@ -168,46 +185,54 @@ impl Local {
     }
 }
 
-/// All places in z.
-const ALL: [usize; 12] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
-
 /// The derivatives of ⟨pₐ, p_b⟩ by z; second ones only where they are asked for.
 struct Form {
     first: [f64; 12],
-    second: [[f64; 12]; 12],
+    second: Option<Box<[[f64; 12]; 12]>>,
 }
 
 impl Form {
     /// For a, b ∈ {u, v}.
     fn new(node: &Node, (a, b): (usize, usize), exact: bool) -> Self {
+        let q = 1.0 / node.z[3];
+        let (p, ta, tb, in_a, in_b) = (node.point, node.tangents[a], node.tangents[b], 4 + 4 * a, 4 + 4 * b);
+        let (wa, wb, along_a, along_b) = (q * node.z[in_a + 3], q * node.z[in_b + 3], dot(p, ta), dot(p, tb));
         let mut first = [0.0; 12];
+        for k in 0..3 {
+            first[k] = -q * (wa * tb[k] + wb * ta[k]);
+            first[in_a + k] += q * tb[k];
+            first[in_b + k] += q * ta[k];
+        }
+        first[3] = q * (wa * along_b + wb * along_a - 2.0 * dot(ta, tb));
+        first[in_a + 3] -= q * along_b;
+        first[in_b + 3] -= q * along_a;
+        Self { first, second: exact.then(|| Box::new(Self::second(node, (a, b)))) }
+    }
+
+    fn second(node: &Node, (a, b): (usize, usize)) -> [[f64; 12]; 12] {
         let mut second = [[0.0; 12]; 12];
         for k in 0..3 {
             let ((places_a, da), (places_b, db)) = (node.tangent(a, k), node.tangent(b, k));
             let (pa, pb) = (node.tangents[a][k], node.tangents[b][k]);
+            let (ha, hb) = (node.tangent_second(a, k), node.tangent_second(b, k));
             for i in 0..4 {
-                first[places_a[i]] += pb * da[i];
-                first[places_b[i]] += pa * db[i];
-            }
-            if exact {
-                let (ha, hb) = (node.tangent_second(a, k), node.tangent_second(b, k));
-                for i in 0..4 {
-                    for j in 0..4 {
-                        second[places_a[i]][places_a[j]] += pb * ha[i][j];
-                        second[places_b[i]][places_b[j]] += pa * hb[i][j];
-                        second[places_a[i]][places_b[j]] += da[i] * db[j];
-                        second[places_b[j]][places_a[i]] += da[i] * db[j];
-                    }
+                for j in 0..4 {
+                    second[places_a[i]][places_a[j]] += pb * ha[i][j];
+                    second[places_b[i]][places_b[j]] += pa * hb[i][j];
+                    second[places_a[i]][places_b[j]] += da[i] * db[j];
+                    second[places_b[j]][places_a[i]] += da[i] * db[j];
                 }
             }
         }
-        Self { first, second }
+        second
     }
 
     /// s self + t other.
     fn blend(&self, s: f64, other: &Self, t: f64) -> Self {
         let sum = |a: &[f64; 12], b: &[f64; 12]| std::array::from_fn(|k| s * a[k] + t * b[k]);
-        Self { first: sum(&self.first, &other.first), second: std::array::from_fn(|k| sum(&self.second[k], &other.second[k])) }
+        let both = self.second.as_ref().zip(other.second.as_ref());
+        let second = both.map(|(a, b)| Box::new(std::array::from_fn(|k| sum(&a[k], &b[k]))));
+        Self { first: sum(&self.first, &other.first), second }
     }
 }
 

@@ -250,7 +250,7 @@ impl<'f> Objective<'f> {
         let points: Vec<Point3> = nodes.iter().map(|z| z.point).collect();
         let mut jets = vec![Jet2 { v: 0.0, g: [0.0; 3], h: [0.0; 6] }; points.len()];
         self.field.jets(&points, &mut jets);
-        self.terms(patch, nodes, points, jets)
+        self.terms(patch, &self.targets, nodes, points, jets)
     }
 
     /// The terms at a patch with other targets.
@@ -261,8 +261,7 @@ impl<'f> Objective<'f> {
 
     /// The same patch's value with other targets.
     pub(crate) fn with_targets(&self, patch: &RationalPatch, at: Evaluated, targets: &Targets) -> Option<Evaluated> {
-        let other = Self { targets: *targets, u: self.u.clone(), v: self.v.clone(), ..*self };
-        other.terms(patch, at.nodes, at.points, at.jets)
+        self.terms(patch, targets, at.nodes, at.points, at.jets)
     }
 
     /// The means of g₁₁ and g₂₂: with these l₁ and l₂ a patch has the least L.
@@ -305,14 +304,14 @@ impl<'f> Objective<'f> {
         (l1, l2)
     }
 
-    fn terms(&self, patch: &RationalPatch, nodes: Vec<Node>, points: Vec<Point3>, jets: Vec<Jet2>) -> Option<Evaluated> {
+    fn terms(&self, patch: &RationalPatch, t: &Targets, nodes: Vec<Node>, points: Vec<Point3>, jets: Vec<Jet2>) -> Option<Evaluated> {
         let mut terms = Terms::default();
-        let (factors, t) = (self.inner.factors(&self.targets), &self.targets);
+        let factors = self.inner.factors(t);
         let mut all = nodes.iter().zip(&jets);
         for wu in &self.u.weights {
             for (wv, (node, jet)) in self.v.weights.iter().zip(&mut all) {
                 let weight = wu * wv;
-                let r = node.residuals(jet, &self.targets);
+                let r = node.residuals(jet, t);
                 terms.i += weight * r.distance * r.distance;
                 if !self.by_control {
                     terms.j += weight * (node.z[3] - 1.0).powi(K);
@@ -331,7 +330,7 @@ impl<'f> Objective<'f> {
             if c[3] <= 0.0 {
                 return None;
             }
-            terms.e += distance_squared([c[0] / c[3], c[1] / c[3], c[2] / c[3]], self.targets.corners[i]);
+            terms.e += distance_squared([c[0] / c[3], c[1] / c[3], c[2] / c[3]], t.corners[i]);
         }
         for (side, edge) in self.sides.iter().enumerate() {
             let Some(edge) = edge else { continue };
@@ -356,7 +355,8 @@ impl<'f> Objective<'f> {
         let mut nodes = Vec::with_capacity(self.u.b.len() * self.v.b.len());
         for [a, da] in &self.u.b {
             // The curve over v at this u, and its derivative by u.
-            let mut row = vec![[[0.0; 4]; 2]; n + 1];
+            let mut row = [[[0.0; 4]; 2]; crate::MOST_DEGREE + 1];
+            let row = &mut row[..=n];
             for (i, controls) in patch.control().chunks(n + 1).enumerate() {
                 for (row, c) in row.iter_mut().zip(controls) {
                     for k in 0..4 {
@@ -389,15 +389,14 @@ impl<'f> Objective<'f> {
         let mut inner = vec![0.0; 4 * 16 * (n + 1) * (n + 1)];
         let mut side = vec![0.0; 2 * 4 * (n + 1)];
         let mut nodes = at.nodes.iter().zip(&at.jets).zip(&at.points);
+        let mut locals = Vec::with_capacity(self.v.b.len());
         for (a, wu) in self.u.b.iter().zip(&self.u.weights) {
-            inner.fill(0.0);
-            side.fill(0.0);
-            for (b, wv) in self.v.b.iter().zip(&self.v.weights) {
-                let ((node, jet), point) = nodes.next().expect("one node per pair");
+            locals.clear();
+            for (wv, ((node, jet), point)) in self.v.weights.iter().zip(&mut nodes) {
                 let third: Option<Jet3> = if self.method == Method::Newton { Some(self.field.jet3(*point)?) } else { None };
-                let local = Local::new(node, jet, third.as_ref(), self, wu * wv);
-                sized!(n + 1, over_v(&local, b, &mut inner, &mut side));
+                locals.push(Local::new(node, jet, third.as_ref(), self, wu * wv));
             }
+            sized!(n + 1, over_v(&locals, &self.v.b, &mut inner, &mut side));
             sized!(n + 1, over_u(a, m + 1, &inner, &side, &mut d));
         }
         if self.by_control {
@@ -527,38 +526,49 @@ impl<'f> Objective<'f> {
 /// The derivative in u and in v that a kind of numbers is made with: p* has (0, 0), p*ᵤ (1, 0), p*ᵥ (0, 1).
 const ORDERS: [(usize, usize); KINDS] = [(0, 0), (1, 0), (0, 1)];
 
-/// Adds a node to the sums over v. `inner` holds, by the orders (a, a′) in u and the coordinates (k, l), an N × N matrix; `side` by a
-/// and k a vector.
-fn over_v<const N: usize>(local: &Local, b: &[Vec<f64>; 2], inner: &mut [f64], side: &mut [f64]) {
+/// The sums over v at one u. `inner` holds, by the orders (a, a′) in u and the coordinates (k, l), an N × N matrix; `side` by a and k a
+/// vector.
+fn over_v<const N: usize>(locals: &[Local], basis: &[[Vec<f64>; 2]], inner: &mut [f64], side: &mut [f64]) {
     let (inner, side) = (inner.as_chunks_mut::<N>().0, side.as_chunks_mut::<N>().0);
-    let b: [[f64; N]; 2] = std::array::from_fn(|order| std::array::from_fn(|j| b[order][j]));
-    for (s, &(a, bs)) in ORDERS.iter().enumerate() {
-        for k in 0..4 {
-            let (g, out) = (local.gradient[4 * s + k], &mut side[a * 4 + k]);
-            for j in 0..N {
-                out[j] += g * b[bs][j];
+    let basis: Vec<[[f64; N]; 2]> = basis.iter().map(|b| [0, 1].map(|order| std::array::from_fn(|j| b[order][j]))).collect();
+    let all = || locals.iter().zip(&basis);
+    side.fill([0.0; N]);
+    for (local, b) in all() {
+        for (s, &(a, bs)) in ORDERS.iter().enumerate() {
+            for k in 0..4 {
+                let (g, out) = (local.gradient[4 * s + k], &mut side[a * 4 + k]);
+                for j in 0..N {
+                    out[j] += g * b[bs][j];
+                }
             }
         }
     }
     for k in 0..4 {
         for l in k..4 {
-            let c = |s: usize, t: usize| local.hessian[4 * s + k][4 * t + l];
-            // By the orders in u: what multiplies (B, B′) from the left and from the right.
-            let mut add = |orders: usize, x: [f64; N], y: Option<[f64; N]>| {
-                let out = &mut inner[(orders * 16 + 4 * k + l) * N..][..N];
-                for i in 0..N {
-                    for j in 0..N {
-                        out[i][j] += x[i] * b[0][j] + y.map_or(0.0, |y| y[i] * b[1][j]);
-                    }
-                }
-            };
-            let left = |p: f64, q: f64| std::array::from_fn(|i| p * b[0][i] + q * b[1][i]);
-            add(0, left(c(0, 0), c(2, 0)), Some(left(c(0, 2), c(2, 2))));
-            add(1, left(c(0, 1), c(2, 1)), None);
-            add(2, b[0].map(|v| c(1, 0) * v), Some(b[0].map(|v| c(1, 2) * v)));
-            add(3, b[0].map(|v| c(1, 1) * v), None);
+            let c = |local: &Local, s: usize, t: usize| local.hessian[4 * s + k][4 * t + l];
+            // By the orders in u: the sum of what multiplies B, and B′, from the left.
+            let mut put = |orders: usize, sum: [[f64; N]; N]| inner[(orders * 16 + 4 * k + l) * N..][..N].copy_from_slice(&sum);
+            put(0, sums(all().map(|(h, b)| (b, [c(h, 0, 0), c(h, 2, 0), c(h, 0, 2), c(h, 2, 2)]))));
+            put(1, sums(all().map(|(h, b)| (b, [c(h, 0, 1), c(h, 2, 1), 0.0, 0.0]))));
+            put(2, sums(all().map(|(h, b)| (b, [c(h, 1, 0), 0.0, c(h, 1, 2), 0.0]))));
+            put(3, sums(all().map(|(h, b)| (b, [c(h, 1, 1), 0.0, 0.0, 0.0]))));
         }
     }
+}
+
+/// Σ (p B + q B′) Bᵀ + (r B + s B′) B′ᵀ over the nodes in v, with B, B′ and [p, q, r, s] at each.
+#[inline(always)]
+fn sums<'b, const N: usize>(terms: impl Iterator<Item = (&'b [[f64; N]; 2], [f64; 4])>) -> [[f64; N]; N] {
+    let mut sum = [[0.0; N]; N];
+    for ([b, d], [p, q, r, s]) in terms {
+        for i in 0..N {
+            let (x, y) = (p * b[i] + q * d[i], r * b[i] + s * d[i]);
+            for j in 0..N {
+                sum[i][j] += x * b[j] + y * d[j];
+            }
+        }
+    }
+    sum
 }
 
 /// Adds the sums over v at one u to the derivatives; m control points in u, N in v.

@@ -17,6 +17,10 @@ use std::time::Instant;
 const EXACT: f64 = 1e-12;
 /// if it is proved to be this near everywhere: where it passes a self-intersection, or the function is no polynomial, proofs end here.
 const PROVED: f64 = 1e-6;
+/// Seeds of its own that the tool tries until one admits a patch.
+const OTHER_SEEDS: u64 = 8;
+/// The share of the time that growing may take: the rest is for the proof.
+const GROWING_TIME: f64 = 0.6;
 /// How much shorter patches become, in turn, at each side where nothing can be proved.
 const RETREATS: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
 
@@ -49,14 +53,25 @@ const CHOICE: (usize, usize) = (8, 4000);
 /// Grows one patch on the surface `field` = 0, and proves how far from it the patch is.
 pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterized, Error> {
     check(options)?;
-    let mut clock = Clock::default();
-    let seed = match options.seed_point {
-        Some(p) => surface::given(field, p, &options.region)?,
-        None => surface::chosen(field, options.seed, &options.region)?,
-    };
-    clock.phase("seed");
     let whole = Whole::of_field(field);
-    grown(On { whole: &whole, part: 0 }, seed, None, options, clock)
+    let on = On { whole: &whole, part: 0 };
+    let mut clock = Clock::default();
+    if let Some(p) = options.seed_point {
+        let seed = surface::given(field, p, &options.region)?;
+        clock.phase("seed");
+        return grown(on, seed, None, options, clock);
+    }
+    let mut made = Err(Error::NoSurface);
+    for other in 0..OTHER_SEEDS {
+        let seed = surface::chosen(field, options.seed.wrapping_add(other << 32), &options.region)?;
+        clock.phase("seed");
+        made = grown(on, seed, None, options, std::mem::take(&mut clock));
+        // Where the function has an edge projections end on it.
+        if !matches!(made, Err(Error::NoPatch { .. })) {
+            break;
+        }
+    }
+    made
 }
 
 /// Grows one patch on one of the parts of a surface, as far as its edges, and proves how far from the surface it is.
@@ -159,8 +174,12 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
     // Patches along edges get long: L, which is about squared lengths, would not care for the shorter ones.
     let inner = if whole.is_single() { options.inner } else { Inner::Tangents };
     let objective = |degree| Objective::new(field, degree, options.method, options.nodes).with_inner(inner);
-    let mut growth = Growth::start(objective(options.degree), on, seed, edge, options)?;
+    // A patch without a bound is worth less than a smaller one.
+    let growing =
+        options.deadline.map(|d| (Instant::now(), d)).map(|(now, d)| now + (d.saturating_duration_since(now)).mul_f64(GROWING_TIME));
+    let mut growth = Growth::start(objective(options.degree), on, seed, edge, &Options { deadline: growing, ..*options })?;
     growth.grow_to_limit();
+    growth.options.deadline = options.deadline;
     if to_be_exact {
         make_exact(&mut growth, |degree, share| {
             let small = Options { degree, limit: share * asked.limit, tolerance: None, ..*asked };
@@ -175,7 +194,7 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
     let mut known = distances_on(whole, &growth.patch, options.tolerance, proved, options.deadline);
     // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
-        if known.bound.is_some() || growth.late() || !growth.retreat(share) {
+        if known.bound.is_some() || growth.is_over() || !growth.retreat(share) {
             break;
         }
         known = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);

@@ -269,3 +269,69 @@ fn bad_input_is_refused_with_a_reason() {
     assert!(made.grown.patch.control().iter().flatten().all(|v| v.is_finite()));
     assert_eq!(made.distances.bound, None);
 }
+
+/// A sphere whose jets take long while a patch grows, not when its distance is sampled.
+struct Slow(isoform_field::Polynomial);
+
+impl Field for Slow {
+    fn value(&self, p: Point3) -> f64 {
+        self.0.value(p)
+    }
+    fn jet(&self, p: Point3) -> Jet2 {
+        self.0.jet(p)
+    }
+    fn jets(&self, points: &[Point3], out: &mut [Jet2]) {
+        if points.len() < 1000 {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        self.0.jets(points, out);
+    }
+    fn expansion(&self, at: Point3, region: Aabb) -> Option<isoform_geom::Expansion> {
+        self.0.expansion(at, region)
+    }
+}
+
+/// Growing takes fifty such evaluations and more, but leaves time for the proof.
+#[test]
+fn a_patch_that_is_not_full_grown_in_time_has_a_bound() {
+    let deadline = Some(std::time::Instant::now() + std::time::Duration::from_millis(700));
+    let made = parameterize(&Slow(sphere(0.5)), &Options { deadline, ..paper((2, 2), [0.0, 0.0, 0.5]) }).expect("a patch");
+    assert!(made.is_late);
+    assert!(made.distances.bound.is_some_and(|b| b >= made.distances.sampled));
+}
+
+/// Where min(0.3 − |x|, …) has an edge, projections of places outside end on it: from there no patch grows, but from other seeds.
+#[test]
+fn seeds_on_edges_are_left_for_others() {
+    let text = "my_model(x[3], a[1]) { my_model = min(0.3 - sqrt(x[1]^2 + x[2]^2), 0.4 - abs(x[3])); }";
+    let model = isoform_field::hyperfun::Model::parse(text, isoform_field::hyperfun::Mode::Default).expect("a model");
+    let mut graph = isoform_field::Graph::new();
+    let root = model.compile(&mut graph).expect("an expression");
+    let tape = isoform_field::Tape::new(&graph, &[root], 3, 1);
+    let field = isoform_field::Bound::new(isoform_field::Residual::new(tape), &[0.0]);
+    for seed in 1..=12 {
+        let made = parameterize(&field, &Options { seed, ..Options::paper((3, 3), CUBE) });
+        assert!(made.is_ok(), "{seed}: {:?}", made.err());
+    }
+}
+
+/// Steiner's Roman surface has three double lines that meet in a triple point: where nothing can be proved near these, patches end before.
+#[test]
+fn patches_end_before_what_cannot_be_proved() {
+    let terms = [([2, 2, 0], 16.0), ([0, 2, 2], 16.0), ([2, 0, 2], 16.0), ([1, 1, 1], -8.0)];
+    let roman = isoform_field::Polynomial::new(terms);
+    let made = parameterize(&roman, &Options { tolerance: Some(1e-4), seed: 1, ..Options::paper((3, 3), CUBE) }).expect("a patch");
+    assert!(made.distances.bound.is_some_and(|b| b <= 1e-4 && b >= made.distances.sampled), "{:?}", made.distances);
+    assert!(made.grown.area(&CUBE) > 0.2, "{}", made.grown.area(&CUBE));
+}
+
+/// A patch parallel to one of two planes at d, through the other one: on a cell of length s about their line |F| is about d s, and second
+/// derivatives are ±1, so that √(d s) bounds the distance; changes of sign would take cells smaller than d.
+#[test]
+fn crossings_take_few_cells() {
+    let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);
+    let d = 1e-4;
+    let patch = RationalPatch::planar((2, 2), [d, -0.3, -0.3], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]);
+    let bound = prove(&planes, &patch, 1e-2, 400).expect("a proof with few cells");
+    assert!((d..=1e-2).contains(&bound), "{bound}");
+}
