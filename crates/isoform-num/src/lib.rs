@@ -4,10 +4,12 @@
 //! - [`Interval`]: outward rounded, so that a bound is a proof.
 //! - [`Jet1`], [`Jet2`], [`Jet3`]: a value with its derivatives to order 1, 2 or 3 (forward mode).
 //! - [`IntervalJet`]: intervals for all derivatives to order 3 over a box.
+//! - [`DoubleDouble`]: twice the digits, where they cancel.
 //! - [`gauss_legendre`]: nodes and weights of Gauss quadrature.
 //! - [`linalg`]: the few dense solvers of small symmetric systems that fitting needs.
 #![forbid(unsafe_code)]
 
+mod double_double;
 mod interval;
 mod interval_jet;
 mod jet;
@@ -15,6 +17,7 @@ pub mod linalg;
 mod quadrature;
 mod real;
 
+pub use double_double::DoubleDouble;
 pub use interval::Interval;
 pub use interval_jet::IntervalJet;
 pub use jet::{Jet1, Jet2, Jet3};

@@ -103,13 +103,14 @@ pub(crate) fn mesh(
 ) -> Surface {
     polled(stop, |stopped| {
         let stop = &|| stopped.load(Ordering::Relaxed);
+        let half_width = region.half_width.to_f64().value();
         let mut builder = Builder {
             region,
             options,
             fineness,
             stop,
-            charts: std::array::from_fn(|q| Chart::new(map, q)),
-            half_width: region.half_width.to_f64().value(),
+            charts: std::array::from_fn(|q| Chart::new(map, q, half_width)),
+            half_width,
             images: Vec::new(),
             on_curve: BTreeMap::new(),
             on_side: [None; 3],

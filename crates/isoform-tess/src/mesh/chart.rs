@@ -5,6 +5,7 @@ use crate::map::{MAX_DEGREE, Map};
 use crate::surface::Point3;
 use isoform_algebra::{Poly, QUADRANTS, RBig};
 use isoform_geom::{dot, norm, sub};
+use isoform_num::DoubleDouble;
 use std::collections::BTreeMap;
 
 /// A map evaluated in floating point on one of the unit triangles.
@@ -12,7 +13,11 @@ pub(super) struct Chart {
     signs: [f64; 2],
     /// Exponents, and the coefficients of X, Y, Z, W.
     terms: Vec<([u8; 3], [f64; 4])>,
+    /// What these coefficients lack.
+    low: Vec<[f64; 4]>,
     degree: usize,
+    /// Errors of values above it are not accepted.
+    precision: f64,
     /// Bernstein coefficients of W on the triangle (1,0,0), (0,1,0), (0,0,1).
     w: Vec<f64>,
 }
@@ -21,20 +26,29 @@ pub(super) struct Chart {
 /// those of.
 const TURN: f64 = 0.97;
 const LEAVING: f64 = 1e-3;
+/// Rounding errors of values, in units of the box, from which on they are computed with more digits.
+const PRECISION: f64 = 1e-13;
 /// One more than the degree up to which powers fit a short list; that for all degrees.
 const FEW: usize = 9;
 const MANY: usize = MAX_DEGREE + 1;
 
 impl Chart {
-    pub(super) fn new(map: &Map, quadrant: usize) -> Self {
-        let mut terms: BTreeMap<[u8; 3], [f64; 4]> = BTreeMap::new();
+    /// `size` is what lengths are compared with.
+    pub(super) fn new(map: &Map, quadrant: usize, size: f64) -> Self {
+        let mut terms: BTreeMap<[u8; 3], [[f64; 4]; 2]> = BTreeMap::new();
         for (form, f) in map.forms().iter().enumerate() {
-            for (e, c) in f.to_f64() {
-                terms.entry([0, 1, 2].map(|k| e[k] as u8)).or_default()[form] = c;
+            for (e, c) in f.terms() {
+                let c = RBig::from_parts(c.clone(), f.denominator().clone());
+                let high = c.to_f64().value();
+                let low = RBig::try_from(high).map_or(0.0, |high| (c - high).to_f64().value());
+                let both = terms.entry([0, 1, 2].map(|k| e[k] as u8)).or_default();
+                (both[0][form], both[1][form]) = (high, low);
             }
         }
         let signs = QUADRANTS[quadrant].map(|s| s as f64);
-        Self { signs, terms: terms.into_iter().collect(), degree: map.degree(), w: bernstein_base(&map.forms()[3]) }
+        let low = terms.values().map(|both| both[1]).collect();
+        let terms = terms.into_iter().map(|(e, both)| (e, both[0])).collect();
+        Self { signs, terms, low, degree: map.degree(), precision: PRECISION * size, w: bernstein_base(&map.forms()[3]) }
     }
     /// Powers of (s, t, w) up to the degree.
     fn powers<const N: usize>(&self, [u, v]: [f64; 2]) -> [[f64; N]; 3] {
@@ -47,20 +61,44 @@ impl Chart {
         }
         powers
     }
-    fn forms<const N: usize>(&self, at: [f64; 2]) -> [f64; 4] {
+    /// The forms, and the sizes of what they are sums of.
+    fn forms<const N: usize>(&self, at: [f64; 2]) -> [[f64; 4]; 2] {
         let [x, y, z] = self.powers::<N>(at);
-        let mut sum = [0.0; 4];
+        let (mut sum, mut size) = ([0.0; 4], [0.0; 4]);
         for ([i, j, k], c) in &self.terms {
             let m = x[usize::from(*i)] * y[usize::from(*j)] * z[usize::from(*k)];
-            for (s, c) in sum.iter_mut().zip(c) {
-                *s += m * c;
+            for l in 0..4 {
+                sum[l] += m * c[l];
+                size[l] += (m * c[l]).abs();
             }
         }
-        sum
+        [sum, size]
     }
     pub(super) fn at(&self, at: [f64; 2]) -> Point3 {
-        let [x, y, z, w] = if self.degree < FEW { self.forms::<FEW>(at) } else { self.forms::<MANY>(at) };
-        [x / w, y / w, z / w]
+        let [[x, y, z, w], size] = if self.degree < FEW { self.forms::<FEW>(at) } else { self.forms::<MANY>(at) };
+        let p = [x / w, y / w, z / w];
+        let error = (0..3).map(|k| size[k] + p[k].abs() * size[3]).fold(0.0, f64::max) * f64::EPSILON / w.abs();
+        // Next to base points all forms cancel.
+        if error > self.precision { self.at_precisely(at) } else { p }
+    }
+    fn at_precisely(&self, [u, v]: [f64; 2]) -> Point3 {
+        let exact = DoubleDouble::from;
+        let x = [exact(self.signs[0] * u), exact(self.signs[1] * v), exact(1.0) + exact(-u) + exact(-v)];
+        let powers = x.map(|x| {
+            let mut powers = vec![exact(1.0); self.degree + 1];
+            for k in 1..=self.degree {
+                powers[k] = powers[k - 1] * x;
+            }
+            powers
+        });
+        let mut sum = [exact(0.0); 4];
+        for (([i, j, k], high), low) in self.terms.iter().zip(&self.low) {
+            let m = powers[0][usize::from(*i)] * powers[1][usize::from(*j)] * powers[2][usize::from(*k)];
+            for l in (0..4).filter(|&l| high[l] != 0.0) {
+                sum[l] = sum[l] + m * DoubleDouble::new(high[l], low[l]);
+            }
+        }
+        [0, 1, 2].map(|k| sum[k].value() / sum[3].value())
     }
     /// The forms and their derivatives by u and v.
     fn derivatives<const N: usize>(&self, at: [f64; 2]) -> [[f64; 4]; 3] {

@@ -455,11 +455,8 @@ impl Builder<'_> {
             if !residual.is_finite() {
                 return None;
             }
-            let step = 1e-7;
-            let columns = [[step, 0.0], [0.0, step]].map(|h| {
-                let (plus, minus) = (chart.at([at[0] + h[0], at[1] + h[1]]), chart.at([at[0] - h[0], at[1] - h[1]]));
-                std::array::from_fn::<f64, 3, _>(|k| (plus[k] - minus[k]) / (2.0 * step))
-            });
+            let [_, by_u, by_v] = chart.tangents(at);
+            let columns = [by_u, by_v];
             let dot = |x: &Point3, y: &Point3| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
             let [m, n] = &columns;
             let (e, f, g) = (dot(m, m), dot(m, n), dot(n, n));
