@@ -3,7 +3,7 @@ mod common;
 
 use common::zoo;
 use isoform_algebra::RBig;
-use isoform_tess::{Budget, Kind, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate};
+use isoform_tess::{Budget, Domain, Kind, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate};
 use std::collections::BTreeMap;
 
 fn options(half_width: f64) -> MeshOptions {
@@ -169,21 +169,46 @@ fn of_parameters(texts: [&str; 4], [a, b, c]: [&str; 3]) -> Map {
     Map::parse(texts.each_ref().map(String::as_str), Default::default()).expect("a map")
 }
 
-/// A projectivity of the parameters changes nothing. The conoid's parameters are stretched so that fans of long edges lie on curved parts of it;
-/// the other surface has a line that all of X, Y, Z contract to second order, with isolated points of double curves on it.
+/// A projectivity of the parameters changes nothing. The conoid's parameters are stretched so that fans of long edges lie on curved parts of it; the
+/// sphere's and the torus's so that no triangle between the curves that are drawn faces the way the surface does; on a Möbius strip forms cancel
+/// next to a base point at which a double curve ends. One surface has a line that all of X, Y, Z contract to second order, with isolated points of
+/// double curves on it; one has such points on a side of a unit triangle once it is moved.
 #[test]
 fn moved_parameters() {
     let conoid = (["A^3 + A*B^2", "A^2*B + B^3", "2*A*B*C", "C*A^2 + C*B^2"], 2);
     let contracted = (["A*C^3", "B*C^3", "A^2*C^2 + C^4", "(A^2 + B^2 - C^2)^2"], 3);
     let stretched = ["9*s - 2*t - 9", "-24*s - 8*t + 24", "4*s - 3*t - 8"];
     let turned = ["-4*s - 9*t - 9", "9*s + 12*t - 9", "-12*s + 4*t - 8"];
-    for ((texts, half_width), moved, mode) in
-        [(conoid, stretched, Mode::Glued), (contracted, turned, Mode::Normalised), (contracted, turned, Mode::Glued)]
-    {
+    let sphere = (["2*A*C", "2*B*C", "A^2 + B^2 - C^2", "A^2 + B^2 + C^2"], 2);
+    let torus = (["(C^2 - A^2)*(3*C^2 + B^2)", "2*A*C*(3*C^2 + B^2)", "2*B*C*(C^2 + A^2)", "(C^2 + A^2)*(C^2 + B^2)"], 4);
+    for ((texts, half_width), moved, mode) in [
+        (conoid, stretched, Mode::Glued),
+        (sphere, stretched, Mode::Glued),
+        (torus, stretched, Mode::Glued),
+        (contracted, turned, Mode::Normalised),
+        (contracted, turned, Mode::Glued),
+    ] {
         let fine = MeshOptions { tolerance: 5e-4 * half_width as f64, ..options(half_width as f64) };
         let [here, there] = [["s", "t", "1"], moved].map(|by| surface_to(&of_parameters(texts, by), half_width, mode, fine));
         assert!(here.unproven.is_empty() && there.unproven.is_empty(), "{texts:?} {mode:?} {:?} {:?}", here.unproven, there.unproven);
         assert_eq!(topology(&here), topology(&there), "{texts:?} {mode:?}");
+    }
+}
+
+/// A limit of triangles is one for all unit triangles together, and one of them may have most of it.
+#[test]
+fn limit_of_triangles() {
+    let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default()).expect("a map");
+    let mesh = MeshOptions { tolerance: 1e-2, longest: 0.01, triangles: 20_000 };
+    let whole = surface_to(&map, 2, Mode::Normalised, mesh);
+    let q = |n: i64, d: u64| RBig::from_parts(n.into(), d.into());
+    let corner = Domain::rectangle([q(1, 8), q(4, 1)], [q(1, 8), q(4, 1)]).expect("a rectangle");
+    let options =
+        TriangulateOptions { half_width: RBig::from(2), domain: Some(corner), mode: Mode::Normalised, mesh, budget: Budget::default() };
+    let (part, _) = triangulate(&map, &options, &|| false).expect("not stopped");
+    for s in [whole, part] {
+        assert!((19_500..=20_000).contains(&s.triangles.len()), "{}", s.triangles.len());
+        assert!(s.unproven.iter().any(|u| u.contains("not everywhere as near")), "{:?}", s.unproven);
     }
 }
 

@@ -22,6 +22,8 @@ impl HasPosition for Node {
 const SPREADS: usize = 12;
 const SPREAD: usize = 20_000;
 const SPREAD_LENGTH: f64 = 0.03;
+/// How far a vertex is put from others at least, in tolerances.
+const APART: f64 = 0.2;
 
 /// What is drawn so far.
 struct Drawing {
@@ -161,11 +163,14 @@ impl Builder<'_> {
                 let [p, q, r] = v.map(|v| images[v.index()]);
                 let is_pinched = [(p.1, q.1), (q.1, r.1), (r.1, p.1)].iter().any(|(a, b)| a.is_some() && a == b);
                 let is_long = (0..3).any(|i| (at[i][0] - at[(i + 1) % 3][0]).hypot(at[i][1] - at[(i + 1) % 3][1]) > SPREAD_LENGTH);
-                if is_long && !is_pinched && is_turned(at, [p.0, q.0, r.0], measure) && drawing.is_inside(t, us, center(at)) {
+                // Next to contracted curves what is large in the parameters may be nothing in space.
+                let there = measure.at(center(at));
+                let is_apart = [p.0, q.0, r.0].iter().all(|&x| distance(x, there) > APART * measure.tolerance(there));
+                if is_long && !is_pinched && is_apart && is_turned(at, [p.0, q.0, r.0], measure) && drawing.is_inside(t, us, center(at)) {
                     places.push(center(at));
                 }
             }
-            if places.is_empty() || drawing.cdt.num_inner_faces() > SPREAD {
+            if places.is_empty() || drawing.cdt.num_inner_faces() > SPREAD.min(self.options.triangles / 4) {
                 break;
             }
             for at in places {

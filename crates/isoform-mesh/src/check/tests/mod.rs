@@ -350,6 +350,21 @@ fn intersections_of_a_crumpled_torus() {
     assert_eq!(found.triangles, hit.len());
 }
 
+/// Triangles through one axis, of which all 44,850 pairs cross: no more are looked for than asked for, but for what is on the way.
+#[test]
+fn no_more_intersections_than_asked_for() {
+    let mut mesh = Mesh::default();
+    for k in 0..300u32 {
+        let angle = f64::from(k) * 0.01;
+        let (x, y) = (angle.cos(), angle.sin());
+        mesh.points.extend([[x, y, 0.0], [-x, -y, 0.1], [-x, -y, -0.1]]);
+        mesh.triangles.push([3 * k, 3 * k + 1, 3 * k + 2]);
+    }
+    let few = Options { pairs: 10, ..Options::default() };
+    let found = certify(&mesh, None, &few, &Control::default()).intersections.expect("a surface");
+    assert!(!found.complete && (11..1000).contains(&found.pairs.count), "{}", found.pairs.count);
+}
+
 #[test]
 fn a_stop_and_an_empty_mesh() {
     let now = AtomicBool::new(true);
