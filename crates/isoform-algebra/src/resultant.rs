@@ -20,6 +20,9 @@ use dashu_base::UnsignedAbs;
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
 
+/// Points between two looks whether to stop.
+const LOOKS: usize = 64;
+
 /// Why there is no resultant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ResultantError {
@@ -238,6 +241,9 @@ impl Pair {
                 if nodes.len() > degree {
                     break;
                 }
+                if nodes.len().is_multiple_of(LOOKS) && stop() {
+                    return Err(ResultantError::Stopped);
+                }
                 let point = field.of_u64(x as u64);
                 let line = |p: &[Vec<u64>]| -> Vec<u64> { p.iter().map(|c| modpoly::eval(&field, c, point)).collect() };
                 let (a, b) = (line(&f), line(&g));
@@ -251,6 +257,9 @@ impl Pair {
             }
             let inverses = modpoly::small_inverses(&field, nodes[nodes.len() - 1]);
             for c in open {
+                if degree > LOOKS && stop() {
+                    return Err(ResultantError::Stopped);
+                }
                 let points = degrees[c] + 1;
                 let mut coefficients = modpoly::interpolate(&field, &nodes[..points], &columns[c][..points], &inverses);
                 coefficients.resize(points, 0);
