@@ -31,6 +31,8 @@ const STEPS: usize = 25;
 const CORRECTIONS: usize = 2;
 /// The proved bound may be so many times the sampled distance; if that fails, so many times.
 const SLACK: [f64; 2] = [1.8, 2.7];
+/// At edges, one that is so many times the sampled distance is not made better.
+const ENOUGH: f64 = 2.5;
 /// Bounds below this share of the largest coordinate are lost in rounding.
 const ROUNDING: f64 = 1e-13;
 /// Flat faces come to less, with few cells.
@@ -43,8 +45,10 @@ const EXACT_TARGETS: [(f64, usize); 3] = [(1e-13, 2000), (1e-12, 2000), (1e-6, 6
 const COMPOSED: f64 = 1e-5;
 /// Cells that may be looked at.
 const MOST_CELLS: usize = 60_000;
-/// The same where a bound is made better cell by cell, as at edges.
+/// The same at edges, for a first bound,
 const MOST_CELLS_AT_EDGES: usize = 6000;
+/// and where it is made better cell by cell.
+const MOST_REFINED: usize = 16_000;
 /// Newton steps to a foot point about which the sign is looked at.
 const FOOT_STEPS: usize = 8;
 /// At self-intersections the bound is about the root of the distance times the size of a cell: it is tried for cells up to so many times as large
@@ -178,7 +182,7 @@ pub(crate) fn distances_on(
     }
     let proved = proved.map(|b| b.max(sampled));
     let goal = |slack: f64| (slack * sampled).max(ROUNDING * size);
-    if let Some(bound) = proved.filter(|b| *b <= (SLACK[1] * sampled).max(LEAST_REFINED * size)) {
+    if let Some(bound) = proved.filter(|b| !whole.is_single() && *b <= (SLACK[1] * sampled).max(LEAST_REFINED * size)) {
         return Distances { bound: Some(bound), sampled, rms };
     }
     let at_once = |slack: &f64| {
@@ -189,7 +193,7 @@ pub(crate) fn distances_on(
     let bound = if whole.is_single() { SLACK.iter().find_map(at_once) } else { None };
     let bound = bound.or_else(|| {
         let start = proved.or(tolerance.filter(|t| *t >= sampled).and_then(|t| prove(t, MOST_CELLS_AT_EDGES)))?;
-        Some(refined(whole, patch, start, (SLACK[0] * sampled).max(LEAST_REFINED * size), Effort { cells: MOST_CELLS_AT_EDGES, deadline }))
+        Some(refined(whole, patch, start, (ENOUGH * sampled).max(LEAST_REFINED * size), Effort { cells: MOST_REFINED, deadline }))
     });
     let bound = bound.map(|b| b.max(sampled));
     Distances { bound, sampled, rms }
