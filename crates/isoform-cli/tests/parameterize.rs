@@ -209,3 +209,39 @@ fn bad_input_is_refused() {
     assert_eq!(error(&model, &["--params", "1"]), is(1, "usage"));
     assert_eq!(error("nowhere.json", &[]), is(2, "file"));
 }
+
+/// Multiples of a polynomial have the same zero set, squares of whose gradients may be beyond the largest number.
+#[test]
+fn multiples_of_a_polynomial_have_the_same_patch() {
+    let folder = Folder::new("parameterize-multiples");
+    let distance = |factor: &str| {
+        let model = folder.file("m.json", &format!(r#"{{"F": "{factor}*x^2 + {factor}*y^2 + {factor}*z^2 - {factor}/4"}}"#));
+        let (code, document) = parameterize(&model, &["--degree", "2,2", "--tol", "1e-4"]);
+        assert_eq!(code, 0, "{document}");
+        document["patches"][0]["max_distance"].as_f64().expect("a bound")
+    };
+    let one = distance("1");
+    for factor in ["10^200", "1/10^200"] {
+        assert!((distance(factor) / one - 1.0).abs() < 1e-6, "{factor}");
+    }
+}
+
+/// On an infinite cylinder aslant, patches end near the box.
+#[test]
+fn patches_end_near_the_box() {
+    let folder = Folder::new("parameterize-box");
+    let model = folder.file("c.json", r#"{"F": "x^2 + y^2 - 9/100"}"#);
+    for seed in ["1", "2", "3", "4", "5", "6"] {
+        let path = folder.path("c-patch.json");
+        let (code, document) = parameterize(&model, &["--tol", "1e-3", "--seed", seed, "-o", &path]);
+        assert_eq!(code, 0, "{document}");
+        let patches = folder.json("c-patch.json");
+        for row in patches["patches"][0]["control"].as_array().expect("rows") {
+            let last = row.as_array().expect("points");
+            for c in [&last[0], &last[last.len() - 1]] {
+                let z = c[2].as_f64().expect("z") / c[3].as_f64().expect("w");
+                assert!(z.abs() < 0.85, "seed {seed}: {z}");
+            }
+        }
+    }
+}

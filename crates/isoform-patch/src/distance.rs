@@ -16,9 +16,11 @@
 use crate::compose::largest;
 use crate::surface::ON_SURFACE;
 use crate::whole::Whole;
-use isoform_geom::{Aabb, Expansion, Field, Point3, RationalPatch, norm, sub};
+use isoform_geom::{Aabb, Csg, Expansion, Field, Point3, RationalPatch, norm, sub};
 use isoform_num::linalg::symmetric_eigen;
 use isoform_num::{Interval, Jet2};
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 use std::time::Instant;
 
 /// Samples in each direction.
@@ -29,8 +31,12 @@ const STEPS: usize = 25;
 const CORRECTIONS: usize = 2;
 /// The proved bound may be so many times the sampled distance; if that fails, so many times.
 const SLACK: [f64; 2] = [1.8, 2.7];
+/// At edges, one that is so many times the sampled distance is not made better.
+const ENOUGH: f64 = 2.5;
 /// Bounds below this share of the largest coordinate are lost in rounding.
 const ROUNDING: f64 = 1e-13;
+/// Flat faces come to less, with few cells.
+const LEAST_REFINED: f64 = 3e-14;
 /// A patch this near to the surface, in units of the largest coordinate, lies on it to rounding. Of such a one
 const EXACT: f64 = 1e-12;
 /// these bounds are tried in turn, with so many cells: what is left of rounding; at self-intersections its root; and what expansions come to.
@@ -39,10 +45,10 @@ const EXACT_TARGETS: [(f64, usize); 3] = [(1e-13, 2000), (1e-12, 2000), (1e-6, 6
 const COMPOSED: f64 = 1e-5;
 /// Cells that may be looked at.
 const MOST_CELLS: usize = 60_000;
-/// Of a surface with parts, for a bound that is better than the tolerance,
-const MOST_CELLS_AT_EDGES: usize = 2000;
-/// which is not sought below this share of it.
-const AT_EDGES: f64 = 0.02;
+/// The same at edges, for a first bound,
+const MOST_CELLS_AT_EDGES: usize = 6000;
+/// and where it is made better cell by cell.
+const MOST_REFINED: usize = 16_000;
 /// Newton steps to a foot point about which the sign is looked at.
 const FOOT_STEPS: usize = 8;
 /// At self-intersections the bound is about the root of the distance times the size of a cell: it is tried for cells up to so many times as large
@@ -50,6 +56,8 @@ const FOOT_STEPS: usize = 8;
 const CROSSING: f64 = 4.0;
 /// Divisions of the patch.
 const MOST_DEPTH: u32 = 24;
+/// The same where cells are halved in one direction at a time.
+const MOST_HALVINGS: u32 = 40;
 /// A cell that is longer by this factor in one direction is divided there only.
 const LONGER: f64 = 1.6;
 /// The error of subdivision, per quartering, in the largest homogeneous coordinate of the whole patch: half a unit for each of at most
@@ -172,22 +180,22 @@ pub(crate) fn distances_on(
         let proved = |(target, cells): &(f64, usize)| prove((target * size).max(2.0 * sampled), *cells);
         return Distances { bound: EXACT_TARGETS.iter().find_map(proved).map(|b| b.max(sampled)), sampled, rms };
     }
-    // At edges a bound may be farther from the distance than elsewhere, and what is little against the tolerance is not worth its cells.
-    let (least, cells) = if whole.is_single() { (0.0, MOST_CELLS) } else { (AT_EDGES * tolerance.unwrap_or(0.0), MOST_CELLS_AT_EDGES) };
     let proved = proved.map(|b| b.max(sampled));
-    let slacks = if proved.is_some() && !whole.is_single() { &SLACK[1..] } else { &SLACK[..] };
-    if let Some(bound) = proved.filter(|b| !whole.is_single() && *b <= (slacks[0] * sampled).max(least)) {
+    let goal = |slack: f64| (slack * sampled).max(ROUNDING * size);
+    if let Some(bound) = proved.filter(|b| !whole.is_single() && *b <= (SLACK[1] * sampled).max(LEAST_REFINED * size)) {
         return Distances { bound: Some(bound), sampled, rms };
     }
-    let bound = slacks.iter().find_map(|slack| {
-        let target = (slack * sampled).max(ROUNDING * size).max(least);
-        let target = tolerance.filter(|t| *t >= sampled).map_or(target, |t| target.min(t));
-        prove(target, cells).map(|b| b.max(sampled))
+    let at_once = |slack: &f64| {
+        let target = tolerance.filter(|t| *t >= sampled).map_or(goal(*slack), |t| goal(*slack).min(t));
+        prove(target, MOST_CELLS)
+    };
+    // At edges few cells take most of the work: from what is proved already, the worst are divided.
+    let bound = if whole.is_single() { SLACK.iter().find_map(at_once) } else { None };
+    let bound = bound.or_else(|| {
+        let start = proved.or(tolerance.filter(|t| *t >= sampled).and_then(|t| prove(t, MOST_CELLS_AT_EDGES)))?;
+        Some(refined(whole, patch, start, (ENOUGH * sampled).max(LEAST_REFINED * size), Effort { cells: MOST_REFINED, deadline }))
     });
-    let bound = bound.or(proved).or_else(|| {
-        let target = tolerance.filter(|t| !whole.is_single() && *t >= sampled)?;
-        prove(target, cells).map(|b| b.max(sampled))
-    });
+    let bound = bound.map(|b| b.max(sampled));
     Distances { bound, sampled, rms }
 }
 
@@ -247,20 +255,82 @@ pub(crate) fn proof(whole: &Whole<'_>, patch: &RationalPatch, target: f64, effor
     Ok(worst)
 }
 
+/// A cell with what is proved of it; the greatest has the largest bound, and came first among equals.
+struct Bounded {
+    bound: f64,
+    number: usize,
+    cell: RationalPatch,
+    place: Place,
+    depth: u32,
+}
+
+impl Ord for Bounded {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.bound.total_cmp(&other.bound).then(other.number.cmp(&self.number))
+    }
+}
+impl PartialOrd for Bounded {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl PartialEq for Bounded {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+impl Eq for Bounded {}
+
+/// Makes a proved bound better: the cells with the largest bounds are divided until all are at most `goal`, or the effort is spent.
+fn refined(whole: &Whole<'_>, patch: &RationalPatch, proved: f64, goal: f64, effort: Effort) -> f64 {
+    let (products, size) = (Products::new(patch.degree()), largest_homogeneous(patch));
+    let root = Bounded { bound: proved, number: 0, cell: patch.clone(), place: [(0.0, 1.0); 2], depth: 0 };
+    let bound_of = |cell: &RationalPatch, depth: u32, known: f64| {
+        let of = |target: f64| bound_of_cell(whole, cell, (depth, size), target, f64::INFINITY, &products);
+        of(goal).or_else(|| of(known)).map_or(known, |b| b.min(known))
+    };
+    let mut all = BinaryHeap::from([Bounded { bound: bound_of(patch, 0, proved), ..root }]);
+    let mut looked_at = 1;
+    while let Some(worst) = all.pop() {
+        let is_over = looked_at >= effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d);
+        if worst.bound <= goal || worst.depth == MOST_HALVINGS || is_over {
+            return worst.bound;
+        }
+        // In the direction in which more is gained: along an edge cells may stay long.
+        let depth = worst.depth + 1;
+        let mut halved = |in_u: bool| {
+            let halves = parts(&worst.cell, worst.place, in_u, !in_u).into_iter().map(|(cell, place)| {
+                looked_at += 1;
+                Bounded { bound: bound_of(&cell, depth, worst.bound), number: looked_at, cell, place, depth }
+            });
+            let halves: Vec<Bounded> = halves.collect();
+            (halves.iter().fold(0.0, |sum, h| sum + h.bound.max(goal)), halves)
+        };
+        let (in_u, in_v) = (halved(true), halved(false));
+        let is_in_u = if in_u.0 == in_v.0 { lengths(&worst.cell).0 >= lengths(&worst.cell).1 } else { in_u.0 < in_v.0 };
+        all.extend(if is_in_u { in_u.1 } else { in_v.1 });
+    }
+    proved
+}
+
 /// Ranges of u and of v.
 type Place = [(f64, f64); 2];
 
 /// The halves of a patch that is longer in one direction, the quarters of another one; each with its place.
 fn divided(patch: &RationalPatch, place: Place) -> Vec<(RationalPatch, Place)> {
+    let (along_u, along_v) = lengths(patch);
+    parts(patch, place, along_v <= LONGER * along_u, along_u <= LONGER * along_v)
+}
+
+/// Lengths along u and v, by the corners.
+fn lengths(patch: &RationalPatch) -> (f64, f64) {
     let c = patch.control();
     let (n, last) = (patch.degree().1, c.len() - 1);
     let length = |a: usize, b: usize| {
         let [p, q] = [c[a], c[b]].map(|c| [c[0] / c[3], c[1] / c[3], c[2] / c[3]]);
         norm(sub(p, q))
     };
-    let along_u = length(0, last - n).max(length(n, last));
-    let along_v = length(0, n).max(length(last - n, last));
-    parts(patch, place, along_v <= LONGER * along_u, along_u <= LONGER * along_v)
+    (length(0, last - n).max(length(n, last)), length(0, n).max(length(last - n, last)))
 }
 
 /// The parts of a patch, by de Casteljau's algorithm at 1/2, in u, in v or both.
@@ -399,7 +469,7 @@ fn smooth_bound(whole: &Whole<'_>, c: Point3, d: &[[f64; 4]], r: Point3, beyond:
     let region = about(c, r, beyond);
     let (tree, parts) = whole.within(region)?;
     let expansions: Vec<Expansion> = parts.iter().map(|&k| whole.field(k).expansion(c, region)).collect::<Option<_>>()?;
-    let mut n = [0.0; 3];
+    let mut normals = Vec::with_capacity(parts.len());
     let mut lengths = Vec::with_capacity(parts.len());
     for e in &expansions {
         let g = slopes(e);
@@ -408,22 +478,34 @@ fn smooth_bound(whole: &Whole<'_>, c: Point3, d: &[[f64; 4]], r: Point3, beyond:
             return None;
         }
         lengths.push(length);
-        n = std::array::from_fn(|k| n[k] + g[k] / length);
+        normals.push(g.map(|v| v / length));
     }
-    let length = norm(n);
-    let n = n.map(|v| v / length);
     // The parts of a piece have one unit of length.
     let unit = |k: usize| {
         let same = parts.iter().zip(&lengths).filter(|(other, _)| whole.piece(**other) == whole.piece(parts[k]));
         same.fold(0.0f64, |m, (_, l)| m.max(*l))
     };
     let wide: Point3 = r.map(|v| v + beyond);
-    let along = Along { n, beyond, wide, c, d };
-    let slope = (0..parts.len()).map(|k| along.slope(&expansions[k]) / unit(k)).fold(f64::INFINITY, f64::min);
-    let slope = slope * (1.0 - 1e-12);
-    if slope.is_nan() || slope <= 0.0 {
-        return None;
-    }
+    // The least slope of the parts that are meant along the sum of their normals.
+    let slope_of = |meant: &dyn Fn(usize) -> bool| {
+        let list: Vec<usize> = (0..parts.len()).filter(|&k| meant(k)).collect();
+        let n: Point3 = std::array::from_fn(|i| list.iter().map(|&k| normals[k][i]).sum());
+        let length = norm(n);
+        let along = Along { n: n.map(|v| v / length), beyond, wide, c, d };
+        let each = list.iter().map(|&k| along.slope(&expansions[k]) / unit(k));
+        // A minimum would ignore NaN.
+        each.fold(f64::INFINITY, |m, s| if s > 0.0 { m.min(s) } else { 0.0 }) * (1.0 - 1e-12)
+    };
+    let slope = slope_of(&|_| true);
+    // Where a minimum is positive it comes to 0 as soon as one of its pieces does, which may be the one that it is; so with a
+    // negative maximum.
+    let own = || tree.pieces().iter().map(|piece| slope_of(&|k| whole.piece(parts[k]) == *piece)).fold(f64::INFINITY, f64::min);
+    let is_flat = |children: &[Csg]| children.iter().all(|child| matches!(child, Csg::Piece(_)));
+    let (up, down) = match &tree {
+        Csg::Min(children) if is_flat(children) => (own(), slope),
+        Csg::Max(children) if is_flat(children) => (slope, own()),
+        _ => (slope, slope),
+    };
     let ranges: Vec<Interval> = expansions
         .iter()
         .enumerate()
@@ -436,8 +518,11 @@ fn smooth_bound(whole: &Whole<'_>, c: Point3, d: &[[f64; 4]], r: Point3, beyond:
         let of = parts.iter().zip(&ranges).filter(|(k, _)| whole.piece(**k) == piece).map(|(_, r)| *r);
         of.reduce(|a, b| a.hull(&b)).unwrap_or(Interval::ALL)
     };
-    let most = magnitude(&tree.range(&of_piece)).min(if whole.is_single() { known / unit(0) } else { f64::INFINITY });
-    let bound = most / slope * (1.0 + 1e-12);
+    let most = if whole.is_single() { known / unit(0) } else { f64::INFINITY };
+    let range = tree.range(&of_piece);
+    let above = if range.hi() > 0.0 { range.hi().min(most) / up } else { 0.0 };
+    let below = if range.lo() < 0.0 { (-range.lo()).min(most) / down } else { 0.0 };
+    let bound = above.max(below) * (1.0 + 1e-12);
     (bound.is_finite() && bound <= beyond).then_some(bound)
 }
 
@@ -501,7 +586,9 @@ fn range(e: &Expansion, d: &[[f64; 4]], r: Point3, products: &Products) -> (f64,
     // What the coefficients leave out: rounding of the sums, radii of the derivatives, the remainder.
     let size =
         value.abs() + (0..3).map(|k| g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()).sum::<f64>();
-    let mut most = 64.0 * f64::EPSILON * size;
+    // Half a unit for each operation of the terms of a coefficient and of their sum, the same for those of w².
+    let (m, n) = products.degree;
+    let mut most = (18 + (m + 1) * (n + 1)) as f64 * f64::EPSILON * size;
     most += radius(&e.value);
     for i in 0..3 {
         most += radius(&e.gradient[i]) * r[i];

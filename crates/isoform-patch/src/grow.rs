@@ -25,6 +25,8 @@ use std::time::Instant;
 const START_SIZE: f64 = 0.1;
 /// The start patch is halved until its planar self has at most so many times the allowed S.
 const START_EXCESS: f64 = 10.0;
+/// A side no longer grows when a place of it is farther beyond the region than this share of that.
+const SPILL: f64 = 0.2;
 /// Halvings of the start patch: 2⁻³⁰ of the region is beyond any use.
 const HALVINGS: usize = 30;
 /// The largest extrapolation at one side, in edges of the patch.
@@ -165,7 +167,7 @@ pub(crate) struct Growth<'f> {
 
 /// A patch with the targets and factors it was found with.
 #[derive(Clone)]
-struct State<'f> {
+pub(crate) struct State<'f> {
     patch: RationalPatch,
     at: Evaluated,
     targets: Targets,
@@ -312,7 +314,7 @@ impl<'f> Growth<'f> {
         self.trace.push(Self::row(&self.objective, Phase::Grow, &self.at.terms));
     }
 
-    fn state(&self) -> State<'f> {
+    pub(crate) fn state(&self) -> State<'f> {
         State {
             patch: self.patch.clone(),
             at: self.at.clone(),
@@ -322,16 +324,19 @@ impl<'f> Growth<'f> {
         }
     }
 
-    /// Which sides (u = 0, u = 1, v = 0, v = 1) of a patch still lie in the region, for the most part.
+    /// Which sides (u = 0, u = 1, v = 0, v = 1) of a patch still lie in the region for the most part, and nowhere far from it.
     pub(crate) fn sides_inside(&self, patch: &RationalPatch) -> [bool; 4] {
         const SAMPLES: usize = 9;
+        let (region, far) = (self.options.region, self.options.region.size().map(|s| SPILL * s));
+        let wider = Aabb { lo: std::array::from_fn(|k| region.lo[k] - far[k]), hi: std::array::from_fn(|k| region.hi[k] + far[k]) };
         std::array::from_fn(|side| {
-            let inside = (0..SAMPLES).filter(|&i| {
+            let at = |i: usize| {
                 let t = i as f64 / (SAMPLES - 1) as f64;
                 let (u, v) = [(0.0, t), (1.0, t), (t, 0.0), (t, 1.0)][side];
-                contains(&self.options.region, patch.point(u, v))
-            });
-            2 * inside.count() > SAMPLES
+                patch.point(u, v)
+            };
+            let inside = (0..SAMPLES).filter(|&i| contains(&region, at(i)));
+            2 * inside.count() > SAMPLES && (0..SAMPLES).all(|i| contains(&wider, at(i)))
         })
     }
 
@@ -507,9 +512,14 @@ impl<'f> Growth<'f> {
         None
     }
 
+    /// Whether the patch is that of a state.
+    pub(crate) fn is_as(&self, state: &State<'f>) -> bool {
+        state.patch == self.patch
+    }
+
     /// Goes back to a patch, unless it is the present one.
-    fn settle(&mut self, to: State<'f>) {
-        if to.patch != self.patch {
+    pub(crate) fn settle(&mut self, to: State<'f>) {
+        if !self.is_as(&to) {
             self.set_sides(to.sides);
             self.objective.weights = to.weights;
             self.take(to.patch, to.targets, to.at);

@@ -108,7 +108,7 @@ pub enum Error {
         at: Point3,
     },
     /// The gradient vanishes at the seed.
-    #[error("the surface has no tangent plane at ({}, {}, {})", at[0], at[1], at[2])]
+    #[error("the surface has no tangent plane at ({}, {}, {}), or is too small for the box", at[0], at[1], at[2])]
     Singular {
         /// The seed.
         at: Point3,

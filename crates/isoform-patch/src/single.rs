@@ -24,6 +24,11 @@ const GROWING_TIME: f64 = 0.6;
 /// How much shorter patches become, in turn, at each side where nothing can be proved.
 const RETREATS: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
 
+/// A bound more times the sampled distance is loose,
+const LOOSE: f64 = 3.0;
+/// unless it is below this share of the region's diagonal.
+const ROUNDING: f64 = 1e-13;
+
 /// A patch with what is known of it.
 #[derive(Clone, Debug)]
 pub struct Parameterized {
@@ -198,6 +203,20 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
             break;
         }
         known = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
+    }
+    // A side that comes over an edge between samples makes a bound that these do not show.
+    let is_loose = |d: &Distances| d.bound.is_some_and(|b| b > LOOSE * d.sampled + ROUNDING * options.region.diagonal());
+    if !whole.is_single() && is_loose(&known) {
+        let before = growth.state();
+        growth.trim_finely(known.sampled.max(ROUNDING * options.region.diagonal()));
+        if !growth.is_as(&before) {
+            let trimmed = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
+            if trimmed.bound.is_some() && !is_loose(&trimmed) {
+                known = trimmed;
+            } else {
+                growth.settle(before);
+            }
+        }
     }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();

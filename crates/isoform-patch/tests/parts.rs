@@ -163,3 +163,32 @@ fn nothing_is_proved_of_what_is_constant() {
     }
     assert!(cover_parts(&model, &below, 20, 2, &|| false).is_err());
 }
+
+/// A ball less another one: at the edge, where the pieces meet at an acute angle, and off it bounds are no more than three times what a
+/// grid of closed forms finds.
+#[test]
+fn bounds_at_edges_are_near_the_distance() {
+    let ball = |x: f64, p: Point3| (p[0] - x).hypot(p[1]).hypot(p[2]);
+    let model = parts("min(0.4 - sqrt(x[1]*x[1]+x[2]*x[2]+x[3]*x[3]), sqrt((x[1]-0.3)*(x[1]-0.3)+x[2]*x[2]+x[3]*x[3]) - 0.3)");
+    let seed_point = Some([0.0668982084840556, -0.10906458225960179, -0.15417026849751458]);
+    let made = parameterize_part(&model, &Options { seed_point, tolerance: Some(1e-4), ..options() }).expect("a patch");
+    let bound = made.distances.bound.expect("a proof");
+    // Of the edge's angle only the far side of the edge sees more; there patches reach by less than what is sampled.
+    let distance = |k: usize| {
+        let p = made.grown.patch.point((k / 49) as f64 / 48.0, (k % 49) as f64 / 48.0);
+        (0.4 - ball(0.0, p)).min(ball(0.3, p) - 0.3).abs()
+    };
+    let most = (0..49 * 49).map(distance).fold(0.0, f64::max);
+    assert!(most <= bound && bound <= 3.0 * most, "{bound:e} of {most:e}");
+}
+
+/// A flat face that ends at the straight edge with a round hole is flat up to there: its bound is rounding.
+#[test]
+fn flat_faces_at_edges_are_exact() {
+    let model = parts("min(min(min(0.5 - abs(x[1]), 0.1 - x[2]), 0.2 - abs(x[3])), sqrt((x[1]-0.3)^2 + (x[2]-0.05)^2) - 0.15)");
+    let seed_point = Some([-0.2, 0.1, 0.05]);
+    let made = parameterize_part(&model, &Options { seed_point, ..options() }).expect("a patch");
+    let control = made.grown.patch.control();
+    assert!(control.iter().all(|c| (c[1] / c[3] - 0.1).abs() < 1e-15));
+    assert!(made.distances.bound.is_some_and(|b| b < 1e-13), "{:?}", made.distances);
+}

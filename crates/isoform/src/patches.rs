@@ -31,8 +31,12 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Option<Parts> {
     isoform_field::parts_of(model, a).ok().filter(|parts| parts.parts.len() > 1)
 }
 
+/// Polynomials with smaller coefficients, and larger ones than its inverse, are scaled.
+const LEAST_SCALE: f64 = 1.0 / (1u128 << 100) as f64;
+
 /// A polynomial in x, y and z with rational coefficients, rounded to nearest; none where a coefficient is beyond the largest double or
-/// the polynomial is constant.
+/// the polynomial is constant. One with a largest coefficient above 2¹⁰⁰ or below 2⁻¹⁰⁰ is multiplied by a power of two: its surface is
+/// the same.
 ///
 /// ```
 /// use isoform::geom::Field;
@@ -42,8 +46,14 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Option<Parts> {
 /// ```
 pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
     let exact = Poly::parse(text, &COORDINATES)?;
-    let terms: Vec<([u16; 3], f64)> = exact.to_f64().into_iter().map(|(e, c)| ([e[0], e[1], e[2]], c)).collect();
+    let mut terms: Vec<([u16; 3], f64)> = exact.to_f64().into_iter().map(|(e, c)| ([e[0], e[1], e[2]], c)).collect();
     let usable = !exact.is_constant() && terms.iter().all(|t| t.1.is_finite());
+    // Squares of gradients are to be finite, and not 0.
+    let largest = terms.iter().fold(0.0f64, |m, t| m.max(t.1.abs()));
+    if largest > 0.0 && !(LEAST_SCALE..=1.0 / LEAST_SCALE).contains(&largest) {
+        let scale = (-largest.log2().floor()).clamp(-1000.0, 1000.0).exp2();
+        terms.iter_mut().for_each(|t| t.1 *= scale);
+    }
     Ok(usable.then(|| Polynomial::new(terms)))
 }
 

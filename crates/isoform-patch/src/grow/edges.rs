@@ -29,6 +29,8 @@ impl Side<'_> {
 pub(crate) const OVERLAP: f64 = 0.3;
 /// Samples along a side.
 const SAMPLES: usize = 25;
+/// The same where nothing must lie between them.
+const FINE_SAMPLES: usize = 241;
 /// Newton steps to where a parameter line meets an edge.
 const STEPS: usize = 12;
 /// How far in, and beyond an extrapolation, an edge may be that a side is put onto, in the patch's lengths.
@@ -108,10 +110,16 @@ impl<'f> Growth<'f> {
 
     /// Where a side lies farthest beyond an edge. Near its ends it may lie beyond those that its neighbours `held` are held on: Newton
     /// steps see to them.
-    fn farthest(on: On<'f>, patch: &RationalPatch, side: usize, allowed: f64, held: [Side<'f>; 2]) -> Option<Beyond<'f>> {
+    fn farthest(
+        on: On<'f>,
+        patch: &RationalPatch,
+        side: usize,
+        (allowed, samples): (f64, usize),
+        held: [Side<'f>; 2],
+    ) -> Option<Beyond<'f>> {
         let mut worst: Option<Beyond<'f>> = None;
-        for i in 0..SAMPLES {
-            let t = i as f64 / (SAMPLES - 1) as f64;
+        for i in 0..samples {
+            let t = i as f64 / (samples - 1) as f64;
             let (u, v) = parameters(side, t, 0.0);
             let Some(beyond) = on.beyond(patch.point(u, v)).filter(|b| b.by > worst.map_or(allowed, |w| w.by)) else { continue };
             let is_held = |side: Side<'f>| matches!(side, Side::At(edge) if std::ptr::addr_eq(edge, beyond.edge));
@@ -124,10 +132,19 @@ impl<'f> Growth<'f> {
 
     /// Takes back sides that Newton steps have moved beyond edges.
     pub(crate) fn trim(&mut self) {
+        self.trim_to((self.overlap(), SAMPLES));
+    }
+
+    /// Takes back what lies beyond edges by more than that between samples, too.
+    pub(crate) fn trim_finely(&mut self, allowed: f64) {
+        self.trim_to((allowed, FINE_SAMPLES));
+    }
+
+    fn trim_to(&mut self, allowed: (f64, usize)) {
         if self.on.whole.is_single() {
             return;
         }
-        let (on, allowed) = (self.on, self.overlap());
+        let on = self.on;
         let mut patch = self.patch.clone();
         for side in 0..4 {
             if self.sides[side].is_at_edge() || Self::farthest(on, &patch, side, allowed, [Side::Free; 2]).is_none() {
@@ -164,7 +181,7 @@ impl<'f> Growth<'f> {
                 patch = longer;
                 continue;
             }
-            let Some(beyond) = Self::farthest(on, &longer, side, allowed, held) else {
+            let Some(beyond) = Self::farthest(on, &longer, side, (allowed, SAMPLES), held) else {
                 patch = longer;
                 continue;
             };
@@ -175,7 +192,7 @@ impl<'f> Growth<'f> {
             let (mut lo, mut hi) = (0.0, by[side]);
             for _ in 0..BISECTIONS {
                 let share = 0.5 * (lo + hi);
-                match Self::farthest(on, &extended(&patch, side, share), side, allowed, held) {
+                match Self::farthest(on, &extended(&patch, side, share), side, (allowed, SAMPLES), held) {
                     None => lo = share,
                     Some(_) => hi = share,
                 }
