@@ -215,7 +215,7 @@ fn bad_input_is_refused() {
 fn multiples_of_a_polynomial_have_the_same_patch() {
     let folder = Folder::new("parameterize-multiples");
     let distance = |factor: &str| {
-        let model = folder.file("m.json", &format!(r#"{{"F": "{factor}*x^2 + {factor}*y^2 + {factor}*z^2 - {factor}/4"}}"#));
+        let model = folder.file("m.json", format!(r#"{{"F": "{factor}*x^2 + {factor}*y^2 + {factor}*z^2 - {factor}/4"}}"#));
         let (code, document) = parameterize(&model, &["--degree", "2,2", "--tol", "1e-4"]);
         assert_eq!(code, 0, "{document}");
         document["patches"][0]["max_distance"].as_f64().expect("a bound")

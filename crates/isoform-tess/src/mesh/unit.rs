@@ -21,6 +21,16 @@ pub(super) struct Unit {
 /// A triangle: its vertices, their parameters, the sides of the domain that they are on.
 type Made = ([u32; 3], [[f64; 2]; 3], [u64; 3]);
 
+/// What lies between two rays of a base point, from the rectangle to the seam.
+struct Strip {
+    fan: usize,
+    apex: [f64; 2],
+    rays: [Ray; 2],
+    /// On the rectangle, and the vertices that other triangles have put on the edge between them.
+    ends: [PathVertex; 2],
+    way: Vec<PathVertex>,
+}
+
 /// The surface as far as it is made, and its vertices by name; those that no other unit triangle has by the quadrant and their place in it, too.
 pub(super) struct Joined {
     pub(super) surface: Surface,
@@ -107,11 +117,12 @@ impl Builder<'_> {
             let ray = |v: u32| unit.rays.get(&(v as usize, fan)).copied();
             let way: Vec<PathVertex> = plane.way([a, b]).into_iter().map(|v| (vertex(v, joined), plane.nodes[v as usize].at)).collect();
             let ends = [a, b].map(|v| (vertex(v, joined), plane.nodes[v as usize].at));
-            opened.push((fan, plane.nodes[p as usize].at, ray(a).zip(ray(b)), ends, way));
+            let apex = plane.nodes[p as usize].at;
+            opened.push(ray(a).zip(ray(b)).map(|(a, b)| Strip { fan, apex, rays: [a, b], ends, way }));
         }
-        for (fan, apex, rays, ends, way) in opened {
-            match rays {
-                Some((a, b)) => made.extend(self.strip(q, fan, apex, [a, b], ends, &way, joined)),
+        for strip in opened {
+            match strip {
+                Some(strip) => made.extend(self.fill(q, &strip, joined)),
                 None => joined.surface.unproven.push("triangles at base points are left out".to_owned()),
             }
         }
@@ -123,18 +134,8 @@ impl Builder<'_> {
         }
     }
 
-    /// The triangles between two rays of a base point, from the edge of the rectangle between them, which other triangles may have split in a way, to
-    /// the seam.
-    fn strip(
-        &self,
-        q: usize,
-        fan: usize,
-        apex: [f64; 2],
-        rays: [Ray; 2],
-        ends: [PathVertex; 2],
-        way: &[PathVertex],
-        joined: &mut Joined,
-    ) -> Vec<Made> {
+    /// The triangles of a strip.
+    fn fill(&self, q: usize, &Strip { fan, apex, rays, ends, ref way }: &Strip, joined: &mut Joined) -> Vec<Made> {
         let f = &self.fans[fan];
         // From the rectangle to the seam, with what lies between on a double curve.
         let seam_end = |joined: &mut Joined, d: &Direction, at: [f64; 2]| {
@@ -185,7 +186,7 @@ impl Builder<'_> {
         let (mut i, mut j) = (0, 0);
         if !way.is_empty() {
             // Those on the way that bounds the triangles outside have no other edges to vertices that are shared.
-            for t in around(&joined.surface.points, first[1], &[&first[..1], way, &second[..1]].concat(), second[1]) {
+            for t in around(&joined.surface.points, first[1], &[&first[..1], way.as_slice(), &second[..1]].concat(), second[1]) {
                 push(t);
             }
             (i, j) = (1, 1);
