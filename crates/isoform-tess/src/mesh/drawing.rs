@@ -5,6 +5,7 @@ use super::plane::{Measure, Plane, is_turned};
 use super::stretch::{Columns, Stretch, height};
 use super::unit::Unit;
 use super::*;
+use crate::region::Triangle;
 use spade::handles::FixedVertexHandle;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 
@@ -26,7 +27,10 @@ const SPREAD_LENGTH: f64 = 0.03;
 const APART: f64 = 0.2;
 
 /// What is drawn so far.
-struct Drawing {
+struct Drawing<'a> {
+    triangle: &'a Triangle,
+    /// Where its walls are.
+    walls: Vec<f64>,
     cdt: Cdt,
     constraints: Vec<[FixedVertexHandle; 2]>,
     /// Points of walls, by wall and place.
@@ -41,7 +45,7 @@ struct Drawing {
     in_order: bool,
 }
 
-impl Drawing {
+impl Drawing<'_> {
     /// A vertex, unless it has no position.
     fn vertex(&mut self, node: Node) -> Option<FixedVertexHandle> {
         self.cdt.insert(node).ok()
@@ -51,10 +55,10 @@ impl Drawing {
         self.constraints.extend(a.zip(b).map(|(a, b)| [a, b]));
     }
     /// Whether a place is in the region.
-    fn is_inside(&self, t: &crate::region::Triangle, us: &[f64], at: [f64; 2]) -> bool {
-        let k = us[1..us.len() - 1].partition_point(|&u| u < at[0]);
+    fn is_inside(&self, at: [f64; 2]) -> bool {
+        let k = self.walls[1..self.walls.len() - 1].partition_point(|&u| u < at[0]);
         let below = self.lines[k].iter().rev().find(|(_, line)| height(line, at[0]) < at[1]).map(|l| l.0);
-        t.inside[k][below.unwrap_or(0)]
+        self.triangle.inside[k][below.unwrap_or(0)]
     }
 }
 
@@ -66,6 +70,8 @@ impl Builder<'_> {
             return None;
         }
         let mut drawing = Drawing {
+            triangle: t,
+            walls: t.arrangement.walls.iter().map(|w| w.u.to_f64()).collect(),
             cdt: Cdt::new(),
             constraints: Vec::new(),
             at_wall: BTreeMap::new(),
@@ -95,7 +101,6 @@ impl Builder<'_> {
         if crossing || !drawing.in_order {
             unproven.push("arcs of the region's boundary are closer together than rounding, or could not be drawn to the end".to_owned());
         }
-        let us: Vec<f64> = t.arrangement.walls.iter().map(|w| w.u.to_f64()).collect();
         for at in self.gluing.points(q) {
             drawing.vertex(Node::inner(at, 0));
         }
@@ -103,7 +108,7 @@ impl Builder<'_> {
         let rings = self.rings_around(q);
         for (at, _) in &rings {
             let place = at.map(f64::to_bits);
-            if drawing.is_inside(t, &us, *at) && !handles.contains_key(&place) {
+            if drawing.is_inside(*at) && !handles.contains_key(&place) {
                 handles.extend(drawing.vertex(Node::inner(*at, 0)).map(|v| (place, v)));
             }
         }
@@ -124,12 +129,12 @@ impl Builder<'_> {
             }
         }
         let measure = InChart { builder: self, q };
-        self.spread(t, &us, &mut drawing, &measure);
+        self.spread(&mut drawing, &measure);
         let nodes: Vec<Node> = drawing.cdt.vertices().map(|v| *v.data()).collect();
         let (mut plain, mut at_apex) = (Vec::new(), Vec::new());
         for face in drawing.cdt.inner_faces() {
             let v = face.vertices();
-            if is_sliver(v.map(|v| *v.data())) || !drawing.is_inside(t, &us, center(v.map(|v| v.data().at))) {
+            if is_sliver(v.map(|v| *v.data())) || !drawing.is_inside(center(v.map(|v| v.data().at))) {
                 continue;
             }
             let t = v.map(|v| v.index() as u32);
@@ -145,7 +150,7 @@ impl Builder<'_> {
 
     /// Puts vertices into large triangles that do not face the way the surface does, or have another area: flips and splits by what triangles are in
     /// space are of use only where they look like the surface.
-    fn spread(&self, t: &crate::region::Triangle, us: &[f64], drawing: &mut Drawing, measure: &InChart<'_, '_>) {
+    fn spread(&self, drawing: &mut Drawing<'_>, measure: &InChart<'_, '_>) {
         let mut images = Vec::new();
         let mut known = BTreeSet::new();
         for _ in 0..SPREADS {
@@ -166,7 +171,7 @@ impl Builder<'_> {
                 // Next to contracted curves what is large in the parameters may be nothing in space.
                 let there = measure.at(center(at));
                 let is_apart = [p.0, q.0, r.0].iter().all(|&x| distance(x, there) > APART * measure.tolerance(there));
-                if is_long && !is_pinched && is_apart && is_turned(at, [p.0, q.0, r.0], measure) && drawing.is_inside(t, us, center(at)) {
+                if is_long && !is_pinched && is_apart && is_turned(at, [p.0, q.0, r.0], measure) && drawing.is_inside(center(at)) {
                     places.push(center(at));
                 }
             }
@@ -179,7 +184,7 @@ impl Builder<'_> {
         }
     }
 
-    fn draw_sides(&self, q: usize, sides: &Sides, drawing: &mut Drawing) {
+    fn draw_sides(&self, q: usize, sides: &Sides, drawing: &mut Drawing<'_>) {
         let mut on_sides = BTreeMap::new();
         for (side, key) in sides_of(q).iter().enumerate() {
             let mut before = None;
@@ -200,7 +205,7 @@ impl Builder<'_> {
     }
 
     /// Points of walls in the region, with the faces that they are on; those on sides are there already.
-    fn draw_points(&self, q: usize, drawing: &mut Drawing) {
+    fn draw_points(&self, q: usize, drawing: &mut Drawing<'_>) {
         let t = &self.region.triangles[q];
         let passed: Vec<(usize, usize)> = self.sites_in(q).flat_map(|(_, s)| &s.arcs).flat_map(|x| x.passed(&t.arrangement)).collect();
         for (k, wall) in t.arrangement.walls.iter().enumerate() {
@@ -231,14 +236,14 @@ impl Builder<'_> {
     }
 
     /// Base points with the rectangles around them.
-    fn draw_rectangles(&self, q: usize, drawing: &mut Drawing) {
+    fn draw_rectangles(&self, q: usize, drawing: &mut Drawing<'_>) {
         for (&(_, k, p), site) in self.sites_in(q) {
             let Some(&apex) = drawing.at_wall.get(&(k, p)) else { continue };
             drawing.apexes.insert(apex.index(), site.fan);
             let fan = &self.fans[site.fan];
             for sector in fan.sectors.iter().filter(|s| s.inside) {
                 let Some(ends) = self.sector_ends(q, site, fan, sector) else { continue };
-                let insert = |at: [f64; 2], ray: Ray, drawing: &mut Drawing| {
+                let insert = |at: [f64; 2], ray: Ray, drawing: &mut Drawing<'_>| {
                     let name = match () {
                         () if at[0] == 0.0 => self.name_on(q, 0, at[1]),
                         () if at[1] == 0.0 => self.name_on(q, 1, at[0]),
@@ -252,7 +257,7 @@ impl Builder<'_> {
                     drawing.rays.insert((v.index(), site.fan), ray);
                     Some(v)
                 };
-                let around = |a, b, drawing: &mut Drawing| {
+                let around = |a, b, drawing: &mut Drawing<'_>| {
                     if let (Some(a), Some(b)) = (a, b) {
                         drawing.constraints.extend([[apex, a], [apex, b], [a, b]]);
                     }
@@ -272,7 +277,7 @@ impl Builder<'_> {
     }
 
     /// The arcs of a slab.
-    fn draw_arcs(&self, q: usize, k: usize, drawing: &mut Drawing) {
+    fn draw_arcs(&self, q: usize, k: usize, drawing: &mut Drawing<'_>) {
         let t = &self.region.triangles[q];
         let mut over = Columns::new(&t.arrangement, k);
         let mut lines = Vec::new();
@@ -305,7 +310,7 @@ impl Builder<'_> {
     }
 
     /// Stretches of a wall that are drawn.
-    fn draw_upright(&self, q: usize, wall: usize, drawing: &mut Drawing) {
+    fn draw_upright(&self, q: usize, wall: usize, drawing: &mut Drawing<'_>) {
         for p in 0..self.region.triangles[q].arrangement.walls[wall].points.len() - 1 {
             let Some(curve) = self.drawn_on(q, wall, p) else { continue };
             let (faces, borders) = (self.bits(curve), self.region.side_of_wall(q, wall, p));
