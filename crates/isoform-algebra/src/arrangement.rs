@@ -178,11 +178,12 @@ impl Arrangement {
     pub fn upper(&self) -> usize {
         self.curves.len() + 1
     }
-    /// v on every arc of a slab over some u strictly between its walls, from bottom to top, to 1e-13 of its size.
-    ///
-    /// # Panics
-    /// If u is not between the walls.
-    pub fn arcs_over(&self, slab: usize, u: &RBig) -> Vec<f64> {
+    /// v on every arc of a slab over some u strictly between its walls, from bottom to top, to 1e-13 of its size; none if u is not between them.
+    pub fn arcs_over(&self, slab: usize, u: &RBig) -> Option<Vec<f64>> {
+        let [left, right] = [slab, slab + 1].map(|k| self.walls[k].u.cmp_rational(u));
+        if !(left.is_lt() && right.is_gt()) {
+            return None;
+        }
         let arcs = &self.slabs[slab].arcs;
         let top = RBig::ONE - u;
         let mut roots: BTreeMap<usize, std::vec::IntoIter<f64>> = BTreeMap::new();
@@ -191,12 +192,12 @@ impl Arrangement {
                 let count = arcs.iter().filter(|a| a.curve == curve).count();
                 self.near_roots(curve, u, &top, count).unwrap_or_else(|| self.exact_roots(curve, u, &top)).into_iter()
             });
-            over.next().expect("an arc over every u of the slab")
+            over.next()
         };
         let height = |arc: &Arc| match arc.curve.checked_sub(self.lower()) {
             None => value(arc.curve),
-            Some(0) => 0.0,
-            Some(_) => top.to_f64().value(),
+            Some(0) => Some(0.0),
+            Some(_) => Some(top.to_f64().value()),
         };
         arcs.iter().map(height).collect()
     }

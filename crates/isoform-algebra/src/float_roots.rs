@@ -38,7 +38,8 @@ pub(crate) fn proved_roots(coefficients: &[Interval], top: f64, count: usize) ->
                 break (a, b);
             }
             width *= 4.0;
-            if width > WIDTH * v {
+            // Next to zero no width is left, and what is not a number has none.
+            if !(width > 0.0 && width <= WIDTH * v) {
                 return None;
             }
         };
@@ -143,6 +144,8 @@ mod tests {
         assert_eq!(proved_roots(&exact(&[-0.5, 1.0]), 1.0, 2), None);
         // Coefficients that are hardly known: roots between 0.4 and 0.6.
         assert_eq!(proved_roots(&[Interval::new(-0.6, -0.4), Interval::new(1.0, 1.0)], 1.0, 1), None);
+        // Nearer to zero than brackets can be: this went on for ever.
+        assert_eq!(proved_roots(&exact(&[-1e-320, 1.0]), 1.0, 1), None);
         // Two roots 1e-15 apart cannot be told apart.
         assert_eq!(proved_roots(&exact(&[0.25 * (1.0 + 2e-15), -1.0 - 1e-15, 1.0]), 1.0, 2), None);
     }

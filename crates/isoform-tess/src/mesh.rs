@@ -244,14 +244,18 @@ struct SiteArc {
     /// Whether it lies to the right, or upward if it is a vertical line.
     right: bool,
     curve: usize,
-    /// Slabs and places in them, from the base point to the side of the rectangle; none for a vertical line.
+    /// Slabs and places in them, from the base point to the border of the rectangle; none for a vertical line.
     chain: Vec<(usize, usize)>,
-    /// On the side of the rectangle, and halfway.
+    /// On the border of the rectangle, and halfway.
     end: [f64; 2],
     middle: [f64; 2],
 }
 
 impl SiteArc {
+    /// How far its end is above or below the base point.
+    fn rise(&self, base: [f64; 2]) -> f64 {
+        (self.end[1] - base[1]).abs()
+    }
     /// The points of walls that it passes within the rectangle.
     fn passed(&self, a: &Arrangement) -> Vec<(usize, usize)> {
         let ends = |&(slab, i): &(usize, usize)| {

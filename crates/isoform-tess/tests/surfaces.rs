@@ -172,7 +172,7 @@ fn of_parameters(texts: [&str; 4], [a, b, c]: [&str; 3]) -> Map {
 /// A projectivity of the parameters changes nothing. The conoid's parameters are stretched so that fans of long edges lie on curved parts of it; the
 /// sphere's and the torus's so that no triangle between the curves that are drawn faces the way the surface does; on a Möbius strip forms cancel
 /// next to a base point at which a double curve ends. One surface has a line that all of X, Y, Z contract to second order, with isolated points of
-/// double curves on it; one has such points on a side of a unit triangle once it is moved.
+/// double curves on it; one has such points on a side of a unit triangle once it is moved. On a Bohemian dome arcs at a base point are steep.
 #[test]
 fn moved_parameters() {
     let conoid = (["A^3 + A*B^2", "A^2*B + B^3", "2*A*B*C", "C*A^2 + C*B^2"], 2);
@@ -181,7 +181,10 @@ fn moved_parameters() {
     let turned = ["-4*s - 9*t - 9", "9*s + 12*t - 9", "-12*s + 4*t - 8"];
     let sphere = (["2*A*C", "2*B*C", "A^2 + B^2 - C^2", "A^2 + B^2 + C^2"], 2);
     let torus = (["(C^2 - A^2)*(3*C^2 + B^2)", "2*A*C*(3*C^2 + B^2)", "2*B*C*(C^2 + A^2)", "(C^2 + A^2)*(C^2 + B^2)"], 4);
+    let dome =
+        (["(C^2 - A^2)*(C^2 + B^2)", "2*A*C*(C^2 + B^2) + (C^2 + A^2)*(C^2 - B^2)", "2*B*C*(C^2 + A^2)", "(C^2 + A^2)*(C^2 + B^2)"], 3);
     for ((texts, half_width), moved, mode) in [
+        (dome, stretched, Mode::Glued),
         (conoid, stretched, Mode::Glued),
         (sphere, stretched, Mode::Glued),
         (torus, stretched, Mode::Glued),

@@ -22,6 +22,16 @@ const NEAR_ROUNDS: usize = 40;
 /// How far from the middle of an edge of such a rectangle what is in the middle of its parameters may be, per length.
 const UNEVEN: f64 = 0.15;
 
+/// How far a seam may bulge beyond its chord, per width of the strip, and the shortest chords, per longest allowed, that are divided for it.
+const ROOM: f64 = 1.0;
+const SHORT: f64 = 0.003;
+
+/// Arcs that rise more than this, per half width of a rectangle, leave it at the top or the bottom, and steps to the place where. How often an arc
+/// that does not reach the side is looked at nearer to the base point.
+const STEEP: f64 = 4.0;
+const SECANTS: usize = 12;
+const SHORTENED: i32 = 6;
+
 impl Builder<'_> {
     pub(super) fn find_contracted(&mut self, map: &Map, curves: &Curves) {
         for side in 0..3 {
@@ -226,13 +236,40 @@ impl Builder<'_> {
         let mut too_large: Vec<usize> = Vec::new();
         let mut sites = std::mem::take(&mut self.sites);
         let mut heights = self.widths.clone();
+        // How far arcs rise over half the width, as far as they go.
+        let mut rises: Vec<Vec<f64>> = vec![Vec::new(); self.fans.len()];
         for (&(q, _, _), site) in &mut sites {
             let (h, at) = (self.widths[site.fan], site.at);
             for arc in site.arcs.iter_mut().filter(|x| !x.chain.is_empty()) {
-                if self.follow(q, at, h, arc) {
-                    heights[site.fan] = heights[site.fan].max(1.25 * (arc.end[1] - at[1]).abs());
-                } else {
-                    too_large.push(site.fan);
+                let reach = (0..SHORTENED).map(|k| h * 0.25f64.powi(k)).find(|&reach| self.follow(q, at, reach, arc));
+                match reach {
+                    Some(reach) => rises[site.fan].push(arc.rise(at) * (h / reach)),
+                    None => too_large.push(site.fan),
+                }
+            }
+        }
+        for (height, mut rises) in heights.iter_mut().zip(rises) {
+            let width = *height;
+            rises.sort_by(f64::total_cmp);
+            for rise in rises {
+                if 1.25 * rise > *height && (rise < STEEP * width || rise < 1.3 * *height) {
+                    *height = 1.25 * rise;
+                }
+            }
+        }
+        // Steeper arcs leave it at the top or the bottom.
+        for (&(q, _, _), site) in &mut sites {
+            let (at, h, height) = (site.at, self.widths[site.fan], heights[site.fan]);
+            for arc in site.arcs.iter_mut().filter(|x| !x.chain.is_empty()) {
+                let reach = |arc: &SiteArc| (arc.end[0] - at[0]).abs();
+                let is_at_side = |arc: &SiteArc| reach(arc) >= 0.99 * h && arc.rise(at) <= height;
+                let is_at_top = |arc: &SiteArc| (1.0..=1.01).contains(&(arc.rise(at) / height));
+                let mut steps = 0..SECANTS;
+                while !too_large.contains(&site.fan) && !is_at_side(arc) && !is_at_top(arc) {
+                    let to = reach(arc) * (1.005 * height / arc.rise(at));
+                    if steps.next().is_none() || to > h || !self.follow(q, at, to, arc) {
+                        too_large.push(site.fan);
+                    }
                 }
             }
         }
@@ -286,7 +323,7 @@ impl Builder<'_> {
         }
         let over = |u: f64| {
             let &(slab, i) = arc.chain.iter().find(|(slab, _)| u > a.walls[*slab].u.to_f64() && u < a.walls[slab + 1].u.to_f64())?;
-            Some([u, *RBig::try_from(u).ok().map(|u| a.arcs_over(slab, &u))?.get(i)?])
+            Some([u, *a.arcs_over(slab, &RBig::try_from(u).ok()?)?.get(i)?])
         };
         // On a wall by chance: near enough to the middle.
         let halfway = over(0.5 * (at[0] + to)).or_else(|| over(at[0] + 0.51 * (to - at[0])));
@@ -333,7 +370,8 @@ impl Builder<'_> {
                 continue;
             }
             let slab = a.walls[1..a.walls.len() - 1].partition_point(|w| w.u.to_f64() < u);
-            let over = RBig::try_from(u).map(|u| a.arcs_over(slab, &u)).unwrap_or_default();
+            // Walls may be closer to each other than rounding.
+            let Some(over) = RBig::try_from(u).ok().and_then(|u| a.arcs_over(slab, &u)) else { return false };
             let last = over.len().saturating_sub(1);
             let drawn = self.drawn(q, slab);
             for (i, &v) in over.iter().enumerate().filter(|(i, _)| *i == 0 || *i == last || drawn.contains(i)) {
@@ -617,6 +655,15 @@ impl Builder<'_> {
                 points.extend([0.25, 0.5, 0.75].into_iter().filter_map(|t| fan.on_ray(q, &fan.directions[k], backward, t * reach?)));
             }
             let chord = [image(a), image(b)];
+            // Beyond the chord of the seam, others at the rectangle would lie on the wrong side of it.
+            if let [[p, r]] = pieces[..] {
+                let on = fan.seam(&fan.between(sector, 0).0);
+                let bulge = distance_to_segment(on, [p, r]);
+                let width = distance_to_segment(image(half(a, b)), [p, r]).min(distance(image(half(a, b)), on));
+                if longest > SHORT * self.options.longest && bulge > ROOM * width {
+                    fine = false;
+                }
+            }
             if fan.is_tree() {
                 longest = longest.max(distance(chord[0], chord[1]));
             }

@@ -189,7 +189,7 @@ const EVEN: f64 = 0.5;
 /// That below which it stands for nothing, and is made by no flip, and what it is worth.
 const EMPTY: f64 = 0.02;
 const NOTHING: f64 = -2.0;
-const LEAST: f64 = 0.03;
+const LEAST: f64 = 0.01;
 /// Least area in the parameters, per square of the longest edge, of triangles that are split because they face a wrong way.
 const TURNED: f64 = 1e-6;
 /// How far from an edge towards the larger triangle beside it it is split: points on one line would leave no room for flips.

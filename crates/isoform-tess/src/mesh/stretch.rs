@@ -18,11 +18,8 @@ impl<'a> Columns<'a> {
     /// The height of an arc, if the place is between the walls.
     pub(super) fn at(&mut self, u: f64, arc: usize) -> Option<f64> {
         let (a, slab) = (self.arrangement, self.slab);
-        let over = self.known.entry(u.to_bits()).or_insert_with(|| {
-            let exact = RBig::try_from(u).ok();
-            let between = |u: &RBig| a.walls[slab].u.cmp_rational(u).is_lt() && a.walls[slab + 1].u.cmp_rational(u).is_gt();
-            exact.filter(between).map(|u| a.arcs_over(slab, &u)).unwrap_or_default()
-        });
+        let over =
+            self.known.entry(u.to_bits()).or_insert_with(|| RBig::try_from(u).ok().and_then(|u| a.arcs_over(slab, &u)).unwrap_or_default());
         over.get(arc).copied()
     }
 }
