@@ -26,6 +26,8 @@ const RETREATS: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
 
 /// A bound more times the sampled distance is loose,
 const LOOSE: f64 = 3.0;
+/// and sides are taken back so often for a tighter one,
+const TRIMMINGS: usize = 4;
 /// unless it is below this share of the region's diagonal.
 const ROUNDING: f64 = 1e-13;
 
@@ -196,27 +198,31 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
     }
     let proved = growth.keep_tolerance();
     clock.phase("grow");
-    let mut known = distances_on(whole, &growth.patch, options.tolerance, proved, options.deadline);
+    let (mut known, mut place) = distances_on(whole, &growth.patch, options.tolerance, proved, options.deadline);
     // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
         if known.bound.is_some() || growth.is_over() || !growth.retreat(share) {
             break;
         }
-        known = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
+        (known, place) = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
     }
     // A side that comes over an edge between samples makes a bound that these do not show.
     let is_loose = |d: &Distances| d.bound.is_some_and(|b| b > LOOSE * d.sampled + ROUNDING * options.region.diagonal());
-    if !whole.is_single() && is_loose(&known) {
-        let before = growth.state();
-        growth.trim_finely(known.sampled.max(ROUNDING * options.region.diagonal()));
-        if !growth.is_as(&before) {
-            let trimmed = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
-            if trimmed.bound.is_some() && !is_loose(&trimmed) {
-                known = trimmed;
-            } else {
-                growth.settle(before);
-            }
+    for _ in 0..TRIMMINGS {
+        if whole.is_single() || !is_loose(&known) || growth.is_over() {
+            break;
         }
+        let before = growth.state();
+        growth.trim_finely(known.sampled.max(ROUNDING * options.region.diagonal()), place);
+        if growth.is_as(&before) {
+            break;
+        }
+        let (trimmed, its_place) = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
+        if trimmed.bound.is_none_or(|b| known.bound.is_some_and(|k| b >= k)) {
+            growth.settle(before);
+            break;
+        }
+        (known, place) = (trimmed, its_place);
     }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();
