@@ -11,7 +11,9 @@
 //! fallen by as much, so that the surface is at most √(2M/λ) away.
 //!
 //! Minima and maxima of parts keep both arguments: n·∇F is at least the least of the parts' that matter, and the tree carries bounds of
-//! the parts over to one of F. As only signs count, each piece is first divided by its gradient's length at c.
+//! the parts over to one of F. As only signs count, each piece is first divided by its gradient's length at c. Where a piece changes from
+//! one part to another, as where a blend begins, each is bounded where none of its limits is negative: there λ + ρ ≥ 0 for the linear part
+//! λ of a limit that is off by up to ρ, and F ± b (max λ − λ)(λ + ρ), b ≥ 0, bounds F.
 
 use crate::compose::largest;
 use crate::surface::ON_SURFACE;
