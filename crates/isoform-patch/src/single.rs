@@ -82,6 +82,9 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     made
 }
 
+/// Only one that is so many times as large is larger: where directions are alike, rounding is not to decide.
+const CLEARLY: f64 = 1.01;
+
 /// Grows a patch; with a tolerance along the lines of curvature, between them, and along the seed's own directions, and takes the
 /// largest: which of them it is depends on the place.
 fn turned(on: On<'_>, seed: Seed, options: &Options, clock: Clock) -> Result<Parameterized, Error> {
@@ -102,7 +105,7 @@ fn turned(on: On<'_>, seed: Seed, options: &Options, clock: Clock) -> Result<Par
             (Ok(a), Ok(b)) => {
                 let (x, y) = (worth(&a), worth(&b));
                 let seconds = both(&a.seconds, &b.seconds);
-                Ok(Parameterized { seconds, ..if y.0 && !x.0 || y.0 == x.0 && y.1 > x.1 { b } else { a } })
+                Ok(Parameterized { seconds, ..if y.0 && !x.0 || y.0 == x.0 && y.1 > CLEARLY * x.1 { b } else { a } })
             }
             (Err(_), b) => b,
             (a, Err(_)) => a,

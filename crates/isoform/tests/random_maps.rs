@@ -84,11 +84,8 @@ fn try_maps(count: u64, allowed: Duration) {
             certified += 1;
             let mesh = isoform_geom::Mesh { points: surface.points, triangles: surface.triangles, ..Default::default() };
             let certificate = certify(&mesh, None, &Options::default(), &Control::default());
-            let crossing = if mode == Mode::Glued && !mesh.triangles.is_empty() {
-                certificate.intersections.map(|i| i.pairs.count)
-            } else {
-                Some(0)
-            };
+            let crossing =
+                if mode == Mode::Glued && !mesh.triangles.is_empty() { certificate.intersections.map(|i| i.pairs.count) } else { Some(0) };
             let outside = mesh.points.iter().flatten().filter(|x| x.abs() > 3.0 * (1.0 + 1e-9)).count();
             if !certificate.malformed.is_empty() || crossing != Some(0) || outside > 0 {
                 println!("{seed} {mode:?} certified and wrong: {:?}, {crossing:?} pairs, {outside} outside", certificate.malformed);
