@@ -11,11 +11,13 @@
 //! fallen by as much, so that the surface is at most √(2M/λ) away.
 //!
 //! Minima and maxima of parts keep both arguments: n·∇F is at least the least of the parts' that matter, and the tree carries bounds of
-//! the parts over to one of F. As only signs count, each piece is first divided by its gradient's length at c.
+//! the parts over to one of F. As only signs count, each piece is first divided by its gradient's length at c. Where a piece changes from
+//! one part to another, as where a blend begins, each is bounded where none of its limits is negative: there λ + ρ ≥ 0 for the linear part
+//! λ of a limit that is off by up to ρ, and F ± b (max λ − λ)(λ + ρ), b ≥ 0, bounds F.
 
 use crate::compose::largest;
 use crate::surface::ON_SURFACE;
-use crate::whole::Whole;
+use crate::whole::{Whole, Within};
 use isoform_geom::{Aabb, Csg, Expansion, Field, Point3, RationalPatch, norm, sub};
 use isoform_num::linalg::symmetric_eigen;
 use isoform_num::{Interval, Jet2};
@@ -60,9 +62,15 @@ const MOST_DEPTH: u32 = 24;
 const MOST_HALVINGS: u32 = 40;
 /// A cell that is longer by this factor in one direction is divided there only.
 const LONGER: f64 = 1.6;
-/// The error of subdivision, per quartering, in the largest homogeneous coordinate of the whole patch: half a unit for each of at most
-/// sixteen levels, for points three coordinates of which are so far off.
-const SUBDIVISION: f64 = 8.0 * 1.8 * f64::EPSILON;
+/// Halves in one direction whose bounds are less than so many times as large as those in the other are no better:
+const ALIKE: f64 = 1.2;
+/// then, and where a cell is so many times as long as wide, the longer direction is halved.
+const NARROW: f64 = 200.0;
+/// The error of subdivision, per level of de Casteljau's algorithm, in the largest homogeneous coordinate of the whole patch: half a unit,
+/// for points three coordinates of which are so far off.
+const SUBDIVISION: f64 = 0.5 * 1.8 * f64::EPSILON;
+/// So many levels stand for what is rounded besides.
+const OTHER_LEVELS: f64 = 16.0;
 
 /// Distances from the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -161,29 +169,29 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
 /// cannot be proved)
 /// and, if that is not less than what is sampled, at no more than the tolerance.
 pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
-    distances_on(&Whole::of_field(field), patch, tolerance, None, None)
+    distances_on(&Whole::of_field(field), patch, tolerance, None, None).0
 }
 
 /// The same from a whole surface; at edges a bound that is proved already is made no better than 2.7 times what is sampled. After the
-/// deadline nothing more is proved.
+/// deadline nothing more is proved. Also where a bound that is larger than that comes from.
 pub(crate) fn distances_on(
     whole: &Whole<'_>,
     patch: &RationalPatch,
     tolerance: Option<f64>,
     proved: Option<f64>,
     deadline: Option<Instant>,
-) -> Distances {
+) -> (Distances, Option<(f64, f64)>) {
     let prove = |target, cells| prove_on(whole, patch, target, Effort { cells, deadline });
     let (sampled, rms) = sampled_on(whole, patch, SAMPLES);
     let size = largest_coordinate(patch);
     if whole.is_single() && sampled <= EXACT * size {
         let proved = |(target, cells): &(f64, usize)| prove((target * size).max(2.0 * sampled), *cells);
-        return Distances { bound: EXACT_TARGETS.iter().find_map(proved).map(|b| b.max(sampled)), sampled, rms };
+        return (Distances { bound: EXACT_TARGETS.iter().find_map(proved).map(|b| b.max(sampled)), sampled, rms }, None);
     }
     let proved = proved.map(|b| b.max(sampled));
     let goal = |slack: f64| (slack * sampled).max(ROUNDING * size);
     if let Some(bound) = proved.filter(|b| !whole.is_single() && *b <= (SLACK[1] * sampled).max(LEAST_REFINED * size)) {
-        return Distances { bound: Some(bound), sampled, rms };
+        return (Distances { bound: Some(bound), sampled, rms }, None);
     }
     let at_once = |slack: &f64| {
         let target = tolerance.filter(|t| *t >= sampled).map_or(goal(*slack), |t| goal(*slack).min(t));
@@ -191,12 +199,12 @@ pub(crate) fn distances_on(
     };
     // At edges few cells take most of the work: from what is proved already, the worst are divided.
     let bound = if whole.is_single() { SLACK.iter().find_map(at_once) } else { None };
-    let bound = bound.or_else(|| {
+    let refine = || {
         let start = proved.or(tolerance.filter(|t| *t >= sampled).and_then(|t| prove(t, MOST_CELLS_AT_EDGES)))?;
         Some(refined(whole, patch, start, (ENOUGH * sampled).max(LEAST_REFINED * size), Effort { cells: MOST_REFINED, deadline }))
-    });
-    let bound = bound.map(|b| b.max(sampled));
-    Distances { bound, sampled, rms }
+    };
+    let (bound, place) = bound.map(|b| (b, None)).or_else(refine).unzip();
+    (Distances { bound: bound.map(|b| b.max(sampled)), sampled, rms }, place.flatten())
 }
 
 /// The largest coordinate of a patch, by samples: control points may be far away.
@@ -246,7 +254,7 @@ pub(crate) fn proof(whole: &Whole<'_>, patch: &RationalPatch, target: f64, effor
         if looked_at > effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d) {
             return Err(middle());
         }
-        match bound_of_cell(whole, &cell, (depth, largest_homogeneous(patch)), target, known, &products) {
+        match bound_of_cell(whole, &cell, (levels(patch, place), largest_homogeneous(patch)), target, known, &products) {
             Some(b) => worst = worst.max(b),
             None if depth == MOST_DEPTH => return Err(middle()),
             None => pending.extend(divided(&cell, place).into_iter().map(|(c, place)| (c, place, depth + 1))),
@@ -281,40 +289,52 @@ impl PartialEq for Bounded {
 }
 impl Eq for Bounded {}
 
-/// Makes a proved bound better: the cells with the largest bounds are divided until all are at most `goal`, or the effort is spent.
-fn refined(whole: &Whole<'_>, patch: &RationalPatch, proved: f64, goal: f64, effort: Effort) -> f64 {
+/// Makes a proved bound better: the cells with the largest bounds are divided until all are at most `goal`, or the effort is spent. Then
+/// also the middle of the one with the largest.
+fn refined(whole: &Whole<'_>, patch: &RationalPatch, proved: f64, goal: f64, effort: Effort) -> (f64, Option<(f64, f64)>) {
     let (products, size) = (Products::new(patch.degree()), largest_homogeneous(patch));
     let root = Bounded { bound: proved, number: 0, cell: patch.clone(), place: [(0.0, 1.0); 2], depth: 0 };
-    let bound_of = |cell: &RationalPatch, depth: u32, known: f64| {
-        let of = |target: f64| bound_of_cell(whole, cell, (depth, size), target, f64::INFINITY, &products);
+    let bound_of = |cell: &RationalPatch, place: Place, known: f64| {
+        let of = |target: f64| bound_of_cell(whole, cell, (levels(cell, place), size), target, f64::INFINITY, &products);
         of(goal).or_else(|| of(known)).map_or(known, |b| b.min(known))
     };
-    let mut all = BinaryHeap::from([Bounded { bound: bound_of(patch, 0, proved), ..root }]);
+    let mut all = BinaryHeap::from([Bounded { bound: bound_of(patch, root.place, proved), ..root }]);
     let mut looked_at = 1;
     while let Some(worst) = all.pop() {
         let is_over = looked_at >= effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d);
         if worst.bound <= goal || worst.depth == MOST_HALVINGS || is_over {
-            return worst.bound;
+            let at = worst.place.map(|(a, b)| 0.5 * (a + b));
+            return (worst.bound, (worst.bound > goal).then_some((at[0], at[1])));
         }
         // In the direction in which more is gained: along an edge cells may stay long.
         let depth = worst.depth + 1;
         let mut halved = |in_u: bool| {
             let halves = parts(&worst.cell, worst.place, in_u, !in_u).into_iter().map(|(cell, place)| {
                 looked_at += 1;
-                Bounded { bound: bound_of(&cell, depth, worst.bound), number: looked_at, cell, place, depth }
+                Bounded { bound: bound_of(&cell, place, worst.bound), number: looked_at, cell, place, depth }
             });
             let halves: Vec<Bounded> = halves.collect();
             (halves.iter().fold(0.0, |sum, h| sum + h.bound.max(goal)), halves)
         };
         let (in_u, in_v) = (halved(true), halved(false));
-        let is_in_u = if in_u.0 == in_v.0 { lengths(&worst.cell).0 >= lengths(&worst.cell).1 } else { in_u.0 < in_v.0 };
+        let (along_u, along_v) = lengths(&worst.cell);
+        // Edges that run askew gain a little from ever narrower cells, and much from shorter ones later.
+        let alike = in_u.0.max(in_v.0) <= ALIKE * in_u.0.min(in_v.0) || along_u.max(along_v) > NARROW * along_u.min(along_v);
+        let is_in_u = if alike { along_u >= along_v } else { in_u.0 < in_v.0 };
         all.extend(if is_in_u { in_u.1 } else { in_v.1 });
     }
-    proved
+    (proved, None)
 }
 
 /// Ranges of u and of v.
 type Place = [(f64, f64); 2];
+
+/// Levels of de Casteljau's algorithm that lead to a part of a patch.
+fn levels(patch: &RationalPatch, place: Place) -> f64 {
+    let (m, n) = patch.degree();
+    let halvings = |(a, b): (f64, f64)| -(b - a).log2();
+    OTHER_LEVELS + m as f64 * halvings(place[0]) + n as f64 * halvings(place[1])
+}
 
 /// The halves of a patch that is longer in one direction, the quarters of another one; each with its place.
 fn divided(patch: &RationalPatch, place: Place) -> Vec<(RationalPatch, Place)> {
@@ -387,7 +407,7 @@ fn magnitude(i: &Interval) -> f64 {
 fn bound_of_cell(
     whole: &Whole<'_>,
     cell: &RationalPatch,
-    (depth, whole_size): (u32, (f64, f64)),
+    (levels, whole_size): (f64, (f64, f64)),
     target: f64,
     known: f64,
     products: &Products,
@@ -408,17 +428,17 @@ fn bound_of_cell(
         }
     }
     // x = X/w is off by (ΔX + |x| Δw)/w.
-    let rounding = SUBDIVISION * f64::from(depth + 1) * (whole_size.0 + largest * whole_size.1) / least * (1.0 + 1e-9);
+    let rounding = SUBDIVISION * levels * (whole_size.0 + largest * whole_size.1) / least * (1.0 + 1e-9);
     let reach = norm(r);
     // How far beyond the cell the surface is sought: as far as it seems to be, not as far as it may be.
     let beyond = (2.0 * whole.first_order(c).0.abs() + 0.125 * reach).min(target);
     let beyond = if beyond.is_nan() { target } else { beyond };
-    if let Some(b) = smooth_bound(whole, c, &d, r, beyond, known, products).filter(|b| b + rounding <= target) {
+    if let Some(b) = smooth_bound(whole, &CellOf { c, d: &d, r, rounding }, beyond, known, products).filter(|b| b + rounding <= target) {
         return Some(b + rounding);
     }
     if known.is_finite() || (whole.is_single() && reach <= CROSSING * target) {
         let e = whole.field(0).expansion(c, about(c, r, target))?;
-        let (lo, hi) = range(&e, &d, r, products);
+        let (lo, hi) = range(&Taylor::new(&e, r), &d, r, products);
         let most = if lo <= hi { known.min(hi.max(-lo)) } else { known };
         if let Some(b) = crossing_bound(&e, r.map(|v| v + target), most).filter(|b| b + rounding <= target) {
             return Some(b + rounding);
@@ -429,7 +449,7 @@ fn bound_of_cell(
         return None;
     }
     let near = about(c, r, target);
-    if whole.within(near)?.1.iter().any(|&k| whole.field(k).expansion(c, near).is_none()) {
+    if whole.within(near)?.parts.iter().any(|&k| whole.field(k).expansion(c, near).is_none()) {
         return None;
     }
     changes_sign(whole, c, (target - reach - rounding) * (1.0 - 1e-9)).then_some(target)
@@ -464,10 +484,23 @@ fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f64> {
     Some((2.0 * most / lambda).sqrt() * (1.0 + 1e-12))
 }
 
+/// A cell of a patch.
+struct CellOf<'d> {
+    /// About its middle.
+    c: Point3,
+    /// Its control points less c times their weights.
+    d: &'d [[f64; 4]],
+    /// No coordinate differs from that of c by more.
+    r: Point3,
+    /// So far its points may be off.
+    rounding: f64,
+}
+
 /// M/G, if that is no more than `beyond`; of a single function, M is no more than `known`.
-fn smooth_bound(whole: &Whole<'_>, c: Point3, d: &[[f64; 4]], r: Point3, beyond: f64, known: f64, products: &Products) -> Option<f64> {
+fn smooth_bound(whole: &Whole<'_>, cell: &CellOf<'_>, beyond: f64, known: f64, products: &Products) -> Option<f64> {
+    let CellOf { c, d, r, .. } = *cell;
     let region = about(c, r, beyond);
-    let (tree, parts) = whole.within(region)?;
+    let Within { tree, parts, alone } = whole.within(region)?;
     let expansions: Vec<Expansion> = parts.iter().map(|&k| whole.field(k).expansion(c, region)).collect::<Option<_>>()?;
     let mut normals = Vec::with_capacity(parts.len());
     let mut lengths = Vec::with_capacity(parts.len());
@@ -506,16 +539,39 @@ fn smooth_bound(whole: &Whole<'_>, c: Point3, d: &[[f64; 4]], r: Point3, beyond:
         Csg::Max(children) if is_flat(children) => (slope, own()),
         _ => (slope, slope),
     };
-    let ranges: Vec<Interval> = expansions
-        .iter()
-        .enumerate()
-        .map(|(k, e)| {
-            let ((lo, hi), unit) = (range(e, d, r, products), unit(k));
-            if lo <= hi { Interval::new(lo / unit, hi / unit) } else { Interval::ALL }
+    let boxed = (parts.len() > 1).then(|| about(c, r, 0.0));
+    let range_of = |k: usize| {
+        let (e, unit) = (&expansions[k], unit(k));
+        let taylor = Taylor::new(e, r);
+        let (mut lo, mut hi) = range(&taylor, d, r, products);
+        if alone[k] && lo <= hi && boxed.is_some() {
+            let others: Vec<&Expansion> =
+                (0..parts.len()).filter(|&o| o != k && whole.piece(parts[o]) == whole.piece(parts[k])).map(|o| &expansions[o]).collect();
+            for limit in whole.limits(parts[k]).iter().filter(|l| !others.is_empty() && l.bounds(region).lo() < 0.0) {
+                let Some(l) = limit.expansion(c, region).and_then(|l| Limit::new(&l, cell)) else { continue };
+                if l.most < 0.0 {
+                    return None;
+                }
+                for other in &others {
+                    let bend = l.bend(e, other);
+                    let cut = range(&taylor.bent(&l, bend, r), d, r, products);
+                    if bend > 0.0 { hi = hi.min(cut.1) } else { lo = lo.max(cut.0) }
+                }
+            }
+        }
+        // On flat faces along the axes intervals know more: that a square is nowhere negative, as where a blend begins.
+        let known = boxed.map_or(Interval::ALL, |b| whole.field(parts[k]).bounds(b));
+        Some(if lo <= hi && known.lo() <= known.hi() {
+            // Rounding of the cell's points may set the two apart, by less than is added for it: then what lies between.
+            let (lo, hi) = (lo.max(known.lo()), hi.min(known.hi()));
+            Interval::new(lo.min(hi) / unit, lo.max(hi) / unit)
+        } else {
+            Interval::ALL
         })
-        .collect();
+    };
+    let ranges: Vec<Option<Interval>> = (0..parts.len()).map(range_of).collect();
     let of_piece = |piece: u32| {
-        let of = parts.iter().zip(&ranges).filter(|(k, _)| whole.piece(**k) == piece).map(|(_, r)| *r);
+        let of = parts.iter().zip(&ranges).filter(|(k, _)| whole.piece(**k) == piece).filter_map(|(_, r)| *r);
         of.reduce(|a, b| a.hull(&b)).unwrap_or(Interval::ALL)
     };
     let most = if whole.is_single() { known / unit(0) } else { f64::INFINITY };
@@ -568,13 +624,97 @@ impl Along<'_> {
     }
 }
 
+/// The place of ∂²F/∂xᵢ∂xⱼ among the six second derivatives.
+const SECOND: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+
+/// F about c: its Taylor polynomial of order 2, and how far F may be off it on a cell.
+#[derive(Clone, Copy)]
+struct Taylor {
+    value: f64,
+    g: Point3,
+    h: [f64; 6],
+    off: f64,
+}
+
+impl Taylor {
+    fn new(e: &Expansion, r: Point3) -> Self {
+        let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
+        let mut off = radius(&e.value) + cubic(&t, r, None) / 6.0;
+        for i in 0..3 {
+            off += radius(&e.gradient[i]) * r[i];
+            for j in 0..3 {
+                off += 0.5 * radius(&e.hessian[SECOND[i][j]]) * r[i] * r[j];
+            }
+        }
+        Self { value: middle(&e.value), g: slopes(e), h: std::array::from_fn(|k| middle(&e.hessian[k])), off }
+    }
+
+    /// Plus b (m − λ)(λ + ρ), which is nowhere negative where the limit is not, for b ≥ 0, and nowhere positive for b ≤ 0.
+    fn bent(&self, l: &Limit, b: f64, r: Point3) -> Self {
+        let (above, below) = (l.most - l.value, l.value + l.off);
+        let slope = b * (above - below);
+        let size = (0..3).map(|k| l.g[k].abs() * r[k]).sum::<f64>();
+        let mut h = self.h;
+        for i in 0..3 {
+            for j in i..3 {
+                h[SECOND[i][j]] -= 2.0 * b * l.g[i] * l.g[j];
+            }
+        }
+        let rounding = 16.0 * f64::EPSILON * b.abs() * (l.most.abs() + l.value.abs() + size) * (l.value.abs() + l.off + size);
+        Self { value: self.value + b * above * below, g: std::array::from_fn(|k| self.g[k] + slope * l.g[k]), h, off: self.off + rounding }
+    }
+}
+
+/// A limit of a part on a cell: where the part counts, the linear function λ = value + g·δ is at least −off.
+struct Limit {
+    value: f64,
+    g: Point3,
+    off: f64,
+    /// λ on the cell is at most so much; negative if the part does not count there.
+    most: f64,
+}
+
+impl Limit {
+    fn new(e: &Expansion, cell: &CellOf<'_>) -> Option<Self> {
+        let taylor = Taylor::new(e, cell.r);
+        let (g, r) = (taylor.g, cell.r);
+        let mut off = taylor.off;
+        for i in 0..3 {
+            off += g[i].abs() * (cell.rounding + 4.0 * f64::EPSILON * r[i]);
+            for j in 0..3 {
+                off += 0.5 * taylor.h[SECOND[i][j]].abs() * r[i] * r[j];
+            }
+        }
+        let off = (off + 4.0 * f64::EPSILON * taylor.value.abs()) * (1.0 + 1e-12);
+        // A linear function is largest at a control point.
+        let along = cell.d.iter().map(|p| (g[0] * p[0] + g[1] * p[1] + g[2] * p[2]) / p[3]).fold(f64::NEG_INFINITY, f64::max);
+        let most = taylor.value + along + off;
+        (off.is_finite() && most.is_finite()).then_some(Self { value: taylor.value, g, off, most })
+    }
+
+    /// What part and neighbour differ by across the limit, as a multiple of the limit's square: with that bent, what the part's function is
+    /// where it does not count is not seen.
+    fn bend(&self, own: &Expansion, other: &Expansion) -> f64 {
+        let n = slopes(own);
+        let nn = n.iter().map(|v| v * v).sum::<f64>();
+        let across = (0..3).map(|k| n[k] * self.g[k]).sum::<f64>() / nn;
+        let t: Point3 = std::array::from_fn(|k| self.g[k] - across * n[k]);
+        let slope = (0..3).map(|k| t[k] * self.g[k]).sum::<f64>();
+        let mut difference = 0.0;
+        for i in 0..3 {
+            for j in 0..3 {
+                difference += t[i] * (middle(&own.hessian[SECOND[i][j]]) - middle(&other.hessian[SECOND[i][j]])) * t[j];
+            }
+        }
+        let bend = 0.5 * difference / (slope * slope);
+        if bend.is_finite() { bend } else { 0.0 }
+    }
+}
+
 /// Bounds of F on a cell.
-fn range(e: &Expansion, d: &[[f64; 4]], r: Point3, products: &Products) -> (f64, f64) {
-    let value = middle(&e.value);
-    let g = slopes(e);
-    let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
-    let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
-    let at = |i: usize, j: usize| h[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]];
+fn range(taylor: &Taylor, d: &[[f64; 4]], r: Point3, products: &Products) -> (f64, f64) {
+    let Taylor { value, g, h, off } = *taylor;
+    let at = |i: usize, j: usize| h[SECOND[i][j]];
     // w² (F(c) + ∇F·δ + δᵀHδ/2) as a scalar product of (w δ, w) with (H w δ/2, F(c) w + ∇F·w δ).
     let right = |p: &[f64; 4]| {
         let h = |k: usize| 0.5 * (at(k, 0) * p[0] + at(k, 1) * p[1] + at(k, 2) * p[2]);
@@ -588,15 +728,7 @@ fn range(e: &Expansion, d: &[[f64; 4]], r: Point3, products: &Products) -> (f64,
         value.abs() + (0..3).map(|k| g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()).sum::<f64>();
     // Half a unit for each operation of the terms of a coefficient and of their sum, the same for those of w².
     let (m, n) = products.degree;
-    let mut most = (18 + (m + 1) * (n + 1)) as f64 * f64::EPSILON * size;
-    most += radius(&e.value);
-    for i in 0..3 {
-        most += radius(&e.gradient[i]) * r[i];
-        for j in 0..3 {
-            most += 0.5 * radius(&e.hessian[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]]) * r[i] * r[j];
-        }
-    }
-    most += cubic(&t, r, None) / 6.0;
+    let most = (18 + (m + 1) * (n + 1)) as f64 * f64::EPSILON * size + off;
     (lo - most, hi + most)
 }
 

@@ -81,11 +81,11 @@ pub(crate) struct Local {
 
 impl Local {
     /// `third` is used by Newton's method only.
-    pub(crate) fn new(node: &Node, jet: &Jet2, third: Option<&Jet3>, objective: &Objective<'_>, weight: f64) -> Self {
+    pub(crate) fn new(node: &Node, jet: &Jet2, third: Option<&Jet3>, objective: &Objective<'_>, (weight, importance): (f64, f64)) -> Self {
         let (method, targets, factors) = (objective.method, &objective.targets, &objective.weights);
         let mut local = Self { gradient: [0.0; 12], hessian: [[0.0; 12]; 12] };
         let r = node.residuals(jet, targets);
-        local.distance(node, jet, third, method, r.distance, weight);
+        local.distance(node, jet, third, method, r.distance, weight * importance);
 
         if !objective.by_control {
             let x = node.z[3] - 1.0;

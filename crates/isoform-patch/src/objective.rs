@@ -166,6 +166,8 @@ pub struct Objective<'f> {
     pub(crate) little: f64,
     /// J is the mean of (w − 1)ᴷ over the control points, which keeps all their weights positive.
     pub(crate) by_control: bool,
+    /// How much the distance counts at the nodes; none: as much everywhere.
+    pub(crate) importance: Vec<f64>,
 }
 
 /// The objective's value at a patch, with what its derivatives need.
@@ -216,6 +218,7 @@ impl<'f> Objective<'f> {
             sides: [None; 4],
             little: 0.0,
             by_control: false,
+            importance: Vec::new(),
         }
     }
 
@@ -307,12 +310,12 @@ impl<'f> Objective<'f> {
     fn terms(&self, patch: &RationalPatch, t: &Targets, nodes: Vec<Node>, points: Vec<Point3>, jets: Vec<Jet2>) -> Option<Evaluated> {
         let mut terms = Terms::default();
         let factors = self.inner.factors(t);
-        let mut all = nodes.iter().zip(&jets);
+        let mut all = nodes.iter().zip(&jets).enumerate();
         for wu in &self.u.weights {
-            for (wv, (node, jet)) in self.v.weights.iter().zip(&mut all) {
+            for (wv, (k, (node, jet))) in self.v.weights.iter().zip(&mut all) {
                 let weight = wu * wv;
                 let r = node.residuals(jet, t);
-                terms.i += weight * r.distance * r.distance;
+                terms.i += weight * self.importance(k) * r.distance * r.distance;
                 if !self.by_control {
                     terms.j += weight * (node.z[3] - 1.0).powi(K);
                 }
@@ -341,6 +344,21 @@ impl<'f> Objective<'f> {
         }
         let finite = [terms.i, terms.j, terms.l, terms.r, terms.e, terms.sides].iter().all(|t| t.is_finite());
         finite.then_some(Evaluated { terms, nodes, points, jets })
+    }
+
+    /// How much the distance counts at a node.
+    fn importance(&self, node: usize) -> f64 {
+        self.importance.get(node).copied().unwrap_or(1.0)
+    }
+
+    /// Lets distances count more towards the border: by (4u(1 − u))^−power in each direction, 1 in the mean.
+    pub(crate) fn weigh_border(&mut self, power: f64) {
+        let of = |x: &f64| (4.0 * x * (1.0 - x)).powf(-power);
+        let (u, v) = (gauss_legendre(self.u.weights.len()).0, gauss_legendre(self.v.weights.len()).0);
+        let all: Vec<f64> = u.iter().flat_map(|u| v.iter().map(move |v| of(u) * of(v))).collect();
+        let mean: f64 =
+            all.iter().zip(self.u.weights.iter().flat_map(|a| self.v.weights.iter().map(move |b| a * b))).map(|(i, w)| i * w).sum();
+        self.importance = all.into_iter().map(|i| i / mean).collect();
     }
 
     /// The index of the control point at a corner.
@@ -388,13 +406,13 @@ impl<'f> Objective<'f> {
         let mut d = Derivatives { gradient: vec![0.0; size], hessian: vec![0.0; size * size] };
         let mut inner = vec![0.0; 4 * 16 * (n + 1) * (n + 1)];
         let mut side = vec![0.0; 2 * 4 * (n + 1)];
-        let mut nodes = at.nodes.iter().zip(&at.jets).zip(&at.points);
+        let mut nodes = at.nodes.iter().zip(&at.jets).zip(&at.points).enumerate();
         let mut locals = Vec::with_capacity(self.v.b.len());
         for (a, wu) in self.u.b.iter().zip(&self.u.weights) {
             locals.clear();
-            for (wv, ((node, jet), point)) in self.v.weights.iter().zip(&mut nodes) {
+            for (wv, (k, ((node, jet), point))) in self.v.weights.iter().zip(&mut nodes) {
                 let third: Option<Jet3> = if self.method == Method::Newton { Some(self.field.jet3(*point)?) } else { None };
-                locals.push(Local::new(node, jet, third.as_ref(), self, wu * wv));
+                locals.push(Local::new(node, jet, third.as_ref(), self, (wu * wv, self.importance(k))));
             }
             sized!(n + 1, over_v(&locals, &self.v.b, &mut inner, &mut side));
             sized!(n + 1, over_u(a, m + 1, &inner, &side, &mut d));

@@ -72,7 +72,7 @@ impl Options {
         let unit = self.region.size().into_iter().fold(0.0, f64::max);
         let share = (RELAXED * (tolerance / unit).powi(2) / PAPER_LIMIT).min(1.0);
         let floor = self.floor.scaled(share);
-        Self { floor: Weights { j: BARRIER * floor.j, ..floor }, ..*self }
+        Self { floor: Weights { j: BARRIER * floor.j, ..floor }, most_steps: self.most_steps.saturating_mul(MORE_STEPS), ..*self }
     }
 }
 
@@ -80,6 +80,9 @@ impl Options {
 const RELAXED: f64 = 0.1;
 /// and of that of J, which counts control weights then, in these. Growing raises it where they get too small.
 const BARRIER: f64 = 1e-4;
+
+/// With a tolerance there may be so many times as many Newton steps.
+const MORE_STEPS: usize = 4;
 
 /// Why there is no patch.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

@@ -11,6 +11,7 @@ use crate::surface::Seed;
 use crate::whole::{On, Whole};
 use crate::{MOST_DEGREE, surface};
 use isoform_geom::{Field, Parts, Point3, Quadric, norm, sub};
+use std::f64::consts::FRAC_PI_4;
 use std::time::Instant;
 
 /// A patch whose samples are this near to the surface, in diagonals of the region, is exact to rounding,
@@ -26,6 +27,8 @@ const RETREATS: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
 
 /// A bound more times the sampled distance is loose,
 const LOOSE: f64 = 3.0;
+/// and sides are taken back so often for a tighter one,
+const TRIMMINGS: usize = 4;
 /// unless it is below this share of the region's diagonal.
 const ROUNDING: f64 = 1e-13;
 
@@ -64,19 +67,57 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     if let Some(p) = options.seed_point {
         let seed = surface::given(field, p, &options.region)?;
         clock.phase("seed");
-        return grown(on, seed, None, options, clock);
+        return turned(on, seed, options, clock);
     }
     let mut made = Err(Error::NoSurface);
     for other in 0..OTHER_SEEDS {
         let seed = surface::chosen(field, options.seed.wrapping_add(other << 32), &options.region)?;
         clock.phase("seed");
-        made = grown(on, seed, None, options, std::mem::take(&mut clock));
+        made = turned(on, seed, options, std::mem::take(&mut clock));
         // Where the function has an edge projections end on it.
         if !matches!(made, Err(Error::NoPatch { .. })) {
             break;
         }
     }
     made
+}
+
+/// Only one that is so many times as large is larger: where directions are alike, rounding is not to decide.
+const CLEARLY: f64 = 1.01;
+
+/// Grows a patch; with a tolerance along the lines of curvature, between them, and along the seed's own directions, and takes the
+/// largest: which of them it is depends on the place.
+fn turned(on: On<'_>, seed: Seed, options: &Options, clock: Clock) -> Result<Parameterized, Error> {
+    let Some(tolerance) = options.tolerance.filter(|_| !options.exact) else { return grown(on, seed, None, options, clock) };
+    let scale = options.region.diagonal();
+    let frame = |angle: f64| surface::frame(on.field(), seed.point, angle, scale);
+    // What is proved counts first.
+    let worth = |p: &Parameterized| (p.distances.bound.is_some_and(|b| b <= tolerance), p.grown.area(&options.region));
+    let along = frame(0.0)?;
+    let mut made = grown(on, along, None, options, clock);
+    let own = (seed.tangents != along.tangents).then_some(seed);
+    for start in [Some(frame(FRAC_PI_4)?), own].into_iter().flatten() {
+        if made.as_ref().is_ok_and(|m| m.is_late) {
+            break;
+        }
+        let other = grown(on, start, None, options, Clock::default());
+        made = match (made, other) {
+            (Ok(a), Ok(b)) => {
+                let (x, y) = (worth(&a), worth(&b));
+                let seconds = both(&a.seconds, &b.seconds);
+                Ok(Parameterized { seconds, ..if y.0 && !x.0 || y.0 == x.0 && y.1 > CLEARLY * x.1 { b } else { a } })
+            }
+            (Err(_), b) => b,
+            (a, Err(_)) => a,
+        };
+    }
+    made
+}
+
+/// The times of two runs together, by phase.
+fn both(a: &[(&'static str, f64)], b: &[(&'static str, f64)]) -> Vec<(&'static str, f64)> {
+    let of = |name: &str| b.iter().filter(|p| p.0 == name).map(|p| p.1).sum::<f64>();
+    a.iter().map(|p| (p.0, p.1 + of(p.0))).collect()
 }
 
 /// Grows one patch on one of the parts of a surface, as far as its edges, and proves how far from the surface it is.
@@ -196,27 +237,31 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
     }
     let proved = growth.keep_tolerance();
     clock.phase("grow");
-    let mut known = distances_on(whole, &growth.patch, options.tolerance, proved, options.deadline);
+    let (mut known, mut place) = distances_on(whole, &growth.patch, options.tolerance, proved, options.deadline);
     // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
         if known.bound.is_some() || growth.is_over() || !growth.retreat(share) {
             break;
         }
-        known = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
+        (known, place) = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
     }
     // A side that comes over an edge between samples makes a bound that these do not show.
     let is_loose = |d: &Distances| d.bound.is_some_and(|b| b > LOOSE * d.sampled + ROUNDING * options.region.diagonal());
-    if !whole.is_single() && is_loose(&known) {
-        let before = growth.state();
-        growth.trim_finely(known.sampled.max(ROUNDING * options.region.diagonal()));
-        if !growth.is_as(&before) {
-            let trimmed = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
-            if trimmed.bound.is_some() && !is_loose(&trimmed) {
-                known = trimmed;
-            } else {
-                growth.settle(before);
-            }
+    for _ in 0..TRIMMINGS {
+        if whole.is_single() || !is_loose(&known) || growth.is_over() {
+            break;
         }
+        let before = growth.state();
+        growth.trim_finely(known.sampled.max(ROUNDING * options.region.diagonal()), place);
+        if growth.is_as(&before) {
+            break;
+        }
+        let (trimmed, its_place) = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
+        if trimmed.bound.is_none_or(|b| known.bound.is_some_and(|k| b >= k)) {
+            growth.settle(before);
+            break;
+        }
+        (known, place) = (trimmed, its_place);
     }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();

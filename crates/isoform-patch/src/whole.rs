@@ -47,6 +47,16 @@ struct Local {
     pieces: Vec<(u32, Vec<usize>)>,
 }
 
+/// What decides the sign in a region.
+pub(crate) struct Within {
+    /// The tree without what cannot.
+    pub(crate) tree: Csg,
+    /// Its parts, each function once.
+    pub(crate) parts: Vec<usize>,
+    /// Whether no other part there has the same function.
+    pub(crate) alone: Vec<bool>,
+}
+
 struct Cell {
     region: Aabb,
     local: Arc<Local>,
@@ -294,21 +304,25 @@ impl<'f> Whole<'f> {
         is_there(1.0) != is_there(-1.0)
     }
 
-    /// What decides the sign in a region: the tree without what cannot, and its parts.
-    pub(crate) fn within(&self, region: Aabb) -> Option<(Csg, Vec<usize>)> {
+    /// What decides the sign in a region.
+    pub(crate) fn within(&self, region: Aabb) -> Option<Within> {
         if self.is_single() {
-            return Some((Csg::Piece(0), vec![0]));
+            return Some(Within { tree: Csg::Piece(0), parts: vec![0], alone: vec![true] });
         }
         let local = self.narrow(self.local(region), region)?;
-        let mut parts: Vec<usize> = Vec::new();
+        let (mut parts, mut alone): (Vec<usize>, Vec<bool>) = (Vec::new(), Vec::new());
         for k in local.pieces.into_iter().flat_map(|p| p.1) {
             let is_same =
                 |o: &usize| self.parts[*o].piece == self.parts[k].piece && std::ptr::addr_eq(self.parts[*o].field, self.parts[k].field);
-            if !parts.iter().any(is_same) {
-                parts.push(k);
+            match parts.iter().position(is_same) {
+                Some(same) => alone[same] = false,
+                None => {
+                    parts.push(k);
+                    alone.push(true);
+                }
             }
         }
-        Some((local.tree, parts))
+        Some(Within { tree: local.tree, parts, alone })
     }
 
     /// The parts of a list that may count somewhere in a region.
@@ -318,6 +332,10 @@ impl<'f> Whole<'f> {
     fn hull(&self, parts: &[usize], region: Aabb) -> Interval {
         let all = parts.iter().map(|&k| self.parts[k].field.bounds(region));
         all.reduce(|a, b| a.hull(&b)).unwrap_or(Interval::ALL)
+    }
+    /// Where none of these is negative a part counts.
+    pub(crate) fn limits(&self, part: usize) -> &[&'f dyn Field] {
+        &self.parts[part].limits
     }
     /// The piece of a part.
     pub(crate) fn piece(&self, part: usize) -> u32 {

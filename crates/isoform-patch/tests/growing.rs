@@ -136,6 +136,30 @@ fn patches_to_a_tolerance_grow_as_large_as_they_can() {
     }
 }
 
+/// Small tolerances leave narrow valleys: all seeds lead to large patches, where the surface is smooth as well as at a blend.
+#[test]
+fn patches_to_a_small_tolerance_are_large_from_all_seeds() {
+    let parts = |formula: &str| {
+        let text = format!(
+            "my_model(x[3], a[1]) {{ a1 = 0.18 - sqrt(x[1]^2 + x[2]^2); a2 = 0.18 - sqrt(x[2]^2 + x[3]^2); t = 6.283185307179586;
+            my_model = {formula}; }}"
+        );
+        let model = isoform_field::hyperfun::Model::parse(&text, isoform_field::hyperfun::Mode::Default).expect("a model");
+        isoform_field::parts_of(&model, &[0.0]).expect("parts")
+    };
+    let schwarz = parts("cos(t*x[1]) + cos(t*x[2]) + cos(t*x[3])");
+    let pipes = parts("0.5*(a1 + a2 + sqrt((a1 - a2)^2 + 0.0064))");
+    for (parts, tolerance, least, seeds) in [(&schwarz, 4e-7, 0.3, [5, 10, 12]), (&pipes, 5e-6, 0.2, [1, 10, 17])] {
+        for seed in seeds {
+            let options = Options { tolerance: Some(tolerance), seed, ..Options::paper((3, 3), CUBE) };
+            let made = parameterize(parts.parts[0].field.as_ref(), &options).expect("a patch");
+            let edge = made.grown.area(&CUBE).sqrt();
+            assert!(made.distances.bound.is_some_and(|b| b <= tolerance), "{seed}: {:?}", made.distances);
+            assert!(edge > least, "{seed}: {edge}");
+        }
+    }
+}
+
 #[test]
 fn patches_on_quadrics_become_exact() {
     let field = sphere(0.5);

@@ -114,6 +114,47 @@ fn blends_are_covered_and_proved() {
     assert!(made.covered == made.samples && made.patches.len() <= 4, "{} of {}, {}", made.covered, made.samples, made.patches.len());
 }
 
+/// Where blends begin and where faces end at a hole, bounds are not much more than what samples show: flat faces are flat to rounding.
+#[test]
+fn bounds_near_edges_are_tight() {
+    // A plate and a boss joined by a blend, minus a hole.
+    let text = "my_model(x[3], a[1]) { r = sqrt(x[1]*x[1] + x[2]*x[2]); plate = min(min(3 - abs(x[1]), 2 - abs(x[2])), 0.5 - abs(x[3]));
+        boss = min(1 - r, min(2.5 - x[3], x[3])); h = max(0.4 - abs(plate - boss), 0)/0.4;
+        my_model = min(max(plate, boss) + h*h*0.1, r - 0.5); }";
+    let model = isoform_field::parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
+    let value = |p: Point3| {
+        let r = p[0].hypot(p[1]);
+        let plate = (3.0 - p[0].abs()).min(2.0 - p[1].abs()).min(0.5 - p[2].abs());
+        let boss = (1.0 - r).min(2.5 - p[2]).min(p[2]);
+        let h = (0.4 - (plate - boss).abs()).max(0.0) / 0.4;
+        (plate.max(boss) + h * h * 0.1).min(r - 0.5)
+    };
+    let cases = [
+        // A face with a side that comes over the hole between samples; one below a blend that does not begin yet.
+        ([-2.92, 1.92, -0.5], 1e-3, [3.3, 2.3, 0.8, 2.8]),
+        ([0.0, -1.81, -0.5], 1e-3, [3.3, 2.3, 0.8, 2.8]),
+        // Where the blend begins on the plate, and on it.
+        ([-0.2, -1.39, 0.5], 1e-4, [3.5, 2.5, 1.0, 3.0]),
+        ([1.86, 0.82, 0.5], 1e-4, [3.5, 2.5, 1.0, 3.0]),
+        ([-0.89, 0.47, 0.81], 1e-4, [3.5, 2.5, 1.0, 3.0]),
+        ([0.88, -0.67, 0.6], 1e-4, [3.5, 2.5, 1.0, 3.0]),
+    ];
+    for (seed, tolerance, [x, y, below, above]) in cases {
+        let region = Aabb { lo: [-x, -y, -below], hi: [x, y, above] };
+        let options = Options { tolerance: Some(tolerance), seed_point: Some(seed), ..Options::paper((3, 3), region) };
+        let made = parameterize_part(&model, &options).expect("a patch");
+        let (bound, sampled) = (made.distances.bound.expect("a proof"), made.distances.sampled);
+        assert!(bound <= (3.0 * sampled).max(1e-12), "{bound:e} and {sampled:e} about {seed:?}");
+        // |∇F| is at most 1, so that |F| is at most the distance.
+        let patch = &made.grown.patch;
+        for k in 0..401 * 401 {
+            let p = patch.point(f64::from(k / 401) / 400.0, f64::from(k % 401) / 400.0);
+            assert!(value(p).abs() <= bound, "{:e} > {bound:e} at {p:?}", value(p));
+        }
+        assert!(made.grown.area(&region) > 0.5, "about {seed:?}");
+    }
+}
+
 /// A fillet is reached from within, across its whole width and along a good part of its circle, and proved where its two halves meet.
 #[test]
 fn a_round_fillet_is_one_patch_wide() {

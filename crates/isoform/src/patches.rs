@@ -35,8 +35,8 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Option<Parts> {
 const LEAST_SCALE: f64 = 1.0 / (1u128 << 100) as f64;
 
 /// A polynomial in x, y and z with rational coefficients, rounded to nearest; none where a coefficient is beyond the largest double or
-/// the polynomial is constant. One with a largest coefficient above 2¹⁰⁰ or below 2⁻¹⁰⁰ is multiplied by a power of two: its surface is
-/// the same.
+/// the polynomial is constant. One with a largest coefficient above 2¹⁰⁰ or below 2⁻¹⁰⁰ is divided by that before rounding: its surface is
+/// the same, and multiples of one polynomial become one.
 ///
 /// ```
 /// use isoform::geom::Field;
@@ -46,13 +46,17 @@ const LEAST_SCALE: f64 = 1.0 / (1u128 << 100) as f64;
 /// ```
 pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
     let exact = Poly::parse(text, &COORDINATES)?;
-    let mut terms: Vec<([u16; 3], f64)> = exact.to_f64().into_iter().map(|(e, c)| ([e[0], e[1], e[2]], c)).collect();
+    let rounded = |exact: &Poly| -> Vec<([u16; 3], f64)> { exact.to_f64().into_iter().map(|(e, c)| ([e[0], e[1], e[2]], c)).collect() };
+    let mut terms = rounded(&exact);
     let usable = !exact.is_constant() && terms.iter().all(|t| t.1.is_finite());
     // Squares of gradients are to be finite, and not 0.
-    let largest = terms.iter().fold(0.0f64, |m, t| m.max(t.1.abs()));
-    if largest > 0.0 && !(LEAST_SCALE..=1.0 / LEAST_SCALE).contains(&largest) {
-        let scale = (-largest.log2().floor()).clamp(-1000.0, 1000.0).exp2();
-        terms.iter_mut().for_each(|t| t.1 *= scale);
+    let by_size = |a: &&(_, f64), b: &&(_, f64)| a.1.abs().total_cmp(&b.1.abs());
+    if let Some((e, c)) = exact.to_f64().iter().max_by(by_size).copied()
+        && usable
+        && !(LEAST_SCALE..=1.0 / LEAST_SCALE).contains(&c.abs())
+        && let Some(scaled) = exact.div_exact(&Poly::constant(exact.coefficient(e)))
+    {
+        terms = rounded(&scaled);
     }
     Ok(usable.then(|| Polynomial::new(terms)))
 }

@@ -31,6 +31,9 @@ pub(crate) const OVERLAP: f64 = 0.3;
 const SAMPLES: usize = 25;
 /// The same where nothing must lie between them.
 const FINE_SAMPLES: usize = 241;
+/// Where something does, so many more within this of it.
+const CLOSE_SAMPLES: usize = 161;
+const CLOSE: f64 = 1.0 / 120.0;
 /// Newton steps to where a parameter line meets an edge.
 const STEPS: usize = 12;
 /// How far in, and beyond an extrapolation, an edge may be that a side is put onto, in the patch's lengths.
@@ -43,6 +46,11 @@ const NEAR_END: f64 = 0.25;
 const MOST_TRIMMED: f64 = 0.4;
 /// A side that gets no farther than this share of the patch has come to its edge.
 const STUCK: f64 = 0.02;
+
+/// Numbers from 0 to 1.
+fn evenly(count: usize) -> Vec<f64> {
+    (0..count).map(|i| i as f64 / (count - 1) as f64).collect()
+}
 
 /// The parameters of the point at `t` along a side and `e` beyond it.
 fn parameters(side: usize, t: f64, e: f64) -> (f64, f64) {
@@ -114,12 +122,11 @@ impl<'f> Growth<'f> {
         on: On<'f>,
         patch: &RationalPatch,
         side: usize,
-        (allowed, samples): (f64, usize),
+        (allowed, samples): (f64, &[f64]),
         held: [Side<'f>; 2],
     ) -> Option<Beyond<'f>> {
         let mut worst: Option<Beyond<'f>> = None;
-        for i in 0..samples {
-            let t = i as f64 / (samples - 1) as f64;
+        for &t in samples {
             let (u, v) = parameters(side, t, 0.0);
             let Some(beyond) = on.beyond(patch.point(u, v)).filter(|b| b.by > worst.map_or(allowed, |w| w.by)) else { continue };
             let is_held = |side: Side<'f>| matches!(side, Side::At(edge) if std::ptr::addr_eq(edge, beyond.edge));
@@ -132,36 +139,56 @@ impl<'f> Growth<'f> {
 
     /// Takes back sides that Newton steps have moved beyond edges.
     pub(crate) fn trim(&mut self) {
-        self.trim_to((self.overlap(), SAMPLES));
+        let samples = evenly(SAMPLES);
+        self.trim_to(self.overlap(), &std::array::from_fn(|_| samples.clone()), false);
     }
 
-    /// Takes back what lies beyond edges by more than that between samples, too.
-    pub(crate) fn trim_finely(&mut self, allowed: f64) {
-        self.trim_to((allowed, FINE_SAMPLES));
+    /// Takes back what lies beyond edges by more than that between samples, too, above all near a place where that seems to be.
+    pub(crate) fn trim_finely(&mut self, allowed: f64, near: Option<(f64, f64)>) {
+        let samples = |side: usize| {
+            let mut samples = evenly(FINE_SAMPLES);
+            if let Some((u, v)) = near {
+                let t = if side < 2 { v } else { u };
+                let close = evenly(CLOSE_SAMPLES).into_iter().map(|s| t + (2.0 * s - 1.0) * CLOSE);
+                samples.extend(close.filter(|t| (0.0..=1.0).contains(t)));
+            }
+            samples
+        };
+        self.trim_to(allowed, &std::array::from_fn(samples), true);
     }
 
-    fn trim_to(&mut self, allowed: (f64, usize)) {
+    /// The same with samples for each side; with `held`, where that fails, what lies beyond edges that the neighbours are held on does
+    /// not count.
+    fn trim_to(&mut self, allowed: f64, samples: &[Vec<f64>; 4], held: bool) {
         if self.on.whole.is_single() {
             return;
         }
         let on = self.on;
         let mut patch = self.patch.clone();
         for side in 0..4 {
-            if self.sides[side].is_at_edge() || Self::farthest(on, &patch, side, allowed, [Side::Free; 2]).is_none() {
+            if self.sides[side].is_at_edge() {
                 continue;
             }
-            let (mut lo, mut hi) = (0.0, MOST_TRIMMED);
-            if Self::farthest(on, &extended(&patch, side, -hi), side, allowed, [Side::Free; 2]).is_some() {
-                continue;
-            }
-            for _ in 0..BISECTIONS {
-                let share = 0.5 * (lo + hi);
-                match Self::farthest(on, &extended(&patch, side, -share), side, allowed, [Side::Free; 2]) {
-                    None => hi = share,
-                    Some(_) => lo = share,
+            let neighbours = if side < 2 { [self.sides[2], self.sides[3]] } else { [self.sides[0], self.sides[1]] };
+            for neighbours in [Some([Side::Free; 2]), held.then_some(neighbours)].into_iter().flatten() {
+                let is_beyond = |share: f64| {
+                    let shorter = extended(&patch, side, -share);
+                    Self::farthest(on, &shorter, side, (allowed, &samples[side]), neighbours).is_some()
+                };
+                if !is_beyond(0.0) {
+                    break;
                 }
+                if is_beyond(MOST_TRIMMED) {
+                    continue;
+                }
+                let (mut lo, mut hi) = (0.0, MOST_TRIMMED);
+                for _ in 0..BISECTIONS {
+                    let share = 0.5 * (lo + hi);
+                    if is_beyond(share) { lo = share } else { hi = share }
+                }
+                patch = extended(&patch, side, -hi);
+                break;
             }
-            patch = extended(&patch, side, -hi);
         }
         if patch != self.patch
             && let patch = balanced(patch)
@@ -174,6 +201,7 @@ impl<'f> Growth<'f> {
     /// The patch longer by shares of its edges at its four sides, but no longer than the part; and what its sides do then.
     pub(crate) fn within_edges(&self, on: On<'f>, by: [f64; 4], allowed: f64) -> (RationalPatch, [Side<'f>; 4]) {
         let (mut patch, mut sides) = (self.patch.clone(), self.sides);
+        let samples = evenly(SAMPLES);
         for side in 0..4 {
             let longer = extended(&patch, side, by[side]);
             let held = if side < 2 { [sides[2], sides[3]] } else { [sides[0], sides[1]] };
@@ -181,7 +209,7 @@ impl<'f> Growth<'f> {
                 patch = longer;
                 continue;
             }
-            let Some(beyond) = Self::farthest(on, &longer, side, (allowed, SAMPLES), held) else {
+            let Some(beyond) = Self::farthest(on, &longer, side, (allowed, &samples), held) else {
                 patch = longer;
                 continue;
             };
@@ -192,7 +220,7 @@ impl<'f> Growth<'f> {
             let (mut lo, mut hi) = (0.0, by[side]);
             for _ in 0..BISECTIONS {
                 let share = 0.5 * (lo + hi);
-                match Self::farthest(on, &extended(&patch, side, share), side, (allowed, SAMPLES), held) {
+                match Self::farthest(on, &extended(&patch, side, share), side, (allowed, &samples), held) {
                     None => lo = share,
                     Some(_) => hi = share,
                 }
