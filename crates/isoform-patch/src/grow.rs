@@ -31,8 +31,6 @@ const SPILL: f64 = 0.2;
 const HALVINGS: usize = 30;
 /// The largest extrapolation at one side, in edges of the patch.
 pub(crate) const MOST_GROWTH: f64 = 0.16;
-/// The same with a tolerance, where distances are small against the patch and rise faster with its size.
-const MOST_GROWTH_WITHIN: f64 = 0.08;
 /// S after an extrapolation, before Newton steps, may be this many times its bound.
 const MOST_EXCESS: f64 = 30.0;
 /// The load of a patch that is folded over.
@@ -57,12 +55,6 @@ const LITTLE: f64 = 0.05;
 const RAISES: usize = 8;
 /// unless the patch exceeds what is allowed by this factor anyway.
 const MOST_RAISED: f64 = 1.5;
-/// Newton steps after an extrapolation, far from the bound and near it.
-const STEPS: (Stop, Stop) = (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 4e-3 });
-/// The same with a tolerance: the shape terms are so small that steps have far to go along the valleys that parameterizations make.
-const STEPS_WITHIN: (Stop, Stop) = (STEPS.0, Stop { steps: 80, decrease: 1e-3 });
-/// With these weights, (4u(1 − u))^−½ in each direction, least squares come near the least maximum (as Chebyshev's do).
-const BORDER: f64 = 0.5;
 /// The sampled distance may be this share of the tolerance: what the proof adds must fit, too.
 const WITHIN: f64 = 0.93;
 /// Of a part: at its edges what the proof adds may be as much as that.
@@ -150,6 +142,34 @@ impl Grown {
     }
 }
 
+/// How fast a patch grows, and what Newton steps make of it in between.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pace {
+    /// Newton steps after an extrapolation, far from the bound and near it.
+    steps: (Stop, Stop),
+    /// The largest extrapolation at one side, in edges of the patch.
+    most_growth: f64,
+    /// With a tolerance distances count more towards the border, by (4u(1 − u)) to this power, negative, in each direction.
+    border: f64,
+}
+
+impl Pace {
+    /// For a bound on S.
+    pub(crate) const QUICK: Self =
+        Self { steps: (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 4e-3 }), most_growth: MOST_GROWTH, border: 0.0 };
+    /// For a tolerance: distances are small against the patch and rise faster with its size, and the shape terms are so small that steps have
+    /// far to go along the valleys that parameterizations make.
+    pub(crate) const STEADY: Self =
+        Self { steps: (Self::QUICK.steps.0, Stop { steps: 80, decrease: 1e-3 }), most_growth: 0.08, border: 0.0 };
+    /// The same with weights for which least squares come near the least maximum, as Chebyshev's do.
+    pub(crate) const EVEN: Self = Self { border: 0.5, ..Self::STEADY };
+
+    /// The best one for most patches.
+    pub(crate) fn of(options: &Options) -> Self {
+        if options.tolerance.is_some() { Self::EVEN } else { Self::QUICK }
+    }
+}
+
 /// A growing patch.
 pub(crate) struct Growth<'f> {
     pub(crate) objective: Objective<'f>,
@@ -161,6 +181,7 @@ pub(crate) struct Growth<'f> {
     /// The last patch that kept the bound.
     good: Option<State<'f>>,
     pub(crate) options: Options,
+    pace: Pace,
     damping: f64,
     seed: Seed,
     /// Edge of the region: the unit of length in which bounds hold.
@@ -188,7 +209,7 @@ impl<'f> Growth<'f> {
         on: On<'f>,
         seed: Seed,
         edge: Option<&'f dyn Field>,
-        options: &Options,
+        (options, pace): (&Options, Pace),
     ) -> Result<Self, Error> {
         let unit = options.region.size().into_iter().fold(0.0, f64::max);
         let mut growth = Self {
@@ -199,6 +220,7 @@ impl<'f> Growth<'f> {
             is_late: false,
             good: None,
             options: *options,
+            pace,
             damping: first_damping(),
             seed,
             unit,
@@ -208,7 +230,7 @@ impl<'f> Growth<'f> {
         growth.objective.weights = options.start;
         if let Some(tolerance) = options.tolerance {
             (growth.objective.little, growth.objective.by_control) = ((LITTLE * tolerance).powi(2), true);
-            growth.objective.weigh_border(BORDER);
+            growth.objective.weigh_border(pace.border);
         }
         let mut size = START_SIZE * unit;
         for _ in 0..HALVINGS {
@@ -256,16 +278,6 @@ impl<'f> Growth<'f> {
             }
             None => self.sum() / self.limit(),
         }
-    }
-
-    /// Newton steps after an extrapolation, far from the bound and near it.
-    fn steps(&self) -> (Stop, Stop) {
-        if self.options.tolerance.is_some() { STEPS_WITHIN } else { STEPS }
-    }
-
-    /// The largest extrapolation at one side, in edges of the patch.
-    fn most_growth(&self) -> f64 {
-        if self.options.tolerance.is_some() { MOST_GROWTH_WITHIN } else { MOST_GROWTH }
     }
 
     /// How far the patch may reach beyond edges.
@@ -372,7 +384,7 @@ impl<'f> Growth<'f> {
 
     /// Grows until the bound on S, or on the distance, is reached.
     pub(crate) fn grow_to_limit(&mut self) {
-        self.descend(self.steps().0);
+        self.descend(self.pace.steps.0);
         let mut history: Vec<(f64, f64)> = Vec::new();
         let (mut shortened, mut stale, mut caution) = (0, 0, 1.0);
         for _ in 0..self.options.most_extrapolations {
@@ -382,12 +394,12 @@ impl<'f> Growth<'f> {
             self.trim();
             let mut load = self.load();
             if load > NEAR {
-                self.descend(self.steps().1);
+                self.descend(self.pace.steps.1);
                 self.trim();
                 load = self.load();
             }
             if load > RESOLVE && self.refine() {
-                self.descend(self.steps().1);
+                self.descend(self.pace.steps.1);
                 load = self.load();
             }
             for _ in 0..RAISES {
@@ -432,7 +444,7 @@ impl<'f> Growth<'f> {
                 [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > 1e-4 => ((y1 - y0) / (x1 - x0)).clamp(3.0, 12.0),
                 _ => 6.0,
             };
-            let factor = (AIM / load).powf(1.0 / power).clamp(0.8, 1.0 + 2.0 * self.most_growth() * caution);
+            let factor = (AIM / load).powf(1.0 / power).clamp(0.8, 1.0 + 2.0 * self.pace.most_growth * caution);
             // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the present patch; but its proportions are
             // those of the present one, as the steps shorten that direction more in which length costs more.
             let reached = self.edges();
@@ -440,7 +452,7 @@ impl<'f> Growth<'f> {
             if !self.extrapolate([aims[0] * factor / shift, aims[1] * factor * shift]) {
                 break;
             }
-            self.descend(self.steps().0);
+            self.descend(self.pace.steps.0);
         }
         if let Some(best) = self.good.take() {
             self.settle(best);
@@ -467,7 +479,7 @@ impl<'f> Growth<'f> {
         self.options.floor.j *= 10.0;
         self.objective.weights.j = self.objective.weights.j.max(self.options.floor.j);
         self.take(self.patch.clone(), targets, at);
-        self.descend(self.steps().1);
+        self.descend(self.pace.steps.1);
         self.trim();
         true
     }
@@ -582,7 +594,7 @@ impl<'f> Growth<'f> {
         if sides == [0.0; 2] {
             return false;
         }
-        let range = |share: f64| share.clamp(-0.2, self.most_growth());
+        let range = |share: f64| share.clamp(-0.2, self.pace.most_growth);
         let mut shares = [0, 1].map(|k| if sides[k] > 0.0 { range((edges[k] / present[k] - 1.0) / sides[k]) } else { 0.0 });
         let by = |shares: [f64; 2]| std::array::from_fn(|side| if moves[side] { shares[side / 2] } else { 0.0 });
         for _ in 0..SECANTS {

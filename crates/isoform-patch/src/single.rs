@@ -3,7 +3,7 @@
 use crate::cover::reached;
 use crate::distance::{Distances, distances_on};
 use crate::exact::make_exact;
-use crate::grow::{Grown, Growth};
+use crate::grow::{Grown, Growth, Pace};
 use crate::objective::{Inner, Method, Objective};
 use crate::options::{Error, Options};
 use crate::quadric::quadric;
@@ -85,22 +85,25 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
 /// Only one that is so many times as large is larger: where directions are alike, rounding is not to decide.
 const CLEARLY: f64 = 1.01;
 
-/// Grows a patch; with a tolerance along the lines of curvature, between them, and along the seed's own directions, and takes the
-/// largest: which of them it is depends on the place.
+/// Grows a patch; with a tolerance along the lines of curvature, between them, and along the seed's own directions, and at other paces, and
+/// takes the largest: which of them it is depends on the place.
 fn turned(on: On<'_>, seed: Seed, options: &Options, clock: Clock) -> Result<Parameterized, Error> {
-    let Some(tolerance) = options.tolerance.filter(|_| !options.exact) else { return grown(on, seed, None, options, clock) };
+    let Some(tolerance) = options.tolerance.filter(|_| !options.exact) else {
+        return grown(on, seed, None, (options, Pace::of(options)), clock);
+    };
     let scale = options.region.diagonal();
     let frame = |angle: f64| surface::frame(on.field(), seed.point, angle, scale);
     // What is proved counts first.
     let worth = |p: &Parameterized| (p.distances.bound.is_some_and(|b| b <= tolerance), p.grown.area(&options.region));
     let along = frame(0.0)?;
-    let mut made = grown(on, along, None, options, clock);
-    let own = (seed.tangents != along.tangents).then_some(seed);
-    for start in [Some(frame(FRAC_PI_4)?), own].into_iter().flatten() {
+    let mut made = grown(on, along, None, (options, Pace::EVEN), clock);
+    let own = (seed.tangents != along.tangents).then_some((seed, Pace::EVEN));
+    let others = [Some((frame(FRAC_PI_4)?, Pace::EVEN)), own, Some((seed, Pace::STEADY)), Some((seed, Pace::QUICK))];
+    for (start, pace) in others.into_iter().flatten() {
         if made.as_ref().is_ok_and(|m| m.is_late) {
             break;
         }
-        let other = grown(on, start, None, options, Clock::default());
+        let other = grown(on, start, None, (options, pace), Clock::default());
         made = match (made, other) {
             (Ok(a), Ok(b)) => {
                 let (x, y) = (worth(&a), worth(&b));
@@ -186,15 +189,20 @@ pub(crate) fn at(whole: &Whole<'_>, part: usize, point: Point3, options: &Option
         }
     }
     clock.phase("seed");
-    let made = grown(on, seed, from, options, clock);
+    let made = grown(on, seed, from, (options, Pace::of(options)), clock);
     let keeps = |p: &Parameterized| p.distances.bound.is_some_and(|b| options.tolerance.is_none_or(|t| b <= t));
     let serves = |p: &Parameterized| keeps(p) && options.tolerance.is_none_or(|t| reached(&p.grown.patch, &[point], t)[0]);
     if from.is_none() || made.as_ref().is_ok_and(serves) {
         return made;
     }
     // Where nothing fits at the edge, or does not come as far as the point: about the point itself.
-    let again =
-        grown(on, Seed { point, tangents: in_plane(seed.tangents, on.field().jet(point).g), ..seed }, None, options, Clock::default());
+    let again = grown(
+        on,
+        Seed { point, tangents: in_plane(seed.tangents, on.field().jet(point).g), ..seed },
+        None,
+        (options, Pace::of(options)),
+        Clock::default(),
+    );
     if again.as_ref().is_ok_and(keeps) || made.is_err() { again } else { made }
 }
 
@@ -207,7 +215,13 @@ fn in_plane(tangents: [Point3; 2], normal: Point3) -> [Point3; 2] {
     [t, isoform_geom::cross(n, t)]
 }
 
-fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Options, mut clock: Clock) -> Result<Parameterized, Error> {
+fn grown<'f>(
+    on: On<'f>,
+    seed: Seed,
+    edge: Option<&'f dyn Field>,
+    (options, pace): (&Options, Pace),
+    mut clock: Clock,
+) -> Result<Parameterized, Error> {
     let (asked, options) = (options, &options.relaxed());
     let (whole, field) = (on.whole, on.field());
     // A patch that ends at edges would leave them.
@@ -223,14 +237,14 @@ fn grown<'f>(on: On<'f>, seed: Seed, edge: Option<&'f dyn Field>, options: &Opti
     // A patch without a bound is worth less than a smaller one.
     let growing =
         options.deadline.map(|d| (Instant::now(), d)).map(|(now, d)| now + (d.saturating_duration_since(now)).mul_f64(GROWING_TIME));
-    let mut growth = Growth::start(objective(options.degree), on, seed, edge, &Options { deadline: growing, ..*options })?;
+    let mut growth = Growth::start(objective(options.degree), on, seed, edge, (&Options { deadline: growing, ..*options }, pace))?;
     growth.grow_to_limit();
     growth.options.deadline = options.deadline;
     if to_be_exact {
         make_exact(&mut growth, |degree, share| {
             let small = Options { degree, limit: share * asked.limit, tolerance: None, ..*asked };
             let options = if share < 1.0 { small } else { Options { degree, ..*options } };
-            let mut other = Growth::start(objective(degree), on, seed, None, &options).ok()?;
+            let mut other = Growth::start(objective(degree), on, seed, None, (&options, Pace::of(&options))).ok()?;
             other.grow_to_limit();
             Some(other)
         });

@@ -136,6 +136,19 @@ fn patches_to_a_tolerance_grow_as_large_as_they_can() {
     }
 }
 
+/// Which pace suits is a matter of the surface: weights towards the border cost a tenth and more of the area here, many small steps do on the sphere.
+#[test]
+fn patches_to_a_tolerance_are_grown_at_several_paces() {
+    let torus = torus(0.33, 0.15);
+    let cases: [(&dyn Field, [f64; 3], f64, f64); 2] = [(&sphere(0.5), [0.0, 0.0, 0.5], 1e-5, 1.1), (&torus, [0.48, 0.0, 0.0], 2e-5, 0.39)];
+    for (field, seed, tolerance, least) in cases {
+        let options = Options { tolerance: Some(tolerance), ..paper((2, 2), seed) };
+        let made = parameterize(field, &options).expect("a patch");
+        assert!(made.distances.bound.is_some_and(|b| b <= tolerance), "{:?}", made.distances);
+        assert!(made.grown.area(&CUBE) > least, "{}", made.grown.area(&CUBE));
+    }
+}
+
 /// Small tolerances leave narrow valleys: all seeds lead to large patches, where the surface is smooth as well as at a blend.
 #[test]
 fn patches_to_a_small_tolerance_are_large_from_all_seeds() {
