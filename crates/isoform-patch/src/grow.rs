@@ -493,7 +493,6 @@ impl<'f> Growth<'f> {
         }
         let mut finer = Objective::new(self.objective.field(), self.patch.degree(), Method::Frozen, Some(nodes * 9 / 5));
         (finer.inner, finer.weights, finer.targets) = (self.objective.inner, self.objective.weights, self.objective.targets);
-        (finer.sides, finer.by_control) = (self.objective.sides, self.objective.by_control);
         let (a, w, sum) = (self.at.terms, self.objective.weights, self.sum());
         let near =
             |a: f64, b: f64, factor: f64| (a - b).abs() <= UNRESOLVED * a.max(b) || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum;

@@ -291,9 +291,10 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
                 .why("Newton's method along the gradient does not come to the surface in the box from there")
                 .hint(hint)
         }
-        Error::Singular { at } => {
-            none("singular").somewhere(at).why("the gradient of the function vanishes there").hint("another --seed-point")
-        }
+        Error::Singular { at } => none("singular")
+            .somewhere(at)
+            .why("the gradient of the function vanishes there")
+            .hint("another --seed-point, or a smaller --box"),
         Error::NotFinite { at } => none("not-a-number").somewhere(at).hint("a --seed-point and a --box around the part where it is one"),
         Error::NoThirdDerivatives => none("derivatives").hint("--method gauss-newton"),
         Error::NoPatch { at } => {
