@@ -51,6 +51,12 @@ fn walls_closer_than_rounding() {
     assert!(!surface.triangles.is_empty());
 }
 
+/// Next to a base point that others are infinitely near to, a rectangle's edge was split beyond the arc on a face of the box, and certified.
+#[test]
+fn nothing_certified_is_outside_of_the_box() {
+    try_maps(2868..2869, Duration::from_secs(60));
+}
+
 #[test]
 fn a_few_random_maps() {
     try_maps(0..9, Duration::from_secs(1));

@@ -28,6 +28,8 @@ const TURN: f64 = 0.97;
 const LEAVING: f64 = 1e-3;
 /// Rounding errors of values, in units of the box, from which on they are computed with more digits.
 const PRECISION: f64 = 1e-13;
+/// What is rounding on a contracted curve, in these.
+const ON_CURVE: f64 = 1e-3;
 /// One more than the degree up to which powers fit a short list; that for all degrees.
 const FEW: usize = 9;
 const MANY: usize = MAX_DEGREE + 1;
@@ -139,6 +141,10 @@ impl Chart {
         for _ in 0..8 {
             let at = [0, 1].map(|k| 0.5 * (a[k] + b[k]) + off * across[k]);
             let [p, x, y] = self.tangents(at);
+            // On the curve to rounding. Where derivatives vanish all along it, steps from there would lead anywhere.
+            if norm(sub(image, p)) <= ON_CURVE * self.precision {
+                return Some(at);
+            }
             let slope: Point3 = std::array::from_fn(|k| x[k] * across[0] + y[k] * across[1]);
             let step = dot(sub(image, p), slope) / dot(slope, slope);
             off += step;

@@ -5,7 +5,10 @@ use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, norm, sub};
 use std::collections::BTreeSet;
 
-/// Looks whether the surface ends on the faces of the box only, and no edge but those of the double curve has more than two triangles.
+/// How far beyond the box vertices may be for rounding, per half its width.
+const OUTSIDE: f64 = 1e-9;
+
+/// Looks whether the surface stays in the box and ends on its faces only, and no edge but those of the double curve has more than two triangles.
 fn check(s: &mut Surface, half_width: f64, glued: bool) {
     let uses = s.edges(&s.borders);
     let open = s.open_edges(&uses);
@@ -29,6 +32,10 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
         if twice > 0 {
             s.unproven.push(format!("{twice} pairs of vertices lie upon each other"));
         }
+    }
+    let outside = s.points.iter().filter(|p| p.iter().any(|x| x.abs() > (1.0 + OUTSIDE) * half_width)).count();
+    if outside > 0 {
+        s.unproven.push(format!("{outside} vertices are outside of the box"));
     }
     if flat > 0 {
         s.unproven.push(format!("{flat} triangles have no area"));
