@@ -655,11 +655,12 @@ impl Builder<'_> {
                 points.extend([0.25, 0.5, 0.75].into_iter().filter_map(|t| fan.on_ray(q, &fan.directions[k], backward, t * reach?)));
             }
             let chord = [image(a), image(b)];
+            let on = image(half(a, b));
             // Beyond the chord of the seam, others at the rectangle would lie on the wrong side of it.
             if let [[p, r]] = pieces[..] {
-                let on = fan.seam(&fan.between(sector, 0).0);
-                let bulge = distance_to_segment(on, [p, r]);
-                let width = distance_to_segment(image(half(a, b)), [p, r]).min(distance(image(half(a, b)), on));
+                let seam = fan.seam(&fan.between(sector, 0).0);
+                let bulge = distance_to_segment(seam, [p, r]);
+                let width = distance_to_segment(on, [p, r]).min(distance(on, seam));
                 if longest > SHORT * self.options.longest && bulge > ROOM * width {
                     fine = false;
                 }
@@ -674,7 +675,6 @@ impl Builder<'_> {
                     && self.charts[q].keeps_sign([a, b, a], 0)
                     && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
             // In trees, where the map is far from even, the point may slide along the chord, but not so far that triangles beside it were uneven.
-            let on = image(half(a, b));
             let off = distance(on, middle(chord[0], chord[1]));
             let is_even = off <= UNEVEN * distance(chord[0], chord[1]) || off <= 0.5 * self.tolerance_at(on);
             let is_near =
