@@ -124,7 +124,11 @@ impl Arrangement {
     /// # Errors
     /// [`ArrangementError`].
     pub fn new(curves: &[Poly], stop: &dyn Fn() -> bool) -> Result<Self, ArrangementError> {
-        let sides_of = [Poly::var(U), Poly::var(V), Poly::var(U) + Poly::var(V) - Poly::one()];
+        let sides_of = [
+            Poly::var(U),
+            Poly::var(V),
+            Poly::var(U) + Poly::var(V) - Poly::one(),
+        ];
         let mut sides = Vec::new();
         let mut prepared = Vec::new();
         for (k, f) in curves.iter().enumerate() {
@@ -142,13 +146,18 @@ impl Arrangement {
             prepared.push(Curve::new(rest, stop)?);
         }
         let critical = critical_values(&prepared, stop)?;
-        let mut work = Work { curves: prepared, pairs: BTreeMap::new() };
+        let mut work = Work {
+            curves: prepared,
+            pairs: BTreeMap::new(),
+        };
         let mut walls = Vec::new();
         let mut separators = Vec::new();
         let last = critical.len() - 1;
         for (k, u) in critical.into_iter().enumerate() {
             let (wall, between) = work.wall(u, stop)?;
-            let is_regular = wall.vertical.is_empty() && wall.points.iter().all(|p| p.curves.len() == 1) && !between.1;
+            let is_regular = wall.vertical.is_empty()
+                && wall.points.iter().all(|p| p.curves.len() == 1)
+                && !between.1;
             if k == 0 || k == last || !is_regular {
                 walls.push(wall);
                 separators.push(between.0);
@@ -163,11 +172,21 @@ impl Arrangement {
             let (order, between) = work.arcs_at(&u);
             let left = work.ends(&walls[k], &separators[k], &u, Ordering::Greater);
             let right = work.ends(&walls[k + 1], &separators[k + 1], &u, Ordering::Less);
-            let arcs = order.iter().zip(left.into_iter().zip(right)).map(|(&curve, (left, right))| Arc { curve, left, right }).collect();
+            let arcs = order
+                .iter()
+                .zip(left.into_iter().zip(right))
+                .map(|(&curve, (left, right))| Arc { curve, left, right })
+                .collect();
             slabs.push(Slab { u, arcs, between });
         }
         let (curves, terms) = work.curves.into_iter().map(|c| (c.rest, c.terms)).unzip();
-        Ok(Self { curves, terms, sides, walls, slabs })
+        Ok(Self {
+            curves,
+            terms,
+            sides,
+            walls,
+            slabs,
+        })
     }
 
     /// The number that stands for the side v = 0 among curves.
@@ -190,7 +209,9 @@ impl Arrangement {
         let mut value = |curve: usize| {
             let over = roots.entry(curve).or_insert_with(|| {
                 let count = arcs.iter().filter(|a| a.curve == curve).count();
-                self.near_roots(curve, u, &top, count).unwrap_or_else(|| self.exact_roots(curve, u, &top)).into_iter()
+                self.near_roots(curve, u, &top, count)
+                    .unwrap_or_else(|| self.exact_roots(curve, u, &top))
+                    .into_iter()
             });
             over.next()
         };
@@ -204,17 +225,27 @@ impl Arrangement {
     /// The roots of a curve over u between 0 and `top`, correctly rounded.
     fn exact_roots(&self, curve: usize, u: &RBig, top: &RBig) -> Vec<f64> {
         let g = self.curves[curve].set(U, u).to_upoly(V).unwrap_or_default();
-        let inside = |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(top).is_lt();
-        real_roots(&g).into_iter().filter(inside).map(|r| r.to_f64()).collect()
+        let inside =
+            |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(top).is_lt();
+        real_roots(&g)
+            .into_iter()
+            .filter(inside)
+            .map(|r| r.to_f64())
+            .collect()
     }
     /// The same in floating point, if that proves them.
     fn near_roots(&self, curve: usize, u: &RBig, top: &RBig, count: usize) -> Option<Vec<f64>> {
         let (x, top) = (u.to_f64().value(), top.to_f64().value());
         let around = Interval::new(x.next_down(), x.next_up());
         // Values of u that are doubles are met exactly.
-        let x = if RBig::try_from(x).is_ok_and(|x| x == *u) { Interval::new(x, x) } else { around };
+        let x = if RBig::try_from(x).is_ok_and(|x| x == *u) {
+            Interval::new(x, x)
+        } else {
+            around
+        };
         let terms = &self.terms[curve];
-        let mut coefficients = vec![Interval::new(0.0, 0.0); 1 + terms.iter().map(|t| t.0[1]).max()?];
+        let mut coefficients =
+            vec![Interval::new(0.0, 0.0); 1 + terms.iter().map(|t| t.0[1]).max()?];
         let mut powers = vec![Interval::new(1.0, 1.0)];
         for &([i, j], c) in terms {
             while powers.len() <= i {
@@ -235,7 +266,11 @@ impl Curve {
         let content = rest.content_in(V);
         let rest = rest.div_exact(&content).unwrap_or(rest).primitive();
         let vertical = content.to_upoly(U).unwrap_or_else(UPoly::one);
-        let fibres = if rest.degree(V) > 0 { Some(Fibres::new(&rest, V, stop)?) } else { None };
+        let fibres = if rest.degree(V) > 0 {
+            Some(Fibres::new(&rest, V, stop)?)
+        } else {
+            None
+        };
         let on = |by: &Poly| rest.substitute(V, by).to_upoly(U).unwrap_or_default();
         let (on_lower, on_upper) = (on(&Poly::zero()), on(&(Poly::one() - Poly::var(U))));
         let terms = rest
@@ -244,21 +279,38 @@ impl Curve {
             .map(|(e, c)| {
                 let c = RBig::from(c.clone());
                 let near = c.to_f64().value();
-                ([usize::from(e[U]), usize::from(e[V])], Interval::new(near.next_down(), near.next_up()))
+                (
+                    [usize::from(e[U]), usize::from(e[V])],
+                    Interval::new(near.next_down(), near.next_up()),
+                )
             })
             .collect();
-        Ok(Self { rest, vertical, fibres, on_lower, on_upper, terms })
+        Ok(Self {
+            rest,
+            vertical,
+            fibres,
+            on_lower,
+            on_upper,
+            terms,
+        })
     }
 
     /// A range of the polynomial over a box, outward rounded.
     fn range(&self, u: Interval, v: Interval) -> Interval {
         let power = |x: Interval, n: usize| (0..n).fold(Interval::new(1.0, 1.0), |p, _| p * x);
-        self.terms.iter().fold(Interval::new(0.0, 0.0), |sum, &([i, j], c)| sum + c * power(u, i) * power(v, j))
+        self.terms
+            .iter()
+            .fold(Interval::new(0.0, 0.0), |sum, &([i, j], c)| {
+                sum + c * power(u, i) * power(v, j)
+            })
     }
 }
 
 /// The critical values in \[0, 1\], ascending, with 0 and 1.
-fn critical_values(curves: &[Curve], stop: &dyn Fn() -> bool) -> Result<Vec<RealRoot>, ArrangementError> {
+fn critical_values(
+    curves: &[Curve],
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<RealRoot>, ArrangementError> {
     let mut found: Vec<UPoly> = vec![UPoly::from_i64(&[0, 1]), UPoly::from_i64(&[-1, 1])];
     for (k, c) in curves.iter().enumerate() {
         found.push(c.vertical.clone());
@@ -291,7 +343,11 @@ fn critical_values(curves: &[Curve], stop: &dyn Fn() -> bool) -> Result<Vec<Real
         let mut rest = p.squarefree_part();
         let mut next = Vec::new();
         for b in base {
-            let g = if rest.degree() > 0 { b.gcd(&rest) } else { UPoly::one() };
+            let g = if rest.degree() > 0 {
+                b.gcd(&rest)
+            } else {
+                UPoly::one()
+            };
             if g.degree() == 0 {
                 next.push(b);
                 continue;
@@ -305,7 +361,8 @@ fn critical_values(curves: &[Curve], stop: &dyn Fn() -> bool) -> Result<Vec<Real
         }
         base = next;
     }
-    let within = |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_ge() && r.cmp_rational(&RBig::ONE).is_le();
+    let within =
+        |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_ge() && r.cmp_rational(&RBig::ONE).is_le();
     let mut roots: Vec<RealRoot> = base.iter().flat_map(real_roots).filter(within).collect();
     // They differ: refined until apart, which spares the test for equality.
     let mut bits = 24;
@@ -334,7 +391,11 @@ type Separators = Vec<RBig>;
 
 impl Work {
     /// The points over a critical value, the numbers between them, and whether a curve touches the wall in one of them.
-    fn wall(&mut self, mut u: RealRoot, stop: &dyn Fn() -> bool) -> Result<(Wall, (Separators, bool)), ArrangementError> {
+    fn wall(
+        &mut self,
+        mut u: RealRoot,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(Wall, (Separators, bool)), ArrangementError> {
         let n = self.curves.len();
         // What all fibres begin with, found once.
         u.refine(FIRST_BITS);
@@ -351,7 +412,10 @@ impl Work {
         }
         let mut all = vec![Origin::Lower, Origin::Upper];
         for (curve, f) in fibres.iter().enumerate() {
-            all.extend((0..f.as_ref().map_or(0, |f| f.roots.len())).map(|index| Origin::Root { curve, index }));
+            all.extend(
+                (0..f.as_ref().map_or(0, |f| f.roots.len()))
+                    .map(|index| Origin::Root { curve, index }),
+            );
         }
         // How many numbers each pair of origins has in common.
         let mut common = vec![vec![0usize; n + 2]; n + 2];
@@ -393,11 +457,16 @@ impl Work {
             let mut group: Vec<usize> = (0..all.len()).collect();
             for a in 0..all.len() {
                 for b in 0..a {
-                    let (j, k) = (which(&all[a]).min(which(&all[b])), which(&all[a]).max(which(&all[b])));
+                    let (j, k) = (
+                        which(&all[a]).min(which(&all[b])),
+                        which(&all[a]).max(which(&all[b])),
+                    );
                     if j != k && ranges[a].0 <= ranges[b].1 && ranges[b].0 <= ranges[a].1 {
                         meetings[j][k] += 1;
                         let (ga, gb) = (group[a], group[b]);
-                        group.iter_mut().for_each(|g| *g = if *g == ga { gb } else { *g });
+                        group
+                            .iter_mut()
+                            .for_each(|g| *g = if *g == ga { gb } else { *g });
                     }
                 }
             }
@@ -412,7 +481,9 @@ impl Work {
             if done[first] {
                 continue;
             }
-            let members: Vec<usize> = (first..all.len()).filter(|&m| groups[m] == groups[first]).collect();
+            let members: Vec<usize> = (first..all.len())
+                .filter(|&m| groups[m] == groups[first])
+                .collect();
             let (mut lo, mut hi) = ranges[first].clone();
             let (mut curves, mut touches) = (Vec::new(), false);
             for &m in &members {
@@ -421,7 +492,9 @@ impl Work {
                 hi = hi.min(ranges[m].1.clone());
                 curves.push(match all[m] {
                     Origin::Root { curve, index } => {
-                        touches |= fibres[curve].as_ref().is_some_and(|f| f.roots[index].multiplicity > 1);
+                        touches |= fibres[curve]
+                            .as_ref()
+                            .is_some_and(|f| f.roots[index].multiplicity > 1);
                         curve
                     }
                     Origin::Lower => n,
@@ -432,8 +505,14 @@ impl Work {
             points.push((WallPoint { lo, hi, curves }, touches));
         }
         points.sort_by(|a, b| a.0.lo.cmp(&b.0.lo));
-        let from = points.iter().position(|p| p.0.curves.contains(&n)).expect("the lower side is there");
-        let to = points.iter().position(|p| p.0.curves.contains(&(n + 1))).expect("the upper side is there");
+        let from = points
+            .iter()
+            .position(|p| p.0.curves.contains(&n))
+            .expect("the lower side is there");
+        let to = points
+            .iter()
+            .position(|p| p.0.curves.contains(&(n + 1)))
+            .expect("the upper side is there");
         let mut separators = Vec::with_capacity(to - from + 2);
         for k in from..=to + 1 {
             separators.push(if k == 0 {
@@ -446,22 +525,53 @@ impl Work {
         }
         let touches = points[from..=to].iter().any(|p| p.1);
         let points = points.drain(from..=to).map(|p| p.0).collect();
-        let vertical = (0..n).filter(|&k| self.curves[k].vertical.degree() > 0 && u.sign_of(&self.curves[k].vertical).is_eq()).collect();
-        Ok((Wall { u, points, vertical }, (separators, touches)))
+        let vertical = (0..n)
+            .filter(|&k| {
+                self.curves[k].vertical.degree() > 0 && u.sign_of(&self.curves[k].vertical).is_eq()
+            })
+            .collect();
+        Ok((
+            Wall {
+                u,
+                points,
+                vertical,
+            },
+            (separators, touches),
+        ))
     }
 
     /// The number of real numbers v at which both curves vanish over u.
-    fn common_roots(&mut self, j: usize, k: usize, u: &RealRoot, stop: &dyn Fn() -> bool) -> Result<usize, ArrangementError> {
-        let (Some(_), Some(_)) = (&self.curves[j].fibres, &self.curves[k].fibres) else { return Ok(0) };
+    fn common_roots(
+        &mut self,
+        j: usize,
+        k: usize,
+        u: &RealRoot,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<usize, ArrangementError> {
+        let (Some(_), Some(_)) = (&self.curves[j].fibres, &self.curves[k].fibres) else {
+            return Ok(0);
+        };
         let over = |f: &Poly| {
             // Without the powers of v whose coefficients vanish over u.
             let rows = f.coefficients_in(V);
-            let degree = (0..rows.len()).rev().find(|&i| u.sign_of(&rows[i].to_upoly(U).unwrap_or_default()).is_ne())?;
+            let degree = (0..rows.len())
+                .rev()
+                .find(|&i| u.sign_of(&rows[i].to_upoly(U).unwrap_or_default()).is_ne())?;
             let is_whole = degree + 1 == rows.len();
             let sum = rows.into_iter().take(degree + 1).enumerate();
-            Some((sum.fold(Poly::zero(), |sum, (i, c)| sum + c * Poly::var(V).pow(i as u32)), degree, is_whole))
+            Some((
+                sum.fold(Poly::zero(), |sum, (i, c)| {
+                    sum + c * Poly::var(V).pow(i as u32)
+                }),
+                degree,
+                is_whole,
+            ))
         };
-        let (Some((f, m, whole_f)), Some((g, n, whole_g))) = (over(&self.curves[j].rest), over(&self.curves[k].rest)) else { return Ok(0) };
+        let (Some((f, m, whole_f)), Some((g, n, whole_g))) =
+            (over(&self.curves[j].rest), over(&self.curves[k].rest))
+        else {
+            return Ok(0);
+        };
         if m == 0 || n == 0 {
             return Ok(0);
         }
@@ -494,11 +604,16 @@ impl Work {
     fn arcs_at(&self, u: &RBig) -> (Vec<usize>, Vec<RBig>) {
         let n = self.curves.len();
         let top = RBig::ONE - u;
-        let mut found: Vec<(RealRoot, usize)> = vec![(RealRoot::from_rational(&RBig::ZERO), n), (RealRoot::from_rational(&top), n + 1)];
+        let mut found: Vec<(RealRoot, usize)> = vec![
+            (RealRoot::from_rational(&RBig::ZERO), n),
+            (RealRoot::from_rational(&top), n + 1),
+        ];
         for (k, c) in self.curves.iter().enumerate() {
             if c.fibres.is_some() {
                 let g = c.rest.set(U, u).to_upoly(V).unwrap_or_default();
-                let inside = |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(&top).is_lt();
+                let inside = |r: &RealRoot| {
+                    r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(&top).is_lt()
+                };
                 found.extend(real_roots(&g).into_iter().filter(inside).map(|r| (r, k)));
             }
         }
@@ -507,28 +622,47 @@ impl Work {
         loop {
             found.iter_mut().for_each(|f| f.0.refine(bits));
             found.sort_by_key(|f| f.0.interval());
-            if found.windows(2).all(|w| w[0].0.interval().1 < w[1].0.interval().0) {
+            if found
+                .windows(2)
+                .all(|w| w[0].0.interval().1 < w[1].0.interval().0)
+            {
                 break;
             }
             bits *= 2;
         }
-        let between = found.windows(2).map(|w| simplest_between(&w[0].0.interval().1, &w[1].0.interval().0)).collect();
+        let between = found
+            .windows(2)
+            .map(|w| simplest_between(&w[0].0.interval().1, &w[1].0.interval().0))
+            .collect();
         (found.into_iter().map(|f| f.1).collect(), between)
     }
 
     /// The points of the wall in which the arcs on one side of it end: on the right side if `side` is `Greater`. `sample` is in the slab there.
-    fn ends(&self, wall: &Wall, separators: &Separators, sample: &RBig, side: Ordering) -> Vec<usize> {
+    fn ends(
+        &self,
+        wall: &Wall,
+        separators: &Separators,
+        sample: &RBig,
+        side: Ordering,
+    ) -> Vec<usize> {
         let mut at = sample.clone();
         let mut u = wall.u.clone();
         let mut bits = 8;
-        while !separators.iter().all(|c| self.is_clear(&u, &at, c, bits > 48)) {
+        while !separators
+            .iter()
+            .all(|c| self.is_clear(&u, &at, c, bits > 48))
+        {
             // Half the way to the wall, in bits.
             bits += bits / 4;
             u.refine(2 * bits);
             let (lo, hi) = u.interval();
             let near = if side.is_gt() { hi } else { lo };
             let step = (sample - &near) / RBig::from(dashu_int::IBig::ONE << bits);
-            at = if side.is_gt() { simplest_between(&near, &(&near + step)) } else { simplest_between(&(&near + step), &near) };
+            at = if side.is_gt() {
+                simplest_between(&near, &(&near + step))
+            } else {
+                simplest_between(&(&near + step), &near)
+            };
         }
         let top = RBig::ONE - &at;
         let mut found: Vec<(usize, RealRoot)> = Vec::new();
@@ -536,7 +670,10 @@ impl Work {
             let g = c.rest.set(U, &at).to_upoly(V).unwrap_or_default();
             for r in real_roots(&g) {
                 if r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(&top).is_lt() {
-                    let point = separators[1..separators.len() - 1].iter().filter(|s| r.cmp_rational(s).is_gt()).count();
+                    let point = separators[1..separators.len() - 1]
+                        .iter()
+                        .filter(|s| r.cmp_rational(s).is_gt())
+                        .count();
                     found.push((point, r));
                 }
             }
@@ -552,7 +689,12 @@ impl Work {
 
     /// Whether no curve crosses the line v = c from the wall as far as `at`. Without `exact` a false answer may only mean too rough a look.
     fn is_clear(&self, u: &RealRoot, at: &RBig, c: &RBig, exact: bool) -> bool {
-        let outward = |lo: &RBig, hi: &RBig| Interval::new(lo.to_f64().value().next_down(), hi.to_f64().value().next_up());
+        let outward = |lo: &RBig, hi: &RBig| {
+            Interval::new(
+                lo.to_f64().value().next_down(),
+                hi.to_f64().value().next_up(),
+            )
+        };
         let (lo, hi) = u.interval();
         let (lo, hi) = (lo.min(at.clone()), hi.max(at.clone()));
         // The upper side: u = 1 − c.

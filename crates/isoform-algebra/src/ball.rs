@@ -13,28 +13,49 @@ pub(crate) struct Ball {
 
 impl Ball {
     pub(crate) fn exact(middle: IBig) -> Self {
-        Self { middle, radius: IBig::ZERO }
+        Self {
+            middle,
+            radius: IBig::ZERO,
+        }
     }
     pub(crate) fn integer(n: &IBig, precision: usize) -> Self {
         Self::exact(n << precision)
     }
     /// The sign if all numbers of the ball have the same.
     pub(crate) fn sign(&self) -> Option<Ordering> {
-        if self.radius.is_zero() || (&self.middle).abs() > self.radius { Some(crate::upoly::sign(&self.middle)) } else { None }
+        if self.radius.is_zero() || (&self.middle).abs() > self.radius {
+            Some(crate::upoly::sign(&self.middle))
+        } else {
+            None
+        }
     }
     pub(crate) fn add(&self, o: &Self) -> Self {
-        Self { middle: &self.middle + &o.middle, radius: &self.radius + &o.radius }
+        Self {
+            middle: &self.middle + &o.middle,
+            radius: &self.radius + &o.radius,
+        }
     }
     pub(crate) fn sub(&self, o: &Self) -> Self {
-        Self { middle: &self.middle - &o.middle, radius: &self.radius + &o.radius }
+        Self {
+            middle: &self.middle - &o.middle,
+            radius: &self.radius + &o.radius,
+        }
     }
     pub(crate) fn mul(&self, o: &Self, precision: usize) -> Self {
         let middle = (&self.middle * &o.middle) >> precision;
         if self.radius.is_zero() && o.radius.is_zero() {
-            return Self { middle, radius: IBig::ONE };
+            return Self {
+                middle,
+                radius: IBig::ONE,
+            };
         }
-        let radius = (&self.middle).abs() * &o.radius + (&o.middle).abs() * &self.radius + &self.radius * &o.radius;
-        Self { middle, radius: (radius >> precision) + 2 }
+        let radius = (&self.middle).abs() * &o.radius
+            + (&o.middle).abs() * &self.radius
+            + &self.radius * &o.radius;
+        Self {
+            middle,
+            radius: (radius >> precision) + 2,
+        }
     }
     /// The quotient, nothing if the divisor may be zero.
     pub(crate) fn div(&self, o: &Self, precision: usize) -> Option<Self> {
@@ -44,7 +65,10 @@ impl Ball {
         }
         let near = &far - &o.radius;
         let error = ((&self.middle).abs() * &o.radius + &far * &self.radius) << precision;
-        Some(Self { middle: (&self.middle << precision) / &o.middle, radius: error / (far * near) + 2 })
+        Some(Self {
+            middle: (&self.middle << precision) / &o.middle,
+            radius: error / (far * near) + 2,
+        })
     }
     /// A bound on the absolute values, and one from below.
     pub(crate) fn magnitude(&self) -> (IBig, IBig) {
@@ -56,7 +80,10 @@ impl Ball {
 /// Horner's rule.
 pub(crate) fn eval(coefficients: &[Ball], x: &Ball, precision: usize) -> Ball {
     let zero = Ball::exact(IBig::ZERO);
-    coefficients.iter().rev().fold(zero, |sum, c| sum.mul(x, precision).add(c))
+    coefficients
+        .iter()
+        .rev()
+        .fold(zero, |sum, c| sum.mul(x, precision).add(c))
 }
 
 /// The polynomial a(x + c).

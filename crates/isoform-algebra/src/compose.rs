@@ -17,9 +17,12 @@ const GRID_FROM: usize = 2000;
 impl Poly {
     /// This polynomial with `parts[i]` in place of variable i; variables beyond the slice stay.
     pub fn compose(&self, parts: &[Self]) -> Self {
-        let inner: [Self; MAX_VARS] = std::array::from_fn(|v| parts.get(v).cloned().unwrap_or_else(|| Self::var(v)));
+        let inner: [Self; MAX_VARS] =
+            std::array::from_fn(|v| parts.get(v).cloned().unwrap_or_else(|| Self::var(v)));
         let used: Vec<usize> = self.variables();
-        let variables: Vec<usize> = (0..MAX_VARS).filter(|&v| used.iter().any(|&u| inner[u].degree(v) > 0)).collect();
+        let variables: Vec<usize> = (0..MAX_VARS)
+            .filter(|&v| used.iter().any(|&u| inner[u].degree(v) > 0))
+            .collect();
         if variables.len() == 3
             && let Some(degree) = common_degree(self, &inner, &used)
         {
@@ -33,14 +36,20 @@ impl Poly {
         {
             return grid.compose();
         }
-        horner(self.terms(), 0, &inner).scale(&dashu_ratio::RBig::from_parts(IBig::ONE, self.denominator().clone()))
+        horner(self.terms(), 0, &inner).scale(&dashu_ratio::RBig::from_parts(
+            IBig::ONE,
+            self.denominator().clone(),
+        ))
     }
 
     /// Whether this polynomial with `parts[i]` in place of variable i vanishes, proven by values on a grid modulo primes.
     pub(crate) fn composes_to_zero(&self, parts: &[Self]) -> bool {
-        let inner: [Self; MAX_VARS] = std::array::from_fn(|v| parts.get(v).cloned().unwrap_or_else(|| Self::var(v)));
+        let inner: [Self; MAX_VARS] =
+            std::array::from_fn(|v| parts.get(v).cloned().unwrap_or_else(|| Self::var(v)));
         let used = self.variables();
-        let variables: Vec<usize> = (0..MAX_VARS).filter(|&v| used.iter().any(|&u| inner[u].degree(v) > 0)).collect();
+        let variables: Vec<usize> = (0..MAX_VARS)
+            .filter(|&v| used.iter().any(|&u| inner[u].degree(v) > 0))
+            .collect();
         if variables.len() > 2 {
             return self.compose(parts).is_zero();
         }
@@ -51,14 +60,18 @@ impl Poly {
 /// The degree of the result if the outer polynomial and the inner ones that are used are forms, the latter of one degree.
 fn common_degree(outer: &Poly, inner: &[Poly; MAX_VARS], used: &[usize]) -> Option<usize> {
     let degree = inner[*used.first()?].total_degree();
-    let forms = used.iter().all(|&u| inner[u].is_homogeneous() && !inner[u].is_zero() && inner[u].total_degree() == degree);
+    let forms = used.iter().all(|&u| {
+        inner[u].is_homogeneous() && !inner[u].is_zero() && inner[u].total_degree() == degree
+    });
     (forms && outer.is_homogeneous()).then_some(degree * outer.total_degree())
 }
 
 /// Horner's rule in the variables from `var` on; the terms agree in the exponents before it.
 fn horner(terms: &[(Exponents, IBig)], var: usize, inner: &[Poly; MAX_VARS]) -> Poly {
     if var == MAX_VARS {
-        return terms.first().map_or(Poly::zero(), |(_, c)| Poly::constant(c.clone()));
+        return terms
+            .first()
+            .map_or(Poly::zero(), |(_, c)| Poly::constant(c.clone()));
     }
     let mut result = Poly::zero();
     let mut exponent = terms.first().map_or(0, |(e, _)| e[var]);
@@ -93,23 +106,55 @@ impl<'a> Grid<'a> {
             common = &common / dashu_base::Gcd::gcd(&common, d) * d;
         }
         let degree = outer.total_degree();
-        let weight = |e: &Exponents| common.pow(degree - e.iter().map(|&n| usize::from(n)).sum::<usize>());
-        let terms: Vec<_> = outer.terms().iter().map(|(e, c)| (*e, c * IBig::from(weight(e)))).collect();
+        let weight =
+            |e: &Exponents| common.pow(degree - e.iter().map(|&n| usize::from(n)).sum::<usize>());
+        let terms: Vec<_> = outer
+            .terms()
+            .iter()
+            .map(|(e, c)| (*e, c * IBig::from(weight(e))))
+            .collect();
         let bound = |of: &dyn Fn(usize) -> usize| {
             let of_parts: [usize; MAX_VARS] = std::array::from_fn(of);
-            let degree_of = |e: &Exponents| e.iter().zip(of_parts).map(|(&n, d)| usize::from(n) * d).sum::<usize>();
+            let degree_of = |e: &Exponents| {
+                e.iter()
+                    .zip(of_parts)
+                    .map(|(&n, d)| usize::from(n) * d)
+                    .sum::<usize>()
+            };
             terms.iter().map(|(e, _)| degree_of(e)).max().unwrap_or(0)
         };
-        let along = |k: usize| variables.get(k).map_or(0, |&v| bound(&|u| inner[u].degree(v)));
+        let along = |k: usize| {
+            variables
+                .get(k)
+                .map_or(0, |&v| bound(&|u| inner[u].degree(v)))
+        };
         let (du, dv, total) = (along(0), along(1), bound(&|u| inner[u].total_degree()));
         let rows = (0..=du.min(total)).map(|i| dv.min(total - i) + 1).collect();
         let power = |e: &Exponents, k: usize| variables.get(k).map_or(0, |&v| usize::from(e[v]));
         let lift = |u: usize| {
             let factor = IBig::from(&common / inner[u].denominator());
-            inner[u].terms().iter().map(|(e, c)| (power(e, 0), power(e, 1), c * &factor)).collect()
+            inner[u]
+                .terms()
+                .iter()
+                .map(|(e, c)| (power(e, 0), power(e, 1), c * &factor))
+                .collect()
         };
-        let inner = (0..MAX_VARS).map(|u| if used.contains(&u) { lift(u) } else { Vec::new() }).collect();
-        Self { outer: terms, inner, variables, rows, denominator: outer.denominator() * common.pow(degree) }
+        let inner = (0..MAX_VARS)
+            .map(|u| {
+                if used.contains(&u) {
+                    lift(u)
+                } else {
+                    Vec::new()
+                }
+            })
+            .collect();
+        Self {
+            outer: terms,
+            inner,
+            variables,
+            rows,
+            denominator: outer.denominator() * common.pow(degree),
+        }
     }
 
     fn points(&self) -> usize {
@@ -118,9 +163,20 @@ impl<'a> Grid<'a> {
 
     /// A bound on the coefficients' absolute values: the sum of absolute coefficients is submultiplicative.
     fn bound(&self) -> UBig {
-        let norms: Vec<UBig> = self.inner.iter().map(|p| p.iter().map(|(_, _, c)| c.clone().unsigned_abs()).sum()).collect();
-        let size = |e: &Exponents| norms.iter().zip(e).fold(UBig::ONE, |product, (n, &k)| product * n.pow(usize::from(k)));
-        self.outer.iter().map(|(e, c)| c.clone().unsigned_abs() * size(e)).sum()
+        let norms: Vec<UBig> = self
+            .inner
+            .iter()
+            .map(|p| p.iter().map(|(_, _, c)| c.clone().unsigned_abs()).sum())
+            .collect();
+        let size = |e: &Exponents| {
+            norms.iter().zip(e).fold(UBig::ONE, |product, (n, &k)| {
+                product * n.pow(usize::from(k))
+            })
+        };
+        self.outer
+            .iter()
+            .map(|(e, c)| c.clone().unsigned_abs() * size(e))
+            .sum()
     }
 
     fn vanishes(&self) -> bool {
@@ -149,7 +205,11 @@ impl<'a> Grid<'a> {
                 break;
             }
         }
-        let cells = self.rows.iter().enumerate().flat_map(|(i, &n)| (0..n).map(move |j| (i, j)));
+        let cells = self
+            .rows
+            .iter()
+            .enumerate()
+            .flat_map(|(i, &n)| (0..n).map(move |j| (i, j)));
         let terms = cells.zip(crt.symmetric()).map(|((i, j), c)| {
             let mut e = [0; MAX_VARS];
             for (&v, n) in self.variables.iter().zip([i, j]) {
@@ -162,11 +222,24 @@ impl<'a> Grid<'a> {
 
     /// Values of the composition at all points modulo a prime, row by row.
     fn values(&self, f: &Fp) -> Vec<u64> {
-        let inner: Vec<Vec<(usize, usize, u64)>> =
-            self.inner.iter().map(|p| p.iter().map(|(i, j, c)| (*i, *j, f.of_ibig(c))).collect()).collect();
-        let outer: Vec<(Exponents, u64)> = self.outer.iter().map(|(e, c)| (*e, f.of_ibig(c))).collect();
-        let mut powers: [Vec<u64>; MAX_VARS] =
-            std::array::from_fn(|v| vec![f.one(); outer.iter().map(|(e, _)| usize::from(e[v])).max().unwrap_or(0) + 1]);
+        let inner: Vec<Vec<(usize, usize, u64)>> = self
+            .inner
+            .iter()
+            .map(|p| p.iter().map(|(i, j, c)| (*i, *j, f.of_ibig(c))).collect())
+            .collect();
+        let outer: Vec<(Exponents, u64)> =
+            self.outer.iter().map(|(e, c)| (*e, f.of_ibig(c))).collect();
+        let mut powers: [Vec<u64>; MAX_VARS] = std::array::from_fn(|v| {
+            vec![
+                f.one();
+                outer
+                    .iter()
+                    .map(|(e, _)| usize::from(e[v]))
+                    .max()
+                    .unwrap_or(0)
+                    + 1
+            ]
+        });
         let mut values = Vec::with_capacity(self.points());
         for (i, &n) in self.rows.iter().enumerate() {
             let u = f.of_u64(i as u64);
@@ -188,7 +261,9 @@ impl<'a> Grid<'a> {
 
 /// The univariate polynomial in v that is left with a number in place of u.
 fn restrict(f: &Fp, p: &[(usize, usize, u64)], u: u64) -> Vec<u64> {
-    let (du, dv) = p.iter().fold((0, 0), |(a, b), (i, j, _)| (a.max(*i), b.max(*j)));
+    let (du, dv) = p
+        .iter()
+        .fold((0, 0), |(a, b), (i, j, _)| (a.max(*i), b.max(*j)));
     let mut powers = vec![f.one(); du + 1];
     for k in 1..=du {
         powers[k] = f.mul(powers[k - 1], u);
@@ -208,7 +283,11 @@ pub(crate) fn eval_terms(f: &Fp, terms: &[(Exponents, u64)], powers: &[Vec<u64>;
     for (e, c) in terms {
         let shared = last.map_or(0, |l| (0..MAX_VARS).take_while(|&v| l[v] == e[v]).count());
         for v in shared..MAX_VARS {
-            prefix[v + 1] = if e[v] == 0 { prefix[v] } else { f.mul(prefix[v], powers[v][usize::from(e[v])]) };
+            prefix[v + 1] = if e[v] == 0 {
+                prefix[v]
+            } else {
+                f.mul(prefix[v], powers[v][usize::from(e[v])])
+            };
         }
         last = Some(*e);
         sum = f.add(sum, f.mul(*c, prefix[MAX_VARS]));
@@ -220,7 +299,9 @@ pub(crate) fn eval_terms(f: &Fp, terms: &[(Exponents, u64)], powers: &[Vec<u64>;
 pub(crate) fn interpolate(f: &Fp, rows: &[usize], values: &mut [u64], origin: u64) {
     let width = rows.first().copied().unwrap_or(0);
     let size = width.max(rows.len());
-    let nodes: Vec<u64> = (0..size).map(|i| f.add(origin, f.of_u64(i as u64))).collect();
+    let nodes: Vec<u64> = (0..size)
+        .map(|i| f.add(origin, f.of_u64(i as u64)))
+        .collect();
     let inverses = modpoly::small_inverses(f, size);
     let differences = |line: &mut [u64]| {
         for level in 1..line.len() {
@@ -232,11 +313,16 @@ pub(crate) fn interpolate(f: &Fp, rows: &[usize], values: &mut [u64], origin: u6
     // Both directions to Newton's basis first, where shorter rows have the same leading coefficients as longer ones; then both to
     // powers, over the same staircase.
     along_rows_and_columns(rows, values, differences);
-    along_rows_and_columns(rows, values, |line| modpoly::newton_to_monomial(f, &nodes, line));
+    along_rows_and_columns(rows, values, |line| {
+        modpoly::newton_to_monomial(f, &nodes, line)
+    });
 }
 
 fn along_rows_and_columns(rows: &[usize], values: &mut [u64], along: impl Fn(&mut [u64])) {
-    let starts: Vec<usize> = rows.iter().scan(0, |at, &n| Some(std::mem::replace(at, *at + n))).collect();
+    let starts: Vec<usize> = rows
+        .iter()
+        .scan(0, |at, &n| Some(std::mem::replace(at, *at + n)))
+        .collect();
     for (&start, &n) in starts.iter().zip(rows) {
         along(&mut values[start..start + n]);
     }

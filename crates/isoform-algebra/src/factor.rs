@@ -21,7 +21,9 @@ use dashu_ratio::RBig;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FactorError {
     /// More than two variables, or three in a polynomial that is no form.
-    #[error("factorisation of polynomials in more than two variables, or of forms in more than three")]
+    #[error(
+        "factorisation of polynomials in more than two variables, or of forms in more than three"
+    )]
     TooManyVariables,
     /// The caller asked to stop.
     #[error("stopped")]
@@ -50,9 +52,15 @@ impl Poly {
         let mut factors = Vec::new();
         for (part, multiplicity) in self.squarefree() {
             let irreducible = factor_squarefree(&part, stop)?;
-            factors.extend(irreducible.into_iter().map(|p| (p.primitive(), multiplicity)));
+            factors.extend(
+                irreducible
+                    .into_iter()
+                    .map(|p| (p.primitive(), multiplicity)),
+            );
         }
-        factors.sort_by(|(a, _), (b, _)| (a.total_degree(), a.terms()).cmp(&(b.total_degree(), b.terms())));
+        factors.sort_by(|(a, _), (b, _)| {
+            (a.total_degree(), a.terms()).cmp(&(b.total_degree(), b.terms()))
+        });
         Ok(factors)
     }
 }
@@ -65,9 +73,15 @@ impl UPoly {
     pub fn factor(&self, stop: &dyn Fn() -> bool) -> Result<Vec<(Self, usize)>, FactorError> {
         let mut factors = Vec::new();
         for (part, multiplicity) in self.squarefree() {
-            factors.extend(factor_univariate(&part, stop)?.into_iter().map(|p| (p, multiplicity)));
+            factors.extend(
+                factor_univariate(&part, stop)?
+                    .into_iter()
+                    .map(|p| (p, multiplicity)),
+            );
         }
-        factors.sort_by(|(a, _), (b, _)| (a.degree(), a.coefficients()).cmp(&(b.degree(), b.coefficients())));
+        factors.sort_by(|(a, _), (b, _)| {
+            (a.degree(), a.coefficients()).cmp(&(b.degree(), b.coefficients()))
+        });
         Ok(factors)
     }
 }
@@ -82,11 +96,18 @@ fn factor_squarefree(p: &Poly, stop: &dyn Fn() -> bool) -> Result<Vec<Poly>, Fac
             let power = p.total_degree() - flat.total_degree();
             let forms = factor_squarefree(&flat.primitive(), stop)?;
             let own = (power > 0).then(|| Poly::var(last));
-            Ok(forms.into_iter().map(|q| q.homogenise(last, q.total_degree())).chain(own).collect())
+            Ok(forms
+                .into_iter()
+                .map(|q| q.homogenise(last, q.total_degree()))
+                .chain(own)
+                .collect())
         }
         [x] => {
             let dense = p.to_upoly(x).expect("one variable");
-            Ok(factor_univariate(&dense, stop)?.iter().map(|q| Poly::from_upoly(q, x)).collect())
+            Ok(factor_univariate(&dense, stop)?
+                .iter()
+                .map(|q| Poly::from_upoly(q, x))
+                .collect())
         }
         [x, y] => {
             let mut factors = Vec::new();
@@ -94,7 +115,11 @@ fn factor_squarefree(p: &Poly, stop: &dyn Fn() -> bool) -> Result<Vec<Poly>, Fac
             for (var, other) in [(x, y), (y, x)] {
                 let content = rest.content_in(var);
                 if let Some(dense) = content.to_upoly(other).filter(|c| c.degree() > 0) {
-                    factors.extend(factor_univariate(&dense, stop)?.iter().map(|q| Poly::from_upoly(q, other)));
+                    factors.extend(
+                        factor_univariate(&dense, stop)?
+                            .iter()
+                            .map(|q| Poly::from_upoly(q, other)),
+                    );
                     rest = rest.div_exact(&content).expect("the content divides");
                 }
             }
@@ -146,7 +171,13 @@ fn factor_modular(f: &Fp, p: &[u64]) -> Vec<Vec<u64>> {
     factors
 }
 
-fn split_equal_degrees(f: &Fp, p: Vec<u64>, degree: usize, stream: &mut Stream, factors: &mut Vec<Vec<u64>>) {
+fn split_equal_degrees(
+    f: &Fp,
+    p: Vec<u64>,
+    degree: usize,
+    stream: &mut Stream,
+    factors: &mut Vec<Vec<u64>>,
+) {
     if p.len() - 1 == degree {
         factors.push(p);
         return;
@@ -175,16 +206,27 @@ fn split_equal_degrees(f: &Fp, p: Vec<u64>, degree: usize, stream: &mut Stream, 
 fn factor_univariate(p: &UPoly, stop: &dyn Fn() -> bool) -> Result<Vec<UPoly>, FactorError> {
     let n = p.degree();
     if n < 2 {
-        return Ok(if n == 0 { Vec::new() } else { vec![p.primitive()] });
+        return Ok(if n == 0 {
+            Vec::new()
+        } else {
+            vec![p.primitive()]
+        });
     }
     if p.coefficients()[0].is_zero() {
         let mut factors = factor_univariate(&UPoly::new(p.coefficients()[1..].to_vec()), stop)?;
         factors.push(UPoly::from_i64(&[0, 1]));
         return Ok(factors);
     }
-    let Some((field, modular)) = best_small_prime(p, stop)? else { return Ok(vec![p.primitive()]) };
+    let Some((field, modular)) = best_small_prime(p, stop)? else {
+        return Ok(vec![p.primitive()]);
+    };
     // A factor times lc(p) has coefficients at most |lc| 2ⁿ ‖p‖₂.
-    let norm = sqrt_floor(&p.coefficients().iter().map(|c| c.clone().unsigned_abs().pow(2)).sum::<UBig>()) + UBig::ONE;
+    let norm = sqrt_floor(
+        &p.coefficients()
+            .iter()
+            .map(|c| c.clone().unsigned_abs().pow(2))
+            .sum::<UBig>(),
+    ) + UBig::ONE;
     let bound = ((norm * p.leading().unsigned_abs()) << n) << 1;
     let mut modulus = UBig::from(field.prime());
     let mut squarings = 0;
@@ -194,7 +236,13 @@ fn factor_univariate(p: &UPoly, stop: &dyn Fn() -> bool) -> Result<Vec<UPoly>, F
     }
     let modulus = IBig::from(modulus);
     let mut lifted = Vec::new();
-    lift_tree(&field, p.coefficients().to_vec(), &modular, squarings, &mut lifted);
+    lift_tree(
+        &field,
+        p.coefficients().to_vec(),
+        &modular,
+        squarings,
+        &mut lifted,
+    );
     recombine(p, &lifted, &modulus, stop)
 }
 
@@ -291,8 +339,15 @@ mod residue {
 
 /// Lifts the factorisation lc·∏ factors of p modulo a prime to the prime's 2^squarings-th power; the lifted monic factors are
 /// appended. Two halves at a time.
-fn lift_tree(field: &Fp, p: Vec<IBig>, factors: &[Vec<u64>], squarings: usize, lifted: &mut Vec<Vec<IBig>>) {
-    let plain = |a: &[u64]| -> Vec<IBig> { a.iter().map(|&c| IBig::from(field.value(c))).collect() };
+fn lift_tree(
+    field: &Fp,
+    p: Vec<IBig>,
+    factors: &[Vec<u64>],
+    squarings: usize,
+    lifted: &mut Vec<Vec<IBig>>,
+) {
+    let plain =
+        |a: &[u64]| -> Vec<IBig> { a.iter().map(|&c| IBig::from(field.value(c))).collect() };
     let lead = p.last().expect("not zero").clone();
     let mut m = IBig::from(field.prime());
     let (first, second) = factors.split_at(factors.len() / 2);
@@ -301,12 +356,16 @@ fn lift_tree(field: &Fp, p: Vec<IBig>, factors: &[Vec<u64>], squarings: usize, l
         let mut inverse = IBig::from(field.value(field.inv(field.of_ibig(&lead))));
         for _ in 0..squarings {
             m = &m * &m;
-            inverse = residue::reduce(vec![(IBig::from(2) - &lead * &inverse) * &inverse], &m).swap_remove(0);
+            inverse = residue::reduce(vec![(IBig::from(2) - &lead * &inverse) * &inverse], &m)
+                .swap_remove(0);
         }
         lifted.push(residue::mul(&p, &[inverse], &m));
         return;
     }
-    let product = |of: &[Vec<u64>]| of.iter().fold(vec![field.one()], |a, b| modpoly::mul(field, &a, b));
+    let product = |of: &[Vec<u64>]| {
+        of.iter()
+            .fold(vec![field.one()], |a, b| modpoly::mul(field, &a, b))
+    };
     let g = modpoly::scale(field, &product(first), field.of_ibig(&lead));
     let h = product(second);
     let (_, s, t) = modpoly::gcd_extended(field, &g, &h);
@@ -316,14 +375,20 @@ fn lift_tree(field: &Fp, p: Vec<IBig>, factors: &[Vec<u64>], squarings: usize, l
         let e = residue::combine(&p, &residue::mul(&g, &h, &m), -1, &m);
         let (q, r) = residue::div_rem(residue::mul(&s, &e, &m), &h, &m);
         let degree = g.len();
-        g = residue::combine(&g, &residue::combine(&residue::mul(&t, &e, &m), &residue::mul(&q, &g, &m), 1, &m), 1, &m);
+        g = residue::combine(
+            &g,
+            &residue::combine(&residue::mul(&t, &e, &m), &residue::mul(&q, &g, &m), 1, &m),
+            1,
+            &m,
+        );
         g.truncate(degree);
         h = residue::combine(&h, &r, 1, &m);
         let mut b = residue::combine(&residue::mul(&s, &g, &m), &residue::mul(&t, &h, &m), 1, &m);
         b[0] -= IBig::ONE;
         let (c, d) = residue::div_rem(residue::mul(&s, &b, &m), &h, &m);
         s = residue::combine(&s, &d, -1, &m);
-        let correction = residue::combine(&residue::mul(&t, &b, &m), &residue::mul(&c, &g, &m), 1, &m);
+        let correction =
+            residue::combine(&residue::mul(&t, &b, &m), &residue::mul(&c, &g, &m), 1, &m);
         t = residue::combine(&t, &correction, -1, &m);
         t.truncate(degree - 1);
         s.truncate(h.len() - 1);
@@ -384,19 +449,33 @@ fn by_subsets<F: Clone>(
     Ok((factors, left))
 }
 
-fn recombine(p: &UPoly, lifted: &[Vec<IBig>], modulus: &IBig, stop: &dyn Fn() -> bool) -> Result<Vec<UPoly>, FactorError> {
+fn recombine(
+    p: &UPoly,
+    lifted: &[Vec<IBig>],
+    modulus: &IBig,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<UPoly>, FactorError> {
     let half = modulus >> 1usize;
     let symmetric = |c: IBig| if c > half { c - modulus } else { c };
     let mut rest = p.clone();
     let (mut factors, left) = by_subsets(lifted.len(), stop, |chosen| {
         let lead = rest.leading();
         // The constant coefficient of a factor times lc divides that of the polynomial times lc.
-        let one = |product: IBig, i: &usize| residue::reduce(vec![product * &lifted[*i][0]], modulus).swap_remove(0);
-        let constant = symmetric(chosen.iter().fold(residue::reduce(vec![lead.clone()], modulus).swap_remove(0), one));
+        let one = |product: IBig, i: &usize| {
+            residue::reduce(vec![product * &lifted[*i][0]], modulus).swap_remove(0)
+        };
+        let constant = symmetric(chosen.iter().fold(
+            residue::reduce(vec![lead.clone()], modulus).swap_remove(0),
+            one,
+        ));
         if constant.is_zero() || !((&rest.coefficients()[0] * &lead) % &constant).is_zero() {
             return None;
         }
-        let product = chosen.iter().fold(residue::reduce(vec![lead], modulus), |a, &i| residue::mul(&a, &lifted[i], modulus));
+        let product = chosen
+            .iter()
+            .fold(residue::reduce(vec![lead], modulus), |a, &i| {
+                residue::mul(&a, &lifted[i], modulus)
+            });
         let candidate = UPoly::new(product.into_iter().map(symmetric).collect()).primitive();
         rest = rest.div_exact(&candidate)?;
         Some(candidate)
@@ -408,7 +487,12 @@ fn recombine(p: &UPoly, lifted: &[Vec<IBig>], modulus: &IBig, stop: &dyn Fn() ->
 }
 
 /// Primitive over Z, squarefree, without factors in one variable alone.
-fn factor_bivariate(p: &Poly, x: usize, y: usize, stop: &dyn Fn() -> bool) -> Result<Vec<Poly>, FactorError> {
+fn factor_bivariate(
+    p: &Poly,
+    x: usize,
+    y: usize,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<Poly>, FactorError> {
     let degree = p.total_degree();
     if degree == 1 {
         return Ok(vec![p.clone()]);
@@ -416,7 +500,9 @@ fn factor_bivariate(p: &Poly, x: usize, y: usize, stop: &dyn Fn() -> bool) -> Re
     // y + c x in place of y makes the coefficient of x^degree the value of the leading form at (1, c).
     let top = p.homogeneous_part(degree).dehomogenise(x);
     let sheared = |c: &RBig, p: &Poly| p.substitute(y, &(Poly::var(y) + Poly::var(x).scale(c)));
-    let c = small_numbers().find(|c| !top.set(y, c).is_zero()).expect("a form has few zeros");
+    let c = small_numbers()
+        .find(|c| !top.set(y, c).is_zero())
+        .expect("a form has few zeros");
     let f = sheared(&c, p).primitive();
     let mut best: Option<(RBig, Vec<UPoly>)> = None;
     let mut tried = 0;
@@ -438,7 +524,9 @@ fn factor_bivariate(p: &Poly, x: usize, y: usize, stop: &dyn Fn() -> bool) -> Re
         }
     }
     let (point, lines) = best.expect("a squarefree polynomial stays so almost everywhere");
-    let moved = f.substitute(y, &(Poly::var(y) + Poly::constant(point.clone()))).primitive();
+    let moved = f
+        .substitute(y, &(Poly::var(y) + Poly::constant(point.clone())))
+        .primitive();
     let back = |q: &Poly| -> Poly {
         let centred = q.substitute(y, &(Poly::var(y) - Poly::constant(point.clone())));
         sheared(&-c.clone(), &centred).primitive()
@@ -452,7 +540,9 @@ fn factor_bivariate(p: &Poly, x: usize, y: usize, stop: &dyn Fn() -> bool) -> Re
         let groups: Vec<UPoly> = [true, false]
             .map(|inside| {
                 (0..lines.len())
-                    .filter(|i| chosen.contains(i) == inside && divides_line(&rest, x, y, &lines[*i]))
+                    .filter(|i| {
+                        chosen.contains(i) == inside && divides_line(&rest, x, y, &lines[*i])
+                    })
                     .map(|i| &lines[i])
                     .fold(UPoly::one(), |a, b| &a * b)
             })
@@ -470,7 +560,9 @@ fn factor_bivariate(p: &Poly, x: usize, y: usize, stop: &dyn Fn() -> bool) -> Re
 
 /// Whether a univariate factor belongs to what is left at y = 0.
 fn divides_line(rest: &Poly, x: usize, y: usize, line: &UPoly) -> bool {
-    rest.set(y, &RBig::ZERO).to_upoly(x).is_some_and(|r| r.div_exact(line).is_some())
+    rest.set(y, &RBig::ZERO)
+        .to_upoly(x)
+        .is_some_and(|r| r.div_exact(line).is_some())
 }
 
 /// 0, 1, −1, 2, −2, …
@@ -499,20 +591,35 @@ impl Lifted {
                 return None;
             }
             let inverse = field.inv(lead);
-            let rows: Vec<Vec<u64>> = rows.iter().map(|r| modpoly::scale(&field, r, inverse)).collect();
-            let bases: Vec<Vec<u64>> = lines.iter().map(|l| modpoly::monic(&field, &l.residues(&field))).collect();
+            let rows: Vec<Vec<u64>> = rows
+                .iter()
+                .map(|r| modpoly::scale(&field, r, inverse))
+                .collect();
+            let bases: Vec<Vec<u64>> = lines
+                .iter()
+                .map(|l| modpoly::monic(&field, &l.residues(&field)))
+                .collect();
             // 1/∏ of the others modulo each, if they are coprime modulo the prime.
             let mut cofactors = Vec::new();
             for (i, base) in bases.iter().enumerate() {
-                let others = bases.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, b)| b);
-                let product = others.fold(vec![field.one()], |a, b| modpoly::rem(&field, modpoly::mul(&field, &a, b), base));
+                let others = bases
+                    .iter()
+                    .enumerate()
+                    .filter(|(j, _)| *j != i)
+                    .map(|(_, b)| b);
+                let product = others.fold(vec![field.one()], |a, b| {
+                    modpoly::rem(&field, modpoly::mul(&field, &a, b), base)
+                });
                 let (g, inverse, _) = modpoly::gcd_extended(&field, &product, base);
                 if g.len() != 1 {
                     return None;
                 }
                 cofactors.push(inverse);
             }
-            Some(Self { series: lift_series(&field, &rows, &bases, &cofactors), field })
+            Some(Self {
+                series: lift_series(&field, &rows, &bases, &cofactors),
+                field,
+            })
         })
     }
 
@@ -532,7 +639,10 @@ impl Lifted {
         }
         let product = self.product(chosen);
         let d = product[0].len() - 1;
-        product.iter().enumerate().all(|(k, row)| row.is_empty() || row.len() + k <= d + 1)
+        product
+            .iter()
+            .enumerate()
+            .all(|(k, row)| row.is_empty() || row.len() + k <= d + 1)
     }
 
     fn product(&self, chosen: &[usize]) -> Vec<Vec<u64>> {
@@ -542,7 +652,11 @@ impl Lifted {
         product[0] = vec![f.one()];
         for &i in chosen {
             product = (0..precision)
-                .map(|k| (0..=k).fold(Vec::new(), |s, a| modpoly::add(f, &s, &modpoly::mul(f, &product[a], &self.series[i][k - a]))))
+                .map(|k| {
+                    (0..=k).fold(Vec::new(), |s, a| {
+                        modpoly::add(f, &s, &modpoly::mul(f, &product[a], &self.series[i][k - a]))
+                    })
+                })
                 .collect();
         }
         product
@@ -550,12 +664,19 @@ impl Lifted {
 }
 
 /// Linear Hensel lifting of all factors together: at y^k the error e is Σ σᵢ ∏ⱼ≠ᵢ with σᵢ = e·cofactorᵢ modulo the i-th.
-fn lift_series(f: &Fp, rows: &[Vec<u64>], bases: &[Vec<u64>], cofactors: &[Vec<u64>]) -> Vec<Vec<Vec<u64>>> {
+fn lift_series(
+    f: &Fp,
+    rows: &[Vec<u64>],
+    bases: &[Vec<u64>],
+    cofactors: &[Vec<u64>],
+) -> Vec<Vec<Vec<u64>>> {
     let precision = rows.len();
     let mut series: Vec<Vec<Vec<u64>>> = bases.iter().map(|b| vec![b.clone()]).collect();
     // Products of the first i series, coefficient by coefficient.
     let mut products: Vec<Vec<Vec<u64>>> = vec![Vec::new(); bases.len() + 1];
-    products[0] = (0..precision).map(|k| if k == 0 { vec![f.one()] } else { Vec::new() }).collect();
+    products[0] = (0..precision)
+        .map(|k| if k == 0 { vec![f.one()] } else { Vec::new() })
+        .collect();
     for i in 0..bases.len() {
         let next = modpoly::mul(f, &products[i][0], &bases[i]);
         products[i + 1].push(next);
@@ -566,7 +687,9 @@ fn lift_series(f: &Fp, rows: &[Vec<u64>], bases: &[Vec<u64>], cofactors: &[Vec<u
         }
         let update = |products: &mut Vec<Vec<Vec<u64>>>, series: &[Vec<Vec<u64>>]| {
             for (i, s) in series.iter().enumerate() {
-                let sum = (0..=k).fold(Vec::new(), |sum, a| modpoly::add(f, &sum, &modpoly::mul(f, &products[i][a], &s[k - a])));
+                let sum = (0..=k).fold(Vec::new(), |sum, a| {
+                    modpoly::add(f, &sum, &modpoly::mul(f, &products[i][a], &s[k - a]))
+                });
                 products[i + 1].truncate(k);
                 products[i + 1].push(sum);
             }
@@ -596,7 +719,12 @@ fn reconstruct(f: &Poly, x: usize, y: usize, groups: &[UPoly]) -> Option<Poly> {
     }
     // A. O. Gelfond: the heights of factors multiply up to at most 2^(sum of degrees) times the height of the product; numerators
     // and denominators of the monic factor are bounded so too.
-    let height = f.terms().iter().map(|(_, c)| bit_len(&c.clone().abs().unsigned_abs())).max().unwrap_or(0);
+    let height = f
+        .terms()
+        .iter()
+        .map(|(_, c)| bit_len(&c.clone().abs().unsigned_abs()))
+        .max()
+        .unwrap_or(0);
     let enough = 2 * (height + 2 * f.total_degree() + 2) + 2;
     let mut crt: Option<Crt> = None;
     for lifted in Lifted::new(f, x, y, groups) {
@@ -604,7 +732,13 @@ fn reconstruct(f: &Poly, x: usize, y: usize, groups: &[UPoly]) -> Option<Poly> {
         let mut residues = Vec::new();
         for k in 0..=d {
             for i in 0..=d - k {
-                residues.push(series.get(k).and_then(|row| row.get(i)).copied().unwrap_or(0));
+                residues.push(
+                    series
+                        .get(k)
+                        .and_then(|row| row.get(i))
+                        .copied()
+                        .unwrap_or(0),
+                );
             }
         }
         let crt = crt.get_or_insert_with(|| Crt::new(residues.len()));

@@ -98,8 +98,19 @@ impl Fibres {
         }
         let other = others.first().copied().unwrap_or(usize::from(var == 0));
         let derivative = f.derivative(var);
-        let chain = if derivative.degree(var) > 0 { Some(Subresultants::new(f, &derivative, var, stop)?) } else { None };
-        Ok(Self { coefficients: coefficients_in(f, var, other), f: f.clone(), var, other, chain, whole: Mutex::default() })
+        let chain = if derivative.degree(var) > 0 {
+            Some(Subresultants::new(f, &derivative, var, stop)?)
+        } else {
+            None
+        };
+        Ok(Self {
+            coefficients: coefficients_in(f, var, other),
+            f: f.clone(),
+            var,
+            other,
+            chain,
+            whole: Mutex::default(),
+        })
     }
     /// The subresultants of f and its derivative, if the degree is at least two.
     pub fn subresultants(&self) -> Option<&Subresultants> {
@@ -111,18 +122,30 @@ impl Fibres {
     /// # Errors
     /// [`FibreError`].
     pub fn at(&self, alpha: &RealRoot, stop: &dyn Fn() -> bool) -> Result<Fibre, FibreError> {
-        let kept = (0..self.coefficients.len()).rev().find(|&i| alpha.sign_of(&self.coefficients[i]).is_ne());
+        let kept = (0..self.coefficients.len())
+            .rev()
+            .find(|&i| alpha.sign_of(&self.coefficients[i]).is_ne());
         let degree = kept.ok_or(FibreError::Vertical)?;
         if degree + 1 < self.coefficients.len() {
             // Over α the polynomial without its vanishing top is the same, and its chain specialises.
-            let truncated = self.f.coefficients_in(self.var).into_iter().take(degree + 1).enumerate();
-            let truncated = truncated.fold(Poly::zero(), |sum, (i, c)| sum + c * Poly::var(self.var).pow(i as u32));
+            let truncated = self
+                .f
+                .coefficients_in(self.var)
+                .into_iter()
+                .take(degree + 1)
+                .enumerate();
+            let truncated = truncated.fold(Poly::zero(), |sum, (i, c)| {
+                sum + c * Poly::var(self.var).pow(i as u32)
+            });
             return Self::new(&truncated, self.var, stop)?.at(alpha, stop);
         }
         let mut divisor = Vec::new();
         let mut repeated = 0;
         if let Some(chain) = &self.chain {
-            let first = chain.principal.iter().position(|c| alpha.sign_of(c).is_ne());
+            let first = chain
+                .principal
+                .iter()
+                .position(|c| alpha.sign_of(c).is_ne());
             repeated = first.unwrap_or(degree - 1);
             divisor = match first {
                 Some(0) => Vec::new(),
@@ -153,7 +176,12 @@ impl Fibres {
         Ok(fibre)
     }
 
-    fn subresultant(&self, chain: &Subresultants, k: usize, stop: &dyn Fn() -> bool) -> Result<Vec<UPoly>, ResultantError> {
+    fn subresultant(
+        &self,
+        chain: &Subresultants,
+        k: usize,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Vec<UPoly>, ResultantError> {
         let mut whole = self.whole.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = whole.get(&k) {
             return Ok(known.clone());
@@ -170,7 +198,9 @@ impl Fibres {
         if lead.is_eq() {
             return None;
         }
-        let Some(chain) = &self.chain else { return Some(self.coefficients.len() - 1) };
+        let Some(chain) = &self.chain else {
+            return Some(self.coefficients.len() - 1);
+        };
         let signs: Vec<Ordering> = chain.principal.iter().map(|c| alpha.sign_of(c)).collect();
         Some(count_by_signs(lead, &signs))
     }
@@ -181,9 +211,21 @@ impl Fibres {
 /// (S. Basu, R. Pollack, M.-F. Roy, *Algorithms in Real Algebraic Geometry*, theorem 4.32).
 pub fn count_by_signs(lead: Ordering, principal: &[Ordering]) -> usize {
     let n = principal.len() + 1;
-    let alternating = |i: usize| if i * i.saturating_sub(1) / 2 % 2 == 1 { -1 } else { 1 };
+    let alternating = |i: usize| {
+        if i * i.saturating_sub(1) / 2 % 2 == 1 {
+            -1
+        } else {
+            1
+        }
+    };
     // Index n: the polynomial itself; n − 1: its derivative; below with the sign (−1)^(i(i−1)/2) of reversing i = n − j rows.
-    let signed = |j: usize| if j + 1 >= n { lead as i32 } else { principal[j] as i32 * alternating(n - j) };
+    let signed = |j: usize| {
+        if j + 1 >= n {
+            lead as i32
+        } else {
+            principal[j] as i32 * alternating(n - j)
+        }
+    };
     let mut count = 0;
     let mut last = n;
     for j in (0..n).rev() {
@@ -195,7 +237,8 @@ pub fn count_by_signs(lead: Ordering, principal: &[Ordering]) -> usize {
             last = j;
         }
     }
-    usize::try_from(count).expect("permanences outweigh variations for a polynomial and its derivative")
+    usize::try_from(count)
+        .expect("permanences outweigh variations for a polynomial and its derivative")
 }
 
 fn coefficients_in(p: &Poly, var: usize, other: usize) -> Vec<UPoly> {
@@ -223,7 +266,12 @@ impl Fibre {
         }
         let simple = self.near.as_ref().map_or(&[][..], |near| &near.simple);
         let root = &mut self.roots[index];
-        let Some((lo, hi)) = narrow(simple, (to_fixed(&root.lo, precision), to_fixed(&root.hi, precision)), bits, precision) else {
+        let Some((lo, hi)) = narrow(
+            simple,
+            (to_fixed(&root.lo, precision), to_fixed(&root.hi, precision)),
+            bits,
+            precision,
+        ) else {
             return false;
         };
         // Ends that were rounded could have left the interval only by less than the last place; keep what is certain.
@@ -234,7 +282,11 @@ impl Fibre {
 
     /// Coefficients of f(α, y) and of its quotient with simple roots; false if that precision is too low.
     fn approximate(&mut self, precision: usize) -> bool {
-        if self.near.as_ref().is_none_or(|near| near.precision != precision) {
+        if self
+            .near
+            .as_ref()
+            .is_none_or(|near| near.precision != precision)
+        {
             self.alpha.refine(precision + GUARD);
             self.near = self.at_precision(precision);
         }
@@ -243,19 +295,38 @@ impl Fibre {
     fn at_precision(&self, precision: usize) -> Option<Near> {
         let (lo, hi) = self.alpha.interval();
         let middle = to_fixed(&((&lo + &hi) / RBig::from(2)), precision);
-        let x = if lo == hi && from_fixed(&middle, precision) == lo { Ball::exact(middle) } else { Ball { middle, radius: IBig::from(2) } };
+        let x = if lo == hi && from_fixed(&middle, precision) == lo {
+            Ball::exact(middle)
+        } else {
+            Ball {
+                middle,
+                radius: IBig::from(2),
+            }
+        };
         let specialise = |c: &UPoly| {
-            let coefficients: Vec<Ball> = c.coefficients().iter().map(|c| Ball::integer(c, precision)).collect();
+            let coefficients: Vec<Ball> = c
+                .coefficients()
+                .iter()
+                .map(|c| Ball::integer(c, precision))
+                .collect();
             ball::eval(&coefficients, &x, precision)
         };
         let f: Vec<Ball> = self.coefficients.iter().map(specialise).collect();
         let simple = if self.divisor.is_empty() {
             f.clone()
         } else {
-            divide(&f, &self.divisor.iter().map(specialise).collect::<Vec<_>>(), precision)?
+            divide(
+                &f,
+                &self.divisor.iter().map(specialise).collect::<Vec<_>>(),
+                precision,
+            )?
         };
         simple.last()?.sign().filter(|s| s.is_ne())?;
-        Some(Near { precision, f, simple })
+        Some(Near {
+            precision,
+            f,
+            simple,
+        })
     }
 
     /// Everything at one precision, or nothing if that does not decide.
@@ -282,7 +353,11 @@ impl Fibre {
                     bits *= 2;
                 };
             }
-            roots.push(FibreRoot { lo: from_fixed(&lo, precision), hi: from_fixed(&hi, precision), multiplicity });
+            roots.push(FibreRoot {
+                lo: from_fixed(&lo, precision),
+                hi: from_fixed(&hi, precision),
+                multiplicity,
+            });
         }
         Some(roots)
     }
@@ -319,7 +394,11 @@ fn isolate_simple(p: &[Ball], precision: usize, attempt: usize) -> Option<Vec<(I
     let n = p.len() - 1;
     // Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
     let top = crate::modular::bits(&p[n].magnitude().1);
-    let size = |i: usize| (crate::modular::bits(&p[i].magnitude().0) + 1).saturating_sub(top).div_ceil(n - i);
+    let size = |i: usize| {
+        (crate::modular::bits(&p[i].magnitude().0) + 1)
+            .saturating_sub(top)
+            .div_ceil(n - i)
+    };
     let bound = (0..n).map(size).max().unwrap_or(0) + 1;
     if bound + GRAIN > precision {
         return None;
@@ -375,9 +454,20 @@ fn isolate_simple(p: &[Ball], precision: usize, attempt: usize) -> Option<Vec<(I
 }
 
 fn halve(v: &Ball, times: usize) -> Ball {
-    let lost = if times == 0 || v.middle.trailing_zeros().is_none_or(|z| z >= times) { IBig::ZERO } else { IBig::ONE };
-    let radius = if v.radius.is_zero() { lost } else { (&v.radius >> times) + 2 };
-    Ball { middle: &v.middle >> times, radius }
+    let lost = if times == 0 || v.middle.trailing_zeros().is_none_or(|z| z >= times) {
+        IBig::ZERO
+    } else {
+        IBig::ONE
+    };
+    let radius = if v.radius.is_zero() {
+        lost
+    } else {
+        (&v.radius >> times) + 2
+    };
+    Ball {
+        middle: &v.middle >> times,
+        radius,
+    }
 }
 
 /// Sign changes of (1 + x)ⁿ q(1/(1 + x)), counted up to two; nothing if a sign is uncertain before that.
@@ -403,7 +493,12 @@ fn variations_in_unit(q: &[Ball]) -> Option<usize> {
 }
 
 /// The part of an interval with a sign change that is at most 2^−bits wide and has one too; nothing if a sign is uncertain.
-fn narrow(p: &[Ball], (mut lo, mut hi): (IBig, IBig), bits: usize, precision: usize) -> Option<(IBig, IBig)> {
+fn narrow(
+    p: &[Ball],
+    (mut lo, mut hi): (IBig, IBig),
+    bits: usize,
+    precision: usize,
+) -> Option<(IBig, IBig)> {
     let at = |x: &IBig| ball::eval(p, &Ball::exact(x.clone()), precision).sign();
     let left = at(&lo)?;
     if left.is_eq() || at(&hi)? != left.reverse() {
@@ -412,8 +507,12 @@ fn narrow(p: &[Ball], (mut lo, mut hi): (IBig, IBig), bits: usize, precision: us
     while (&hi - &lo) << bits > IBig::ONE << precision {
         // A root may be the middle itself: try other places of the inner half then.
         let width = &hi - &lo;
-        let inner = [8, 7, 9, 6, 10].into_iter().map(|k| &lo + ((&width * k) >> 4usize));
-        let (point, s) = inner.filter_map(|x| at(&x).filter(|s| s.is_ne()).map(|s| (x, s))).next()?;
+        let inner = [8, 7, 9, 6, 10]
+            .into_iter()
+            .map(|k| &lo + ((&width * k) >> 4usize));
+        let (point, s) = inner
+            .filter_map(|x| at(&x).filter(|s| s.is_ne()).map(|s| (x, s)))
+            .next()?;
         if point <= lo || point >= hi {
             return None;
         }
@@ -443,7 +542,10 @@ fn pellet(f: &[Ball], simple: &[Ball], lo: &IBig, hi: &IBig, precision: usize) -
         // The lower bound of one exceeds the sum of the others' upper bounds.
         t.iter().position(|(above, below)| *below > &total - above)
     };
-    (dominant(simple)? == 1).then(|| dominant(f)).flatten().filter(|&m| m > 0)
+    (dominant(simple)? == 1)
+        .then(|| dominant(f))
+        .flatten()
+        .filter(|&m| m > 0)
 }
 
 impl FibreRoot {

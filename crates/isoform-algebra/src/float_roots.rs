@@ -14,11 +14,17 @@ pub(crate) fn proved_roots(coefficients: &[Interval], top: f64, count: usize) ->
     if count == 0 {
         return Some(Vec::new());
     }
-    let near: Vec<f64> = coefficients.iter().map(|c| 0.5 * (c.lo() + c.hi())).collect();
+    let near: Vec<f64> = coefficients
+        .iter()
+        .map(|c| 0.5 * (c.lo() + c.hi()))
+        .collect();
     let value = |v: f64| near.iter().rev().fold(0.0, |sum, c| sum * v + c);
     let sign = |v: f64| {
         let v = Interval::new(v, v);
-        let at = coefficients.iter().rev().fold(Interval::new(0.0, 0.0), |sum, &c| sum * v + c);
+        let at = coefficients
+            .iter()
+            .rev()
+            .fold(Interval::new(0.0, 0.0), |sum, &c| sum * v + c);
         if at.lo() > 0.0 {
             1
         } else if at.hi() < 0.0 {
@@ -68,7 +74,11 @@ fn isolate(near: &[f64], top: f64, count: usize) -> Option<Vec<(f64, f64)>> {
         }
         scale *= top;
     }
-    let variations = |b: &[f64]| b.windows(2).filter(|w| (w[0] < 0.0) != (w[1] < 0.0)).count();
+    let variations = |b: &[f64]| {
+        b.windows(2)
+            .filter(|w| (w[0] < 0.0) != (w[1] < 0.0))
+            .count()
+    };
     let mut found = Vec::new();
     let mut stack = vec![(0.0, top, bernstein, 0)];
     while let Some((lo, hi, b, depth)) = stack.pop() {
@@ -104,7 +114,11 @@ fn refine(value: &dyn Fn(f64) -> f64, mut lo: f64, mut hi: f64) -> f64 {
         }
         let chord = lo + (hi - lo) * (at_lo / (at_lo - at_hi));
         // Every third step halves, so that it always ends.
-        let v = if round % 3 != 2 && chord > lo && chord < hi { chord } else { middle };
+        let v = if round % 3 != 2 && chord > lo && chord < hi {
+            chord
+        } else {
+            middle
+        };
         let at = value(v);
         if at == 0.0 {
             return v;
@@ -143,10 +157,20 @@ mod tests {
         // A wrong count.
         assert_eq!(proved_roots(&exact(&[-0.5, 1.0]), 1.0, 2), None);
         // Coefficients that are hardly known: roots between 0.4 and 0.6.
-        assert_eq!(proved_roots(&[Interval::new(-0.6, -0.4), Interval::new(1.0, 1.0)], 1.0, 1), None);
+        assert_eq!(
+            proved_roots(
+                &[Interval::new(-0.6, -0.4), Interval::new(1.0, 1.0)],
+                1.0,
+                1
+            ),
+            None
+        );
         // Nearer to zero than brackets can be: this went on for ever.
         assert_eq!(proved_roots(&exact(&[-1e-320, 1.0]), 1.0, 1), None);
         // Two roots 1e-15 apart cannot be told apart.
-        assert_eq!(proved_roots(&exact(&[0.25 * (1.0 + 2e-15), -1.0 - 1e-15, 1.0]), 1.0, 2), None);
+        assert_eq!(
+            proved_roots(&exact(&[0.25 * (1.0 + 2e-15), -1.0 - 1e-15, 1.0]), 1.0, 2),
+            None
+        );
     }
 }

@@ -27,10 +27,16 @@ impl Poly {
     /// ```
     pub fn gcd(&self, other: &Self) -> Self {
         if self.is_zero() || other.is_zero() {
-            return if self.is_zero() { other.primitive() } else { self.primitive() };
+            return if self.is_zero() {
+                other.primitive()
+            } else {
+                self.primitive()
+            };
         }
         let (a, b) = (self.primitive(), other.primitive());
-        let variables: Vec<usize> = (0..MAX_VARS).filter(|&v| a.degree(v) + b.degree(v) > 0).collect();
+        let variables: Vec<usize> = (0..MAX_VARS)
+            .filter(|&v| a.degree(v) + b.degree(v) > 0)
+            .collect();
         if variables.iter().any(|&v| a.degree(v).min(b.degree(v)) > 0) {
             if variables.len() > 1 && a.is_homogeneous() && b.is_homogeneous() {
                 return gcd_of_forms(&a, &b, variables[variables.len() - 1]);
@@ -69,12 +75,17 @@ impl Poly {
         if self.is_zero() {
             return Self::zero();
         }
-        self.squarefree().into_iter().fold(Self::one(), |product, (p, _)| product * p).primitive()
+        self.squarefree()
+            .into_iter()
+            .fold(Self::one(), |product, (p, _)| product * p)
+            .primitive()
     }
 }
 
 fn squarefree_into(p: &Poly, parts: &mut BTreeMap<usize, Poly>) {
-    let Some(&var) = p.variables().first() else { return };
+    let Some(&var) = p.variables().first() else {
+        return;
+    };
     let content = p.content_in(var);
     squarefree_into(&content, parts);
     let p = quotient(p, &content);
@@ -86,7 +97,10 @@ fn squarefree_into(p: &Poly, parts: &mut BTreeMap<usize, Poly>) {
     while !w.is_constant() {
         let factor = w.gcd(&z);
         if !factor.is_constant() {
-            parts.entry(multiplicity).and_modify(|q| *q = &*q * &factor).or_insert_with(|| factor.clone());
+            parts
+                .entry(multiplicity)
+                .and_modify(|q| *q = &*q * &factor)
+                .or_insert_with(|| factor.clone());
         }
         w = quotient(&w, &factor);
         z = quotient(&z, &factor) - w.derivative(var);
@@ -116,31 +130,57 @@ fn gcd_primitive(a: &Poly, b: &Poly, variables: &[usize]) -> Poly {
         if f.of_ibig(lead_a) == 0 || f.of_ibig(lead_b) == 0 {
             continue;
         }
-        let residues = |p: &Poly| -> Terms { p.terms().iter().map(|(e, c)| (*e, f.of_ibig(c))).filter(|(_, c)| *c != 0).collect() };
+        let residues = |p: &Poly| -> Terms {
+            p.terms()
+                .iter()
+                .map(|(e, c)| (*e, f.of_ibig(c)))
+                .filter(|(_, c)| *c != 0)
+                .collect()
+        };
         let image = gcd_modular(&f, &residues(a), &residues(b), variables);
         if image[0].0 == [0; MAX_VARS] {
             return Poly::one();
         }
         let scale = f.of_ibig(&lead);
-        let image: Terms = image.into_iter().map(|(e, c)| (e, f.mul(c, scale))).collect();
+        let image: Terms = image
+            .into_iter()
+            .map(|(e, c)| (e, f.mul(c, scale)))
+            .collect();
         // A prime is unlucky if the leading term of its image is too high.
-        match best.as_ref().map_or(Ordering::Less, |(e, _)| image[0].0.cmp(&e[0])) {
+        match best
+            .as_ref()
+            .map_or(Ordering::Less, |(e, _)| image[0].0.cmp(&e[0]))
+        {
             Ordering::Greater => continue,
-            Ordering::Less => best = Some((image.iter().map(|t| t.0).collect(), Crt::new(image.len()))),
+            Ordering::Less => {
+                best = Some((image.iter().map(|t| t.0).collect(), Crt::new(image.len())))
+            }
             Ordering::Equal => {}
         }
-        let Some((exponents, crt)) = &mut best else { unreachable!("just set") };
+        let Some((exponents, crt)) = &mut best else {
+            unreachable!("just set")
+        };
         if exponents.len() != image.len() || exponents.iter().zip(&image).any(|(e, t)| *e != t.0) {
             // Terms that vanish modulo one of the primes: begin again, with zeros for the terms of this one only.
-            let all: std::collections::BTreeSet<Exponents> = exponents.iter().copied().chain(image.iter().map(|t| t.0)).collect();
+            let all: std::collections::BTreeSet<Exponents> = exponents
+                .iter()
+                .copied()
+                .chain(image.iter().map(|t| t.0))
+                .collect();
             *exponents = all.into_iter().rev().collect();
             *crt = Crt::new(exponents.len());
         }
-        let find = |e: &Exponents| image.binary_search_by(|t| e.cmp(&t.0)).map_or(0, |i| image[i].1);
+        let find = |e: &Exponents| {
+            image
+                .binary_search_by(|t| e.cmp(&t.0))
+                .map_or(0, |i| image[i].1)
+        };
         let first = crt.modulus().is_one();
         let changed = crt.push(&f, &exponents.iter().map(find).collect::<Vec<_>>());
         if !changed || first {
-            let candidate = Poly::from_integers(exponents.iter().copied().zip(crt.symmetric()), UBig::ONE).primitive();
+            let candidate =
+                Poly::from_integers(exponents.iter().copied().zip(crt.symmetric()), UBig::ONE)
+                    .primitive();
             if a.is_multiple_of(&candidate) && b.is_multiple_of(&candidate) {
                 return candidate;
             }
@@ -184,8 +224,15 @@ fn take_content(f: &Fp, p: &mut InLast) -> Vec<u64> {
 
 /// The greatest common divisor modulo a prime, its lexicographic leading coefficient 1. Not proven: evaluation points may be
 /// unlucky, which the division by the caller would show.
-fn gcd_modular(f: &Fp, a: &[(Exponents, u64)], b: &[(Exponents, u64)], variables: &[usize]) -> Terms {
-    let [rest @ .., var] = variables else { return vec![([0; MAX_VARS], f.one())] };
+fn gcd_modular(
+    f: &Fp,
+    a: &[(Exponents, u64)],
+    b: &[(Exponents, u64)],
+    variables: &[usize],
+) -> Terms {
+    let [rest @ .., var] = variables else {
+        return vec![([0; MAX_VARS], f.one())];
+    };
     let var = *var;
     let with_power = |e: &Exponents, n: usize| {
         let mut e = *e;
@@ -193,22 +240,37 @@ fn gcd_modular(f: &Fp, a: &[(Exponents, u64)], b: &[(Exponents, u64)], variables
         e
     };
     if rest.is_empty() {
-        let dense = |p: &[(Exponents, u64)]| in_last(p, var).into_values().next().unwrap_or_default();
+        let dense =
+            |p: &[(Exponents, u64)]| in_last(p, var).into_values().next().unwrap_or_default();
         let g = modpoly::gcd(f, &dense(a), &dense(b));
         let terms = g.iter().enumerate().rev().filter(|(_, c)| **c != 0);
-        return terms.map(|(n, &c)| (with_power(&[0; MAX_VARS], n), c)).collect();
+        return terms
+            .map(|(n, &c)| (with_power(&[0; MAX_VARS], n), c))
+            .collect();
     }
     let (mut a, mut b) = (in_last(a, var), in_last(b, var));
     let content = modpoly::gcd(f, &take_content(f, &mut a), &take_content(f, &mut b));
     let expand = |p: &InLast| -> Terms {
         let mut terms: Terms = Vec::new();
         for (e, c) in p.iter().rev() {
-            terms.extend(c.iter().enumerate().rev().filter(|(_, c)| **c != 0).map(|(n, &c)| (with_power(e, n), c)));
+            terms.extend(
+                c.iter()
+                    .enumerate()
+                    .rev()
+                    .filter(|(_, c)| **c != 0)
+                    .map(|(n, &c)| (with_power(e, n), c)),
+            );
         }
         let inverse = terms.first().map_or(0, |t| f.inv(t.1));
-        terms.into_iter().map(|(e, c)| (e, f.mul(c, inverse))).collect()
+        terms
+            .into_iter()
+            .map(|(e, c)| (e, f.mul(c, inverse)))
+            .collect()
     };
-    let (Some(lead_a), Some(lead_b)) = (a.values().next_back().cloned(), b.values().next_back().cloned()) else {
+    let (Some(lead_a), Some(lead_b)) = (
+        a.values().next_back().cloned(),
+        b.values().next_back().cloned(),
+    ) else {
         unreachable!("polynomials that are not zero")
     };
     let lead = modpoly::gcd(f, &lead_a, &lead_b);
@@ -220,19 +282,28 @@ fn gcd_modular(f: &Fp, a: &[(Exponents, u64)], b: &[(Exponents, u64)], variables
     let mut product = vec![f.one()];
     loop {
         point = f.mul(point, f.add(point, f.one()));
-        if modpoly::eval(f, &lead_a, point) == 0 || modpoly::eval(f, &lead_b, point) == 0 || modpoly::eval(f, &product, point) == 0 {
+        if modpoly::eval(f, &lead_a, point) == 0
+            || modpoly::eval(f, &lead_b, point) == 0
+            || modpoly::eval(f, &product, point) == 0
+        {
             point = f.add(point, f.one());
             continue;
         }
         let at = |p: &InLast| -> Terms {
-            let values = p.iter().rev().map(|(e, c)| (*e, modpoly::eval(f, c, point)));
+            let values = p
+                .iter()
+                .rev()
+                .map(|(e, c)| (*e, modpoly::eval(f, c, point)));
             values.filter(|(_, c)| *c != 0).collect()
         };
         let image = gcd_modular(f, &at(&a), &at(&b), rest);
         if image[0].0 == [0; MAX_VARS] {
             return expand(&InLast::from([([0; MAX_VARS], content)]));
         }
-        match found.as_ref().map_or(Ordering::Less, |(e, _)| image[0].0.cmp(e)) {
+        match found
+            .as_ref()
+            .map_or(Ordering::Less, |(e, _)| image[0].0.cmp(e))
+        {
             Ordering::Greater => continue,
             Ordering::Less => {
                 found = Some((image[0].0, InLast::new()));
@@ -240,7 +311,9 @@ fn gcd_modular(f: &Fp, a: &[(Exponents, u64)], b: &[(Exponents, u64)], variables
             }
             Ordering::Equal => {}
         }
-        let Some((_, sum)) = &mut found else { unreachable!("just set") };
+        let Some((_, sum)) = &mut found else {
+            unreachable!("just set")
+        };
         let scale = modpoly::eval(f, &lead, point);
         let inverse = f.inv(modpoly::eval(f, &product, point));
         let mut changed = false;
@@ -250,7 +323,10 @@ fn gcd_modular(f: &Fp, a: &[(Exponents, u64)], b: &[(Exponents, u64)], variables
         }
         for (e, value) in image {
             let coefficient = sum.entry(e).or_default();
-            let step = f.mul(f.sub(f.mul(value, scale), modpoly::eval(f, coefficient, point)), inverse);
+            let step = f.mul(
+                f.sub(f.mul(value, scale), modpoly::eval(f, coefficient, point)),
+                inverse,
+            );
             if step != 0 {
                 changed = true;
                 *coefficient = modpoly::add(f, coefficient, &modpoly::scale(f, &product, step));
@@ -272,7 +348,11 @@ impl UPoly {
     /// The greatest common divisor over Q, primitive; 0 only of two zeros.
     pub fn gcd(&self, other: &Self) -> Self {
         if self.is_zero() || other.is_zero() {
-            return if self.is_zero() { other.primitive() } else { self.primitive() };
+            return if self.is_zero() {
+                other.primitive()
+            } else {
+                self.primitive()
+            };
         }
         let (a, b) = (self.primitive(), other.primitive());
         let (lead_a, lead_b) = (a.leading(), b.leading());
@@ -344,7 +424,11 @@ impl UPoly {
     pub fn squarefree_part(&self) -> Self {
         let p = self.primitive();
         let common = p.gcd(&p.derivative());
-        if common.degree() == 0 { p } else { p.div_exact(&common).expect("a divisor").primitive() }
+        if common.degree() == 0 {
+            p
+        } else {
+            p.div_exact(&common).expect("a divisor").primitive()
+        }
     }
 }
 
@@ -364,14 +448,22 @@ pub fn coprime_base(given: &[Poly]) -> (Vec<Poly>, Vec<Vec<usize>>) {
         let mut rest = p.squarefree_part();
         let mut next = Vec::with_capacity(base.len() + 1);
         for (q, of) in base {
-            let g = if rest.is_constant() { Poly::one() } else { q.gcd(&rest) };
+            let g = if rest.is_constant() {
+                Poly::one()
+            } else {
+                q.gcd(&rest)
+            };
             if g.is_constant() {
                 next.push((q, of));
                 continue;
             }
             let of_both = of.iter().copied().chain([k]).collect();
             // Divisors divide.
-            next.extend(q.div_exact(&g).filter(|q| !q.is_constant()).map(|q| (q.primitive(), of)));
+            next.extend(
+                q.div_exact(&g)
+                    .filter(|q| !q.is_constant())
+                    .map(|q| (q.primitive(), of)),
+            );
             rest = rest.div_exact(&g).unwrap_or_else(Poly::one);
             next.push((g.primitive(), of_both));
         }
@@ -380,6 +472,12 @@ pub fn coprime_base(given: &[Poly]) -> (Vec<Poly>, Vec<Vec<usize>>) {
         }
         base = next;
     }
-    let divisors = (0..given.len()).map(|k| (0..base.len()).filter(|&b| base[b].1.contains(&k)).collect()).collect();
+    let divisors = (0..given.len())
+        .map(|k| {
+            (0..base.len())
+                .filter(|&b| base[b].1.contains(&k))
+                .collect()
+        })
+        .collect();
     (base.into_iter().map(|b| b.0).collect(), divisors)
 }

@@ -78,14 +78,21 @@ pub const DEFAULT_MAX_DEGREE: usize = 16;
 /// [`MapError::Zero`], [`MapError::TooManyVariables`].
 pub fn image_dimension(map: &[Poly; 4]) -> Result<usize, MapError> {
     validate(map)?;
-    let columns: Vec<[Poly; 4]> = vec![map.clone(), map.clone().map(|p| p.derivative(0)), map.clone().map(|p| p.derivative(1))];
+    let columns: Vec<[Poly; 4]> = vec![
+        map.clone(),
+        map.clone().map(|p| p.derivative(0)),
+        map.clone().map(|p| p.derivative(1)),
+    ];
     let mut rank = 0;
     let mut stream = Stream::new(1);
     for field in primes().take(3) {
         let at = [stream.next(&field), stream.next(&field), field.one()];
         let mut echelon = Echelon::new(4);
         for column in &columns {
-            let row = column.iter().map(|p| eval_at(&field, &residues(&field, p), &at)).collect();
+            let row = column
+                .iter()
+                .map(|p| eval_at(&field, &residues(&field, p), &at))
+                .collect();
             echelon.insert(&field, row);
         }
         rank = rank.max(echelon.rank);
@@ -94,7 +101,9 @@ pub fn image_dimension(map: &[Poly; 4]) -> Result<usize, MapError> {
         }
     }
     // The rank over Q(s, t) from minors, exact.
-    let two = |c: [usize; 2], r: [usize; 2]| &columns[c[0]][r[0]] * &columns[c[1]][r[1]] - &columns[c[0]][r[1]] * &columns[c[1]][r[0]];
+    let two = |c: [usize; 2], r: [usize; 2]| {
+        &columns[c[0]][r[0]] * &columns[c[1]][r[1]] - &columns[c[0]][r[1]] * &columns[c[1]][r[0]]
+    };
     let three = |skip: usize| {
         let r: Vec<usize> = (0..4).filter(|&i| i != skip).collect();
         (0..3).fold(Poly::zero(), |sum, i| {
@@ -106,7 +115,9 @@ pub fn image_dimension(map: &[Poly; 4]) -> Result<usize, MapError> {
         return Ok(2);
     }
     let pairs = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
-    let curve = [[0, 1], [0, 2], [1, 2]].into_iter().any(|c| pairs.into_iter().any(|r| !two(c, r).is_zero()));
+    let curve = [[0, 1], [0, 2], [1, 2]]
+        .into_iter()
+        .any(|c| pairs.into_iter().any(|r| !two(c, r).is_zero()));
     Ok(usize::from(curve))
 }
 
@@ -154,7 +165,11 @@ pub fn map_degrees(map: &[Poly; 4], stop: &dyn Fn() -> bool) -> Result<MapDegree
 ///
 /// # Errors
 /// [`MapError`].
-pub fn implicit(map: &[Poly; 4], max_degree: usize, stop: &dyn Fn() -> bool) -> Result<Option<Implicit>, MapError> {
+pub fn implicit(
+    map: &[Poly; 4],
+    max_degree: usize,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Implicit>, MapError> {
     let mut degrees = map_degrees(map, stop)?;
     let mut degree = degrees.implicit_degree;
     loop {
@@ -212,12 +227,19 @@ impl Stream {
 fn residues(f: &Fp, p: &Poly) -> Vec<(Exponents, u64)> {
     let d = f.of_ubig(p.denominator());
     let inverse = if d == 0 { 0 } else { f.inv(d) };
-    p.terms().iter().map(|(e, c)| (*e, f.mul(f.of_ibig(c), inverse))).collect()
+    p.terms()
+        .iter()
+        .map(|(e, c)| (*e, f.mul(f.of_ibig(c), inverse)))
+        .collect()
 }
 
 fn eval_at(f: &Fp, terms: &[(Exponents, u64)], at: &[u64; 3]) -> u64 {
     let tables: [Vec<u64>; MAX_VARS] = std::array::from_fn(|v| {
-        let degree = terms.iter().map(|(e, _)| usize::from(e[v])).max().unwrap_or(0);
+        let degree = terms
+            .iter()
+            .map(|(e, _)| usize::from(e[v]))
+            .max()
+            .unwrap_or(0);
         let mut table = vec![f.one(); degree + 1];
         for k in 1..=degree {
             table[k] = f.mul(table[k - 1], at[v]);
@@ -245,13 +267,18 @@ impl Pullback {
             field: *f,
             n,
             frame: std::array::from_fn(|_| std::array::from_fn(|_| stream.next(f))),
-            forms: map.iter().map(|p| residues(f, &p.homogenise(2, n))).collect(),
+            forms: map
+                .iter()
+                .map(|p| residues(f, &p.homogenise(2, n)))
+                .collect(),
             nodes: (0..=n * n).collect(),
             inverses: modpoly::small_inverses(f, n * n + 1),
             lines: Vec::new(),
         };
         for &s in &pullback.nodes {
-            let values: Vec<[u64; 4]> = (0..=n).map(|t| pullback.image(f.of_u64(s as u64), f.of_u64(t as u64))).collect();
+            let values: Vec<[u64; 4]> = (0..=n)
+                .map(|t| pullback.image(f.of_u64(s as u64), f.of_u64(t as u64)))
+                .collect();
             let line = std::array::from_fn(|i| {
                 let column: Vec<u64> = values.iter().map(|v| v[i]).collect();
                 modpoly::interpolate(f, &pullback.nodes[..=n], &column, &pullback.inverses)
@@ -262,7 +289,9 @@ impl Pullback {
     }
     fn image(&self, s: u64, t: u64) -> [u64; 4] {
         let f = &self.field;
-        let point = self.frame.map(|r| f.add(f.add(f.mul(r[0], s), f.mul(r[1], t)), r[2]));
+        let point = self
+            .frame
+            .map(|r| f.add(f.add(f.mul(r[0], s), f.mul(r[1], t)), r[2]));
         std::array::from_fn(|i| eval_at(f, &self.forms[i], &point))
     }
     /// The pullbacks of two planes on every line, if they keep their degrees.
@@ -270,24 +299,41 @@ impl Pullback {
         let f = &self.field;
         let on = |line: &[Vec<u64>; 4], c: &[u64; 4]| {
             let parts = line.iter().zip(c).filter(|(_, c)| **c != 0);
-            parts.fold(Vec::new(), |sum, (p, &c)| modpoly::add(f, &sum, &modpoly::scale(f, p, c)))
+            parts.fold(Vec::new(), |sum, (p, &c)| {
+                modpoly::add(f, &sum, &modpoly::scale(f, p, c))
+            })
         };
         let pairs = self.lines.iter().map(|line| (on(line, a), on(line, b)));
-        pairs.map(|(a, b)| (a.len() == self.n + 1 && b.len() == self.n + 1).then_some((a, b))).collect()
+        pairs
+            .map(|(a, b)| (a.len() == self.n + 1 && b.len() == self.n + 1).then_some((a, b)))
+            .collect()
     }
     fn interpolate(&self, values: &[u64]) -> Vec<u64> {
-        modpoly::interpolate(&self.field, &self.nodes[..values.len()], values, &self.inverses)
+        modpoly::interpolate(
+            &self.field,
+            &self.nodes[..values.len()],
+            values,
+            &self.inverses,
+        )
     }
     /// The resultant of the pullbacks of two planes: s of the common points, with multiplicities.
     fn meet(&self, a: &[u64; 4], b: &[u64; 4]) -> Option<Vec<u64>> {
-        let values: Vec<u64> = self.planes(a, b)?.iter().map(|(a, b)| modpoly::resultant(&self.field, a, b)).collect();
+        let values: Vec<u64> = self
+            .planes(a, b)?
+            .iter()
+            .map(|(a, b)| modpoly::resultant(&self.field, a, b))
+            .collect();
         let r = self.interpolate(&values);
         (r.len() == self.nodes.len()).then_some(r)
     }
     /// The base points' s with multiplicities, from two general pairs of planes.
     fn base(&self, stream: &mut Stream) -> Option<Vec<u64>> {
         let [a, b, c, d] = [(); 4].map(|()| [(); 4].map(|()| stream.next(&self.field)));
-        Some(modpoly::gcd(&self.field, &self.meet(&a, &b)?, &self.meet(&c, &d)?))
+        Some(modpoly::gcd(
+            &self.field,
+            &self.meet(&a, &b)?,
+            &self.meet(&c, &d)?,
+        ))
     }
 }
 
@@ -306,7 +352,9 @@ fn count_degrees(f: &Fp, map: &[Poly; 4], n: usize, stream: &mut Stream) -> Opti
         c
     });
     let common = modpoly::gcd(f, &pullback.meet(&a, &b)?, &pullback.meet(&c, &d)?);
-    let map_degree = (common.len() - 1).checked_sub(base_multiplicity).filter(|&m| m > 0)?;
+    let map_degree = (common.len() - 1)
+        .checked_sub(base_multiplicity)
+        .filter(|&m| m > 0)?;
     let moving = n * n - base_multiplicity;
     moving.is_multiple_of(map_degree).then_some(MapDegrees {
         degree: n,
@@ -325,12 +373,29 @@ fn count_degrees(f: &Fp, map: &[Poly; 4], n: usize, stream: &mut Stream) -> Opti
 ///
 /// Nothing where the numbers of points are not as counted. The equation is of the least degree: on some line modulo some prime its roots
 /// are distinct, and all of them are roots of every equation.
-fn equation_by_lines(map: &[Poly; 4], degrees: &MapDegrees, stop: &dyn Fn() -> bool) -> Result<Option<Poly>, MapError> {
+fn equation_by_lines(
+    map: &[Poly; 4],
+    degrees: &MapDegrees,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Poly>, MapError> {
     /// Points off which a surface lies; one of them is off any surface of low degree that people write.
-    const CENTRES: [[i64; 3]; 6] = [[0, 0, 0], [1, 0, 0], [0, 0, 1], [1, -1, 2], [2, 3, -5], [-7, 5, 11]];
+    const CENTRES: [[i64; 3]; 6] = [
+        [0, 0, 0],
+        [1, 0, 0],
+        [0, 0, 1],
+        [1, -1, 2],
+        [2, 3, -5],
+        [-7, 5, 11],
+    ];
     for centre in CENTRES {
         let tilted = |v: usize, sign: i64| Poly::constant(sign * centre[v - 1]);
-        let moved: [Poly; 4] = std::array::from_fn(|v| if v == 0 { map[0].clone() } else { &map[v] - &map[0] * tilted(v, 1) });
+        let moved: [Poly; 4] = std::array::from_fn(|v| {
+            if v == 0 {
+                map[0].clone()
+            } else {
+                &map[v] - &map[0] * tilted(v, 1)
+            }
+        });
         let d = degrees.implicit_degree;
         let mut crt: Option<Crt> = None;
         let mut last: Option<Poly> = None;
@@ -338,7 +403,9 @@ fn equation_by_lines(map: &[Poly; 4], degrees: &MapDegrees, stop: &dyn Fn() -> b
         let mut failures = 0;
         let mut minimal = false;
         for f in primes() {
-            let Some((coefficients, distinct)) = residues_by_lines(&f, &moved, degrees, &mut stream, stop)? else {
+            let Some((coefficients, distinct)) =
+                residues_by_lines(&f, &moved, degrees, &mut stream, stop)?
+            else {
                 failures += 1;
                 if failures > 1 {
                     break;
@@ -348,15 +415,28 @@ fn equation_by_lines(map: &[Poly; 4], degrees: &MapDegrees, stop: &dyn Fn() -> b
             minimal |= distinct;
             let crt = crt.get_or_insert_with(|| Crt::new(coefficients.len()));
             crt.push(&f, &coefficients);
-            let Some((numerators, denominator)) = crt.rational() else { continue };
+            let Some((numerators, denominator)) = crt.rational() else {
+                continue;
+            };
             let mut terms = vec![([d as u16, 0, 0, 0], denominator.into())];
-            let places = (1..=d).flat_map(|k| (0..=k).flat_map(move |i| (0..=k - i).map(move |j| [d - k, i, j, k - i - j])));
+            let places = (1..=d).flat_map(|k| {
+                (0..=k).flat_map(move |i| (0..=k - i).map(move |j| [d - k, i, j, k - i - j]))
+            });
             terms.extend(places.map(|e| e.map(|n| n as u16)).zip(numerators));
             let candidate = Poly::from_integers(terms, dashu_int::UBig::ONE).primitive();
             if last.as_ref() == Some(&candidate) && minimal && candidate.composes_to_zero(&moved) {
-                let back: [Poly; 4] =
-                    std::array::from_fn(|v| if v == 0 { Poly::var(0) } else { Poly::var(v) + Poly::var(0) * tilted(v, -1) });
-                return Ok(Some(if centre == [0; 3] { candidate } else { candidate.compose(&back).primitive() }));
+                let back: [Poly; 4] = std::array::from_fn(|v| {
+                    if v == 0 {
+                        Poly::var(0)
+                    } else {
+                        Poly::var(v) + Poly::var(0) * tilted(v, -1)
+                    }
+                });
+                return Ok(Some(if centre == [0; 3] {
+                    candidate
+                } else {
+                    candidate.compose(&back).primitive()
+                }));
             }
             last = Some(candidate);
         }
@@ -375,11 +455,25 @@ fn residues_by_lines(
 ) -> Result<Option<(Vec<u64>, bool)>, MapError> {
     let (n, d) = (degrees.degree, degrees.implicit_degree);
     let pullback = Pullback::new(f, map, n, stream);
-    let Some(base) = pullback.base(stream).filter(|b| b.len() == degrees.base_multiplicity + 1) else { return Ok(None) };
+    let Some(base) = pullback
+        .base(stream)
+        .filter(|b| b.len() == degrees.base_multiplicity + 1)
+    else {
+        return Ok(None);
+    };
     // X and W as polynomials in t with coefficients in s.
     let in_t = |i: usize| -> Vec<Vec<u64>> {
         let coefficient = |line: &[Vec<u64>; 4], j: usize| line[i].get(j).copied().unwrap_or(0);
-        (0..=n).map(|j| pullback.interpolate(&pullback.lines[..=n].iter().map(|l| coefficient(l, j)).collect::<Vec<_>>())).collect()
+        (0..=n)
+            .map(|j| {
+                pullback.interpolate(
+                    &pullback.lines[..=n]
+                        .iter()
+                        .map(|l| coefficient(l, j))
+                        .collect::<Vec<_>>(),
+                )
+            })
+            .collect()
     };
     let (x, w) = (in_t(0), in_t(3));
     let origin = stream.next(f);
@@ -392,7 +486,16 @@ fn residues_by_lines(
         }
         for j in 0..row {
             let [eta, zeta] = [i, j].map(|v| f.neg(f.add(origin, f.of_u64(v as u64))));
-            let Some(line) = equation_on_line(&pullback, &base, degrees.map_degree, d, (&x, &w), (eta, zeta)) else { return Ok(None) };
+            let Some(line) = equation_on_line(
+                &pullback,
+                &base,
+                degrees.map_degree,
+                d,
+                (&x, &w),
+                (eta, zeta),
+            ) else {
+                return Ok(None);
+            };
             if !distinct {
                 let derivative = modpoly::derivative(f, &line);
                 distinct = modpoly::gcd(f, &line, &derivative).len() == 1;
@@ -447,8 +550,11 @@ fn equation_on_line(
         (g.len() == 1).then_some(u)
     };
     let t = modpoly::scale(f, &times(&s10, &inverse(&s11)?), f.neg(f.one()));
-    let at_points =
-        |p: &[Vec<u64>]| p.iter().rev().fold(Vec::new(), |sum: Vec<u64>, c| modpoly::rem(f, modpoly::add(f, &times(&sum, &t), c), &moving));
+    let at_points = |p: &[Vec<u64>]| {
+        p.iter().rev().fold(Vec::new(), |sum: Vec<u64>, c| {
+            modpoly::rem(f, modpoly::add(f, &times(&sum, &t), c), &moving)
+        })
+    };
     let element = times(&at_points(x), &inverse(&at_points(w))?);
     // Power sums of the roots s, which are the traces of the powers of s.
     let inverse_lead = f.inv(moving[m * d]);
@@ -456,10 +562,16 @@ fn equation_on_line(
     let top = m * d;
     let mut sums = vec![f.of_u64(top as u64)];
     for k in 1..top {
-        let known = (1..k).fold(f.mul(f.of_u64(k as u64), monic[top - k]), |s, i| f.add(s, f.mul(monic[top - i], sums[k - i])));
+        let known = (1..k).fold(f.mul(f.of_u64(k as u64), monic[top - k]), |s, i| {
+            f.add(s, f.mul(monic[top - i], sums[k - i]))
+        });
         sums.push(f.neg(known));
     }
-    let trace = |p: &[u64]| p.iter().zip(&sums).fold(0, |s, (&a, &b)| f.add(s, f.mul(a, b)));
+    let trace = |p: &[u64]| {
+        p.iter()
+            .zip(&sums)
+            .fold(0, |s, (&a, &b)| f.add(s, f.mul(a, b)))
+    };
     let share = f.inv(f.of_u64(m as u64));
     let mut traces = vec![0];
     let mut power = vec![f.one()];
@@ -484,7 +596,10 @@ struct Echelon {
 
 impl Echelon {
     fn new(columns: usize) -> Self {
-        Self { rows: vec![None; columns], rank: 0 }
+        Self {
+            rows: vec![None; columns],
+            rank: 0,
+        }
     }
     /// Takes in a row; whether the rank grew.
     fn insert(&mut self, f: &Fp, mut row: Vec<u64>) -> bool {
@@ -518,7 +633,10 @@ impl Echelon {
         v[free] = f.one();
         for (c, row) in self.rows.iter().enumerate().rev() {
             if let Some(row) = row {
-                let sum = row[c + 1..].iter().zip(&v[c + 1..]).fold(0, |s, (&a, &b)| f.add(s, f.mul(a, b)));
+                let sum = row[c + 1..]
+                    .iter()
+                    .zip(&v[c + 1..])
+                    .fold(0, |s, (&a, &b)| f.add(s, f.mul(a, b)));
                 v[c] = f.neg(sum);
             }
         }
@@ -536,10 +654,17 @@ enum Kernel {
 /// Rows beyond the number of columns: the kernel must not shrink by them.
 const EXTRA_ROWS: usize = 2;
 
-fn equation_of_degree(map: &[Poly; 4], degree: usize, stop: &dyn Fn() -> bool) -> Result<Kernel, MapError> {
+fn equation_of_degree(
+    map: &[Poly; 4],
+    degree: usize,
+    stop: &dyn Fn() -> bool,
+) -> Result<Kernel, MapError> {
     let d = degree as u16;
-    let all: Vec<Exponents> =
-        (0..=d).flat_map(|i| (0..=d - i).flat_map(move |j| (0..=d - i - j).map(move |k| [i, j, k, d - i - j - k]))).collect();
+    let all: Vec<Exponents> = (0..=d)
+        .flat_map(|i| {
+            (0..=d - i).flat_map(move |j| (0..=d - i - j).map(move |k| [i, j, k, d - i - j - k]))
+        })
+        .collect();
     let mut support = all;
     let mut free = None;
     let mut crt: Option<Crt> = None;
@@ -561,12 +686,19 @@ fn equation_of_degree(map: &[Poly; 4], degree: usize, stop: &dyn Fn() -> bool) -
                 }
                 table
             });
-            let row = support.iter().map(|e| (0..4).fold(f.one(), |m, v| f.mul(m, powers[v][usize::from(e[v])]))).collect();
+            let row = support
+                .iter()
+                .map(|e| (0..4).fold(f.one(), |m, v| f.mul(m, powers[v][usize::from(e[v])])))
+                .collect();
             echelon.insert(&f, row);
         }
         let Some((column, vector)) = echelon.kernel(&f) else {
             if crt.is_none() {
-                return Ok(if echelon.rank == support.len() { Kernel::None } else { Kernel::More });
+                return Ok(if echelon.rank == support.len() {
+                    Kernel::None
+                } else {
+                    Kernel::More
+                });
             }
             // A prime that divides something it should not.
             continue;
@@ -587,8 +719,14 @@ fn equation_of_degree(map: &[Poly; 4], degree: usize, stop: &dyn Fn() -> bool) -
         };
         let crt = crt.get_or_insert_with(|| Crt::new(vector.len()));
         crt.push(&f, &vector);
-        let Some((numerators, _)) = crt.rational() else { continue };
-        let candidate = Poly::from_integers(support.iter().copied().zip(numerators), dashu_int::UBig::ONE).primitive();
+        let Some((numerators, _)) = crt.rational() else {
+            continue;
+        };
+        let candidate = Poly::from_integers(
+            support.iter().copied().zip(numerators),
+            dashu_int::UBig::ONE,
+        )
+        .primitive();
         if last.as_ref() == Some(&candidate) && candidate.composes_to_zero(map) {
             return Ok(Kernel::One(candidate));
         }

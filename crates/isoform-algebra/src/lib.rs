@@ -52,7 +52,9 @@ pub use dashu_ratio::RBig;
 pub use factor::FactorError;
 pub use fibre::{Fibre, FibreError, FibreRoot, Fibres, count_by_signs};
 pub use gcd::coprime_base;
-pub use implicit::{DEFAULT_MAX_DEGREE, Implicit, MapDegrees, MapError, image_dimension, implicit, map_degrees};
+pub use implicit::{
+    DEFAULT_MAX_DEGREE, Implicit, MapDegrees, MapError, image_dimension, implicit, map_degrees,
+};
 pub use parse::{MAX_DEGREE, ParseError, ParseProblem};
 pub use poly::{Exponents, MAX_VARS, Poly};
 pub use resultant::{ResultantError, Subresultants, discriminant, resultant, resultant_univariate};

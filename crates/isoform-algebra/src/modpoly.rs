@@ -123,7 +123,12 @@ pub(crate) fn gcd_extended(f: &Fp, a: &[u64], b: &[u64]) -> (Vec<u64>, Vec<u64>,
 }
 
 pub(crate) fn derivative(f: &Fp, a: &[u64]) -> Vec<u64> {
-    let mut d: Vec<u64> = a.iter().enumerate().skip(1).map(|(i, &c)| f.mul(c, f.of_u64(i as u64))).collect();
+    let mut d: Vec<u64> = a
+        .iter()
+        .enumerate()
+        .skip(1)
+        .map(|(i, &c)| f.mul(c, f.of_u64(i as u64)))
+        .collect();
     trim(&mut d);
     d
 }
@@ -236,19 +241,32 @@ mod tests {
             let q = div_rem(&f, &mut r, &b);
             assert_eq!(add(&f, &mul(&f, &q, &b), &r), a);
             let (ac, bc) = (mul(&f, &a, &c), mul(&f, &b, &c));
-            assert_eq!(gcd(&f, &ac, &bc), monic(&f, &c), "random polynomials have no common factor");
+            assert_eq!(
+                gcd(&f, &ac, &bc),
+                monic(&f, &c),
+                "random polynomials have no common factor"
+            );
             let (g, u, v) = gcd_extended(&f, &ac, &bc);
             assert_eq!(add(&f, &mul(&f, &u, &ac), &mul(&f, &v, &bc)), g);
             // The resultant is multiplicative: Res(ab, c) = Res(a, c) Res(b, c).
             let product = f.mul(resultant(&f, &a, &c), resultant(&f, &b, &c));
             assert_eq!(resultant(&f, &mul(&f, &a, &b), &c), product);
             let nodes: Vec<usize> = (0..a.len()).map(|i| i * i + 2).collect();
-            let values: Vec<u64> = nodes.iter().map(|&x| eval(&f, &a, f.of_u64(x as u64))).collect();
+            let values: Vec<u64> = nodes
+                .iter()
+                .map(|&x| eval(&f, &a, f.of_u64(x as u64)))
+                .collect();
             assert_eq!(interpolate(&f, &nodes, &values, &small_inverses(&f, 70)), a);
         }
         // Res(x − 2, x − 5) = −3 and Res(x² − 2, x − 5) = 23.
         let poly = |c: &[i64]| c.iter().map(|&v| f.of_i64(v)).collect::<Vec<_>>();
-        assert_eq!(resultant(&f, &poly(&[-2, 1]), &poly(&[-5, 1])), f.of_i64(-3));
-        assert_eq!(resultant(&f, &poly(&[-2, 0, 1]), &poly(&[-5, 1])), f.of_i64(23));
+        assert_eq!(
+            resultant(&f, &poly(&[-2, 1]), &poly(&[-5, 1])),
+            f.of_i64(-3)
+        );
+        assert_eq!(
+            resultant(&f, &poly(&[-2, 0, 1]), &poly(&[-5, 1])),
+            f.of_i64(23)
+        );
     }
 }

@@ -30,7 +30,10 @@ impl Fp {
     /// # Panics
     /// If p is even, below 3 or not below 2⁶³.
     pub fn new(p: u64) -> Self {
-        assert!(p % 2 == 1 && (3..1 << 63).contains(&p), "{p} is no odd prime below 2^63");
+        assert!(
+            p % 2 == 1 && (3..1 << 63).contains(&p),
+            "{p} is no odd prime below 2^63"
+        );
         // Newton's iteration doubles the number of correct low bits; 3p xor 2 has five of them.
         let mut inverse = p.wrapping_mul(3) ^ 2;
         for _ in 0..4 {
@@ -38,7 +41,12 @@ impl Fp {
         }
         let one = ((1u128 << 64) % u128::from(p)) as u64;
         let r2 = (u128::from(one) * u128::from(one) % u128::from(p)) as u64;
-        Self { p, negative_inverse: inverse.wrapping_neg(), r2, one }
+        Self {
+            p,
+            negative_inverse: inverse.wrapping_neg(),
+            r2,
+            one,
+        }
     }
 
     /// The prime p.
@@ -58,7 +66,11 @@ impl Fp {
     /// The element that `a` represents.
     pub fn of_i64(&self, a: i64) -> u64 {
         let magnitude = self.of_u64(a.unsigned_abs());
-        if a < 0 { self.neg(magnitude) } else { magnitude }
+        if a < 0 {
+            self.neg(magnitude)
+        } else {
+            magnitude
+        }
     }
     /// The residue of a large integer.
     pub fn of_ubig(&self, a: &UBig) -> u64 {
@@ -77,7 +89,11 @@ impl Fp {
             sum = self.add(self.mul(sum, self.r2), word % self.p);
         }
         let magnitude = self.mul(sum, self.r2);
-        if sign == Sign::Negative { self.neg(magnitude) } else { magnitude }
+        if sign == Sign::Negative {
+            self.neg(magnitude)
+        } else {
+            magnitude
+        }
     }
     /// The residue of a rational number, or nothing if p divides its denominator.
     pub fn of_rbig(&self, a: &RBig) -> Option<u64> {
@@ -142,7 +158,11 @@ impl Fp {
             (r0, r1) = (r1, r0 - q * r1);
             (t0, t1) = (t1, t0.wrapping_sub((q as i64).wrapping_mul(t1)));
         }
-        let inverse = if t0 < 0 { (t0 + self.p as i64) as u64 } else { t0 as u64 };
+        let inverse = if t0 < 0 {
+            (t0 + self.p as i64) as u64
+        } else {
+            t0 as u64
+        };
         self.mul(self.mul(inverse, self.r2), self.r2)
     }
     /// a/b.
@@ -208,7 +228,10 @@ pub struct Crt {
 impl Crt {
     /// `count` integers of which nothing is known.
     pub fn new(count: usize) -> Self {
-        Self { modulus: UBig::ONE, values: vec![UBig::ZERO; count] }
+        Self {
+            modulus: UBig::ONE,
+            values: vec![UBig::ZERO; count],
+        }
     }
     /// The product of the primes so far.
     pub fn modulus(&self) -> &UBig {
@@ -219,7 +242,11 @@ impl Crt {
     /// # Panics
     /// If the number of residues differs from the number of integers, or the prime was used before.
     pub fn push(&mut self, field: &Fp, residues: &[u64]) -> bool {
-        assert_eq!(residues.len(), self.values.len(), "one residue for each integer");
+        assert_eq!(
+            residues.len(),
+            self.values.len(),
+            "one residue for each integer"
+        );
         let inverse = field.inv(field.of_ubig(&self.modulus));
         let modulus = IBig::from(&self.modulus * field.prime());
         let half = &self.modulus >> 1;
@@ -238,7 +265,13 @@ impl Crt {
     /// The integers of least absolute value with the residues taken in.
     pub fn symmetric(&self) -> Vec<IBig> {
         let half = &self.modulus >> 1;
-        let lift = |v: &UBig| if *v > half { IBig::from(v.clone()) - IBig::from(self.modulus.clone()) } else { IBig::from(v.clone()) };
+        let lift = |v: &UBig| {
+            if *v > half {
+                IBig::from(v.clone()) - IBig::from(self.modulus.clone())
+            } else {
+                IBig::from(v.clone())
+            }
+        };
         self.values.iter().map(lift).collect()
     }
     /// A common denominator d and integers nᵢ such that nᵢ/d has the residues taken in, |nᵢ| and d below √(M/2); nothing if there
@@ -247,7 +280,8 @@ impl Crt {
         let mut denominator = UBig::ONE;
         let mut numerators: Vec<IBig> = Vec::with_capacity(self.values.len());
         for value in &self.values {
-            let r = rational_reconstruction(&(value * &denominator % &self.modulus), &self.modulus)?;
+            let r =
+                rational_reconstruction(&(value * &denominator % &self.modulus), &self.modulus)?;
             let (n, d) = r.into_parts();
             if !d.is_one() {
                 for earlier in &mut numerators {
@@ -301,7 +335,9 @@ pub(crate) fn bit_len(n: &UBig) -> usize {
 /// Number of bits of |n|; 0 for zero.
 pub(crate) fn bits(n: &IBig) -> usize {
     let (_, words) = n.as_sign_words();
-    words.last().map_or(0, |top| words.len() * 64 - top.leading_zeros() as usize)
+    words
+        .last()
+        .map_or(0, |top| words.len() * 64 - top.leading_zeros() as usize)
 }
 
 #[cfg(test)]
@@ -314,16 +350,25 @@ mod tests {
         // sympy.prevprime, iterated: 2^62 − 57, −87, −117, −143, −153.
         let found: Vec<u64> = primes().take(5).map(|f| (1 << 62) - f.prime()).collect();
         assert_eq!(found, [57, 87, 117, 143, 153]);
-        assert!(is_prime(2) && is_prime(37) && is_prime(41) && !is_prime(1) && !is_prime(3_215_031_751));
+        assert!(
+            is_prime(2) && is_prime(37) && is_prime(41) && !is_prime(1) && !is_prime(3_215_031_751)
+        );
     }
 
     #[test]
     fn fractions_come_back() {
         let mut crt = Crt::new(3);
         let third = RBig::from_parts(IBig::from(-22), UBig::from(7u8));
-        let wanted = [RBig::from(5), third, RBig::from_parts(IBig::from(123_456_789), UBig::from(987_654_323u64))];
+        let wanted = [
+            RBig::from(5),
+            third,
+            RBig::from_parts(IBig::from(123_456_789), UBig::from(987_654_323u64)),
+        ];
         for field in primes().take(3) {
-            let residues: Vec<u64> = wanted.iter().map(|w| field.of_rbig(w).expect("no denominator vanishes")).collect();
+            let residues: Vec<u64> = wanted
+                .iter()
+                .map(|w| field.of_rbig(w).expect("no denominator vanishes"))
+                .collect();
             crt.push(&field, &residues);
         }
         let (n, d) = crt.rational().expect("small fractions");

@@ -85,7 +85,12 @@ impl Poly {
     /// If there are more than four names.
     pub fn parse(text: &str, names: &[&str]) -> Result<Self, ParseError> {
         assert!(names.len() <= MAX_VARS, "at most four variables");
-        let mut parser = Parser { text: text.chars().collect(), at: 0, names, work: 0 };
+        let mut parser = Parser {
+            text: text.chars().collect(),
+            at: 0,
+            names,
+            work: 0,
+        };
         let poly = parser.sum(0)?;
         match parser.peek() {
             None => Ok(poly),
@@ -103,7 +108,8 @@ impl Poly {
                 return f.write_str("0");
             }
             for (i, (exponents, c)) in self.terms().iter().enumerate() {
-                let magnitude = RBig::from_parts(dashu_base::Abs::abs(c.clone()), self.denominator().clone());
+                let magnitude =
+                    RBig::from_parts(dashu_base::Abs::abs(c.clone()), self.denominator().clone());
                 f.write_str(match (i, c.is_negative()) {
                     (0, false) => "",
                     (0, true) => "-",
@@ -145,7 +151,10 @@ struct Parser<'a> {
 
 impl Parser<'_> {
     fn error(&self, at: usize, problem: ParseProblem) -> ParseError {
-        ParseError { column: at + 1, problem }
+        ParseError {
+            column: at + 1,
+            problem,
+        }
     }
     fn unexpected(&mut self, expected: &'static str) -> ParseError {
         let found = self.peek();
@@ -194,7 +203,10 @@ impl Parser<'_> {
     fn merge(&mut self, parts: &mut Vec<(u32, Poly)>) -> Result<(), ParseError> {
         if let (Some((_, b)), Some((level, a))) = (parts.pop(), parts.pop()) {
             // A sum may bring both to a new denominator.
-            self.charge(self.at, (a.terms().len() + b.terms().len() + 1) * (words(&a) + words(&b)))?;
+            self.charge(
+                self.at,
+                (a.terms().len() + b.terms().len() + 1) * (words(&a) + words(&b)),
+            )?;
             let sum = self.bounded(self.at, a + b)?;
             parts.push((level + 1, sum));
         }
@@ -215,7 +227,9 @@ impl Parser<'_> {
                     self.at += 1;
                     let start = self.at;
                     let divisor = self.factor(depth)?;
-                    let c = divisor.as_constant().ok_or_else(|| self.error(start, ParseProblem::NotAPolynomial))?;
+                    let c = divisor
+                        .as_constant()
+                        .ok_or_else(|| self.error(start, ParseProblem::NotAPolynomial))?;
                     if c.is_zero() {
                         return Err(self.error(start, ParseProblem::DivisionByZero));
                     }
@@ -274,12 +288,20 @@ impl Parser<'_> {
                 }
                 self.at += 1;
                 let inner = self.sum(depth + 1)?;
-                if self.take(')') { Ok(inner) } else { Err(self.unexpected("an operator or ')'")) }
+                if self.take(')') {
+                    Ok(inner)
+                } else {
+                    Err(self.unexpected("an operator or ')'"))
+                }
             }
             Some('0'..='9' | '.') => self.number(),
             Some(c) if c.is_alphabetic() || c == '_' => {
                 let start = self.at;
-                while self.text.get(self.at).is_some_and(|c| c.is_alphanumeric() || *c == '_') {
+                while self
+                    .text
+                    .get(self.at)
+                    .is_some_and(|c| c.is_alphanumeric() || *c == '_')
+                {
                     self.at += 1;
                 }
                 let name: String = self.text[start..self.at].iter().collect();
@@ -338,7 +360,11 @@ impl Parser<'_> {
         if n * base.total_degree() > MAX_DEGREE {
             return Err(self.too_large(at, "a degree", MAX_DEGREE));
         }
-        if let Some(top) = base.terms().iter().map(|(_, c)| crate::modular::bits(c)).max()
+        if let Some(top) = base
+            .terms()
+            .iter()
+            .map(|(_, c)| crate::modular::bits(c))
+            .max()
             && (top.max(crate::modular::bit_len(base.denominator())) - 1) * n > MAX_BITS
         {
             return Err(self.too_large(at, "bits of a coefficient", MAX_BITS));
@@ -356,13 +382,21 @@ impl Parser<'_> {
         if a.total_degree() + b.total_degree() > MAX_DEGREE {
             return Err(self.too_large(at, "a degree", MAX_DEGREE));
         }
-        let pairs = a.terms().len().saturating_mul(b.terms().len()).saturating_add(1);
+        let pairs = a
+            .terms()
+            .len()
+            .saturating_mul(b.terms().len())
+            .saturating_add(1);
         self.charge(at, pairs.saturating_mul(words(a) * words(b) + 4))?;
         self.bounded(at, a * b)
     }
     fn charge(&mut self, at: usize, work: usize) -> Result<(), ParseError> {
         self.work = self.work.saturating_add(work);
-        if self.work > MAX_WORK { Err(self.too_large(at, "the work of multiplying out", MAX_WORK)) } else { Ok(()) }
+        if self.work > MAX_WORK {
+            Err(self.too_large(at, "the work of multiplying out", MAX_WORK))
+        } else {
+            Ok(())
+        }
     }
     fn bounded(&self, at: usize, p: Poly) -> Result<Poly, ParseError> {
         if p.terms().len() > MAX_TERMS {
@@ -377,7 +411,12 @@ impl Parser<'_> {
 
 /// Machine words of the longest coefficient or the denominator, at least one.
 fn words(p: &Poly) -> usize {
-    let longest = p.terms().iter().map(|(_, c)| crate::modular::bits(c)).max().unwrap_or(0);
+    let longest = p
+        .terms()
+        .iter()
+        .map(|(_, c)| crate::modular::bits(c))
+        .max()
+        .unwrap_or(0);
     longest.max(crate::modular::bit_len(p.denominator())) / 64 + 1
 }
 
@@ -418,17 +457,41 @@ mod tests {
 
     #[test]
     fn errors_name_the_place() {
-        assert_eq!(error("s + "), "column 5: expected a number, a variable or '(', found the end");
-        assert_eq!(error("2 s"), "column 3: expected an operator or the end, found 's'");
-        assert_eq!(error("s*u"), "column 3: 'u' is not one of the variables s, t");
-        assert_eq!(error("1/(s+1)"), "column 3: division by something other than a number: not a polynomial");
+        assert_eq!(
+            error("s + "),
+            "column 5: expected a number, a variable or '(', found the end"
+        );
+        assert_eq!(
+            error("2 s"),
+            "column 3: expected an operator or the end, found 's'"
+        );
+        assert_eq!(
+            error("s*u"),
+            "column 3: 'u' is not one of the variables s, t"
+        );
+        assert_eq!(
+            error("1/(s+1)"),
+            "column 3: division by something other than a number: not a polynomial"
+        );
         assert_eq!(error("1/(s-s)"), "column 3: division by zero");
-        assert_eq!(error("(s+t"), "column 5: expected an operator or ')', found the end");
-        assert_eq!(error("s^-1"), "column 3: expected a whole number as exponent, found '-'");
+        assert_eq!(
+            error("(s+t"),
+            "column 5: expected an operator or ')', found the end"
+        );
+        assert_eq!(
+            error("s^-1"),
+            "column 3: expected a whole number as exponent, found '-'"
+        );
         assert_eq!(error("s^1001"), "column 3: an exponent above 1000");
-        assert_eq!(error("1e"), "column 3: expected a digit of the decimal exponent, found the end");
+        assert_eq!(
+            error("1e"),
+            "column 3: expected a digit of the decimal exponent, found the end"
+        );
         assert_eq!(error("é"), "column 1: 'é' is not one of the variables s, t");
-        assert_eq!(error("s § t"), "column 3: expected an operator or the end, found '§'");
+        assert_eq!(
+            error("s § t"),
+            "column 3: expected an operator or the end, found '§'"
+        );
         assert_eq!(error("."), "column 2: expected a digit, found the end");
     }
 
@@ -445,7 +508,9 @@ mod tests {
         assert!(Poly::parse(&long, &ST).is_ok_and(|p| p.terms().len() == 31));
         assert!(Poly::parse(&"-".repeat(100_000), &ST).is_err());
         // Denominators that have nothing in common: their product grows until a bound stops it.
-        let fractions: Vec<String> = (0..40_000).map(|i| format!("1/{}", 1_000_003 + 2 * i)).collect();
+        let fractions: Vec<String> = (0..40_000)
+            .map(|i| format!("1/{}", 1_000_003 + 2 * i))
+            .collect();
         assert!(error(&fractions.join("+")).contains("above"));
     }
 

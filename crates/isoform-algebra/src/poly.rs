@@ -46,7 +46,10 @@ impl Default for Poly {
 impl Poly {
     /// 0.
     pub fn zero() -> Self {
-        Self { terms: Vec::new(), denominator: UBig::ONE }
+        Self {
+            terms: Vec::new(),
+            denominator: UBig::ONE,
+        }
     }
     /// 1.
     pub fn one() -> Self {
@@ -68,7 +71,14 @@ impl Poly {
     /// A constant times a product of powers.
     pub fn term(c: impl Into<RBig>, exponents: Exponents) -> Self {
         let (n, denominator) = c.into().into_parts();
-        if n.is_zero() { Self::zero() } else { Self { terms: vec![(exponents, n)], denominator } }
+        if n.is_zero() {
+            Self::zero()
+        } else {
+            Self {
+                terms: vec![(exponents, n)],
+                denominator,
+            }
+        }
     }
     /// The sum of terms in any order, exponents may repeat.
     pub fn from_terms(terms: impl IntoIterator<Item = (Exponents, RBig)>) -> Self {
@@ -80,7 +90,10 @@ impl Poly {
         for c in sum.values() {
             denominator = lcm(&denominator, c.denominator());
         }
-        let lifted = sum.into_iter().rev().map(|(e, c)| (e, c.numerator() * (&denominator / c.denominator())));
+        let lifted = sum
+            .into_iter()
+            .rev()
+            .map(|(e, c)| (e, c.numerator() * (&denominator / c.denominator())));
         let terms = lifted.filter(|(_, c)| !c.is_zero()).collect();
         Self { terms, denominator }
     }
@@ -88,18 +101,30 @@ impl Poly {
     ///
     /// # Panics
     /// If the denominator is zero.
-    pub fn from_integers(terms: impl IntoIterator<Item = (Exponents, IBig)>, denominator: UBig) -> Self {
+    pub fn from_integers(
+        terms: impl IntoIterator<Item = (Exponents, IBig)>,
+        denominator: UBig,
+    ) -> Self {
         let mut sum: BTreeMap<Exponents, IBig> = BTreeMap::new();
         for (e, c) in terms {
             *sum.entry(e).or_insert(IBig::ZERO) += c;
         }
-        Self::normalised(sum.into_iter().rev().filter(|(_, c)| !c.is_zero()).collect(), denominator)
+        Self::normalised(
+            sum.into_iter()
+                .rev()
+                .filter(|(_, c)| !c.is_zero())
+                .collect(),
+            denominator,
+        )
     }
     /// The sum of terms with coefficients read as the exact numbers that they are.
     ///
     /// Nothing if one is infinite or NaN.
     pub fn from_f64(terms: impl IntoIterator<Item = (Exponents, f64)>) -> Option<Self> {
-        let exact: Option<Vec<_>> = terms.into_iter().map(|(e, c)| Some((e, RBig::try_from(c).ok()?))).collect();
+        let exact: Option<Vec<_>> = terms
+            .into_iter()
+            .map(|(e, c)| Some((e, RBig::try_from(c).ok()?)))
+            .collect();
         exact.map(Self::from_terms)
     }
 
@@ -144,7 +169,9 @@ impl Poly {
     }
     /// The coefficient of the lexicographically highest term; 0 for the zero polynomial.
     pub fn leading_coefficient(&self) -> RBig {
-        self.terms.first().map_or(RBig::ZERO, |(_, c)| RBig::from_parts(c.clone(), self.denominator.clone()))
+        self.terms.first().map_or(RBig::ZERO, |(_, c)| {
+            RBig::from_parts(c.clone(), self.denominator.clone())
+        })
     }
     /// Whether this is 0.
     pub fn is_zero(&self) -> bool {
@@ -158,7 +185,9 @@ impl Poly {
     pub fn as_constant(&self) -> Option<RBig> {
         match &self.terms[..] {
             [] => Some(RBig::ZERO),
-            [(e, c)] if *e == [0; MAX_VARS] => Some(RBig::from_parts(c.clone(), self.denominator.clone())),
+            [(e, c)] if *e == [0; MAX_VARS] => {
+                Some(RBig::from_parts(c.clone(), self.denominator.clone()))
+            }
             _ => None,
         }
     }
@@ -172,7 +201,11 @@ impl Poly {
     }
     /// Largest exponent of a variable; 0 for the zero polynomial.
     pub fn degree(&self, var: usize) -> usize {
-        self.terms.iter().map(|(e, _)| usize::from(e[var])).max().unwrap_or(0)
+        self.terms
+            .iter()
+            .map(|(e, _)| usize::from(e[var]))
+            .max()
+            .unwrap_or(0)
     }
     /// Largest exponents of all variables.
     pub fn degrees(&self) -> [usize; MAX_VARS] {
@@ -184,7 +217,12 @@ impl Poly {
     }
     /// The terms whose sum of exponents is `degree`.
     pub fn homogeneous_part(&self, degree: usize) -> Self {
-        let terms = self.terms.iter().filter(|(e, _)| sum(e) == degree).cloned().collect();
+        let terms = self
+            .terms
+            .iter()
+            .filter(|(e, _)| sum(e) == degree)
+            .cloned()
+            .collect();
         Self::normalised(terms, self.denominator.clone())
     }
 
@@ -193,7 +231,11 @@ impl Poly {
         if c.is_zero() {
             return Self::zero();
         }
-        let terms = self.terms.iter().map(|(e, v)| (*e, v * c.numerator())).collect();
+        let terms = self
+            .terms
+            .iter()
+            .map(|(e, v)| (*e, v * c.numerator()))
+            .collect();
         Self::normalised(terms, &self.denominator * c.denominator())
     }
     /// This polynomial to a power; the zeroth is 1.
@@ -217,18 +259,33 @@ impl Poly {
             lowered[var] = e[var].checked_sub(1)?;
             Some((lowered, c * e[var]))
         };
-        Self::normalised(self.terms.iter().filter_map(lower).collect(), self.denominator.clone())
+        Self::normalised(
+            self.terms.iter().filter_map(lower).collect(),
+            self.denominator.clone(),
+        )
     }
     /// The value where variable i is `at[i]`; variables beyond the slice must not occur.
     ///
     /// # Panics
     /// If a variable beyond the slice occurs.
     pub fn eval(&self, at: &[RBig]) -> RBig {
-        let tables: Vec<Vec<IBig>> = at.iter().enumerate().map(|(v, r)| fraction_powers(r, self.degree(v))).collect();
+        let tables: Vec<Vec<IBig>> = at
+            .iter()
+            .enumerate()
+            .map(|(v, r)| fraction_powers(r, self.degree(v)))
+            .collect();
         let mut numerator = IBig::ZERO;
         for (e, c) in &self.terms {
-            assert!(e[at.len().min(MAX_VARS)..].iter().all(|&n| n == 0), "a variable without value");
-            numerator += tables.iter().zip(e).fold(c.clone(), |product, (table, &n)| product * &table[usize::from(n)]);
+            assert!(
+                e[at.len().min(MAX_VARS)..].iter().all(|&n| n == 0),
+                "a variable without value"
+            );
+            numerator += tables
+                .iter()
+                .zip(e)
+                .fold(c.clone(), |product, (table, &n)| {
+                    product * &table[usize::from(n)]
+                });
         }
         let mut denominator = self.denominator.clone();
         for (v, r) in at.iter().enumerate().take(MAX_VARS) {
@@ -245,7 +302,10 @@ impl Poly {
             rest[var] = 0;
             (rest, c * &table[usize::from(e[var])])
         });
-        Self::from_integers(replaced, &self.denominator * value.denominator().pow(degree))
+        Self::from_integers(
+            replaced,
+            &self.denominator * value.denominator().pow(degree),
+        )
     }
     /// This polynomial with a polynomial in place of a variable.
     pub fn substitute(&self, var: usize, by: &Self) -> Self {
@@ -271,7 +331,9 @@ impl Poly {
     pub fn homogenise(&self, var: usize, degree: usize) -> Self {
         let filled = self.terms.iter().map(|(e, c)| {
             let mut target = *e;
-            let missing = degree.checked_sub(sum(e)).expect("a degree no less than the total degree");
+            let missing = degree
+                .checked_sub(sum(e))
+                .expect("a degree no less than the total degree");
             target[var] += u16::try_from(missing).expect("an exponent below 65536");
             (target, c.clone())
         });
@@ -292,7 +354,10 @@ impl Poly {
             rest[var] = 0;
             parts[usize::from(e[var])].push((rest, c.clone()));
         }
-        parts.into_iter().map(|terms| Self::normalised(terms, self.denominator.clone())).collect()
+        parts
+            .into_iter()
+            .map(|terms| Self::normalised(terms, self.denominator.clone()))
+            .collect()
     }
 
     /// The positive number by which the coefficients of [`Poly::primitive`] were multiplied, up to sign; 0 for the zero polynomial.
@@ -302,7 +367,11 @@ impl Poly {
     fn integer_content(&self) -> UBig {
         let mut common = UBig::ZERO;
         for (_, c) in &self.terms {
-            common = if common.is_zero() { c.clone().unsigned_abs() } else { common.gcd(c.clone().unsigned_abs()) };
+            common = if common.is_zero() {
+                c.clone().unsigned_abs()
+            } else {
+                common.gcd(c.clone().unsigned_abs())
+            };
             if common.is_one() {
                 break;
             }
@@ -311,13 +380,18 @@ impl Poly {
     }
     /// The multiple with integer coefficients without common factor whose leading coefficient is positive.
     pub fn primitive(&self) -> Self {
-        let Some((_, lead)) = self.terms.first() else { return Self::zero() };
+        let Some((_, lead)) = self.terms.first() else {
+            return Self::zero();
+        };
         let mut divisor = IBig::from(self.integer_content());
         if lead.is_negative() {
             divisor = -divisor;
         }
         let terms = self.terms.iter().map(|(e, c)| (*e, c / &divisor)).collect();
-        Self { terms, denominator: UBig::ONE }
+        Self {
+            terms,
+            denominator: UBig::ONE,
+        }
     }
     /// Whether one is a constant, not zero, times the other.
     pub fn is_associate(&self, other: &Self) -> bool {
@@ -360,8 +434,15 @@ impl Poly {
             }
             quotient.push((q, ratio));
         }
-        let quotient = Self { terms: quotient, denominator: UBig::ONE };
-        Some(quotient.scale(&(self.leading_coefficient() / divisor.leading_coefficient() / quotient.leading_coefficient())))
+        let quotient = Self {
+            terms: quotient,
+            denominator: UBig::ONE,
+        };
+        Some(quotient.scale(
+            &(self.leading_coefficient()
+                / divisor.leading_coefficient()
+                / quotient.leading_coefficient()),
+        ))
     }
     /// Whether `divisor` divides this polynomial over Q.
     pub fn is_multiple_of(&self, divisor: &Self) -> bool {
@@ -370,7 +451,11 @@ impl Poly {
 
     /// The terms with coefficients rounded to nearest, ties to even.
     pub fn to_f64(&self) -> Vec<(Exponents, f64)> {
-        let round = |c: &IBig| RBig::from_parts(c.clone(), self.denominator.clone()).to_f64().value();
+        let round = |c: &IBig| {
+            RBig::from_parts(c.clone(), self.denominator.clone())
+                .to_f64()
+                .value()
+        };
         self.terms.iter().map(|(e, c)| (*e, round(c))).collect()
     }
     /// The primitive univariate polynomial of which this is a multiple, if no variable but `var` occurs.
@@ -400,7 +485,10 @@ impl Poly {
 
     fn add_scaled(&self, other: &Self, sign: i8) -> Self {
         let denominator = lcm(&self.denominator, &other.denominator);
-        let (a, b) = (IBig::from(&denominator / &self.denominator), IBig::from(&denominator / &other.denominator) * sign);
+        let (a, b) = (
+            IBig::from(&denominator / &self.denominator),
+            IBig::from(&denominator / &other.denominator) * sign,
+        );
         let lift = |c: &IBig, by: &IBig| if by.is_one() { c.clone() } else { c * by };
         let mut terms = Vec::with_capacity(self.terms.len() + other.terms.len());
         let (mut i, mut j) = (0, 0);
@@ -413,7 +501,10 @@ impl Poly {
             let (e, c) = match order {
                 std::cmp::Ordering::Less => (self.terms[i].0, lift(&self.terms[i].1, &a)),
                 std::cmp::Ordering::Greater => (other.terms[j].0, lift(&other.terms[j].1, &b)),
-                std::cmp::Ordering::Equal => (self.terms[i].0, lift(&self.terms[i].1, &a) + lift(&other.terms[j].1, &b)),
+                std::cmp::Ordering::Equal => (
+                    self.terms[i].0,
+                    lift(&self.terms[i].1, &a) + lift(&other.terms[j].1, &b),
+                ),
             };
             i += usize::from(order.is_le());
             j += usize::from(order.is_ge());
@@ -426,7 +517,10 @@ impl Poly {
 
     fn product(&self, other: &Self) -> Self {
         let degrees: [usize; MAX_VARS] = std::array::from_fn(|v| self.degree(v) + other.degree(v));
-        assert!(degrees.iter().all(|&d| d <= usize::from(u16::MAX)), "an exponent exceeds 65535");
+        assert!(
+            degrees.iter().all(|&d| d <= usize::from(u16::MAX)),
+            "an exponent exceeds 65535"
+        );
         let mut sum = Accumulator::new(&degrees, self.terms.len() * other.terms.len());
         for (e, c) in &self.terms {
             for (f, d) in &other.terms {
@@ -470,7 +564,10 @@ pub(crate) fn fraction_powers(r: &RBig, degree: usize) -> Vec<IBig> {
 /// Terms being summed up: an array over the box of exponents where that is not much larger than the number of terms, a sorted map
 /// otherwise.
 enum Accumulator {
-    Dense { strides: [usize; MAX_VARS], cells: Vec<IBig> },
+    Dense {
+        strides: [usize; MAX_VARS],
+        cells: Vec<IBig>,
+    },
     Sparse(BTreeMap<Exponents, IBig>),
 }
 
@@ -486,14 +583,21 @@ impl Accumulator {
             size = size.saturating_mul(degrees[v] + 1);
         }
         if size <= additions.saturating_mul(CELLS_PER_TERM).saturating_add(16) {
-            Self::Dense { strides, cells: vec![IBig::ZERO; size] }
+            Self::Dense {
+                strides,
+                cells: vec![IBig::ZERO; size],
+            }
         } else {
             Self::Sparse(BTreeMap::new())
         }
     }
     fn add(&mut self, e: Exponents, c: IBig) {
         match self {
-            Self::Dense { strides, cells } => cells[(0..MAX_VARS).map(|v| strides[v] * usize::from(e[v])).sum::<usize>()] += c,
+            Self::Dense { strides, cells } => {
+                cells[(0..MAX_VARS)
+                    .map(|v| strides[v] * usize::from(e[v]))
+                    .sum::<usize>()] += c
+            }
             Self::Sparse(map) => *map.entry(e).or_insert(IBig::ZERO) += c,
         }
     }
@@ -529,7 +633,10 @@ impl Accumulator {
 impl Neg for &Poly {
     type Output = Poly;
     fn neg(self) -> Poly {
-        Poly { terms: self.terms.iter().map(|(e, c)| (*e, -c)).collect(), denominator: self.denominator.clone() }
+        Poly {
+            terms: self.terms.iter().map(|(e, c)| (*e, -c)).collect(),
+            denominator: self.denominator.clone(),
+        }
     }
 }
 

@@ -45,15 +45,25 @@ pub enum ResultantError {
 ///
 /// # Errors
 /// [`ResultantError`].
-pub fn resultant(f: &Poly, g: &Poly, var: usize, stop: &dyn Fn() -> bool) -> Result<Poly, ResultantError> {
+pub fn resultant(
+    f: &Poly,
+    g: &Poly,
+    var: usize,
+    stop: &dyn Fn() -> bool,
+) -> Result<Poly, ResultantError> {
     let (other, pair) = Pair::new(f, g, var)?;
     if f.is_zero() || g.is_zero() {
         return Ok(Poly::zero());
     }
     let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
-    let mut values = pair.lift(&[(0, 0)], false, stop, |field, a, b| vec![resultant_at(field, a, b)])?;
+    let mut values = pair.lift(&[(0, 0)], false, stop, |field, a, b| {
+        vec![resultant_at(field, a, b)]
+    })?;
     let integer = Poly::from_upoly(&values.swap_remove(0), other);
-    Ok(integer.scale(&RBig::from_parts(IBig::ONE, f.denominator().pow(m) * g.denominator().pow(n))))
+    Ok(integer.scale(&RBig::from_parts(
+        IBig::ONE,
+        f.denominator().pow(m) * g.denominator().pow(n),
+    )))
 }
 
 /// The discriminant with respect to a variable, (−1)^(n(n−1)/2) Res(f, f′)/lc(f); 1 for degree 1 and below.
@@ -67,8 +77,14 @@ pub fn discriminant(f: &Poly, var: usize, stop: &dyn Fn() -> bool) -> Result<Pol
     }
     let r = resultant(f, &f.derivative(var), var, stop)?;
     let lead = f.coefficients_in(var).swap_remove(n);
-    let quotient = r.div_exact(&lead).expect("the leading coefficient divides the first column");
-    Ok(if n * (n - 1) / 2 % 2 == 1 { -quotient } else { quotient })
+    let quotient = r
+        .div_exact(&lead)
+        .expect("the leading coefficient divides the first column");
+    Ok(if n * (n - 1) / 2 % 2 == 1 {
+        -quotient
+    } else {
+        quotient
+    })
 }
 
 /// The resultant of two univariate polynomials.
@@ -76,11 +92,21 @@ pub fn resultant_univariate(f: &UPoly, g: &UPoly) -> IBig {
     if f.is_zero() || g.is_zero() {
         return IBig::ZERO;
     }
-    let norm = |p: &UPoly| p.coefficients().iter().map(|c| c.clone().unsigned_abs().pow(2)).sum::<UBig>();
+    let norm = |p: &UPoly| {
+        p.coefficients()
+            .iter()
+            .map(|c| c.clone().unsigned_abs().pow(2))
+            .sum::<UBig>()
+    };
     let bound = hadamard(&norm(f), g.degree(), &norm(g), f.degree());
     let mut crt = Crt::new(1);
     for field in primes() {
-        let residues = |p: &UPoly| p.coefficients().iter().map(|c| field.of_ibig(c)).collect::<Vec<_>>();
+        let residues = |p: &UPoly| {
+            p.coefficients()
+                .iter()
+                .map(|c| field.of_ibig(c))
+                .collect::<Vec<_>>()
+        };
         crt.push(&field, &[resultant_at(&field, &residues(f), &residues(g))]);
         if *crt.modulus() > bound {
             break;
@@ -176,7 +202,12 @@ fn coefficients(p: &Poly, var: usize, other: usize) -> Vec<UPoly> {
 
 impl Pair {
     fn new(f: &Poly, g: &Poly, var: usize) -> Result<(usize, Self), ResultantError> {
-        let mut others: Vec<usize> = f.variables().into_iter().chain(g.variables()).filter(|&v| v != var).collect();
+        let mut others: Vec<usize> = f
+            .variables()
+            .into_iter()
+            .chain(g.variables())
+            .filter(|&v| v != var)
+            .collect();
         others.sort_unstable();
         others.dedup();
         if others.len() > 1 {
@@ -186,7 +217,12 @@ impl Pair {
         let total = (f.total_degree(), g.total_degree());
         let (f, g) = (coefficients(f, var, other), coefficients(g, var, other));
         let norm = |p: &[UPoly]| -> UBig {
-            let one = |c: &UPoly| c.coefficients().iter().map(|c| c.clone().unsigned_abs()).sum::<UBig>();
+            let one = |c: &UPoly| {
+                c.coefficients()
+                    .iter()
+                    .map(|c| c.clone().unsigned_abs())
+                    .sum::<UBig>()
+            };
             p.iter().map(|c| one(c).pow(2)).sum()
         };
         let norms = (norm(&f), norm(&g));
@@ -201,13 +237,20 @@ impl Pair {
         // Row yˢ f has in the column of yᶜ a coefficient of degree at most (total degree of f) + s − c.
         let shifts = |rows: usize| rows * rows.saturating_sub(1) / 2;
         let columns: usize = (j + 1..n + m - j).sum::<usize>() + i;
-        let by_total = (self.total.0 * (m - j) + self.total.1 * (n - j) + shifts(m - j) + shifts(n - j)).saturating_sub(columns);
+        let by_total =
+            (self.total.0 * (m - j) + self.total.1 * (n - j) + shifts(m - j) + shifts(n - j))
+                .saturating_sub(columns);
         by_x.min(by_total)
     }
 
     /// Twice a bound on the coefficients of Sⱼ: its rows are some of those of S₀, and none of them is shorter than 1.
     fn modulus_bound(&self, j: usize) -> UBig {
-        hadamard(&self.norms.0, self.g.len() - 1 - j, &self.norms.1, self.f.len() - 1 - j)
+        hadamard(
+            &self.norms.0,
+            self.g.len() - 1 - j,
+            &self.norms.1,
+            self.f.len() - 1 - j,
+        )
     }
 
     /// The coefficients of yⁱ in Sⱼ for pairs (j, i) as integer polynomials in x, from their values at points modulo primes, which `at`
@@ -220,19 +263,33 @@ impl Pair {
         stop: &dyn Fn() -> bool,
         at: impl Fn(&Fp, &[u64], &[u64]) -> Vec<u64>,
     ) -> Result<Vec<UPoly>, ResultantError> {
-        let degrees: Vec<usize> = wanted.iter().map(|&(j, i)| self.degree_bound(j, i)).collect();
+        let degrees: Vec<usize> = wanted
+            .iter()
+            .map(|&(j, i)| self.degree_bound(j, i))
+            .collect();
         let bounds: Vec<UBig> = wanted.iter().map(|&(j, _)| self.modulus_bound(j)).collect();
         let mut lifts: Vec<Crt> = degrees.iter().map(|d| Crt::new(d + 1)).collect();
         for field in primes() {
             if stop() {
                 return Err(ResultantError::Stopped);
             }
-            let open: Vec<usize> = (0..wanted.len()).filter(|&c| *lifts[c].modulus() <= bounds[c]).collect();
-            let Some(degree) = open.iter().map(|&c| degrees[c]).max() else { break };
-            let residues =
-                |p: &[UPoly]| -> Vec<Vec<u64>> { p.iter().map(|c| c.coefficients().iter().map(|c| field.of_ibig(c)).collect()).collect() };
+            let open: Vec<usize> = (0..wanted.len())
+                .filter(|&c| *lifts[c].modulus() <= bounds[c])
+                .collect();
+            let Some(degree) = open.iter().map(|&c| degrees[c]).max() else {
+                break;
+            };
+            let residues = |p: &[UPoly]| -> Vec<Vec<u64>> {
+                p.iter()
+                    .map(|c| c.coefficients().iter().map(|c| field.of_ibig(c)).collect())
+                    .collect()
+            };
             let (f, g) = (residues(&self.f), residues(&self.g));
-            if exact && [&f, &g].iter().any(|p| p.last().is_none_or(|lead| lead.iter().all(|&c| c == 0))) {
+            if exact
+                && [&f, &g]
+                    .iter()
+                    .any(|p| p.last().is_none_or(|lead| lead.iter().all(|&c| c == 0)))
+            {
                 continue;
             }
             let mut nodes = Vec::with_capacity(degree + 1);
@@ -245,7 +302,9 @@ impl Pair {
                     return Err(ResultantError::Stopped);
                 }
                 let point = field.of_u64(x as u64);
-                let line = |p: &[Vec<u64>]| -> Vec<u64> { p.iter().map(|c| modpoly::eval(&field, c, point)).collect() };
+                let line = |p: &[Vec<u64>]| -> Vec<u64> {
+                    p.iter().map(|c| modpoly::eval(&field, c, point)).collect()
+                };
                 let (a, b) = (line(&f), line(&g));
                 if exact && (a.last() == Some(&0) || b.last() == Some(&0)) {
                     continue;
@@ -261,7 +320,12 @@ impl Pair {
                     return Err(ResultantError::Stopped);
                 }
                 let points = degrees[c] + 1;
-                let mut coefficients = modpoly::interpolate(&field, &nodes[..points], &columns[c][..points], &inverses);
+                let mut coefficients = modpoly::interpolate(
+                    &field,
+                    &nodes[..points],
+                    &columns[c][..points],
+                    &inverses,
+                );
                 coefficients.resize(points, 0);
                 lifts[c].push(&field, &coefficients);
             }
@@ -291,19 +355,36 @@ impl Subresultants {
     ///
     /// # Panics
     /// If the degree of g in the variable is 0 or exceeds that of f.
-    pub fn new(f: &Poly, g: &Poly, var: usize, stop: &dyn Fn() -> bool) -> Result<Self, ResultantError> {
+    pub fn new(
+        f: &Poly,
+        g: &Poly,
+        var: usize,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Self, ResultantError> {
         let (other, pair) = Pair::new(f, g, var)?;
         let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
         assert!(n >= m && m >= 1, "subresultants of degrees {n} and {m}");
-        let wanted: Vec<(usize, usize)> = (0..m).map(|j| (j, j)).chain((1..m).map(|j| (j, j - 1))).collect();
+        let wanted: Vec<(usize, usize)> = (0..m)
+            .map(|j| (j, j))
+            .chain((1..m).map(|j| (j, j - 1)))
+            .collect();
         let columns = pair.lift(&wanted, true, stop, |field, a, b| {
             let chain = subresultants_at(field, a, b);
-            wanted.iter().map(|&(j, i)| chain[j].get(i).copied().unwrap_or(0)).collect()
+            wanted
+                .iter()
+                .map(|&(j, i)| chain[j].get(i).copied().unwrap_or(0))
+                .collect()
         })?;
         let mut columns = columns.into_iter();
         let principal = columns.by_ref().take(m).collect();
         let next = std::iter::once(UPoly::default()).chain(columns).collect();
-        Ok(Self { principal, next, pair, var, other })
+        Ok(Self {
+            principal,
+            next,
+            pair,
+            var,
+            other,
+        })
     }
 
     /// The whole polynomial Sⱼ.
@@ -314,14 +395,20 @@ impl Subresultants {
     /// # Panics
     /// If j is not below the lower degree.
     pub fn polynomial(&self, j: usize, stop: &dyn Fn() -> bool) -> Result<Poly, ResultantError> {
-        assert!(j < self.principal.len(), "there is no subresultant of index {j}");
+        assert!(
+            j < self.principal.len(),
+            "there is no subresultant of index {j}"
+        );
         let wanted: Vec<(usize, usize)> = (0..=j).map(|i| (j, i)).collect();
         let columns = self.pair.lift(&wanted, true, stop, |field, a, b| {
             let mut s = subresultants_at(field, a, b).swap_remove(j);
             s.resize(j + 1, 0);
             s
         })?;
-        let powers = columns.iter().enumerate().map(|(i, c)| Poly::from_upoly(c, self.other) * Poly::var(self.var).pow(i as u32));
+        let powers = columns
+            .iter()
+            .enumerate()
+            .map(|(i, c)| Poly::from_upoly(c, self.other) * Poly::var(self.var).pow(i as u32));
         Ok(powers.fold(Poly::zero(), |sum, t| sum + t))
     }
 }

@@ -41,7 +41,10 @@ pub struct RealRoot {
 /// # Panics
 /// For the zero polynomial.
 pub fn real_roots(p: &UPoly) -> Vec<RealRoot> {
-    assert!(!p.is_zero(), "every number is a root of the zero polynomial");
+    assert!(
+        !p.is_zero(),
+        "every number is a root of the zero polynomial"
+    );
     let p = p.squarefree_part();
     if p.degree() == 0 {
         return Vec::new();
@@ -50,7 +53,13 @@ pub fn real_roots(p: &UPoly) -> Vec<RealRoot> {
     let bound = root_bound_bits(&poly);
     let zero_is_root = poly.coefficients()[0].is_zero();
     let rest = UPoly::new(poly.coefficients()[usize::from(zero_is_root)..].to_vec());
-    let mirrored = UPoly::new(rest.coefficients().iter().enumerate().map(|(i, c)| if i % 2 == 1 { -c } else { c.clone() }).collect());
+    let mirrored = UPoly::new(
+        rest.coefficients()
+            .iter()
+            .enumerate()
+            .map(|(i, c)| if i % 2 == 1 { -c } else { c.clone() })
+            .collect(),
+    );
     let mut roots = Vec::new();
     for (lo, hi, shift) in isolate_positive(&mirrored, bound).into_iter().rev() {
         roots.push(RealRoot::isolated(&poly, -hi, -lo, shift));
@@ -66,7 +75,10 @@ pub fn real_roots(p: &UPoly) -> Vec<RealRoot> {
 
 /// The number of distinct real roots in the open interval.
 pub fn count_roots_between(p: &UPoly, lo: &RBig, hi: &RBig) -> usize {
-    real_roots(p).iter().filter(|r| r.cmp_rational(lo).is_gt() && r.cmp_rational(hi).is_lt()).count()
+    real_roots(p)
+        .iter()
+        .filter(|r| r.cmp_rational(lo).is_gt() && r.cmp_rational(hi).is_lt())
+        .count()
 }
 
 /// k ≥ 0 such that all roots have absolute values below 2^k: M. Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
@@ -75,17 +87,33 @@ fn root_bound_bits(p: &UPoly) -> usize {
     let n = p.degree();
     let top = bits(&c[n]);
     let exponent = |i: usize| (bits(&c[i]) + 1).saturating_sub(top).div_ceil(n - i);
-    (0..n).filter(|&i| !c[i].is_zero()).map(exponent).max().unwrap_or(0) + 1
+    (0..n)
+        .filter(|&i| !c[i].is_zero())
+        .map(exponent)
+        .max()
+        .unwrap_or(0)
+        + 1
 }
 
 /// Intervals (lo, hi, shift) in ascending order that hold one root each of the positive ones below 2^bound; 0 is no root.
 fn isolate_positive(p: &UPoly, bound: usize) -> Vec<(IBig, IBig, usize)> {
     let n = p.degree();
-    let scaled: Vec<IBig> = p.coefficients().iter().enumerate().map(|(i, c)| c << (bound * i)).collect();
+    let scaled: Vec<IBig> = p
+        .coefficients()
+        .iter()
+        .enumerate()
+        .map(|(i, c)| c << (bound * i))
+        .collect();
     let mut found = Vec::new();
     // Polynomials whose roots in (0, 1) are those of p in 2^bound (c, c + 1)/2^depth.
     let mut stack = vec![(scaled, IBig::ZERO, 0usize)];
-    let place = |c: IBig, depth: usize| if depth >= bound { (c, depth - bound) } else { (c << (bound - depth), 0) };
+    let place = |c: IBig, depth: usize| {
+        if depth >= bound {
+            (c, depth - bound)
+        } else {
+            (c << (bound - depth), 0)
+        }
+    };
     while let Some((mut q, c, depth)) = stack.pop() {
         if q.is_empty() {
             // A mark for the root c/2^depth that bisection hit.
@@ -122,7 +150,10 @@ fn isolate_positive(p: &UPoly, bound: usize) -> Vec<(IBig, IBig, usize)> {
                 stack.push((q, c << 1, depth + 1));
             }
         }
-        debug_assert!(stack.len() <= 64 * (n + 1) + depth * 3, "bisection of a squarefree polynomial ends");
+        debug_assert!(
+            stack.len() <= 64 * (n + 1) + depth * 3,
+            "bisection of a squarefree polynomial ends"
+        );
     }
     found
 }
@@ -196,9 +227,17 @@ fn variations_in_unit(q: &[IBig]) -> usize {
 impl RealRoot {
     /// The root in an interval that holds exactly one, of which other roots may be end points.
     fn isolated(poly: &Arc<UPoly>, lo: IBig, hi: IBig, shift: usize) -> Self {
-        let mut root = Self { poly: Arc::clone(poly), lo, hi, shift, gear: 1 };
+        let mut root = Self {
+            poly: Arc::clone(poly),
+            lo,
+            hi,
+            shift,
+            gear: 1,
+        };
         let at = |x: &IBig, shift: usize| poly.sign_dyadic(x, shift);
-        while root.lo != root.hi && (at(&root.lo, root.shift).is_eq() || at(&root.hi, root.shift).is_eq()) {
+        while root.lo != root.hi
+            && (at(&root.lo, root.shift).is_eq() || at(&root.hi, root.shift).is_eq())
+        {
             // Just right of a root at lo the polynomial has the sign of its derivative there.
             let mut left = at(&root.lo, root.shift);
             if left.is_eq() {
@@ -222,13 +261,28 @@ impl RealRoot {
 
     /// A rational number.
     pub fn from_rational(r: &RBig) -> Self {
-        let poly = Arc::new(UPoly::new(vec![-r.numerator(), IBig::from(r.denominator().clone())]));
+        let poly = Arc::new(UPoly::new(vec![
+            -r.numerator(),
+            IBig::from(r.denominator().clone()),
+        ]));
         if dashu_base::PowerOfTwo::is_power_of_two(r.denominator()) {
             let shift = r.denominator().trailing_zeros().unwrap_or(0);
-            return Self { poly, lo: r.numerator().clone(), hi: r.numerator().clone(), shift, gear: 1 };
+            return Self {
+                poly,
+                lo: r.numerator().clone(),
+                hi: r.numerator().clone(),
+                shift,
+                gear: 1,
+            };
         }
         let lo = floor(r);
-        Self { poly, hi: &lo + 1, lo, shift: 0, gear: 1 }
+        Self {
+            poly,
+            hi: &lo + 1,
+            lo,
+            shift: 0,
+            gear: 1,
+        }
     }
     /// The squarefree primitive polynomial of which this is a root; it need not be irreducible.
     pub fn poly(&self) -> &UPoly {
@@ -272,7 +326,11 @@ impl RealRoot {
         let (new_lo, new_hi, success) = if at_point.is_eq() {
             (point.clone(), point, true)
         } else {
-            let neighbour = if at_point == left { &point + &width } else { &point - &width };
+            let neighbour = if at_point == left {
+                &point + &width
+            } else {
+                &point - &width
+            };
             let at_neighbour = if neighbour == lo {
                 left
             } else if neighbour == hi {
@@ -289,7 +347,11 @@ impl RealRoot {
             }
         };
         // In the lowest gear the two parts are always decided; beyond 2^16 parts at once nothing is gained.
-        self.gear = if success { (2 * gear).min(1 << 16) } else { (gear / 2).max(1) };
+        self.gear = if success {
+            (2 * gear).min(1 << 16)
+        } else {
+            (gear / 2).max(1)
+        };
         (self.lo, self.hi, self.shift) = (new_lo, new_hi, shift);
     }
 
@@ -298,12 +360,17 @@ impl RealRoot {
         let mut precision = 64 + self.shift + self.gear;
         while precision < self.poly.whole_precision(self.shift) {
             let ends = [&self.lo, &self.hi].map(|x| self.poly.eval_near(x, self.shift, precision));
-            if ends.iter().all(|(value, error)| value.clone().abs() > error << (self.gear + 2)) {
+            if ends
+                .iter()
+                .all(|(value, error)| value.clone().abs() > error << (self.gear + 2))
+            {
                 return ends.map(|e| e.0).into();
             }
             precision *= 2;
         }
-        [&self.lo, &self.hi].map(|x| self.poly.eval_dyadic(x, self.shift)).into()
+        [&self.lo, &self.hi]
+            .map(|x| self.poly.eval_dyadic(x, self.shift))
+            .into()
     }
 
     /// The sign of a polynomial at this number, exact.
@@ -325,7 +392,9 @@ impl RealRoot {
                     return Ordering::Equal;
                 }
                 let h = root.poly.gcd(g);
-                let changes = |h: &UPoly| h.sign_dyadic(&root.lo, root.shift) != h.sign_dyadic(&root.hi, root.shift);
+                let changes = |h: &UPoly| {
+                    h.sign_dyadic(&root.lo, root.shift) != h.sign_dyadic(&root.hi, root.shift)
+                };
                 // A common divisor has only simple roots and none at the ends.
                 if h.degree() > 0 && changes(&h) {
                     return Ordering::Equal;
@@ -345,7 +414,8 @@ impl RealRoot {
         let mut precision = 64 + shift;
         loop {
             let (value, error) = g.eval_near(&middle, shift, precision);
-            let reach = ((g.slope_bound(&far, shift, precision) * (&self.hi - &self.lo)) >> shift) + 1;
+            let reach =
+                ((g.slope_bound(&far, shift, precision) * (&self.hi - &self.lo)) >> shift) + 1;
             if (&value).abs() > &reach + &error {
                 return Some(sign(&value));
             }
@@ -359,7 +429,11 @@ impl RealRoot {
     /// Comparison with a rational number, exact.
     pub fn cmp_rational(&self, r: &RBig) -> Ordering {
         if self.dyadic(&self.lo) >= *r {
-            return if self.is_exact() && self.dyadic(&self.lo) == *r { Ordering::Equal } else { Ordering::Greater };
+            return if self.is_exact() && self.dyadic(&self.lo) == *r {
+                Ordering::Equal
+            } else {
+                Ordering::Greater
+            };
         }
         if self.dyadic(&self.hi) <= *r {
             return Ordering::Less;
@@ -376,7 +450,10 @@ impl RealRoot {
     pub fn to_rational(&self) -> Option<RBig> {
         let mut root = self.clone();
         if root.poly.degree() == 1 {
-            return Some(RBig::from_parts_signed(-&root.poly.coefficients()[0], root.poly.leading()));
+            return Some(RBig::from_parts_signed(
+                -&root.poly.coefficients()[0],
+                root.poly.leading(),
+            ));
         }
         // A rational root's denominator divides the leading coefficient a: a·root is an integer.
         let lead = root.poly.leading();
@@ -384,7 +461,8 @@ impl RealRoot {
         if root.is_exact() {
             return Some(root.dyadic(&root.lo));
         }
-        let scaled = (RBig::from(lead.clone()) * (root.dyadic(&root.lo) + root.dyadic(&root.hi))) / RBig::from(2);
+        let scaled = (RBig::from(lead.clone()) * (root.dyadic(&root.lo) + root.dyadic(&root.hi)))
+            / RBig::from(2);
         let nearest = floor(&(scaled + RBig::from_parts(IBig::ONE, UBig::from(2u8))));
         let candidate = RBig::from_parts_signed(nearest, lead);
         let inside = root.dyadic(&root.lo) < candidate && candidate < root.dyadic(&root.hi);
@@ -394,7 +472,10 @@ impl RealRoot {
     /// The nearest `f64`, ties to even.
     pub fn to_f64(&self) -> f64 {
         let mut root = self.clone();
-        if let Some(r) = (root.poly.degree() == 1).then(|| root.to_rational()).flatten() {
+        if let Some(r) = (root.poly.degree() == 1)
+            .then(|| root.to_rational())
+            .flatten()
+        {
             return r.to_f64().value();
         }
         for precision in (60..).step_by(60) {
@@ -417,7 +498,9 @@ impl RealRoot {
                 };
             }
         }
-        unreachable!("the interval shrinks until both ends round to the same number or to neighbours")
+        unreachable!(
+            "the interval shrinks until both ends round to the same number or to neighbours"
+        )
     }
     /// An interval with `f64` ends that holds the number; they are neighbours or equal.
     pub fn to_interval(&self) -> Interval {
@@ -485,7 +568,11 @@ impl Ord for RealRoot {
             }
             if !distinct && round > 0 {
                 // A common root lies in both intervals; there the common divisor changes sign, and only there.
-                let h = if Arc::ptr_eq(&a.poly, &b.poly) { (*a.poly).clone() } else { a.poly.gcd(&b.poly) };
+                let h = if Arc::ptr_eq(&a.poly, &b.poly) {
+                    (*a.poly).clone()
+                } else {
+                    a.poly.gcd(&b.poly)
+                };
                 let (lo, hi) = (a_lo.max(b_lo), a_hi.min(b_hi));
                 if h.degree() > 0 && h.sign_at(&lo) != h.sign_at(&hi) {
                     return Ordering::Equal;
@@ -503,7 +590,11 @@ impl Ord for RealRoot {
 pub(crate) fn floor(r: &RBig) -> IBig {
     let d = IBig::from(r.denominator().clone());
     let q = r.numerator() / &d;
-    if r.is_negative() && &q * &d != *r.numerator() { q - 1 } else { q }
+    if r.is_negative() && &q * &d != *r.numerator() {
+        q - 1
+    } else {
+        q
+    }
 }
 
 /// The rational number of least denominator strictly between two, of these the one of least absolute value (Stern–Brocot).
@@ -527,8 +618,15 @@ fn simplest_positive(lo: &RBig, hi: &RBig) -> RBig {
         return next;
     }
     // Both in [whole, whole + 1]: invert the fractional parts; the upper end of the inverse may be infinite.
-    let (lo_part, hi_part) = (lo - RBig::from(whole.clone()), hi - RBig::from(whole.clone()));
+    let (lo_part, hi_part) = (
+        lo - RBig::from(whole.clone()),
+        hi - RBig::from(whole.clone()),
+    );
     let inverse_lo = RBig::ONE / hi_part;
-    let tail = if lo_part.is_zero() { RBig::from(floor(&inverse_lo) + 1) } else { simplest_positive(&inverse_lo, &(RBig::ONE / lo_part)) };
+    let tail = if lo_part.is_zero() {
+        RBig::from(floor(&inverse_lo) + 1)
+    } else {
+        simplest_positive(&inverse_lo, &(RBig::ONE / lo_part))
+    };
     RBig::from(whole) + RBig::ONE / tail
 }

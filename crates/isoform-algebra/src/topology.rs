@@ -44,7 +44,10 @@ enum Node {
 ///
 /// # Errors
 /// [`ArrangementError`].
-pub fn curve_topology(form: &Poly, stop: &dyn Fn() -> bool) -> Result<CurveTopology, ArrangementError> {
+pub fn curve_topology(
+    form: &Poly,
+    stop: &dyn Fn() -> bool,
+) -> Result<CurveTopology, ArrangementError> {
     let mut graph = Graph::default();
     if !form.is_constant() {
         for quadrant in 0..4 {
@@ -73,7 +76,9 @@ impl Graph {
         let [s, t] = QUADRANTS[quadrant];
         let walls = &arrangement.walls;
         let last = walls.len() - 1;
-        let on = |k: usize, p: usize| walls[k].points[p].curves.contains(&0) || walls[k].vertical.contains(&0);
+        let on = |k: usize, p: usize| {
+            walls[k].points[p].curves.contains(&0) || walls[k].vertical.contains(&0)
+        };
         // Names of the points, and whether they are taken as −(s, t, w) here: those with w = 0 have s > 0, or s = 0 and t > 0.
         let mut names: BTreeMap<(usize, usize), (Node, bool)> = BTreeMap::new();
         let (mut on_left, mut on_lower, mut on_upper) = (0, 0, 0);
@@ -114,14 +119,21 @@ impl Graph {
                 edge(self, (k, arc.left), (k + 1, arc.right));
             }
         }
-        for (k, wall) in walls.iter().enumerate().filter(|(_, w)| w.vertical.contains(&0)) {
+        for (k, wall) in walls
+            .iter()
+            .enumerate()
+            .filter(|(_, w)| w.vertical.contains(&0))
+        {
             (1..wall.points.len()).for_each(|p| edge(self, (k, p - 1), (k, p)));
         }
         // Sides that belong to the curve, each from one of its two triangles.
         let sides = arrangement.sides[0];
         let along = |graph: &mut Self, points: Vec<(usize, usize)>| {
             let ends = [points[0], points[points.len() - 1]];
-            let points: Vec<_> = points.into_iter().filter(|&(k, p)| on(k, p) || ends.contains(&(k, p))).collect();
+            let points: Vec<_> = points
+                .into_iter()
+                .filter(|&(k, p)| on(k, p) || ends.contains(&(k, p)))
+                .collect();
             points.windows(2).for_each(|w| edge(graph, w[0], w[1]));
         };
         if sides[0] && quadrant.is_multiple_of(2) {
@@ -131,7 +143,10 @@ impl Graph {
             along(self, (0..=last).map(|k| (k, 0)).collect());
         }
         if sides[2] && s > 0 {
-            along(self, (0..=last).map(|k| (k, walls[k].points.len() - 1)).collect());
+            along(
+                self,
+                (0..=last).map(|k| (k, walls[k].points.len() - 1)).collect(),
+            );
         }
     }
 
@@ -143,7 +158,8 @@ impl Graph {
             degree[a] += 1;
             degree[b] += 1;
             let (from, to) = (of[a], of[b]);
-            of.iter_mut().for_each(|c| *c = if *c == from { to } else { *c });
+            of.iter_mut()
+                .for_each(|c| *c = if *c == from { to } else { *c });
         }
         let mut out = CurveTopology::default();
         for c in 0..n {
@@ -188,26 +204,54 @@ mod tests {
         assert_eq!(topology("s^2 + t^2 + w^2"), [0, 0, 0, 0]);
         assert_eq!(topology("s^2 + t^2"), [0, 0, 0, 1]);
         assert_eq!(topology("s*t"), [0, 0, 1, 0]);
-        assert_eq!(topology("(s^2 + t^2 - w^2)^2*(s^2 + t^2 - 4*w^2)"), [2, 0, 0, 0]);
+        assert_eq!(
+            topology("(s^2 + t^2 - w^2)^2*(s^2 + t^2 - 4*w^2)"),
+            [2, 0, 0, 0]
+        );
     }
 
     #[test]
     fn singular_cubics_and_quartics() {
         assert_eq!(topology("t^2*w - s^3"), [0, 1, 0, 0], "a cusp");
         assert_eq!(topology("t^2*w - s^3 - s^2*w"), [0, 0, 1, 0], "a node");
-        assert_eq!(topology("t^2*w - s^3 + s^2*w"), [0, 1, 0, 1], "an isolated point");
+        assert_eq!(
+            topology("t^2*w - s^3 + s^2*w"),
+            [0, 1, 0, 1],
+            "an isolated point"
+        );
         assert_eq!(topology("t^2*w - s^3 + s*w^2"), [1, 1, 0, 0], "an oval");
-        assert_eq!(topology("(t*w - s^2)*(t*w - 2*s^2)"), [0, 0, 1, 0], "two parabolas that touch");
-        assert_eq!(topology("(s^2 + 4*t^2 - 4*w^2)*(4*s^2 + t^2 - 4*w^2)*10000 + w^4"), [4, 0, 0, 0], "four ovals");
-        assert_eq!(topology("(s^2 + 4*t^2 - 4*w^2)*(4*s^2 + t^2 - 4*w^2)*10000 - w^4"), [2, 0, 0, 0], "two ovals, nested");
+        assert_eq!(
+            topology("(t*w - s^2)*(t*w - 2*s^2)"),
+            [0, 0, 1, 0],
+            "two parabolas that touch"
+        );
+        assert_eq!(
+            topology("(s^2 + 4*t^2 - 4*w^2)*(4*s^2 + t^2 - 4*w^2)*10000 + w^4"),
+            [4, 0, 0, 0],
+            "four ovals"
+        );
+        assert_eq!(
+            topology("(s^2 + 4*t^2 - 4*w^2)*(4*s^2 + t^2 - 4*w^2)*10000 - w^4"),
+            [2, 0, 0, 0],
+            "two ovals, nested"
+        );
     }
 
     #[test]
     fn near_degeneracies_are_told_apart() {
         // An oval of radius 1e-4, and a node opened by 1e-6 either way.
-        assert_eq!(topology("100000000*((3*s - w)^2 + (3*t - w)^2) - w^2"), [1, 0, 0, 0]);
-        assert_eq!(topology("1000000*(t^2*w - s^3 - s^2*w) + w^3"), [1, 1, 0, 0]);
-        assert_eq!(topology("1000000*(t^2*w - s^3 - s^2*w) - w^3"), [0, 1, 0, 0]);
+        assert_eq!(
+            topology("100000000*((3*s - w)^2 + (3*t - w)^2) - w^2"),
+            [1, 0, 0, 0]
+        );
+        assert_eq!(
+            topology("1000000*(t^2*w - s^3 - s^2*w) + w^3"),
+            [1, 1, 0, 0]
+        );
+        assert_eq!(
+            topology("1000000*(t^2*w - s^3 - s^2*w) - w^3"),
+            [0, 1, 0, 0]
+        );
     }
 
     /// The pole curves of the zoo, whose topology was computed elsewhere, by an exact sweep in another frame.
@@ -218,19 +262,37 @@ mod tests {
             println!("skip  {} is not there", folder.display());
             return;
         };
-        let mut files: Vec<_> =
-            files.filter_map(|f| f.ok().map(|f| f.path())).filter(|p| p.extension().is_some_and(|e| e == "json")).collect();
+        let mut files: Vec<_> = files
+            .filter_map(|f| f.ok().map(|f| f.path()))
+            .filter(|p| p.extension().is_some_and(|e| e == "json"))
+            .collect();
         files.sort();
         for file in files {
-            let map: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&file).expect("readable")).expect("JSON");
+            let map: serde_json::Value =
+                serde_json::from_str(&std::fs::read_to_string(&file).expect("readable"))
+                    .expect("JSON");
             let known = &map["pole_topology"];
-            let Some(w) = map["W"].as_str().filter(|_| known.is_object()) else { continue };
+            let Some(w) = map["W"].as_str().filter(|_| known.is_object()) else {
+                continue;
+            };
             let degree = map["degree"].as_u64().expect("a degree") as usize;
-            let form = Poly::parse(w, &["s", "t"]).expect("a polynomial").homogenise(2, degree);
+            let form = Poly::parse(w, &["s", "t"])
+                .expect("a polynomial")
+                .homogenise(2, degree);
             let t = curve_topology(&form, &|| false).expect("a curve");
             let count = |key: &str| known[key].as_u64().expect("a count") as usize;
-            let expected = [count("n_ovals"), count("n_pseudolines"), count("n_singular_components"), count("n_isolated_points")];
-            assert_eq!([t.ovals, t.pseudolines, t.singular, t.isolated], expected, "{}: {w}", file.display());
+            let expected = [
+                count("n_ovals"),
+                count("n_pseudolines"),
+                count("n_singular_components"),
+                count("n_isolated_points"),
+            ];
+            assert_eq!(
+                [t.ovals, t.pseudolines, t.singular, t.isolated],
+                expected,
+                "{}: {w}",
+                file.display()
+            );
         }
     }
 }

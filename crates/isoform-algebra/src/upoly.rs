@@ -77,7 +77,9 @@ impl UPoly {
         if divisor.is_one() {
             return self.clone();
         }
-        Self { coefficients: self.coefficients.iter().map(|c| c / &divisor).collect() }
+        Self {
+            coefficients: self.coefficients.iter().map(|c| c / &divisor).collect(),
+        }
     }
     /// This polynomial times a number.
     pub fn scale(&self, c: &IBig) -> Self {
@@ -85,7 +87,14 @@ impl UPoly {
     }
     /// The derivative.
     pub fn derivative(&self) -> Self {
-        Self::new(self.coefficients.iter().enumerate().skip(1).map(|(i, c)| c * i).collect())
+        Self::new(
+            self.coefficients
+                .iter()
+                .enumerate()
+                .skip(1)
+                .map(|(i, c)| c * i)
+                .collect(),
+        )
     }
     /// The value at a rational number.
     pub fn eval(&self, x: &RBig) -> RBig {
@@ -94,9 +103,17 @@ impl UPoly {
     /// The value at x times the positive number denominator(x)^degree: an integer with the sign of the value.
     fn eval_homogeneous(&self, x: &RBig) -> IBig {
         if x.denominator().is_one() {
-            return self.coefficients.iter().rev().fold(IBig::ZERO, |s, c| s * x.numerator() + c);
+            return self
+                .coefficients
+                .iter()
+                .rev()
+                .fold(IBig::ZERO, |s, c| s * x.numerator() + c);
         }
-        fraction_powers(x, self.degree()).iter().zip(&self.coefficients).map(|(p, c)| p * c).sum()
+        fraction_powers(x, self.degree())
+            .iter()
+            .zip(&self.coefficients)
+            .map(|(p, c)| p * c)
+            .sum()
     }
     /// The sign of the value at a rational number.
     pub fn sign_at(&self, x: &RBig) -> Ordering {
@@ -112,7 +129,12 @@ impl UPoly {
     }
     /// The value at numerator/2^shift and a bound of its error, both in units of 2^(t − precision) where t is the bit length of the largest
     /// coefficient.
-    pub(crate) fn eval_near(&self, numerator: &IBig, shift: usize, precision: usize) -> (IBig, IBig) {
+    pub(crate) fn eval_near(
+        &self,
+        numerator: &IBig,
+        shift: usize,
+        precision: usize,
+    ) -> (IBig, IBig) {
         let (lost, gained) = self.unit(precision);
         let (mut sum, mut error) = (IBig::ZERO, IBig::ZERO);
         let size = numerator.clone().abs();
@@ -193,7 +215,10 @@ impl UPoly {
             }
             quotient[i] = q;
         }
-        rest[..n].iter().all(IBig::is_zero).then(|| Self::new(quotient))
+        rest[..n]
+            .iter()
+            .all(IBig::is_zero)
+            .then(|| Self::new(quotient))
     }
     /// The remainder of lc(divisor)^k times this polynomial for some even k, so that signs are kept.
     ///
@@ -217,7 +242,11 @@ impl UPoly {
             rest = Self::new(rest.coefficients);
             odd = !odd;
         }
-        if odd && lead.is_negative() { -&rest } else { rest }
+        if odd && lead.is_negative() {
+            -&rest
+        } else {
+            rest
+        }
     }
     /// This polynomial as text in a variable of that name.
     pub fn display<'a>(&'a self, name: &'a str) -> impl fmt::Display + 'a {
@@ -238,7 +267,11 @@ pub(crate) fn sign(a: &IBig) -> Ordering {
 impl Add for &UPoly {
     type Output = UPoly;
     fn add(self, o: Self) -> UPoly {
-        let (long, short) = if self.coefficients.len() >= o.coefficients.len() { (self, o) } else { (o, self) };
+        let (long, short) = if self.coefficients.len() >= o.coefficients.len() {
+            (self, o)
+        } else {
+            (o, self)
+        };
         let mut sum = long.coefficients.clone();
         for (s, c) in sum.iter_mut().zip(&short.coefficients) {
             *s += c;
@@ -250,7 +283,9 @@ impl Add for &UPoly {
 impl Neg for &UPoly {
     type Output = UPoly;
     fn neg(self) -> UPoly {
-        UPoly { coefficients: self.coefficients.iter().map(|c| -c).collect() }
+        UPoly {
+            coefficients: self.coefficients.iter().map(|c| -c).collect(),
+        }
     }
 }
 
@@ -283,7 +318,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn any_poly() -> impl Strategy<Value = UPoly> {
-        prop::collection::vec(any::<i32>(), 0..8).prop_map(|c| UPoly::new(c.into_iter().map(IBig::from).collect()))
+        prop::collection::vec(any::<i32>(), 0..8)
+            .prop_map(|c| UPoly::new(c.into_iter().map(IBig::from).collect()))
     }
 
     proptest! {

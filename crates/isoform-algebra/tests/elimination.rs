@@ -1,6 +1,9 @@
 //! Common divisors, squarefree parts, resultants and subresultants against their definitions.
 
-use isoform_algebra::{IBig, Poly, RBig, ResultantError, Subresultants, UPoly, discriminant, resultant, resultant_univariate};
+use isoform_algebra::{
+    IBig, Poly, RBig, ResultantError, Subresultants, UPoly, discriminant, resultant,
+    resultant_univariate,
+};
 use proptest::prelude::*;
 
 fn p(text: &str) -> Poly {
@@ -17,7 +20,8 @@ fn poly(vars: usize, degree: u16, terms: usize) -> impl Strategy<Value = Poly> {
         e[vars..].fill(0);
         e
     });
-    prop::collection::vec((exponents, -9i64..=9), 1..terms).prop_map(|t| Poly::from_terms(t.into_iter().map(|(e, c)| (e, RBig::from(c)))))
+    prop::collection::vec((exponents, -9i64..=9), 1..terms)
+        .prop_map(|t| Poly::from_terms(t.into_iter().map(|(e, c)| (e, RBig::from(c)))))
 }
 
 fn upoly(degree: usize) -> impl Strategy<Value = UPoly> {
@@ -26,9 +30,19 @@ fn upoly(degree: usize) -> impl Strategy<Value = UPoly> {
 
 /// Determinant over a ring of polynomials by expansion along the first row.
 fn determinant(m: &[Vec<Poly>]) -> Poly {
-    let Some((first, rest)) = m.split_first() else { return Poly::one() };
+    let Some((first, rest)) = m.split_first() else {
+        return Poly::one();
+    };
     let minor = |skip: usize| -> Vec<Vec<Poly>> {
-        rest.iter().map(|r| r.iter().enumerate().filter(|(c, _)| *c != skip).map(|(_, v)| v.clone()).collect()).collect()
+        rest.iter()
+            .map(|r| {
+                r.iter()
+                    .enumerate()
+                    .filter(|(c, _)| *c != skip)
+                    .map(|(_, v)| v.clone())
+                    .collect()
+            })
+            .collect()
     };
     let mut sum = Poly::zero();
     for (c, v) in first.iter().enumerate().filter(|(_, v)| !v.is_zero()) {
@@ -44,9 +58,20 @@ fn minor(f: &Poly, g: &Poly, j: usize, i: usize) -> Poly {
     let columns: Vec<usize> = (j + 1..n + m - j).rev().chain([i]).collect();
     let row = |q: &Poly, shift: usize| -> Vec<Poly> {
         let c = q.coefficients_in(1);
-        columns.iter().map(|&k| k.checked_sub(shift).and_then(|k| c.get(k).cloned()).unwrap_or_default()).collect()
+        columns
+            .iter()
+            .map(|&k| {
+                k.checked_sub(shift)
+                    .and_then(|k| c.get(k).cloned())
+                    .unwrap_or_default()
+            })
+            .collect()
     };
-    let rows: Vec<_> = (0..m - j).rev().map(|s| row(f, s)).chain((0..n - j).rev().map(|s| row(g, s))).collect();
+    let rows: Vec<_> = (0..m - j)
+        .rev()
+        .map(|s| row(f, s))
+        .chain((0..n - j).rev().map(|s| row(g, s)))
+        .collect();
     determinant(&rows)
 }
 
@@ -128,26 +153,53 @@ proptest! {
 
 #[test]
 fn closed_forms() {
-    assert_eq!(discriminant(&p("x*y^2 + 3*y + 5"), 1, &go), Ok(p("9 - 20*x")));
-    assert_eq!(discriminant(&p("y^3 + x*y - 2"), 1, &go), Ok(p("-4*x^3 - 108")));
+    assert_eq!(
+        discriminant(&p("x*y^2 + 3*y + 5"), 1, &go),
+        Ok(p("9 - 20*x"))
+    );
+    assert_eq!(
+        discriminant(&p("y^3 + x*y - 2"), 1, &go),
+        Ok(p("-4*x^3 - 108"))
+    );
     assert_eq!(discriminant(&p("y - x"), 1, &go), Ok(Poly::one()));
-    assert_eq!(resultant(&p("x + y + z"), &p("x"), 0, &go), Err(ResultantError::TooManyVariables));
-    assert_eq!(resultant(&p("x + y"), &p("x"), 0, &|| true), Err(ResultantError::Stopped));
+    assert_eq!(
+        resultant(&p("x + y + z"), &p("x"), 0, &go),
+        Err(ResultantError::TooManyVariables)
+    );
+    assert_eq!(
+        resultant(&p("x + y"), &p("x"), 0, &|| true),
+        Err(ResultantError::Stopped)
+    );
     // The tacnode of (y − x²)(y + x²)(y − 3): over x = 0 the divisor S₁ of f and f′ has the root y = 0, over x² = 3 the root y = 3.
     let f = p("(y^2 - x^4)*(y - 3)");
     let chain = Subresultants::new(&f, &f.derivative(1), 1, &go).expect("two variables");
-    assert_eq!(chain.principal[0].squarefree().last().map(|(q, n)| (q.clone(), *n)), Some((UPoly::from_i64(&[0, 1]), 4)));
-    let root_at = |x: i64| -chain.next[1].eval(&RBig::from(x)) / chain.principal[1].eval(&RBig::from(x));
+    assert_eq!(
+        chain.principal[0]
+            .squarefree()
+            .last()
+            .map(|(q, n)| (q.clone(), *n)),
+        Some((UPoly::from_i64(&[0, 1]), 4))
+    );
+    let root_at =
+        |x: i64| -chain.next[1].eval(&RBig::from(x)) / chain.principal[1].eval(&RBig::from(x));
     assert_eq!(root_at(0), RBig::ZERO);
     let difference = &chain.next[1] + &chain.principal[1].scale(&IBig::from(3));
-    assert!(difference.div_exact(&UPoly::from_i64(&[-3, 0, 1])).is_some() || difference.is_zero());
+    assert!(
+        difference
+            .div_exact(&UPoly::from_i64(&[-3, 0, 1]))
+            .is_some()
+            || difference.is_zero()
+    );
     assert_eq!(p("0").gcd(&p("-2*x")), p("x"));
     assert_eq!(p("x*y").gcd(&p("z")), Poly::one());
     assert_eq!(Poly::constant(6).gcd(&Poly::constant(4)), Poly::one());
     assert_eq!(UPoly::from_i64(&[6]).squarefree(), []);
     assert_eq!(p("x^3*y - x*y").squarefree(), [(p("x^3*y - x*y"), 1)]);
     assert_eq!(p("x^2*y^2*z").squarefree(), [(p("z"), 1), (p("x*y"), 2)]);
-    assert_eq!(resultant_univariate(&UPoly::from_i64(&[-1, 0, 0, 2]), &UPoly::from_i64(&[5])), IBig::from(125));
+    assert_eq!(
+        resultant_univariate(&UPoly::from_i64(&[-1, 0, 0, 2]), &UPoly::from_i64(&[5])),
+        IBig::from(125)
+    );
 }
 
 /// Values at small integers that agree by design: y(y−1)(y−2)… vanishes at the first points anyone would try.
@@ -155,8 +207,16 @@ fn closed_forms() {
 fn no_small_point_deceives() {
     let falling = (0..12).fold(Poly::one(), |q, i| q * (Poly::var(1) - Poly::constant(i)));
     let c = &falling + p("x^2 + 1");
-    assert!((&c * p("x + y")).gcd(&(&c * p("x - y^3 + 1"))).is_associate(&c));
+    assert!(
+        (&c * p("x + y"))
+            .gcd(&(&c * p("x - y^3 + 1")))
+            .is_associate(&c)
+    );
     let prime = Poly::constant(IBig::from((1u64 << 62) - 57));
     let c = p("x*y + 1") + &prime * p("x^2 - y");
-    assert!((&c * p("x + y")).gcd(&(&c * (p("x - y") + &prime))).is_associate(&c));
+    assert!(
+        (&c * p("x + y"))
+            .gcd(&(&c * (p("x - y") + &prime)))
+            .is_associate(&c)
+    );
 }

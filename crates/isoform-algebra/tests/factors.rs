@@ -16,14 +16,17 @@ fn upoly(degree: usize) -> impl Strategy<Value = UPoly> {
 }
 
 fn poly(degree: u16) -> impl Strategy<Value = Poly> {
-    prop::collection::vec((0..=degree, 0..=degree, -9i64..=9), 2..6)
-        .prop_map(|t| Poly::from_terms(t.into_iter().map(|(i, j, c)| ([i, j, 0, 0], RBig::from(c)))))
+    prop::collection::vec((0..=degree, 0..=degree, -9i64..=9), 2..6).prop_map(|t| {
+        Poly::from_terms(t.into_iter().map(|(i, j, c)| ([i, j, 0, 0], RBig::from(c))))
+    })
 }
 
 /// The product of the factors is the polynomial, and none of them comes apart again.
 fn check(whole: &Poly) -> Vec<(Poly, usize)> {
     let factors = whole.factor(&go).expect("few variables");
-    let product = factors.iter().fold(Poly::one(), |q, (f, n)| q * f.pow(*n as u32));
+    let product = factors
+        .iter()
+        .fold(Poly::one(), |q, (f, n)| q * f.pow(*n as u32));
     assert!(product.is_associate(whole), "{whole}");
     for (f, _) in &factors {
         assert_eq!(f.factor(&go), Ok(vec![(f.clone(), 1)]));
@@ -91,9 +94,19 @@ fn known_factorisations() {
         }
         assert_eq!(check(&p(text)).len(), count, "{text}");
     }
-    assert_eq!(p("x*y*z + 1").factor(&go), Err(FactorError::TooManyVariables));
-    assert_eq!(p("x^9 - 2*y^9 + 3").factor(&|| true), Err(FactorError::Stopped));
-    let big = UPoly::new(vec![IBig::from(1) << 200, IBig::from(3), IBig::from(1) << 100]);
+    assert_eq!(
+        p("x*y*z + 1").factor(&go),
+        Err(FactorError::TooManyVariables)
+    );
+    assert_eq!(
+        p("x^9 - 2*y^9 + 3").factor(&|| true),
+        Err(FactorError::Stopped)
+    );
+    let big = UPoly::new(vec![
+        IBig::from(1) << 200,
+        IBig::from(3),
+        IBig::from(1) << 100,
+    ]);
     let product = &big * &UPoly::from_i64(&[7, -5, 0, 1]);
     assert_eq!(product.factor(&go).map(|f| f.len()), Ok(2));
 }
@@ -104,10 +117,18 @@ fn dense_factors_of_degree_twelve() {
     let mut rng = fastrand::Rng::with_seed(11);
     let mut dense = |degree: u16, size: i64| {
         let exponents = (0..=degree).flat_map(|i| (0..=degree - i).map(move |j| [i, j, 0, 0]));
-        Poly::from_terms(exponents.map(|e| (e, RBig::from(rng.i64(-size..=size)))).collect::<Vec<_>>())
+        Poly::from_terms(
+            exponents
+                .map(|e| (e, RBig::from(rng.i64(-size..=size))))
+                .collect::<Vec<_>>(),
+        )
     };
     let parts = [dense(4, 1_000_000), dense(8, 9), dense(12, 100)];
     let whole = parts.iter().fold(Poly::one(), |a, b| a * b);
     let factors = whole.factor(&go).expect("two variables");
-    assert!(factors == parts.map(|q| (q.primitive(), 1)), "{} factors", factors.len());
+    assert!(
+        factors == parts.map(|q| (q.primitive(), 1)),
+        "{} factors",
+        factors.len()
+    );
 }

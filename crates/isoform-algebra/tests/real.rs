@@ -1,6 +1,9 @@
 //! Real roots and fibres: known roots are found, comparisons and signs are those of the numbers.
 
-use isoform_algebra::{Fibres, IBig, Poly, RBig, RealRoot, UBig, UPoly, count_roots_between, real_roots, simplest_between};
+use isoform_algebra::{
+    Fibres, IBig, Poly, RBig, RealRoot, UBig, UPoly, count_roots_between, real_roots,
+    simplest_between,
+};
 use proptest::prelude::*;
 use std::cmp::Ordering;
 
@@ -22,7 +25,9 @@ fn q(n: i64, d: u64) -> RBig {
 
 /// (d x − n) over the fractions, which are its roots.
 fn with_roots(roots: &[(i64, u64)]) -> UPoly {
-    roots.iter().fold(UPoly::one(), |product, &(n, d)| &product * &UPoly::new(vec![IBig::from(-n), IBig::from(d)]))
+    roots.iter().fold(UPoly::one(), |product, &(n, d)| {
+        &product * &UPoly::new(vec![IBig::from(-n), IBig::from(d)])
+    })
 }
 
 /// What `RealRoot` promises about its interval.
@@ -33,7 +38,10 @@ fn check(root: &RealRoot) {
     } else {
         assert!(lo < hi);
         let (a, b) = (root.poly().sign_at(&lo), root.poly().sign_at(&hi));
-        assert!(a.is_ne() && b == a.reverse(), "no change of sign between {lo} and {hi}");
+        assert!(
+            a.is_ne() && b == a.reverse(),
+            "no change of sign between {lo} and {hi}"
+        );
     }
 }
 
@@ -130,7 +138,12 @@ proptest! {
 fn famous_polynomials() {
     // Wilkinson: 1 … 20. Chebyshev of degree 40: cos((2k + 1)π/80). Mignotte: two roots closer than 2^−60.
     let wilkinson = with_roots(&(1..=20).map(|n| (n, 1)).collect::<Vec<_>>());
-    assert!(real_roots(&wilkinson).iter().enumerate().all(|(i, r)| r.to_rational() == Some(RBig::from(i + 1))));
+    assert!(
+        real_roots(&wilkinson)
+            .iter()
+            .enumerate()
+            .all(|(i, r)| r.to_rational() == Some(RBig::from(i + 1)))
+    );
     let (mut a, mut b) = (UPoly::one(), UPoly::from_i64(&[0, 1]));
     for _ in 1..40 {
         let next = &(&UPoly::from_i64(&[0, 2]) * &b) - &a;
@@ -139,7 +152,9 @@ fn famous_polynomials() {
     let roots = real_roots(&b);
     assert_eq!(roots.len(), 40);
     for (k, r) in roots.iter().rev().enumerate() {
-        assert!((r.to_f64() - ((2 * k + 1) as f64 * std::f64::consts::PI / 80.0).cos()).abs() < 1e-15);
+        assert!(
+            (r.to_f64() - ((2 * k + 1) as f64 * std::f64::consts::PI / 80.0).cos()).abs() < 1e-15
+        );
     }
     let mignotte = real_roots(&u("x^30 - 2*(1000*x - 1)^2"));
     assert_eq!(mignotte.len(), 4);
@@ -154,7 +169,10 @@ fn famous_polynomials() {
     let tiny = real_roots(&UPoly::new(vec![IBig::from(-3), IBig::ONE << 1080]));
     assert_eq!((tiny[0].to_f64(), tiny[0].to_interval().lo()), (0.0, 0.0));
     let huge = real_roots(&UPoly::new(vec![-(IBig::ONE << 1100), IBig::ONE]));
-    assert_eq!((huge[0].to_f64(), huge[0].to_interval().lo()), (f64::INFINITY, f64::MAX));
+    assert_eq!(
+        (huge[0].to_f64(), huge[0].to_interval().lo()),
+        (f64::INFINITY, f64::MAX)
+    );
 }
 
 #[test]
@@ -174,14 +192,24 @@ fn fibres_at_critical_points() {
         ("(y^2 + 1)^2 + x", "x", 0, &[], 2),
         ("x*y^3 + y^2 - 1", "x", 0, &[1, 1], 2),
         ("x*y^2 + x*y + 1", "x", 0, &[], 0),
-        ("(y - 1000000*x)*(y - 1000000*x - 1/1000000)*y", "x^2 - 2", 1, &[1, 1, 1], 3),
+        (
+            "(y - 1000000*x)*(y - 1000000*x - 1/1000000)*y",
+            "x^2 - 2",
+            1,
+            &[1, 1, 1],
+            3,
+        ),
     ];
     for (curve, over, which, multiplicities, complex) in cases {
         let fibres = Fibres::new(&p(curve), 1, &go).expect(curve);
         let alpha = &real_roots(&u(over))[which];
         let mut fibre = fibres.at(alpha, &go).expect(curve);
         let found: Vec<usize> = fibre.roots.iter().map(|r| r.multiplicity).collect();
-        assert_eq!((&found[..], fibre.distinct_complex), (multiplicities, complex), "{curve} over {over}");
+        assert_eq!(
+            (&found[..], fibre.distinct_complex),
+            (multiplicities, complex),
+            "{curve} over {over}"
+        );
         if let Some(count) = fibres.count_at(alpha) {
             assert_eq!(count, multiplicities.len(), "{curve} over {over}");
         }
@@ -193,7 +221,9 @@ fn fibres_at_critical_points() {
             assert!(&r.hi - &r.lo <= RBig::from_parts(IBig::ONE, UBig::ONE << 300));
         }
     }
-    let vertical = Fibres::new(&p("x*y^2 - 2*x"), 1, &go).expect("two variables").at(&RealRoot::from_rational(&RBig::ZERO), &go);
+    let vertical = Fibres::new(&p("x*y^2 - 2*x"), 1, &go)
+        .expect("two variables")
+        .at(&RealRoot::from_rational(&RBig::ZERO), &go);
     assert!(vertical.is_err_and(|e| e == isoform_algebra::FibreError::Vertical));
 }
 
@@ -215,13 +245,19 @@ fn counting_agrees_with_isolating() {
         let critical = real_roots(&discriminant);
         for (i, alpha) in critical.iter().enumerate() {
             let fibre = fibres.at(alpha, &go).expect("not vertical");
-            assert_eq!(fibres.count_at(alpha).unwrap_or(fibre.roots.len()), fibre.roots.len());
+            assert_eq!(
+                fibres.count_at(alpha).unwrap_or(fibre.roots.len()),
+                fibre.roots.len()
+            );
             if let Some(next) = critical.get(i + 1) {
                 let x = alpha.rational_below(next);
                 let over = f.set(0, &x).to_upoly(1).expect("one variable");
                 let at = RealRoot::from_rational(&x);
                 assert_eq!(fibres.count_at(&at), Some(real_roots(&over).len()));
-                assert_eq!(fibres.at(&at, &go).expect("not vertical").roots.len(), real_roots(&over).len());
+                assert_eq!(
+                    fibres.at(&at, &go).expect("not vertical").roots.len(),
+                    real_roots(&over).len()
+                );
             }
         }
     }
@@ -230,8 +266,17 @@ fn counting_agrees_with_isolating() {
 /// Roots halfway between two neighbouring doubles, on a grid that halving the first interval does not meet: ties go to the even one.
 #[test]
 fn ties() {
-    let coefficients = ["83734783535626296711395216750389", "-329747378849440028749325827833856", "324518553658426726783156020576256"];
-    let f = UPoly::new(coefficients.iter().map(|c| c.parse::<IBig>().expect("an integer")).collect());
+    let coefficients = [
+        "83734783535626296711395216750389",
+        "-329747378849440028749325827833856",
+        "324518553658426726783156020576256",
+    ];
+    let f = UPoly::new(
+        coefficients
+            .iter()
+            .map(|c| c.parse::<IBig>().expect("an integer"))
+            .collect(),
+    );
     // The roots are these over 2^54; 8978173444146977 has 53 bits and is a double.
     let halves = [8978173444146977u64, 9326483171275156];
     let roots: Vec<f64> = real_roots(&f).iter().map(|r| r.to_f64()).collect();

@@ -45,8 +45,14 @@ fn p(text: &str) -> Poly {
 #[test]
 fn flint_agrees() {
     let mut checked = 0;
-    for line in include_str!("golden/flint.txt").lines().filter(|l| !l.starts_with('#')) {
-        let [kind, first, second, answer] = line.split('|').map(str::trim).collect::<Vec<_>>()[..] else { panic!("four fields: {line}") };
+    for line in include_str!("golden/flint.txt")
+        .lines()
+        .filter(|l| !l.starts_with('#'))
+    {
+        let [kind, first, second, answer] = line.split('|').map(str::trim).collect::<Vec<_>>()[..]
+        else {
+            panic!("four fields: {line}")
+        };
         let f = p(first);
         match kind {
             "resultant" => assert!(resultant(&f, &p(second), 1, &go) == Ok(p(answer)), "{line}"),
@@ -58,18 +64,33 @@ fn flint_agrees() {
                     .split(';')
                     .map(|part| {
                         let (factor, multiplicity) = part.split_once("^^").expect("a multiplicity");
-                        (p(factor.trim()).primitive(), multiplicity.trim().parse().expect("a number"))
+                        (
+                            p(factor.trim()).primitive(),
+                            multiplicity.trim().parse().expect("a number"),
+                        )
                     })
                     .collect();
                 assert_eq!(factors.len(), wanted.len(), "{line}");
                 assert!(wanted.iter().all(|w| factors.contains(w)), "{line}");
             }
             "roots" => {
-                let roots: Vec<f64> = real_roots(&f.to_upoly(0).expect("one variable")).iter().map(|r| r.to_f64()).collect();
-                let wanted: Vec<f64> = answer.split(';').map(|r| r.trim().parse().expect("a number")).collect();
+                let roots: Vec<f64> = real_roots(&f.to_upoly(0).expect("one variable"))
+                    .iter()
+                    .map(|r| r.to_f64())
+                    .collect();
+                let wanted: Vec<f64> = answer
+                    .split(';')
+                    .map(|r| r.trim().parse().expect("a number"))
+                    .collect();
                 assert_eq!(roots.len(), wanted.len(), "{line}");
                 // The middle of FLINT's enclosure is not always the nearest number.
-                assert!(roots.iter().zip(&wanted).all(|(r, w)| (r - w).abs() <= 4.0 * f64::EPSILON * w.abs()), "{line}");
+                assert!(
+                    roots
+                        .iter()
+                        .zip(&wanted)
+                        .all(|(r, w)| (r - w).abs() <= 4.0 * f64::EPSILON * w.abs()),
+                    "{line}"
+                );
             }
             _ => panic!("what is {kind}?"),
         }

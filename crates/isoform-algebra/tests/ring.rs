@@ -18,9 +18,16 @@ fn poly(vars: usize, degree: u16, terms: usize) -> impl Strategy<Value = Poly> {
 
 /// What `Poly` promises about its representation.
 fn check(p: &Poly) {
-    assert!(p.terms().windows(2).all(|w| w[0].0 > w[1].0), "terms out of order");
+    assert!(
+        p.terms().windows(2).all(|w| w[0].0 > w[1].0),
+        "terms out of order"
+    );
     assert!(p.terms().iter().all(|(_, c)| !c.is_zero()), "a zero term");
-    let again = Poly::from_terms(p.terms().iter().map(|(e, c)| (*e, RBig::from_parts(c.clone(), p.denominator().clone()))));
+    let again = Poly::from_terms(
+        p.terms()
+            .iter()
+            .map(|(e, c)| (*e, RBig::from_parts(c.clone(), p.denominator().clone()))),
+    );
     assert_eq!(*p, again, "the denominator is not the least");
 }
 
@@ -85,7 +92,12 @@ proptest! {
 #[test]
 fn the_grid_agrees_with_multiplying_out() {
     let f = p("x^5*y - 3/7*x^2*y^2*z*w + 5*z^6 - w^6 + 1/3*x*y*z*w^3");
-    let parts = [p("x^3 - 2*x*y*z + z^3"), p("1/2*x^2*y + y^3"), p("x*y*z - 5/3*z^3"), p("x^3 + y^3 + 7*z^3")];
+    let parts = [
+        p("x^3 - 2*x*y*z + z^3"),
+        p("1/2*x^2*y + y^3"),
+        p("x*y*z - 5/3*z^3"),
+        p("x^3 + y^3 + 7*z^3"),
+    ];
     let by_grid = f.compose(&parts);
     assert!(by_grid.is_homogeneous());
     assert_eq!(by_grid.total_degree(), 18);
@@ -108,28 +120,46 @@ fn rounding_is_to_nearest_ties_to_even() {
         (&half_up + &tiny, 1.0 + f64::EPSILON),
         (&half_up - &tiny, 1.0),
         (RBig::from_parts(IBig::from(1), UBig::from(3u8)), 1.0 / 3.0),
-        (RBig::from_parts(IBig::from(-2), UBig::from(7u8)), -2.0 / 7.0),
+        (
+            RBig::from_parts(IBig::from(-2), UBig::from(7u8)),
+            -2.0 / 7.0,
+        ),
         (RBig::from_parts(IBig::ONE, UBig::ONE << 1075), 0.0),
         (RBig::from_parts(IBig::from(3), UBig::ONE << 1075), 1e-323),
         (RBig::from(IBig::ONE << 1030), f64::INFINITY),
     ];
     for (exact, rounded) in cases {
-        assert_eq!(Poly::constant(exact.clone()).to_f64()[0].1, rounded, "{exact}");
+        assert_eq!(
+            Poly::constant(exact.clone()).to_f64()[0].1,
+            rounded,
+            "{exact}"
+        );
     }
 }
 
 #[test]
 fn shapes_of_polynomials() {
     let f = p("x^3*y - 2*y^2 + 4");
-    assert_eq!((f.total_degree(), f.order(), f.degrees()), (4, 0, [3, 2, 0, 0]));
+    assert_eq!(
+        (f.total_degree(), f.order(), f.degrees()),
+        (4, 0, [3, 2, 0, 0])
+    );
     assert_eq!(f.homogeneous_part(2), p("-2*y^2"));
     assert_eq!(f.homogenise(3, 4), p("x^3*y - 2*y^2*w^2 + 4*w^4"));
     assert_eq!(f.rename([1, 0, 2, 3]), p("y^3*x - 2*x^2 + 4"));
     assert_eq!(f.substitute(1, &p("x + z")), p("x^3*(x+z) - 2*(x+z)^2 + 4"));
     assert_eq!(f.primitive(), f);
     assert_eq!(p("-2/3*x - 4/9").primitive(), p("3*x + 2"));
-    assert_eq!(p("-2/3*x - 4/9").content(), RBig::from_parts(IBig::from(2), UBig::from(9u8)));
-    assert_eq!(p("6*x^2 - 3").to_upoly(0).map(|u| u.display("t").to_string()), Some("2*t^2 - 1".into()));
+    assert_eq!(
+        p("-2/3*x - 4/9").content(),
+        RBig::from_parts(IBig::from(2), UBig::from(9u8))
+    );
+    assert_eq!(
+        p("6*x^2 - 3")
+            .to_upoly(0)
+            .map(|u| u.display("t").to_string()),
+        Some("2*t^2 - 1".into())
+    );
     assert_eq!(f.to_upoly(0), None);
     assert_eq!(f.coefficient([3, 1, 0, 0]), RBig::ONE);
     assert_eq!(f.coefficient([1, 1, 0, 0]), RBig::ZERO);

@@ -59,20 +59,44 @@ enum Loaded {
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let is_model = |p: &Path| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("hf"));
-    let second = if is_model(&args.first) { &args.params_second } else { &args.params };
-    let first = load(&args.first, is_model(&args.first), args.params.as_ref(), args, context)?;
-    let second = load(&args.second, is_model(&args.second), second.as_ref(), args, context)?;
+    let second = if is_model(&args.first) {
+        &args.params_second
+    } else {
+        &args.params
+    };
+    let first = load(
+        &args.first,
+        is_model(&args.first),
+        args.params.as_ref(),
+        args,
+        context,
+    )?;
+    let second = load(
+        &args.second,
+        is_model(&args.second),
+        second.as_ref(),
+        args,
+        context,
+    )?;
     let side = |l: &Loaded| match l {
         Loaded::Cloud(c) if c.triangles.is_empty() || args.vertices => "points",
         Loaded::Cloud(_) => "mesh",
         Loaded::Model(..) => "model",
     };
-    let result = compare(as_side(&first, args.vertices), as_side(&second, args.vertices), args.region, args.samples as usize);
+    let result = compare(
+        as_side(&first, args.vertices),
+        as_side(&second, args.vertices),
+        args.region,
+        args.samples as usize,
+    );
     let (there, back) = result.map_err(|e| match e {
         CompareError::NoRegion => Failure::usage(e.to_string()).hint("--box=-1,-1,-1,1,1,1"),
-        CompareError::Empty(_) => Failure::input("empty", e.to_string()).hint("isoform inspect; for models, another --box"),
+        CompareError::Empty(_) => Failure::input("empty", e.to_string())
+            .hint("isoform inspect; for models, another --box"),
     })?;
-    let is_within = args.tolerance.is_none_or(|t| there.max <= t && back.max <= t);
+    let is_within = args
+        .tolerance
+        .is_none_or(|t| there.max <= t && back.max <= t);
     let json = json!({
         "verb": "compare",
         "first": {"file": args.first.display().to_string(), "kind": side(&first)},
@@ -93,24 +117,41 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         )
     };
     let text = line("first to second", &there) + &line("second to first", &back);
-    Ok(Outcome { exit: if is_within { DONE } else { output::PARTIAL }, json, stdout: text.into_bytes() })
+    Ok(Outcome {
+        exit: if is_within { DONE } else { output::PARTIAL },
+        json,
+        stdout: text.into_bytes(),
+    })
 }
 
-fn load(path: &Path, is_model: bool, given: Option<&eval::Parameters>, args: &Args, context: &Context) -> Result<Loaded, Failure> {
+fn load(
+    path: &Path,
+    is_model: bool,
+    given: Option<&eval::Parameters>,
+    args: &Args,
+    context: &Context,
+) -> Result<Loaded, Failure> {
     if scan::is_mesh(path, None) {
         let (mesh, report) = scan::read_mesh_file(path, None)?;
-        report.warnings.iter().for_each(|w| context.warn(format_args!("{}: {w}", path.display())));
+        report
+            .warnings
+            .iter()
+            .for_each(|w| context.warn(format_args!("{}: {w}", path.display())));
         return Ok(Loaded::Cloud(surface_of(&mesh)));
     }
     if !is_model {
         let (cloud, report) = scan::read_points(path, None, None, MeshPoints::Vertices, context)?;
-        report.warnings.iter().for_each(|w| context.warn(format_args!("{}: {w}", path.display())));
+        report
+            .warnings
+            .iter()
+            .for_each(|w| context.warn(format_args!("{}: {w}", path.display())));
         return Ok(Loaded::Cloud(cloud));
     }
     let model = gallery::template(path, &args.language, context)?;
     let values = eval::values(&model, given.map_or(&[], |p| &p.0))?;
     let template = FrepTemplate::with_pose(&model, Pose::None, &[]);
-    let template = template.map_err(|e| Failure::input("template", format!("{}: {e}", path.display())))?;
+    let template =
+        template.map_err(|e| Failure::input("template", format!("{}: {e}", path.display())))?;
     Ok(Loaded::Model(Box::new(template), values))
 }
 

@@ -4,7 +4,10 @@ use crate::eval;
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::scan;
-use isoform::io::{MeshPoints, MeshWriteOptions, WriteOptions, mesh_format_named, write, write_mesh, write_mesh_path, write_path};
+use isoform::io::{
+    MeshPoints, MeshWriteOptions, WriteOptions, mesh_format_named, write, write_mesh,
+    write_mesh_path, write_path,
+};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -48,20 +51,31 @@ pub(crate) struct Args {
 }
 
 fn is_program(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hf"))
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("hf"))
 }
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let is_model = |path: &Path, said: Option<&String>| {
-        said.map_or_else(|| is_program(path), |f| f.trim_start_matches('.').eq_ignore_ascii_case("hf"))
+        said.map_or_else(
+            || is_program(path),
+            |f| f.trim_start_matches('.').eq_ignore_ascii_case("hf"),
+        )
     };
     let json = json!({"verb": "convert", "input": args.file.display().to_string(), "output": args.output.display().to_string()});
-    match (is_model(&args.file, args.from.as_ref()), is_model(&args.output, args.to.as_ref())) {
+    match (
+        is_model(&args.file, args.from.as_ref()),
+        is_model(&args.output, args.to.as_ref()),
+    ) {
         (true, true) => program(args, json, context),
         (false, false) if is_mesh(args) => mesh(args, json, context),
         (false, false) => points(args, json, context),
-        (true, false) => Err(Failure::usage("a model is not turned into points here").hint("-o with the ending .hf")),
-        (false, true) => Err(Failure::usage("points are not turned into a model here").hint("isoform fit SCAN --template T -o model.hf")),
+        (true, false) => {
+            Err(Failure::usage("a model is not turned into points here")
+                .hint("-o with the ending .hf"))
+        }
+        (false, true) => Err(Failure::usage("points are not turned into a model here")
+            .hint("isoform fit SCAN --template T -o model.hf")),
     }
 }
 
@@ -72,15 +86,25 @@ fn is_mesh(args: &Args) -> bool {
         let ending = path.extension().unwrap_or_default().to_string_lossy();
         mesh_format_named(said.unwrap_or(&ending)).is_some()
     };
-    (scan::is_mesh(&args.file, from) || scan::is_mesh(&args.output, to)) && can(&args.file, from) && can(&args.output, to)
+    (scan::is_mesh(&args.file, from) || scan::is_mesh(&args.output, to))
+        && can(&args.file, from)
+        && can(&args.output, to)
 }
 
 fn mesh(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
     let (mesh, report) = scan::read_mesh_file(&args.file, args.from.as_deref())?;
-    let options = MeshWriteOptions { ascii: args.ascii.then_some(true), units: report.units.clone() };
+    let options = MeshWriteOptions {
+        ascii: args.ascii.then_some(true),
+        units: report.units.clone(),
+    };
     let mut stdout = Vec::new();
     let written = if args.output == Path::new("-") {
-        write_mesh(&mesh, &mut stdout, args.to.as_deref().unwrap_or_default(), &options)
+        write_mesh(
+            &mesh,
+            &mut stdout,
+            args.to.as_deref().unwrap_or_default(),
+            &options,
+        )
     } else {
         write_mesh_path(&mesh, &args.output, args.to.as_deref(), &options)
     }
@@ -93,7 +117,11 @@ fn mesh(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fail
     if context.global.json && !stdout.is_empty() {
         json["text"] = json!(String::from_utf8_lossy(&stdout));
     }
-    Ok(Outcome { exit: DONE, json, stdout })
+    Ok(Outcome {
+        exit: DONE,
+        json,
+        stdout,
+    })
 }
 
 fn size(n: Option<u64>) -> Option<usize> {
@@ -102,11 +130,25 @@ fn size(n: Option<u64>) -> Option<usize> {
 
 fn points(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
     let mesh = size(args.samples).map_or(MeshPoints::Vertices, MeshPoints::Samples);
-    let (cloud, report) = scan::read_points(&args.file, args.from.as_deref(), size(args.max_points), mesh, context)?;
-    let options = WriteOptions { ascii: args.ascii, units: report.units.clone() };
+    let (cloud, report) = scan::read_points(
+        &args.file,
+        args.from.as_deref(),
+        size(args.max_points),
+        mesh,
+        context,
+    )?;
+    let options = WriteOptions {
+        ascii: args.ascii,
+        units: report.units.clone(),
+    };
     let mut stdout = Vec::new();
     let written = if args.output == Path::new("-") {
-        write(&cloud, &mut stdout, args.to.as_deref().unwrap_or("xyz"), &options)
+        write(
+            &cloud,
+            &mut stdout,
+            args.to.as_deref().unwrap_or("xyz"),
+            &options,
+        )
     } else {
         write_path(&cloud, &args.output, args.to.as_deref(), &options)
     }
@@ -118,11 +160,19 @@ fn points(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fa
     json["formats"] = json!([report.format, written.format]);
     json["warnings"] = json!(warnings);
     if stdout.is_empty() {
-        context.note(format_args!("{} points written to {}", cloud.points.len(), args.output.display()));
+        context.note(format_args!(
+            "{} points written to {}",
+            cloud.points.len(),
+            args.output.display()
+        ));
     } else if context.global.json {
         json["text"] = json!(String::from_utf8_lossy(&stdout));
     }
-    Ok(Outcome { exit: DONE, json, stdout })
+    Ok(Outcome {
+        exit: DONE,
+        json,
+        stdout,
+    })
 }
 
 fn program(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
@@ -134,8 +184,16 @@ fn program(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, F
     json["object"] = json!(model.name());
     if args.output == Path::new("-") {
         json["text"] = json!(text);
-        return Ok(Outcome { exit: DONE, json, stdout: text.into_bytes() });
+        return Ok(Outcome {
+            exit: DONE,
+            json,
+            stdout: text.into_bytes(),
+        });
     }
     output::write_file(&args.output, text.as_bytes())?;
-    Ok(Outcome { exit: DONE, json, stdout: Vec::new() })
+    Ok(Outcome {
+        exit: DONE,
+        json,
+        stdout: Vec::new(),
+    })
 }

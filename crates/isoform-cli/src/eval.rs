@@ -70,13 +70,17 @@ enum Cell {
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if args.model == Path::new("-") && args.points == Path::new("-") {
-        return Err(Failure::usage("model and points cannot both be -").why("stdin can be read only once"));
+        return Err(
+            Failure::usage("model and points cannot both be -").why("stdin can be read only once")
+        );
     }
     let model = model::read(&args.model, &args.language, context)?;
     let a = values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
     let table = output::text(output::read_file(&args.points)?);
     let rows = points(&args.points, &table, model.dimension())?;
-    let template = (args.reading != Reading::Algebraic).then(|| template(&args.model, &model)).transpose()?;
+    let template = (args.reading != Reading::Algebraic)
+        .then(|| template(&args.model, &model))
+        .transpose()?;
     let cells: Vec<Cell> = rows
         .par_chunks(CHUNK)
         .flat_map_iter(|rows| {
@@ -94,11 +98,24 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         n if n == cells.len() => NO_RESULT,
         _ => PARTIAL,
     };
-    let first = cells.iter().find_map(|c| if let Cell::Error(e) = c { Some(e) } else { None });
+    let first = cells.iter().find_map(|c| {
+        if let Cell::Error(e) = c {
+            Some(e)
+        } else {
+            None
+        }
+    });
     if let Some(first) = first {
-        context.warn(format_args!("{failed} of {} rows failed, the first with {first}", cells.len()));
+        context.warn(format_args!(
+            "{failed} of {} rows failed, the first with {first}",
+            cells.len()
+        ));
     }
-    context.note(format_args!("{} rows of `{}` with a = {a:?}", cells.len(), model.name()));
+    context.note(format_args!(
+        "{} rows of `{}` with a = {a:?}",
+        cells.len(),
+        model.name()
+    ));
     let (columns, csv) = csv(&model, &rows, &cells);
     let mut json = json!({"object": model.name(), "parameters": a, "rows": cells.len(), "failed": failed, "columns": columns});
     let file = args.output.as_deref().filter(|p| *p != Path::new("-"));
@@ -109,7 +126,11 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             Vec::new()
         }
         None => {
-            json["table"] = rows.iter().zip(&cells).map(|(r, c)| json_row(r, c)).collect();
+            json["table"] = rows
+                .iter()
+                .zip(&cells)
+                .map(|(r, c)| json_row(r, c))
+                .collect();
             csv.into_bytes()
         }
     };
@@ -122,11 +143,23 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 /// The parameters given, then where annotations start, then 0.
 pub(crate) fn values(model: &Model, given: &[f64]) -> Result<Vec<f64>, Failure> {
     if given.len() > model.n_params() {
-        let message = format!("{} parameters for `{}`, which has {}", given.len(), model.name(), model.n_params());
+        let message = format!(
+            "{} parameters for `{}`, which has {}",
+            given.len(),
+            model.name(),
+            model.n_params()
+        );
         return Err(Failure::usage(message));
     }
-    let start = |i: usize| model.params()[i].start.and_then(Amount::value).unwrap_or(0.0);
-    Ok((0..model.n_params()).map(|i| given.get(i).copied().unwrap_or_else(|| start(i))).collect())
+    let start = |i: usize| {
+        model.params()[i]
+            .start
+            .and_then(Amount::value)
+            .unwrap_or(0.0)
+    };
+    Ok((0..model.n_params())
+        .map(|i| given.get(i).copied().unwrap_or_else(|| start(i)))
+        .collect())
 }
 
 fn evaluate(model: &Model, rows: &[Row<'_>], a: &[f64], context: &Context) -> Vec<Cell> {
@@ -145,12 +178,20 @@ fn evaluate(model: &Model, rows: &[Row<'_>], a: &[f64], context: &Context) -> Ve
 
 /// The model compiled for its metric and parts readings.
 fn template(path: &Path, model: &Model) -> Result<FrepTemplate, Failure> {
-    FrepTemplate::with_pose(model, Pose::None, &[])
-        .map_err(|e| Failure::input("no-reading", format!("{}: {e}", path.display())).hint("--reading algebraic evaluates every program"))
+    FrepTemplate::with_pose(model, Pose::None, &[]).map_err(|e| {
+        Failure::input("no-reading", format!("{}: {e}", path.display()))
+            .hint("--reading algebraic evaluates every program")
+    })
 }
 
 /// Replaces the values by those of another reading; rows that have no value keep their error.
-fn read_otherwise(template: &FrepTemplate, reading: Reading, rows: &[Row<'_>], a: &[f64], cells: &mut [Cell]) {
+fn read_otherwise(
+    template: &FrepTemplate,
+    reading: Reading,
+    rows: &[Row<'_>],
+    a: &[f64],
+    cells: &mut [Cell],
+) {
     let points: Vec<[f64; 3]> = rows.iter().map(|r| [r.x[0], r.x[1], r.x[2]]).collect();
     let (mut distances, mut parts) = (vec![0.0; points.len()], vec![0; points.len()]);
     template.metric().values(&points, a, &mut distances);
@@ -158,7 +199,10 @@ fn read_otherwise(template: &FrepTemplate, reading: Reading, rows: &[Row<'_>], a
     for (cell, (distance, part)) in cells.iter_mut().zip(distances.into_iter().zip(parts)) {
         if let Cell::Value(_, s) = cell {
             *cell = match reading {
-                Reading::Part => Cell::Part(template.part_names()[part as usize].clone(), std::mem::take(s)),
+                Reading::Part => Cell::Part(
+                    template.part_names()[part as usize].clone(),
+                    std::mem::take(s),
+                ),
                 _ => Cell::Value(distance, std::mem::take(s)),
             };
         }
@@ -168,7 +212,10 @@ fn read_otherwise(template: &FrepTemplate, reading: Reading, rows: &[Row<'_>], a
 /// Names of the coordinates.
 fn coordinates(dimension: usize) -> Vec<String> {
     match dimension {
-        1..=3 => ["x", "y", "z"][..dimension].iter().map(|&s| s.to_owned()).collect(),
+        1..=3 => ["x", "y", "z"][..dimension]
+            .iter()
+            .map(|&s| s.to_owned())
+            .collect(),
         _ => (1..=dimension).map(|i| format!("x{i}")).collect(),
     }
 }
@@ -178,24 +225,45 @@ fn points<'t>(path: &Path, table: &'t str, dimension: usize) -> Result<Vec<Row<'
     let mut rows = Vec::new();
     let names = coordinates(dimension);
     let mut first = true;
-    for (i, line) in table.strip_prefix('\u{feff}').unwrap_or(table).lines().enumerate() {
+    for (i, line) in table
+        .strip_prefix('\u{feff}')
+        .unwrap_or(table)
+        .lines()
+        .enumerate()
+    {
         if line.trim().is_empty() || line.trim_start().starts_with('#') {
             continue;
         }
         let text: Vec<&str> = if line.contains(',') {
             line.split(',').map(str::trim).take(dimension).collect()
         } else {
-            line.split([' ', '\t', ';']).filter(|w| !w.is_empty()).take(dimension).collect()
+            line.split([' ', '\t', ';'])
+                .filter(|w| !w.is_empty())
+                .take(dimension)
+                .collect()
         };
-        if std::mem::take(&mut first) && text.iter().map(|t| t.trim_matches('"')).eq(names.iter().map(String::as_str)) {
+        if std::mem::take(&mut first)
+            && text
+                .iter()
+                .map(|t| t.trim_matches('"'))
+                .eq(names.iter().map(String::as_str))
+        {
             continue;
         }
         let fail = |at: usize, message: String| {
             let column = line[..at.min(line.len())].chars().count() + 1;
-            Failure::input("points", message).at(path, i + 1, column).drawn(line)
+            Failure::input("points", message)
+                .at(path, i + 1, column)
+                .drawn(line)
         };
         if text.len() < dimension {
-            return Err(fail(line.len(), format!("{} columns, the model has {dimension} coordinates", text.len())));
+            return Err(fail(
+                line.len(),
+                format!(
+                    "{} columns, the model has {dimension} coordinates",
+                    text.len()
+                ),
+            ));
         }
         let mut x = Vec::with_capacity(dimension);
         for word in &text {
@@ -247,7 +315,11 @@ fn csv(model: &Model, rows: &[Row<'_>], cells: &[Cell]) -> (Vec<String>, String)
 
 /// A field of a table, in quotes where it holds a comma or a quote.
 fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field.to_owned() }
+    if field.contains([',', '"', '\n']) {
+        format!("\"{}\"", field.replace('"', "\"\""))
+    } else {
+        field.to_owned()
+    }
 }
 
 fn json_row(row: &Row<'_>, cell: &Cell) -> Value {
@@ -272,12 +344,28 @@ mod tests {
 
     #[test]
     fn tables_of_points() {
-        let read = |t: &str| points(Path::new("p"), t, 2).map(|r| r.into_iter().map(|r| r.x).collect::<Vec<_>>());
+        let read = |t: &str| {
+            points(Path::new("p"), t, 2).map(|r| r.into_iter().map(|r| r.x).collect::<Vec<_>>())
+        };
         let ok = |t: &str| read(t).unwrap_or_else(|e| panic!("{}", e.message));
-        assert_eq!(ok("\u{feff}x,y\r\n# c\n\n1, 2.50 ,z\n-3e1\t4\n"), [[1.0, 2.5], [-30.0, 4.0]]);
-        for (bad, line, column) in [("1,2\n1,oops", 2, 3), ("1", 1, 2), ("1,nan", 1, 3), ("a,b", 1, 1), ("é,1", 1, 1), ("1,é,2", 1, 3)] {
+        assert_eq!(
+            ok("\u{feff}x,y\r\n# c\n\n1, 2.50 ,z\n-3e1\t4\n"),
+            [[1.0, 2.5], [-30.0, 4.0]]
+        );
+        for (bad, line, column) in [
+            ("1,2\n1,oops", 2, 3),
+            ("1", 1, 2),
+            ("1,nan", 1, 3),
+            ("a,b", 1, 1),
+            ("é,1", 1, 1),
+            ("1,é,2", 1, 3),
+        ] {
             let e = read(bad).err().unwrap_or_else(|| panic!("{bad} was read"));
-            assert_eq!((e.place.line, e.place.column), (Some(line), Some(column)), "{bad}");
+            assert_eq!(
+                (e.place.line, e.place.column),
+                (Some(line), Some(column)),
+                "{bad}"
+            );
         }
     }
 }

@@ -34,12 +34,25 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if scan::is_mesh(&args.file, args.from.as_deref()) {
         return mesh(args, context);
     }
-    let max = args.max_points.map(|n| usize::try_from(n).unwrap_or(usize::MAX));
-    let (cloud, report) = scan::read_points(&args.file, args.from.as_deref(), max, MeshPoints::Vertices, context)?;
+    let max = args
+        .max_points
+        .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
+    let (cloud, report) = scan::read_points(
+        &args.file,
+        args.from.as_deref(),
+        max,
+        MeshPoints::Vertices,
+        context,
+    )?;
     let seen = inspect(&cloud, &report);
     let absolute = |p: [f64; 3]| std::array::from_fn::<f64, 3, _>(|k| p[k] + seen.origin[k]);
-    let bounds = (!seen.bounds.is_empty()).then(|| [absolute(seen.bounds.lo), absolute(seen.bounds.hi)]);
-    let columns: Vec<_> = seen.columns.iter().map(|c| json!({"name": c.name, "min": c.min, "max": c.max, "missing": c.missing})).collect();
+    let bounds =
+        (!seen.bounds.is_empty()).then(|| [absolute(seen.bounds.lo), absolute(seen.bounds.hi)]);
+    let columns: Vec<_> = seen
+        .columns
+        .iter()
+        .map(|c| json!({"name": c.name, "min": c.min, "max": c.max, "missing": c.missing}))
+        .collect();
     let json = json!({
         "verb": "inspect", "file": args.file.display().to_string(), "format": seen.format, "points": seen.points, "rows": seen.rows,
         "dropped": seen.dropped_points, "duplicates": seen.duplicates, "subsampled": seen.subsampled, "bounds": bounds,
@@ -51,13 +64,25 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     for w in seen.warnings.iter().filter(|_| !context.global.json) {
         context.warn(w);
     }
-    Ok(Outcome { exit: DONE, json, stdout: text(&args.file.display().to_string(), &seen, bounds).into_bytes() })
+    Ok(Outcome {
+        exit: DONE,
+        json,
+        stdout: text(&args.file.display().to_string(), &seen, bounds).into_bytes(),
+    })
 }
 
 /// A mesh: its groups, and what a certificate can say without the function.
 fn mesh(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let (mesh, report) = scan::read_mesh_file(&args.file, args.from.as_deref())?;
-    let certificate = certify(&mesh, None, &Options::default(), &Control { deadline: context.deadline, ..Control::default() });
+    let certificate = certify(
+        &mesh,
+        None,
+        &Options::default(),
+        &Control {
+            deadline: context.deadline,
+            ..Control::default()
+        },
+    );
     if !context.global.json {
         report.warnings.iter().for_each(|w| context.warn(w));
     }
@@ -70,8 +95,16 @@ fn mesh(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     document::add(&mut json, document::contents(&mesh));
     json["certificate"] = document::certificate(&certificate);
     json["warnings"] = json!(report.warnings);
-    let text = format!("{file}: {}\n{}", report.format, table::of_mesh(&mesh, &certificate));
-    Ok(Outcome { exit: DONE, json, stdout: text.into_bytes() })
+    let text = format!(
+        "{file}: {}\n{}",
+        report.format,
+        table::of_mesh(&mesh, &certificate)
+    );
+    Ok(Outcome {
+        exit: DONE,
+        json,
+        stdout: text.into_bytes(),
+    })
 }
 
 fn text(file: &str, seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> String {
@@ -86,15 +119,36 @@ fn text(file: &str, seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> String 
     }
     if let Some([lo, hi]) = bounds {
         for k in 0..3 {
-            line(["x", "y", "z"][k], format!("{} to {}   ({})", lo[k], hi[k], brief(hi[k] - lo[k])));
+            line(
+                ["x", "y", "z"][k],
+                format!("{} to {}   ({})", lo[k], hi[k], brief(hi[k] - lo[k])),
+            );
         }
     }
     line("diagonal", brief(seen.diagonal));
     line("spacing", seen.spacing.map_or("none".to_owned(), brief));
-    line("unit", format!("{} ({})", if seen.unit.unit.is_empty() { "unknown" } else { &seen.unit.unit }, seen.unit.reason));
+    line(
+        "unit",
+        format!(
+            "{} ({})",
+            if seen.unit.unit.is_empty() {
+                "unknown"
+            } else {
+                &seen.unit.unit
+            },
+            seen.unit.reason
+        ),
+    );
     let with = [(seen.has_normals, "normals"), (seen.has_colors, "colours")];
     let with: Vec<&str> = with.iter().filter(|w| w.0).map(|w| w.1).collect();
-    line("with", if with.is_empty() { "positions alone".to_owned() } else { with.join(", ") });
+    line(
+        "with",
+        if with.is_empty() {
+            "positions alone".to_owned()
+        } else {
+            with.join(", ")
+        },
+    );
     for c in &seen.columns {
         line(
             "column",
@@ -103,12 +157,19 @@ fn text(file: &str, seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> String 
                 c.name,
                 brief(c.min),
                 brief(c.max),
-                if c.missing > 0 { format!(", {} missing", c.missing) } else { String::new() }
+                if c.missing > 0 {
+                    format!(", {} missing", c.missing)
+                } else {
+                    String::new()
+                }
             ),
         );
     }
     if seen.dropped_points > 0 {
-        line("dropped", format!("{} points that are not finite", seen.dropped_points));
+        line(
+            "dropped",
+            format!("{} points that are not finite", seen.dropped_points),
+        );
     }
     if seen.duplicates > 0 {
         line("duplicates", seen.duplicates.to_string());

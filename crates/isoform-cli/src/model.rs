@@ -20,28 +20,67 @@ pub(crate) struct Language {
 
 /// Reads a program, chooses its object and says what is doubtful in it.
 pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Result<Model, Failure> {
-    parse(path, &output::text(output::read_file(path)?), language, context)
+    parse(
+        path,
+        &output::text(output::read_file(path)?),
+        language,
+        context,
+    )
 }
 
 /// The same from text; the path is for messages.
-pub(crate) fn parse(path: &Path, text: &str, language: &Language, context: &Context) -> Result<Model, Failure> {
+pub(crate) fn parse(
+    path: &Path,
+    text: &str,
+    language: &Language,
+    context: &Context,
+) -> Result<Model, Failure> {
     let model = silently(text, language).map_err(|e| {
-        let line = text.strip_prefix('\u{feff}').unwrap_or(text).split('\n').nth(e.line - 1).unwrap_or_default();
-        let failure = Failure::input("syntax", &e.message).at(path, e.line, e.column).drawn(line);
-        if e.expected.is_empty() { failure } else { failure.hint(format!("{} there", e.expected)) }
+        let line = text
+            .strip_prefix('\u{feff}')
+            .unwrap_or(text)
+            .split('\n')
+            .nth(e.line - 1)
+            .unwrap_or_default();
+        let failure = Failure::input("syntax", &e.message)
+            .at(path, e.line, e.column)
+            .drawn(line);
+        if e.expected.is_empty() {
+            failure
+        } else {
+            failure.hint(format!("{} there", e.expected))
+        }
     })?;
     for w in model.warnings() {
-        context.warn(format_args!("{}:{}:{}: {}", path.display(), w.line, w.column, w.message));
+        context.warn(format_args!(
+            "{}:{}:{}: {}",
+            path.display(),
+            w.line,
+            w.column,
+            w.message
+        ));
     }
     model.object(language.object.as_deref()).map_err(|e| {
-        let failure = Failure::usage(format!("{}: no object is called `{}`", path.display(), e.name));
+        let failure = Failure::usage(format!(
+            "{}: no object is called `{}`",
+            path.display(),
+            e.name
+        ));
         failure.hint(format!("--object with one of: {}", e.objects.join(", ")))
     })
 }
 
 /// The first object of a program, nothing said.
 pub(crate) fn silently(text: &str, language: &Language) -> Result<Model, SyntaxError> {
-    let mode = if language.strict { Mode::Strict } else { Mode::Default };
-    let precedence = if language.documented_precedence { Precedence::Documented } else { Precedence::Flat };
+    let mode = if language.strict {
+        Mode::Strict
+    } else {
+        Mode::Default
+    };
+    let precedence = if language.documented_precedence {
+        Precedence::Documented
+    } else {
+        Precedence::Flat
+    };
     Model::parse_with(text, mode, precedence)
 }

@@ -61,7 +61,10 @@ fn duration(text: &str) -> Result<Duration, String> {
         "h" => 3600.0,
         _ => return Err(format!("`{unit}` is no unit of time; ms, s, m and h are")),
     };
-    let seconds = number.parse::<f64>().map_err(|_| format!("`{number}` is not a number"))? * scale;
+    let seconds = number
+        .parse::<f64>()
+        .map_err(|_| format!("`{number}` is not a number"))?
+        * scale;
     Duration::try_from_secs_f64(seconds).map_err(|e| e.to_string())
 }
 
@@ -74,10 +77,14 @@ pub(crate) struct Context {
 
 impl Context {
     pub(crate) fn new(global: Global) -> Self {
-        let deadline = global.time_limit.and_then(|t| Instant::now().checked_add(t));
+        let deadline = global
+            .time_limit
+            .and_then(|t| Instant::now().checked_add(t));
         if let Some(n) = global.threads {
             // Fails only if a pool exists already, and nothing has made one yet.
-            let _ = rayon::ThreadPoolBuilder::new().num_threads(usize::from(n)).build_global();
+            let _ = rayon::ThreadPoolBuilder::new()
+                .num_threads(usize::from(n))
+                .build_global();
         }
         Self { global, deadline }
     }
@@ -113,7 +120,11 @@ pub(crate) struct Outcome {
 impl Outcome {
     pub(crate) fn text(stdout: Vec<u8>) -> Self {
         let json = json!({"text": String::from_utf8_lossy(&stdout)});
-        Self { exit: DONE, json, stdout }
+        Self {
+            exit: DONE,
+            json,
+            stdout,
+        }
     }
 }
 
@@ -144,7 +155,14 @@ pub(crate) struct Failure {
 
 impl Failure {
     pub(crate) fn new(exit: u8, code: &'static str, message: impl Into<String>) -> Self {
-        Self { exit, code, message: message.into(), place: Box::default(), why: String::new(), hint: String::new() }
+        Self {
+            exit,
+            code,
+            message: message.into(),
+            place: Box::default(),
+            why: String::new(),
+            hint: String::new(),
+        }
     }
     pub(crate) fn usage(message: impl Into<String>) -> Self {
         Self::new(USAGE, "usage", message)
@@ -159,7 +177,12 @@ impl Failure {
         failure
     }
     pub(crate) fn at(mut self, file: &Path, line: usize, column: usize) -> Self {
-        *self.place = Place { file: Some(file.to_owned()), line: Some(line), column: Some(column), ..Place::default() };
+        *self.place = Place {
+            file: Some(file.to_owned()),
+            line: Some(line),
+            column: Some(column),
+            ..Place::default()
+        };
         self
     }
     /// At a point of space.
@@ -204,11 +227,15 @@ impl Failure {
     /// The message, its place first, the source line with a caret, why, and what to try.
     pub(crate) fn text(&self) -> String {
         let mut text = "error: ".to_owned();
-        if let (Some(file), Some(line), Some(column)) = (&self.place.file, self.place.line, self.place.column) {
+        if let (Some(file), Some(line), Some(column)) =
+            (&self.place.file, self.place.line, self.place.column)
+        {
             text += &format!("{}:{line}:{column}: ", file.display());
         }
         text += &self.message;
-        if let (Some(line), Some(column), Some(source)) = (self.place.line, self.place.column, &self.place.text) {
+        if let (Some(line), Some(column), Some(source)) =
+            (self.place.line, self.place.column, &self.place.text)
+        {
             text += &caret(line, column, source);
         }
         if !self.why.is_empty() {
@@ -227,22 +254,37 @@ const AROUND: usize = 60;
 fn caret(line: usize, column: usize, source: &str) -> String {
     let skipped = column.saturating_sub(AROUND + 1);
     let visible = |c: char| if c.is_control() { ' ' } else { c };
-    let shown: String = source.chars().skip(skipped).take(2 * AROUND).map(visible).collect();
+    let shown: String = source
+        .chars()
+        .skip(skipped)
+        .take(2 * AROUND)
+        .map(visible)
+        .collect();
     let number = line.to_string();
     let margin = " ".repeat(number.len());
     let before = " ".repeat(column - 1 - skipped);
-    format!("\n {margin} |\n {number} | {}\n {margin} | {before}^", shown.trim_end())
+    format!(
+        "\n {margin} |\n {number} | {}\n {margin} | {before}^",
+        shown.trim_end()
+    )
 }
 
 /// Runs a verb and reports what comes of it.
-pub(crate) fn finish(context: &Context, verb: impl FnOnce() -> Result<Outcome, Failure>) -> ExitCode {
+pub(crate) fn finish(
+    context: &Context,
+    verb: impl FnOnce() -> Result<Outcome, Failure>,
+) -> ExitCode {
     let result = std::panic::catch_unwind(AssertUnwindSafe(verb)).unwrap_or_else(|_| {
         let failure = Failure::new(INTERNAL, "internal", "isoform made an error of its own");
         Err(failure.hint("please report it, with the command and its input"))
     });
     match result {
         Ok(outcome) => {
-            let bytes = if context.global.json { document(outcome.exit != NO_RESULT, outcome.json) } else { outcome.stdout };
+            let bytes = if context.global.json {
+                document(outcome.exit != NO_RESULT, outcome.json)
+            } else {
+                outcome.stdout
+            };
             match to_stdout(&bytes) {
                 Ok(()) => ExitCode::from(outcome.exit),
                 Err(error) => fail(false, &Failure::file(Path::new("stdout"), "write", &error)),
@@ -269,7 +311,11 @@ pub(crate) fn usage(error: &clap::Error) -> ExitCode {
     let _ = error.print();
     if std::env::args_os().any(|a| a == "--json") {
         let text = error.render().to_string();
-        let message = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+        let message = text
+            .lines()
+            .next()
+            .unwrap_or_default()
+            .trim_start_matches("error: ");
         let failure = Failure::usage(message).hint("isoform --help");
         let _ = to_stdout(&document(false, json!({"error": failure.json()})));
     }
@@ -305,8 +351,14 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     if fs::metadata(&path).is_ok_and(|m| !m.is_file()) {
         return fs::write(&path, bytes).map_err(failed);
     }
-    let name = path.file_name().ok_or_else(|| failed(io::Error::from(ErrorKind::InvalidFilename)))?;
-    let temporary = path.with_file_name(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
+    let name = path
+        .file_name()
+        .ok_or_else(|| failed(io::Error::from(ErrorKind::InvalidFilename)))?;
+    let temporary = path.with_file_name(format!(
+        ".{}.{}.tmp",
+        name.to_string_lossy(),
+        std::process::id()
+    ));
     let written = fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, &path));
     written.map_err(|e| {
         let _ = fs::remove_file(&temporary);
@@ -317,8 +369,17 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 /// Finds out before the work whether the folder of a file exists.
 pub(crate) fn check_folder(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-    let Some(folder) = folder.filter(|f| !f.is_dir()) else { return Ok(()) };
-    let mut failure = Failure::input("not-writable", format!("cannot write {}: there is no folder {}", path.display(), folder.display()));
+    let Some(folder) = folder.filter(|f| !f.is_dir()) else {
+        return Ok(());
+    };
+    let mut failure = Failure::input(
+        "not-writable",
+        format!(
+            "cannot write {}: there is no folder {}",
+            path.display(),
+            folder.display()
+        ),
+    );
     failure.place.file = Some(path.to_owned());
     Err(failure.hint("make the folder first"))
 }
@@ -337,7 +398,8 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
 
 /// Text as UTF-8, else as Latin-1, which old programs have in their comments.
 pub(crate) fn text(bytes: Vec<u8>) -> String {
-    String::from_utf8(bytes).unwrap_or_else(|e| e.into_bytes().into_iter().map(char::from).collect())
+    String::from_utf8(bytes)
+        .unwrap_or_else(|e| e.into_bytes().into_iter().map(char::from).collect())
 }
 
 /// A list of numbers with commas: `1,2.5,-3`.
@@ -346,7 +408,11 @@ pub(crate) fn numbers(text: &str) -> Result<Vec<f64>, String> {
         Ok(v) if v.is_finite() => Ok(v),
         _ => Err(format!("`{}` is not a number", word.trim())),
     };
-    if text.trim().is_empty() { Ok(Vec::new()) } else { text.split(',').map(number).collect() }
+    if text.trim().is_empty() {
+        Ok(Vec::new())
+    } else {
+        text.split(',').map(number).collect()
+    }
 }
 
 /// A positive number.
@@ -360,7 +426,10 @@ pub(crate) fn positive(text: &str) -> Result<f64, String> {
 /// A box: six numbers.
 pub(crate) fn region(text: &str) -> Result<Aabb, String> {
     match numbers(text)?.as_slice() {
-        &[a, b, c, d, e, f] if a < d && b < e && c < f => Ok(Aabb { lo: [a, b, c], hi: [d, e, f] }),
+        &[a, b, c, d, e, f] if a < d && b < e && c < f => Ok(Aabb {
+            lo: [a, b, c],
+            hi: [d, e, f],
+        }),
         _ => Err("six numbers are expected, lower corner and upper corner".to_owned()),
     }
 }

@@ -25,8 +25,16 @@ pub(crate) struct Progress {
 impl Progress {
     pub(crate) fn new(context: &Context) -> Self {
         let is_bar = io::stderr().is_terminal();
-        let shown = Mutex::new(Shown { phase: String::new(), drawn: None, started: Instant::now() });
-        Self { is_on: !context.global.quiet, is_bar, shown }
+        let shown = Mutex::new(Shown {
+            phase: String::new(),
+            drawn: None,
+            started: Instant::now(),
+        });
+        Self {
+            is_on: !context.global.quiet,
+            is_bar,
+            shown,
+        }
     }
 
     /// A phase has got this far (0 to 1).
@@ -35,7 +43,9 @@ impl Progress {
             return;
         }
         // A thread that is late with its news may keep them.
-        let Ok(mut shown) = self.shown.try_lock() else { return };
+        let Ok(mut shown) = self.shown.try_lock() else {
+            return;
+        };
         let is_new = shown.phase != phase;
         if is_new {
             phase.clone_into(&mut shown.phase);
@@ -44,10 +54,18 @@ impl Progress {
             if is_new {
                 let _ = writeln!(io::stderr().lock(), "{phase} ...");
             }
-        } else if shown.started.elapsed() > PAUSE && (is_new || shown.drawn.is_none_or(|t| t.elapsed() > PAUSE)) {
+        } else if shown.started.elapsed() > PAUSE
+            && (is_new || shown.drawn.is_none_or(|t| t.elapsed() > PAUSE))
+        {
             shown.drawn = Some(Instant::now());
             let full = (done.clamp(0.0, 1.0) * WIDTH as f64) as usize;
-            let _ = write!(io::stderr().lock(), "\r{phase:<10} [{}{}] {:3.0} %", "#".repeat(full), ".".repeat(WIDTH - full), 100.0 * done);
+            let _ = write!(
+                io::stderr().lock(),
+                "\r{phase:<10} [{}{}] {:3.0} %",
+                "#".repeat(full),
+                ".".repeat(WIDTH - full),
+                100.0 * done
+            );
         }
     }
 }

@@ -49,9 +49,14 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     // What the template says wrong is said before a folder is made.
     let request = args.options.request(&template);
     let model = gallery::template(&template, &request.language, context)?;
-    let outputs = if args.output.is_empty() { default_outputs()? } else { args.output.clone() };
-    let (outputs, meshes): (Vec<PathBuf>, Vec<PathBuf>) =
-        outputs.into_iter().partition(|p| files::is_result(p) || !mesh::files::is_mesh(p));
+    let outputs = if args.output.is_empty() {
+        default_outputs()?
+    } else {
+        args.output.clone()
+    };
+    let (outputs, meshes): (Vec<PathBuf>, Vec<PathBuf>) = outputs
+        .into_iter()
+        .partition(|p| files::is_result(p) || !mesh::files::is_mesh(p));
     files::check(&outputs)?;
     let targets = mesh::files::targets(&meshes, None, context)?;
     let scan = match &args.scan {
@@ -79,7 +84,11 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         text += &table;
     }
     json["outputs"] = json!(files);
-    Ok(Outcome { exit, json, stdout: text.into_bytes() })
+    Ok(Outcome {
+        exit,
+        json,
+        stdout: text.into_bytes(),
+    })
 }
 
 /// Meshes the fitted program and writes the files.
@@ -91,10 +100,21 @@ fn fitted_mesh(
     context: &Context,
 ) -> Result<Made, Failure> {
     let fitted = model::silently(&job.program(), language);
-    let model = fitted.map_err(|e| Failure::new(INTERNAL, "internal", format!("the fitted program cannot be read: {}", e.message)))?;
+    let model = fitted.map_err(|e| {
+        Failure::new(
+            INTERNAL,
+            "internal",
+            format!("the fitted program cannot be read: {}", e.message),
+        )
+    })?;
     let values = eval::values(&model, &[])?;
     let unit = Some(job.unit.unit.clone()).filter(|u| !u.is_empty());
-    let subject = Subject { name: format!("fitted {}", job.template_name), model, values, unit };
+    let subject = Subject {
+        name: format!("fitted {}", job.template_name),
+        model,
+        values,
+        unit,
+    };
     let mut made = work::make(&subject, settings, None, context)?;
     mesh::files::write(&mut made, targets)?;
     Ok(made)
@@ -105,24 +125,48 @@ fn told(made: Result<Made, Failure>, context: &Context) -> (u8, Value, String) {
     match made {
         Ok(made) => {
             made.say(context);
-            (made.exit(), mesh::document::document(&made), format!("\n{}", mesh::table::text(&made)))
+            (
+                made.exit(),
+                mesh::document::document(&made),
+                format!("\n{}", mesh::table::text(&made)),
+            )
         }
         Err(failure) => {
-            context.warn(format_args!("no mesh: {}", failure.text().trim_start_matches("error: ")));
-            (PARTIAL, json!({"ok": false, "error": failure.json()}), String::new())
+            context.warn(format_args!(
+                "no mesh: {}",
+                failure.text().trim_start_matches("error: ")
+            ));
+            (
+                PARTIAL,
+                json!({"ok": false, "error": failure.json()}),
+                String::new(),
+            )
         }
     }
 }
 
 fn default_outputs() -> Result<Vec<PathBuf>, Failure> {
     let folder = Path::new(FOLDER);
-    std::fs::create_dir_all(folder).map_err(|e| Failure::file(folder, "make", &e).hint("-o with files elsewhere"))?;
-    Ok(["fitted.hf", "deviation.ply", "report.html"].iter().map(|f| folder.join(f)).collect())
+    std::fs::create_dir_all(folder)
+        .map_err(|e| Failure::file(folder, "make", &e).hint("-o with files elsewhere"))?;
+    Ok(["fitted.hf", "deviation.ply", "report.html"]
+        .iter()
+        .map(|f| folder.join(f))
+        .collect())
 }
 
 fn embedded() -> Result<job::Scan, Failure> {
     let started = Instant::now();
-    let source = Source::Bytes { name: SCAN_NAME, bytes: SCAN };
-    let (cloud, report) = read(source, None, &ReadOptions::default()).map_err(|e| crate::scan::unreadable(Path::new(SCAN_NAME), &e))?;
-    Ok(job::Scan { name: SCAN_NAME.to_owned(), cloud, report, seconds: started.elapsed().as_secs_f64() })
+    let source = Source::Bytes {
+        name: SCAN_NAME,
+        bytes: SCAN,
+    };
+    let (cloud, report) = read(source, None, &ReadOptions::default())
+        .map_err(|e| crate::scan::unreadable(Path::new(SCAN_NAME), &e))?;
+    Ok(job::Scan {
+        name: SCAN_NAME.to_owned(),
+        cloud,
+        report,
+        seconds: started.elapsed().as_secs_f64(),
+    })
 }

@@ -3,8 +3,8 @@
 use crate::output::{self, Context, Failure};
 use isoform::geom::{Mesh, PointCloud};
 use isoform::io::{
-    At, MeshPoints, MeshReadOptions, ReadError, ReadOptions, ReadReport, Source, WriteError, format_named, mesh_format_named, read,
-    read_mesh,
+    At, MeshPoints, MeshReadOptions, ReadError, ReadOptions, ReadReport, Source, WriteError,
+    format_named, mesh_format_named, read, read_mesh,
 };
 use std::path::Path;
 
@@ -16,10 +16,23 @@ pub(crate) fn read_points(
     mesh: MeshPoints,
     context: &Context,
 ) -> Result<(PointCloud, ReadReport), Failure> {
-    let options = ReadOptions { max_points, seed: context.global.seed, mesh, ..ReadOptions::default() };
+    let options = ReadOptions {
+        max_points,
+        seed: context.global.seed,
+        mesh,
+        ..ReadOptions::default()
+    };
     if path == Path::new("-") {
         let bytes = output::read_file(path)?;
-        return read(Source::Bytes { name: "-", bytes: &bytes }, format, &options).map_err(|e| unreadable(path, &e));
+        return read(
+            Source::Bytes {
+                name: "-",
+                bytes: &bytes,
+            },
+            format,
+            &options,
+        )
+        .map_err(|e| unreadable(path, &e));
     }
     read(Source::Path(path), format, &options).map_err(|e| unreadable(path, &e))
 }
@@ -32,11 +45,22 @@ pub(crate) fn is_mesh(path: &Path, said: Option<&str>) -> bool {
 }
 
 /// Reads a mesh with its groups, or stdin for `-`.
-pub(crate) fn read_mesh_file(path: &Path, format: Option<&str>) -> Result<(Mesh, ReadReport), Failure> {
+pub(crate) fn read_mesh_file(
+    path: &Path,
+    format: Option<&str>,
+) -> Result<(Mesh, ReadReport), Failure> {
     let options = MeshReadOptions::default();
     if path == Path::new("-") {
         let bytes = output::read_file(path)?;
-        return read_mesh(Source::Bytes { name: "-", bytes: &bytes }, format, &options).map_err(|e| unreadable(path, &e));
+        return read_mesh(
+            Source::Bytes {
+                name: "-",
+                bytes: &bytes,
+            },
+            format,
+            &options,
+        )
+        .map_err(|e| unreadable(path, &e));
     }
     read_mesh(Source::Path(path), format, &options).map_err(|e| unreadable(path, &e))
 }
@@ -47,9 +71,16 @@ pub(crate) fn unreadable(path: &Path, error: &ReadError) -> Failure {
         At::Byte(offset) => format!(", byte {offset}"),
         _ => String::new(),
     };
-    let mut failure = Failure::input(error.code(), format!("{}{at}: {}", path.display(), error.what));
+    let mut failure = Failure::input(
+        error.code(),
+        format!("{}{at}: {}", path.display(), error.what),
+    );
     if let At::Line { line, column } = error.place.at {
-        failure = Failure::input(error.code(), error.what).at(path, line as usize, (column as usize).max(1));
+        failure = Failure::input(error.code(), error.what).at(
+            path,
+            line as usize,
+            (column as usize).max(1),
+        );
     }
     failure.place.file = Some(path.to_owned());
     failure.why(&error.why).hint(error.hint)

@@ -16,15 +16,28 @@ flat(x[2], a[1], s[2]) { s[2] = x[1]; flat = sqrt(x[1]); }
 #[test]
 fn the_table_goes_to_stdout_or_to_a_file() {
     let f = Folder::new("table");
-    let (hf, p) = (f.file("ball.hf", BALL), f.file("p.csv", "# points\n0.10,0,0,more\n\n1,2,2\n"));
+    let (hf, p) = (
+        f.file("ball.hf", BALL),
+        f.file("p.csv", "# points\n0.10,0,0,more\n\n1,2,2\n"),
+    );
     let want = "x,y,z,f\n0.10,0,0,3.99\n1,2,2,-5.0\n";
     let o = isoform(&["eval", &hf, "--points", &p]);
-    assert_eq!((code(&o), stdout(&o), stderr(&o)), (0, want.to_owned(), String::new()));
+    assert_eq!(
+        (code(&o), stdout(&o), stderr(&o)),
+        (0, want.to_owned(), String::new())
+    );
     let out = f.file("out.csv", "old");
     let o = isoform(&["eval", &hf, "--points", &p, "-o", &out, "--params=3"]);
     assert_eq!((code(&o), stdout(&o).as_str()), (0, ""));
-    assert_eq!(fs::read_to_string(&out).expect("written"), "x,y,z,f\n0.10,0,0,8.99\n1,2,2,0.0\n");
-    assert_eq!(fs::read_dir(&f.0).expect("there").count(), 3, "no temporary file is left");
+    assert_eq!(
+        fs::read_to_string(&out).expect("written"),
+        "x,y,z,f\n0.10,0,0,8.99\n1,2,2,0.0\n"
+    );
+    assert_eq!(
+        fs::read_dir(&f.0).expect("there").count(),
+        3,
+        "no temporary file is left"
+    );
     // What eval writes it reads again.
     let o = isoform(&["eval", &hf, "--points", &out]);
     assert_eq!(stdout(&o), want);
@@ -37,34 +50,71 @@ fn failing_rows_leave_the_others() {
     let args = ["eval", &hf, "--points", &p, "--object", "FLAT"];
     let o = isoform(&args);
     assert_eq!(code(&o), 3);
-    assert_eq!(stdout(&o), "x,y,f,s1,s2\n4,9,2.0,0.0,4.0\n-1,9,error:3:46:square root of the negative number -1,,\n");
+    assert_eq!(
+        stdout(&o),
+        "x,y,f,s1,s2\n4,9,2.0,0.0,4.0\n-1,9,error:3:46:square root of the negative number -1,,\n"
+    );
     assert!(stderr(&o).contains("1 of 2 rows"));
     assert_eq!(stderr(&isoform(&[&args[..], &["-q"]].concat())), "");
     let p = f.file("bad.csv", "-1 9\n");
     let o = isoform(&["eval", &hf, "--points", &p, "--object", "flat", "--json"]);
-    assert_eq!((code(&o), document(&o)["ok"].clone()), (4, Value::Bool(false)));
+    assert_eq!(
+        (code(&o), document(&o)["ok"].clone()),
+        (4, Value::Bool(false))
+    );
 }
 
 #[test]
 fn errors_have_a_place_and_a_caret() {
     let f = Folder::new("errors");
-    let (hf, p) = (f.file("bad.hf", "my_model(x[3], a[1])\n{\tmy_model = w; }"), f.file("p.csv", "1,2,3\n"));
+    let (hf, p) = (
+        f.file("bad.hf", "my_model(x[3], a[1])\n{\tmy_model = w; }"),
+        f.file("p.csv", "1,2,3\n"),
+    );
     let o = isoform(&["eval", &hf, "--points", &p]);
     assert_eq!(code(&o), 2);
     let text = stderr(&o);
-    assert!(text.starts_with(&format!("error: {hf}:2:14: `w` has no value here")), "{text}");
-    assert!(text.contains("\n 2 | { my_model = w; }\n   |              ^"), "{text}");
+    assert!(
+        text.starts_with(&format!("error: {hf}:2:14: `w` has no value here")),
+        "{text}"
+    );
+    assert!(
+        text.contains("\n 2 | { my_model = w; }\n   |              ^"),
+        "{text}"
+    );
     let o = isoform(&["eval", &hf, "--points", &p, "--json"]);
     let error = document(&o)["error"].clone();
-    assert_eq!((error["where"]["line"].as_u64(), error["where"]["column"].as_u64()), (Some(2), Some(14)));
+    assert_eq!(
+        (
+            error["where"]["line"].as_u64(),
+            error["where"]["column"].as_u64()
+        ),
+        (Some(2), Some(14))
+    );
     assert_eq!(error["code"], "syntax");
 
     let hf = f.file("ball.hf", BALL);
-    let o = isoform(&["eval", &hf, "--points", &f.file("q.csv", "1,2,3\n1,oops,3\n")]);
-    assert!(code(&o) == 2 && stderr(&o).contains("q.csv:2:3: `oops`"), "{}", stderr(&o));
+    let o = isoform(&[
+        "eval",
+        &hf,
+        "--points",
+        &f.file("q.csv", "1,2,3\n1,oops,3\n"),
+    ]);
+    assert!(
+        code(&o) == 2 && stderr(&o).contains("q.csv:2:3: `oops`"),
+        "{}",
+        stderr(&o)
+    );
     let o = isoform(&["eval", &hf, "--points", &f.path("absent.csv")]);
     assert!(code(&o) == 2 && stderr(&o).contains("absent.csv"));
-    let o = isoform(&["eval", &hf, "--points", &p, "-o", &f.path("no/such/folder.csv")]);
+    let o = isoform(&[
+        "eval",
+        &hf,
+        "--points",
+        &p,
+        "-o",
+        &f.path("no/such/folder.csv"),
+    ]);
     assert!(code(&o) == 2 && stderr(&o).contains("folder.csv"));
 }
 
@@ -81,9 +131,15 @@ fn wrong_usage_exits_1() {
         &["--nothing"],
     ] {
         let o = isoform(&[&["eval", &hf, "--points", &p], extra].concat());
-        assert!(code(&o) == 1 && !o.stderr.is_empty() && o.stdout.is_empty(), "{extra:?}");
+        assert!(
+            code(&o) == 1 && !o.stderr.is_empty() && o.stdout.is_empty(),
+            "{extra:?}"
+        );
         let o = isoform(&[&["eval", &hf, "--points", &p, "--json"], extra].concat());
-        assert!(code(&o) == 1 && document(&o)["error"]["code"] == "usage", "{extra:?}");
+        assert!(
+            code(&o) == 1 && document(&o)["error"]["code"] == "usage",
+            "{extra:?}"
+        );
     }
     assert_eq!(code(&isoform(&[])), 1);
     assert_eq!(code(&isoform(&["eval"])), 1);
@@ -96,7 +152,9 @@ fn wrong_usage_exits_1() {
 fn threads_do_not_change_a_byte() {
     let f = Folder::new("threads");
     let hf = f.file("ball.hf", BALL);
-    let points: String = (0..20_000).map(|i| format!("{},{},1\n", f64::from(i) * 0.37, f64::from(i % 17))).collect();
+    let points: String = (0..20_000)
+        .map(|i| format!("{},{},1\n", f64::from(i) * 0.37, f64::from(i % 17)))
+        .collect();
     let p = f.file("p.csv", points);
     let run = |n: &str| isoform(&["eval", &hf, "--points", &p, "--threads", n]).stdout;
     let one = run("1");
@@ -129,7 +187,12 @@ fn stdin_is_a_dash() {
         .stdout(Stdio::piped())
         .spawn()
         .expect("it starts");
-    child.stdin.take().expect("a pipe").write_all(BALL.as_bytes()).expect("written");
+    child
+        .stdin
+        .take()
+        .expect("a pipe")
+        .write_all(BALL.as_bytes())
+        .expect("written");
     let o = child.wait_with_output().expect("it ends");
     assert_eq!(stdout(&o), "x,y,z,f\n1,0,0,3.0\n");
 }
@@ -137,17 +200,27 @@ fn stdin_is_a_dash() {
 #[test]
 fn late_rows_say_so() {
     let f = Folder::new("late");
-    let hf = f.file("slow.hf", "m(x[1], a[1]) { v = 0; while v < 100000 loop v = v + 1; endloop; m = v; }");
+    let hf = f.file(
+        "slow.hf",
+        "m(x[1], a[1]) { v = 0; while v < 100000 loop v = v + 1; endloop; m = v; }",
+    );
     let p = f.file("p.csv", "1\n".repeat(2000));
     let o = isoform(&["eval", &hf, "--points", &p, "--time-limit", "100ms"]);
-    assert!(code(&o) == 3 && stdout(&o).contains("time limit"), "{}", stderr(&o));
+    assert!(
+        code(&o) == 3 && stdout(&o).contains("time limit"),
+        "{}",
+        stderr(&o)
+    );
     assert_eq!(stdout(&o).lines().count(), 2001);
 }
 
 #[test]
 fn old_comments_in_latin_1_are_read() {
     let f = Folder::new("latin");
-    let hf = f.file("old.hf", b"-- gr\xf6\xdfer\r\nmy_model(x[3],a[1]){ my_model=1; }\r\n");
+    let hf = f.file(
+        "old.hf",
+        b"-- gr\xf6\xdfer\r\nmy_model(x[3],a[1]){ my_model=1; }\r\n",
+    );
     let o = isoform(&["eval", &hf, "--points", &f.file("p.csv", "0,0,0")]);
     assert_eq!((code(&o), stdout(&o).as_str()), (0, "x,y,z,f\n0,0,0,1.0\n"));
 }

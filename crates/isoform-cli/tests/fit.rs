@@ -25,7 +25,12 @@ impl Folder {
             let (t, z) = (f64::from(i) * 2.4, (f64::from(i) + 0.5) / 200.0 - 1.0);
             let r = 2.0 + 1e-3 * (17.0 * f64::from(i)).sin();
             let s = (1.0 - z * z).sqrt();
-            format!("{:?} {:?} {:?}\n", shift + 1.0 + r * s * t.cos(), shift + 2.0 + r * s * t.sin(), 3.0 + r * z)
+            format!(
+                "{:?} {:?} {:?}\n",
+                shift + 1.0 + r * s * t.cos(),
+                shift + 2.0 + r * s * t.sin(),
+                3.0 + r * z
+            )
         };
         self.file("ball.xyz", (0..400).map(point).collect::<String>())
     }
@@ -45,14 +50,35 @@ fn a_ball_is_found_and_told_of() {
     for (i, want) in [1.0, 2.0, 3.0, 2.0].into_iter().enumerate() {
         assert!((value(&j, i) - want).abs() < 1e-3, "{j}");
         let p = &j["parameters"][i];
-        assert_eq!((p["index"].as_u64(), p["status"].as_str()), (Some(i as u64 + 1), Some("determined")));
-        let (lo, hi) = (p["ci95"][0].as_f64().expect("lo"), p["ci95"][1].as_f64().expect("hi"));
+        assert_eq!(
+            (p["index"].as_u64(), p["status"].as_str()),
+            (Some(i as u64 + 1), Some("determined"))
+        );
+        let (lo, hi) = (
+            p["ci95"][0].as_f64().expect("lo"),
+            p["ci95"][1].as_f64().expect("hi"),
+        );
         assert!(lo < value(&j, i) && value(&j, i) < hi);
     }
-    assert_eq!((j["n_points"].as_u64(), j["n_outliers"].as_u64(), j["seed"].as_u64()), (Some(400), Some(0), Some(1)));
-    assert!(j["two_sided"]["model_to_data"]["share_uncovered"].as_f64().expect("a share") < 0.05);
+    assert_eq!(
+        (
+            j["n_points"].as_u64(),
+            j["n_outliers"].as_u64(),
+            j["seed"].as_u64()
+        ),
+        (Some(400), Some(0), Some(1))
+    );
+    assert!(
+        j["two_sided"]["model_to_data"]["share_uncovered"]
+            .as_f64()
+            .expect("a share")
+            < 0.05
+    );
     let text = stdout(&isoform(&["fit", &scan, "-t", &hf, "-q"]));
-    assert!(text.contains("radius") && text.contains("the template fits") && text.contains("seed 1"), "{text}");
+    assert!(
+        text.contains("radius") && text.contains("the template fits") && text.contains("seed 1"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -60,7 +86,15 @@ fn the_same_bytes_for_any_number_of_threads() {
     let f = Folder::new("threads");
     let (hf, scan) = (f.file("t.hf", BALL), f.ball(0.0));
     let run = |threads: &str| {
-        let mut j = document(&isoform(&["fit", &scan, "-t", &hf, "--json", "--threads", threads]));
+        let mut j = document(&isoform(&[
+            "fit",
+            &scan,
+            "-t",
+            &hf,
+            "--json",
+            "--threads",
+            threads,
+        ]));
         j["seconds"] = Value::Null;
         j.to_string()
     };
@@ -72,11 +106,25 @@ fn bounds_starts_and_fixed_values() {
     let f = Folder::new("settings");
     let (hf, scan) = (f.file("t.hf", BALL), f.ball(0.0));
     let bounds = f.file("b.json", r#"{"RADIUS": [0.5, 1.5], "2": [-5, 5]}"#);
-    let j = document(&isoform(&["fit", &scan, "-t", &hf, "--json", "--bounds", &bounds, "--start=0,0,0,1"]));
+    let j = document(&isoform(&[
+        "fit",
+        &scan,
+        "-t",
+        &hf,
+        "--json",
+        "--bounds",
+        &bounds,
+        "--start=0,0,0,1",
+    ]));
     assert_eq!(j["parameters"][3]["status"], "at-bound", "{j}");
     assert_eq!(j["parameters"][3]["at_bound"], "upper");
-    let j = document(&isoform(&["fit", &scan, "-t", &hf, "--json", "--fix", "a[4]=2.5"]));
-    assert_eq!((value(&j, 3), j["parameters"][3]["status"].as_str()), (2.5, Some("fixed")));
+    let j = document(&isoform(&[
+        "fit", &scan, "-t", &hf, "--json", "--fix", "a[4]=2.5",
+    ]));
+    assert_eq!(
+        (value(&j, 3), j["parameters"][3]["status"].as_str()),
+        (2.5, Some("fixed"))
+    );
 
     for (file, word) in [
         (r#"{"size": [0, 1]}"#, "cx, cy, cz, radius"),
@@ -87,15 +135,36 @@ fn bounds_starts_and_fixed_values() {
         ("{", "not a JSON document"),
         (r#"{"1": [0, 1], "cx": [0, 2]}"#, "already"),
     ] {
-        let o = isoform(&["fit", &scan, "-t", &hf, "--json", "--bounds", &f.file("bad.json", file)]);
-        assert_eq!((code(&o), document(&o)["ok"].as_bool()), (2, Some(false)), "{file}");
-        assert!(document(&o)["error"]["message"].as_str().is_some_and(|m| m.contains(word)), "{file}: {}", stdout(&o));
+        let o = isoform(&[
+            "fit",
+            &scan,
+            "-t",
+            &hf,
+            "--json",
+            "--bounds",
+            &f.file("bad.json", file),
+        ]);
+        assert_eq!(
+            (code(&o), document(&o)["ok"].as_bool()),
+            (2, Some(false)),
+            "{file}"
+        );
+        assert!(
+            document(&o)["error"]["message"]
+                .as_str()
+                .is_some_and(|m| m.contains(word)),
+            "{file}: {}",
+            stdout(&o)
+        );
     }
     let o = isoform(&["fit", &scan, "-t", &hf, "--json", "--start", "1,2"]);
     assert_eq!(code(&o), 1);
     assert!(stdout(&o).contains("2 values for 4") && stdout(&o).contains("cx, cy, cz, radius"));
     let o = isoform(&["fit", &scan, "-t", &hf, "--json", "--fix", "size=1"]);
-    assert_eq!((code(&o), document(&o)["error"]["code"].as_str()), (1, Some("usage")));
+    assert_eq!(
+        (code(&o), document(&o)["error"]["code"].as_str()),
+        (1, Some("usage"))
+    );
 }
 
 #[test]
@@ -103,13 +172,31 @@ fn a_posed_template_far_from_the_origin() {
     let f = Folder::new("utm");
     let hf =
         f.file("t.hf", "-- @pose translate\n-- @param a[1] r length\nm(x[3], a[1]) { array c[3]; c = [0,0,0]; m = hfSphere(x, c, a[1]); }");
-    let o = isoform(&["fit", &f.ball(4_000_000.0), "-t", &hf, "--json", "-o", &f.path("o.hf")]);
+    let o = isoform(&[
+        "fit",
+        &f.ball(4_000_000.0),
+        "-t",
+        &hf,
+        "--json",
+        "-o",
+        &f.path("o.hf"),
+    ]);
     let j = document(&o);
     assert_eq!(code(&o), 0, "{j}");
-    assert!((value(&j, 0) - 2.0).abs() < 1e-3 && (value(&j, 1) - 4_000_001.0).abs() < 1e-3, "{j}");
+    assert!(
+        (value(&j, 0) - 2.0).abs() < 1e-3 && (value(&j, 1) - 4_000_001.0).abs() < 1e-3,
+        "{j}"
+    );
     // The fitted program stands in the file's coordinates.
     let o = isoform(&["compare", &f.path("ball.xyz"), &f.path("o.hf"), "--json"]);
-    assert!(document(&o)["first_to_second"]["max"].as_f64().expect("a number") < 2e-3, "{}", stdout(&o));
+    assert!(
+        document(&o)["first_to_second"]["max"]
+            .as_f64()
+            .expect("a number")
+            < 2e-3,
+        "{}",
+        stdout(&o)
+    );
 }
 
 #[test]
@@ -122,15 +209,34 @@ fn every_kind_of_file_is_written() {
     let o = isoform(&args);
     assert_eq!(code(&o), 0, "{}", stderr(&o));
     assert!(f.text("o.hf").contains("my_model_template"));
-    assert!(f.text("o.csv").lines().next().is_some_and(|l| l.contains("deviation") && l.contains("outlier")));
+    assert!(
+        f.text("o.csv")
+            .lines()
+            .next()
+            .is_some_and(|l| l.contains("deviation") && l.contains("outlier"))
+    );
     let page = f.text("o.html");
-    assert!(page.contains("A ball") && page.contains("<svg") && page.contains("Accepted") && page.ends_with("</html>\n"));
-    assert!(!page.contains("http") && !page.contains("NaN") && !page.contains("inf"), "the page needs nothing and shows numbers");
+    assert!(
+        page.contains("A ball")
+            && page.contains("<svg")
+            && page.contains("Accepted")
+            && page.ends_with("</html>\n")
+    );
+    assert!(
+        !page.contains("http") && !page.contains("NaN") && !page.contains("inf"),
+        "the page needs nothing and shows numbers"
+    );
     let j: Value = serde_json::from_str(&f.text("o.json")).expect("a document");
-    assert_eq!((j["ok"].as_bool(), j["units"].as_str()), (Some(true), Some("mm")));
+    assert_eq!(
+        (j["ok"].as_bool(), j["units"].as_str()),
+        (Some(true), Some("mm"))
+    );
     let o = isoform(&["inspect", &f.path("o.ply"), "--json"]);
     let columns = document(&o)["columns"].to_string();
-    assert!(columns.contains("deviation") && document(&o)["colors"] == true, "{columns}");
+    assert!(
+        columns.contains("deviation") && document(&o)["colors"] == true,
+        "{columns}"
+    );
 }
 
 #[test]
@@ -139,15 +245,45 @@ fn what_cannot_be_written_leaves_the_old_file() {
     let (hf, scan) = (f.file("t.hf", BALL), f.ball(0.0));
     for (bad, exit) in [("o.stl", 1), ("o", 1), ("no/o.hf", 2)] {
         let o = isoform(&["fit", &scan, "-t", &hf, "--json", "-o", &f.path(bad)]);
-        assert_eq!((code(&o), document(&o)["ok"].as_bool()), (exit, Some(false)), "{bad}: {}", stdout(&o));
+        assert_eq!(
+            (code(&o), document(&o)["ok"].as_bool()),
+            (exit, Some(false)),
+            "{bad}: {}",
+            stdout(&o)
+        );
     }
     let old = f.file("old.hf", "old");
-    let o = isoform(&["fit", &f.file("bad.xyz", "1 2 3\n4 five 6\n"), "-t", &hf, "-o", &old]);
-    assert_eq!((code(&o), f.text("old.hf").as_str()), (2, "old"), "{}", stderr(&o));
+    let o = isoform(&[
+        "fit",
+        &f.file("bad.xyz", "1 2 3\n4 five 6\n"),
+        "-t",
+        &hf,
+        "-o",
+        &old,
+    ]);
+    assert_eq!(
+        (code(&o), f.text("old.hf").as_str()),
+        (2, "old"),
+        "{}",
+        stderr(&o)
+    );
     fs::create_dir_all(f.path("folder.hf")).expect("a folder");
-    let o = isoform(&["fit", &scan, "-t", &hf, "--json", "-o", &f.path("folder.hf")]);
+    let o = isoform(&[
+        "fit",
+        &scan,
+        "-t",
+        &hf,
+        "--json",
+        "-o",
+        &f.path("folder.hf"),
+    ]);
     assert_eq!((code(&o), document(&o)["ok"].as_bool()), (2, Some(false)));
-    assert!(fs::read_dir(&f.0).expect("the folder").all(|e| !e.expect("an entry").file_name().to_string_lossy().ends_with(".tmp")));
+    assert!(fs::read_dir(&f.0).expect("the folder").all(|e| {
+        !e.expect("an entry")
+            .file_name()
+            .to_string_lossy()
+            .ends_with(".tmp")
+    }));
 }
 
 #[test]
@@ -159,16 +295,40 @@ fn broken_inputs_are_refused() {
         (f.file("two.xyz", "0 0 0\n1 0 0\n"), hf.clone(), 2),
         (f.path("none.xyz"), hf.clone(), 2),
         (f.file("nan.xyz", "nan nan nan\n"), hf.clone(), 2),
-        (scan.clone(), f.file("bad.hf", "my_model(x[3], a[1]) { my_model = ; }"), 2),
-        (scan.clone(), f.file("flat.hf", "m(x[2], a[1]) { m = a[1] - x[1]; }"), 2),
+        (
+            scan.clone(),
+            f.file("bad.hf", "my_model(x[3], a[1]) { my_model = ; }"),
+            2,
+        ),
+        (
+            scan.clone(),
+            f.file("flat.hf", "m(x[2], a[1]) { m = a[1] - x[1]; }"),
+            2,
+        ),
         (scan.clone(), f.path("no-such-template"), 2),
-        (scan.clone(), f.file("nan.hf", "m(x[3], a[1]) { m = sqrt(0 - 1 - x[1]^2 - a[1]^2); }"), 4),
+        (
+            scan.clone(),
+            f.file(
+                "nan.hf",
+                "m(x[3], a[1]) { m = sqrt(0 - 1 - x[1]^2 - a[1]^2); }",
+            ),
+            4,
+        ),
     ];
     for (scan, hf, exit) in cases {
         let o = isoform(&["fit", &scan, "-t", &hf, "--json"]);
         let j = document(&o);
-        assert_eq!((code(&o), j["ok"].as_bool()), (exit, Some(false)), "{scan} {hf}: {j}");
-        assert!(j["error"]["message"].as_str().is_some_and(|m| !m.is_empty()), "{j}");
+        assert_eq!(
+            (code(&o), j["ok"].as_bool()),
+            (exit, Some(false)),
+            "{scan} {hf}: {j}"
+        );
+        assert!(
+            j["error"]["message"]
+                .as_str()
+                .is_some_and(|m| !m.is_empty()),
+            "{j}"
+        );
     }
     assert_eq!(code(&isoform(&["fit"])), 1);
     assert_eq!(code(&isoform(&["fit", &scan])), 1);
@@ -177,62 +337,159 @@ fn broken_inputs_are_refused() {
 #[test]
 fn a_bad_fit_is_refused_and_written() {
     let f = Folder::new("refused");
-    let grid = (0..1000).map(|i| format!("{} {} {}\n", i % 10, i / 10 % 10, i / 100)).collect::<String>();
-    let o = isoform(&["fit", &f.file("cube.xyz", grid), "-t", &f.file("t.hf", BALL), "--json", "-o", &f.path("o.hf")]);
+    let grid = (0..1000)
+        .map(|i| format!("{} {} {}\n", i % 10, i / 10 % 10, i / 100))
+        .collect::<String>();
+    let o = isoform(&[
+        "fit",
+        &f.file("cube.xyz", grid),
+        "-t",
+        &f.file("t.hf", BALL),
+        "--json",
+        "-o",
+        &f.path("o.hf"),
+    ]);
     let j = document(&o);
-    assert_eq!((code(&o), j["ok"].as_bool(), j["acceptable"].as_bool()), (3, Some(true), Some(false)), "{j}");
-    assert!(!j["reasons"].as_array().expect("reasons").is_empty() && f.path("o.hf").len() > 1 && !f.text("o.hf").is_empty());
+    assert_eq!(
+        (code(&o), j["ok"].as_bool(), j["acceptable"].as_bool()),
+        (3, Some(true), Some(false)),
+        "{j}"
+    );
+    assert!(
+        !j["reasons"].as_array().expect("reasons").is_empty()
+            && f.path("o.hf").len() > 1
+            && !f.text("o.hf").is_empty()
+    );
 }
 
 #[test]
 fn the_gallery_is_listed() {
     let j = document(&isoform(&["fit", "--list", "--json"]));
-    let names: Vec<&str> = j["templates"].as_array().expect("a list").iter().filter_map(|t| t["name"].as_str()).collect();
-    assert!(names.contains(&"cup") && names.contains(&"sphere"), "{names:?}");
+    let names: Vec<&str> = j["templates"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .filter_map(|t| t["name"].as_str())
+        .collect();
+    assert!(
+        names.contains(&"cup") && names.contains(&"sphere"),
+        "{names:?}"
+    );
     assert!(stdout(&isoform(&["fit", "--list"])).contains("radius"));
 }
 
 #[test]
 fn recover_runs_without_arguments() {
     let f = Folder::new("recover");
-    let o = Command::new(env!("CARGO_BIN_EXE_isoform")).args(["recover", "--json"]).current_dir(&f.0).output().expect("it runs");
+    let o = Command::new(env!("CARGO_BIN_EXE_isoform"))
+        .args(["recover", "--json"])
+        .current_dir(&f.0)
+        .output()
+        .expect("it runs");
     let j = document(&o);
     assert!([0, 3].contains(&code(&o)), "{}", stderr(&o));
-    assert_eq!((j["verb"].as_str(), j["outputs"].as_array().map(Vec::len)), (Some("recover"), Some(3)));
+    assert_eq!(
+        (j["verb"].as_str(), j["outputs"].as_array().map(Vec::len)),
+        (Some("recover"), Some(3))
+    );
     for name in ["fitted.hf", "deviation.ply", "report.html"] {
-        assert!(fs::metadata(f.0.join("isoform-recover").join(name)).expect("written").len() > 1000, "{name}");
+        assert!(
+            fs::metadata(f.0.join("isoform-recover").join(name))
+                .expect("written")
+                .len()
+                > 1000,
+            "{name}"
+        );
     }
-    assert_eq!(code(&isoform(&["recover", &f.path("scan.ply")])), 1, "a scan needs a template");
+    assert_eq!(
+        code(&isoform(&["recover", &f.path("scan.ply")])),
+        1,
+        "a scan needs a template"
+    );
 }
 
 #[test]
 fn conversions() {
     let f = Folder::new("convert");
     let scan = f.ball(0.0);
-    assert_eq!(code(&isoform(&["convert", &scan, "-o", &f.path("b.ply")])), 0);
+    assert_eq!(
+        code(&isoform(&["convert", &scan, "-o", &f.path("b.ply")])),
+        0
+    );
     let o = isoform(&["convert", &f.path("b.ply"), "-o", "-", "--to", "xyz"]);
     let numbers = |t: &str| {
-        t.lines().filter(|l| !l.starts_with('#')).flat_map(str::split_whitespace).map(|w| w.parse::<f64>()).collect::<Result<Vec<_>, _>>()
+        t.lines()
+            .filter(|l| !l.starts_with('#'))
+            .flat_map(str::split_whitespace)
+            .map(|w| w.parse::<f64>())
+            .collect::<Result<Vec<_>, _>>()
     };
-    assert_eq!(numbers(&stdout(&o)), numbers(&f.text("ball.xyz")), "every bit comes back");
+    assert_eq!(
+        numbers(&stdout(&o)),
+        numbers(&f.text("ball.xyz")),
+        "every bit comes back"
+    );
     let hf = f.file("t.hf", BALL);
-    assert_eq!(code(&isoform(&["convert", &hf, "-o", &f.path("v.hf"), "--params", "1,2,3,2"])), 0);
-    let o = isoform(&["compare", &f.path("v.hf"), &scan, "--json", "--tolerance", "0.5"]);
-    assert!(document(&o)["second_to_first"]["max"].as_f64().expect("a number") < 2e-3, "{}", stdout(&o));
-    assert_eq!(code(&isoform(&["compare", &f.path("v.hf"), &scan, "--tolerance", "1e-6"])), 3);
+    assert_eq!(
+        code(&isoform(&[
+            "convert",
+            &hf,
+            "-o",
+            &f.path("v.hf"),
+            "--params",
+            "1,2,3,2"
+        ])),
+        0
+    );
+    let o = isoform(&[
+        "compare",
+        &f.path("v.hf"),
+        &scan,
+        "--json",
+        "--tolerance",
+        "0.5",
+    ]);
+    assert!(
+        document(&o)["second_to_first"]["max"]
+            .as_f64()
+            .expect("a number")
+            < 2e-3,
+        "{}",
+        stdout(&o)
+    );
+    assert_eq!(
+        code(&isoform(&[
+            "compare",
+            &f.path("v.hf"),
+            &scan,
+            "--tolerance",
+            "1e-6"
+        ])),
+        3
+    );
     for (input, output, exit) in [(&hf, "x.ply", 1), (&scan, "x.hf", 1), (&scan, "x.las", 2)] {
         let o = isoform(&["convert", input, "-o", &f.path(output), "--json"]);
-        assert_eq!((code(&o), document(&o)["ok"].as_bool()), (exit, Some(false)), "{output}");
+        assert_eq!(
+            (code(&o), document(&o)["ok"].as_bool()),
+            (exit, Some(false)),
+            "{output}"
+        );
     }
     let o = isoform(&["compare", &hf, &hf, "--json"]);
-    assert_eq!((code(&o), document(&o)["error"]["code"].as_str()), (1, Some("usage")));
+    assert_eq!(
+        (code(&o), document(&o)["error"]["code"].as_str()),
+        (1, Some("usage"))
+    );
 }
 
 #[test]
 fn every_verb_has_an_example() {
     for verb in ["fit", "recover", "eval", "inspect", "convert", "compare"] {
         let help = stdout(&isoform(&[verb, "--help"]));
-        assert!(help.contains(&format!("isoform {verb}")) && help.contains("Example"), "{verb}");
+        assert!(
+            help.contains(&format!("isoform {verb}")) && help.contains("Example"),
+            "{verb}"
+        );
     }
     for shell in ["bash", "zsh", "fish"] {
         assert!(stdout(&isoform(&["completions", shell])).contains("isoform"));

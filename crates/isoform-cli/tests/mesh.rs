@@ -8,12 +8,15 @@ use std::fs;
 
 /// A program with `c` at the origin.
 fn program(body: &str) -> String {
-    format!("my_model(x[3], a[1]) {{ array c[3], k[3]; c = [0, 0, 0]; k = [-1, -1, -1]; {body} }}\n")
+    format!(
+        "my_model(x[3], a[1]) {{ array c[3], k[3]; c = [0, 0, 0]; k = [-1, -1, -1]; {body} }}\n"
+    )
 }
 const BALL: &str = "my_model = hfSphere(x, c, 1);";
 const CUBE: &str = "cube = hfBlock(x, k, 2, 2, 2); my_model = cube;";
 /// A cube with a round hole: eight edges of the cube uncut, four cut in two, two circles.
-const HOLED: &str = "cube = hfBlock(x, k, 2, 2, 2); hole = hfCylinderZ(x, c, 0.5); my_model = cube \\ hole;";
+const HOLED: &str =
+    "cube = hfBlock(x, k, 2, 2, 2); hole = hfCylinderZ(x, c, 0.5); my_model = cube \\ hole;";
 
 impl Folder {
     fn program(&self, body: &str) -> String {
@@ -33,32 +36,77 @@ fn mesh(model: &str, more: &[&str]) -> (i32, Value) {
 #[test]
 fn help_has_an_example() {
     let help = isoform(&["mesh", "--help"]);
-    assert!(code(&help) == 0 && stdout(&help).contains("isoform mesh part.hf --size 0.25 -o part.msh"));
+    assert!(
+        code(&help) == 0 && stdout(&help).contains("isoform mesh part.hf --size 0.25 -o part.msh")
+    );
 }
 
 #[test]
 fn a_document_says_all_that_is_known() {
     let f = Folder::new("mesh-document");
-    let (exit, j) = mesh(&f.program(HOLED), &["--size", "0.4", "-o", &f.path("m.msh"), "-o", &f.path("m.inp")]);
-    assert_eq!((exit, &j["ok"], &j["schema"], &j["verb"]), (0, &Value::Bool(true), &1.into(), &"mesh".into()), "{j}");
+    let (exit, j) = mesh(
+        &f.program(HOLED),
+        &[
+            "--size",
+            "0.4",
+            "-o",
+            &f.path("m.msh"),
+            "-o",
+            &f.path("m.inp"),
+        ],
+    );
+    assert_eq!(
+        (exit, &j["ok"], &j["schema"], &j["verb"]),
+        (0, &Value::Bool(true), &1.into(), &"mesh".into()),
+        "{j}"
+    );
     let parts: Vec<(u64, &str)> = j["parts"]
         .as_array()
         .expect("parts")
         .iter()
-        .map(|p| (p["tag"].as_u64().expect("a tag"), p["name"].as_str().expect("a name")))
+        .map(|p| {
+            (
+                p["tag"].as_u64().expect("a tag"),
+                p["name"].as_str().expect("a name"),
+            )
+        })
         .collect();
     assert_eq!(parts.len(), 7, "{parts:?}");
-    assert!(parts.contains(&(7, "hole")) && parts[0].1.starts_with("cube."), "{parts:?}");
+    assert!(
+        parts.contains(&(7, "hole")) && parts[0].1.starts_with("cube."),
+        "{parts:?}"
+    );
     let c = &j["certificate"];
-    assert_eq!((&c["closed"], &c["manifold"], &c["oriented"]), (&true.into(), &true.into(), &true.into()));
-    assert_eq!((&c["euler"], &c["shells"], &c["components"], &c["self_intersections"]), (&0.into(), &1.into(), &1.into(), &0.into()));
+    assert_eq!(
+        (&c["closed"], &c["manifold"], &c["oriented"]),
+        (&true.into(), &true.into(), &true.into())
+    );
+    assert_eq!(
+        (
+            &c["euler"],
+            &c["shells"],
+            &c["components"],
+            &c["self_intersections"]
+        ),
+        (&0.into(), &1.into(), &1.into(), &0.into())
+    );
     let volume = 8.0 - 0.5 * std::f64::consts::PI;
-    assert!((c["volume"].as_f64().expect("volume") / volume - 1.0).abs() < 0.02, "{c}");
+    assert!(
+        (c["volume"].as_f64().expect("volume") / volume - 1.0).abs() < 0.02,
+        "{c}"
+    );
     assert!(c["dihedral_angles"][0].as_f64().expect("an angle") > 12.0);
     assert!(c["distance"]["nodes"]["max"].as_f64().expect("a distance") < 1e-12);
-    assert_eq!((&c["features"]["corners"], &j["counts"]["corners"]), (&8.into(), &8.into()));
+    assert_eq!(
+        (&c["features"]["corners"], &j["counts"]["corners"]),
+        (&8.into(), &8.into())
+    );
     assert!(c["features"]["covered"].as_f64().expect("a share") > 0.999);
-    assert!(j["counts"]["tets"].as_u64() > Some(100) && j["region_certified"] == true && j["seconds"]["optimisation"].is_number());
+    assert!(
+        j["counts"]["tets"].as_u64() > Some(100)
+            && j["region_certified"] == true
+            && j["seconds"]["optimisation"].is_number()
+    );
     assert_eq!(j["files"].as_array().map(Vec::len), Some(2));
 
     let msh = String::from_utf8(f.bytes("m.msh")).expect("text");
@@ -73,10 +121,23 @@ fn a_document_says_all_that_is_known() {
 #[test]
 fn a_table_says_it_shortly() {
     let f = Folder::new("mesh-table");
-    let o = isoform(&["mesh", &f.program(BALL), "--size", "0.4", "-o", &f.path("m.obj")]);
+    let o = isoform(&[
+        "mesh",
+        &f.program(BALL),
+        "--size",
+        "0.4",
+        "-o",
+        &f.path("m.obj"),
+    ]);
     let text = stdout(&o);
     assert_eq!(code(&o), 0, "{}", stderr(&o));
-    for word in ["tetrahedra", "Euler number 2", "nowhere", "certificate  holds", "m.obj (obj); OBJ has no tetrahedra"] {
+    for word in [
+        "tetrahedra",
+        "Euler number 2",
+        "nowhere",
+        "certificate  holds",
+        "m.obj (obj); OBJ has no tetrahedra",
+    ] {
         assert!(text.contains(word), "{word}: {text}");
     }
     assert!(stderr(&o).contains("optimisation ..."), "phases are told");
@@ -85,7 +146,10 @@ fn a_table_says_it_shortly() {
 #[test]
 fn sizes_have_a_default() {
     let f = Folder::new("mesh-size");
-    let (exit, j) = mesh(&f.program("my_model = hfSphere(x, c, 0.01);"), &["--surface-only"]);
+    let (exit, j) = mesh(
+        &f.program("my_model = hfSphere(x, c, 0.01);"),
+        &["--surface-only"],
+    );
     let size = j["size"].as_f64().expect("a size");
     assert!(exit == 0 && (8e-4..1e-3).contains(&size), "{size}");
     assert!(j["counts"]["tets"] == 0 && j["counts"]["triangles"].as_u64() > Some(1000));
@@ -97,20 +161,31 @@ fn second_order_comes_nearer() {
     let f = Folder::new("mesh-order");
     let model = f.program(BALL);
     let off = |more: &[&str]| {
-        let (exit, j) = mesh(&model, &[&["--size", "0.4", "-o", &f.path("m.inp")], more].concat());
+        let (exit, j) = mesh(
+            &model,
+            &[&["--size", "0.4", "-o", &f.path("m.inp")], more].concat(),
+        );
         assert_eq!(exit, 0, "{j}");
-        j["certificate"]["distance"]["faces"]["max"].as_f64().expect("a distance")
+        j["certificate"]["distance"]["faces"]["max"]
+            .as_f64()
+            .expect("a distance")
     };
     assert!(off(&["--order", "2"]) < 0.05 * off(&[]));
     off(&["--order", "2"]);
-    assert!(String::from_utf8(f.bytes("m.inp")).expect("text").contains("C3D10"));
+    assert!(
+        String::from_utf8(f.bytes("m.inp"))
+            .expect("text")
+            .contains("C3D10")
+    );
 }
 
 #[test]
 fn grading_refines() {
     let f = Folder::new("mesh-grade");
     let (exit, j) = mesh(&f.program(BALL), &["--size", "0.5", "--grade", "0.01"]);
-    let off = j["certificate"]["distance"]["faces"]["max"].as_f64().expect("a distance");
+    let off = j["certificate"]["distance"]["faces"]["max"]
+        .as_f64()
+        .expect("a distance");
     assert!(exit == 0 && off < 0.0105, "{off}");
 }
 
@@ -118,11 +193,26 @@ fn grading_refines() {
 fn a_box_cuts_and_says_so() {
     let f = Folder::new("mesh-box");
     let model = f.program("my_model = 1 - x[1]^2 - x[2]^2;");
-    let o = isoform(&["mesh", &model, "--size", "0.4", "--box=-2,-2,-1,2,2,1", "--json"]);
+    let o = isoform(&[
+        "mesh",
+        &model,
+        "--size",
+        "0.4",
+        "--box=-2,-2,-1,2,2,1",
+        "--json",
+    ]);
     let j = document(&o);
-    assert_eq!((code(&o), j["caps"].to_string()), (0, "[\"cap.z_min\",\"cap.z_max\"]".to_owned()), "{j}");
+    assert_eq!(
+        (code(&o), j["caps"].to_string()),
+        (0, "[\"cap.z_min\",\"cap.z_max\"]".to_owned()),
+        "{j}"
+    );
     assert_eq!(j["counts"]["parts"], 3);
-    assert!(stderr(&o).contains("the box cuts the solid"), "{}", stderr(&o));
+    assert!(
+        stderr(&o).contains("the box cuts the solid"),
+        "{}",
+        stderr(&o)
+    );
 }
 
 #[test]
@@ -130,27 +220,72 @@ fn bad_models_are_refused_with_a_reason() {
     let f = Folder::new("mesh-bad");
     let refused = |body: &str, more: &[&str]| {
         let (exit, j) = mesh(&f.program(body), more);
-        (exit, j["error"]["code"].as_str().unwrap_or_default().to_owned(), j["error"]["hint"].as_str().unwrap_or_default().to_owned())
+        (
+            exit,
+            j["error"]["code"].as_str().unwrap_or_default().to_owned(),
+            j["error"]["hint"].as_str().unwrap_or_default().to_owned(),
+        )
     };
     let is = |found: (i32, String, String), code: &str, hint: &str| {
-        assert!(found.0 == 4 && found.1 == code && found.2.contains(hint), "{found:?}, not {code}");
+        assert!(
+            found.0 == 4 && found.1 == code && found.2.contains(hint),
+            "{found:?}, not {code}"
+        );
     };
-    is(refused("my_model = hfSphere(x, c, 1) & (x[1] - 3);", &["--size", "0.1"]), "empty", "--params");
-    is(refused("my_model = 0 - 1 - x[1]^2;", &[]), "empty", "--params");
-    is(refused(BALL, &["--box=5,5,5,6,6,6", "--size", "0.1"]), "empty", "--box");
+    is(
+        refused(
+            "my_model = hfSphere(x, c, 1) & (x[1] - 3);",
+            &["--size", "0.1"],
+        ),
+        "empty",
+        "--params",
+    );
+    is(
+        refused("my_model = 0 - 1 - x[1]^2;", &[]),
+        "empty",
+        "--params",
+    );
+    is(
+        refused(BALL, &["--box=5,5,5,6,6,6", "--size", "0.1"]),
+        "empty",
+        "--box",
+    );
     is(refused("my_model = 1;", &[]), "unbounded", "sign");
-    is(refused("my_model = 1 + x[1]^2;", &["--size", "0.5"]), "unbounded", "--box");
-    is(refused("my_model = 1 - x[1]^2 - x[2]^2;", &["--size", "0.5"]), "unbounded", "--box");
+    is(
+        refused("my_model = 1 + x[1]^2;", &["--size", "0.5"]),
+        "unbounded",
+        "--box",
+    );
+    is(
+        refused("my_model = 1 - x[1]^2 - x[2]^2;", &["--size", "0.5"]),
+        "unbounded",
+        "--box",
+    );
     is(refused(BALL, &["--size", "1e-5"]), "memory", "--memory");
-    is(refused(BALL, &["--size", "0.1", "--memory", "1e-6"]), "memory", "--size");
-    is(refused("my_model = hfSphere(x, c, 0.01);", &["--size", "3"]), "too-coarse", "--size 1.5");
-    is(refused(BALL, &["--size", "0.05", "--time-limit", "1ms"]), "time-limit", "--time-limit");
+    is(
+        refused(BALL, &["--size", "0.1", "--memory", "1e-6"]),
+        "memory",
+        "--size",
+    );
+    is(
+        refused("my_model = hfSphere(x, c, 0.01);", &["--size", "3"]),
+        "too-coarse",
+        "--size 1.5",
+    );
+    is(
+        refused(BALL, &["--size", "0.05", "--time-limit", "1ms"]),
+        "time-limit",
+        "--time-limit",
+    );
 }
 
 #[test]
 fn a_function_without_values_inside_is_not_passed_off_as_a_mesh() {
     let f = Folder::new("mesh-nan");
-    let (exit, j) = mesh(&f.program("my_model = hfSphere(x, c, 2) + 0*sqrt(x[1] + 1);"), &["--size", "0.4"]);
+    let (exit, j) = mesh(
+        &f.program("my_model = hfSphere(x, c, 2) + 0*sqrt(x[1] + 1);"),
+        &["--size", "0.4"],
+    );
     assert!((exit == 3 || exit == 4) && j["ok"] == false, "{exit}: {j}");
 }
 
@@ -176,12 +311,21 @@ fn bad_files_and_usage_are_refused() {
         assert!(exit == 1 && j["error"]["code"] == "usage", "{more:?}: {j}");
     }
     let (_, j) = mesh(&model, &["-o", "x.foo"]);
-    assert!(j["error"]["hint"].as_str().expect("a hint").contains("msh, "), "{j}");
+    assert!(
+        j["error"]["hint"]
+            .as_str()
+            .expect("a hint")
+            .contains("msh, "),
+        "{j}"
+    );
     let (exit, j) = mesh(&model, &["--size", "0.5", "-o", &f.path("no/folder.msh")]);
     assert_eq!((exit, &j["error"]["code"]), (2, &"not-writable".into()));
     let (exit, _) = mesh(&f.path("absent.hf"), &[]);
     assert_eq!(exit, 2);
-    let (exit, j) = mesh(&f.file("flat.hf", "m(x[2], a[1]) { m = 1 - x[1]^2 - x[2]^2; }"), &[]);
+    let (exit, j) = mesh(
+        &f.file("flat.hf", "m(x[2], a[1]) { m = 1 - x[1]^2 - x[2]^2; }"),
+        &[],
+    );
     assert_eq!((exit, &j["error"]["code"]), (2, &"dimension".into()));
 }
 
@@ -189,11 +333,22 @@ fn bad_files_and_usage_are_refused() {
 fn angles_that_are_asked_for_are_required() {
     let f = Folder::new("mesh-angles");
     let out = f.path("m.msh");
-    let (exit, j) = mesh(&f.program(BALL), &["--size", "0.5", "--angles", "60,90", "-o", &out]);
+    let (exit, j) = mesh(
+        &f.program(BALL),
+        &["--size", "0.5", "--angles", "60,90", "-o", &out],
+    );
     assert_eq!((exit, &j["ok"]), (3, &false.into()));
-    let codes: Vec<&Value> = j["certificate"]["failures"].as_array().expect("failures").iter().map(|f| &f["code"]).collect();
+    let codes: Vec<&Value> = j["certificate"]["failures"]
+        .as_array()
+        .expect("failures")
+        .iter()
+        .map(|f| &f["code"])
+        .collect();
     assert!(codes.contains(&&"small-dihedral-angle".into()), "{codes:?}");
-    assert!(!f.bytes("m.msh").is_empty(), "files are written all the same");
+    assert!(
+        !f.bytes("m.msh").is_empty(),
+        "files are written all the same"
+    );
 }
 
 #[test]
@@ -202,7 +357,10 @@ fn the_same_bytes_for_any_number_of_threads() {
     let model = f.program(HOLED);
     let run = |threads: &str| {
         let name = format!("{threads}.vtu");
-        let (exit, mut j) = mesh(&model, &["--size", "0.25", "--threads", threads, "-o", &f.path(&name)]);
+        let (exit, mut j) = mesh(
+            &model,
+            &["--size", "0.25", "--threads", threads, "-o", &f.path(&name)],
+        );
         assert_eq!(exit, 0);
         (j["seconds"], j["files"]) = (Value::Null, Value::Null);
         (f.bytes(&name), j.to_string())
@@ -213,21 +371,58 @@ fn the_same_bytes_for_any_number_of_threads() {
 #[test]
 fn stdout_takes_a_mesh() {
     let f = Folder::new("mesh-stdout");
-    let o = isoform(&["mesh", &f.program(CUBE), "--size", "1", "-o", "-", "--to", "off", "-q"]);
-    assert!(code(&o) == 0 && stdout(&o).starts_with("OFF"), "{}", stderr(&o));
+    let o = isoform(&[
+        "mesh",
+        &f.program(CUBE),
+        "--size",
+        "1",
+        "-o",
+        "-",
+        "--to",
+        "off",
+        "-q",
+    ]);
+    assert!(
+        code(&o) == 0 && stdout(&o).starts_with("OFF"),
+        "{}",
+        stderr(&o)
+    );
 }
 
 #[test]
 fn meshes_are_inspected_converted_and_compared() {
     let f = Folder::new("mesh-others");
     let (model, msh, inp) = (f.program(HOLED), f.path("m.msh"), f.path("m.inp"));
-    let (exit, made) = mesh(&model, &["--size", "0.4", "-o", &msh, "-o", &inp, "-o", &f.path("m.stl")]);
+    let (exit, made) = mesh(
+        &model,
+        &[
+            "--size",
+            "0.4",
+            "-o",
+            &msh,
+            "-o",
+            &inp,
+            "-o",
+            &f.path("m.stl"),
+        ],
+    );
     assert_eq!(exit, 0);
     let o = isoform(&["inspect", &msh, "--json"]);
     let j = document(&o);
-    assert_eq!((code(&o), &j["counts"]["tets"], &j["parts"]), (0, &made["counts"]["tets"], &made["parts"]), "{j}");
-    assert_eq!((&j["certificate"]["euler"], &j["certificate"]["ok"]), (&0.into(), &true.into()));
-    assert!(stdout(&isoform(&["inspect", &inp])).to_lowercase().contains("hole ("));
+    assert_eq!(
+        (code(&o), &j["counts"]["tets"], &j["parts"]),
+        (0, &made["counts"]["tets"], &made["parts"]),
+        "{j}"
+    );
+    assert_eq!(
+        (&j["certificate"]["euler"], &j["certificate"]["ok"]),
+        (&0.into(), &true.into())
+    );
+    assert!(
+        stdout(&isoform(&["inspect", &inp]))
+            .to_lowercase()
+            .contains("hole (")
+    );
 
     let again = f.path("again.inp");
     assert_eq!(code(&isoform(&["convert", &msh, "-o", &again])), 0);
@@ -235,12 +430,23 @@ fn meshes_are_inspected_converted_and_compared() {
 
     let j = document(&isoform(&["compare", &msh, &model, "--json"]));
     let max = |side: &str| j[side]["max"].as_f64().expect("a distance");
-    assert_eq!((j["first"]["kind"].as_str(), j["second"]["kind"].as_str()), (Some("mesh"), Some("model")));
-    let chord = made["certificate"]["distance"]["faces"]["max"].as_f64().expect("a distance");
-    assert!(max("first_to_second") <= 1.001 * chord && max("first_to_second") > 0.5 * chord, "{j}, {chord}");
+    assert_eq!(
+        (j["first"]["kind"].as_str(), j["second"]["kind"].as_str()),
+        (Some("mesh"), Some("model"))
+    );
+    let chord = made["certificate"]["distance"]["faces"]["max"]
+        .as_f64()
+        .expect("a distance");
+    assert!(
+        max("first_to_second") <= 1.001 * chord && max("first_to_second") > 0.5 * chord,
+        "{j}, {chord}"
+    );
     assert!(max("second_to_first") < 2.0 * chord, "{j}, {chord}");
     let j = document(&isoform(&["compare", &msh, &f.path("m.stl"), "--json"]));
-    assert!(j["first_to_second"]["max"].as_f64().expect("a distance") < 1e-6, "{j}");
+    assert!(
+        j["first_to_second"]["max"].as_f64().expect("a distance") < 1e-6,
+        "{j}"
+    );
 }
 
 #[test]
@@ -253,27 +459,73 @@ fn recover_goes_from_points_to_a_mesh_for_a_solver() {
     let point = |i: u32| {
         let (t, z) = (f64::from(i) * 2.4, (f64::from(i) + 0.5) / 200.0 - 1.0);
         let s = (1.0 - z * z).sqrt();
-        format!("{:?} {:?} {:?}\n", 2.0 * s * t.cos(), 2.0 * s * t.sin(), 2.0 * z)
+        format!(
+            "{:?} {:?} {:?}\n",
+            2.0 * s * t.cos(),
+            2.0 * s * t.sin(),
+            2.0 * z
+        )
     };
     let scan = f.file("ball.xyz", (0..400).map(point).collect::<String>());
-    let o = isoform(&["recover", &scan, &template, "--size", "0.5", "-o", &f.path("part.inp"), "-o", &f.path("fitted.hf"), "--json"]);
+    let o = isoform(&[
+        "recover",
+        &scan,
+        &template,
+        "--size",
+        "0.5",
+        "-o",
+        &f.path("part.inp"),
+        "-o",
+        &f.path("fitted.hf"),
+        "--json",
+    ]);
     let j = document(&o);
-    assert_eq!((code(&o), &j["mesh"]["ok"], &j["mesh"]["counts"]["parts"]), (0, &true.into(), &1.into()), "{}", stderr(&o));
+    assert_eq!(
+        (code(&o), &j["mesh"]["ok"], &j["mesh"]["counts"]["parts"]),
+        (0, &true.into(), &1.into()),
+        "{}",
+        stderr(&o)
+    );
     let outputs = [f.path("fitted.hf"), f.path("part.inp")];
     assert_eq!(j["outputs"], Value::from(outputs.as_slice()));
-    let volume = j["mesh"]["certificate"]["volume"].as_f64().expect("a volume");
+    let volume = j["mesh"]["certificate"]["volume"]
+        .as_f64()
+        .expect("a volume");
     assert!((volume / 33.5 - 1.0).abs() < 0.05, "{volume}");
-    assert!(String::from_utf8(f.bytes("part.inp")).expect("text").contains("*ELEMENT"));
+    assert!(
+        String::from_utf8(f.bytes("part.inp"))
+            .expect("text")
+            .contains("*ELEMENT")
+    );
     // Without a mesh the fit is still a result.
-    let o = isoform(&["recover", &scan, &template, "--size", "1e-5", "-o", &f.path("fine.inp"), "-o", &f.path("other.hf"), "--json"]);
+    let o = isoform(&[
+        "recover",
+        &scan,
+        &template,
+        "--size",
+        "1e-5",
+        "-o",
+        &f.path("fine.inp"),
+        "-o",
+        &f.path("other.hf"),
+        "--json",
+    ]);
     let j = document(&o);
     assert_eq!(
         (code(&o), &j["mesh"]["error"]["code"], &j["outputs"]),
-        (3, &"memory".into(), &Value::from([f.path("other.hf")].as_slice())),
+        (
+            3,
+            &"memory".into(),
+            &Value::from([f.path("other.hf")].as_slice())
+        ),
         "{j}"
     );
     let o = isoform(&["fit", &scan, "-t", &template, "-o", &f.path("part.msh")]);
-    assert!(code(&o) == 1 && stderr(&o).contains("isoform recover"), "{}", stderr(&o));
+    assert!(
+        code(&o) == 1 && stderr(&o).contains("isoform recover"),
+        "{}",
+        stderr(&o)
+    );
 }
 
 #[test]
@@ -292,10 +544,17 @@ fn sizes_from_files_and_a_mesh_made_better() {
     let field = f.file("sizes.hf", "h(x[3], a[1]) { h = 0.15 + 0.1*abs(x[3]); }");
     assert!(tets(&["--size", "0.4", "--sizes", &field]) > 2 * plain);
     let again = tets(&["--adapt", &old]);
-    assert!(again * 10 > plain * 9 && again * 10 < plain * 11, "{again} {plain}");
+    assert!(
+        again * 10 > plain * 9 && again * 10 < plain * 11,
+        "{again} {plain}"
+    );
     let bad = f.file("bad.csv", "1,2,3,0.1\n1,2,3\n");
     let (exit, j) = mesh(&model, &["--sizes", &bad]);
-    assert_eq!((exit, &j["error"]["code"], &j["error"]["where"]["line"]), (2, &"sizes".into(), &2.into()), "{j}");
+    assert_eq!(
+        (exit, &j["error"]["code"], &j["error"]["where"]["line"]),
+        (2, &"sizes".into(), &2.into()),
+        "{j}"
+    );
 }
 
 #[test]
@@ -312,17 +571,35 @@ fn surfaces_are_adapted() {
         let plain = first(&["--size", "0.4", "--surface-only", "-o", &old]);
         let j = first(&["--adapt", &old, "--size", "0.15", "-o", &f.path("new.obj")]);
         assert_eq!(
-            (&j["counts"]["parts"], &j["counts"]["corners"], &j["certificate"]["euler"]),
+            (
+                &j["counts"]["parts"],
+                &j["counts"]["corners"],
+                &j["certificate"]["euler"]
+            ),
             (&7.into(), &8.into(), &0.into()),
             "{name}"
         );
-        assert!(j["counts"]["triangles"].as_u64() > plain["counts"]["triangles"].as_u64() && j["counts"]["tets"] == 0, "{name}");
-        assert!(j["certificate"]["features"]["covered"].as_f64() > Some(0.999), "{name}");
-        assert!(j["certificate"]["triangle_angles"][0].as_f64() > Some(25.0), "{name}: {}", j["certificate"]);
+        assert!(
+            j["counts"]["triangles"].as_u64() > plain["counts"]["triangles"].as_u64()
+                && j["counts"]["tets"] == 0,
+            "{name}"
+        );
+        assert!(
+            j["certificate"]["features"]["covered"].as_f64() > Some(0.999),
+            "{name}"
+        );
+        assert!(
+            j["certificate"]["triangle_angles"][0].as_f64() > Some(25.0),
+            "{name}: {}",
+            j["certificate"]
+        );
     }
     // Without a size it keeps its own.
     let own = first(&["--adapt", &f.path("old.stl"), "--order", "2"]);
-    let (n, plain) = (own["counts"]["triangles"].as_f64(), first(&["--size", "0.4", "--surface-only"])["counts"]["triangles"].as_f64());
+    let (n, plain) = (
+        own["counts"]["triangles"].as_f64(),
+        first(&["--size", "0.4", "--surface-only"])["counts"]["triangles"].as_f64(),
+    );
     let share = n.expect("a number") / plain.expect("a number");
     assert!((0.7..1.8).contains(&share) && own["order"] == 2, "{share}");
 }
@@ -334,19 +611,40 @@ fn surfaces_that_cannot_be_adapted() {
     let refused = |name: &str, text: &str| {
         let (exit, j) = mesh(&model, &["--adapt", &f.file(name, text)]);
         assert_eq!((exit, &j["error"]["code"]), (2, &"mesh".into()), "{j}");
-        j["error"]["message"].as_str().unwrap_or_default().to_owned()
+        j["error"]["message"]
+            .as_str()
+            .unwrap_or_default()
+            .to_owned()
     };
-    let tetrahedron = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n";
-    let open = tetrahedron.replace("4 4 0", "4 3 0").replace("3 2 0 3\n", "");
+    let tetrahedron =
+        "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n";
+    let open = tetrahedron
+        .replace("4 4 0", "4 3 0")
+        .replace("3 2 0 3\n", "");
     assert!(refused("open.off", &open).contains("not closed"));
-    let far =
-        tetrahedron.replace("0 0 0", "90 90 90").replace("1 0 0", "91 90 90").replace("0 1 0", "90 91 90").replace("0 0 1", "90 90 91");
+    let far = tetrahedron
+        .replace("0 0 0", "90 90 90")
+        .replace("1 0 0", "91 90 90")
+        .replace("0 1 0", "90 91 90")
+        .replace("0 0 1", "90 90 91");
     assert!(refused("far.off", &far).contains("near"));
-    assert!(refused("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n").contains("neither tetrahedra nor triangles"));
+    assert!(
+        refused("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+            .contains("neither tetrahedra nor triangles")
+    );
     // The whole cube: its hole is nowhere in the mesh.
     let cube = f.file("cube.hf", program(CUBE));
-    let (exit, _) = mesh(&cube, &["--size", "0.4", "--surface-only", "-o", &f.path("cube.stl")]);
+    let (exit, _) = mesh(
+        &cube,
+        &["--size", "0.4", "--surface-only", "-o", &f.path("cube.stl")],
+    );
     let (bad, j) = mesh(&model, &["--adapt", &f.path("cube.stl")]);
     assert!(exit == 0 && (bad == 2 || bad == 3), "{bad} {j}");
-    assert!(bad == 2 || j["certificate"]["failures"].as_array().is_some_and(|f| !f.is_empty()), "{j}");
+    assert!(
+        bad == 2
+            || j["certificate"]["failures"]
+                .as_array()
+                .is_some_and(|f| !f.is_empty()),
+        "{j}"
+    );
 }

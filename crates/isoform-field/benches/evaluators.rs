@@ -10,7 +10,9 @@ use std::hint::black_box;
 use std::time::Instant;
 
 const PART: &str = include_str!("../../../examples/templates/testpart.hf");
-const A: [f64; 12] = [-5.1, -4.05, -1.95, 10.2, 6.2, 3.9, 4.6, 2.5, 1.7, 2.9, -1.85, 1.15];
+const A: [f64; 12] = [
+    -5.1, -4.05, -1.95, 10.2, 6.2, 3.9, 4.6, 2.5, 1.7, 2.9, -1.85, 1.15,
+];
 
 /// The part by hand, on separate arrays of coordinates, compiled for AVX2 where the machine has it.
 mod by_hand {
@@ -21,7 +23,10 @@ mod by_hand {
         let hi = [a[0] + a[3], a[1] + a[4], a[2] + a[5]];
         for i in 0..out.len() {
             let (x, y, z) = (x[i], y[i], z[i]);
-            let b = and(and((x - a[0]) * (hi[0] - x), (y - a[1]) * (hi[1] - y)), (z - a[2]) * (hi[2] - z));
+            let b = and(
+                and((x - a[0]) * (hi[0] - x), (y - a[1]) * (hi[1] - y)),
+                (z - a[2]) * (hi[2] - z),
+            );
             let (u, v, s, t) = (x - a[6], y - a[7], x - a[9], y - a[10]);
             out[i] = and(and(b, u * u + v * v - r1), s * s + t * t - r2);
         }
@@ -57,8 +62,14 @@ fn best(mut f: impl FnMut()) -> f64 {
 }
 
 fn main() {
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
-    let two = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("a pool");
+    let one = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .expect("a pool");
+    let two = rayon::ThreadPoolBuilder::new()
+        .num_threads(2)
+        .build()
+        .expect("a pool");
     let model = Model::parse(PART, Mode::Default).expect("the test part");
     let mut graph = Graph::new();
     let root = model.compile(&mut graph).expect("an expression");
@@ -71,7 +82,11 @@ fn main() {
     let points: Vec<Point3> = (0..n)
         .map(|i| {
             let t = f64::from(i);
-            [5.0 * (t * 0.754_877).sin(), 3.0 * (t * 0.569_84).cos() - 1.0, 2.0 * (t * 0.327).sin()]
+            [
+                5.0 * (t * 0.754_877).sin(),
+                3.0 * (t * 0.569_84).cos() - 1.0,
+                2.0 * (t * 0.327).sin(),
+            ]
         })
         .collect();
     let axis = |k: usize| -> Vec<f64> { points.iter().map(|p| p[k]).collect() };
@@ -82,37 +97,83 @@ fn main() {
     let hand = best(|| by_hand::values(black_box(&x), &y, &z, &A, &mut out));
     let want = out.clone();
     println!("{} operations; {n} points", tape.len());
-    let line = |name: &str, s: f64| println!("{name:44} {:8.1} M/s  {:7.1} us  {:.3}", rate(s), s * 1e6, hand / s);
+    let line = |name: &str, s: f64| {
+        println!(
+            "{name:44} {:8.1} M/s  {:7.1} us  {:.3}",
+            rate(s),
+            s * 1e6,
+            hand / s
+        )
+    };
     line("values, by hand", hand);
     one.install(|| {
-        line("values", best(|| residual.values(black_box(&points), &A, &mut out)));
-        assert!(out.iter().zip(&want).all(|(u, v)| (u - v).abs() < 1e-12 * (1.0 + v.abs())), "the two must agree");
+        line(
+            "values",
+            best(|| residual.values(black_box(&points), &A, &mut out)),
+        );
+        assert!(
+            out.iter()
+                .zip(&want)
+                .all(|(u, v)| (u - v).abs() < 1e-12 * (1.0 + v.abs())),
+            "the two must agree"
+        );
         let mut grad = vec![0.0; 15 * n as usize];
-        line("value and 15 derivatives", best(|| residual.all_gradients(black_box(&points), &A, &mut out, &mut grad)));
+        line(
+            "value and 15 derivatives",
+            best(|| residual.all_gradients(black_box(&points), &A, &mut out, &mut grad)),
+        );
         let mut g = vec![[0.0; 3]; n as usize];
-        line("value and gradient in space", best(|| residual.gradients(black_box(&points), &A, &mut out, &mut g)));
+        line(
+            "value and gradient in space",
+            best(|| residual.gradients(black_box(&points), &A, &mut out, &mut g)),
+        );
         let (mut gradient, mut hessian) = ([0.0; 12], [0.0; 144]);
         line(
             "normal equations, 12 parameters",
             best(|| {
-                black_box(residual.normal_equations(black_box(&points), &[], &A, &mut gradient, &mut hessian));
+                black_box(residual.normal_equations(
+                    black_box(&points),
+                    &[],
+                    &A,
+                    &mut gradient,
+                    &mut hessian,
+                ));
             }),
         );
         line(
             "the same, 256 points",
             41.85
                 * best(|| {
-                    black_box(residual.normal_equations(black_box(&points[..256]), &[], &A, &mut gradient, &mut hessian));
+                    black_box(residual.normal_equations(
+                        black_box(&points[..256]),
+                        &[],
+                        &A,
+                        &mut gradient,
+                        &mut hessian,
+                    ));
                 }),
         );
         line(
             "metric normal equations",
             best(|| {
-                black_box(metric.normal_equations(black_box(&points), &[], &A, &mut gradient, &mut hessian));
+                black_box(metric.normal_equations(
+                    black_box(&points),
+                    &[],
+                    &A,
+                    &mut gradient,
+                    &mut hessian,
+                ));
             }),
         );
         let bound = Bound::new(residual.clone(), &A);
-        let mut jets = vec![isoform_num::Jet2 { v: 0.0, g: [0.0; 3], h: [0.0; 6] }; n as usize];
+        let mut jets = vec![
+            isoform_num::Jet2 {
+                v: 0.0,
+                g: [0.0; 3],
+                h: [0.0; 6]
+            };
+            n as usize
+        ];
         line("2-jets", best(|| bound.jets(black_box(&points), &mut jets)));
         line(
             "2-jets, point by point",
@@ -124,12 +185,21 @@ fn main() {
         );
     });
     two.install(|| {
-        line("values, 2 threads", best(|| residual.values(black_box(&points), &A, &mut out)));
+        line(
+            "values, 2 threads",
+            best(|| residual.values(black_box(&points), &A, &mut out)),
+        );
         let (mut gradient, mut hessian) = ([0.0; 12], [0.0; 144]);
         line(
             "normal equations, 2 threads",
             best(|| {
-                black_box(residual.normal_equations(black_box(&points), &[], &A, &mut gradient, &mut hessian));
+                black_box(residual.normal_equations(
+                    black_box(&points),
+                    &[],
+                    &A,
+                    &mut gradient,
+                    &mut hessian,
+                ));
             }),
         );
     });

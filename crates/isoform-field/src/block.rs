@@ -81,8 +81,15 @@ impl Plan {
     pub(crate) fn new(tape: &Tape, wanted: Wanted) -> Self {
         let (steps, unreached) = plan(tape, wanted);
         // Where a branch is not taken its operations may be singular: 0 · ∞ must then stay 0.
-        let guard = tape.code.iter().any(|i| matches!(i.op, Op::Select | Op::Set(SetOp::Max | SetOp::Min)));
-        Self { steps, unreached, guard }
+        let guard = tape
+            .code
+            .iter()
+            .any(|i| matches!(i.op, Op::Select | Op::Set(SetOp::Max | SetOp::Min)));
+        Self {
+            steps,
+            unreached,
+            guard,
+        }
     }
 }
 
@@ -98,7 +105,13 @@ pub(crate) struct Block<'t> {
 impl<'t> Block<'t> {
     /// Scratch for values only.
     pub(crate) fn values(tape: &'t Tape) -> Self {
-        Self { tape, slots: vec![ZERO; tape.slots()], adjoints: Vec::new(), plan: None }.with_constants()
+        Self {
+            tape,
+            slots: vec![ZERO; tape.slots()],
+            adjoints: Vec::new(),
+            plan: None,
+        }
+        .with_constants()
     }
 
     /// The same in rows that were used before; [`Block::into_rows`] gives them back.
@@ -106,7 +119,13 @@ impl<'t> Block<'t> {
         if rows.len() < tape.slots() {
             rows.resize(tape.slots(), ZERO);
         }
-        Self { tape, slots: rows, adjoints: Vec::new(), plan: None }.with_constants()
+        Self {
+            tape,
+            slots: rows,
+            adjoints: Vec::new(),
+            plan: None,
+        }
+        .with_constants()
     }
 
     pub(crate) fn into_rows(self) -> Vec<Row> {
@@ -116,7 +135,13 @@ impl<'t> Block<'t> {
     /// Scratch for values and the derivatives of the first result that the plan is for.
     pub(crate) fn gradients(tape: &'t Tape, plan: &'t Plan) -> Self {
         let rows = || vec![ZERO; tape.slots()];
-        Self { tape, slots: rows(), adjoints: rows(), plan: Some(plan) }.with_constants()
+        Self {
+            tape,
+            slots: rows(),
+            adjoints: rows(),
+            plan: Some(plan),
+        }
+        .with_constants()
     }
 
     fn with_constants(mut self) -> Self {
@@ -141,7 +166,10 @@ impl<'t> Block<'t> {
     /// Loads up to [`LANES`] points; the last one fills the lanes that are left.
     pub(crate) fn load(&mut self, points: &[Point3]) {
         let first = self.tape.first_x();
-        for (axis, slot) in self.slots[first..first + self.tape.n_x.min(3)].iter_mut().enumerate() {
+        for (axis, slot) in self.slots[first..first + self.tape.n_x.min(3)]
+            .iter_mut()
+            .enumerate()
+        {
             if let Ok(full) = <&[Point3; LANES]>::try_from(points) {
                 for (v, p) in slot.0.iter_mut().zip(full) {
                     *v = p[axis];
@@ -156,7 +184,12 @@ impl<'t> Block<'t> {
 
     /// Values at the loaded points.
     pub(crate) fn forward(&mut self) -> &[f64; LANES] {
-        forward(self.tape, self.tape.uniform, self.tape.code.len(), &mut self.slots);
+        forward(
+            self.tape,
+            self.tape.uniform,
+            self.tape.code.len(),
+            &mut self.slots,
+        );
         self.result(0)
     }
 
@@ -220,7 +253,11 @@ fn plan(tape: &Tape, wanted: Wanted) -> (Vec<Step>, Vec<u32>) {
         let step = &mut steps[k];
         step.live = true;
         // A selection passes nothing to its condition.
-        for (n, a) in tape.arguments(i).enumerate().filter(|(n, _)| !(i.op == Op::Select && *n == 0)) {
+        for (n, a) in tape
+            .arguments(i)
+            .enumerate()
+            .filter(|(n, _)| !(i.op == Op::Select && *n == 0))
+        {
             if active[a as usize] {
                 if i.op != Op::Native {
                     step.active |= 1 << n;
@@ -230,7 +267,11 @@ fn plan(tape: &Tape, wanted: Wanted) -> (Vec<Step>, Vec<u32>) {
             }
         }
     }
-    let unreached = inputs.into_iter().filter(|&i| !reached[i]).map(|i| i as u32).collect();
+    let unreached = inputs
+        .into_iter()
+        .filter(|&i| !reached[i])
+        .map(|i| i as u32)
+        .collect();
     (steps, unreached)
 }
 
@@ -370,8 +411,16 @@ fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoin
         let g = &high[0];
         let w = &s[first_code + k];
         let (ia, ib, ic) = (i.a as usize, i.b as usize, i.c as usize);
-        let (first_a, first_b, first_c) = (step.first & 1 != 0, step.first & 2 != 0, step.first & 4 != 0);
-        let (to_a, to_b, to_c) = (step.active & 1 != 0, step.active & 2 != 0, step.active & 4 != 0);
+        let (first_a, first_b, first_c) = (
+            step.first & 1 != 0,
+            step.first & 2 != 0,
+            step.first & 4 != 0,
+        );
+        let (to_a, to_b, to_c) = (
+            step.active & 1 != 0,
+            step.active & 2 != 0,
+            step.active & 4 != 0,
+        );
         match i.op {
             Op::Binary(op) => {
                 let (a, b) = (&s[ia].0, &s[ib].0);
@@ -403,10 +452,22 @@ fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoin
                     }
                     Binary::Pow => {
                         if to_a {
-                            pass::<true>(&mut low[ia], first_a, g, |l| if w.0[l] == 0.0 { 0.0 } else { b[l] * w.0[l] / a[l] });
+                            pass::<true>(&mut low[ia], first_a, g, |l| {
+                                if w.0[l] == 0.0 {
+                                    0.0
+                                } else {
+                                    b[l] * w.0[l] / a[l]
+                                }
+                            });
                         }
                         if to_b {
-                            pass::<true>(&mut low[ib], first_b, g, |l| if w.0[l] == 0.0 { 0.0 } else { a[l].ln() * w.0[l] });
+                            pass::<true>(&mut low[ib], first_b, g, |l| {
+                                if w.0[l] == 0.0 {
+                                    0.0
+                                } else {
+                                    a[l].ln() * w.0[l]
+                                }
+                            });
                         }
                     }
                     Binary::Atan2 => {
@@ -418,7 +479,9 @@ fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoin
                             pass::<true>(&mut low[ib], first_b, g, |l| -a[l] / r(l));
                         }
                     }
-                    Binary::Less | Binary::LessEq => clear(low, [(to_a && first_a, ia), (to_b && first_b, ib)]),
+                    Binary::Less | Binary::LessEq => {
+                        clear(low, [(to_a && first_a, ia), (to_b && first_b, ib)])
+                    }
                 }
             }
             Op::Set(op) => {
@@ -440,12 +503,22 @@ fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoin
                         }
                     }
                     SetOp::Max | SetOp::Min => {
-                        let second = |l: usize| if op == SetOp::Max { b[l] > a[l] } else { b[l] < a[l] };
+                        let second = |l: usize| {
+                            if op == SetOp::Max {
+                                b[l] > a[l]
+                            } else {
+                                b[l] < a[l]
+                            }
+                        };
                         if to_a {
-                            pass::<true>(&mut low[ia], first_a, g, |l| if second(l) { 0.0 } else { 1.0 });
+                            pass::<true>(&mut low[ia], first_a, g, |l| {
+                                if second(l) { 0.0 } else { 1.0 }
+                            });
                         }
                         if to_b {
-                            pass::<true>(&mut low[ib], first_b, g, |l| if second(l) { 1.0 } else { 0.0 });
+                            pass::<true>(&mut low[ib], first_b, g, |l| {
+                                if second(l) { 1.0 } else { 0.0 }
+                            });
                         }
                     }
                 }
@@ -458,9 +531,13 @@ fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoin
                 match op {
                     Unary::Neg => pass::<false>(to, first_a, g, |_| -1.0),
                     Unary::Square => pass::<GUARD>(to, first_a, g, |l| 2.0 * a[l]),
-                    Unary::Sqrt => pass::<GUARD>(to, first_a, g, |l| if w.0[l] == 0.0 { 0.0 } else { 0.5 / w.0[l] }),
+                    Unary::Sqrt => pass::<GUARD>(to, first_a, g, |l| {
+                        if w.0[l] == 0.0 { 0.0 } else { 0.5 / w.0[l] }
+                    }),
                     Unary::Abs => pass::<GUARD>(to, first_a, g, |l| Real::sign(&a[l])),
-                    _ => pass::<true>(to, first_a, g, |l| op.apply(&Jet1::<1>::variable(a[l], 0)).g[0]),
+                    _ => pass::<true>(to, first_a, g, |l| {
+                        op.apply(&Jet1::<1>::variable(a[l], 0)).g[0]
+                    }),
                 }
             }
             Op::PowI => {
@@ -474,10 +551,14 @@ fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoin
             Op::Select => {
                 let c = &s[ia].0;
                 if to_b {
-                    pass::<true>(&mut low[ib], first_b, g, |l| if c[l] != 0.0 { 1.0 } else { 0.0 });
+                    pass::<true>(&mut low[ib], first_b, g, |l| {
+                        if c[l] != 0.0 { 1.0 } else { 0.0 }
+                    });
                 }
                 if to_c {
-                    pass::<true>(&mut low[ic], first_c, g, |l| if c[l] != 0.0 { 0.0 } else { 1.0 });
+                    pass::<true>(&mut low[ic], first_c, g, |l| {
+                        if c[l] != 0.0 { 0.0 } else { 1.0 }
+                    });
                 }
             }
             Op::Native => {
@@ -507,7 +588,11 @@ fn native_adjoints(f: Native, args: &[u32], s: &[Row], g: &Row, low: &mut [Row])
         if g.0[l] == 0.0 {
             continue;
         }
-        let at: Vec<Jet1<NATIVE_ARGUMENTS>> = args.iter().enumerate().map(|(n, &k)| Jet1::variable(s[k as usize].0[l], n)).collect();
+        let at: Vec<Jet1<NATIVE_ARGUMENTS>> = args
+            .iter()
+            .enumerate()
+            .map(|(n, &k)| Jet1::variable(s[k as usize].0[l], n))
+            .collect();
         let d = f.eval(&at).g;
         for (n, &k) in args.iter().enumerate() {
             low[k as usize].0[l] += g.0[l] * d[n];

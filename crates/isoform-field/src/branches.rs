@@ -33,10 +33,18 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
             let field = known.field(&graph, root);
             let limits = limits.into_iter().map(|l| known.field(&graph, l)).collect();
             let function = known.function(field.as_ref(), parts.len());
-            parts.push(SmoothPart { piece: piece as u32, field, limits, function });
+            parts.push(SmoothPart {
+                piece: piece as u32,
+                field,
+                limits,
+                function,
+            });
         }
     }
-    Ok(Parts { tree: pieces.tree().clone(), parts })
+    Ok(Parts {
+        tree: pieces.tree().clone(),
+        parts,
+    })
 }
 
 /// The functions of parts, and what they are at random places: two decisions often lead to one function, written differently.
@@ -53,7 +61,12 @@ const SAME: f64 = 1e-12;
 
 impl Known {
     fn field(&mut self, graph: &Graph, root: NodeId) -> Arc<dyn Field> {
-        let new = || Arc::new(Bound::new(Residual::new(Tape::new(graph, &[root], 3, 0)), &[])) as Arc<dyn Field>;
+        let new = || {
+            Arc::new(Bound::new(
+                Residual::new(Tape::new(graph, &[root], 3, 0)),
+                &[],
+            )) as Arc<dyn Field>
+        };
         self.by_node.entry(root).or_insert_with(new).clone()
     }
 
@@ -70,7 +83,11 @@ impl Known {
             let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * (1.0 + a.abs().max(b.abs()));
             values.iter().zip(other).all(near)
         };
-        let found = self.by_values.iter().find(|(other, _)| same(other)).map(|(_, first)| *first);
+        let found = self
+            .by_values
+            .iter()
+            .find(|(other, _)| same(other))
+            .map(|(_, first)| *first);
         found.unwrap_or_else(|| {
             self.by_values.push((values, part));
             part
@@ -103,7 +120,17 @@ fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)
             let x: Vec<NodeId> = (0..nx).map(|i| graph.x(i)).collect();
             let a: Vec<NodeId> = (0..na).map(|i| graph.param(i)).collect();
             let source = graph.clone();
-            let decided = source.rewrite(root, &mut Deciding { graph, question, yes }, &x, &a, |_, _, _| {});
+            let decided = source.rewrite(
+                root,
+                &mut Deciding {
+                    graph,
+                    question,
+                    yes,
+                },
+                &x,
+                &a,
+                |_, _, _| {},
+            );
             let mut limits = limits.clone();
             limits.push(limit);
             pending.push((decided, limits));
@@ -115,19 +142,29 @@ fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)
 /// The first question of an expression: it does not depend on the answer to another one.
 fn first_question(graph: &Graph, root: NodeId) -> Option<Question> {
     let need = graph.reachable(&[root]);
-    need.iter().enumerate().filter(|(_, need)| **need).find_map(|(i, _)| question(graph, graph.node(NodeId(i as u32))).map(|q| q.0))
+    need.iter()
+        .enumerate()
+        .filter(|(_, need)| **need)
+        .find_map(|(i, _)| question(graph, graph.node(NodeId(i as u32))).map(|q| q.0))
 }
 
 /// The question of a node with a kink, and whether the node asks it the other way round. |u − v| and max(u − v, v − u) ask the same as
 /// max(u, v): asked apart, answers that contradict each other would make parts that hold where u = v only, and there spoil proofs.
 fn question(graph: &Graph, node: &Node) -> Option<(Question, bool)> {
-    let ordered = |u: NodeId, v: NodeId| if u <= v { ((u, v), false) } else { ((v, u), true) };
+    let ordered = |u: NodeId, v: NodeId| {
+        if u <= v {
+            ((u, v), false)
+        } else {
+            ((v, u), true)
+        }
+    };
     let of_sign = |u: NodeId| match *graph.node(u) {
         Node::Binary(Binary::Sub, u, v) => Some(ordered(u, v)),
         _ => Some(ordered(u, graph.zero()?)),
     };
     match *node {
-        Node::Set(SetOp::Min | SetOp::Max, u, v) | Node::Binary(Binary::Less | Binary::LessEq, u, v) => {
+        Node::Set(SetOp::Min | SetOp::Max, u, v)
+        | Node::Binary(Binary::Less | Binary::LessEq, u, v) => {
             if is_negative(graph, u, v) {
                 of_sign(u)
             } else {
@@ -227,12 +264,26 @@ mod tests {
     #[test]
     fn a_blend_falls_into_its_sides_and_the_fillet() {
         let text = "my_model(x[3], a[1]) { u = x[1]; v = x[2]; k = 0.5; h = max(k - abs(u - v), 0)/k; my_model = max(u, v) + h*h*k/4; }";
-        let parts = parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
+        let parts =
+            parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
         assert_eq!(parts.parts.len(), 4);
-        for (p, want) in [([2.0, 1.0, 0.0], 2.0), ([1.0, 2.0, 0.0], 2.0), ([1.0, 1.0, 0.0], 1.125), ([1.0, 1.25, 0.0], 1.25 + 0.03125)] {
+        for (p, want) in [
+            ([2.0, 1.0, 0.0], 2.0),
+            ([1.0, 2.0, 0.0], 2.0),
+            ([1.0, 1.0, 0.0], 1.125),
+            ([1.0, 1.25, 0.0], 1.25 + 0.03125),
+        ] {
             let holds = |part: &&SmoothPart| part.limits.iter().all(|l| l.value(p) >= 0.0);
-            let values: Vec<f64> = parts.parts.iter().filter(holds).map(|part| part.field.value(p)).collect();
-            assert!(!values.is_empty() && values.iter().all(|v| (v - want).abs() < 1e-15), "{p:?}: {values:?}");
+            let values: Vec<f64> = parts
+                .parts
+                .iter()
+                .filter(holds)
+                .map(|part| part.field.value(p))
+                .collect();
+            assert!(
+                !values.is_empty() && values.iter().all(|v| (v - want).abs() < 1e-15),
+                "{p:?}: {values:?}"
+            );
         }
     }
 
@@ -243,7 +294,13 @@ mod tests {
             let text = format!(
                 "my_model(x[3], a[1]) {{ u = x[1]; v = x[2]; k = 0.5; h = max(k - {size}, 0)/k; my_model = max(u, v) + h*h*k/4; }}"
             );
-            parts_of(&Model::parse(&text, Mode::Default).expect("a model"), &[0.0]).expect("parts").parts.len()
+            parts_of(
+                &Model::parse(&text, Mode::Default).expect("a model"),
+                &[0.0],
+            )
+            .expect("parts")
+            .parts
+            .len()
         };
         assert_eq!(["abs(u - v)", "max(u - v, v - u)"].map(count), [4; 2]);
     }
@@ -252,12 +309,25 @@ mod tests {
     #[test]
     fn constants_are_parts() {
         let text = "my_model(x[3], a[1]) { my_model = cos(43*max(x[1], 0.1)) + 0.42; }";
-        let parts = parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
-        for (x, want) in [(1.0, 43f64.cos() + 0.42), (0.01, 4.3f64.cos() + 0.42), (-1.0, 4.3f64.cos() + 0.42)] {
+        let parts =
+            parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0]).expect("parts");
+        for (x, want) in [
+            (1.0, 43f64.cos() + 0.42),
+            (0.01, 4.3f64.cos() + 0.42),
+            (-1.0, 4.3f64.cos() + 0.42),
+        ] {
             let p = [x, 0.3, 0.7];
             let holds = |part: &&SmoothPart| part.limits.iter().all(|l| l.value(p) >= 0.0);
-            let values: Vec<f64> = parts.parts.iter().filter(holds).map(|part| part.field.value(p)).collect();
-            assert!(!values.is_empty() && values.iter().all(|v| (v - want).abs() < 1e-15), "{x}: {values:?}");
+            let values: Vec<f64> = parts
+                .parts
+                .iter()
+                .filter(holds)
+                .map(|part| part.field.value(p))
+                .collect();
+            assert!(
+                !values.is_empty() && values.iter().all(|v| (v - want).abs() < 1e-15),
+                "{x}: {values:?}"
+            );
         }
     }
 }

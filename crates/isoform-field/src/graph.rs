@@ -138,7 +138,14 @@ impl Graph {
 
     /// Rebuilds what `root` needs into `target`, with the inputs replaced: the copy of coordinate i is `x[i]`, of parameter i
     /// `a[i]`. Names go along. Library nodes become `library(target, f, arguments)`.
-    pub fn rewrite<O: Ops>(&self, root: NodeId, target: &mut O, x: &[O::V], a: &[O::V], named: impl FnMut(&mut O, &O::V, &str)) -> O::V {
+    pub fn rewrite<O: Ops>(
+        &self,
+        root: NodeId,
+        target: &mut O,
+        x: &[O::V],
+        a: &[O::V],
+        named: impl FnMut(&mut O, &O::V, &str),
+    ) -> O::V {
         self.rewrite_all(&[root], target, x, a, named).remove(0)
     }
 
@@ -154,7 +161,11 @@ impl Graph {
         let need = self.reachable(roots);
         let mut value: Vec<Option<O::V>> = vec![None; self.nodes.len()];
         for (i, _) in need.iter().enumerate().filter(|(_, need)| **need) {
-            let get = |id: &NodeId| value[id.at()].as_ref().expect("arguments precede their users");
+            let get = |id: &NodeId| {
+                value[id.at()]
+                    .as_ref()
+                    .expect("arguments precede their users")
+            };
             let v = match &self.nodes[i] {
                 Node::Constant(bits) => target.constant(f64::from_bits(*bits)),
                 Node::X(k) => x[*k as usize].clone(),
@@ -178,7 +189,10 @@ impl Graph {
             }
             value[i] = Some(v);
         }
-        roots.iter().map(|root| value[root.at()].clone().expect("the roots are needed")).collect()
+        roots
+            .iter()
+            .map(|root| value[root.at()].clone().expect("the roots are needed"))
+            .collect()
     }
 
     /// f at a point, in any number type, with HyperFun's meaning (the algebraic reading).
@@ -223,7 +237,12 @@ impl Graph {
 
     /// ∂root/∂xᵢ as an expression, of a lowered graph; `None` where a native function depends on xᵢ.
     /// `memo` keeps the derivatives of one `axis` between calls.
-    pub fn derivative(&mut self, root: NodeId, axis: usize, memo: &mut HashMap<NodeId, NodeId>) -> Option<NodeId> {
+    pub fn derivative(
+        &mut self,
+        root: NodeId,
+        axis: usize,
+        memo: &mut HashMap<NodeId, NodeId>,
+    ) -> Option<NodeId> {
         if let Some(&d) = memo.get(&root) {
             return Some(d);
         }
@@ -236,7 +255,11 @@ impl Graph {
             }
             let arguments: Vec<NodeId> = self.arguments(id);
             let d = if arguments.iter().all(|a| memo[a] == zero) {
-                if self.nodes[i] == Node::X(axis as u32) { self.constant(1.0) } else { zero }
+                if self.nodes[i] == Node::X(axis as u32) {
+                    self.constant(1.0)
+                } else {
+                    zero
+                }
             } else {
                 self.chain_rule(id, &arguments, memo)?
             };
@@ -245,7 +268,12 @@ impl Graph {
         memo.get(&root).copied()
     }
 
-    fn chain_rule(&mut self, id: NodeId, arguments: &[NodeId], d: &HashMap<NodeId, NodeId>) -> Option<NodeId> {
+    fn chain_rule(
+        &mut self,
+        id: NodeId,
+        arguments: &[NodeId],
+        d: &HashMap<NodeId, NodeId>,
+    ) -> Option<NodeId> {
         let node = self.nodes[id.at()].clone();
         let du: Vec<NodeId> = arguments.iter().map(|a| d[a]).collect();
         let zero = self.constant(0.0);
@@ -298,7 +326,13 @@ impl Graph {
         })
     }
 
-    fn set_derivative(&mut self, op: SetOp, id: NodeId, [u, v]: [NodeId; 2], [du, dv]: [NodeId; 2]) -> NodeId {
+    fn set_derivative(
+        &mut self,
+        op: SetOp,
+        id: NodeId,
+        [u, v]: [NodeId; 2],
+        [du, dv]: [NodeId; 2],
+    ) -> NodeId {
         match op {
             SetOp::Max => {
                 let c = self.less(&u, &v);
@@ -311,7 +345,11 @@ impl Graph {
             SetOp::RUnion | SetOp::RIntersection => {
                 // (u u' + v v')/h with h = √(u² + v²) = |w − (u + v)|; 0 where h = 0.
                 let s = self.add(&u, &v);
-                let h = if op == SetOp::RUnion { self.sub(&id, &s) } else { self.sub(&s, &id) };
+                let h = if op == SetOp::RUnion {
+                    self.sub(&id, &s)
+                } else {
+                    self.sub(&s, &id)
+                };
                 let (p, q) = (self.product(u, du), self.product(v, dv));
                 let n = self.sum(p, q);
                 let (zero, one) = (self.constant(0.0), self.constant(1.0));
@@ -319,7 +357,11 @@ impl Graph {
                 let safe = self.select(&positive, &h, &one);
                 let r = self.div(&n, &safe);
                 let d = self.sum(du, dv);
-                if op == SetOp::RUnion { self.sum(d, r) } else { self.difference(d, r) }
+                if op == SetOp::RUnion {
+                    self.sum(d, r)
+                } else {
+                    self.difference(d, r)
+                }
             }
         }
     }
@@ -347,7 +389,11 @@ impl Graph {
             }
             Unary::Tan | Unary::Tanh => {
                 let t2 = self.square(&id);
-                if op == Unary::Tan { self.add(&one, &t2) } else { self.sub(&one, &t2) }
+                if op == Unary::Tan {
+                    self.add(&one, &t2)
+                } else {
+                    self.sub(&one, &t2)
+                }
             }
             Unary::Asin | Unary::Acos => {
                 let u2 = self.square(&u);
@@ -371,7 +417,11 @@ impl Graph {
     // infinite partner, which plain constant folding must not assume.
     fn product(&mut self, u: NodeId, v: NodeId) -> NodeId {
         let zero = self.constant(0.0);
-        if u == zero || v == zero { zero } else { self.mul(&u, &v) }
+        if u == zero || v == zero {
+            zero
+        } else {
+            self.mul(&u, &v)
+        }
     }
     fn sum(&mut self, u: NodeId, v: NodeId) -> NodeId {
         let zero = self.constant(0.0);
@@ -437,7 +487,11 @@ impl Ops for Graph {
     type V = NodeId;
 
     fn constant(&mut self, c: f64) -> NodeId {
-        self.insert(Node::Constant(if c == 0.0 { 0.0f64.to_bits() } else { c.to_bits() }))
+        self.insert(Node::Constant(if c == 0.0 {
+            0.0f64.to_bits()
+        } else {
+            c.to_bits()
+        }))
     }
     fn unary(&mut self, op: Unary, a: &NodeId) -> NodeId {
         if let Some(c) = self.constant_value(*a) {
@@ -459,7 +513,8 @@ impl Ops for Graph {
         }
         match (op, ca, cb) {
             (Binary::Add, Some(0.0), _) | (Binary::Mul, Some(1.0), _) => *b,
-            (Binary::Add | Binary::Sub, _, Some(0.0)) | (Binary::Mul | Binary::Div, _, Some(1.0)) => *a,
+            (Binary::Add | Binary::Sub, _, Some(0.0))
+            | (Binary::Mul | Binary::Div, _, Some(1.0)) => *a,
             (Binary::Sub, Some(0.0), _) | (Binary::Mul, Some(-1.0), _) => self.neg(b),
             (Binary::Mul, _, Some(-1.0)) => self.neg(a),
             (Binary::Mul, ..) if a == b => self.square(a),
@@ -552,9 +607,15 @@ mod tests {
         let jets: [Jet1<3>; 3] = std::array::from_fn(|i| Jet1::variable(at[i], i));
         let want = g.eval(q, &jets, &[Jet1::constant(0.4)]);
         for axis in 0..3 {
-            let d = g.derivative(root, axis, &mut HashMap::new()).expect("no native function");
+            let d = g
+                .derivative(root, axis, &mut HashMap::new())
+                .expect("no native function");
             let got = g.eval(d, &at, &[0.4]);
-            assert!((got - want.g[axis]).abs() < 1e-12 * (1.0 + got.abs()), "{axis}: {got} against {}", want.g[axis]);
+            assert!(
+                (got - want.g[axis]).abs() < 1e-12 * (1.0 + got.abs()),
+                "{axis}: {got} against {}",
+                want.g[axis]
+            );
         }
     }
 }

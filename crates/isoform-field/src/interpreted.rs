@@ -32,7 +32,9 @@ impl<R: Real + 'static> Runner<'_, R> {
     fn run(&mut self, x: &[R; 3], a: &[R]) -> R {
         let p = self.of.point.eval_all(x, a, &mut self.scratch);
         let own = &a[..self.of.model.n_params()];
-        self.evaluator.eval(&p, own, &[]).unwrap_or_else(|_| R::constant(f64::NAN))
+        self.evaluator
+            .eval(&p, own, &[])
+            .unwrap_or_else(|_| R::constant(f64::NAN))
     }
 }
 
@@ -42,20 +44,38 @@ impl Interpreted {
     /// # Panics
     /// If `point` has not three coordinates and results, or fewer parameters than the model.
     pub fn new(model: Model, point: Tape, is_metric: bool) -> Self {
-        assert_eq!((point.dimension(), point.n_results()), (3, 3), "a tape from points to points");
-        assert!(point.n_params() >= model.n_params(), "the tape knows all parameters");
-        Self { model, point, is_metric }
+        assert_eq!(
+            (point.dimension(), point.n_results()),
+            (3, 3),
+            "a tape from points to points"
+        );
+        assert!(
+            point.n_params() >= model.n_params(),
+            "the tape knows all parameters"
+        );
+        Self {
+            model,
+            point,
+            is_metric,
+        }
     }
 
     fn runner<R: Real + 'static>(&self) -> Runner<'_, R> {
-        Runner { of: self, evaluator: self.model.evaluator(), scratch: Vec::new() }
+        Runner {
+            of: self,
+            evaluator: self.model.evaluator(),
+            scratch: Vec::new(),
+        }
     }
 
     /// f and ∇f of the program at each point.
     fn slopes(&self, points: &[Point3], a: &[f64]) -> Vec<Jet1<3>> {
         let mut runner = self.runner::<Jet1<3>>();
         let a: Vec<Jet1<3>> = a.iter().map(|&v| Real::constant(v)).collect();
-        points.iter().map(|p| runner.run(&std::array::from_fn(|i| Jet1::variable(p[i], i)), &a)).collect()
+        points
+            .iter()
+            .map(|p| runner.run(&std::array::from_fn(|i| Jet1::variable(p[i], i)), &a))
+            .collect()
     }
 
     /// What values and derivatives are divided by: 1, or |∇f|.
@@ -64,7 +84,10 @@ impl Interpreted {
             return vec![1.0; points.len()];
         }
         // Where the gradient vanishes the value is far from zero: any finite result will do.
-        self.slopes(points, a).iter().map(|s| isoform_geom::norm(s.g).max(1e-30)).collect()
+        self.slopes(points, a)
+            .iter()
+            .map(|s| isoform_geom::norm(s.g).max(1e-30))
+            .collect()
     }
 }
 
@@ -90,7 +113,13 @@ impl ParamField for Interpreted {
             let seeded: Vec<Jet1<AT_ONCE>> = a
                 .iter()
                 .enumerate()
-                .map(|(i, &v)| if (from..from + AT_ONCE).contains(&i) { Jet1::variable(v, i - from) } else { Real::constant(v) })
+                .map(|(i, &v)| {
+                    if (from..from + AT_ONCE).contains(&i) {
+                        Jet1::variable(v, i - from)
+                    } else {
+                        Real::constant(v)
+                    }
+                })
                 .collect();
             for (k, (p, d)) in points.iter().zip(&divisors).enumerate() {
                 let f = runner.run(&p.map(Real::constant), &seeded);
@@ -102,7 +131,14 @@ impl ParamField for Interpreted {
         }
     }
 
-    fn normal_equations(&self, points: &[Point3], weights: &[f64], a: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64 {
+    fn normal_equations(
+        &self,
+        points: &[Point3],
+        weights: &[f64],
+        a: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut [f64],
+    ) -> f64 {
         let n = self.dim();
         let (mut f, mut jac) = (vec![0.0; points.len()], vec![0.0; points.len() * n]);
         self.jacobian(points, a, &mut f, &mut jac);
@@ -124,7 +160,11 @@ impl ParamField for Interpreted {
 
     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {
         for ((s, out), gradient) in self.slopes(points, a).iter().zip(out).zip(gradients) {
-            let d = if self.is_metric { isoform_geom::norm(s.g).max(1e-30) } else { 1.0 };
+            let d = if self.is_metric {
+                isoform_geom::norm(s.g).max(1e-30)
+            } else {
+                1.0
+            };
             *out = s.v / d;
             *gradient = s.g.map(|v| v / d);
         }
@@ -133,6 +173,9 @@ impl ParamField for Interpreted {
     fn sum_of_squares(&self, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
         let mut f = vec![0.0; points.len()];
         self.values(points, a, &mut f);
-        f.iter().enumerate().map(|(k, v)| weights.get(k).copied().unwrap_or(1.0) * v * v).sum()
+        f.iter()
+            .enumerate()
+            .map(|(k, v)| weights.get(k).copied().unwrap_or(1.0) * v * v)
+            .sum()
     }
 }

@@ -25,7 +25,11 @@ struct Slot {
 }
 
 const ZERO: Row = Lane([0.0; LANES]);
-const EMPTY: Slot = Slot { v: ZERO, g: [ZERO; 3], h: [ZERO; 6] };
+const EMPTY: Slot = Slot {
+    v: ZERO,
+    g: [ZERO; 3],
+    h: [ZERO; 6],
+};
 
 /// Entries of a slot that can differ from zero: bits 0 to 2 the gradient, bits 3 to 8 the Hessian.
 type Mask = u16;
@@ -44,7 +48,10 @@ impl<'t> JetBlock<'t> {
         for (slot, &c) in slots.iter_mut().zip(&tape.constants) {
             slot.v.0 = [c; LANES];
         }
-        for (slot, &v) in slots[tape.first_param()..].iter_mut().zip(&a[..tape.n_params]) {
+        for (slot, &v) in slots[tape.first_param()..]
+            .iter_mut()
+            .zip(&a[..tape.n_params])
+        {
             slot.v.0 = [v; LANES];
         }
         for axis in 0..tape.n_x.min(3) {
@@ -63,10 +70,20 @@ impl<'t> JetBlock<'t> {
                 self.slots[first + axis].v.0[l] = points[l.min(points.len() - 1)][axis];
             }
         }
-        run(self.tape, &self.masks, self.tape.uniform, self.tape.code.len(), &mut self.slots);
+        run(
+            self.tape,
+            &self.masks,
+            self.tape.uniform,
+            self.tape.code.len(),
+            &mut self.slots,
+        );
         let s = &self.slots[self.tape.roots[0] as usize];
         for (l, jet) in out.iter_mut().enumerate().take(points.len()) {
-            *jet = Jet2 { v: s.v.0[l], g: std::array::from_fn(|i| s.g[i].0[l]), h: std::array::from_fn(|k| s.h[k].0[l]) };
+            *jet = Jet2 {
+                v: s.v.0[l],
+                g: std::array::from_fn(|i| s.g[i].0[l]),
+                h: std::array::from_fn(|k| s.h[k].0[l]),
+            };
         }
     }
 }
@@ -87,7 +104,8 @@ fn masks(tape: &Tape) -> Vec<Mask> {
     for (k, i) in tape.code.iter().enumerate() {
         let (a, b) = (m[i.a as usize % m.len()], m[i.b as usize % m.len()]);
         m[tape.first_code() + k] = match i.op {
-            Op::Unary(Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign) | Op::Binary(Binary::Less | Binary::LessEq) => 0,
+            Op::Unary(Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign)
+            | Op::Binary(Binary::Less | Binary::LessEq) => 0,
             Op::Unary(Unary::Neg | Unary::Abs) => a,
             Op::Binary(Binary::Add | Binary::Sub) | Op::Set(SetOp::Max | SetOp::Min) => a | b,
             Op::Binary(Binary::Mul) => a | b | products(a, b),
@@ -162,7 +180,10 @@ fn product(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot) {
     for (k, &(i, j)) in PAIRS.iter().enumerate() {
         if mask >> (3 + k) & 1 == 1 {
             for l in 0..LANES {
-                out.h[k].0[l] = u.v.0[l] * v.h[k].0[l] + u.g[i].0[l] * v.g[j].0[l] + u.g[j].0[l] * v.g[i].0[l] + u.h[k].0[l] * v.v.0[l];
+                out.h[k].0[l] = u.v.0[l] * v.h[k].0[l]
+                    + u.g[i].0[l] * v.g[j].0[l]
+                    + u.g[j].0[l] * v.g[i].0[l]
+                    + u.h[k].0[l] * v.v.0[l];
             }
         }
     }
@@ -192,7 +213,8 @@ fn r_function(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, sign: f64) {
     for (k, &(i, j)) in PAIRS.iter().enumerate() {
         if mask >> (3 + k) & 1 == 1 {
             for l in 0..LANES {
-                let bend = u.g[i].0[l] * u.g[j].0[l] + v.g[i].0[l] * v.g[j].0[l] - root[i].0[l] * root[j].0[l];
+                let bend = u.g[i].0[l] * u.g[j].0[l] + v.g[i].0[l] * v.g[j].0[l]
+                    - root[i].0[l] * root[j].0[l];
                 let h = p.0[l] * u.h[k].0[l] + q.0[l] * v.h[k].0[l] + r.0[l] * bend;
                 out.h[k].0[l] = u.h[k].0[l] + v.h[k].0[l] + sign * h;
             }
@@ -225,7 +247,11 @@ fn choose(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, second: impl Fn(usize)
 }
 
 fn jet_of(s: &Slot, l: usize) -> Jet2 {
-    Jet2 { v: s.v.0[l], g: std::array::from_fn(|i| s.g[i].0[l]), h: std::array::from_fn(|k| s.h[k].0[l]) }
+    Jet2 {
+        v: s.v.0[l],
+        g: std::array::from_fn(|i| s.g[i].0[l]),
+        h: std::array::from_fn(|k| s.h[k].0[l]),
+    }
 }
 
 /// What has no formula of its own here goes through the scalar jets, lane by lane.
@@ -293,7 +319,14 @@ fn run_body(tape: &Tape, masks: &[Mask], from: usize, to: usize, slots: &mut [Sl
             Op::PowI => by_lane(out, |l| jet_of(&s[a], l).powi(i.c as i32)),
             Op::Native => {
                 let (f, args) = &tape.natives[a];
-                by_lane(out, |l| f.eval(&args.iter().map(|&n| jet_of(&s[n as usize], l)).collect::<Vec<_>>()));
+                by_lane(out, |l| {
+                    f.eval(
+                        &args
+                            .iter()
+                            .map(|&n| jet_of(&s[n as usize], l))
+                            .collect::<Vec<_>>(),
+                    )
+                });
             }
         }
     }

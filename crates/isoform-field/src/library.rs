@@ -102,7 +102,10 @@ impl Library {
     pub fn arity(self) -> usize {
         match self {
             Self::Sphere | Self::Cylinder(_) | Self::Cone(_) | Self::DistanceCone(_) => 7,
-            Self::EllipticCylinder(_) | Self::EllipticCone(_) | Self::Torus(_) | Self::DistanceTorus(_) => 8,
+            Self::EllipticCylinder(_)
+            | Self::EllipticCone(_)
+            | Self::Torus(_)
+            | Self::DistanceTorus(_) => 8,
             Self::Ellipsoid | Self::Block | Self::DistanceEllipsoid => 9,
             Self::DistanceCylinder => 10,
             Self::Superellipsoid => 11,

@@ -14,13 +14,24 @@ pub(crate) fn ellipsoid_distance<R: Real>(args: &[R]) -> R {
     if v.iter().any(|c| !c.is_finite()) {
         return R::constant(f64::NAN);
     }
-    let (u, s) = ([v[0].abs(), v[1].abs(), v[2].abs()], [v[3].abs(), v[4].abs(), v[5].abs()]);
+    let (u, s) = (
+        [v[0].abs(), v[1].abs(), v[2].abs()],
+        [v[3].abs(), v[4].abs(), v[5].abs()],
+    );
     let least = s.iter().copied().fold(f64::INFINITY, f64::min);
     if least == 0.0 {
         return R::constant(f64::NAN);
     }
-    let g = |t: f64| (0..3).map(|i| (u[i] * s[i] / (t + s[i] * s[i])).powi(2)).sum::<f64>() - 1.0;
-    let (mut lo, mut hi) = (-least * least, (0..3).map(|i| (u[i] * s[i]).powi(2)).sum::<f64>().sqrt());
+    let g = |t: f64| {
+        (0..3)
+            .map(|i| (u[i] * s[i] / (t + s[i] * s[i])).powi(2))
+            .sum::<f64>()
+            - 1.0
+    };
+    let (mut lo, mut hi) = (
+        -least * least,
+        (0..3).map(|i| (u[i] * s[i]).powi(2)).sum::<f64>().sqrt(),
+    );
     for _ in 0..200 {
         let t = 0.5 * (lo + hi);
         if t <= lo || t >= hi {
@@ -35,10 +46,17 @@ pub(crate) fn ellipsoid_distance<R: Real>(args: &[R]) -> R {
         // On the medial axis: the foot point lies off the principal plane in the direction of the shortest half axis.
         let mut q: [f64; 3] = std::array::from_fn(|i| {
             let d = t0 + s[i] * s[i];
-            if d > 1e-9 * s[i] * s[i] { u[i] * s[i] * s[i] / d } else { 0.0 }
+            if d > 1e-9 * s[i] * s[i] {
+                u[i] * s[i] * s[i] / d
+            } else {
+                0.0
+            }
         });
         let short = (0..3).fold(0, |b, i| if s[i] < s[b] { i } else { b });
-        let rest: f64 = (0..3).filter(|&i| i != short).map(|i| (q[i] / s[i]).powi(2)).sum();
+        let rest: f64 = (0..3)
+            .filter(|&i| i != short)
+            .map(|i| (q[i] / s[i]).powi(2))
+            .sum();
         q[short] = s[short] * (1.0 - rest).max(0.0).sqrt();
         let d = (0..3).map(|i| (u[i] - q[i]).powi(2)).sum::<f64>().sqrt();
         return R::constant(if inside { d } else { -d });
@@ -72,17 +90,23 @@ pub(crate) fn sardf_root<R: Real>(args: &[R]) -> R {
     }
     let q = r.sqrt();
     let c = [-(f * f + g * g), 4.0 * q * (f + g), -4.0 * r, -4.0 * q, 1.0];
-    let Some(m) = second_largest_root(&c) else { return R::constant(0.0) };
+    let Some(m) = second_largest_root(&c) else {
+        return R::constant(0.0);
+    };
     let (f, g, r) = (args[0].clone(), args[1].clone(), args[2].clone());
     let q = r.sqrt();
     let k = R::constant;
     let mut m = k(m);
     for _ in 0..3 {
         let m2 = m.square();
-        let value = m2.square() - k(4.0) * q.clone() * m2.clone() * m.clone() - k(4.0) * r.clone() * m2.clone()
+        let value = m2.square()
+            - k(4.0) * q.clone() * m2.clone() * m.clone()
+            - k(4.0) * r.clone() * m2.clone()
             + k(4.0) * q.clone() * (f.clone() + g.clone()) * m.clone()
             - (f.square() + g.square());
-        let slope = k(4.0) * m2.clone() * m.clone() - k(12.0) * q.clone() * m2 - k(8.0) * r.clone() * m.clone()
+        let slope = k(4.0) * m2.clone() * m.clone()
+            - k(12.0) * q.clone() * m2
+            - k(8.0) * r.clone() * m.clone()
             + k(4.0) * q.clone() * (f.clone() + g.clone());
         if slope.value() == 0.0 {
             break;
@@ -102,12 +126,24 @@ fn second_largest_root(c: &[f64; 5]) -> Option<f64> {
 fn real_roots(c: &[f64]) -> Vec<f64> {
     let degree = c.len() - 1;
     if degree == 1 {
-        return if c[1] != 0.0 { vec![-c[0] / c[1]] } else { Vec::new() };
+        return if c[1] != 0.0 {
+            vec![-c[0] / c[1]]
+        } else {
+            Vec::new()
+        };
     }
     let derivative: Vec<f64> = (1..=degree).map(|i| c[i] * i as f64).collect();
-    let bound = 1.0 + c[..degree].iter().map(|v| (v / c[degree]).abs()).fold(0.0, f64::max);
+    let bound = 1.0
+        + c[..degree]
+            .iter()
+            .map(|v| (v / c[degree]).abs())
+            .fold(0.0, f64::max);
     let mut cuts = vec![-bound];
-    cuts.extend(real_roots(&derivative).into_iter().filter(|v| v.abs() < bound));
+    cuts.extend(
+        real_roots(&derivative)
+            .into_iter()
+            .filter(|v| v.abs() < bound),
+    );
     cuts.push(bound);
     let eval = |t: f64| c.iter().rev().fold(0.0, |s, k| s * t + k);
     let mut roots = Vec::new();
@@ -126,7 +162,11 @@ fn real_roots(c: &[f64]) -> Vec<f64> {
             if m <= lo || m >= hi {
                 break;
             }
-            if eval(m).signum() == a.signum() { lo = m } else { hi = m }
+            if eval(m).signum() == a.signum() {
+                lo = m
+            } else {
+                hi = m
+            }
         }
         roots.push(0.5 * (lo + hi));
     }
@@ -166,7 +206,12 @@ pub(crate) fn perlin<R: Real>(args: &[R]) -> R {
         let sign = |s: u64| k(if s == 0 { 1.0 } else { -1.0 });
         let mut term = sign(n & 1) * d[a].clone() + sign((n >> 1) & 1) * d[b].clone();
         for (i, w) in w.iter().enumerate() {
-            term = term * if bit(i) == 1 { w.clone() } else { k(1.0) - w.clone() };
+            term = term
+                * if bit(i) == 1 {
+                    w.clone()
+                } else {
+                    k(1.0) - w.clone()
+                };
         }
         sum = sum + term;
     }

@@ -4,8 +4,18 @@ use isoform_geom::{Aabb, Expansion, Field, Point3};
 use isoform_num::{Interval, Jet2, Jet3, Real};
 
 /// Index triples of third derivatives, in the order of jets.
-const TRIPLES: [[usize; 3]; 10] =
-    [[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 1, 1], [0, 1, 2], [0, 2, 2], [1, 1, 1], [1, 1, 2], [1, 2, 2], [2, 2, 2]];
+const TRIPLES: [[usize; 3]; 10] = [
+    [0, 0, 0],
+    [0, 0, 1],
+    [0, 0, 2],
+    [0, 1, 1],
+    [0, 1, 2],
+    [0, 2, 2],
+    [1, 1, 1],
+    [1, 1, 2],
+    [1, 2, 2],
+    [2, 2, 2],
+];
 
 /// A polynomial, as a function of space.
 ///
@@ -36,7 +46,11 @@ impl<R: Real> Powers<R> {
             let mut powers = vec![R::constant(1.0)];
             for k in 1..=degrees[axis] {
                 // Even powers as squares: of an interval about 0 they are not negative.
-                let next = if k % 2 == 0 { powers[k / 2].square() } else { powers[k - 1].clone() * x.clone() };
+                let next = if k % 2 == 0 {
+                    powers[k / 2].square()
+                } else {
+                    powers[k - 1].clone() * x.clone()
+                };
                 powers.push(next);
             }
             axis += 1;
@@ -90,7 +104,8 @@ impl Polynomial {
     /// The sum of the terms c x^a y^b z^c, given as ([a, b, c], c).
     pub fn new(terms: impl IntoIterator<Item = ([u16; 3], f64)>) -> Self {
         let terms: Vec<_> = terms.into_iter().filter(|t| t.1 != 0.0).collect();
-        let degrees = std::array::from_fn(|k| terms.iter().map(|t| usize::from(t.0[k])).max().unwrap_or(0));
+        let degrees =
+            std::array::from_fn(|k| terms.iter().map(|t| usize::from(t.0[k])).max().unwrap_or(0));
         Self { terms, degrees }
     }
     /// The terms.
@@ -99,7 +114,11 @@ impl Polynomial {
     }
     /// The total degree.
     pub fn degree(&self) -> usize {
-        self.terms.iter().map(|t| t.0.iter().map(|&e| usize::from(e)).sum()).max().unwrap_or(0)
+        self.terms
+            .iter()
+            .map(|t| t.0.iter().map(|&e| usize::from(e)).sum())
+            .max()
+            .unwrap_or(0)
     }
 }
 
@@ -134,7 +153,9 @@ struct Derivatives {
 
 impl Derivatives {
     fn new(at: Point3, degrees: [usize; 3]) -> Self {
-        let mut all = Self { of: degrees.map(|n| vec![[0.0; 4]; n + 1]) };
+        let mut all = Self {
+            of: degrees.map(|n| vec![[0.0; 4]; n + 1]),
+        };
         all.set(at);
         all
     }
@@ -161,7 +182,11 @@ impl Polynomial {
         (self.degrees.iter().sum::<usize>() + self.terms.len() + 16) as f64 * f64::EPSILON
     }
     fn jet_of(&self, d: &Derivatives) -> Jet2 {
-        let mut j = Jet2 { v: 0.0, g: [0.0; 3], h: [0.0; 6] };
+        let mut j = Jet2 {
+            v: 0.0,
+            g: [0.0; 3],
+            h: [0.0; 6],
+        };
         for (e, c) in &self.terms {
             let [x, y, z] = d.of(e);
             let yz = c * y[0] * z[0];
@@ -182,7 +207,10 @@ impl Polynomial {
     /// The value at a point with a bound on its rounding error.
     fn enclosed(&self, at: Point3) -> Interval {
         let d = [0; 3];
-        let (here, near) = (Powers::new(at, self.degrees), Powers::new(at.map(f64::abs), self.degrees));
+        let (here, near) = (
+            Powers::new(at, self.degrees),
+            Powers::new(at.map(f64::abs), self.degrees),
+        );
         let (mut sum, mut absolute) = (0.0, 0.0);
         for (e, c) in &self.terms {
             if let (Some(h), Some(n)) = (here.derivative(e, d), near.derivative(e, d)) {
@@ -223,13 +251,23 @@ impl Field for Polynomial {
         let powers = Powers::new(p, self.degrees);
         let low = self.jet(p);
         let t = TRIPLES.map(|axes| powers.sum(&self.terms, orders(&axes)));
-        Some(Jet3 { v: low.v, g: low.g, h: low.h, t })
+        Some(Jet3 {
+            v: low.v,
+            g: low.g,
+            h: low.h,
+            t,
+        })
     }
     fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
         // Sums of the terms, and of their absolute values, for the point and for the farthest corner of the region.
-        let reach: Point3 = std::array::from_fn(|k| (region.hi[k] - at[k]).max(at[k] - region.lo[k]).next_up());
-        let [here, near, far] =
-            [at, at.map(f64::abs), std::array::from_fn(|k| (at[k].abs() + reach[k]).next_up())].map(|p| Derivatives::new(p, self.degrees));
+        let reach: Point3 =
+            std::array::from_fn(|k| (region.hi[k] - at[k]).max(at[k] - region.lo[k]).next_up());
+        let [here, near, far] = [
+            at,
+            at.map(f64::abs),
+            std::array::from_fn(|k| (at[k].abs() + reach[k]).next_up()),
+        ]
+        .map(|p| Derivatives::new(p, self.degrees));
         let mut sums = [0.0f64; 20];
         let (mut absolute, mut wide) = ([0.0f64; 20], [0.0f64; 10]);
         for (e, c) in &self.terms {
@@ -249,7 +287,12 @@ impl Field for Polynomial {
         let point = |k: usize| ball(sums[k], rounding * absolute[k]);
         // A monomial with a positive factor differs in the region from its value at the point by no more than it does, taken with
         // absolute values of the coordinates, at the farthest corner.
-        let third = |k: usize| ball(sums[10 + k], (wide[k] - absolute[10 + k]) + 4.0 * rounding * wide[k]);
+        let third = |k: usize| {
+            ball(
+                sums[10 + k],
+                (wide[k] - absolute[10 + k]) + 4.0 * rounding * wide[k],
+            )
+        };
         Some(Expansion {
             value: point(0),
             gradient: std::array::from_fn(|k| point(1 + k)),
@@ -266,10 +309,17 @@ mod tests {
     /// 2x³y − xyz² + 3z⁴ − 5, written as a formula.
     fn formula<R: Real>(x: &R, y: &R, z: &R) -> R {
         let c = R::constant;
-        c(2.0) * x.powi(3) * y.clone() - x.clone() * y.clone() * z.square() + c(3.0) * z.powi(4) - c(5.0)
+        c(2.0) * x.powi(3) * y.clone() - x.clone() * y.clone() * z.square() + c(3.0) * z.powi(4)
+            - c(5.0)
     }
     fn polynomial() -> Polynomial {
-        Polynomial::new([([3, 1, 0], 2.0), ([1, 1, 2], -1.0), ([0, 0, 4], 3.0), ([0, 0, 0], -5.0), ([9, 9, 9], 0.0)])
+        Polynomial::new([
+            ([3, 1, 0], 2.0),
+            ([1, 1, 2], -1.0),
+            ([0, 0, 4], 3.0),
+            ([0, 0, 0], -5.0),
+            ([9, 9, 9], 0.0),
+        ])
     }
 
     #[test]
@@ -278,7 +328,12 @@ mod tests {
         let [x, y, z] = std::array::from_fn(|i| Jet3::variable(at[i], i));
         let want = formula(&x, &y, &z);
         let got = p.jet3(at).expect("polynomials have third derivatives");
-        let pairs = got.g.iter().zip(&want.g).chain(got.h.iter().zip(&want.h)).chain(got.t.iter().zip(&want.t));
+        let pairs = got
+            .g
+            .iter()
+            .zip(&want.g)
+            .chain(got.h.iter().zip(&want.h))
+            .chain(got.t.iter().zip(&want.t));
         for (a, b) in pairs {
             assert!((a - b).abs() < 1e-13, "{a} against {b}");
         }
@@ -289,7 +344,10 @@ mod tests {
     #[test]
     fn expansions_hold_what_is_near() {
         let (p, at) = (polynomial(), [0.3, -1.2, 0.8]);
-        let region = Aabb { lo: at.map(|v| v - 0.1), hi: at.map(|v| v + 0.1) };
+        let region = Aabb {
+            lo: at.map(|v| v - 0.1),
+            hi: at.map(|v| v + 0.1),
+        };
         let e = p.expansion(at, region).expect("an expansion");
         let here = p.jet3(at).expect("a jet");
         assert!(
@@ -299,7 +357,13 @@ mod tests {
         );
         assert!(e.value.width() < 1e-12);
         for corner in 0..8 {
-            let q: Point3 = std::array::from_fn(|k| if corner >> k & 1 == 1 { region.hi[k] } else { region.lo[k] });
+            let q: Point3 = std::array::from_fn(|k| {
+                if corner >> k & 1 == 1 {
+                    region.hi[k]
+                } else {
+                    region.lo[k]
+                }
+            });
             let there = p.jet3(q).expect("a jet");
             assert!((0..10).all(|k| e.third[k].contains(there.t[k])));
             assert!(p.bounds(region).contains(p.value(q)));

@@ -21,7 +21,11 @@ pub struct Residual {
 impl Residual {
     /// The residual f(x; a) = first result of the tape.
     pub fn new(tape: Tape) -> Self {
-        Self { by_params: Plan::new(&tape, Wanted::Params), by_space: Plan::new(&tape, Wanted::Space), tape }
+        Self {
+            by_params: Plan::new(&tape, Wanted::Params),
+            by_space: Plan::new(&tape, Wanted::Space),
+            tape,
+        }
     }
     /// The tape.
     pub fn tape(&self) -> &Tape {
@@ -69,14 +73,19 @@ fn for_pieces(
         if n <= PIECE || rayon::current_num_threads() == 1 {
             work(0..n, out, rows);
         } else {
-            out.par_chunks_mut(PIECE).enumerate().for_each(|(k, o)| piece(k, o, &mut []));
+            out.par_chunks_mut(PIECE)
+                .enumerate()
+                .for_each(|(k, o)| piece(k, o, &mut []));
         }
         return;
     }
     if n <= PIECE || rayon::current_num_threads() == 1 {
         work(0..n, out, rows);
     } else {
-        out.par_chunks_mut(PIECE).zip(rows.par_chunks_mut(PIECE * width)).enumerate().for_each(|(k, (o, r))| piece(k, o, r));
+        out.par_chunks_mut(PIECE)
+            .zip(rows.par_chunks_mut(PIECE * width))
+            .enumerate()
+            .for_each(|(k, (o, r))| piece(k, o, r));
     }
 }
 
@@ -89,7 +98,9 @@ impl Sums {
     /// For an even number of rows.
     fn new(rows: usize) -> Self {
         let pairs = rows / 2;
-        Self { products: vec![[0.0; 8]; pairs * (pairs + 1) / 2 * 4] }
+        Self {
+            products: vec![[0.0; 8]; pairs * (pairs + 1) / 2 * 4],
+        }
     }
     /// The sum for rows i ≥ j.
     fn get(&self, i: usize, j: usize) -> f64 {
@@ -109,7 +120,12 @@ fn dot_pairs(into: [&mut [f64; 8]; 4], a: [&[f64; LANES]; 2], b: [&[f64; LANES];
     let (mut s00, mut s01, mut s10, mut s11) = (*into00, *into01, *into10, *into11);
     for c in 0..LANES / 8 {
         for l in 0..8 {
-            let (u, v, p, q) = (a[0][8 * c + l], a[1][8 * c + l], b[0][8 * c + l], b[1][8 * c + l]);
+            let (u, v, p, q) = (
+                a[0][8 * c + l],
+                a[1][8 * c + l],
+                b[0][8 * c + l],
+                b[1][8 * c + l],
+            );
             s00[l] += u * p;
             s01[l] += u * q;
             s10[l] += v * p;
@@ -134,8 +150,14 @@ fn accumulate_body(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) {
         }
         for j in (0..=i).step_by(2) {
             let at = (i / 2 * (i / 2 + 1) / 2 + j / 2) * 4;
-            let [s00, s01, s10, s11] = &mut sums.products[at..at + 4] else { unreachable!("four sums a square") };
-            dot_pairs([s00, s01, s10, s11], [&weighted[0].0, &weighted[1].0], [&rows[j].0, &rows[j + 1].0]);
+            let [s00, s01, s10, s11] = &mut sums.products[at..at + 4] else {
+                unreachable!("four sums a square")
+            };
+            dot_pairs(
+                [s00, s01, s10, s11],
+                [&weighted[0].0, &weighted[1].0],
+                [&rows[j].0, &rows[j + 1].0],
+            );
         }
     }
 }
@@ -157,7 +179,12 @@ impl Residual {
     }
 
     /// A sum over the pieces of the points, each computed by `work` into a vector, added in the order of the pieces.
-    fn reduce(&self, n: usize, len: usize, work: impl Fn(std::ops::Range<usize>) -> Vec<f64> + Sync) -> Vec<f64> {
+    fn reduce(
+        &self,
+        n: usize,
+        len: usize,
+        work: impl Fn(std::ops::Range<usize>) -> Vec<f64> + Sync,
+    ) -> Vec<f64> {
         let pieces = n.div_ceil(PIECE);
         let range = |k: usize| k * PIECE..((k + 1) * PIECE).min(n);
         let mut sum = vec![0.0; len];
@@ -165,7 +192,10 @@ impl Residual {
         if pieces <= 1 || rayon::current_num_threads() == 1 {
             (0..pieces).for_each(|k| add(work(range(k))));
         } else {
-            let parts: Vec<Vec<f64>> = (0..pieces).into_par_iter().map(|k| work(range(k))).collect();
+            let parts: Vec<Vec<f64>> = (0..pieces)
+                .into_par_iter()
+                .map(|k| work(range(k)))
+                .collect();
             parts.into_iter().for_each(add);
         }
         sum
@@ -197,14 +227,27 @@ impl ParamField for Residual {
                 block.load(chunk);
                 out[k * LANES..][..chunk.len()].copy_from_slice(&block.forward()[..chunk.len()]);
                 block.reverse();
-                for (l, to) in jac[k * LANES * m..].chunks_exact_mut(m.max(1)).enumerate().take(chunk.len()) {
-                    to.iter_mut().zip(block.by_params()).for_each(|(v, row)| *v = row.0[l]);
+                for (l, to) in jac[k * LANES * m..]
+                    .chunks_exact_mut(m.max(1))
+                    .enumerate()
+                    .take(chunk.len())
+                {
+                    to.iter_mut()
+                        .zip(block.by_params())
+                        .for_each(|(v, row)| *v = row.0[l]);
                 }
             }
         });
     }
 
-    fn normal_equations(&self, points: &[Point3], weights: &[f64], a: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64 {
+    fn normal_equations(
+        &self,
+        points: &[Point3],
+        weights: &[f64],
+        a: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut [f64],
+    ) -> f64 {
         let m = self.tape.n_params;
         let sum = self.reduce(points.len(), 1 + m + m * (m + 1) / 2, |range| {
             let mut block = Block::gradients(&self.tape, &self.by_params);
@@ -217,11 +260,18 @@ impl ParamField for Residual {
                 block.reverse();
                 rows[..m].copy_from_slice(block.by_params());
                 rows[m].0 = *block.result(0);
-                accumulate(&mut sums, &rows, &Self::lane_weights(weights, range.start + k * LANES, chunk.len()));
+                accumulate(
+                    &mut sums,
+                    &rows,
+                    &Self::lane_weights(weights, range.start + k * LANES, chunk.len()),
+                );
             }
             let gradient = (0..m).map(|i| sums.get(m, i));
             let hessian = (0..m).flat_map(|i| (0..=i).map(move |j| (i, j)));
-            std::iter::once(sums.get(m, m)).chain(gradient).chain(hessian.map(|(i, j)| sums.get(i, j))).collect()
+            std::iter::once(sums.get(m, m))
+                .chain(gradient)
+                .chain(hessian.map(|(i, j)| sums.get(i, j)))
+                .collect()
         });
         gradient[..m].copy_from_slice(&sum[1..=m]);
         let mut at = m + 1;
@@ -236,21 +286,28 @@ impl ParamField for Residual {
     }
 
     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {
-        for_pieces(points.len(), out, gradients.as_flattened_mut(), 3, |range, out, grad| {
-            let mut block = Block::gradients(&self.tape, &self.by_space);
-            block.bind(a);
-            for (k, chunk) in points[range].chunks(LANES).enumerate() {
-                block.load(chunk);
-                out[k * LANES..][..chunk.len()].copy_from_slice(&block.forward()[..chunk.len()]);
-                block.reverse();
-                let rows = block.by_space();
-                for l in 0..chunk.len() {
-                    for (i, row) in rows.iter().enumerate().take(3) {
-                        grad[(k * LANES + l) * 3 + i] = row.0[l];
+        for_pieces(
+            points.len(),
+            out,
+            gradients.as_flattened_mut(),
+            3,
+            |range, out, grad| {
+                let mut block = Block::gradients(&self.tape, &self.by_space);
+                block.bind(a);
+                for (k, chunk) in points[range].chunks(LANES).enumerate() {
+                    block.load(chunk);
+                    out[k * LANES..][..chunk.len()]
+                        .copy_from_slice(&block.forward()[..chunk.len()]);
+                    block.reverse();
+                    let rows = block.by_space();
+                    for l in 0..chunk.len() {
+                        for (i, row) in rows.iter().enumerate().take(3) {
+                            grad[(k * LANES + l) * 3 + i] = row.0[l];
+                        }
                     }
                 }
-            }
-        });
+            },
+        );
     }
 
     fn sum_of_squares(&self, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
@@ -261,7 +318,11 @@ impl ParamField for Residual {
             for (k, chunk) in points[range.clone()].chunks(LANES).enumerate() {
                 block.load(chunk);
                 rows[0].0 = *block.forward();
-                accumulate(&mut sums, &rows, &Self::lane_weights(weights, range.start + k * LANES, chunk.len()));
+                accumulate(
+                    &mut sums,
+                    &rows,
+                    &Self::lane_weights(weights, range.start + k * LANES, chunk.len()),
+                );
             }
             vec![sums.get(0, 0)]
         });
@@ -283,7 +344,10 @@ impl Bound {
     /// If `a` has the wrong length.
     pub fn new(residual: Residual, a: &[f64]) -> Self {
         assert_eq!(a.len(), residual.dim(), "one value per parameter");
-        Self { residual, a: a.to_vec() }
+        Self {
+            residual,
+            a: a.to_vec(),
+        }
     }
     /// The values of the parameters.
     pub fn parameters(&self) -> &[f64] {
@@ -311,7 +375,10 @@ impl Bound {
         if points.len() <= PIECE || rayon::current_num_threads() == 1 {
             piece(points, out);
         } else {
-            points.par_chunks(PIECE).zip(out.par_chunks_mut(PIECE)).for_each(|(p, o)| piece(p, o));
+            points
+                .par_chunks(PIECE)
+                .zip(out.par_chunks_mut(PIECE))
+                .for_each(|(p, o)| piece(p, o));
         }
     }
 
@@ -320,7 +387,13 @@ impl Bound {
         let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
         let a: Vec<Interval> = self.a.iter().map(|&v| Interval::new(v, v)).collect();
         let (range, rest) = self.residual.tape.bounds(&x, &a);
-        (range, rest.map(|tape| Self { residual: Residual::new(tape), a: self.a.clone() }))
+        (
+            range,
+            rest.map(|tape| Self {
+                residual: Residual::new(tape),
+                a: self.a.clone(),
+            }),
+        )
     }
 }
 
@@ -349,8 +422,17 @@ impl Field for Bound {
         if self.residual.tape.has_natives() {
             return None;
         }
-        let point = self.run(std::array::from_fn(|i| IntervalJet::variable(Interval::new(at[i], at[i]), i)));
-        let whole = self.run(std::array::from_fn(|i| IntervalJet::variable(Interval::new(region.lo[i], region.hi[i]), i)));
-        Some(Expansion { value: point.v, gradient: point.g, hessian: point.h, third: whole.t })
+        let point = self.run(std::array::from_fn(|i| {
+            IntervalJet::variable(Interval::new(at[i], at[i]), i)
+        }));
+        let whole = self.run(std::array::from_fn(|i| {
+            IntervalJet::variable(Interval::new(region.lo[i], region.hi[i]), i)
+        }));
+        Some(Expansion {
+            value: point.v,
+            gradient: point.g,
+            hessian: point.h,
+            third: whole.t,
+        })
     }
 }

@@ -42,11 +42,20 @@ pub struct Shape {
 impl Shape {
     /// Reads the expression `root` of the graph, which grows by the new expressions.
     pub fn new(graph: &mut Graph, root: NodeId) -> Self {
-        let mut reader = Reader { graph, parts: Vec::new(), taken: HashMap::new(), memo: Default::default() };
+        let mut reader = Reader {
+            graph,
+            parts: Vec::new(),
+            taken: HashMap::new(),
+            memo: Default::default(),
+        };
         let tree = reader.read(root, false);
         let parts = reader.parts;
         let (distance, part) = join(graph, &tree);
-        Self { parts, distance, part }
+        Self {
+            parts,
+            distance,
+            part,
+        }
     }
 }
 
@@ -59,7 +68,11 @@ fn join(g: &mut Graph, tree: &Tree) -> (NodeId, NodeId) {
     };
     let (u, pu) = join(g, &pair[0]);
     let (v, pv) = join(g, &pair[1]);
-    let second = if is_min { g.less(&v, &u) } else { g.less(&u, &v) };
+    let second = if is_min {
+        g.less(&v, &u)
+    } else {
+        g.less(&u, &v)
+    };
     let value = if is_min { g.min(&u, &v) } else { g.max(&u, &v) };
     (value, g.select(&second, &pv, &pu))
 }
@@ -82,26 +95,35 @@ impl Reader<'_> {
             Node::Set(op, u, v) => {
                 let pair = Box::new([self.read(u, negative), self.read(v, negative)]);
                 let maximum = matches!(op, SetOp::Max | SetOp::RUnion);
-                if maximum != negative { Tree::Max(pair) } else { Tree::Min(pair) }
+                if maximum != negative {
+                    Tree::Max(pair)
+                } else {
+                    Tree::Min(pair)
+                }
             }
             // A positive factor does not move the surface.
-            Node::Binary(Binary::Mul, u, v) => match (self.graph.constant_value(u), self.graph.constant_value(v)) {
-                (Some(c), _) if c != 0.0 && self.has_sets(v) => {
-                    self.inherit(id, v);
-                    self.read(v, negative != (c < 0.0))
+            Node::Binary(Binary::Mul, u, v) => {
+                match (self.graph.constant_value(u), self.graph.constant_value(v)) {
+                    (Some(c), _) if c != 0.0 && self.has_sets(v) => {
+                        self.inherit(id, v);
+                        self.read(v, negative != (c < 0.0))
+                    }
+                    (_, Some(c)) if c != 0.0 && self.has_sets(u) => {
+                        self.inherit(id, u);
+                        self.read(u, negative != (c < 0.0))
+                    }
+                    _ => self.leaf(id, negative),
                 }
-                (_, Some(c)) if c != 0.0 && self.has_sets(u) => {
-                    self.inherit(id, u);
-                    self.read(u, negative != (c < 0.0))
-                }
-                _ => self.leaf(id, negative),
-            },
-            Node::Library(Library::SardfUnion | Library::DistanceBlendUnion, args) if self.is_sharp(id) => {
+            }
+            Node::Library(Library::SardfUnion | Library::DistanceBlendUnion, args)
+                if self.is_sharp(id) =>
+            {
                 self.pair(args[0], args[1], negative, true)
             }
-            Node::Library(Library::SardfIntersection | Library::DistanceBlendIntersection, args) if self.is_sharp(id) => {
-                self.pair(args[0], args[1], negative, false)
-            }
+            Node::Library(
+                Library::SardfIntersection | Library::DistanceBlendIntersection,
+                args,
+            ) if self.is_sharp(id) => self.pair(args[0], args[1], negative, false),
             Node::Library(f, args) if f.is_primitive() => self.primitive(id, f, &args, negative),
             _ => self.leaf(id, negative),
         }
@@ -109,12 +131,19 @@ impl Reader<'_> {
 
     fn pair(&mut self, u: NodeId, v: NodeId, negative: bool, maximum: bool) -> Tree {
         let pair = Box::new([self.read(u, negative), self.read(v, negative)]);
-        if maximum != negative { Tree::Max(pair) } else { Tree::Min(pair) }
+        if maximum != negative {
+            Tree::Max(pair)
+        } else {
+            Tree::Min(pair)
+        }
     }
 
     /// A signed-distance set operation has the sharp zero set of max or min; the circular blends are their own smooth piece.
     fn is_sharp(&self, id: NodeId) -> bool {
-        matches!(self.graph.node(id), Node::Library(Library::SardfUnion | Library::SardfIntersection, _))
+        matches!(
+            self.graph.node(id),
+            Node::Library(Library::SardfUnion | Library::SardfIntersection, _)
+        )
     }
 
     fn has_sets(&self, id: NodeId) -> bool {
@@ -134,8 +163,15 @@ impl Reader<'_> {
     }
 
     fn part(&mut self, id: NodeId, side: &str) -> u32 {
-        let base = self.graph.name(id).map_or_else(|| format!("piece{}", self.parts.len() + 1), str::to_owned);
-        let mut name = if side.is_empty() { base } else { format!("{base}.{side}") };
+        let base = self
+            .graph
+            .name(id)
+            .map_or_else(|| format!("piece{}", self.parts.len() + 1), str::to_owned);
+        let mut name = if side.is_empty() {
+            base
+        } else {
+            format!("{base}.{side}")
+        };
         let n = self.taken.entry(name.clone()).or_insert(0);
         *n += 1;
         if *n > 1 {
@@ -159,14 +195,23 @@ impl Reader<'_> {
             .into_iter()
             .map(|(side, d)| {
                 let distance = if negative { self.graph.neg(&d) } else { d };
-                Tree::Leaf { part: self.part(id, side), distance }
+                Tree::Leaf {
+                    part: self.part(id, side),
+                    distance,
+                }
             })
             .collect();
         let mut leaves = leaves.into_iter();
-        let Some(first) = leaves.next() else { return self.leaf(id, negative) };
+        let Some(first) = leaves.next() else {
+            return self.leaf(id, negative);
+        };
         leaves.fold(first, |tree, leaf| {
             let pair = Box::new([tree, leaf]);
-            if negative { Tree::Max(pair) } else { Tree::Min(pair) }
+            if negative {
+                Tree::Max(pair)
+            } else {
+                Tree::Min(pair)
+            }
         })
     }
 
@@ -178,7 +223,11 @@ impl Reader<'_> {
         if self.has_r_functions(g) {
             distance = self.second_step(g, distance).unwrap_or(distance);
         }
-        let distance = if negative { self.graph.neg(&distance) } else { distance };
+        let distance = if negative {
+            self.graph.neg(&distance)
+        } else {
+            distance
+        };
         Tree::Leaf { part, distance }
     }
 
@@ -207,9 +256,13 @@ impl Reader<'_> {
     /// off by its own size within a few noise deviations of them.
     fn has_r_functions(&self, g: NodeId) -> bool {
         let need = self.graph.reachable(&[g]);
-        need.iter()
-            .enumerate()
-            .any(|(i, need)| *need && matches!(self.graph.node(NodeId(i as u32)), Node::Set(SetOp::RUnion | SetOp::RIntersection, ..)))
+        need.iter().enumerate().any(|(i, need)| {
+            *need
+                && matches!(
+                    self.graph.node(NodeId(i as u32)),
+                    Node::Set(SetOp::RUnion | SetOp::RIntersection, ..)
+                )
+        })
     }
 
     /// One Newton step to the surface along the gradient, and the first-order distance again from there; kept where it is the smaller
@@ -256,7 +309,9 @@ impl Reader<'_> {
         };
         for _ in 0..4 {
             let x: [Jet1<3>; 3] = std::array::from_fn(|i| Jet1::variable(random(), i));
-            let a: Vec<Jet1<3>> = (0..na).map(|_| isoform_num::Real::constant(random())).collect();
+            let a: Vec<Jet1<3>> = (0..na)
+                .map(|_| isoform_num::Real::constant(random()))
+                .collect();
             let rows = point.map(|p| self.graph.eval(p, &x, &a).g);
             for i in 0..3 {
                 for j in 0..=i {
@@ -280,7 +335,9 @@ mod tests {
     /// The paper's part: a block minus two cylinders.
     fn part(g: &mut Graph) -> NodeId {
         let x: Vec<NodeId> = (0..3).map(|i| g.x(i)).collect();
-        let c = |g: &mut Graph, v: &[f64]| -> Vec<NodeId> { v.iter().map(|&v| g.constant(v)).collect() };
+        let c = |g: &mut Graph, v: &[f64]| -> Vec<NodeId> {
+            v.iter().map(|&v| g.constant(v)).collect()
+        };
         let block = [x.clone(), c(g, &[-5.0, -4.0, -2.0, 10.0, 5.0, 4.0])].concat();
         let block = g.library(Library::Block, &block);
         g.set_name(block, "box");
@@ -297,7 +354,18 @@ mod tests {
         let root = part(&mut g);
         let shape = Shape::new(&mut g, root);
         let names: Vec<&str> = shape.parts.iter().map(|p| p.name.as_str()).collect();
-        assert_eq!(names, ["box.x_min", "box.x_max", "box.y_min", "box.y_max", "box.z_min", "box.z_max", "hole"]);
+        assert_eq!(
+            names,
+            [
+                "box.x_min",
+                "box.x_max",
+                "box.y_min",
+                "box.y_max",
+                "box.z_min",
+                "box.z_max",
+                "hole"
+            ]
+        );
         // (point, signed distance, nearest piece)
         for (p, d, name) in [
             ([4.0, -1.5, 1.9], 0.1, "box.z_max"),
@@ -307,7 +375,11 @@ mod tests {
             ([3.0, 1.3, 0.0], -0.3, "box.y_max"),
         ] {
             assert!((g.eval(shape.distance, &p, &[]) - d).abs() < 1e-12, "{p:?}");
-            assert_eq!(shape.parts[g.eval(shape.part, &p, &[]) as usize].name, name, "{p:?}");
+            assert_eq!(
+                shape.parts[g.eval(shape.part, &p, &[]) as usize].name,
+                name,
+                "{p:?}"
+            );
         }
     }
 
@@ -333,7 +405,10 @@ mod tests {
         let two: Vec<NodeId> = x.iter().map(|x| g.scale(2.0, x)).collect();
         let zero = g.constant(0.0);
         let one = g.constant(1.0);
-        let ball = g.library(Library::Sphere, &[two[0], two[1], two[2], zero, zero, zero, one]);
+        let ball = g.library(
+            Library::Sphere,
+            &[two[0], two[1], two[2], zero, zero, zero, one],
+        );
         let shape = Shape::new(&mut g, ball);
         // The ball of radius 1/2: at 0.6 the distance is 0.1, not 0.2.
         let d = g.eval(shape.distance, &[0.6, 0.0, 0.0], &[]);

@@ -62,9 +62,12 @@ impl Kinked {
         let mut roots = vec![root];
         for (i, _) in need.iter().enumerate().filter(|(_, need)| **need) {
             let decided = match *graph.node(NodeId(i as u32)) {
-                Node::Set(SetOp::Min | SetOp::Max, u, v) | Node::Binary(Binary::Less | Binary::LessEq, u, v) => graph.sub(&u, &v),
+                Node::Set(SetOp::Min | SetOp::Max, u, v)
+                | Node::Binary(Binary::Less | Binary::LessEq, u, v) => graph.sub(&u, &v),
                 Node::Unary(Unary::Abs, u) => u,
-                Node::Unary(Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign, _) => return None,
+                Node::Unary(Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign, _) => {
+                    return None;
+                }
                 _ => continue,
             };
             roots.push(decided);
@@ -72,7 +75,10 @@ impl Kinked {
         if roots.len() > MOST_KINKS + 1 {
             return None;
         }
-        Some(Self { tape: Tape::new(&graph, &roots, n, 0), n })
+        Some(Self {
+            tape: Tape::new(&graph, &roots, n, 0),
+            n,
+        })
     }
 
     fn values(&self, at: &[f64]) -> Vec<f64> {
@@ -100,7 +106,13 @@ impl Kinked {
     }
 
     /// Two places on the segment that lie closely on the two sides of where value k changes its sign.
-    fn crossing(&self, k: usize, p: &[f64], q: &[f64], positive_at_p: bool) -> (Vec<f64>, Vec<f64>) {
+    fn crossing(
+        &self,
+        k: usize,
+        p: &[f64],
+        q: &[f64],
+        positive_at_p: bool,
+    ) -> (Vec<f64>, Vec<f64>) {
         let at = |t: f64| -> Vec<f64> { p.iter().zip(q).map(|(p, q)| p + t * (q - p)).collect() };
         let (mut lo, mut hi) = (0.0, 1.0);
         for _ in 0..HALVINGS {
@@ -110,7 +122,11 @@ impl Kinked {
             if v == 0.0 {
                 break;
             }
-            *(if (v > 0.0) == positive_at_p { &mut lo } else { &mut hi }) = t;
+            *(if (v > 0.0) == positive_at_p {
+                &mut lo
+            } else {
+                &mut hi
+            }) = t;
         }
         (at(lo), at(hi))
     }
@@ -146,7 +162,10 @@ impl Seen {
         for k in (1..dp.len()).filter(|&k| dp[k] * dq[k] < 0.0) {
             self.crossed[k] = true;
             let (a, b) = formula.crossing(k, p, q, dp[k] > 0.0);
-            let (Some((va, ga)), Some((vb, gb))) = (formula.gradient(&a), formula.gradient(&b)) else { continue };
+            let (Some((va, ga)), Some((vb, gb))) = (formula.gradient(&a), formula.gradient(&b))
+            else {
+                continue;
+            };
             let size = ga.iter().chain(&gb).fold(1.0, |m: f64, g| m.max(g.abs()));
             let apart = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum::<f64>();
             let jumps = (va - vb).abs() > SAME * (va.abs() + 1.0) + 2.0 * size * apart;
@@ -165,12 +184,18 @@ impl Seen {
 pub(crate) fn smooth_and_monotone(graph: Graph, root: NodeId, further: usize) -> Option<Vec<bool>> {
     let n = 3 + further;
     let formula = Kinked::new(graph, root, n)?;
-    let mut seen = Seen { rising: vec![false; further], falling: vec![false; further], crossed: vec![false; formula.tape.n_results()] };
+    let mut seen = Seen {
+        rising: vec![false; further],
+        falling: vec![false; further],
+        crossed: vec![false; formula.tape.n_results()],
+    };
     let mut random = Random::new();
     let mut usable = 0;
     for _ in 0..PAIRS {
         let (p, q) = (random.place(n), random.place(n));
-        let (Some((_, gp)), Some((_, gq))) = (formula.gradient(&p), formula.gradient(&q)) else { continue };
+        let (Some((_, gp)), Some((_, gq))) = (formula.gradient(&p), formula.gradient(&q)) else {
+            continue;
+        };
         usable += 1;
         seen.slopes(&gp)?;
         seen.slopes(&gq)?;

@@ -90,25 +90,46 @@ impl Pieces {
             return Err(SolidError::Dimension { found: nx });
         }
         if na > a.len() {
-            return Err(SolidError::Parameters { expected: na, found: a.len() });
+            return Err(SolidError::Parameters {
+                expected: na,
+                found: a.len(),
+            });
         }
         let mut bound = Graph::new();
         let x: Vec<NodeId> = (0..3).map(|i| bound.x(i)).collect();
         let a: Vec<NodeId> = a.iter().map(|&v| bound.constant(v)).collect();
-        let root = graph.rewrite(root, &mut bound, &x, &a, |g, id, name| g.set_name(*id, name));
+        let root = graph.rewrite(root, &mut bound, &x, &a, |g, id, name| {
+            g.set_name(*id, name)
+        });
         let own = Tape::new(&bound, &[root], 3, 0);
-        let Split { names, pieces, tree, monotone } = split(&mut bound, root)?;
+        let Split {
+            names,
+            pieces,
+            tree,
+            monotone,
+        } = split(&mut bound, root)?;
         let all = Tape::new(&bound, &pieces, 3, 0);
         let each = (0..pieces.len()).map(|k| all.result(k)).collect();
         let ranges = Ranges::new(&bound, &pieces, &monotone);
-        Ok(Self { names, tree, each, all, own, ranges, graph: bound, roots: pieces })
+        Ok(Self {
+            names,
+            tree,
+            each,
+            all,
+            own,
+            ranges,
+            graph: bound,
+            roots: pieces,
+        })
     }
 
     /// The model with the values `a` of its parameters.
     pub fn of_model(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
         check(model, a)?;
         let mut graph = Graph::new();
-        let root = model.compile(&mut graph).map_err(SolidError::NoExpression)?;
+        let root = model
+            .compile(&mut graph)
+            .map_err(SolidError::NoExpression)?;
         Self::new(&graph, root, a)
     }
 
@@ -149,7 +170,10 @@ impl Ranges {
             if need.contains_key(&id) {
                 continue;
             }
-            let known = monotone.get(&id).cloned().or_else(|| Monotone::of_blend(graph, id));
+            let known = monotone
+                .get(&id)
+                .cloned()
+                .or_else(|| Monotone::of_blend(graph, id));
             match (&known, graph.node(id)) {
                 (Some(of), _) => pending.extend(&of.inputs),
                 (None, Node::Unary(Unary::Neg, u)) => pending.push(*u),
@@ -157,7 +181,8 @@ impl Ranges {
             }
             need.insert(id, known);
         }
-        let step: HashMap<NodeId, usize> = need.keys().enumerate().map(|(k, &id)| (id, k)).collect();
+        let step: HashMap<NodeId, usize> =
+            need.keys().enumerate().map(|(k, &id)| (id, k)).collect();
         let roots: Vec<NodeId> = need.keys().copied().collect();
         let together = Tape::new(graph, &roots, 3, 0);
         let (mut functions, mut compiled) = (Vec::new(), HashMap::new());
@@ -167,16 +192,32 @@ impl Ranges {
             .map(|(k, (id, known))| match (known, graph.node(*id)) {
                 (Some(Monotone { function, inputs }), _) => {
                     let at = *compiled.entry(Rc::as_ptr(function)).or_insert_with(|| {
-                        functions.push(Tape::new(&function.graph, &[function.root], 3 + inputs.len(), 0));
+                        functions.push(Tape::new(
+                            &function.graph,
+                            &[function.root],
+                            3 + inputs.len(),
+                            0,
+                        ));
                         functions.len() - 1
                     });
-                    RangeOf::Monotone(at, inputs.iter().map(|u| step[u]).zip(function.rises.iter().copied()).collect())
+                    RangeOf::Monotone(
+                        at,
+                        inputs
+                            .iter()
+                            .map(|u| step[u])
+                            .zip(function.rises.iter().copied())
+                            .collect(),
+                    )
                 }
                 (None, Node::Unary(Unary::Neg, u)) => RangeOf::Negative(step[u]),
                 _ => RangeOf::Tape(together.result(k)),
             })
             .collect();
-        Self { steps, functions, pieces: pieces.iter().map(|id| step[id]).collect() }
+        Self {
+            steps,
+            functions,
+            pieces: pieces.iter().map(|id| step[id]).collect(),
+        }
     }
 
     fn of(&self, step: usize, x: &[Interval; 3], scratch: &mut Vec<Interval>) -> Interval {
@@ -187,11 +228,16 @@ impl Ranges {
                 let mut ends = [[Interval::ALL; 3 + MOST_INPUTS]; 2];
                 for (k, &(input, rises)) in inputs.iter().enumerate() {
                     let range = self.of(input, x, scratch);
-                    let (low, high) = if rises { (range.lo(), range.hi()) } else { (range.hi(), range.lo()) };
+                    let (low, high) = if rises {
+                        (range.lo(), range.hi())
+                    } else {
+                        (range.hi(), range.lo())
+                    };
                     ends[0][3 + k] = Interval::new(low, low);
                     ends[1][3 + k] = Interval::new(high, high);
                 }
-                let [low, high] = ends.map(|ends| self.functions[*function].range(&ends, &[], scratch));
+                let [low, high] =
+                    ends.map(|ends| self.functions[*function].range(&ends, &[], scratch));
                 Interval::new(low.lo(), high.hi().max(low.lo()))
             }
         }
@@ -200,10 +246,15 @@ impl Ranges {
 
 fn check(model: &Model, a: &[f64]) -> Result<(), SolidError> {
     if model.dimension() != 3 {
-        return Err(SolidError::Dimension { found: model.dimension() });
+        return Err(SolidError::Dimension {
+            found: model.dimension(),
+        });
     }
     if model.n_params() != a.len() {
-        return Err(SolidError::Parameters { expected: model.n_params(), found: a.len() });
+        return Err(SolidError::Parameters {
+            expected: model.n_params(),
+            found: a.len(),
+        });
     }
     Ok(())
 }
@@ -217,7 +268,10 @@ thread_local! {
 }
 
 /// Runs with this thread's scratch space. It is taken out meanwhile: another use on the same thread would start with an empty one.
-fn with<T, R>(scratch: &'static std::thread::LocalKey<Cell<Vec<T>>>, run: impl FnOnce(&mut Vec<T>) -> R) -> R {
+fn with<T, R>(
+    scratch: &'static std::thread::LocalKey<Cell<Vec<T>>>,
+    run: impl FnOnce(&mut Vec<T>) -> R,
+) -> R {
     let mut space = scratch.take();
     let result = run(&mut space);
     scratch.set(space);
@@ -228,7 +282,13 @@ fn with<T, R>(scratch: &'static std::thread::LocalKey<Cell<Vec<T>>>, run: impl F
 const FEW: usize = 4;
 
 /// Results of a tape at the points: row r of `out` is result `result(r)`.
-fn values(tape: &Tape, points: &[Point3], rows: usize, result: impl Fn(usize) -> usize, out: &mut [f64]) {
+fn values(
+    tape: &Tape,
+    points: &[Point3],
+    rows: usize,
+    result: impl Fn(usize) -> usize,
+    out: &mut [f64],
+) {
     let n = points.len();
     if n < FEW {
         return with(&NUMBERS, |scratch| {
@@ -247,7 +307,8 @@ fn values(tape: &Tape, points: &[Point3], rows: usize, result: impl Fn(usize) ->
             block.load(chunk);
             block.forward();
             for row in 0..rows {
-                out[row * n + c * LANES..][..chunk.len()].copy_from_slice(&block.result(result(row))[..chunk.len()]);
+                out[row * n + c * LANES..][..chunk.len()]
+                    .copy_from_slice(&block.result(result(row))[..chunk.len()]);
             }
         }
         *space = block.into_rows();
@@ -263,20 +324,44 @@ impl Solid for Pieces {
     }
     fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]) {
         if self.all.len() < which.iter().map(|&piece| self.cost(piece)).sum() {
-            return values(&self.all, points, which.len(), |row| which[row] as usize, out);
+            return values(
+                &self.all,
+                points,
+                which.len(),
+                |row| which[row] as usize,
+                out,
+            );
         }
         for (row, &piece) in which.iter().enumerate() {
-            values(&self.each[piece as usize], points, 1, |_| 0, &mut out[row * points.len()..]);
+            values(
+                &self.each[piece as usize],
+                points,
+                1,
+                |_| 0,
+                &mut out[row * points.len()..],
+            );
         }
     }
     fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
-        let x = [Jet1::variable(p[0], 0), Jet1::variable(p[1], 1), Jet1::variable(p[2], 2)];
-        let jet = with(&SLOPES, |scratch| self.each[piece as usize].eval(&x, &[], scratch));
+        let x = [
+            Jet1::variable(p[0], 0),
+            Jet1::variable(p[1], 1),
+            Jet1::variable(p[2], 2),
+        ];
+        let jet = with(&SLOPES, |scratch| {
+            self.each[piece as usize].eval(&x, &[], scratch)
+        });
         (jet.v, jet.g)
     }
     fn jet(&self, piece: u32, p: Point3) -> Jet2 {
-        let x = [Jet2::variable(p[0], 0), Jet2::variable(p[1], 1), Jet2::variable(p[2], 2)];
-        with(&JETS, |scratch| self.each[piece as usize].eval(&x, &[], scratch))
+        let x = [
+            Jet2::variable(p[0], 0),
+            Jet2::variable(p[1], 1),
+            Jet2::variable(p[2], 2),
+        ];
+        with(&JETS, |scratch| {
+            self.each[piece as usize].eval(&x, &[], scratch)
+        })
     }
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
         if region.is_empty() {
@@ -285,7 +370,9 @@ impl Solid for Pieces {
         let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
         with(&RANGES, |scratch| {
             for (&piece, out) in which.iter().zip(out) {
-                *out = self.ranges.of(self.ranges.pieces[piece as usize], &x, scratch);
+                *out = self
+                    .ranges
+                    .of(self.ranges.pieces[piece as usize], &x, scratch);
             }
         });
     }
@@ -306,14 +393,25 @@ impl RunField {
     /// The model with the values `a` of its parameters.
     pub fn new(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
         check(model, a)?;
-        Ok(Self { model: model.clone(), a: a.to_vec() })
+        Ok(Self {
+            model: model.clone(),
+            a: a.to_vec(),
+        })
     }
 
-    fn run<R: Real + 'static>(&self, points: impl Iterator<Item = [R; 3]>, mut each: impl FnMut(R)) {
+    fn run<R: Real + 'static>(
+        &self,
+        points: impl Iterator<Item = [R; 3]>,
+        mut each: impl FnMut(R),
+    ) {
         let a: Vec<R> = self.a.iter().map(|&v| R::constant(v)).collect();
         let mut evaluator = self.model.evaluator::<R>();
         for p in points {
-            each(evaluator.eval(&p, &a, &[]).unwrap_or_else(|_| R::constant(f64::NAN)));
+            each(
+                evaluator
+                    .eval(&p, &a, &[])
+                    .unwrap_or_else(|_| R::constant(f64::NAN)),
+            );
         }
     }
 }
@@ -326,11 +424,16 @@ impl Field for RunField {
     }
     fn jet(&self, p: Point3) -> Jet2 {
         let mut jet = Jet2::constant(f64::NAN);
-        self.run(std::iter::once(std::array::from_fn(|i| Jet2::variable(p[i], i))), |v| jet = v);
+        self.run(
+            std::iter::once(std::array::from_fn(|i| Jet2::variable(p[i], i))),
+            |v| jet = v,
+        );
         jet
     }
     fn values(&self, points: &[Point3], out: &mut [f64]) {
         let mut out = out.iter_mut();
-        self.run(points.iter().copied(), |v| *out.next().expect("as many values as points") = v);
+        self.run(points.iter().copied(), |v| {
+            *out.next().expect("as many values as points") = v
+        });
     }
 }

@@ -60,15 +60,26 @@ pub(crate) struct Monotone {
 impl Monotone {
     /// A blend, by itself.
     pub(crate) fn of_blend(graph: &Graph, id: NodeId) -> Option<Self> {
-        let Node::Library(f @ (Library::DistanceBlendUnion | Library::DistanceBlendIntersection), args) = graph.node(id) else {
+        let Node::Library(
+            f @ (Library::DistanceBlendUnion | Library::DistanceBlendIntersection),
+            args,
+        ) = graph.node(id)
+        else {
             return None;
         };
         let radius = graph.constant_value(args[2])?;
         let mut alone = Graph::new();
         let arguments = [alone.x(3), alone.x(4), alone.constant(radius)];
         let root = alone.library(*f, &arguments);
-        let function = Rc::new(Function { graph: alone, root, rises: vec![true; 2] });
-        Some(Self { function, inputs: args[..2].to_vec() })
+        let function = Rc::new(Function {
+            graph: alone,
+            root,
+            rises: vec![true; 2],
+        });
+        Some(Self {
+            function,
+            inputs: args[..2].to_vec(),
+        })
     }
 }
 
@@ -100,9 +111,20 @@ pub(crate) fn split(graph: &mut Graph, root: NodeId) -> Result<Split, SplitError
     }
     let monotone = std::mem::take(&mut reader.monotone);
     let tree = without_constants(graph, &tree).map_err(|inside| SplitError::Constant { inside })?;
-    let mut numbering = Numbering { graph, names: Vec::new(), taken: HashSet::new(), pieces: Vec::new(), known: HashMap::new() };
+    let mut numbering = Numbering {
+        graph,
+        names: Vec::new(),
+        taken: HashSet::new(),
+        pieces: Vec::new(),
+        known: HashMap::new(),
+    };
     let tree = numbering.tree(&tree);
-    Ok(Split { names: numbering.names, pieces: numbering.pieces, tree, monotone })
+    Ok(Split {
+        names: numbering.names,
+        pieces: numbering.pieces,
+        tree,
+        monotone,
+    })
 }
 
 /// A smooth piece with what its name is made of.
@@ -135,15 +157,23 @@ impl Tree {
         let mut children = Vec::new();
         for part in parts {
             match part {
-                Self::Join(join) if join.is_min == is_min => children.extend(join.children.iter().cloned()),
+                Self::Join(join) if join.is_min == is_min => {
+                    children.extend(join.children.iter().cloned())
+                }
                 part => children.push(part),
             }
         }
         if children.len() == 1 {
             return children.remove(0);
         }
-        let leaves = children.iter().fold(0usize, |n, c| n.saturating_add(c.leaves()));
-        Self::Join(Rc::new(Join { is_min, children, leaves }))
+        let leaves = children
+            .iter()
+            .fold(0usize, |n, c| n.saturating_add(c.leaves()));
+        Self::Join(Rc::new(Join {
+            is_min,
+            children,
+            leaves,
+        }))
     }
 
     fn leaves(&self) -> usize {
@@ -157,7 +187,13 @@ impl Tree {
     fn map(&self, falls: bool, f: &mut impl FnMut(&Leaf) -> Leaf) -> Self {
         match self {
             Self::Leaf(leaf) => Self::Leaf(f(leaf)),
-            Self::Join(join) => Self::join(join.is_min != falls, join.children.iter().map(|c| c.map(falls, f)).collect::<Vec<_>>()),
+            Self::Join(join) => Self::join(
+                join.is_min != falls,
+                join.children
+                    .iter()
+                    .map(|c| c.map(falls, f))
+                    .collect::<Vec<_>>(),
+            ),
         }
     }
 }
@@ -236,7 +272,10 @@ impl Reader<'_> {
         if let Some(join) = self.sign_join(id) {
             let is_min = matches!(join, Join2::Min(..));
             let operands = self.operands(id, context, |reader, id| reader.sign_join(id), is_min);
-            let parts: Vec<Tree> = operands.into_iter().map(|(id, context)| self.sign(id, &context)).collect();
+            let parts: Vec<Tree> = operands
+                .into_iter()
+                .map(|(id, context)| self.sign(id, &context))
+                .collect();
             return Tree::join(is_min, parts);
         }
         match self.graph.node(id).clone() {
@@ -273,7 +312,11 @@ impl Reader<'_> {
             Node::Library(f, args) => {
                 let (u, v) = (args[0], args[1]);
                 // A blend without width is none.
-                let is_zero = |at: usize| args.get(at).and_then(|&c| self.graph.constant_value(c)).is_some_and(|c| c <= 0.0);
+                let is_zero = |at: usize| {
+                    args.get(at)
+                        .and_then(|&c| self.graph.constant_value(c))
+                        .is_some_and(|c| c <= 0.0)
+                };
                 match f {
                     Library::SardfUnion => Some(Join2::Max(u, v)),
                     Library::SardfIntersection => Some(Join2::Min(u, v)),
@@ -302,10 +345,20 @@ impl Reader<'_> {
             .map(|(side, value)| {
                 let context = match &*context.name {
                     _ if is_whole => context.clone(),
-                    "" => Context { name: side.into(), is_own: true },
-                    name => Context { name: format!("{name}.{side}").into(), is_own: true },
+                    "" => Context {
+                        name: side.into(),
+                        is_own: true,
+                    },
+                    name => Context {
+                        name: format!("{name}.{side}").into(),
+                        is_own: true,
+                    },
                 };
-                if self.is_kinked(value) { self.value(value, &context) } else { self.leaf(value, &context) }
+                if self.is_kinked(value) {
+                    self.value(value, &context)
+                } else {
+                    self.leaf(value, &context)
+                }
             })
             .collect();
         Tree::join(true, parts)
@@ -317,7 +370,10 @@ impl Reader<'_> {
             return tree;
         }
         // What is left of factors in the pieces does not move the surface.
-        tree.map(false, &mut |leaf| Leaf { value: self.without_factor(leaf.value), ..leaf.clone() })
+        tree.map(false, &mut |leaf| Leaf {
+            value: self.without_factor(leaf.value),
+            ..leaf.clone()
+        })
     }
 
     fn without_factor(&mut self, id: NodeId) -> NodeId {
@@ -347,7 +403,11 @@ impl Reader<'_> {
             self.value_of(id, &context)
         };
         self.depth -= 1;
-        let tree = if tree.leaves() > MOST_PIECES { self.leaf(id, &context) } else { tree };
+        let tree = if tree.leaves() > MOST_PIECES {
+            self.leaf(id, &context)
+        } else {
+            tree
+        };
         self.values.insert(id, tree.clone());
         tree
     }
@@ -356,7 +416,10 @@ impl Reader<'_> {
         if let Some(join) = self.value_join(id) {
             let is_min = matches!(join, Join2::Min(..));
             let operands = self.operands(id, context, |reader, id| reader.value_join(id), is_min);
-            let parts: Vec<Tree> = operands.into_iter().map(|(id, context)| self.value(id, &context)).collect();
+            let parts: Vec<Tree> = operands
+                .into_iter()
+                .map(|(id, context)| self.value(id, &context))
+                .collect();
             return Tree::join(is_min, parts);
         }
         if let Some(u) = self.absolute(id) {
@@ -374,19 +437,33 @@ impl Reader<'_> {
             Node::PowI(u, n) => self.power(id, u, n, context),
             Node::Binary(op, u, v) => self.binary(id, op, u, v, context),
             Node::Set(_, u, v) => self.passed(id, &[(u, true), (v, true)], context),
-            Node::Library(Library::DistanceBlendUnion | Library::DistanceBlendIntersection, args) => {
+            Node::Library(
+                Library::DistanceBlendUnion | Library::DistanceBlendIntersection,
+                args,
+            ) => {
                 // Both, kinks or not: a blend is named after both.
                 self.distributed(id, &[id], &[(args[0], true), (args[1], true)], context)
             }
             Node::Library(f, _) if f.is_primitive() => {
                 let formula = self.graph.lowered(id);
-                if self.graph.node(formula) == self.graph.node(id) { self.leaf(id, context) } else { self.value(formula, context) }
+                if self.graph.node(formula) == self.graph.node(id) {
+                    self.leaf(id, context)
+                } else {
+                    self.value(formula, context)
+                }
             }
             Node::Library(Library::BlendUnion | Library::BlendIntersection, args) => {
-                let kinked: Vec<NodeId> = args[..2].iter().copied().filter(|&u| self.is_kinked(u)).collect();
-                self.blended(id, &kinked, context).unwrap_or_else(|| self.leaf(id, context))
+                let kinked: Vec<NodeId> = args[..2]
+                    .iter()
+                    .copied()
+                    .filter(|&u| self.is_kinked(u))
+                    .collect();
+                self.blended(id, &kinked, context)
+                    .unwrap_or_else(|| self.leaf(id, context))
             }
-            _ => self.blend(id, context).unwrap_or_else(|| self.leaf(id, context)),
+            _ => self
+                .blend(id, context)
+                .unwrap_or_else(|| self.leaf(id, context)),
         }
     }
 
@@ -401,11 +478,18 @@ impl Reader<'_> {
         let side = |tree: &Tree, sign: &str, is_upper: bool| {
             tree.map(false, &mut |leaf| {
                 let (name, side) = match along_axis(self.graph, leaf.value) {
-                    Some((axis, rises)) if is_one => (&below.name, axis_side(axis, rises != is_upper)),
+                    Some((axis, rises)) if is_one => {
+                        (&below.name, axis_side(axis, rises != is_upper))
+                    }
                     _ if leaf.is_own => (&below.name, format!("{}{sign}", leaf.name)),
                     _ => (&leaf.name, format!("{}{sign}", side_of(self.graph, leaf))),
                 };
-                Leaf { value: leaf.value, name: name.clone(), is_own: false, side: side.into() }
+                Leaf {
+                    value: leaf.value,
+                    name: name.clone(),
+                    is_own: false,
+                    side: side.into(),
+                }
             })
         };
         // The side where u is positive is the upper one of an axis, if u rises along it.
@@ -421,11 +505,15 @@ impl Reader<'_> {
                 let tree = self.value(u, context);
                 self.negated(&tree)
             }
-            Unary::Exp | Unary::Sinh | Unary::Tanh | Unary::Atan => self.passed(id, &[(u, true)], context),
+            Unary::Exp | Unary::Sinh | Unary::Tanh | Unary::Atan => {
+                self.passed(id, &[(u, true)], context)
+            }
             Unary::Sqrt | Unary::Ln | Unary::Asin => self.passed_in_domain(id, u, true, context),
             Unary::Acos => self.passed_in_domain(id, u, false, context),
             Unary::Square => self.power(id, u, 2, context),
-            _ => self.blend(id, context).unwrap_or_else(|| self.leaf(id, context)),
+            _ => self
+                .blend(id, context)
+                .unwrap_or_else(|| self.leaf(id, context)),
         }
     }
 
@@ -441,7 +529,10 @@ impl Reader<'_> {
             let tree = self.value(u, context);
             return tree.map(false, &mut |leaf| {
                 let size = self.graph.abs(&leaf.value);
-                Leaf { value: self.graph.mul(&leaf.value, &size), ..leaf.clone() }
+                Leaf {
+                    value: self.graph.mul(&leaf.value, &size),
+                    ..leaf.clone()
+                }
             });
         }
         self.leaf(id, context)
@@ -457,9 +548,12 @@ impl Reader<'_> {
             Binary::Sub => Some(vec![(u, true), (v, false)]),
             Binary::Mul if !both => {
                 let (kinked, factor) = if self.is_kinked(u) { (u, v) } else { (v, u) };
-                self.strict_sign(factor).map(|positive| vec![(kinked, positive)])
+                self.strict_sign(factor)
+                    .map(|positive| vec![(kinked, positive)])
             }
-            Binary::Div if !self.is_kinked(v) => self.strict_sign(v).map(|positive| vec![(u, positive)]),
+            Binary::Div if !self.is_kinked(v) => {
+                self.strict_sign(v).map(|positive| vec![(u, positive)])
+            }
             Binary::Pow => match self.graph.constant_value(v) {
                 Some(c) if c != 0.0 => return self.passed_in_domain(id, u, c > 0.0, context),
                 _ => None,
@@ -469,13 +563,19 @@ impl Reader<'_> {
         match inputs {
             Some(inputs) => self.passed(id, &inputs, context),
             None if both => self.leaf(id, context),
-            None => self.blend(id, context).unwrap_or_else(|| self.leaf(id, context)),
+            None => self
+                .blend(id, context)
+                .unwrap_or_else(|| self.leaf(id, context)),
         }
     }
 
     /// The node passed through the trees of its inputs, in each of which it rises (true) or falls.
     fn passed(&mut self, id: NodeId, inputs: &[(NodeId, bool)], context: &Context) -> Tree {
-        let inputs: Vec<(NodeId, bool)> = inputs.iter().copied().filter(|(u, _)| self.is_kinked(*u)).collect();
+        let inputs: Vec<(NodeId, bool)> = inputs
+            .iter()
+            .copied()
+            .filter(|(u, _)| self.is_kinked(*u))
+            .collect();
         self.distributed(id, &[id], &inputs, context)
     }
 
@@ -495,7 +595,9 @@ impl Reader<'_> {
         for _ in 0..64 {
             let values = tape.eval_all(&random.place(3), &[], &mut scratch);
             if !values[0].is_nan() && values.iter().any(|v| v.is_nan()) {
-                return self.blend(id, context).unwrap_or_else(|| self.leaf(id, context));
+                return self
+                    .blend(id, context)
+                    .unwrap_or_else(|| self.leaf(id, context));
             }
         }
         tree
@@ -510,7 +612,11 @@ impl Reader<'_> {
             return None;
         }
         let shared = self.shared(id);
-        let tree = if shared.is_empty() || shared.len() > MOST_INPUTS { None } else { self.blended(id, &shared, context) };
+        let tree = if shared.is_empty() || shared.len() > MOST_INPUTS {
+            None
+        } else {
+            self.blended(id, &shared, context)
+        };
         self.failures += usize::from(tree.is_none());
         tree
     }
@@ -527,7 +633,11 @@ impl Reader<'_> {
         let above: Vec<NodeId> = interior
             .into_iter()
             .filter(|&i| {
-                let depends = self.graph.arguments(i).iter().any(|a| dependent.contains(a));
+                let depends = self
+                    .graph
+                    .arguments(i)
+                    .iter()
+                    .any(|a| dependent.contains(a));
                 depends && dependent.insert(i)
             })
             .collect();
@@ -547,7 +657,9 @@ impl Reader<'_> {
             (false, true) => v,
             _ => return false,
         };
-        self.value_join(inner).is_some() || self.absolute(inner).is_some() || self.shows_kinks(inner)
+        self.value_join(inner).is_some()
+            || self.absolute(inner).is_some()
+            || self.shows_kinks(inner)
     }
 
     /// The topmost nodes with kinks below `id` that are used more than once there, none within another.
@@ -621,17 +733,40 @@ impl Reader<'_> {
     }
 
     /// `id`, computed by the nodes `above` from the inputs, as a tree over the inputs' pieces.
-    fn distributed(&mut self, id: NodeId, above: &[NodeId], inputs: &[(NodeId, bool)], context: &Context) -> Tree {
+    fn distributed(
+        &mut self,
+        id: NodeId,
+        above: &[NodeId],
+        inputs: &[(NodeId, bool)],
+        context: &Context,
+    ) -> Tree {
         // One input: its pieces are pieces of the whole. Several: each pair has a name of its own.
-        let below = if inputs.len() > 1 { Context::default() } else { self.below(context) };
-        let trees: Vec<(Tree, bool)> = inputs.iter().map(|&(u, rises)| (self.value(u, &below), rises)).collect();
-        let products = trees.iter().fold(1usize, |n, (t, _)| n.saturating_mul(t.leaves()));
+        let below = if inputs.len() > 1 {
+            Context::default()
+        } else {
+            self.below(context)
+        };
+        let trees: Vec<(Tree, bool)> = inputs
+            .iter()
+            .map(|&(u, rises)| (self.value(u, &below), rises))
+            .collect();
+        let products = trees
+            .iter()
+            .fold(1usize, |n, (t, _)| n.saturating_mul(t.leaves()));
         if products == 1 || products > MOST_PRODUCTS {
             return self.leaf(id, context);
         }
         let (inputs, rises): (Vec<NodeId>, Vec<bool>) = inputs.iter().copied().unzip();
-        let function = (inputs.len() > 1).then(|| self.function(id, &inputs, rises)).flatten();
-        let product = Product { id, above, inputs: &inputs, function, context };
+        let function = (inputs.len() > 1)
+            .then(|| self.function(id, &inputs, rises))
+            .flatten();
+        let product = Product {
+            id,
+            above,
+            inputs: &inputs,
+            function,
+            context,
+        };
         self.product(&product, &trees, &mut Vec::with_capacity(trees.len()))
     }
 
@@ -639,11 +774,19 @@ impl Reader<'_> {
     fn function(&self, id: NodeId, inputs: &[NodeId], rises: Vec<bool>) -> Option<Rc<Function>> {
         let (graph, root) = self.alone(id, &self.interior(id, inputs), inputs);
         let need = graph.reachable(&[root]);
-        let in_space = need.iter().enumerate().any(|(i, need)| *need && matches!(graph.node(NodeId(i as u32)), Node::X(0..3)));
+        let in_space = need
+            .iter()
+            .enumerate()
+            .any(|(i, need)| *need && matches!(graph.node(NodeId(i as u32)), Node::X(0..3)));
         (!in_space).then(|| Rc::new(Function { graph, root, rises }))
     }
 
-    fn product(&mut self, of: &Product<'_>, trees: &[(Tree, bool)], chosen: &mut Vec<Leaf>) -> Tree {
+    fn product(
+        &mut self,
+        of: &Product<'_>,
+        trees: &[(Tree, bool)],
+        chosen: &mut Vec<Leaf>,
+    ) -> Tree {
         match trees.split_first() {
             Some(((Tree::Leaf(leaf), _), rest)) => {
                 chosen.push(leaf.clone());
@@ -652,15 +795,26 @@ impl Reader<'_> {
                 tree
             }
             Some(((Tree::Join(join), rises), rest)) => {
-                let with = |child: &Tree| std::iter::once((child.clone(), *rises)).chain(rest.iter().cloned()).collect::<Vec<_>>();
-                let parts: Vec<Tree> = join.children.iter().map(|child| self.product(of, &with(child), chosen)).collect();
+                let with = |child: &Tree| {
+                    std::iter::once((child.clone(), *rises))
+                        .chain(rest.iter().cloned())
+                        .collect::<Vec<_>>()
+                };
+                let parts: Vec<Tree> = join
+                    .children
+                    .iter()
+                    .map(|child| self.product(of, &with(child), chosen))
+                    .collect();
                 Tree::join(join.is_min == *rises, parts)
             }
             None => {
                 let value = self.product_value(of, chosen);
                 if let Some(function) = &of.function {
                     let inputs = chosen.iter().map(|l| l.value).collect();
-                    self.monotone.entry(value).or_insert(Monotone { function: function.clone(), inputs });
+                    self.monotone.entry(value).or_insert(Monotone {
+                        function: function.clone(),
+                        inputs,
+                    });
                 }
                 Tree::Leaf(self.product_leaf(value, chosen, of.context))
             }
@@ -669,26 +823,52 @@ impl Reader<'_> {
 
     /// The node computed from one piece of each input.
     fn product_value(&mut self, of: &Product<'_>, chosen: &[Leaf]) -> NodeId {
-        let mut copy: HashMap<NodeId, NodeId> = of.inputs.iter().copied().zip(chosen.iter().map(|l| l.value)).collect();
+        let mut copy: HashMap<NodeId, NodeId> = of
+            .inputs
+            .iter()
+            .copied()
+            .zip(chosen.iter().map(|l| l.value))
+            .collect();
         for &id in of.above {
             for a in self.graph.arguments(id) {
                 copy.entry(a).or_insert(a);
             }
             let node = self.graph.node(id).clone();
-            let new = one_sided(self.graph, &node, &copy).unwrap_or_else(|| rebuilt(self.graph, &node, &copy));
+            let new = one_sided(self.graph, &node, &copy)
+                .unwrap_or_else(|| rebuilt(self.graph, &node, &copy));
             copy.insert(id, new);
         }
         copy[&of.id]
     }
 
     fn product_leaf(&self, value: NodeId, of: &[Leaf], context: &Context) -> Leaf {
-        let with_names: Vec<&Leaf> = of.iter().filter(|l| !l.name.is_empty() || !l.side.is_empty()).collect();
+        let with_names: Vec<&Leaf> = of
+            .iter()
+            .filter(|l| !l.name.is_empty() || !l.side.is_empty())
+            .collect();
         match with_names[..] {
-            [] => Leaf { value, name: self.below(context).name, is_own: false, side: "".into() },
-            [one] => Leaf { value, ..one.clone() },
+            [] => Leaf {
+                value,
+                name: self.below(context).name,
+                is_own: false,
+                side: "".into(),
+            },
+            [one] => Leaf {
+                value,
+                ..one.clone()
+            },
             _ => {
-                let name = with_names.iter().map(|l| named(self.graph, l)).collect::<Vec<_>>().join("+");
-                Leaf { value, name: name.into(), is_own: true, side: "".into() }
+                let name = with_names
+                    .iter()
+                    .map(|l| named(self.graph, l))
+                    .collect::<Vec<_>>()
+                    .join("+");
+                Leaf {
+                    value,
+                    name: name.into(),
+                    is_own: true,
+                    side: "".into(),
+                }
             }
         }
     }
@@ -697,7 +877,10 @@ impl Reader<'_> {
 
     fn context(&self, id: NodeId, above: &Context) -> Context {
         match self.graph.name(id) {
-            Some(name) => Context { name: name.into(), is_own: true },
+            Some(name) => Context {
+                name: name.into(),
+                is_own: true,
+            },
             None => above.clone(),
         }
     }
@@ -705,18 +888,34 @@ impl Reader<'_> {
     /// The context of one part of several. The name of the whole solid says nothing of a part.
     fn below(&self, context: &Context) -> Context {
         let is_root = self.graph.name(self.root) == Some(&*context.name);
-        Context { name: if is_root { "".into() } else { context.name.clone() }, is_own: false }
+        Context {
+            name: if is_root {
+                "".into()
+            } else {
+                context.name.clone()
+            },
+            is_own: false,
+        }
     }
 
     fn leaf(&self, id: NodeId, context: &Context) -> Tree {
-        Tree::Leaf(Leaf { value: id, name: context.name.clone(), is_own: context.is_own, side: "".into() })
+        Tree::Leaf(Leaf {
+            value: id,
+            name: context.name.clone(),
+            is_own: context.is_own,
+            side: "".into(),
+        })
     }
 
     /// −u. A side keeps its name: a cut with a slab leaves the slab's upper face, which is a lower one of what is left.
     fn negated(&mut self, tree: &Tree) -> Tree {
         tree.map(true, &mut |leaf| {
             let side = side_of(self.graph, leaf);
-            Leaf { value: negative(self.graph, leaf.value), side, ..leaf.clone() }
+            Leaf {
+                value: negative(self.graph, leaf.value),
+                side,
+                ..leaf.clone()
+            }
         })
     }
 
@@ -757,8 +956,12 @@ impl Reader<'_> {
             Node::Set(SetOp::Max, u, v) => Some(Join2::Max(u, v)),
             Node::Set(SetOp::Min, u, v) => Some(Join2::Min(u, v)),
             Node::Select(condition, u, v) => match *self.graph.node(condition) {
-                Node::Binary(Binary::Less | Binary::LessEq, a, b) if (a, b) == (u, v) => Some(Join2::Min(u, v)),
-                Node::Binary(Binary::Less | Binary::LessEq, a, b) if (a, b) == (v, u) => Some(Join2::Max(u, v)),
+                Node::Binary(Binary::Less | Binary::LessEq, a, b) if (a, b) == (u, v) => {
+                    Some(Join2::Min(u, v))
+                }
+                Node::Binary(Binary::Less | Binary::LessEq, a, b) if (a, b) == (v, u) => {
+                    Some(Join2::Max(u, v))
+                }
                 _ => None,
             },
             _ => None,
@@ -770,10 +973,15 @@ impl Reader<'_> {
         match *self.graph.node(id) {
             Node::Unary(Unary::Abs, u) => Some(u),
             Node::Select(condition, u, v) => {
-                let Node::Binary(Binary::Less | Binary::LessEq, a, b) = *self.graph.node(condition) else { return None };
+                let Node::Binary(Binary::Less | Binary::LessEq, a, b) = *self.graph.node(condition)
+                else {
+                    return None;
+                };
                 let zero = |id| self.graph.constant_value(id) == Some(0.0);
-                let is_negative = |of: NodeId, id: NodeId| self.graph.node(id) == &Node::Unary(Unary::Neg, of);
-                let found = (zero(b) && a == v && is_negative(v, u)) || (zero(a) && b == u && is_negative(u, v));
+                let is_negative =
+                    |of: NodeId, id: NodeId| self.graph.node(id) == &Node::Unary(Unary::Neg, of);
+                let found = (zero(b) && a == v && is_negative(v, u))
+                    || (zero(a) && b == u && is_negative(u, v));
                 found.then_some(if zero(b) { v } else { u })
             }
             _ => None,
@@ -784,16 +992,26 @@ impl Reader<'_> {
         for i in self.kinked.len()..=id.at() {
             let own = match self.graph.node(NodeId(i as u32)) {
                 Node::Set(op, ..) => matches!(op, SetOp::Min | SetOp::Max),
-                Node::Unary(op, _) => matches!(op, Unary::Abs | Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign),
+                Node::Unary(op, _) => matches!(
+                    op,
+                    Unary::Abs | Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign
+                ),
                 Node::Binary(op, ..) => matches!(op, Binary::Less | Binary::LessEq),
                 Node::Select(..) => true,
                 Node::Library(f, _) => {
-                    matches!(f, Library::DistanceCone(_) | Library::Superellipsoid | Library::SardfUnion | Library::SardfIntersection)
+                    matches!(
+                        f,
+                        Library::DistanceCone(_)
+                            | Library::Superellipsoid
+                            | Library::SardfUnion
+                            | Library::SardfIntersection
+                    )
                 }
                 _ => false,
             };
             let arguments = self.graph.arguments(NodeId(i as u32));
-            self.kinked.push(own || arguments.iter().any(|a| self.kinked[a.at()]));
+            self.kinked
+                .push(own || arguments.iter().any(|a| self.kinked[a.at()]));
         }
         self.kinked[id.at()]
     }
@@ -866,7 +1084,9 @@ fn one_sided(graph: &mut Graph, node: &Node, copy: &HashMap<NodeId, NodeId>) -> 
             Some(graph.min(&v, &u))
         }
         Node::Unary(Unary::Abs, d) => {
-            let Node::Binary(Binary::Sub, u, v) = *graph.node(copy[d]) else { return None };
+            let Node::Binary(Binary::Sub, u, v) = *graph.node(copy[d]) else {
+                return None;
+            };
             let (u, v) = (u.min(v), u.max(v));
             let (more, less) = (graph.sub(&u, &v), graph.sub(&v, &u));
             Some(graph.max(&more, &less))
@@ -906,7 +1126,11 @@ fn along_axis(graph: &Graph, mut id: NodeId) -> Option<(usize, bool)> {
 }
 
 fn axis_side(axis: usize, is_lower: bool) -> String {
-    format!("{}_{}", ["x", "y", "z"][axis], if is_lower { "min" } else { "max" })
+    format!(
+        "{}_{}",
+        ["x", "y", "z"][axis],
+        if is_lower { "min" } else { "max" }
+    )
 }
 
 /// Which side of what it is named after a piece is; may be empty.
@@ -924,7 +1148,9 @@ fn named(graph: &Graph, leaf: &Leaf) -> String {
         return leaf.name.to_string();
     }
     match (&*leaf.name, &*side_of(graph, leaf)) {
-        ("", "") => argument_name(graph, leaf.value).unwrap_or_default().to_owned(),
+        ("", "") => argument_name(graph, leaf.value)
+            .unwrap_or_default()
+            .to_owned(),
         ("", side) => side.to_owned(),
         (name, side @ ("" | "+" | "-")) => format!("{name}{side}"),
         (name, side) => format!("{name}.{side}"),
@@ -934,7 +1160,11 @@ fn named(graph: &Graph, leaf: &Leaf) -> String {
 /// The tree without constants; where nothing else is left, whether that is inside.
 fn without_constants(graph: &Graph, tree: &Tree) -> Result<Tree, bool> {
     let join = match tree {
-        Tree::Leaf(leaf) => return graph.constant_value(leaf.value).map_or_else(|| Ok(tree.clone()), |c| Err(c >= 0.0)),
+        Tree::Leaf(leaf) => {
+            return graph
+                .constant_value(leaf.value)
+                .map_or_else(|| Ok(tree.clone()), |c| Err(c >= 0.0));
+        }
         Tree::Join(join) => join,
     };
     let mut children = Vec::with_capacity(join.children.len());
@@ -946,7 +1176,11 @@ fn without_constants(graph: &Graph, tree: &Tree) -> Result<Tree, bool> {
             Err(_) => {}
         }
     }
-    if children.is_empty() { Err(join.is_min) } else { Ok(Tree::join(join.is_min, children)) }
+    if children.is_empty() {
+        Err(join.is_min)
+    } else {
+        Ok(Tree::join(join.is_min, children))
+    }
 }
 
 /// The name of u in u + c and −u: of a level set; and of a choice.
@@ -959,9 +1193,15 @@ fn argument_name(graph: &Graph, mut id: NodeId) -> Option<&str> {
         id = match graph.node(id) {
             Node::Unary(Unary::Neg, u) => *u,
             Node::Binary(Binary::Add | Binary::Sub | Binary::Mul, c, u) if constant(c) => *u,
-            Node::Binary(Binary::Add | Binary::Sub | Binary::Mul | Binary::Div, u, c) if constant(c) => *u,
+            Node::Binary(Binary::Add | Binary::Sub | Binary::Mul | Binary::Div, u, c)
+                if constant(c) =>
+            {
+                *u
+            }
             // The two values that an if-statement gives to a variable.
-            Node::Select(_, u, v) => return graph.name(*u).filter(|name| graph.name(*v) == Some(name)),
+            Node::Select(_, u, v) => {
+                return graph.name(*u).filter(|name| graph.name(*v) == Some(name));
+            }
             _ => return None,
         };
     }
@@ -984,7 +1224,13 @@ impl Numbering<'_> {
         };
         let mut known = HashSet::new();
         let mut children: Vec<Csg> = join.children.iter().map(|child| self.tree(child)).collect();
-        children.retain(|child| if let Csg::Piece(piece) = child { known.insert(*piece) } else { true });
+        children.retain(|child| {
+            if let Csg::Piece(piece) = child {
+                known.insert(*piece)
+            } else {
+                true
+            }
+        });
         match children.len() {
             1 => children.remove(0),
             _ if join.is_min => Csg::Min(children),

@@ -64,14 +64,25 @@ impl Tape {
         let mut g = graph.clone();
         let roots = g.lowered_all(roots);
         let need = g.reachable(&roots);
-        let nodes: Vec<NodeId> = (0..g.len()).filter(|&i| need[i]).map(|i| NodeId(i as u32)).collect();
-        let constants: Vec<f64> = nodes.iter().filter_map(|&id| g.constant_value(id)).collect();
+        let nodes: Vec<NodeId> = (0..g.len())
+            .filter(|&i| need[i])
+            .map(|i| NodeId(i as u32))
+            .collect();
+        let constants: Vec<f64> = nodes
+            .iter()
+            .filter_map(|&id| g.constant_value(id))
+            .collect();
         let mut varies = vec![false; g.len()];
         for &id in &nodes {
-            varies[id.at()] = matches!(g.node(id), Node::X(_)) || g.arguments(id).iter().any(|a| varies[a.at()]);
+            varies[id.at()] =
+                matches!(g.node(id), Node::X(_)) || g.arguments(id).iter().any(|a| varies[a.at()]);
         }
-        let is_input = |id: &NodeId| matches!(g.node(*id), Node::Constant(_) | Node::X(_) | Node::Param(_));
-        let (varying, uniform): (Vec<NodeId>, Vec<NodeId>) = nodes.iter().filter(|id| !is_input(id)).partition(|id| varies[id.at()]);
+        let is_input =
+            |id: &NodeId| matches!(g.node(*id), Node::Constant(_) | Node::X(_) | Node::Param(_));
+        let (varying, uniform): (Vec<NodeId>, Vec<NodeId>) = nodes
+            .iter()
+            .filter(|id| !is_input(id))
+            .partition(|id| varies[id.at()]);
         let mut slot = vec![u32::MAX; g.len()];
         let mut next_constant = 0;
         for &id in &nodes {
@@ -85,13 +96,25 @@ impl Tape {
                     slot[id.at()] = constants.len() as u32 + i;
                 }
                 Node::Param(i) => {
-                    assert!((*i as usize) < n_params, "parameter {} of {n_params}", i + 1);
+                    assert!(
+                        (*i as usize) < n_params,
+                        "parameter {} of {n_params}",
+                        i + 1
+                    );
                     slot[id.at()] = (constants.len() + n_x) as u32 + i;
                 }
                 _ => {}
             }
         }
-        let mut tape = Self { n_x, n_params, constants, code: Vec::new(), uniform: uniform.len(), natives: Vec::new(), roots: Vec::new() };
+        let mut tape = Self {
+            n_x,
+            n_params,
+            constants,
+            code: Vec::new(),
+            uniform: uniform.len(),
+            natives: Vec::new(),
+            roots: Vec::new(),
+        };
         for id in uniform.into_iter().chain(varying) {
             slot[id.at()] = (tape.first_code() + tape.code.len()) as u32;
             let at = |n: &NodeId| slot[n.at()];
@@ -177,11 +200,19 @@ impl Tape {
     /// All results at a point, in any number type.
     pub fn eval_all<R: Real>(&self, x: &[R], a: &[R], scratch: &mut Vec<R>) -> Vec<R> {
         self.run(x, a, scratch, Native::eval);
-        self.roots.iter().map(|&r| scratch[r as usize].clone()).collect()
+        self.roots
+            .iter()
+            .map(|&r| scratch[r as usize].clone())
+            .collect()
     }
 
     /// A range of the first result over a box of inputs.
-    pub(crate) fn range(&self, x: &[Interval], a: &[Interval], scratch: &mut Vec<Interval>) -> Interval {
+    pub(crate) fn range(
+        &self,
+        x: &[Interval],
+        a: &[Interval],
+        scratch: &mut Vec<Interval>,
+    ) -> Interval {
         // A native function is an iteration: run on intervals it encloses nothing, so nothing is claimed of it.
         self.run(x, a, scratch, |_, _| Interval::ALL);
         scratch[self.roots[0] as usize]
@@ -264,13 +295,17 @@ impl Tape {
         }
         let inputs = self.first_x() as u32..first as u32;
         let constants: Vec<u32> = need.iter().copied().filter(|&s| s < inputs.start).collect();
-        let mut place: HashMap<u32, u32> = constants.iter().zip(0..).map(|(&s, to)| (s, to)).collect();
+        let mut place: HashMap<u32, u32> =
+            constants.iter().zip(0..).map(|(&s, to)| (s, to)).collect();
         let n = constants.len() as u32;
         place.extend(inputs.clone().map(|s| (s, s - inputs.start + n)));
         let mut tape = Self {
             n_x: self.n_x,
             n_params: self.n_params,
-            constants: constants.iter().map(|&s| self.constants[s as usize]).collect(),
+            constants: constants
+                .iter()
+                .map(|&s| self.constants[s as usize])
+                .collect(),
             code: Vec::new(),
             uniform: 0,
             natives: Vec::new(),
@@ -288,15 +323,32 @@ impl Tape {
     }
 
     /// An operation of another tape with its arguments found by `at`.
-    fn moved(&self, i: &Instruction, at: impl Fn(u32) -> u32, natives: &mut Vec<(Native, Box<[u32]>)>) -> Instruction {
+    fn moved(
+        &self,
+        i: &Instruction,
+        at: impl Fn(u32) -> u32,
+        natives: &mut Vec<(Native, Box<[u32]>)>,
+    ) -> Instruction {
         match i.op {
             Op::Unary(_) | Op::PowI => Instruction { a: at(i.a), ..*i },
-            Op::Binary(_) | Op::Set(_) => Instruction { a: at(i.a), b: at(i.b), ..*i },
-            Op::Select => Instruction { a: at(i.a), b: at(i.b), c: at(i.c), ..*i },
+            Op::Binary(_) | Op::Set(_) => Instruction {
+                a: at(i.a),
+                b: at(i.b),
+                ..*i
+            },
+            Op::Select => Instruction {
+                a: at(i.a),
+                b: at(i.b),
+                c: at(i.c),
+                ..*i
+            },
             Op::Native => {
                 let (f, args) = &self.natives[i.a as usize];
                 natives.push((*f, args.iter().map(|&s| at(s)).collect()));
-                Instruction { a: natives.len() as u32 - 1, ..*i }
+                Instruction {
+                    a: natives.len() as u32 - 1,
+                    ..*i
+                }
             }
         }
     }
@@ -306,7 +358,11 @@ impl Tape {
         // Where each slot's value is found once decided operations are skipped.
         let mut same: Vec<u32> = (0..self.slots() as u32).collect();
         for (k, (i, choice)) in self.code.iter().zip(choices).enumerate() {
-            let (one, two) = if i.op == Op::Select { (i.b, i.c) } else { (i.a, i.b) };
+            let (one, two) = if i.op == Op::Select {
+                (i.b, i.c)
+            } else {
+                (i.a, i.b)
+            };
             match choice {
                 Choice::Both => {}
                 Choice::First => same[first + k] = same[one as usize],
@@ -337,8 +393,18 @@ impl Tape {
             code.push(moved);
             uniform += usize::from(k < self.uniform);
         }
-        let roots = self.roots.iter().map(|&r| place[same[r as usize] as usize]).collect();
-        Self { code, uniform, roots, natives, ..self.clone() }
+        let roots = self
+            .roots
+            .iter()
+            .map(|&r| place[same[r as usize] as usize])
+            .collect();
+        Self {
+            code,
+            uniform,
+            roots,
+            natives,
+            ..self.clone()
+        }
     }
 }
 

@@ -6,7 +6,8 @@ use isoform_geom::{Aabb, Field, ParamField, Point3};
 use isoform_num::{Interval, Jet1, Jet2, Real};
 use std::path::PathBuf;
 
-const PART: &str = "my_model(x[3], a[12]) { array v[3], c[3], d[3]; v[1] = a[1]; v[2] = a[2]; v[3] = a[3];
+const PART: &str =
+    "my_model(x[3], a[12]) { array v[3], c[3], d[3]; v[1] = a[1]; v[2] = a[2]; v[3] = a[3];
   c[1] = a[7]; c[2] = a[8]; c[3] = 0; d[1] = a[10]; d[2] = a[11]; d[3] = 0;
   box = hfBlock(x, v, a[4], a[5], a[6]);
   my_model = (box \\ hfCylinderZ(x, c, a[9])) \\ hfCylinderZ(x, d, a[12]); }";
@@ -17,39 +18,71 @@ const MIXED: &str = "my_model(x[3], a[12]) { array c[3]; c = [0.1, 0.2, -0.1];
   my_model = max(v, b) & (9 - x[1]^2 - x[2]^2) | hfDConeX(x,c,0.4) + asin(x[1]/9) + sqrt(x[2]^2+0.1)+ abs(x[3]); }";
 const NATIVE: &str = "my_model(x[3], a[12]) { array c[3]; c[1]=a[1]/9; c[2]=0; c[3]=0;
   e = hfDEllipsoid(x, c, 2, 1.5, 1); my_model = hfDUni(e, 1.7-x[1], 0.5, 0) | (mod(9*x[2], 4) - 3); }";
-const A: [f64; 12] = [-5.1, -4.05, -1.95, 10.2, 6.2, 3.9, 4.6, 2.5, 1.7, 2.9, -1.85, 1.15];
+const A: [f64; 12] = [
+    -5.1, -4.05, -1.95, 10.2, 6.2, 3.9, 4.6, 2.5, 1.7, 2.9, -1.85, 1.15,
+];
 
 fn models() -> Vec<(String, Model, Vec<f64>)> {
     let mut all = Vec::new();
     for (name, text) in [("part", PART), ("mixed", MIXED), ("native", NATIVE)] {
-        all.push((name.to_owned(), Model::parse(text, Mode::Default).expect(name), A.to_vec()));
+        all.push((
+            name.to_owned(),
+            Model::parse(text, Mode::Default).expect(name),
+            A.to_vec(),
+        ));
     }
-    let shared = std::env::var_os("ISOFORM_SHARED")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")), PathBuf::from);
+    let shared = std::env::var_os("ISOFORM_SHARED").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")),
+        PathBuf::from,
+    );
     let Ok(folder) = std::fs::read_dir(shared.join("hyperfun/golden")) else {
         eprintln!("golden models not found, checking the three built-in ones only");
         return all;
     };
-    let mut files: Vec<PathBuf> =
-        folder.map(|f| f.expect("an entry").path()).filter(|p| p.extension().is_some_and(|e| e == "hf")).collect();
+    let mut files: Vec<PathBuf> = folder
+        .map(|f| f.expect("an entry").path())
+        .filter(|p| p.extension().is_some_and(|e| e == "hf"))
+        .collect();
     files.sort();
     for hf in files {
-        let model = Model::parse(&std::fs::read_to_string(&hf).expect("text"), Mode::Default).expect("a golden model");
+        let model = Model::parse(&std::fs::read_to_string(&hf).expect("text"), Mode::Default)
+            .expect("a golden model");
         let csv = std::fs::read_to_string(hf.with_extension("csv")).expect("golden values");
-        let line = csv.lines().find_map(|l| l.strip_prefix("# a:")).expect("parameters");
-        let mut a: Vec<f64> = line.split(',').filter_map(|v| v.trim().parse().ok()).collect();
+        let line = csv
+            .lines()
+            .find_map(|l| l.strip_prefix("# a:"))
+            .expect("parameters");
+        let mut a: Vec<f64> = line
+            .split(',')
+            .filter_map(|v| v.trim().parse().ok())
+            .collect();
         a.resize(model.n_params(), 0.0);
         if model.dimension() == 3 {
-            all.push((hf.file_stem().expect("a name").to_string_lossy().into_owned(), model, a));
+            all.push((
+                hf.file_stem()
+                    .expect("a name")
+                    .to_string_lossy()
+                    .into_owned(),
+                model,
+                a,
+            ));
         }
     }
-    assert!(all.len() > 100, "the golden folder holds {} models", all.len());
+    assert!(
+        all.len() > 100,
+        "the golden folder holds {} models",
+        all.len()
+    );
     all
 }
 
 fn points() -> Vec<Point3> {
     // Not a multiple of any block size.
-    (0..77).map(|i| std::array::from_fn(|k| 5.0 * ((f64::from(i) + 1.0) * [0.754, 0.569, 0.437][k]).sin())).collect()
+    (0..77)
+        .map(|i| {
+            std::array::from_fn(|k| 5.0 * ((f64::from(i) + 1.0) * [0.754, 0.569, 0.437][k]).sin())
+        })
+        .collect()
 }
 
 fn same(a: f64, b: f64) -> bool {
@@ -79,8 +112,18 @@ fn all_evaluators_agree_with_the_oracle() {
         ParamField::values(&residual, &points, &a, &mut got);
         let mut scratch = Vec::new();
         for i in 0..n {
-            assert!(same(got[i], want[i]), "{name}: block {} against {} at {:?}", got[i], want[i], points[i]);
-            assert!(same(tape.eval(&points[i], &a, &mut scratch), want[i]), "{name}: tape at {:?}", points[i]);
+            assert!(
+                same(got[i], want[i]),
+                "{name}: block {} against {} at {:?}",
+                got[i],
+                want[i],
+                points[i]
+            );
+            assert!(
+                same(tape.eval(&points[i], &a, &mut scratch), want[i]),
+                "{name}: tape at {:?}",
+                points[i]
+            );
         }
         // Derivatives by x, y, z and the parameters: reverse mode against forward jets of the oracle.
         let mut grad = vec![0.0; n * (3 + m)];
@@ -88,24 +131,59 @@ fn all_evaluators_agree_with_the_oracle() {
         let mut jets = vec![Jet2::constant(0.0); n];
         let bound = Bound::new(residual, &a);
         bound.jets(&points, &mut jets);
-        for (i, p) in points.iter().enumerate().filter(|(i, _)| want[*i].is_finite()) {
+        for (i, p) in points
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| want[*i].is_finite())
+        {
             let x: [Jet2; 3] = std::array::from_fn(|k| Jet2::variable(p[k], k));
             let fixed: Vec<Jet2> = a.iter().map(|&v| Jet2::constant(v)).collect();
             let oracle = graph.eval(root, &x, &fixed);
-            let scale = 1.0 + oracle.g.iter().chain(&oracle.h).fold(0.0, |s: f64, v| s.max(v.abs()));
+            let scale = 1.0
+                + oracle
+                    .g
+                    .iter()
+                    .chain(&oracle.h)
+                    .fold(0.0, |s: f64, v| s.max(v.abs()));
             for k in 0..3 {
-                assert!(close(grad[k * n + i], oracle.g[k], scale), "{name}: d{k} {} {} at {p:?}", grad[k * n + i], oracle.g[k]);
-                assert!(close(jets[i].g[k], oracle.g[k], scale), "{name}: jet d{k} at {p:?}");
+                assert!(
+                    close(grad[k * n + i], oracle.g[k], scale),
+                    "{name}: d{k} {} {} at {p:?}",
+                    grad[k * n + i],
+                    oracle.g[k]
+                );
+                assert!(
+                    close(jets[i].g[k], oracle.g[k], scale),
+                    "{name}: jet d{k} at {p:?}"
+                );
             }
             for k in 0..6 {
-                assert!(close(jets[i].h[k], oracle.h[k], scale), "{name}: jet h{k} {} {} at {p:?}", jets[i].h[k], oracle.h[k]);
+                assert!(
+                    close(jets[i].h[k], oracle.h[k], scale),
+                    "{name}: jet h{k} {} {} at {p:?}",
+                    jets[i].h[k],
+                    oracle.h[k]
+                );
             }
             for j in 0..m {
                 let x = p.map(Jet1::<1>::constant);
-                let b: Vec<Jet1<1>> =
-                    a.iter().enumerate().map(|(k, &v)| if k == j { Jet1::variable(v, 0) } else { Jet1::constant(v) }).collect();
+                let b: Vec<Jet1<1>> = a
+                    .iter()
+                    .enumerate()
+                    .map(|(k, &v)| {
+                        if k == j {
+                            Jet1::variable(v, 0)
+                        } else {
+                            Jet1::constant(v)
+                        }
+                    })
+                    .collect();
                 let d = graph.eval(root, &x, &b).g[0];
-                assert!(close(grad[(3 + j) * n + i], d, scale), "{name}: da{j} {} {d} at {p:?}", grad[(3 + j) * n + i]);
+                assert!(
+                    close(grad[(3 + j) * n + i], d, scale),
+                    "{name}: da{j} {} {d} at {p:?}",
+                    grad[(3 + j) * n + i]
+                );
             }
             compared += 1;
         }
@@ -119,20 +197,34 @@ fn bounds_contain_and_pruning_keeps_values() {
     let mut pruned = 0;
     for (name, model, a) in models() {
         let mut graph = Graph::new();
-        let Ok(root) = model.compile(&mut graph) else { continue };
+        let Ok(root) = model.compile(&mut graph) else {
+            continue;
+        };
         let shape = Shape::new(&mut graph, root);
         for root in [root, shape.distance] {
             let bound = Bound::new(Residual::new(Tape::new(&graph, &[root], 3, a.len())), &a);
             for (i, p) in points().iter().enumerate() {
                 let size = [0.01, 0.3, 2.0][i % 3];
-                let region = Aabb { lo: *p, hi: p.map(|v| v + size) };
+                let region = Aabb {
+                    lo: *p,
+                    hi: p.map(|v| v + size),
+                };
                 let (range, rest) = bound.bounds_and_rest(region);
                 for k in 0..8 {
-                    let q: Point3 = std::array::from_fn(|j| p[j] + size * [0.0, 0.37, 0.81, 1.0][(k * (j + 1) + j) % 4]);
+                    let q: Point3 = std::array::from_fn(|j| {
+                        p[j] + size * [0.0, 0.37, 0.81, 1.0][(k * (j + 1) + j) % 4]
+                    });
                     let v = bound.value(q);
-                    assert!(!v.is_finite() || range.contains(v), "{name}: {v} outside {range:?} at {q:?}");
+                    assert!(
+                        !v.is_finite() || range.contains(v),
+                        "{name}: {v} outside {range:?} at {q:?}"
+                    );
                     if let Some(short) = &rest {
-                        assert!(same(short.value(q), v), "{name}: pruned {} against {v} at {q:?}", short.value(q));
+                        assert!(
+                            same(short.value(q), v),
+                            "{name}: pruned {} against {v} at {q:?}",
+                            short.value(q)
+                        );
                         pruned += 1;
                     }
                 }
@@ -149,13 +241,19 @@ fn normal_equations_are_the_jacobians() {
     let mut graph = Graph::new();
     let root = model.compile(&mut graph).expect("an expression");
     let residual = Residual::new(Tape::new(&graph, &[root], 3, 12));
-    let points: Vec<Point3> =
-        (0..5001).map(|i| std::array::from_fn(|k| 5.0 * ((f64::from(i) + 1.0) * [0.754, 0.569, 0.437][k]).sin())).collect();
+    let points: Vec<Point3> = (0..5001)
+        .map(|i| {
+            std::array::from_fn(|k| 5.0 * ((f64::from(i) + 1.0) * [0.754, 0.569, 0.437][k]).sin())
+        })
+        .collect();
     let weights: Vec<f64> = (0..5001).map(|i| 1.0 / (1.0 + f64::from(i % 7))).collect();
     let (mut f, mut jac) = (vec![0.0; 5001], vec![0.0; 5001 * 12]);
     residual.jacobian(&points, &A, &mut f, &mut jac);
     let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("a pool");
         let (mut g, mut h) = (vec![0.0; 12], vec![0.0; 144]);
         let s = pool.install(|| residual.normal_equations(&points, &weights, &A, &mut g, &mut h));
         let again = pool.install(|| residual.sum_of_squares(&points, &weights, &A));
@@ -168,7 +266,11 @@ fn normal_equations_are_the_jacobians() {
     assert!((sum(&|i| f[i] * f[i]) / s - 1.0).abs() < 1e-12);
     for i in 0..12 {
         let want = sum(&|k| f[k] * jac[k * 12 + i]);
-        assert!((g[i] - want).abs() <= 1e-9 * (1.0 + want.abs()), "{i}: {} {want}", g[i]);
+        assert!(
+            (g[i] - want).abs() <= 1e-9 * (1.0 + want.abs()),
+            "{i}: {} {want}",
+            g[i]
+        );
         for j in 0..12 {
             let want = sum(&|k| jac[k * 12 + i] * jac[k * 12 + j]);
             assert!((h[i * 12 + j] - want).abs() <= 1e-9 * (1.0 + want.abs()));
@@ -183,5 +285,13 @@ fn native_functions_claim_nothing() {
     let mut graph = Graph::new();
     let root = model.compile(&mut graph).expect("an expression");
     let bound = Bound::new(Residual::new(Tape::new(&graph, &[root], 3, 12)), &A);
-    assert_eq!(bound.bounds(Aabb { lo: [0.0; 3], hi: [1.0; 3] }).hi(), Interval::ALL.hi());
+    assert_eq!(
+        bound
+            .bounds(Aabb {
+                lo: [0.0; 3],
+                hi: [1.0; 3]
+            })
+            .hi(),
+        Interval::ALL.hi()
+    );
 }

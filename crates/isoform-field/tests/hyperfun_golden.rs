@@ -13,18 +13,35 @@ struct Golden {
 }
 
 fn numbers(text: &str) -> Vec<f64> {
-    text.split(',').map(|w| w.trim().parse().unwrap_or_else(|_| panic!("{w} is no number"))).collect()
+    text.split(',')
+        .map(|w| {
+            w.trim()
+                .parse()
+                .unwrap_or_else(|_| panic!("{w} is no number"))
+        })
+        .collect()
 }
 
 fn golden(path: &Path) -> Golden {
-    let mut g = Golden { tolerance: f64::NAN, columns: 0, blocks: Vec::new() };
+    let mut g = Golden {
+        tolerance: f64::NAN,
+        columns: 0,
+        blocks: Vec::new(),
+    };
     for line in fs::read_to_string(path).expect("readable").lines() {
         if let Some(a) = line.strip_prefix("# a:") {
             g.blocks.push((numbers(a), Vec::new()));
         } else if let Some(columns) = line.strip_prefix("# columns:") {
-            g.columns = columns.split(',').position(|c| c.trim() == "f").expect("a column f");
+            g.columns = columns
+                .split(',')
+                .position(|c| c.trim() == "f")
+                .expect("a column f");
         } else if let Some((_, t)) = line.split_once("|df| <= ") {
-            g.tolerance = t.split('*').next().and_then(|t| t.parse().ok()).expect("a tolerance");
+            g.tolerance = t
+                .split('*')
+                .next()
+                .and_then(|t| t.parse().ok())
+                .expect("a tolerance");
         } else if !line.starts_with('#') && !line.is_empty() {
             g.blocks.last_mut().expect("a block").1.push(numbers(line));
         }
@@ -51,15 +68,30 @@ fn check(hf: &Path) -> usize {
             for row in rows {
                 let (x, want) = row.split_at(table.columns);
                 let place = || format!("{} {mode:?} a = {a:?} x = {x:?}", hf.display());
-                let f = evaluator.eval(x, a, &[]).unwrap_or_else(|e| panic!("{}: {e}", place()));
+                let f = evaluator
+                    .eval(x, a, &[])
+                    .unwrap_or_else(|e| panic!("{}: {e}", place()));
                 if let Ok(root) = root {
                     let g = graph.eval(root, x, a);
-                    assert!((g - f).abs() <= 1e-12 * f.abs().max(1.0), "{}: expression {g}, program {f}", place());
+                    assert!(
+                        (g - f).abs() <= 1e-12 * f.abs().max(1.0),
+                        "{}: expression {g}, program {f}",
+                        place()
+                    );
                 }
                 if mode == Mode::Strict {
-                    assert!((f - want[0]).abs() <= table.tolerance * want[0].abs().max(1.0), "{}: {f} for {}", place(), want[0]);
+                    assert!(
+                        (f - want[0]).abs() <= table.tolerance * want[0].abs().max(1.0),
+                        "{}: {f} for {}",
+                        place(),
+                        want[0]
+                    );
                     for (s, want) in evaluator.attributes().iter().zip(&want[1..]) {
-                        assert!((s - want).abs() <= table.tolerance * want.abs().max(1.0), "{}: {s} for {want}", place());
+                        assert!(
+                            (s - want).abs() <= table.tolerance * want.abs().max(1.0),
+                            "{}: {s} for {want}",
+                            place()
+                        );
                     }
                     compared += 1;
                 }
@@ -67,10 +99,12 @@ fn check(hf: &Path) -> usize {
         }
         // What is printed means the same.
         let pretty = m.pretty();
-        let again = Model::parse(&pretty, mode).unwrap_or_else(|e| panic!("{}: {e}\n{pretty}", hf.display()));
+        let again = Model::parse(&pretty, mode)
+            .unwrap_or_else(|e| panic!("{}: {e}\n{pretty}", hf.display()));
         assert_eq!(again.pretty(), pretty);
         let (a, rows) = &table.blocks[0];
-        let fitted = Model::parse(&m.print_fitted(a, None), mode).unwrap_or_else(|e| panic!("{}: {e}", hf.display()));
+        let fitted = Model::parse(&m.print_fitted(a, None), mode)
+            .unwrap_or_else(|e| panic!("{}: {e}", hf.display()));
         for row in rows.iter().take(5) {
             let x = &row[..table.columns];
             let zero = vec![0.0; fitted.n_params()];
@@ -83,8 +117,14 @@ fn check(hf: &Path) -> usize {
 }
 
 fn models(folder: &Path) -> Vec<PathBuf> {
-    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
-    let mut found: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "hf")).collect();
+    let Ok(entries) = fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let mut found: Vec<PathBuf> = entries
+        .flatten()
+        .map(|e| e.path())
+        .filter(|p| p.extension().is_some_and(|e| e == "hf"))
+        .collect();
     found.retain(|p| p.with_extension("csv").exists());
     found.sort();
     found
@@ -95,7 +135,10 @@ fn own() -> PathBuf {
 }
 
 fn shared() -> PathBuf {
-    std::env::var_os("ISOFORM_SHARED").map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from)
+    std::env::var_os("ISOFORM_SHARED").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
+        PathBuf::from,
+    )
 }
 
 #[test]
@@ -121,6 +164,7 @@ fn golden_values_of_the_shared_folder() {
 fn whole_models_compile() {
     for hf in models(&own()) {
         let m = model(&hf, Mode::Default);
-        m.compile(&mut Graph::new()).unwrap_or_else(|e| panic!("{}: {e}", hf.display()));
+        m.compile(&mut Graph::new())
+            .unwrap_or_else(|e| panic!("{}: {e}", hf.display()));
     }
 }

@@ -84,7 +84,9 @@ const WORDS: [&str; 60] = [
 /// Everything that one does with a program.
 fn exercise(text: &str) {
     for mode in [Mode::Default, Mode::Strict] {
-        let Ok(mut m) = Model::parse(text, mode) else { continue };
+        let Ok(mut m) = Model::parse(text, mode) else {
+            continue;
+        };
         m.set_step_limit(20_000);
         let pretty = m.pretty();
         match Model::parse(&pretty, mode) {

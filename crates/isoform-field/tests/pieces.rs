@@ -142,7 +142,12 @@ fn check(text: &str, reach: f64) -> Pieces {
     let mut on_surface = 0;
     for i in 0..n {
         let tree = solid.tree().value(&|k| g[k as usize * n + i]);
-        assert!((tree >= 0.0) == (f[i] >= 0.0), "{:?}: {} of the model, {tree} of the tree", points[i], f[i]);
+        assert!(
+            (tree >= 0.0) == (f[i] >= 0.0),
+            "{:?}: {} of the model, {tree} of the tree",
+            points[i],
+            f[i]
+        );
         if i == 0 || (f[i] >= 0.0) == (f[i - 1] >= 0.0) {
             continue;
         }
@@ -150,18 +155,28 @@ fn check(text: &str, reach: f64) -> Pieces {
         let (mut p, mut q) = (points[i - 1], points[i]);
         for _ in 0..60 {
             let m = between(p, q);
-            *(if (own(&solid, m) >= 0.0) == (f[i - 1] >= 0.0) { &mut p } else { &mut q }) = m;
+            *(if (own(&solid, m) >= 0.0) == (f[i - 1] >= 0.0) {
+                &mut p
+            } else {
+                &mut q
+            }) = m;
         }
         let (value, piece) = solid.tree().value_and_piece(&|k| solid.gradient(k, p).0);
         let slope = norm(solid.gradient(piece, p).1);
         let name = &solid.names()[piece as usize];
         assert!(slope > 1e-3, "{name} is flat at {p:?}");
-        assert!(value.abs() < 1e-12 * slope.max(1.0), "{name} is {value} at {p:?}");
+        assert!(
+            value.abs() < 1e-12 * slope.max(1.0),
+            "{name} is {value} at {p:?}"
+        );
         for _ in 0..4 {
             let step = random.point(0.05);
             let (jump, at) = jump(&solid, piece, p, std::array::from_fn(|k| p[k] + step[k]));
             let (value, _) = solid.gradient(piece, at);
-            assert!(jump < 1e-4 * slope.max(1.0) || value.abs() > 0.02 * slope, "{name} jumps by {jump} at {at:?}");
+            assert!(
+                jump < 1e-4 * slope.max(1.0) || value.abs() > 0.02 * slope,
+                "{name} jumps by {jump} at {at:?}"
+            );
         }
     }
     assert!(on_surface > 20, "{on_surface} points of the surface");
@@ -189,14 +204,26 @@ fn check_evaluators(solid: &Pieces, reach: f64) {
                 solid.names()[piece as usize],
                 one[0]
             );
-            assert!((value - v).abs() <= 1e-12 * (1.0 + v.abs()) && (v, g) == (jet.v, jet.g), "{} at {p:?}", solid.names()[piece as usize]);
-            let region = Aabb { lo: p, hi: p.map(|x| x + 0.3) };
+            assert!(
+                (value - v).abs() <= 1e-12 * (1.0 + v.abs()) && (v, g) == (jet.v, jet.g),
+                "{} at {p:?}",
+                solid.names()[piece as usize]
+            );
+            let region = Aabb {
+                lo: p,
+                hi: p.map(|x| x + 0.3),
+            };
             let mut range = [Interval::ALL];
             solid.bounds(&[piece], region, &mut range);
             for _ in 0..8 {
                 let q = std::array::from_fn(|k| p[k] + 0.3 * random.next());
                 let (v, _) = solid.gradient(piece, q);
-                assert!(range[0].contains(v), "{} at {q:?}: {v} not in {:?}", solid.names()[piece as usize], range[0]);
+                assert!(
+                    range[0].contains(v),
+                    "{} at {q:?}: {v} not in {:?}",
+                    solid.names()[piece as usize],
+                    range[0]
+                );
             }
         }
     }
@@ -205,18 +232,42 @@ fn check_evaluators(solid: &Pieces, reach: f64) {
 #[test]
 fn the_part_has_six_faces_and_two_holes() {
     let solid = check(PART, 6.0);
-    assert_eq!(solid.names(), ["box.x_min", "box.x_max", "box.y_min", "box.y_max", "box.z_min", "box.z_max", "c1", "c2"]);
+    assert_eq!(
+        solid.names(),
+        [
+            "box.x_min",
+            "box.x_max",
+            "box.y_min",
+            "box.y_max",
+            "box.z_min",
+            "box.z_max",
+            "c1",
+            "c2"
+        ]
+    );
     assert_eq!(*solid.tree(), Csg::Min((0..8).map(Csg::Piece).collect()));
     // The closed forms: distances.
     assert_eq!(solid.gradient(1, [4.0, 0.0, 0.0]), (1.0, [-1.0, 0.0, 0.0]));
     let (d, g) = solid.gradient(6, [-0.5, -1.5, 7.0]);
-    assert!((d - 0.25).abs() < 1e-15 && g == [1.0, 0.0, 0.0], "{d} {g:?}");
+    assert!(
+        (d - 0.25).abs() < 1e-15 && g == [1.0, 0.0, 0.0],
+        "{d} {g:?}"
+    );
 }
 
 #[test]
 fn the_gyroid_has_six_faces_and_two_walls() {
     let solid = check(GYROID, 1.1);
-    let names = ["cube.x_max", "cube.x_min", "cube.y_max", "cube.y_min", "cube.z_max", "cube.z_min", "g+", "g-"];
+    let names = [
+        "cube.x_max",
+        "cube.x_min",
+        "cube.y_max",
+        "cube.y_min",
+        "cube.z_max",
+        "cube.z_min",
+        "g+",
+        "g-",
+    ];
     assert_eq!(solid.names(), names);
     assert_eq!(*solid.tree(), Csg::Min((0..8).map(Csg::Piece).collect()));
 }
@@ -234,7 +285,10 @@ fn a_smooth_maximum_is_a_piece_for_each_pair_of_sides() {
     let side = 12;
     assert_eq!(solid.names()[side], "plate.z_max+boss");
     let (v, g) = solid.gradient(side as u32, [1.0, 0.0, 0.5]);
-    assert!((v - 0.1).abs() < 1e-15 && (g[0] + 0.5).abs() < 1e-15 && (g[2] + 0.5).abs() < 1e-15, "{v} {g:?}");
+    assert!(
+        (v - 0.1).abs() < 1e-15 && (g[0] + 0.5).abs() < 1e-15 && (g[2] + 0.5).abs() < 1e-15,
+        "{v} {g:?}"
+    );
 }
 
 #[test]
@@ -243,9 +297,20 @@ fn ranges_of_blends_are_tight() {
     let text = "my_model(x[3], a[1]) { my_model = hfDBlendUni(1 - x[1], 1 - x[2], 0.5); }";
     let solid = pieces(text);
     let mut range = [Interval::ALL];
-    solid.bounds(&[0], Aabb { lo: [0.0; 3], hi: [2.0; 3] }, &mut range);
+    solid.bounds(
+        &[0],
+        Aabb {
+            lo: [0.0; 3],
+            hi: [2.0; 3],
+        },
+        &mut range,
+    );
     let (least, most) = (solid.gradient(0, [2.0; 3]).0, solid.gradient(0, [0.0; 3]).0);
-    assert!((range[0].lo() - least).abs() < 1e-12 && (range[0].hi() - most).abs() < 1e-12, "{:?}", range[0]);
+    assert!(
+        (range[0].lo() - least).abs() < 1e-12 && (range[0].hi() - most).abs() < 1e-12,
+        "{:?}",
+        range[0]
+    );
 }
 
 #[test]
@@ -291,11 +356,21 @@ fn formulas_without_kinks_of_their_own_stay_one_piece() {
 fn factors_and_monotone_functions_pass() {
     let text = "my_model(x[3], a[1]) { u = max(abs(x[1]), abs(x[2])); my_model = min((1 - u^3)/(2 + x[3]^2), 1 - exp(abs(x[3])) + 2); }";
     let solid = check(text, 3.0);
-    assert_eq!(solid.names(), ["u.x_max", "u.x_min", "u.y_max", "u.y_min", "z_max", "z_min"]);
+    assert_eq!(
+        solid.names(),
+        ["u.x_max", "u.x_min", "u.y_max", "u.y_min", "z_max", "z_min"]
+    );
     // A wall about a cube: outer and inner sides.
     let wall = "my_model(x[3], a[1]) { b = min(1 - abs(x[1]), min(1 - abs(x[2]), 1 - abs(x[3]))); my_model = 0.1 - abs(b); }";
     let solid = check(wall, 1.5);
-    assert_eq!((solid.names().len(), solid.names()[0].as_str(), solid.names()[6].as_str()), (12, "b.x_max+", "b.x_max-"));
+    assert_eq!(
+        (
+            solid.names().len(),
+            solid.names()[0].as_str(),
+            solid.names()[6].as_str()
+        ),
+        (12, "b.x_max+", "b.x_max-")
+    );
     // The same of one expression is one piece.
     let twice = "my_model(x[3], a[1]) { u = 1 - x[1]; my_model = min(u, max(u, x[2])) | min(u, 0 - x[3]); }";
     assert_eq!(check(twice, 3.0).names().len(), 3);
@@ -303,13 +378,24 @@ fn factors_and_monotone_functions_pass() {
 
 #[test]
 fn parameters_are_fixed() {
-    let model =
-        Model::parse("my_model(x[3], a[2]) { my_model = a[1]*min(1 - abs(x[1]), a[2] - abs(x[2])); }", Mode::Default).expect("a program");
+    let model = Model::parse(
+        "my_model(x[3], a[2]) { my_model = a[1]*min(1 - abs(x[1]), a[2] - abs(x[2])); }",
+        Mode::Default,
+    )
+    .expect("a program");
     let solid = |a: &[f64]| Pieces::of_model(&model, a);
     assert!(matches!(solid(&[2.0, 1.0]).expect("a solid").tree(), Csg::Min(all) if all.len() == 4));
     // A negative factor turns the solid inside out.
-    assert!(matches!(solid(&[-2.0, 1.0]).expect("a solid").tree(), Csg::Max(all) if all.len() == 4));
-    assert_eq!(solid(&[1.0]).err(), Some(SolidError::Parameters { expected: 2, found: 1 }));
+    assert!(
+        matches!(solid(&[-2.0, 1.0]).expect("a solid").tree(), Csg::Max(all) if all.len() == 4)
+    );
+    assert_eq!(
+        solid(&[1.0]).err(),
+        Some(SolidError::Parameters {
+            expected: 2,
+            found: 1
+        })
+    );
 }
 
 #[test]
@@ -318,13 +404,26 @@ fn what_is_no_solid_says_so() {
         let model = Model::parse(text, Mode::Default).expect("a program");
         Pieces::of_model(&model, &vec![0.0; model.n_params()]).map(|s| s.names().len())
     };
-    assert_eq!(solid("my_model(x[2], a[1]) { my_model = x[1]; }"), Err(SolidError::Dimension { found: 2 }));
-    assert_eq!(solid("my_model(x[3], a[1]) { my_model = max(1, x[1]); }"), Err(SolidError::NoSurface { inside: true }));
-    assert_eq!(solid("my_model(x[3], a[1]) { my_model = 0 - 1; }"), Err(SolidError::NoSurface { inside: false }));
-    let running = "my_model(x[3], a[1]) { i = 0; while i < x[1] loop i = i + 1; endloop; my_model = 2 - i; }";
+    assert_eq!(
+        solid("my_model(x[2], a[1]) { my_model = x[1]; }"),
+        Err(SolidError::Dimension { found: 2 })
+    );
+    assert_eq!(
+        solid("my_model(x[3], a[1]) { my_model = max(1, x[1]); }"),
+        Err(SolidError::NoSurface { inside: true })
+    );
+    assert_eq!(
+        solid("my_model(x[3], a[1]) { my_model = 0 - 1; }"),
+        Err(SolidError::NoSurface { inside: false })
+    );
+    let running =
+        "my_model(x[3], a[1]) { i = 0; while i < x[1] loop i = i + 1; endloop; my_model = 2 - i; }";
     assert!(matches!(solid(running), Err(SolidError::NoExpression(_))));
     let model = Model::parse(running, Mode::Default).expect("a program");
-    let one = OnePiece::new(RunField::new(&model, &[0.0]).expect("three coordinates"), model.name());
+    let one = OnePiece::new(
+        RunField::new(&model, &[0.0]).expect("three coordinates"),
+        model.name(),
+    );
     assert_eq!(one.gradient(0, [1.5, 0.0, 0.0]).0, 0.0);
     assert_eq!(one.gradient(0, [2.5, 0.0, 0.0]).0, -1.0);
 }
@@ -336,8 +435,7 @@ fn large_and_deep_models_end() {
         Pieces::of_model(&model, &[0.0])
     };
     // A long union is one level.
-    let long =
-        "my_model(x[3], a[1]) { f = 1 - x[1]; i = 0; while i < 3000 loop i = i + 1; f = max(f, x[1]*i - i*i); endloop; my_model = f; }";
+    let long = "my_model(x[3], a[1]) { f = 1 - x[1]; i = 0; while i < 3000 loop i = i + 1; f = max(f, x[1]*i - i*i); endloop; my_model = f; }";
     assert_eq!(solid(long).expect("a solid").names().len(), 3001);
     // Unions of cuts of unions …
     let deep = "my_model(x[3], a[1]) { f = 1 - x[1]; i = 0; while i < 5000 loop i = i + 1; f = min(max(f, x[2] - i), x[3] - i); endloop; my_model = f; }";

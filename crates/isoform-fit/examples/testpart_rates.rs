@@ -8,7 +8,9 @@ mod support;
 use isoform_fit::{Control, Fit, Options, fit};
 use isoform_geom::Point3;
 use std::time::Instant;
-use support::{HI, LO, SET1, SET2, TRUTH, TestPart, cramer_rao, rows_of, shared, variant, worst_error};
+use support::{
+    HI, LO, SET1, SET2, TRUTH, TestPart, cramer_rao, rows_of, shared, variant, worst_error,
+};
 
 fn main() {
     let Some(folder) = shared() else {
@@ -17,16 +19,35 @@ fn main() {
     };
     let wide = rows_of(&folder.join("fitting/starts100.txt"));
     let said: Vec<String> = std::env::args().skip(1).collect();
-    let all = ["clean", "noise0.01", "noise0.05", "poly", "partial", "outlier10", "hidden"];
-    let names: Vec<&str> = if said.is_empty() { all.to_vec() } else { said.iter().map(String::as_str).collect() };
+    let all = [
+        "clean",
+        "noise0.01",
+        "noise0.05",
+        "poly",
+        "partial",
+        "outlier10",
+        "hidden",
+    ];
+    let names: Vec<&str> = if said.is_empty() {
+        all.to_vec()
+    } else {
+        said.iter().map(String::as_str).collect()
+    };
     for name in names {
         if let Some(sigma) = name.strip_prefix("draws") {
             draws(sigma.parse().expect("a deviation"));
             continue;
         }
         let points = variant(name).expect("a variant");
-        let starts: Vec<Vec<f64>> = [SET1.to_vec(), SET2.to_vec()].into_iter().chain(wide.iter().cloned()).collect();
-        let starts = if name == "outlier10" { &starts[..22] } else { &starts[..] };
+        let starts: Vec<Vec<f64>> = [SET1.to_vec(), SET2.to_vec()]
+            .into_iter()
+            .chain(wide.iter().cloned())
+            .collect();
+        let starts = if name == "outlier10" {
+            &starts[..22]
+        } else {
+            &starts[..]
+        };
         run(name, &points, starts);
     }
 }
@@ -47,13 +68,18 @@ fn run(name: &str, points: &[Point3], starts: &[Vec<f64>]) {
             (if name == "poly" { 2e-2 } else { 1e-2 } * TRUTH[i].abs()).max(5.0 * sigma * sd[i])
         }
     };
-    let (mut good, mut times, mut z_worst, mut phases) = (0, Vec::new(), 0.0_f64, Vec::<(&str, f64)>::new());
+    let (mut good, mut times, mut z_worst, mut phases) =
+        (0, Vec::new(), 0.0_f64, Vec::<(&str, f64)>::new());
     let mut worst: f64 = 0.0;
     let mut outliers = Vec::new();
     let mut starts_run = 0;
     let mut last: Option<Fit> = None;
     for start in starts {
-        let options = Options { start: Some(start.clone()), bounds: bounds.clone(), ..Options::default() };
+        let options = Options {
+            start: Some(start.clone()),
+            bounds: bounds.clone(),
+            ..Options::default()
+        };
         let begun = Instant::now();
         let fitted = match fit(points, &template, &options, &Control::default()) {
             Ok(fitted) => fitted,
@@ -65,22 +91,36 @@ fn run(name: &str, points: &[Point3], starts: &[Vec<f64>]) {
         times.push(begun.elapsed().as_secs_f64() * 1e3);
         let a = support::canonical(&fitted.values());
         let ok = if name == "hidden" {
-            let open: Vec<&str> =
-                fitted.parameters.iter().filter(|p| p.status.as_str() == "undetermined").map(|p| p.name.as_str()).collect();
-            let d: f64 = (0..12).filter(|i| *i != 2 && *i != 5).map(|i| (a[i] - TRUTH[i]).abs() / (0.01 * sd[i])).fold(0.0, f64::max);
-            worst = worst.max(d.max((a[2] + a[5] - TRUTH[2] - TRUTH[5]).abs() / (0.01 / 2280f64.sqrt())));
+            let open: Vec<&str> = fitted
+                .parameters
+                .iter()
+                .filter(|p| p.status.as_str() == "undetermined")
+                .map(|p| p.name.as_str())
+                .collect();
+            let d: f64 = (0..12)
+                .filter(|i| *i != 2 && *i != 5)
+                .map(|i| (a[i] - TRUTH[i]).abs() / (0.01 * sd[i]))
+                .fold(0.0, f64::max);
+            worst = worst
+                .max(d.max((a[2] + a[5] - TRUTH[2] - TRUTH[5]).abs() / (0.01 / 2280f64.sqrt())));
             open == ["vz", "dz"] && d < 3.0
         } else {
             worst = worst.max(worst_error(&a));
             (0..12).all(|i| (a[i] - TRUTH[i]).abs() <= tolerance(i))
         };
         if !ok {
-            println!("  miss {a:.4?} starts {} hits {} {:?}", fitted.starts, fitted.hits, fitted.warnings);
+            println!(
+                "  miss {a:.4?} starts {} hits {} {:?}",
+                fitted.starts, fitted.hits, fitted.warnings
+            );
         }
         good += usize::from(ok);
         starts_run += fitted.starts;
         if sigma > 0.0 {
-            let z: f64 = (0..12).map(|i| ((a[i] - TRUTH[i]) / (sigma * sd[i])).powi(2)).sum::<f64>() / 12.0;
+            let z: f64 = (0..12)
+                .map(|i| ((a[i] - TRUTH[i]) / (sigma * sd[i])).powi(2))
+                .sum::<f64>()
+                / 12.0;
             z_worst = z_worst.max(z.sqrt());
         }
         outliers.push(fitted.n_outliers);
@@ -131,12 +171,20 @@ fn draws(sigma: f64) {
     for seed in 0..DRAWS {
         let mut points = clean.clone();
         support::noise(&mut points, sigma, seed as u64 + 100);
-        let options = Options { start: Some(SET1.to_vec()), bounds: bounds.clone(), ..Options::default() };
+        let options = Options {
+            start: Some(SET1.to_vec()),
+            bounds: bounds.clone(),
+            ..Options::default()
+        };
         let f = fit(&points, &template, &options, &Control::default()).expect("a fit");
         let a = f.values();
         let swapped = support::canonical(&a) != a[..];
         for i in 0..12 {
-            let k = if swapped && i >= 6 { (i - 6 + 3) % 6 + 6 } else { i };
+            let k = if swapped && i >= 6 {
+                (i - 6 + 3) % 6 + 6
+            } else {
+                i
+            };
             let p = &f.parameters[k];
             let (lo, hi) = p.ci95.unwrap_or((f64::NAN, f64::NAN));
             inside += usize::from(lo <= TRUTH[i] && TRUTH[i] <= hi);

@@ -35,7 +35,15 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { temperature: 0.1, temperatures: 100, adaptations: 5, probes: 32, max_evaluations: 400_000, threshold: 0.0, seed: 2004 }
+        Self {
+            temperature: 0.1,
+            temperatures: 100,
+            adaptations: 5,
+            probes: 32,
+            max_evaluations: 400_000,
+            threshold: 0.0,
+            seed: 2004,
+        }
     }
 }
 
@@ -67,7 +75,9 @@ pub fn minimize(
     let mut value = finite(objective.value(&x));
     let mut probes: Vec<f64> = (0..options.probes.max(1))
         .map(|_| {
-            let p: Vec<f64> = (0..n).map(|i| lo[i] + (hi[i] - lo[i]) * random.f64()).collect();
+            let p: Vec<f64> = (0..n)
+                .map(|i| lo[i] + (hi[i] - lo[i]) * random.f64())
+                .collect();
             finite(objective.value(&p))
         })
         .collect();
@@ -75,14 +85,23 @@ pub fn minimize(
     let mut evaluations = 1 + probes.len();
     let typical = probes[probes.len() / 2].min(f64::MAX);
     let per_temperature = (options.adaptations * CYCLES * n).max(1);
-    let temperatures = options.temperatures.min(options.max_evaluations / (2 * per_temperature)).max(1);
+    let temperatures = options
+        .temperatures
+        .min(options.max_evaluations / (2 * per_temperature))
+        .max(1);
     let frozen = (options.max_evaluations / per_temperature).saturating_sub(temperatures);
-    let mut best = Annealed { x: x.clone(), value, evaluations, reached: value <= options.threshold };
+    let mut best = Annealed {
+        x: x.clone(),
+        value,
+        evaluations,
+        reached: value <= options.threshold,
+    };
     let mut x = x;
     let mut step: Vec<f64> = (0..n).map(|i| 0.5 * (hi[i] - lo[i])).collect();
     let mut trial = x.clone();
     'cooling: for k in 0..temperatures + frozen {
-        let temperature = options.temperature * typical * (1.0 - k as f64 / temperatures as f64).max(0.0);
+        let temperature =
+            options.temperature * typical * (1.0 - k as f64 / temperatures as f64).max(0.0);
         let before = best.value;
         for _ in 0..options.adaptations {
             let mut passed = vec![0_usize; n];
@@ -95,7 +114,11 @@ pub fn minimize(
                     }
                     let moved: Vec<f64> = trial.iter().zip(&x).map(|(u, v)| u - v).collect();
                     let allowed = objective.step_limit(&x, &moved) >= 1.0;
-                    let found = if allowed { finite(objective.value(&trial)) } else { f64::INFINITY };
+                    let found = if allowed {
+                        finite(objective.value(&trial))
+                    } else {
+                        f64::INFINITY
+                    };
                     evaluations += 1;
                     if found <= value || random.f64() < ((value - found) / temperature).exp() {
                         x[i] = trial[i];
@@ -143,17 +166,47 @@ mod tests {
 
     #[test]
     fn finds_the_lowest_of_many_minima() {
-        let options = Options { max_evaluations: 60_000, ..Options::default() };
-        let out = minimize(&mut Egg(3), vec![3.1, -2.4, 3.9], &[-4.0; 3], &[4.0; 3], &options, &mut |_, _| true);
+        let options = Options {
+            max_evaluations: 60_000,
+            ..Options::default()
+        };
+        let out = minimize(
+            &mut Egg(3),
+            vec![3.1, -2.4, 3.9],
+            &[-4.0; 3],
+            &[4.0; 3],
+            &options,
+            &mut |_, _| true,
+        );
         assert!(out.value < 0.01, "{out:?}");
-        let again = minimize(&mut Egg(3), vec![3.1, -2.4, 3.9], &[-4.0; 3], &[4.0; 3], &options, &mut |_, _| true);
+        let again = minimize(
+            &mut Egg(3),
+            vec![3.1, -2.4, 3.9],
+            &[-4.0; 3],
+            &[4.0; 3],
+            &options,
+            &mut |_, _| true,
+        );
         assert_eq!(out.x, again.x);
     }
 
     #[test]
     fn ends_at_the_threshold() {
-        let options = Options { threshold: 1.0, ..Options::default() };
-        let out = minimize(&mut Egg(2), vec![3.1, -2.4], &[-4.0; 2], &[4.0; 2], &options, &mut |_, _| true);
-        assert!(out.reached && out.value <= 1.0 && out.evaluations < 20_000, "{out:?}");
+        let options = Options {
+            threshold: 1.0,
+            ..Options::default()
+        };
+        let out = minimize(
+            &mut Egg(2),
+            vec![3.1, -2.4],
+            &[-4.0; 2],
+            &[4.0; 2],
+            &options,
+            &mut |_, _| true,
+        );
+        assert!(
+            out.reached && out.value <= 1.0 && out.evaluations < 20_000,
+            "{out:?}"
+        );
     }
 }

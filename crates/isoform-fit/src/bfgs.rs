@@ -19,7 +19,11 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { max_iterations: 2000, decrease: 1e-12, gradient: 1e-9 }
+        Self {
+            max_iterations: 2000,
+            decrease: 1e-12,
+            gradient: 1e-9,
+        }
     }
 }
 
@@ -37,7 +41,12 @@ pub fn minimize(
     let mut value = objective.model(&x, &mut g, &mut unused);
     let mut iterations = 1;
     if !value.is_finite() || g.iter().any(|v| !v.is_finite()) {
-        return Minimum { x, value: f64::INFINITY, iterations, stop: Stop::NotFinite };
+        return Minimum {
+            x,
+            value: f64::INFINITY,
+            iterations,
+            stop: Stop::NotFinite,
+        };
     }
     let mut inverse = identity(n, 1.0 / norm(&g).max(f64::MIN_POSITIVE));
     let mut is_fresh = true;
@@ -46,19 +55,35 @@ pub fn minimize(
         if !monitor(iterations, &x, value) {
             break Stop::Told;
         }
-        let held: Vec<bool> = (0..n).map(|i| (x[i] <= lo[i] && g[i] > 0.0) || (x[i] >= hi[i] && g[i] < 0.0)).collect();
-        let slope = (0..n).filter(|&i| !held[i]).map(|i| g[i].abs()).fold(0.0, f64::max);
+        let held: Vec<bool> = (0..n)
+            .map(|i| (x[i] <= lo[i] && g[i] > 0.0) || (x[i] >= hi[i] && g[i] < 0.0))
+            .collect();
+        let slope = (0..n)
+            .filter(|&i| !held[i])
+            .map(|i| g[i].abs())
+            .fold(0.0, f64::max);
         first = first.max(slope);
         if value == 0.0 || slope <= options.gradient * first {
             break Stop::Converged;
         }
         let mut p: Vec<f64> = (0..n)
-            .map(|i| if held[i] { 0.0 } else { -(0..n).filter(|&j| !held[j]).map(|j| inverse[i * n + j] * g[j]).sum::<f64>() })
+            .map(|i| {
+                if held[i] {
+                    0.0
+                } else {
+                    -(0..n)
+                        .filter(|&j| !held[j])
+                        .map(|j| inverse[i * n + j] * g[j])
+                        .sum::<f64>()
+                }
+            })
             .collect();
         if dot(&p, &g) >= 0.0 || p.iter().any(|v| !v.is_finite()) {
             inverse = identity(n, 1.0 / norm(&g).max(f64::MIN_POSITIVE));
             is_fresh = true;
-            p = (0..n).map(|i| if held[i] { 0.0 } else { -inverse[0] * g[i] }).collect();
+            p = (0..n)
+                .map(|i| if held[i] { 0.0 } else { -inverse[0] * g[i] })
+                .collect();
         }
         // Backtracking by interpolation along the projected path.
         let mut t: f64 = 1.0;
@@ -66,21 +91,39 @@ pub fn minimize(
             if iterations >= options.max_iterations {
                 break Err(Stop::Iterations);
             }
-            let trial: Vec<f64> = (0..n).map(|i| (x[i] + t * p[i]).clamp(lo[i], hi[i])).collect();
+            let trial: Vec<f64> = (0..n)
+                .map(|i| (x[i] + t * p[i]).clamp(lo[i], hi[i]))
+                .collect();
             let s: Vec<f64> = trial.iter().zip(&x).map(|(u, v)| u - v).collect();
             let limit = objective.step_limit(&x, &s);
-            let trial: Vec<f64> = if limit < 1.0 { x.iter().zip(&s).map(|(v, s)| v + limit * s).collect() } else { trial };
+            let trial: Vec<f64> = if limit < 1.0 {
+                x.iter().zip(&s).map(|(v, s)| v + limit * s).collect()
+            } else {
+                trial
+            };
             let found = objective.model(&trial, &mut g_new, &mut unused);
             iterations += 1;
             let descent = 2.0 * dot(&g, &s);
-            if found.is_finite() && g_new.iter().all(|v| v.is_finite()) && found <= value + 1e-4 * descent.min(0.0) && found < value {
+            if found.is_finite()
+                && g_new.iter().all(|v| v.is_finite())
+                && found <= value + 1e-4 * descent.min(0.0)
+                && found < value
+            {
                 break Ok((trial, found));
             }
             if s.iter().all(|v| v.abs() < 1e-14) {
                 break Err(Stop::Converged);
             }
-            let cut = if found.is_finite() { -0.5 * descent / (found - value - descent) } else { 0.1 };
-            t *= if cut.is_finite() { cut.clamp(0.1, 0.5) } else { 0.1 };
+            let cut = if found.is_finite() {
+                -0.5 * descent / (found - value - descent)
+            } else {
+                0.1
+            };
+            t *= if cut.is_finite() {
+                cut.clamp(0.1, 0.5)
+            } else {
+                0.1
+            };
         };
         let (trial, found) = match taken {
             Ok(taken) => taken,
@@ -109,23 +152,33 @@ pub fn minimize(
             break Stop::Converged;
         }
     };
-    Minimum { x, value, iterations, stop }
+    Minimum {
+        x,
+        value,
+        iterations,
+        stop,
+    }
 }
 
 /// H ← (I − ρ s yᵀ) H (I − ρ y sᵀ) + ρ s sᵀ.
 fn update(inverse: &mut [f64], s: &[f64], y: &[f64], sy: f64) {
     let n = s.len();
-    let hy: Vec<f64> = (0..n).map(|i| dot(&inverse[i * n..(i + 1) * n], y)).collect();
+    let hy: Vec<f64> = (0..n)
+        .map(|i| dot(&inverse[i * n..(i + 1) * n], y))
+        .collect();
     let yhy = dot(y, &hy);
     for i in 0..n {
         for j in 0..n {
-            inverse[i * n + j] += (1.0 + yhy / sy) * s[i] * s[j] / sy - (hy[i] * s[j] + s[i] * hy[j]) / sy;
+            inverse[i * n + j] +=
+                (1.0 + yhy / sy) * s[i] * s[j] / sy - (hy[i] * s[j] + s[i] * hy[j]) / sy;
         }
     }
 }
 
 fn identity(n: usize, v: f64) -> Vec<f64> {
-    (0..n * n).map(|k| if k / n == k % n { v } else { 0.0 }).collect()
+    (0..n * n)
+        .map(|k| if k / n == k % n { v } else { 0.0 })
+        .collect()
 }
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
@@ -141,15 +194,30 @@ mod tests {
 
     fn run(objective: &mut dyn Objective, start: &[f64], lo: f64, hi: f64) -> Minimum {
         let n = start.len();
-        minimize(objective, start.to_vec(), &vec![lo; n], &vec![hi; n], &Options::default(), &mut |_, _, _| true)
+        minimize(
+            objective,
+            start.to_vec(),
+            &vec![lo; n],
+            &vec![hi; n],
+            &Options::default(),
+            &mut |_, _, _| true,
+        )
     }
 
     #[test]
     fn rosenbrock_without_and_with_bounds() {
-        let free = run(&mut Rosenbrock, &[-1.2, 1.0], f64::NEG_INFINITY, f64::INFINITY);
+        let free = run(
+            &mut Rosenbrock,
+            &[-1.2, 1.0],
+            f64::NEG_INFINITY,
+            f64::INFINITY,
+        );
         assert!(free.x.iter().all(|v| (v - 1.0).abs() < 1e-5), "{free:?}");
         let bound = run(&mut Rosenbrock, &[-1.2, -1.0], -2.0, 0.5);
-        assert!((bound.x[0] - 0.5).abs() < 1e-6 && (bound.x[1] - 0.25).abs() < 1e-4, "{bound:?}");
+        assert!(
+            (bound.x[0] - 0.5).abs() < 1e-6 && (bound.x[1] - 0.25).abs() < 1e-4,
+            "{bound:?}"
+        );
     }
 
     #[test]
@@ -160,6 +228,9 @@ mod tests {
 
     #[test]
     fn a_function_without_numbers_is_left_alone() {
-        assert_eq!(run(&mut crate::testing::Nothing, &[0.5], 0.0, 1.0).stop, Stop::NotFinite);
+        assert_eq!(
+            run(&mut crate::testing::Nothing, &[0.5], 0.0, 1.0).stop,
+            Stop::NotFinite
+        );
     }
 }

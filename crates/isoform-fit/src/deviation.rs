@@ -52,14 +52,23 @@ pub(crate) struct Surface {
 
 /// Distances as the residuals say, over the points whose flag in `left_out` is not set.
 pub(crate) fn data_to_model(residuals: &[f64], left_out: &[bool]) -> DataToModel {
-    let mut d: Vec<f64> = residuals.iter().zip(left_out).filter(|(r, out)| !**out && r.is_finite()).map(|(r, _)| r.abs()).collect();
+    let mut d: Vec<f64> = residuals
+        .iter()
+        .zip(left_out)
+        .filter(|(r, out)| !**out && r.is_finite())
+        .map(|(r, _)| r.abs())
+        .collect();
     if d.is_empty() {
         return DataToModel::default();
     }
     let rms = (d.iter().map(|v| v * v).sum::<f64>() / d.len() as f64).sqrt();
     let at = percentile_index(d.len());
     let p95 = *d.select_nth_unstable_by(at, f64::total_cmp).1;
-    DataToModel { rms, p95, max: d.iter().copied().fold(0.0, f64::max) }
+    DataToModel {
+        rms,
+        p95,
+        max: d.iter().copied().fold(0.0, f64::max),
+    }
 }
 
 fn percentile_index(n: usize) -> usize {
@@ -77,25 +86,42 @@ pub(crate) fn model_to_data(
     samples: usize,
 ) -> Surface {
     let (points, cell) = sample(field, a, data, samples);
-    let distances: Vec<f64> = points.iter().map(|p| tree.nearest(*p).map_or(f64::INFINITY, |(_, d)| d.sqrt())).collect();
+    let distances: Vec<f64> = points
+        .iter()
+        .map(|p| tree.nearest(*p).map_or(f64::INFINITY, |(_, d)| d.sqrt()))
+        .collect();
     // The samples of sparse data are judged by the data's spacing, which a tree over a part of a large cloud overstates at most.
     let from = (SPACINGS * spacing).max(NOISES * noise).max(0.02 * cell);
-    let mut summary = ModelToData { samples: points.len(), uncovered_from: from, ..ModelToData::default() };
+    let mut summary = ModelToData {
+        samples: points.len(),
+        uncovered_from: from,
+        ..ModelToData::default()
+    };
     if !points.is_empty() {
         let n = points.len() as f64;
         let mut d = distances.clone();
         let at = percentile_index(d.len());
         summary.p95 = *d.select_nth_unstable_by(at, f64::total_cmp).1;
         summary.share_uncovered = distances.iter().filter(|d| **d > from).count() as f64 / n;
-        let is_outside = |p: &&Point3| (0..3).any(|i| p[i] < data.lo[i] - from || p[i] > data.hi[i] + from);
+        let is_outside =
+            |p: &&Point3| (0..3).any(|i| p[i] < data.lo[i] - from || p[i] > data.hi[i] + from);
         summary.share_outside = points.iter().filter(is_outside).count() as f64 / n;
     }
-    Surface { points, distances, summary }
+    Surface {
+        points,
+        distances,
+        summary,
+    }
 }
 
 /// Near-uniform points of the zero set of a field that is close to a distance, in a box somewhat larger than `region`; about `wanted`
 /// of them if the surface is like that of the box.
-pub fn surface_samples(field: &dyn ParamField, a: &[f64], region: Aabb, wanted: usize) -> Vec<Point3> {
+pub fn surface_samples(
+    field: &dyn ParamField,
+    a: &[f64],
+    region: Aabb,
+    wanted: usize,
+) -> Vec<Point3> {
     sample(field, a, region, wanted).0
 }
 
@@ -115,14 +141,21 @@ fn sample(field: &dyn ParamField, a: &[f64], data: Aabb, wanted: usize) -> (Vec<
     for k in 0..counts[2] {
         for j in 0..counts[1] {
             for i in 0..counts[0] {
-                nodes.push([(i, 0), (j, 1), (k, 2)].map(|(at, axis)| lo[axis] + size[axis] * (at as f64 + 0.5) / counts[axis] as f64));
+                nodes.push([(i, 0), (j, 1), (k, 2)].map(|(at, axis)| {
+                    lo[axis] + size[axis] * (at as f64 + 0.5) / counts[axis] as f64
+                }));
             }
         }
     }
     let mut f = vec![0.0; nodes.len()];
     field.values(&nodes, a, &mut f);
     // Half a cell's diagonal: every surface cell has a node that near.
-    let mut points: Vec<Point3> = nodes.iter().zip(&f).filter(|(_, f)| f.abs() < 0.87 * cell).map(|(p, _)| *p).collect();
+    let mut points: Vec<Point3> = nodes
+        .iter()
+        .zip(&f)
+        .filter(|(_, f)| f.abs() < 0.87 * cell)
+        .map(|(p, _)| *p)
+        .collect();
     let start = points.clone();
     let mut f = vec![0.0; points.len()];
     let mut g = vec![[0.0; 3]; points.len()];
@@ -144,15 +177,26 @@ fn sample(field: &dyn ParamField, a: &[f64], data: Aabb, wanted: usize) -> (Vec<
         let moved = isoform_geom::distance_squared(*p, *s).sqrt();
         let is_inside = (0..3).all(|i| p[i] >= lo[i] && p[i] <= hi[i]);
         if f.abs() < 1e-2 * cell && moved < 1.8 * cell && is_inside {
-            let key = (0..3).fold(0_u64, |key, i| key * 4_194_304 + ((p[i] - lo[i]) / cell) as u64);
+            let key = (0..3).fold(0_u64, |key, i| {
+                key * 4_194_304 + ((p[i] - lo[i]) / cell) as u64
+            });
             keyed.push((key, *p));
         }
     }
-    keyed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1[0].total_cmp(&b.1[0])).then(a.1[1].total_cmp(&b.1[1])).then(a.1[2].total_cmp(&b.1[2])));
+    keyed.sort_by(|a, b| {
+        a.0.cmp(&b.0)
+            .then(a.1[0].total_cmp(&b.1[0]))
+            .then(a.1[1].total_cmp(&b.1[1]))
+            .then(a.1[2].total_cmp(&b.1[2]))
+    });
     // A cell may hold two sheets (a thin wall): those count twice, points of one sheet once.
     let mut kept: Vec<(u64, Point3)> = Vec::with_capacity(keyed.len());
     for (key, p) in keyed {
-        let near = kept.iter().rev().take_while(|k| k.0 == key).any(|k| isoform_geom::distance_squared(k.1, p) < 0.25 * cell * cell);
+        let near = kept
+            .iter()
+            .rev()
+            .take_while(|k| k.0 == key)
+            .any(|k| isoform_geom::distance_squared(k.1, p) < 0.25 * cell * cell);
         if !near {
             kept.push((key, p));
         }
@@ -161,22 +205,37 @@ fn sample(field: &dyn ParamField, a: &[f64], data: Aabb, wanted: usize) -> (Vec<
 }
 
 /// Correlation of the residuals of sampled points with that of their nearest neighbours: near 0 for noise, near 1 for a bad model.
-pub(crate) fn neighbour_correlation(points: &[Point3], residuals: &[f64], left_out: &[bool], tree: &KdTree, order: &[u32]) -> f64 {
+pub(crate) fn neighbour_correlation(
+    points: &[Point3],
+    residuals: &[f64],
+    left_out: &[bool],
+    tree: &KdTree,
+    order: &[u32],
+) -> f64 {
     const PROBES: usize = 400;
     // A tree over a part of the points has other indices.
     if tree.len() != points.len() {
         return 0.0;
     }
     let (mut xy, mut xx) = (0.0, 0.0);
-    let mut all: Vec<f64> = residuals.iter().map(|r| r.abs()).filter(|r| r.is_finite()).collect();
+    let mut all: Vec<f64> = residuals
+        .iter()
+        .map(|r| r.abs())
+        .filter(|r| r.is_finite())
+        .collect();
     let most = 5.0 * median(&mut all);
     let mut found = Vec::new();
     for &i in order.iter().take(PROBES) {
         let i = i as usize;
         tree.nearest_k(points[i], 2, &mut found);
-        let Some(j) = found.iter().map(|f| f.1 as usize).find(|j| *j != i) else { continue };
+        let Some(j) = found.iter().map(|f| f.1 as usize).find(|j| *j != i) else {
+            continue;
+        };
         if !left_out[i] && !left_out[j] {
-            let (u, v) = (residuals[i].clamp(-most, most), residuals[j].clamp(-most, most));
+            let (u, v) = (
+                residuals[i].clamp(-most, most),
+                residuals[j].clamp(-most, most),
+            );
             xy += u * v;
             xx += 0.5 * (u * u + v * v);
         }

@@ -90,9 +90,17 @@ impl At<'_> {
         let mut flat_at_first: Option<Vec<bool>> = None;
         loop {
             let inverse = inverse(&h, m, &held, NO_CURVATURE * largest);
-            let tests: Vec<Option<(f64, f64)>> =
-                (0..m).map(|k| if held[k] { None } else { self.flatness(k, &inverse, s, base, &weights) }).collect();
-            let first = flat_at_first.get_or_insert_with(|| tests.iter().map(Option::is_some).collect());
+            let tests: Vec<Option<(f64, f64)>> = (0..m)
+                .map(|k| {
+                    if held[k] {
+                        None
+                    } else {
+                        self.flatness(k, &inverse, s, base, &weights)
+                    }
+                })
+                .collect();
+            let first =
+                flat_at_first.get_or_insert_with(|| tests.iter().map(Option::is_some).collect());
             // The freest first.
             let Some((k, sense)) = (0..m)
                 .filter_map(|k| tests[k].map(|t| (k, t)))
@@ -102,12 +110,31 @@ impl At<'_> {
                 break;
             };
             let spread = inverse[k * m + k];
-            let direction: Vec<f64> = (0..m).map(|j| if held[j] { 0.0 } else { inverse[j * m + k] / spread }).collect();
-            let group: Vec<usize> = (0..m).filter(|&j| j == k || (first[j] && direction[j].abs() > SHARE)).collect();
+            let direction: Vec<f64> = (0..m)
+                .map(|j| {
+                    if held[j] {
+                        0.0
+                    } else {
+                        inverse[j * m + k] / spread
+                    }
+                })
+                .collect();
+            let group: Vec<usize> = (0..m)
+                .filter(|&j| j == k || (first[j] && direction[j].abs() > SHARE))
+                .collect();
             held[k] = true;
             // Groups that share a variable are one statement.
-            if let Some(known) = open.iter_mut().find(|g| g.iter().any(|j| group.contains(j))) {
-                known.extend(group.iter().filter(|j| !known.contains(j)).copied().collect::<Vec<_>>());
+            if let Some(known) = open
+                .iter_mut()
+                .find(|g| g.iter().any(|j| group.contains(j)))
+            {
+                known.extend(
+                    group
+                        .iter()
+                        .filter(|j| !known.contains(j))
+                        .copied()
+                        .collect::<Vec<_>>(),
+                );
                 known.sort_unstable();
             } else {
                 open.push(group);
@@ -115,11 +142,22 @@ impl At<'_> {
             directions.push((k, direction, sense));
         }
         let covariance = self.covariance(&h, &held, robust, s, largest);
-        Knowledge { covariance, open, directions }
+        Knowledge {
+            covariance,
+            open,
+            directions,
+        }
     }
 
     /// If moving variable k costs next to nothing: the sense that costs least, and the variable's deviation.
-    fn flatness(&self, k: usize, inverse: &[f64], s: f64, base: f64, weights: &[f64]) -> Option<(f64, f64)> {
+    fn flatness(
+        &self,
+        k: usize,
+        inverse: &[f64],
+        s: f64,
+        base: f64,
+        weights: &[f64],
+    ) -> Option<(f64, f64)> {
         let m = self.space.len();
         let spread = inverse[k * m + k];
         if !(spread > 0.0 && spread.is_finite()) {
@@ -129,10 +167,16 @@ impl At<'_> {
         let mut worst = (1.0, f64::INFINITY);
         for sense in [1.0, -1.0] {
             // No farther than half of the range: an open direction is as flat there. A bound in the way shortens the move.
-            let mut t: f64 = (MOVE * deviation).min(0.5 * (self.space.hi[k] - self.space.lo[k])).min(0.5);
+            let mut t: f64 = (MOVE * deviation)
+                .min(0.5 * (self.space.hi[k] - self.space.lo[k]))
+                .min(0.5);
             for j in 0..m {
                 let by = sense * inverse[j * m + k] / spread;
-                let gap = if by > 0.0 { self.space.hi[j] - self.x[j] } else { self.x[j] - self.space.lo[j] };
+                let gap = if by > 0.0 {
+                    self.space.hi[j] - self.x[j]
+                } else {
+                    self.x[j] - self.space.lo[j]
+                };
                 if by.abs() > 0.0 {
                     t = t.min(gap / by.abs());
                 }
@@ -140,13 +184,24 @@ impl At<'_> {
             if t < 2.0 * deviation && deviation < 0.2 {
                 continue; // at a bound: nothing can be said on this side
             }
-            let x: Vec<f64> = (0..m).map(|j| self.x[j] + sense * t * inverse[j * m + k] / spread).collect();
+            let x: Vec<f64> = (0..m)
+                .map(|j| self.x[j] + sense * t * inverse[j * m + k] / spread)
+                .collect();
             let rise = self.sum(&x, weights) - base;
             // For next to no curvature the prediction itself is next to nothing; then a fair rise is one of a few deviations.
-            let predicted = (t * t / spread).max(s * s * MOVE * MOVE * 0.25 * (t / (MOVE * deviation)).min(1.0).powi(2)).max(s * s);
+            let predicted = (t * t / spread)
+                .max(s * s * MOVE * MOVE * 0.25 * (t / (MOVE * deviation)).min(1.0).powi(2))
+                .max(s * s);
             let ratio = rise / predicted;
             if ratio < worst.1 || ratio.is_nan() {
-                worst = (sense, if ratio.is_nan() { f64::NEG_INFINITY } else { ratio });
+                worst = (
+                    sense,
+                    if ratio.is_nan() {
+                        f64::NEG_INFINITY
+                    } else {
+                        ratio
+                    },
+                );
             }
         }
         (worst.1 < RISE).then_some((worst.0, deviation))
@@ -166,11 +221,19 @@ impl At<'_> {
     fn covariance(&self, h: &[f64], held: &[bool], robust: bool, s: f64, largest: f64) -> Vec<f64> {
         let m = self.space.len();
         let free = held.iter().filter(|v| !**v).count();
-        let n = if self.mask.is_empty() { self.residuals.len() } else { self.mask.iter().filter(|m| **m > 0.0).count() };
+        let n = if self.mask.is_empty() {
+            self.residuals.len()
+        } else {
+            self.mask.iter().filter(|m| **m > 0.0).count()
+        };
         let degrees = (n as f64 - free as f64).max(1.0);
         let floor = NO_CURVATURE * largest;
         if !robust {
-            let used = self.residuals.iter().enumerate().filter(|(i, r)| r.is_finite() && self.mask.get(*i) != Some(&0.0));
+            let used = self
+                .residuals
+                .iter()
+                .enumerate()
+                .filter(|(i, r)| r.is_finite() && self.mask.get(*i) != Some(&0.0));
             let sum: f64 = used.map(|(_, r)| r * r).sum();
             let mut c = inverse(h, m, held, floor);
             c.iter_mut().for_each(|v| *v *= sum / degrees);
@@ -183,7 +246,9 @@ impl At<'_> {
         let plus: Vec<f64> = slopes.iter().map(|v| v.max(0.0)).collect();
         let minus: Vec<f64> = slopes.iter().map(|v| (-v).max(0.0)).collect();
         let mut a = self.normal(self.points, &plus);
-        a.iter_mut().zip(self.normal(self.points, &minus)).for_each(|(p, q)| *p -= q);
+        a.iter_mut()
+            .zip(self.normal(self.points, &minus))
+            .for_each(|(p, q)| *p -= q);
         let b = self.normal(self.points, &squares);
         // Where the slopes do not make a positive matrix (few points, gross misfit), the weights do.
         let sound = {

@@ -106,7 +106,12 @@ pub fn minimize(
     let mut value = objective.model(&x, &mut g, &mut h);
     let mut iterations = 1;
     if !finite(value, &g, &h) {
-        return Minimum { x, value: f64::INFINITY, iterations, stop: Stop::NotFinite };
+        return Minimum {
+            x,
+            value: f64::INFINITY,
+            iterations,
+            stop: Stop::NotFinite,
+        };
     }
     let mut region = Region::new(n, options.radius, options.exact);
     let mut past = vec![value];
@@ -123,7 +128,9 @@ pub fn minimize(
             if iterations >= options.max_iterations {
                 break Some(Stop::Iterations);
             }
-            let Some(predicted) = region.step(&x, lo, hi, SHARE.max(1.0 - slope)) else { break Some(Stop::Stagnated) };
+            let Some(predicted) = region.step(&x, lo, hi, SHARE.max(1.0 - slope)) else {
+                break Some(Stop::Stagnated);
+            };
             let limit = objective.step_limit(&x, &region.step);
             let mut length: f64 = 0.0;
             for i in 0..n {
@@ -150,7 +157,8 @@ pub fn minimize(
                 std::mem::swap(&mut h, &mut h_new);
                 value = found;
                 past.push(value);
-                break (fall <= options.decrease * value && ratio > 0.25).then_some(Stop::Converged);
+                break (fall <= options.decrease * value && ratio > 0.25)
+                    .then_some(Stop::Converged);
             }
             // At the rounding level no step can be judged.
             if predicted <= 1e-15 * value {
@@ -161,11 +169,18 @@ pub fn minimize(
             break stop;
         }
         let k = past.len();
-        if k > options.stagnation_window && past[k - 1 - options.stagnation_window] - value < options.stagnation_share * value {
+        if k > options.stagnation_window
+            && past[k - 1 - options.stagnation_window] - value < options.stagnation_share * value
+        {
             break Stop::Stagnated;
         }
     };
-    Minimum { x, value, iterations, stop }
+    Minimum {
+        x,
+        value,
+        iterations,
+        stop,
+    }
 }
 
 fn finite(value: f64, g: &[f64], h: &[f64]) -> bool {
@@ -224,7 +239,11 @@ impl Region {
         let n = self.n;
         let mut slope: f64 = 0.0;
         for i in 0..n {
-            let gap = if g[i] < 0.0 { hi[i] - x[i] } else { x[i] - lo[i] };
+            let gap = if g[i] < 0.0 {
+                hi[i] - x[i]
+            } else {
+                x[i] - lo[i]
+            };
             let v = if gap.is_finite() { gap.max(1e-14) } else { 1.0 };
             slope = slope.max(g[i].abs() * v);
             self.scale[i] = v.sqrt();
@@ -254,7 +273,11 @@ impl Region {
     }
     /// pᵀMq.
     fn cross(&self, p: &[f64], q: &[f64]) -> f64 {
-        self.matrix.chunks_exact(self.n).zip(p).map(|(row, v)| v * dot(row, q)).sum()
+        self.matrix
+            .chunks_exact(self.n)
+            .zip(p)
+            .map(|(row, v)| v * dot(row, q))
+            .sum()
     }
 
     /// Finds `step` and its predicted fall; `None` where the numbers give no step.
@@ -264,7 +287,8 @@ impl Region {
             return None;
         }
         let n = self.n;
-        let unscale = |s: &[f64], p: &[f64]| -> Vec<f64> { s.iter().zip(p).map(|(a, b)| a * b).collect() };
+        let unscale =
+            |s: &[f64], p: &[f64]| -> Vec<f64> { s.iter().zip(p).map(|(a, b)| a * b).collect() };
         let direct = unscale(&self.scale, &self.scaled);
         let stride = to_bound(x, &direct, lo, hi);
         // A cut step that keeps being refused competes with the gradient, too: that always leads down in the end.
@@ -272,28 +296,54 @@ impl Region {
             self.step = direct;
             return Some(-self.value(&self.scaled)).filter(|v| *v > 0.0);
         }
-        let (stride, share_kept) = if stride > 1.0 { (1.0, 1.0) } else { (stride, share) };
+        let (stride, share_kept) = if stride > 1.0 {
+            (1.0, 1.0)
+        } else {
+            (stride, share)
+        };
         let on_bound: Vec<f64> = self.scaled.iter().map(|v| v * stride).collect();
         let mut best: Vec<f64> = on_bound.iter().map(|v| v * share_kept).collect();
         let mut best_value = self.value(&best);
         // The same step, reflected at the bound that it met.
         let reflected: Vec<f64> = (0..n)
             .map(|i| {
-                let gap = if direct[i] > 0.0 { hi[i] - x[i] } else { lo[i] - x[i] };
-                if direct[i] != 0.0 && gap / direct[i] <= stride { -self.scaled[i] } else { self.scaled[i] }
+                let gap = if direct[i] > 0.0 {
+                    hi[i] - x[i]
+                } else {
+                    lo[i] - x[i]
+                };
+                if direct[i] != 0.0 && gap / direct[i] <= stride {
+                    -self.scaled[i]
+                } else {
+                    self.scaled[i]
+                }
             })
             .collect();
-        let at: Vec<f64> = (0..n).map(|i| (x[i] + self.scale[i] * on_bound[i]).clamp(lo[i], hi[i])).collect();
+        let at: Vec<f64> = (0..n)
+            .map(|i| (x[i] + self.scale[i] * on_bound[i]).clamp(lo[i], hi[i]))
+            .collect();
         let to_edge = to_bound(&at, &unscale(&self.scale, &reflected), lo, hi);
         let (a, b) = (dot(&reflected, &reflected), dot(&on_bound, &reflected));
-        let to_ball = (-b + (b * b - a * (dot(&on_bound, &on_bound) - self.radius * self.radius)).max(0.0).sqrt()) / a;
+        let to_ball = (-b
+            + (b * b - a * (dot(&on_bound, &on_bound) - self.radius * self.radius))
+                .max(0.0)
+                .sqrt())
+            / a;
         let reach = to_ball.min(to_edge);
         let least = (1.0 - share) * stride / reach;
-        let most = if to_edge < to_ball { share * to_edge } else { to_ball };
+        let most = if to_edge < to_ball {
+            share * to_edge
+        } else {
+            to_ball
+        };
         if share_kept < 1.0 && reach > 0.0 && least <= most {
             let slope = dot(&self.gradient, &reflected) + self.cross(&on_bound, &reflected);
             let t = lowest(0.5 * self.cross(&reflected, &reflected), slope, least, most);
-            let candidate: Vec<f64> = on_bound.iter().zip(&reflected).map(|(p, r)| p + t * r).collect();
+            let candidate: Vec<f64> = on_bound
+                .iter()
+                .zip(&reflected)
+                .map(|(p, r)| p + t * r)
+                .collect();
             let value = self.value(&candidate);
             if value < best_value {
                 (best, best_value) = (candidate, value);
@@ -303,8 +353,17 @@ impl Region {
         let down: Vec<f64> = self.gradient.iter().map(|v| -v).collect();
         let to_ball = self.radius / dot(&down, &down).sqrt();
         let to_edge = to_bound(x, &unscale(&self.scale, &down), lo, hi);
-        let most = if to_edge < to_ball { share * to_edge } else { to_ball };
-        let t = lowest(0.5 * self.cross(&down, &down), -dot(&down, &down), 0.0, most);
+        let most = if to_edge < to_ball {
+            share * to_edge
+        } else {
+            to_ball
+        };
+        let t = lowest(
+            0.5 * self.cross(&down, &down),
+            -dot(&down, &down),
+            0.0,
+            most,
+        );
         let candidate: Vec<f64> = down.iter().map(|v| v * t).collect();
         let value = self.value(&candidate);
         if value < best_value {
@@ -318,7 +377,9 @@ impl Region {
     /// `scaled` is the Gauss-Newton step, cut to the ball.
     fn cut(&mut self) -> bool {
         let n = self.n;
-        let largest = (0..n).map(|i| self.matrix[i * n + i]).fold(f64::MIN_POSITIVE, f64::max);
+        let largest = (0..n)
+            .map(|i| self.matrix[i * n + i])
+            .fold(f64::MIN_POSITIVE, f64::max);
         let mut mu = FLOOR * largest;
         while mu.is_finite() {
             self.factor.copy_from_slice(&self.matrix);
@@ -343,12 +404,18 @@ impl Region {
     /// `scaled` minimises the model in the ball, to a tenth of its radius (Moré and Sorensen's iteration for μ).
     fn solve(&mut self) -> bool {
         let n = self.n;
-        let largest = (0..n).map(|i| self.matrix[i * n + i]).fold(f64::MIN_POSITIVE, f64::max);
+        let largest = (0..n)
+            .map(|i| self.matrix[i * n + i])
+            .fold(f64::MIN_POSITIVE, f64::max);
         // Below this the damping is rounding; it keeps singular systems solvable.
         let floor = 1e-14 * largest;
         let mut lower = floor;
         let mut upper = dot(&self.gradient, &self.gradient).sqrt() / self.radius + floor;
-        let mut mu = if self.damping > lower && self.damping < upper { self.damping } else { floor };
+        let mut mu = if self.damping > lower && self.damping < upper {
+            self.damping
+        } else {
+            floor
+        };
         let mut norm = f64::INFINITY;
         for round in 0..12 {
             self.factor.copy_from_slice(&self.matrix);
@@ -366,7 +433,9 @@ impl Region {
             if !norm.is_finite() {
                 return false;
             }
-            if (mu <= floor && norm <= self.radius) || (norm - self.radius).abs() <= 0.1 * self.radius {
+            if (mu <= floor && norm <= self.radius)
+                || (norm - self.radius).abs() <= 0.1 * self.radius
+            {
                 self.damping = mu;
                 return true;
             }
@@ -381,7 +450,8 @@ impl Region {
                 let s = self.scratch[i] - dot(row, &self.scratch[..i]);
                 self.scratch[i] = s / self.factor[i * n + i];
             }
-            let next = mu + (norm / self.radius - 1.0) * norm * norm / dot(&self.scratch, &self.scratch);
+            let next =
+                mu + (norm / self.radius - 1.0) * norm * norm / dot(&self.scratch, &self.scratch);
             mu = if next > lower && next < upper {
                 next
             } else if round == 0 && norm < self.radius {
@@ -400,7 +470,13 @@ impl Region {
 
     /// Adapts the radius to how well the fall of half the sum was predicted; gives the ratio.
     fn judge(&mut self, fall: f64, predicted: f64) -> f64 {
-        let added: f64 = 0.5 * self.curve.iter().zip(&self.scaled).map(|(c, p)| c * p * p).sum::<f64>();
+        let added: f64 = 0.5
+            * self
+                .curve
+                .iter()
+                .zip(&self.scaled)
+                .map(|(c, p)| c * p * p)
+                .sum::<f64>();
         let ratio = (fall - added) / predicted;
         let length = dot(&self.scaled, &self.scaled).sqrt();
         if ratio < 0.25 || ratio.is_nan() {
@@ -433,7 +509,11 @@ fn to_bound(x: &[f64], p: &[f64], lo: &[f64], hi: &[f64]) -> f64 {
 /// Argument in [least, most] that minimises t (slope + curve t).
 fn lowest(curve: f64, slope: f64, least: f64, most: f64) -> f64 {
     let value = |t: f64| t * (slope + curve * t);
-    let mut best = if value(least) <= value(most) { least } else { most };
+    let mut best = if value(least) <= value(most) {
+        least
+    } else {
+        most
+    };
     if curve > 0.0 {
         let t = -0.5 * slope / curve;
         if t > least && t < most && value(t) < value(best) {
@@ -450,17 +530,32 @@ mod tests {
 
     fn run(objective: &mut dyn Objective, start: &[f64], lo: f64, hi: f64) -> Minimum {
         let n = start.len();
-        minimize(objective, start.to_vec(), &vec![lo; n], &vec![hi; n], &Options::default(), &mut |_, _, _| true)
+        minimize(
+            objective,
+            start.to_vec(),
+            &vec![lo; n],
+            &vec![hi; n],
+            &Options::default(),
+            &mut |_, _, _| true,
+        )
     }
 
     #[test]
     fn rosenbrock_without_and_with_bounds() {
-        let free = run(&mut Rosenbrock, &[-1.2, 1.0], f64::NEG_INFINITY, f64::INFINITY);
+        let free = run(
+            &mut Rosenbrock,
+            &[-1.2, 1.0],
+            f64::NEG_INFINITY,
+            f64::INFINITY,
+        );
         assert!(free.x.iter().all(|v| (v - 1.0).abs() < 1e-8), "{free:?}");
         assert!(free.iterations < 60, "{free:?}");
         // In [−2, ½]² the minimum is at (½, ¼), on the upper bound of x: there f = 4·0 + ... = (1 − ½)².
         let bound = run(&mut Rosenbrock, &[-1.2, -1.0], -2.0, 0.5);
-        assert!((bound.x[0] - 0.5).abs() < 1e-5 && (bound.x[1] - 0.25).abs() < 1e-5, "{bound:?}");
+        assert!(
+            (bound.x[0] - 0.5).abs() < 1e-5 && (bound.x[1] - 0.25).abs() < 1e-5,
+            "{bound:?}"
+        );
         assert!(bound.x[0] < 0.5);
         assert!((bound.value - 0.25).abs() < 1e-5);
     }

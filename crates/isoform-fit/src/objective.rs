@@ -35,9 +35,22 @@ pub struct Residuals<'a> {
 
 impl<'a> Residuals<'a> {
     /// All weights 1 when `weights` is empty.
-    pub fn new(field: &'a dyn ParamField, points: &'a [Point3], weights: &'a [f64], space: &'a Space) -> Self {
+    pub fn new(
+        field: &'a dyn ParamField,
+        points: &'a [Point3],
+        weights: &'a [f64],
+        space: &'a Space,
+    ) -> Self {
         let n = field.dim();
-        Self { field, points, weights, space, a: vec![0.0; n], ga: vec![0.0; n], ha: vec![0.0; n * n] }
+        Self {
+            field,
+            points,
+            weights,
+            space,
+            a: vec![0.0; n],
+            ga: vec![0.0; n],
+            ha: vec![0.0; n * n],
+        }
     }
 }
 
@@ -51,7 +64,14 @@ impl Objective for Residuals<'_> {
     }
     fn model(&mut self, x: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64 {
         self.space.parameters_at(x, &mut self.a);
-        let f = normal_equations(self.field, self.points, self.weights, &self.a, &mut self.ga, &mut self.ha);
+        let f = normal_equations(
+            self.field,
+            self.points,
+            self.weights,
+            &self.a,
+            &mut self.ga,
+            &mut self.ha,
+        );
         self.space.pull_back(&self.ga, &self.ha, gradient, hessian);
         f
     }
@@ -61,15 +81,28 @@ impl Objective for Residuals<'_> {
 }
 
 fn piece(weights: &[f64], k: usize) -> &[f64] {
-    if weights.is_empty() { weights } else { &weights[k * PIECE..((k + 1) * PIECE).min(weights.len())] }
+    if weights.is_empty() {
+        weights
+    } else {
+        &weights[k * PIECE..((k + 1) * PIECE).min(weights.len())]
+    }
 }
 
 /// Σ w f², in parallel over fixed pieces.
-pub(crate) fn sum_of_squares(field: &dyn ParamField, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
+pub(crate) fn sum_of_squares(
+    field: &dyn ParamField,
+    points: &[Point3],
+    weights: &[f64],
+    a: &[f64],
+) -> f64 {
     if points.len() <= PIECE {
         return field.sum_of_squares(points, weights, a);
     }
-    let parts: Vec<f64> = points.par_chunks(PIECE).enumerate().map(|(k, p)| field.sum_of_squares(p, piece(weights, k), a)).collect();
+    let parts: Vec<f64> = points
+        .par_chunks(PIECE)
+        .enumerate()
+        .map(|(k, p)| field.sum_of_squares(p, piece(weights, k), a))
+        .collect();
     parts.iter().sum()
 }
 
@@ -111,16 +144,28 @@ pub(crate) fn values(field: &dyn ParamField, points: &[Point3], a: &[f64], out: 
     if points.len() <= PIECE {
         field.values(points, a, out);
     } else {
-        points.par_chunks(PIECE).zip(out.par_chunks_mut(PIECE)).for_each(|(p, o)| field.values(p, a, o));
+        points
+            .par_chunks(PIECE)
+            .zip(out.par_chunks_mut(PIECE))
+            .for_each(|(p, o)| field.values(p, a, o));
     }
 }
 
 /// f(pᵢ, a) and its gradient in space, in parallel.
-pub(crate) fn gradients(field: &dyn ParamField, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {
+pub(crate) fn gradients(
+    field: &dyn ParamField,
+    points: &[Point3],
+    a: &[f64],
+    out: &mut [f64],
+    gradients: &mut [Point3],
+) {
     if points.len() <= PIECE {
         field.gradients(points, a, out, gradients);
     } else {
-        let pieces = points.par_chunks(PIECE).zip(out.par_chunks_mut(PIECE)).zip(gradients.par_chunks_mut(PIECE));
+        let pieces = points
+            .par_chunks(PIECE)
+            .zip(out.par_chunks_mut(PIECE))
+            .zip(gradients.par_chunks_mut(PIECE));
         pieces.for_each(|((p, o), g)| field.gradients(p, a, o, g));
     }
 }

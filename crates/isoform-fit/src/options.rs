@@ -125,7 +125,8 @@ pub struct Control<'a> {
 impl Control<'_> {
     /// Whether to stop now.
     pub fn stops(&self) -> bool {
-        self.cancelled.is_some_and(|c| c.load(Ordering::Relaxed)) || self.deadline.is_some_and(|d| Instant::now() >= d)
+        self.cancelled.is_some_and(|c| c.load(Ordering::Relaxed))
+            || self.deadline.is_some_and(|d| Instant::now() >= d)
     }
     /// Tells how far a phase is.
     pub fn report(&self, phase: &str, done: f64) {
@@ -137,7 +138,9 @@ impl Control<'_> {
 
 impl std::fmt::Debug for Control<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Control").field("deadline", &self.deadline).finish_non_exhaustive()
+        f.debug_struct("Control")
+            .field("deadline", &self.deadline)
+            .finish_non_exhaustive()
     }
 }
 

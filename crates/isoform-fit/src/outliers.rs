@@ -45,20 +45,39 @@ pub(crate) struct Neighbourhood {
 impl Neighbourhood {
     /// `order` is a random order of the points.
     pub(crate) fn new(points: &[Point3], order: &[u32]) -> Self {
-        let sample: Vec<Point3> =
-            if points.len() <= MOST { points.to_vec() } else { order[..MOST].iter().map(|&i| points[i as usize]).collect() };
+        let sample: Vec<Point3> = if points.len() <= MOST {
+            points.to_vec()
+        } else {
+            order[..MOST].iter().map(|&i| points[i as usize]).collect()
+        };
         let tree = KdTree::new(&sample);
         let mut found = Vec::new();
-        let known: Vec<f64> = order.iter().take(SAMPLE).map(|&i| mean_distance(&tree, points[i as usize], &mut found)).collect();
+        let known: Vec<f64> = order
+            .iter()
+            .take(SAMPLE)
+            .map(|&i| mean_distance(&tree, points[i as usize], &mut found))
+            .collect();
         let mut d: Vec<f64> = known.iter().filter(|d| **d > 0.0).map(|d| d.ln()).collect();
         if d.is_empty() {
-            return Self { tree, spacing: 0.0, sample, threshold: f64::INFINITY, known };
+            return Self {
+                tree,
+                spacing: 0.0,
+                sample,
+                threshold: f64::INFINITY,
+                known,
+            };
         }
         let centre = median(&mut d);
         let mut off: Vec<f64> = d.iter().map(|v| (v - centre).abs()).collect();
         let spread = 1.4826 * median(&mut off);
         let threshold = (centre + (DEVIATIONS * spread).max(LEAST_RATIO.ln())).exp();
-        Self { tree, spacing: centre.exp(), sample, threshold, known }
+        Self {
+            tree,
+            spacing: centre.exp(),
+            sample,
+            threshold,
+            known,
+        }
     }
 
     /// Whether the point, the k-th in the random order, is isolated.
@@ -70,11 +89,17 @@ impl Neighbourhood {
         if d <= self.threshold {
             return false;
         }
-        let around: Vec<Point3> = found.iter().map(|&(_, i)| self.sample[i as usize]).collect();
+        let around: Vec<Point3> = found
+            .iter()
+            .map(|&(_, i)| self.sample[i as usize])
+            .collect();
         if flatness(&around) > FLATNESS {
             return true;
         }
-        let mut theirs: Vec<f64> = around.iter().map(|q| mean_distance(&self.tree, *q, found)).collect();
+        let mut theirs: Vec<f64> = around
+            .iter()
+            .map(|q| mean_distance(&self.tree, *q, found))
+            .collect();
         d > EVENNESS * median(&mut theirs)
     }
 
@@ -93,13 +118,21 @@ impl Neighbourhood {
         let share = 1.0 - kept.len() as f64 / seen.max(1) as f64;
         if share > HAS_OUTLIERS {
             // With outliers about, sparse regions get no benefit of the doubt.
-            kept.retain(|p| !self.is_off_plane(*p, &mut found) && mean_distance(&self.tree, *p, &mut found) <= self.threshold);
+            kept.retain(|p| {
+                !self.is_off_plane(*p, &mut found)
+                    && mean_distance(&self.tree, *p, &mut found) <= self.threshold
+            });
         }
         (kept, share)
     }
 
     /// Points that lie off a fitted model while their neighbours do not: outliers. Where neighbours are off together, the model is.
-    pub(crate) fn drop_lone(&self, points: &mut Vec<Point3>, limit: f64, residuals: &dyn Fn(&[Point3]) -> Vec<f64>) {
+    pub(crate) fn drop_lone(
+        &self,
+        points: &mut Vec<Point3>,
+        limit: f64,
+        residuals: &dyn Fn(&[Point3]) -> Vec<f64>,
+    ) {
         let off = residuals(points);
         let mut found = Vec::new();
         let mut at = 0;
@@ -109,8 +142,15 @@ impl Neighbourhood {
                 return true;
             }
             self.tree.nearest_k(*p, NEIGHBOURS + 1, &mut found);
-            let around: Vec<Point3> = found.iter().map(|&(_, i)| self.sample[i as usize]).filter(|q| q != p).collect();
-            let alike = residuals(&around).iter().filter(|r| r.abs() > limit).count();
+            let around: Vec<Point3> = found
+                .iter()
+                .map(|&(_, i)| self.sample[i as usize])
+                .filter(|q| q != p)
+                .collect();
+            let alike = residuals(&around)
+                .iter()
+                .filter(|r| r.abs() > limit)
+                .count();
             2 * alike > around.len()
         });
     }
@@ -119,8 +159,14 @@ impl Neighbourhood {
     /// the neighbours lie in no plane, so that edges stay.
     fn is_off_plane(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> bool {
         self.tree.nearest_k(p, NEIGHBOURS + 1, found);
-        let around: Vec<Point3> = found.iter().map(|&(_, i)| self.sample[i as usize]).filter(|q| *q != p).collect();
-        let Some((centre, normal, rms)) = plane(&around) else { return false };
+        let around: Vec<Point3> = found
+            .iter()
+            .map(|&(_, i)| self.sample[i as usize])
+            .filter(|q| *q != p)
+            .collect();
+        let Some((centre, normal, rms)) = plane(&around) else {
+            return false;
+        };
         dot(sub(p, centre), normal).abs() > (OFF_PLANE * rms).max(OFF_SPACINGS * self.spacing)
     }
 }
@@ -136,7 +182,11 @@ fn mean_distance(tree: &KdTree, p: Point3, found: &mut Vec<(f64, u32)>) -> f64 {
 fn flatness(points: &[Point3]) -> f64 {
     let (w, _) = symmetric_eigen(&scatter(points).1, 3);
     let sum: f64 = w.iter().sum();
-    if sum > 0.0 { (w[0] / sum).max(0.0) } else { 0.0 }
+    if sum > 0.0 {
+        (w[0] / sum).max(0.0)
+    } else {
+        0.0
+    }
 }
 
 /// Mean and scatter matrix.
@@ -165,7 +215,13 @@ fn plane(points: &[Point3]) -> Option<(Point3, Point3, f64)> {
     let (centre, c) = scatter(points);
     let (w, v) = symmetric_eigen(&c, 3);
     let is_plane = points.len() > 4 && w[1] > 1e-3 * w[2];
-    is_plane.then(|| (centre, [v[0], v[1], v[2]], (w[0].max(0.0) / (points.len() - 3) as f64).sqrt()))
+    is_plane.then(|| {
+        (
+            centre,
+            [v[0], v[1], v[2]],
+            (w[0].max(0.0) / (points.len() - 3) as f64).sqrt(),
+        )
+    })
 }
 
 /// Upper median; reorders.
@@ -194,7 +250,9 @@ mod tests {
     }
     fn share(points: &[Point3]) -> f64 {
         let order: Vec<u32> = (0..points.len() as u32).collect();
-        Neighbourhood::new(points, &order).keep(points, &order, points.len()).1
+        Neighbourhood::new(points, &order)
+            .keep(points, &order, points.len())
+            .1
     }
 
     #[test]

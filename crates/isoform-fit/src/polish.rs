@@ -88,11 +88,18 @@ pub(crate) fn rims(template: &dyn Template, points: &[Point3], a: &[f64], noise:
         }
     }
     for (part, m) in parts.iter().zip(&mut mask) {
-        if count.get(*part as usize).is_none_or(|c| c.1 as f64 > MOST_RIM * c.0 as f64) {
+        if count
+            .get(*part as usize)
+            .is_none_or(|c| c.1 as f64 > MOST_RIM * c.0 as f64)
+        {
             *m = 1.0;
         }
     }
-    if mask.iter().all(|m| *m == 1.0) { Vec::new() } else { mask }
+    if mask.iter().all(|m| *m == 1.0) {
+        Vec::new()
+    } else {
+        mask
+    }
 }
 
 /// An objective some of whose variables stay where they are.
@@ -138,7 +145,11 @@ impl Polish<'_> {
 
     /// 1.4826 times the median absolute residual.
     pub(crate) fn scale(r: &[f64]) -> f64 {
-        let mut v: Vec<f64> = r.iter().map(|r| r.abs()).filter(|r| r.is_finite()).collect();
+        let mut v: Vec<f64> = r
+            .iter()
+            .map(|r| r.abs())
+            .filter(|r| r.is_finite())
+            .collect();
         1.4826 * median(&mut v)
     }
 
@@ -148,14 +159,22 @@ impl Polish<'_> {
         let mut p = self.reweighted(points, &[], x, Loss::Cauchy, 4);
         let r = self.residuals(points, &p.x);
         p.scale = Self::scale(&r);
-        let beyond = r.iter().filter(|r| r.abs() > 4.5 * p.scale).count() as f64 / r.len().max(1) as f64;
+        let beyond =
+            r.iter().filter(|r| r.abs() > 4.5 * p.scale).count() as f64 / r.len().max(1) as f64;
         let heavy = p.scale > ROUNDING * self.size && (has_outliers || beyond > HEAVY);
         p.loss = if heavy { Loss::Tukey } else { Loss::Squares };
         p
     }
 
     /// The fit with the given loss, to convergence; `mask` (empty or 0 and 1) leaves points out.
-    pub(crate) fn fine(&self, points: &[Point3], mask: &[f64], x: Vec<f64>, loss: Loss, rounds: usize) -> Polished {
+    pub(crate) fn fine(
+        &self,
+        points: &[Point3],
+        mask: &[f64],
+        x: Vec<f64>,
+        loss: Loss,
+        rounds: usize,
+    ) -> Polished {
         if loss.is_robust() {
             return self.reweighted(points, mask, x, loss, rounds);
         }
@@ -168,18 +187,58 @@ impl Polish<'_> {
     fn descend(&self, points: &[Point3], weights: &[f64], x: Vec<f64>, most: usize) -> Polished {
         let mut history = Vec::new();
         let count = points.len().max(1) as f64;
-        let mut objective = Held { inner: Residuals::new(self.field, points, weights, self.space), held: &self.held };
+        let mut objective = Held {
+            inner: Residuals::new(self.field, points, weights, self.space),
+            held: &self.held,
+        };
         // 1e-4 / n of the sum is a hundredth of a standard deviation of the parameters.
-        let settings = lm::Options { max_iterations: most, decrease: 1e-4 / count, radius: 1.0, ..lm::Options::default() };
-        let m = lm::minimize(&mut objective, x, &self.space.lo, &self.space.hi, &settings, &mut |iteration, _, value| {
-            history.push(Step { start: self.start, iteration, rms: (value / count).sqrt() });
-            !self.control.stops()
-        });
-        Polished { x: m.x, weights: weights.to_vec(), scale: 0.0, loss: Loss::Squares, evaluations: m.iterations, history }
+        let settings = lm::Options {
+            max_iterations: most,
+            decrease: 1e-4 / count,
+            radius: 1.0,
+            ..lm::Options::default()
+        };
+        let m = lm::minimize(
+            &mut objective,
+            x,
+            &self.space.lo,
+            &self.space.hi,
+            &settings,
+            &mut |iteration, _, value| {
+                history.push(Step {
+                    start: self.start,
+                    iteration,
+                    rms: (value / count).sqrt(),
+                });
+                !self.control.stops()
+            },
+        );
+        Polished {
+            x: m.x,
+            weights: weights.to_vec(),
+            scale: 0.0,
+            loss: Loss::Squares,
+            evaluations: m.iterations,
+            history,
+        }
     }
 
-    fn reweighted(&self, points: &[Point3], mask: &[f64], x: Vec<f64>, loss: Loss, rounds: usize) -> Polished {
-        let mut out = Polished { x, weights: Vec::new(), scale: 0.0, loss, evaluations: 0, history: Vec::new() };
+    fn reweighted(
+        &self,
+        points: &[Point3],
+        mask: &[f64],
+        x: Vec<f64>,
+        loss: Loss,
+        rounds: usize,
+    ) -> Polished {
+        let mut out = Polished {
+            x,
+            weights: Vec::new(),
+            scale: 0.0,
+            loss,
+            evaluations: 0,
+            history: Vec::new(),
+        };
         for round in 0..rounds {
             let r = self.residuals(points, &out.x);
             // The scale follows the fit at first; frozen later, so that the rounds have something to converge to.
@@ -191,7 +250,11 @@ impl Polish<'_> {
             let weights = std::mem::take(&mut out.weights);
             let p = self.descend(points, &weights, out.x.clone(), 2);
             out.weights = weights;
-            let moved = p.x.iter().zip(&out.x).map(|(u, v)| (u - v).abs()).fold(0.0, f64::max);
+            let moved =
+                p.x.iter()
+                    .zip(&out.x)
+                    .map(|(u, v)| (u - v).abs())
+                    .fold(0.0, f64::max);
             out.evaluations += p.evaluations;
             out.history.extend(p.history.last().cloned());
             out.x = p.x;
@@ -227,7 +290,11 @@ pub(crate) fn slope(loss: Loss, z: f64) -> f64 {
         }
         Loss::Tukey => {
             let t = (z / TUKEY).powi(2);
-            if t < 1.0 { (1.0 - t) * (1.0 - 5.0 * t) } else { 0.0 }
+            if t < 1.0 {
+                (1.0 - t) * (1.0 - 5.0 * t)
+            } else {
+                0.0
+            }
         }
     }
 }

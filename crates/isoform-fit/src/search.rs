@@ -70,7 +70,10 @@ pub(crate) struct Outcome {
 
 impl Outcome {
     fn insert(&mut self, x: Vec<f64>, value: f64, nought: f64, counts: bool) -> usize {
-        let same = |m: &Found| (m.value - value).abs() <= SAME * m.value.min(value) || (m.value <= nought && value <= nought);
+        let same = |m: &Found| {
+            (m.value - value).abs() <= SAME * m.value.min(value)
+                || (m.value <= nought && value <= nought)
+        };
         let at = self.minima.iter().position(same);
         if let Some(at) = at {
             let m = &mut self.minima[at];
@@ -81,7 +84,14 @@ impl Outcome {
             return at;
         }
         let at = self.minima.partition_point(|m| m.value <= value);
-        self.minima.insert(at, Found { x, value, hits: usize::from(counts) });
+        self.minima.insert(
+            at,
+            Found {
+                x,
+                value,
+                hits: usize::from(counts),
+            },
+        );
         at
     }
 
@@ -127,9 +137,13 @@ impl Search<'_> {
                     _ => self.drawn(i + offset - 1),
                 })
                 .collect();
-            let one = |(i, x): (usize, &Vec<f64>)| self.descend(x.clone(), known.as_ref(), nought, k + i);
-            let eager: Vec<Run> =
-                if rayon::current_num_threads() > 1 { starts.par_iter().enumerate().map(one).collect() } else { Vec::new() };
+            let one =
+                |(i, x): (usize, &Vec<f64>)| self.descend(x.clone(), known.as_ref(), nought, k + i);
+            let eager: Vec<Run> = if rayon::current_num_threads() > 1 {
+                starts.par_iter().enumerate().map(one).collect()
+            } else {
+                Vec::new()
+            };
             for i in 0..size {
                 let lazy;
                 let run = match eager.get(i) {
@@ -146,7 +160,10 @@ impl Search<'_> {
                     firsts.push(run.first);
                     out.insert(run.x.clone(), run.value, NOUGHT * median(&firsts), true);
                 }
-                self.control.report("search", (out.starts as f64 / self.options.least_starts.max(1) as f64).min(0.99));
+                self.control.report(
+                    "search",
+                    (out.starts as f64 / self.options.least_starts.max(1) as f64).min(0.99),
+                );
                 if self.control.stops() {
                     out.stopped = true;
                     break 'batches;
@@ -163,27 +180,37 @@ impl Search<'_> {
 
     /// The best minimum recurred in independent starts.
     fn has_recurred(&self, out: &Outcome) -> bool {
-        out.starts >= self.options.least_starts && out.minima.first().is_some_and(|m| m.hits >= self.options.recurrences)
+        out.starts >= self.options.least_starts
+            && out
+                .minima
+                .first()
+                .is_some_and(|m| m.hits >= self.options.recurrences)
     }
 
     /// Throws single primitives of the best minimum elsewhere. True when that keeps leading back and the rate of return, starts
     /// included, promises that a minimum as wide was not missed; false to go on with starts.
     fn throw(&self, out: &mut Outcome, firsts: &[f64]) -> bool {
-        let mut random = fastrand::Rng::with_seed(self.options.seed ^ 0x7_4120 ^ ((out.starts as u64) << 32));
+        let mut random =
+            fastrand::Rng::with_seed(self.options.seed ^ 0x7_4120 ^ ((out.starts as u64) << 32));
         let nought = NOUGHT * median(firsts);
         let mut groups = self.groups(&out.minima[0].x);
         let (mut tried, mut back, mut failures) = (0, 0, 0);
         while tried < MOST_THROWS && !groups.is_empty() && !self.control.stops() {
             let mut x = out.minima[0].x.clone();
             for &i in &groups[failures % groups.len()] {
-                x[i] = self.space.start_lo[i] + (self.space.start_hi[i] - self.space.start_lo[i]) * random.f64();
+                x[i] = self.space.start_lo[i]
+                    + (self.space.start_hi[i] - self.space.start_lo[i]) * random.f64();
             }
             self.space.into_interior(&mut x, 1e-3);
             let best = out.best();
             let run = self.descend(x, out.minima.first(), nought, out.starts);
             out.evaluations += run.evaluations;
             tried += 1;
-            let at = if run.value.is_finite() { out.insert(run.x, run.value, nought, false) } else { usize::MAX };
+            let at = if run.value.is_finite() {
+                out.insert(run.x, run.value, nought, false)
+            } else {
+                usize::MAX
+            };
             if at == 0 && best > nought && run.value < best * (1.0 - SAME) {
                 // Better: everything found so far was something else.
                 (tried, back, failures) = (0, 1, 0);
@@ -211,8 +238,13 @@ impl Search<'_> {
         self.space.parameters_at(x, &mut a);
         let mut parts = vec![0; self.points.len()];
         self.template.parts(self.points, &a, &mut parts);
-        let (mut f, mut jac) = (vec![0.0; self.points.len()], vec![0.0; self.points.len() * n]);
-        self.template.metric().jacobian(self.points, &a, &mut f, &mut jac);
+        let (mut f, mut jac) = (
+            vec![0.0; self.points.len()],
+            vec![0.0; self.points.len() * n],
+        );
+        self.template
+            .metric()
+            .jacobian(self.points, &a, &mut f, &mut jac);
         let mut count = vec![0_usize; names];
         let mut moved = vec![false; names * m];
         for (p, row) in parts.iter().zip(jac.chunks_exact(n)) {
@@ -230,7 +262,9 @@ impl Search<'_> {
         order.sort_by_key(|&p| count[p]);
         let mut groups: Vec<Vec<usize>> = Vec::new();
         // Variables that no point moves come first of all: their piece lies away from the data.
-        let orphans: Vec<usize> = (0..m).filter(|k| (0..names).all(|p| !moved[p * m + k])).collect();
+        let orphans: Vec<usize> = (0..m)
+            .filter(|k| (0..names).all(|p| !moved[p * m + k]))
+            .collect();
         groups.extend(Some(orphans).filter(|o| !o.is_empty()));
         for p in order {
             let group: Vec<usize> = (0..m).filter(|k| moved[p * m + k]).collect();
@@ -248,28 +282,53 @@ impl Search<'_> {
         let count = self.points.len().max(1) as f64;
         let mut window = Vec::new();
         let mut arrived = false;
-        let settings = lm::Options { decrease: 1e-5, ..lm::Options::default() };
-        let mut m = lm::minimize(&mut objective, x, &self.space.lo, &self.space.hi, &settings, &mut |iteration, x, value| {
-            if window.is_empty() {
-                first = value;
-            }
-            window.push(value);
-            history.push(Step { start, iteration, rms: (value / count).sqrt() });
-            let k = window.len();
-            if let Some(known) = known {
-                let is_low = value < NEAR_SUM * known.value || (known.value <= nought && value < 1e-4 * first);
-                arrived = is_low && known.x.iter().zip(x).all(|(u, v)| (u - v).abs() < NEAR);
-                // A run far above the best minimum that has all but stopped falling is not awaited.
-                if arrived || (k > 10 && window[k - 11] - value < 0.02 * value && value > 4.0 * known.value) {
-                    return false;
+        let settings = lm::Options {
+            decrease: 1e-5,
+            ..lm::Options::default()
+        };
+        let mut m = lm::minimize(
+            &mut objective,
+            x,
+            &self.space.lo,
+            &self.space.hi,
+            &settings,
+            &mut |iteration, x, value| {
+                if window.is_empty() {
+                    first = value;
                 }
-            }
-            value > nought && !(iteration % 16 == 0 && self.control.stops())
-        });
+                window.push(value);
+                history.push(Step {
+                    start,
+                    iteration,
+                    rms: (value / count).sqrt(),
+                });
+                let k = window.len();
+                if let Some(known) = known {
+                    let is_low = value < NEAR_SUM * known.value
+                        || (known.value <= nought && value < 1e-4 * first);
+                    arrived = is_low && known.x.iter().zip(x).all(|(u, v)| (u - v).abs() < NEAR);
+                    // A run far above the best minimum that has all but stopped falling is not awaited.
+                    if arrived
+                        || (k > 10
+                            && window[k - 11] - value < 0.02 * value
+                            && value > 4.0 * known.value)
+                    {
+                        return false;
+                    }
+                }
+                value > nought && !(iteration % 16 == 0 && self.control.stops())
+            },
+        );
         if let Some(known) = known.filter(|_| arrived) {
             (m.x, m.value) = (known.x.clone(), known.value);
         }
-        Run { x: m.x, value: m.value, first, evaluations: m.iterations, history }
+        Run {
+            x: m.x,
+            value: m.value,
+            first,
+            evaluations: m.iterations,
+            history,
+        }
     }
 
     /// Start i of the seeded Latin hypercubes: three of four where the data are, one anywhere within bounds.
@@ -283,7 +342,11 @@ impl Search<'_> {
                 random.shuffle(&mut order);
                 let offsets: [f64; CUBE] = std::array::from_fn(|_| random.f64());
                 let u = (order[row] as f64 + offsets[row]) / CUBE as f64;
-                let (lo, hi) = if wide { (self.space.lo[k], self.space.hi[k]) } else { (self.space.start_lo[k], self.space.start_hi[k]) };
+                let (lo, hi) = if wide {
+                    (self.space.lo[k], self.space.hi[k])
+                } else {
+                    (self.space.start_lo[k], self.space.start_hi[k])
+                };
                 lo + (hi - lo) * u
             })
             .collect();
@@ -298,7 +361,8 @@ impl Search<'_> {
         for group in self.groups(best) {
             if random.bool() {
                 for k in group {
-                    x[k] = self.space.start_lo[k] + (self.space.start_hi[k] - self.space.start_lo[k]) * random.f64();
+                    x[k] = self.space.start_lo[k]
+                        + (self.space.start_hi[k] - self.space.start_lo[k]) * random.f64();
                 }
             }
         }
@@ -309,7 +373,12 @@ impl Search<'_> {
     /// The minima worth comparing on more points.
     pub(crate) fn candidates<'o>(&self, out: &'o Outcome) -> &'o [Found] {
         let best = out.best();
-        let k = out.minima.iter().take(CANDIDATES).take_while(|m| m.value <= RIVAL * best).count();
+        let k = out
+            .minima
+            .iter()
+            .take(CANDIDATES)
+            .take_while(|m| m.value <= RIVAL * best)
+            .count();
         &out.minima[..k.max(1).min(out.minima.len())]
     }
 }

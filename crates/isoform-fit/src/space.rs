@@ -45,7 +45,11 @@ impl Space {
     ///
     /// # Errors
     /// Ties that run in circles or point nowhere, bounds in the wrong order or not finite, nothing left to fit.
-    pub fn new(parameters: &[Parameter], bounds: &[Option<(f64, f64)>], data: Aabb) -> Result<Self, FitError> {
+    pub fn new(
+        parameters: &[Parameter],
+        bounds: &[Option<(f64, f64)>],
+        data: Aabb,
+    ) -> Result<Self, FitError> {
         let n = parameters.len();
         // A fixed parameter stays fixed whatever it is named in; a tie is followed through other ties.
         let mut rows: Vec<Option<Row>> = vec![None; n];
@@ -95,8 +99,13 @@ impl Space {
             return Err(FitError::NothingFree);
         }
         for (i, row) in rows.iter().enumerate() {
-            let Some((constant, terms)) = row else { continue };
-            let scaled: Vec<(usize, f64)> = terms.iter().map(|&(j, c)| (variable[j], c * space.unit[variable[j]])).collect();
+            let Some((constant, terms)) = row else {
+                continue;
+            };
+            let scaled: Vec<(usize, f64)> = terms
+                .iter()
+                .map(|&(j, c)| (variable[j], c * space.unit[variable[j]]))
+                .collect();
             for &(v, c) in &scaled {
                 space.columns[v].push((i, c));
             }
@@ -106,7 +115,11 @@ impl Space {
         }
         for k in 0..space.free.len() {
             if space.lo[k] >= space.hi[k] {
-                return Err(FitError::Bounds { name: parameters[space.free[k]].name.clone(), lo: space.lo[k], hi: space.hi[k] });
+                return Err(FitError::Bounds {
+                    name: parameters[space.free[k]].name.clone(),
+                    lo: space.lo[k],
+                    hi: space.hi[k],
+                });
             }
             space.start_lo[k] = space.start_lo[k].clamp(space.lo[k], space.hi[k]);
             space.start_hi[k] = space.start_hi[k].clamp(space.lo[k], space.hi[k]);
@@ -115,13 +128,23 @@ impl Space {
     }
 
     /// Bounds of a tied parameter: on its one variable directly, else kept as a row that steps must respect.
-    fn limit_tied(&mut self, i: usize, constant: f64, terms: &[(usize, f64)], name: &str) -> Result<(), FitError> {
+    fn limit_tied(
+        &mut self,
+        i: usize,
+        constant: f64,
+        terms: &[(usize, f64)],
+        name: &str,
+    ) -> Result<(), FitError> {
         let (lo, hi) = self.bounds[i];
         if lo == f64::NEG_INFINITY && hi == f64::INFINITY {
             return Ok(());
         }
         match *terms {
-            [] if constant < lo || constant > hi => Err(FitError::Bounds { name: name.to_owned(), lo, hi }),
+            [] if constant < lo || constant > hi => Err(FitError::Bounds {
+                name: name.to_owned(),
+                lo,
+                hi,
+            }),
             [] => Ok(()),
             [(v, c)] if c != 0.0 => {
                 let (u, w) = ((lo - constant) / c, (hi - constant) / c);
@@ -172,7 +195,12 @@ impl Space {
 
     /// The variables of a parameter vector, moved strictly inside the bounds.
     pub fn variables_at(&self, a: &[f64]) -> Vec<f64> {
-        let mut x: Vec<f64> = self.free.iter().zip(&self.unit).map(|(&i, u)| a[i] / u).collect();
+        let mut x: Vec<f64> = self
+            .free
+            .iter()
+            .zip(&self.unit)
+            .map(|(&i, u)| a[i] / u)
+            .collect();
         self.into_interior(&mut x, 1e-4);
         x
     }
@@ -182,7 +210,11 @@ impl Space {
         for (k, v) in x.iter_mut().enumerate() {
             let gap = share * (self.hi[k] - self.lo[k]).min(1.0);
             let (lo, hi) = (self.lo[k] + gap, self.hi[k] - gap);
-            *v = if v.is_finite() { v.clamp(lo, hi) } else { 0.5 * (lo + hi) };
+            *v = if v.is_finite() {
+                v.clamp(lo, hi)
+            } else {
+                0.5 * (lo + hi)
+            };
         }
     }
 
@@ -192,7 +224,11 @@ impl Space {
         for (i, row) in &self.rows {
             let at = self.base[*i] + row.iter().map(|&(v, c)| c * x[v]).sum::<f64>();
             let by: f64 = row.iter().map(|&(v, c)| c * p[v]).sum();
-            let gap = if by > 0.0 { self.bounds[*i].1 - at } else { at - self.bounds[*i].0 };
+            let gap = if by > 0.0 {
+                self.bounds[*i].1 - at
+            } else {
+                at - self.bounds[*i].0
+            };
             if by.abs() > gap.max(0.0) {
                 limit = limit.min(0.95 * gap.max(0.0) / by.abs());
             }
@@ -240,13 +276,20 @@ fn positive(v: f64) -> f64 {
 }
 
 /// Constant and terms of parameter i over free parameters only.
-fn resolve(parameters: &[Parameter], i: usize, rows: &mut [Option<Row>], depth: usize) -> Result<(), FitError> {
+fn resolve(
+    parameters: &[Parameter],
+    i: usize,
+    rows: &mut [Option<Row>],
+    depth: usize,
+) -> Result<(), FitError> {
     if rows[i].is_some() {
         return Ok(());
     }
     let p = &parameters[i];
     if depth > parameters.len() {
-        return Err(FitError::Tie { name: p.name.clone() });
+        return Err(FitError::Tie {
+            name: p.name.clone(),
+        });
     }
     let row = match (&p.tie, p.fixed) {
         (Some(tie), _) => {
@@ -254,7 +297,9 @@ fn resolve(parameters: &[Parameter], i: usize, rows: &mut [Option<Row>], depth: 
             let mut sum = vec![0.0; parameters.len()];
             for &(j, factor) in &tie.terms {
                 if j >= parameters.len() || j == i || !factor.is_finite() {
-                    return Err(FitError::Tie { name: p.name.clone() });
+                    return Err(FitError::Tie {
+                        name: p.name.clone(),
+                    });
                 }
                 resolve(parameters, j, rows, depth + 1)?;
                 let (c, terms) = rows[j].as_ref().expect("just resolved");
@@ -263,30 +308,60 @@ fn resolve(parameters: &[Parameter], i: usize, rows: &mut [Option<Row>], depth: 
                     sum[k] += factor * t;
                 }
             }
-            (constant, sum.iter().enumerate().filter(|(_, v)| **v != 0.0).map(|(k, v)| (k, *v)).collect())
+            (
+                constant,
+                sum.iter()
+                    .enumerate()
+                    .filter(|(_, v)| **v != 0.0)
+                    .map(|(k, v)| (k, *v))
+                    .collect(),
+            )
         }
         (None, Some(v)) => (v, Vec::new()),
         (None, None) => (0.0, vec![(i, 1.0)]),
     };
     if !row.0.is_finite() {
-        return Err(FitError::NotFinite { what: "a fixed or tied value", index: i });
+        return Err(FitError::NotFinite {
+            what: "a fixed or tied value",
+            index: i,
+        });
     }
     rows[i] = Some(row);
     Ok(())
 }
 
 /// Bounds of a parameter: the user's, else the template's, else what the data's box suggests (free parameters only).
-fn limits(p: &Parameter, said: Option<(f64, f64)>, data: Aabb, is_free: bool) -> Result<(f64, f64), FitError> {
-    let (mut lo, mut hi) =
-        said.map_or((p.min, p.max), |(a, b)| (Some(a).filter(|v| *v != f64::NEG_INFINITY), Some(b).filter(|v| *v != f64::INFINITY)));
-    if lo.is_some_and(f64::is_nan) || hi.is_some_and(f64::is_nan) || lo.zip(hi).is_some_and(|(a, b)| a >= b) {
-        return Err(FitError::Bounds { name: p.name.clone(), lo: lo.unwrap_or(f64::NAN), hi: hi.unwrap_or(f64::NAN) });
+fn limits(
+    p: &Parameter,
+    said: Option<(f64, f64)>,
+    data: Aabb,
+    is_free: bool,
+) -> Result<(f64, f64), FitError> {
+    let (mut lo, mut hi) = said.map_or((p.min, p.max), |(a, b)| {
+        (
+            Some(a).filter(|v| *v != f64::NEG_INFINITY),
+            Some(b).filter(|v| *v != f64::INFINITY),
+        )
+    });
+    if lo.is_some_and(f64::is_nan)
+        || hi.is_some_and(f64::is_nan)
+        || lo.zip(hi).is_some_and(|(a, b)| a >= b)
+    {
+        return Err(FitError::Bounds {
+            name: p.name.clone(),
+            lo: lo.unwrap_or(f64::NAN),
+            hi: hi.unwrap_or(f64::NAN),
+        });
     }
     if !is_free {
         return Ok((lo.unwrap_or(f64::NEG_INFINITY), hi.unwrap_or(f64::INFINITY)));
     }
     let diagonal = positive(data.diagonal());
-    let reach = data.lo.iter().chain(&data.hi).fold(diagonal, |m, v| m.max(v.abs()));
+    let reach = data
+        .lo
+        .iter()
+        .chain(&data.hi)
+        .fold(diagonal, |m, v| m.max(v.abs()));
     let (a, b) = match p.kind {
         Kind::X | Kind::Y | Kind::Z => {
             let k = p.kind as usize;
@@ -296,20 +371,33 @@ fn limits(p: &Parameter, said: Option<(f64, f64)>, data: Aabb, is_free: bool) ->
         Kind::Length => (LEAST_LENGTH * diagonal, LENGTH_FACTOR * diagonal),
         Kind::Angle => (-2.0 * std::f64::consts::PI, 2.0 * std::f64::consts::PI),
         Kind::Ratio => (-10.0, 10.0),
-        Kind::Number => (-(BOX_FACTOR * reach).max(10.0), (BOX_FACTOR * reach).max(10.0)),
+        Kind::Number => (
+            -(BOX_FACTOR * reach).max(10.0),
+            (BOX_FACTOR * reach).max(10.0),
+        ),
     };
     // A start or one given bound outside of the default range stretches it.
     let width = b - a;
     let start = p.start.filter(|v| v.is_finite());
     if lo.is_none() {
         lo = Some(
-            a.min(start.map_or(a, |s| if s > 0.0 && a > 0.0 { 0.1 * s } else { s - width }))
-                .min(hi.map_or(a, |h| if h <= a { h - width } else { a })),
+            a.min(start.map_or(a, |s| {
+                if s > 0.0 && a > 0.0 {
+                    0.1 * s
+                } else {
+                    s - width
+                }
+            }))
+            .min(hi.map_or(a, |h| if h <= a { h - width } else { a })),
         );
     }
     if hi.is_none() {
         let l = lo.unwrap_or(a);
-        hi = Some(b.max(start.map_or(b, |s| s + 0.5 * width)).max(if l >= b { l + width } else { b }));
+        hi = Some(b.max(start.map_or(b, |s| s + 0.5 * width)).max(if l >= b {
+            l + width
+        } else {
+            b
+        }));
     }
     Ok((lo.unwrap_or(a), hi.unwrap_or(b)))
 }
@@ -317,7 +405,10 @@ fn limits(p: &Parameter, said: Option<(f64, f64)>, data: Aabb, is_free: bool) ->
 /// Where starts informed by the data are drawn from: positions in the data's box, lengths up to its size.
 fn informed(p: &Parameter, lo: f64, hi: f64, data: Aabb) -> (f64, f64) {
     // The template's author knows better: around the start, a quarter of the range to each side.
-    if let Some(start) = p.start.filter(|s| p.min.is_some() && p.max.is_some() && lo <= *s && *s <= hi) {
+    if let Some(start) = p
+        .start
+        .filter(|s| p.min.is_some() && p.max.is_some() && lo <= *s && *s <= hi)
+    {
         let reach = 0.25 * (hi - lo);
         return ((start - reach).max(lo), (start + reach).min(hi));
     }
@@ -329,9 +420,16 @@ fn informed(p: &Parameter, lo: f64, hi: f64, data: Aabb) -> (f64, f64) {
         Kind::Angle => (lo.max(-std::f64::consts::PI), hi.min(std::f64::consts::PI)),
         Kind::Ratio => (lo.max(-2.0), hi.min(2.0)),
         Kind::Number if lo >= 0.0 => (0.02 * largest, largest),
-        Kind::Number => (data.lo.iter().copied().fold(f64::INFINITY, f64::min), data.hi.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
+        Kind::Number => (
+            data.lo.iter().copied().fold(f64::INFINITY, f64::min),
+            data.hi.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        ),
     };
     let (c, d) = (a.max(lo), b.min(hi));
     // Where bounds and data do not meet, the bounds alone decide.
-    if d - c > 1e-3 * (hi - lo) { (c, d) } else { (lo, hi) }
+    if d - c > 1e-3 * (hi - lo) {
+        (c, d)
+    } else {
+        (lo, hi)
+    }
 }

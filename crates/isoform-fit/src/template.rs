@@ -55,7 +55,11 @@ pub struct Parameter {
 impl Parameter {
     /// A free parameter without limits.
     pub fn new(name: impl Into<String>, kind: Kind) -> Self {
-        Self { name: name.into(), kind, ..Self::default() }
+        Self {
+            name: name.into(),
+            kind,
+            ..Self::default()
+        }
     }
 }
 

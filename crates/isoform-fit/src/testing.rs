@@ -24,7 +24,12 @@ impl Objective for Rosenbrock {
         (10.0 * (x[1] - x[0] * x[0])).powi(2) + (1.0 - x[0]).powi(2)
     }
     fn model(&mut self, x: &[f64], g: &mut [f64], h: &mut [f64]) -> f64 {
-        model_of(&[10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]], &[&[-20.0 * x[0], 10.0], &[-1.0, 0.0]], g, h)
+        model_of(
+            &[10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]],
+            &[&[-20.0 * x[0], 10.0], &[-1.0, 0.0]],
+            g,
+            h,
+        )
     }
 }
 
@@ -43,8 +48,12 @@ impl Objective for Powell {
         let (u, v) = (x[1] - 2.0 * x[2], x[0] - x[3]);
         let (s5, s10) = (5f64.sqrt(), 10f64.sqrt());
         let r = [x[0] + 10.0 * x[1], s5 * (x[2] - x[3]), u * u, s10 * v * v];
-        let rows: [&[f64]; 4] =
-            [&[1.0, 10.0, 0.0, 0.0], &[0.0, 0.0, s5, -s5], &[0.0, 2.0 * u, -4.0 * u, 0.0], &[2.0 * s10 * v, 0.0, 0.0, -2.0 * s10 * v]];
+        let rows: [&[f64]; 4] = [
+            &[1.0, 10.0, 0.0, 0.0],
+            &[0.0, 0.0, s5, -s5],
+            &[0.0, 2.0 * u, -4.0 * u, 0.0],
+            &[2.0 * s10 * v, 0.0, 0.0, -2.0 * s10 * v],
+        ];
         model_of(&r, &rows, g, h)
     }
 }
@@ -57,7 +66,9 @@ impl Objective for Egg {
         self.0
     }
     fn value(&mut self, x: &[f64]) -> f64 {
-        x.iter().map(|v| v * v + (3.0 * (4.0 * v).sin()).powi(2)).sum()
+        x.iter()
+            .map(|v| v * v + (3.0 * (4.0 * v).sin()).powi(2))
+            .sum()
     }
     fn model(&mut self, x: &[f64], g: &mut [f64], h: &mut [f64]) -> f64 {
         let n = self.0;

@@ -30,8 +30,15 @@ struct Trimmed {
 impl Search<'_> {
     /// The best results of trimmed fits, from `firsts` and from informed starts; and the evaluations spent.
     pub(crate) fn trimmed(&self, firsts: &[Vec<f64>], spacing: f64) -> (Vec<Vec<f64>>, usize) {
-        let starts: Vec<Vec<f64>> = firsts.iter().cloned().chain((0..STARTS).map(|i| self.drawn(i))).collect();
-        let mut found: Vec<(Trimmed, usize)> = starts.into_par_iter().map(|x| self.concentrate(x, 40)).collect();
+        let starts: Vec<Vec<f64>> = firsts
+            .iter()
+            .cloned()
+            .chain((0..STARTS).map(|i| self.drawn(i)))
+            .collect();
+        let mut found: Vec<(Trimmed, usize)> = starts
+            .into_par_iter()
+            .map(|x| self.concentrate(x, 40))
+            .collect();
         let mut evaluations: usize = found.iter().map(|f| f.1).sum();
         let mut best = self.lowest(&found, spacing);
         let mut random = fastrand::Rng::with_seed(self.options.seed ^ 0x7_2133);
@@ -43,14 +50,22 @@ impl Search<'_> {
             let thrown: Vec<Vec<f64>> = (0..THROWS)
                 .map(|k| {
                     let mut x = found[best].0.x.clone();
-                    for &i in groups.get(k % groups.len().clamp(1, 4)).into_iter().flatten() {
-                        x[i] = self.space.start_lo[i] + (self.space.start_hi[i] - self.space.start_lo[i]) * random.f64();
+                    for &i in groups
+                        .get(k % groups.len().clamp(1, 4))
+                        .into_iter()
+                        .flatten()
+                    {
+                        x[i] = self.space.start_lo[i]
+                            + (self.space.start_hi[i] - self.space.start_lo[i]) * random.f64();
                     }
                     self.space.into_interior(&mut x, 1e-3);
                     x
                 })
                 .collect();
-            let more: Vec<(Trimmed, usize)> = thrown.into_par_iter().map(|x| self.concentrate(x, 15)).collect();
+            let more: Vec<(Trimmed, usize)> = thrown
+                .into_par_iter()
+                .map(|x| self.concentrate(x, 15))
+                .collect();
             evaluations += more.iter().map(|f| f.1).sum::<usize>();
             found.extend(more);
             let next = self.lowest(&found, spacing);
@@ -68,9 +83,21 @@ impl Search<'_> {
         let (mut x, mut most) = (x, first);
         let mut off = Vec::new();
         for step in 0..=STEPS {
-            let mut objective = Residuals::new(self.template.algebraic(), self.points, &weights, self.space);
-            let settings = lm::Options { max_iterations: most, decrease: 1e-4, ..lm::Options::default() };
-            let m = lm::minimize(&mut objective, x.clone(), &self.space.lo, &self.space.hi, &settings, &mut |_, _, _| true);
+            let mut objective =
+                Residuals::new(self.template.algebraic(), self.points, &weights, self.space);
+            let settings = lm::Options {
+                max_iterations: most,
+                decrease: 1e-4,
+                ..lm::Options::default()
+            };
+            let m = lm::minimize(
+                &mut objective,
+                x.clone(),
+                &self.space.lo,
+                &self.space.hi,
+                &settings,
+                &mut |_, _, _| true,
+            );
             evaluations += m.iterations;
             x = m.x;
             most = 15;
@@ -86,7 +113,10 @@ impl Search<'_> {
                 // The last step asks all points that are near enough.
                 1.4826 * CUT * median(&mut sorted)
             };
-            weights = off.iter().map(|v| if *v <= limit { 1.0 } else { 0.0 }).collect();
+            weights = off
+                .iter()
+                .map(|v| if *v <= limit { 1.0 } else { 0.0 })
+                .collect();
         }
         (Trimmed { x, off }, evaluations)
     }
@@ -96,14 +126,27 @@ impl Search<'_> {
         self.space.parameters_at(x, &mut a);
         let mut r = vec![0.0; self.points.len()];
         values(self.template.metric(), self.points, &a, &mut r);
-        r.iter().map(|v| if v.is_finite() { v.abs() } else { f64::INFINITY }).collect()
+        r.iter()
+            .map(|v| {
+                if v.is_finite() {
+                    v.abs()
+                } else {
+                    f64::INFINITY
+                }
+            })
+            .collect()
     }
 
     /// The least truncated sum.
     fn lowest(&self, found: &[(Trimmed, usize)], spacing: f64) -> usize {
-        let scale = found.iter().map(|f| 1.4826 * median(&mut f.0.off.clone())).fold(f64::INFINITY, f64::min);
+        let scale = found
+            .iter()
+            .map(|f| 1.4826 * median(&mut f.0.off.clone()))
+            .fold(f64::INFINITY, f64::min);
         let cut = (CUT * scale).max(0.25 * spacing);
         let score = |t: &Trimmed| t.off.iter().map(|v| v.min(cut).powi(2)).sum::<f64>();
-        (0..found.len()).min_by(|&i, &j| score(&found[i].0).total_cmp(&score(&found[j].0))).unwrap_or(0)
+        (0..found.len())
+            .min_by(|&i, &j| score(&found[i].0).total_cmp(&score(&found[j].0)))
+            .unwrap_or(0)
     }
 }

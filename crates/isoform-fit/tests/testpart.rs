@@ -2,21 +2,33 @@
 
 mod support;
 
-use isoform_fit::{Control, Fit, FitError, Loss, Options, Residuals, Space, Status, Template, Tie, fit, lm};
+use isoform_fit::{
+    Control, Fit, FitError, Loss, Options, Residuals, Space, Status, Template, Tie, fit, lm,
+};
 use isoform_geom::{Aabb, Point3};
-use support::{HI, LO, SET1, SET2, TRUTH, TestPart, canonical, cramer_rao, noise, rows_of, sample, shared, variant, worst_error};
+use support::{
+    HI, LO, SET1, SET2, TRUTH, TestPart, canonical, cramer_rao, noise, rows_of, sample, shared,
+    variant, worst_error,
+};
 
 fn bounds() -> Vec<Option<(f64, f64)>> {
     LO.iter().zip(HI).map(|(l, h)| Some((*l, h))).collect()
 }
 
 fn run(points: &[Point3], start: &[f64]) -> Fit {
-    let options = Options { start: Some(start.to_vec()), bounds: bounds(), ..Options::default() };
+    let options = Options {
+        start: Some(start.to_vec()),
+        bounds: bounds(),
+        ..Options::default()
+    };
     fit(points, &TestPart::new(false), &options, &Control::default()).expect("a fit")
 }
 
 fn wide(random: &mut fastrand::Rng) -> Vec<f64> {
-    LO.iter().zip(HI).map(|(l, h)| l + (h - l) * random.f64()).collect()
+    LO.iter()
+        .zip(HI)
+        .map(|(l, h)| l + (h - l) * random.f64())
+        .collect()
 }
 
 /// Fails when the ball is measured by diag(JᵀJ) in place of the variables' units (7 of 200), when steps are not reflected at bounds
@@ -32,7 +44,14 @@ fn single_descents_from_wide_starts_mostly_succeed() {
         .filter(|_| {
             let x = space.variables_at(&wide(&mut random));
             let mut objective = Residuals::new(template.algebraic(), &points, &[], &space);
-            let m = lm::minimize(&mut objective, x, &space.lo, &space.hi, &lm::Options::default(), &mut |_, _, _| true);
+            let m = lm::minimize(
+                &mut objective,
+                x,
+                &space.lo,
+                &space.hi,
+                &lm::Options::default(),
+                &mut |_, _, _| true,
+            );
             space.parameters_at(&m.x, &mut a);
             worst_error(&a) < 0.2
         })
@@ -45,20 +64,50 @@ fn any_start_ends_at_the_global_minimum() {
     let mut random = fastrand::Rng::with_seed(3);
     for (k, sigma) in [0.0, 0.01, 0.01, 0.05].into_iter().enumerate() {
         let points = sample(6000, sigma, 10 + k as u64);
-        for start in [SET1.to_vec(), SET2.to_vec(), wide(&mut random), wide(&mut random), wide(&mut random)] {
+        for start in [
+            SET1.to_vec(),
+            SET2.to_vec(),
+            wide(&mut random),
+            wide(&mut random),
+            wide(&mut random),
+        ] {
             let f = run(&points, &start);
-            let tolerance = if sigma == 0.0 { 1e-6 } else { (1.5 * sigma).max(0.01) };
-            assert!(worst_error(&f.values()) < tolerance, "sigma {sigma} from {start:?}: {:?}", f.values());
-            assert!(f.acceptable && f.complete && f.n_outliers == 0, "{:?} {:?}", f.reasons, f.warnings);
+            let tolerance = if sigma == 0.0 {
+                1e-6
+            } else {
+                (1.5 * sigma).max(0.01)
+            };
+            assert!(
+                worst_error(&f.values()) < tolerance,
+                "sigma {sigma} from {start:?}: {:?}",
+                f.values()
+            );
+            assert!(
+                f.acceptable && f.complete && f.n_outliers == 0,
+                "{:?} {:?}",
+                f.reasons,
+                f.warnings
+            );
             assert!(f.parameters.iter().all(|p| p.status == Status::Determined));
-            assert!(f.values().iter().zip(LO.iter().zip(HI)).all(|(v, (l, h))| l <= v && *v <= h));
+            assert!(
+                f.values()
+                    .iter()
+                    .zip(LO.iter().zip(HI))
+                    .all(|(v, (l, h))| l <= v && *v <= h)
+            );
         }
     }
 }
 
 #[test]
 fn annotated_templates_need_neither_start_nor_bounds() {
-    let f = fit(&sample(6000, 0.01, 5), &TestPart::new(true), &Options::default(), &Control::default()).expect("a fit");
+    let f = fit(
+        &sample(6000, 0.01, 5),
+        &TestPart::new(true),
+        &Options::default(),
+        &Control::default(),
+    )
+    .expect("a fit");
     assert!(worst_error(&f.values()) < 0.01, "{:?}", f.values());
 }
 
@@ -69,17 +118,34 @@ fn shared_variants() {
         return;
     };
     let starts = rows_of(&folder.join("fitting/starts100.txt"));
-    for (name, tolerance) in
-        [("clean", 1e-6), ("noise0.01", 1e-2), ("noise0.05", 6e-2), ("poly", 2e-2), ("partial", 1e-2), ("outlier10", 1e-2)]
-    {
+    for (name, tolerance) in [
+        ("clean", 1e-6),
+        ("noise0.01", 1e-2),
+        ("noise0.05", 6e-2),
+        ("poly", 2e-2),
+        ("partial", 1e-2),
+        ("outlier10", 1e-2),
+    ] {
         let points = variant(name).expect("a variant");
         for start in starts.iter().take(12) {
             let f = run(&points, start);
-            assert!(worst_error(&f.values()) < tolerance, "{name} from {start:?}: {:?}", f.values());
+            assert!(
+                worst_error(&f.values()) < tolerance,
+                "{name} from {start:?}: {:?}",
+                f.values()
+            );
             if name == "outlier10" {
-                assert!((803..=1392).contains(&f.n_outliers), "{} outliers", f.n_outliers);
+                assert!(
+                    (803..=1392).contains(&f.n_outliers),
+                    "{} outliers",
+                    f.n_outliers
+                );
             } else {
-                assert!(f.n_outliers as f64 <= 0.03 * points.len() as f64, "{name}: {} outliers", f.n_outliers);
+                assert!(
+                    f.n_outliers as f64 <= 0.03 * points.len() as f64,
+                    "{name}: {} outliers",
+                    f.n_outliers
+                );
             }
         }
     }
@@ -94,16 +160,26 @@ fn an_unseen_face_is_named() {
         points.retain(|p| p[2] > TRUTH[2] + 0.3 * TRUTH[5]);
         noise(&mut points, 0.01, seed + 50);
         let f = run(&points, &wide(&mut random));
-        let open: Vec<usize> = (0..12).filter(|i| f.parameters[*i].status == Status::Undetermined).collect();
+        let open: Vec<usize> = (0..12)
+            .filter(|i| f.parameters[*i].status == Status::Undetermined)
+            .collect();
         assert_eq!(open, [2, 5], "{:?}", f.undetermined);
         assert_eq!(f.undetermined.len(), 1);
-        assert_eq!(f.undetermined[0].why, "vz and dz are not determined: no points near box.z_min");
+        assert_eq!(
+            f.undetermined[0].why,
+            "vz and dz are not determined: no points near box.z_min"
+        );
         let mut a = canonical(&f.values());
         assert!((a[2] + a[5] - TRUTH[2] - TRUTH[5]).abs() < 0.002);
         (a[2], a[5]) = (TRUTH[2], TRUTH[5]);
         assert!(worst_error(&a) < 0.01, "{a:?}");
         assert!(f.parameters[2].sd.is_none() && f.parameters[0].sd.is_some());
-        assert!(f.values().iter().zip(LO.iter().zip(HI)).all(|(v, (l, h))| l <= v && *v <= h));
+        assert!(
+            f.values()
+                .iter()
+                .zip(LO.iter().zip(HI))
+                .all(|(v, (l, h))| l <= v && *v <= h)
+        );
     }
 }
 
@@ -112,7 +188,13 @@ fn outliers_are_counted_and_do_no_harm() {
     let mut random = fastrand::Rng::with_seed(9);
     let mut points = sample(6000, 0.01, 20);
     // A tenth anywhere in a box half as large again, and one far away: a box around all would be useless.
-    points.extend((0..600).map(|_| [15.0 * random.f64() - 7.5, 9.0 * random.f64() - 5.5, 6.0 * random.f64() - 3.0]));
+    points.extend((0..600).map(|_| {
+        [
+            15.0 * random.f64() - 7.5,
+            9.0 * random.f64() - 5.5,
+            6.0 * random.f64() - 3.0,
+        ]
+    }));
     points.push([1e6, 1e6, 1e6]);
     for _ in 0..3 {
         let f = run(&points, &wide(&mut random));
@@ -129,7 +211,13 @@ fn outliers_are_counted_and_do_no_harm() {
 fn a_table_under_the_part_is_survived() {
     let mut random = fastrand::Rng::with_seed(10);
     let mut points = sample(6000, 0.01, 21);
-    points.extend((0..660).map(|_| [20.0 * random.f64() - 10.0, 14.0 * random.f64() - 8.0, -2.6 + 0.01 * random.f64()]));
+    points.extend((0..660).map(|_| {
+        [
+            20.0 * random.f64() - 10.0,
+            14.0 * random.f64() - 8.0,
+            -2.6 + 0.01 * random.f64(),
+        ]
+    }));
     for _ in 0..3 {
         let f = run(&points, &wide(&mut random));
         assert!(worst_error(&f.values()) < 0.01, "{:?}", f.values());
@@ -149,7 +237,11 @@ fn intervals_cover_the_truth() {
             let a = f.values();
             let swapped = canonical(&a) != a[..];
             for i in 0..12 {
-                let p = &f.parameters[if swapped && i >= 6 { (i - 3) % 6 + 6 } else { i }];
+                let p = &f.parameters[if swapped && i >= 6 {
+                    (i - 3) % 6 + 6
+                } else {
+                    i
+                }];
                 let (lo, hi) = p.ci95.expect("an interval");
                 inside += usize::from(lo <= TRUTH[i] && TRUTH[i] <= hi);
                 z += ((p.value - TRUTH[i]) / (sigma * sd[i])).powi(2);
@@ -166,7 +258,13 @@ fn intervals_cover_the_truth() {
 
 /// Everything but the seconds.
 fn bits(f: &Fit) -> String {
-    format!("{:?}", Fit { seconds: Vec::new(), ..f.clone() })
+    format!(
+        "{:?}",
+        Fit {
+            seconds: Vec::new(),
+            ..f.clone()
+        }
+    )
 }
 
 #[test]
@@ -175,7 +273,10 @@ fn the_number_of_threads_changes_nothing() {
     noise(&mut points[..200], 2.0, 41);
     for start in [&SET2[..], &wide(&mut fastrand::Rng::with_seed(42))] {
         let with = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("a pool");
             pool.install(|| bits(&run(&points, start)))
         };
         let one = with(1);
@@ -189,7 +290,10 @@ fn fixed_and_tied_parameters_and_bounds_that_are_hit() {
     let mut template = TestPart::new(true);
     let p = template.parameters_mut();
     p[3].fixed = Some(TRUTH[3]);
-    p[8].tie = Some(Tie { constant: TRUTH[8] - 2.0 * TRUTH[11], terms: vec![(11, 2.0)] });
+    p[8].tie = Some(Tie {
+        constant: TRUTH[8] - 2.0 * TRUTH[11],
+        terms: vec![(11, 2.0)],
+    });
     p[4].max = Some(6.0);
     p[4].min = Some(0.1);
     let f = fit(&points, &template, &Options::default(), &Control::default()).expect("a fit");
@@ -198,19 +302,38 @@ fn fixed_and_tied_parameters_and_bounds_that_are_hit() {
     assert_eq!(f.parameters[3].status, Status::Fixed);
     assert!((a[8] - (TRUTH[8] - 2.0 * TRUTH[11] + 2.0 * a[11])).abs() < 1e-12);
     assert!((a[11] - TRUTH[11]).abs() < 0.01, "{a:?}");
-    assert!(a[4] <= 6.0 && a[4] > 5.99 && f.parameters[4].status == Status::AtBound, "{:?}", f.parameters[4]);
+    assert!(
+        a[4] <= 6.0 && a[4] > 5.99 && f.parameters[4].status == Status::AtBound,
+        "{:?}",
+        f.parameters[4]
+    );
     assert!(f.warnings.iter().any(|w| w.contains("dy ran into a bound")));
     // The tied radius has its deviation from the other one.
-    let (u, v) = (f.parameters[8].sd.expect("sd"), f.parameters[11].sd.expect("sd"));
+    let (u, v) = (
+        f.parameters[8].sd.expect("sd"),
+        f.parameters[11].sd.expect("sd"),
+    );
     assert!((u / v - 2.0).abs() < 1e-6);
 }
 
 #[test]
 fn circles_of_ties_are_refused() {
     let mut template = TestPart::new(true);
-    template.parameters_mut()[3].tie = Some(Tie { constant: 0.0, terms: vec![(4, 1.0)] });
-    template.parameters_mut()[4].tie = Some(Tie { constant: 0.0, terms: vec![(3, 1.0)] });
-    let error = fit(&sample(100, 0.0, 1), &template, &Options::default(), &Control::default()).unwrap_err();
+    template.parameters_mut()[3].tie = Some(Tie {
+        constant: 0.0,
+        terms: vec![(4, 1.0)],
+    });
+    template.parameters_mut()[4].tie = Some(Tie {
+        constant: 0.0,
+        terms: vec![(3, 1.0)],
+    });
+    let error = fit(
+        &sample(100, 0.0, 1),
+        &template,
+        &Options::default(),
+        &Control::default(),
+    )
+    .unwrap_err();
     assert!(matches!(error, FitError::Tie { .. }));
 }
 
@@ -225,9 +348,17 @@ fn a_template_of_another_thing_is_refused() {
             v.map(|c| 5.0 * c / r)
         })
         .collect();
-    let cloud: Vec<Point3> = (0..3000).map(|_| [random.f64(), random.f64(), random.f64()]).collect();
+    let cloud: Vec<Point3> = (0..3000)
+        .map(|_| [random.f64(), random.f64(), random.f64()])
+        .collect();
     for points in [sphere, cloud] {
-        let f = fit(&points, &TestPart::new(true), &Options::default(), &Control::default()).expect("a fit");
+        let f = fit(
+            &points,
+            &TestPart::new(true),
+            &Options::default(),
+            &Control::default(),
+        )
+        .expect("a fit");
         assert!(!f.acceptable && !f.reasons.is_empty());
     }
 }
@@ -236,8 +367,15 @@ fn a_template_of_another_thing_is_refused() {
 fn a_deadline_gives_the_best_so_far() {
     let points = sample(6000, 0.01, 80);
     let stopped = std::sync::atomic::AtomicBool::new(true);
-    let control = Control { cancelled: Some(&stopped), ..Control::default() };
-    let options = Options { start: Some(SET1.to_vec()), bounds: bounds(), ..Options::default() };
+    let control = Control {
+        cancelled: Some(&stopped),
+        ..Control::default()
+    };
+    let options = Options {
+        start: Some(SET1.to_vec()),
+        bounds: bounds(),
+        ..Options::default()
+    };
     let f = fit(&points, &TestPart::new(false), &options, &control).expect("the best so far");
     assert!(!f.complete && f.values().iter().all(|v| v.is_finite()));
 }

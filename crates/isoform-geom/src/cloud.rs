@@ -34,7 +34,10 @@ pub struct PointCloud {
 impl PointCloud {
     /// A cloud of bare points about the origin.
     pub fn from_points(points: Vec<Point3>) -> Self {
-        Self { points, ..Self::default() }
+        Self {
+            points,
+            ..Self::default()
+        }
     }
     /// Smallest box around the points (relative to `origin`).
     pub fn bounds(&self) -> Aabb {

@@ -64,7 +64,14 @@ pub trait ParamField: Send + Sync {
     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]);
     /// Weighted normal equations: Σ wᵢ fᵢ², Jᵀ W f into `gradient` (dim) and Jᵀ W J into `hessian` (dim × dim, full symmetric).
     /// `weights` empty means all 1. The sums run in a fixed order: the same bits each time.
-    fn normal_equations(&self, points: &[Point3], weights: &[f64], a: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64;
+    fn normal_equations(
+        &self,
+        points: &[Point3],
+        weights: &[f64],
+        a: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut [f64],
+    ) -> f64;
     /// f(pᵢ, a) and its gradient in space, point by point.
     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]);
     /// Σ wᵢ fᵢ², in the same order of summation as [`ParamField::normal_equations`].

@@ -20,12 +20,22 @@ impl KdTree {
     /// # Panics
     /// If there are 2³² points or more, or a coordinate is not finite.
     pub fn new(points: &[Point3]) -> Self {
-        assert!(u32::try_from(points.len()).is_ok(), "too many points for 32-bit indices");
-        assert!(points.iter().flatten().all(|v| v.is_finite()), "coordinates must be finite");
+        assert!(
+            u32::try_from(points.len()).is_ok(),
+            "too many points for 32-bit indices"
+        );
+        assert!(
+            points.iter().flatten().all(|v| v.is_finite()),
+            "coordinates must be finite"
+        );
         let mut index: Vec<u32> = (0..points.len() as u32).collect();
         let mut axis = vec![0; points.len()];
         build(points, &mut index, &mut axis);
-        Self { points: index.iter().map(|&i| points[i as usize]).collect(), index, axis }
+        Self {
+            points: index.iter().map(|&i| points[i as usize]).collect(),
+            index,
+            axis,
+        }
     }
 
     /// Number of points.
@@ -63,7 +73,15 @@ impl KdTree {
         self.near_in(q, squared, 0, self.points.len(), [0.0; 3], visit);
     }
 
-    fn near_in(&self, q: Point3, mut reach: f64, from: usize, to: usize, off: Point3, visit: &mut impl FnMut(f64, u32) -> f64) -> f64 {
+    fn near_in(
+        &self,
+        q: Point3,
+        mut reach: f64,
+        from: usize,
+        to: usize,
+        off: Point3,
+        visit: &mut impl FnMut(f64, u32) -> f64,
+    ) -> f64 {
         if to - from <= LEAF {
             for at in from..to {
                 let d = distance_squared(q, self.points[at]);
@@ -82,7 +100,11 @@ impl KdTree {
         }
         let mut far = off;
         far[axis] = gap;
-        let halves = if gap < 0.0 { [(from, mid), (mid + 1, to)] } else { [(mid + 1, to), (from, mid)] };
+        let halves = if gap < 0.0 {
+            [(from, mid), (mid + 1, to)]
+        } else {
+            [(mid + 1, to), (from, mid)]
+        };
         reach = self.near_in(q, reach, halves[0].0, halves[0].1, off, visit);
         let bound = far[0] * far[0] + far[1] * far[1] + far[2] * far[2];
         if bound <= reach {
@@ -92,20 +114,40 @@ impl KdTree {
     }
 
     /// Visits the nearer half first; `off` holds the distance of `q` to the cell by axis, so that the bound is the true one.
-    fn search(&self, q: Point3, k: usize, from: usize, to: usize, off: Point3, found: &mut Vec<(f64, u32)>) {
+    fn search(
+        &self,
+        q: Point3,
+        k: usize,
+        from: usize,
+        to: usize,
+        off: Point3,
+        found: &mut Vec<(f64, u32)>,
+    ) {
         if to - from <= LEAF {
             for at in from..to {
-                insert(found, k, (distance_squared(q, self.points[at]), self.index[at]));
+                insert(
+                    found,
+                    k,
+                    (distance_squared(q, self.points[at]), self.index[at]),
+                );
             }
             return;
         }
         let mid = from + (to - from) / 2;
         let axis = usize::from(self.axis[mid]);
         let gap = q[axis] - self.points[mid][axis];
-        insert(found, k, (distance_squared(q, self.points[mid]), self.index[mid]));
+        insert(
+            found,
+            k,
+            (distance_squared(q, self.points[mid]), self.index[mid]),
+        );
         let mut far = off;
         far[axis] = gap;
-        let halves = if gap < 0.0 { [(from, mid), (mid + 1, to)] } else { [(mid + 1, to), (from, mid)] };
+        let halves = if gap < 0.0 {
+            [(from, mid), (mid + 1, to)]
+        } else {
+            [(mid + 1, to), (from, mid)]
+        };
         self.search(q, k, halves[0].0, halves[0].1, off, found);
         let bound = far[0] * far[0] + far[1] * far[1] + far[2] * far[2];
         if found.len() < k || bound <= found[found.len() - 1].0 {
@@ -132,7 +174,11 @@ fn build(points: &[Point3], index: &mut [u32], split: &mut [u8]) {
     let size = crate::Aabb::of(index.iter().map(|&i| &points[i as usize])).size();
     let axis = (0..3).fold(0, |best, i| if size[i] > size[best] { i } else { best });
     let mid = index.len() / 2;
-    index.select_nth_unstable_by(mid, |&i, &j| points[i as usize][axis].total_cmp(&points[j as usize][axis]).then(i.cmp(&j)));
+    index.select_nth_unstable_by(mid, |&i, &j| {
+        points[i as usize][axis]
+            .total_cmp(&points[j as usize][axis])
+            .then(i.cmp(&j))
+    });
     split[mid] = axis as u8;
     let (low, high) = index.split_at_mut(mid);
     let (low_split, high_split) = split.split_at_mut(mid);

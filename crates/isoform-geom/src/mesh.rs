@@ -60,15 +60,28 @@ pub struct Curve {
 impl Mesh {
     /// A mesh of bare triangles.
     pub fn from_triangles(points: Vec<Point3>, triangles: Vec<[u32; 3]>) -> Self {
-        Self { points, triangles, ..Self::default() }
+        Self {
+            points,
+            triangles,
+            ..Self::default()
+        }
     }
     /// 2 with mid-edge nodes, else 1.
     pub fn order(&self) -> u32 {
-        if self.tet_mids.is_empty() && self.triangle_mids.is_empty() { 1 } else { 2 }
+        if self.tet_mids.is_empty() && self.triangle_mids.is_empty() {
+            1
+        } else {
+            2
+        }
     }
     /// The columns `u` and `v`, if both are there.
     pub fn parameters(&self) -> Option<(&[f64], &[f64])> {
-        let named = |name: &str| self.columns.iter().find(|c| c.name == name).map(|c| c.values.as_slice());
+        let named = |name: &str| {
+            self.columns
+                .iter()
+                .find(|c| c.name == name)
+                .map(|c| c.values.as_slice())
+        };
         named("u").zip(named("v"))
     }
     /// Smallest box around the nodes.

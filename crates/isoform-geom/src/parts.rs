@@ -20,7 +20,10 @@ pub struct SmoothPart {
 
 impl fmt::Debug for SmoothPart {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("SmoothPart").field("piece", &self.piece).field("limits", &self.limits.len()).finish_non_exhaustive()
+        f.debug_struct("SmoothPart")
+            .field("piece", &self.piece)
+            .field("limits", &self.limits.len())
+            .finish_non_exhaustive()
     }
 }
 

@@ -41,7 +41,9 @@ impl std::fmt::Display for PatchError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Degree(m, n) => write!(f, "degree {m},{n}: both must be at least 1"),
-            Self::Count { found, wanted } => write!(f, "{found} control points, {wanted} are needed"),
+            Self::Count { found, wanted } => {
+                write!(f, "{found} control points, {wanted} are needed")
+            }
             Self::NotFinite(i) => write!(f, "control point {i} is not finite"),
         }
     }
@@ -138,9 +140,15 @@ impl RationalPatch {
             return Err(PatchError::Degree(degree.0, degree.1));
         }
         if control.len() != wanted {
-            return Err(PatchError::Count { found: control.len(), wanted });
+            return Err(PatchError::Count {
+                found: control.len(),
+                wanted,
+            });
         }
-        if let Some(i) = control.iter().position(|c| c.iter().any(|v| !v.is_finite())) {
+        if let Some(i) = control
+            .iter()
+            .position(|c| c.iter().any(|v| !v.is_finite()))
+        {
             return Err(PatchError::NotFinite(i));
         }
         Ok(Self { degree, control })
@@ -154,9 +162,17 @@ impl RationalPatch {
         let (m, n) = degree;
         let at = |i: usize, j: usize| {
             let (s, t) = (i as f64 / m as f64, j as f64 / n as f64);
-            [0, 1, 2, 3].map(|k| if k == 3 { 1.0 } else { origin[k] + s * u[k] + t * v[k] })
+            [0, 1, 2, 3].map(|k| {
+                if k == 3 {
+                    1.0
+                } else {
+                    origin[k] + s * u[k] + t * v[k]
+                }
+            })
         };
-        let control = (0..=m).flat_map(|i| (0..=n).map(move |j| at(i, j))).collect();
+        let control = (0..=m)
+            .flat_map(|i| (0..=n).map(move |j| at(i, j)))
+            .collect();
         Self::new(degree, control).expect("degrees of at least 1 and finite points")
     }
 
@@ -210,7 +226,12 @@ impl RationalPatch {
         let weight = h[3];
         let point: Point3 = std::array::from_fn(|k| h[k] / weight);
         let along = |d: [f64; 4]| std::array::from_fn(|k| (d[k] - point[k] * d[3]) / weight);
-        Tangents { point, u: along(hu), v: along(hv), weight }
+        Tangents {
+            point,
+            u: along(hu),
+            v: along(hv),
+            weight,
+        }
     }
 
     /// The same surface over \[u₀, u₁\] × \[v₀, v₁\]; parts beyond \[0, 1\]² extrapolate it.
@@ -230,12 +251,21 @@ impl RationalPatch {
                 control[i * (n + 1) + j] = column[i];
             }
         }
-        Self { degree: self.degree, control }
+        Self {
+            degree: self.degree,
+            control,
+        }
     }
     /// The halves in u, or in v.
     pub fn halves(&self, along_u: bool) -> [Self; 2] {
         let whole = (0.0, 1.0);
-        [(0.0, 0.5), (0.5, 1.0)].map(|half| if along_u { self.part(half, whole) } else { self.part(whole, half) })
+        [(0.0, 0.5), (0.5, 1.0)].map(|half| {
+            if along_u {
+                self.part(half, whole)
+            } else {
+                self.part(whole, half)
+            }
+        })
     }
 
     /// The same patch with degrees raised to (m, n).
@@ -245,22 +275,42 @@ impl RationalPatch {
     pub fn elevated(&self, (m, n): (usize, usize)) -> Self {
         let (m0, n0) = self.degree;
         assert!(m >= m0 && n >= n0, "degrees {m}, {n} below {m0}, {n0}");
-        let rows: Vec<Vec<[f64; 4]>> = self.control.chunks(n0 + 1).map(|row| raised(row, n)).collect();
-        let columns: Vec<Vec<[f64; 4]>> = (0..=n).map(|j| raised(&rows.iter().map(|row| row[j]).collect::<Vec<_>>(), m)).collect();
-        let control = (0..=m).flat_map(|i| columns.iter().map(move |column| column[i])).collect();
-        Self { degree: (m, n), control }
+        let rows: Vec<Vec<[f64; 4]>> = self
+            .control
+            .chunks(n0 + 1)
+            .map(|row| raised(row, n))
+            .collect();
+        let columns: Vec<Vec<[f64; 4]>> = (0..=n)
+            .map(|j| raised(&rows.iter().map(|row| row[j]).collect::<Vec<_>>(), m))
+            .collect();
+        let control = (0..=m)
+            .flat_map(|i| columns.iter().map(move |column| column[i]))
+            .collect();
+        Self {
+            degree: (m, n),
+            control,
+        }
     }
 
     /// The same surface with u and v exchanged: its other side.
     pub fn transposed(&self) -> Self {
         let (m, n) = self.degree;
-        let control = (0..=n).flat_map(|j| (0..=m).map(move |i| self.control[i * (n + 1) + j])).collect();
-        Self { degree: (n, m), control }
+        let control = (0..=n)
+            .flat_map(|j| (0..=m).map(move |i| self.control[i * (n + 1) + j]))
+            .collect();
+        Self {
+            degree: (n, m),
+            control,
+        }
     }
 
     /// The least and largest weight among the control points; between them lies w on \[0, 1\]².
     pub fn control_weights(&self) -> (f64, f64) {
-        self.control.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), c| (lo.min(c[3]), hi.max(c[3])))
+        self.control
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), c| {
+                (lo.min(c[3]), hi.max(c[3]))
+            })
     }
     /// Whether w > 0 on \[0, 1\]² follows from the control weights of at most `depth`-fold halved parts.
     pub fn weight_is_positive(&self, depth: usize) -> bool {
@@ -275,7 +325,10 @@ impl RationalPatch {
             return false;
         }
         let [a, b] = self.halves(true);
-        [a, b].iter().flat_map(|half| half.halves(false)).all(|quarter| quarter.weight_is_positive(depth - 1))
+        [a, b]
+            .iter()
+            .flat_map(|half| half.halves(false))
+            .all(|quarter| quarter.weight_is_positive(depth - 1))
     }
     /// A box around the patch, from its control points; none unless all weights are positive.
     pub fn control_box(&self) -> Option<Aabb> {
@@ -300,7 +353,13 @@ mod tests {
             let w = 1.0 + 0.3 * (s - 0.7 * t).sin();
             [w * s, w * (t + 0.1 * s * s), w * (s * t).cos(), w]
         };
-        RationalPatch::new((m, n), (0..=m).flat_map(|i| (0..=n).map(move |j| at(i, j))).collect()).expect("a patch")
+        RationalPatch::new(
+            (m, n),
+            (0..=m)
+                .flat_map(|i| (0..=n).map(move |j| at(i, j)))
+                .collect(),
+        )
+        .expect("a patch")
     }
 
     #[test]
@@ -308,7 +367,12 @@ mod tests {
         let (p, h) = (wavy(3, 4), 1e-6);
         for (u, v) in [(0.2, 0.9), (0.0, 0.5), (0.7, 1.0)] {
             let t = p.tangents(u, v);
-            let (up, um, vp, vm) = (p.point(u + h, v), p.point(u - h, v), p.point(u, v + h), p.point(u, v - h));
+            let (up, um, vp, vm) = (
+                p.point(u + h, v),
+                p.point(u - h, v),
+                p.point(u, v + h),
+                p.point(u, v - h),
+            );
             for k in 0..3 {
                 assert!((t.u[k] - (up[k] - um[k]) / (2.0 * h)).abs() < 1e-8);
                 assert!((t.v[k] - (vp[k] - vm[k]) / (2.0 * h)).abs() < 1e-8);
@@ -339,7 +403,13 @@ mod tests {
         let (p, q) = (wavy(2, 3), wavy(2, 3).elevated((4, 5)));
         assert_eq!((q.degree(), p.elevated((2, 3))), ((4, 5), p.clone()));
         for (u, v) in [(0.0, 1.0), (0.2, 0.7), (0.9, 0.4)] {
-            assert!(p.homogeneous(u, v).iter().flatten().zip(q.homogeneous(u, v).iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-13));
+            assert!(
+                p.homogeneous(u, v)
+                    .iter()
+                    .flatten()
+                    .zip(q.homogeneous(u, v).iter().flatten())
+                    .all(|(a, b)| (a - b).abs() < 1e-13)
+            );
         }
     }
 
@@ -348,7 +418,12 @@ mod tests {
         let p = wavy(2, 3);
         let q = p.transposed();
         assert_eq!((q.degree(), q.transposed()), ((3, 2), p.clone()));
-        assert!(p.point(0.2, 0.7).iter().zip(q.point(0.7, 0.2)).all(|(a, b)| (a - b).abs() < 1e-15));
+        assert!(
+            p.point(0.2, 0.7)
+                .iter()
+                .zip(q.point(0.7, 0.2))
+                .all(|(a, b)| (a - b).abs() < 1e-15)
+        );
     }
 
     #[test]
@@ -356,7 +431,8 @@ mod tests {
         // w(u) = 1 − 4 c u(1 − u) with the middle coefficient 1 − 2c: positive for c < 1, although the coefficient is not from 1/2 on.
         let patch = |c: f64| {
             let row = |w: f64| [[0.0, 0.0, 0.0, w], [0.0, w, 0.0, w]];
-            RationalPatch::new((2, 1), [row(1.0), row(1.0 - 2.0 * c), row(1.0)].concat()).expect("a patch")
+            RationalPatch::new((2, 1), [row(1.0), row(1.0 - 2.0 * c), row(1.0)].concat())
+                .expect("a patch")
         };
         assert!(patch(0.4).weight_is_positive(0));
         assert!(!patch(0.9).weight_is_positive(0));
@@ -366,9 +442,17 @@ mod tests {
 
     #[test]
     fn what_is_no_patch_is_refused() {
-        let error = |degree, n: usize, x: f64| RationalPatch::new(degree, vec![[x, 0.0, 0.0, 1.0]; n]).expect_err("no patch");
+        let error = |degree, n: usize, x: f64| {
+            RationalPatch::new(degree, vec![[x, 0.0, 0.0, 1.0]; n]).expect_err("no patch")
+        };
         assert_eq!(error((0, 2), 3, 0.0), PatchError::Degree(0, 2));
-        assert_eq!(error((1, 1), 3, 0.0), PatchError::Count { found: 3, wanted: 4 });
+        assert_eq!(
+            error((1, 1), 3, 0.0),
+            PatchError::Count {
+                found: 3,
+                wanted: 4
+            }
+        );
         assert_eq!(error((1, 1), 4, f64::NAN), PatchError::NotFinite(0));
     }
 
@@ -376,7 +460,9 @@ mod tests {
     fn bernstein_polynomials_sum_to_one() {
         for n in 1..8 {
             let (b, d) = bernstein(n, 0.3);
-            assert!((b.iter().sum::<f64>() - 1.0).abs() < 1e-15 && d.iter().sum::<f64>().abs() < 1e-13);
+            assert!(
+                (b.iter().sum::<f64>() - 1.0).abs() < 1e-15 && d.iter().sum::<f64>().abs() < 1e-13
+            );
             let mean: f64 = b.iter().enumerate().map(|(i, b)| i as f64 * b).sum();
             assert!((mean - 0.3 * n as f64).abs() < 1e-14);
         }

@@ -10,7 +10,11 @@ pub fn dot(a: Point3, b: Point3) -> f64 {
 
 /// a × b.
 pub fn cross(a: Point3, b: Point3) -> Point3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 /// a − b.
@@ -27,7 +31,11 @@ pub fn norm(a: Point3) -> f64 {
 pub fn distance_to_segment(p: Point3, [a, b]: [Point3; 2]) -> f64 {
     let (d, e) = (sub(b, a), sub(p, a));
     let d2 = dot(d, d);
-    let t = if d2 > 0.0 { (dot(d, e) / d2).clamp(0.0, 1.0) } else { 0.0 };
+    let t = if d2 > 0.0 {
+        (dot(d, e) / d2).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
     norm(std::array::from_fn(|i| e[i] - t * d[i]))
 }
 
@@ -47,7 +55,10 @@ pub struct Aabb {
 
 impl Aabb {
     /// The box of nothing.
-    pub const EMPTY: Self = Self { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3] };
+    pub const EMPTY: Self = Self {
+        lo: [f64::INFINITY; 3],
+        hi: [f64::NEG_INFINITY; 3],
+    };
 
     /// Smallest box around the points.
     pub fn of<'a>(points: impl IntoIterator<Item = &'a Point3>) -> Self {

@@ -26,7 +26,11 @@ impl Csg {
             let mut best = children[0].value_and_piece(v);
             for child in &children[1..] {
                 let next = child.value_and_piece(v);
-                if if less { next.0 < best.0 } else { next.0 > best.0 } {
+                if if less {
+                    next.0 < best.0
+                } else {
+                    next.0 > best.0
+                } {
                     best = next;
                 }
             }
@@ -61,7 +65,9 @@ impl Csg {
     pub fn pieces(&self) -> Vec<u32> {
         match self {
             Self::Piece(i) => vec![*i],
-            Self::Min(children) | Self::Max(children) => children.iter().flat_map(Self::pieces).collect(),
+            Self::Min(children) | Self::Max(children) => {
+                children.iter().flat_map(Self::pieces).collect()
+            }
         }
     }
 }
@@ -98,7 +104,11 @@ pub struct OnePiece<F> {
 impl<F: Field> OnePiece<F> {
     /// The field, with a name for its surface.
     pub fn new(field: F, name: &str) -> Self {
-        Self { field, names: vec![name.to_owned()], tree: Csg::Piece(0) }
+        Self {
+            field,
+            names: vec![name.to_owned()],
+            tree: Csg::Piece(0),
+        }
     }
 }
 
@@ -136,7 +146,10 @@ mod tests {
     #[test]
     fn values_and_ranges_of_a_tree() {
         // min(0, max(1, 2))
-        let tree = Csg::Min(vec![Csg::Piece(0), Csg::Max(vec![Csg::Piece(1), Csg::Piece(2)])]);
+        let tree = Csg::Min(vec![
+            Csg::Piece(0),
+            Csg::Max(vec![Csg::Piece(1), Csg::Piece(2)]),
+        ]);
         let v = |i: u32| [3.0, 1.0, 2.0][i as usize];
         assert_eq!(tree.value_and_piece(&v), (2.0, 2));
         assert_eq!(tree.pieces(), [0, 1, 2]);

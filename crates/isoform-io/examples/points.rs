@@ -5,8 +5,13 @@ use std::path::Path;
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
-    let Some(file) = arguments.next() else { return eprintln!("usage: points FILE [MAX_POINTS]") };
-    let options = ReadOptions { max_points: arguments.next().and_then(|n| n.parse().ok()), ..ReadOptions::default() };
+    let Some(file) = arguments.next() else {
+        return eprintln!("usage: points FILE [MAX_POINTS]");
+    };
+    let options = ReadOptions {
+        max_points: arguments.next().and_then(|n| n.parse().ok()),
+        ..ReadOptions::default()
+    };
     let start = std::time::Instant::now();
     match read(Source::Path(Path::new(&file)), None, &options) {
         Ok((cloud, report)) => {

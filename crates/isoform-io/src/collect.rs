@@ -92,7 +92,12 @@ impl Collector {
         self.scale = Some(scale);
     }
     pub(crate) fn with_columns(&mut self, names: impl IntoIterator<Item = String>) {
-        self.cloud.columns.extend(names.into_iter().map(|name| Column { name, values: Vec::new() }));
+        self.cloud
+            .columns
+            .extend(names.into_iter().map(|name| Column {
+                name,
+                values: Vec::new(),
+            }));
     }
 
     /// Takes a row; the slot to fill with its other values if it is kept. Reservoir sampling (Vitter 1985, Algorithm R): after i rows
@@ -178,14 +183,22 @@ impl Collector {
             return; // the triangles of a sample are not kept; the other case is refused at the end
         }
         for k in 2..corners.len() {
-            self.cloud.triangles.push([corners[0], corners[k - 1], corners[k]].map(|c| c as u32));
+            self.cloud
+                .triangles
+                .push([corners[0], corners[k - 1], corners[k]].map(|c| c as u32));
             self.parts.of_triangle.extend(self.part);
         }
     }
 
     /// Puts it all together and writes the counts into the report.
-    pub(crate) fn finish(self, input: &Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
-        self.finish_with_parts(input, options, report).map(|(cloud, _)| cloud)
+    pub(crate) fn finish(
+        self,
+        input: &Input<'_>,
+        options: &ReadOptions,
+        report: &mut ReadReport,
+    ) -> Result<PointCloud> {
+        self.finish_with_parts(input, options, report)
+            .map(|(cloud, _)| cloud)
     }
 
     /// The same, with the groups of triangles.
@@ -199,10 +212,20 @@ impl Collector {
             && (index >= self.rows || index > u64::from(u32::MAX))
         {
             return Err(ReadError {
-                kind: if index >= self.rows { ErrorKind::Index } else { ErrorKind::TooLarge },
+                kind: if index >= self.rows {
+                    ErrorKind::Index
+                } else {
+                    ErrorKind::TooLarge
+                },
                 what: "a face names a point that is not there",
-                place: Place { file: input.name.clone(), at },
-                why: format!("index {index} (from 0) where the file has {} points", self.rows),
+                place: Place {
+                    file: input.name.clone(),
+                    at,
+                },
+                why: format!(
+                    "index {index} (from 0) where the file has {} points",
+                    self.rows
+                ),
                 hint: "export the mesh again; if only the points matter, remove the faces",
             });
         }
@@ -214,23 +237,34 @@ impl Collector {
             if self.highest.is_some() {
                 self.cloud.triangles = Vec::new();
                 self.parts.of_triangle = Vec::new();
-                report.warnings.push("the triangles are left out, because the points were sampled".into());
+                report
+                    .warnings
+                    .push("the triangles are left out, because the points were sampled".into());
             }
         } else if !self.dropped_rows.is_empty() {
             report.dropped_triangles += self.renumber();
         }
         if self.dropped > 0 {
-            report.warnings.push(format!("{} of {} points have coordinates that are not finite and were dropped", self.dropped, self.rows));
+            report.warnings.push(format!(
+                "{} of {} points have coordinates that are not finite and were dropped",
+                self.dropped, self.rows
+            ));
         }
         if report.dropped_triangles > 0 {
-            report.warnings.push(format!("{} triangles used dropped points and were dropped too", report.dropped_triangles));
+            report.warnings.push(format!(
+                "{} triangles used dropped points and were dropped too",
+                report.dropped_triangles
+            ));
         }
         self.finish_colors(report);
         finish_normals(&mut self.cloud.normals, report);
         for column in &self.cloud.columns {
             let bad = column.values.iter().filter(|v| !v.is_finite()).count();
             if bad > 0 {
-                report.warnings.push(format!("column \"{}\" has {bad} values that are not finite; they are kept as NaN", column.name));
+                report.warnings.push(format!(
+                    "column \"{}\" has {bad} values that are not finite; they are kept as NaN",
+                    column.name
+                ));
             }
         }
         for v in self.cloud.columns.iter_mut().flat_map(|c| &mut c.values) {
@@ -279,7 +313,9 @@ impl Collector {
             whole
         });
         let mut kept = kept.into_iter();
-        self.parts.of_triangle.retain(|_| kept.next().unwrap_or(true));
+        self.parts
+            .of_triangle
+            .retain(|_| kept.next().unwrap_or(true));
         (before - self.cloud.triangles.len()) as u64
     }
 
@@ -299,9 +335,15 @@ impl Collector {
             ColorScale::Word | ColorScale::Guess if high > 255.0 => 255.0 / 65535.0,
             _ => 1.0,
         };
-        self.cloud.colors = self.colors.iter().map(|c| c.map(|v| (v * factor).round().clamp(0.0, 255.0) as u8)).collect();
+        self.cloud.colors = self
+            .colors
+            .iter()
+            .map(|c| c.map(|v| (v * factor).round().clamp(0.0, 255.0) as u8))
+            .collect();
         if bad > 0 {
-            report.warnings.push(format!("{bad} colour values are not finite and were set to 0"));
+            report.warnings.push(format!(
+                "{bad} colour values are not finite and were set to 0"
+            ));
         }
     }
 }
@@ -324,10 +366,14 @@ fn finish_normals(normals: &mut [Point3], report: &mut ReadReport) {
         }
     }
     if scaled > 0 {
-        report.warnings.push(format!("{scaled} normals were not of length 1 and were scaled"));
+        report.warnings.push(format!(
+            "{scaled} normals were not of length 1 and were scaled"
+        ));
     }
     if bad > 0 {
-        report.warnings.push(format!("{bad} normals are not finite and were set to 0"));
+        report
+            .warnings
+            .push(format!("{bad} normals are not finite and were set to 0"));
     }
 }
 
@@ -335,13 +381,21 @@ fn finish_normals(normals: &mut [Point3], report: &mut ReadReport) {
 fn far_center(bounds: &Aabb) -> Point3 {
     let (center, diagonal) = (bounds.center(), bounds.diagonal());
     let far = center.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    if bounds.is_empty() || diagonal <= 0.0 || !diagonal.is_finite() || far <= FAR_IN_DIAGONALS * diagonal {
+    if bounds.is_empty()
+        || diagonal <= 0.0
+        || !diagonal.is_finite()
+        || far <= FAR_IN_DIAGONALS * diagonal
+    {
         return [0.0; 3];
     }
     let step = 10.0_f64.powf(diagonal.log10().floor());
     center.map(|c| {
         let rounded = (c / step).round() * step;
-        if c.abs() > AXIS_FAR_IN_DIAGONALS * diagonal && rounded.is_finite() { rounded } else { 0.0 }
+        if c.abs() > AXIS_FAR_IN_DIAGONALS * diagonal && rounded.is_finite() {
+            rounded
+        } else {
+            0.0
+        }
     })
 }
 
@@ -362,13 +416,19 @@ mod tests {
     use proptest::prelude::*;
 
     fn collect(points: &[Point3], options: &ReadOptions) -> (PointCloud, ReadReport) {
-        let input = Input::open(Source::Bytes { name: "t", bytes: b"" }).expect("bytes");
+        let input = Input::open(Source::Bytes {
+            name: "t",
+            bytes: b"",
+        })
+        .expect("bytes");
         let mut collector = Collector::new(options);
         for &p in points {
             collector.offer(p);
         }
         let mut report = ReadReport::new("test", "t".into());
-        let cloud = collector.finish(&input, options, &mut report).expect("no faces");
+        let cloud = collector
+            .finish(&input, options, &mut report)
+            .expect("no faces");
         (cloud, report)
     }
 
@@ -376,13 +436,25 @@ mod tests {
     fn metres_and_millimetres_stay_and_utm_moves() {
         let near = [[500.0, 20.0, 0.0], [550.0, 30.0, 5.0]];
         assert_eq!(collect(&near, &ReadOptions::default()).0.origin, [0.0; 3]);
-        let utm = [[665_187.522077, 5_648_349.895035, 241.767693], [665_167.5, 5_648_300.25, 228.0]];
+        let utm = [
+            [665_187.522077, 5_648_349.895035, 241.767693],
+            [665_167.5, 5_648_300.25, 228.0],
+        ];
         let (cloud, _) = collect(&utm, &ReadOptions::default());
         assert_eq!(cloud.origin, [665_180.0, 5_648_330.0, 0.0]);
         assert_eq!([cloud.absolute(0), cloud.absolute(1)], utm);
-        let stay = ReadOptions { recenter: false, ..Default::default() };
+        let stay = ReadOptions {
+            recenter: false,
+            ..Default::default()
+        };
         assert_eq!(collect(&utm, &stay).0.origin, [0.0; 3]);
-        assert_eq!(collect(&[[1e6, 1.0, 2.0]], &ReadOptions::default()).0.origin, [0.0; 3], "one point has no extent");
+        assert_eq!(
+            collect(&[[1e6, 1.0, 2.0]], &ReadOptions::default())
+                .0
+                .origin,
+            [0.0; 3],
+            "one point has no extent"
+        );
     }
 
     proptest! {
@@ -401,7 +473,11 @@ mod tests {
         let points: Vec<Point3> = (0..1000).map(|i| [f64::from(i), 0.0, 0.0]).collect();
         let mut hits = [0_u32; 10];
         for seed in 0..400 {
-            let options = ReadOptions { max_points: Some(100), seed, ..Default::default() };
+            let options = ReadOptions {
+                max_points: Some(100),
+                seed,
+                ..Default::default()
+            };
             let (cloud, report) = collect(&points, &options);
             assert_eq!(cloud.points.len(), 100);
             assert!(report.subsampled && report.rows == 1000);
@@ -417,9 +493,29 @@ mod tests {
 
     #[test]
     fn extremes_do_not_break_it() {
-        let huge = [[f64::MAX, f64::MAX, 0.0], [-f64::MAX, 1.0, f64::MIN_POSITIVE], [f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0]];
+        let huge = [
+            [f64::MAX, f64::MAX, 0.0],
+            [-f64::MAX, 1.0, f64::MIN_POSITIVE],
+            [f64::NAN, 0.0, 0.0],
+            [0.0, f64::INFINITY, 0.0],
+        ];
         let (cloud, report) = collect(&huge, &ReadOptions::default());
-        assert_eq!((cloud.points.len(), report.dropped_points, cloud.origin), (2, 2, [0.0; 3]));
-        assert_eq!(collect(&huge, &ReadOptions { max_points: Some(0), ..Default::default() }).0.points.len(), 0);
+        assert_eq!(
+            (cloud.points.len(), report.dropped_points, cloud.origin),
+            (2, 2, [0.0; 3])
+        );
+        assert_eq!(
+            collect(
+                &huge,
+                &ReadOptions {
+                    max_points: Some(0),
+                    ..Default::default()
+                }
+            )
+            .0
+            .points
+            .len(),
+            0
+        );
     }
 }

@@ -30,11 +30,18 @@ pub fn deviation_colors(values: &[f64], limit: f64) -> Vec<[u8; 3]> {
         if v.is_nan() {
             return GREY;
         }
-        let t = if limit > 0.0 && v != 0.0 { (v / limit).clamp(-1.0, 1.0) } else { f64::from(i8::from(v > 0.0) - i8::from(v < 0.0)) };
+        let t = if limit > 0.0 && v != 0.0 {
+            (v / limit).clamp(-1.0, 1.0)
+        } else {
+            f64::from(i8::from(v > 0.0) - i8::from(v < 0.0))
+        };
         let at = (t + 1.0) * 0.5 * (BLUE_TO_RED.len() - 1) as f64;
         let low = (at as usize).min(BLUE_TO_RED.len() - 2);
         let part = at - low as f64;
-        let mix = |k: usize| f64::from(BLUE_TO_RED[low][k]) * (1.0 - part) + f64::from(BLUE_TO_RED[low + 1][k]) * part;
+        let mix = |k: usize| {
+            f64::from(BLUE_TO_RED[low][k]) * (1.0 - part)
+                + f64::from(BLUE_TO_RED[low + 1][k]) * part
+        };
         std::array::from_fn(|k| mix(k).round() as u8)
     };
     values.iter().map(color).collect()
@@ -47,9 +54,18 @@ mod tests {
     #[test]
     fn odd_limits() {
         for limit in [0.0, -1.0, f64::NAN] {
-            assert_eq!(deviation_colors(&[-2.0, 0.0, 3.0], limit), [[5, 48, 97], [247, 247, 247], [103, 0, 31]]);
+            assert_eq!(
+                deviation_colors(&[-2.0, 0.0, 3.0], limit),
+                [[5, 48, 97], [247, 247, 247], [103, 0, 31]]
+            );
         }
-        assert_eq!(deviation_colors(&[f64::INFINITY, 0.0], f64::INFINITY)[1], [247, 247, 247]);
-        assert_eq!(deviation_colors(&[f64::MIN_POSITIVE, -0.0], 1.0), [[247, 247, 247]; 2]);
+        assert_eq!(
+            deviation_colors(&[f64::INFINITY, 0.0], f64::INFINITY)[1],
+            [247, 247, 247]
+        );
+        assert_eq!(
+            deviation_colors(&[f64::MIN_POSITIVE, -0.0], 1.0),
+            [[247, 247, 247]; 2]
+        );
     }
 }

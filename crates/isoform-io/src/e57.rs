@@ -9,14 +9,28 @@ use crate::{ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
-    if head.starts_with(b"ASTM-E57") { Sniff::Yes } else { Sniff::No }
+    if head.starts_with(b"ASTM-E57") {
+        Sniff::Yes
+    } else {
+        Sniff::No
+    }
 }
 
 #[cfg(not(feature = "e57"))]
-pub(crate) fn read(input: &mut Input<'_>, _: &ReadOptions, _: &mut ReadReport) -> Result<PointCloud> {
+pub(crate) fn read(
+    input: &mut Input<'_>,
+    _: &ReadOptions,
+    _: &mut ReadReport,
+) -> Result<PointCloud> {
     let (kind, at) = (crate::ErrorKind::UnsupportedFormat, crate::At::File);
     let hint = "convert it to PLY or LAS, or use a build with the feature e57";
-    Err(input.error(kind, at, "cannot read the E57 file", "this build does not read E57", hint))
+    Err(input.error(
+        kind,
+        at,
+        "cannot read the E57 file",
+        "this build does not read E57",
+        hint,
+    ))
 }
 
 #[cfg(feature = "e57")]
@@ -73,15 +87,24 @@ mod with_crate {
         }
     }
 
-    pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+    pub(crate) fn read(
+        input: &mut Input<'_>,
+        options: &ReadOptions,
+        report: &mut ReadReport,
+    ) -> Result<PointCloud> {
         report.units = Some("m".into());
         let mut collector = Collector::new(options);
         let outcome = {
             let stream = BufReader::new(input.stream());
             catch_unwind(AssertUnwindSafe(|| scans(stream, &mut collector, report)))
         };
-        let failed =
-            |kind, why: String, hint| ReadError { kind, what: "cannot read the E57 file", place: input.place(At::File), why, hint };
+        let failed = |kind, why: String, hint| ReadError {
+            kind,
+            what: "cannot read the E57 file",
+            place: input.place(At::File),
+            why,
+            hint,
+        };
         match outcome {
             Ok(Ok(())) => collector.finish(input, options, report),
             Ok(Err(e)) => {
@@ -89,9 +112,17 @@ mod with_crate {
                     Error::NotImplemented { .. } => ErrorKind::UnsupportedFormat,
                     _ => ErrorKind::Corrupt,
                 };
-                Err(failed(kind, explain(&e), "get the file again; if it opens elsewhere, save it as LAS or PLY"))
+                Err(failed(
+                    kind,
+                    explain(&e),
+                    "get the file again; if it opens elsewhere, save it as LAS or PLY",
+                ))
             }
-            Err(_) => Err(failed(ErrorKind::Corrupt, "its content contradicts itself".into(), "get the file again")),
+            Err(_) => Err(failed(
+                ErrorKind::Corrupt,
+                "its content contradicts itself".into(),
+                "get the file again",
+            )),
         }
     }
 
@@ -110,7 +141,10 @@ mod with_crate {
     }
 
     fn invalid(desc: &str) -> Error {
-        Error::Invalid { desc: desc.into(), source: None }
+        Error::Invalid {
+            desc: desc.into(),
+            source: None,
+        }
     }
 
     fn scans<T: std::io::Read + std::io::Seek>(
@@ -120,8 +154,15 @@ mod with_crate {
     ) -> std::result::Result<(), Error> {
         let mut reader = E57Reader::new(stream)?;
         let scans = reader.pointclouds();
-        report.declared = Some(scans.iter().fold(0_u64, |sum, s| sum.saturating_add(s.records)));
-        let fields: Vec<Vec<Field>> = scans.iter().map(|s| s.prototype.iter().map(|r| field(&r.name)).collect()).collect();
+        report.declared = Some(
+            scans
+                .iter()
+                .fold(0_u64, |sum, s| sum.saturating_add(s.records)),
+        );
+        let fields: Vec<Vec<Field>> = scans
+            .iter()
+            .map(|s| s.prototype.iter().map(|r| field(&r.name)).collect())
+            .collect();
         // What any scan has becomes a value of all points.
         let any = |f: fn(&Field) -> bool| fields.iter().flatten().any(f);
         let mut names = vec!["x", "y", "z"];
@@ -136,7 +177,10 @@ mod with_crate {
         }
         if scans.len() > 1 {
             names.push("scan");
-            report.warn(format!("{} scans were put together; the column \"scan\" tells them apart", scans.len()));
+            report.warn(format!(
+                "{} scans were put together; the column \"scan\" tells them apart",
+                scans.len()
+            ));
         }
         let mut layout = Layout::named(names);
         layout.scale = Some(ColorScale::Byte);
@@ -147,14 +191,17 @@ mod with_crate {
                 continue;
             }
             if fields.len() > MAX_FIELDS || !scan.prototype.iter().any(|r| has_bits(&r.data_type)) {
-                return Err(invalid("the points have no fields that hold data, or too many"));
+                return Err(invalid(
+                    "the points have no fields that hold data, or too many",
+                ));
             }
             let pose = Pose::of(scan);
             let ranges = color_ranges(scan);
             for raw in reader.pointcloud_raw(scan)? {
                 let raw = raw?;
                 let value = |i: usize| raw[i].to_f64(&scan.prototype[i].data_type);
-                let (mut p, mut s, mut n, mut c) = ([f64::NAN; 3], [f64::NAN; 3], [0.0; 3], [0.0; 3]);
+                let (mut p, mut s, mut n, mut c) =
+                    ([f64::NAN; 3], [f64::NAN; 3], [0.0; 3], [0.0; 3]);
                 let (mut intensity, mut is_invalid) = (f64::NAN, false);
                 for (i, f) in fields.iter().enumerate() {
                     match *f {
@@ -162,7 +209,9 @@ mod with_crate {
                         Field::Spherical(k) => s[k] = value(i)?,
                         Field::Invalid => is_invalid |= value(i)? != 0.0,
                         Field::Normal(k) => n[k] = value(i)?,
-                        Field::Color(k) => c[k] = (value(i)? - ranges[k].0) / (ranges[k].1 - ranges[k].0) * 255.0,
+                        Field::Color(k) => {
+                            c[k] = (value(i)? - ranges[k].0) / (ranges[k].1 - ranges[k].0) * 255.0
+                        }
                         Field::Intensity => intensity = value(i)?,
                         Field::Other => {}
                     }
@@ -174,7 +223,9 @@ mod with_crate {
                     p = [f64::NAN; 3];
                 }
                 let (p, n) = (pose.point(p), pose.rotate(n));
-                let mut column = [intensity, number as f64].into_iter().skip(usize::from(!layout.columns.iter().any(|c| c == "intensity")));
+                let mut column = [intensity, number as f64].into_iter().skip(usize::from(
+                    !layout.columns.iter().any(|c| c == "intensity"),
+                ));
                 for (v, role) in row.iter_mut().zip(&layout.roles) {
                     *v = match *role {
                         Role::Position(k) => p[k],
@@ -193,7 +244,8 @@ mod with_crate {
     fn has_bits(kind: &RecordDataType) -> bool {
         match kind {
             RecordDataType::Single { .. } | RecordDataType::Double { .. } => true,
-            RecordDataType::ScaledInteger { min, max, .. } | RecordDataType::Integer { min, max } => min < max,
+            RecordDataType::ScaledInteger { min, max, .. }
+            | RecordDataType::Integer { min, max } => min < max,
         }
     }
 
@@ -212,19 +264,34 @@ mod with_crate {
             RecordValue::ScaledInteger(v) | RecordValue::Integer(v) => *v as f64,
         };
         let stated = scan.color_limits.as_ref().map(|l| {
-            [(&l.red_min, &l.red_max), (&l.green_min, &l.green_max), (&l.blue_min, &l.blue_max)]
-                .map(|(low, high)| low.as_ref().map(number).zip(high.as_ref().map(number)))
+            [
+                (&l.red_min, &l.red_max),
+                (&l.green_min, &l.green_max),
+                (&l.blue_min, &l.blue_max),
+            ]
+            .map(|(low, high)| low.as_ref().map(number).zip(high.as_ref().map(number)))
         });
         std::array::from_fn(|k| {
-            let record = scan.prototype.iter().find(|r| field(&r.name) == Field::Color(k));
+            let record = scan
+                .prototype
+                .iter()
+                .find(|r| field(&r.name) == Field::Color(k));
             let by_type = match record.map(|r| &r.data_type) {
                 Some(RecordDataType::Integer { min, max }) => Some((*min as f64, *max as f64)),
-                Some(RecordDataType::Single { min: Some(min), max: Some(max) }) => Some((f64::from(*min), f64::from(*max))),
-                Some(RecordDataType::Double { min: Some(min), max: Some(max) }) => Some((*min, *max)),
+                Some(RecordDataType::Single {
+                    min: Some(min),
+                    max: Some(max),
+                }) => Some((f64::from(*min), f64::from(*max))),
+                Some(RecordDataType::Double {
+                    min: Some(min),
+                    max: Some(max),
+                }) => Some((*min, *max)),
                 _ => None,
             };
             let range = stated.as_ref().and_then(|s| s[k]).or(by_type);
-            range.filter(|(low, high)| low < high).unwrap_or((0.0, 255.0))
+            range
+                .filter(|(low, high)| low < high)
+                .unwrap_or((0.0, 255.0))
         })
     }
 
@@ -239,18 +306,35 @@ mod with_crate {
             let t = scan.transform.clone().unwrap_or_default();
             let q = &t.rotation;
             let length = (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt();
-            let [w, x, y, z] = if length > 0.0 { [q.w, q.x, q.y, q.z].map(|v| v / length) } else { [1.0, 0.0, 0.0, 0.0] };
+            let [w, x, y, z] = if length > 0.0 {
+                [q.w, q.x, q.y, q.z].map(|v| v / length)
+            } else {
+                [1.0, 0.0, 0.0, 0.0]
+            };
             Self {
                 rotation: [
-                    [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-                    [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-                    [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+                    [
+                        1.0 - 2.0 * (y * y + z * z),
+                        2.0 * (x * y - w * z),
+                        2.0 * (x * z + w * y),
+                    ],
+                    [
+                        2.0 * (x * y + w * z),
+                        1.0 - 2.0 * (x * x + z * z),
+                        2.0 * (y * z - w * x),
+                    ],
+                    [
+                        2.0 * (x * z - w * y),
+                        2.0 * (y * z + w * x),
+                        1.0 - 2.0 * (x * x + y * y),
+                    ],
                 ],
                 translation: [t.translation.x, t.translation.y, t.translation.z],
             }
         }
         fn rotate(&self, p: Point3) -> Point3 {
-            self.rotation.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2])
+            self.rotation
+                .map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2])
         }
         fn point(&self, p: Point3) -> Point3 {
             let q = self.rotate(p);

@@ -124,12 +124,23 @@ impl WriteError {
     pub(crate) fn io(what: &'static str, file: String, e: &std::io::Error) -> Self {
         use std::io::ErrorKind as K;
         let (code, hint) = match e.kind() {
-            K::StorageFull | K::QuotaExceeded => ("disk-full", "free some space or write elsewhere"),
-            K::PermissionDenied | K::ReadOnlyFilesystem => ("not-writable", "check the permissions of the folder or write elsewhere"),
+            K::StorageFull | K::QuotaExceeded => {
+                ("disk-full", "free some space or write elsewhere")
+            }
+            K::PermissionDenied | K::ReadOnlyFilesystem => (
+                "not-writable",
+                "check the permissions of the folder or write elsewhere",
+            ),
             K::NotFound | K::NotADirectory => ("not-writable", "make the folder first"),
             K::IsADirectory => ("not-writable", "give the name of a file, not of a folder"),
             _ => ("write-failed", "try again or write elsewhere"),
         };
-        Self { code, what, file, why: e.to_string(), hint }
+        Self {
+            code,
+            what,
+            file,
+            why: e.to_string(),
+            hint,
+        }
     }
 }

@@ -46,13 +46,20 @@ pub(crate) struct Input<'a> {
 impl<'a> Input<'a> {
     pub(crate) fn open(source: Source<'a>) -> Result<Self> {
         let (name, stream, size): (String, Box<dyn Stream + 'a>, u64) = match source {
-            Source::Bytes { name, bytes } => (name.to_owned(), Box::new(Cursor::new(bytes)), bytes.len() as u64),
+            Source::Bytes { name, bytes } => (
+                name.to_owned(),
+                Box::new(Cursor::new(bytes)),
+                bytes.len() as u64,
+            ),
             Source::Path(path) => {
                 let name = path.display().to_string();
                 let fail = |e: std::io::Error| ReadError {
                     kind: ErrorKind::Unreadable,
                     what: "cannot open the file",
-                    place: Place { file: name.clone(), at: At::File },
+                    place: Place {
+                        file: name.clone(),
+                        at: At::File,
+                    },
                     why: e.to_string(),
                     hint: "check the name and the permissions",
                 };
@@ -62,7 +69,11 @@ impl<'a> Input<'a> {
                     return Err(fail(std::io::Error::other("it is a folder, not a file")));
                 }
                 if meta.is_file() {
-                    (name, Box::new(BufReader::with_capacity(BLOCK, file)), meta.len())
+                    (
+                        name,
+                        Box::new(BufReader::with_capacity(BLOCK, file)),
+                        meta.len(),
+                    )
                 } else {
                     // A pipe or a device: no length and no seeking, so it is held.
                     let mut bytes = Vec::new();
@@ -72,18 +83,44 @@ impl<'a> Input<'a> {
                 }
             }
         };
-        Ok(Self { stream, name, size, offset: 0, line: 0, lone_cr: None })
+        Ok(Self {
+            stream,
+            name,
+            size,
+            offset: 0,
+            line: 0,
+            lone_cr: None,
+        })
     }
 
-    pub(crate) fn error(&self, kind: ErrorKind, at: At, what: &'static str, why: impl Into<String>, hint: &'static str) -> ReadError {
-        ReadError { kind, what, place: self.place(at), why: why.into(), hint }
+    pub(crate) fn error(
+        &self,
+        kind: ErrorKind,
+        at: At,
+        what: &'static str,
+        why: impl Into<String>,
+        hint: &'static str,
+    ) -> ReadError {
+        ReadError {
+            kind,
+            what,
+            place: self.place(at),
+            why: why.into(),
+            hint,
+        }
     }
     pub(crate) fn place(&self, at: At) -> Place {
-        Place { file: self.name.clone(), at }
+        Place {
+            file: self.name.clone(),
+            at,
+        }
     }
     /// The line read last, as a place.
     pub(crate) fn at_line(&self, column: usize) -> At {
-        At::Line { line: self.line, column: column as u64 }
+        At::Line {
+            line: self.line,
+            column: column as u64,
+        }
     }
     /// The next byte, as a place.
     pub(crate) fn at_byte(&self) -> At {
@@ -91,23 +128,40 @@ impl<'a> Input<'a> {
     }
     pub(crate) fn unreadable(&self, e: &std::io::Error) -> ReadError {
         let hint = "check the disk or the network share";
-        self.error(ErrorKind::Unreadable, self.at_byte(), "cannot read on", e.to_string(), hint)
+        self.error(
+            ErrorKind::Unreadable,
+            self.at_byte(),
+            "cannot read on",
+            e.to_string(),
+            hint,
+        )
     }
     pub(crate) fn truncated(&self, missing: impl Into<String>) -> ReadError {
         let hint = "the file was cut off (an aborted copy or download?): get it again";
-        self.error(ErrorKind::Truncated, self.at_byte(), "the file ends too early", missing, hint)
+        self.error(
+            ErrorKind::Truncated,
+            self.at_byte(),
+            "the file ends too early",
+            missing,
+            hint,
+        )
     }
 
     /// The first bytes, without consuming them.
     pub(crate) fn head(&mut self, n: usize) -> Result<Vec<u8>> {
         let start = self.offset;
         let mut head = Vec::new();
-        (&mut self.stream).take(n as u64).read_to_end(&mut head).map_err(|e| self.unreadable(&e))?;
+        (&mut self.stream)
+            .take(n as u64)
+            .read_to_end(&mut head)
+            .map_err(|e| self.unreadable(&e))?;
         self.seek(start)?;
         Ok(head)
     }
     pub(crate) fn seek(&mut self, to: u64) -> Result<()> {
-        self.stream.seek(SeekFrom::Start(to)).map_err(|e| self.unreadable(&e))?;
+        self.stream
+            .seek(SeekFrom::Start(to))
+            .map_err(|e| self.unreadable(&e))?;
         self.offset = to;
         Ok(())
     }
@@ -128,7 +182,9 @@ impl<'a> Input<'a> {
                 self.offset += to.len() as u64;
                 Ok(())
             }
-            Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => Err(self.truncated(missing())),
+            Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+                Err(self.truncated(missing()))
+            }
             Err(e) => Err(self.unreadable(&e)),
         }
     }
@@ -137,7 +193,9 @@ impl<'a> Input<'a> {
         if n > self.left() {
             return Err(self.truncated(missing()));
         }
-        self.stream.seek_relative(n as i64).map_err(|e| self.unreadable(&e))?;
+        self.stream
+            .seek_relative(n as i64)
+            .map_err(|e| self.unreadable(&e))?;
         self.offset += n;
         Ok(())
     }
@@ -168,7 +226,11 @@ impl<'a> Input<'a> {
                     _ => Some(true),
                 };
             }
-            let end = if self.lone_cr == Some(true) { b'\r' } else { b'\n' };
+            let end = if self.lone_cr == Some(true) {
+                b'\r'
+            } else {
+                b'\n'
+            };
             let at = block.iter().position(|&b| b == end);
             let used = at.map_or(block.len(), |at| at + 1);
             bytes.extend_from_slice(&block[..at.unwrap_or(block.len())]);
@@ -176,9 +238,19 @@ impl<'a> Input<'a> {
             self.stream.consume(used);
             self.offset += used as u64;
             if bytes.len() > MAX_LINE {
-                let why = format!("line {} is longer than {} MiB", self.line + 1, MAX_LINE >> 20);
+                let why = format!(
+                    "line {} is longer than {} MiB",
+                    self.line + 1,
+                    MAX_LINE >> 20
+                );
                 let hint = "this is probably not a text file; name the format";
-                return Err(self.error(ErrorKind::Corrupt, self.at_byte(), "cannot read the text", why, hint));
+                return Err(self.error(
+                    ErrorKind::Corrupt,
+                    self.at_byte(),
+                    "cannot read the text",
+                    why,
+                    hint,
+                ));
             }
         }
         if !any {
@@ -188,7 +260,11 @@ impl<'a> Input<'a> {
         if bytes.last() == Some(&b'\r') {
             bytes.pop();
         }
-        let bytes = if self.line == 1 { bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes) } else { bytes };
+        let bytes = if self.line == 1 {
+            bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+        } else {
+            bytes
+        };
         match std::str::from_utf8(bytes) {
             Ok(ok) => text.push_str(ok),
             Err(_) => text.push_str(&String::from_utf8_lossy(bytes)),
@@ -208,7 +284,12 @@ pub(crate) struct Words {
 
 impl Words {
     pub(crate) fn new() -> Self {
-        Self { text: String::new(), bytes: Vec::new(), at: 0, column: 0 }
+        Self {
+            text: String::new(),
+            bytes: Vec::new(),
+            at: 0,
+            column: 0,
+        }
     }
     /// The next word, `None` at the end of the file.
     pub(crate) fn next(&mut self, input: &mut Input<'_>) -> Result<Option<&str>> {
@@ -217,7 +298,11 @@ impl Words {
             if let Some(start) = rest.iter().position(|b| !b.is_ascii_whitespace()) {
                 let start = self.at + start;
                 let word = &self.text.as_bytes()[start..];
-                let end = start + word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
+                let end = start
+                    + word
+                        .iter()
+                        .position(u8::is_ascii_whitespace)
+                        .unwrap_or(word.len());
                 self.at = end;
                 self.column = start + 1;
                 return Ok(Some(&self.text[start..end]));
@@ -229,14 +314,24 @@ impl Words {
         }
     }
     /// The next word as a number.
-    pub(crate) fn number(&mut self, input: &mut Input<'_>, missing: impl Fn() -> String) -> Result<f64> {
+    pub(crate) fn number(
+        &mut self,
+        input: &mut Input<'_>,
+        missing: impl Fn() -> String,
+    ) -> Result<f64> {
         match self.next(input)? {
             None => Err(input.truncated(missing())),
             Some(word) => match parse_number(word) {
                 Some(v) => Ok(v),
                 None => {
                     let why = format!("\"{}\" is not a number", shorten(word));
-                    Err(input.error(ErrorKind::Number, input.at_line(self.column), "cannot read the values", why, "correct the line"))
+                    Err(input.error(
+                        ErrorKind::Number,
+                        input.at_line(self.column),
+                        "cannot read the values",
+                        why,
+                        "correct the line",
+                    ))
                 }
             },
         }
@@ -256,19 +351,28 @@ pub(crate) fn parse_number(word: &str) -> Option<f64> {
     }
     let low = word.to_ascii_lowercase();
     match low.as_str() {
-        "-nan" | "+nan" | "1.#qnan" | "-1.#ind" | "1.#ind" | "-1.#qnan" | "nan(ind)" | "-nan(ind)" | "n/a" | "na" | "null" => {
-            Some(f64::NAN)
-        }
+        "-nan" | "+nan" | "1.#qnan" | "-1.#ind" | "1.#ind" | "-1.#qnan" | "nan(ind)"
+        | "-nan(ind)" | "n/a" | "na" | "null" => Some(f64::NAN),
         "1.#inf" => Some(f64::INFINITY),
         "-1.#inf" => Some(f64::NEG_INFINITY),
-        _ if low.contains('d') && low.bytes().all(|b| b.is_ascii_digit() || b"+-.d".contains(&b)) => low.replace('d', "e").parse().ok(),
+        _ if low.contains('d')
+            && low
+                .bytes()
+                .all(|b| b.is_ascii_digit() || b"+-.d".contains(&b)) =>
+        {
+            low.replace('d', "e").parse().ok()
+        }
         _ => None,
     }
 }
 
 /// At most 40 characters of a word, without control characters, for messages.
 pub(crate) fn shorten(word: &str) -> String {
-    let mut s: String = word.chars().take(40).map(|c| if c.is_control() { '.' } else { c }).collect();
+    let mut s: String = word
+        .chars()
+        .take(40)
+        .map(|c| if c.is_control() { '.' } else { c })
+        .collect();
     if s.len() < word.len() {
         s.push('…');
     }
@@ -280,8 +384,16 @@ pub(crate) fn stated_unit(comment: &str) -> Option<String> {
     let low = comment.to_ascii_lowercase();
     let rest = &low[low.find("unit")? + 4..];
     let rest = rest.strip_prefix('s').unwrap_or(rest).trim_start();
-    let rest = rest.strip_prefix([':', '=']).or_else(|| rest.strip_prefix("are")).or_else(|| rest.strip_prefix("is")).unwrap_or(rest);
-    let word: String = rest.trim_start_matches([' ', '"', '\'', '\t']).chars().take_while(char::is_ascii_alphabetic).collect();
+    let rest = rest
+        .strip_prefix([':', '='])
+        .or_else(|| rest.strip_prefix("are"))
+        .or_else(|| rest.strip_prefix("is"))
+        .unwrap_or(rest);
+    let word: String = rest
+        .trim_start_matches([' ', '"', '\'', '\t'])
+        .chars()
+        .take_while(char::is_ascii_alphabetic)
+        .collect();
     let unit = match word.as_str() {
         "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => "mm",
         "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => "cm",

@@ -79,7 +79,11 @@ pub fn inspect(cloud: &PointCloud, report: &ReadReport) -> Inspection {
         subsampled: report.subsampled,
         bounds,
         origin: cloud.origin,
-        diagonal: if bounds.is_empty() { 0.0 } else { bounds.diagonal() },
+        diagonal: if bounds.is_empty() {
+            0.0
+        } else {
+            bounds.diagonal()
+        },
         spacing: spacing(cloud),
         has_normals: !cloud.normals.is_empty(),
         has_colors: !cloud.colors.is_empty(),
@@ -96,7 +100,11 @@ pub fn inspect_unit(cloud: &PointCloud, report: &ReadReport) -> UnitGuess {
 }
 
 fn duplicates(cloud: &PointCloud) -> usize {
-    let mut keys: Vec<[u64; 3]> = cloud.points.iter().map(|p| p.map(|v| (v + 0.0).to_bits())).collect();
+    let mut keys: Vec<[u64; 3]> = cloud
+        .points
+        .iter()
+        .map(|p| p.map(|v| (v + 0.0).to_bits()))
+        .collect();
     keys.sort_unstable();
     keys.windows(2).filter(|w| w[0] == w[1]).count()
 }
@@ -130,16 +138,39 @@ fn column_range(column: &isoform_geom::Column) -> ColumnRange {
 
 fn guess_unit(bounds: &Aabb, report: &ReadReport) -> UnitGuess {
     if let Some(unit) = &report.units {
-        return UnitGuess { unit: unit.clone(), is_stated: true, reason: format!("the {} file says so", report.format) };
+        return UnitGuess {
+            unit: unit.clone(),
+            is_stated: true,
+            reason: format!("the {} file says so", report.format),
+        };
     }
     let extent = bounds.size().into_iter().fold(0.0, f64::max);
-    let guess = |unit: &str, reason: String| UnitGuess { unit: unit.into(), is_stated: false, reason };
+    let guess = |unit: &str, reason: String| UnitGuess {
+        unit: unit.into(),
+        is_stated: false,
+        reason,
+    };
     match extent {
-        _ if bounds.is_empty() || extent == 0.0 => guess("", "without an extent there is nothing to guess from".into()),
-        0.01..5.0 => guess("m", format!("a guess: the extent of {extent:.4} would be a usual part in metres")),
-        5.0..5000.0 => guess("mm", format!("a guess: the extent of {extent:.1} would be a usual part in millimetres")),
-        5000.0.. => guess("", format!("the extent of {extent:.4e} is too large to tell millimetres from metres")),
-        _ => guess("", format!("the extent of {extent:.4e} is too small to guess from")),
+        _ if bounds.is_empty() || extent == 0.0 => guess(
+            "",
+            "without an extent there is nothing to guess from".into(),
+        ),
+        0.01..5.0 => guess(
+            "m",
+            format!("a guess: the extent of {extent:.4} would be a usual part in metres"),
+        ),
+        5.0..5000.0 => guess(
+            "mm",
+            format!("a guess: the extent of {extent:.1} would be a usual part in millimetres"),
+        ),
+        5000.0.. => guess(
+            "",
+            format!("the extent of {extent:.4e} is too large to tell millimetres from metres"),
+        ),
+        _ => guess(
+            "",
+            format!("the extent of {extent:.4e} is too small to guess from"),
+        ),
     }
 }
 
@@ -150,22 +181,46 @@ mod tests {
 
     #[test]
     fn a_grid_with_a_copy() {
-        let mut points: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10) * 0.5, f64::from(i / 10) * 0.5, 0.0]).collect();
+        let mut points: Vec<[f64; 3]> = (0..100)
+            .map(|i| [f64::from(i % 10) * 0.5, f64::from(i / 10) * 0.5, 0.0])
+            .collect();
         points.push([0.0, -0.0, 0.0]);
-        let columns = vec![Column { name: "t".into(), values: [vec![f64::NAN; 100], vec![2.0]].concat() }];
-        let cloud = PointCloud { points, columns, ..PointCloud::default() };
+        let columns = vec![Column {
+            name: "t".into(),
+            values: [vec![f64::NAN; 100], vec![2.0]].concat(),
+        }];
+        let cloud = PointCloud {
+            points,
+            columns,
+            ..PointCloud::default()
+        };
         let mut report = ReadReport::new("xyz", "t.xyz".into());
         let seen = inspect(&cloud, &report);
-        assert_eq!((seen.points, seen.duplicates, seen.spacing), (101, 1, Some(0.5)));
-        assert_eq!((seen.columns[0].min, seen.columns[0].max, seen.columns[0].missing), (2.0, 2.0, 100));
-        assert!(seen.unit.unit == "m" && !seen.unit.is_stated && seen.unit.reason.contains("guess"));
+        assert_eq!(
+            (seen.points, seen.duplicates, seen.spacing),
+            (101, 1, Some(0.5))
+        );
+        assert_eq!(
+            (
+                seen.columns[0].min,
+                seen.columns[0].max,
+                seen.columns[0].missing
+            ),
+            (2.0, 2.0, 100)
+        );
+        assert!(
+            seen.unit.unit == "m" && !seen.unit.is_stated && seen.unit.reason.contains("guess")
+        );
         report.units = Some("in".into());
         assert!(inspect(&cloud, &report).unit.is_stated);
     }
 
     #[test]
     fn nothing() {
-        let seen = inspect(&PointCloud::default(), &ReadReport::new("xyz", "t.xyz".into()));
+        let seen = inspect(
+            &PointCloud::default(),
+            &ReadReport::new("xyz", "t.xyz".into()),
+        );
         assert_eq!((seen.points, seen.spacing, seen.diagonal), (0, None, 0.0));
     }
 }

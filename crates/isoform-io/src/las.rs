@@ -18,7 +18,11 @@ const WHAT: &str = "cannot read the LAS file";
 const RECORD: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
 
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
-    if head.starts_with(b"LASF") { Sniff::Yes } else { Sniff::No }
+    if head.starts_with(b"LASF") {
+        Sniff::Yes
+    } else {
+        Sniff::No
+    }
 }
 
 pub(crate) fn u16_at(b: &[u8], at: usize) -> u16 {
@@ -47,7 +51,13 @@ pub(crate) struct Header {
 }
 
 fn corrupt(input: &Input<'_>, at: At, why: impl Into<String>) -> ReadError {
-    input.error(ErrorKind::Corrupt, at, WHAT, why, "get the file again, or repair it with the software that made it")
+    input.error(
+        ErrorKind::Corrupt,
+        at,
+        WHAT,
+        why,
+        "get the file again, or repair it with the software that made it",
+    )
 }
 
 fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
@@ -67,10 +77,16 @@ fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
         report.warn(format!("unknown LAS version {}.{}", version.0, version.1));
     }
     if (day, year) != (0, 0) && (!(1..=366).contains(&day) || !(2000..2200).contains(&year)) {
-        report.warn(format!("the creation date (day {day} of {year}) cannot be true"));
+        report.warn(format!(
+            "the creation date (day {day} of {year}) cannot be true"
+        ));
     }
     let legacy = u64::from(u32_at(&b, 107));
-    let points = if is_14 { u64::from_le_bytes(std::array::from_fn(|i| b[247 + i])) } else { legacy };
+    let points = if is_14 {
+        u64::from_le_bytes(std::array::from_fn(|i| b[247 + i]))
+    } else {
+        legacy
+    };
     let mut header = Header {
         points: if points == 0 { legacy } else { points },
         start: u64::from(u32_at(&b, 96)),
@@ -82,16 +98,36 @@ fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
         laszip: None,
     };
     let Some(&least) = RECORD.get(usize::from(header.format)) else {
-        return Err(corrupt(input, At::Byte(104), format!("unknown point format {}", header.format)));
+        return Err(corrupt(
+            input,
+            At::Byte(104),
+            format!("unknown point format {}", header.format),
+        ));
     };
     if header.record < least {
-        return Err(corrupt(input, At::Byte(105), format!("records of {} bytes; format {} needs {least}", header.record, header.format)));
+        return Err(corrupt(
+            input,
+            At::Byte(105),
+            format!(
+                "records of {} bytes; format {} needs {least}",
+                header.record, header.format
+            ),
+        ));
     }
-    if !header.scale.iter().all(|s| s.is_finite() && *s != 0.0) || !header.offset.iter().all(|o| o.is_finite()) {
-        return Err(corrupt(input, At::Byte(131), format!("scale {:?} and offset {:?}", header.scale, header.offset)));
+    if !header.scale.iter().all(|s| s.is_finite() && *s != 0.0)
+        || !header.offset.iter().all(|o| o.is_finite())
+    {
+        return Err(corrupt(
+            input,
+            At::Byte(131),
+            format!("scale {:?} and offset {:?}", header.scale, header.offset),
+        ));
     }
     if u64::from(size) > header.start || header.start > input.size || size < 227 {
-        let why = format!("a header of {size} bytes and points from byte {} in a file of {} bytes", header.start, input.size);
+        let why = format!(
+            "a header of {size} bytes and points from byte {} in a file of {} bytes",
+            header.start, input.size
+        );
         return Err(corrupt(input, At::Byte(94), why));
     }
     records(input, u64::from(size), u32_at(&b, 100), &mut header, report)?;
@@ -99,7 +135,13 @@ fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
 }
 
 /// Variable length records: the coordinate system for the unit, and the key to LAZ.
-fn records(input: &mut Input<'_>, from: u64, count: u32, header: &mut Header, report: &mut ReadReport) -> Result<()> {
+fn records(
+    input: &mut Input<'_>,
+    from: u64,
+    count: u32,
+    header: &mut Header,
+    report: &mut ReadReport,
+) -> Result<()> {
     input.seek(from)?;
     for i in 0..count {
         if input.offset + 54 > header.start {
@@ -115,12 +157,16 @@ fn records(input: &mut Input<'_>, from: u64, count: u32, header: &mut Header, re
             data.resize(usize::from(length), 0);
             input.exact(&mut data, || "a variable length record is cut off".into())?;
         } else {
-            input.skip(u64::from(length), || "a variable length record is cut off".into())?;
+            input.skip(u64::from(length), || {
+                "a variable length record is cut off".into()
+            })?;
         }
         match id {
             22204 if is(b"laszip encoded") => header.laszip = Some(data),
             34735 if is(b"LASF_Projection") => geo_keys(&data, report),
-            2112 if is(b"LASF_Projection") => well_known_text(&String::from_utf8_lossy(&data), report),
+            2112 if is(b"LASF_Projection") => {
+                well_known_text(&String::from_utf8_lossy(&data), report)
+            }
             _ => {}
         }
     }
@@ -131,7 +177,8 @@ fn records(input: &mut Input<'_>, from: u64, count: u32, header: &mut Header, re
 fn geo_keys(data: &[u8], report: &mut ReadReport) {
     for entry in data.chunks_exact(8).skip(1) {
         match (u16_at(entry, 0), u16_at(entry, 6)) {
-            (1024, 2) => report.warn("the coordinates are longitude and latitude in degrees: angles, not lengths"),
+            (1024, 2) => report
+                .warn("the coordinates are longitude and latitude in degrees: angles, not lengths"),
             (3076, 9001) => report.units = Some("m".into()),
             (3076, 9002) => report.units = Some("ft".into()),
             (3076, 9003) => report.units = Some("ft (US survey)".into()),
@@ -184,14 +231,25 @@ impl Fields {
     }
 }
 
-pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+pub(crate) fn read(
+    input: &mut Input<'_>,
+    options: &ReadOptions,
+    report: &mut ReadReport,
+) -> Result<PointCloud> {
     let header = header(input, report)?;
     report.declared = Some(header.points);
     let mut fields = Fields::of(header.format);
     if header.is_compressed && header.format >= 6 {
         fields.time = None; // not unpacked, see compressed.rs
     }
-    let mut names = vec!["x", "y", "z", "intensity", "classification", "return_number"];
+    let mut names = vec![
+        "x",
+        "y",
+        "z",
+        "intensity",
+        "classification",
+        "return_number",
+    ];
     names.extend(fields.time.map(|_| "gps_time"));
     if fields.color.is_some() {
         names.extend(["red", "green", "blue"]);
@@ -224,12 +282,20 @@ pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut Re
         #[cfg(not(feature = "laz"))]
         {
             let hint = "convert it to LAS, or use a build with the feature laz";
-            return Err(input.error(ErrorKind::UnsupportedFormat, At::File, WHAT, "this build does not read LAZ", hint));
+            return Err(input.error(
+                ErrorKind::UnsupportedFormat,
+                At::File,
+                WHAT,
+                "this build does not read LAZ",
+                hint,
+            ));
         }
     } else {
         let mut record = vec![0; usize::from(header.record)];
         for i in 0..header.points {
-            input.exact(&mut record, || format!("{i} of {} points are there", header.points))?;
+            input.exact(&mut record, || {
+                format!("{i} of {} points are there", header.points)
+            })?;
             take(&record);
         }
     }

@@ -54,7 +54,10 @@ pub use color::deviation_colors;
 pub use error::{At, ErrorKind, Place, ReadError, WriteError};
 pub use input::Source;
 pub use inspect::{ColumnRange, Inspection, UnitGuess, inspect, inspect_unit};
-pub use mesh::{MeshFormat, MeshReadOptions, MeshWriteOptions, mesh_format_named, mesh_formats, read_mesh, write_mesh, write_mesh_path};
+pub use mesh::{
+    MeshFormat, MeshReadOptions, MeshWriteOptions, mesh_format_named, mesh_formats, read_mesh,
+    write_mesh, write_mesh_path,
+};
 pub use read::{MeshPoints, ReadOptions, ReadReport, read};
 pub use registry::{Format, format_named, formats};
 pub use step::{STEP_UNITS, StepFace, StepOptions, step, write_step_path};

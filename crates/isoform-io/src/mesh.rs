@@ -79,15 +79,27 @@ impl Default for MeshReadOptions {
 /// assert_eq!(again, mesh);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn write_mesh(mesh: &Mesh, out: &mut dyn Write, format: &str, options: &MeshWriteOptions) -> Result<WriteReport, WriteError> {
+pub fn write_mesh(
+    mesh: &Mesh,
+    out: &mut dyn Write,
+    format: &str,
+    options: &MeshWriteOptions,
+) -> Result<WriteReport, WriteError> {
     let (format, write, options) = writer(format, options)?;
     check::check(mesh, "output")?;
-    write(mesh, out, &options).and_then(|()| out.flush()).map_err(|e| WriteError::io("cannot write the mesh", "output".into(), &e))?;
+    write(mesh, out, &options)
+        .and_then(|()| out.flush())
+        .map_err(|e| WriteError::io("cannot write the mesh", "output".into(), &e))?;
     Ok(report(mesh, format, &options))
 }
 
 /// Writes a file, whole or not at all (see [`write_atomic`]); the format by `format` or the ending of the name.
-pub fn write_mesh_path(mesh: &Mesh, path: &Path, format: Option<&str>, options: &MeshWriteOptions) -> Result<WriteReport, WriteError> {
+pub fn write_mesh_path(
+    mesh: &Mesh,
+    path: &Path,
+    format: Option<&str>,
+    options: &MeshWriteOptions,
+) -> Result<WriteReport, WriteError> {
     let named = extension(&path.to_string_lossy());
     let (format, write, options) = writer(format.or(named.as_deref()).unwrap_or(""), options)?;
     check::check(mesh, &path.display().to_string())?;
@@ -97,17 +109,27 @@ pub fn write_mesh_path(mesh: &Mesh, path: &Path, format: Option<&str>, options: 
 
 type WriteFn = fn(&Mesh, &mut dyn Write, &MeshWriteOptions) -> io::Result<()>;
 
-fn writer(name: &str, options: &MeshWriteOptions) -> Result<(&'static MeshFormat, WriteFn, MeshWriteOptions), WriteError> {
+fn writer(
+    name: &str,
+    options: &MeshWriteOptions,
+) -> Result<(&'static MeshFormat, WriteFn, MeshWriteOptions), WriteError> {
     let (bare, ascii) = registry::encoding(name);
     let format = mesh_format_named(bare);
-    let options = MeshWriteOptions { ascii: ascii.or(options.ascii), ..options.clone() };
+    let options = MeshWriteOptions {
+        ascii: ascii.or(options.ascii),
+        ..options.clone()
+    };
     let format = format.ok_or_else(|| {
         let can: Vec<&str> = mesh_formats().iter().map(|f| f.name).collect();
         WriteError {
             code: "format-unknown",
             what: "cannot write a mesh in this format",
             file: "output".into(),
-            why: format!("no format of meshes is called \"{}\"; meshes are written as {}", crate::input::shorten(name), can.join(", ")),
+            why: format!(
+                "no format of meshes is called \"{}\"; meshes are written as {}",
+                crate::input::shorten(name),
+                can.join(", ")
+            ),
             hint: "choose one of these",
         }
     })?;
@@ -118,32 +140,61 @@ fn writer(name: &str, options: &MeshWriteOptions) -> Result<(&'static MeshFormat
 fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> WriteReport {
     let mut warnings = Vec::new();
     if !mesh.tets.is_empty() && !format.volume {
-        warnings.push(format!("{} has no tetrahedra: only the {} triangles were written", format.title, mesh.triangles.len()));
+        warnings.push(format!(
+            "{} has no tetrahedra: only the {} triangles were written",
+            format.title,
+            mesh.triangles.len()
+        ));
     }
     if mesh.order() == 2 && !format.second_order {
-        warnings.push(format!("{} has no curved elements: the mid-edge nodes were left out", format.title));
+        warnings.push(format!(
+            "{} has no curved elements: the mid-edge nodes were left out",
+            format.title
+        ));
     }
-    let bits = if format.single && options.ascii != Some(true) { 32 } else { 64 };
+    let bits = if format.single && options.ascii != Some(true) {
+        32
+    } else {
+        64
+    };
     if bits == 32 {
-        warnings.push(format!("{} holds coordinates of 32 bits: about seven digits", format.title));
+        warnings.push(format!(
+            "{} holds coordinates of 32 bits: about seven digits",
+            format.title
+        ));
     }
-    let left_out = mesh.columns.iter().map(|c| c.name.as_str()).filter(|name| match format.columns {
-        Columns::None => true,
-        Columns::Texture => mesh.parameters().is_none() || !["u", "v"].contains(name),
-        Columns::All => false,
-    });
+    let left_out =
+        mesh.columns
+            .iter()
+            .map(|c| c.name.as_str())
+            .filter(|name| match format.columns {
+                Columns::None => true,
+                Columns::Texture => mesh.parameters().is_none() || !["u", "v"].contains(name),
+                Columns::All => false,
+            });
     let left_out: Vec<&str> = left_out.collect();
     if !left_out.is_empty() {
-        warnings.push(format!("{} has no place for the nodes' {}: left out", format.title, left_out.join(", ")));
+        warnings.push(format!(
+            "{} has no place for the nodes' {}: left out",
+            format.title,
+            left_out.join(", ")
+        ));
     }
-    WriteReport { format: format.name, warnings }
+    WriteReport {
+        format: format.name,
+        warnings,
+    }
 }
 
 /// Reads a mesh.
 ///
 /// `format` is a name or an ending out of [`mesh_formats`] and overrides the guess by content and name. Polygons become fans of triangles.
 /// Groups come back with their names where the format has them. Coordinates are those of the file.
-pub fn read_mesh(source: Source<'_>, format: Option<&str>, options: &MeshReadOptions) -> Result<(Mesh, ReadReport), ReadError> {
+pub fn read_mesh(
+    source: Source<'_>,
+    format: Option<&str>,
+    options: &MeshReadOptions,
+) -> Result<(Mesh, ReadReport), ReadError> {
     let mut input = Input::open(source)?;
     let mut warnings = Vec::new();
     let (format, read) = registry::choose(&mut input, format, &mut warnings)?;

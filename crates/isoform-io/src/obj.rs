@@ -16,10 +16,16 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head);
     let is_vertex = |l: &str| {
         let mut words = l.split_ascii_whitespace();
-        words.next() == Some("v") && words.clone().count() >= 3 && words.take(3).all(|w| parse_number(w).is_some())
+        words.next() == Some("v")
+            && words.clone().count() >= 3
+            && words.take(3).all(|w| parse_number(w).is_some())
     };
     // The last line of the head may be cut anywhere.
-    if !head.contains(&0) && text.lines().any(is_vertex) { Sniff::Maybe } else { Sniff::No }
+    if !head.contains(&0) && text.lines().any(is_vertex) {
+        Sniff::Maybe
+    } else {
+        Sniff::No
+    }
 }
 
 /// Normals as the corners of the faces name them.
@@ -34,7 +40,9 @@ struct Normals {
 
 impl Normals {
     fn corner(&mut self, vertex: u64, normal: u64) {
-        let (Ok(v), Ok(n)) = (usize::try_from(vertex), u32::try_from(normal)) else { return };
+        let (Ok(v), Ok(n)) = (usize::try_from(vertex), u32::try_from(normal)) else {
+            return;
+        };
         if v >= self.of_vertex.len() || n as usize >= self.given.len() {
             return; // before its vertex: not worth a second pass
         }
@@ -47,17 +55,30 @@ impl Normals {
     }
 }
 
-pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+pub(crate) fn read(
+    input: &mut Input<'_>,
+    options: &ReadOptions,
+    report: &mut ReadReport,
+) -> Result<PointCloud> {
     read_parts(input, options, report).map(|(cloud, _)| cloud)
 }
 
 /// The points, the triangles and their groups.
-pub(crate) fn read_parts(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<(PointCloud, Parts)> {
+pub(crate) fn read_parts(
+    input: &mut Input<'_>,
+    options: &ReadOptions,
+    report: &mut ReadReport,
+) -> Result<(PointCloud, Parts)> {
     let mut vertices: Vec<(Point3, Option<[f32; 3]>)> = Vec::new();
-    let mut normals = Normals { given: Vec::new(), of_vertex: Vec::new(), differ: false };
+    let mut normals = Normals {
+        given: Vec::new(),
+        of_vertex: Vec::new(),
+        differ: false,
+    };
     let mut collector = Collector::new(options);
     collector.mesh(options);
-    let (mut text, mut bytes, mut more, mut corners) = (String::new(), Vec::new(), String::new(), Vec::new());
+    let (mut text, mut bytes, mut more, mut corners) =
+        (String::new(), Vec::new(), String::new(), Vec::new());
     let mut any_color = false;
     let mut parts: HashMap<String, u32> = HashMap::new();
     while input.read_line(&mut text, &mut bytes)? {
@@ -79,7 +100,13 @@ pub(crate) fn read_parts(input: &mut Input<'_>, options: &ReadOptions, report: &
                 let (v, n) = numbers(input, &text, words)?;
                 if n < 3 {
                     let why = format!("a vertex needs three numbers, this one has {n}");
-                    return Err(input.error(ErrorKind::Number, input.at_line(0), WHAT, why, "correct the line"));
+                    return Err(input.error(
+                        ErrorKind::Number,
+                        input.at_line(0),
+                        WHAT,
+                        why,
+                        "correct the line",
+                    ));
                 }
                 // x y z, x y z w, x y z r g b, or x y z r g b a.
                 let color = (n >= 6).then(|| [v[3] as f32, v[4] as f32, v[5] as f32]);
@@ -89,7 +116,9 @@ pub(crate) fn read_parts(input: &mut Input<'_>, options: &ReadOptions, report: &
             }
             Some("vn") => {
                 let (v, n) = numbers(input, &text, words)?;
-                normals.given.push(if n >= 3 { [v[0], v[1], v[2]] } else { [0.0; 3] });
+                normals
+                    .given
+                    .push(if n >= 3 { [v[0], v[1], v[2]] } else { [0.0; 3] });
             }
             Some("f" | "fo") => {
                 corners.clear();
@@ -110,20 +139,29 @@ pub(crate) fn read_parts(input: &mut Input<'_>, options: &ReadOptions, report: &
             }
             Some("g" | "o") => {
                 let name = words.collect::<Vec<_>>().join(" ");
-                let part = *parts.entry(name).or_insert_with_key(|name| collector.add_part(name));
+                let part = *parts
+                    .entry(name)
+                    .or_insert_with_key(|name| collector.add_part(name));
                 collector.set_part(part);
             }
-            Some("curv" | "curv2" | "surf" | "cstype") => report.warn("free-form curves and surfaces were passed over"),
+            Some("curv" | "curv2" | "surf" | "cstype") => {
+                report.warn("free-form curves and surfaces were passed over")
+            }
             // Materials, texture coordinates, lines and points: nothing of a cloud.
             _ => {}
         }
     }
     let by_order = !normals.given.is_empty()
         && normals.given.len() == vertices.len()
-        && normals.of_vertex.iter().enumerate().all(|(i, &n)| n == u32::MAX || n as usize == i);
+        && normals
+            .of_vertex
+            .iter()
+            .enumerate()
+            .all(|(i, &n)| n == u32::MAX || n as usize == i);
     let by_face = !normals.differ && normals.of_vertex.iter().any(|&n| n != u32::MAX);
     if normals.differ {
-        report.warn("the normals differ between the faces of a vertex (creases); they were left out");
+        report
+            .warn("the normals differ between the faces of a vertex (creases); they were left out");
     }
     if by_order || by_face {
         collector.with_normals();
@@ -132,9 +170,15 @@ pub(crate) fn read_parts(input: &mut Input<'_>, options: &ReadOptions, report: &
         collector.with_colors(ColorScale::Guess);
     }
     for (i, (p, color)) in vertices.iter().enumerate() {
-        let Some(slot) = collector.offer(*p) else { continue };
+        let Some(slot) = collector.offer(*p) else {
+            continue;
+        };
         if by_order || by_face {
-            let n = if by_order { Some(&normals.given[i]) } else { normals.given.get(normals.of_vertex[i] as usize) };
+            let n = if by_order {
+                Some(&normals.given[i])
+            } else {
+                normals.given.get(normals.of_vertex[i] as usize)
+            };
             collector.set_normal(slot, n.copied().unwrap_or_default());
         }
         if let Some(c) = color {
@@ -145,7 +189,11 @@ pub(crate) fn read_parts(input: &mut Input<'_>, options: &ReadOptions, report: &
 }
 
 /// Up to seven numbers of a line, and how many there are.
-fn numbers<'t>(input: &Input<'_>, line: &str, words: impl Iterator<Item = &'t str>) -> Result<([f64; 7], usize)> {
+fn numbers<'t>(
+    input: &Input<'_>,
+    line: &str,
+    words: impl Iterator<Item = &'t str>,
+) -> Result<([f64; 7], usize)> {
     let mut values = [0.0; 7];
     let mut n = 0;
     for word in words.take(7) {
@@ -153,7 +201,13 @@ fn numbers<'t>(input: &Input<'_>, line: &str, words: impl Iterator<Item = &'t st
             // Both are parts of one line, so that their addresses tell the column.
             let column = (word.as_ptr() as usize).wrapping_sub(line.as_ptr() as usize) + 1;
             let why = format!("\"{}\" is not a number", shorten(word));
-            return Err(input.error(ErrorKind::Number, input.at_line(column), WHAT, why, "correct the line"));
+            return Err(input.error(
+                ErrorKind::Number,
+                input.at_line(column),
+                WHAT,
+                why,
+                "correct the line",
+            ));
         };
         values[n] = v;
         n += 1;
@@ -163,7 +217,15 @@ fn numbers<'t>(input: &Input<'_>, line: &str, words: impl Iterator<Item = &'t st
 
 /// An index from 0 out of one from 1, or from the end where it is negative.
 fn index(input: &Input<'_>, word: &str, count: usize) -> Result<u64> {
-    let bad = |why: String| Err(input.error(ErrorKind::Index, input.at_line(0), WHAT, why, "export the mesh again"));
+    let bad = |why: String| {
+        Err(input.error(
+            ErrorKind::Index,
+            input.at_line(0),
+            WHAT,
+            why,
+            "export the mesh again",
+        ))
+    };
     match word.parse::<i64>() {
         Ok(i) if i > 0 => Ok(i as u64 - 1),
         Ok(i) if i < 0 && i.unsigned_abs() <= count as u64 => Ok(count as u64 - i.unsigned_abs()),
@@ -178,7 +240,14 @@ mod tests {
     use crate::Source;
 
     fn read_all(text: &str) -> Result<(PointCloud, ReadReport)> {
-        crate::read(Source::Bytes { name: "t.obj", bytes: text.as_bytes() }, None, &ReadOptions::default())
+        crate::read(
+            Source::Bytes {
+                name: "t.obj",
+                bytes: text.as_bytes(),
+            },
+            None,
+            &ReadOptions::default(),
+        )
     }
 
     #[test]
@@ -194,9 +263,13 @@ mod tests {
     fn normals_by_corner_unless_they_differ() {
         let base = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 0.5\nv 9 9 9\nvn 0 0 1\nvn 1 0 0\n";
         let (cloud, _) = read_all(&format!("{base}f 1//1 2//1 3//2\n")).expect("valid");
-        assert_eq!(cloud.normals, [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0; 3]]);
+        assert_eq!(
+            cloud.normals,
+            [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0; 3]]
+        );
         assert_eq!(cloud.colors[..3], [[255, 0, 0], [0, 255, 0], [0, 0, 128]]);
-        let (cloud, report) = read_all(&format!("{base}f 1//1 2//1 3//2\nf 1//2 2//1 4//1\n")).expect("valid");
+        let (cloud, report) =
+            read_all(&format!("{base}f 1//1 2//1 3//2\nf 1//2 2//1 4//1\n")).expect("valid");
         assert!(cloud.normals.is_empty());
         assert_eq!(report.warnings.len(), 1);
         let (cloud, _) = read_all("v 0 0 0\nvn 0 0 1\nv 1 1 1\nvn 0 1 0\n").expect("valid");
@@ -206,11 +279,26 @@ mod tests {
     #[test]
     fn refusals_say_where() {
         let e = read_all("v 0 0 0\nv 1 x 0\n").expect_err("invalid");
-        assert_eq!((e.code(), e.place.to_string().as_str()), ("bad-number", "t.obj:2:5"));
+        assert_eq!(
+            (e.code(), e.place.to_string().as_str()),
+            ("bad-number", "t.obj:2:5")
+        );
         let e = read_all("v 0 0 0\nf 1 2 3\n").expect_err("invalid");
-        assert_eq!((e.code(), e.place.to_string().as_str()), ("bad-index", "t.obj:2"));
-        assert_eq!(read_all("v 0 0 0\nf 1 0 1\n").expect_err("invalid").code(), "bad-index");
-        assert_eq!(read_all("v 0 0 0\nf 1 -2 1\n").expect_err("invalid").code(), "bad-index");
-        assert_eq!(read_all("v 0 0\n").expect_err("invalid").code(), "bad-number");
+        assert_eq!(
+            (e.code(), e.place.to_string().as_str()),
+            ("bad-index", "t.obj:2")
+        );
+        assert_eq!(
+            read_all("v 0 0 0\nf 1 0 1\n").expect_err("invalid").code(),
+            "bad-index"
+        );
+        assert_eq!(
+            read_all("v 0 0 0\nf 1 -2 1\n").expect_err("invalid").code(),
+            "bad-index"
+        );
+        assert_eq!(
+            read_all("v 0 0\n").expect_err("invalid").code(),
+            "bad-number"
+        );
     }
 }

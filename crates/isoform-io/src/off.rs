@@ -11,8 +11,17 @@ const WHAT: &str = "cannot read the OFF file";
 const MAX_CORNERS: u64 = 1 << 20;
 
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
-    let word: Vec<u8> = head.iter().copied().take_while(u8::is_ascii_alphanumeric).take(9).collect();
-    if word.ends_with(b"OFF") && keyword(&String::from_utf8_lossy(&word)).is_some() { Sniff::Yes } else { Sniff::No }
+    let word: Vec<u8> = head
+        .iter()
+        .copied()
+        .take_while(u8::is_ascii_alphanumeric)
+        .take(9)
+        .collect();
+    if word.ends_with(b"OFF") && keyword(&String::from_utf8_lossy(&word)).is_some() {
+        Sniff::Yes
+    } else {
+        Sniff::No
+    }
 }
 
 /// Prefixes of the keyword: texture, colour, normal, fourth coordinate, n dimensions.
@@ -28,7 +37,12 @@ fn keyword(word: &str) -> Option<Keyword> {
     let (texture, rest) = rest.strip_prefix("ST").map_or((false, rest), |r| (true, r));
     let (color, rest) = rest.strip_prefix('C').map_or((false, rest), |r| (true, r));
     let (normal, rest) = rest.strip_prefix('N').map_or((false, rest), |r| (true, r));
-    matches!(rest, "" | "4" | "n" | "4n").then_some(Keyword { texture, color, normal, odd: !rest.is_empty() })
+    matches!(rest, "" | "4" | "n" | "4n").then_some(Keyword {
+        texture,
+        color,
+        normal,
+        odd: !rest.is_empty(),
+    })
 }
 
 /// A line without comments and with something in it.
@@ -51,19 +65,46 @@ impl Lines {
     }
 }
 
-pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
-    let mut lines = Lines { text: String::new(), bytes: Vec::new() };
-    let mut kind = Keyword { texture: false, color: false, normal: false, odd: false };
+pub(crate) fn read(
+    input: &mut Input<'_>,
+    options: &ReadOptions,
+    report: &mut ReadReport,
+) -> Result<PointCloud> {
+    let mut lines = Lines {
+        text: String::new(),
+        bytes: Vec::new(),
+    };
+    let mut kind = Keyword {
+        texture: false,
+        color: false,
+        normal: false,
+        odd: false,
+    };
     if !lines.next(input)? {
         return Err(input.truncated("there is nothing but comments"));
     }
-    let first = lines.text.split_ascii_whitespace().next().unwrap_or("").to_owned();
+    let first = lines
+        .text
+        .split_ascii_whitespace()
+        .next()
+        .unwrap_or("")
+        .to_owned();
     let mut counts = lines.text.trim_start().to_owned();
     if let Some(k) = keyword(&first) {
         counts = counts[first.len()..].trim().to_owned();
         if k.odd || counts.starts_with("BINARY") {
-            let why = format!("the variant \"{} {}\" is not read", shorten(&first), shorten(&counts));
-            return Err(input.error(ErrorKind::UnsupportedFormat, input.at_line(0), WHAT, why, "save it as plain OFF or PLY"));
+            let why = format!(
+                "the variant \"{} {}\" is not read",
+                shorten(&first),
+                shorten(&counts)
+            );
+            return Err(input.error(
+                ErrorKind::UnsupportedFormat,
+                input.at_line(0),
+                WHAT,
+                why,
+                "save it as plain OFF or PLY",
+            ));
         }
         kind = k;
         if counts.is_empty() {
@@ -73,12 +114,25 @@ pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut Re
             counts.clone_from(&lines.text);
         }
     }
-    let numbers: Vec<Option<u64>> = counts.split_ascii_whitespace().take(3).map(|w| w.parse().ok()).collect();
+    let numbers: Vec<Option<u64>> = counts
+        .split_ascii_whitespace()
+        .take(3)
+        .map(|w| w.parse().ok())
+        .collect();
     let (vertices, faces) = match numbers[..] {
         [Some(v), Some(f)] | [Some(v), Some(f), _] => (v, f),
         _ => {
-            let why = format!("\"{}\" should be the numbers of vertices, faces and edges", shorten(counts.trim()));
-            return Err(input.error(ErrorKind::Header, input.at_line(0), WHAT, why, "correct the line"));
+            let why = format!(
+                "\"{}\" should be the numbers of vertices, faces and edges",
+                shorten(counts.trim())
+            );
+            return Err(input.error(
+                ErrorKind::Header,
+                input.at_line(0),
+                WHAT,
+                why,
+                "correct the line",
+            ));
         }
     };
     report.declared = Some(vertices);
@@ -89,7 +143,13 @@ pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut Re
     collector.finish(input, options, report)
 }
 
-fn read_vertices(input: &mut Input<'_>, lines: &mut Lines, kind: &Keyword, count: u64, collector: &mut Collector) -> Result<()> {
+fn read_vertices(
+    input: &mut Input<'_>,
+    lines: &mut Lines,
+    kind: &Keyword,
+    count: u64,
+    collector: &mut Collector,
+) -> Result<()> {
     let mut values: Vec<f64> = Vec::new();
     let after_normal = if kind.normal { 6 } else { 3 };
     let mut has_color = kind.color;
@@ -100,15 +160,28 @@ fn read_vertices(input: &mut Input<'_>, lines: &mut Lines, kind: &Keyword, count
         values.clear();
         for word in lines.text.split_ascii_whitespace().take(16) {
             let Some(v) = parse_number(word) else {
-                let column = (word.as_ptr() as usize).wrapping_sub(lines.text.as_ptr() as usize) + 1;
+                let column =
+                    (word.as_ptr() as usize).wrapping_sub(lines.text.as_ptr() as usize) + 1;
                 let why = format!("\"{}\" is not a number", shorten(word));
-                return Err(input.error(ErrorKind::Number, input.at_line(column), WHAT, why, "correct the line"));
+                return Err(input.error(
+                    ErrorKind::Number,
+                    input.at_line(column),
+                    WHAT,
+                    why,
+                    "correct the line",
+                ));
             };
             values.push(v);
         }
         if values.len() < 3 {
             let why = format!("vertex {i} has {} of 3 numbers", values.len());
-            return Err(input.error(ErrorKind::Number, input.at_line(0), WHAT, why, "correct the line"));
+            return Err(input.error(
+                ErrorKind::Number,
+                input.at_line(0),
+                WHAT,
+                why,
+                "correct the line",
+            ));
         }
         if i == 0 {
             // Colours without the C are common.
@@ -120,7 +193,9 @@ fn read_vertices(input: &mut Input<'_>, lines: &mut Lines, kind: &Keyword, count
                 collector.with_colors(ColorScale::Guess);
             }
         }
-        let Some(slot) = collector.offer([values[0], values[1], values[2]]) else { continue };
+        let Some(slot) = collector.offer([values[0], values[1], values[2]]) else {
+            continue;
+        };
         if kind.normal && values.len() >= 6 {
             collector.set_normal(slot, [values[3], values[4], values[5]]);
         }
@@ -131,7 +206,12 @@ fn read_vertices(input: &mut Input<'_>, lines: &mut Lines, kind: &Keyword, count
     Ok(())
 }
 
-fn read_faces(input: &mut Input<'_>, mut lines: Lines, count: u64, collector: &mut Collector) -> Result<()> {
+fn read_faces(
+    input: &mut Input<'_>,
+    mut lines: Lines,
+    count: u64,
+    collector: &mut Collector,
+) -> Result<()> {
     let mut corners = Vec::new();
     let mut words = Words::new();
     for i in 0..count {
@@ -141,7 +221,13 @@ fn read_faces(input: &mut Input<'_>, mut lines: Lines, count: u64, collector: &m
         words.set(&lines.text);
         let missing = || format!("face {i} is incomplete");
         let bad = |input: &Input<'_>, v: f64, what: &str| {
-            Err(input.error(ErrorKind::Index, input.at_line(0), WHAT, format!("{v} is no {what}"), "export the mesh again"))
+            Err(input.error(
+                ErrorKind::Index,
+                input.at_line(0),
+                WHAT,
+                format!("{v} is no {what}"),
+                "export the mesh again",
+            ))
         };
         let n = words.number(input, missing)?;
         if !(n >= 0.0 && n <= MAX_CORNERS as f64 && n.fract() == 0.0) {
@@ -167,19 +253,34 @@ mod tests {
     use crate::Source;
 
     fn read_all(text: &str) -> Result<(PointCloud, ReadReport)> {
-        crate::read(Source::Bytes { name: "t.off", bytes: text.as_bytes() }, None, &ReadOptions::default())
+        crate::read(
+            Source::Bytes {
+                name: "t.off",
+                bytes: text.as_bytes(),
+            },
+            None,
+            &ReadOptions::default(),
+        )
     }
 
     #[test]
     fn variants() {
         let body = "0 0 0 # a\n\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3 1.0 0 0\n3 0 1\n 2\n";
-        for head in ["OFF\n# c\n4 2 0\n", "OFF 4 2 0\n", "4 2\n", "# c\nOFF # x\n4 2 5 # y\n"] {
+        for head in [
+            "OFF\n# c\n4 2 0\n",
+            "OFF 4 2 0\n",
+            "4 2\n",
+            "# c\nOFF # x\n4 2 5 # y\n",
+        ] {
             let (cloud, _) = read_all(&format!("{head}{body}")).expect(head);
             assert_eq!(cloud.points.len(), 4);
             assert_eq!(cloud.triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 2]]);
         }
         let (cloud, _) = read_all("CNOFF\n1 0 0\n1 2 3 0 0 1 255 0 10 255\n").expect("valid");
-        assert_eq!((cloud.normals[0], cloud.colors[0]), ([0.0, 0.0, 1.0], [255, 0, 10]));
+        assert_eq!(
+            (cloud.normals[0], cloud.colors[0]),
+            ([0.0, 0.0, 1.0], [255, 0, 10])
+        );
         let (cloud, _) = read_all("OFF\n1 0 0\n1 2 3 0.5 0 1 1\n").expect("valid");
         assert_eq!(cloud.colors[0], [128, 0, 255]);
     }
@@ -190,7 +291,10 @@ mod tests {
         assert_eq!(code("OFF BINARY\n1 0 0\n"), "format-unsupported");
         assert_eq!(code("4OFF\n1 0 0\n1 2 3 4\n"), "format-unsupported");
         assert_eq!(code("OFF\nmany\n"), "bad-header");
-        assert_eq!(code("OFF\n18446744073709551615 0 0\n1 2 3\n"), "file-truncated");
+        assert_eq!(
+            code("OFF\n18446744073709551615 0 0\n1 2 3\n"),
+            "file-truncated"
+        );
         assert_eq!(code("OFF\n1 1 0\n0 0 0\n3 0 1 2\n"), "bad-index");
         assert_eq!(code("OFF\n1 1 0\n0 0 0\n1e9 0\n"), "bad-index");
         assert_eq!(code("OFF\n1 1 0\n0 0 0\n"), "file-truncated");

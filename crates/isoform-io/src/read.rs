@@ -29,7 +29,12 @@ pub struct ReadOptions {
 
 impl Default for ReadOptions {
     fn default() -> Self {
-        Self { max_points: None, seed: 1, mesh: MeshPoints::Vertices, recenter: true }
+        Self {
+            max_points: None,
+            seed: 1,
+            mesh: MeshPoints::Vertices,
+            recenter: true,
+        }
     }
 }
 
@@ -91,7 +96,11 @@ impl ReadReport {
 /// assert_eq!((report.format, report.dropped_points), ("xyz", 1));
 /// # Ok::<(), isoform_io::ReadError>(())
 /// ```
-pub fn read(source: Source<'_>, format: Option<&str>, options: &ReadOptions) -> Result<(PointCloud, ReadReport)> {
+pub fn read(
+    source: Source<'_>,
+    format: Option<&str>,
+    options: &ReadOptions,
+) -> Result<(PointCloud, ReadReport)> {
     let mut input = Input::open(source)?;
     let mut warnings = Vec::new();
     let format = registry::choose(&mut input, format, &mut warnings)?;
@@ -101,7 +110,12 @@ pub fn read(source: Source<'_>, format: Option<&str>, options: &ReadOptions) -> 
     let cloud = match options.mesh {
         MeshPoints::Samples(n) if !cloud.triangles.is_empty() => {
             report.subsampled = true;
-            sample::surface_samples(&cloud, options.max_points.map_or(n, |max| max.min(n)), options.seed, &mut report)
+            sample::surface_samples(
+                &cloud,
+                options.max_points.map_or(n, |max| max.min(n)),
+                options.seed,
+                &mut report,
+            )
         }
         _ => cloud,
     };

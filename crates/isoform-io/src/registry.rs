@@ -95,7 +95,9 @@ pub fn formats() -> &'static [Format] {
 /// A format by name or ending, in any case, with or without the dot.
 pub fn format_named(name: &str) -> Option<&'static Format> {
     let name = name.strip_prefix('.').unwrap_or(name).to_ascii_lowercase();
-    FORMATS.iter().find(|f| f.name == name || f.extensions.contains(&name.as_str()))
+    FORMATS
+        .iter()
+        .find(|f| f.name == name || f.extensions.contains(&name.as_str()))
 }
 
 /// Ending of a file name, lower case.
@@ -105,16 +107,31 @@ pub(crate) fn extension(name: &str) -> Option<String> {
 }
 
 fn readable() -> String {
-    FORMATS.iter().map(|f| format!("{} (.{})", f.title, f.extensions.join(", ."))).collect::<Vec<_>>().join("; ")
+    FORMATS
+        .iter()
+        .map(|f| format!("{} (.{})", f.title, f.extensions.join(", .")))
+        .collect::<Vec<_>>()
+        .join("; ")
 }
 
 /// The format asked for, else the one the content states, else the one the name states, else the likeliest.
-pub(crate) fn choose(input: &mut Input<'_>, asked: Option<&str>, warnings: &mut Vec<String>) -> Result<&'static Format> {
+pub(crate) fn choose(
+    input: &mut Input<'_>,
+    asked: Option<&str>,
+    warnings: &mut Vec<String>,
+) -> Result<&'static Format> {
     const WHAT: &str = "cannot tell how to read the file";
-    const HINT: &str = "convert it to one of these, or name the format if the file has another ending";
+    const HINT: &str =
+        "convert it to one of these, or name the format if the file has another ending";
     let unsupported = |input: &Input<'_>, what: &str| {
         let why = format!("it is {what}. Formats that can be read: {}", readable());
-        input.error(ErrorKind::UnsupportedFormat, At::File, "this kind of file is not read here", why, HINT)
+        input.error(
+            ErrorKind::UnsupportedFormat,
+            At::File,
+            "this kind of file is not read here",
+            why,
+            HINT,
+        )
     };
     if let Some(asked) = asked {
         return format_named(asked).ok_or_else(|| {
@@ -122,29 +139,52 @@ pub(crate) fn choose(input: &mut Input<'_>, asked: Option<&str>, warnings: &mut 
             match OTHERS.iter().find(|o| o.0.contains(&low.as_str())) {
                 Some(other) => unsupported(input, other.2),
                 None => {
-                    let why = format!("no format is called \"{}\". There are: {}", crate::input::shorten(asked), readable());
-                    input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, "use one of these names")
+                    let why = format!(
+                        "no format is called \"{}\". There are: {}",
+                        crate::input::shorten(asked),
+                        readable()
+                    );
+                    input.error(
+                        ErrorKind::UnknownFormat,
+                        At::File,
+                        WHAT,
+                        why,
+                        "use one of these names",
+                    )
                 }
             }
         });
     }
     let head = input.head(4096)?;
     if head.is_empty() {
-        return Err(input.error(ErrorKind::Empty, At::File, "cannot read points", "the file is empty", "check how it was made"));
+        return Err(input.error(
+            ErrorKind::Empty,
+            At::File,
+            "cannot read points",
+            "the file is empty",
+            "check how it was made",
+        ));
     }
     let named = extension(&input.name);
-    let by_name = named.as_deref().and_then(|e| FORMATS.iter().find(|f| f.extensions.contains(&e)));
+    let by_name = named
+        .as_deref()
+        .and_then(|e| FORMATS.iter().find(|f| f.extensions.contains(&e)));
     let sure = FORMATS.iter().find(|f| (f.sniff)(&head) == Sniff::Yes);
     if let (Some(n), Some(s)) = (by_name, sure)
         && n.name != s.name
         && (n.sniff)(&head) != Sniff::Yes
     {
-        warnings.push(format!("the name says {}, but the content is {}: read as {}", n.title, s.title, s.title));
+        warnings.push(format!(
+            "the name says {}, but the content is {}: read as {}",
+            n.title, s.title, s.title
+        ));
         return Ok(s);
     }
     if let Some(format) = by_name.or(sure) {
         // A package or an archive under a wrong name is better called what it is.
-        let magic = OTHERS.iter().find(|o| o.1.len() >= 4 && head.starts_with(o.1));
+        let magic = OTHERS
+            .iter()
+            .find(|o| o.1.len() >= 4 && head.starts_with(o.1));
         return match magic {
             Some(other) if (format.sniff)(&head) != Sniff::Yes => Err(unsupported(input, other.2)),
             _ => Ok(format),
@@ -155,14 +195,23 @@ pub(crate) fn choose(input: &mut Input<'_>, asked: Option<&str>, warnings: &mut 
     {
         return Err(unsupported(input, other.2));
     }
-    if let Some(other) = OTHERS.iter().find(|o| !o.1.is_empty() && head.starts_with(o.1)) {
+    if let Some(other) = OTHERS
+        .iter()
+        .find(|o| !o.1.is_empty() && head.starts_with(o.1))
+    {
         return Err(unsupported(input, other.2));
     }
     if let Some(format) = FORMATS.iter().find(|f| (f.sniff)(&head) == Sniff::Maybe) {
-        warnings.push(format!("the name does not tell the format; by its content the file was read as {}", format.title));
+        warnings.push(format!(
+            "the name does not tell the format; by its content the file was read as {}",
+            format.title
+        ));
         return Ok(format);
     }
-    let why = format!("neither its name nor its content is of a known kind. Formats that can be read: {}", readable());
+    let why = format!(
+        "neither its name nor its content is of a known kind. Formats that can be read: {}",
+        readable()
+    );
     Err(input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, HINT))
 }
 
@@ -183,19 +232,39 @@ mod tests {
         assert_eq!(chosen("A.PLY", b"ply\nformat ascii 1.0\n"), (Ok("ply"), 0));
         assert_eq!(chosen("a.xyz", b"ply\nformat ascii 1.0\n"), (Ok("ply"), 1));
         assert_eq!(chosen("-", b"1 2 3\n4 5 6\n"), (Ok("xyz"), 1));
-        assert_eq!(chosen("-", b"# made by hand\nv 1 2 3\nv 4 5 6\n"), (Ok("obj"), 1));
+        assert_eq!(
+            chosen("-", b"# made by hand\nv 1 2 3\nv 4 5 6\n"),
+            (Ok("obj"), 1)
+        );
         assert_eq!(chosen("a.CSV", b"x,y,z\n1,2,3\n"), (Ok("csv"), 0));
         assert_eq!(chosen("scan", b"LASF"), (Ok("las"), 0));
-        assert_eq!(chosen("part.3mf", b"PK\x03\x04"), (Err(ErrorKind::UnsupportedFormat), 0));
-        assert_eq!(chosen("part.xyz", b"PK\x03\x04"), (Err(ErrorKind::UnsupportedFormat), 0));
-        assert_eq!(chosen("part", b"ISO-10303-21;\n"), (Err(ErrorKind::UnsupportedFormat), 0));
-        assert_eq!(chosen("part", b"\x00\x01\x02"), (Err(ErrorKind::UnknownFormat), 0));
+        assert_eq!(
+            chosen("part.3mf", b"PK\x03\x04"),
+            (Err(ErrorKind::UnsupportedFormat), 0)
+        );
+        assert_eq!(
+            chosen("part.xyz", b"PK\x03\x04"),
+            (Err(ErrorKind::UnsupportedFormat), 0)
+        );
+        assert_eq!(
+            chosen("part", b"ISO-10303-21;\n"),
+            (Err(ErrorKind::UnsupportedFormat), 0)
+        );
+        assert_eq!(
+            chosen("part", b"\x00\x01\x02"),
+            (Err(ErrorKind::UnknownFormat), 0)
+        );
         assert_eq!(chosen("a.ply", b""), (Err(ErrorKind::Empty), 0));
     }
 
     #[test]
     fn no_ending_is_taken_twice() {
-        let mut all: Vec<&str> = FORMATS.iter().flat_map(|f| f.extensions).chain(OTHERS.iter().flat_map(|o| o.0)).copied().collect();
+        let mut all: Vec<&str> = FORMATS
+            .iter()
+            .flat_map(|f| f.extensions)
+            .chain(OTHERS.iter().flat_map(|o| o.0))
+            .copied()
+            .collect();
         all.sort_unstable();
         assert!(all.windows(2).all(|w| w[0] != w[1]), "{all:?}");
     }

@@ -75,7 +75,9 @@ impl Layout {
     }
     /// The first coordinate that is missing.
     pub(crate) fn missing_coordinate(&self) -> Option<&'static str> {
-        (0..3).find(|&k| !self.has(Role::Position(k))).map(|k| ["x", "y", "z"][k])
+        (0..3)
+            .find(|&k| !self.has(Role::Position(k)))
+            .map(|k| ["x", "y", "z"][k])
     }
     /// Tells the collector what will come. Incomplete triples are no normals and no colours and are ignored.
     pub(crate) fn announce(&mut self, collector: &mut Collector) {
@@ -101,7 +103,9 @@ impl Layout {
                 Role::Column(_) | Role::Ignored => {}
             }
         }
-        let Some(slot) = collector.offer(p) else { return };
+        let Some(slot) = collector.offer(p) else {
+            return;
+        };
         if self.normals {
             collector.set_normal(slot, n);
         }

@@ -5,9 +5,19 @@ use isoform_geom::{Point3, PointCloud, cross, norm, sub};
 
 /// Uniform points on the triangles: a triangle by its share of the area, then p = (1−√r)a + √r(1−s)b + √r·s·c with r and s uniform
 /// between 0 and 1 (Turk 1990). Normals are those of the triangles; colours are interpolated; columns are left out.
-pub(crate) fn surface_samples(mesh: &PointCloud, n: usize, seed: u64, report: &mut ReadReport) -> PointCloud {
+pub(crate) fn surface_samples(
+    mesh: &PointCloud,
+    n: usize,
+    seed: u64,
+    report: &mut ReadReport,
+) -> PointCloud {
     let corner = |t: &[u32; 3], k: usize| mesh.points[t[k] as usize];
-    let area_vector = |t: &[u32; 3]| cross(sub(corner(t, 1), corner(t, 0)), sub(corner(t, 2), corner(t, 0)));
+    let area_vector = |t: &[u32; 3]| {
+        cross(
+            sub(corner(t, 1), corner(t, 0)),
+            sub(corner(t, 2), corner(t, 0)),
+        )
+    };
     let mut total = 0.0;
     let sums: Vec<f64> = mesh
         .triangles
@@ -18,7 +28,10 @@ pub(crate) fn surface_samples(mesh: &PointCloud, n: usize, seed: u64, report: &m
             total
         })
         .collect();
-    let mut out = PointCloud { origin: mesh.origin, ..PointCloud::default() };
+    let mut out = PointCloud {
+        origin: mesh.origin,
+        ..PointCloud::default()
+    };
     if total <= 0.0 || !total.is_finite() {
         report.warn("the triangles have no area, so that no points could be sampled on them");
         return out;
@@ -30,15 +43,23 @@ pub(crate) fn surface_samples(mesh: &PointCloud, n: usize, seed: u64, report: &m
     for _ in 0..n {
         let at = rng.f64() * total;
         // Rounding can give `total` itself, which belongs to the last triangle that has an area.
-        let i = if at < total { sums.partition_point(|&s| s <= at) } else { sums.partition_point(|&s| s < total) };
+        let i = if at < total {
+            sums.partition_point(|&s| s <= at)
+        } else {
+            sums.partition_point(|&s| s < total)
+        };
         let t = &mesh.triangles[i];
         let (r, s) = (rng.f64().sqrt(), rng.f64());
         let weights = [1.0 - r, r * (1.0 - s), r * s];
-        out.points.push(mix(weights, std::array::from_fn(|k| corner(t, k))));
+        out.points
+            .push(mix(weights, std::array::from_fn(|k| corner(t, k))));
         let v = area_vector(t);
         out.normals.push(v.map(|x| x / norm(v)));
         if !mesh.colors.is_empty() {
-            let c = mix(weights, std::array::from_fn(|k| mesh.colors[t[k] as usize].map(f64::from)));
+            let c = mix(
+                weights,
+                std::array::from_fn(|k| mesh.colors[t[k] as usize].map(f64::from)),
+            );
             out.colors.push(c.map(|x| x.round() as u8));
         }
     }
@@ -46,7 +67,9 @@ pub(crate) fn surface_samples(mesh: &PointCloud, n: usize, seed: u64, report: &m
 }
 
 fn mix(weights: [f64; 3], corners: [Point3; 3]) -> Point3 {
-    std::array::from_fn(|k| weights[0] * corners[0][k] + weights[1] * corners[1][k] + weights[2] * corners[2][k])
+    std::array::from_fn(|k| {
+        weights[0] * corners[0][k] + weights[1] * corners[1][k] + weights[2] * corners[2][k]
+    })
 }
 
 #[cfg(test)]
@@ -56,28 +79,55 @@ mod tests {
     #[test]
     fn moments_are_those_of_the_triangles() {
         // Two triangles of areas 1 : 3 in different planes. Of a triangle: mean = centroid; E|p|² = (|a|²+|b|²+|c|²+ab+bc+ca)/6.
-        let points = vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 5.0], [3.0, 0.0, 5.0], [0.0, 2.0, 5.0]];
-        let mesh = PointCloud { points, triangles: vec![[0, 1, 2], [1, 1, 1], [3, 4, 5]], ..PointCloud::default() };
+        let points = vec![
+            [0.0, 0.0, 0.0],
+            [2.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 5.0],
+            [3.0, 0.0, 5.0],
+            [0.0, 2.0, 5.0],
+        ];
+        let mesh = PointCloud {
+            points,
+            triangles: vec![[0, 1, 2], [1, 1, 1], [3, 4, 5]],
+            ..PointCloud::default()
+        };
         let mut report = ReadReport::new("test", "t".into());
         let n = 200_000;
         let cloud = surface_samples(&mesh, n, 7, &mut report);
         assert_eq!((cloud.points.len(), cloud.normals.len()), (n, n));
-        let mean: Point3 = std::array::from_fn(|k| cloud.points.iter().map(|p| p[k]).sum::<f64>() / n as f64);
-        let want: Point3 = [0.25 * 2.0 / 3.0 + 0.75, 0.25 / 3.0 + 0.75 * 2.0 / 3.0, 0.75 * 5.0];
+        let mean: Point3 =
+            std::array::from_fn(|k| cloud.points.iter().map(|p| p[k]).sum::<f64>() / n as f64);
+        let want: Point3 = [
+            0.25 * 2.0 / 3.0 + 0.75,
+            0.25 / 3.0 + 0.75 * 2.0 / 3.0,
+            0.75 * 5.0,
+        ];
         for k in 0..3 {
             assert!((mean[k] - want[k]).abs() < 0.02, "{mean:?} {want:?}");
         }
-        let second = cloud.points.iter().filter(|p| p[2] == 0.0).map(|p| p[0] * p[0] + p[1] * p[1]);
+        let second = cloud
+            .points
+            .iter()
+            .filter(|p| p[2] == 0.0)
+            .map(|p| p[0] * p[0] + p[1] * p[1]);
         let low = second.clone().count() as f64;
         assert!((low / n as f64 - 0.25).abs() < 0.005, "share by area");
-        assert!((second.sum::<f64>() / low - 5.0 / 6.0).abs() < 0.02, "second moment");
+        assert!(
+            (second.sum::<f64>() / low - 5.0 / 6.0).abs() < 0.02,
+            "second moment"
+        );
         assert!(cloud.normals.iter().all(|&m| m == [0.0, 0.0, 1.0]));
         assert_eq!(cloud, surface_samples(&mesh, n, 7, &mut report));
     }
 
     #[test]
     fn nothing_to_sample() {
-        let mesh = PointCloud { points: vec![[1.0; 3]], triangles: vec![[0, 0, 0]], ..PointCloud::default() };
+        let mesh = PointCloud {
+            points: vec![[1.0; 3]],
+            triangles: vec![[0, 0, 0]],
+            ..PointCloud::default()
+        };
         let mut report = ReadReport::new("test", "t".into());
         assert!(surface_samples(&mesh, 10, 1, &mut report).points.is_empty());
         assert_eq!(report.warnings.len(), 1);

@@ -17,13 +17,19 @@ const FACET: u64 = 50;
 
 /// Maybe: binary STL has no mark, and "solid" begins binary files too.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
-    if is_ascii(head) { Sniff::Maybe } else { Sniff::No }
+    if is_ascii(head) {
+        Sniff::Maybe
+    } else {
+        Sniff::No
+    }
 }
 
 /// Text that starts with `solid` and has `facet` or `endsolid` soon after.
 fn is_ascii(head: &[u8]) -> bool {
     let text = String::from_utf8_lossy(head).to_ascii_lowercase();
-    text.trim_start().starts_with("solid") && !head.contains(&0) && (text.contains("facet") || text.contains("endsolid"))
+    text.trim_start().starts_with("solid")
+        && !head.contains(&0)
+        && (text.contains("facet") || text.contains("endsolid"))
 }
 
 /// Numbers corners; equal ones get one number.
@@ -48,17 +54,30 @@ impl Weld<'_> {
     }
 }
 
-pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+pub(crate) fn read(
+    input: &mut Input<'_>,
+    options: &ReadOptions,
+    report: &mut ReadReport,
+) -> Result<PointCloud> {
     read_parts(input, options, report).map(|(cloud, _)| cloud)
 }
 
 /// The points, the triangles and their groups.
-pub(crate) fn read_parts(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<(PointCloud, Parts)> {
+pub(crate) fn read_parts(
+    input: &mut Input<'_>,
+    options: &ReadOptions,
+    report: &mut ReadReport,
+) -> Result<(PointCloud, Parts)> {
     let mut collector = Collector::new(options);
     collector.mesh(options);
-    let mut weld = Weld { collector: &mut collector, known: HashMap::new() };
+    let mut weld = Weld {
+        collector: &mut collector,
+        known: HashMap::new(),
+    };
     let head = input.head(4096)?;
-    let announced = head.get(80..84).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let announced = head
+        .get(80..84)
+        .map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let fits = announced.is_some_and(|n| HEADER + FACET * u64::from(n) == input.size);
     if !fits && (is_ascii(&head) || announced.is_none()) {
         read_ascii(input, &mut weld, report)?;
@@ -70,18 +89,30 @@ pub(crate) fn read_parts(input: &mut Input<'_>, options: &ReadOptions, report: &
 
 fn read_binary(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadReport) -> Result<()> {
     let mut head = [0; HEADER as usize];
-    input.exact(&mut head, || "a binary STL file has 84 bytes before its facets".into())?;
+    input.exact(&mut head, || {
+        "a binary STL file has 84 bytes before its facets".into()
+    })?;
     report.units = stated_unit(&String::from_utf8_lossy(&head[..80]));
     let n = u32::from_le_bytes([head[80], head[81], head[82], head[83]]);
     let mut facet = [0; FACET as usize];
     for i in 0..n {
         let at = input.at_byte();
         input.exact(&mut facet, || format!("{i} of {n} facets are there"))?;
-        let number = |k: usize| f64::from(f32::from_le_bytes(std::array::from_fn(|b| facet[4 * k + b])));
-        weld.facet(std::array::from_fn(|c| std::array::from_fn(|k| number(3 + 3 * c + k))), at);
+        let number = |k: usize| {
+            f64::from(f32::from_le_bytes(std::array::from_fn(|b| {
+                facet[4 * k + b]
+            })))
+        };
+        weld.facet(
+            std::array::from_fn(|c| std::array::from_fn(|k| number(3 + 3 * c + k))),
+            at,
+        );
     }
     if input.left() > 0 {
-        report.warn(format!("{} bytes after the last facet were not read", input.left()));
+        report.warn(format!(
+            "{} bytes after the last facet were not read",
+            input.left()
+        ));
     }
     Ok(())
 }
@@ -99,8 +130,18 @@ fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepor
                 for v in &mut p {
                     let word = words.next().unwrap_or("");
                     *v = parse_number(word).ok_or_else(|| {
-                        let why = format!("\"{}\" is not a number in \"{}\"", shorten(word), shorten(text.trim()));
-                        input.error(ErrorKind::Number, input.at_line(0), WHAT, why, "correct the line")
+                        let why = format!(
+                            "\"{}\" is not a number in \"{}\"",
+                            shorten(word),
+                            shorten(text.trim())
+                        );
+                        input.error(
+                            ErrorKind::Number,
+                            input.at_line(0),
+                            WHAT,
+                            why,
+                            "correct the line",
+                        )
                     })?;
                 }
                 // More corners than three are against the format; they are counted, not kept.
@@ -121,26 +162,51 @@ fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepor
                 solids += 1;
                 open = true;
                 let name = text.trim().get(5..).unwrap_or("").trim();
-                let part = weld.collector.add_part(&if name.is_empty() { format!("solid {solids}") } else { name.to_owned() });
+                let part = weld.collector.add_part(&if name.is_empty() {
+                    format!("solid {solids}")
+                } else {
+                    name.to_owned()
+                });
                 weld.collector.set_part(part);
             }
             "endsolid" => open = false,
             "" | "facet" | "outer" | "color" => {}
             _ if solids == 0 => {
-                let why = format!("neither binary STL nor text that starts with \"solid\": \"{}\"", shorten(text.trim()));
-                return Err(input.error(ErrorKind::Header, input.at_line(0), WHAT, why, "check that it is an STL file"));
+                let why = format!(
+                    "neither binary STL nor text that starts with \"solid\": \"{}\"",
+                    shorten(text.trim())
+                );
+                return Err(input.error(
+                    ErrorKind::Header,
+                    input.at_line(0),
+                    WHAT,
+                    why,
+                    "check that it is an STL file",
+                ));
             }
-            other => report.warn(format!("line {}: unknown word \"{}\" was passed over", input.line, shorten(other))),
+            other => report.warn(format!(
+                "line {}: unknown word \"{}\" was passed over",
+                input.line,
+                shorten(other)
+            )),
         }
     }
     if solids == 0 {
-        return Err(input.error(ErrorKind::Header, At::File, WHAT, "there is no \"solid\" in it", "check that it is an STL file"));
+        return Err(input.error(
+            ErrorKind::Header,
+            At::File,
+            WHAT,
+            "there is no \"solid\" in it",
+            "check that it is an STL file",
+        ));
     }
     if open || !corners.is_empty() {
         return Err(input.truncated("the line \"endsolid\" is missing"));
     }
     if polygons > 0 {
-        report.warn(format!("{polygons} facets do not have three corners and were passed over"));
+        report.warn(format!(
+            "{polygons} facets do not have three corners and were passed over"
+        ));
     }
     Ok(())
 }
@@ -151,7 +217,14 @@ mod tests {
     use crate::Source;
 
     fn read_all(bytes: &[u8]) -> Result<(PointCloud, ReadReport)> {
-        crate::read(Source::Bytes { name: "t.STL", bytes }, None, &ReadOptions::default())
+        crate::read(
+            Source::Bytes {
+                name: "t.STL",
+                bytes,
+            },
+            None,
+            &ReadOptions::default(),
+        )
     }
     fn binary(facets: &[[[f32; 3]; 3]]) -> Vec<u8> {
         let mut bytes = vec![b' '; 80];
@@ -159,7 +232,9 @@ mod tests {
         bytes.extend((facets.len() as u32).to_le_bytes());
         for f in facets {
             bytes.extend([0; 12]);
-            f.iter().flatten().for_each(|v| bytes.extend(v.to_le_bytes()));
+            f.iter()
+                .flatten()
+                .for_each(|v| bytes.extend(v.to_le_bytes()));
             bytes.extend([0; 2]);
         }
         bytes
@@ -167,7 +242,10 @@ mod tests {
 
     #[test]
     fn binary_is_welded_bit_by_bit() {
-        let facets = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[-0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.000_000_1, 0.0]]];
+        let facets = [
+            [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            [[-0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.000_000_1, 0.0]],
+        ];
         let (cloud, report) = read_all(&binary(&facets)).expect("valid");
         assert_eq!(cloud.points.len(), 4);
         assert_eq!(cloud.triangles, [[0, 1, 2], [0, 2, 3]]);
@@ -183,9 +261,17 @@ mod tests {
 
     #[test]
     fn ascii_solids() {
-        let facet =
-            |z: f64| format!("  facet normal 0 0 1\n outer loop\n vertex 0 0 {z}\n VERTEX 1 0 {z}\n vertex 0 1 {z}\n endloop\n endfacet\n");
-        let text = format!("solid a\n{}endsolid a\nSOLID b\n{}{}endsolid\n", facet(0.0), facet(1.0), facet(1.0));
+        let facet = |z: f64| {
+            format!(
+                "  facet normal 0 0 1\n outer loop\n vertex 0 0 {z}\n VERTEX 1 0 {z}\n vertex 0 1 {z}\n endloop\n endfacet\n"
+            )
+        };
+        let text = format!(
+            "solid a\n{}endsolid a\nSOLID b\n{}{}endsolid\n",
+            facet(0.0),
+            facet(1.0),
+            facet(1.0)
+        );
         let (cloud, _) = read_all(text.as_bytes()).expect("valid");
         assert_eq!((cloud.points.len(), cloud.triangles.len()), (6, 3));
         for lines in [3, 7, 9, 18] {
@@ -194,7 +280,16 @@ mod tests {
             assert_eq!(code.is_ok(), lines == 9, "whole after the first solid only");
             assert_ne!(code, Err("bad-number"));
         }
-        assert_eq!(read_all(b"solid a\nfacet\nvertex 0 zero 0\n").expect_err("bad").place.to_string(), "t.STL:3");
-        assert_eq!(read_all(b"something\n").expect_err("bad").code(), "bad-header");
+        assert_eq!(
+            read_all(b"solid a\nfacet\nvertex 0 zero 0\n")
+                .expect_err("bad")
+                .place
+                .to_string(),
+            "t.STL:3"
+        );
+        assert_eq!(
+            read_all(b"something\n").expect_err("bad").code(),
+            "bad-header"
+        );
     }
 }

@@ -22,13 +22,21 @@ const WHAT: &str = "cannot read the points";
 /// Maybe, if the first line that is no comment and no header starts with three numbers.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head);
-    let mut lines = text.lines().map(str::trim).filter(|l| !l.is_empty() && !is_comment(l)).take(3);
+    let mut lines = text
+        .lines()
+        .map(str::trim)
+        .filter(|l| !l.is_empty() && !is_comment(l))
+        .take(3);
     let is_row = |l: &str| {
         let (separator, _) = Separator::of(l);
         let fields: Vec<&str> = separator.split(l).map(|(_, f)| f).collect();
         fields.len() >= 3 && fields[..3].iter().all(|f| parse_number(f).is_some())
     };
-    if head.contains(&0) || !lines.any(is_row) { Sniff::No } else { Sniff::Maybe }
+    if head.contains(&0) || !lines.any(is_row) {
+        Sniff::No
+    } else {
+        Sniff::Maybe
+    }
 }
 
 fn is_comment(line: &str) -> bool {
@@ -51,15 +59,24 @@ impl Separator {
         let by_tab = tabs.len() >= 3 && tabs.iter().all(|f| !f.contains(char::is_whitespace));
         if line.contains(',') {
             let blanks: Vec<&str> = line.split_ascii_whitespace().collect();
-            let decimal =
-                blanks.len() >= 3 && blanks.iter().all(|f| f.matches(',').count() <= 1 && !f.ends_with(',') && !f.starts_with(','));
+            let decimal = blanks.len() >= 3
+                && blanks.iter().all(|f| {
+                    f.matches(',').count() <= 1 && !f.ends_with(',') && !f.starts_with(',')
+                });
             return match decimal {
                 true if by_tab => (Self::Char('\t'), true),
                 true => (Self::Blank, true),
                 false => (Self::Char(','), false),
             };
         }
-        (if by_tab { Self::Char('\t') } else { Self::Blank }, false)
+        (
+            if by_tab {
+                Self::Char('\t')
+            } else {
+                Self::Blank
+            },
+            false,
+        )
     }
     /// Fields with their byte offsets; an empty one at the end is a mere end mark.
     fn split(self, line: &str) -> impl Iterator<Item = (usize, &str)> {
@@ -108,7 +125,11 @@ struct Reader<'i, 'a> {
     unit: Option<String>,
 }
 
-pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut ReadReport) -> Result<PointCloud> {
+pub(crate) fn read(
+    input: &mut Input<'_>,
+    options: &ReadOptions,
+    report: &mut ReadReport,
+) -> Result<PointCloud> {
     let is_pts = extension(&input.name).as_deref() == Some("pts");
     let mut reader = Reader {
         input,
@@ -147,19 +168,32 @@ pub(crate) fn read(input: &mut Input<'_>, options: &ReadOptions, report: &mut Re
     while reader.next()? {
         layout.offer(&mut collector, &reader.values);
     }
-    let Reader { declared, longer, words, unit, .. } = reader;
+    let Reader {
+        declared,
+        longer,
+        words,
+        unit,
+        ..
+    } = reader;
     report.declared = declared;
     report.units = unit;
     if let Some(n) = declared
         && n != collector.rows
     {
-        report.warn(format!("the file announces {n} points and has {}", collector.rows));
+        report.warn(format!(
+            "the file announces {n} points and has {}",
+            collector.rows
+        ));
     }
     if longer > 0 {
-        report.warn(format!("{longer} lines have more columns than the first; what was beyond was not read"));
+        report.warn(format!(
+            "{longer} lines have more columns than the first; what was beyond was not read"
+        ));
     }
     if words > 0 {
-        report.warn(format!("{words} fields are not numbers; they are NaN in the columns"));
+        report.warn(format!(
+            "{words} fields are not numbers; they are NaN in the columns"
+        ));
     }
     collector.finish(input, options, report)
 }
@@ -171,9 +205,17 @@ impl Reader<'_, '_> {
             if !self.input.read_line(&mut self.text, &mut self.bytes)? {
                 return Ok(false);
             }
-            if self.input.line == 1 && (self.bytes.starts_with(b"\xff\xfe") || self.bytes.starts_with(b"\xfe\xff")) {
+            if self.input.line == 1
+                && (self.bytes.starts_with(b"\xff\xfe") || self.bytes.starts_with(b"\xfe\xff"))
+            {
                 let hint = "save it as UTF-8 or plain ASCII";
-                return Err(self.input.error(ErrorKind::Corrupt, self.input.at_line(0), WHAT, "the text is UTF-16", hint));
+                return Err(self.input.error(
+                    ErrorKind::Corrupt,
+                    self.input.at_line(0),
+                    WHAT,
+                    "the text is UTF-16",
+                    hint,
+                ));
             }
             let mut line = std::mem::take(&mut self.text);
             let found = self.line(&mut line);
@@ -194,7 +236,9 @@ impl Reader<'_, '_> {
         if is_comment(start) {
             if is_first {
                 self.unit = self.unit.take().or_else(|| stated_unit(start));
-                self.last_comment = start.trim_start_matches(['#', '%', '!', '/', ' ']).to_owned();
+                self.last_comment = start
+                    .trim_start_matches(['#', '%', '!', '/', ' '])
+                    .to_owned();
             }
             return Ok(false);
         }
@@ -202,9 +246,19 @@ impl Reader<'_, '_> {
             line.truncate(line[..at].trim_end().len());
         }
         let line = line.trim_end_matches([' ', '\r']);
-        if is_first && ["ncols", "nrows"].iter().any(|w| line.to_ascii_lowercase().starts_with(w)) {
+        if is_first
+            && ["ncols", "nrows"]
+                .iter()
+                .any(|w| line.to_ascii_lowercase().starts_with(w))
+        {
             let why = "it is an ESRI ASCII grid: heights on a raster, not points";
-            return Err(self.input.error(ErrorKind::UnsupportedFormat, self.input.at_line(0), WHAT, why, "convert it to XYZ"));
+            return Err(self.input.error(
+                ErrorKind::UnsupportedFormat,
+                self.input.at_line(0),
+                WHAT,
+                why,
+                "convert it to XYZ",
+            ));
         }
         if (is_first || self.is_pts)
             && let Ok(n) = line.trim().parse::<u64>()
@@ -222,8 +276,14 @@ impl Reader<'_, '_> {
     /// Whether the line is names; then they are kept.
     fn is_header(&mut self, line: &str) -> bool {
         let (separator, _) = Separator::of(line);
-        let fields: Vec<String> = separator.split(line).map(|(_, f)| f.trim_matches(['"', '\'']).trim().to_owned()).collect();
-        let numbers = fields.iter().filter(|f| parse_number(f).is_some() || f.replace(',', ".").parse::<f64>().is_ok()).count();
+        let fields: Vec<String> = separator
+            .split(line)
+            .map(|(_, f)| f.trim_matches(['"', '\'']).trim().to_owned())
+            .collect();
+        let numbers = fields
+            .iter()
+            .filter(|f| parse_number(f).is_some() || f.replace(',', ".").parse::<f64>().is_ok())
+            .count();
         let is_header = numbers == 0 && fields.len() >= 3 && fields.len() <= MAX_COLUMNS;
         if is_header {
             self.names = Some(fields);
@@ -257,8 +317,14 @@ impl Reader<'_, '_> {
             self.values.push(match number {
                 Some(v) => v,
                 None if field.is_empty() => f64::NAN,
-                None if self.coordinates.contains(&i) && (!is_first || i < 3 || self.names.is_none()) => {
-                    return wrong(self.input, at, format!("\"{}\" is not a number", shorten(field)));
+                None if self.coordinates.contains(&i)
+                    && (!is_first || i < 3 || self.names.is_none()) =>
+                {
+                    return wrong(
+                        self.input,
+                        at,
+                        format!("\"{}\" is not a number", shorten(field)),
+                    );
                 }
                 None => {
                     self.words += 1;
@@ -267,7 +333,11 @@ impl Reader<'_, '_> {
             });
         }
         // An empty last field looks like an end mark; whether it counts, the width tells.
-        let width = if is_first { self.names.as_ref().map_or(0, Vec::len) } else { self.width };
+        let width = if is_first {
+            self.names.as_ref().map_or(0, Vec::len)
+        } else {
+            self.width
+        };
         if let Separator::Char(c) = separator
             && self.values.len() + 1 == width
             && line.ends_with(c)
@@ -277,11 +347,22 @@ impl Reader<'_, '_> {
         let n = self.values.len();
         if is_first {
             if !(3..=MAX_COLUMNS).contains(&n) {
-                return wrong(self.input, 0, format!("a point needs three numbers; the line has {n} columns"));
+                return wrong(
+                    self.input,
+                    0,
+                    format!("a point needs three numbers; the line has {n} columns"),
+                );
             }
             self.width = n;
         } else if n < self.width {
-            return wrong(self.input, line.len(), format!("the line has {n} columns where the first has {}", self.width));
+            return wrong(
+                self.input,
+                line.len(),
+                format!(
+                    "the line has {n} columns where the first has {}",
+                    self.width
+                ),
+            );
         }
         Ok(true)
     }
@@ -290,11 +371,22 @@ impl Reader<'_, '_> {
     fn take_names(&mut self) {
         if self.names.is_none() {
             let fields: Vec<String> = match Separator::of(&self.last_comment) {
-                (Separator::Blank, _) => self.last_comment.split_ascii_whitespace().map(str::to_owned).collect(),
-                (separator, _) => separator.split(&self.last_comment).map(|(_, f)| f.to_owned()).collect(),
+                (Separator::Blank, _) => self
+                    .last_comment
+                    .split_ascii_whitespace()
+                    .map(str::to_owned)
+                    .collect(),
+                (separator, _) => separator
+                    .split(&self.last_comment)
+                    .map(|(_, f)| f.to_owned())
+                    .collect(),
             };
             let plain: Vec<String> = fields.iter().map(|f| self.plain(f)).collect();
-            if fields.len() == self.width && Layout::named(plain.iter().map(String::as_str)).missing_coordinate().is_none() {
+            if fields.len() == self.width
+                && Layout::named(plain.iter().map(String::as_str))
+                    .missing_coordinate()
+                    .is_none()
+            {
                 self.names = Some(fields);
             }
         }
@@ -312,12 +404,21 @@ impl Reader<'_, '_> {
 
     /// A name without quotes and without its unit in brackets, which is noted.
     fn plain(&mut self, name: &str) -> String {
-        let name = name.trim_matches(['"', '\'']).trim_start_matches("//").trim();
+        let name = name
+            .trim_matches(['"', '\''])
+            .trim_start_matches("//")
+            .trim();
         match name.find(['(', '[']) {
             Some(at) if at > 0 => {
-                let (bare, unit) = (name[..at].trim_end(), name[at + 1..].trim_end_matches([')', ']']));
+                let (bare, unit) = (
+                    name[..at].trim_end(),
+                    name[at + 1..].trim_end_matches([')', ']']),
+                );
                 if matches!(bare.to_ascii_lowercase().as_str(), "x" | "y" | "z") {
-                    self.unit = self.unit.take().or_else(|| stated_unit(&format!("unit {unit}")));
+                    self.unit = self
+                        .unit
+                        .take()
+                        .or_else(|| stated_unit(&format!("unit {unit}")));
                     return bare.to_owned();
                 }
                 name.to_owned()
@@ -328,7 +429,11 @@ impl Reader<'_, '_> {
 
     fn place(&mut self, layout: &Layout) {
         for k in 0..3 {
-            self.coordinates[k] = layout.roles.iter().position(|&r| r == Role::Position(k)).unwrap_or(k);
+            self.coordinates[k] = layout
+                .roles
+                .iter()
+                .position(|&r| r == Role::Position(k))
+                .unwrap_or(k);
         }
     }
 }
@@ -337,7 +442,9 @@ fn by_names(names: &[String], report: &mut ReadReport) -> Layout {
     let known = |name: &str| match name.to_ascii_lowercase().as_str() {
         "easting" | "east" | "x_coordinate" | "coord_x" | "pos_x" | "x_m" => Some("x"),
         "northing" | "north" | "y_coordinate" | "coord_y" | "pos_y" | "y_m" => Some("y"),
-        "elevation" | "height" | "altitude" | "z_coordinate" | "coord_z" | "pos_z" | "z_m" => Some("z"),
+        "elevation" | "height" | "altitude" | "z_coordinate" | "coord_z" | "pos_z" | "z_m" => {
+            Some("z")
+        }
         _ => None,
     };
     let layout = Layout::named(names.iter().map(String::as_str));
@@ -351,20 +458,33 @@ fn by_names(names: &[String], report: &mut ReadReport) -> Layout {
     if layout.missing_coordinate().is_none() {
         return layout;
     }
-    report.warn(format!("the header names no x, y and z; the first three columns ({}) were taken", shorten(&names[..3].join(", "))));
-    let rest: Vec<&str> = ["x", "y", "z"].into_iter().chain(names[3..].iter().map(String::as_str)).collect();
+    report.warn(format!(
+        "the header names no x, y and z; the first three columns ({}) were taken",
+        shorten(&names[..3].join(", "))
+    ));
+    let rest: Vec<&str> = ["x", "y", "z"]
+        .into_iter()
+        .chain(names[3..].iter().map(String::as_str))
+        .collect();
     Layout::named(rest)
 }
 
 /// What the columns of the first rows look like.
 fn by_values(rows: &[Vec<f64>], is_pts: bool, report: &mut ReadReport) -> Layout {
     let width = rows.first().map_or(3, Vec::len);
-    let is_byte = |c: usize| rows.iter().all(|r| (0.0..=255.0).contains(&r[c]) && r[c].fract() == 0.0);
+    let is_byte = |c: usize| {
+        rows.iter()
+            .all(|r| (0.0..=255.0).contains(&r[c]) && r[c].fract() == 0.0)
+    };
     let is_constant = |c: usize| rows.iter().all(|r| r[c] == rows[0][c]);
     // All rows within the noise of three decimals of length 1, a few of them without a normal.
     let unit = |c: usize| {
-        let length = |r: &Vec<f64>| (r[c] * r[c] + r[c + 1] * r[c + 1] + r[c + 2] * r[c + 2]).sqrt();
-        let good = rows.iter().filter(|r| (length(r) - 1.0).abs() < 5e-3).count();
+        let length =
+            |r: &Vec<f64>| (r[c] * r[c] + r[c + 1] * r[c + 1] + r[c + 2] * r[c + 2]).sqrt();
+        let good = rows
+            .iter()
+            .filter(|r| (length(r) - 1.0).abs() < 5e-3)
+            .count();
         good * 10 >= rows.len() * 9 && rows.iter().all(|r| length(r) < 1.005)
     };
     let mut names: Vec<String> = ["x", "y", "z"].map(String::from).to_vec();
@@ -375,17 +495,30 @@ fn by_values(rows: &[Vec<f64>], is_pts: bool, report: &mut ReadReport) -> Layout
         let left = width - c;
         // x y z intensity r g b is PTS; elsewhere four bytes are r g b a if the last is constant, else also intensity first.
         let intensity_first = left == 4 && !colors && is_byte(c) && (is_pts || !is_constant(c + 3));
-        if left >= 3 && !colors && !intensity_first && (c..c + 3).all(is_byte) && !(c..c + 3).all(is_constant) {
+        if left >= 3
+            && !colors
+            && !intensity_first
+            && (c..c + 3).all(is_byte)
+            && !(c..c + 3).all(is_constant)
+        {
             names.extend(["red", "green", "blue"].map(String::from));
             colors = true;
-            guesses.push(format!("columns {} to {} were taken as colours", c + 1, c + 3));
+            guesses.push(format!(
+                "columns {} to {} were taken as colours",
+                c + 1,
+                c + 3
+            ));
             if left == 4 {
                 names.push("alpha".into());
             }
         } else if left >= 3 && !normals && !(is_pts && left == 4) && unit(c) {
             names.extend(["nx", "ny", "nz"].map(String::from));
             normals = true;
-            guesses.push(format!("columns {} to {} were taken as normals", c + 1, c + 3));
+            guesses.push(format!(
+                "columns {} to {} were taken as normals",
+                c + 1,
+                c + 3
+            ));
         } else if c == 3 && (left == 1 || left == 4) {
             names.push("intensity".into());
         } else {
@@ -393,13 +526,20 @@ fn by_values(rows: &[Vec<f64>], is_pts: bool, report: &mut ReadReport) -> Layout
         }
     }
     if !guesses.is_empty() {
-        report.warn(format!("the columns have no names; by their values, {}", guesses.join(" and ")));
+        report.warn(format!(
+            "the columns have no names; by their values, {}",
+            guesses.join(" and ")
+        ));
     }
     Layout::named(names.iter().map(String::as_str))
 }
 
 /// Lines of numbers, blank-separated, after a `#` line with their names.
-pub(crate) fn write_xyz(cloud: &PointCloud, out: &mut dyn Write, options: &WriteOptions) -> io::Result<()> {
+pub(crate) fn write_xyz(
+    cloud: &PointCloud,
+    out: &mut dyn Write,
+    options: &WriteOptions,
+) -> io::Result<()> {
     if let Some(units) = &options.units {
         writeln!(out, "# units: {}", units.replace(['\n', '\r'], " "))?;
     }
@@ -408,7 +548,11 @@ pub(crate) fn write_xyz(cloud: &PointCloud, out: &mut dyn Write, options: &Write
 }
 
 /// Comma-separated values after a line with their names.
-pub(crate) fn write_csv(cloud: &PointCloud, out: &mut dyn Write, _: &WriteOptions) -> io::Result<()> {
+pub(crate) fn write_csv(
+    cloud: &PointCloud,
+    out: &mut dyn Write,
+    _: &WriteOptions,
+) -> io::Result<()> {
     lines(cloud, out, ',')
 }
 
@@ -417,9 +561,19 @@ fn lines(cloud: &PointCloud, out: &mut dyn Write, separator: char) -> io::Result
     writeln!(out, "{}", names.all().join(&separator.to_string()))?;
     let mut line = Vec::new();
     for i in 0..cloud.points.len() {
-        let numbers = cloud.absolute(i).into_iter().chain(cloud.normals.get(i).into_iter().flatten().copied());
+        let numbers = cloud
+            .absolute(i)
+            .into_iter()
+            .chain(cloud.normals.get(i).into_iter().flatten().copied());
         let color = cloud.colors.get(i).into_iter().flatten().copied();
-        crate::write::row(out, separator as u8, numbers, color, cloud.columns.iter().map(|c| c.values[i]), &mut line)?;
+        crate::write::row(
+            out,
+            separator as u8,
+            numbers,
+            color,
+            cloud.columns.iter().map(|c| c.values[i]),
+            &mut line,
+        )?;
     }
     Ok(())
 }
@@ -430,7 +584,14 @@ mod tests {
     use crate::Source;
 
     fn read_as(name: &str, text: &str) -> Result<(PointCloud, ReadReport)> {
-        crate::read(Source::Bytes { name, bytes: text.as_bytes() }, None, &ReadOptions::default())
+        crate::read(
+            Source::Bytes {
+                name,
+                bytes: text.as_bytes(),
+            },
+            None,
+            &ReadOptions::default(),
+        )
     }
     fn points(text: &str) -> Vec<[f64; 3]> {
         read_as("t.xyz", text).expect("valid").0.points
@@ -464,35 +625,83 @@ mod tests {
         assert_eq!(cloud.points, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
         assert_eq!(cloud.colors, [[255, 0, 7], [0, 0, 0]]);
         assert_eq!(cloud.normals, [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]);
-        assert_eq!(cloud.columns.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["id", "note"]);
+        assert_eq!(
+            cloud
+                .columns
+                .iter()
+                .map(|c| c.name.as_str())
+                .collect::<Vec<_>>(),
+            ["id", "note"]
+        );
         assert_eq!(report.units.as_deref(), Some("mm"));
         let (cloud, _) = read_as("t.csv", "Easting,Northing,Height\n1,2,3\n").expect("valid");
         assert_eq!(cloud.points, [[1.0, 2.0, 3.0]]);
         let (cloud, report) = read_as("t.csv", "u,v,w,t\n1,2,3,4\n").expect("valid");
-        assert_eq!((cloud.points[0], cloud.columns[0].values[0], report.warnings.len()), ([1.0, 2.0, 3.0], 4.0, 1));
+        assert_eq!(
+            (
+                cloud.points[0],
+                cloud.columns[0].values[0],
+                report.warnings.len()
+            ),
+            ([1.0, 2.0, 3.0], 4.0, 1)
+        );
     }
 
     #[test]
     fn values_say_what_columns_are() {
         let layout = |name: &str, row: &str, other: &str| {
-            let cloud = read_as(name, &format!("{row}\n{other}\n")).expect("valid").0;
-            (cloud.colors.len(), cloud.normals.len(), cloud.columns.into_iter().map(|c| c.name).collect::<Vec<_>>())
+            let cloud = read_as(name, &format!("{row}\n{other}\n"))
+                .expect("valid")
+                .0;
+            (
+                cloud.colors.len(),
+                cloud.normals.len(),
+                cloud
+                    .columns
+                    .into_iter()
+                    .map(|c| c.name)
+                    .collect::<Vec<_>>(),
+            )
         };
         let none: Vec<String> = vec![];
-        assert_eq!(layout("t.xyz", "0 0 0 10 20 30", "1 1 1 11 20 30"), (2, 0, none.clone()));
-        assert_eq!(layout("t.xyz", "0 0 0 0.6 0.8 0", "1 1 1 0 0 -1"), (0, 2, none.clone()));
-        assert_eq!(layout("t.xyz", "0 0 0 0.6 0.8 0.5", "1 1 1 0 3 -1").2.len(), 3);
-        assert_eq!(layout("t.xyz", "0 0 0 10 20 30 255", "1 1 1 11 20 30 255"), (2, 0, vec!["alpha".into()]));
-        assert_eq!(layout("t.pts", "0 0 0 -800 20 30 40", "1 1 1 -801 20 30 41"), (2, 0, vec!["intensity".into()]));
-        assert_eq!(layout("t.xyz", "0 0 0 1 2 3 0.6 0.8 0", "1 1 1 4 5 6 0 0 -1"), (2, 2, none.clone()));
-        assert_eq!(layout("t.xyz", "0 0 0 0.6 0.8 0 1 2 3", "1 1 1 0 0 -1 4 5 6"), (2, 2, none));
+        assert_eq!(
+            layout("t.xyz", "0 0 0 10 20 30", "1 1 1 11 20 30"),
+            (2, 0, none.clone())
+        );
+        assert_eq!(
+            layout("t.xyz", "0 0 0 0.6 0.8 0", "1 1 1 0 0 -1"),
+            (0, 2, none.clone())
+        );
+        assert_eq!(
+            layout("t.xyz", "0 0 0 0.6 0.8 0.5", "1 1 1 0 3 -1").2.len(),
+            3
+        );
+        assert_eq!(
+            layout("t.xyz", "0 0 0 10 20 30 255", "1 1 1 11 20 30 255"),
+            (2, 0, vec!["alpha".into()])
+        );
+        assert_eq!(
+            layout("t.pts", "0 0 0 -800 20 30 40", "1 1 1 -801 20 30 41"),
+            (2, 0, vec!["intensity".into()])
+        );
+        assert_eq!(
+            layout("t.xyz", "0 0 0 1 2 3 0.6 0.8 0", "1 1 1 4 5 6 0 0 -1"),
+            (2, 2, none.clone())
+        );
+        assert_eq!(
+            layout("t.xyz", "0 0 0 0.6 0.8 0 1 2 3", "1 1 1 0 0 -1 4 5 6"),
+            (2, 2, none)
+        );
         assert_eq!(layout("t.xyz", "0 0 0 0.5", "1 1 1 0.25").2, ["intensity"]);
     }
 
     #[test]
     fn pts_counts() {
         let (cloud, report) = read_as("t.pts", "2\n0 0 0\n1 1 1\n1\n2 2 2\n").expect("valid");
-        assert_eq!((cloud.points.len(), report.declared, report.warnings.len()), (3, Some(3), 0));
+        assert_eq!(
+            (cloud.points.len(), report.declared, report.warnings.len()),
+            (3, Some(3), 0)
+        );
         let (_, report) = read_as("t.pts", "5\n0 0 0\n").expect("valid");
         assert_eq!(report.warnings.len(), 1);
     }
@@ -503,7 +712,10 @@ mod tests {
             let e = read_as("t.xyz", text).expect_err("invalid");
             (e.code(), e.place.to_string())
         };
-        assert_eq!(place("1 2 3\n4 five 6\n"), ("bad-number", "t.xyz:2:3".into()));
+        assert_eq!(
+            place("1 2 3\n4 five 6\n"),
+            ("bad-number", "t.xyz:2:3".into())
+        );
         assert_eq!(place("1 2 3\n\n4 5\n"), ("bad-number", "t.xyz:3:4".into()));
         assert_eq!(place("1 2\n"), ("bad-number", "t.xyz:1:1".into()));
         assert_eq!(place("ncols 4\nnrows 5\n").0, "format-unsupported");

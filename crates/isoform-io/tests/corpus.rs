@@ -11,8 +11,14 @@ fn write_seeds() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/read_points");
     std::fs::create_dir_all(&folder).expect("a folder");
     for (name, bytes) in common::fixtures() {
-        let format = name.rsplit_once('.').and_then(|(_, e)| isoform_io::format_named(e)).expect("known");
-        let number = isoform_io::formats().iter().position(|f| f.name == format.name).expect("listed");
+        let format = name
+            .rsplit_once('.')
+            .and_then(|(_, e)| isoform_io::format_named(e))
+            .expect("known");
+        let number = isoform_io::formats()
+            .iter()
+            .position(|f| f.name == format.name)
+            .expect("listed");
         let seed: Vec<u8> = [number as u8].into_iter().chain(bytes).collect();
         std::fs::write(folder.join(format!("seed-{name}")), seed).expect("written");
     }
@@ -25,8 +31,13 @@ fn write_mesh_seeds() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/read_meshes");
     std::fs::create_dir_all(&folder).expect("a folder");
     for (name, format, bytes) in common::meshes::mesh_fixtures() {
-        let bare = format.trim_end_matches("-ascii").trim_end_matches("-binary");
-        let number = isoform_io::mesh_formats().iter().position(|f| f.name == bare).expect("listed");
+        let bare = format
+            .trim_end_matches("-ascii")
+            .trim_end_matches("-binary");
+        let number = isoform_io::mesh_formats()
+            .iter()
+            .position(|f| f.name == bare)
+            .expect("listed");
         let seed: Vec<u8> = [number as u8].into_iter().chain(bytes).collect();
         std::fs::write(folder.join(format!("seed-{name}")), seed).expect("written");
     }
@@ -34,8 +45,12 @@ fn write_mesh_seeds() {
 
 /// Calls with the first byte and the rest of every file that fuzzing has kept.
 fn for_corpus(target: &str, visit: impl Fn(u8, &[u8])) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus").join(target);
-    let Ok(entries) = std::fs::read_dir(folder) else { return println!("skipped: no corpus") };
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../fuzz/corpus")
+        .join(target);
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return println!("skipped: no corpus");
+    };
     for entry in entries {
         let bytes = std::fs::read(entry.expect("readable").path()).expect("readable");
         if let Some((&first, rest)) = bytes.split_first() {
@@ -48,13 +63,23 @@ fn for_corpus(target: &str, visit: impl Fn(u8, &[u8])) {
 #[test]
 fn the_corpus_survives() {
     for_corpus("read_points", |first, rest| {
-        let format = isoform_io::formats().get(usize::from(first & 15)).map(|f| f.name);
-        let source = isoform_io::Source::Bytes { name: "seed", bytes: rest };
+        let format = isoform_io::formats()
+            .get(usize::from(first & 15))
+            .map(|f| f.name);
+        let source = isoform_io::Source::Bytes {
+            name: "seed",
+            bytes: rest,
+        };
         let _ = isoform_io::read(source, format, &isoform_io::ReadOptions::default());
     });
     for_corpus("read_meshes", |first, rest| {
-        let format = isoform_io::mesh_formats().get(usize::from(first & 15)).map(|f| f.name);
-        let source = isoform_io::Source::Bytes { name: "seed", bytes: rest };
+        let format = isoform_io::mesh_formats()
+            .get(usize::from(first & 15))
+            .map(|f| f.name);
+        let source = isoform_io::Source::Bytes {
+            name: "seed",
+            bytes: rest,
+        };
         let _ = isoform_io::read_mesh(source, format, &isoform_io::MeshReadOptions::default());
     });
 }

@@ -14,14 +14,33 @@ fn every_fixture_reads_and_is_recognised_without_its_name() {
     for (name, bytes) in common::fixtures() {
         let (cloud, report) = read_bytes(name, &bytes).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert!(cloud.points.len() >= 2, "{name}");
-        let arrays = [cloud.normals.len(), cloud.colors.len()].into_iter().chain(cloud.columns.iter().map(|c| c.values.len()));
-        assert!(arrays.into_iter().all(|n| n == 0 || n == cloud.points.len()), "{name}");
-        assert!(cloud.triangles.iter().flatten().all(|&i| (i as usize) < cloud.points.len()), "{name}");
+        let arrays = [cloud.normals.len(), cloud.colors.len()]
+            .into_iter()
+            .chain(cloud.columns.iter().map(|c| c.values.len()));
+        assert!(
+            arrays
+                .into_iter()
+                .all(|n| n == 0 || n == cloud.points.len()),
+            "{name}"
+        );
+        assert!(
+            cloud
+                .triangles
+                .iter()
+                .flatten()
+                .all(|&i| (i as usize) < cloud.points.len()),
+            "{name}"
+        );
         let seen = inspect(&cloud, &report);
-        assert_eq!(seen.rows, seen.points as u64 + seen.dropped_points, "{name}");
+        assert_eq!(
+            seen.rows,
+            seen.points as u64 + seen.dropped_points,
+            "{name}"
+        );
         // Binary STL has no mark at all.
         if name != "binary.stl" {
-            let (again, unnamed) = read_bytes("-", &bytes).unwrap_or_else(|e| panic!("{name}: {e}"));
+            let (again, unnamed) =
+                read_bytes("-", &bytes).unwrap_or_else(|e| panic!("{name}: {e}"));
             let family = |f: &'static str| if f == "csv" { "xyz" } else { f };
             assert_eq!(family(unnamed.format), family(report.format), "{name}");
             if name != "count.pts" {
@@ -42,39 +61,75 @@ fn fixtures_hold_what_was_put_in() {
         assert_eq!(of(name).0, common::cloud(), "{name}");
     }
     let (cloud, report) = of("big.ply");
-    assert_eq!((cloud.points[3], cloud.colors[3], report.units.as_deref()), ([3.0, 9.0, 1.0], [0, 12, 255], Some("mm")));
+    assert_eq!(
+        (cloud.points[3], cloud.colors[3], report.units.as_deref()),
+        ([3.0, 9.0, 1.0], [0, 12, 255], Some("mm"))
+    );
     assert_eq!(cloud.triangles, [[0, 1, 2], [0, 2, 3]]);
-    let without_triangles = PointCloud { triangles: vec![], ..common::cloud() };
+    let without_triangles = PointCloud {
+        triangles: vec![],
+        ..common::cloud()
+    };
     for name in ["named.xyz", "named.csv"] {
         assert_eq!(of(name).0, without_triangles, "{name}");
     }
     let (cloud, report) = of("packed.pcd");
     assert_eq!(cloud.points, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
-    assert_eq!((cloud.colors[1], cloud.columns[0].values[1], report.dropped_points), ([0x40, 0x80, 0x20], 3.0, 1));
+    assert_eq!(
+        (
+            cloud.colors[1],
+            cloud.columns[0].values[1],
+            report.dropped_points
+        ),
+        ([0x40, 0x80, 0x20], 3.0, 1)
+    );
 }
 
 #[test]
 fn las_and_laz_agree_with_another_implementation() {
-    for (format, compressed) in
-        [(0, false), (1, false), (2, false), (3, false), (6, false), (7, false), (0, true), (3, true), (6, true), (7, true)]
-    {
+    for (format, compressed) in [
+        (0, false),
+        (1, false),
+        (2, false),
+        (3, false),
+        (6, false),
+        (7, false),
+        (0, true),
+        (3, true),
+        (6, true),
+        (7, true),
+    ] {
         if compressed && !cfg!(feature = "laz") {
             continue;
         }
         let n = 60_000; // more than one chunk of LAZ
         let bytes = common::las_file(format, compressed, n);
-        let (cloud, report) = read_bytes("t.las", &bytes).unwrap_or_else(|e| panic!("{format} {compressed}: {e}"));
+        let (cloud, report) =
+            read_bytes("t.las", &bytes).unwrap_or_else(|e| panic!("{format} {compressed}: {e}"));
         assert_eq!((cloud.points.len(), report.declared), (n, Some(n as u64)));
         assert_ne!(cloud.origin[1], 0.0, "UTM is moved");
         for i in [0, 1, 777, 50_001, n - 1] {
             let (p, want) = (cloud.absolute(i), common::las_point(format, i));
             for (got, want) in p.into_iter().zip([want.x, want.y, want.z]) {
-                assert!((got - want).abs() < 1e-8, "{format} {compressed} {i}: {got} {want}");
+                assert!(
+                    (got - want).abs() < 1e-8,
+                    "{format} {compressed} {i}: {got} {want}"
+                );
             }
-            let column = |name: &str| cloud.columns.iter().find(|c| c.name == name).map(|c| c.values[i]);
+            let column = |name: &str| {
+                cloud
+                    .columns
+                    .iter()
+                    .find(|c| c.name == name)
+                    .map(|c| c.values[i])
+            };
             assert_eq!(column("intensity"), Some(f64::from(want.intensity)));
             // The times of newer LAZ stay packed.
-            let time = if compressed && format >= 6 { None } else { want.gps_time };
+            let time = if compressed && format >= 6 {
+                None
+            } else {
+                want.gps_time
+            };
             assert_eq!(column("gps_time"), time);
             if let Some(c) = want.color {
                 let byte = |v: u16| (f64::from(v) / 257.0).round() as u8;
@@ -88,27 +143,78 @@ fn las_and_laz_agree_with_another_implementation() {
 #[test]
 fn e57_poses_and_angles() {
     let (cloud, report) = read_bytes("t.e57", &common::e57_file()).expect("valid");
-    assert_eq!((cloud.points.len(), report.dropped_points, report.units.as_deref()), (6, 1, Some("m")));
+    assert_eq!(
+        (
+            cloud.points.len(),
+            report.dropped_points,
+            report.units.as_deref()
+        ),
+        (6, 1, Some("m"))
+    );
     let near = |p: [f64; 3], q: [f64; 3]| (0..3).all(|k| (p[k] - q[k]).abs() < 1e-12);
-    assert!(near(cloud.points[3], [10.0, 3.0, 1.0]), "{:?}", cloud.points[3]);
-    assert!(near(cloud.points[5], [0.0, 2.0, 0.0]), "{:?}", cloud.points[5]);
+    assert!(
+        near(cloud.points[3], [10.0, 3.0, 1.0]),
+        "{:?}",
+        cloud.points[3]
+    );
+    assert!(
+        near(cloud.points[5], [0.0, 2.0, 0.0]),
+        "{:?}",
+        cloud.points[5]
+    );
     assert_eq!(cloud.colors[3], [3, 255, 0]);
-    assert_eq!(cloud.columns.last().expect("scan").values, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+    assert_eq!(
+        cloud.columns.last().expect("scan").values,
+        [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+    );
 }
 
 #[test]
 fn meshes_become_samples() {
     let (_, ply) = common::fixtures().swap_remove(0);
-    let options = ReadOptions { mesh: MeshPoints::Samples(500), ..ReadOptions::default() };
-    let source = || Source::Bytes { name: "a.ply", bytes: &ply };
+    let options = ReadOptions {
+        mesh: MeshPoints::Samples(500),
+        ..ReadOptions::default()
+    };
+    let source = || Source::Bytes {
+        name: "a.ply",
+        bytes: &ply,
+    };
     let (cloud, report) = read(source(), None, &options).expect("valid");
-    assert_eq!((cloud.points.len(), cloud.normals.len(), cloud.triangles.len()), (500, 500, 0));
+    assert_eq!(
+        (
+            cloud.points.len(),
+            cloud.normals.len(),
+            cloud.triangles.len()
+        ),
+        (500, 500, 0)
+    );
     assert!(report.subsampled);
     assert_eq!(cloud, read(source(), None, &options).expect("valid").0);
-    let few = ReadOptions { max_points: Some(3), ..ReadOptions::default() };
+    let few = ReadOptions {
+        max_points: Some(3),
+        ..ReadOptions::default()
+    };
     let (cloud, report) = read(source(), None, &few).expect("valid");
-    assert_eq!((cloud.points.len(), cloud.triangles.len(), report.subsampled), (3, 0, true));
-    assert_eq!(read(source(), None, &ReadOptions { max_points: Some(4), ..few }).expect("valid").0.triangles.len(), 4);
+    assert_eq!(
+        (cloud.points.len(), cloud.triangles.len(), report.subsampled),
+        (3, 0, true)
+    );
+    assert_eq!(
+        read(
+            source(),
+            None,
+            &ReadOptions {
+                max_points: Some(4),
+                ..few
+            }
+        )
+        .expect("valid")
+        .0
+        .triangles
+        .len(),
+        4
+    );
 }
 
 /// The collection holds files of every format.
@@ -118,14 +224,22 @@ mod shared_collection {
     use std::path::{Path, PathBuf};
 
     fn shared() -> Option<PathBuf> {
-        let root =
-            std::env::var_os("ISOFORM_SHARED").map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from);
+        let root = std::env::var_os("ISOFORM_SHARED").map_or_else(
+            || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
+            PathBuf::from,
+        );
         let data = root.join("data");
         if data.is_dir() {
             return Some(data);
         }
-        assert!(std::env::var_os("CI").is_none(), "the shared test data is missing: set ISOFORM_SHARED");
-        println!("skipped: no shared test data at {}; set ISOFORM_SHARED", data.display());
+        assert!(
+            std::env::var_os("CI").is_none(),
+            "the shared test data is missing: set ISOFORM_SHARED"
+        );
+        println!(
+            "skipped: no shared test data at {}; set ISOFORM_SHARED",
+            data.display()
+        );
         None
     }
 
@@ -177,18 +291,33 @@ const SHARED: &[(&str, Result<usize, &str>, usize)] = &[
         let mut files = 0;
         for entry in std::fs::read_dir(data.join("formats")).expect("a folder") {
             let path = entry.expect("readable").path();
-            let name = path.file_name().and_then(|n| n.to_str()).expect("a name").to_owned();
+            let name = path
+                .file_name()
+                .and_then(|n| n.to_str())
+                .expect("a name")
+                .to_owned();
             files += 1;
             let Some((_, want, triangles)) = SHARED.iter().find(|s| s.0 == name) else {
                 wrong.push(format!("{name} is not in the list"));
                 continue;
             };
             let got = read(Source::Path(&path), None, &ReadOptions::default());
-            let brief = got.as_ref().map(|(c, _)| c.points.len()).map_err(ReadError::code);
+            let brief = got
+                .as_ref()
+                .map(|(c, _)| c.points.len())
+                .map_err(ReadError::code);
             let faces = got.as_ref().map_or(0, |(c, _)| c.triangles.len());
-            println!("{name}: {brief:?} {:?}", got.as_ref().map(|(_, r)| &r.warnings).map_err(ToString::to_string));
+            println!(
+                "{name}: {brief:?} {:?}",
+                got.as_ref()
+                    .map(|(_, r)| &r.warnings)
+                    .map_err(ToString::to_string)
+            );
             if (brief, faces) != (*want, *triangles) {
-                wrong.push(format!("{name}: {brief:?}, {faces} triangles: {:?}", got.map(|(_, r)| r)));
+                wrong.push(format!(
+                    "{name}: {brief:?}, {faces} triangles: {:?}",
+                    got.map(|(_, r)| r)
+                ));
             }
         }
         assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -198,28 +327,60 @@ const SHARED: &[(&str, Result<usize, &str>, usize)] = &[
     #[test]
     fn details_of_the_shared_collection() {
         let Some(data) = shared() else { return };
-        let load = |name: &str| read(Source::Path(&data.join(name)), None, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let load = |name: &str| {
+            read(
+                Source::Path(&data.join(name)),
+                None,
+                &ReadOptions::default(),
+            )
+            .unwrap_or_else(|e| panic!("{e}"))
+        };
         let (agisoft, _) = load("formats/tm_points_agisoft.xyz");
-        assert_eq!(agisoft.absolute(0), [665_187.522077, 5_648_349.895035, 241.767693]);
+        assert_eq!(
+            agisoft.absolute(0),
+            [665_187.522077, 5_648_349.895035, 241.767693]
+        );
         assert_eq!(agisoft.colors[0], [117, 73, 49]);
         assert!(agisoft.points.iter().flatten().all(|v| v.abs() < 300.0));
         let (compare, _) = load("formats/tm_points_cloudcompare.xyz");
-        assert_eq!((compare.colors[0], compare.columns[0].name.as_str()), ([117, 73, 49], "alpha"));
+        assert_eq!(
+            (compare.colors[0], compare.columns[0].name.as_str()),
+            ([117, 73, 49], "alpha")
+        );
         let (date, report) = load("formats/cube-las-1.2-creation_date_and_crs_invalid-invalid.las");
-        assert!(date.points.len() == 8 && report.warnings.iter().any(|w| w.contains("1980")), "{:?}", report.warnings);
-        assert_eq!(load("formats/cube-las-1.2-creation_date_and_crs_modified-valid.las").1.units.as_deref(), Some("m"));
+        assert!(
+            date.points.len() == 8 && report.warnings.iter().any(|w| w.contains("1980")),
+            "{:?}",
+            report.warnings
+        );
+        assert_eq!(
+            load("formats/cube-las-1.2-creation_date_and_crs_modified-valid.las")
+                .1
+                .units
+                .as_deref(),
+            Some("m")
+        );
         let (_, report) = load("formats/cube-ply-1.0_ascii-comment_renamed_to_remark-invalid.ply");
         assert!(report.warnings.iter().any(|w| w.contains("remark")));
         let (e57, _) = load("formats/cube-e57-1.0-unmodified-valid.e57");
         assert_eq!(e57.normals.len(), 8);
-        let (las, laz) = (load("formats/pynt_simple.las").0, load("formats/pynt_simple.laz").0);
+        let (las, laz) = (
+            load("formats/pynt_simple.las").0,
+            load("formats/pynt_simple.laz").0,
+        );
         assert_eq!(las, laz);
         let (bool, _) = load("formats/pynt_diamond_with_bool.ply");
         assert_eq!(bool.columns[0].name, "is_green");
         let (mug, report) = load("scan/pcl_table_scene_mug_stereo.pcd");
-        assert_eq!((mug.points.len(), report.dropped_points), (209_280, 307_200 - 209_280));
+        assert_eq!(
+            (mug.points.len(), report.dropped_points),
+            (209_280, 307_200 - 209_280)
+        );
         let (kinect, _) = load("scan/osd_learn33_cylinders.pcd");
-        assert_eq!((kinect.points.len(), kinect.columns[0].name.as_str()), (179_131, "label"));
+        assert_eq!(
+            (kinect.points.len(), kinect.columns[0].name.as_str()),
+            (179_131, "label")
+        );
         for (name, points, faces) in [
             ("scan/pcl_lamppost.pcd", 1771, 0),
             ("scan/pcl_milk_carton.pcd", 12575, 0),
@@ -232,9 +393,19 @@ const SHARED: &[(&str, Result<usize, &str>, usize)] = &[
             ("derived/osd_learn33_cylinders_obj2.xyz", 15305, 0),
         ] {
             let (cloud, report) = load(name);
-            assert_eq!((cloud.points.len(), cloud.triangles.len()), (points, faces), "{name}: {:?}", report.warnings);
+            assert_eq!(
+                (cloud.points.len(), cloud.triangles.len()),
+                (points, faces),
+                "{name}: {:?}",
+                report.warnings
+            );
         }
-        let e = read(Source::Path(&data.join("cad/tm_featuretype.STEP")), None, &ReadOptions::default()).expect_err("no points");
+        let e = read(
+            Source::Path(&data.join("cad/tm_featuretype.STEP")),
+            None,
+            &ReadOptions::default(),
+        )
+        .expect_err("no points");
         assert_eq!(e.code(), "format-unsupported");
     }
 }

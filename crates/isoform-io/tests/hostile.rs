@@ -13,18 +13,40 @@ const SOON: Duration = Duration::from_secs(5);
 fn survive(name: &str, format: Option<&str>, bytes: &[u8]) {
     let start = Instant::now();
     for options in [
-        ReadOptions { max_points: Some(3), ..ReadOptions::default() },
-        ReadOptions { mesh: MeshPoints::Samples(5), ..ReadOptions::default() },
+        ReadOptions {
+            max_points: Some(3),
+            ..ReadOptions::default()
+        },
+        ReadOptions {
+            mesh: MeshPoints::Samples(5),
+            ..ReadOptions::default()
+        },
         ReadOptions::default(),
     ] {
         match read(Source::Bytes { name, bytes }, format, &options) {
             Ok((cloud, report)) => {
-                assert!(cloud.points.iter().flatten().all(|v| v.is_finite()), "{name}");
-                assert!(cloud.normals.iter().flatten().all(|v| v.is_finite()), "{name}");
-                assert!(cloud.triangles.iter().flatten().all(|&i| (i as usize) < cloud.points.len()), "{name}");
+                assert!(
+                    cloud.points.iter().flatten().all(|v| v.is_finite()),
+                    "{name}"
+                );
+                assert!(
+                    cloud.normals.iter().flatten().all(|v| v.is_finite()),
+                    "{name}"
+                );
+                assert!(
+                    cloud
+                        .triangles
+                        .iter()
+                        .flatten()
+                        .all(|&i| (i as usize) < cloud.points.len()),
+                    "{name}"
+                );
                 inspect(&cloud, &report);
             }
-            Err(e) => assert!(!e.why.is_empty() && !e.hint.is_empty() && !e.code().is_empty(), "{name}"),
+            Err(e) => assert!(
+                !e.why.is_empty() && !e.hint.is_empty() && !e.code().is_empty(),
+                "{name}"
+            ),
         }
     }
     assert!(start.elapsed() < SOON, "{name} took {:?}", start.elapsed());
@@ -77,11 +99,19 @@ fn every_prefix_of_every_file() {
 
 #[test]
 fn every_byte_of_the_binary_headers() {
-    for (name, bytes) in common::fixtures().into_iter().filter(|f| ["las", "laz", "e57", "pcd", "stl"].iter().any(|e| f.0.ends_with(e))) {
+    for (name, bytes) in common::fixtures().into_iter().filter(|f| {
+        ["las", "laz", "e57", "pcd", "stl"]
+            .iter()
+            .any(|e| f.0.ends_with(e))
+    }) {
         // The decoder of LAZ takes milliseconds to start: there only the header and its records, by two values.
         let is_laz = name.ends_with("laz");
         for at in 0..bytes.len().min(if is_laz { 340 } else { 700 }) {
-            for value in if is_laz { &[0, 0xff][..] } else { &[0, 1, 0x7f, 0x80, 0xff] } {
+            for value in if is_laz {
+                &[0, 0xff][..]
+            } else {
+                &[0, 1, 0x7f, 0x80, 0xff]
+            } {
                 let mut changed = bytes.clone();
                 changed[at] = *value;
                 if name.ends_with("e57") {
@@ -100,7 +130,14 @@ fn one_endless_line() {
         let bytes = vec![byte; 17 << 20];
         for format in ["xyz", "ply", "off", "obj", "stl", "pcd"] {
             let start = Instant::now();
-            let _ = read(Source::Bytes { name: "line", bytes: &bytes }, Some(format), &ReadOptions::default());
+            let _ = read(
+                Source::Bytes {
+                    name: "line",
+                    bytes: &bytes,
+                },
+                Some(format),
+                &ReadOptions::default(),
+            );
             assert!(start.elapsed() < SOON, "{format}");
         }
     }
@@ -127,7 +164,10 @@ fn e57_without_bits_and_with_deep_xml() {
         logical[24..32].copy_from_slice(&(start as u64).to_le_bytes());
         logical[32..40].copy_from_slice(&(xml.len() as u64).to_le_bytes());
         logical[40..48].copy_from_slice(&1024_u64.to_le_bytes());
-        let mut bytes: Vec<u8> = logical.chunks(1020).flat_map(|c| c.iter().copied().chain([0; 4])).collect();
+        let mut bytes: Vec<u8> = logical
+            .chunks(1020)
+            .flat_map(|c| c.iter().copied().chain([0; 4]))
+            .collect();
         common::mend_e57(&mut bytes);
         bytes
     };
@@ -140,9 +180,18 @@ fn e57_without_bits_and_with_deep_xml() {
              </points></vectorChild></data3D></e57Root>"
         ))
     };
-    let field = |axis: &str| format!("<cartesian{axis} type=\"Integer\" minimum=\"5\" maximum=\"5\"/>");
+    let field =
+        |axis: &str| format!("<cartesian{axis} type=\"Integer\" minimum=\"5\" maximum=\"5\"/>");
     let bytes = file(&["X", "Y", "Z"].map(field).concat());
-    let e = read(Source::Bytes { name: "a.e57", bytes: &bytes }, None, &ReadOptions::default()).expect_err("no data");
+    let e = read(
+        Source::Bytes {
+            name: "a.e57",
+            bytes: &bytes,
+        },
+        None,
+        &ReadOptions::default(),
+    )
+    .expect_err("no data");
     assert!(e.why.contains("no fields"), "{e}");
     let deep = format!("{}{}", "<a>".repeat(200_000), "</a>".repeat(200_000));
     survive("deep.e57", None, &sealed(&deep));
@@ -179,7 +228,14 @@ fn laz_that_recurses_without_end() {
     bytes[start..start + 8].copy_from_slice(&table);
     bytes.extend([0; 8]);
     // Whether it recurses is the compiler's choice (the call is a tail call): an error if so, two points if not, an abort never.
-    match read(Source::Bytes { name: "a.laz", bytes: &bytes }, None, &ReadOptions::default()) {
+    match read(
+        Source::Bytes {
+            name: "a.laz",
+            bytes: &bytes,
+        },
+        None,
+        &ReadOptions::default(),
+    ) {
         Ok((cloud, _)) => assert_eq!(cloud.points.len(), 2),
         Err(e) => assert!(e.why.contains("damaged"), "{e}"),
     }

@@ -7,8 +7,8 @@ use common::damage::{apply, damage};
 use common::meshes::{FOREIGN, mesh_fixtures};
 use isoform_geom::{Column, Curve, Mesh, Point3, TET_EDGES, TRIANGLE_EDGES};
 use isoform_io::{
-    MeshReadOptions, MeshWriteOptions, ReadError, ReadOptions, ReadReport, Source, mesh_format_named, mesh_formats, read, read_mesh,
-    write_mesh, write_mesh_path,
+    MeshReadOptions, MeshWriteOptions, ReadError, ReadOptions, ReadReport, Source,
+    mesh_format_named, mesh_formats, read, read_mesh, write_mesh, write_mesh_path,
 };
 use proptest::prelude::*;
 use std::time::{Duration, Instant};
@@ -25,11 +25,16 @@ fn written(mesh: &Mesh, format: &str) -> Vec<u8> {
 }
 
 fn read_as(bytes: &[u8], format: Option<&str>) -> Result<(Mesh, ReadReport), ReadError> {
-    read_mesh(Source::Bytes { name: "t", bytes }, format, &MeshReadOptions { boundary: false })
+    read_mesh(
+        Source::Bytes { name: "t", bytes },
+        format,
+        &MeshReadOptions { boundary: false },
+    )
 }
 
 fn through(mesh: &Mesh, format: &str) -> Mesh {
-    let (again, report) = read_as(&written(mesh, format), Some(format)).expect("own files are valid");
+    let (again, report) =
+        read_as(&written(mesh, format), Some(format)).expect("own files are valid");
     assert_eq!(report.warnings, Vec::<String>::new(), "{format}");
     again
 }
@@ -71,12 +76,19 @@ fn surfaces_come_back() {
     mesh.parts = vec!["top".into(), "rest".into()];
     for format in ["obj", "ply", "ply-ascii", "stl-ascii"] {
         let again = through(&mesh, format);
-        assert_eq!((soup(&again).len(), again.points.len(), &again.parts), (48, 26, &mesh.parts), "{format}");
+        assert_eq!(
+            (soup(&again).len(), again.points.len(), &again.parts),
+            (48, 26, &mesh.parts),
+            "{format}"
+        );
         assert_eq!(soup(&again), soup(&mesh), "{format}");
     }
     mesh.triangle_parts.clear();
     assert_eq!(soup(&through(&mesh, "off")), soup(&mesh));
-    mesh.points.iter_mut().flatten().for_each(|v| *v = f64::from(*v as f32));
+    mesh.points
+        .iter_mut()
+        .flatten()
+        .for_each(|v| *v = f64::from(*v as f32));
     assert_eq!(soup(&through(&mesh, "stl")), soup(&mesh));
 }
 
@@ -85,15 +97,32 @@ fn abaqus_keeps_elements_surfaces_and_names_in_capitals() {
     for order in [1, 2] {
         let mesh = block(2, order);
         let again = through(&mesh, "inp");
-        assert_eq!((&again.tets, &again.tet_mids, &again.tet_regions), (&mesh.tets, &mesh.tet_mids, &mesh.tet_regions));
-        assert_eq!(again.points, mesh.points, "these need no more than 20 characters");
+        assert_eq!(
+            (&again.tets, &again.tet_mids, &again.tet_regions),
+            (&mesh.tets, &mesh.tet_mids, &mesh.tet_regions)
+        );
+        assert_eq!(
+            again.points, mesh.points,
+            "these need no more than 20 characters"
+        );
         assert_eq!(soup(&again), soup(&mesh));
         assert_eq!(again.parts, ["TOP_FACE", "REST_OF_IT"]);
         assert_eq!(again.regions, ["LEFT", "RIGHT"]);
         assert_eq!(again.triangle_mids.len(), mesh.triangle_mids.len());
-        let surface = Mesh { tets: vec![], tet_mids: vec![], tet_regions: vec![], ..mesh };
+        let surface = Mesh {
+            tets: vec![],
+            tet_mids: vec![],
+            tet_regions: vec![],
+            ..mesh
+        };
         let again = through(&surface, "inp");
-        assert_eq!((soup(&again), &again.parts[..]), (soup(&surface), &["TOP_FACE".to_owned(), "REST_OF_IT".to_owned()][..]));
+        assert_eq!(
+            (soup(&again), &again.parts[..]),
+            (
+                soup(&surface),
+                &["TOP_FACE".to_owned(), "REST_OF_IT".to_owned()][..]
+            )
+        );
     }
 }
 
@@ -101,7 +130,9 @@ fn abaqus_keeps_elements_surfaces_and_names_in_capitals() {
 fn mids_sit_right(mesh: &Mesh, format: &str) {
     let distance = |mid: u32, a: u32, b: u32| {
         let p = |n: u32| mesh.points[n as usize];
-        (0..3).map(|k| (p(mid)[k] - 0.5 * (p(a)[k] + p(b)[k])).powi(2)).sum::<f64>()
+        (0..3)
+            .map(|k| (p(mid)[k] - 0.5 * (p(a)[k] + p(b)[k])).powi(2))
+            .sum::<f64>()
     };
     assert!(!mesh.tet_mids.is_empty() || format == "stl");
     for (t, mids) in mesh.tets.iter().zip(&mesh.tet_mids) {
@@ -116,7 +147,8 @@ fn mids_sit_right(mesh: &Mesh, format: &str) {
     for (t, mids) in mesh.triangles.iter().zip(&mesh.triangle_mids) {
         for (e, &mid) in mids.iter().enumerate() {
             let nearest = (0..3).min_by(|&i, &j| {
-                let [i, j] = [i, j].map(|k| distance(mid, t[TRIANGLE_EDGES[k][0]], t[TRIANGLE_EDGES[k][1]]));
+                let [i, j] =
+                    [i, j].map(|k| distance(mid, t[TRIANGLE_EDGES[k][0]], t[TRIANGLE_EDGES[k][1]]));
                 i.total_cmp(&j)
             });
             assert_eq!(nearest, Some(e), "{format}");
@@ -134,25 +166,53 @@ fn mid_nodes_sit_between_their_corners() {
     let mut bare = mesh.clone();
     (bare.triangles, bare.triangle_mids, bare.triangle_parts) = (vec![], vec![], vec![]);
     let bytes = written(&bare, "vtu");
-    let (again, _) = read_mesh(Source::Bytes { name: "t.vtu", bytes: &bytes }, None, &MeshReadOptions::default()).expect("valid");
+    let (again, _) = read_mesh(
+        Source::Bytes {
+            name: "t.vtu",
+            bytes: &bytes,
+        },
+        None,
+        &MeshReadOptions::default(),
+    )
+    .expect("valid");
     mids_sit_right(&again, "boundary");
     assert_eq!(
         soup(&again).iter().map(|t| t.1).collect::<Vec<_>>(),
-        soup(&Mesh { triangle_parts: vec![], ..mesh }).iter().map(|t| t.1).collect::<Vec<_>>()
+        soup(&Mesh {
+            triangle_parts: vec![],
+            ..mesh
+        })
+        .iter()
+        .map(|t| t.1)
+        .collect::<Vec<_>>()
     );
 }
 
 /// The order of Gmsh, word by word: the last two mid nodes change places.
 #[test]
 fn the_order_of_gmsh() {
-    let points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].into_iter().chain([[0.5; 3]; 6]).collect();
-    let mesh = Mesh { points, tets: vec![[0, 1, 2, 3]], tet_mids: vec![[4, 5, 6, 7, 8, 9]], ..Mesh::default() };
-    for (format, row) in [("msh", "1 1 2 3 4 5 6 7 8 10 9 \n"), ("msh2", "1 11 2 0 1 1 2 3 4 5 6 7 8 10 9\n")] {
+    let points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+        .into_iter()
+        .chain([[0.5; 3]; 6])
+        .collect();
+    let mesh = Mesh {
+        points,
+        tets: vec![[0, 1, 2, 3]],
+        tet_mids: vec![[4, 5, 6, 7, 8, 9]],
+        ..Mesh::default()
+    };
+    for (format, row) in [
+        ("msh", "1 1 2 3 4 5 6 7 8 10 9 \n"),
+        ("msh2", "1 11 2 0 1 1 2 3 4 5 6 7 8 10 9\n"),
+    ] {
         let text = String::from_utf8(written(&mesh, format)).expect("text");
         assert!(text.contains(row), "{text}");
     }
     let text = String::from_utf8(written(&mesh, "inp")).expect("text");
-    assert!(text.contains("TYPE=C3D10, ELSET=SOLID\n1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10\n"), "{text}");
+    assert!(
+        text.contains("TYPE=C3D10, ELSET=SOLID\n1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10\n"),
+        "{text}"
+    );
     let text = String::from_utf8(written(&mesh, "bdf")).expect("text");
     assert!(
         text.contains(
@@ -174,13 +234,25 @@ fn what_others_write() {
     for name in ["meshio-zlib.vtu", "meshio-base64.vtu"] {
         let (mesh, report) = read(name);
         assert_eq!(mesh.points[3], [0.0, 0.0, 1.5], "{name}");
-        assert_eq!((mesh.triangles.len(), &mesh.tets[..], report.warnings.len()), (4, &[[0, 1, 2, 3]][..], 0));
-        assert_eq!((&mesh.triangle_parts[..], mesh.parts.join("|")), (&[1, 0, 0, 0][..], "part 3|part 7".into()));
+        assert_eq!(
+            (mesh.triangles.len(), &mesh.tets[..], report.warnings.len()),
+            (4, &[[0, 1, 2, 3]][..], 0)
+        );
+        assert_eq!(
+            (&mesh.triangle_parts[..], mesh.parts.join("|")),
+            (&[1, 0, 0, 0][..], "part 3|part 7".into())
+        );
     }
     let (mesh, _) = read("appended-base64.vtu");
-    assert_eq!((mesh.points[1], mesh.tets.len(), &mesh.corners[..]), ([1.0, 0.0, 0.0], 1, &[3][..]));
+    assert_eq!(
+        (mesh.points[1], mesh.tets.len(), &mesh.corners[..]),
+        ([1.0, 0.0, 0.0], 1, &[3][..])
+    );
     let (mesh, report) = read("gmsh-parametric.msh");
-    assert_eq!(mesh.points, [[0.0; 3], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]);
+    assert_eq!(
+        mesh.points,
+        [[0.0; 3], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
+    );
     assert_eq!((mesh.tets[0], &mesh.corners[..]), ([0, 3, 1, 2], &[0][..]));
     assert_eq!(
         (mesh.triangles.len(), &mesh.parts[..], &mesh.regions[0][..]),
@@ -188,16 +260,34 @@ fn what_others_write() {
     );
     assert_eq!(report.warnings.len(), 1, "$Comments: {:?}", report.warnings);
     let (mesh, report) = read("gmsh-bare.msh");
-    assert_eq!((mesh.points.len(), mesh.parts.join("|"), mesh.tets[0]), (5, "part 8|part 9".into(), [0, 1, 2, 3]));
-    assert_eq!(report.warnings.len(), 2, "inside out, a hexahedron: {:?}", report.warnings);
+    assert_eq!(
+        (mesh.points.len(), mesh.parts.join("|"), mesh.tets[0]),
+        (5, "part 8|part 9".into(), [0, 1, 2, 3])
+    );
+    assert_eq!(
+        report.warnings.len(),
+        2,
+        "inside out, a hexahedron: {:?}",
+        report.warnings
+    );
     let (mesh, report) = read("abaqus-sets.inp");
-    assert_eq!((mesh.tets.len(), &mesh.regions[..], report.units.as_deref()), (2, &["Body".to_owned()][..], Some("mm")));
+    assert_eq!(
+        (mesh.tets.len(), &mesh.regions[..], report.units.as_deref()),
+        (2, &["Body".to_owned()][..], Some("mm"))
+    );
     assert_eq!(
         (mesh.points[2], mesh.triangles.clone(), &mesh.parts[..]),
-        ([0.0, 1.0, 0.0], vec![[0, 2, 1], [1, 3, 2], [2, 3, 4]], &["Top".to_owned()][..])
+        (
+            [0.0, 1.0, 0.0],
+            vec![[0, 2, 1], [1, 3, 2], [2, 3, 4]],
+            &["Top".to_owned()][..]
+        )
     );
     let (mesh, _) = read("abaqus-shells.inp");
-    assert_eq!((&mesh.triangle_parts[..], mesh.parts.join("|")), (&[0, 1, 2, 2][..], "A|b|no part".into()));
+    assert_eq!(
+        (&mesh.triangle_parts[..], mesh.parts.join("|")),
+        (&[0, 1, 2, 2][..], "A|b|no part".into())
+    );
 }
 
 #[test]
@@ -207,22 +297,76 @@ fn refusals_say_where() {
         (e.code(), e.place.to_string())
     };
     let head = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n";
-    assert_eq!(refusal(&format!("{head}$Nodes\n1 1 1 1\n2 1 0 1\n1\n0 zero 0\n"), "msh"), ("bad-number", "t:8:3".into()));
-    assert_eq!(refusal(&format!("{head}$Nodes\n1 18446744073709551615 1 1\n2 1 0 18446744073709551615\n1\n"), "msh").0, "file-truncated");
+    assert_eq!(
+        refusal(
+            &format!("{head}$Nodes\n1 1 1 1\n2 1 0 1\n1\n0 zero 0\n"),
+            "msh"
+        ),
+        ("bad-number", "t:8:3".into())
+    );
+    assert_eq!(
+        refusal(
+            &format!("{head}$Nodes\n1 18446744073709551615 1 1\n2 1 0 18446744073709551615\n1\n"),
+            "msh"
+        )
+        .0,
+        "file-truncated"
+    );
     let nodes = "$Nodes\n1 1 1 1\n2 1 0 1\n1\n0 0 0\n$EndNodes\n";
-    assert_eq!(refusal(&format!("{head}{nodes}$Elements\n1 1 1 1\n2 1 2 1\n1 1 1 2\n$EndElements\n"), "msh"), ("bad-index", "t:12".into()));
-    assert_eq!(refusal(&format!("{head}{nodes}$Elements\n1 1 1 1\n2 1 777 1\n1 1 1 2\n"), "msh").0, "format-unsupported");
-    assert_eq!(refusal("$MeshFormat\n4 0 8\n$EndMeshFormat\n", "msh").0, "format-unsupported");
+    assert_eq!(
+        refusal(
+            &format!("{head}{nodes}$Elements\n1 1 1 1\n2 1 2 1\n1 1 1 2\n$EndElements\n"),
+            "msh"
+        ),
+        ("bad-index", "t:12".into())
+    );
+    assert_eq!(
+        refusal(
+            &format!("{head}{nodes}$Elements\n1 1 1 1\n2 1 777 1\n1 1 1 2\n"),
+            "msh"
+        )
+        .0,
+        "format-unsupported"
+    );
+    assert_eq!(
+        refusal("$MeshFormat\n4 0 8\n$EndMeshFormat\n", "msh").0,
+        "format-unsupported"
+    );
     assert_eq!(refusal("$Nodes\n0\n$EndNodes\n", "msh").0, "bad-header");
-    assert_eq!(refusal("*NODE\n1, 0, 0, 0\n2, x, 0, 0\n", "inp"), ("bad-number", "t:3".into()));
-    assert_eq!(refusal("*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE=S3\n1, 1, 2, 3\n", "inp"), ("bad-index", "t:4".into()));
-    assert_eq!(refusal("*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE=S3\n1, 1, 2\n", "inp"), ("file-corrupt", "t:4".into()));
-    assert_eq!(refusal("<VTKFile type=\"PolyData\">", "vtu").0, "format-unsupported");
-    assert_eq!(refusal("<VTKFile type=\"UnstructuredGrid\" compressor=\"vtkLZ4DataCompressor\">", "vtu").0, "format-unsupported");
-    assert_eq!(refusal("<VTKFile type=\"UnstructuredGrid\"><Piece>", "vtu").0, "bad-header");
+    assert_eq!(
+        refusal("*NODE\n1, 0, 0, 0\n2, x, 0, 0\n", "inp"),
+        ("bad-number", "t:3".into())
+    );
+    assert_eq!(
+        refusal("*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE=S3\n1, 1, 2, 3\n", "inp"),
+        ("bad-index", "t:4".into())
+    );
+    assert_eq!(
+        refusal("*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE=S3\n1, 1, 2\n", "inp"),
+        ("file-corrupt", "t:4".into())
+    );
+    assert_eq!(
+        refusal("<VTKFile type=\"PolyData\">", "vtu").0,
+        "format-unsupported"
+    );
+    assert_eq!(
+        refusal(
+            "<VTKFile type=\"UnstructuredGrid\" compressor=\"vtkLZ4DataCompressor\">",
+            "vtu"
+        )
+        .0,
+        "format-unsupported"
+    );
+    assert_eq!(
+        refusal("<VTKFile type=\"UnstructuredGrid\"><Piece>", "vtu").0,
+        "bad-header"
+    );
     assert_eq!(refusal("", "glb").0, "format-unsupported");
     assert_eq!(read_as(b"", None).expect_err("empty").code(), "file-empty");
-    assert_eq!(read_as(b"\x01\x02", None).expect_err("noise").code(), "format-unknown");
+    assert_eq!(
+        read_as(b"\x01\x02", None).expect_err("noise").code(),
+        "format-unknown"
+    );
     assert_eq!(refusal("", "xyz").0, "format-unknown");
 }
 
@@ -230,26 +374,55 @@ fn refusals_say_where() {
 fn writing_says_what_is_lost_and_refuses_nonsense() {
     let mesh = block(1, 2);
     let warnings = |format: &str| {
-        let report = write_mesh(&mesh, &mut Vec::new(), format, &MeshWriteOptions::default()).expect("written");
+        let report = write_mesh(&mesh, &mut Vec::new(), format, &MeshWriteOptions::default())
+            .expect("written");
         (report.format, report.warnings.len())
     };
-    assert_eq!(["msh", "vtu", "inp", "bdf"].map(warnings), [("msh", 0), ("vtu", 0), ("inp", 0), ("bdf", 0)]);
-    assert_eq!(["stl", "stl-ascii", "glb", "obj"].map(warnings), [("stl", 3), ("stl", 2), ("glb", 3), ("obj", 2)]);
-    let code =
-        |mesh: &Mesh, format: &str| write_mesh(mesh, &mut Vec::new(), format, &MeshWriteOptions::default()).expect_err("refused").code;
+    assert_eq!(
+        ["msh", "vtu", "inp", "bdf"].map(warnings),
+        [("msh", 0), ("vtu", 0), ("inp", 0), ("bdf", 0)]
+    );
+    assert_eq!(
+        ["stl", "stl-ascii", "glb", "obj"].map(warnings),
+        [("stl", 3), ("stl", 2), ("glb", 3), ("obj", 2)]
+    );
+    let code = |mesh: &Mesh, format: &str| {
+        write_mesh(mesh, &mut Vec::new(), format, &MeshWriteOptions::default())
+            .expect_err("refused")
+            .code
+    };
     assert_eq!(code(&mesh, "med"), "format-unknown");
-    assert_eq!(code(&Mesh { corners: vec![99], ..mesh.clone() }, "msh"), "bad-mesh");
+    assert_eq!(
+        code(
+            &Mesh {
+                corners: vec![99],
+                ..mesh.clone()
+            },
+            "msh"
+        ),
+        "bad-mesh"
+    );
     let folder = std::env::temp_dir().join(format!("isoform-io-{}-mesh", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
     for format in mesh_formats() {
         let path = folder.join(format!("a.{}", format.extensions[0]));
         write_mesh_path(&mesh, &path, None, &MeshWriteOptions::default()).expect(format.name);
         if format.is_readable() {
-            let (again, report) = read_mesh(Source::Path(&path), None, &MeshReadOptions::default()).expect(format.name);
-            assert_eq!((again.triangles.len(), report.warnings), (mesh.triangles.len(), vec![]), "{}", format.name);
+            let (again, report) = read_mesh(Source::Path(&path), None, &MeshReadOptions::default())
+                .expect(format.name);
+            assert_eq!(
+                (again.triangles.len(), report.warnings),
+                (mesh.triangles.len(), vec![]),
+                "{}",
+                format.name
+            );
         }
     }
-    assert_eq!(std::fs::read_dir(&folder).expect("a folder").count(), mesh_formats().len(), "no litter");
+    assert_eq!(
+        std::fs::read_dir(&folder).expect("a folder").count(),
+        mesh_formats().len(),
+        "no litter"
+    );
     std::fs::remove_dir_all(&folder).expect("removed");
 }
 
@@ -258,10 +431,23 @@ fn nothing_at_all_can_be_written() {
     for format in mesh_formats() {
         for ascii in [None, Some(true), Some(false)] {
             let mut bytes = Vec::new();
-            write_mesh(&Mesh::default(), &mut bytes, format.name, &MeshWriteOptions { ascii, units: Some("mm".into()) })
-                .expect(format.name);
+            write_mesh(
+                &Mesh::default(),
+                &mut bytes,
+                format.name,
+                &MeshWriteOptions {
+                    ascii,
+                    units: Some("mm".into()),
+                },
+            )
+            .expect(format.name);
             if format.is_readable() {
-                assert_eq!(read_as(&bytes, Some(format.name)).expect(format.name).0, Mesh::default(), "{}", format.name);
+                assert_eq!(
+                    read_as(&bytes, Some(format.name)).expect(format.name).0,
+                    Mesh::default(),
+                    "{}",
+                    format.name
+                );
             }
         }
     }
@@ -269,66 +455,120 @@ fn nothing_at_all_can_be_written() {
 
 /// Numbers of all sizes, and small whole ones.
 fn number() -> impl Strategy<Value = f64> {
-    prop_oneof![prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO, (-9..9_i32).prop_map(f64::from), -1e3..1e3]
+    prop_oneof![
+        prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO,
+        (-9..9_i32).prop_map(f64::from),
+        -1e3..1e3
+    ]
 }
 
-fn nodes<const N: usize>(n: usize, count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<[u32; N]>> {
+fn nodes<const N: usize>(
+    n: usize,
+    count: std::ops::Range<usize>,
+) -> impl Strategy<Value = Vec<[u32; N]>> {
     prop::collection::vec(prop::array::uniform(0..n as u32), count)
 }
 
 fn names(count: usize, what: &'static str) -> impl Strategy<Value = Vec<String>> {
-    prop::collection::vec("[a-z<>&'. -]{0,5}", count)
-        .prop_map(move |names| names.into_iter().enumerate().map(|(i, n)| format!("{what}{n}{i}")).collect())
+    prop::collection::vec("[a-z<>&'. -]{0,5}", count).prop_map(move |names| {
+        names
+            .into_iter()
+            .enumerate()
+            .map(|(i, n)| format!("{what}{n}{i}"))
+            .collect()
+    })
 }
 
 /// Anything that is a mesh, if tetrahedra may have any volume that is not clearly negative.
 fn any_mesh() -> impl Strategy<Value = Mesh> {
-    (1..12_usize, 1..4_usize, any::<[bool; 4]>()).prop_flat_map(|(n, groups, [second, parts, regions, curves])| {
-        let label = move || prop::collection::vec(0..groups as u32, 30);
-        (
-            (prop::collection::vec(prop::array::uniform3(number()), n), nodes::<3>(n, 1..20), nodes::<4>(n, 1..20), nodes::<2>(n, 1..9)),
-            (nodes::<3>(n, 30..31), nodes::<6>(n, 30..31), prop::collection::vec(0..n as u32, 30)),
-            (label(), label(), label(), names(groups, "p"), names(groups, "r"), names(groups, "c")),
-            prop::collection::vec(0..n as u32, 0..3),
-        )
-            .prop_map(move |(cells, mids, labels, corners)| {
-                let (points, triangles, mut tets, edges) = cells;
-                for t in &mut tets {
-                    t[3] = t[0]; // flat: neither inside out nor not
-                }
-                let cut = |labels: &[u32], n: usize, has: bool| if has { labels[..n].to_vec() } else { vec![] };
-                let curve = |name| Curve { name, parts: [0; 2] };
-                Mesh {
-                    triangle_mids: if second { mids.0[..triangles.len()].to_vec() } else { vec![] },
-                    triangle_parts: cut(&labels.0, triangles.len(), parts),
-                    parts: if parts { labels.3 } else { vec![] },
-                    tet_mids: if second { mids.1[..tets.len()].to_vec() } else { vec![] },
-                    tet_regions: cut(&labels.1, tets.len(), regions),
-                    regions: if regions { labels.4 } else { vec![] },
-                    edge_mids: cut(&mids.2, edges.len(), second),
-                    edge_curves: cut(&labels.2, edges.len(), curves),
-                    curves: if curves { labels.5.into_iter().map(curve).collect() } else { vec![] },
-                    points,
-                    triangles,
-                    tets,
-                    edges,
-                    corners,
-                    columns: vec![],
-                }
-            })
-    })
+    (1..12_usize, 1..4_usize, any::<[bool; 4]>()).prop_flat_map(
+        |(n, groups, [second, parts, regions, curves])| {
+            let label = move || prop::collection::vec(0..groups as u32, 30);
+            (
+                (
+                    prop::collection::vec(prop::array::uniform3(number()), n),
+                    nodes::<3>(n, 1..20),
+                    nodes::<4>(n, 1..20),
+                    nodes::<2>(n, 1..9),
+                ),
+                (
+                    nodes::<3>(n, 30..31),
+                    nodes::<6>(n, 30..31),
+                    prop::collection::vec(0..n as u32, 30),
+                ),
+                (
+                    label(),
+                    label(),
+                    label(),
+                    names(groups, "p"),
+                    names(groups, "r"),
+                    names(groups, "c"),
+                ),
+                prop::collection::vec(0..n as u32, 0..3),
+            )
+                .prop_map(move |(cells, mids, labels, corners)| {
+                    let (points, triangles, mut tets, edges) = cells;
+                    for t in &mut tets {
+                        t[3] = t[0]; // flat: neither inside out nor not
+                    }
+                    let cut = |labels: &[u32], n: usize, has: bool| {
+                        if has { labels[..n].to_vec() } else { vec![] }
+                    };
+                    let curve = |name| Curve {
+                        name,
+                        parts: [0; 2],
+                    };
+                    Mesh {
+                        triangle_mids: if second {
+                            mids.0[..triangles.len()].to_vec()
+                        } else {
+                            vec![]
+                        },
+                        triangle_parts: cut(&labels.0, triangles.len(), parts),
+                        parts: if parts { labels.3 } else { vec![] },
+                        tet_mids: if second {
+                            mids.1[..tets.len()].to_vec()
+                        } else {
+                            vec![]
+                        },
+                        tet_regions: cut(&labels.1, tets.len(), regions),
+                        regions: if regions { labels.4 } else { vec![] },
+                        edge_mids: cut(&mids.2, edges.len(), second),
+                        edge_curves: cut(&labels.2, edges.len(), curves),
+                        curves: if curves {
+                            labels.5.into_iter().map(curve).collect()
+                        } else {
+                            vec![]
+                        },
+                        points,
+                        triangles,
+                        tets,
+                        edges,
+                        corners,
+                        columns: vec![],
+                    }
+                })
+        },
+    )
 }
 
 fn survive(name: &str, format: Option<&str>, bytes: &[u8]) {
     /// Far above what any of these small files takes, far below a hang.
     const SOON: Duration = Duration::from_secs(5);
     let start = Instant::now();
-    match read_mesh(Source::Bytes { name, bytes }, format, &MeshReadOptions::default()) {
+    match read_mesh(
+        Source::Bytes { name, bytes },
+        format,
+        &MeshReadOptions::default(),
+    ) {
         Ok((mesh, _)) => {
             // Whatever was read is a mesh: it can be written.
             write_mesh(&mesh, &mut Vec::new(), "vtu", &MeshWriteOptions::default()).expect(name);
         }
-        Err(e) => assert!(!e.why.is_empty() && !e.hint.is_empty() && !e.code().is_empty(), "{name}"),
+        Err(e) => assert!(
+            !e.why.is_empty() && !e.hint.is_empty() && !e.code().is_empty(),
+            "{name}"
+        ),
     }
     assert!(start.elapsed() < SOON, "{name} took {:?}", start.elapsed());
 }
@@ -405,8 +645,9 @@ fn every_prefix_of_every_file() {
 
 #[test]
 fn every_byte_of_binary_files() {
-    for (name, format, bytes) in
-        mesh_fixtures().into_iter().filter(|f| ["msh-binary-1", "vtu-1", "meshio-zlib.vtu"].contains(&f.0.as_str()))
+    for (name, format, bytes) in mesh_fixtures()
+        .into_iter()
+        .filter(|f| ["msh-binary-1", "vtu-1", "meshio-zlib.vtu"].contains(&f.0.as_str()))
     {
         for at in 0..bytes.len() {
             for value in [0, 1, 0x7f, 0xff] {
@@ -421,7 +662,9 @@ fn every_byte_of_binary_files() {
 /// Sets of millions of numbers named again and again: neither expanded nor walked over more often than there are faces.
 #[test]
 fn abaqus_sets_are_not_expanded() {
-    let mut text = String::from("*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,0,0,1\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n2,1,2,3,4\n");
+    let mut text = String::from(
+        "*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,0,0,1\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n2,1,2,3,4\n",
+    );
     text += "*ELSET,ELSET=A,GENERATE\n1,4294967295,1\n*SURFACE,NAME=S\n";
     text += &"A,S1\n".repeat(100_000);
     survive("sets.inp", Some("inp"), text.as_bytes());
@@ -438,7 +681,9 @@ fn abaqus_sets_are_not_expanded() {
 /// A thousand pieces that share one large array.
 #[test]
 fn vtk_pieces_do_not_multiply() {
-    let array = |name: &str| format!("<DataArray type='UInt8' Name='{name}' format='appended' offset='0'/>");
+    let array = |name: &str| {
+        format!("<DataArray type='UInt8' Name='{name}' format='appended' offset='0'/>")
+    };
     let piece = format!(
         "<Piece><Points>{}</Points><Cells>{}{}{}</Cells></Piece>",
         array("Points"),
@@ -447,7 +692,8 @@ fn vtk_pieces_do_not_multiply() {
         array("types")
     );
     let head = "<VTKFile type='UnstructuredGrid' header_type='UInt64'><UnstructuredGrid>";
-    let mut bytes = format!("{head}{}<AppendedData encoding='raw'>_", piece.repeat(3000)).into_bytes();
+    let mut bytes =
+        format!("{head}{}<AppendedData encoding='raw'>_", piece.repeat(3000)).into_bytes();
     bytes.extend(1_000_000_u64.to_le_bytes());
     bytes.resize(bytes.len() + 1_000_000, 0);
     let e = read_as(&bytes, Some("vtu")).expect_err("too much");
@@ -465,10 +711,23 @@ fn names_find_formats() {
 fn parameterized() -> Mesh {
     let at = |k: usize| ((k / 3) as f64 / 2.0, (k % 3) as f64 / 2.0);
     let points: Vec<Point3> = (0..9).map(at).map(|(u, v)| [u, v, u * v]).collect();
-    let triangles = [0, 1, 3, 4].into_iter().flat_map(|k| [[k, k + 3, k + 4], [k, k + 4, k + 1]]).collect();
-    let column = |name: &str, value: fn((f64, f64)) -> f64| Column { name: name.into(), values: (0..9).map(at).map(value).collect() };
-    let columns = vec![column("u", |p| p.0), column("v", |p| p.1), column("distance", |p| 0.1 * p.0 - p.1 / 3.0)];
-    Mesh { columns, ..Mesh::from_triangles(points, triangles) }
+    let triangles = [0, 1, 3, 4]
+        .into_iter()
+        .flat_map(|k| [[k, k + 3, k + 4], [k, k + 4, k + 1]])
+        .collect();
+    let column = |name: &str, value: fn((f64, f64)) -> f64| Column {
+        name: name.into(),
+        values: (0..9).map(at).map(value).collect(),
+    };
+    let columns = vec![
+        column("u", |p| p.0),
+        column("v", |p| p.1),
+        column("distance", |p| 0.1 * p.0 - p.1 / 3.0),
+    ];
+    Mesh {
+        columns,
+        ..Mesh::from_triangles(points, triangles)
+    }
 }
 
 #[test]
@@ -476,17 +735,54 @@ fn numbers_per_node_go_where_there_is_a_place() {
     let mesh = parameterized();
     for format in ["ply", "ply-ascii"] {
         let bytes = written(&mesh, format);
-        let (cloud, _) = read(Source::Bytes { name: "t.ply", bytes: &bytes }, None, &ReadOptions::default()).expect("valid");
-        assert_eq!((&cloud.columns, &cloud.points), (&mesh.columns, &mesh.points), "{format}");
+        let (cloud, _) = read(
+            Source::Bytes {
+                name: "t.ply",
+                bytes: &bytes,
+            },
+            None,
+            &ReadOptions::default(),
+        )
+        .expect("valid");
+        assert_eq!(
+            (&cloud.columns, &cloud.points),
+            (&mesh.columns, &mesh.points),
+            "{format}"
+        );
     }
     let obj = String::from_utf8(written(&mesh, "obj")).expect("text");
-    assert!(obj.contains("\nvt 0.5 1.0\n") && obj.contains("\nf 1/1 4/4 5/5\n"), "{obj}");
-    assert_eq!(through(&mesh, "obj"), Mesh { columns: vec![], ..mesh.clone() });
-    let left = |format: &str| write_mesh(&mesh, &mut Vec::new(), format, &MeshWriteOptions::default()).expect("written").warnings;
-    let told = |format: &str| left(format).iter().filter(|w| w.contains("no place")).cloned().collect::<Vec<_>>();
+    assert!(
+        obj.contains("\nvt 0.5 1.0\n") && obj.contains("\nf 1/1 4/4 5/5\n"),
+        "{obj}"
+    );
+    assert_eq!(
+        through(&mesh, "obj"),
+        Mesh {
+            columns: vec![],
+            ..mesh.clone()
+        }
+    );
+    let left = |format: &str| {
+        write_mesh(&mesh, &mut Vec::new(), format, &MeshWriteOptions::default())
+            .expect("written")
+            .warnings
+    };
+    let told = |format: &str| {
+        left(format)
+            .iter()
+            .filter(|w| w.contains("no place"))
+            .cloned()
+            .collect::<Vec<_>>()
+    };
     assert_eq!([told("ply"), told("glb")], [vec![], Vec::<String>::new()]);
-    assert_eq!(told("obj"), ["OBJ has no place for the nodes' distance: left out"]);
-    assert_eq!(told("vtu"), ["VTK has no place for the nodes' u, v, distance: left out"]);
+    assert_eq!(
+        told("obj"),
+        ["OBJ has no place for the nodes' distance: left out"]
+    );
+    assert_eq!(
+        told("vtu"),
+        ["VTK has no place for the nodes' u, v, distance: left out"]
+    );
 }
 
 #[test]
@@ -500,17 +796,32 @@ fn gltf_has_a_texture_along_parameters() {
     let attributes = &scene["meshes"][0]["primitives"][0]["attributes"];
     let view = |accessor: &serde_json::Value| {
         let accessor = &scene["accessors"][accessor.as_u64().expect("a number") as usize];
-        let view = &scene["bufferViews"][accessor["bufferView"].as_u64().expect("a number") as usize];
-        let [start, length] = ["byteOffset", "byteLength"].map(|k| view[k].as_u64().unwrap_or(0) as usize);
-        let floats = data[start..start + length].chunks(4).map(|c| f32::from_le_bytes(c.try_into().expect("four")));
-        (accessor["type"].as_str().expect("a type").to_owned(), floats.collect::<Vec<_>>())
+        let view =
+            &scene["bufferViews"][accessor["bufferView"].as_u64().expect("a number") as usize];
+        let [start, length] =
+            ["byteOffset", "byteLength"].map(|k| view[k].as_u64().unwrap_or(0) as usize);
+        let floats = data[start..start + length]
+            .chunks(4)
+            .map(|c| f32::from_le_bytes(c.try_into().expect("four")));
+        (
+            accessor["type"].as_str().expect("a type").to_owned(),
+            floats.collect::<Vec<_>>(),
+        )
     };
     let (kind, uv) = view(&attributes["TEXCOORD_0"]);
-    assert_eq!((kind.as_str(), uv.len(), &uv[6..10]), ("VEC2", 18, &[0.5, 0.0, 0.5, 0.5][..]));
+    assert_eq!(
+        (kind.as_str(), uv.len(), &uv[6..10]),
+        ("VEC2", 18, &[0.5, 0.0, 0.5, 0.5][..])
+    );
     let (kind, distance) = view(&attributes["_DISTANCE"]);
     assert_eq!((kind.as_str(), distance[1]), ("SCALAR", -1.0_f32 / 6.0));
-    let image = &scene["bufferViews"][scene["images"][0]["bufferView"].as_u64().expect("a number") as usize];
-    let [start, length] = ["byteOffset", "byteLength"].map(|k| image[k].as_u64().expect("a number") as usize);
-    assert!(data[start..].starts_with(b"\x89PNG") && data[..start + length].ends_with(b"IEND\xae\x42\x60\x82"));
+    let image = &scene["bufferViews"]
+        [scene["images"][0]["bufferView"].as_u64().expect("a number") as usize];
+    let [start, length] =
+        ["byteOffset", "byteLength"].map(|k| image[k].as_u64().expect("a number") as usize);
+    assert!(
+        data[start..].starts_with(b"\x89PNG")
+            && data[..start + length].ends_with(b"IEND\xae\x42\x60\x82")
+    );
     assert!(start + length <= data.len() && data.len() - start - length < 4);
 }

@@ -8,7 +8,11 @@ use std::path::PathBuf;
 /// Numbers of all sizes, and the small whole ones that make ties.
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![
-        prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO | prop::num::f64::POSITIVE | prop::num::f64::NEGATIVE,
+        prop::num::f64::NORMAL
+            | prop::num::f64::SUBNORMAL
+            | prop::num::f64::ZERO
+            | prop::num::f64::POSITIVE
+            | prop::num::f64::NEGATIVE,
         (-1000..1000_i32).prop_map(f64::from),
         -1e3..1e3,
     ]
@@ -22,32 +26,72 @@ fn unit() -> impl Strategy<Value = Point3> {
 }
 
 fn cloud() -> impl Strategy<Value = PointCloud> {
-    (1..20_usize, any::<bool>(), any::<bool>(), any::<bool>(), 0..4_usize).prop_flat_map(|(n, normals, colors, mesh, columns)| {
-        let column =
-            (prop::sample::select(vec!["a", "quality", "b c", "", "x", "nx", "red", "7", "ü", "a,b"]), prop::collection::vec(number(), n));
-        (
-            prop::collection::vec(prop::array::uniform3(number()), n),
-            prop::collection::vec(unit(), if normals { n } else { 0 }),
-            // The first colour tells bytes from shares.
-            prop::collection::vec(any::<[u8; 3]>(), if colors { n } else { 0 }),
-            prop::collection::vec(prop::array::uniform3(0..n as u32), if mesh { 5 } else { 0 }),
-            prop::collection::vec(column, columns),
-        )
-            .prop_map(|(points, normals, mut colors, triangles, columns)| {
-                if let Some(c) = colors.first_mut() {
-                    c[0] = 255;
-                }
-                let columns = columns.into_iter().map(|(name, values)| Column { name: name.into(), values }).collect();
-                PointCloud { points, normals, colors, triangles, columns, ..PointCloud::default() }
-            })
-    })
+    (
+        1..20_usize,
+        any::<bool>(),
+        any::<bool>(),
+        any::<bool>(),
+        0..4_usize,
+    )
+        .prop_flat_map(|(n, normals, colors, mesh, columns)| {
+            let column = (
+                prop::sample::select(vec![
+                    "a", "quality", "b c", "", "x", "nx", "red", "7", "ü", "a,b",
+                ]),
+                prop::collection::vec(number(), n),
+            );
+            (
+                prop::collection::vec(prop::array::uniform3(number()), n),
+                prop::collection::vec(unit(), if normals { n } else { 0 }),
+                // The first colour tells bytes from shares.
+                prop::collection::vec(any::<[u8; 3]>(), if colors { n } else { 0 }),
+                prop::collection::vec(prop::array::uniform3(0..n as u32), if mesh { 5 } else { 0 }),
+                prop::collection::vec(column, columns),
+            )
+                .prop_map(|(points, normals, mut colors, triangles, columns)| {
+                    if let Some(c) = colors.first_mut() {
+                        c[0] = 255;
+                    }
+                    let columns = columns
+                        .into_iter()
+                        .map(|(name, values)| Column {
+                            name: name.into(),
+                            values,
+                        })
+                        .collect();
+                    PointCloud {
+                        points,
+                        normals,
+                        colors,
+                        triangles,
+                        columns,
+                        ..PointCloud::default()
+                    }
+                })
+        })
 }
 
 fn through(cloud: &PointCloud, format: &str, ascii: bool) -> PointCloud {
     let mut bytes = Vec::new();
-    write(cloud, &mut bytes, format, &WriteOptions { ascii, units: Some("mm".into()) }).expect("memory takes all");
-    let (again, report) =
-        read(Source::Bytes { name: "-", bytes: &bytes }, Some(format), &ReadOptions::default()).expect("own files are valid");
+    write(
+        cloud,
+        &mut bytes,
+        format,
+        &WriteOptions {
+            ascii,
+            units: Some("mm".into()),
+        },
+    )
+    .expect("memory takes all");
+    let (again, report) = read(
+        Source::Bytes {
+            name: "-",
+            bytes: &bytes,
+        },
+        Some(format),
+        &ReadOptions::default(),
+    )
+    .expect("own files are valid");
     if format != "csv" {
         assert_eq!(report.units.as_deref(), Some("mm"));
     }
@@ -111,26 +155,56 @@ fn a_failed_write_leaves_the_old_file() {
     });
     assert_eq!(e.expect_err("full").code, "disk-full");
     assert_eq!(std::fs::read(&path).expect("there"), before);
-    assert_eq!(std::fs::read_dir(&folder).expect("a folder").count(), 1, "no litter");
+    assert_eq!(
+        std::fs::read_dir(&folder).expect("a folder").count(),
+        1,
+        "no litter"
+    );
     let two = PointCloud::from_points(vec![[0.0; 3], [1.0; 3]]);
     write_path(&two, &path, None, &WriteOptions::default()).expect("replaced");
-    assert_eq!(read(Source::Path(&path), None, &ReadOptions::default()).expect("valid").0.points.len(), 2);
+    assert_eq!(
+        read(Source::Path(&path), None, &ReadOptions::default())
+            .expect("valid")
+            .0
+            .points
+            .len(),
+        2
+    );
     std::fs::remove_dir_all(&folder).expect("removed");
 }
 
 #[test]
 fn refusals_of_writing() {
     let folder = folder("refusals");
-    let cloud = PointCloud { triangles: vec![[0, 0, 0]], ..PointCloud::from_points(vec![[0.0; 3]]) };
-    let code = |name: &str| write_path(&cloud, &folder.join(name), None, &WriteOptions::default()).map_err(|e| e.code);
+    let cloud = PointCloud {
+        triangles: vec![[0, 0, 0]],
+        ..PointCloud::from_points(vec![[0.0; 3]])
+    };
+    let code = |name: &str| {
+        write_path(&cloud, &folder.join(name), None, &WriteOptions::default()).map_err(|e| e.code)
+    };
     assert_eq!(code("a.las").expect_err("not written"), "format-unknown");
     assert_eq!(code("a").expect_err("no ending"), "format-unknown");
     assert_eq!(code("none/a.ply").expect_err("no folder"), "not-writable");
     assert_eq!(code("a.xyz").expect("written").warnings.len(), 1);
     std::fs::create_dir(folder.join("d.ply")).expect("made");
     assert_eq!(code("d.ply").expect_err("a folder"), "not-writable");
-    assert_eq!(read(Source::Path(&folder), None, &ReadOptions::default()).expect_err("a folder").code(), "file-unreadable");
-    assert_eq!(read(Source::Path(&folder.join("no.ply")), None, &ReadOptions::default()).expect_err("missing").code(), "file-unreadable");
+    assert_eq!(
+        read(Source::Path(&folder), None, &ReadOptions::default())
+            .expect_err("a folder")
+            .code(),
+        "file-unreadable"
+    );
+    assert_eq!(
+        read(
+            Source::Path(&folder.join("no.ply")),
+            None,
+            &ReadOptions::default()
+        )
+        .expect_err("missing")
+        .code(),
+        "file-unreadable"
+    );
     std::fs::remove_dir_all(&folder).expect("removed");
 }
 
@@ -140,7 +214,8 @@ fn devices_are_written_directly() {
     let cloud = PointCloud::from_points(vec![[0.0; 3]; 10_000]);
     let options = WriteOptions::default();
     write_path(&cloud, "/dev/null".as_ref(), Some("ply"), &options).expect("takes all");
-    let e = write_path(&cloud, "/dev/full".as_ref(), Some("ply"), &options).expect_err("takes nothing");
+    let e =
+        write_path(&cloud, "/dev/full".as_ref(), Some("ply"), &options).expect_err("takes nothing");
     assert_eq!(e.code, "disk-full");
 }
 
@@ -149,10 +224,32 @@ fn devices_are_written_directly() {
 fn a_link_stays_a_link() {
     let folder = folder("link");
     let cloud = PointCloud::from_points(vec![[0.0; 3]]);
-    write_path(&cloud, &folder.join("a.ply"), None, &WriteOptions::default()).expect("written");
+    write_path(
+        &cloud,
+        &folder.join("a.ply"),
+        None,
+        &WriteOptions::default(),
+    )
+    .expect("written");
     std::os::unix::fs::symlink(folder.join("a.ply"), folder.join("b.ply")).expect("linked");
-    write_path(&PointCloud::default(), &folder.join("b.ply"), None, &WriteOptions::default()).expect("written");
+    write_path(
+        &PointCloud::default(),
+        &folder.join("b.ply"),
+        None,
+        &WriteOptions::default(),
+    )
+    .expect("written");
     assert!(folder.join("b.ply").is_symlink());
-    assert!(read(Source::Path(&folder.join("a.ply")), None, &ReadOptions::default()).expect("valid").0.points.is_empty());
+    assert!(
+        read(
+            Source::Path(&folder.join("a.ply")),
+            None,
+            &ReadOptions::default()
+        )
+        .expect("valid")
+        .0
+        .points
+        .is_empty()
+    );
     std::fs::remove_dir_all(&folder).expect("removed");
 }

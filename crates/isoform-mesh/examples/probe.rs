@@ -10,10 +10,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let solid = Pieces::of_model(&model, &vec![0.0; model.n_params()])?;
     let number = |k: usize| a.get(k).map(|s| s.parse::<f64>()).transpose();
     let order = number(4)?.unwrap_or(1.0) as u32;
-    let options = Options { size: number(2)?.unwrap_or(0.1), order, grade: number(5)?.filter(|g| *g > 0.0), ..Options::default() };
+    let options = Options {
+        size: number(2)?.unwrap_or(0.1),
+        order,
+        grade: number(5)?.filter(|g| *g > 0.0),
+        ..Options::default()
+    };
     let clock = std::time::Instant::now();
     let say = |w: &str| eprintln!("{:8.3} {w}", clock.elapsed().as_secs_f64());
-    let m = mesh(&solid, &options, &Control { progress: Some(&say), ..Control::default() })?;
+    let m = mesh(
+        &solid,
+        &options,
+        &Control {
+            progress: Some(&say),
+            ..Control::default()
+        },
+    )?;
     say("done");
     for w in &m.warnings {
         println!("{} {:?}", w.message, w.at);

@@ -14,7 +14,10 @@ use crate::cut::Inside;
 use crate::features::{ExtentError, FeatureOptions, Features, extent, find};
 use crate::lattice::{IN, Lattice, OUT};
 use crate::measure::biased_sine;
-use crate::mesher::{CELL, Control, MeshError, Meshed, Options, Sizes, Warning, assemble, check_options, group, improve, raise_order};
+use crate::mesher::{
+    CELL, Control, MeshError, Meshed, Options, Sizes, Warning, assemble, check_options, group,
+    improve, raise_order,
+};
 use crate::optimise::Optimiser;
 use crate::surface::{Surface, first_order_at};
 use align::{Aligned, Cuttable, align, edges_of};
@@ -47,7 +50,12 @@ fn place([x, y, z]: Point3) -> String {
 /// # Errors
 /// As of [`mesh`](crate::mesh), and if the mesh is not a conforming volume mesh or a closed surface without self-intersections, if its
 /// surface is nowhere near the solid's, or if its edges cannot be made to follow those of the solid.
-pub fn adapt(mesh: &Mesh, solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Result<Meshed, MeshError> {
+pub fn adapt(
+    mesh: &Mesh,
+    solid: &dyn Solid,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Meshed, MeshError> {
     if mesh.tets.is_empty() && mesh.triangles.is_empty() {
         return Err(wrong("has neither tetrahedra nor triangles"));
     }
@@ -64,12 +72,28 @@ pub fn adapt(mesh: &Mesh, solid: &dyn Solid, options: &Options, control: &Contro
     let cell = (CELL * options.size).max(2.0 * distance(&bare, solid, found.bounds.diagonal())?);
     let needed = (Lattice::cells(found.bounds, cell) * 12.0) as u64;
     if needed > options.memory {
-        return Err(MeshError::Memory { size: options.size, needed: needed >> 20, allowed: options.memory >> 20 });
+        return Err(MeshError::Memory {
+            size: options.size,
+            needed: needed >> 20,
+            allowed: options.memory >> 20,
+        });
     }
     let lattice = Lattice::new(solid, found.bounds, cell);
-    let surface = Surface { solid, lattice: &lattice, zero: 1e-13 * found.bounds.diagonal() };
+    let surface = Surface {
+        solid,
+        lattice: &lattice,
+        zero: 1e-13 * found.bounds.diagonal(),
+    };
     control.phase("features")?;
-    let features = find(solid, found.bounds, &FeatureOptions { size: options.size, ..FeatureOptions::default() }, control);
+    let features = find(
+        solid,
+        found.bounds,
+        &FeatureOptions {
+            size: options.size,
+            ..FeatureOptions::default()
+        },
+        control,
+    );
     let mut warnings = Vec::new();
     let mesh = if bare.tets.is_empty() {
         of_triangles(bare, &surface, &features, options, control, &mut warnings)?
@@ -77,9 +101,19 @@ pub fn adapt(mesh: &Mesh, solid: &dyn Solid, options: &Options, control: &Contro
         of_tetrahedra(bare, &surface, &features, options, control, &mut warnings)?
     };
     if let Some(at) = left_out(&mesh, &surface) {
-        return Err(wrong(format!("leaves out a part of the model near {}", place(at))));
+        return Err(wrong(format!(
+            "leaves out a part of the model near {}",
+            place(at)
+        )));
     }
-    Ok(Meshed { mesh, region: found.bounds, region_certified: found.certified, caps: Vec::new(), features, warnings })
+    Ok(Meshed {
+        mesh,
+        region: found.bounds,
+        region_certified: found.certified,
+        caps: Vec::new(),
+        features,
+        warnings,
+    })
 }
 
 /// The mesh without mid nodes, labels and unused nodes, nodes in the same place made one: files of triangles repeat them.
@@ -89,15 +123,26 @@ fn welded(mesh: &Mesh) -> Mesh {
     let mut number = |v: u32| {
         let p = mesh.points[v as usize];
         // Both zeros are one place.
-        *known.entry(p.map(|x| (x + 0.0).to_bits())).or_insert_with(|| {
-            points.push(p);
-            points.len() as u32 - 1
-        })
+        *known
+            .entry(p.map(|x| (x + 0.0).to_bits()))
+            .or_insert_with(|| {
+                points.push(p);
+                points.len() as u32 - 1
+            })
     };
     let tets: Vec<[u32; 4]> = mesh.tets.iter().map(|t| t.map(&mut number)).collect();
-    let bare_triangles = if tets.is_empty() { mesh.triangles.as_slice() } else { &[] };
+    let bare_triangles = if tets.is_empty() {
+        mesh.triangles.as_slice()
+    } else {
+        &[]
+    };
     let triangles = bare_triangles.iter().map(|t| t.map(&mut number)).collect();
-    Mesh { points, triangles, tets, ..Mesh::default() }
+    Mesh {
+        points,
+        triangles,
+        tets,
+        ..Mesh::default()
+    }
 }
 
 /// What cannot be worked on is refused, with a place.
@@ -107,16 +152,34 @@ fn check_given(mesh: &Mesh, certificate: &Certificate) -> Result<(), MeshError> 
     }
     if let Some(v) = &certificate.volume {
         let is_valid = v.inverted.is_empty() && v.flat.is_empty() && v.crowded_faces.is_empty();
-        return if is_valid { Ok(()) } else { Err(wrong("has inverted or overlapping tetrahedra")) };
+        return if is_valid {
+            Ok(())
+        } else {
+            Err(wrong("has inverted or overlapping tetrahedra"))
+        };
     }
-    let Some(s) = &certificate.surface else { return Err(wrong("has no inside")) };
+    let Some(s) = &certificate.surface else {
+        return Err(wrong("has no inside"));
+    };
     let findings = [
         (&s.open_edges, "is not closed: a triangle has no neighbour"),
-        (&s.crowded_edges, "is no manifold: an edge has more than two triangles"),
-        (&s.pinched_nodes, "is no manifold: parts of the surface touch in one node"),
+        (
+            &s.crowded_edges,
+            "is no manifold: an edge has more than two triangles",
+        ),
+        (
+            &s.pinched_nodes,
+            "is no manifold: parts of the surface touch in one node",
+        ),
         (&s.repeated_triangles, "has a triangle twice"),
-        (&s.degenerate_triangles, "has a triangle with a corner twice"),
-        (&s.misoriented_edges, "is not oriented: neighbouring triangles face opposite ways"),
+        (
+            &s.degenerate_triangles,
+            "has a triangle with a corner twice",
+        ),
+        (
+            &s.misoriented_edges,
+            "is not oriented: neighbouring triangles face opposite ways",
+        ),
         (&s.misplaced_shells, "has a shell that is inside out"),
     ];
     for (defects, why) in findings {
@@ -124,10 +187,18 @@ fn check_given(mesh: &Mesh, certificate: &Certificate) -> Result<(), MeshError> 
             return Err(wrong(format!("{why} at {}", place(first.at))));
         }
     }
-    if let Some(first) = certificate.intersections.as_ref().and_then(|i| i.pairs.places.first()) {
+    if let Some(first) = certificate
+        .intersections
+        .as_ref()
+        .and_then(|i| i.pairs.places.first())
+    {
         return Err(wrong(format!("intersects itself at {}", place(first.at))));
     }
-    if mesh.points.len() < 4 { Err(wrong("has no inside")) } else { Ok(()) }
+    if mesh.points.len() < 4 {
+        Err(wrong("has no inside"))
+    } else {
+        Ok(())
+    }
 }
 
 /// The farthest that any vertex of a surface, or middle of a face, is from the solid; an error if most are far away.
@@ -145,25 +216,52 @@ fn distance(mesh: &Mesh, solid: &dyn Solid, diagonal: f64) -> Result<f64, MeshEr
     off.sort_by(|a, b| a.0.total_cmp(&b.0));
     let most = off[(NEAR * (off.len() - 1) as f64) as usize];
     if most.0 > OFF * diagonal {
-        return Err(wrong(format!("has a surface that is nowhere near the model's, as at {}", place(most.1))));
+        return Err(wrong(format!(
+            "has a surface that is nowhere near the model's, as at {}",
+            place(most.1)
+        )));
     }
-    let middles = triangles.iter().map(|t| value(align::middle(t.map(|v| points[v as usize]))));
+    let middles = triangles
+        .iter()
+        .map(|t| value(align::middle(t.map(|v| points[v as usize]))));
     let worst = middles.fold(off[off.len() - 1].0, f64::max);
     Ok(worst.min(OFF * diagonal))
 }
 
 /// What alignment left open: an error where most is far away, else warnings.
 fn settled(aligned: &Aligned, n: usize, warnings: &mut Vec<Warning>) -> Result<(), MeshError> {
-    if let (true, Some(&at)) = ((aligned.far.len() as f64) > (1.0 - NEAR) * n as f64, aligned.far.first()) {
-        return Err(wrong(format!("has a surface that is nowhere near the model's, as at {}", place(at))));
+    if let (true, Some(&at)) = (
+        (aligned.far.len() as f64) > (1.0 - NEAR) * n as f64,
+        aligned.far.first(),
+    ) {
+        return Err(wrong(format!(
+            "has a surface that is nowhere near the model's, as at {}",
+            place(at)
+        )));
     }
     let (missed, corners) = &aligned.missed;
     if let (true, Some(&at)) = (2 * missed.len() > *corners, missed.first()) {
-        return Err(wrong(format!("has nothing near most corners of the model, as at {}", place(at))));
+        return Err(wrong(format!(
+            "has nothing near most corners of the model, as at {}",
+            place(at)
+        )));
     }
-    let warning = |message: &str, at: &Point3| Warning { message: message.into(), at: Some(*at) };
-    warnings.extend(aligned.far.iter().map(|at| warning("a vertex of the mesh given lies nowhere near the model", at)));
-    warnings.extend(aligned.lost.iter().map(|at| warning("the mesh given cannot be made to follow an edge of the model", at)));
+    let warning = |message: &str, at: &Point3| Warning {
+        message: message.into(),
+        at: Some(*at),
+    };
+    warnings.extend(
+        aligned
+            .far
+            .iter()
+            .map(|at| warning("a vertex of the mesh given lies nowhere near the model", at)),
+    );
+    warnings.extend(aligned.lost.iter().map(|at| {
+        warning(
+            "the mesh given cannot be made to follow an edge of the model",
+            at,
+        )
+    }));
     Ok(())
 }
 
@@ -186,7 +284,10 @@ fn of_triangles(
     let mut remesher = Remesher::new(skin, surface, options, control);
     remesher.run();
     let off = remesher.off();
-    warnings.extend(off.into_iter().map(|at| Warning { message: "a vertex could not be brought onto the surface".into(), at: Some(at) }));
+    warnings.extend(off.into_iter().map(|at| Warning {
+        message: "a vertex could not be brought onto the surface".into(),
+        at: Some(at),
+    }));
     control.phase("assembly")?;
     let faces = remesher.faces();
     let mut number = vec![u32::MAX; remesher.skin.points.len()];
@@ -216,7 +317,10 @@ fn of_tetrahedra(
     let mut complex = Complex::new(bare.points, bare.tets);
     let live: Vec<u32> = complex.live().collect();
     for t in live {
-        complex.adjacent[t as usize].iter_mut().filter(|n| **n >= BOUNDARY).for_each(|n| *n = BOUNDARY);
+        complex.adjacent[t as usize]
+            .iter_mut()
+            .filter(|n| **n >= BOUNDARY)
+            .for_each(|n| *n = BOUNDARY);
     }
     let mut boundary = Boundary { complex };
     let on_boundary = boundary.faces().len() / 2;
@@ -229,13 +333,22 @@ fn of_tetrahedra(
     for t in live {
         for i in 0..4 {
             if complex.adjacent[t as usize][i] >= BOUNDARY {
-                complex.adjacent[t as usize][i] = BOUNDARY | labels.get(&complex.face(t, i)).copied().unwrap_or(crate::complex::STRAY);
+                complex.adjacent[t as usize][i] = BOUNDARY
+                    | labels
+                        .get(&complex.face(t, i))
+                        .copied()
+                        .unwrap_or(crate::complex::STRAY);
             }
         }
     }
     let n = complex.points.len();
     let number: Vec<u32> = (0..n as u32).collect();
-    let inside = Inside { complex, frozen: vec![false; n], number: number.clone(), stray: Vec::new() };
+    let inside = Inside {
+        complex,
+        frozen: vec![false; n],
+        number: number.clone(),
+        stray: Vec::new(),
+    };
     control.phase("optimisation")?;
     let mut optimiser = Optimiser::new(surface, inside, options.size, control);
     improve(&mut optimiser, options, warnings);
@@ -259,7 +372,11 @@ impl Boundary {
     /// Brings vertices of the boundary to their places step by step, inner vertices giving way.
     fn approach(&mut self, places: &[Point3], control: &Control<'_>) {
         let on_boundary = crate::lattice::unique(self.faces().into_iter().flatten().collect());
-        let mut left: Vec<u32> = on_boundary.iter().copied().filter(|&v| self.complex.points[v as usize] != places[v as usize]).collect();
+        let mut left: Vec<u32> = on_boundary
+            .iter()
+            .copied()
+            .filter(|&v| self.complex.points[v as usize] != places[v as usize])
+            .collect();
         let mut star = Vec::new();
         for _ in 0..APPROACH {
             if left.is_empty() || control.is_stopped() {
@@ -269,7 +386,11 @@ impl Boundary {
                 let (old, goal) = (self.complex.points[v as usize], places[v as usize]);
                 let least = TIGHT.min(self.worst_at(v, old));
                 for share in [1.0, 0.6, 0.3, 0.1] {
-                    let p = if share == 1.0 { goal } else { std::array::from_fn(|i| old[i] + share * (goal[i] - old[i])) };
+                    let p = if share == 1.0 {
+                        goal
+                    } else {
+                        std::array::from_fn(|i| old[i] + share * (goal[i] - old[i]))
+                    };
                     if self.worst_at(v, p) >= least {
                         self.complex.points[v as usize] = p;
                         return share < 1.0;
@@ -295,12 +416,29 @@ impl Boundary {
         let mut star = Vec::new();
         self.complex.star(v, &mut star);
         let p = self.complex.points[v as usize];
-        let others: Vec<u32> = star.iter().flat_map(|&t| self.complex.tets[t as usize]).filter(|&k| k != v).collect();
-        let mean: Point3 =
-            std::array::from_fn(|i| others.iter().map(|&k| self.complex.points[k as usize][i]).sum::<f64>() / others.len() as f64);
+        let others: Vec<u32> = star
+            .iter()
+            .flat_map(|&t| self.complex.tets[t as usize])
+            .filter(|&k| k != v)
+            .collect();
+        let mean: Point3 = std::array::from_fn(|i| {
+            others
+                .iter()
+                .map(|&k| self.complex.points[k as usize][i])
+                .sum::<f64>()
+                / others.len() as f64
+        });
         let step = norm(sub(self.complex.points[others[0] as usize], p));
         let mut best = (self.worst_at(v, p), p);
-        let around = (0..6).map(|k| std::array::from_fn(|i| p[i] + if k / 2 == i { [0.1, -0.1][k % 2] * step } else { 0.0 }));
+        let around = (0..6).map(|k| {
+            std::array::from_fn(|i| {
+                p[i] + if k / 2 == i {
+                    [0.1, -0.1][k % 2] * step
+                } else {
+                    0.0
+                }
+            })
+        });
         for q in around.chain([mean, std::array::from_fn(|i| 0.5 * (p[i] + mean[i]))]) {
             let worst = self.worst_at(v, q);
             if worst > best.0 {
@@ -314,8 +452,16 @@ impl Boundary {
     fn worst_at(&mut self, v: u32, p: Point3) -> f64 {
         let mut star = Vec::new();
         self.complex.star(v, &mut star);
-        let at = |k: u32| if k == v { p } else { self.complex.points[k as usize] };
-        star.iter().map(|&t| biased_sine(self.complex.tets[t as usize].map(at))).fold(f64::INFINITY, f64::min)
+        let at = |k: u32| {
+            if k == v {
+                p
+            } else {
+                self.complex.points[k as usize]
+            }
+        };
+        star.iter()
+            .map(|&t| biased_sine(self.complex.tets[t as usize].map(at)))
+            .fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -324,8 +470,14 @@ impl Cuttable for Boundary {
         &self.complex.points
     }
     fn faces(&self) -> Vec<[u32; 3]> {
-        let sides = self.complex.live().flat_map(|t| (0..4).map(move |i| (t, i)));
-        sides.filter(|&(t, i)| self.complex.adjacent[t as usize][i] >= BOUNDARY).map(|(t, i)| self.complex.face(t, i)).collect()
+        let sides = self
+            .complex
+            .live()
+            .flat_map(|t| (0..4).map(move |i| (t, i)));
+        sides
+            .filter(|&(t, i)| self.complex.adjacent[t as usize][i] >= BOUNDARY)
+            .map(|(t, i)| self.complex.face(t, i))
+            .collect()
     }
     fn move_to(&mut self, v: u32, p: Point3) -> bool {
         let before = self.worst_at(v, self.complex.points[v as usize]);
@@ -361,14 +513,25 @@ impl Cuttable for Boundary {
 /// an edge is long.
 fn left_out(mesh: &Mesh, surface: &Surface<'_>) -> Option<Point3> {
     let tree = KdTree::new(&mesh.points);
-    let longest = edges_of(&mesh.triangles).into_iter().map(|e| norm(sub(mesh.points[e[0] as usize], mesh.points[e[1] as usize])));
+    let longest = edges_of(&mesh.triangles)
+        .into_iter()
+        .map(|e| norm(sub(mesh.points[e[0] as usize], mesh.points[e[1] as usize])));
     let reach = longest.fold(0.0, f64::max).max(surface.lattice.a);
     let [nx, ny, _] = surface.lattice.n;
-    let states = surface.lattice.state.iter().enumerate().filter(|(_, s)| **s != IN && **s != OUT);
+    let states = surface
+        .lattice
+        .state
+        .iter()
+        .enumerate()
+        .filter(|(_, s)| **s != IN && **s != OUT);
     states
         .filter_map(|(k, _)| {
             let cell = [k % nx, k / nx % ny, k / nx / ny];
-            let at = |d: [usize; 3]| surface.lattice.point(std::array::from_fn(|i| 2 * (cell[i] + d[i])));
+            let at = |d: [usize; 3]| {
+                surface
+                    .lattice
+                    .point(std::array::from_fn(|i| 2 * (cell[i] + d[i])))
+            };
             let (p, q) = (at([0; 3]), at([1; 3]));
             let (f, g) = (surface.value(p).0, surface.value(q).0);
             if !(f.is_finite() && g.is_finite() && (f < 0.0) != (g < 0.0)) {
@@ -389,11 +552,18 @@ pub fn own_sizes(mesh: &Mesh) -> Sizes {
     for e in edges_of(&mesh.triangles) {
         let l = norm(sub(mesh.points[e[0] as usize], mesh.points[e[1] as usize]));
         if l > 0.0 {
-            e.iter().for_each(|&v| sums[v as usize] = (sums[v as usize].0 + l.ln(), sums[v as usize].1 + 1));
+            e.iter().for_each(|&v| {
+                sums[v as usize] = (sums[v as usize].0 + l.ln(), sums[v as usize].1 + 1)
+            });
         }
     }
-    let samples: Vec<(Point3, f64)> =
-        mesh.points.iter().zip(&sums).filter(|(_, s)| s.1 > 0).map(|(p, s)| (*p, (s.0 / s.1 as f64).exp())).collect();
+    let samples: Vec<(Point3, f64)> = mesh
+        .points
+        .iter()
+        .zip(&sums)
+        .filter(|(_, s)| s.1 > 0)
+        .map(|(p, s)| (*p, (s.0 / s.1 as f64).exp()))
+        .collect();
     Sizes::nearest(&samples, GROWTH)
 }
 
@@ -404,6 +574,10 @@ pub fn mean_edge(mesh: &Mesh) -> f64 {
         let edges = edges_of(&mesh.triangles);
         return edges.iter().map(|e| length(e[0], e[1])).sum::<f64>() / edges.len().max(1) as f64;
     }
-    let sum: f64 = mesh.tets.iter().flat_map(|t| TET_EDGES.map(|[i, j]| length(t[i], t[j]))).sum();
+    let sum: f64 = mesh
+        .tets
+        .iter()
+        .flat_map(|t| TET_EDGES.map(|[i, j]| length(t[i], t[j])))
+        .sum();
     sum / (6 * mesh.tets.len()) as f64
 }

@@ -17,16 +17,35 @@ impl<'s> Capped<'s> {
     pub(crate) fn new(solid: &'s dyn Solid, region: Aabb) -> Self {
         let n = solid.names().len() as u32;
         let sides = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
-        let names = solid.names().iter().cloned().chain(sides.iter().map(|s| format!("cap.{s}"))).collect();
-        let tree = Csg::Min(std::iter::once(solid.tree().clone()).chain((n..n + 6).map(Csg::Piece)).collect());
-        Self { solid, region, n, names, tree }
+        let names = solid
+            .names()
+            .iter()
+            .cloned()
+            .chain(sides.iter().map(|s| format!("cap.{s}")))
+            .collect();
+        let tree = Csg::Min(
+            std::iter::once(solid.tree().clone())
+                .chain((n..n + 6).map(Csg::Piece))
+                .collect(),
+        );
+        Self {
+            solid,
+            region,
+            n,
+            names,
+            tree,
+        }
     }
 
     /// The axis of a side, +1 for its lower and −1 for its upper end, and where it stands.
     fn side(&self, piece: u32) -> Option<(usize, f64, f64)> {
         let k = piece.checked_sub(self.n)? as usize;
         let axis = k / 2;
-        Some(if k.is_multiple_of(2) { (axis, 1.0, self.region.lo[axis]) } else { (axis, -1.0, self.region.hi[axis]) })
+        Some(if k.is_multiple_of(2) {
+            (axis, 1.0, self.region.lo[axis])
+        } else {
+            (axis, -1.0, self.region.hi[axis])
+        })
     }
 }
 
@@ -40,14 +59,20 @@ impl Solid for Capped<'_> {
     fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]) {
         for (&piece, out) in which.iter().zip(out.chunks_mut(points.len().max(1))) {
             match self.side(piece) {
-                Some((axis, sign, at)) => out.iter_mut().zip(points).for_each(|(v, p)| *v = sign * (p[axis] - at)),
+                Some((axis, sign, at)) => out
+                    .iter_mut()
+                    .zip(points)
+                    .for_each(|(v, p)| *v = sign * (p[axis] - at)),
                 None => self.solid.values(&[piece], points, out),
             }
         }
     }
     fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
         match self.side(piece) {
-            Some((axis, sign, at)) => (sign * (p[axis] - at), std::array::from_fn(|i| if i == axis { sign } else { 0.0 })),
+            Some((axis, sign, at)) => (
+                sign * (p[axis] - at),
+                std::array::from_fn(|i| if i == axis { sign } else { 0.0 }),
+            ),
             None => self.solid.gradient(piece, p),
         }
     }
@@ -68,7 +93,9 @@ impl Solid for Capped<'_> {
                     let (a, b) = (sign * (region.lo[axis] - at), sign * (region.hi[axis] - at));
                     *out = Interval::new(a.min(b).next_down(), a.max(b).next_up());
                 }
-                None => self.solid.bounds(&[piece], region, std::slice::from_mut(out)),
+                None => self
+                    .solid
+                    .bounds(&[piece], region, std::slice::from_mut(out)),
             }
         }
     }

@@ -42,7 +42,9 @@ pub(crate) const EDGES: [(usize, usize); 6] = [(0, 1), (0, 2), (0, 3), (1, 2), (
 /// The edges of labelled triangles, lower vertex first, each with its triangle's label; sorted, so that those of one edge stand together.
 pub(crate) fn labelled_edges(faces: impl Iterator<Item = ([u32; 3], u32)>) -> Vec<([u32; 2], u32)> {
     let edge = |a: u32, b: u32| [a.min(b), a.max(b)];
-    let mut edges: Vec<_> = faces.flat_map(|(f, label)| TRIANGLE_EDGES.map(|[i, j]| (edge(f[i], f[j]), label))).collect();
+    let mut edges: Vec<_> = faces
+        .flat_map(|(f, label)| TRIANGLE_EDGES.map(|[i, j]| (edge(f[i], f[j]), label)))
+        .collect();
     edges.par_sort_unstable();
     edges
 }
@@ -98,7 +100,11 @@ impl Complex {
                     continue;
                 }
                 let after = &same[k + 1..];
-                let near = if same.len() > 200 { &after[..after.len().min(1)] } else { after };
+                let near = if same.len() > 200 {
+                    &after[..after.len().min(1)]
+                } else {
+                    after
+                };
                 if let Some(b) = near.iter().find(|b| b.0 == a.0) {
                     adjacent[a.1 as usize / 4][a.1 as usize % 4] = b.1 / 4;
                     adjacent[b.1 as usize / 4][b.1 as usize % 4] = a.1 / 4;
@@ -112,26 +118,43 @@ impl Complex {
             }
         }
         let marks = vec![0; tets.len()];
-        Self { points, tets, adjacent, tet_of, marks, ..Self::default() }
+        Self {
+            points,
+            tets,
+            adjacent,
+            tet_of,
+            marks,
+            ..Self::default()
+        }
     }
 
     /// Gives every further fan of tetrahedra at a vertex of the boundary (they share the vertex, and no chain of faces joins them) a vertex
     /// of its own, except where faces are open: there the rest of the lattice joins them. Returns the vertices that were copied, in the order
     /// of the copies.
     pub(crate) fn separate(&mut self) -> Vec<u32> {
-        let (mut on_boundary, mut on_open) = (vec![false; self.points.len()], vec![false; self.points.len()]);
+        let (mut on_boundary, mut on_open) = (
+            vec![false; self.points.len()],
+            vec![false; self.points.len()],
+        );
         for t in self.live() {
             for i in 0..4 {
                 let n = self.adjacent[t as usize][i];
                 if n >= BOUNDARY {
-                    self.face(t, i).into_iter().for_each(|v| on_boundary[v as usize] = true);
+                    self.face(t, i)
+                        .into_iter()
+                        .for_each(|v| on_boundary[v as usize] = true);
                 }
                 if n == OPEN {
-                    self.face(t, i).into_iter().for_each(|v| on_open[v as usize] = true);
+                    self.face(t, i)
+                        .into_iter()
+                        .for_each(|v| on_open[v as usize] = true);
                 }
             }
         }
-        on_boundary.iter_mut().zip(on_open).for_each(|(b, open)| *b &= !open);
+        on_boundary
+            .iter_mut()
+            .zip(on_open)
+            .for_each(|(b, open)| *b &= !open);
         let mut seen = vec![[false; 4]; self.tets.len()];
         let mut has_fan = vec![false; self.points.len()];
         let (mut copied, mut fan) = (Vec::new(), Vec::new());
@@ -163,7 +186,8 @@ impl Complex {
                     on_boundary.push(true);
                     has_fan.push(true);
                     copied.push(v);
-                    fan.iter().for_each(|&(t, i)| self.tets[t as usize][i] = copy);
+                    fan.iter()
+                        .for_each(|&(t, i)| self.tets[t as usize][i] = copy);
                     self.tet_of[copy as usize] = fan[0].0;
                 } else {
                     self.tet_of[v as usize] = t;
@@ -191,7 +215,10 @@ impl Complex {
     }
     /// Where the vertex stands in the tetrahedron.
     pub(crate) fn place(&self, t: u32, v: u32) -> usize {
-        self.tets[t as usize].iter().position(|&k| k == v).expect("a vertex of the tetrahedron")
+        self.tets[t as usize]
+            .iter()
+            .position(|&k| k == v)
+            .expect("a vertex of the tetrahedron")
     }
     /// The face opposite to vertex `i` of tetrahedron `t`, outward.
     pub(crate) fn face(&self, t: u32, i: usize) -> [u32; 3] {
@@ -211,7 +238,9 @@ impl Complex {
     pub(crate) fn star(&mut self, v: u32, out: &mut Vec<u32>) {
         let epoch = self.next_epoch();
         let mut marks = std::mem::take(&mut self.marks);
-        self.spread(v, out, |n, _| std::mem::replace(&mut marks[n as usize], epoch) != epoch);
+        self.spread(v, out, |n, _| {
+            std::mem::replace(&mut marks[n as usize], epoch) != epoch
+        });
         self.marks = marks;
     }
 
@@ -258,7 +287,10 @@ impl Complex {
         ring.closed = false;
         let v = self.tets[t as usize];
         let mut others = v.iter().copied().filter(|&k| k != a && k != b);
-        let (c, d) = (others.next().expect("four vertices"), others.next().expect("four vertices"));
+        let (c, d) = (
+            others.next().expect("four vertices"),
+            others.next().expect("four vertices"),
+        );
         // Forward over d: leave each tetrahedron through the face opposite to the vertex that was entered last.
         ring.tets.push(t);
         ring.link.extend([c, d]);
@@ -283,7 +315,9 @@ impl Complex {
     pub(crate) fn ring_of(&self, a: u32, b: u32, ring: &mut Ring) -> bool {
         let mut star = Vec::with_capacity(64);
         self.star_shared(a, &mut star);
-        let found = star.into_iter().find(|&t| self.tets[t as usize].contains(&b));
+        let found = star
+            .into_iter()
+            .find(|&t| self.tets[t as usize].contains(&b));
         if let Some(t) = found {
             self.ring(t, a, b, ring);
         }
@@ -301,7 +335,11 @@ impl Complex {
             if next == t {
                 return true;
             }
-            let fresh = self.tets[next as usize].iter().copied().find(|&k| k != a && k != b && k != over).expect("four vertices");
+            let fresh = self.tets[next as usize]
+                .iter()
+                .copied()
+                .find(|&k| k != a && k != b && k != over)
+                .expect("four vertices");
             ring.tets.push(next);
             ring.link.push(fresh);
             (at, from, over) = (next, over, fresh);
@@ -310,12 +348,21 @@ impl Complex {
 
     /// Puts the tetrahedra `new` in the place of `old`, which fill the same cavity (or one that differs by boundary faces). The new
     /// boundary faces get the label that `label` gives for their vertices (sorted). Slots of the new ones go to `made`.
-    pub(crate) fn replace(&mut self, old: &[u32], new: &[[u32; 4]], mut label: impl FnMut([u32; 3]) -> u32, made: &mut Vec<u32>) {
+    pub(crate) fn replace(
+        &mut self,
+        old: &[u32],
+        new: &[[u32; 4]],
+        mut label: impl FnMut([u32; 3]) -> u32,
+        made: &mut Vec<u32>,
+    ) {
         let epoch = self.next_epoch();
         for &t in old {
             self.marks[t as usize] = epoch;
         }
-        let (mut outer, mut inner) = (std::mem::take(&mut self.outer), std::mem::take(&mut self.inner));
+        let (mut outer, mut inner) = (
+            std::mem::take(&mut self.outer),
+            std::mem::take(&mut self.inner),
+        );
         outer.clear();
         inner.clear();
         for &t in old {
@@ -351,21 +398,28 @@ impl Complex {
         if many {
             outer_at.extend(outer.iter().enumerate().map(|(k, o)| (o.0, k)));
         }
-        let take = |list: &mut Vec<([u32; 3], u32)>, at: &mut HashMap<[u32; 3], usize>, key: [u32; 3]| {
-            let k = if many { at.remove(&key)? } else { list.iter().position(|o| o.0 == key)? };
-            let (_, n) = list.swap_remove(k);
-            if many && k < list.len() {
-                at.insert(list[k].0, k);
-            }
-            Some(n)
-        };
+        let take =
+            |list: &mut Vec<([u32; 3], u32)>, at: &mut HashMap<[u32; 3], usize>, key: [u32; 3]| {
+                let k = if many {
+                    at.remove(&key)?
+                } else {
+                    list.iter().position(|o| o.0 == key)?
+                };
+                let (_, n) = list.swap_remove(k);
+                if many && k < list.len() {
+                    at.insert(list[k].0, k);
+                }
+                Some(n)
+            };
         for &t in made.iter() {
             for i in 0..4 {
                 let key = sorted(self.face(t, i));
                 if let Some(n) = take(&mut outer, &mut outer_at, key) {
                     self.adjacent[t as usize][i] = n;
                     if n < BOUNDARY {
-                        let back = (0..4).find(|&j| !key.contains(&self.tets[n as usize][j])).expect("one vertex is not on the face");
+                        let back = (0..4)
+                            .find(|&j| !key.contains(&self.tets[n as usize][j]))
+                            .expect("one vertex is not on the face");
                         self.adjacent[n as usize][back] = t;
                     }
                 } else if let Some(other) = take(&mut inner, &mut inner_at, key) {
@@ -382,14 +436,18 @@ impl Complex {
                 self.tet_of[k as usize] = t;
             }
         }
-        self.log.iter_mut().for_each(|log| log.extend_from_slice(made));
+        self.log
+            .iter_mut()
+            .for_each(|log| log.extend_from_slice(made));
         for &(key, place) in &inner {
             self.adjacent[place as usize / 4][place as usize % 4] = label(key) | BOUNDARY;
         }
         // Boundary faces that vanish leave nothing behind; a neighbour left behind is an opened boundary.
         for &(key, n) in &outer {
             if n < BOUNDARY {
-                let back = (0..4).find(|&j| !key.contains(&self.tets[n as usize][j])).expect("one vertex is not on the face");
+                let back = (0..4)
+                    .find(|&j| !key.contains(&self.tets[n as usize][j]))
+                    .expect("one vertex is not on the face");
                 self.adjacent[n as usize][back] = label(key) | BOUNDARY;
                 self.log.iter_mut().for_each(|log| log.push(n));
                 for k in self.tets[n as usize] {
@@ -428,7 +486,12 @@ impl Complex {
                 }
             }
         }
-        self.replace(&ring.tets, &new, |key| labels.iter().find(|l| l.0 == key).map_or(OPEN, |l| l.1), made);
+        self.replace(
+            &ring.tets,
+            &new,
+            |key| labels.iter().find(|l| l.0 == key).map_or(OPEN, |l| l.1),
+            made,
+        );
     }
 
     /// The tetrahedra that are there.
@@ -444,7 +507,9 @@ impl Complex {
                 let n = self.adjacent[t as usize][i];
                 if n < BOUNDARY {
                     let f = sorted(self.face(t, i));
-                    let back = (0..4).find(|&j| self.adjacent[n as usize][j] == t && sorted(self.face(n, j)) == f);
+                    let back = (0..4).find(|&j| {
+                        self.adjacent[n as usize][j] == t && sorted(self.face(n, j)) == f
+                    });
                     if !self.is_there(n) || back.is_none() {
                         return Some(format!("tet {t} face {i}: neighbour {n} does not agree"));
                     }
@@ -472,14 +537,20 @@ mod tests {
             let a = std::f64::consts::TAU * k as f64 / n as f64;
             points.push([a.cos(), a.sin(), 0.0]);
         }
-        let tets = (0..n).map(|k| [0, 1, 2 + k as u32, 2 + ((k + 1) % n) as u32]).collect();
+        let tets = (0..n)
+            .map(|k| [0, 1, 2 + k as u32, 2 + ((k + 1) % n) as u32])
+            .collect();
         Complex::new(points, tets)
     }
 
     #[test]
     fn rings_and_splits_keep_neighbours() {
         let mut c = ring_of(5);
-        assert!(c.tets.iter().all(|t| crate::quality::six_volume(t.map(|v| c.points[v as usize])) > 0.0));
+        assert!(
+            c.tets
+                .iter()
+                .all(|t| crate::quality::six_volume(t.map(|v| c.points[v as usize])) > 0.0)
+        );
         let mut ring = Ring::default();
         c.ring(2, 0, 1, &mut ring);
         assert!(ring.closed);
@@ -495,7 +566,11 @@ mod tests {
         assert!(ring.closed);
         let (mut star, mut open) = (Vec::new(), Ring::default());
         c.star(2, &mut star);
-        let t = star.iter().copied().find(|&t| c.tets[t as usize].contains(&3)).expect("2 and 3 are neighbours");
+        let t = star
+            .iter()
+            .copied()
+            .find(|&t| c.tets[t as usize].contains(&3))
+            .expect("2 and 3 are neighbours");
         c.ring(t, 2, 3, &mut open);
         assert!(!open.closed);
         assert_eq!(open.link.len(), open.tets.len() + 1);

@@ -74,14 +74,25 @@ impl Crowd {
                     continue;
                 }
                 // Curves part at the corner that they share; there they are close without crowding.
-                let shared = mine.corners.iter().flatten().filter(|c| theirs.corners.iter().flatten().any(|o| o == *c));
-                let parting = shared.map(|&c| norm(sub(features.corners[c as usize].point, *p))).fold(f64::INFINITY, f64::min);
+                let shared = mine
+                    .corners
+                    .iter()
+                    .flatten()
+                    .filter(|c| theirs.corners.iter().flatten().any(|o| o == *c));
+                let parting = shared
+                    .map(|&c| norm(sub(features.corners[c as usize].point, *p)))
+                    .fold(f64::INFINITY, f64::min);
                 if d < 0.4 * parting {
                     add(*p, d / CURVES);
                 }
             }
         }
-        Self { tree: KdTree::new(&places), places, sizes, reach: size }
+        Self {
+            tree: KdTree::new(&places),
+            places,
+            sizes,
+            reach: size,
+        }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -106,6 +117,10 @@ impl Crowd {
             }
             within(wanted)
         });
-        if wanted < self.reach { wanted } else { f64::INFINITY }
+        if wanted < self.reach {
+            wanted
+        } else {
+            f64::INFINITY
+        }
     }
 }

@@ -69,8 +69,17 @@ enum Side {
 }
 
 impl<'s> Cutter<'s> {
-    pub(crate) fn new(surface: &'s Surface<'s>, complex: Complex, frozen: Vec<bool>, control: &'s Control<'s>) -> Self {
-        let value: Vec<f64> = complex.points.par_iter().map(|&p| surface.value(p).0).collect();
+    pub(crate) fn new(
+        surface: &'s Surface<'s>,
+        complex: Complex,
+        frozen: Vec<bool>,
+        control: &'s Control<'s>,
+    ) -> Self {
+        let value: Vec<f64> = complex
+            .points
+            .par_iter()
+            .map(|&p| surface.value(p).0)
+            .collect();
         let n = complex.points.len();
         let cell = local_cells(&complex);
         Self {
@@ -91,7 +100,10 @@ impl<'s> Cutter<'s> {
 
     /// A vertex where the function is not a number.
     pub(crate) fn not_a_number(&self) -> Option<Point3> {
-        self.value.iter().position(|v| v.is_nan()).map(|v| self.complex.points[v])
+        self.value
+            .iter()
+            .position(|v| v.is_nan())
+            .map(|v| self.complex.points[v])
     }
 
     /// Snaps and cuts; then every tetrahedron is inside or outside.
@@ -109,13 +121,18 @@ impl<'s> Cutter<'s> {
         if let Some(k) = known.iter().find(|k| k.0 == piece) {
             return k.1;
         }
-        let d = self.surface.distance(piece, self.complex.points[v as usize]);
+        let d = self
+            .surface
+            .distance(piece, self.complex.points[v as usize]);
         self.known[v as usize].push((piece, d));
         d
     }
 
     fn edge_length(&self, a: u32, b: u32) -> f64 {
-        norm(sub(self.complex.points[a as usize], self.complex.points[b as usize]))
+        norm(sub(
+            self.complex.points[a as usize],
+            self.complex.points[b as usize],
+        ))
     }
 
     /// Worst measure of the tetrahedra at `v` if it stood at `p`.
@@ -123,7 +140,10 @@ impl<'s> Cutter<'s> {
         let mut star = std::mem::take(&mut self.star);
         self.complex.star(v, &mut star);
         let before = std::mem::replace(&mut self.complex.points[v as usize], p);
-        let worst = star.iter().map(|&t| biased_sine(self.complex.corners(t))).fold(f64::INFINITY, f64::min);
+        let worst = star
+            .iter()
+            .map(|&t| biased_sine(self.complex.corners(t)))
+            .fold(f64::INFINITY, f64::min);
         self.complex.points[v as usize] = before;
         self.star = star;
         worst
@@ -132,7 +152,11 @@ impl<'s> Cutter<'s> {
     fn neighbours(&mut self, v: u32) -> Vec<u32> {
         let mut star = std::mem::take(&mut self.star);
         self.complex.star(v, &mut star);
-        let mut out: Vec<u32> = star.iter().flat_map(|&t| self.complex.tets[t as usize]).filter(|&w| w != v).collect();
+        let mut out: Vec<u32> = star
+            .iter()
+            .flat_map(|&t| self.complex.tets[t as usize])
+            .filter(|&w| w != v)
+            .collect();
         self.star = star;
         out.sort_unstable();
         out.dedup();
@@ -153,10 +177,21 @@ impl<'s> Cutter<'s> {
     fn snap_features(&mut self) {
         let candidates: Vec<Vec<(f64, u32, On, Point3)>> = (0..self.complex.points.len() as u32)
             .into_par_iter()
-            .map(|v| if self.frozen[v as usize] { Vec::new() } else { self.features_near(v, SNAP_REACH * self.cell[v as usize]) })
+            .map(|v| {
+                if self.frozen[v as usize] {
+                    Vec::new()
+                } else {
+                    self.features_near(v, SNAP_REACH * self.cell[v as usize])
+                }
+            })
             .collect();
         let mut candidates: Vec<_> = candidates.into_iter().flatten().collect();
-        candidates.sort_by(|a, b| b.2.len().cmp(&a.2.len()).then(a.0.total_cmp(&b.0)).then(a.1.cmp(&b.1)));
+        candidates.sort_by(|a, b| {
+            b.2.len()
+                .cmp(&a.2.len())
+                .then(a.0.total_cmp(&b.0))
+                .then(a.1.cmp(&b.1))
+        });
         let mut corners: Vec<Point3> = Vec::new();
         for (_, v, on, p) in candidates {
             if !self.on[v as usize].is_empty() {
@@ -164,7 +199,11 @@ impl<'s> Cutter<'s> {
             }
             let near = |q: &Point3, d: f64| norm(sub(*q, p)) < d;
             if on.len() == 3 {
-                if corners.iter().any(|q| near(q, 1e-6 * self.cell[v as usize])) || self.worst_if(v, p) < SNAP_QUALITY[0] {
+                if corners
+                    .iter()
+                    .any(|q| near(q, 1e-6 * self.cell[v as usize]))
+                    || self.worst_if(v, p) < SNAP_QUALITY[0]
+                {
                     continue;
                 }
                 corners.push(p);
@@ -173,7 +212,8 @@ impl<'s> Cutter<'s> {
                 let close = 0.5 * self.cell[v as usize];
                 let crowded = self.neighbours(v).iter().any(|&w| {
                     let other = self.on[w as usize];
-                    on.slice().iter().all(|&i| other.contains(i)) && near(&self.complex.points[w as usize], close)
+                    on.slice().iter().all(|&i| other.contains(i))
+                        && near(&self.complex.points[w as usize], close)
                 });
                 if crowded || self.worst_if(v, p) < SNAP_QUALITY[1] {
                     continue;
@@ -191,15 +231,25 @@ impl<'s> Cutter<'s> {
         if k < 2 {
             return found;
         }
-        let pieces: Vec<u32> =
-            self.surface.lattice.trees[k as usize - 2].1.iter().copied().filter(|&i| self.surface.distance(i, p).abs() < reach).collect();
+        let pieces: Vec<u32> = self.surface.lattice.trees[k as usize - 2]
+            .1
+            .iter()
+            .copied()
+            .filter(|&i| self.surface.distance(i, p).abs() < reach)
+            .collect();
         let mut consider = |on: &[u32]| {
-            let Some(q) = self.surface.project(on, p) else { return };
+            let Some(q) = self.surface.project(on, p) else {
+                return;
+            };
             let d = norm(sub(p, q));
             if d > reach || self.surface.value(q).0.abs() > self.surface.zero {
                 return;
             }
-            let holds = if on.len() == 2 { self.surface.is_edge([on[0], on[1]], q) } else { self.surface.is_corner(on, q) };
+            let holds = if on.len() == 2 {
+                self.surface.is_edge([on[0], on[1]], q)
+            } else {
+                self.surface.is_corner(on, q)
+            };
             if holds {
                 found.push((d, v, On::of(on), q));
             }
@@ -222,10 +272,18 @@ impl<'s> Cutter<'s> {
         let mut near: Vec<u32> = (0..self.complex.points.len() as u32)
             .filter(|&v| {
                 let f = self.value[v as usize];
-                f != 0.0 && f.abs() < 0.5 * self.cell[v as usize] && !self.frozen[v as usize] && self.on[v as usize].is_empty()
+                f != 0.0
+                    && f.abs() < 0.5 * self.cell[v as usize]
+                    && !self.frozen[v as usize]
+                    && self.on[v as usize].is_empty()
             })
             .collect();
-        near.sort_by(|&u, &v| self.value[u as usize].abs().total_cmp(&self.value[v as usize].abs()).then(u.cmp(&v)));
+        near.sort_by(|&u, &v| {
+            self.value[u as usize]
+                .abs()
+                .total_cmp(&self.value[v as usize].abs())
+                .then(u.cmp(&v))
+        });
         for v in near {
             let (f, a) = (self.value[v as usize], self.cell[v as usize]);
             let mut least: Option<(f64, u32)> = None;
@@ -297,10 +355,17 @@ impl<'s> Cutter<'s> {
             }
             if budget == 0 || (budget.is_multiple_of(1024) && self.control.is_stopped()) {
                 queue.push_front(t);
-                self.undecided.extend(queue.into_iter().filter(|&t| self.complex.is_there(t)).map(|t| self.complex.middle(t)));
+                self.undecided.extend(
+                    queue
+                        .into_iter()
+                        .filter(|&t| self.complex.is_there(t))
+                        .map(|t| self.complex.middle(t)),
+                );
                 return;
             }
-            let Some((u, w, piece)) = self.crossing(t) else { continue };
+            let Some((u, w, piece)) = self.crossing(t) else {
+                continue;
+            };
             if self.cuts[u as usize].max(self.cuts[w as usize]) > TIRED {
                 self.undecided.push(self.complex.middle(t));
                 continue;
@@ -357,12 +422,27 @@ impl<'s> Cutter<'s> {
     }
 
     /// Cuts the edge where the surface (or one piece) crosses it, or moves an end there. Returns the tetrahedra that changed.
-    fn cut_edge(&mut self, t: u32, u: u32, w: u32, piece: Option<u32>, ring: &mut Ring) -> Vec<u32> {
-        let (a, b) = (self.complex.points[u as usize], self.complex.points[w as usize]);
+    fn cut_edge(
+        &mut self,
+        t: u32,
+        u: u32,
+        w: u32,
+        piece: Option<u32>,
+        ring: &mut Ring,
+    ) -> Vec<u32> {
+        let (a, b) = (
+            self.complex.points[u as usize],
+            self.complex.points[w as usize],
+        );
         let found = match piece {
             None => {
                 let clamp = |v: f64| v.clamp(-f64::MAX, f64::MAX);
-                self.surface.root(a, clamp(self.value[u as usize]), b, clamp(self.value[w as usize]))
+                self.surface.root(
+                    a,
+                    clamp(self.value[u as usize]),
+                    b,
+                    clamp(self.value[w as usize]),
+                )
             }
             Some(i) => {
                 let (da, db) = (self.distance(u, i), self.distance(w, i));
@@ -372,7 +452,11 @@ impl<'s> Cutter<'s> {
         let asked = piece;
         let (share, piece) = found.unwrap_or((0.5, piece.unwrap_or(u32::MAX)));
         // The nearer end is moved if it can be.
-        let (end, near) = if share < 0.5 { (u, share) } else { (w, 1.0 - share) };
+        let (end, near) = if share < 0.5 {
+            (u, share)
+        } else {
+            (w, 1.0 - share)
+        };
         if near < 0.3
             && piece != u32::MAX
             && let Some(changed) = self.slide(end, piece)
@@ -393,17 +477,25 @@ impl<'s> Cutter<'s> {
         self.value.push(0.0);
         self.known.push(Vec::new());
         self.cuts.push(0);
-        self.cell.push(self.cell[u as usize].min(self.cell[w as usize]));
+        self.cell
+            .push(self.cell[u as usize].min(self.cell[w as usize]));
         self.complex.ring(t, u, w, ring);
         let mut made = std::mem::take(&mut self.made);
         self.complex.split(ring, u, w, m, &mut made);
-        let target = self.surface.project(on.slice(), at).filter(|q| norm(sub(*q, at)) < 0.5 * norm(sub(a, b)));
+        let target = self
+            .surface
+            .project(on.slice(), at)
+            .filter(|q| norm(sub(*q, at)) < 0.5 * norm(sub(a, b)));
         match target {
             Some(q) if on.len() < 2 || self.worst_if(m, q) > 1e-3 => self.place(m, q, on),
             _ => {
                 // Left on the chord, a little off the pieces: the optimiser brings it there when there is room.
                 self.place(m, at, on);
-                self.value[m as usize] = if on.is_empty() { self.value[m as usize] } else { 0.0 };
+                self.value[m as usize] = if on.is_empty() {
+                    self.value[m as usize]
+                } else {
+                    0.0
+                };
             }
         }
         let changed = made.clone();
@@ -427,8 +519,15 @@ impl<'s> Cutter<'s> {
             Some(i) => i,
             None => self.surface.value(self.complex.points[end as usize]).1,
         };
-        let k = self.surface.lattice.state_at(self.complex.points[end as usize]);
-        let mut near = if k >= 2 { self.surface.lattice.trees[k as usize - 2].1.to_vec() } else { Vec::new() };
+        let k = self
+            .surface
+            .lattice
+            .state_at(self.complex.points[end as usize]);
+        let mut near = if k >= 2 {
+            self.surface.lattice.trees[k as usize - 2].1.to_vec()
+        } else {
+            Vec::new()
+        };
         near.retain(|&i| self.distance(end, i).abs() < SHALLOW * self.edge_length(u, w));
         near.extend([deciding, found]);
         for i in near {
@@ -454,7 +553,9 @@ impl<'s> Cutter<'s> {
         let q = self.surface.project(on.slice(), p)?;
         let far = norm(sub(p, q));
         let zero = self.surface.zero;
-        if far > 0.5 * self.cell[v as usize] || (!self.on[v as usize].is_empty() && self.surface.value(q).0.abs() > zero) {
+        if far > 0.5 * self.cell[v as usize]
+            || (!self.on[v as usize].is_empty() && self.surface.value(q).0.abs() > zero)
+        {
             return None;
         }
         if self.worst_if(v, q) < 0.08 {
@@ -497,7 +598,11 @@ impl<'s> Cutter<'s> {
         pieces.retain(|&i| f.iter().all(|&v| self.distance(v, i) == 0.0));
         if pieces.len() > 1 {
             // Several pieces hold all three vertices: those that are the surface at one of them.
-            let faces: Vec<u32> = pieces.iter().copied().filter(|&i| p.iter().any(|&q| self.surface.is_face(i, q))).collect();
+            let faces: Vec<u32> = pieces
+                .iter()
+                .copied()
+                .filter(|&i| p.iter().any(|&q| self.surface.is_face(i, q)))
+                .collect();
             if !faces.is_empty() {
                 pieces = faces;
             }
@@ -506,8 +611,11 @@ impl<'s> Cutter<'s> {
         for i in pieces {
             let g = self.surface.solid.gradient(i, middle).1;
             // Vertices that only count as lying on a piece stand behind those that do.
-            let exact = f.iter().all(|&v| self.surface.distance(i, self.complex.points[v as usize]) == 0.0);
-            let c = -dot(g, normal) / (norm(g) * norm(normal)).max(1e-300) + if exact { 2.0 } else { 0.0 };
+            let exact = f
+                .iter()
+                .all(|&v| self.surface.distance(i, self.complex.points[v as usize]) == 0.0);
+            let c = -dot(g, normal) / (norm(g) * norm(normal)).max(1e-300)
+                + if exact { 2.0 } else { 0.0 };
             if best.is_none_or(|b| c > b.0 + 1e-9) {
                 best = Some((c, i));
             }
@@ -522,7 +630,10 @@ fn local_cells(complex: &Complex) -> Vec<f64> {
     for t in complex.live() {
         let v = complex.tets[t as usize];
         for (i, j) in EDGES {
-            let l = norm(sub(complex.points[v[i] as usize], complex.points[v[j] as usize]));
+            let l = norm(sub(
+                complex.points[v[i] as usize],
+                complex.points[v[j] as usize],
+            ));
             for k in [v[i], v[j]] {
                 let s: &mut (f64, f64) = &mut sum[k as usize];
                 *s = (s.0 + l, s.1 + 1.0);
@@ -532,7 +643,9 @@ fn local_cells(complex: &Complex) -> Vec<f64> {
     // Counted by tetrahedra: four of six edges are short ones (√3/2), two long ones. In the lattice each vertex sees its short edges
     // six times and its long ones four times.
     let mean = (8.0 * 6.0 * 0.75f64.sqrt() + 6.0 * 4.0) / (8.0 * 6.0 + 6.0 * 4.0);
-    sum.into_iter().map(|(s, n)| if n > 0.0 { s / n / mean } else { 0.0 }).collect()
+    sum.into_iter()
+        .map(|(s, n)| if n > 0.0 { s / n / mean } else { 0.0 })
+        .collect()
 }
 
 /// The sign of a tree from the ranges of its pieces over the vertices, where 0 is on either side.
@@ -562,7 +675,11 @@ fn side(tree: &Csg, ranges: &[(u32, f64, f64)]) -> Side {
     };
     match tree {
         Csg::Piece(i) => {
-            let (_, lo, hi) = ranges.iter().find(|r| r.0 == *i).copied().unwrap_or((0, -1.0, 1.0));
+            let (_, lo, hi) = ranges
+                .iter()
+                .find(|r| r.0 == *i)
+                .copied()
+                .unwrap_or((0, -1.0, 1.0));
             match (lo < 0.0, hi > 0.0) {
                 (true, true) => Side::Cut(vec![*i]),
                 (true, false) => Side::Out,
@@ -592,15 +709,26 @@ impl Band {
     /// With `all` there is no core: everything may change.
     pub(crate) fn new(lattice: &Lattice, with_core: bool, all: bool) -> Self {
         let n = lattice.n;
-        let deep = if all { vec![false; lattice.state.len()] } else { deep_cells(lattice) };
+        let deep = if all {
+            vec![false; lattice.state.len()]
+        } else {
+            deep_cells(lattice)
+        };
         let corners = (n[0] + 1) * (n[1] + 1) * (n[2] + 1);
         let mut number = vec![NONE; corners + n[0] * n[1] * n[2]];
         let slot = |h: [usize; 3]| {
             let [i, j, k] = h.map(|h| h / 2);
-            if h[0].is_multiple_of(2) { (k * (n[1] + 1) + j) * (n[0] + 1) + i } else { corners + (k * n[1] + j) * n[0] + i }
+            if h[0].is_multiple_of(2) {
+                (k * (n[1] + 1) + j) * (n[0] + 1) + i
+            } else {
+                corners + (k * n[1] + j) * n[0] + i
+            }
         };
         let mut points: Vec<Point3> = Vec::new();
-        let take = |number: &mut Vec<u32>, tets: [[[usize; 3]; 4]; 4], into: &mut Vec<[u32; 4]>, points: &mut Vec<Point3>| {
+        let take = |number: &mut Vec<u32>,
+                    tets: [[[usize; 3]; 4]; 4],
+                    into: &mut Vec<[u32; 4]>,
+                    points: &mut Vec<Point3>| {
             for t in tets {
                 into.push(t.map(|h| {
                     let s = &mut number[slot(h)];
@@ -644,7 +772,13 @@ impl Band {
         let mut frozen = vec![false; band];
         // Without the core only what it shares with the band is of interest.
         faces(&mut |c, axis, deep| {
-            if deep && (with_core || Lattice::tets(c, axis).iter().flatten().any(|&h| number[slot(h)] < band as u32)) {
+            if deep
+                && (with_core
+                    || Lattice::tets(c, axis)
+                        .iter()
+                        .flatten()
+                        .any(|&h| number[slot(h)] < band as u32))
+            {
                 take(&mut number, Lattice::tets(c, axis), &mut core, &mut points);
             }
         });
@@ -659,7 +793,12 @@ impl Band {
             core.clear();
         }
         let core_points = points.split_off(band);
-        Self { complex: Complex::new(points, tets), frozen, core, core_points: if with_core { core_points } else { Vec::new() } }
+        Self {
+            complex: Complex::new(points, tets),
+            frozen,
+            core,
+            core_points: if with_core { core_points } else { Vec::new() },
+        }
     }
 }
 
@@ -673,7 +812,11 @@ fn deep_cells(lattice: &Lattice) -> Vec<bool> {
             let before = deep.clone();
             deep.par_iter_mut().enumerate().for_each(|(c, d)| {
                 let i = c / step[axis] % n[axis];
-                *d = *d && i > 0 && i + 1 < n[axis] && before[c - step[axis]] && before[c + step[axis]];
+                *d = *d
+                    && i > 0
+                    && i + 1 < n[axis]
+                    && before[c - step[axis]]
+                    && before[c + step[axis]];
             });
         }
     }
@@ -696,7 +839,11 @@ impl Cutter<'_> {
         let mut number = vec![NONE; self.complex.points.len()];
         let mut tets = Vec::new();
         let (mut points, mut frozen) = (Vec::new(), Vec::new());
-        let live: Vec<u32> = self.complex.live().filter(|&t| inside[t as usize]).collect();
+        let live: Vec<u32> = self
+            .complex
+            .live()
+            .filter(|&t| inside[t as usize])
+            .collect();
         // Vertices keep their order: those shared with the core keep their places in the list of the frozen.
         let mut used = vec![false; self.complex.points.len()];
         for &t in &live {
@@ -725,7 +872,10 @@ impl Cutter<'_> {
                     let label = match self.piece_of(self.complex.face(t, i)) {
                         Some(piece) => piece,
                         None => {
-                            stray.push(complex.points[number[self.complex.face(t, i)[0] as usize] as usize]);
+                            stray.push(
+                                complex.points
+                                    [number[self.complex.face(t, i)[0] as usize] as usize],
+                            );
                             STRAY
                         }
                     };
@@ -734,7 +884,17 @@ impl Cutter<'_> {
             }
         }
         let copied = complex.separate();
-        frozen.extend(copied.iter().map(|&v| frozen[v as usize]).collect::<Vec<_>>());
-        Inside { complex, frozen, number, stray }
+        frozen.extend(
+            copied
+                .iter()
+                .map(|&v| frozen[v as usize])
+                .collect::<Vec<_>>(),
+        );
+        Inside {
+            complex,
+            frozen,
+            number,
+            stray,
+        }
     }
 }

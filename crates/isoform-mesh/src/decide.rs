@@ -19,7 +19,12 @@ pub fn decisive(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32
 }
 
 /// As [`decisive`]; entries of `out` before `first` are not this tree's.
-fn collect(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32>, first: usize) -> (f64, f64) {
+fn collect(
+    tree: &Csg,
+    ranges: &impl Fn(u32) -> Interval,
+    out: &mut Vec<u32>,
+    first: usize,
+) -> (f64, f64) {
     let start = out.len();
     let (lo, hi) = match tree {
         Csg::Piece(i) => {
@@ -29,14 +34,22 @@ fn collect(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32>, fi
             }
             return (r.lo(), r.hi());
         }
-        Csg::Min(children) => children.iter().fold((f64::INFINITY, f64::INFINITY), |(lo, hi), child| {
-            let r = collect(child, ranges, out, first);
-            (lo.min(r.0), hi.min(r.1))
-        }),
-        Csg::Max(children) => children.iter().fold((f64::NEG_INFINITY, f64::NEG_INFINITY), |(lo, hi), child| {
-            let r = collect(child, ranges, out, first);
-            (lo.max(r.0), hi.max(r.1))
-        }),
+        Csg::Min(children) => {
+            children
+                .iter()
+                .fold((f64::INFINITY, f64::INFINITY), |(lo, hi), child| {
+                    let r = collect(child, ranges, out, first);
+                    (lo.min(r.0), hi.min(r.1))
+                })
+        }
+        Csg::Max(children) => {
+            children
+                .iter()
+                .fold((f64::NEG_INFINITY, f64::NEG_INFINITY), |(lo, hi), child| {
+                    let r = collect(child, ranges, out, first);
+                    (lo.max(r.0), hi.max(r.1))
+                })
+        }
     };
     if lo >= 0.0 || hi < 0.0 {
         out.truncate(start);
@@ -64,7 +77,8 @@ pub fn reduced(tree: &Csg, ranges: &impl Fn(u32) -> Interval) -> Sign {
                 (Sign::Inside, true) | (Sign::Outside, false) => {}
                 (Sign::Outside, true) => return Sign::Outside,
                 (Sign::Inside, false) => return Sign::Inside,
-                (Sign::Mixed(Csg::Min(mut inner)), true) | (Sign::Mixed(Csg::Max(mut inner)), false) => rest.append(&mut inner),
+                (Sign::Mixed(Csg::Min(mut inner)), true)
+                | (Sign::Mixed(Csg::Max(mut inner)), false) => rest.append(&mut inner),
                 (Sign::Mixed(tree), _) => rest.push(tree),
             }
         }
@@ -122,7 +136,14 @@ pub(crate) struct Scratch {
 impl Scratch {
     pub(crate) fn new(solid: &dyn Solid) -> Self {
         // Pieces of the tree beyond the list of names would be a broken solid; the arrays hold them all the same.
-        let n = solid.tree().pieces().iter().map(|i| *i as usize + 1).max().unwrap_or(0).max(solid.names().len());
+        let n = solid
+            .tree()
+            .pieces()
+            .iter()
+            .map(|i| *i as usize + 1)
+            .max()
+            .unwrap_or(0)
+            .max(solid.names().len());
         Self {
             ranges: vec![Interval::ALL; n],
             by_piece: vec![Interval::ALL; n],
@@ -146,11 +167,19 @@ impl Local {
         let mut pieces = solid.tree().pieces();
         let mut seen = std::collections::BTreeSet::new();
         pieces.retain(|i| seen.insert(*i));
-        Self { tree: Arc::new(solid.tree().clone()), pieces: pieces.into() }
+        Self {
+            tree: Arc::new(solid.tree().clone()),
+            pieces: pieces.into(),
+        }
     }
 
     /// What matters in a part of the region.
-    pub(crate) fn narrow(&self, solid: &dyn Solid, region: Aabb, scratch: &mut Scratch) -> Narrowed {
+    pub(crate) fn narrow(
+        &self,
+        solid: &dyn Solid,
+        region: Aabb,
+        scratch: &mut Scratch,
+    ) -> Narrowed {
         let n = self.pieces.len();
         solid.bounds(&self.pieces, region, &mut scratch.ranges[..n]);
         for (i, r) in self.pieces.iter().zip(&scratch.ranges) {
@@ -170,7 +199,10 @@ impl Local {
             match reduced(&self.tree, &ranges) {
                 Sign::Inside => Narrowed::Inside,
                 Sign::Outside => Narrowed::Outside,
-                Sign::Mixed(tree) => Narrowed::Mixed(Self { tree: Arc::new(tree), pieces: scratch.out.as_slice().into() }),
+                Sign::Mixed(tree) => Narrowed::Mixed(Self {
+                    tree: Arc::new(tree),
+                    pieces: scratch.out.as_slice().into(),
+                }),
             }
         }
     }
@@ -193,10 +225,13 @@ mod tests {
     use proptest::prelude::*;
 
     fn tree() -> impl Strategy<Value = Csg> {
-        (0u32..6).prop_map(Csg::Piece).prop_recursive(4, 16, 3, |inner| {
-            let many = prop::collection::vec(inner, 1..4);
-            (many, any::<bool>()).prop_map(|(c, min)| if min { Csg::Min(c) } else { Csg::Max(c) })
-        })
+        (0u32..6)
+            .prop_map(Csg::Piece)
+            .prop_recursive(4, 16, 3, |inner| {
+                let many = prop::collection::vec(inner, 1..4);
+                (many, any::<bool>())
+                    .prop_map(|(c, min)| if min { Csg::Min(c) } else { Csg::Max(c) })
+            })
     }
 
     proptest! {

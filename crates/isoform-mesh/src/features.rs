@@ -38,7 +38,12 @@ pub struct FeatureOptions {
 
 impl Default for FeatureOptions {
     fn default() -> Self {
-        Self { size: 0.1, chord: 4e-4, smallest_angle: 2.0_f64.to_radians(), cells: 20_000_000 }
+        Self {
+            size: 0.1,
+            chord: 4e-4,
+            smallest_angle: 2.0_f64.to_radians(),
+            cells: 20_000_000,
+        }
     }
 }
 
@@ -131,23 +136,57 @@ impl Search<'_> {
 /// All feature curves and corners of a solid in a region.
 ///
 /// Features much smaller than size/32 can be missed within a cell that intervals do not decide; see [`Features::certified`].
-pub fn find(solid: &dyn Solid, region: Aabb, options: &FeatureOptions, control: &Control<'_>) -> Features {
+pub fn find(
+    solid: &dyn Solid,
+    region: Aabb,
+    options: &FeatureOptions,
+    control: &Control<'_>,
+) -> Features {
     let size = options.size;
-    if region.is_empty() || !(size > 0.0 && size.is_finite()) || !region.lo.iter().chain(&region.hi).all(|v| v.is_finite()) {
+    if region.is_empty()
+        || !(size > 0.0 && size.is_finite())
+        || !region.lo.iter().chain(&region.hi).all(|v| v.is_finite())
+    {
         return Features::default();
     }
     // Off the round numbers that solids like: a face of the solid is not to lie on the cells' faces.
-    let region = Aabb { lo: region.lo.map(|v| v - 0.0137 * size), hi: region.hi.map(|v| v + 0.0211 * size) };
-    let far = region.lo.iter().chain(&region.hi).fold(0.0, |m: f64, v| m.max(v.abs()));
+    let region = Aabb {
+        lo: region.lo.map(|v| v - 0.0137 * size),
+        hi: region.hi.map(|v| v + 0.0211 * size),
+    };
+    let far = region
+        .lo
+        .iter()
+        .chain(&region.hi)
+        .fold(0.0, |m: f64, v| m.max(v.abs()));
     let octree = Octree::new(solid, region, size, options.cells, control);
     let tolerance = 1e-9 * size + 64.0 * f64::EPSILON * far;
-    let search = Search { solid, octree, options: options.clone(), region, control, tolerance, sine: options.smallest_angle.sin() };
+    let search = Search {
+        solid,
+        octree,
+        options: options.clone(),
+        region,
+        control,
+        tolerance,
+        sine: options.smallest_angle.sin(),
+    };
     let mut tracer = Tracer::new(&search);
-    let candidates: Vec<Vec<(Point3, CornerKind)>> = search.octree.leaves.par_iter().map(|leaf| search.corners_in(leaf)).collect();
+    let candidates: Vec<Vec<(Point3, CornerKind)>> = search
+        .octree
+        .leaves
+        .par_iter()
+        .map(|leaf| search.corners_in(leaf))
+        .collect();
     for (p, kind) in candidates.into_iter().flatten() {
         tracer.add_corner(p, kind);
     }
-    for (p, piece) in search.octree.coarse.par_iter().flat_map_iter(|(cell, local)| search.apexes_in(*cell, local)).collect::<Vec<_>>() {
+    for (p, piece) in search
+        .octree
+        .coarse
+        .par_iter()
+        .flat_map_iter(|(cell, local)| search.apexes_in(*cell, local))
+        .collect::<Vec<_>>()
+    {
         tracer.add_apex(p, piece);
     }
     tracer.trace_corners();
@@ -162,14 +201,32 @@ pub fn find(solid: &dyn Solid, region: Aabb, options: &FeatureOptions, control: 
     let mut uncertified = search.octree.skipped.clone();
     let mut tangential = Vec::new();
     for (cell, is_tangential) in near {
-        if is_tangential { tangential.push(cell) } else { uncertified.push(cell) }
+        if is_tangential {
+            tangential.push(cell)
+        } else {
+            uncertified.push(cell)
+        }
     }
-    let corners = tracer.corners.iter().map(|c| Corner { point: c.point, pieces: c.pieces.clone(), kind: c.kind }).collect();
+    let corners = tracer
+        .corners
+        .iter()
+        .map(|c| Corner {
+            point: c.point,
+            pieces: c.pieces.clone(),
+            kind: c.kind,
+        })
+        .collect();
     let curves = tracer.curves.into_iter().map(|c| {
         let first = |s: &[u32]| s.iter().copied().min().unwrap_or(0);
         let mut pieces = [first(&c.a), first(&c.b)];
         pieces.sort_unstable();
-        FeatureCurve { pieces, points: c.points, closed: c.closed, corners: c.corners, angles: c.angles }
+        FeatureCurve {
+            pieces,
+            points: c.points,
+            closed: c.closed,
+            corners: c.corners,
+            angles: c.angles,
+        }
     });
     let curves = curves.collect();
     Features {
@@ -192,7 +249,10 @@ impl Search<'_> {
         for x in 0..s.len() {
             for y in x + 1..s.len() {
                 for z in y + 1..s.len() {
-                    let Some((p, det)) = onto_three(self.solid, [s[x], s[y], s[z]], center, reach) else { continue };
+                    let Some((p, det)) = onto_three(self.solid, [s[x], s[y], s[z]], center, reach)
+                    else {
+                        continue;
+                    };
                     if det.abs() > 1e-3 {
                         found.push((p, CornerKind::Meeting));
                         continue;
@@ -209,7 +269,12 @@ impl Search<'_> {
                         }
                     }
                 }
-                let (Some(a), Some(b)) = (normalised(self.solid, s[x], center), normalised(self.solid, s[y], center)) else { continue };
+                let (Some(a), Some(b)) = (
+                    normalised(self.solid, s[x], center),
+                    normalised(self.solid, s[y], center),
+                ) else {
+                    continue;
+                };
                 if norm(cross(a.n, b.n)) < 0.6
                     && let Some((p, _)) = branch(self.solid, [s[x], s[y]], center, reach)
                 {
@@ -231,9 +296,15 @@ impl Search<'_> {
                 if leaf.simple && tracer.passes(center, 0.5 * side, Some(pair)) {
                     continue;
                 }
-                let Some((p, _)) = onto_two(self.solid, pair, center, 0.75 * leaf.cell.diagonal()) else { continue };
+                let Some((p, _)) = onto_two(self.solid, pair, center, 0.75 * leaf.cell.diagonal())
+                else {
+                    continue;
+                };
                 let covered = 2.5 * self.options.chord * self.size();
-                if !tracer.passes(p, covered, None) && tracer.corner_at(p, covered).is_none() && self.holds(p) {
+                if !tracer.passes(p, covered, None)
+                    && tracer.corner_at(p, covered).is_none()
+                    && self.holds(p)
+                {
                     tracer.trace_seed(p, pair);
                     tracer.trace_corners();
                 }
@@ -244,7 +315,9 @@ impl Search<'_> {
     /// The tips of the pieces that matter in a cell.
     fn apexes_in(&self, cell: Aabb, local: &Local) -> Vec<(Point3, u32)> {
         let one = octree::surfaces(self.solid, &local.pieces, cell);
-        one.into_iter().filter_map(|k| self.apex(cell, k).map(|p| (p, k))).collect()
+        one.into_iter()
+            .filter_map(|k| self.apex(cell, k).map(|p| (p, k)))
+            .collect()
     }
 
     /// Whether two of the surfaces are near each other and nearly parallel at one of the probes.
@@ -255,10 +328,17 @@ impl Search<'_> {
         probes.iter().any(|at| {
             let p = octree::inside(&cell, *at);
             surfaces.iter().enumerate().any(|(x, i)| {
-                let Some(q) = onto_one(self.solid, *i, p, 2.0 * side) else { return false };
-                let Some(a) = normalised(self.solid, *i, q) else { return false };
-                let along =
-                    |k: &u32| normalised(self.solid, *k, q).is_some_and(|b| b.d.abs() < near * side && norm(cross(a.n, b.n)) < 0.5 * near);
+                let Some(q) = onto_one(self.solid, *i, p, 2.0 * side) else {
+                    return false;
+                };
+                let Some(a) = normalised(self.solid, *i, q) else {
+                    return false;
+                };
+                let along = |k: &u32| {
+                    normalised(self.solid, *k, q).is_some_and(|b| {
+                        b.d.abs() < near * side && norm(cross(a.n, b.n)) < 0.5 * near
+                    })
+                };
                 surfaces[x + 1..].iter().any(along)
             })
         })
@@ -281,13 +361,30 @@ impl Search<'_> {
             let mut open = vec![(leaf.cell, leaf.local.clone(), 0)];
             while let Some((cell, local, depth)) = open.pop() {
                 for part in octree::split(cell) {
-                    let Narrowed::Mixed(local) = local.narrow(self.solid, octree::slack(part), scratch) else { continue };
-                    if local.pieces.len() < 2 || is_known(&part) || octree::is_one_function(self.solid, &local.pieces, part, scratch) {
+                    let Narrowed::Mixed(local) =
+                        local.narrow(self.solid, octree::slack(part), scratch)
+                    else {
+                        continue;
+                    };
+                    if local.pieces.len() < 2
+                        || is_known(&part)
+                        || octree::is_one_function(self.solid, &local.pieces, part, scratch)
+                    {
                         continue;
                     }
-                    let surfaces: Vec<u32> = leaf.surfaces.iter().copied().filter(|k| local.pieces.contains(k)).collect();
+                    let surfaces: Vec<u32> = leaf
+                        .surfaces
+                        .iter()
+                        .copied()
+                        .filter(|k| local.pieces.contains(k))
+                        .collect();
                     let is_last = depth + 1 == PROOF_LEVELS;
-                    let is_tangential = self.runs_along(&surfaces, part, &octree::PROBES[..1], if is_last { 1.0 } else { 0.2 });
+                    let is_tangential = self.runs_along(
+                        &surfaces,
+                        part,
+                        &octree::PROBES[..1],
+                        if is_last { 1.0 } else { 0.2 },
+                    );
                     if is_tangential || is_last {
                         return Some((leaf.cell, is_tangential));
                     }
@@ -296,7 +393,11 @@ impl Search<'_> {
             }
             None
         };
-        let rest = self.octree.leaves.par_iter().map_init(|| Scratch::new(self.solid), proof);
+        let rest = self
+            .octree
+            .leaves
+            .par_iter()
+            .map_init(|| Scratch::new(self.solid), proof);
         rest.collect::<Vec<_>>().into_iter().flatten().collect()
     }
 }

@@ -38,10 +38,23 @@ impl Lattice {
         // Off the round numbers that models are full of: lattice planes on faces of the solid leave every tie to rounding.
         let offset = [0.618, 0.414, 0.732].map(|o| (1.0 + o) * a);
         let origin: Point3 = std::array::from_fn(|i| region.lo[i] - offset[i]);
-        let n: [usize; 3] = std::array::from_fn(|i| ((region.hi[i] + 1.6 * a - origin[i]) / a).ceil().max(3.0) as usize);
-        let mut lattice = Self { origin, a, n, state: vec![OUT; n[0] * n[1] * n[2]], trees: Vec::new() };
+        let n: [usize; 3] = std::array::from_fn(|i| {
+            ((region.hi[i] + 1.6 * a - origin[i]) / a).ceil().max(3.0) as usize
+        });
+        let mut lattice = Self {
+            origin,
+            a,
+            n,
+            state: vec![OUT; n[0] * n[1] * n[2]],
+            trees: Vec::new(),
+        };
         let blocks: Vec<[[usize; 2]; 3]> = {
-            let ranges = n.map(|n| (0..n).step_by(BLOCK).map(|i| [i, (i + BLOCK).min(n)]).collect::<Vec<_>>());
+            let ranges = n.map(|n| {
+                (0..n)
+                    .step_by(BLOCK)
+                    .map(|i| [i, (i + BLOCK).min(n)])
+                    .collect::<Vec<_>>()
+            });
             let mut blocks = Vec::new();
             for &z in &ranges[2] {
                 for &y in &ranges[1] {
@@ -84,12 +97,29 @@ impl Lattice {
         region.size().iter().map(|s| (s / a + 4.0).ceil()).product()
     }
 
-    fn decide(&self, solid: &dyn Solid, cells: [[usize; 2]; 3], tree: &Csg, pieces: &[u32], found: &mut Vec<([[usize; 2]; 3], Sign)>) {
-        let corner = |k: usize, margin: f64| std::array::from_fn(|i| self.origin[i] + (cells[i][k] as f64 + margin) * self.a);
-        let region = Aabb { lo: corner(0, -MARGIN), hi: corner(1, MARGIN) };
+    fn decide(
+        &self,
+        solid: &dyn Solid,
+        cells: [[usize; 2]; 3],
+        tree: &Csg,
+        pieces: &[u32],
+        found: &mut Vec<([[usize; 2]; 3], Sign)>,
+    ) {
+        let corner = |k: usize, margin: f64| {
+            std::array::from_fn(|i| self.origin[i] + (cells[i][k] as f64 + margin) * self.a)
+        };
+        let region = Aabb {
+            lo: corner(0, -MARGIN),
+            hi: corner(1, MARGIN),
+        };
         let mut ranges = vec![Interval::ALL; pieces.len()];
         solid.bounds(pieces, region, &mut ranges);
-        let range = |i: u32| pieces.iter().position(|&p| p == i).map_or(Interval::ALL, |k| ranges[k]);
+        let range = |i: u32| {
+            pieces
+                .iter()
+                .position(|&p| p == i)
+                .map_or(Interval::ALL, |k| ranges[k])
+        };
         match reduced(tree, &range) {
             Sign::Mixed(tree) => {
                 let size = cells.map(|c| c[1] - c[0]);
@@ -115,11 +145,17 @@ impl Lattice {
     }
     /// State of a cell; outside the grid there is nothing.
     pub(crate) fn cell(&self, c: [isize; 3]) -> u32 {
-        if (0..3).any(|i| c[i] < 0 || c[i] as usize >= self.n[i]) { OUT } else { self.state[self.at(c.map(|v| v as usize))] }
+        if (0..3).any(|i| c[i] < 0 || c[i] as usize >= self.n[i]) {
+            OUT
+        } else {
+            self.state[self.at(c.map(|v| v as usize))]
+        }
     }
     /// State of the cell that holds a point.
     pub(crate) fn state_at(&self, p: Point3) -> u32 {
-        self.cell(std::array::from_fn(|i| ((p[i] - self.origin[i]) / self.a).floor() as isize))
+        self.cell(std::array::from_fn(|i| {
+            ((p[i] - self.origin[i]) / self.a).floor() as isize
+        }))
     }
     /// Position of a lattice point in half cells: even coordinates are corners of cells, odd ones centres.
     pub(crate) fn point(&self, half: [usize; 3]) -> Point3 {

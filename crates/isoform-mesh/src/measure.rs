@@ -7,13 +7,24 @@ use crate::quality::OBTUSE_WEIGHT;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
 /// Edges of a tetrahedron with the two faces (by opposite vertex) that meet there.
-const EDGES: [[usize; 4]; 6] = [[0, 1, 2, 3], [0, 2, 1, 3], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 0, 2], [2, 3, 0, 1]];
+const EDGES: [[usize; 4]; 6] = [
+    [0, 1, 2, 3],
+    [0, 2, 1, 3],
+    [0, 3, 1, 2],
+    [1, 2, 0, 3],
+    [1, 3, 0, 2],
+    [2, 3, 0, 1],
+];
 
 /// Outward area vectors (twice the area) of the faces opposite to each vertex, and six times the volume.
 fn faces(p: [Point3; 4]) -> ([Point3; 4], f64) {
     let (u, v, w) = (sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0]));
     let (n1, n2, n3) = (cross(w, v), cross(u, w), cross(v, u));
-    let n0 = [-(n1[0] + n2[0] + n3[0]), -(n1[1] + n2[1] + n3[1]), -(n1[2] + n2[2] + n3[2])];
+    let n0 = [
+        -(n1[0] + n2[0] + n3[0]),
+        -(n1[1] + n2[1] + n3[1]),
+        -(n1[2] + n2[2] + n3[2]),
+    ];
     ([n0, n1, n2, n3], -dot(u, n1))
 }
 
@@ -24,7 +35,11 @@ pub(crate) fn biased_sine(p: [Point3; 4]) -> f64 {
 
 /// The square of [`OBTUSE_WEIGHT`] for outward normals at less than a right angle: the dihedral angle is obtuse.
 fn weight(normals: f64) -> f64 {
-    if normals > 0.0 { OBTUSE_WEIGHT * OBTUSE_WEIGHT } else { 1.0 }
+    if normals > 0.0 {
+        OBTUSE_WEIGHT * OBTUSE_WEIGHT
+    } else {
+        1.0
+    }
 }
 
 /// The face of a tetrahedron opposite to the vertex that is to be placed, with all that does not depend on the place.
@@ -43,7 +58,12 @@ impl Opposite {
     fn of(q: [Point3; 3]) -> Self {
         let (e, f, g) = (sub(q[1], q[0]), sub(q[2], q[0]), sub(q[2], q[1]));
         let n = cross(e, f);
-        Self { q, n, area: dot(n, n), edges: [dot(g, g), dot(f, f), dot(e, e)] }
+        Self {
+            q,
+            n,
+            area: dot(n, n),
+            edges: [dot(g, g), dot(f, f), dot(e, e)],
+        }
     }
 
     /// The smallest biased sine, squared, with the sign of the volume; −1 where it is no number.
@@ -64,9 +84,14 @@ impl Opposite {
         let r = weight(dot(self.n, n1)) * self.edges[0] * a23;
         let s = weight(dot(self.n, n2)) * self.edges[1] * a13;
         let t = weight(dot(self.n, n3)) * self.edges[2] * a12;
-        let worst = least(least(least(x, y), least(z, r)), least(s, t)) * volume * volume.abs() / (a01 * a23);
+        let worst = least(least(least(x, y), least(z, r)), least(s, t)) * volume * volume.abs()
+            / (a01 * a23);
         // A repeated vertex gives no number, and must not pass.
-        if worst.is_nan() || worst == 0.0 { -1.0 } else { worst }
+        if worst.is_nan() || worst == 0.0 {
+            -1.0
+        } else {
+            worst
+        }
     }
 
     fn biased_sine(&self, p: Point3) -> f64 {
@@ -153,8 +178,19 @@ impl Around {
 
     /// The direction in which the worst terms all grow (the shortest vector in the hull of their gradients), and a length to try. Gradients are
     /// projected by `tangent` onto the directions in which the vertex may move.
-    pub(crate) fn direction(&mut self, p: Point3, worst: f64, tangent: impl Fn(Point3) -> Point3) -> Option<(Point3, f64)> {
-        let Self { tets, faces, terms, active, .. } = self;
+    pub(crate) fn direction(
+        &mut self,
+        p: Point3,
+        worst: f64,
+        tangent: impl Fn(Point3) -> Point3,
+    ) -> Option<(Point3, f64)> {
+        let Self {
+            tets,
+            faces,
+            terms,
+            active,
+            ..
+        } = self;
         terms.clear();
         active.clear();
         let mut shortest = f64::INFINITY;
@@ -247,7 +283,11 @@ pub(crate) fn biased_sines(p: [Point3; 4], x: usize) -> [(f64, Point3); 6] {
     EDGES.map(|[a, b, k, l]| {
         let e = sub(p[a], p[b]);
         let length = norm(e);
-        let bias = if dot(n[k], n[l]) > 0.0 { OBTUSE_WEIGHT } else { 1.0 };
+        let bias = if dot(n[k], n[l]) > 0.0 {
+            OBTUSE_WEIGHT
+        } else {
+            1.0
+        };
         let scale = bias * length / (area[k] * area[l]);
         let s = scale * volume;
         let sign = if a == x {
@@ -257,7 +297,10 @@ pub(crate) fn biased_sines(p: [Point3; 4], x: usize) -> [(f64, Point3); 6] {
         } else {
             0.0
         };
-        let g = std::array::from_fn(|i| scale * dv[i] + s * (sign * e[i] / (length * length) - da[k][i] / area[k] - da[l][i] / area[l]));
+        let g = std::array::from_fn(|i| {
+            scale * dv[i]
+                + s * (sign * e[i] / (length * length) - da[k][i] / area[k] - da[l][i] / area[l])
+        });
         (s, g)
     })
 }
@@ -288,18 +331,31 @@ pub(crate) fn smallest_sine_and_derivative(p: [Point3; 3]) -> (f64, Point3) {
         _ => [0.0; 3],
     };
     let (di, dj) = (dl(i), dl(j));
-    (s, std::array::from_fn(|k| s * (da[k] / area - di[k] - dj[k])))
+    (
+        s,
+        std::array::from_fn(|k| s * (da[k] / area - di[k] - dj[k])),
+    )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const P: [Point3; 4] = [[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.2, 0.9, 0.1], [0.3, 0.2, 1.1]];
+    const P: [Point3; 4] = [
+        [0.1, 0.0, 0.2],
+        [1.0, 0.1, 0.0],
+        [0.2, 0.9, 0.1],
+        [0.3, 0.2, 1.1],
+    ];
 
     #[test]
     fn known_angles() {
-        let regular = [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]];
+        let regular = [
+            [1.0, 1.0, 1.0],
+            [-1.0, 1.0, -1.0],
+            [1.0, -1.0, -1.0],
+            [-1.0, -1.0, 1.0],
+        ];
         assert!((biased_sine(regular) - (8.0f64 / 9.0).sqrt()).abs() < 1e-12);
         // A corner of the cube: three right angles, three of 54.7356 degrees.
         let corner = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -323,7 +379,10 @@ mod tests {
                 };
                 let (lo, hi) = (at(-1e-6), at(1e-6));
                 for k in 0..6 {
-                    assert!((exact[k].1[i] - (hi[k] - lo[k]) / 2e-6).abs() < 1e-8, "vertex {x} axis {i} edge {k}");
+                    assert!(
+                        (exact[k].1[i] - (hi[k] - lo[k]) / 2e-6).abs() < 1e-8,
+                        "vertex {x} axis {i} edge {k}"
+                    );
                 }
             }
         }
@@ -334,7 +393,9 @@ mod tests {
                 q[0][i] += h;
                 smallest_sine(q)
             };
-            assert!((smallest_sine_and_derivative(t).1[i] - (at(1e-6) - at(-1e-6)) / 2e-6).abs() < 1e-8);
+            assert!(
+                (smallest_sine_and_derivative(t).1[i] - (at(1e-6) - at(-1e-6)) / 2e-6).abs() < 1e-8
+            );
         }
     }
 }

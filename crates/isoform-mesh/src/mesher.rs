@@ -44,7 +44,16 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { size: 0.1, grade: None, sizes: None, order: 1, surface_only: false, region: None, angles: [21.0, 149.0], memory: 16 << 30 }
+        Self {
+            size: 0.1,
+            grade: None,
+            sizes: None,
+            order: 1,
+            surface_only: false,
+            region: None,
+            angles: [21.0, 149.0],
+            memory: 16 << 30,
+        }
     }
 }
 
@@ -63,7 +72,10 @@ impl Sizes {
     pub fn nearest(samples: &[(Point3, f64)], growth: f64) -> Self {
         let tree = KdTree::new(&samples.iter().map(|s| s.0).collect::<Vec<_>>());
         let sizes: Vec<f64> = samples.iter().map(|s| s.1).collect();
-        Self(Arc::new(move |p| tree.nearest(p).map_or(f64::INFINITY, |(i, d)| sizes[i] + growth * d.sqrt())))
+        Self(Arc::new(move |p| {
+            tree.nearest(p)
+                .map_or(f64::INFINITY, |(i, d)| sizes[i] + growth * d.sqrt())
+        }))
     }
 
     pub(crate) fn at(&self, p: Point3) -> f64 {
@@ -85,19 +97,26 @@ pub struct Control<'a> {
 
 impl std::fmt::Debug for Control<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Control").field("deadline", &self.deadline).finish_non_exhaustive()
+        f.debug_struct("Control")
+            .field("deadline", &self.deadline)
+            .finish_non_exhaustive()
     }
 }
 
 impl Control<'_> {
     pub(crate) fn is_stopped(&self) -> bool {
-        self.cancelled.is_some_and(|c| c.load(Ordering::Relaxed)) || self.deadline.is_some_and(|d| Instant::now() >= d)
+        self.cancelled.is_some_and(|c| c.load(Ordering::Relaxed))
+            || self.deadline.is_some_and(|d| Instant::now() >= d)
     }
     pub(crate) fn phase(&self, name: &str) -> Result<(), MeshError> {
         if let Some(progress) = self.progress {
             progress(name);
         }
-        if self.is_stopped() { Err(MeshError::Stopped) } else { Ok(()) }
+        if self.is_stopped() {
+            Err(MeshError::Stopped)
+        } else {
+            Ok(())
+        }
     }
 }
 
@@ -180,7 +199,11 @@ pub struct Warning {
 ///
 /// # Errors
 /// If the solid is empty, unbounded or not a number, if an option has no meaning, the memory does not suffice, or on a stop.
-pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Result<Meshed, MeshError> {
+pub fn mesh(
+    solid: &dyn Solid,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Meshed, MeshError> {
     check_options(options)?;
     control.phase("extent")?;
     let start = options.region.unwrap_or(START);
@@ -200,32 +223,60 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     // Some 12 bytes per cell of the lattice and 400 per tetrahedron near the surface, 60 for others.
     let needed = (Lattice::cells(region, cell) * 12.0 * 60.0) as u64;
     if needed > options.memory {
-        return Err(MeshError::Memory { size: options.size, needed: needed >> 20, allowed: options.memory >> 20 });
+        return Err(MeshError::Memory {
+            size: options.size,
+            needed: needed >> 20,
+            allowed: options.memory >> 20,
+        });
     }
     control.phase("lattice")?;
     let lattice = Lattice::new(solid, region, cell);
-    let surface = Surface { solid, lattice: &lattice, zero: 1e-13 * region.diagonal() };
+    let surface = Surface {
+        solid,
+        lattice: &lattice,
+        zero: 1e-13 * region.diagonal(),
+    };
     let graded = options.grade.is_some() || options.sizes.is_some();
-    let Band { mut complex, mut frozen, core, core_points } = Band::new(&lattice, !options.surface_only, graded);
+    let Band {
+        mut complex,
+        mut frozen,
+        core,
+        core_points,
+    } = Band::new(&lattice, !options.surface_only, graded);
     let band_points = complex.points.len();
     let mut warnings = Vec::new();
     let limit = (options.memory / 400) as usize;
     control.phase("features")?;
-    let features = find(solid, region, &FeatureOptions { size: options.size, ..FeatureOptions::default() }, control);
+    let features = find(
+        solid,
+        region,
+        &FeatureOptions {
+            size: options.size,
+            ..FeatureOptions::default()
+        },
+        control,
+    );
     let crowd = Crowd::new(&features, options.size);
     if !crowd.is_empty() {
         let mut found = Vec::new();
-        bisect(&mut complex, &mut frozen, limit, |complex, t| CELL * crowd.size_at(complex.middle(t), &mut found));
+        bisect(&mut complex, &mut frozen, limit, |complex, t| {
+            CELL * crowd.size_at(complex.middle(t), &mut found)
+        });
     }
     control.phase("sizes")?;
     if follow(&surface, &mut complex, &mut frozen, limit, CELL, options) {
-        warnings.push(Warning { message: "sizes were not refined as far as asked for: the limit of memory was met".into(), at: None });
+        warnings.push(Warning {
+            message: "sizes were not refined as far as asked for: the limit of memory was met"
+                .into(),
+            at: None,
+        });
     }
     control.phase("surface")?;
     let hidden = resolve(&surface, &mut complex, &mut frozen, limit);
-    warnings.extend(
-        hidden.into_iter().map(|at| Warning { message: "the surface is finer than the mesh can resolve here".into(), at: Some(at) }),
-    );
+    warnings.extend(hidden.into_iter().map(|at| Warning {
+        message: "the surface is finer than the mesh can resolve here".into(),
+        at: Some(at),
+    }));
     let mut cutter = Cutter::new(&surface, complex.clone(), frozen.clone(), control);
     if let Some(at) = cutter.not_a_number() {
         return Err(MeshError::NotANumber { at });
@@ -242,15 +293,24 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
         cutter.run();
     }
     if let Some(&at) = cutter.undecided.first() {
-        let message = format!("{} tetrahedra could not be cut to the end: pieces touch too often for this size", cutter.undecided.len());
-        warnings.push(Warning { message, at: Some(at) });
+        let message = format!(
+            "{} tetrahedra could not be cut to the end: pieces touch too often for this size",
+            cutter.undecided.len()
+        );
+        warnings.push(Warning {
+            message,
+            at: Some(at),
+        });
     }
     let inside = cutter.inside();
     let inside = cutter.finish(&inside);
     if inside.complex.tets.is_empty() && core.is_empty() {
         return Err(MeshError::TooCoarse { size: options.size });
     }
-    let stray = inside.stray.iter().map(|&at| Warning { message: "a face of the surface lies on no single part".into(), at: Some(at) });
+    let stray = inside.stray.iter().map(|&at| Warning {
+        message: "a face of the surface lies on no single part".into(),
+        at: Some(at),
+    });
     warnings.extend(stray);
     let number = inside.number.clone();
     control.phase("optimisation")?;
@@ -258,17 +318,46 @@ pub fn mesh(solid: &dyn Solid, options: &Options, control: &Control<'_>) -> Resu
     improve(&mut optimiser, options, &mut warnings);
     control.phase("assembly")?;
     let (mut mesh, pieces) = assemble(optimiser, &number, band_points, core, core_points, options);
-    raise_order(&mut mesh, &surface, &pieces, options, control, &mut warnings)?;
-    let caps = mesh.parts.iter().filter(|p| options.region.is_some() && p.starts_with("cap.")).cloned().collect();
-    Ok(Meshed { mesh, region, region_certified, caps, features, warnings })
+    raise_order(
+        &mut mesh,
+        &surface,
+        &pieces,
+        options,
+        control,
+        &mut warnings,
+    )?;
+    let caps = mesh
+        .parts
+        .iter()
+        .filter(|p| options.region.is_some() && p.starts_with("cap."))
+        .cloned()
+        .collect();
+    Ok(Meshed {
+        mesh,
+        region,
+        region_certified,
+        caps,
+        features,
+        warnings,
+    })
 }
 
 /// Optimises, brings every vertex onto the surface, and splits what leaves it too far.
-pub(crate) fn improve(optimiser: &mut Optimiser<'_>, options: &Options, warnings: &mut Vec<Warning>) {
-    let goal = options.angles[0].to_radians().sin().max(0.7 * options.angles[1].to_radians().sin());
+pub(crate) fn improve(
+    optimiser: &mut Optimiser<'_>,
+    options: &Options,
+    warnings: &mut Vec<Warning>,
+) {
+    let goal = options.angles[0]
+        .to_radians()
+        .sin()
+        .max(0.7 * options.angles[1].to_radians().sin());
     optimiser.run(goal);
     let off = optimiser.settle(goal);
-    warnings.extend(off.into_iter().map(|at| Warning { message: "a vertex could not be brought onto the surface".into(), at: Some(at) }));
+    warnings.extend(off.into_iter().map(|at| Warning {
+        message: "a vertex could not be brought onto the surface".into(),
+        at: Some(at),
+    }));
     optimiser.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);
     optimiser.split_ears(0.5 * goal);
 }
@@ -285,23 +374,36 @@ pub(crate) fn raise_order(
     if options.order == 2 {
         control.phase("second order")?;
         let off = add_middles(mesh, surface, pieces);
-        warnings.extend(
-            off.into_iter().map(|at| Warning { message: "a mid-edge node could not be brought onto the surface".into(), at: Some(at) }),
-        );
+        warnings.extend(off.into_iter().map(|at| Warning {
+            message: "a mid-edge node could not be brought onto the surface".into(),
+            at: Some(at),
+        }));
     }
     Ok(())
 }
 
 pub(crate) fn check_options(options: &Options) -> Result<(), MeshError> {
     let positive = |name, value: f64| {
-        if value > 0.0 && value.is_finite() { Ok(()) } else { Err(MeshError::Option { name, wanted: "a positive number", value }) }
+        if value > 0.0 && value.is_finite() {
+            Ok(())
+        } else {
+            Err(MeshError::Option {
+                name,
+                wanted: "a positive number",
+                value,
+            })
+        }
     };
     positive("size", options.size)?;
     if let Some(grade) = options.grade {
         positive("grade", grade)?;
     }
     if !(1..=2).contains(&options.order) {
-        return Err(MeshError::Option { name: "order", wanted: "1 or 2", value: f64::from(options.order) });
+        return Err(MeshError::Option {
+            name: "order",
+            wanted: "1 or 2",
+            value: f64::from(options.order),
+        });
     }
     Ok(())
 }
@@ -336,9 +438,18 @@ pub(crate) fn assemble(
         }
         let offset = mesh.points.len() as u32;
         mesh.points.extend(core_points);
-        mesh.tets = complex.live().map(|t| complex.tets[t as usize].map(|v| new[v as usize])).collect();
+        mesh.tets = complex
+            .live()
+            .map(|t| complex.tets[t as usize].map(|v| new[v as usize]))
+            .collect();
         mesh.tets.extend(core.iter().map(|t| {
-            t.map(|v| if (v as usize) < band_points { new[number[v as usize] as usize] } else { v - band_points as u32 + offset })
+            t.map(|v| {
+                if (v as usize) < band_points {
+                    new[number[v as usize] as usize]
+                } else {
+                    v - band_points as u32 + offset
+                }
+            })
         }));
         mesh.tet_regions = vec![0; mesh.tets.len()];
         mesh.regions = vec!["solid".to_owned()];
@@ -348,30 +459,53 @@ pub(crate) fn assemble(
 }
 
 /// Gives a mesh its labelled triangles, parts, curves and corners; `new` are the numbers of the vertices in it. Returns the pieces of its parts.
-pub(crate) fn group(surface: &Surface<'_>, faces: &[([u32; 3], u32)], new: &[u32], mesh: &mut Mesh) -> Vec<u32> {
+pub(crate) fn group(
+    surface: &Surface<'_>,
+    faces: &[([u32; 3], u32)],
+    new: &[u32],
+    mesh: &mut Mesh,
+) -> Vec<u32> {
     let names = surface.solid.names();
     let mut part_of = vec![NONE; names.len()];
-    let mut used: Vec<u32> = faces.iter().map(|f| f.1).filter(|&l| (l as usize) < part_of.len()).collect();
+    let mut used: Vec<u32> = faces
+        .iter()
+        .map(|f| f.1)
+        .filter(|&l| (l as usize) < part_of.len())
+        .collect();
     used.sort_unstable();
     used.dedup();
     for (k, &piece) in used.iter().enumerate() {
         part_of[piece as usize] = k as u32;
         mesh.parts.push(names[piece as usize].clone());
     }
-    mesh.triangles = faces.iter().map(|(f, _)| f.map(|v| new[v as usize])).collect();
-    mesh.triangle_parts = faces.iter().map(|(_, l)| part_of.get(*l as usize).copied().unwrap_or(0)).collect();
+    mesh.triangles = faces
+        .iter()
+        .map(|(f, _)| f.map(|v| new[v as usize]))
+        .collect();
+    mesh.triangle_parts = faces
+        .iter()
+        .map(|(_, l)| part_of.get(*l as usize).copied().unwrap_or(0))
+        .collect();
     feature_edges(surface, &used, mesh);
     used
 }
 
 /// Edges between faces of two parts that meet at an angle, where the ends lie on both: seams of parts that touch are none.
 fn feature_edges(surface: &Surface<'_>, pieces: &[u32], mesh: &mut Mesh) {
-    let edges = labelled_edges(mesh.triangles.iter().copied().zip(mesh.triangle_parts.iter().copied()));
+    let edges = labelled_edges(
+        mesh.triangles
+            .iter()
+            .copied()
+            .zip(mesh.triangle_parts.iter().copied()),
+    );
     let mut found: Vec<([u32; 2], [u32; 2])> = Vec::new();
     for same in edges.chunk_by(|a, b| a.0 == b.0) {
         let parts = [same[0].1, same[same.len() - 1].1];
         let on_both = |v: u32| {
-            parts.iter().all(|&k| first_order_at(surface.solid, pieces[k as usize], mesh.points[v as usize]).abs() <= surface.zero)
+            parts.iter().all(|&k| {
+                first_order_at(surface.solid, pieces[k as usize], mesh.points[v as usize]).abs()
+                    <= surface.zero
+            })
         };
         if parts[0] == parts[1] || !same[0].0.iter().all(|&v| on_both(v)) {
             continue;
@@ -386,7 +520,10 @@ fn feature_edges(surface: &Surface<'_>, pieces: &[u32], mesh: &mut Mesh) {
     for same in found.chunk_by(|a, b| a.0 == b.0) {
         let curve = mesh.curves.len() as u32;
         let parts = same[0].0;
-        let name = format!("{}/{}", mesh.parts[parts[0] as usize], mesh.parts[parts[1] as usize]);
+        let name = format!(
+            "{}/{}",
+            mesh.parts[parts[0] as usize], mesh.parts[parts[1] as usize]
+        );
         mesh.curves.push(Curve { name, parts });
         for (_, e) in same {
             mesh.edges.push(*e);
@@ -394,7 +531,16 @@ fn feature_edges(surface: &Surface<'_>, pieces: &[u32], mesh: &mut Mesh) {
         }
     }
     // A node where anything but two edges of one curve meet is a corner.
-    let mut ends: Vec<(u32, u32)> = mesh.edges.iter().zip(&mesh.edge_curves).flat_map(|(e, &c)| e.map(|v| (v, c))).collect();
+    let mut ends: Vec<(u32, u32)> = mesh
+        .edges
+        .iter()
+        .zip(&mesh.edge_curves)
+        .flat_map(|(e, &c)| e.map(|v| (v, c)))
+        .collect();
     ends.sort_unstable();
-    mesh.corners = ends.chunk_by(|a, b| a.0 == b.0).filter(|at| at.len() != 2 || at[0].1 != at[1].1).map(|at| at[0].0).collect();
+    mesh.corners = ends
+        .chunk_by(|a, b| a.0 == b.0)
+        .filter(|at| at.len() != 2 || at[0].1 != at[1].1)
+        .map(|at| at[0].0)
+        .collect();
 }

@@ -91,8 +91,15 @@ struct Move {
 type Face = ([u32; 3], u32);
 
 impl<'s> Optimiser<'s> {
-    pub(crate) fn new(surface: &'s Surface<'s>, inside: Inside, size: f64, control: &'s Control<'s>) -> Self {
-        let Inside { complex, frozen, .. } = inside;
+    pub(crate) fn new(
+        surface: &'s Surface<'s>,
+        inside: Inside,
+        size: f64,
+        control: &'s Control<'s>,
+    ) -> Self {
+        let Inside {
+            complex, frozen, ..
+        } = inside;
         let n = complex.points.len();
         let mut this = Self {
             surface,
@@ -190,7 +197,9 @@ impl<'s> Optimiser<'s> {
     }
 
     fn worst(&self, tets: &[u32]) -> f64 {
-        tets.iter().map(|&t| self.measure(t)).fold(f64::INFINITY, f64::min)
+        tets.iter()
+            .map(|&t| self.measure(t))
+            .fold(f64::INFINITY, f64::min)
     }
 
     /// Cosine between a face of the surface and its piece.
@@ -225,11 +234,17 @@ impl<'s> Optimiser<'s> {
 
     /// A better place for a vertex, if there is one.
     fn better_place(&self, v: u32, moving: &mut Move) -> Option<Point3> {
-        let Hold::On(on) = self.hold[v as usize] else { return None };
+        let Hold::On(on) = self.hold[v as usize] else {
+            return None;
+        };
         if on.len() > 2 {
             return None;
         }
-        let Move { star, faces, around } = moving;
+        let Move {
+            star,
+            faces,
+            around,
+        } = moving;
         self.complex.star_shared(v, star);
         faces.clear();
         if !on.is_empty() {
@@ -258,13 +273,19 @@ impl<'s> Optimiser<'s> {
         let mut places = [at; ROUNDS];
         let mut n = 0;
         while n < ROUNDS && worst < self.enough {
-            let Some((direction, step)) = around.direction(at, worst, self.tangent(&on, at)) else { break };
+            let Some((direction, step)) = around.direction(at, worst, self.tangent(&on, at)) else {
+                break;
+            };
             let mut found = None;
             let (mut s, mut bound) = (step, worst + GAIN);
             for _ in 0..6 {
                 let raw = std::array::from_fn(|i| at[i] + s * direction[i]);
                 // One step of Newton's method does to judge a place by; the one that is taken is brought to the surface to rounding.
-                let place = if on.is_empty() { Some(raw) } else { self.surface.nearer(on.slice(), raw) };
+                let place = if on.is_empty() {
+                    Some(raw)
+                } else {
+                    self.surface.nearer(on.slice(), raw)
+                };
                 if let Some(p) = place {
                     let w = around.worst(p, bound);
                     if w > bound {
@@ -285,7 +306,8 @@ impl<'s> Optimiser<'s> {
         }
         places[..n].iter().rev().find_map(|&p| {
             let p = self.surface.project(on.slice(), p)?;
-            (around.worst(p, first + GAIN) > first + GAIN && self.may_stand(v, p, faces)).then_some(p)
+            (around.worst(p, first + GAIN) > first + GAIN && self.may_stand(v, p, faces))
+                .then_some(p)
         })
     }
 
@@ -294,10 +316,15 @@ impl<'s> Optimiser<'s> {
         let labels = self.labels[v as usize];
         match self.hold[v as usize] {
             Hold::On(on) if !on.is_empty() => {
-                on.slice().iter().any(|&l| self.surface.distance(l, p) != 0.0)
+                on.slice()
+                    .iter()
+                    .any(|&l| self.surface.distance(l, p) != 0.0)
                     || (labels.len() > on.len() && self.surface.distance(SKIN, p) != 0.0)
             }
-            _ => labels.slice().iter().any(|&l| self.surface.distance(l, p) != 0.0),
+            _ => labels
+                .slice()
+                .iter()
+                .any(|&l| self.surface.distance(l, p) != 0.0),
         }
     }
 
@@ -314,7 +341,11 @@ impl<'s> Optimiser<'s> {
 
     /// The piece to project a point of a face on: its label, or the solid next to a seam between pieces that touch tangentially.
     fn piece_at(&self, vertices: &[u32], label: u32) -> u32 {
-        if vertices.iter().any(|&v| self.is_skin(v)) { SKIN } else { label }
+        if vertices.iter().any(|&v| self.is_skin(v)) {
+            SKIN
+        } else {
+            label
+        }
     }
 
     /// Whether a vertex of the surface may stand at `p`: all that holds it vanishes there and its faces look outward.
@@ -324,14 +355,26 @@ impl<'s> Optimiser<'s> {
         }
         faces.iter().all(|&(f, label)| {
             let old = f.map(|k| self.complex.points[k as usize]);
-            let new = f.map(|k| if k == v { p } else { self.complex.points[k as usize] });
+            let new = f.map(|k| {
+                if k == v {
+                    p
+                } else {
+                    self.complex.points[k as usize]
+                }
+            });
             let c = self.facing(new, label);
             c >= FACING || c >= self.facing(old, label)
         })
     }
 
     fn worst_at(&self, v: u32, p: Point3, star: &[u32], faces: &[Face]) -> f64 {
-        let at = |k: u32| if k == v { p } else { self.complex.points[k as usize] };
+        let at = |k: u32| {
+            if k == v {
+                p
+            } else {
+                self.complex.points[k as usize]
+            }
+        };
         let mut worst = f64::INFINITY;
         for &t in star {
             worst = worst.min(biased_sine(self.complex.tets[t as usize].map(at)));
@@ -373,9 +416,16 @@ impl<'s> Optimiser<'s> {
         const BATCHES: u32 = 8;
         let mut moved = 0;
         for batch in 0..BATCHES {
-            let these: Vec<u32> = vertices.iter().copied().filter(|&v| v.wrapping_mul(0x9E37_79B9) >> 29 == batch).collect();
-            let places: Vec<Option<Point3>> =
-                these.par_iter().with_min_len(64).map_init(Move::default, |moving, &v| self.better_place(v, moving)).collect();
+            let these: Vec<u32> = vertices
+                .iter()
+                .copied()
+                .filter(|&v| v.wrapping_mul(0x9E37_79B9) >> 29 == batch)
+                .collect();
+            let places: Vec<Option<Point3>> = these
+                .par_iter()
+                .with_min_len(64)
+                .map_init(Move::default, |moving, &v| self.better_place(v, moving))
+                .collect();
             let mut star = std::mem::take(&mut self.scratch.star);
             for (&v, place) in these.iter().zip(&places) {
                 let Some(p) = *place else { continue };
@@ -452,9 +502,13 @@ impl<'s> Optimiser<'s> {
                         continue;
                     }
                     let (u, v, x) = (p(link[i]), p(link[k]), p(link[j]));
-                    w = w.min(biased_sine([u, v, x, p(b)])).min(biased_sine([v, u, x, p(a)]));
+                    w = w
+                        .min(biased_sine([u, v, x, p(b)]))
+                        .min(biased_sine([v, u, x, p(a)]));
                     if label.is_some() && span == n - 1 {
-                        w = w.min(smallest_sine([u, x, p(a)])).min(smallest_sine([u, x, p(b)]));
+                        w = w
+                            .min(smallest_sine([u, x, p(a)]))
+                            .min(smallest_sine([u, x, p(b)]));
                     }
                     if w > best[i][j] {
                         (best[i][j], cut[i][j]) = (w, k as u8);
@@ -480,7 +534,8 @@ impl<'s> Optimiser<'s> {
                 todo.extend([(i, k), (k, j)]);
             }
             let mut made = std::mem::take(&mut self.scratch.made);
-            self.complex.replace(&ring.tets, &new, |_| label.unwrap_or(OPEN), &mut made);
+            self.complex
+                .replace(&ring.tets, &new, |_| label.unwrap_or(OPEN), &mut made);
             self.scratch.made = made;
         }
         Some(after)
@@ -518,12 +573,23 @@ impl<'s> Optimiser<'s> {
             (n >= BOUNDARY && n != OPEN).then_some(n & !BOUNDARY)
         };
         let first = label(ring.tets[0], ring.link[0])?;
-        let last = label(ring.tets[ring.tets.len() - 1], ring.link[ring.link.len() - 1])?;
+        let last = label(
+            ring.tets[ring.tets.len() - 1],
+            ring.link[ring.link.len() - 1],
+        )?;
         (first == last && first < STRAY).then_some(first)
     }
 
     /// A single tetrahedron with two faces on the same piece is taken off.
-    fn remove_flat(&mut self, ring: &Ring, a: u32, b: u32, label: u32, before: f64, apply: bool) -> Option<f64> {
+    fn remove_flat(
+        &mut self,
+        ring: &Ring,
+        a: u32,
+        b: u32,
+        label: u32,
+        before: f64,
+        apply: bool,
+    ) -> Option<f64> {
         let t = ring.tets[0];
         let (c, d) = (ring.link[0], ring.link[1]);
         for v in [a, b] {
@@ -534,13 +600,18 @@ impl<'s> Optimiser<'s> {
         let mut inner = Ring::default();
         self.complex.ring(t, c, d, &mut inner);
         if !inner.closed
-            || self.complex.tets[t as usize].iter().any(|&v| self.hold[v as usize] == Hold::Fixed && self.labels[v as usize].is_empty())
+            || self.complex.tets[t as usize].iter().any(|&v| {
+                self.hold[v as usize] == Hold::Fixed && self.labels[v as usize].is_empty()
+            })
         {
             return None;
         }
         // What the neighbours lose by new faces on the surface.
         let p = |k: u32| self.complex.points[k as usize];
-        let after = [[a, c, d], [b, c, d]].iter().map(|f| smallest_sine(f.map(p))).fold(f64::INFINITY, f64::min);
+        let after = [[a, c, d], [b, c, d]]
+            .iter()
+            .map(|f| smallest_sine(f.map(p)))
+            .fold(f64::INFINITY, f64::min);
         // Dropping a good tetrahedron would change the solid; a flat one lies within the chordal error anyway.
         if after <= before + GAIN || biased_sine(self.complex.corners(t)) > 0.3 {
             return None;
@@ -556,7 +627,8 @@ impl<'s> Optimiser<'s> {
     fn are_neighbours(&self, a: u32, b: u32) -> bool {
         let mut star = Vec::with_capacity(64);
         self.complex.star_shared(a, &mut star);
-        star.iter().any(|&t| self.complex.tets[t as usize].contains(&b))
+        star.iter()
+            .any(|&t| self.complex.tets[t as usize].contains(&b))
     }
 
     /// Puts an edge in the place of the face opposite to vertex `i`, if that improves the worst of the two.
@@ -568,7 +640,10 @@ impl<'s> Optimiser<'s> {
         let before = self.measure(t).min(self.measure(n));
         let a = self.complex.tets[t as usize][i];
         let f = self.complex.face(t, i);
-        let b = self.complex.tets[n as usize].iter().copied().find(|k| !f.contains(k))?;
+        let b = self.complex.tets[n as usize]
+            .iter()
+            .copied()
+            .find(|k| !f.contains(k))?;
         let p = |k: u32| self.complex.points[k as usize];
         // f is outward of t: a lies below, b above.
         let new = [[f[0], f[1], a, b], [f[1], f[2], a, b], [f[2], f[0], a, b]];
@@ -603,7 +678,9 @@ impl<'s> Optimiser<'s> {
 
     /// Whether vertex `u` may be pulled onto its neighbour `w`.
     fn may_collapse(&self, u: u32, w: u32, ring: &Ring) -> bool {
-        let Hold::On(on) = self.hold[u as usize] else { return false };
+        let Hold::On(on) = self.hold[u as usize] else {
+            return false;
+        };
         let labels = self.labels[u as usize];
         if labels.is_empty() {
             // A free vertex: onto anything, but not across the solid from one side of the surface to the other.
@@ -614,18 +691,30 @@ impl<'s> Optimiser<'s> {
         }
         // On the surface: along it, and a vertex of a curve along the curve.
         let a = self.outer_label(ring.tets[0], u, w, ring.link[0]);
-        let b = self.outer_label(ring.tets[ring.tets.len() - 1], u, w, ring.link[ring.link.len() - 1]);
-        let (Some(a), Some(b)) = (a, b) else { return false };
+        let b = self.outer_label(
+            ring.tets[ring.tets.len() - 1],
+            u,
+            w,
+            ring.link[ring.link.len() - 1],
+        );
+        let (Some(a), Some(b)) = (a, b) else {
+            return false;
+        };
         let other = self.labels[w as usize];
         let within = |a: On, b: On| a.slice().iter().all(|&l| b.contains(l));
         if self.is_skin(u) {
             // Seams between pieces that touch tangentially may go where they like.
-            return within(labels, other) || matches!(self.hold[w as usize], Hold::On(held) if held.len() == 1);
+            return within(labels, other)
+                || matches!(self.hold[w as usize], Hold::On(held) if held.len() == 1);
         }
         if !within(labels, other) {
             return false;
         }
-        if on.len() == 2 { a != b && on.contains(a) && on.contains(b) } else { labels.len() == 1 || a != b }
+        if on.len() == 2 {
+            a != b && on.contains(a) && on.contains(b)
+        } else {
+            labels.len() == 1 || a != b
+        }
     }
 
     fn outer_label(&self, t: u32, a: u32, b: u32, link: u32) -> Option<u32> {
@@ -679,7 +768,11 @@ impl<'s> Optimiser<'s> {
         }
         // Link condition: what both see is what sees their edge.
         let seen = |star: &[u32], complex: &Complex, not: u32| {
-            let mut v: Vec<u32> = star.iter().flat_map(|&t| complex.tets[t as usize]).filter(|&k| k != not).collect();
+            let mut v: Vec<u32> = star
+                .iter()
+                .flat_map(|&t| complex.tets[t as usize])
+                .filter(|&k| k != not)
+                .collect();
             v.sort_unstable();
             v.dedup();
             v
@@ -688,14 +781,19 @@ impl<'s> Optimiser<'s> {
         let mut other = Vec::new();
         self.complex.star(w, &mut other);
         let theirs = seen(&other, &self.complex, w);
-        let common = mine.iter().filter(|k| theirs.binary_search(k).is_ok()).count();
+        let common = mine
+            .iter()
+            .filter(|k| theirs.binary_search(k).is_ok())
+            .count();
         if common != self.scratch.ring.link.len() {
             return None;
         }
         // A free vertex between two sheets: pulled onto one it must not join them in an edge or face of the surface.
         if self.labels[u as usize].is_empty()
             && !self.labels[w as usize].is_empty()
-            && new.iter().any(|v| v.iter().all(|&k| !self.labels[k as usize].is_empty()))
+            && new
+                .iter()
+                .any(|v| v.iter().all(|&k| !self.labels[k as usize].is_empty()))
         {
             return None;
         }
@@ -704,22 +802,41 @@ impl<'s> Optimiser<'s> {
             Hold::On(on) if on.len() == 2 => Some([on.slice()[0], on.slice()[1]]),
             _ => None,
         };
-        let leaves = faces.iter().filter(|(f, _)| !f.contains(&w)).any(|(f, label)| {
-            f.iter().filter(|&&x| x != u).any(|&x| {
-                let along = pair.filter(|p| p.iter().all(|&i| self.labels[x as usize].contains(i) && self.labels[w as usize].contains(i)));
-                self.excess([w, x], along.unwrap_or([*label; 2]), self.error).is_some()
-            })
-        });
+        let leaves = faces
+            .iter()
+            .filter(|(f, _)| !f.contains(&w))
+            .any(|(f, label)| {
+                f.iter().filter(|&&x| x != u).any(|&x| {
+                    let along = pair.filter(|p| {
+                        p.iter().all(|&i| {
+                            self.labels[x as usize].contains(i)
+                                && self.labels[w as usize].contains(i)
+                        })
+                    });
+                    self.excess([w, x], along.unwrap_or([*label; 2]), self.error)
+                        .is_some()
+                })
+            });
         if leaves && least.is_none() {
             return None;
         }
         // Open faces of the band (towards the lattice beyond) stay: their vertices are fixed, so u is on none.
         if apply {
             let mut made = std::mem::take(&mut self.scratch.made);
-            self.complex.replace(&star, &new, |key| labels.iter().find(|l| l.0 == key).map_or(OPEN, |l| l.1), &mut made);
+            self.complex.replace(
+                &star,
+                &new,
+                |key| labels.iter().find(|l| l.0 == key).map_or(OPEN, |l| l.1),
+                &mut made,
+            );
             self.complex.tet_of[u as usize] = NONE;
             self.scratch.made = made;
-            let both = self.labels[u as usize].slice().iter().fold(self.labels[w as usize], |all, &l| all.with(l).unwrap_or(all));
+            let both = self.labels[u as usize]
+                .slice()
+                .iter()
+                .fold(self.labels[w as usize], |all, &l| {
+                    all.with(l).unwrap_or(all)
+                });
             if self.is_skin(u) && both != self.labels[w as usize] {
                 (self.labels[w as usize], self.hold[w as usize]) = (both, self.hold[u as usize]);
             }
@@ -744,8 +861,15 @@ impl<'s> Optimiser<'s> {
         let (mut hold, mut labels) = (On::default(), On::default());
         if !ring.closed {
             let first = self.outer_label(ring.tets[0], a, b, ring.link[0]);
-            let last = self.outer_label(ring.tets[ring.tets.len() - 1], a, b, ring.link[ring.link.len() - 1]);
-            let (Some(first), Some(last)) = (first, last) else { return false };
+            let last = self.outer_label(
+                ring.tets[ring.tets.len() - 1],
+                a,
+                b,
+                ring.link[ring.link.len() - 1],
+            );
+            let (Some(first), Some(last)) = (first, last) else {
+                return false;
+            };
             if first >= STRAY || last >= STRAY {
                 return false;
             }
@@ -755,13 +879,19 @@ impl<'s> Optimiser<'s> {
                 false if self.is_sharp([a, b], [first, last]) => labels,
                 false => On::of(&[SKIN]),
             };
-            let Some(on) = self.surface.project(hold.slice(), at) else { return false };
+            let Some(on) = self.surface.project(hold.slice(), at) else {
+                return false;
+            };
             if norm(sub(on, at)) > 0.3 * norm(sub(p, q)) {
                 return false;
             }
             at = on;
         }
-        let old: Vec<[u32; 4]> = ring.tets.iter().map(|&t| self.complex.tets[t as usize]).collect();
+        let old: Vec<[u32; 4]> = ring
+            .tets
+            .iter()
+            .map(|&t| self.complex.tets[t as usize])
+            .collect();
         let mut faces: Vec<([u32; 3], u32)> = Vec::new();
         for &t in &ring.tets {
             for i in 0..4 {
@@ -788,7 +918,12 @@ impl<'s> Optimiser<'s> {
             return true;
         }
         let mut back = Vec::new();
-        self.complex.replace(&made, &old, |key| faces.iter().find(|f| f.0 == key).map_or(OPEN, |f| f.1), &mut back);
+        self.complex.replace(
+            &made,
+            &old,
+            |key| faces.iter().find(|f| f.0 == key).map_or(OPEN, |f| f.1),
+            &mut back,
+        );
         self.complex.tet_of[m as usize] = NONE;
         self.complex.points.pop();
         self.complex.tet_of.pop();
@@ -834,7 +969,10 @@ impl<'s> Optimiser<'s> {
             Some((_, Op::Collapse(u, w))) => self.collapse(t, u, w, None, true).is_some(),
             None if insertions => {
                 let mut edges = EDGES.map(|(i, j)| {
-                    let d = sub(self.complex.points[v[i] as usize], self.complex.points[v[j] as usize]);
+                    let d = sub(
+                        self.complex.points[v[i] as usize],
+                        self.complex.points[v[j] as usize],
+                    );
                     (dot(d, d), v[i], v[j])
                 });
                 edges.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -848,17 +986,24 @@ impl<'s> Optimiser<'s> {
     fn off(&self, may: impl Fn(u32) -> bool + Sync) -> Vec<u32> {
         let is_off = |&v: &u32| {
             let p = self.complex.points[v as usize];
-            self.complex.tet_of[v as usize] != NONE && may(v) && (self.is_off(v, p) || self.is_hidden(v))
+            self.complex.tet_of[v as usize] != NONE
+                && may(v)
+                && (self.is_off(v, p) || self.is_hidden(v))
         };
-        (0..self.complex.points.len() as u32).into_par_iter().filter(is_off).collect()
+        (0..self.complex.points.len() as u32)
+            .into_par_iter()
+            .filter(is_off)
+            .collect()
     }
 
     /// Brings vertices that the cutting had to leave off their pieces onto them, making room by mending. Returns those left.
     pub(crate) fn settle(&mut self, goal: f64) -> Vec<Point3> {
-        let (mut left, mut fewest): (Vec<u32>, usize) = (std::mem::take(&mut self.first_off), usize::MAX);
+        let (mut left, mut fewest): (Vec<u32>, usize) =
+            (std::mem::take(&mut self.first_off), usize::MAX);
         let mut since = 0;
         for round in 0..6 {
-            let off = self.off(|v| self.touched[v as usize] > since || left.binary_search(&v).is_ok());
+            let off =
+                self.off(|v| self.touched[v as usize] > since || left.binary_search(&v).is_ok());
             since = self.clock;
             left.clear();
             let mut star = Vec::new();
@@ -867,7 +1012,11 @@ impl<'s> Optimiser<'s> {
                 if self.is_hidden(v) {
                     self.hold[v as usize] = Hold::On(On::of(&[SKIN]));
                 }
-                let Some(q) = self.surface.project(self.holding(v).slice(), p).filter(|q| norm(sub(*q, p)) < self.size) else {
+                let Some(q) = self
+                    .surface
+                    .project(self.holding(v).slice(), p)
+                    .filter(|q| norm(sub(*q, p)) < self.size)
+                else {
                     left.push(v);
                     continue;
                 };
@@ -882,7 +1031,11 @@ impl<'s> Optimiser<'s> {
                 if let Some(t) = way {
                     self.suspects.extend_from_slice(&star);
                     self.touched[v as usize] = self.clock + 1;
-                    self.complex.points[v as usize] = if t == 1.0 { q } else { std::array::from_fn(|i| p[i] + t * (q[i] - p[i])) };
+                    self.complex.points[v as usize] = if t == 1.0 {
+                        q
+                    } else {
+                        std::array::from_fn(|i| p[i] + t * (q[i] - p[i]))
+                    };
                 }
                 if way != Some(1.0) {
                     left.push(v);
@@ -898,7 +1051,10 @@ impl<'s> Optimiser<'s> {
             self.make_room(&left);
             self.mend_all(goal, 8);
         }
-        left.into_iter().filter(|&v| self.complex.tet_of[v as usize] != NONE).map(|v| self.complex.points[v as usize]).collect()
+        left.into_iter()
+            .filter(|&v| self.complex.tet_of[v as usize] != NONE)
+            .map(|v| self.complex.points[v as usize])
+            .collect()
     }
 
     /// Moves the vertices around those given as far as it helps, also where they are good enough otherwise.
@@ -921,7 +1077,10 @@ impl<'s> Optimiser<'s> {
     fn free(&mut self, v: u32) {
         let p = self.complex.points[v as usize];
         let on = self.holding(v);
-        let at = self.surface.project(on.slice(), p).filter(|q| norm(sub(*q, p)) < self.size);
+        let at = self
+            .surface
+            .project(on.slice(), p)
+            .filter(|q| norm(sub(*q, p)) < self.size);
         let is_real = at.is_some_and(|q| match on.slice() {
             &[a, b] => self.surface.is_edge([a, b], q),
             [_, _, _] => self.surface.is_corner(on.slice(), q),
@@ -941,14 +1100,21 @@ impl<'s> Optimiser<'s> {
                 if n < BOUNDARY || n == OPEN || self.complex.tets[t as usize][i] == v {
                     continue;
                 }
-                let c = self.complex.face(t, i).map(|k| self.complex.points[k as usize]);
+                let c = self
+                    .complex
+                    .face(t, i)
+                    .map(|k| self.complex.points[k as usize]);
                 let middle = std::array::from_fn(|k| (c[0][k] + c[1][k] + c[2][k]) / 3.0);
                 let old = n & !BOUNDARY;
                 let label = self.surface.project(&[SKIN], middle).map_or(old, |q| {
-                    let candidates = self.labels[v as usize].with(self.surface.value(q).1).unwrap_or(self.labels[v as usize]);
-                    let real =
-                        candidates.slice().iter().copied().filter(|&l| self.surface.distance(l, q) == 0.0 && self.surface.is_face(l, q));
-                    real.max_by(|&a, &b| self.facing(c, a).total_cmp(&self.facing(c, b))).unwrap_or(old)
+                    let candidates = self.labels[v as usize]
+                        .with(self.surface.value(q).1)
+                        .unwrap_or(self.labels[v as usize]);
+                    let real = candidates.slice().iter().copied().filter(|&l| {
+                        self.surface.distance(l, q) == 0.0 && self.surface.is_face(l, q)
+                    });
+                    real.max_by(|&a, &b| self.facing(c, a).total_cmp(&self.facing(c, b)))
+                        .unwrap_or(old)
                 });
                 self.complex.adjacent[t as usize][i] = BOUNDARY | label;
                 labels = labels.with(label).unwrap_or(labels);
@@ -976,19 +1142,28 @@ impl<'s> Optimiser<'s> {
                 .par_chunk_by(|a, b| a.0 == b.0)
                 .filter_map(|same| {
                     let labels = [same[0].1, same[same.len() - 1].1];
-                    self.excess(same[0].0, labels, error).map(|s| (s, same[0].0))
+                    self.excess(same[0].0, labels, error)
+                        .map(|s| (s, same[0].0))
                 })
                 .collect();
             if error.is_finite() {
                 // Faces whose edges are all right but whose middle is not.
-                wanted.par_extend(faces.par_iter().filter(|f| f.1 < STRAY).filter_map(|(f, label)| {
-                    let p = f.map(|v| self.complex.points[v as usize]);
-                    let middle = std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0);
-                    let off = norm(sub(self.surface.project(&[self.piece_at(f, *label)], middle)?, middle));
-                    let long = (0..3).max_by(|&i, &j| norm(sub(p[i], p[(i + 1) % 3])).total_cmp(&norm(sub(p[j], p[(j + 1) % 3]))))?;
-                    let (a, b) = (f[long], f[(long + 1) % 3]);
-                    (off > error).then_some((off / error, [a.min(b), a.max(b)]))
-                }));
+                wanted.par_extend(faces.par_iter().filter(|f| f.1 < STRAY).filter_map(
+                    |(f, label)| {
+                        let p = f.map(|v| self.complex.points[v as usize]);
+                        let middle = std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0);
+                        let off = norm(sub(
+                            self.surface.project(&[self.piece_at(f, *label)], middle)?,
+                            middle,
+                        ));
+                        let long = (0..3).max_by(|&i, &j| {
+                            norm(sub(p[i], p[(i + 1) % 3]))
+                                .total_cmp(&norm(sub(p[j], p[(j + 1) % 3])))
+                        })?;
+                        let (a, b) = (f[long], f[(long + 1) % 3]);
+                        (off > error).then_some((off / error, [a.min(b), a.max(b)]))
+                    },
+                ));
             }
             if wanted.len() > fewest - fewest / 10 {
                 return;
@@ -1022,7 +1197,11 @@ impl<'s> Optimiser<'s> {
             false => On::of(&[self.piece_at(&ends, labels[0])]),
         };
         let length = norm(sub(p, q));
-        let most = (TURN * length).min(error).min(if sharp { CURVE * self.size } else { f64::INFINITY });
+        let most = (TURN * length).min(error).min(if sharp {
+            CURVE * self.size
+        } else {
+            f64::INFINITY
+        });
         // The first step of Newton's method tells of most edges that they are well within what they may.
         if norm(sub(self.surface.nearer(on.slice(), middle)?, middle)) < 0.6 * most {
             return None;
@@ -1059,7 +1238,10 @@ impl<'s> Optimiser<'s> {
                     self.free(u);
                 }
                 let before = self.worst(&ring.tets);
-                if self.collapse(ring.tets[0], u, w, Some((0.5 * before).min(0.05)), true).is_some() {
+                if self
+                    .collapse(ring.tets[0], u, w, Some((0.5 * before).min(0.05)), true)
+                    .is_some()
+                {
                     self.touched[w as usize] = self.clock + 1;
                     break;
                 }
@@ -1074,13 +1256,21 @@ impl<'s> Optimiser<'s> {
         let off = self.off(|_| true);
         let mut is_near = vec![false; self.complex.points.len()];
         let live: Vec<u32> = self.complex.live().collect();
-        let poor: Vec<u32> = live.into_par_iter().with_min_len(1024).filter(|&t| self.measure(t) < self.enough).collect();
+        let poor: Vec<u32> = live
+            .into_par_iter()
+            .with_min_len(1024)
+            .filter(|&t| self.measure(t) < self.enough)
+            .collect();
         for &t in &poor {
-            self.complex.tets[t as usize].iter().for_each(|&v| is_near[v as usize] = true);
+            self.complex.tets[t as usize]
+                .iter()
+                .for_each(|&v| is_near[v as usize] = true);
         }
         self.suspects = poor;
         self.complex.log = Some(Vec::new());
-        let near: Vec<u32> = (0..is_near.len() as u32).filter(|&v| is_near[v as usize]).collect();
+        let near: Vec<u32> = (0..is_near.len() as u32)
+            .filter(|&v| is_near[v as usize])
+            .collect();
         // From here on, what is touched may have become off the surface or come onto it.
         self.clock = 1;
         self.smooth(&near);
@@ -1106,7 +1296,9 @@ impl<'s> Optimiser<'s> {
                     continue;
                 }
                 for (a, b) in [(f[0], f[1]), (f[1], f[2]), (f[2], f[0])] {
-                    if self.complex.ring_of(a, b, &mut ring) && self.surface_edge(&ring, a, b).is_some() {
+                    if self.complex.ring_of(a, b, &mut ring)
+                        && self.surface_edge(&ring, a, b).is_some()
+                    {
                         ears.push((a.min(b), a.max(b)));
                     }
                 }
@@ -1128,20 +1320,30 @@ impl<'s> Optimiser<'s> {
         let (mut idle, mut fewest) = (0, usize::MAX);
         for round in 0..rounds {
             let mut suspects = std::mem::take(&mut self.suspects);
-            self.complex.log.iter_mut().for_each(|log| suspects.append(log));
+            self.complex
+                .log
+                .iter_mut()
+                .for_each(|log| suspects.append(log));
             suspects.par_sort_unstable();
             suspects.dedup();
             suspects.retain(|&t| self.complex.is_there(t));
-            let mut bad: Vec<(f64, u32)> =
-                suspects.par_iter().with_min_len(1024).map(|&t| (self.measure(t), t)).filter(|b| b.0 < goal).collect();
+            let mut bad: Vec<(f64, u32)> = suspects
+                .par_iter()
+                .with_min_len(1024)
+                .map(|&t| (self.measure(t), t))
+                .filter(|b| b.0 < goal)
+                .collect();
             self.suspects.extend(bad.iter().map(|b| b.1));
             bad.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            let Some(&(worst, _)) = bad.first() else { return };
+            let Some(&(worst, _)) = bad.first() else {
+                return;
+            };
             if self.control.is_stopped() {
                 return;
             }
             // Insertions are for what is left over; where much is bad they only make more of it.
-            let insertions = round >= INSERT_FROM && bad.len() < MANY.max(self.complex.tets.len() / 200);
+            let insertions =
+                round >= INSERT_FROM && bad.len() < MANY.max(self.complex.tets.len() / 200);
             let mut done = 0;
             self.clock += 1;
             self.tried.resize(self.complex.tets.len(), 0);
@@ -1169,8 +1371,11 @@ impl<'s> Optimiser<'s> {
                     self.tried.resize(self.complex.tets.len(), 0);
                 }
             }
-            let mut near: Vec<u32> =
-                bad.iter().filter(|b| self.complex.is_there(b.1)).flat_map(|b| self.complex.tets[b.1 as usize]).collect();
+            let mut near: Vec<u32> = bad
+                .iter()
+                .filter(|b| self.complex.is_there(b.1))
+                .flat_map(|b| self.complex.tets[b.1 as usize])
+                .collect();
             near.sort_unstable();
             near.dedup();
             let mut wider = near.clone();
@@ -1183,7 +1388,11 @@ impl<'s> Optimiser<'s> {
             wider.dedup();
             let moved = self.smooth(&wider);
             // Progress is a better worst tetrahedron or fewer bad ones.
-            idle = if worst > last + 1e-4 || bad.len() < fewest - fewest / 50 { 0 } else { idle + 1 };
+            idle = if worst > last + 1e-4 || bad.len() < fewest - fewest / 50 {
+                0
+            } else {
+                idle + 1
+            };
             fewest = fewest.min(bad.len());
             last = last.max(worst);
             if idle >= 4 || (done == 0 && moved == 0) {

@@ -19,12 +19,24 @@ pub fn six_volume([a, b, c, d]: [Point3; 4]) -> f64 {
 
 /// Area vectors of the faces opposite to the corners, outward for a positive tetrahedron, twice the area long.
 pub fn face_normals([a, b, c, d]: [Point3; 4]) -> [Point3; 4] {
-    [cross(sub(c, b), sub(d, b)), cross(sub(d, a), sub(c, a)), cross(sub(b, a), sub(d, a)), cross(sub(c, a), sub(b, a))]
+    [
+        cross(sub(c, b), sub(d, b)),
+        cross(sub(d, a), sub(c, a)),
+        cross(sub(b, a), sub(d, a)),
+        cross(sub(c, a), sub(b, a)),
+    ]
 }
 
 /// Lengths of the edges of the [`DIHEDRALS`].
 pub fn dihedral_edges([a, b, c, d]: [Point3; 4]) -> [f64; 6] {
-    [norm(sub(d, c)), norm(sub(d, b)), norm(sub(c, b)), norm(sub(d, a)), norm(sub(c, a)), norm(sub(b, a))]
+    [
+        norm(sub(d, c)),
+        norm(sub(d, b)),
+        norm(sub(c, b)),
+        norm(sub(d, a)),
+        norm(sub(c, a)),
+        norm(sub(b, a)),
+    ]
 }
 
 /// Cosines of the six [`DIHEDRALS`]; within [−1, 1] but for rounding, 0 where a face has no area.
@@ -59,7 +71,9 @@ impl Shape {
         let (u, v, w) = (sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0]));
         let (uu, vv, ww) = (dot(u, u), dot(v, v), dot(w, w));
         // −n₁ = v × w, −n₂ = w × u, −n₃ = u × v
-        let centre: Point3 = std::array::from_fn(|i| -(uu * normals[1][i] + vv * normals[2][i] + ww * normals[3][i]));
+        let centre: Point3 = std::array::from_fn(|i| {
+            -(uu * normals[1][i] + vv * normals[2][i] + ww * normals[3][i])
+        });
         Self {
             normals,
             areas: normals.map(|n| norm(n).max(f64::MIN_POSITIVE)),
@@ -87,7 +101,9 @@ impl Shape {
     /// Smallest sine of the dihedral angles, obtuse ones times [`OBTUSE_WEIGHT`]; √8/3 = 0.943 for a regular tetrahedron.
     pub fn biased_minimum_sine(&self) -> f64 {
         let (c, s) = (cosines(self), sines(self));
-        (0..6).fold(f64::INFINITY, |worst, k| worst.min(s[k] * if c[k] < 0.0 { OBTUSE_WEIGHT } else { 1.0 }))
+        (0..6).fold(f64::INFINITY, |worst, k| {
+            worst.min(s[k] * if c[k] < 0.0 { OBTUSE_WEIGHT } else { 1.0 })
+        })
     }
 
     /// Mean length of the edges.
@@ -98,7 +114,10 @@ impl Shape {
 
 /// Cosines of the dihedral angles.
 pub fn cosines(shape: &Shape) -> [f64; 6] {
-    DIHEDRALS.map(|[i, j]| -dot(shape.normals[i], shape.normals[j]) / (shape.areas[i] * shape.areas[j]).max(f64::MIN_POSITIVE))
+    DIHEDRALS.map(|[i, j]| {
+        -dot(shape.normals[i], shape.normals[j])
+            / (shape.areas[i] * shape.areas[j]).max(f64::MIN_POSITIVE)
+    })
 }
 
 /// Sines of the dihedral angles, with the sign of the volume.
@@ -113,7 +132,8 @@ pub fn sines(shape: &Shape) -> [f64; 6] {
 pub fn triangle_cosines([a, b, c]: [Point3; 3]) -> [f64; 3] {
     let e = [sub(c, b), sub(a, c), sub(b, a)];
     let length = e.map(|e| norm(e).max(f64::MIN_POSITIVE));
-    [[1, 2], [2, 0], [0, 1]].map(|[j, k]| -dot(e[j], e[k]) / (length[j] * length[k]).max(f64::MIN_POSITIVE))
+    [[1, 2], [2, 0], [0, 1]]
+        .map(|[j, k]| -dot(e[j], e[k]) / (length[j] * length[k]).max(f64::MIN_POSITIVE))
 }
 
 /// The angle of a cosine in degrees, of rounded cosines beyond ±1, too.
@@ -128,7 +148,10 @@ mod tests {
     fn all_angles(p: [Point3; 4]) -> [f64; 6] {
         let (c, s) = (dihedral_cosines(p), dihedral_sines(p));
         std::array::from_fn(|k| {
-            assert!((c[k] * c[k] + s[k] * s[k] - 1.0).abs() < 1e-14, "{c:?} {s:?}");
+            assert!(
+                (c[k] * c[k] + s[k] * s[k] - 1.0).abs() < 1e-14,
+                "{c:?} {s:?}"
+            );
             degrees(c[k])
         })
     }
@@ -139,48 +162,103 @@ mod tests {
 
     #[test]
     fn regular_tetrahedron() {
-        let p = [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]];
-        assert!(all_angles(p).iter().all(|&d| near(d, (1.0f64 / 3.0).acos().to_degrees())));
+        let p = [
+            [1.0, 1.0, 1.0],
+            [-1.0, 1.0, -1.0],
+            [1.0, -1.0, -1.0],
+            [-1.0, -1.0, 1.0],
+        ];
+        assert!(
+            all_angles(p)
+                .iter()
+                .all(|&d| near(d, (1.0f64 / 3.0).acos().to_degrees()))
+        );
         let s = Shape::of(p);
         assert!(near(s.six_volume, 16.0) && near(s.radius_ratio(), 1.0) && near(s.aspect(), 1.0));
-        assert!(near(s.biased_minimum_sine(), 8f64.sqrt() / 3.0) && near(s.mean_edge(), 8f64.sqrt()));
+        assert!(
+            near(s.biased_minimum_sine(), 8f64.sqrt() / 3.0) && near(s.mean_edge(), 8f64.sqrt())
+        );
     }
 
     /// Two 90° and four 60° angles.
     #[test]
     fn tetrahedron_of_the_body_centred_lattice() {
-        let mut d = all_angles([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 1.0, 1.0], [1.0, -1.0, 1.0]]);
+        let mut d = all_angles([
+            [0.0, 0.0, 0.0],
+            [2.0, 0.0, 0.0],
+            [1.0, 1.0, 1.0],
+            [1.0, -1.0, 1.0],
+        ]);
         d.sort_by(f64::total_cmp);
-        assert!(d.iter().zip([60.0, 60.0, 60.0, 60.0, 90.0, 90.0]).all(|(&a, b)| near(a, b)), "{d:?}");
+        assert!(
+            d.iter()
+                .zip([60.0, 60.0, 60.0, 60.0, 90.0, 90.0])
+                .all(|(&a, b)| near(a, b)),
+            "{d:?}"
+        );
     }
 
     /// Three right angles at the corner and three of acos(1/√3); r = (3 − √3)/6, R = √3/2.
     #[test]
     fn corner_of_a_cube() {
-        let p = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let p = [
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 1.0],
+        ];
         let mut d = all_angles(p);
         d.sort_by(f64::total_cmp);
         let acute = (1.0 / 3f64.sqrt()).acos().to_degrees();
-        assert!(d.iter().zip([acute, acute, acute, 90.0, 90.0, 90.0]).all(|(&a, b)| near(a, b)), "{d:?}");
-        assert!(near(Shape::of(p).radius_ratio(), 3.0 * (3.0 - 3f64.sqrt()) / 6.0 / (3f64.sqrt() / 2.0)));
+        assert!(
+            d.iter()
+                .zip([acute, acute, acute, 90.0, 90.0, 90.0])
+                .all(|(&a, b)| near(a, b)),
+            "{d:?}"
+        );
+        assert!(near(
+            Shape::of(p).radius_ratio(),
+            3.0 * (3.0 - 3f64.sqrt()) / 6.0 / (3f64.sqrt() / 2.0)
+        ));
     }
 
     #[test]
     fn flat_inverted_and_collapsed_ones() {
-        let flat = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+        let flat = [
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [1.0, 1.0, 0.0],
+        ];
         let s = Shape::of(flat);
-        assert!(s.six_volume == 0.0 && s.radius_ratio() == 0.0 && s.biased_minimum_sine() == 0.0 && s.aspect() > 1e300);
-        let inverted = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+        assert!(
+            s.six_volume == 0.0
+                && s.radius_ratio() == 0.0
+                && s.biased_minimum_sine() == 0.0
+                && s.aspect() > 1e300
+        );
+        let inverted = [
+            [0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0],
+        ];
         let s = Shape::of(inverted);
         assert!(s.six_volume == -1.0 && s.radius_ratio() < 0.0 && s.biased_minimum_sine() < 0.0);
         let s = Shape::of([[0.5; 3]; 4]);
-        assert!(s.radius_ratio() == 0.0 && cosines(&s) == [0.0; 6] && s.biased_minimum_sine() == 0.0);
+        assert!(
+            s.radius_ratio() == 0.0 && cosines(&s) == [0.0; 6] && s.biased_minimum_sine() == 0.0
+        );
     }
 
     #[test]
     fn angles_of_triangles() {
-        let d = triangle_cosines([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 3f64.sqrt(), 0.0]]).map(degrees);
-        assert!(near(d[0], 90.0) && near(d[1], 60.0) && near(d[2], 30.0), "{d:?}");
+        let d = triangle_cosines([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 3f64.sqrt(), 0.0]])
+            .map(degrees);
+        assert!(
+            near(d[0], 90.0) && near(d[1], 60.0) && near(d[2], 30.0),
+            "{d:?}"
+        );
         assert_eq!(triangle_cosines([[0.0; 3]; 3]), [0.0; 3]);
     }
 }

@@ -32,7 +32,12 @@ fn longest(complex: &Complex, t: u32) -> (f64, u32, u32) {
 
 /// Bisects tetrahedra until the longest edge of each is at most what `wanted` says for it (looked at anew for the halves). `frozen`
 /// vertices keep their edges to each other. Stops at `limit` tetrahedra and says whether it did.
-pub(crate) fn bisect(complex: &mut Complex, frozen: &mut Vec<bool>, limit: usize, mut wanted: impl FnMut(&Complex, u32) -> f64) -> bool {
+pub(crate) fn bisect(
+    complex: &mut Complex,
+    frozen: &mut Vec<bool>,
+    limit: usize,
+    mut wanted: impl FnMut(&Complex, u32) -> f64,
+) -> bool {
     let mut queue: std::collections::VecDeque<u32> = complex.live().collect();
     let (mut ring, mut made) = (Ring::default(), Vec::new());
     while let Some(t) = queue.pop_front() {
@@ -46,7 +51,11 @@ pub(crate) fn bisect(complex: &mut Complex, frozen: &mut Vec<bool>, limit: usize
         for _ in 0..CHAIN {
             let (length, a, b) = longest(complex, at);
             complex.ring(at, a, b, &mut ring);
-            if let Some(&longer) = ring.tets.iter().find(|&&n| longest(complex, n).0 > length * SAME) {
+            if let Some(&longer) = ring
+                .tets
+                .iter()
+                .find(|&&n| longest(complex, n).0 > length * SAME)
+            {
                 at = longer;
                 continue;
             }
@@ -68,7 +77,12 @@ pub(crate) fn bisect(complex: &mut Complex, frozen: &mut Vec<bool>, limit: usize
 }
 
 /// Halves the edges of tetrahedra next to the places given.
-pub(crate) fn bisect_near(complex: &mut Complex, frozen: &mut Vec<bool>, limit: usize, places: &KdTree) {
+pub(crate) fn bisect_near(
+    complex: &mut Complex,
+    frozen: &mut Vec<bool>,
+    limit: usize,
+    places: &KdTree,
+) {
     let near: Vec<(u32, f64)> = complex
         .live()
         .filter_map(|t| {
@@ -79,9 +93,11 @@ pub(crate) fn bisect_near(complex: &mut Complex, frozen: &mut Vec<bool>, limit: 
         .collect();
     // Halves take the slots of others: what is wanted goes by place.
     let wanted = KdTree::new(&near.iter().map(|n| complex.middle(n.0)).collect::<Vec<_>>());
-    bisect(complex, frozen, limit, |complex, t| match wanted.nearest(complex.middle(t)) {
-        Some((i, d)) if d < near[i].1 * near[i].1 => near[i].1,
-        _ => f64::INFINITY,
+    bisect(complex, frozen, limit, |complex, t| {
+        match wanted.nearest(complex.middle(t)) {
+            Some((i, d)) if d < near[i].1 * near[i].1 => near[i].1,
+            _ => f64::INFINITY,
+        }
     });
 }
 
@@ -98,7 +114,9 @@ pub(crate) fn curvature(j: &Jet2) -> f64 {
     let u = cross(n, e);
     let u = u.map(|v| v / norm(u));
     let v = cross(n, u);
-    let times = |w: Point3| -> Point3 { std::array::from_fn(|i| (0..3).map(|k| j.second(i, k) * w[k]).sum()) };
+    let times = |w: Point3| -> Point3 {
+        std::array::from_fn(|i| (0..3).map(|k| j.second(i, k) * w[k]).sum())
+    };
     let (hu, hv) = (times(u), times(v));
     let (a, b, c) = (dot(u, hu) / l, dot(u, hv) / l, dot(v, hv) / l);
     let (mean, off) = (0.5 * (a + c), (0.25 * (a - c) * (a - c) + b * b).sqrt());
@@ -121,14 +139,26 @@ fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, siz
     }
     let reach = c.iter().map(|p| norm(sub(*p, middle))).fold(0.0, f64::max);
     let (tree, pieces) = &surface.lattice.trees[k as usize - 2];
-    let values: Vec<f64> = pieces.iter().map(|&i| surface.distance(i, middle)).collect();
+    let values: Vec<f64> = pieces
+        .iter()
+        .map(|&i| surface.distance(i, middle))
+        .collect();
     let mut wanted = f64::INFINITY;
     for (&piece, &v) in pieces.iter().zip(&values) {
         if v.abs() > 1.1 * reach {
             continue;
         }
         // Only where the piece bounds the solid, or nearly so.
-        let value = |i: u32| if i == piece { 0.0 } else { pieces.iter().position(|&p| p == i).map_or(0.0, |k| values[k]) };
+        let value = |i: u32| {
+            if i == piece {
+                0.0
+            } else {
+                pieces
+                    .iter()
+                    .position(|&p| p == i)
+                    .map_or(0.0, |k| values[k])
+            }
+        };
         if tree.value(&value).abs() > reach {
             continue;
         }
@@ -138,7 +168,9 @@ fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, siz
             // κ s²/8, an equilateral triangle a sphere by κ s²/6.
             let radius = (1.0 / bend - v.abs()).max(0.5 / bend);
             let by_error = (6.0 * error * radius).sqrt();
-            wanted = wanted.min(by_error).min((RADIUS * radius).max(BEND_LEAST * size));
+            wanted = wanted
+                .min(by_error)
+                .min((RADIUS * radius).max(BEND_LEAST * size));
         }
     }
     wanted
@@ -168,12 +200,24 @@ pub(crate) fn follow(
     let sizes: Vec<f64> = (0..before.len() as u32)
         .into_par_iter()
         .with_min_len(1024)
-        .map(|t| if complex.is_there(t) { wanted(complex, t) } else { f64::INFINITY })
+        .map(|t| {
+            if complex.is_there(t) {
+                wanted(complex, t)
+            } else {
+                f64::INFINITY
+            }
+        })
         .collect();
-    let any = sizes.par_iter().enumerate().with_min_len(1024).any(|(t, s)| s.is_finite() && longest(complex, t as u32).0 > s * SAME);
-    any && bisect(complex, frozen, limit, |complex, t| match before.get(t as usize) {
-        Some(v) if *v == complex.tets[t as usize] => sizes[t as usize],
-        _ => wanted(complex, t),
+    let any = sizes
+        .par_iter()
+        .enumerate()
+        .with_min_len(1024)
+        .any(|(t, s)| s.is_finite() && longest(complex, t as u32).0 > s * SAME);
+    any && bisect(complex, frozen, limit, |complex, t| {
+        match before.get(t as usize) {
+            Some(v) if *v == complex.tets[t as usize] => sizes[t as usize],
+            _ => wanted(complex, t),
+        }
     })
 }
 
@@ -211,7 +255,10 @@ fn is_close_call(surface: &Surface<'_>, complex: &Complex, t: u32) -> bool {
         near[..k].iter().any(|b| {
             let gap = (a.1 + b.1).abs();
             dot(a.2, b.2) < -0.8 && gap > surface.zero && gap < length && {
-                let bend = [a, b].iter().map(|p| curvature(&surface.solid.jet(p.0, middle))).sum::<f64>();
+                let bend = [a, b]
+                    .iter()
+                    .map(|p| curvature(&surface.solid.jet(p.0, middle)))
+                    .sum::<f64>();
                 gap < CLOSE * bend * length * length / 8.0
             }
         })
@@ -220,14 +267,26 @@ fn is_close_call(surface: &Surface<'_>, complex: &Complex, t: u32) -> bool {
 
 /// Halves edges that a piece of the surface crosses twice (both ends inside, or both outside, and a place between that is not), so that thin walls,
 /// gaps and narrow links are met by the lattice. Returns places where the last round still found such an edge.
-pub(crate) fn resolve(surface: &Surface<'_>, complex: &mut Complex, frozen: &mut Vec<bool>, limit: usize) -> Vec<Point3> {
+pub(crate) fn resolve(
+    surface: &Surface<'_>,
+    complex: &mut Complex,
+    frozen: &mut Vec<bool>,
+    limit: usize,
+) -> Vec<Point3> {
     let mut left = Vec::new();
     let mut values: Vec<f64> = Vec::new();
     // What was looked at in the round before need not be looked at again, except for edges that could not be halved.
     let (mut before, mut twice): (Vec<[u32; 4]>, Vec<[u32; 2]>) = (Vec::new(), Vec::new());
     for round in 0..=ROUNDS {
-        values.par_extend(complex.points[values.len()..].par_iter().map(|&p| surface.value(p).0));
-        let fresh: Vec<u32> = complex.live().filter(|&t| before.get(t as usize) != Some(&complex.tets[t as usize])).collect();
+        values.par_extend(
+            complex.points[values.len()..]
+                .par_iter()
+                .map(|&p| surface.value(p).0),
+        );
+        let fresh: Vec<u32> = complex
+            .live()
+            .filter(|&t| before.get(t as usize) != Some(&complex.tets[t as usize]))
+            .collect();
         let mut edges: Vec<[u32; 2]> = fresh
             .iter()
             .flat_map(|&t| {
@@ -244,10 +303,17 @@ pub(crate) fn resolve(surface: &Surface<'_>, complex: &mut Complex, frozen: &mut
             })
             .collect();
         let mut ring = Ring::default();
-        edges.extend(twice.iter().filter(|e| complex.ring_of(e[0], e[1], &mut ring)));
+        edges.extend(
+            twice
+                .iter()
+                .filter(|e| complex.ring_of(e[0], e[1], &mut ring)),
+        );
         edges.par_sort_unstable();
         edges.dedup();
-        let close: Vec<u32> = fresh.into_par_iter().filter(|&t| is_close_call(surface, complex, t)).collect();
+        let close: Vec<u32> = fresh
+            .into_par_iter()
+            .filter(|&t| is_close_call(surface, complex, t))
+            .collect();
         twice = edges
             .into_par_iter()
             .filter(|&[a, b]| {
@@ -268,13 +334,19 @@ pub(crate) fn resolve(surface: &Surface<'_>, complex: &mut Complex, frozen: &mut
             return left;
         }
         if round == ROUNDS || complex.tets.len() > limit {
-            left = twice.iter().map(|&[a, _]| complex.points[a as usize]).collect();
+            left = twice
+                .iter()
+                .map(|&[a, _]| complex.points[a as usize])
+                .collect();
             return left;
         }
         before.clone_from(&complex.tets);
         let flagged = |a: u32, b: u32| twice.binary_search(&[a.min(b), a.max(b)]).is_ok();
         // Slots are reused by the halves, which are looked at in the next round: a close call counts as long as its vertices are the same.
-        let close: Vec<(u32, [u32; 4])> = close.into_iter().map(|t| (t, complex.tets[t as usize])).collect();
+        let close: Vec<(u32, [u32; 4])> = close
+            .into_iter()
+            .map(|t| (t, complex.tets[t as usize]))
+            .collect();
         bisect(complex, frozen, limit, |complex, t| {
             if close.binary_search(&(t, complex.tets[t as usize])).is_ok() {
                 return 0.0;

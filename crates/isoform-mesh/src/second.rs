@@ -46,10 +46,15 @@ pub(crate) fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]
             on.dedup();
             if sharp.binary_search(&e).is_err() {
                 // Across a seam between parts that touch tangentially either may be the surface.
-                let one = on.len() == 1 && [p, q].iter().all(|&end| surface.distance(on[0], end) == 0.0);
+                let one = on.len() == 1
+                    && [p, q]
+                        .iter()
+                        .all(|&end| surface.distance(on[0], end) == 0.0);
                 on = vec![if one { on[0] } else { SKIN }];
             }
-            let target = surface.project(&on, middle).filter(|m| norm(sub(*m, middle)) <= REACH * norm(sub(p, q)));
+            let target = surface
+                .project(&on, middle)
+                .filter(|m| norm(sub(*m, middle)) <= REACH * norm(sub(p, q)));
             (e, target)
         })
         .collect();
@@ -62,7 +67,11 @@ pub(crate) fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]
         })
         .collect();
     let mut off = Vec::new();
-    let at = |a: u32, b: u32| edges.binary_search(&key(a, b)).expect("all edges are listed");
+    let at = |a: u32, b: u32| {
+        edges
+            .binary_search(&key(a, b))
+            .expect("all edges are listed")
+    };
     for (e, target) in curved {
         let k = at((e >> 32) as u32, e as u32);
         match target {
@@ -72,8 +81,16 @@ pub(crate) fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]
     }
     let of_tet = |t: &[u32; 4]| TET_EDGES.map(|[i, j]| at(t[i], t[j]) as u32);
     mesh.tet_mids = mesh.tets.par_iter().map(of_tet).collect();
-    mesh.triangle_mids = mesh.triangles.par_iter().map(|t| TRIANGLE_EDGES.map(|[i, j]| at(t[i], t[j]) as u32 + first)).collect();
-    mesh.edge_mids = mesh.edges.iter().map(|e| at(e[0], e[1]) as u32 + first).collect();
+    mesh.triangle_mids = mesh
+        .triangles
+        .par_iter()
+        .map(|t| TRIANGLE_EDGES.map(|[i, j]| at(t[i], t[j]) as u32 + first))
+        .collect();
+    mesh.edge_mids = mesh
+        .edges
+        .iter()
+        .map(|e| at(e[0], e[1]) as u32 + first)
+        .collect();
     let fixed: Vec<bool> = {
         let mut fixed = vec![false; edges.len()];
         for (e, _) in &rim {
@@ -92,29 +109,49 @@ pub(crate) fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]
 /// Where a curved face presses on a tetrahedron, the inner middles around give way.
 fn relax(mesh: &Mesh, mids: &[[u32; 6]], middles: &mut [Point3], fixed: &[bool]) {
     let nodes = |t: usize, middles: &[Point3]| -> [Point3; 10] {
-        std::array::from_fn(|k| if k < 4 { mesh.points[mesh.tets[t][k] as usize] } else { middles[mids[t][k - 4] as usize] })
+        std::array::from_fn(|k| {
+            if k < 4 {
+                mesh.points[mesh.tets[t][k] as usize]
+            } else {
+                middles[mids[t][k - 4] as usize]
+            }
+        })
     };
     let bad: Vec<usize> = (0..mids.len())
         .into_par_iter()
-        .filter(|&t| mids[t].iter().any(|&m| fixed[m as usize]) && scaled_jacobian(&nodes(t, middles)) < JACOBIAN)
+        .filter(|&t| {
+            mids[t].iter().any(|&m| fixed[m as usize])
+                && scaled_jacobian(&nodes(t, middles)) < JACOBIAN
+        })
         .collect();
     if bad.is_empty() {
         return;
     }
     // Tetrahedra at each middle that may move.
-    let mut free: Vec<u32> = bad.iter().flat_map(|&t| mids[t]).filter(|&m| !fixed[m as usize]).collect();
+    let mut free: Vec<u32> = bad
+        .iter()
+        .flat_map(|&t| mids[t])
+        .filter(|&m| !fixed[m as usize])
+        .collect();
     free.sort_unstable();
     free.dedup();
     let mut around: Vec<(u32, u32)> = Vec::new();
     for (t, m) in mids.iter().enumerate() {
-        around.extend(m.iter().filter(|m| free.binary_search(m).is_ok()).map(|&m| (m, t as u32)));
+        around.extend(
+            m.iter()
+                .filter(|m| free.binary_search(m).is_ok())
+                .map(|&m| (m, t as u32)),
+        );
     }
     around.sort_unstable();
     for _ in 0..6 {
         for star in around.chunk_by(|a, b| a.0 == b.0) {
             let m = star[0].0 as usize;
-            let worst =
-                |middles: &[Point3]| star.iter().map(|s| scaled_jacobian(&nodes(s.1 as usize, middles))).fold(f64::INFINITY, f64::min);
+            let worst = |middles: &[Point3]| {
+                star.iter()
+                    .map(|s| scaled_jacobian(&nodes(s.1 as usize, middles)))
+                    .fold(f64::INFINITY, f64::min)
+            };
             let mut best = worst(middles);
             if best >= JACOBIAN {
                 continue;
@@ -122,7 +159,10 @@ fn relax(mesh: &Mesh, mids: &[[u32; 6]], middles: &mut [Point3], fixed: &[bool])
             let t = star[0].1 as usize;
             let k = mids[t].iter().position(|&o| o as usize == m).unwrap_or(0);
             let [i, j] = TET_EDGES[k];
-            let length = norm(sub(mesh.points[mesh.tets[t][i] as usize], mesh.points[mesh.tets[t][j] as usize]));
+            let length = norm(sub(
+                mesh.points[mesh.tets[t][i] as usize],
+                mesh.points[mesh.tets[t][j] as usize],
+            ));
             // Compass search: six directions, ever shorter steps.
             let mut step = 0.1 * length;
             while step > 0.004 * length {
@@ -199,7 +239,13 @@ mod tests {
     fn jacobian_of_straight_and_of_curved_edges() {
         let p: [Point3; 4] = [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]];
         let mut x: [Point3; 10] = std::array::from_fn(|k| {
-            if k < 4 { p[k] } else { std::array::from_fn(|c| 0.5 * (p[TET_EDGES[k - 4][0]][c] + p[TET_EDGES[k - 4][1]][c])) }
+            if k < 4 {
+                p[k]
+            } else {
+                std::array::from_fn(|c| {
+                    0.5 * (p[TET_EDGES[k - 4][0]][c] + p[TET_EDGES[k - 4][1]][c])
+                })
+            }
         });
         assert!((jacobian(&x, [0.25; 4]) - 8.0).abs() < 1e-12);
         assert!((scaled_jacobian(&x) - 1.0).abs() < 1e-12);

@@ -43,7 +43,14 @@ impl On {
         Some(self)
     }
     pub(crate) fn common(&self, other: &Self) -> Self {
-        Self::of(&self.slice().iter().copied().filter(|&p| other.contains(p)).collect::<Vec<_>>())
+        Self::of(
+            &self
+                .slice()
+                .iter()
+                .copied()
+                .filter(|&p| other.contains(p))
+                .collect::<Vec<_>>(),
+        )
     }
 }
 
@@ -57,13 +64,19 @@ pub(crate) const SKIN: u32 = u32::MAX - 1;
 pub(crate) fn meet_at_an_angle(solid: &dyn Solid, pieces: [u32; 2], p: Point3) -> bool {
     let angle = |p| {
         let [a, b] = pieces.map(|i| solid.gradient(i, p).1);
-        if dot(a, b) < 0.0 { 2.0 } else { norm(cross(a, b)) / (norm(a) * norm(b)) }
+        if dot(a, b) < 0.0 {
+            2.0
+        } else {
+            norm(cross(a, b)) / (norm(a) * norm(b))
+        }
     };
     let (mut q, mut here) = (p, angle(p));
     // Far from tangential there is nothing to find out.
     let mut rounds = if here > 0.5 { 0 } else { 12 };
     while rounds > 0 && here > TANGENT {
-        let Some((step, _)) = newton(&|i, p| solid.gradient(i, p), &pieces, q) else { break };
+        let Some((step, _)) = newton(&|i, p| solid.gradient(i, p), &pieces, q) else {
+            break;
+        };
         q = std::array::from_fn(|i| q[i] - step[i]);
         let next = angle(q);
         if next > 0.9 * here || next.is_nan() {
@@ -116,7 +129,9 @@ impl Surface<'_> {
         match self.lattice.state_at(p) {
             IN => (f64::INFINITY, u32::MAX),
             OUT => (f64::NEG_INFINITY, u32::MAX),
-            k => self.lattice.trees[k as usize - 2].0.value_and_piece(&|i| self.distance(i, p)),
+            k => self.lattice.trees[k as usize - 2]
+                .0
+                .value_and_piece(&|i| self.distance(i, p)),
         }
     }
 
@@ -168,8 +183,18 @@ impl Surface<'_> {
     }
 
     /// The same for one piece alone.
-    pub(crate) fn root_of(&self, piece: u32, a: Point3, fa: f64, b: Point3, fb: f64) -> Option<f64> {
-        root(a, fa, b, fb, self.zero, |p| (self.distance(piece, p), piece)).map(|r| r.0)
+    pub(crate) fn root_of(
+        &self,
+        piece: u32,
+        a: Point3,
+        fa: f64,
+        b: Point3,
+        fb: f64,
+    ) -> Option<f64> {
+        root(a, fa, b, fb, self.zero, |p| {
+            (self.distance(piece, p), piece)
+        })
+        .map(|r| r.0)
     }
 
     /// Whether the two pieces meet at `p` in an edge of the solid: the sign in the four quadrants between them depends on both, and
@@ -197,11 +222,20 @@ impl Surface<'_> {
                 } else {
                     // A third piece that vanishes as well is followed into the quadrant.
                     let d = self.distance(i, p);
-                    if d != 0.0 { d.signum() * f64::MAX } else { self.follow(i, n, [s, t], p) }
+                    if d != 0.0 {
+                        d.signum() * f64::MAX
+                    } else {
+                        self.follow(i, n, [s, t], p)
+                    }
                 }
             }) >= 0.0
         };
-        let [a, b, c, d] = [value(1.0, 1.0), value(1.0, -1.0), value(-1.0, 1.0), value(-1.0, -1.0)];
+        let [a, b, c, d] = [
+            value(1.0, 1.0),
+            value(1.0, -1.0),
+            value(-1.0, 1.0),
+            value(-1.0, -1.0),
+        ];
         (a != b || c != d) && (a != c || b != d)
     }
 
@@ -241,12 +275,17 @@ impl Surface<'_> {
             g.map(|x| x / l)
         };
         let n = unit(piece);
-        let zero: Vec<(u32, Point3)> =
-            pieces.iter().filter(|&&i| i != piece && self.distance(i, p) == 0.0).map(|&i| (i, unit(i))).collect();
+        let zero: Vec<(u32, Point3)> = pieces
+            .iter()
+            .filter(|&&i| i != piece && self.distance(i, p) == 0.0)
+            .map(|&i| (i, unit(i)))
+            .collect();
         if zero.is_empty() {
             return true;
         }
-        let axis = (0..3).min_by(|&i, &j| n[i].abs().total_cmp(&n[j].abs())).unwrap_or(0);
+        let axis = (0..3)
+            .min_by(|&i, &j| n[i].abs().total_cmp(&n[j].abs()))
+            .unwrap_or(0);
         let mut e = [0.0; 3];
         e[axis] = 1.0;
         let a = cross(n, e);
@@ -282,7 +321,11 @@ impl Surface<'_> {
 }
 
 /// The least step to the linearised pieces, and the largest distance to one of them.
-fn newton(gradient: &dyn Fn(u32, Point3) -> (f64, Point3), pieces: &[u32], p: Point3) -> Option<(Point3, f64)> {
+fn newton(
+    gradient: &dyn Fn(u32, Point3) -> (f64, Point3),
+    pieces: &[u32],
+    p: Point3,
+) -> Option<(Point3, f64)> {
     let mut rows = [([0.0; 3], 0.0); 3];
     let mut off = 0.0f64;
     for (row, &piece) in rows.iter_mut().zip(pieces) {
@@ -323,12 +366,23 @@ fn newton(gradient: &dyn Fn(u32, Point3) -> (f64, Point3), pieces: &[u32], p: Po
 /// Sine of the angle below which two pieces count as one smooth surface: two degrees, as in [`crate::FeatureOptions`].
 pub(crate) const TANGENT: f64 = 0.0349;
 
-fn root(a: Point3, fa: f64, b: Point3, fb: f64, zero: f64, f: impl Fn(Point3) -> (f64, u32)) -> Option<(f64, u32)> {
+fn root(
+    a: Point3,
+    fa: f64,
+    b: Point3,
+    fb: f64,
+    zero: f64,
+    f: impl Fn(Point3) -> (f64, u32),
+) -> Option<(f64, u32)> {
     // Illinois: the regula falsi whose stuck end is halved.
     let (mut s, mut fs, mut t, mut ft) = (0.0, fa, 1.0, fb);
     let mut side = 0;
     for _ in 0..100 {
-        let m = if fs.is_finite() && ft.is_finite() { (s * ft - t * fs) / (ft - fs) } else { 0.5 * (s + t) };
+        let m = if fs.is_finite() && ft.is_finite() {
+            (s * ft - t * fs) / (ft - fs)
+        } else {
+            0.5 * (s + t)
+        };
         let m = if m > s && m < t { m } else { 0.5 * (s + t) };
         let p = std::array::from_fn(|i| a[i] + m * (b[i] - a[i]));
         let (v, piece) = f(p);

@@ -28,7 +28,12 @@ fn meshed(text: &str, options: &Options) -> (Meshed, Certificate) {
     let solid = solid(text);
     let meshed = mesh(&solid, options, &Control::default()).expect("a mesh");
     assert_eq!(meshed.warnings, [], "{text}");
-    let curves: Vec<Vec<Point3>> = meshed.features.curves.iter().map(|c| c.points.clone()).collect();
+    let curves: Vec<Vec<Point3>> = meshed
+        .features
+        .curves
+        .iter()
+        .map(|c| c.points.clone())
+        .collect();
     let corners: Vec<Point3> = meshed.features.corners.iter().map(|c| c.point).collect();
     let checks = check::Options {
         curves: &curves,
@@ -38,7 +43,11 @@ fn meshed(text: &str, options: &Options) -> (Meshed, Certificate) {
         ..check::Options::default()
     };
     let certificate = certify(&meshed.mesh, Some(&solid), &checks, &Control::default());
-    let failures: Vec<String> = certificate.failures().iter().map(ToString::to_string).collect();
+    let failures: Vec<String> = certificate
+        .failures()
+        .iter()
+        .map(ToString::to_string)
+        .collect();
     assert!(certificate.is_ok(), "{text}: {failures:?}");
     (meshed, certificate)
 }
@@ -55,20 +64,55 @@ fn sagitta(mesh: &Mesh) -> f64 {
 
 #[test]
 fn the_part_has_its_faces_edges_corners_and_volume() {
-    let (meshed, certificate) = meshed(PART, &Options { size: 0.4, ..Options::default() });
+    let (meshed, certificate) = meshed(
+        PART,
+        &Options {
+            size: 0.4,
+            ..Options::default()
+        },
+    );
     let surface = certificate.surface.expect("a surface");
-    assert_eq!((surface.euler, surface.shells, surface.components), (0, 1, 1));
-    assert_eq!((meshed.mesh.parts.len(), meshed.mesh.corners.len(), meshed.features.curves.len()), (8, 12, 20));
+    assert_eq!(
+        (surface.euler, surface.shells, surface.components),
+        (0, 1, 1)
+    );
+    assert_eq!(
+        (
+            meshed.mesh.parts.len(),
+            meshed.mesh.corners.len(),
+            meshed.features.curves.len()
+        ),
+        (8, 12, 20)
+    );
     // The chords of the holes leave them by at most h²/8r.
-    assert!((surface.volume / part_volume() - 1.0).abs() < 5e-3, "{} {}", surface.volume, part_volume());
+    assert!(
+        (surface.volume / part_volume() - 1.0).abs() < 5e-3,
+        "{} {}",
+        surface.volume,
+        part_volume()
+    );
     let tets = certificate.tets.expect("tetrahedra");
-    assert!(tets.dihedral_min > 20.0 && tets.dihedral_max < 150.0, "{} {}", tets.dihedral_min, tets.dihedral_max);
+    assert!(
+        tets.dihedral_min > 20.0 && tets.dihedral_max < 150.0,
+        "{} {}",
+        tets.dihedral_min,
+        tets.dihedral_max
+    );
     assert!(certificate.deviation.expect("distances").nodes.max < 1e-12);
 }
 
 #[test]
 fn faces_of_a_sphere_converge_with_the_square_of_the_size_and_curved_ones_faster() {
-    let at = |size: f64, order: u32| meshed(SPHERE, &Options { size, order, ..Options::default() });
+    let at = |size: f64, order: u32| {
+        meshed(
+            SPHERE,
+            &Options {
+                size,
+                order,
+                ..Options::default()
+            },
+        )
+    };
     let (coarse, fine) = (at(0.3, 1), at(0.15, 1));
     let rate = (sagitta(&coarse.0.mesh) / sagitta(&fine.0.mesh)).log2();
     assert!((1.5..2.6).contains(&rate), "{rate}");
@@ -76,9 +120,20 @@ fn faces_of_a_sphere_converge_with_the_square_of_the_size_and_curved_ones_faster
     let exact = 4.0 / 3.0 * std::f64::consts::PI;
     assert!((off(&fine.1) / exact - 1.0).abs() < 0.3 * (off(&coarse.1) / exact - 1.0).abs());
     let (curved, certificate) = at(0.3, 2);
-    let middles = curved.mesh.triangle_mids.iter().flatten().map(|&m| (norm(curved.mesh.points[m as usize]) - 1.0).abs());
+    let middles = curved
+        .mesh
+        .triangle_mids
+        .iter()
+        .flatten()
+        .map(|&m| (norm(curved.mesh.points[m as usize]) - 1.0).abs());
     assert!(middles.fold(0.0, f64::max) < 1e-14);
-    assert!(certificate.curved.expect("curved elements").scaled_jacobian_min > 0.3);
+    assert!(
+        certificate
+            .curved
+            .expect("curved elements")
+            .scaled_jacobian_min
+            > 0.3
+    );
 }
 
 #[test]
@@ -88,7 +143,13 @@ fn thin_sheets_and_many_corners_stay_manifold() {
         g = sin(w*x[1])*cos(w*x[2]) + sin(w*x[2])*cos(w*x[3]) + sin(w*x[3])*cos(w*x[1]);
         m = min(0.45 - max(max(abs(x[1]), abs(x[2])), abs(x[3])), (0.6 - abs(g))/(1.5*w));
     }";
-    let (meshed, certificate) = meshed(gyroid, &Options { size: 0.06, ..Options::default() });
+    let (meshed, certificate) = meshed(
+        gyroid,
+        &Options {
+            size: 0.06,
+            ..Options::default()
+        },
+    );
     assert!(certificate.tets.expect("tetrahedra").dihedral_min > 12.0);
     assert_eq!(ears(&meshed.mesh), 0);
 }
@@ -99,22 +160,55 @@ fn ears(mesh: &Mesh) -> usize {
     for (t, part) in mesh.triangles.iter().zip(&mesh.triangle_parts) {
         t.iter().for_each(|&v| parts[v as usize].extend([*part]));
     }
-    let shared = |t: &[u32; 3]| parts[t[0] as usize].iter().filter(|p| t[1..].iter().all(|&v| parts[v as usize].contains(p))).count();
+    let shared = |t: &[u32; 3]| {
+        parts[t[0] as usize]
+            .iter()
+            .filter(|p| t[1..].iter().all(|&v| parts[v as usize].contains(p)))
+            .count()
+    };
     mesh.triangles.iter().filter(|t| shared(t) > 1).count()
 }
 
 #[test]
 fn sizes_follow_the_chordal_error() {
-    let (uniform, _) = meshed(PART, &Options { size: 0.3, ..Options::default() });
-    let (graded, certificate) = meshed(PART, &Options { size: 1.2, grade: Some(0.02), ..Options::default() });
+    let (uniform, _) = meshed(
+        PART,
+        &Options {
+            size: 0.3,
+            ..Options::default()
+        },
+    );
+    let (graded, certificate) = meshed(
+        PART,
+        &Options {
+            size: 1.2,
+            grade: Some(0.02),
+            ..Options::default()
+        },
+    );
     assert!(certificate.deviation.expect("distances").faces.max <= 0.021);
-    assert!(graded.mesh.tets.len() * 2 < uniform.mesh.tets.len(), "{} {}", graded.mesh.tets.len(), uniform.mesh.tets.len());
+    assert!(
+        graded.mesh.tets.len() * 2 < uniform.mesh.tets.len(),
+        "{} {}",
+        graded.mesh.tets.len(),
+        uniform.mesh.tets.len()
+    );
 }
 
 #[test]
 fn a_box_cuts_the_solid_off() {
-    let region = Aabb { lo: [-2.0, -2.0, -2.0], hi: [2.0, 2.0, 0.25] };
-    let (meshed, certificate) = meshed(SPHERE, &Options { size: 0.15, region: Some(region), ..Options::default() });
+    let region = Aabb {
+        lo: [-2.0, -2.0, -2.0],
+        hi: [2.0, 2.0, 0.25],
+    };
+    let (meshed, certificate) = meshed(
+        SPHERE,
+        &Options {
+            size: 0.15,
+            region: Some(region),
+            ..Options::default()
+        },
+    );
     assert_eq!(meshed.caps, ["cap.z_max"]);
     // A spherical segment of height 1.25.
     let exact = std::f64::consts::PI * 1.25f64.powi(2) * (1.0 - 1.25 / 3.0);
@@ -123,12 +217,25 @@ fn a_box_cuts_the_solid_off() {
 
 #[test]
 fn the_surface_alone_is_the_boundary_of_the_tetrahedra() {
-    let options = Options { size: 0.5, ..Options::default() };
+    let options = Options {
+        size: 0.5,
+        ..Options::default()
+    };
     let (volume, _) = meshed(PART, &options);
-    let (surface, _) = meshed(PART, &Options { surface_only: true, ..options });
+    let (surface, _) = meshed(
+        PART,
+        &Options {
+            surface_only: true,
+            ..options
+        },
+    );
     assert!(surface.mesh.tets.is_empty());
     let places = |m: &Mesh| {
-        let mut all: Vec<[[u64; 3]; 3]> = m.triangles.iter().map(|t| t.map(|v| m.points[v as usize].map(f64::to_bits))).collect();
+        let mut all: Vec<[[u64; 3]; 3]> = m
+            .triangles
+            .iter()
+            .map(|t| t.map(|v| m.points[v as usize].map(f64::to_bits)))
+            .collect();
         all.sort_unstable();
         all
     };
@@ -138,8 +245,21 @@ fn the_surface_alone_is_the_boundary_of_the_tetrahedra() {
 #[test]
 fn threads_do_not_change_the_mesh() {
     let with = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        pool.install(|| meshed(PART, &Options { size: 0.5, ..Options::default() }).0.mesh)
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("a pool");
+        pool.install(|| {
+            meshed(
+                PART,
+                &Options {
+                    size: 0.5,
+                    ..Options::default()
+                },
+            )
+            .0
+            .mesh
+        })
     };
     assert!(with(1) == with(3));
 }
@@ -148,71 +268,187 @@ fn threads_do_not_change_the_mesh() {
 fn corners_lie_where_three_planes_meet() {
     // A wedge with an oblique side: the corners are where planes meet, exactly.
     let text = "m(x[3], a[1]) { m = min(min(min(x[1], x[2]), min(x[3], 1 - x[3])), 2 - x[1] - 1.5*x[2]); }";
-    let (meshed, _) = meshed(text, &Options { size: 0.2, ..Options::default() });
+    let (meshed, _) = meshed(
+        text,
+        &Options {
+            size: 0.2,
+            ..Options::default()
+        },
+    );
     let m = &meshed.mesh;
     assert_eq!(m.corners.len(), 6);
     for want in [[0.0, 0.0], [2.0, 0.0], [0.0, 4.0 / 3.0]] {
         for z in [0.0, 1.0] {
             let p = [want[0], want[1], z];
-            assert!(m.corners.iter().any(|&c| norm(sub(m.points[c as usize], p)) < 1e-13), "{p:?}");
+            assert!(
+                m.corners
+                    .iter()
+                    .any(|&c| norm(sub(m.points[c as usize], p)) < 1e-13),
+                "{p:?}"
+            );
         }
     }
     assert!(m.tets.iter().all(|t| {
         let p = t.map(|v| m.points[v as usize]);
-        dot(sub(p[1], p[0]), isoform_geom::cross(sub(p[2], p[0]), sub(p[3], p[0]))) > 0.0
+        dot(
+            sub(p[1], p[0]),
+            isoform_geom::cross(sub(p[2], p[0]), sub(p[3], p[0])),
+        ) > 0.0
     }));
 }
 
 #[test]
 fn bad_input_is_an_error() {
-    let run = |text: &str, options: Options| mesh(&solid(text), &options, &Control::default()).map(|m| m.mesh.tets.len());
+    let run = |text: &str, options: Options| {
+        mesh(&solid(text), &options, &Control::default()).map(|m| m.mesh.tets.len())
+    };
     let empty = "m(x[3], a[1]) { m = -1 - x[1]^2 - x[2]^2 - x[3]^2; }";
-    assert!(matches!(run(empty, Options::default()), Err(MeshError::Extent(_))));
+    assert!(matches!(
+        run(empty, Options::default()),
+        Err(MeshError::Extent(_))
+    ));
     let endless = "m(x[3], a[1]) { m = 1 - x[1]^2 - x[2]^2; }";
-    assert!(matches!(run(endless, Options::default()), Err(MeshError::Extent(_))));
+    assert!(matches!(
+        run(endless, Options::default()),
+        Err(MeshError::Extent(_))
+    ));
     for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(run(SPHERE, Options { size, ..Options::default() }), Err(MeshError::Option { name: "size", .. })), "{size}");
+        assert!(
+            matches!(
+                run(
+                    SPHERE,
+                    Options {
+                        size,
+                        ..Options::default()
+                    }
+                ),
+                Err(MeshError::Option { name: "size", .. })
+            ),
+            "{size}"
+        );
     }
-    assert!(matches!(run(SPHERE, Options { size: 1e-5, ..Options::default() }), Err(MeshError::Memory { .. })));
+    assert!(matches!(
+        run(
+            SPHERE,
+            Options {
+                size: 1e-5,
+                ..Options::default()
+            }
+        ),
+        Err(MeshError::Memory { .. })
+    ));
     let stopped = std::sync::atomic::AtomicBool::new(true);
-    let control = Control { cancelled: Some(&stopped), ..Control::default() };
-    assert_eq!(mesh(&solid(SPHERE), &Options::default(), &control).map(|_| ()).unwrap_err(), MeshError::Stopped);
+    let control = Control {
+        cancelled: Some(&stopped),
+        ..Control::default()
+    };
+    assert_eq!(
+        mesh(&solid(SPHERE), &Options::default(), &control)
+            .map(|_| ())
+            .unwrap_err(),
+        MeshError::Stopped
+    );
     assert!(solid(SPHERE).names().len() == 1);
 }
 
 #[test]
 fn sizes_follow_a_wish() {
     // Half the size in the half space x > 0: eight times the tetrahedra there, about.
-    let sizes = Sizes(std::sync::Arc::new(|p: Point3| if p[0] > 0.0 { 0.1 } else { 0.2 }));
-    let (meshed, _) = meshed(SPHERE, &Options { size: 0.2, sizes: Some(sizes), ..Options::default() });
+    let sizes = Sizes(std::sync::Arc::new(
+        |p: Point3| if p[0] > 0.0 { 0.1 } else { 0.2 },
+    ));
+    let (meshed, _) = meshed(
+        SPHERE,
+        &Options {
+            size: 0.2,
+            sizes: Some(sizes),
+            ..Options::default()
+        },
+    );
     let m = &meshed.mesh;
-    let right = m.tets.iter().filter(|t| t.iter().all(|&v| m.points[v as usize][0] > 0.0)).count();
-    let left = m.tets.iter().filter(|t| t.iter().all(|&v| m.points[v as usize][0] < 0.0)).count();
+    let right = m
+        .tets
+        .iter()
+        .filter(|t| t.iter().all(|&v| m.points[v as usize][0] > 0.0))
+        .count();
+    let left = m
+        .tets
+        .iter()
+        .filter(|t| t.iter().all(|&v| m.points[v as usize][0] < 0.0))
+        .count();
     assert!((4 * left..16 * left).contains(&right), "{left} {right}");
 }
 
 #[test]
 fn a_mesh_off_the_model_is_brought_onto_it() {
-    let (made, _) = meshed(PART, &Options { size: 0.4, ..Options::default() });
-    let mut rough = Mesh { points: made.mesh.points.clone(), tets: made.mesh.tets.clone(), ..Mesh::default() };
+    let (made, _) = meshed(
+        PART,
+        &Options {
+            size: 0.4,
+            ..Options::default()
+        },
+    );
+    let mut rough = Mesh {
+        points: made.mesh.points.clone(),
+        tets: made.mesh.tets.clone(),
+        ..Mesh::default()
+    };
     // Up to an eightieth of the size by axis, in pseudo-random directions.
     let mut state = 1u64;
     for v in rough.points.iter_mut().flatten() {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         *v += 0.01 * ((state >> 33) as f64 / f64::from(1u32 << 31) - 0.5);
     }
     let solid = solid(PART);
-    let better = adapt(&rough, &solid, &Options { size: mean_edge(&rough), ..Options::default() }, &Control::default()).expect("a mesh");
+    let better = adapt(
+        &rough,
+        &solid,
+        &Options {
+            size: mean_edge(&rough),
+            ..Options::default()
+        },
+        &Control::default(),
+    )
+    .expect("a mesh");
     assert_eq!(better.warnings, []);
-    let certificate = certify(&better.mesh, Some(&solid), &check::Options::default(), &Control::default());
-    let failures: Vec<String> = certificate.failures().iter().map(ToString::to_string).collect();
+    let certificate = certify(
+        &better.mesh,
+        Some(&solid),
+        &check::Options::default(),
+        &Control::default(),
+    );
+    let failures: Vec<String> = certificate
+        .failures()
+        .iter()
+        .map(ToString::to_string)
+        .collect();
     assert!(certificate.is_ok(), "{failures:?}");
-    assert_eq!((better.mesh.parts.len(), better.mesh.corners.len()), (8, 12));
+    assert_eq!(
+        (better.mesh.parts.len(), better.mesh.corners.len()),
+        (8, 12)
+    );
     assert!(certificate.tets.expect("tetrahedra").dihedral_min > 15.0);
     // What is no mesh of the model is refused.
-    let other = Mesh { points: rough.points.iter().map(|p| [p[0] + 40.0, p[1], p[2]]).collect(), ..rough };
+    let other = Mesh {
+        points: rough
+            .points
+            .iter()
+            .map(|p| [p[0] + 40.0, p[1], p[2]])
+            .collect(),
+        ..rough
+    };
     assert!(matches!(
-        adapt(&other, &solid, &Options { size: 0.4, ..Options::default() }, &Control::default()),
+        adapt(
+            &other,
+            &solid,
+            &Options {
+                size: 0.4,
+                ..Options::default()
+            },
+            &Control::default()
+        ),
         Err(MeshError::Input { .. } | MeshError::Extent(_))
     ));
 }

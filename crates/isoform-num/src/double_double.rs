@@ -26,7 +26,10 @@ fn two_sum(a: f64, b: f64) -> (f64, f64) {
 /// The sum of a number and a smaller one.
 fn quick_two_sum(a: f64, b: f64) -> DoubleDouble {
     let hi = a + b;
-    DoubleDouble { hi, lo: b - (hi - a) }
+    DoubleDouble {
+        hi,
+        lo: b - (hi - a),
+    }
 }
 
 /// The product, rounded, and what the rounding left out (G. W. Veltkamp's splitting).
@@ -90,6 +93,9 @@ mod tests {
         let exact = 8.0 * x + 28.0 * x * x + 56.0 * x * x * x;
         let found = (power + DoubleDouble::from(-1.0)).value();
         assert!((found / exact - 1.0).abs() < 1e-15, "{found:e}");
-        assert!((((1.0f64 + x).powi(8) - 1.0) / exact - 1.0).abs() > 1e-9, "doubles would do");
+        assert!(
+            (((1.0f64 + x).powi(8) - 1.0) / exact - 1.0).abs() > 1e-9,
+            "doubles would do"
+        );
     }
 }

@@ -21,7 +21,10 @@ const LIBM_ULPS: u32 = 4;
 
 impl Interval {
     /// Everything: −∞ to ∞.
-    pub const ALL: Self = Self { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
+    pub const ALL: Self = Self {
+        lo: f64::NEG_INFINITY,
+        hi: f64::INFINITY,
+    };
 
     /// The interval from `lo` to `hi`; [`Interval::ALL`] if either is NaN.
     ///
@@ -53,7 +56,10 @@ impl Interval {
     }
     /// Smallest interval that holds both.
     pub fn hull(&self, o: &Self) -> Self {
-        Self { lo: self.lo.min(o.lo), hi: self.hi.max(o.hi) }
+        Self {
+            lo: self.lo.min(o.lo),
+            hi: self.hi.max(o.hi),
+        }
     }
 
     /// \[lo, hi\] moved outwards by `ulps` on both sides; NaN on a side becomes infinite.
@@ -85,7 +91,10 @@ impl Interval {
         }
         // Bounds on the multiples of π inside, widened so that an extreme near an end counts as inside.
         let slack = 1e-6;
-        let (k0, k1) = (((self.lo - slack) / PI).ceil(), ((self.hi + slack) / PI).floor());
+        let (k0, k1) = (
+            ((self.lo - slack) / PI).ceil(),
+            ((self.hi + slack) / PI).floor(),
+        );
         let (c0, c1) = (self.lo.cos(), self.hi.cos());
         let mut r = Self::out(c0.min(c1), c0.max(c1), LIBM_ULPS);
         let mut k = k0;
@@ -97,7 +106,10 @@ impl Interval {
             }
             k += 1.0;
         }
-        Self { lo: r.lo.max(-1.0), hi: r.hi.min(1.0) }
+        Self {
+            lo: r.lo.max(-1.0),
+            hi: r.hi.min(1.0),
+        }
     }
 
     fn map_monotone_clamped(&self, lo: f64, hi: f64, f: impl Fn(f64) -> f64) -> Option<Self> {
@@ -123,7 +135,10 @@ impl Sub for Interval {
 impl Neg for Interval {
     type Output = Self;
     fn neg(self) -> Self {
-        Self { lo: -self.hi, hi: -self.lo }
+        Self {
+            lo: -self.hi,
+            hi: -self.lo,
+        }
     }
 }
 
@@ -135,62 +150,122 @@ fn times(a: f64, b: f64) -> f64 {
 impl Mul for Interval {
     type Output = Self;
     fn mul(self, o: Self) -> Self {
-        let mut p = [self.lo * o.lo, self.lo * o.hi, self.hi * o.lo, self.hi * o.hi];
+        let mut p = [
+            self.lo * o.lo,
+            self.lo * o.hi,
+            self.hi * o.lo,
+            self.hi * o.hi,
+        ];
         if p.iter().any(|v| v.is_nan()) {
-            p = [times(self.lo, o.lo), times(self.lo, o.hi), times(self.hi, o.lo), times(self.hi, o.hi)];
+            p = [
+                times(self.lo, o.lo),
+                times(self.lo, o.hi),
+                times(self.hi, o.lo),
+                times(self.hi, o.hi),
+            ];
         }
-        let (least, most) = (|a: f64, b: f64| if a < b { a } else { b }, |a: f64, b: f64| if a > b { a } else { b });
-        Self::out(least(least(p[0], p[1]), least(p[2], p[3])), most(most(p[0], p[1]), most(p[2], p[3])), 1)
+        let (least, most) = (
+            |a: f64, b: f64| if a < b { a } else { b },
+            |a: f64, b: f64| if a > b { a } else { b },
+        );
+        Self::out(
+            least(least(p[0], p[1]), least(p[2], p[3])),
+            most(most(p[0], p[1]), most(p[2], p[3])),
+            1,
+        )
     }
 }
 
 impl Div for Interval {
     type Output = Self;
-    #[allow(clippy::suspicious_arithmetic_impl, reason = "a quotient is a product with the reciprocal's range")]
+    #[allow(
+        clippy::suspicious_arithmetic_impl,
+        reason = "a quotient is a product with the reciprocal's range"
+    )]
     fn div(self, o: Self) -> Self {
         if o.contains(0.0) {
             if o.lo == 0.0 && o.hi > 0.0 {
-                return self * Self { lo: (1.0 / o.hi).next_down(), hi: f64::INFINITY };
+                return self
+                    * Self {
+                        lo: (1.0 / o.hi).next_down(),
+                        hi: f64::INFINITY,
+                    };
             }
             if o.hi == 0.0 && o.lo < 0.0 {
-                return self * Self { lo: f64::NEG_INFINITY, hi: (1.0 / o.lo).next_up() };
+                return self
+                    * Self {
+                        lo: f64::NEG_INFINITY,
+                        hi: (1.0 / o.lo).next_up(),
+                    };
             }
             return Self::ALL;
         }
-        let q = [self.lo / o.lo, self.lo / o.hi, self.hi / o.lo, self.hi / o.hi];
+        let q = [
+            self.lo / o.lo,
+            self.lo / o.hi,
+            self.hi / o.lo,
+            self.hi / o.hi,
+        ];
         if q.iter().any(|v| v.is_nan()) {
             return Self::ALL;
         }
-        Self::out(q.iter().copied().fold(f64::INFINITY, f64::min), q.iter().copied().fold(f64::NEG_INFINITY, f64::max), 1)
+        Self::out(
+            q.iter().copied().fold(f64::INFINITY, f64::min),
+            q.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            1,
+        )
     }
 }
 
 impl Real for Interval {
     fn constant(c: f64) -> Self {
-        if c.is_nan() { Self::ALL } else { Self { lo: c, hi: c } }
+        if c.is_nan() {
+            Self::ALL
+        } else {
+            Self { lo: c, hi: c }
+        }
     }
     fn value(&self) -> f64 {
-        if self.lo.is_finite() && self.hi.is_finite() { 0.5 * self.lo + 0.5 * self.hi } else { f64::NAN }
+        if self.lo.is_finite() && self.hi.is_finite() {
+            0.5 * self.lo + 0.5 * self.hi
+        } else {
+            f64::NAN
+        }
     }
     fn sqrt(&self) -> Self {
         if self.hi < 0.0 {
             return Self::ALL;
         }
         let r = Self::out(self.lo.max(0.0).sqrt(), self.hi.sqrt(), 1);
-        Self { lo: r.lo.max(0.0), hi: r.hi }
+        Self {
+            lo: r.lo.max(0.0),
+            hi: r.hi,
+        }
     }
     fn exp(&self) -> Self {
         let r = self.increasing(f64::exp);
-        Self { lo: r.lo.max(0.0), hi: r.hi }
+        Self {
+            lo: r.lo.max(0.0),
+            hi: r.hi,
+        }
     }
     fn ln(&self) -> Self {
-        self.map_monotone_clamped(0.0, f64::INFINITY, f64::ln).unwrap_or(Self::ALL)
+        self.map_monotone_clamped(0.0, f64::INFINITY, f64::ln)
+            .unwrap_or(Self::ALL)
     }
     fn sin(&self) -> Self {
         // The shift by π/2 is itself rounded; `cosine` widens the search for extremes by far more, and near an end
         // the value moves by at most the shift's error.
-        let c = (*self - Self { lo: FRAC_PI_2.next_down(), hi: FRAC_PI_2.next_up() }).cosine();
-        Self { lo: c.lo.max(-1.0), hi: c.hi.min(1.0) }
+        let c = (*self
+            - Self {
+                lo: FRAC_PI_2.next_down(),
+                hi: FRAC_PI_2.next_up(),
+            })
+        .cosine();
+        Self {
+            lo: c.lo.max(-1.0),
+            hi: c.hi.min(1.0),
+        }
     }
     fn cos(&self) -> Self {
         self.cosine()
@@ -198,10 +273,15 @@ impl Real for Interval {
     fn tan(&self) -> Self {
         let k0 = ((self.lo - FRAC_PI_2) / PI - 1e-6).floor();
         let k1 = ((self.hi - FRAC_PI_2) / PI + 1e-6).floor();
-        if k0 == k1 && self.lo.abs() < 1e9 { self.increasing(f64::tan) } else { Self::ALL }
+        if k0 == k1 && self.lo.abs() < 1e9 {
+            self.increasing(f64::tan)
+        } else {
+            Self::ALL
+        }
     }
     fn asin(&self) -> Self {
-        self.map_monotone_clamped(-1.0, 1.0, f64::asin).unwrap_or(Self::ALL)
+        self.map_monotone_clamped(-1.0, 1.0, f64::asin)
+            .unwrap_or(Self::ALL)
     }
     fn acos(&self) -> Self {
         let r = (-*self).map_monotone_clamped(-1.0, 1.0, |v| (-v).acos());
@@ -216,7 +296,10 @@ impl Real for Interval {
     fn cosh(&self) -> Self {
         let a = self.abs();
         let r = a.increasing(f64::cosh);
-        Self { lo: r.lo.max(1.0), hi: r.hi }
+        Self {
+            lo: r.lo.max(1.0),
+            hi: r.hi,
+        }
     }
     fn tanh(&self) -> Self {
         self.increasing(f64::tanh)
@@ -227,13 +310,19 @@ impl Real for Interval {
         } else if self.hi <= 0.0 {
             -*self
         } else {
-            Self { lo: 0.0, hi: self.hi.max(-self.lo) }
+            Self {
+                lo: 0.0,
+                hi: self.hi.max(-self.lo),
+            }
         }
     }
     fn square(&self) -> Self {
         let a = self.abs();
         let r = Self::out(a.lo * a.lo, a.hi * a.hi, 1);
-        Self { lo: r.lo.max(0.0), hi: r.hi }
+        Self {
+            lo: r.lo.max(0.0),
+            hi: r.hi,
+        }
     }
     fn powi(&self, n: i32) -> Self {
         if n == 0 {
@@ -241,7 +330,11 @@ impl Real for Interval {
         }
         // A power by multiplications loses at most half a unit per product, and there are fewer than 64 of them.
         let k = n.unsigned_abs();
-        let base = if k.is_multiple_of(2) { self.abs() } else { *self };
+        let base = if k.is_multiple_of(2) {
+            self.abs()
+        } else {
+            *self
+        };
         let power = |v: f64| Real::powi(&v, k as i32);
         let mut r = Self::out(power(base.lo), power(base.hi), 64.min(k));
         if k.is_multiple_of(2) {
@@ -258,8 +351,17 @@ impl Real for Interval {
             if v.lo <= 0.0 {
                 return Self::ALL;
             }
-            let top = (Self { lo: self.hi.max(f64::MIN_POSITIVE), hi: self.hi.max(f64::MIN_POSITIVE) }.ln() * *v).exp();
-            return Self { lo: 0.0, hi: top.hi };
+            let top = (Self {
+                lo: self.hi.max(f64::MIN_POSITIVE),
+                hi: self.hi.max(f64::MIN_POSITIVE),
+            }
+            .ln()
+                * *v)
+                .exp();
+            return Self {
+                lo: 0.0,
+                hi: top.hi,
+            };
         }
         (self.ln() * *v).exp()
     }
@@ -268,30 +370,57 @@ impl Real for Interval {
             return (*self / *x).atan();
         }
         if self.lo > 0.0 {
-            return Self { lo: FRAC_PI_2.next_down(), hi: FRAC_PI_2.next_up() } - (*x / *self).atan();
+            return Self {
+                lo: FRAC_PI_2.next_down(),
+                hi: FRAC_PI_2.next_up(),
+            } - (*x / *self).atan();
         }
         if self.hi < 0.0 {
-            return Self { lo: -FRAC_PI_2.next_up(), hi: -FRAC_PI_2.next_down() } - (*x / *self).atan();
+            return Self {
+                lo: -FRAC_PI_2.next_up(),
+                hi: -FRAC_PI_2.next_down(),
+            } - (*x / *self).atan();
         }
-        Self { lo: -PI.next_up(), hi: PI.next_up() }
+        Self {
+            lo: -PI.next_up(),
+            hi: PI.next_up(),
+        }
     }
     fn floor(&self) -> Self {
-        Self { lo: self.lo.floor(), hi: self.hi.floor() }
+        Self {
+            lo: self.lo.floor(),
+            hi: self.hi.floor(),
+        }
     }
     fn ceil(&self) -> Self {
-        Self { lo: self.lo.ceil(), hi: self.hi.ceil() }
+        Self {
+            lo: self.lo.ceil(),
+            hi: self.hi.ceil(),
+        }
     }
     fn trunc(&self) -> Self {
-        Self { lo: self.lo.trunc(), hi: self.hi.trunc() }
+        Self {
+            lo: self.lo.trunc(),
+            hi: self.hi.trunc(),
+        }
     }
     fn sign(&self) -> Self {
-        Self { lo: Real::sign(&self.lo), hi: Real::sign(&self.hi) }
+        Self {
+            lo: Real::sign(&self.lo),
+            hi: Real::sign(&self.hi),
+        }
     }
     fn min(&self, o: &Self) -> Self {
-        Self { lo: self.lo.min(o.lo), hi: self.hi.min(o.hi) }
+        Self {
+            lo: self.lo.min(o.lo),
+            hi: self.hi.min(o.hi),
+        }
     }
     fn max(&self, o: &Self) -> Self {
-        Self { lo: self.lo.max(o.lo), hi: self.hi.max(o.hi) }
+        Self {
+            lo: self.lo.max(o.lo),
+            hi: self.hi.max(o.hi),
+        }
     }
     fn less(&self, o: &Self) -> Self {
         if self.hi < o.lo {
@@ -345,7 +474,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn pair() -> impl Strategy<Value = (Interval, f64)> {
-        (-1e3..1e3f64, 0.0..10.0f64, 0.0..=1.0f64).prop_map(|(lo, w, t)| (Interval::new(lo, lo + w), (lo + w * t).clamp(lo, lo + w)))
+        (-1e3..1e3f64, 0.0..10.0f64, 0.0..=1.0f64)
+            .prop_map(|(lo, w, t)| (Interval::new(lo, lo + w), (lo + w * t).clamp(lo, lo + w)))
     }
 
     proptest! {
@@ -380,7 +510,10 @@ mod tests {
 
     #[test]
     fn division_across_zero_is_everything() {
-        assert_eq!(Interval::new(1.0, 2.0) / Interval::new(-1.0, 1.0), Interval::ALL);
+        assert_eq!(
+            Interval::new(1.0, 2.0) / Interval::new(-1.0, 1.0),
+            Interval::ALL
+        );
         assert!((Interval::new(1.0, 2.0) / Interval::new(0.0, 1.0)).lo() > 0.99);
     }
 }

@@ -29,7 +29,11 @@ fn is_zero(v: Interval) -> bool {
 }
 /// a b. Most derivatives are 0, and products with 0 are exact; widened, they would be slow subnormal numbers.
 fn times(a: Interval, b: Interval) -> Interval {
-    if is_zero(a) || is_zero(b) { c(0.0) } else { a * b }
+    if is_zero(a) || is_zero(b) {
+        c(0.0)
+    } else {
+        a * b
+    }
 }
 /// a + b, exact where one is 0.
 fn plus(a: Interval, b: Interval) -> Interval {
@@ -48,7 +52,12 @@ impl IntervalJet {
         j
     }
     fn flat(v: Interval) -> Self {
-        Self { v, g: [c(0.0); 3], h: [c(0.0); 6], t: [c(0.0); 10] }
+        Self {
+            v,
+            g: [c(0.0); 3],
+            h: [c(0.0); 6],
+            t: [c(0.0); 10],
+        }
     }
     /// The function f(self), whose derivatives of order 0 to 3 have the ranges `f`.
     fn chain(&self, [f0, f1, f2, f3]: [Interval; 4]) -> Self {
@@ -62,8 +71,14 @@ impl IntervalJet {
             }),
             t: std::array::from_fn(|n| {
                 let (i, j, k) = TRIPLES[n];
-                let mixed = plus(plus(times(s(i, j), g[k]), times(s(i, k), g[j])), times(s(j, k), g[i]));
-                plus(plus(times(f1, self.t[n]), times(f2, mixed)), times(times(times(f3, g[i]), g[j]), g[k]))
+                let mixed = plus(
+                    plus(times(s(i, j), g[k]), times(s(i, k), g[j])),
+                    times(s(j, k), g[i]),
+                );
+                plus(
+                    plus(times(f1, self.t[n]), times(f2, mixed)),
+                    times(times(times(f3, g[i]), g[j]), g[k]),
+                )
             }),
         }
     }
@@ -76,16 +91,26 @@ impl IntervalJet {
         }
     }
     fn product(&self, o: &Self) -> Self {
-        let (a, b) = (|i: usize, j: usize| self.h[AT2[i][j]], |i: usize, j: usize| o.h[AT2[i][j]]);
+        let (a, b) = (
+            |i: usize, j: usize| self.h[AT2[i][j]],
+            |i: usize, j: usize| o.h[AT2[i][j]],
+        );
         fn sum<const N: usize>(products: [(Interval, Interval); N]) -> Interval {
-            products.into_iter().fold(c(0.0), |s, (a, b)| plus(s, times(a, b)))
+            products
+                .into_iter()
+                .fold(c(0.0), |s, (a, b)| plus(s, times(a, b)))
         }
         Self {
             v: self.v * o.v,
             g: std::array::from_fn(|i| plus(times(self.v, o.g[i]), times(self.g[i], o.v))),
             h: std::array::from_fn(|n| {
                 let (i, j) = PAIRS[n];
-                sum([(self.v, o.h[n]), (self.g[i], o.g[j]), (self.g[j], o.g[i]), (self.h[n], o.v)])
+                sum([
+                    (self.v, o.h[n]),
+                    (self.g[i], o.g[j]),
+                    (self.g[j], o.g[i]),
+                    (self.h[n], o.v),
+                ])
             }),
             t: std::array::from_fn(|n| {
                 let (i, j, k) = TRIPLES[n];
@@ -104,15 +129,29 @@ impl IntervalJet {
     }
     /// One of two branches of a continuous function, it is not known which.
     fn either(&self, o: &Self, v: Interval) -> Self {
-        Self { v, g: std::array::from_fn(|i| self.g[i].hull(&o.g[i])), h: [Interval::ALL; 6], t: [Interval::ALL; 10] }
+        Self {
+            v,
+            g: std::array::from_fn(|i| self.g[i].hull(&o.g[i])),
+            h: [Interval::ALL; 6],
+            t: [Interval::ALL; 10],
+        }
     }
     /// A function that may jump.
     fn unknown(v: Interval) -> Self {
-        Self { v, g: [Interval::ALL; 3], h: [Interval::ALL; 6], t: [Interval::ALL; 10] }
+        Self {
+            v,
+            g: [Interval::ALL; 3],
+            h: [Interval::ALL; 6],
+            t: [Interval::ALL; 10],
+        }
     }
     /// A step function: flat where it is constant.
     fn step(v: Interval) -> Self {
-        if v.lo() == v.hi() { Self::flat(v) } else { Self::unknown(v) }
+        if v.lo() == v.hi() {
+            Self::flat(v)
+        } else {
+            Self::unknown(v)
+        }
     }
 }
 
@@ -145,7 +184,8 @@ impl Div for IntervalJet {
     #[allow(clippy::suspicious_arithmetic_impl, reason = "u / v = u · v⁻¹")]
     fn div(self, o: Self) -> Self {
         let r = c(1.0) / o.v;
-        let mut q = self.product(&o.chain([r, -r.square(), c(2.0) * r.powi(3), c(-6.0) * r.powi(4)]));
+        let mut q =
+            self.product(&o.chain([r, -r.square(), c(2.0) * r.powi(3), c(-6.0) * r.powi(4)]));
         q.v = self.v / o.v;
         q
     }
@@ -187,7 +227,12 @@ impl Real for IntervalJet {
     fn tan(&self) -> Self {
         let t = self.v.tan();
         let q = c(1.0) + t.square();
-        self.chain([t, q, c(2.0) * t * q, c(2.0) * q * (c(1.0) + c(3.0) * t.square())])
+        self.chain([
+            t,
+            q,
+            c(2.0) * t * q,
+            c(2.0) * q * (c(1.0) + c(3.0) * t.square()),
+        ])
     }
     fn asin(&self) -> Self {
         if self.v.lo() <= -1.0 || self.v.hi() >= 1.0 {
@@ -195,7 +240,12 @@ impl Real for IntervalJet {
         }
         let q = c(1.0) - self.v.square();
         let r = c(1.0) / q.sqrt();
-        self.chain([self.v.asin(), r, self.v * r / q, (c(1.0) + c(2.0) * self.v.square()) * r / q.square()])
+        self.chain([
+            self.v.asin(),
+            r,
+            self.v * r / q,
+            (c(1.0) + c(2.0) * self.v.square()) * r / q.square(),
+        ])
     }
     fn acos(&self) -> Self {
         let mut r = -self.asin();
@@ -204,7 +254,12 @@ impl Real for IntervalJet {
     }
     fn atan(&self) -> Self {
         let (u, q) = (self.v, c(1.0) / (c(1.0) + self.v.square()));
-        self.chain([u.atan(), q, c(-2.0) * u * q.square(), (c(6.0) * u.square() - c(2.0)) * q.powi(3)])
+        self.chain([
+            u.atan(),
+            q,
+            c(-2.0) * u * q.square(),
+            (c(6.0) * u.square() - c(2.0)) * q.powi(3),
+        ])
     }
     fn sinh(&self) -> Self {
         let (s, k) = (self.v.sinh(), self.v.cosh());
@@ -233,7 +288,11 @@ impl Real for IntervalJet {
         let mut factor = 1.0;
         self.chain(std::array::from_fn(|k| {
             let k = k as i32;
-            let r = if factor == 0.0 { c(0.0) } else { c(factor) * self.v.powi(n - k) };
+            let r = if factor == 0.0 {
+                c(0.0)
+            } else {
+                c(factor) * self.v.powi(n - k)
+            };
             factor *= f64::from(n - k);
             r
         }))
@@ -310,8 +369,13 @@ mod tests {
         let c = R::constant;
         let a = (x.square() + y.square() + c(0.5)).sqrt() * z.sin() / (y.cosh() + c(1.0));
         let b = (x.clone() * y.clone()).exp() - (z.square() + c(1.0)).ln() + x.atan() * y.tanh();
-        let d = x.powi(3) - z.powi(-2) + (y.clone() * c(0.3)).asin() + (x.clone() * c(0.2)).acos() + z.sinh() * x.cos();
-        let e = (x.square() + c(1.0)).powf(&(y.clone() + c(0.7))) + y.atan2(&(x.clone() + c(3.0))) + z.tan();
+        let d = x.powi(3) - z.powi(-2)
+            + (y.clone() * c(0.3)).asin()
+            + (x.clone() * c(0.2)).acos()
+            + z.sinh() * x.cos();
+        let e = (x.square() + c(1.0)).powf(&(y.clone() + c(0.7)))
+            + y.atan2(&(x.clone() + c(3.0)))
+            + z.tan();
         a + b.r_union(&d) * e.max(&x.abs())
     }
 
@@ -320,20 +384,37 @@ mod tests {
     fn jets_of_points_lie_inside() {
         let centre = [0.7, -0.4, 0.9];
         for radius in [0.0, 1e-6, 1e-3, 0.05] {
-            let [x, y, z] = std::array::from_fn(|i| IntervalJet::variable(Interval::new(centre[i] - radius, centre[i] + radius), i));
+            let [x, y, z] = std::array::from_fn(|i| {
+                IntervalJet::variable(Interval::new(centre[i] - radius, centre[i] + radius), i)
+            });
             let all = formula(&x, &y, &z);
             for corner in 0..8 {
-                let at: [f64; 3] = std::array::from_fn(|i| centre[i] + if corner >> i & 1 == 1 { radius } else { -radius });
+                let at: [f64; 3] = std::array::from_fn(|i| {
+                    centre[i]
+                        + if corner >> i & 1 == 1 {
+                            radius
+                        } else {
+                            -radius
+                        }
+                });
                 let [x, y, z] = std::array::from_fn(|i| Jet3::variable(at[i], i));
                 let one = formula(&x, &y, &z);
                 assert!(all.v.contains(one.v));
                 assert!((0..3).all(|i| all.g[i].contains(one.g[i])));
                 assert!((0..6).all(|i| all.h[i].contains(one.h[i])));
                 // Plain jets round, too: a hundred units in the last place.
-                assert!((0..10).all(|i| one.t[i] > all.t[i].lo() - 1e-11 && one.t[i] < all.t[i].hi() + 1e-11));
+                assert!(
+                    (0..10)
+                        .all(|i| one.t[i] > all.t[i].lo() - 1e-11
+                            && one.t[i] < all.t[i].hi() + 1e-11)
+                );
             }
             if radius <= 1e-3 {
-                assert!(all.t.iter().all(|t| t.width() <= 1e-9 + 1e5 * radius), "{radius}: {:?}", all.t);
+                assert!(
+                    all.t.iter().all(|t| t.width() <= 1e-9 + 1e5 * radius),
+                    "{radius}: {:?}",
+                    all.t
+                );
             }
         }
     }

@@ -11,8 +11,18 @@ pub(crate) const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (
 /// Where ∂²/∂xᵢ∂xⱼ is stored.
 pub(crate) const AT2: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 /// Index triples i ≤ j ≤ k in the order in which third derivatives are stored.
-pub(crate) const TRIPLES: [(usize, usize, usize); 10] =
-    [(0, 0, 0), (0, 0, 1), (0, 0, 2), (0, 1, 1), (0, 1, 2), (0, 2, 2), (1, 1, 1), (1, 1, 2), (1, 2, 2), (2, 2, 2)];
+pub(crate) const TRIPLES: [(usize, usize, usize); 10] = [
+    (0, 0, 0),
+    (0, 0, 1),
+    (0, 0, 2),
+    (0, 1, 1),
+    (0, 1, 2),
+    (0, 2, 2),
+    (1, 1, 1),
+    (1, 1, 2),
+    (1, 2, 2),
+    (2, 2, 2),
+];
 
 /// Value and first derivatives by N variables.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,13 +65,22 @@ impl<const N: usize> Jet1<N> {
         Self { v, g }
     }
     fn chain(&self, [f0, f1, ..]: [f64; 4]) -> Self {
-        Self { v: f0, g: self.g.map(|u| f1 * u) }
+        Self {
+            v: f0,
+            g: self.g.map(|u| f1 * u),
+        }
     }
     fn linear(&self, o: &Self, a: f64, b: f64) -> Self {
-        Self { v: a * self.v + b * o.v, g: std::array::from_fn(|i| a * self.g[i] + b * o.g[i]) }
+        Self {
+            v: a * self.v + b * o.v,
+            g: std::array::from_fn(|i| a * self.g[i] + b * o.g[i]),
+        }
     }
     fn product(&self, o: &Self) -> Self {
-        Self { v: self.v * o.v, g: std::array::from_fn(|i| self.v * o.g[i] + self.g[i] * o.v) }
+        Self {
+            v: self.v * o.v,
+            g: std::array::from_fn(|i| self.v * o.g[i] + self.g[i] * o.v),
+        }
     }
     fn flat(v: f64) -> Self {
         Self { v, g: [0.0; N] }
@@ -84,7 +103,11 @@ impl Jet2 {
             let (i, j) = PAIRS[k];
             f1 * self.h[k] + f2 * self.g[i] * self.g[j]
         });
-        Self { v: f0, g: self.g.map(|u| f1 * u), h }
+        Self {
+            v: f0,
+            g: self.g.map(|u| f1 * u),
+            h,
+        }
     }
     fn linear(&self, o: &Self, a: f64, b: f64) -> Self {
         Self {
@@ -98,10 +121,18 @@ impl Jet2 {
             let (i, j) = PAIRS[k];
             self.v * o.h[k] + self.g[i] * o.g[j] + self.g[j] * o.g[i] + self.h[k] * o.v
         });
-        Self { v: self.v * o.v, g: std::array::from_fn(|i| self.v * o.g[i] + self.g[i] * o.v), h }
+        Self {
+            v: self.v * o.v,
+            g: std::array::from_fn(|i| self.v * o.g[i] + self.g[i] * o.v),
+            h,
+        }
     }
     fn flat(v: f64) -> Self {
-        Self { v, g: [0.0; 3], h: [0.0; 6] }
+        Self {
+            v,
+            g: [0.0; 3],
+            h: [0.0; 6],
+        }
     }
 }
 
@@ -110,14 +141,23 @@ impl Jet3 {
     pub fn variable(v: f64, i: usize) -> Self {
         let mut g = [0.0; 3];
         g[i] = 1.0;
-        Self { v, g, h: [0.0; 6], t: [0.0; 10] }
+        Self {
+            v,
+            g,
+            h: [0.0; 6],
+            t: [0.0; 10],
+        }
     }
     /// ∂²/∂xᵢ∂xⱼ.
     pub fn second(&self, i: usize, j: usize) -> f64 {
         self.h[AT2[i][j]]
     }
     fn order2(&self) -> Jet2 {
-        Jet2 { v: self.v, g: self.g, h: self.h }
+        Jet2 {
+            v: self.v,
+            g: self.g,
+            h: self.h,
+        }
     }
     fn chain(&self, f: [f64; 4]) -> Self {
         let low = self.order2().chain(f);
@@ -125,17 +165,32 @@ impl Jet3 {
         let (g, s) = (&self.g, |i: usize, j: usize| self.h[AT2[i][j]]);
         let t = std::array::from_fn(|n| {
             let (i, j, k) = TRIPLES[n];
-            f1 * self.t[n] + f2 * (s(i, j) * g[k] + s(i, k) * g[j] + s(j, k) * g[i]) + f3 * g[i] * g[j] * g[k]
+            f1 * self.t[n]
+                + f2 * (s(i, j) * g[k] + s(i, k) * g[j] + s(j, k) * g[i])
+                + f3 * g[i] * g[j] * g[k]
         });
-        Self { v: low.v, g: low.g, h: low.h, t }
+        Self {
+            v: low.v,
+            g: low.g,
+            h: low.h,
+            t,
+        }
     }
     fn linear(&self, o: &Self, a: f64, b: f64) -> Self {
         let low = self.order2().linear(&o.order2(), a, b);
-        Self { v: low.v, g: low.g, h: low.h, t: std::array::from_fn(|i| a * self.t[i] + b * o.t[i]) }
+        Self {
+            v: low.v,
+            g: low.g,
+            h: low.h,
+            t: std::array::from_fn(|i| a * self.t[i] + b * o.t[i]),
+        }
     }
     fn product(&self, o: &Self) -> Self {
         let low = self.order2().product(&o.order2());
-        let (u, v) = (|i: usize, j: usize| self.h[AT2[i][j]], |i: usize, j: usize| o.h[AT2[i][j]]);
+        let (u, v) = (
+            |i: usize, j: usize| self.h[AT2[i][j]],
+            |i: usize, j: usize| o.h[AT2[i][j]],
+        );
         let t = std::array::from_fn(|n| {
             let (i, j, k) = TRIPLES[n];
             self.v * o.t[n]
@@ -147,10 +202,20 @@ impl Jet3 {
                 + u(j, k) * o.g[i]
                 + self.t[n] * o.v
         });
-        Self { v: low.v, g: low.g, h: low.h, t }
+        Self {
+            v: low.v,
+            g: low.g,
+            h: low.h,
+            t,
+        }
     }
     fn flat(v: f64) -> Self {
-        Self { v, g: [0.0; 3], h: [0.0; 6], t: [0.0; 10] }
+        Self {
+            v,
+            g: [0.0; 3],
+            h: [0.0; 6],
+            t: [0.0; 10],
+        }
     }
 }
 
@@ -159,7 +224,11 @@ fn power_derivatives(u: f64, n: i32) -> [f64; 4] {
     let mut r = [0.0; 4];
     let mut factor = 1.0;
     for (k, r) in r.iter_mut().enumerate() {
-        *r = if factor == 0.0 { 0.0 } else { factor * Real::powi(&u, n - k as i32) };
+        *r = if factor == 0.0 {
+            0.0
+        } else {
+            factor * Real::powi(&u, n - k as i32)
+        };
         factor *= f64::from(n - k as i32);
     }
     r
@@ -278,8 +347,13 @@ mod tests {
         let c = R::constant;
         let a = (x.square() + y.square() + c(0.5)).sqrt() * z.sin() / (y.cosh() + c(1.0));
         let b = (x.clone() * y.clone()).exp() - (z.square() + c(1.0)).ln() + x.atan() * y.tanh();
-        let d = x.powi(3) - z.powi(-2) + (y.clone() * c(0.3)).asin() + (x.clone() * c(0.2)).acos() + z.sinh() * x.cos();
-        let e = (x.square() + c(1.0)).powf(&(y.clone() + c(0.7))) + y.atan2(&(x.clone() - c(3.0))) + z.tan();
+        let d = x.powi(3) - z.powi(-2)
+            + (y.clone() * c(0.3)).asin()
+            + (x.clone() * c(0.2)).acos()
+            + z.sinh() * x.cos();
+        let e = (x.square() + c(1.0)).powf(&(y.clone() + c(0.7)))
+            + y.atan2(&(x.clone() - c(3.0)))
+            + z.tan();
         a + b.r_union(&d) * e.r_intersection(&x.abs())
     }
 
@@ -302,16 +376,26 @@ mod tests {
             };
             let (u, l) = (moved(step), moved(-step));
             let near = |d: f64, want: f64, what: &str| {
-                assert!((d - want).abs() < 1e-7 * (1.0 + want.abs()), "{what} by axis {axis}: {d} against {want}");
+                assert!(
+                    (d - want).abs() < 1e-7 * (1.0 + want.abs()),
+                    "{what} by axis {axis}: {d} against {want}"
+                );
             };
             near((u.v - l.v) / (2.0 * step), here.g[axis], "first");
             for j in 0..3 {
-                near((u.g[j] - l.g[j]) / (2.0 * step), here.second(axis, j), "second");
+                near(
+                    (u.g[j] - l.g[j]) / (2.0 * step),
+                    here.second(axis, j),
+                    "second",
+                );
             }
             for (k, &(i, j)) in PAIRS.iter().enumerate() {
                 let mut t = [axis, i, j];
                 t.sort_unstable();
-                let n = TRIPLES.iter().position(|&q| q == (t[0], t[1], t[2])).expect("sorted triple");
+                let n = TRIPLES
+                    .iter()
+                    .position(|&q| q == (t[0], t[1], t[2]))
+                    .expect("sorted triple");
                 near((u.h[k] - l.h[k]) / (2.0 * step), here.t[n], "third");
             }
         }

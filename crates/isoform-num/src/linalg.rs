@@ -61,7 +61,10 @@ pub fn symmetric_eigen(a: &[f64], n: usize) -> (Vec<f64>, Vec<f64>) {
     }
     // Convergence is quadratic once the off-diagonal is small; 60 sweeps are never reached for sane input.
     for _ in 0..60 {
-        let off: f64 = (0..n).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| a[i * n + j] * a[i * n + j]).sum();
+        let off: f64 = (0..n)
+            .flat_map(|i| (0..i).map(move |j| (i, j)))
+            .map(|(i, j)| a[i * n + j] * a[i * n + j])
+            .sum();
         let diagonal: f64 = (0..n).map(|i| a[i * n + i] * a[i * n + i]).sum();
         if off <= 1e-32 * diagonal || off == 0.0 || !off.is_finite() {
             break;
@@ -75,7 +78,10 @@ pub fn symmetric_eigen(a: &[f64], n: usize) -> (Vec<f64>, Vec<f64>) {
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&i, &j| a[i * n + i].total_cmp(&a[j * n + j]));
     let values = order.iter().map(|&i| a[i * n + i]).collect();
-    let vectors = order.iter().flat_map(|&i| (0..n).map(|k| v[k * n + i]).collect::<Vec<_>>()).collect();
+    let vectors = order
+        .iter()
+        .flat_map(|&i| (0..n).map(|k| v[k * n + i]).collect::<Vec<_>>())
+        .collect();
     (values, vectors)
 }
 
@@ -112,7 +118,9 @@ mod tests {
     use super::*;
 
     fn hilbert(n: usize) -> Vec<f64> {
-        (0..n * n).map(|k| 1.0 / (k / n + k % n + 1) as f64).collect()
+        (0..n * n)
+            .map(|k| 1.0 / (k / n + k % n + 1) as f64)
+            .collect()
     }
 
     #[test]
@@ -120,7 +128,9 @@ mod tests {
         let n = 6;
         let a = hilbert(n);
         let x: Vec<f64> = (0..n).map(|i| i as f64 - 2.5).collect();
-        let mut b: Vec<f64> = (0..n).map(|i| (0..n).map(|j| a[i * n + j] * x[j]).sum()).collect();
+        let mut b: Vec<f64> = (0..n)
+            .map(|i| (0..n).map(|j| a[i * n + j] * x[j]).sum())
+            .collect();
         let mut l = a;
         assert!(cholesky(&mut l, n));
         cholesky_solve(&l, n, &mut b);
@@ -147,6 +157,9 @@ mod tests {
         }
         // The determinant of the 7 × 7 Hilbert matrix in closed form.
         let det: f64 = w.iter().product();
-        assert!((det / 4.835_802_623_926_117e-25 - 1.0).abs() < 1e-6, "{det:e}");
+        assert!(
+            (det / 4.835_802_623_926_117e-25 - 1.0).abs() < 1e-6,
+            "{det:e}"
+        );
     }
 }

@@ -55,7 +55,12 @@ mod tests {
         for n in 1..=40 {
             let (x, w) = gauss_legendre(n);
             assert!(x.windows(2).all(|p| p[0] < p[1]) && x[0] > 0.0 && x[n - 1] < 1.0);
-            let integral = |degree: i32| x.iter().zip(&w).map(|(x, w)| w * x.powi(degree)).sum::<f64>();
+            let integral = |degree: i32| {
+                x.iter()
+                    .zip(&w)
+                    .map(|(x, w)| w * x.powi(degree))
+                    .sum::<f64>()
+            };
             for degree in 0..2 * n as i32 {
                 let error = integral(degree) * f64::from(degree + 1) - 1.0;
                 assert!(error.abs() < 1e-13, "{n} nodes, degree {degree}: {error:e}");

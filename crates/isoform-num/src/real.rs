@@ -8,7 +8,13 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// Branches are taken through [`Real::select`] and the comparisons, which return 1 or 0 (an interval may return \[0, 1\]),
 /// so that one formula serves all types.
 pub trait Real:
-    Clone + Debug + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+    Clone
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
 {
     /// The constant `c`: derivatives zero, interval of width zero.
     fn constant(c: f64) -> Self;

@@ -31,7 +31,16 @@ fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let seeds: u64 = words.first().and_then(|w| w.parse().ok()).unwrap_or(20);
     let quadric = |x: f64, y: f64, z: f64, z1: f64, c: f64| {
-        vec![([2, 0, 0], x), ([0, 2, 0], y), ([0, 0, 2], z), ([0, 0, 1], z1), ([0, 0, 0], c)].into_iter().filter(|t| t.1 != 0.0).collect()
+        vec![
+            ([2, 0, 0], x),
+            ([0, 2, 0], y),
+            ([0, 0, 2], z),
+            ([0, 0, 1], z1),
+            ([0, 0, 0], c),
+        ]
+        .into_iter()
+        .filter(|t| t.1 != 0.0)
+        .collect()
     };
     let surfaces: [(&str, Vec<Term>); 9] = [
         ("sphere", quadric(1.0, 1.0, 1.0, 0.0, -0.25)),
@@ -42,19 +51,39 @@ fn main() {
         ("paraboloid", quadric(1.0, 2.0, 0.0, -1.0, -0.25)),
         ("saddle", quadric(1.0, -1.0, 0.0, -0.5, 0.0)),
         ("torus", torus()),
-        ("Whitney", vec![([2, 0, 0], 1.0), ([0, 2, 1], -1.0), ([0, 2, 0], -0.5)]),
+        (
+            "Whitney",
+            vec![([2, 0, 0], 1.0), ([0, 2, 1], -1.0), ([0, 2, 0], -0.5)],
+        ),
     ];
-    println!("| surface | m,n | I ≤ 10⁻²⁰ | exact | named | least area | largest I of those | time |");
+    println!(
+        "| surface | m,n | I ≤ 10⁻²⁰ | exact | named | least area | largest I of those | time |"
+    );
     println!("|---|---|---|---|---|---|---|---|");
-    for (name, terms) in surfaces.iter().filter(|s| words.get(1).is_none_or(|w| w == s.0)) {
+    for (name, terms) in surfaces
+        .iter()
+        .filter(|s| words.get(1).is_none_or(|w| w == s.0))
+    {
         let field = Polynomial::new(terms.clone());
         for degree in [(2, 2), (3, 3)] {
             let (mut small, mut exact, mut named) = (0, 0, Vec::new());
             let (mut area, mut most) = (f64::INFINITY, 0.0f64);
             let clock = Instant::now();
             for seed in 1..=seeds {
-                let options = Options { exact: true, seed, ..Options::paper(degree, Aabb { lo: [-0.5; 3], hi: [0.5; 3] }) };
-                let Ok(made) = parameterize(&field, &options) else { continue };
+                let options = Options {
+                    exact: true,
+                    seed,
+                    ..Options::paper(
+                        degree,
+                        Aabb {
+                            lo: [-0.5; 3],
+                            hi: [0.5; 3],
+                        },
+                    )
+                };
+                let Ok(made) = parameterize(&field, &options) else {
+                    continue;
+                };
                 let i = made.grown.terms.i;
                 small += usize::from(i <= 1e-20);
                 exact += usize::from(made.is_exact);
@@ -63,7 +92,12 @@ fn main() {
                     most = most.max(i);
                 }
                 if words.len() > 1 {
-                    println!("{seed}: I {i:e}, {:?}, area {}, {:?}", made.distances, made.grown.area(&options.region), made.quadric);
+                    println!(
+                        "{seed}: I {i:e}, {:?}, area {}, {:?}",
+                        made.distances,
+                        made.grown.area(&options.region),
+                        made.quadric
+                    );
                 }
                 named.extend(made.quadric.map(|q| q.name()));
             }

@@ -44,9 +44,25 @@ fn figure8() -> Terms {
     let one: Terms = vec![([0, 0, 0], 1.0)];
     let z2: Terms = vec![([0, 0, 2], 1.0)];
     // (ρ−R)² = ρ² − 2Rρ + R²; (ρ−R)⁴ = ρ⁴ + 6R²ρ² + R⁴ − 4Rρ(ρ² + R²).
-    let even = plus(&plus(&plus(&times(&rho2, &rho2), &rho2, 6.0 * r * r - a2), &one, r.powi(4) - a2 * r * r), &z2, 0.04);
-    let odd = plus(&plus(&Vec::new(), &rho2, -4.0 * r), &one, -4.0 * r.powi(3) + 2.0 * a2 * r);
-    plus(&times(&even, &even), &times(&rho2, &times(&odd, &odd)), -1.0)
+    let even = plus(
+        &plus(
+            &plus(&times(&rho2, &rho2), &rho2, 6.0 * r * r - a2),
+            &one,
+            r.powi(4) - a2 * r * r,
+        ),
+        &z2,
+        0.04,
+    );
+    let odd = plus(
+        &plus(&Vec::new(), &rho2, -4.0 * r),
+        &one,
+        -4.0 * r.powi(3) + 2.0 * a2 * r,
+    );
+    plus(
+        &times(&even, &even),
+        &times(&rho2, &times(&odd, &odd)),
+        -1.0,
+    )
 }
 
 /// Σ cos(2πx) by Taylor polynomials of degree 12.
@@ -73,13 +89,36 @@ fn main() {
             _ => Method::GaussNewton,
         };
     }
-    let sphere: Terms = vec![([2, 0, 0], 1.0), ([0, 2, 0], 1.0), ([0, 0, 2], 1.0), ([0, 0, 0], -0.25)];
+    let sphere: Terms = vec![
+        ([2, 0, 0], 1.0),
+        ([0, 2, 0], 1.0),
+        ([0, 0, 2], 1.0),
+        ([0, 0, 0], -0.25),
+    ];
     let whitney: Terms = vec![([2, 0, 0], 1.0), ([0, 2, 1], -1.0), ([0, 2, 0], -0.5)];
     let rows = [
         ("sphere", sphere, (2, 2), [0.0, 0.0, 0.5], "1.1 s, 14, 46"),
-        ("Schwarz P, degree 12", schwarz12(), (3, 3), [0.25, 0.25, 0.25], "32 s, 10, 50"),
-        ("figure eight revolved", figure8(), (3, 3), [0.38, 0.0, 0.07], "10 s, 18, 57"),
-        ("Whitney umbrella", whitney, (3, 3), [0.22, 0.35, 0.0], "14.91 s, 18, 113"),
+        (
+            "Schwarz P, degree 12",
+            schwarz12(),
+            (3, 3),
+            [0.25, 0.25, 0.25],
+            "32 s, 10, 50",
+        ),
+        (
+            "figure eight revolved",
+            figure8(),
+            (3, 3),
+            [0.38, 0.0, 0.07],
+            "10 s, 18, 57",
+        ),
+        (
+            "Whitney umbrella",
+            whitney,
+            (3, 3),
+            [0.22, 0.35, 0.0],
+            "14.91 s, 18, 113",
+        ),
     ];
     println!(
         "| surface | d | m,n | paper: time, extrapolations, Newton steps | time | extrapolations | Newton steps | area in the cube | distance at most |"
@@ -87,12 +126,25 @@ fn main() {
     println!("|---|---|---|---|---|---|---|---|---|");
     for (name, terms, degree, seed, paper) in rows {
         let field = Polynomial::new(terms);
-        let options = Options { seed_point: Some(seed), method, ..Options::paper(degree, Aabb { lo: [-0.5; 3], hi: [0.5; 3] }) };
+        let options = Options {
+            seed_point: Some(seed),
+            method,
+            ..Options::paper(
+                degree,
+                Aabb {
+                    lo: [-0.5; 3],
+                    hi: [0.5; 3],
+                },
+            )
+        };
         let clock = Instant::now();
         match parameterize(&field, &options) {
             Ok(made) => {
                 let (g, (m, n)) = (&made.grown, degree);
-                let bound = made.distances.bound.map_or("not proved".to_owned(), |b| format!("{b:.1e}"));
+                let bound = made
+                    .distances
+                    .bound
+                    .map_or("not proved".to_owned(), |b| format!("{b:.1e}"));
                 println!(
                     "| {name} | {} | {m},{n} | {paper} | {:.0} ms | {} | {} | {:.3} | {bound} |",
                     field.degree(),

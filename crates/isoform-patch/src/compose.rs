@@ -20,7 +20,11 @@ struct Scaled {
 
 impl Scaled {
     fn one() -> Self {
-        Self { degree: (0, 0), values: vec![[1.0; 2]], roundings: 0 }
+        Self {
+            degree: (0, 0),
+            values: vec![[1.0; 2]],
+            roundings: 0,
+        }
     }
     fn coordinate(patch: &RationalPatch, k: usize) -> Self {
         let (m, n) = patch.degree();
@@ -28,7 +32,11 @@ impl Scaled {
             let v = patch.control()[i][k] * binomial(m, i / (n + 1)) * binomial(n, i % (n + 1));
             [v, v.abs()]
         };
-        Self { degree: (m, n), values: (0..(m + 1) * (n + 1)).map(at).collect(), roundings: 2 }
+        Self {
+            degree: (m, n),
+            values: (0..(m + 1) * (n + 1)).map(at).collect(),
+            roundings: 2,
+        }
     }
     fn times(&self, other: &Self) -> Self {
         let ((m, n), (k, l)) = (self.degree, other.degree);
@@ -42,7 +50,11 @@ impl Scaled {
             }
         }
         let sums = (m.min(k) + 1) * (n.min(l) + 1);
-        Self { degree: (m + k, n + l), values, roundings: self.roundings + other.roundings + sums + 1 }
+        Self {
+            degree: (m + k, n + l),
+            values,
+            roundings: self.roundings + other.roundings + sums + 1,
+        }
     }
 }
 
@@ -52,7 +64,10 @@ fn binomial(n: usize, k: usize) -> f64 {
 
 /// A bound on |F| over a patch for F = Σ c xⁱyʲzᵏ, rounding included; none for too high a degree or a control weight that is not positive.
 pub(crate) fn largest(terms: &[([u16; 3], f64)], patch: &RationalPatch) -> Option<f64> {
-    let d = terms.iter().map(|(e, _)| e.iter().map(|v| usize::from(*v)).sum()).max()?;
+    let d = terms
+        .iter()
+        .map(|(e, _)| e.iter().map(|v| usize::from(*v)).sum())
+        .max()?;
     let (m, n) = patch.degree();
     if d * m.max(n) > MOST_DEGREE || patch.control_weights().0 <= 0.0 {
         return None;
@@ -69,7 +84,10 @@ pub(crate) fn largest(terms: &[([u16; 3], f64)], patch: &RationalPatch) -> Optio
     let mut roundings = 0;
     for (e, c) in terms {
         let [i, j, k] = e.map(usize::from);
-        let product = powers[0][i].times(&powers[1][j]).times(&powers[2][k]).times(&powers[3][d - i - j - k]);
+        let product = powers[0][i]
+            .times(&powers[1][j])
+            .times(&powers[2][k])
+            .times(&powers[3][d - i - j - k]);
         for (sum, v) in sums.iter_mut().zip(&product.values) {
             sum[0] += c * v[0];
             sum[1] += (c * v[1]).abs();
@@ -78,8 +96,15 @@ pub(crate) fn largest(terms: &[([u16; 3], f64)], patch: &RationalPatch) -> Optio
     }
     let whole = &powers[3][d];
     let rounding = (roundings.max(whole.roundings) + terms.len() + 2) as f64 * f64::EPSILON;
-    let quotient = |(sum, w): (&[f64; 2], &[f64; 2])| (sum[0].abs() + rounding * sum[1]) / (w[0] * (1.0 - rounding));
-    let most = sums.iter().zip(&whole.values).map(quotient).fold(0.0, f64::max) * (1.0 + 1e-12);
+    let quotient = |(sum, w): (&[f64; 2], &[f64; 2])| {
+        (sum[0].abs() + rounding * sum[1]) / (w[0] * (1.0 - rounding))
+    };
+    let most = sums
+        .iter()
+        .zip(&whole.values)
+        .map(quotient)
+        .fold(0.0, f64::max)
+        * (1.0 + 1e-12);
     most.is_finite().then_some(most)
 }
 
@@ -90,9 +115,13 @@ mod tests {
     /// z − c on a plane z = h is h − c; x y² on the same square of side 1 is at most 1, and its coefficients show it.
     #[test]
     fn bounds_of_compositions() {
-        let mut patch = RationalPatch::planar((2, 3), [0.0, 0.0, 0.25], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        let mut patch =
+            RationalPatch::planar((2, 3), [0.0, 0.0, 0.25], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
         // Other weights change no point.
-        patch.control_mut().iter_mut().for_each(|c| *c = c.map(|v| 1.7 * v));
+        patch
+            .control_mut()
+            .iter_mut()
+            .for_each(|c| *c = c.map(|v| 1.7 * v));
         let at = |terms: &[([u16; 3], f64)]| largest(terms, &patch).expect("a bound");
         assert!((at(&[([0, 0, 1], 1.0), ([0, 0, 0], -0.2)]) - 0.05).abs() < 1e-12);
         assert!((at(&[([1, 2, 0], -3.0)]) - 3.0).abs() < 1e-11);

@@ -41,19 +41,46 @@ pub struct Cover {
 ///
 /// `most` bounds their number, `stop` is asked between rounds, and `threads` work side by side; the result depends on neither of
 /// the latter unless it is stopped.
-pub fn cover(field: &dyn Field, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
+pub fn cover(
+    field: &dyn Field,
+    options: &Options,
+    most: usize,
+    threads: usize,
+    stop: &dyn Fn() -> bool,
+) -> Result<Cover, Error> {
     cover_whole(&Whole::of_field(field), options, most, threads, stop)
 }
 
 /// The same of a surface of parts: each patch stays on one, and ends at its edges.
-pub fn cover_parts(parts: &Parts, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
+pub fn cover_parts(
+    parts: &Parts,
+    options: &Options,
+    most: usize,
+    threads: usize,
+    stop: &dyn Fn() -> bool,
+) -> Result<Cover, Error> {
     single::check(options)?;
-    cover_whole(&Whole::of_parts(parts, &options.region), options, most, threads, stop)
+    cover_whole(
+        &Whole::of_parts(parts, &options.region),
+        options,
+        most,
+        threads,
+        stop,
+    )
 }
 
-fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize, stop: &dyn Fn() -> bool) -> Result<Cover, Error> {
+fn cover_whole(
+    whole: &Whole<'_>,
+    options: &Options,
+    most: usize,
+    threads: usize,
+    stop: &dyn Fn() -> bool,
+) -> Result<Cover, Error> {
     single::check(options)?;
-    let tolerance = options.tolerance.ok_or(Error::Option { name: "the tolerance", value: f64::NAN })?;
+    let tolerance = options.tolerance.ok_or(Error::Option {
+        name: "the tolerance",
+        value: f64::NAN,
+    })?;
     let (mut random, mut rounds) = (Random::new(options.seed), 1);
     let (mut samples, mut parts) = more_samples(whole, options, &mut random);
     if samples.is_empty() {
@@ -75,7 +102,10 @@ fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize
             let mut fresh_open = vec![true; fresh.len()];
             for (patch, covers) in &mut patches {
                 let reached = reached(&patch.grown.patch, &fresh, tolerance);
-                fresh_open.iter_mut().zip(&reached).for_each(|(o, r)| *o &= !r);
+                fresh_open
+                    .iter_mut()
+                    .zip(&reached)
+                    .for_each(|(o, r)| *o &= !r);
                 covers.extend(reached);
             }
             let missed = fresh_open.iter().filter(|o| **o).count();
@@ -98,7 +128,10 @@ fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize
         });
         for (seed, made) in seeds.iter().zip(made) {
             match made {
-                Ok((patch, covers)) if patch.distances.bound.is_some_and(|b| b <= tolerance) && covers.contains(&true) => {
+                Ok((patch, covers))
+                    if patch.distances.bound.is_some_and(|b| b <= tolerance)
+                        && covers.contains(&true) =>
+                {
                     for (i, c) in covers.iter().enumerate() {
                         open[i] &= !c;
                     }
@@ -123,19 +156,34 @@ fn cover_whole(whole: &Whole<'_>, options: &Options, most: usize, threads: usize
         return Err(last_error);
     }
     let patches = needed(patches);
-    let covered = (0..samples.len()).filter(|&i| patches.iter().any(|p| p.1[i])).count();
-    Ok(Cover { patches: patches.into_iter().map(|p| p.0).collect(), samples: samples.len(), covered })
+    let covered = (0..samples.len())
+        .filter(|&i| patches.iter().any(|p| p.1[i]))
+        .count();
+    Ok(Cover {
+        patches: patches.into_iter().map(|p| p.0).collect(),
+        samples: samples.len(),
+        covered,
+    })
 }
 
 /// Points of the surface in the region, and the parts they lie on.
-fn more_samples(whole: &Whole<'_>, options: &Options, random: &mut Random) -> (Vec<Point3>, Vec<usize>) {
+fn more_samples(
+    whole: &Whole<'_>,
+    options: &Options,
+    random: &mut Random,
+) -> (Vec<Point3>, Vec<usize>) {
     let scale = options.region.diagonal();
     let mut found = (Vec::new(), Vec::new());
-    let relevant = if whole.is_single() { vec![0] } else { whole.relevant() };
+    let relevant = if whole.is_single() {
+        vec![0]
+    } else {
+        whole.relevant()
+    };
     let places = PLACES.min(MOST_PLACES / relevant.len().max(1));
     for part in relevant {
         for _ in 0..places {
-            let p = project(whole.field(part), random.place(&options.region), scale).filter(|p| contains(&options.region, *p));
+            let p = project(whole.field(part), random.place(&options.region), scale)
+                .filter(|p| contains(&options.region, *p));
             if let Some(p) = p.filter(|p| whole.is_on(part, *p, scale)) {
                 found.0.push(p);
                 found.1.push(part);
@@ -151,8 +199,12 @@ fn next_seeds(samples: &[Point3], open: &[bool], far: &[f64], count: usize) -> V
     let mut seeds: Vec<usize> = Vec::new();
     for _ in 0..count {
         // The first among equals.
-        let best = (0..samples.len()).filter(|&i| open[i]).max_by(|&a, &b| far[a].total_cmp(&far[b]).then(b.cmp(&a)));
-        let Some(best) = best.filter(|b| !seeds.contains(b)) else { break };
+        let best = (0..samples.len())
+            .filter(|&i| open[i])
+            .max_by(|&a, &b| far[a].total_cmp(&far[b]).then(b.cmp(&a)));
+        let Some(best) = best.filter(|b| !seeds.contains(b)) else {
+            break;
+        };
         seeds.push(best);
         for (f, p) in far.iter_mut().zip(samples) {
             *f = f.min(distance_squared(*p, samples[best]));
@@ -163,7 +215,12 @@ fn next_seeds(samples: &[Point3], open: &[bool], far: &[f64], count: usize) -> V
 
 /// The distances of open samples from those that no longer are.
 fn update_far(samples: &[Point3], open: &[bool], far: &mut [f64]) {
-    let done: Vec<Point3> = samples.iter().zip(open).filter(|(_, o)| !**o).map(|(p, _)| *p).collect();
+    let done: Vec<Point3> = samples
+        .iter()
+        .zip(open)
+        .filter(|(_, o)| !**o)
+        .map(|(p, _)| *p)
+        .collect();
     let tree = isoform_geom::KdTree::new(&done);
     for i in 0..samples.len() {
         if open[i] && !done.is_empty() {
@@ -190,7 +247,13 @@ fn side_by_side<T: Send>(jobs: usize, threads: usize, job: &(dyn Fn(usize) -> T 
             }
         };
         let handles: Vec<_> = (0..threads.min(jobs)).map(|_| scope.spawn(work)).collect();
-        handles.into_iter().flat_map(|h| h.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
+        handles
+            .into_iter()
+            .flat_map(|h| {
+                h.join()
+                    .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            })
+            .collect()
     });
     all.sort_by_key(|r| r.0);
     all.into_iter().map(|r| r.1).collect()
@@ -199,17 +262,27 @@ fn side_by_side<T: Send>(jobs: usize, threads: usize, job: &(dyn Fn(usize) -> T 
 /// Which points lie within `tolerance` of a patch: the foot is sought by Newton's method from the nearest of a grid of points.
 pub fn reached(patch: &RationalPatch, points: &[Point3], tolerance: f64) -> Vec<bool> {
     let at = |i: usize| i as f64 / (GRID - 1) as f64;
-    let grid: Vec<Point3> = (0..GRID * GRID).map(|k| patch.point(at(k / GRID), at(k % GRID))).collect();
+    let grid: Vec<Point3> = (0..GRID * GRID)
+        .map(|k| patch.point(at(k / GRID), at(k % GRID)))
+        .collect();
     let mut step = 0.0f64;
     for k in 0..GRID * GRID {
-        for n in [(k % GRID + 1 < GRID).then_some(k + 1), (k + GRID < GRID * GRID).then_some(k + GRID)].into_iter().flatten() {
+        for n in [
+            (k % GRID + 1 < GRID).then_some(k + 1),
+            (k + GRID < GRID * GRID).then_some(k + GRID),
+        ]
+        .into_iter()
+        .flatten()
+        {
             step = step.max(distance_squared(grid[k], grid[n]));
         }
     }
     let near = tolerance + step.sqrt();
     let tree = isoform_geom::KdTree::new(&grid);
     let reaches = |p: Point3| {
-        let Some((k, d2)) = tree.nearest(p).map(|n| (n.0, n.1)) else { return false };
+        let Some((k, d2)) = tree.nearest(p).map(|n| (n.0, n.1)) else {
+            return false;
+        };
         if d2 > near * near {
             return false;
         }
@@ -237,9 +310,14 @@ fn needed(mut patches: Vec<(Parameterized, Vec<bool>)>) -> Vec<(Parameterized, V
     let mut open: Vec<bool> = vec![true; count];
     let mut chosen = Vec::new();
     loop {
-        let gain = |p: &(Parameterized, Vec<bool>)| p.1.iter().zip(&open).filter(|(c, o)| **c && **o).count();
-        let best = (0..patches.len()).max_by(|&a, &b| gain(&patches[a]).cmp(&gain(&patches[b])).then(b.cmp(&a)));
-        let Some(best) = best.filter(|&b| gain(&patches[b]) > 0) else { return chosen };
+        let gain = |p: &(Parameterized, Vec<bool>)| {
+            p.1.iter().zip(&open).filter(|(c, o)| **c && **o).count()
+        };
+        let best = (0..patches.len())
+            .max_by(|&a, &b| gain(&patches[a]).cmp(&gain(&patches[b])).then(b.cmp(&a)));
+        let Some(best) = best.filter(|&b| gain(&patches[b]) > 0) else {
+            return chosen;
+        };
         let patch = patches.remove(best);
         for (o, c) in open.iter_mut().zip(&patch.1) {
             *o &= !c;

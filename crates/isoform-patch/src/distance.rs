@@ -94,15 +94,27 @@ pub(crate) fn sampled_on(whole: &Whole<'_>, patch: &RationalPatch, samples: usiz
     if whole.is_single() {
         return sampled(whole.field(0), patch, samples);
     }
-    sampled_by(patch, samples, &|points| points.iter().map(|p| whole.first_order(*p).0.abs()).collect())
+    sampled_by(patch, samples, &|points| {
+        points
+            .iter()
+            .map(|p| whole.first_order(*p).0.abs())
+            .collect()
+    })
 }
 
-fn sampled_by(patch: &RationalPatch, samples: usize, distances: &dyn Fn(&[Point3]) -> Vec<f64>) -> (f64, f64) {
+fn sampled_by(
+    patch: &RationalPatch,
+    samples: usize,
+    distances: &dyn Fn(&[Point3]) -> Vec<f64>,
+) -> (f64, f64) {
     let mut points = Vec::with_capacity(samples * samples);
     let mut areas = Vec::with_capacity(samples * samples);
     for i in 0..samples {
         for j in 0..samples {
-            let t = patch.tangents(i as f64 / (samples - 1) as f64, j as f64 / (samples - 1) as f64);
+            let t = patch.tangents(
+                i as f64 / (samples - 1) as f64,
+                j as f64 / (samples - 1) as f64,
+            );
             points.push(t.point);
             // The trapezoidal rule: half at the border.
             let half = |i: usize| if i == 0 || i == samples - 1 { 0.5 } else { 1.0 };
@@ -123,13 +135,21 @@ fn sampled_by(patch: &RationalPatch, samples: usize, distances: &dyn Fn(&[Point3
 pub fn foot_distances(field: &dyn Field, points: &[Point3]) -> Vec<f64> {
     let mut feet = points.to_vec();
     let mut jets = project_all(field, &mut feet);
-    let mut best: Vec<f64> = feet.iter().zip(points).map(|(q, p)| norm(sub(*p, *q))).collect();
+    let mut best: Vec<f64> = feet
+        .iter()
+        .zip(points)
+        .map(|(q, p)| norm(sub(*p, *q)))
+        .collect();
     for _ in 0..CORRECTIONS {
         // The part of p − q in the tangent plane leads to a better start.
         let mut moved: Vec<Point3> = Vec::with_capacity(points.len());
         for ((p, q), j) in points.iter().zip(&feet).zip(&jets) {
             let (d, g2) = (sub(*p, *q), j.g.iter().map(|g| g * g).sum::<f64>());
-            let along = if g2 > 0.0 { (d[0] * j.g[0] + d[1] * j.g[1] + d[2] * j.g[2]) / g2 } else { 0.0 };
+            let along = if g2 > 0.0 {
+                (d[0] * j.g[0] + d[1] * j.g[1] + d[2] * j.g[2]) / g2
+            } else {
+                0.0
+            };
             moved.push(std::array::from_fn(|k| q[k] + d[k] - along * j.g[k]));
         }
         jets = project_all(field, &mut moved);
@@ -143,7 +163,14 @@ pub fn foot_distances(field: &dyn Field, points: &[Point3]) -> Vec<f64> {
 
 /// Moves points onto the surface along gradients; gives back the jets there.
 fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
-    let mut jets = vec![Jet2 { v: 0.0, g: [0.0; 3], h: [0.0; 6] }; points.len()];
+    let mut jets = vec![
+        Jet2 {
+            v: 0.0,
+            g: [0.0; 3],
+            h: [0.0; 6]
+        };
+        points.len()
+    ];
     for _ in 0..STEPS {
         field.jets(points, &mut jets);
         let mut most = 0.0f64;
@@ -185,26 +212,70 @@ pub(crate) fn distances_on(
     let (sampled, rms) = sampled_on(whole, patch, SAMPLES);
     let size = largest_coordinate(patch);
     if whole.is_single() && sampled <= EXACT * size {
-        let proved = |(target, cells): &(f64, usize)| prove((target * size).max(2.0 * sampled), *cells);
-        return (Distances { bound: EXACT_TARGETS.iter().find_map(proved).map(|b| b.max(sampled)), sampled, rms }, None);
+        let proved =
+            |(target, cells): &(f64, usize)| prove((target * size).max(2.0 * sampled), *cells);
+        return (
+            Distances {
+                bound: EXACT_TARGETS
+                    .iter()
+                    .find_map(proved)
+                    .map(|b| b.max(sampled)),
+                sampled,
+                rms,
+            },
+            None,
+        );
     }
     let proved = proved.map(|b| b.max(sampled));
     let goal = |slack: f64| (slack * sampled).max(ROUNDING * size);
-    if let Some(bound) = proved.filter(|b| !whole.is_single() && *b <= (SLACK[1] * sampled).max(LEAST_REFINED * size)) {
-        return (Distances { bound: Some(bound), sampled, rms }, None);
+    if let Some(bound) = proved
+        .filter(|b| !whole.is_single() && *b <= (SLACK[1] * sampled).max(LEAST_REFINED * size))
+    {
+        return (
+            Distances {
+                bound: Some(bound),
+                sampled,
+                rms,
+            },
+            None,
+        );
     }
     let at_once = |slack: &f64| {
-        let target = tolerance.filter(|t| *t >= sampled).map_or(goal(*slack), |t| goal(*slack).min(t));
+        let target = tolerance
+            .filter(|t| *t >= sampled)
+            .map_or(goal(*slack), |t| goal(*slack).min(t));
         prove(target, MOST_CELLS)
     };
     // At edges few cells take most of the work: from what is proved already, the worst are divided.
-    let bound = if whole.is_single() { SLACK.iter().find_map(at_once) } else { None };
+    let bound = if whole.is_single() {
+        SLACK.iter().find_map(at_once)
+    } else {
+        None
+    };
     let refine = || {
-        let start = proved.or(tolerance.filter(|t| *t >= sampled).and_then(|t| prove(t, MOST_CELLS_AT_EDGES)))?;
-        Some(refined(whole, patch, start, (ENOUGH * sampled).max(LEAST_REFINED * size), Effort { cells: MOST_REFINED, deadline }))
+        let start = proved.or(tolerance
+            .filter(|t| *t >= sampled)
+            .and_then(|t| prove(t, MOST_CELLS_AT_EDGES)))?;
+        Some(refined(
+            whole,
+            patch,
+            start,
+            (ENOUGH * sampled).max(LEAST_REFINED * size),
+            Effort {
+                cells: MOST_REFINED,
+                deadline,
+            },
+        ))
     };
     let (bound, place) = bound.map(|b| (b, None)).or_else(refine).unzip();
-    (Distances { bound: bound.map(|b| b.max(sampled)), sampled, rms }, place.flatten())
+    (
+        Distances {
+            bound: bound.map(|b| b.max(sampled)),
+            sampled,
+            rms,
+        },
+        place.flatten(),
+    )
 }
 
 /// The largest coordinate of a patch, by samples: control points may be far away.
@@ -217,13 +288,26 @@ fn largest_coordinate(patch: &RationalPatch) -> f64 {
 
 /// The largest of |X|, |Y| and |Z| of the control points (x, y and z multiplied by the weight), and of their weights.
 fn largest_homogeneous(patch: &RationalPatch) -> (f64, f64) {
-    patch.control().iter().fold((0.0, 0.0), |(x, w), c| (x.max(c[0].abs()).max(c[1].abs()).max(c[2].abs()), w.max(c[3].abs())))
+    patch.control().iter().fold((0.0, 0.0), |(x, w), c| {
+        (
+            x.max(c[0].abs()).max(c[1].abs()).max(c[2].abs()),
+            w.max(c[3].abs()),
+        )
+    })
 }
 
 /// A bound on the distance of all points of a patch from the surface that is at most `target`, if such a one can be proved with so
 /// many cells.
 pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
-    prove_on(&Whole::of_field(field), patch, target, Effort { cells, deadline: None })
+    prove_on(
+        &Whole::of_field(field),
+        patch,
+        target,
+        Effort {
+            cells,
+            deadline: None,
+        },
+    )
 }
 
 /// What a proof may cost.
@@ -236,28 +320,60 @@ pub(crate) struct Effort {
 }
 
 /// The same from a whole surface.
-pub(crate) fn prove_on(whole: &Whole<'_>, patch: &RationalPatch, target: f64, effort: Effort) -> Option<f64> {
+pub(crate) fn prove_on(
+    whole: &Whole<'_>,
+    patch: &RationalPatch,
+    target: f64,
+    effort: Effort,
+) -> Option<f64> {
     proof(whole, patch, target, effort).ok()
 }
 
 /// The same; where it fails, the parameters of a place that took too much.
-pub(crate) fn proof(whole: &Whole<'_>, patch: &RationalPatch, target: f64, effort: Effort) -> Result<f64, (f64, f64)> {
+pub(crate) fn proof(
+    whole: &Whole<'_>,
+    patch: &RationalPatch,
+    target: f64,
+    effort: Effort,
+) -> Result<f64, (f64, f64)> {
     let products = Products::new(patch.degree());
     let size = largest_coordinate(patch);
-    let terms = if whole.is_single() && target < COMPOSED * size { whole.field(0).terms() } else { None };
-    let known = terms.and_then(|t| largest(t, patch)).unwrap_or(f64::INFINITY);
+    let terms = if whole.is_single() && target < COMPOSED * size {
+        whole.field(0).terms()
+    } else {
+        None
+    };
+    let known = terms
+        .and_then(|t| largest(t, patch))
+        .unwrap_or(f64::INFINITY);
     let mut pending = vec![(patch.clone(), [(0.0, 1.0); 2], 0u32)];
     let (mut worst, mut looked_at) = (0.0f64, 0);
     while let Some((cell, place, depth)) = pending.pop() {
-        let middle = || (0.5 * (place[0].0 + place[0].1), 0.5 * (place[1].0 + place[1].1));
+        let middle = || {
+            (
+                0.5 * (place[0].0 + place[0].1),
+                0.5 * (place[1].0 + place[1].1),
+            )
+        };
         looked_at += 1;
         if looked_at > effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d) {
             return Err(middle());
         }
-        match bound_of_cell(whole, &cell, (levels(patch, place), largest_homogeneous(patch)), target, known, &products) {
+        match bound_of_cell(
+            whole,
+            &cell,
+            (levels(patch, place), largest_homogeneous(patch)),
+            target,
+            known,
+            &products,
+        ) {
             Some(b) => worst = worst.max(b),
             None if depth == MOST_DEPTH => return Err(middle()),
-            None => pending.extend(divided(&cell, place).into_iter().map(|(c, place)| (c, place, depth + 1))),
+            None => pending.extend(
+                divided(&cell, place)
+                    .into_iter()
+                    .map(|(c, place)| (c, place, depth + 1)),
+            ),
         }
     }
     Ok(worst)
@@ -274,7 +390,9 @@ struct Bounded {
 
 impl Ord for Bounded {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.bound.total_cmp(&other.bound).then(other.number.cmp(&self.number))
+        self.bound
+            .total_cmp(&other.bound)
+            .then(other.number.cmp(&self.number))
     }
 }
 impl PartialOrd for Bounded {
@@ -291,17 +409,44 @@ impl Eq for Bounded {}
 
 /// Makes a proved bound better: the cells with the largest bounds are divided until all are at most `goal`, or the effort is spent. Then
 /// also the middle of the one with the largest.
-fn refined(whole: &Whole<'_>, patch: &RationalPatch, proved: f64, goal: f64, effort: Effort) -> (f64, Option<(f64, f64)>) {
+fn refined(
+    whole: &Whole<'_>,
+    patch: &RationalPatch,
+    proved: f64,
+    goal: f64,
+    effort: Effort,
+) -> (f64, Option<(f64, f64)>) {
     let (products, size) = (Products::new(patch.degree()), largest_homogeneous(patch));
-    let root = Bounded { bound: proved, number: 0, cell: patch.clone(), place: [(0.0, 1.0); 2], depth: 0 };
-    let bound_of = |cell: &RationalPatch, place: Place, known: f64| {
-        let of = |target: f64| bound_of_cell(whole, cell, (levels(cell, place), size), target, f64::INFINITY, &products);
-        of(goal).or_else(|| of(known)).map_or(known, |b| b.min(known))
+    let root = Bounded {
+        bound: proved,
+        number: 0,
+        cell: patch.clone(),
+        place: [(0.0, 1.0); 2],
+        depth: 0,
     };
-    let mut all = BinaryHeap::from([Bounded { bound: bound_of(patch, root.place, proved), ..root }]);
+    let bound_of = |cell: &RationalPatch, place: Place, known: f64| {
+        let of = |target: f64| {
+            bound_of_cell(
+                whole,
+                cell,
+                (levels(cell, place), size),
+                target,
+                f64::INFINITY,
+                &products,
+            )
+        };
+        of(goal)
+            .or_else(|| of(known))
+            .map_or(known, |b| b.min(known))
+    };
+    let mut all = BinaryHeap::from([Bounded {
+        bound: bound_of(patch, root.place, proved),
+        ..root
+    }]);
     let mut looked_at = 1;
     while let Some(worst) = all.pop() {
-        let is_over = looked_at >= effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d);
+        let is_over =
+            looked_at >= effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d);
         if worst.bound <= goal || worst.depth == MOST_HALVINGS || is_over {
             let at = worst.place.map(|(a, b)| 0.5 * (a + b));
             return (worst.bound, (worst.bound > goal).then_some((at[0], at[1])));
@@ -309,18 +454,34 @@ fn refined(whole: &Whole<'_>, patch: &RationalPatch, proved: f64, goal: f64, eff
         // In the direction in which more is gained: along an edge cells may stay long.
         let depth = worst.depth + 1;
         let mut halved = |in_u: bool| {
-            let halves = parts(&worst.cell, worst.place, in_u, !in_u).into_iter().map(|(cell, place)| {
-                looked_at += 1;
-                Bounded { bound: bound_of(&cell, place, worst.bound), number: looked_at, cell, place, depth }
-            });
+            let halves = parts(&worst.cell, worst.place, in_u, !in_u)
+                .into_iter()
+                .map(|(cell, place)| {
+                    looked_at += 1;
+                    Bounded {
+                        bound: bound_of(&cell, place, worst.bound),
+                        number: looked_at,
+                        cell,
+                        place,
+                        depth,
+                    }
+                });
             let halves: Vec<Bounded> = halves.collect();
-            (halves.iter().fold(0.0, |sum, h| sum + h.bound.max(goal)), halves)
+            (
+                halves.iter().fold(0.0, |sum, h| sum + h.bound.max(goal)),
+                halves,
+            )
         };
         let (in_u, in_v) = (halved(true), halved(false));
         let (along_u, along_v) = lengths(&worst.cell);
         // Edges that run askew gain a little from ever narrower cells, and much from shorter ones later.
-        let alike = in_u.0.max(in_v.0) <= ALIKE * in_u.0.min(in_v.0) || along_u.max(along_v) > NARROW * along_u.min(along_v);
-        let is_in_u = if alike { along_u >= along_v } else { in_u.0 < in_v.0 };
+        let alike = in_u.0.max(in_v.0) <= ALIKE * in_u.0.min(in_v.0)
+            || along_u.max(along_v) > NARROW * along_u.min(along_v);
+        let is_in_u = if alike {
+            along_u >= along_v
+        } else {
+            in_u.0 < in_v.0
+        };
         all.extend(if is_in_u { in_u.1 } else { in_v.1 });
     }
     (proved, None)
@@ -339,7 +500,12 @@ fn levels(patch: &RationalPatch, place: Place) -> f64 {
 /// The halves of a patch that is longer in one direction, the quarters of another one; each with its place.
 fn divided(patch: &RationalPatch, place: Place) -> Vec<(RationalPatch, Place)> {
     let (along_u, along_v) = lengths(patch);
-    parts(patch, place, along_v <= LONGER * along_u, along_u <= LONGER * along_v)
+    parts(
+        patch,
+        place,
+        along_v <= LONGER * along_u,
+        along_u <= LONGER * along_v,
+    )
 }
 
 /// Lengths along u and v, by the corners.
@@ -350,11 +516,19 @@ fn lengths(patch: &RationalPatch) -> (f64, f64) {
         let [p, q] = [c[a], c[b]].map(|c| [c[0] / c[3], c[1] / c[3], c[2] / c[3]]);
         norm(sub(p, q))
     };
-    (length(0, last - n).max(length(n, last)), length(0, n).max(length(last - n, last)))
+    (
+        length(0, last - n).max(length(n, last)),
+        length(0, n).max(length(last - n, last)),
+    )
 }
 
 /// The parts of a patch, by de Casteljau's algorithm at 1/2, in u, in v or both.
-fn parts(patch: &RationalPatch, place: Place, in_u: bool, in_v: bool) -> Vec<(RationalPatch, Place)> {
+fn parts(
+    patch: &RationalPatch,
+    place: Place,
+    in_u: bool,
+    in_v: bool,
+) -> Vec<(RationalPatch, Place)> {
     let (m, n) = patch.degree();
     let of = |upper_u: bool, upper_v: bool| {
         let mut part = patch.clone();
@@ -370,10 +544,16 @@ fn parts(patch: &RationalPatch, place: Place, in_u: bool, in_v: bool) -> Vec<(Ra
             (true, false) => (a, 0.5 * (a + b)),
             (true, true) => (0.5 * (a + b), b),
         };
-        (part, [half(place[0], in_u, upper_u), half(place[1], in_v, upper_v)])
+        (
+            part,
+            [half(place[0], in_u, upper_u), half(place[1], in_v, upper_v)],
+        )
     };
     let all = [(false, false), (false, true), (true, false), (true, true)];
-    all.into_iter().filter(|(u, v)| (in_u || !u) && (in_v || !v)).map(|(u, v)| of(u, v)).collect()
+    all.into_iter()
+        .filter(|(u, v)| (in_u || !u) && (in_v || !v))
+        .map(|(u, v)| of(u, v))
+        .collect()
 }
 
 /// Replaces the Bézier points at `first`, `first + step`, … of degree n by those of the lower or the upper half.
@@ -384,7 +564,8 @@ fn halve(control: &mut [[f64; 4]], first: usize, step: usize, n: usize, upper: b
             let k = if upper { i - level } else { n - (i - level) };
             let next = if upper { k + 1 } else { k - 1 };
             for d in 0..4 {
-                control[first + k * step][d] = 0.5 * (control[first + k * step][d] + control[first + next * step][d]);
+                control[first + k * step][d] =
+                    0.5 * (control[first + k * step][d] + control[first + next * step][d]);
             }
         }
     }
@@ -418,7 +599,18 @@ fn bound_of_cell(
     }
     let c = cell.point(0.5, 0.5);
     // δ over the cell lies within these; c need not be exact.
-    let d: Vec<[f64; 4]> = cell.control().iter().map(|p| [p[0] - c[0] * p[3], p[1] - c[1] * p[3], p[2] - c[2] * p[3], p[3]]).collect();
+    let d: Vec<[f64; 4]> = cell
+        .control()
+        .iter()
+        .map(|p| {
+            [
+                p[0] - c[0] * p[3],
+                p[1] - c[1] * p[3],
+                p[2] - c[2] * p[3],
+                p[3],
+            ]
+        })
+        .collect();
     let mut r = [0.0f64; 3];
     let mut largest = 0.0f64;
     for p in &d {
@@ -428,19 +620,39 @@ fn bound_of_cell(
         }
     }
     // x = X/w is off by (ΔX + |x| Δw)/w.
-    let rounding = SUBDIVISION * levels * (whole_size.0 + largest * whole_size.1) / least * (1.0 + 1e-9);
+    let rounding =
+        SUBDIVISION * levels * (whole_size.0 + largest * whole_size.1) / least * (1.0 + 1e-9);
     let reach = norm(r);
     // How far beyond the cell the surface is sought: as far as it seems to be, not as far as it may be.
     let beyond = (2.0 * whole.first_order(c).0.abs() + 0.125 * reach).min(target);
     let beyond = if beyond.is_nan() { target } else { beyond };
-    if let Some(b) = smooth_bound(whole, &CellOf { c, d: &d, r, rounding }, beyond, known, products).filter(|b| b + rounding <= target) {
+    if let Some(b) = smooth_bound(
+        whole,
+        &CellOf {
+            c,
+            d: &d,
+            r,
+            rounding,
+        },
+        beyond,
+        known,
+        products,
+    )
+    .filter(|b| b + rounding <= target)
+    {
         return Some(b + rounding);
     }
     if known.is_finite() || (whole.is_single() && reach <= CROSSING * target) {
         let e = whole.field(0).expansion(c, about(c, r, target))?;
         let (lo, hi) = range(&Taylor::new(&e, r), &d, r, products);
-        let most = if lo <= hi { known.min(hi.max(-lo)) } else { known };
-        if let Some(b) = crossing_bound(&e, r.map(|v| v + target), most).filter(|b| b + rounding <= target) {
+        let most = if lo <= hi {
+            known.min(hi.max(-lo))
+        } else {
+            known
+        };
+        if let Some(b) =
+            crossing_bound(&e, r.map(|v| v + target), most).filter(|b| b + rounding <= target)
+        {
             return Some(b + rounding);
         }
     }
@@ -449,7 +661,12 @@ fn bound_of_cell(
         return None;
     }
     let near = about(c, r, target);
-    if whole.within(near)?.parts.iter().any(|&k| whole.field(k).expansion(c, near).is_none()) {
+    if whole
+        .within(near)?
+        .parts
+        .iter()
+        .any(|&k| whole.field(k).expansion(c, near).is_none())
+    {
         return None;
     }
     changes_sign(whole, c, (target - reach - rounding) * (1.0 - 1e-9)).then_some(target)
@@ -457,14 +674,18 @@ fn bound_of_cell(
 
 /// The box that reaches `by` beyond c ± r.
 fn about(c: Point3, r: Point3, by: f64) -> Aabb {
-    Aabb { lo: std::array::from_fn(|k| c[k] - r[k] - by), hi: std::array::from_fn(|k| c[k] + r[k] + by) }
+    Aabb {
+        lo: std::array::from_fn(|k| c[k] - r[k] - by),
+        hi: std::array::from_fn(|k| c[k] + r[k] + by),
+    }
 }
 
 /// √(2M/λ), where second derivatives have both signs by λ or more within `wide` of the point of expansion.
 fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f64> {
     let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
     let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
-    let (values, vectors) = symmetric_eigen(&[h[0], h[1], h[2], h[1], h[3], h[4], h[2], h[4], h[5]], 3);
+    let (values, vectors) =
+        symmetric_eigen(&[h[0], h[1], h[2], h[1], h[3], h[4], h[2], h[4], h[5]], 3);
     // A lower bound of |eᵀHe| for an eigenvector e: from the value, what third derivatives, radii and rounding may take away.
     let least = |k: usize| {
         let n: Point3 = std::array::from_fn(|i| vectors[3 * k + i].abs());
@@ -472,7 +693,10 @@ fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f64> {
         for i in 0..3 {
             for j in 0..3 {
                 let along = |l: usize| t[PLACE[i][j][l]] * wide[l];
-                lost += n[i] * n[j] * (radius(&e.hessian[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]]) + (0..3).map(along).sum::<f64>());
+                lost += n[i]
+                    * n[j]
+                    * (radius(&e.hessian[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]])
+                        + (0..3).map(along).sum::<f64>());
             }
         }
         values[k].abs() * (1.0 - 1e-12) - lost
@@ -497,11 +721,20 @@ struct CellOf<'d> {
 }
 
 /// M/G, if that is no more than `beyond`; of a single function, M is no more than `known`.
-fn smooth_bound(whole: &Whole<'_>, cell: &CellOf<'_>, beyond: f64, known: f64, products: &Products) -> Option<f64> {
+fn smooth_bound(
+    whole: &Whole<'_>,
+    cell: &CellOf<'_>,
+    beyond: f64,
+    known: f64,
+    products: &Products,
+) -> Option<f64> {
     let CellOf { c, d, r, .. } = *cell;
     let region = about(c, r, beyond);
     let Within { tree, parts, alone } = whole.within(region)?;
-    let expansions: Vec<Expansion> = parts.iter().map(|&k| whole.field(k).expansion(c, region)).collect::<Option<_>>()?;
+    let expansions: Vec<Expansion> = parts
+        .iter()
+        .map(|&k| whole.field(k).expansion(c, region))
+        .collect::<Option<_>>()?;
     let mut normals = Vec::with_capacity(parts.len());
     let mut lengths = Vec::with_capacity(parts.len());
     for e in &expansions {
@@ -515,7 +748,10 @@ fn smooth_bound(whole: &Whole<'_>, cell: &CellOf<'_>, beyond: f64, known: f64, p
     }
     // The parts of a piece have one unit of length.
     let unit = |k: usize| {
-        let same = parts.iter().zip(&lengths).filter(|(other, _)| whole.piece(**other) == whole.piece(parts[k]));
+        let same = parts
+            .iter()
+            .zip(&lengths)
+            .filter(|(other, _)| whole.piece(**other) == whole.piece(parts[k]));
         same.fold(0.0f64, |m, (_, l)| m.max(*l))
     };
     let wide: Point3 = r.map(|v| v + beyond);
@@ -524,7 +760,13 @@ fn smooth_bound(whole: &Whole<'_>, cell: &CellOf<'_>, beyond: f64, known: f64, p
         let list: Vec<usize> = (0..parts.len()).filter(|&k| meant(k)).collect();
         let n: Point3 = std::array::from_fn(|i| list.iter().map(|&k| normals[k][i]).sum());
         let length = norm(n);
-        let along = Along { n: n.map(|v| v / length), beyond, wide, c, d };
+        let along = Along {
+            n: n.map(|v| v / length),
+            beyond,
+            wide,
+            c,
+            d,
+        };
         let each = list.iter().map(|&k| along.slope(&expansions[k]) / unit(k));
         // A minimum would ignore NaN.
         each.fold(f64::INFINITY, |m, s| if s > 0.0 { m.min(s) } else { 0.0 }) * (1.0 - 1e-12)
@@ -532,7 +774,12 @@ fn smooth_bound(whole: &Whole<'_>, cell: &CellOf<'_>, beyond: f64, known: f64, p
     let slope = slope_of(&|_| true);
     // Where a minimum is positive it comes to 0 as soon as one of its pieces does, which may be the one that it is; so with a
     // negative maximum.
-    let own = || tree.pieces().iter().map(|piece| slope_of(&|k| whole.piece(parts[k]) == *piece)).fold(f64::INFINITY, f64::min);
+    let own = || {
+        tree.pieces()
+            .iter()
+            .map(|piece| slope_of(&|k| whole.piece(parts[k]) == *piece))
+            .fold(f64::INFINITY, f64::min)
+    };
     let is_flat = |children: &[Csg]| children.iter().all(|child| matches!(child, Csg::Piece(_)));
     let (up, down) = match &tree {
         Csg::Min(children) if is_flat(children) => (own(), slope),
@@ -545,17 +792,32 @@ fn smooth_bound(whole: &Whole<'_>, cell: &CellOf<'_>, beyond: f64, known: f64, p
         let taylor = Taylor::new(e, r);
         let (mut lo, mut hi) = range(&taylor, d, r, products);
         if alone[k] && lo <= hi && boxed.is_some() {
-            let others: Vec<&Expansion> =
-                (0..parts.len()).filter(|&o| o != k && whole.piece(parts[o]) == whole.piece(parts[k])).map(|o| &expansions[o]).collect();
-            for limit in whole.limits(parts[k]).iter().filter(|l| !others.is_empty() && l.bounds(region).lo() < 0.0) {
-                let Some(l) = limit.expansion(c, region).and_then(|l| Limit::new(&l, cell)) else { continue };
+            let others: Vec<&Expansion> = (0..parts.len())
+                .filter(|&o| o != k && whole.piece(parts[o]) == whole.piece(parts[k]))
+                .map(|o| &expansions[o])
+                .collect();
+            for limit in whole
+                .limits(parts[k])
+                .iter()
+                .filter(|l| !others.is_empty() && l.bounds(region).lo() < 0.0)
+            {
+                let Some(l) = limit
+                    .expansion(c, region)
+                    .and_then(|l| Limit::new(&l, cell))
+                else {
+                    continue;
+                };
                 if l.most < 0.0 {
                     return None;
                 }
                 for other in &others {
                     let bend = l.bend(e, other);
                     let cut = range(&taylor.bent(&l, bend, r), d, r, products);
-                    if bend > 0.0 { hi = hi.min(cut.1) } else { lo = lo.max(cut.0) }
+                    if bend > 0.0 {
+                        hi = hi.min(cut.1)
+                    } else {
+                        lo = lo.max(cut.0)
+                    }
                 }
             }
         }
@@ -571,13 +833,29 @@ fn smooth_bound(whole: &Whole<'_>, cell: &CellOf<'_>, beyond: f64, known: f64, p
     };
     let ranges: Vec<Option<Interval>> = (0..parts.len()).map(range_of).collect();
     let of_piece = |piece: u32| {
-        let of = parts.iter().zip(&ranges).filter(|(k, _)| whole.piece(**k) == piece).filter_map(|(_, r)| *r);
+        let of = parts
+            .iter()
+            .zip(&ranges)
+            .filter(|(k, _)| whole.piece(**k) == piece)
+            .filter_map(|(_, r)| *r);
         of.reduce(|a, b| a.hull(&b)).unwrap_or(Interval::ALL)
     };
-    let most = if whole.is_single() { known / unit(0) } else { f64::INFINITY };
+    let most = if whole.is_single() {
+        known / unit(0)
+    } else {
+        f64::INFINITY
+    };
     let range = tree.range(&of_piece);
-    let above = if range.hi() > 0.0 { range.hi().min(most) / up } else { 0.0 };
-    let below = if range.lo() < 0.0 { (-range.lo()).min(most) / down } else { 0.0 };
+    let above = if range.hi() > 0.0 {
+        range.hi().min(most) / up
+    } else {
+        0.0
+    };
+    let below = if range.lo() < 0.0 {
+        (-range.lo()).min(most) / down
+    } else {
+        0.0
+    };
     let bound = above.max(below) * (1.0 + 1e-12);
     (bound.is_finite() && bound <= beyond).then_some(bound)
 }
@@ -616,9 +894,17 @@ impl Along<'_> {
         }
         // nᵀHδ is least at a control point.
         let nh: Point3 = std::array::from_fn(|j| (0..3).map(|i| n[i] * h[at(i, j)]).sum());
-        let least = self.d.iter().map(|p| (nh[0] * p[0] + nh[1] * p[1] + nh[2] * p[2]) / p[3]).fold(f64::INFINITY, f64::min);
+        let least = self
+            .d
+            .iter()
+            .map(|p| (nh[0] * p[0] + nh[1] * p[1] + nh[2] * p[2]) / p[3])
+            .fold(f64::INFINITY, f64::min);
         lost += self.beyond * (nh[0] * n[0] + nh[1] * n[1] + nh[2] * n[2]).abs();
-        lost += 16.0 * f64::EPSILON * (0..3).map(|j| nh[j].abs() * (self.c[j].abs() + wide[j])).sum::<f64>();
+        lost += 16.0
+            * f64::EPSILON
+            * (0..3)
+                .map(|j| nh[j].abs() * (self.c[j].abs() + wide[j]))
+                .sum::<f64>();
         lost += 0.5 * cubic(&t, wide, Some(n.map(f64::abs)));
         (0..3).map(|k| n[k] * g[k]).sum::<f64>() + least - lost
     }
@@ -646,7 +932,12 @@ impl Taylor {
                 off += 0.5 * radius(&e.hessian[SECOND[i][j]]) * r[i] * r[j];
             }
         }
-        Self { value: middle(&e.value), g: slopes(e), h: std::array::from_fn(|k| middle(&e.hessian[k])), off }
+        Self {
+            value: middle(&e.value),
+            g: slopes(e),
+            h: std::array::from_fn(|k| middle(&e.hessian[k])),
+            off,
+        }
     }
 
     /// Plus b (m − λ)(λ + ρ), which is nowhere negative where the limit is not, for b ≥ 0, and nowhere positive for b ≤ 0.
@@ -660,8 +951,17 @@ impl Taylor {
                 h[SECOND[i][j]] -= 2.0 * b * l.g[i] * l.g[j];
             }
         }
-        let rounding = 16.0 * f64::EPSILON * b.abs() * (l.most.abs() + l.value.abs() + size) * (l.value.abs() + l.off + size);
-        Self { value: self.value + b * above * below, g: std::array::from_fn(|k| self.g[k] + slope * l.g[k]), h, off: self.off + rounding }
+        let rounding = 16.0
+            * f64::EPSILON
+            * b.abs()
+            * (l.most.abs() + l.value.abs() + size)
+            * (l.value.abs() + l.off + size);
+        Self {
+            value: self.value + b * above * below,
+            g: std::array::from_fn(|k| self.g[k] + slope * l.g[k]),
+            h,
+            off: self.off + rounding,
+        }
     }
 }
 
@@ -687,9 +987,18 @@ impl Limit {
         }
         let off = (off + 4.0 * f64::EPSILON * taylor.value.abs()) * (1.0 + 1e-12);
         // A linear function is largest at a control point.
-        let along = cell.d.iter().map(|p| (g[0] * p[0] + g[1] * p[1] + g[2] * p[2]) / p[3]).fold(f64::NEG_INFINITY, f64::max);
+        let along = cell
+            .d
+            .iter()
+            .map(|p| (g[0] * p[0] + g[1] * p[1] + g[2] * p[2]) / p[3])
+            .fold(f64::NEG_INFINITY, f64::max);
         let most = taylor.value + along + off;
-        (off.is_finite() && most.is_finite()).then_some(Self { value: taylor.value, g, off, most })
+        (off.is_finite() && most.is_finite()).then_some(Self {
+            value: taylor.value,
+            g,
+            off,
+            most,
+        })
     }
 
     /// What part and neighbour differ by across the limit, as a multiple of the limit's square: with that bent, what the part's function is
@@ -703,7 +1012,9 @@ impl Limit {
         let mut difference = 0.0;
         for i in 0..3 {
             for j in 0..3 {
-                difference += t[i] * (middle(&own.hessian[SECOND[i][j]]) - middle(&other.hessian[SECOND[i][j]])) * t[j];
+                difference += t[i]
+                    * (middle(&own.hessian[SECOND[i][j]]) - middle(&other.hessian[SECOND[i][j]]))
+                    * t[j];
             }
         }
         let bend = 0.5 * difference / (slope * slope);
@@ -718,14 +1029,25 @@ fn range(taylor: &Taylor, d: &[[f64; 4]], r: Point3, products: &Products) -> (f6
     // w² (F(c) + ∇F·δ + δᵀHδ/2) as a scalar product of (w δ, w) with (H w δ/2, F(c) w + ∇F·w δ).
     let right = |p: &[f64; 4]| {
         let h = |k: usize| 0.5 * (at(k, 0) * p[0] + at(k, 1) * p[1] + at(k, 2) * p[2]);
-        [h(0), h(1), h(2), value * p[3] + g[0] * p[0] + g[1] * p[1] + g[2] * p[2]]
+        [
+            h(0),
+            h(1),
+            h(2),
+            value * p[3] + g[0] * p[0] + g[1] * p[1] + g[2] * p[2],
+        ]
     };
     let rights: Vec<[f64; 4]> = d.iter().map(right).collect();
     let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
-    products.of(d, &rights, |q, w2| (lo, hi) = (lo.min(q / w2), hi.max(q / w2)));
+    products.of(d, &rights, |q, w2| {
+        (lo, hi) = (lo.min(q / w2), hi.max(q / w2))
+    });
     // What the coefficients leave out: rounding of the sums, radii of the derivatives, the remainder.
-    let size =
-        value.abs() + (0..3).map(|k| g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()).sum::<f64>();
+    let size = value.abs()
+        + (0..3)
+            .map(|k| {
+                g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()
+            })
+            .sum::<f64>();
     // Half a unit for each operation of the terms of a coefficient and of their sum, the same for those of w².
     let (m, n) = products.degree;
     let most = (18 + (m + 1) * (n + 1)) as f64 * f64::EPSILON * size + off;
@@ -733,8 +1055,11 @@ fn range(taylor: &Taylor, d: &[[f64; 4]], r: Point3, products: &Products) -> (f6
 }
 
 /// Where ∂³F/∂xᵢ∂xⱼ∂xₖ is among the ten third derivatives.
-const PLACE: [[[usize; 3]; 3]; 3] =
-    [[[0, 1, 2], [1, 3, 4], [2, 4, 5]], [[1, 3, 4], [3, 6, 7], [4, 7, 8]], [[2, 4, 5], [4, 7, 8], [5, 8, 9]]];
+const PLACE: [[[usize; 3]; 3]; 3] = [
+    [[0, 1, 2], [1, 3, 4], [2, 4, 5]],
+    [[1, 3, 4], [3, 6, 7], [4, 7, 8]],
+    [[2, 4, 5], [4, 7, 8], [5, 8, 9]],
+];
 
 /// Σ t_ijk r_i r_j r_k over all i, j, k; with `n`, Σ t_ijk n_i r_j r_k.
 fn cubic(t: &[f64; 10], r: Point3, n: Option<Point3>) -> f64 {
@@ -783,8 +1108,13 @@ fn changes_sign(whole: &Whole<'_>, c: Point3, t: f64) -> bool {
         negative |= there < 0;
         positive && negative
     };
-    let mut around =
-        |q: Point3, t: f64| DIRECTIONS.iter().any(|d| [-t, t].into_iter().any(|s| seen(std::array::from_fn(|k| q[k] + s * d[k]))));
+    let mut around = |q: Point3, t: f64| {
+        DIRECTIONS.iter().any(|d| {
+            [-t, t]
+                .into_iter()
+                .any(|s| seen(std::array::from_fn(|k| q[k] + s * d[k])))
+        })
+    };
     if t <= 0.0 {
         return false;
     }
@@ -820,9 +1150,20 @@ fn binomial(n: usize, k: usize) -> f64 {
 
 impl Products {
     fn new(degree: (usize, usize)) -> Self {
-        let table =
-            |n: usize| (0..=n).map(|i| (0..=n).map(|k| binomial(n, i) * binomial(n, k) / binomial(2 * n, i + k)).collect()).collect();
-        Self { degree, u: table(degree.0), v: table(degree.1) }
+        let table = |n: usize| {
+            (0..=n)
+                .map(|i| {
+                    (0..=n)
+                        .map(|k| binomial(n, i) * binomial(n, k) / binomial(2 * n, i + k))
+                        .collect()
+                })
+                .collect()
+        };
+        Self {
+            degree,
+            u: table(degree.0),
+            v: table(degree.1),
+        }
     }
     /// Tells the coefficients of a·b, each with that of the square of the last entry of a.
     fn of(&self, a: &[[f64; 4]], b: &[[f64; 4]], mut each: impl FnMut(f64, f64)) {
@@ -860,13 +1201,30 @@ mod tests {
 
     #[test]
     fn quarters_are_parts() {
-        let control = (0..12).map(f64::from).map(|i| [i.sin(), i.cos(), 0.3 * i, 1.0 + 0.1 * (3.0 * i).sin()]).collect();
+        let control = (0..12)
+            .map(f64::from)
+            .map(|i| [i.sin(), i.cos(), 0.3 * i, 1.0 + 0.1 * (3.0 * i).sin()])
+            .collect();
         let patch = RationalPatch::new((2, 3), control).expect("a patch");
         let (lower, upper) = ((0.0, 0.5), (0.5, 1.0));
-        let parts = [(lower, lower), (lower, upper), (upper, lower), (upper, upper)].map(|(u, v)| patch.part(u, v));
-        for ((a, [u, v]), b) in super::parts(&patch, [(0.0, 1.0); 2], true, true).iter().zip(&parts) {
+        let parts = [
+            (lower, lower),
+            (lower, upper),
+            (upper, lower),
+            (upper, upper),
+        ]
+        .map(|(u, v)| patch.part(u, v));
+        for ((a, [u, v]), b) in super::parts(&patch, [(0.0, 1.0); 2], true, true)
+            .iter()
+            .zip(&parts)
+        {
             assert_eq!(*b, patch.part(*u, *v));
-            for (a, b) in a.control().as_flattened().iter().zip(b.control().as_flattened()) {
+            for (a, b) in a
+                .control()
+                .as_flattened()
+                .iter()
+                .zip(b.control().as_flattened())
+            {
                 assert!((a - b).abs() < 1e-15);
             }
         }
@@ -876,29 +1234,55 @@ mod tests {
     fn products_are_products() {
         let products = Products::new((2, 1));
         let list = |seed: f64| -> Vec<[f64; 4]> {
-            (0..6).map(|i| std::array::from_fn(|k| (seed + f64::from(i) * 1.3 + k as f64).sin())).collect()
+            (0..6)
+                .map(|i| std::array::from_fn(|k| (seed + f64::from(i) * 1.3 + k as f64).sin()))
+                .collect()
         };
         let (a, b) = (list(0.2), list(0.9));
         let value = |c: &dyn Fn(usize) -> f64, m: usize, n: usize| {
-            let (bu, bv) = (isoform_geom::bernstein(m, 0.3).0, isoform_geom::bernstein(n, 0.8).0);
-            (0..=m).map(|i| (0..=n).map(|j| bu[i] * bv[j] * c(i * (n + 1) + j)).sum::<f64>()).sum::<f64>()
+            let (bu, bv) = (
+                isoform_geom::bernstein(m, 0.3).0,
+                isoform_geom::bernstein(n, 0.8).0,
+            );
+            (0..=m)
+                .map(|i| {
+                    (0..=n)
+                        .map(|j| bu[i] * bv[j] * c(i * (n + 1) + j))
+                        .sum::<f64>()
+                })
+                .sum::<f64>()
         };
         let mut product = Vec::new();
         products.of(&a, &b, |q, w2| product.push([q, w2]));
-        let want: f64 = (0..4).map(|k| value(&|i| a[i][k], 2, 1) * value(&|i| b[i][k], 2, 1)).sum();
+        let want: f64 = (0..4)
+            .map(|k| value(&|i| a[i][k], 2, 1) * value(&|i| b[i][k], 2, 1))
+            .sum();
         assert!((value(&|i| product[i][0], 4, 2) - want).abs() < 1e-14);
-        assert!((value(&|i| product[i][1], 4, 2) - value(&|i| a[i][3], 2, 1).powi(2)).abs() < 1e-14);
+        assert!(
+            (value(&|i| product[i][1], 4, 2) - value(&|i| a[i][3], 2, 1).powi(2)).abs() < 1e-14
+        );
     }
 
     /// Along a double curve a proof to 10⁻⁷ takes millions of cells: a deadline ends it.
     #[test]
     fn a_deadline_ends_a_proof() {
         let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);
-        let patch = RationalPatch::planar((2, 2), [1e-10, -0.3, -0.3], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]);
+        let patch = RationalPatch::planar(
+            (2, 2),
+            [1e-10, -0.3, -0.3],
+            [0.0, 0.6, 0.0],
+            [0.0, 0.0, 0.6],
+        );
         let start = Instant::now();
         let deadline = Some(start + std::time::Duration::from_millis(50));
-        let effort = Effort { cells: usize::MAX, deadline };
-        assert_eq!(prove_on(&Whole::of_field(&planes), &patch, 1e-7, effort), None);
+        let effort = Effort {
+            cells: usize::MAX,
+            deadline,
+        };
+        assert_eq!(
+            prove_on(&Whole::of_field(&planes), &patch, 1e-7, effort),
+            None
+        );
         let taken = start.elapsed().as_secs_f64();
         assert!((0.05..5.0).contains(&taken), "{taken}");
     }

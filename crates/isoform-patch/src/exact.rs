@@ -54,17 +54,28 @@ pub(crate) type Fitting = (RationalPatch, Targets, Evaluated);
 ///
 /// Where there is no exact patch nearby, or only a small one, `grow` makes patches of lower degrees in turn, in the end small ones. They are
 /// brought there, raised to the degree asked for and extrapolated: a large patch is not near an exact one where its angles are not right.
-pub(crate) fn make_exact<'f>(growth: &mut Growth<'f>, grow: impl Fn((usize, usize), f64) -> Option<Growth<'f>>) -> bool {
+pub(crate) fn make_exact<'f>(
+    growth: &mut Growth<'f>,
+    grow: impl Fn((usize, usize), f64) -> Option<Growth<'f>>,
+) -> bool {
     let (m, n) = growth.patch.degree();
     let [enough, least] = LEAST_AREA.map(|share| share * area(&growth.patch, &|_| true));
     let mut best: Option<(f64, Fitting)> = None;
     let others = OTHERS.map(|(k, share)| ((m.min(k), n.min(k)), share));
-    let others = others.into_iter().filter(|(d, share)| *share < 1.0 || *d != (m, n)).filter_map(|(d, share)| grow(d, share));
+    let others = others
+        .into_iter()
+        .filter(|(d, share)| *share < 1.0 || *d != (m, n))
+        .filter_map(|(d, share)| grow(d, share));
     // The patch itself, then the others, which grow only when it is their turn.
     for source in std::iter::once(None).chain(others.map(Some)) {
         let source = source.as_ref().unwrap_or(growth);
         for share in SHORTER {
-            let Some(found) = source.exact_nearby(share).and_then(|p| growth.extended(p.elevated((m, n)))) else { continue };
+            let Some(found) = source
+                .exact_nearby(share)
+                .and_then(|p| growth.extended(p.elevated((m, n))))
+            else {
+                continue;
+            };
             let size = area(&found.0, &|_| true);
             if size >= least && best.as_ref().is_none_or(|b| size > b.0) {
                 best = Some((size, found));
@@ -75,7 +86,9 @@ pub(crate) fn make_exact<'f>(growth: &mut Growth<'f>, grow: impl Fn((usize, usiz
             break;
         }
     }
-    let Some((_, (patch, targets, at))) = best else { return false };
+    let Some((_, (patch, targets, at))) = best else {
+        return false;
+    };
     growth.take(patch, targets, at);
     true
 }
@@ -84,7 +97,8 @@ impl Growth<'_> {
     /// The exact patch that steps from the present one lead to, made shorter by a share at each side.
     fn exact_nearby(&self, share: f64) -> Option<RationalPatch> {
         let (patch, root) = onto(&self.objective, &self.longer([-share; 4]));
-        (root <= RESOLVED * self.unit && patch.control_weights().0 > 0.0 && is_regular(&patch)).then_some(patch)
+        (root <= RESOLVED * self.unit && patch.control_weights().0 > 0.0 && is_regular(&patch))
+            .then_some(patch)
     }
 
     /// An exact patch as long as the bound on S, positive control weights and the region admit.
@@ -92,7 +106,12 @@ impl Growth<'_> {
         let (mut least, mut longest) = (-0.25, None);
         for _ in 0..EXTRAPOLATIONS {
             let inside = self.sides_inside(&patch);
-            let longer = |share: f64| longer(&patch, inside.map(|inside| if share < 0.0 || inside { share } else { 0.0 }));
+            let longer = |share: f64| {
+                longer(
+                    &patch,
+                    inside.map(|inside| if share < 0.0 || inside { share } else { 0.0 }),
+                )
+            };
             let (mut lo, mut hi) = (least, MOST_GROWTH);
             let mut best = self.fitting(longer(lo), AIM);
             for _ in 0..BISECTIONS {
@@ -105,7 +124,12 @@ impl Growth<'_> {
             // What extrapolation has made of rounding goes away.
             let Some(best) = best else { break };
             let polished = onto(&self.objective, &best.0).0;
-            let Some(found) = self.fitting(polished, 1.0).filter(|f| f.2.terms.i.sqrt() <= RESOLVED * self.unit) else { break };
+            let Some(found) = self
+                .fitting(polished, 1.0)
+                .filter(|f| f.2.terms.i.sqrt() <= RESOLVED * self.unit)
+            else {
+                break;
+            };
             patch = found.0.clone();
             longest = Some(found);
             if lo < 0.5 * MOST_GROWTH || inside == [false; 4] {
@@ -124,14 +148,17 @@ impl Growth<'_> {
             None => self.objective.sum(&at.terms) <= share * self.limit(),
         };
         let is_exact = at.terms.i.sqrt() <= ON_SURFACE * self.unit;
-        (fits && is_exact && patch.control_weights().0 > LEAST_WEIGHT && is_regular(&patch)).then_some((patch, targets, at))
+        (fits && is_exact && patch.control_weights().0 > LEAST_WEIGHT && is_regular(&patch))
+            .then_some((patch, targets, at))
     }
 }
 
 /// The normals of a patch, row by row.
 fn normals(patch: &RationalPatch) -> Vec<Point3> {
     let at = |i: usize| i as f64 / (NORMALS - 1) as f64;
-    (0..NORMALS * NORMALS).map(|k| patch.tangents(at(k / NORMALS), at(k % NORMALS)).normal()).collect()
+    (0..NORMALS * NORMALS)
+        .map(|k| patch.tangents(at(k / NORMALS), at(k % NORMALS)).normal())
+        .collect()
 }
 
 /// Whether no normal of a patch is at nearly a right angle to that in the middle.
@@ -139,41 +166,67 @@ fn turns_little(patch: &RationalPatch) -> bool {
     let normals = normals(patch);
     let middle = normals[normals.len() / 2];
     let length = dot(middle, middle).sqrt();
-    normals.iter().all(|n| dot(*n, middle) >= LEAST_TURN * length * dot(*n, *n).sqrt())
+    normals
+        .iter()
+        .all(|n| dot(*n, middle) >= LEAST_TURN * length * dot(*n, *n).sqrt())
 }
 
 /// Whether a patch neither folds nor comes down to a curve: I = 0 holds on those, too.
 fn is_regular(patch: &RationalPatch) -> bool {
     let normals = normals(patch);
-    let (lo, hi) = normals.iter().map(|n| dot(*n, *n)).fold((f64::INFINITY, 0.0f64), |(lo, hi), n| (lo.min(n), hi.max(n)));
+    let (lo, hi) = normals
+        .iter()
+        .map(|n| dot(*n, *n))
+        .fold((f64::INFINITY, 0.0f64), |(lo, hi), n| {
+            (lo.min(n), hi.max(n))
+        });
     let turns = |k: usize, next: usize| dot(normals[k], normals[next]) <= 0.0;
-    let folds = (0..NORMALS * NORMALS)
-        .any(|k| (k % NORMALS + 1 < NORMALS && turns(k, k + 1)) || (k + NORMALS < NORMALS * NORMALS && turns(k, k + NORMALS)));
+    let folds = (0..NORMALS * NORMALS).any(|k| {
+        (k % NORMALS + 1 < NORMALS && turns(k, k + 1))
+            || (k + NORMALS < NORMALS * NORMALS && turns(k, k + NORMALS))
+    });
     lo > LEAST_ELEMENT * LEAST_ELEMENT * hi && !folds
 }
 
 /// The patch nearest by with the least I that such steps lead to, and the root of that I.
 fn onto(objective: &Objective<'_>, patch: &RationalPatch) -> (RationalPatch, f64) {
     let mut patch = patch.clone();
-    let Some(mut at) = objective.evaluate(&patch) else { return (patch, f64::INFINITY) };
+    let Some(mut at) = objective.evaluate(&patch) else {
+        return (patch, f64::INFINITY);
+    };
     let mut best = (patch.clone(), at.terms.i.sqrt());
     let (n, mut since) = (objective.unknowns(), 0);
     for _ in 0..STEPS {
         let (rows, residuals) = objective.distance_rows(&at);
-        let column = (0..n).map(|k| rows.chunks(n).map(|row| row[k] * row[k]).sum::<f64>()).fold(0.0, f64::max).sqrt();
-        let scale = patch.control().iter().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
+        let column = (0..n)
+            .map(|k| rows.chunks(n).map(|row| row[k] * row[k]).sum::<f64>())
+            .fold(0.0, f64::max)
+            .sqrt();
+        let scale = patch
+            .control()
+            .iter()
+            .flatten()
+            .fold(0.0f64, |m, v| m.max(v.abs()));
         let damping = column * (at.terms.i.sqrt() / scale).max(LEAST_DAMPING);
-        let Some(x) = damped_least_squares(rows, &residuals, n, damping) else { break };
+        let Some(x) = damped_least_squares(rows, &residuals, n, damping) else {
+            break;
+        };
         let mut next = patch.clone();
         for (i, c) in next.control_mut().iter_mut().enumerate() {
             for k in 0..4 {
                 c[k] -= x[k * n / 4 + i];
             }
         }
-        let Some(value) = objective.evaluate(&next) else { break };
+        let Some(value) = objective.evaluate(&next) else {
+            break;
+        };
         (patch, at) = (next, value);
         let root = at.terms.i.sqrt();
-        since = if root < PROGRESS * best.1 { 0 } else { since + 1 };
+        since = if root < PROGRESS * best.1 {
+            0
+        } else {
+            since + 1
+        };
         if root < best.1 {
             best = (patch.clone(), root);
         }
@@ -185,7 +238,12 @@ fn onto(objective: &Objective<'_>, patch: &RationalPatch) -> (RationalPatch, f64
 }
 
 /// The x with the least |A x − b|² + d² |x|², for A given by its rows of `n` numbers: Householder's QR of A above d times the identity.
-pub(crate) fn damped_least_squares(rows: Vec<f64>, b: &[f64], n: usize, d: f64) -> Option<Vec<f64>> {
+pub(crate) fn damped_least_squares(
+    rows: Vec<f64>,
+    b: &[f64],
+    n: usize,
+    d: f64,
+) -> Option<Vec<f64>> {
     let m = b.len() + n;
     // Column by column, so that reflections run along memory.
     let mut a = vec![0.0; m * (n + 1)];
@@ -238,9 +296,16 @@ mod tests {
         let (b, d) = ([1.0, -2.0, 0.5, 3.0], 0.1);
         let x = damped_least_squares(rows.clone(), &b, 3, d).expect("a solution");
         for k in 0..3 {
-            let g: f64 = rows.chunks(3).zip(&b).map(|(r, b)| r[k] * (r[0] * x[0] + r[1] * x[1] + r[2] * x[2] - b)).sum();
+            let g: f64 = rows
+                .chunks(3)
+                .zip(&b)
+                .map(|(r, b)| r[k] * (r[0] * x[0] + r[1] * x[1] + r[2] * x[2] - b))
+                .sum();
             assert!((g + d * d * x[k]).abs() < 1e-14);
         }
-        assert_eq!(damped_least_squares(vec![0.0; 6], &[1.0, 1.0], 3, 0.0), None);
+        assert_eq!(
+            damped_least_squares(vec![0.0; 6], &[1.0, 1.0], 3, 0.0),
+            None
+        );
     }
 }

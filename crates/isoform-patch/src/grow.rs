@@ -155,18 +155,46 @@ pub(crate) struct Pace {
 
 impl Pace {
     /// For a bound on S.
-    pub(crate) const QUICK: Self =
-        Self { steps: (Stop { steps: 3, decrease: 0.2 }, Stop { steps: 12, decrease: 4e-3 }), most_growth: MOST_GROWTH, border: 0.0 };
+    pub(crate) const QUICK: Self = Self {
+        steps: (
+            Stop {
+                steps: 3,
+                decrease: 0.2,
+            },
+            Stop {
+                steps: 12,
+                decrease: 4e-3,
+            },
+        ),
+        most_growth: MOST_GROWTH,
+        border: 0.0,
+    };
     /// For a tolerance: distances are small against the patch and rise faster with its size, and the shape terms are so small that steps have
     /// far to go along the valleys that parameterizations make.
-    pub(crate) const STEADY: Self =
-        Self { steps: (Self::QUICK.steps.0, Stop { steps: 80, decrease: 1e-3 }), most_growth: 0.08, border: 0.0 };
+    pub(crate) const STEADY: Self = Self {
+        steps: (
+            Self::QUICK.steps.0,
+            Stop {
+                steps: 80,
+                decrease: 1e-3,
+            },
+        ),
+        most_growth: 0.08,
+        border: 0.0,
+    };
     /// The same with weights for which least squares come near the least maximum, as Chebyshev's do.
-    pub(crate) const EVEN: Self = Self { border: 0.5, ..Self::STEADY };
+    pub(crate) const EVEN: Self = Self {
+        border: 0.5,
+        ..Self::STEADY
+    };
 
     /// The best one for most patches.
     pub(crate) fn of(options: &Options) -> Self {
-        if options.tolerance.is_some() { Self::EVEN } else { Self::QUICK }
+        if options.tolerance.is_some() {
+            Self::EVEN
+        } else {
+            Self::QUICK
+        }
     }
 }
 
@@ -213,7 +241,12 @@ impl<'f> Growth<'f> {
     ) -> Result<Self, Error> {
         let unit = options.region.size().into_iter().fold(0.0, f64::max);
         let mut growth = Self {
-            patch: RationalPatch::planar(options.degree, seed.point, seed.tangents[0], seed.tangents[1]),
+            patch: RationalPatch::planar(
+                options.degree,
+                seed.point,
+                seed.tangents[0],
+                seed.tangents[1],
+            ),
             at: Evaluated::default(),
             objective,
             trace: Vec::new(),
@@ -229,7 +262,8 @@ impl<'f> Growth<'f> {
         };
         growth.objective.weights = options.start;
         if let Some(tolerance) = options.tolerance {
-            (growth.objective.little, growth.objective.by_control) = ((LITTLE * tolerance).powi(2), true);
+            (growth.objective.little, growth.objective.by_control) =
+                ((LITTLE * tolerance).powi(2), true);
             growth.objective.weigh_border(pace.border);
         }
         let mut size = START_SIZE * unit;
@@ -240,14 +274,17 @@ impl<'f> Growth<'f> {
             let patch = RationalPatch::planar(options.degree, origin, a, b);
             if let Some((targets, at)) = growth.retargeted(&patch)
                 && growth.is_start(&at)
-                && (on.whole.is_single() || Self::starts_within(on, &patch, growth.overlap(), edge.is_some()))
+                && (on.whole.is_single()
+                    || Self::starts_within(on, &patch, growth.overlap(), edge.is_some()))
             {
                 let mut sides = growth.sides;
                 if let Some(edge) = edge {
                     sides[2] = Side::At(edge);
                 }
                 growth.set_sides(sides);
-                let Some(at) = growth.objective.evaluate_with(&patch, &targets) else { break };
+                let Some(at) = growth.objective.evaluate_with(&patch, &targets) else {
+                    break;
+                };
                 (growth.patch, growth.at, growth.objective.targets) = (patch, at, targets);
                 return Ok(growth);
             }
@@ -269,12 +306,15 @@ impl<'f> Growth<'f> {
     /// How much of what is allowed the patch makes use of: of S, or of the distance from the surface.
     fn load(&self) -> f64 {
         match self.options.tolerance {
-            Some(t) if self.on.whole.is_single() => sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0 / (WITHIN * t),
+            Some(t) if self.on.whole.is_single() => {
+                sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0 / (WITHIN * t)
+            }
             Some(_) if self.objective.is_folded(&self.at) => FOLDED,
             Some(t) => {
                 let distance = sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0;
                 let whole = sampled_on(self.on.whole, &self.patch, GROWING_SAMPLES).0;
-                (distance.max(whole) / (WITHIN_PART * t)).max(self.off_edges(self.on) / self.overlap())
+                (distance.max(whole) / (WITHIN_PART * t))
+                    .max(self.off_edges(self.on) / self.overlap())
             }
             None => self.sum() / self.limit(),
         }
@@ -287,7 +327,13 @@ impl<'f> Growth<'f> {
 
     fn set_sides(&mut self, sides: [Side<'f>; 4]) {
         self.sides = sides;
-        self.objective.sides = sides.map(|s| if let Side::At(edge) = s { Some(edge) } else { None });
+        self.objective.sides = sides.map(|s| {
+            if let Side::At(edge) = s {
+                Some(edge)
+            } else {
+                None
+            }
+        });
     }
 
     /// Whether a planar patch is small enough to start with.
@@ -304,7 +350,13 @@ impl<'f> Growth<'f> {
 
     fn row(objective: &Objective<'_>, phase: Phase, terms: &Terms) -> Row {
         let t = &objective.targets;
-        Row { phase, sum: objective.sum(terms), terms: *terms, lengths: (t.l1, t.l2), weights: objective.weights }
+        Row {
+            phase,
+            sum: objective.sum(terms),
+            terms: *terms,
+            lengths: (t.l1, t.l2),
+            weights: objective.weights,
+        }
     }
 
     /// Lengths and corners for a patch (section 3.3), and its value with them; none where a corner has no foot nearby.
@@ -317,8 +369,11 @@ impl<'f> Growth<'f> {
             let t = patch.tangents(u, v);
             let n = t.normal();
             let length = norm(n);
-            let along = (length > 0.0).then(|| project_along(field, t.point, n.map(|x| x / length), 0.25 * edge)).flatten();
-            let near = |q: &Point3| isoform_geom::distance_squared(*q, t.point) <= (0.25 * edge).powi(2);
+            let along = (length > 0.0)
+                .then(|| project_along(field, t.point, n.map(|x| x / length), 0.25 * edge))
+                .flatten();
+            let near =
+                |q: &Point3| isoform_geom::distance_squared(*q, t.point) <= (0.25 * edge).powi(2);
             // Without a foot nearby the patch has left the surface.
             *corner = along.or_else(|| project(field, t.point, edge).filter(near))?;
         }
@@ -331,16 +386,31 @@ impl<'f> Growth<'f> {
     fn descend(&mut self, stop: Stop) {
         let at = std::mem::take(&mut self.at);
         let trace = &mut self.trace;
-        let left = self.options.most_steps.saturating_sub(trace.iter().filter(|r| r.phase == Phase::Newton).count());
-        let stop = Stop { steps: stop.steps.min(left), ..stop };
+        let left = self
+            .options
+            .most_steps
+            .saturating_sub(trace.iter().filter(|r| r.phase == Phase::Newton).count());
+        let stop = Stop {
+            steps: stop.steps.min(left),
+            ..stop
+        };
         let mut each = |o: &Objective<'_>, t: &Terms| trace.push(Self::row(o, Phase::Newton, t));
-        (self.at, _) = minimise(&mut self.objective, &mut self.patch, at, &self.options.floor, stop, &mut self.damping, &mut each);
+        (self.at, _) = minimise(
+            &mut self.objective,
+            &mut self.patch,
+            at,
+            &self.options.floor,
+            stop,
+            &mut self.damping,
+            &mut each,
+        );
     }
 
     /// Hands a patch to Newton's method.
     pub(crate) fn take(&mut self, patch: RationalPatch, targets: Targets, at: Evaluated) {
         (self.patch, self.at, self.objective.targets) = (patch, at, targets);
-        self.trace.push(Self::row(&self.objective, Phase::Grow, &self.at.terms));
+        self.trace
+            .push(Self::row(&self.objective, Phase::Grow, &self.at.terms));
     }
 
     pub(crate) fn state(&self) -> State<'f> {
@@ -356,8 +426,14 @@ impl<'f> Growth<'f> {
     /// Which sides (u = 0, u = 1, v = 0, v = 1) of a patch still lie in the region for the most part, and nowhere far from it.
     pub(crate) fn sides_inside(&self, patch: &RationalPatch) -> [bool; 4] {
         const SAMPLES: usize = 9;
-        let (region, far) = (self.options.region, self.options.region.size().map(|s| SPILL * s));
-        let wider = Aabb { lo: std::array::from_fn(|k| region.lo[k] - far[k]), hi: std::array::from_fn(|k| region.hi[k] + far[k]) };
+        let (region, far) = (
+            self.options.region,
+            self.options.region.size().map(|s| SPILL * s),
+        );
+        let wider = Aabb {
+            lo: std::array::from_fn(|k| region.lo[k] - far[k]),
+            hi: std::array::from_fn(|k| region.hi[k] + far[k]),
+        };
         std::array::from_fn(|side| {
             let at = |i: usize| {
                 let t = i as f64 / (SAMPLES - 1) as f64;
@@ -408,10 +484,18 @@ impl<'f> Growth<'f> {
                 }
                 load = self.load();
             }
-            let aims = [self.objective.targets.l1, self.objective.targets.l2].map(|l| l.max(f64::MIN_POSITIVE).sqrt());
-            history.push((0.5 * (aims[0] * aims[1]).ln(), load.max(f64::MIN_POSITIVE).ln()));
+            let aims = [self.objective.targets.l1, self.objective.targets.l2]
+                .map(|l| l.max(f64::MIN_POSITIVE).sqrt());
+            history.push((
+                0.5 * (aims[0] * aims[1]).ln(),
+                load.max(f64::MIN_POSITIVE).ln(),
+            ));
             if load <= 1.0 && self.patch.control_weights().0 > LEAST_WEIGHT {
-                if self.good.as_ref().is_none_or(|g| self.objective.area(&self.at) > self.objective.area(&g.at)) {
+                if self
+                    .good
+                    .as_ref()
+                    .is_none_or(|g| self.objective.area(&self.at) > self.objective.area(&g.at))
+                {
                     self.good = Some(self.state());
                     stale = 0;
                 } else {
@@ -441,10 +525,14 @@ impl<'f> Growth<'f> {
             }
             // The load as a power of the size, by the last two patches.
             let power = match history.as_slice() {
-                [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > 1e-4 => ((y1 - y0) / (x1 - x0)).clamp(3.0, 12.0),
+                [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > 1e-4 => {
+                    ((y1 - y0) / (x1 - x0)).clamp(3.0, 12.0)
+                }
                 _ => 6.0,
             };
-            let factor = (AIM / load).powf(1.0 / power).clamp(0.8, 1.0 + 2.0 * self.pace.most_growth * caution);
+            let factor = (AIM / load)
+                .powf(1.0 / power)
+                .clamp(0.8, 1.0 + 2.0 * self.pace.most_growth * caution);
             // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the present patch; but its proportions are
             // those of the present one, as the steps shorten that direction more in which length costs more.
             let reached = self.edges();
@@ -475,7 +563,9 @@ impl<'f> Growth<'f> {
         if !self.objective.by_control || self.patch.control_weights().0 > LEAST_WEIGHT {
             return false;
         }
-        let Some((targets, at)) = self.retargeted(&self.patch) else { return false };
+        let Some((targets, at)) = self.retargeted(&self.patch) else {
+            return false;
+        };
         self.options.floor.j *= 10.0;
         self.objective.weights.j = self.objective.weights.j.max(self.options.floor.j);
         self.take(self.patch.clone(), targets, at);
@@ -488,17 +578,32 @@ impl<'f> Growth<'f> {
     /// self-intersections and at tight blends. Whether it did.
     fn refine(&mut self) -> bool {
         let nodes = self.objective.nodes_per_direction();
-        if self.options.nodes.is_some() || self.options.tolerance.is_some() || nodes >= ENOUGH_NODES {
+        if self.options.nodes.is_some() || self.options.tolerance.is_some() || nodes >= ENOUGH_NODES
+        {
             return false;
         }
-        let mut finer = Objective::new(self.objective.field(), self.patch.degree(), Method::Frozen, Some(nodes * 9 / 5));
-        (finer.inner, finer.weights, finer.targets) = (self.objective.inner, self.objective.weights, self.objective.targets);
+        let mut finer = Objective::new(
+            self.objective.field(),
+            self.patch.degree(),
+            Method::Frozen,
+            Some(nodes * 9 / 5),
+        );
+        (finer.inner, finer.weights, finer.targets) = (
+            self.objective.inner,
+            self.objective.weights,
+            self.objective.targets,
+        );
         let (a, w, sum) = (self.at.terms, self.objective.weights, self.sum());
-        let near =
-            |a: f64, b: f64, factor: f64| (a - b).abs() <= UNRESOLVED * a.max(b) || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum;
+        let near = |a: f64, b: f64, factor: f64| {
+            (a - b).abs() <= UNRESOLVED * a.max(b)
+                || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum
+        };
         let resolved = finer.evaluate(&self.patch).is_some_and(|at| {
             let b = at.terms;
-            let all = near(a.i, b.i, 1.0) && near(a.j, b.j, w.j) && near(a.l, b.l, w.l) && near(a.r, b.r, w.r);
+            let all = near(a.i, b.i, 1.0)
+                && near(a.j, b.j, w.j)
+                && near(a.l, b.l, w.l)
+                && near(a.r, b.r, w.r);
             all && (b.sum(&w) - sum).abs() <= 0.5 * UNRESOLVED * sum
         });
         if resolved {
@@ -519,14 +624,30 @@ impl<'f> Growth<'f> {
     pub(crate) fn keep_tolerance(&mut self) -> Option<f64> {
         let tolerance = self.options.tolerance?;
         let is_single = self.on.whole.is_single();
-        let mut effort = Effort { cells: if is_single { PROOF_CELLS } else { PROOF_CELLS_AT_EDGES }, deadline: self.options.deadline };
-        let (most, share) = if is_single { (SHORTER, SHARE_SHORTER) } else { (SHORTER_AT_EDGES, SHARE_SHORTER_AT_EDGES) };
+        let mut effort = Effort {
+            cells: if is_single {
+                PROOF_CELLS
+            } else {
+                PROOF_CELLS_AT_EDGES
+            },
+            deadline: self.options.deadline,
+        };
+        let (most, share) = if is_single {
+            (SHORTER, SHARE_SHORTER)
+        } else {
+            (SHORTER_AT_EDGES, SHARE_SHORTER_AT_EDGES)
+        };
         for _ in 0..most {
             if self.is_over() {
                 return None;
             }
-            let is_hopeless = !is_single && sampled_on(self.on.whole, &self.patch, PROVED_SAMPLES).0 > HOPELESS * tolerance;
-            let proved = if is_hopeless { Err(None) } else { proof(self.on.whole, &self.patch, tolerance, effort).map_err(Some) };
+            let is_hopeless = !is_single
+                && sampled_on(self.on.whole, &self.patch, PROVED_SAMPLES).0 > HOPELESS * tolerance;
+            let proved = if is_hopeless {
+                Err(None)
+            } else {
+                proof(self.on.whole, &self.patch, tolerance, effort).map_err(Some)
+            };
             let left = match proved {
                 Ok(bound) => return Some(bound),
                 Err(Some(place)) if is_single => self.leave(place, share),
@@ -559,8 +680,13 @@ impl<'f> Growth<'f> {
         // What lies on an edge is to stay near it.
         let little = 0.5 * self.overlap();
         let edges = self.edges();
-        let shorter =
-            self.longer(std::array::from_fn(|side| if self.sides[side].is_at_edge() { -little / edges[side / 2] } else { -share }));
+        let shorter = self.longer(std::array::from_fn(|side| {
+            if self.sides[side].is_at_edge() {
+                -little / edges[side / 2]
+            } else {
+                -share
+            }
+        }));
         match self.retargeted(&shorter) {
             Some((targets, at)) => self.take(shorter, targets, at),
             None => return false,
@@ -572,9 +698,15 @@ impl<'f> Growth<'f> {
     /// provable. False where that is no patch.
     fn leave(&mut self, (u, v): (f64, f64), share: f64) -> bool {
         let lost = [u, 1.0 - u, v, 1.0 - v];
-        let side = (0..4).min_by(|&a, &b| lost[a].total_cmp(&lost[b])).unwrap_or(0);
-        let shorter = self.longer(std::array::from_fn(|k| if k == side { -lost[k] - share } else { -share }));
-        let Some((targets, at)) = self.retargeted(&shorter) else { return false };
+        let side = (0..4)
+            .min_by(|&a, &b| lost[a].total_cmp(&lost[b]))
+            .unwrap_or(0);
+        let shorter = self.longer(std::array::from_fn(|k| {
+            if k == side { -lost[k] - share } else { -share }
+        }));
+        let Some((targets, at)) = self.retargeted(&shorter) else {
+            return false;
+        };
         self.take(shorter, targets, at);
         true
     }
@@ -589,15 +721,26 @@ impl<'f> Growth<'f> {
             (inside[side] && matches!(self.sides[side], Side::Free))
                 || (edges[side / 2] < present[side / 2] && !self.sides[side].is_at_edge())
         });
-        let sides = [0, 2].map(|first| f64::from(u8::from(moves[first]) + u8::from(moves[first + 1])));
+        let sides =
+            [0, 2].map(|first| f64::from(u8::from(moves[first]) + u8::from(moves[first + 1])));
         if sides == [0.0; 2] {
             return false;
         }
         let range = |share: f64| share.clamp(-0.2, self.pace.most_growth);
-        let mut shares = [0, 1].map(|k| if sides[k] > 0.0 { range((edges[k] / present[k] - 1.0) / sides[k]) } else { 0.0 });
-        let by = |shares: [f64; 2]| std::array::from_fn(|side| if moves[side] { shares[side / 2] } else { 0.0 });
+        let mut shares = [0, 1].map(|k| {
+            if sides[k] > 0.0 {
+                range((edges[k] / present[k] - 1.0) / sides[k])
+            } else {
+                0.0
+            }
+        });
+        let by = |shares: [f64; 2]| {
+            std::array::from_fn(|side| if moves[side] { shares[side / 2] } else { 0.0 })
+        };
         for _ in 0..SECANTS {
-            let Some(reached) = self.objective.lengths(&self.longer(by(shares))) else { break };
+            let Some(reached) = self.objective.lengths(&self.longer(by(shares))) else {
+                break;
+            };
             for (k, l) in [reached.0, reached.1].into_iter().enumerate() {
                 let factor = (edges[k] - present[k]) / (l.sqrt() - present[k]);
                 if factor > 0.1 && factor < 10.0 {
@@ -631,7 +774,10 @@ impl<'f> Growth<'f> {
     /// The roots of the means of g₁₁ and g₂₂.
     fn edges(&self) -> [f64; 2] {
         let (l1, l2) = self.objective.mean_lengths(&self.at);
-        [l1.max(f64::MIN_POSITIVE).sqrt(), l2.max(f64::MIN_POSITIVE).sqrt()]
+        [
+            l1.max(f64::MIN_POSITIVE).sqrt(),
+            l2.max(f64::MIN_POSITIVE).sqrt(),
+        ]
     }
 
     /// What was grown.

@@ -35,7 +35,8 @@ impl Node {
             return None;
         }
         let point: Point3 = std::array::from_fn(|k| z[k] / w);
-        let tangents = [4, 8].map(|t| std::array::from_fn(|k| (z[t + k] - point[k] * z[t + 3]) / w));
+        let tangents =
+            [4, 8].map(|t| std::array::from_fn(|k| (z[t + k] - point[k] * z[t + 3]) / w));
         Some(Self { z, point, tangents })
     }
 
@@ -43,7 +44,12 @@ impl Node {
         let [pu, pv] = self.tangents;
         let g = dot(jet.g, jet.g).sqrt();
         let distance = if jet.v == 0.0 { 0.0 } else { jet.v / g };
-        Residuals { distance, u: dot(pu, pu) - targets.l1, v: dot(pv, pv) - targets.l2, angle: dot(pu, pv) }
+        Residuals {
+            distance,
+            u: dot(pu, pu) - targets.l1,
+            v: dot(pv, pv) - targets.l2,
+            angle: dot(pu, pv),
+        }
     }
 
     /// The derivatives of F/|∇F| by p*, with |∇F| taken as constant; 0 where that is 0.
@@ -60,15 +66,28 @@ impl Node {
     fn tangent(&self, which: usize, k: usize) -> ([usize; 4], [f64; 4]) {
         let (w, offset) = (self.z[3], 4 + 4 * which);
         let (wu, p, pu) = (self.z[offset + 3], self.point[k], self.tangents[which][k]);
-        ([k, 3, offset + k, offset + 3], [-wu / (w * w), (p * wu / w - pu) / w, 1.0 / w, -p / w])
+        (
+            [k, 3, offset + k, offset + 3],
+            [-wu / (w * w), (p * wu / w - pu) / w, 1.0 / w, -p / w],
+        )
     }
     /// The second derivatives of the same.
     fn tangent_second(&self, which: usize, k: usize) -> [[f64; 4]; 4] {
         let (w, offset) = (self.z[3], 4 + 4 * which);
         let (n, nu, wu) = (self.z[k], self.z[offset + k], self.z[offset + 3]);
         let (w2, w3) = (w * w, w * w * w);
-        let (n_w, w_w, w_nu, w_wu) = (2.0 * wu / w3, 2.0 * nu / w3 - 6.0 * n * wu / (w3 * w), -1.0 / w2, 2.0 * n / w3);
-        [[0.0, n_w, 0.0, -1.0 / w2], [n_w, w_w, w_nu, w_wu], [0.0, w_nu, 0.0, 0.0], [-1.0 / w2, w_wu, 0.0, 0.0]]
+        let (n_w, w_w, w_nu, w_wu) = (
+            2.0 * wu / w3,
+            2.0 * nu / w3 - 6.0 * n * wu / (w3 * w),
+            -1.0 / w2,
+            2.0 * n / w3,
+        );
+        [
+            [0.0, n_w, 0.0, -1.0 / w2],
+            [n_w, w_w, w_nu, w_wu],
+            [0.0, w_nu, 0.0, 0.0],
+            [-1.0 / w2, w_wu, 0.0, 0.0],
+        ]
     }
 }
 
@@ -81,9 +100,18 @@ pub(crate) struct Local {
 
 impl Local {
     /// `third` is used by Newton's method only.
-    pub(crate) fn new(node: &Node, jet: &Jet2, third: Option<&Jet3>, objective: &Objective<'_>, (weight, importance): (f64, f64)) -> Self {
+    pub(crate) fn new(
+        node: &Node,
+        jet: &Jet2,
+        third: Option<&Jet3>,
+        objective: &Objective<'_>,
+        (weight, importance): (f64, f64),
+    ) -> Self {
         let (method, targets, factors) = (objective.method, &objective.targets, &objective.weights);
-        let mut local = Self { gradient: [0.0; 12], hessian: [[0.0; 12]; 12] };
+        let mut local = Self {
+            gradient: [0.0; 12],
+            hessian: [[0.0; 12]; 12],
+        };
         let r = node.residuals(jet, targets);
         local.distance(node, jet, third, method, r.distance, weight * importance);
 
@@ -97,19 +125,33 @@ impl Local {
         let exact = method == Method::Newton;
         let [x, y, both] = objective.inner.factors(targets);
         let mut add = |r: f64, s: f64, form: &Form| local.form(r, form, s);
-        let (g11, g22) = (Form::new(node, (0, 0), exact), Form::new(node, (1, 1), exact));
+        let (g11, g22) = (
+            Form::new(node, (0, 0), exact),
+            Form::new(node, (1, 1), exact),
+        );
         add(r.u, weight * factors.l * x, &g11);
         add(r.v, weight * factors.l * y, &g22);
         if both > 0.0 {
             let sum = g11.blend(1.0 / targets.l1, &g22, 1.0 / targets.l2);
-            add(r.u / targets.l1 + r.v / targets.l2, weight * factors.l * both, &sum);
+            add(
+                r.u / targets.l1 + r.v / targets.l2,
+                weight * factors.l * both,
+                &sum,
+            );
         }
         add(r.angle, weight * factors.r, &Form::new(node, (0, 1), exact));
         local
     }
 
     /// Adds a residual with value, gradient and, where it counts, second derivatives: s r² with 2 s (∇r ∇rᵀ + r ∇²r).
-    fn square<const N: usize>(&mut self, places: &[usize; N], r: f64, first: &[f64; N], second: Option<&[[f64; N]; N]>, s: f64) {
+    fn square<const N: usize>(
+        &mut self,
+        places: &[usize; N],
+        r: f64,
+        first: &[f64; N],
+        second: Option<&[[f64; N]; N]>,
+        s: f64,
+    ) {
         for a in 0..N {
             self.gradient[places[a]] += 2.0 * s * r * first[a];
             for b in 0..N {
@@ -137,7 +179,15 @@ impl Local {
     }
 
     /// F²/|∇F|².
-    fn distance(&mut self, node: &Node, jet: &Jet2, third: Option<&Jet3>, method: Method, r: f64, weight: f64) {
+    fn distance(
+        &mut self,
+        node: &Node,
+        jet: &Jet2,
+        third: Option<&Jet3>,
+        method: Method,
+        r: f64,
+        weight: f64,
+    ) {
         let (w, p, g) = (node.z[3], node.point, jet.g);
         let length = dot(g, g).sqrt();
         if length == 0.0 {
@@ -145,7 +195,11 @@ impl Local {
         }
         // ∇(F/|∇F|) = ∇F/|∇F| − F H∇F/|∇F|³.
         let hg: Point3 = std::array::from_fn(|i| (0..3).map(|j| jet.second(i, j) * g[j]).sum());
-        let bent = if method == Method::Frozen { 0.0 } else { r / (length * length) };
+        let bent = if method == Method::Frozen {
+            0.0
+        } else {
+            r / (length * length)
+        };
         let d: Point3 = std::array::from_fn(|i| g[i] / length - bent * hg[i]);
         // By p*: N enters as N/w.
         let first = [d[0] / w, d[1] / w, d[2] / w, -dot(d, p) / w];
@@ -161,11 +215,18 @@ impl Local {
                 let tg: f64 = (0..3).map(|k| t[i][j][k] * g[k]).sum();
                 let hh: f64 = (0..3).map(|k| jet.second(i, k) * jet.second(k, j)).sum();
                 let s_ij = -s3 * (tg + hh) + 3.0 * s3 * hg[i] * hg[j] / (length * length);
-                second_p[i][j] = jet.second(i, j) / length - s3 * (g[i] * hg[j] + g[j] * hg[i]) + jet.v * s_ij;
+                second_p[i][j] =
+                    jet.second(i, j) / length - s3 * (g[i] * hg[j] + g[j] * hg[i]) + jet.v * s_ij;
             }
         }
         // ∂p/∂z: the identity over w for N, −p/w for w; ∂²p_k/∂N_k∂w = −1/w², ∂²p_k/∂w² = 2 p_k/w².
-        let along = |i: usize, k: usize| if i == 3 { -p[k] / w } else { f64::from(u8::from(i == k)) / w };
+        let along = |i: usize, k: usize| {
+            if i == 3 {
+                -p[k] / w
+            } else {
+                f64::from(u8::from(i == k)) / w
+            }
+        };
         let mut second = [[0.0; 4]; 4];
         for a in 0..4 {
             for b in 0..4 {
@@ -195,8 +256,19 @@ impl Form {
     /// For a, b ∈ {u, v}.
     fn new(node: &Node, (a, b): (usize, usize), exact: bool) -> Self {
         let q = 1.0 / node.z[3];
-        let (p, ta, tb, in_a, in_b) = (node.point, node.tangents[a], node.tangents[b], 4 + 4 * a, 4 + 4 * b);
-        let (wa, wb, along_a, along_b) = (q * node.z[in_a + 3], q * node.z[in_b + 3], dot(p, ta), dot(p, tb));
+        let (p, ta, tb, in_a, in_b) = (
+            node.point,
+            node.tangents[a],
+            node.tangents[b],
+            4 + 4 * a,
+            4 + 4 * b,
+        );
+        let (wa, wb, along_a, along_b) = (
+            q * node.z[in_a + 3],
+            q * node.z[in_b + 3],
+            dot(p, ta),
+            dot(p, tb),
+        );
         let mut first = [0.0; 12];
         for k in 0..3 {
             first[k] = -q * (wa * tb[k] + wb * ta[k]);
@@ -206,7 +278,10 @@ impl Form {
         first[3] = q * (wa * along_b + wb * along_a - 2.0 * dot(ta, tb));
         first[in_a + 3] -= q * along_b;
         first[in_b + 3] -= q * along_a;
-        Self { first, second: exact.then(|| Box::new(Self::second(node, (a, b)))) }
+        Self {
+            first,
+            second: exact.then(|| Box::new(Self::second(node, (a, b)))),
+        }
     }
 
     fn second(node: &Node, (a, b): (usize, usize)) -> [[f64; 12]; 12] {
@@ -232,7 +307,10 @@ impl Form {
         let sum = |a: &[f64; 12], b: &[f64; 12]| std::array::from_fn(|k| s * a[k] + t * b[k]);
         let both = self.second.as_ref().zip(other.second.as_ref());
         let second = both.map(|(a, b)| Box::new(std::array::from_fn(|k| sum(&a[k], &b[k]))));
-        Self { first: sum(&self.first, &other.first), second }
+        Self {
+            first: sum(&self.first, &other.first),
+            second,
+        }
     }
 }
 

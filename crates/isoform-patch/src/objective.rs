@@ -56,12 +56,27 @@ pub struct Weights {
 
 impl Weights {
     /// The values at the start of Table 2.
-    pub const START: Self = Self { j: 100.0, l: 1.0, r: 1.0, e: 1e-2 };
+    pub const START: Self = Self {
+        j: 100.0,
+        l: 1.0,
+        r: 1.0,
+        e: 1e-2,
+    };
     /// The lower thresholds of Table 2.
-    pub const FLOOR: Self = Self { j: 1e-1, l: 1e-5, r: 1e-5, e: 1e-4 };
+    pub const FLOOR: Self = Self {
+        j: 1e-1,
+        l: 1e-5,
+        r: 1e-5,
+        e: 1e-4,
+    };
     /// All factors times `s`.
     pub fn scaled(self, s: f64) -> Self {
-        Self { j: s * self.j, l: s * self.l, r: s * self.r, e: s * self.e }
+        Self {
+            j: s * self.j,
+            l: s * self.l,
+            r: s * self.r,
+            e: s * self.e,
+        }
     }
 }
 
@@ -143,7 +158,11 @@ struct Basis {
 impl Basis {
     fn new(degree: usize, nodes: usize) -> Self {
         let (x, weights) = gauss_legendre(nodes);
-        let b = x.iter().map(|&t| bernstein(degree, t)).map(|(b, d)| [b, d]).collect();
+        let b = x
+            .iter()
+            .map(|&t| bernstein(degree, t))
+            .map(|(b, d)| [b, d])
+            .collect();
         Self { weights, b }
     }
 }
@@ -191,7 +210,10 @@ pub struct Derivatives {
 
 impl std::fmt::Debug for Objective<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Objective").field("degree", &self.degree).field("method", &self.method).finish_non_exhaustive()
+        f.debug_struct("Objective")
+            .field("degree", &self.degree)
+            .field("method", &self.method)
+            .finish_non_exhaustive()
     }
 }
 
@@ -200,11 +222,25 @@ impl<'f> Objective<'f> {
     ///
     /// # Panics
     /// If a degree is out of its range.
-    pub fn new(field: &'f dyn Field, degree: (usize, usize), method: Method, nodes: Option<usize>) -> Self {
+    pub fn new(
+        field: &'f dyn Field,
+        degree: (usize, usize),
+        method: Method,
+        nodes: Option<usize>,
+    ) -> Self {
         let range = 1..=crate::MOST_DEGREE;
-        assert!(range.contains(&degree.0) && range.contains(&degree.1), "degree {degree:?}");
-        let nodes = nodes.unwrap_or(K as usize / 2 * degree.0.max(degree.1) + 1).max(2);
-        let targets = Targets { l1: 1.0, l2: 1.0, corners: [[0.0; 3]; 4] };
+        assert!(
+            range.contains(&degree.0) && range.contains(&degree.1),
+            "degree {degree:?}"
+        );
+        let nodes = nodes
+            .unwrap_or(K as usize / 2 * degree.0.max(degree.1) + 1)
+            .max(2);
+        let targets = Targets {
+            l1: 1.0,
+            l2: 1.0,
+            corners: [[0.0; 3]; 4],
+        };
         let (u, v) = (Basis::new(degree.0, nodes), Basis::new(degree.1, nodes));
         Self {
             field,
@@ -232,7 +268,10 @@ impl<'f> Objective<'f> {
     }
     /// Chooses another rule.
     pub(crate) fn set_nodes(&mut self, nodes: usize) {
-        (self.u, self.v) = (Basis::new(self.degree.0, nodes), Basis::new(self.degree.1, nodes));
+        (self.u, self.v) = (
+            Basis::new(self.degree.0, nodes),
+            Basis::new(self.degree.1, nodes),
+        );
     }
     /// The number of unknowns, 4 (m + 1)(n + 1).
     pub fn unknowns(&self) -> usize {
@@ -251,19 +290,35 @@ impl<'f> Objective<'f> {
     pub fn evaluate(&self, patch: &RationalPatch) -> Option<Evaluated> {
         let nodes = self.nodes(patch)?;
         let points: Vec<Point3> = nodes.iter().map(|z| z.point).collect();
-        let mut jets = vec![Jet2 { v: 0.0, g: [0.0; 3], h: [0.0; 6] }; points.len()];
+        let mut jets = vec![
+            Jet2 {
+                v: 0.0,
+                g: [0.0; 3],
+                h: [0.0; 6]
+            };
+            points.len()
+        ];
         self.field.jets(&points, &mut jets);
         self.terms(patch, &self.targets, nodes, points, jets)
     }
 
     /// The terms at a patch with other targets.
-    pub(crate) fn evaluate_with(&self, patch: &RationalPatch, targets: &Targets) -> Option<Evaluated> {
+    pub(crate) fn evaluate_with(
+        &self,
+        patch: &RationalPatch,
+        targets: &Targets,
+    ) -> Option<Evaluated> {
         let at = self.evaluate(patch)?;
         self.with_targets(patch, at, targets)
     }
 
     /// The same patch's value with other targets.
-    pub(crate) fn with_targets(&self, patch: &RationalPatch, at: Evaluated, targets: &Targets) -> Option<Evaluated> {
+    pub(crate) fn with_targets(
+        &self,
+        patch: &RationalPatch,
+        at: Evaluated,
+        targets: &Targets,
+    ) -> Option<Evaluated> {
         self.terms(patch, targets, at.nodes, at.points, at.jets)
     }
 
@@ -289,7 +344,9 @@ impl<'f> Objective<'f> {
     }
     /// Whether the patch shows both sides to where F grows.
     pub(crate) fn is_folded(&self, at: &Evaluated) -> bool {
-        let up = |(node, jet): (&Node, &Jet2)| dot(cross(node.tangents[0], node.tangents[1]), jet.g) > 0.0;
+        let up = |(node, jet): (&Node, &Jet2)| {
+            dot(cross(node.tangents[0], node.tangents[1]), jet.g) > 0.0
+        };
         let mut sides = at.nodes.iter().zip(&at.jets).map(up);
         let first = sides.next();
         sides.any(|side| Some(side) != first)
@@ -307,7 +364,14 @@ impl<'f> Objective<'f> {
         (l1, l2)
     }
 
-    fn terms(&self, patch: &RationalPatch, t: &Targets, nodes: Vec<Node>, points: Vec<Point3>, jets: Vec<Jet2>) -> Option<Evaluated> {
+    fn terms(
+        &self,
+        patch: &RationalPatch,
+        t: &Targets,
+        nodes: Vec<Node>,
+        points: Vec<Point3>,
+        jets: Vec<Jet2>,
+    ) -> Option<Evaluated> {
         let mut terms = Terms::default();
         let factors = self.inner.factors(t);
         let mut all = nodes.iter().zip(&jets).enumerate();
@@ -320,7 +384,8 @@ impl<'f> Objective<'f> {
                     terms.j += weight * (node.z[3] - 1.0).powi(K);
                 }
                 let both = r.u / t.l1 + r.v / t.l2;
-                terms.l += weight * (factors[0] * r.u * r.u + factors[1] * r.v * r.v + factors[2] * both * both);
+                terms.l += weight
+                    * (factors[0] * r.u * r.u + factors[1] * r.v * r.v + factors[2] * both * both);
                 terms.r += weight * r.angle * r.angle;
             }
         }
@@ -342,8 +407,15 @@ impl<'f> Objective<'f> {
                 terms.sides += weight * r * r;
             }
         }
-        let finite = [terms.i, terms.j, terms.l, terms.r, terms.e, terms.sides].iter().all(|t| t.is_finite());
-        finite.then_some(Evaluated { terms, nodes, points, jets })
+        let finite = [terms.i, terms.j, terms.l, terms.r, terms.e, terms.sides]
+            .iter()
+            .all(|t| t.is_finite());
+        finite.then_some(Evaluated {
+            terms,
+            nodes,
+            points,
+            jets,
+        })
     }
 
     /// How much the distance counts at a node.
@@ -354,10 +426,24 @@ impl<'f> Objective<'f> {
     /// Lets distances count more towards the border: by (4u(1 − u))^−power in each direction, 1 in the mean.
     pub(crate) fn weigh_border(&mut self, power: f64) {
         let of = |x: &f64| (4.0 * x * (1.0 - x)).powf(-power);
-        let (u, v) = (gauss_legendre(self.u.weights.len()).0, gauss_legendre(self.v.weights.len()).0);
-        let all: Vec<f64> = u.iter().flat_map(|u| v.iter().map(move |v| of(u) * of(v))).collect();
-        let mean: f64 =
-            all.iter().zip(self.u.weights.iter().flat_map(|a| self.v.weights.iter().map(move |b| a * b))).map(|(i, w)| i * w).sum();
+        let (u, v) = (
+            gauss_legendre(self.u.weights.len()).0,
+            gauss_legendre(self.v.weights.len()).0,
+        );
+        let all: Vec<f64> = u
+            .iter()
+            .flat_map(|u| v.iter().map(move |v| of(u) * of(v)))
+            .collect();
+        let mean: f64 = all
+            .iter()
+            .zip(
+                self.u
+                    .weights
+                    .iter()
+                    .flat_map(|a| self.v.weights.iter().map(move |b| a * b)),
+            )
+            .map(|(i, w)| i * w)
+            .sum();
         self.importance = all.into_iter().map(|i| i / mean).collect();
     }
 
@@ -403,7 +489,10 @@ impl<'f> Objective<'f> {
         let (m, n) = self.degree;
         let count = (m + 1) * (n + 1);
         let size = 4 * count;
-        let mut d = Derivatives { gradient: vec![0.0; size], hessian: vec![0.0; size * size] };
+        let mut d = Derivatives {
+            gradient: vec![0.0; size],
+            hessian: vec![0.0; size * size],
+        };
         let mut inner = vec![0.0; 4 * 16 * (n + 1) * (n + 1)];
         let mut side = vec![0.0; 2 * 4 * (n + 1)];
         let mut nodes = at.nodes.iter().zip(&at.jets).zip(&at.points).enumerate();
@@ -411,8 +500,18 @@ impl<'f> Objective<'f> {
         for (a, wu) in self.u.b.iter().zip(&self.u.weights) {
             locals.clear();
             for (wv, (k, ((node, jet), point))) in self.v.weights.iter().zip(&mut nodes) {
-                let third: Option<Jet3> = if self.method == Method::Newton { Some(self.field.jet3(*point)?) } else { None };
-                locals.push(Local::new(node, jet, third.as_ref(), self, (wu * wv, self.importance(k))));
+                let third: Option<Jet3> = if self.method == Method::Newton {
+                    Some(self.field.jet3(*point)?)
+                } else {
+                    None
+                };
+                locals.push(Local::new(
+                    node,
+                    jet,
+                    third.as_ref(),
+                    self,
+                    (wu * wv, self.importance(k)),
+                ));
             }
             sized!(n + 1, over_v(&locals, &self.v.b, &mut inner, &mut side));
             sized!(n + 1, over_u(a, m + 1, &inner, &side, &mut d));
@@ -435,10 +534,14 @@ impl<'f> Objective<'f> {
     pub(crate) fn distance_rows(&self, at: &Evaluated) -> (Vec<f64>, Vec<f64>) {
         let (m, n) = self.degree;
         let count = (m + 1) * (n + 1);
-        let (mut rows, mut residuals) = (Vec::with_capacity(at.nodes.len() * 4 * count), Vec::with_capacity(at.nodes.len()));
+        let (mut rows, mut residuals) = (
+            Vec::with_capacity(at.nodes.len() * 4 * count),
+            Vec::with_capacity(at.nodes.len()),
+        );
         let mut nodes = at.nodes.iter().zip(&at.jets);
         for ([a, _], wu) in self.u.b.iter().zip(&self.u.weights) {
-            for (([b, _], wv), (node, jet)) in self.v.b.iter().zip(&self.v.weights).zip(&mut nodes) {
+            for (([b, _], wv), (node, jet)) in self.v.b.iter().zip(&self.v.weights).zip(&mut nodes)
+            {
                 let root = (wu * wv).sqrt();
                 residuals.push(root * node.residuals(jet, &self.targets).distance);
                 let first = node.distance_gradient(jet);
@@ -462,13 +565,26 @@ impl<'f> Objective<'f> {
     }
 
     /// Basis, weight and homogeneous point at the nodes along a side.
-    fn along<'s>(&'s self, patch: &RationalPatch, side: usize) -> impl Iterator<Item = (&'s [f64], f64, [f64; 4])> + use<'s, 'f> {
+    fn along<'s>(
+        &'s self,
+        patch: &RationalPatch,
+        side: usize,
+    ) -> impl Iterator<Item = (&'s [f64], f64, [f64; 4])> + use<'s, 'f> {
         let basis = if side < 2 { &self.v } else { &self.u };
-        let control: Vec<[f64; 4]> = self.side(side).into_iter().map(|k| patch.control()[k]).collect();
-        basis.b.iter().zip(&basis.weights).map(move |([b, _], weight)| {
-            let z = std::array::from_fn(|k| b.iter().zip(&control).map(|(b, c)| b * c[k]).sum());
-            (b.as_slice(), *weight, z)
-        })
+        let control: Vec<[f64; 4]> = self
+            .side(side)
+            .into_iter()
+            .map(|k| patch.control()[k])
+            .collect();
+        basis
+            .b
+            .iter()
+            .zip(&basis.weights)
+            .map(move |([b, _], weight)| {
+                let z =
+                    std::array::from_fn(|k| b.iter().zip(&control).map(|(b, c)| b * c[k]).sum());
+                (b.as_slice(), *weight, z)
+            })
     }
 
     /// B/|∇B| at a homogeneous point, and its derivatives with |∇B| taken as constant.
@@ -490,9 +606,17 @@ impl<'f> Objective<'f> {
             let Some(edge) = edge else { continue };
             let places = self.side(side);
             for (b, weight, z) in self.along(patch, side) {
-                let Some((r, first)) = Self::residual(*edge, z) else { continue };
-                let by: Vec<(usize, f64)> =
-                    (0..4).flat_map(|k| places.iter().zip(b).map(move |(at, b)| (k * count + at, first[k] * b))).collect();
+                let Some((r, first)) = Self::residual(*edge, z) else {
+                    continue;
+                };
+                let by: Vec<(usize, f64)> = (0..4)
+                    .flat_map(|k| {
+                        places
+                            .iter()
+                            .zip(b)
+                            .map(move |(at, b)| (k * count + at, first[k] * b))
+                    })
+                    .collect();
                 for &(row, a) in &by {
                     d.gradient[row] += 2.0 * weight * r * a;
                     for &(column, b) in &by {
@@ -528,12 +652,21 @@ impl<'f> Objective<'f> {
                 // r_k by c_k and by w, and its second derivatives by (c_k, w) and (w, w).
                 let places = [k * count + at, 3 * count + at];
                 let first = [1.0 / w, -p[k] / w];
-                let curved = if self.method == Method::Newton { 1.0 } else { 0.0 };
-                let second = [[0.0, -1.0 / (w * w)], [-1.0 / (w * w), 2.0 * p[k] / (w * w)]];
+                let curved = if self.method == Method::Newton {
+                    1.0
+                } else {
+                    0.0
+                };
+                let second = [
+                    [0.0, -1.0 / (w * w)],
+                    [-1.0 / (w * w), 2.0 * p[k] / (w * w)],
+                ];
                 for (a, &row) in places.iter().enumerate() {
                     d.gradient[row] += 2.0 * self.weights.e * r[k] * first[a];
                     for (b, &column) in places.iter().enumerate() {
-                        d.hessian[row * size + column] += 2.0 * self.weights.e * (first[a] * first[b] + curved * r[k] * second[a][b]);
+                        d.hessian[row * size + column] += 2.0
+                            * self.weights.e
+                            * (first[a] * first[b] + curved * r[k] * second[a][b]);
                     }
                 }
             }
@@ -546,9 +679,17 @@ const ORDERS: [(usize, usize); KINDS] = [(0, 0), (1, 0), (0, 1)];
 
 /// The sums over v at one u. `inner` holds, by the orders (a, a′) in u and the coordinates (k, l), an N × N matrix; `side` by a and k a
 /// vector.
-fn over_v<const N: usize>(locals: &[Local], basis: &[[Vec<f64>; 2]], inner: &mut [f64], side: &mut [f64]) {
+fn over_v<const N: usize>(
+    locals: &[Local],
+    basis: &[[Vec<f64>; 2]],
+    inner: &mut [f64],
+    side: &mut [f64],
+) {
     let (inner, side) = (inner.as_chunks_mut::<N>().0, side.as_chunks_mut::<N>().0);
-    let basis: Vec<[[f64; N]; 2]> = basis.iter().map(|b| [0, 1].map(|order| std::array::from_fn(|j| b[order][j]))).collect();
+    let basis: Vec<[[f64; N]; 2]> = basis
+        .iter()
+        .map(|b| [0, 1].map(|order| std::array::from_fn(|j| b[order][j])))
+        .collect();
     let all = || locals.iter().zip(&basis);
     side.fill([0.0; N]);
     for (local, b) in all() {
@@ -565,18 +706,34 @@ fn over_v<const N: usize>(locals: &[Local], basis: &[[Vec<f64>; 2]], inner: &mut
         for l in k..4 {
             let c = |local: &Local, s: usize, t: usize| local.hessian[4 * s + k][4 * t + l];
             // By the orders in u: the sum of what multiplies B, and B′, from the left.
-            let mut put = |orders: usize, sum: [[f64; N]; N]| inner[(orders * 16 + 4 * k + l) * N..][..N].copy_from_slice(&sum);
-            put(0, sums(all().map(|(h, b)| (b, [c(h, 0, 0), c(h, 2, 0), c(h, 0, 2), c(h, 2, 2)]))));
-            put(1, sums(all().map(|(h, b)| (b, [c(h, 0, 1), c(h, 2, 1), 0.0, 0.0]))));
-            put(2, sums(all().map(|(h, b)| (b, [c(h, 1, 0), 0.0, c(h, 1, 2), 0.0]))));
-            put(3, sums(all().map(|(h, b)| (b, [c(h, 1, 1), 0.0, 0.0, 0.0]))));
+            let mut put = |orders: usize, sum: [[f64; N]; N]| {
+                inner[(orders * 16 + 4 * k + l) * N..][..N].copy_from_slice(&sum)
+            };
+            put(
+                0,
+                sums(all().map(|(h, b)| (b, [c(h, 0, 0), c(h, 2, 0), c(h, 0, 2), c(h, 2, 2)]))),
+            );
+            put(
+                1,
+                sums(all().map(|(h, b)| (b, [c(h, 0, 1), c(h, 2, 1), 0.0, 0.0]))),
+            );
+            put(
+                2,
+                sums(all().map(|(h, b)| (b, [c(h, 1, 0), 0.0, c(h, 1, 2), 0.0]))),
+            );
+            put(
+                3,
+                sums(all().map(|(h, b)| (b, [c(h, 1, 1), 0.0, 0.0, 0.0]))),
+            );
         }
     }
 }
 
 /// Σ (p B + q B′) Bᵀ + (r B + s B′) B′ᵀ over the nodes in v, with B, B′ and [p, q, r, s] at each.
 #[inline(always)]
-fn sums<'b, const N: usize>(terms: impl Iterator<Item = (&'b [[f64; N]; 2], [f64; 4])>) -> [[f64; N]; N] {
+fn sums<'b, const N: usize>(
+    terms: impl Iterator<Item = (&'b [[f64; N]; 2], [f64; 4])>,
+) -> [[f64; N]; N] {
     let mut sum = [[0.0; N]; N];
     for ([b, d], [p, q, r, s]) in terms {
         for i in 0..N {
@@ -590,10 +747,19 @@ fn sums<'b, const N: usize>(terms: impl Iterator<Item = (&'b [[f64; N]; 2], [f64
 }
 
 /// Adds the sums over v at one u to the derivatives; m control points in u, N in v.
-fn over_u<const N: usize>(a: &[Vec<f64>; 2], m: usize, inner: &[f64], side: &[f64], d: &mut Derivatives) {
+fn over_u<const N: usize>(
+    a: &[Vec<f64>; 2],
+    m: usize,
+    inner: &[f64],
+    side: &[f64],
+    d: &mut Derivatives,
+) {
     let (inner, side) = (inner.as_chunks::<N>().0, side.as_chunks::<N>().0);
     let count = m * N;
-    let (gradient, hessian) = (d.gradient.as_chunks_mut::<N>().0, d.hessian.as_chunks_mut::<N>().0);
+    let (gradient, hessian) = (
+        d.gradient.as_chunks_mut::<N>().0,
+        d.hessian.as_chunks_mut::<N>().0,
+    );
     for k in 0..4 {
         for i in 0..m {
             for j in 0..N {
@@ -605,11 +771,19 @@ fn over_u<const N: usize>(a: &[Vec<f64>; 2], m: usize, inner: &[f64], side: &[f6
             let (r0, r1, r2, r3) = (block(0), block(1), block(2), block(3));
             for i in 0..m {
                 for i2 in 0..m {
-                    let f = [a[0][i] * a[0][i2], a[0][i] * a[1][i2], a[1][i] * a[0][i2], a[1][i] * a[1][i2]];
+                    let f = [
+                        a[0][i] * a[0][i2],
+                        a[0][i] * a[1][i2],
+                        a[1][i] * a[0][i2],
+                        a[1][i] * a[1][i2],
+                    ];
                     for j in 0..N {
                         let out = &mut hessian[(k * count + i * N + j) * 4 * m + l * m + i2];
                         for j2 in 0..N {
-                            out[j2] += f[0] * r0[j][j2] + f[1] * r1[j][j2] + f[2] * r2[j][j2] + f[3] * r3[j][j2];
+                            out[j2] += f[0] * r0[j][j2]
+                                + f[1] * r1[j][j2]
+                                + f[2] * r2[j][j2]
+                                + f[3] * r3[j][j2];
                         }
                     }
                 }

@@ -68,11 +68,20 @@ impl Options {
 impl Options {
     /// With a tolerance D the shape terms may not weigh more than errors of its size do: their thresholds fall with D².
     pub(crate) fn relaxed(&self) -> Self {
-        let Some(tolerance) = self.tolerance else { return *self };
+        let Some(tolerance) = self.tolerance else {
+            return *self;
+        };
         let unit = self.region.size().into_iter().fold(0.0, f64::max);
         let share = (RELAXED * (tolerance / unit).powi(2) / PAPER_LIMIT).min(1.0);
         let floor = self.floor.scaled(share);
-        Self { floor: Weights { j: BARRIER * floor.j, ..floor }, most_steps: self.most_steps.saturating_mul(MORE_STEPS), ..*self }
+        Self {
+            floor: Weights {
+                j: BARRIER * floor.j,
+                ..floor
+            },
+            most_steps: self.most_steps.saturating_mul(MORE_STEPS),
+            ..*self
+        }
     }
 }
 

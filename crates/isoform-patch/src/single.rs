@@ -62,7 +62,10 @@ const CHOICE: (usize, usize) = (8, 4000);
 pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterized, Error> {
     check(options)?;
     let whole = Whole::of_field(field);
-    let on = On { whole: &whole, part: 0 };
+    let on = On {
+        whole: &whole,
+        part: 0,
+    };
     let mut clock = Clock::default();
     if let Some(p) = options.seed_point {
         let seed = surface::given(field, p, &options.region)?;
@@ -71,7 +74,11 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     }
     let mut made = Err(Error::NoSurface);
     for other in 0..OTHER_SEEDS {
-        let seed = surface::chosen(field, options.seed.wrapping_add(other << 32), &options.region)?;
+        let seed = surface::chosen(
+            field,
+            options.seed.wrapping_add(other << 32),
+            &options.region,
+        )?;
         clock.phase("seed");
         made = turned(on, seed, options, std::mem::take(&mut clock));
         // Where the function has an edge projections end on it.
@@ -94,11 +101,21 @@ fn turned(on: On<'_>, seed: Seed, options: &Options, clock: Clock) -> Result<Par
     let scale = options.region.diagonal();
     let frame = |angle: f64| surface::frame(on.field(), seed.point, angle, scale);
     // What is proved counts first.
-    let worth = |p: &Parameterized| (p.distances.bound.is_some_and(|b| b <= tolerance), p.grown.area(&options.region));
+    let worth = |p: &Parameterized| {
+        (
+            p.distances.bound.is_some_and(|b| b <= tolerance),
+            p.grown.area(&options.region),
+        )
+    };
     let along = frame(0.0)?;
     let mut made = grown(on, along, None, (options, Pace::EVEN), clock);
     let own = (seed.tangents != along.tangents).then_some((seed, Pace::EVEN));
-    let others = [Some((frame(FRAC_PI_4)?, Pace::EVEN)), own, Some((seed, Pace::STEADY)), Some((seed, Pace::QUICK))];
+    let others = [
+        Some((frame(FRAC_PI_4)?, Pace::EVEN)),
+        own,
+        Some((seed, Pace::STEADY)),
+        Some((seed, Pace::QUICK)),
+    ];
     for (start, pace) in others.into_iter().flatten() {
         if made.as_ref().is_ok_and(|m| m.is_late) {
             break;
@@ -108,7 +125,14 @@ fn turned(on: On<'_>, seed: Seed, options: &Options, clock: Clock) -> Result<Par
             (Ok(a), Ok(b)) => {
                 let (x, y) = (worth(&a), worth(&b));
                 let seconds = both(&a.seconds, &b.seconds);
-                Ok(Parameterized { seconds, ..if y.0 && !x.0 || y.0 == x.0 && y.1 > CLEARLY * x.1 { b } else { a } })
+                Ok(Parameterized {
+                    seconds,
+                    ..if y.0 && !x.0 || y.0 == x.0 && y.1 > CLEARLY * x.1 {
+                        b
+                    } else {
+                        a
+                    }
+                })
             }
             (Err(_), b) => b,
             (a, Err(_)) => a,
@@ -141,8 +165,11 @@ fn nearest(whole: &Whole<'_>, p: Point3, options: &Options) -> Option<(usize, Po
     let scale = options.region.diagonal();
     let mut best: Option<(f64, usize, Point3)> = None;
     for part in 0..whole.len() {
-        let foot = surface::project(whole.field(part), p, scale).filter(|q| surface::contains(&options.region, *q));
-        let Some(q) = foot.filter(|q| whole.is_on(part, *q, scale)) else { continue };
+        let foot = surface::project(whole.field(part), p, scale)
+            .filter(|q| surface::contains(&options.region, *q));
+        let Some(q) = foot.filter(|q| whole.is_on(part, *q, scale)) else {
+            continue;
+        };
         let d = norm(sub(q, p));
         if best.is_none_or(|b| d < b.0) {
             best = Some((d, part, q));
@@ -153,12 +180,19 @@ fn nearest(whole: &Whole<'_>, p: Point3, options: &Options) -> Option<(usize, Po
 
 /// A random point of the surface, far from edges.
 fn chosen(whole: &Whole<'_>, options: &Options) -> Option<(usize, Point3)> {
-    let (mut random, scale) = (surface::Random::new(options.seed), options.region.diagonal());
+    let (mut random, scale) = (
+        surface::Random::new(options.seed),
+        options.region.diagonal(),
+    );
     let mut best: Option<(f64, usize, Point3)> = None;
     let mut found = 0;
     for _ in 0..CHOICE.1 {
-        let Some((part, q)) = nearest(whole, random.place(&options.region), options) else { continue };
-        let d = whole.nearest_edge(part, q, scale).map_or(f64::INFINITY, |(e, _)| norm(sub(e, q)));
+        let Some((part, q)) = nearest(whole, random.place(&options.region), options) else {
+            continue;
+        };
+        let d = whole
+            .nearest_edge(part, q, scale)
+            .map_or(f64::INFINITY, |(e, _)| norm(sub(e, q)));
         if best.is_none_or(|b| d > b.0) {
             best = Some((d, part, q));
         }
@@ -171,39 +205,73 @@ fn chosen(whole: &Whole<'_>, options: &Options) -> Option<(usize, Point3)> {
 }
 
 /// Grows a patch about a point of a part.
-pub(crate) fn at(whole: &Whole<'_>, part: usize, point: Point3, options: &Options) -> Result<Parameterized, Error> {
+pub(crate) fn at(
+    whole: &Whole<'_>,
+    part: usize,
+    point: Point3,
+    options: &Options,
+) -> Result<Parameterized, Error> {
     let mut clock = Clock::default();
     let on = On { whole, part };
-    let (scale, unit) = (options.region.diagonal(), options.region.size().into_iter().fold(0.0, f64::max));
+    let (scale, unit) = (
+        options.region.diagonal(),
+        options.region.size().into_iter().fold(0.0, f64::max),
+    );
     let mut seed = surface::frame(on.field(), point, 0.0, scale)?;
     let mut from = None;
-    if let Some((foot, edge)) = (!whole.is_single()).then(|| whole.nearest_edge(part, point, scale)).flatten()
+    if let Some((foot, edge)) = (!whole.is_single())
+        .then(|| whole.nearest_edge(part, point, scale))
+        .flatten()
         && let Some(tangents) = on.along(edge, foot, point)
     {
         let far = norm(sub(foot, point));
         if far <= AT_EDGE * unit {
-            seed = Seed { point: foot, tangents, ..seed };
+            seed = Seed {
+                point: foot,
+                tangents,
+                ..seed
+            };
             from = Some(edge);
         } else if far * seed.curvature <= NEAR_EDGE {
-            seed = Seed { tangents: in_plane(tangents, on.field().jet(point).g), ..seed };
+            seed = Seed {
+                tangents: in_plane(tangents, on.field().jet(point).g),
+                ..seed
+            };
         }
     }
     clock.phase("seed");
     let made = grown(on, seed, from, (options, Pace::of(options)), clock);
-    let keeps = |p: &Parameterized| p.distances.bound.is_some_and(|b| options.tolerance.is_none_or(|t| b <= t));
-    let serves = |p: &Parameterized| keeps(p) && options.tolerance.is_none_or(|t| reached(&p.grown.patch, &[point], t)[0]);
+    let keeps = |p: &Parameterized| {
+        p.distances
+            .bound
+            .is_some_and(|b| options.tolerance.is_none_or(|t| b <= t))
+    };
+    let serves = |p: &Parameterized| {
+        keeps(p)
+            && options
+                .tolerance
+                .is_none_or(|t| reached(&p.grown.patch, &[point], t)[0])
+    };
     if from.is_none() || made.as_ref().is_ok_and(serves) {
         return made;
     }
     // Where nothing fits at the edge, or does not come as far as the point: about the point itself.
     let again = grown(
         on,
-        Seed { point, tangents: in_plane(seed.tangents, on.field().jet(point).g), ..seed },
+        Seed {
+            point,
+            tangents: in_plane(seed.tangents, on.field().jet(point).g),
+            ..seed
+        },
         None,
         (options, Pace::of(options)),
         Clock::default(),
     );
-    if again.as_ref().is_ok_and(keeps) || made.is_err() { again } else { made }
+    if again.as_ref().is_ok_and(keeps) || made.is_err() {
+        again
+    } else {
+        made
+    }
 }
 
 /// Tangents turned into the plane with a normal.
@@ -227,51 +295,117 @@ fn grown<'f>(
     // A patch that ends at edges would leave them.
     let to_be_exact = options.exact && whole.is_single();
     // Tori and cylinders have exact patches of low degree only along their lines of curvature.
-    let seed = if to_be_exact { surface::frame(field, seed.point, 0.0, options.region.diagonal())? } else { seed };
+    let seed = if to_be_exact {
+        surface::frame(field, seed.point, 0.0, options.region.diagonal())?
+    } else {
+        seed
+    };
     if options.method == Method::Newton && field.jet3(seed.point).is_none() {
         return Err(Error::NoThirdDerivatives);
     }
     // Patches along edges get long: L, which is about squared lengths, would not care for the shorter ones.
-    let inner = if whole.is_single() { options.inner } else { Inner::Tangents };
-    let objective = |degree| Objective::new(field, degree, options.method, options.nodes).with_inner(inner);
+    let inner = if whole.is_single() {
+        options.inner
+    } else {
+        Inner::Tangents
+    };
+    let objective =
+        |degree| Objective::new(field, degree, options.method, options.nodes).with_inner(inner);
     // A patch without a bound is worth less than a smaller one.
-    let growing =
-        options.deadline.map(|d| (Instant::now(), d)).map(|(now, d)| now + (d.saturating_duration_since(now)).mul_f64(GROWING_TIME));
-    let mut growth = Growth::start(objective(options.degree), on, seed, edge, (&Options { deadline: growing, ..*options }, pace))?;
+    let growing = options
+        .deadline
+        .map(|d| (Instant::now(), d))
+        .map(|(now, d)| now + (d.saturating_duration_since(now)).mul_f64(GROWING_TIME));
+    let mut growth = Growth::start(
+        objective(options.degree),
+        on,
+        seed,
+        edge,
+        (
+            &Options {
+                deadline: growing,
+                ..*options
+            },
+            pace,
+        ),
+    )?;
     growth.grow_to_limit();
     growth.options.deadline = options.deadline;
     if to_be_exact {
         make_exact(&mut growth, |degree, share| {
-            let small = Options { degree, limit: share * asked.limit, tolerance: None, ..*asked };
-            let options = if share < 1.0 { small } else { Options { degree, ..*options } };
-            let mut other = Growth::start(objective(degree), on, seed, None, (&options, Pace::of(&options))).ok()?;
+            let small = Options {
+                degree,
+                limit: share * asked.limit,
+                tolerance: None,
+                ..*asked
+            };
+            let options = if share < 1.0 {
+                small
+            } else {
+                Options { degree, ..*options }
+            };
+            let mut other = Growth::start(
+                objective(degree),
+                on,
+                seed,
+                None,
+                (&options, Pace::of(&options)),
+            )
+            .ok()?;
             other.grow_to_limit();
             Some(other)
         });
     }
     let proved = growth.keep_tolerance();
     clock.phase("grow");
-    let (mut known, mut place) = distances_on(whole, &growth.patch, options.tolerance, proved, options.deadline);
+    let (mut known, mut place) = distances_on(
+        whole,
+        &growth.patch,
+        options.tolerance,
+        proved,
+        options.deadline,
+    );
     // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
         if known.bound.is_some() || growth.is_over() || !growth.retreat(share) {
             break;
         }
-        (known, place) = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
+        (known, place) = distances_on(
+            whole,
+            &growth.patch,
+            options.tolerance,
+            None,
+            options.deadline,
+        );
     }
     // A side that comes over an edge between samples makes a bound that these do not show.
-    let is_loose = |d: &Distances| d.bound.is_some_and(|b| b > LOOSE * d.sampled + ROUNDING * options.region.diagonal());
+    let is_loose = |d: &Distances| {
+        d.bound
+            .is_some_and(|b| b > LOOSE * d.sampled + ROUNDING * options.region.diagonal())
+    };
     for _ in 0..TRIMMINGS {
         if whole.is_single() || !is_loose(&known) || growth.is_over() {
             break;
         }
         let before = growth.state();
-        growth.trim_finely(known.sampled.max(ROUNDING * options.region.diagonal()), place);
+        growth.trim_finely(
+            known.sampled.max(ROUNDING * options.region.diagonal()),
+            place,
+        );
         if growth.is_as(&before) {
             break;
         }
-        let (trimmed, its_place) = distances_on(whole, &growth.patch, options.tolerance, None, options.deadline);
-        if trimmed.bound.is_none_or(|b| known.bound.is_some_and(|k| b >= k)) {
+        let (trimmed, its_place) = distances_on(
+            whole,
+            &growth.patch,
+            options.tolerance,
+            None,
+            options.deadline,
+        );
+        if trimmed
+            .bound
+            .is_none_or(|b| known.bound.is_some_and(|k| b >= k))
+        {
             growth.settle(before);
             break;
         }
@@ -282,8 +416,13 @@ fn grown<'f>(
     let diagonal = options.region.diagonal();
     // Proofs on parts need not come near rounding, which their samples show to first order only.
     let proved = if whole.is_single() { PROVED } else { EXACT };
-    let is_exact = known.sampled <= EXACT * diagonal && known.bound.is_some_and(|b| b <= proved * diagonal);
-    let quadric = if is_exact { quadric(&growth.patch) } else { None };
+    let is_exact =
+        known.sampled <= EXACT * diagonal && known.bound.is_some_and(|b| b <= proved * diagonal);
+    let quadric = if is_exact {
+        quadric(&growth.patch)
+    } else {
+        None
+    };
     Ok(Parameterized {
         quadric,
         is_late: growth.is_late,
@@ -303,14 +442,18 @@ struct Clock {
 
 impl Default for Clock {
     fn default() -> Self {
-        Self { since: Instant::now(), seconds: Vec::new() }
+        Self {
+            since: Instant::now(),
+            seconds: Vec::new(),
+        }
     }
 }
 
 impl Clock {
     /// A phase has ended.
     fn phase(&mut self, name: &'static str) {
-        self.seconds.push((name, self.since.elapsed().as_secs_f64()));
+        self.seconds
+            .push((name, self.since.elapsed().as_secs_f64()));
         self.since = Instant::now();
     }
 }
@@ -324,12 +467,18 @@ pub(crate) fn check(options: &Options) -> Result<(), Error> {
     if !size.iter().all(|s| *s > 0.0 && s.is_finite()) {
         return Err(Error::Region);
     }
-    for (name, value) in [("the bound on S", Some(options.limit)), ("the tolerance", options.tolerance)] {
+    for (name, value) in [
+        ("the bound on S", Some(options.limit)),
+        ("the tolerance", options.tolerance),
+    ] {
         if let Some(value) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
             return Err(Error::Option { name, value });
         }
     }
-    if let Some(p) = options.seed_point.filter(|p| !p.iter().all(|v| v.is_finite())) {
+    if let Some(p) = options
+        .seed_point
+        .filter(|p| !p.iter().all(|v| v.is_finite()))
+    {
         return Err(Error::NotFinite { at: p });
     }
     Ok(())

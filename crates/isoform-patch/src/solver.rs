@@ -49,7 +49,9 @@ pub(crate) fn minimise(
     *damping = damping.clamp(LEAST_DAMPING, 1.0);
     let mut rejected_growth = 4.0;
     for step in 0..stop.steps {
-        let Some(d) = objective.derivatives(patch, &at) else { return (at, step) };
+        let Some(d) = objective.derivatives(patch, &at) else {
+            return (at, step);
+        };
         let before = objective.sum(&at.terms);
         let mut accepted = None;
         while *damping <= MOST_DAMPING {
@@ -76,7 +78,8 @@ pub(crate) fn minimise(
         rejected_growth = 4.0;
         // Nielsen's rule: by how well the quadratic model foretold the decrease.
         let gain = (before - after) / trial.expected.max(f64::MIN_POSITIVE);
-        *damping = (*damping * (1.0 - (2.0 * gain.clamp(0.0, 1.0) - 1.0).powi(3)).clamp(0.1, 2.0)).max(LEAST_DAMPING);
+        *damping = (*damping * (1.0 - (2.0 * gain.clamp(0.0, 1.0) - 1.0).powi(3)).clamp(0.1, 2.0))
+            .max(LEAST_DAMPING);
         *patch = trial.patch;
         at = value;
         let lowered = lower(&mut objective.weights, &at.terms, floor, objective.little);
@@ -123,7 +126,9 @@ fn damped_step(d: &Derivatives, patch: &RationalPatch, damping: f64) -> Option<T
     let n = d.gradient.len();
     let mean = (0..n).map(|i| d.hessian[i * n + i].abs()).sum::<f64>() / n as f64;
     let mut a = d.hessian.clone();
-    let diagonal: Vec<f64> = (0..n).map(|i| damping * d.hessian[i * n + i].abs().max(LEAST_DIAGONAL * mean)).collect();
+    let diagonal: Vec<f64> = (0..n)
+        .map(|i| damping * d.hessian[i * n + i].abs().max(LEAST_DIAGONAL * mean))
+        .collect();
     for i in 0..n {
         a[i * n + i] += diagonal[i];
     }
@@ -133,7 +138,10 @@ fn damped_step(d: &Derivatives, patch: &RationalPatch, damping: f64) -> Option<T
     let mut x: Vec<f64> = d.gradient.iter().map(|g| -g).collect();
     cholesky_solve(&a, n, &mut x);
     // −gᵀx − xᵀHx/2 with (H + D) x = −g.
-    let expected = (0..n).map(|i| x[i] * (diagonal[i] * x[i] - d.gradient[i])).sum::<f64>() * 0.5;
+    let expected = (0..n)
+        .map(|i| x[i] * (diagonal[i] * x[i] - d.gradient[i]))
+        .sum::<f64>()
+        * 0.5;
     let mut patch = patch.clone();
     let count = n / 4;
     for (i, c) in patch.control_mut().iter_mut().enumerate() {
@@ -141,5 +149,6 @@ fn damped_step(d: &Derivatives, patch: &RationalPatch, damping: f64) -> Option<T
             c[k] += x[k * count + i];
         }
     }
-    (expected.is_finite() && patch.control().iter().flatten().all(|v| v.is_finite())).then_some(Trial { patch, expected })
+    (expected.is_finite() && patch.control().iter().flatten().all(|v| v.is_finite()))
+        .then_some(Trial { patch, expected })
 }

@@ -31,7 +31,10 @@ pub(crate) struct Random(u64);
 
 impl Random {
     pub(crate) fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0xD134_2543_DE82_EF95).wrapping_add(0x9E37_79B9_7F4A_7C15))
+        Self(
+            seed.wrapping_mul(0xD134_2543_DE82_EF95)
+                .wrapping_add(0x9E37_79B9_7F4A_7C15),
+        )
     }
     pub(crate) fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
@@ -104,10 +107,19 @@ pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64)
 
 /// The frame of the directions of principal curvature at a point of the surface, turned by an angle; an error where there is no tangent
 /// plane. Lines of curvature are orthogonal also farther away, so that a patch along them has little R.
-pub(crate) fn frame(field: &dyn Field, point: Point3, angle: f64, scale: f64) -> Result<Seed, Error> {
+pub(crate) fn frame(
+    field: &dyn Field,
+    point: Point3,
+    angle: f64,
+    scale: f64,
+) -> Result<Seed, Error> {
     let j = field.jet(point);
     let g = norm(j.g);
-    let h = (0..3).flat_map(|a| (0..3).map(move |b| (a, b))).map(|(a, b)| j.second(a, b).powi(2)).sum::<f64>().sqrt();
+    let h = (0..3)
+        .flat_map(|a| (0..3).map(move |b| (a, b)))
+        .map(|(a, b)| j.second(a, b).powi(2))
+        .sum::<f64>()
+        .sqrt();
     if !g.is_finite() || !h.is_finite() {
         return Err(Error::NotFinite { at: point });
     }
@@ -116,20 +128,34 @@ pub(crate) fn frame(field: &dyn Field, point: Point3, angle: f64, scale: f64) ->
     }
     let n = j.g.map(|v| v / g);
     // The axis least along the normal gives the first tangent.
-    let axis = (0..3).min_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs())).unwrap_or(0);
+    let axis = (0..3)
+        .min_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs()))
+        .unwrap_or(0);
     let mut e = [0.0; 3];
     e[axis] = 1.0;
     let a = cross(n, e);
     let a = a.map(|v| v / norm(a));
     let b = cross(n, a);
-    let form =
-        |u: Point3, v: Point3| (0..3).flat_map(|i| (0..3).map(move |k| (i, k))).map(|(i, k)| u[i] * j.second(i, k) * v[k]).sum::<f64>();
+    let form = |u: Point3, v: Point3| {
+        (0..3)
+            .flat_map(|i| (0..3).map(move |k| (i, k)))
+            .map(|(i, k)| u[i] * j.second(i, k) * v[k])
+            .sum::<f64>()
+    };
     let (twist, difference) = (2.0 * form(a, b), form(a, a) - form(b, b));
     // Where all curvatures are alike there are no such directions.
-    let principal = if twist.hypot(difference) > UMBILIC * h { 0.5 * twist.atan2(difference) } else { 0.0 };
+    let principal = if twist.hypot(difference) > UMBILIC * h {
+        0.5 * twist.atan2(difference)
+    } else {
+        0.0
+    };
     let (s, c) = (principal + angle).sin_cos();
     let first = std::array::from_fn(|k| c * a[k] + s * b[k]);
-    Ok(Seed { point, tangents: [first, cross(n, first)], curvature: h / g })
+    Ok(Seed {
+        point,
+        tangents: [first, cross(n, first)],
+        curvature: h / g,
+    })
 }
 
 /// The seed at the point of the surface that a given point leads to.
@@ -152,7 +178,9 @@ pub(crate) fn chosen(field: &dyn Field, k: u64, region: &Aabb) -> Result<Seed, E
     let mut singular = None;
     for _ in 0..PLACES {
         let place = random.place(region);
-        let Some(point) = project(field, place, scale).filter(|p| contains(region, *p)) else { continue };
+        let Some(point) = project(field, place, scale).filter(|p| contains(region, *p)) else {
+            continue;
+        };
         match frame(field, point, std::f64::consts::TAU * random.next(), scale) {
             Ok(seed) => {
                 found += 1;

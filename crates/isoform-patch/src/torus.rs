@@ -47,13 +47,27 @@ pub(crate) fn torus(points: &[Point3], normals: &[Point3]) -> Option<Quadric> {
 }
 
 /// The torus nearby with the least squared distances, if all points are on it to rounding.
-fn refined(points: &[Point3], mut center: Point3, mut axis: Point3, mut major: f64, mut minor: f64) -> Option<Quadric> {
+fn refined(
+    points: &[Point3],
+    mut center: Point3,
+    mut axis: Point3,
+    mut major: f64,
+    mut minor: f64,
+) -> Option<Quadric> {
     for step in 0..=STEPS {
-        let least = (0..3).min_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs())).unwrap_or(0);
-        let x = cross(axis, std::array::from_fn(|k| f64::from(u8::from(k == least))));
+        let least = (0..3)
+            .min_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs()))
+            .unwrap_or(0);
+        let x = cross(
+            axis,
+            std::array::from_fn(|k| f64::from(u8::from(k == least))),
+        );
         let x = x.map(|v| v / norm(x));
         let y = cross(axis, x);
-        let (mut rows, mut residuals) = (Vec::with_capacity(7 * points.len()), Vec::with_capacity(points.len()));
+        let (mut rows, mut residuals) = (
+            Vec::with_capacity(7 * points.len()),
+            Vec::with_capacity(points.len()),
+        );
         for p in points {
             let d = sub(*p, center);
             let height = dot(d, axis);
@@ -72,7 +86,12 @@ fn refined(points: &[Point3], mut center: Point3, mut axis: Point3, mut major: f
         }
         if step == STEPS {
             let most = residuals.iter().fold(0.0f64, |m, r| m.max(r.abs()));
-            return (most <= ON_TORUS && major > 0.0 && minor > 0.0).then_some(Quadric::Torus { center, axis, major, minor });
+            return (most <= ON_TORUS && major > 0.0 && minor > 0.0).then_some(Quadric::Torus {
+                center,
+                axis,
+                major,
+                minor,
+            });
         }
         let by = damped_least_squares(rows, &residuals, 7, 0.0)?;
         let tilted: Point3 = std::array::from_fn(|k| axis[k] - by[3] * x[k] - by[4] * y[k]);

@@ -66,7 +66,10 @@ struct Cell {
 
 impl Local {
     fn parts(&self, piece: u32) -> &[usize] {
-        self.pieces.iter().find(|p| p.0 == piece).map_or(&[], |p| &p.1)
+        self.pieces
+            .iter()
+            .find(|p| p.0 == piece)
+            .map_or(&[], |p| &p.1)
     }
 }
 
@@ -89,11 +92,23 @@ pub(crate) struct On<'f> {
 impl<'f> Whole<'f> {
     /// The zero set of one function.
     pub(crate) fn of_field(field: &'f dyn Field) -> Self {
-        let local = Arc::new(Local { tree: Csg::Piece(0), pieces: vec![(0, vec![0])] });
+        let local = Arc::new(Local {
+            tree: Csg::Piece(0),
+            pieces: vec![(0, vec![0])],
+        });
         Self {
-            parts: vec![Part { piece: 0, field, function: 0, limits: Vec::new() }],
+            parts: vec![Part {
+                piece: 0,
+                field,
+                function: 0,
+                limits: Vec::new(),
+            }],
             all: local.clone(),
-            cells: vec![Cell { region: Aabb::EMPTY, local, children: None }],
+            cells: vec![Cell {
+                region: Aabb::EMPTY,
+                local,
+                children: None,
+            }],
         }
     }
 
@@ -110,12 +125,36 @@ impl<'f> Whole<'f> {
             })
             .collect();
         let numbers: BTreeSet<u32> = parts.tree.pieces().into_iter().collect();
-        let pieces = numbers.into_iter().map(|piece| (piece, (0..list.len()).filter(|&k| list[k].piece == piece).collect())).collect();
+        let pieces = numbers
+            .into_iter()
+            .map(|piece| {
+                (
+                    piece,
+                    (0..list.len())
+                        .filter(|&k| list[k].piece == piece)
+                        .collect(),
+                )
+            })
+            .collect();
         // Patches reach beyond the region.
         let more = region.size().map(|s| MARGIN * s);
-        let region = Aabb { lo: std::array::from_fn(|k| region.lo[k] - more[k]), hi: std::array::from_fn(|k| region.hi[k] + more[k]) };
-        let local = Arc::new(Local { tree: parts.tree.clone(), pieces });
-        let mut whole = Self { parts: list, all: local.clone(), cells: vec![Cell { region, local, children: None }] };
+        let region = Aabb {
+            lo: std::array::from_fn(|k| region.lo[k] - more[k]),
+            hi: std::array::from_fn(|k| region.hi[k] + more[k]),
+        };
+        let local = Arc::new(Local {
+            tree: parts.tree.clone(),
+            pieces,
+        });
+        let mut whole = Self {
+            parts: list,
+            all: local.clone(),
+            cells: vec![Cell {
+                region,
+                local,
+                children: None,
+            }],
+        };
         whole.divide(0, 0);
         whole
     }
@@ -124,7 +163,9 @@ impl<'f> Whole<'f> {
     fn divide(&mut self, cell: usize, depth: usize) {
         let region = self.cells[cell].region;
         // Without surface in it, what matters is what did before.
-        let Some(local) = self.narrow(&self.cells[cell].local, region) else { return };
+        let Some(local) = self.narrow(&self.cells[cell].local, region) else {
+            return;
+        };
         let parts: usize = local.pieces.iter().map(|p| p.1.len()).sum();
         let local = Arc::new(local);
         self.cells[cell].local = local.clone();
@@ -140,7 +181,11 @@ impl<'f> Whole<'f> {
                 lo: std::array::from_fn(|k| if upper(k) { middle(k) } else { region.lo[k] }),
                 hi: std::array::from_fn(|k| if upper(k) { region.hi[k] } else { middle(k) }),
             };
-            self.cells.push(Cell { region, local: local.clone(), children: None });
+            self.cells.push(Cell {
+                region,
+                local: local.clone(),
+                children: None,
+            });
         }
         for child in first..first + 8 {
             self.divide(child, depth + 1);
@@ -158,20 +203,37 @@ impl<'f> Whole<'f> {
                 (*piece, parts, range)
             })
             .collect();
-        let range = |piece: u32| known.iter().find(|k| k.0 == piece).map_or(Interval::ALL, |k| k.2);
+        let range = |piece: u32| {
+            known
+                .iter()
+                .find(|k| k.0 == piece)
+                .map_or(Interval::ALL, |k| k.2)
+        };
         let tree = narrowed(&of.tree, &range).ok()?;
         let left: BTreeSet<u32> = tree.pieces().into_iter().collect();
-        Some(Local { tree, pieces: known.into_iter().filter(|k| left.contains(&k.0)).map(|k| (k.0, k.1)).collect() })
+        Some(Local {
+            tree,
+            pieces: known
+                .into_iter()
+                .filter(|k| left.contains(&k.0))
+                .map(|k| (k.0, k.1))
+                .collect(),
+        })
     }
 
     /// The smallest cell that holds a region.
     fn local(&self, region: Aabb) -> &Local {
-        let holds = |cell: &Cell| (0..3).all(|k| cell.region.lo[k] <= region.lo[k] && region.hi[k] <= cell.region.hi[k]);
+        let holds = |cell: &Cell| {
+            (0..3).all(|k| cell.region.lo[k] <= region.lo[k] && region.hi[k] <= cell.region.hi[k])
+        };
         let mut at = &self.cells[0];
         if !holds(at) {
             return &self.all;
         }
-        while let Some(child) = at.children.and_then(|first| self.cells[first..first + 8].iter().find(|c| holds(c))) {
+        while let Some(child) = at
+            .children
+            .and_then(|first| self.cells[first..first + 8].iter().find(|c| holds(c)))
+        {
             at = child;
         }
         &at.local
@@ -206,8 +268,19 @@ impl<'f> Whole<'f> {
         if let [one] = parts {
             return Some(*one);
         }
-        let least = |k: usize| self.parts[k].limits.iter().map(|l| l.value(p)).fold(f64::INFINITY, f64::min);
-        parts.iter().copied().map(|k| (k, least(k))).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0))).map(|k| k.0)
+        let least = |k: usize| {
+            self.parts[k]
+                .limits
+                .iter()
+                .map(|l| l.value(p))
+                .fold(f64::INFINITY, f64::min)
+        };
+        parts
+            .iter()
+            .copied()
+            .map(|k| (k, least(k)))
+            .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))
+            .map(|k| k.0)
     }
 
     /// The signed distance to first order, and the part that decides it.
@@ -223,9 +296,18 @@ impl<'f> Whole<'f> {
         let all: Vec<(u32, f64, usize)> = local
             .pieces
             .iter()
-            .map(|(piece, parts)| self.counting(parts, p).map_or((*piece, f64::NAN, 0), |part| (*piece, of(self.parts[part].field), part)))
+            .map(|(piece, parts)| {
+                self.counting(parts, p)
+                    .map_or((*piece, f64::NAN, 0), |part| {
+                        (*piece, of(self.parts[part].field), part)
+                    })
+            })
             .collect();
-        let find = |piece: u32| all.iter().find(|a| a.0 == piece).map_or((f64::NAN, 0), |a| (a.1, a.2));
+        let find = |piece: u32| {
+            all.iter()
+                .find(|a| a.0 == piece)
+                .map_or((f64::NAN, 0), |a| (a.1, a.2))
+        };
         let (value, piece) = local.tree.value_and_piece(&|piece| find(piece).0);
         (value, find(piece).1)
     }
@@ -237,7 +319,8 @@ impl<'f> Whole<'f> {
         }
         let (value, decides) = self.first_order(p);
         let is_within = || self.parts[part].limits.iter().all(|l| l.value(p) >= 0.0);
-        value.abs() <= ON_SURFACE * scale && (self.parts[decides].function == self.parts[part].function || is_within())
+        value.abs() <= ON_SURFACE * scale
+            && (self.parts[decides].function == self.parts[part].function || is_within())
     }
 
     /// Where a place on a part is beyond the part's edge; none where it is not, and where it cannot be said.
@@ -254,7 +337,13 @@ impl<'f> Whole<'f> {
         // Beyond a limit of the part that is the least beyond its own; at smooth joins the distance says nothing yet.
         let local = self.local(Aabb { lo: p, hi: p });
         let mut least: Option<Option<Beyond<'f>>> = None;
-        for same in local.pieces.iter().flat_map(|piece| &piece.1).map(|&k| &self.parts[k]).filter(|o| o.function == own.function) {
+        for same in local
+            .pieces
+            .iter()
+            .flat_map(|piece| &piece.1)
+            .map(|&k| &self.parts[k])
+            .filter(|o| o.function == own.function)
+        {
             let mut worst: Option<Beyond<'f>> = None;
             for limit in &same.limits {
                 let j = limit.jet(p);
@@ -268,7 +357,10 @@ impl<'f> Whole<'f> {
             }
         }
         let j = own.field.jet(p);
-        let sharp = Beyond { by: value.abs() - j.v.abs() / norm(j.g), edge: other.field };
+        let sharp = Beyond {
+            by: value.abs() - j.v.abs() / norm(j.g),
+            edge: other.field,
+        };
         match least.flatten() {
             // From a constant, which vanishes nowhere, the distance is infinite.
             Some(limit) if limit.by >= sharp.by || !sharp.by.is_finite() => Some(limit),
@@ -277,15 +369,34 @@ impl<'f> Whole<'f> {
     }
 
     /// The nearest point of the part's edge that Newton's method finds from a place on it, with what vanishes there.
-    pub(crate) fn nearest_edge(&self, part: usize, p: Point3, scale: f64) -> Option<(Point3, &'f dyn Field)> {
+    pub(crate) fn nearest_edge(
+        &self,
+        part: usize,
+        p: Point3,
+        scale: f64,
+    ) -> Option<(Point3, &'f dyn Field)> {
         let own = &self.parts[part];
-        let others = self.parts.iter().enumerate().filter(|(k, o)| o.function == *k && o.function != own.function).map(|(_, o)| o.field);
-        let limits = self.parts.iter().filter(|o| o.function == own.function).flat_map(|o| o.limits.iter().copied());
+        let others = self
+            .parts
+            .iter()
+            .enumerate()
+            .filter(|(k, o)| o.function == *k && o.function != own.function)
+            .map(|(_, o)| o.field);
+        let limits = self
+            .parts
+            .iter()
+            .filter(|o| o.function == own.function)
+            .flat_map(|o| o.limits.iter().copied());
         let mut best: Option<(f64, Point3, &'f dyn Field)> = None;
         for edge in others.chain(limits) {
-            let Some(q) = onto_both(own.field, edge, p, scale) else { continue };
+            let Some(q) = onto_both(own.field, edge, p, scale) else {
+                continue;
+            };
             let d = norm(sub(q, p));
-            if best.is_none_or(|b| d < b.0) && self.first_order(q).0.abs() <= ON_SURFACE * scale && self.ends_at(own, edge, q, scale) {
+            if best.is_none_or(|b| d < b.0)
+                && self.first_order(q).0.abs() <= ON_SURFACE * scale
+                && self.ends_at(own, edge, q, scale)
+            {
                 best = Some((d, q, edge));
             }
         }
@@ -307,13 +418,19 @@ impl<'f> Whole<'f> {
     /// What decides the sign in a region.
     pub(crate) fn within(&self, region: Aabb) -> Option<Within> {
         if self.is_single() {
-            return Some(Within { tree: Csg::Piece(0), parts: vec![0], alone: vec![true] });
+            return Some(Within {
+                tree: Csg::Piece(0),
+                parts: vec![0],
+                alone: vec![true],
+            });
         }
         let local = self.narrow(self.local(region), region)?;
         let (mut parts, mut alone): (Vec<usize>, Vec<bool>) = (Vec::new(), Vec::new());
         for k in local.pieces.into_iter().flat_map(|p| p.1) {
-            let is_same =
-                |o: &usize| self.parts[*o].piece == self.parts[k].piece && std::ptr::addr_eq(self.parts[*o].field, self.parts[k].field);
+            let is_same = |o: &usize| {
+                self.parts[*o].piece == self.parts[k].piece
+                    && std::ptr::addr_eq(self.parts[*o].field, self.parts[k].field)
+            };
             match parts.iter().position(is_same) {
                 Some(same) => alone[same] = false,
                 None => {
@@ -322,12 +439,25 @@ impl<'f> Whole<'f> {
                 }
             }
         }
-        Some(Within { tree: local.tree, parts, alone })
+        Some(Within {
+            tree: local.tree,
+            parts,
+            alone,
+        })
     }
 
     /// The parts of a list that may count somewhere in a region.
     fn possible(&self, parts: &[usize], region: Aabb) -> Vec<usize> {
-        parts.iter().copied().filter(|&k| self.parts[k].limits.iter().all(|l| l.bounds(region).hi() >= 0.0)).collect()
+        parts
+            .iter()
+            .copied()
+            .filter(|&k| {
+                self.parts[k]
+                    .limits
+                    .iter()
+                    .all(|l| l.bounds(region).hi() >= 0.0)
+            })
+            .collect()
     }
     fn hull(&self, parts: &[usize], region: Aabb) -> Interval {
         let all = parts.iter().map(|&k| self.parts[k].field.bounds(region));
@@ -346,7 +476,9 @@ impl<'f> Whole<'f> {
     pub(crate) fn range_at(&self, p: Point3) -> Interval {
         let region = Aabb { lo: p, hi: p };
         let local = self.local(region);
-        local.tree.range(&|piece| self.hull(&self.possible(local.parts(piece), region), region))
+        local
+            .tree
+            .range(&|piece| self.hull(&self.possible(local.parts(piece), region), region))
     }
 }
 
@@ -378,7 +510,11 @@ fn narrowed(tree: &Csg, range: &impl Fn(u32) -> Interval) -> Result<Csg, bool> {
     match kept.len() {
         0 => Err(is_min),
         1 => Ok(kept.remove(0)),
-        _ => Ok(if is_min { Csg::Min(kept) } else { Csg::Max(kept) }),
+        _ => Ok(if is_min {
+            Csg::Min(kept)
+        } else {
+            Csg::Max(kept)
+        }),
     }
 }
 
@@ -392,7 +528,10 @@ fn onto_both(f: &dyn Field, g: &dyn Field, from: Point3, scale: f64) -> Option<P
         if determinant.is_nan() || determinant <= (TANGENTIAL * TANGENTIAL) * aa * bb {
             return None;
         }
-        let (s, t) = ((bb * a.v - ab * b.v) / determinant, (aa * b.v - ab * a.v) / determinant);
+        let (s, t) = (
+            (bb * a.v - ab * b.v) / determinant,
+            (aa * b.v - ab * a.v) / determinant,
+        );
         let step: Point3 = std::array::from_fn(|k| s * a.g[k] + t * b.g[k]);
         let length = norm(step);
         let damped = (0.2 * scale / length).min(1.0);
@@ -417,7 +556,12 @@ impl<'f> On<'f> {
         self.whole.beyond(self.part, p)
     }
     /// Unit vectors along an edge at a point of it, and from there into the side of the part on which `towards` lies.
-    pub(crate) fn along(&self, edge: &dyn Field, at: Point3, towards: Point3) -> Option<[Point3; 2]> {
+    pub(crate) fn along(
+        &self,
+        edge: &dyn Field,
+        at: Point3,
+        towards: Point3,
+    ) -> Option<[Point3; 2]> {
         let (f, g) = (self.field().jet(at).g, edge.jet(at).g);
         let t = cross(f, g);
         let length = norm(t);
@@ -428,7 +572,11 @@ impl<'f> On<'f> {
         let n = f.map(|v| v / norm(f));
         let inward = cross(n, t);
         // The side on which the part is: by the place, or by where the part counts.
-        let sign = if dot(inward, sub(towards, at)) < 0.0 { -1.0 } else { 1.0 };
+        let sign = if dot(inward, sub(towards, at)) < 0.0 {
+            -1.0
+        } else {
+            1.0
+        };
         Some([t.map(|v| sign * v), inward.map(|v| sign * v)])
     }
 }

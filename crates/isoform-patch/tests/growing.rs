@@ -5,10 +5,15 @@ mod common;
 use common::{CUBE, quartic, sphere, stereographic, torus, whitney};
 use isoform_geom::{Aabb, Field, Point3, RationalPatch};
 use isoform_num::Jet2;
-use isoform_patch::{Error, Method, Options, PAPER_LIMIT, Phase, Quadric, Weights, distances, parameterize, prove};
+use isoform_patch::{
+    Error, Method, Options, PAPER_LIMIT, Phase, Quadric, Weights, distances, parameterize, prove,
+};
 
 fn paper(degree: (usize, usize), seed_point: Point3) -> Options {
-    Options { seed_point: Some(seed_point), ..Options::paper(degree, CUBE) }
+    Options {
+        seed_point: Some(seed_point),
+        ..Options::paper(degree, CUBE)
+    }
 }
 
 /// Table 1's first row: 14 extrapolations and 46 Newton steps; the exact stereographic patch with S = 10⁻⁶ has 30.1 % of the area.
@@ -16,12 +21,18 @@ fn paper(degree: (usize, usize), seed_point: Point3) -> Options {
 fn the_sphere_of_the_paper() {
     let field = sphere(0.5);
     for method in [Method::GaussNewton, Method::Frozen, Method::Newton] {
-        let options = Options { method, ..paper((2, 2), [0.0, 0.0, 0.5]) };
+        let options = Options {
+            method,
+            ..paper((2, 2), [0.0, 0.0, 0.5])
+        };
         let made = parameterize(&field, &options).expect("a patch");
         let g = &made.grown;
         let share = g.area(&CUBE) / std::f64::consts::PI;
         assert!((0.29..0.31).contains(&share), "{method:?}: {share}");
-        assert!(g.count(Phase::Grow) <= 14 && g.count(Phase::Newton) <= 50, "{method:?}");
+        assert!(
+            g.count(Phase::Grow) <= 14 && g.count(Phase::Newton) <= 50,
+            "{method:?}"
+        );
         assert!(g.sum() <= PAPER_LIMIT && made.is_within_limit);
         assert!(g.patch.control_weights().0 > 0.3);
         let bound = made.distances.bound.expect("a proof");
@@ -32,11 +43,18 @@ fn the_sphere_of_the_paper() {
 #[test]
 fn rows_of_the_trace_add_up_and_descend() {
     let field = whitney();
-    let g = parameterize(&field, &paper((3, 3), [0.22, 0.35, 0.0])).expect("a patch").grown;
+    let g = parameterize(&field, &paper((3, 3), [0.22, 0.35, 0.0]))
+        .expect("a patch")
+        .grown;
     for r in &g.trace {
         assert!((r.terms.sum(&r.weights) / r.sum - 1.0).abs() < 1e-14);
         let (w, lo, hi) = (r.weights, Weights::FLOOR, Weights::START);
-        for (w, (lo, hi)) in [(w.j, (lo.j, hi.j)), (w.l, (lo.l, hi.l)), (w.r, (lo.r, hi.r)), (w.e, (lo.e, hi.e))] {
+        for (w, (lo, hi)) in [
+            (w.j, (lo.j, hi.j)),
+            (w.l, (lo.l, hi.l)),
+            (w.r, (lo.r, hi.r)),
+            (w.e, (lo.e, hi.e)),
+        ] {
             assert!(lo <= w && w <= hi);
         }
     }
@@ -53,19 +71,27 @@ fn rows_of_the_trace_add_up_and_descend() {
 fn the_umbrella_is_dived_through_on_its_branch() {
     const N: usize = 60;
     let field = whitney();
-    let g = parameterize(&field, &paper((3, 3), [0.22, 0.35, 0.0])).expect("a patch").grown;
+    let g = parameterize(&field, &paper((3, 3), [0.22, 0.35, 0.0]))
+        .expect("a patch")
+        .grown;
     let mut passed = 0;
     for line in 0..=N {
         for along_u in [false, true] {
             let mut last: Option<[f64; 2]> = None;
             for k in 0..=N {
                 let (s, t) = (line as f64 / N as f64, k as f64 / N as f64);
-                let [x, y, _] = if along_u { g.patch.point(t, s) } else { g.patch.point(s, t) };
+                let [x, y, _] = if along_u {
+                    g.patch.point(t, s)
+                } else {
+                    g.patch.point(s, t)
+                };
                 if y.abs() < 0.03 {
                     continue;
                 }
                 // Where s is nearly 0, at the fold z = −1/2, its sign says nothing.
-                if let Some([x0, y0]) = last.filter(|l| l[1] * y < 0.0 && l[0].abs().min(x.abs()) > 5e-3) {
+                if let Some([x0, y0]) =
+                    last.filter(|l| l[1] * y < 0.0 && l[0].abs().min(x.abs()) > 5e-3)
+                {
                     assert!(x0 * y0 * x * y > 0.0, "({x0}, {y0}) and ({x}, {y})");
                     passed += 1;
                 }
@@ -79,8 +105,21 @@ fn the_umbrella_is_dived_through_on_its_branch() {
 #[test]
 fn seeds_differ_and_repeat() {
     let field = quartic();
-    let make = |seed| parameterize(&field, &Options { seed, ..Options::paper((3, 3), CUBE) }).map(|p| p.grown);
-    let (one, two, again) = (make(1).expect("a patch"), make(2).expect("a patch"), make(1).expect("a patch"));
+    let make = |seed| {
+        parameterize(
+            &field,
+            &Options {
+                seed,
+                ..Options::paper((3, 3), CUBE)
+            },
+        )
+        .map(|p| p.grown)
+    };
+    let (one, two, again) = (
+        make(1).expect("a patch"),
+        make(2).expect("a patch"),
+        make(1).expect("a patch"),
+    );
     assert_ne!(one.seed_point, two.seed_point);
     assert_eq!(one.patch, again.patch);
     assert_eq!(one.trace, again.trace);
@@ -93,8 +132,19 @@ fn bounds_hold_and_are_tight() {
         let d = distances(&sphere(0.5), &stereographic(0.5 + offset, 0.5), None);
         let bound = d.bound.expect("a proof");
         assert!((d.sampled / offset - 1.0).abs() < 1e-6, "{d:?}");
-        assert!(bound >= offset * (1.0 - 1e-9) - 1e-15 && bound <= 1.8 * offset + 1e-13, "{d:?}");
-        assert!(prove(&sphere(0.5), &stereographic(0.5 + offset, 0.5), 0.9 * offset, 100_000).is_none());
+        assert!(
+            bound >= offset * (1.0 - 1e-9) - 1e-15 && bound <= 1.8 * offset + 1e-13,
+            "{d:?}"
+        );
+        assert!(
+            prove(
+                &sphere(0.5),
+                &stereographic(0.5 + offset, 0.5),
+                0.9 * offset,
+                100_000
+            )
+            .is_none()
+        );
     }
     let exact = distances(&sphere(0.5), &stereographic(0.5, 0.5), None);
     assert!(exact.bound.expect("a proof") < 1e-13);
@@ -115,10 +165,17 @@ fn bounds_hold_at_self_intersections() {
 #[test]
 fn tolerances_are_kept() {
     let field = sphere(0.5);
-    let options = Options { tolerance: Some(1e-5), ..paper((2, 2), [0.0, 0.0, 0.5]) };
+    let options = Options {
+        tolerance: Some(1e-5),
+        ..paper((2, 2), [0.0, 0.0, 0.5])
+    };
     let made = parameterize(&field, &options).expect("a patch");
     let bound = made.distances.bound.expect("a proof");
-    assert!(bound <= 1e-5 && made.distances.sampled <= bound && bound <= 3.0 * made.distances.sampled, "{:?}", made.distances);
+    assert!(
+        bound <= 1e-5 && made.distances.sampled <= bound && bound <= 3.0 * made.distances.sampled,
+        "{:?}",
+        made.distances
+    );
     assert!(made.grown.area(&CUBE) > 0.2 * std::f64::consts::PI);
 }
 
@@ -126,12 +183,20 @@ fn tolerances_are_kept() {
 #[test]
 fn patches_to_a_tolerance_grow_as_large_as_they_can() {
     let text = "my_model(x[3], a[1]) { my_model = 0.15 - sqrt((sqrt(x[1]*x[1] + x[2]*x[2]) - 0.33)^2 + x[3]*x[3]); }";
-    let model = isoform_field::hyperfun::Model::parse(text, isoform_field::hyperfun::Mode::Default).expect("a model");
+    let model = isoform_field::hyperfun::Model::parse(text, isoform_field::hyperfun::Mode::Default)
+        .expect("a model");
     let parts = isoform_field::parts_of(&model, &[0.0]).expect("parts");
     for (degree, least) in [((2, 2), 0.23), ((3, 3), 0.23)] {
-        let options = Options { tolerance: Some(2e-5), ..paper(degree, [0.48, 0.0, 0.0]) };
+        let options = Options {
+            tolerance: Some(2e-5),
+            ..paper(degree, [0.48, 0.0, 0.0])
+        };
         let made = isoform_patch::parameterize_part(&parts, &options).expect("a patch");
-        assert!(made.distances.bound.is_some_and(|b| b <= 2e-5) && made.grown.area(&CUBE) > least, "{degree:?} {}", made.grown.area(&CUBE));
+        assert!(
+            made.distances.bound.is_some_and(|b| b <= 2e-5) && made.grown.area(&CUBE) > least,
+            "{degree:?} {}",
+            made.grown.area(&CUBE)
+        );
         assert!(made.grown.patch.control_weights().0 > 0.0);
     }
 }
@@ -140,11 +205,21 @@ fn patches_to_a_tolerance_grow_as_large_as_they_can() {
 #[test]
 fn patches_to_a_tolerance_are_grown_at_several_paces() {
     let torus = torus(0.33, 0.15);
-    let cases: [(&dyn Field, [f64; 3], f64, f64); 2] = [(&sphere(0.5), [0.0, 0.0, 0.5], 1e-5, 1.1), (&torus, [0.48, 0.0, 0.0], 2e-5, 0.39)];
+    let cases: [(&dyn Field, [f64; 3], f64, f64); 2] = [
+        (&sphere(0.5), [0.0, 0.0, 0.5], 1e-5, 1.1),
+        (&torus, [0.48, 0.0, 0.0], 2e-5, 0.39),
+    ];
     for (field, seed, tolerance, least) in cases {
-        let options = Options { tolerance: Some(tolerance), ..paper((2, 2), seed) };
+        let options = Options {
+            tolerance: Some(tolerance),
+            ..paper((2, 2), seed)
+        };
         let made = parameterize(field, &options).expect("a patch");
-        assert!(made.distances.bound.is_some_and(|b| b <= tolerance), "{:?}", made.distances);
+        assert!(
+            made.distances.bound.is_some_and(|b| b <= tolerance),
+            "{:?}",
+            made.distances
+        );
         assert!(made.grown.area(&CUBE) > least, "{}", made.grown.area(&CUBE));
     }
 }
@@ -157,17 +232,30 @@ fn patches_to_a_small_tolerance_are_large_from_all_seeds() {
             "my_model(x[3], a[1]) {{ a1 = 0.18 - sqrt(x[1]^2 + x[2]^2); a2 = 0.18 - sqrt(x[2]^2 + x[3]^2); t = 6.283185307179586;
             my_model = {formula}; }}"
         );
-        let model = isoform_field::hyperfun::Model::parse(&text, isoform_field::hyperfun::Mode::Default).expect("a model");
+        let model =
+            isoform_field::hyperfun::Model::parse(&text, isoform_field::hyperfun::Mode::Default)
+                .expect("a model");
         isoform_field::parts_of(&model, &[0.0]).expect("parts")
     };
     let schwarz = parts("cos(t*x[1]) + cos(t*x[2]) + cos(t*x[3])");
     let pipes = parts("0.5*(a1 + a2 + sqrt((a1 - a2)^2 + 0.0064))");
-    for (parts, tolerance, least, seeds) in [(&schwarz, 4e-7, 0.3, [5, 10, 12]), (&pipes, 5e-6, 0.2, [1, 10, 17])] {
+    for (parts, tolerance, least, seeds) in [
+        (&schwarz, 4e-7, 0.3, [5, 10, 12]),
+        (&pipes, 5e-6, 0.2, [1, 10, 17]),
+    ] {
         for seed in seeds {
-            let options = Options { tolerance: Some(tolerance), seed, ..Options::paper((3, 3), CUBE) };
+            let options = Options {
+                tolerance: Some(tolerance),
+                seed,
+                ..Options::paper((3, 3), CUBE)
+            };
             let made = parameterize(parts.parts[0].field.as_ref(), &options).expect("a patch");
             let edge = made.grown.area(&CUBE).sqrt();
-            assert!(made.distances.bound.is_some_and(|b| b <= tolerance), "{seed}: {:?}", made.distances);
+            assert!(
+                made.distances.bound.is_some_and(|b| b <= tolerance),
+                "{seed}: {:?}",
+                made.distances
+            );
             assert!(edge > least, "{seed}: {edge}");
         }
     }
@@ -176,12 +264,31 @@ fn patches_to_a_small_tolerance_are_large_from_all_seeds() {
 #[test]
 fn patches_on_quadrics_become_exact() {
     let field = sphere(0.5);
-    let made = parameterize(&field, &Options { exact: true, ..paper((2, 2), [0.0, 0.0, 0.5]) }).expect("a patch");
-    assert!(made.is_exact && made.grown.terms.i < 1e-28, "{:e}", made.grown.terms.i);
-    assert!(made.grown.area(&CUBE) > 0.3 * std::f64::consts::PI - 0.02 && made.grown.patch.control_weights().0 > 0.0);
+    let made = parameterize(
+        &field,
+        &Options {
+            exact: true,
+            ..paper((2, 2), [0.0, 0.0, 0.5])
+        },
+    )
+    .expect("a patch");
+    assert!(
+        made.is_exact && made.grown.terms.i < 1e-28,
+        "{:e}",
+        made.grown.terms.i
+    );
+    assert!(
+        made.grown.area(&CUBE) > 0.3 * std::f64::consts::PI - 0.02
+            && made.grown.patch.control_weights().0 > 0.0
+    );
     assert!(made.grown.sum() <= PAPER_LIMIT);
-    let Some(Quadric::Sphere { center, radius }) = made.quadric else { panic!("{:?}", made.quadric) };
-    assert!((radius - 0.5).abs() < 1e-12 && center.iter().all(|c| c.abs() < 1e-12), "{center:?}, {radius}");
+    let Some(Quadric::Sphere { center, radius }) = made.quadric else {
+        panic!("{:?}", made.quadric)
+    };
+    assert!(
+        (radius - 0.5).abs() < 1e-12 && center.iter().all(|c| c.abs() < 1e-12),
+        "{center:?}, {radius}"
+    );
 }
 
 type Term = ([u16; 3], f64);
@@ -190,17 +297,60 @@ type Term = ([u16; 3], f64);
 #[test]
 fn other_quadrics_become_exact_and_are_named() {
     let quadrics: [(&[Term], &str); 5] = [
-        (&[([2, 0, 0], 1.0), ([0, 2, 0], 1.0), ([0, 0, 2], 1.0), ([0, 0, 0], -0.25)], "sphere"),
-        (&[([2, 0, 0], 1.0), ([0, 2, 0], 2.0), ([0, 0, 2], 3.0), ([0, 0, 0], -0.25)], "quadric"),
-        (&[([2, 0, 0], 9.0), ([0, 2, 0], 9.0), ([0, 0, 0], -1.0)], "cylinder"),
-        (&[([2, 0, 0], 9.0), ([0, 2, 0], 9.0), ([0, 0, 2], -1.0), ([0, 0, 1], 2.0), ([0, 0, 0], -1.0)], "cone"),
-        (&[([2, 0, 0], 1.0), ([0, 2, 0], -1.0), ([0, 0, 1], -0.5)], "quadric"),
+        (
+            &[
+                ([2, 0, 0], 1.0),
+                ([0, 2, 0], 1.0),
+                ([0, 0, 2], 1.0),
+                ([0, 0, 0], -0.25),
+            ],
+            "sphere",
+        ),
+        (
+            &[
+                ([2, 0, 0], 1.0),
+                ([0, 2, 0], 2.0),
+                ([0, 0, 2], 3.0),
+                ([0, 0, 0], -0.25),
+            ],
+            "quadric",
+        ),
+        (
+            &[([2, 0, 0], 9.0), ([0, 2, 0], 9.0), ([0, 0, 0], -1.0)],
+            "cylinder",
+        ),
+        (
+            &[
+                ([2, 0, 0], 9.0),
+                ([0, 2, 0], 9.0),
+                ([0, 0, 2], -1.0),
+                ([0, 0, 1], 2.0),
+                ([0, 0, 0], -1.0),
+            ],
+            "cone",
+        ),
+        (
+            &[([2, 0, 0], 1.0), ([0, 2, 0], -1.0), ([0, 0, 1], -0.5)],
+            "quadric",
+        ),
     ];
     for (terms, name) in quadrics {
         let field = isoform_field::Polynomial::new(terms.to_vec());
         for seed in 1..=5 {
-            let made = parameterize(&field, &Options { exact: true, seed, ..Options::paper((2, 2), CUBE) }).expect("a patch");
-            assert!(made.grown.terms.i < 1e-28, "{name}, {seed}: {:e}", made.grown.terms.i);
+            let made = parameterize(
+                &field,
+                &Options {
+                    exact: true,
+                    seed,
+                    ..Options::paper((2, 2), CUBE)
+                },
+            )
+            .expect("a patch");
+            assert!(
+                made.grown.terms.i < 1e-28,
+                "{name}, {seed}: {:e}",
+                made.grown.terms.i
+            );
             assert!(made.is_exact, "{name}, {seed}: {:?}", made.distances);
             assert_eq!(made.quadric.map(|q| q.name()), Some(name), "{seed}");
         }
@@ -212,12 +362,44 @@ fn other_quadrics_become_exact_and_are_named() {
 fn patches_on_tori_become_exact_and_are_named() {
     let field = torus(0.33, 0.15);
     for (degree, seed) in [((2, 2), 1), ((2, 2), 2), ((3, 3), 3), ((4, 3), 4)] {
-        let made = parameterize(&field, &Options { exact: true, seed, ..Options::paper(degree, CUBE) }).expect("a patch");
-        assert!(made.is_exact && made.grown.terms.i < 1e-28, "{degree:?}, {seed}: {:e}", made.grown.terms.i);
-        assert!(made.distances.bound.is_some_and(|b| b < 1e-12), "{:?}", made.distances);
-        assert!(made.is_within_limit && made.grown.area(&CUBE) > 0.05, "{degree:?}, {seed}: {}", made.grown.area(&CUBE));
-        let Some(Quadric::Torus { center, axis, major, minor }) = made.quadric else { panic!("{:?}", made.quadric) };
-        assert!((major - 0.33).abs() < 1e-12 && (minor - 0.15).abs() < 1e-12 && axis[2].abs() > 1.0 - 1e-12);
+        let made = parameterize(
+            &field,
+            &Options {
+                exact: true,
+                seed,
+                ..Options::paper(degree, CUBE)
+            },
+        )
+        .expect("a patch");
+        assert!(
+            made.is_exact && made.grown.terms.i < 1e-28,
+            "{degree:?}, {seed}: {:e}",
+            made.grown.terms.i
+        );
+        assert!(
+            made.distances.bound.is_some_and(|b| b < 1e-12),
+            "{:?}",
+            made.distances
+        );
+        assert!(
+            made.is_within_limit && made.grown.area(&CUBE) > 0.05,
+            "{degree:?}, {seed}: {}",
+            made.grown.area(&CUBE)
+        );
+        let Some(Quadric::Torus {
+            center,
+            axis,
+            major,
+            minor,
+        }) = made.quadric
+        else {
+            panic!("{:?}", made.quadric)
+        };
+        assert!(
+            (major - 0.33).abs() < 1e-12
+                && (minor - 0.15).abs() < 1e-12
+                && axis[2].abs() > 1.0 - 1e-12
+        );
         assert!(center.iter().all(|c| c.abs() < 1e-12), "{center:?}");
     }
 }
@@ -226,9 +408,26 @@ fn patches_on_tori_become_exact_and_are_named() {
 #[test]
 fn exact_patches_are_found_from_small_ones() {
     let field = torus(0.33, 0.15);
-    for (tolerance, seed_point) in [(None, [0.48, 0.0, 0.0]), (Some(1e-4), [0.48, 0.0, 0.0]), (Some(1e-4), [0.0, 0.3, 0.2])] {
-        let made = parameterize(&field, &Options { exact: true, tolerance, ..paper((2, 2), seed_point) }).expect("a patch");
-        assert!(made.is_exact && made.grown.area(&CUBE) > 0.1, "{:?}, {}", made.distances, made.grown.area(&CUBE));
+    for (tolerance, seed_point) in [
+        (None, [0.48, 0.0, 0.0]),
+        (Some(1e-4), [0.48, 0.0, 0.0]),
+        (Some(1e-4), [0.0, 0.3, 0.2]),
+    ] {
+        let made = parameterize(
+            &field,
+            &Options {
+                exact: true,
+                tolerance,
+                ..paper((2, 2), seed_point)
+            },
+        )
+        .expect("a patch");
+        assert!(
+            made.is_exact && made.grown.area(&CUBE) > 0.1,
+            "{:?}, {}",
+            made.distances,
+            made.grown.area(&CUBE)
+        );
         assert_eq!(made.quadric.map(|q| q.name()), Some("torus"));
     }
 }
@@ -237,12 +436,33 @@ fn exact_patches_are_found_from_small_ones() {
 #[test]
 fn patches_across_a_double_curve_become_exact() {
     let field = whitney();
-    let made = parameterize(&field, &Options { exact: true, ..paper((2, 2), [0.22, 0.35, 0.0]) }).expect("a patch");
-    assert!(made.is_exact && made.grown.terms.i < 1e-28, "{:?}", made.distances);
-    let sides: Vec<f64> = [0.0, 1.0].iter().flat_map(|u| [0.0, 1.0].map(|v| made.grown.patch.point(*u, v)[1])).collect();
-    assert!(sides.iter().any(|y| *y < 0.0) && sides.iter().any(|y| *y > 0.0), "{sides:?}");
+    let made = parameterize(
+        &field,
+        &Options {
+            exact: true,
+            ..paper((2, 2), [0.22, 0.35, 0.0])
+        },
+    )
+    .expect("a patch");
+    assert!(
+        made.is_exact && made.grown.terms.i < 1e-28,
+        "{:?}",
+        made.distances
+    );
+    let sides: Vec<f64> = [0.0, 1.0]
+        .iter()
+        .flat_map(|u| [0.0, 1.0].map(|v| made.grown.patch.point(*u, v)[1]))
+        .collect();
+    assert!(
+        sides.iter().any(|y| *y < 0.0) && sides.iter().any(|y| *y > 0.0),
+        "{sides:?}"
+    );
     let bound = made.distances.bound.expect("a proof");
-    assert!(bound >= made.distances.sampled && bound < 1e-6, "{:?}", made.distances);
+    assert!(
+        bound >= made.distances.sampled && bound < 1e-6,
+        "{:?}",
+        made.distances
+    );
     assert_eq!(made.quadric, None);
 }
 
@@ -251,12 +471,18 @@ fn patches_across_a_double_curve_become_exact() {
 #[test]
 fn far_control_points_do_not_loosen_bounds() {
     let patch = stereographic(0.5, 0.7);
-    let far = patch.control().iter().fold(0.0f64, |m, c| m.max((c[2] / c[3]).abs()));
+    let far = patch
+        .control()
+        .iter()
+        .fold(0.0f64, |m, c| m.max((c[2] / c[3]).abs()));
     assert!(far > 40.0, "{far}");
     let text = "my_model(x[3], a[1]) { my_model = 0.5 - sqrt(x[1]^2 + x[2]^2 + x[3]^2); }";
-    let model = isoform_field::hyperfun::Model::parse(text, isoform_field::hyperfun::Mode::Default).expect("a model");
+    let model = isoform_field::hyperfun::Model::parse(text, isoform_field::hyperfun::Mode::Default)
+        .expect("a model");
     let parts = isoform_field::parts_of(&model, &[0.0]).expect("parts");
-    let bound = distances(parts.parts[0].field.as_ref(), &patch, None).bound.expect("a proof");
+    let bound = distances(parts.parts[0].field.as_ref(), &patch, None)
+        .bound
+        .expect("a proof");
     assert!(bound < 1e-6, "{bound:e}");
 }
 
@@ -265,11 +491,15 @@ fn far_control_points_do_not_loosen_bounds() {
 fn bounds_at_crossings_are_no_less_than_distances() {
     let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);
     for d in [1e-12, 1e-13, 0.0] {
-        let patch = RationalPatch::planar((2, 2), [d, -0.3, -0.3], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]);
+        let patch =
+            RationalPatch::planar((2, 2), [d, -0.3, -0.3], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]);
         // |F| = 0.3 d at most, and λ = 1: √(0.6 d), and rounding.
         let bound = prove(&planes, &patch, 2e-6, 100_000).expect("a proof");
         let known = (0.6 * d).sqrt();
-        assert!(bound >= d.max(known) && bound < known + 2e-7, "{d:e}: {bound:e}");
+        assert!(
+            bound >= d.max(known) && bound < known + 2e-7,
+            "{d:e}: {bound:e}"
+        );
     }
 }
 
@@ -281,29 +511,100 @@ impl Field for HalfNan {
     }
     fn jet(&self, p: Point3) -> Jet2 {
         let v = if p[0] > 0.1 { f64::NAN } else { p[2] };
-        Jet2 { v, g: [0.0, 0.0, 1.0], h: [0.0; 6] }
+        Jet2 {
+            v,
+            g: [0.0, 0.0, 1.0],
+            h: [0.0; 6],
+        }
     }
 }
 
 #[test]
 fn bad_input_is_refused_with_a_reason() {
     let field = sphere(0.5);
-    let error = |field: &dyn Field, options: Options| parameterize(field, &options).map(|_| ()).expect_err("no patch");
+    let error = |field: &dyn Field, options: Options| {
+        parameterize(field, &options)
+            .map(|_| ())
+            .expect_err("no patch")
+    };
     let at = |seed| paper((2, 2), seed);
     assert_eq!(error(&field, paper((0, 2), [0.0; 3])), Error::Degree(0, 2));
-    assert_eq!(error(&field, paper((2, 99), [0.0; 3])), Error::Degree(2, 99));
-    assert_eq!(error(&field, Options { limit: -1.0, ..at([0.0, 0.0, 0.5]) }), Error::Option { name: "the bound on S", value: -1.0 });
-    assert_eq!(error(&field, Options { region: Aabb::EMPTY, ..at([0.0, 0.0, 0.5]) }), Error::Region);
+    assert_eq!(
+        error(&field, paper((2, 99), [0.0; 3])),
+        Error::Degree(2, 99)
+    );
+    assert_eq!(
+        error(
+            &field,
+            Options {
+                limit: -1.0,
+                ..at([0.0, 0.0, 0.5])
+            }
+        ),
+        Error::Option {
+            name: "the bound on S",
+            value: -1.0
+        }
+    );
+    assert_eq!(
+        error(
+            &field,
+            Options {
+                region: Aabb::EMPTY,
+                ..at([0.0, 0.0, 0.5])
+            }
+        ),
+        Error::Region
+    );
     assert_eq!(error(&field, at([0.0; 3])), Error::FarSeed { at: [0.0; 3] });
-    assert_eq!(error(&field, at([40.0, 0.0, 0.0])), Error::FarSeed { at: [40.0, 0.0, 0.0] });
-    assert_eq!(error(&whitney(), at([0.0, 0.0, 0.2])), Error::Singular { at: [0.0, 0.0, 0.2] });
-    assert_eq!(error(&sphere(9.0), Options::paper((2, 2), CUBE)), Error::NoSurface);
-    assert!(matches!(error(&HalfNan, at([0.3, 0.0, 0.0])), Error::NotFinite { .. }));
+    assert_eq!(
+        error(&field, at([40.0, 0.0, 0.0])),
+        Error::FarSeed {
+            at: [40.0, 0.0, 0.0]
+        }
+    );
+    assert_eq!(
+        error(&whitney(), at([0.0, 0.0, 0.2])),
+        Error::Singular {
+            at: [0.0, 0.0, 0.2]
+        }
+    );
+    assert_eq!(
+        error(&sphere(9.0), Options::paper((2, 2), CUBE)),
+        Error::NoSurface
+    );
+    assert!(matches!(
+        error(&HalfNan, at([0.3, 0.0, 0.0])),
+        Error::NotFinite { .. }
+    ));
     let method = Method::Newton;
-    assert_eq!(error(&HalfNan, Options { method, ..at([0.0, 0.0, 0.1]) }), Error::NoThirdDerivatives);
+    assert_eq!(
+        error(
+            &HalfNan,
+            Options {
+                method,
+                ..at([0.0, 0.0, 0.1])
+            }
+        ),
+        Error::NoThirdDerivatives
+    );
     // Beside the part without values there is a patch, and it stays out of it.
-    let made = parameterize(&HalfNan, &Options { most_extrapolations: 20, ..at([0.0, 0.0, 0.1]) }).expect("a patch");
-    assert!(made.grown.patch.control().iter().flatten().all(|v| v.is_finite()));
+    let made = parameterize(
+        &HalfNan,
+        &Options {
+            most_extrapolations: 20,
+            ..at([0.0, 0.0, 0.1])
+        },
+    )
+    .expect("a patch");
+    assert!(
+        made.grown
+            .patch
+            .control()
+            .iter()
+            .flatten()
+            .all(|v| v.is_finite())
+    );
     assert_eq!(made.distances.bound, None);
 }
 
@@ -332,22 +633,41 @@ impl Field for Slow {
 #[test]
 fn a_patch_that_is_not_full_grown_in_time_has_a_bound() {
     let deadline = Some(std::time::Instant::now() + std::time::Duration::from_millis(700));
-    let made = parameterize(&Slow(sphere(0.5)), &Options { deadline, ..paper((2, 2), [0.0, 0.0, 0.5]) }).expect("a patch");
+    let made = parameterize(
+        &Slow(sphere(0.5)),
+        &Options {
+            deadline,
+            ..paper((2, 2), [0.0, 0.0, 0.5])
+        },
+    )
+    .expect("a patch");
     assert!(made.is_late);
-    assert!(made.distances.bound.is_some_and(|b| b >= made.distances.sampled));
+    assert!(
+        made.distances
+            .bound
+            .is_some_and(|b| b >= made.distances.sampled)
+    );
 }
 
 /// Where min(0.3 − |x|, …) has an edge, projections of places outside end on it: from there no patch grows, but from other seeds.
 #[test]
 fn seeds_on_edges_are_left_for_others() {
-    let text = "my_model(x[3], a[1]) { my_model = min(0.3 - sqrt(x[1]^2 + x[2]^2), 0.4 - abs(x[3])); }";
-    let model = isoform_field::hyperfun::Model::parse(text, isoform_field::hyperfun::Mode::Default).expect("a model");
+    let text =
+        "my_model(x[3], a[1]) { my_model = min(0.3 - sqrt(x[1]^2 + x[2]^2), 0.4 - abs(x[3])); }";
+    let model = isoform_field::hyperfun::Model::parse(text, isoform_field::hyperfun::Mode::Default)
+        .expect("a model");
     let mut graph = isoform_field::Graph::new();
     let root = model.compile(&mut graph).expect("an expression");
     let tape = isoform_field::Tape::new(&graph, &[root], 3, 1);
     let field = isoform_field::Bound::new(isoform_field::Residual::new(tape), &[0.0]);
     for seed in 1..=12 {
-        let made = parameterize(&field, &Options { seed, ..Options::paper((3, 3), CUBE) });
+        let made = parameterize(
+            &field,
+            &Options {
+                seed,
+                ..Options::paper((3, 3), CUBE)
+            },
+        );
         assert!(made.is_ok(), "{seed}: {:?}", made.err());
     }
 }
@@ -355,10 +675,29 @@ fn seeds_on_edges_are_left_for_others() {
 /// Steiner's Roman surface has three double lines that meet in a triple point: where nothing can be proved near these, patches end before.
 #[test]
 fn patches_end_before_what_cannot_be_proved() {
-    let terms = [([2, 2, 0], 16.0), ([0, 2, 2], 16.0), ([2, 0, 2], 16.0), ([1, 1, 1], -8.0)];
+    let terms = [
+        ([2, 2, 0], 16.0),
+        ([0, 2, 2], 16.0),
+        ([2, 0, 2], 16.0),
+        ([1, 1, 1], -8.0),
+    ];
     let roman = isoform_field::Polynomial::new(terms);
-    let made = parameterize(&roman, &Options { tolerance: Some(1e-4), seed: 1, ..Options::paper((3, 3), CUBE) }).expect("a patch");
-    assert!(made.distances.bound.is_some_and(|b| b <= 1e-4 && b >= made.distances.sampled), "{:?}", made.distances);
+    let made = parameterize(
+        &roman,
+        &Options {
+            tolerance: Some(1e-4),
+            seed: 1,
+            ..Options::paper((3, 3), CUBE)
+        },
+    )
+    .expect("a patch");
+    assert!(
+        made.distances
+            .bound
+            .is_some_and(|b| b <= 1e-4 && b >= made.distances.sampled),
+        "{:?}",
+        made.distances
+    );
     assert!(made.grown.area(&CUBE) > 0.2, "{}", made.grown.area(&CUBE));
 }
 

@@ -6,18 +6,29 @@ use std::fmt::Write;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().collect();
-    let [_, file, half_width, out @ ..] = &args[..] else { return Err("usage: surface MAP.json BOX [OUT.obj]".into()) };
+    let [_, file, half_width, out @ ..] = &args[..] else {
+        return Err("usage: surface MAP.json BOX [OUT.obj]".into());
+    };
     let map = Map::from_json(&std::fs::read_to_string(file)?, Default::default())?;
     let b: f64 = half_width.parse()?;
     let options = TriangulateOptions {
         half_width: RBig::try_from(b).map_err(|_| "not a number")?,
         domain: None,
         mode: Mode::Glued,
-        mesh: MeshOptions { tolerance: 5e-4 * b, longest: 0.25 * b, triangles: 2_000_000 },
+        mesh: MeshOptions {
+            tolerance: 5e-4 * b,
+            longest: 0.25 * b,
+            triangles: 2_000_000,
+        },
         budget: Budget::default(),
     };
     let (surface, analysis) = triangulate(&map, &options, &|| false)?;
-    println!("{} triangles, {:?}, {:?}", surface.triangles.len(), surface.unproven, analysis.seconds);
+    println!(
+        "{} triangles, {:?}, {:?}",
+        surface.triangles.len(),
+        surface.unproven,
+        analysis.seconds
+    );
     if let [out, ..] = out {
         let mut text = String::new();
         for [x, y, z] in &surface.points {

@@ -5,7 +5,8 @@ use crate::map::Map;
 use crate::singular::{Singular, singular};
 use crate::univariate::Stopped;
 use isoform_algebra::{
-    CurveTopology, DEFAULT_MAX_DEGREE, FactorError, Implicit, MapDegrees, MapError, Poly, curve_topology, implicit, map_degrees,
+    CurveTopology, DEFAULT_MAX_DEGREE, FactorError, Implicit, MapDegrees, MapError, Poly,
+    curve_topology, implicit, map_degrees,
 };
 use std::time::Instant;
 
@@ -23,7 +24,11 @@ pub struct Budget {
 
 impl Default for Budget {
     fn default() -> Self {
-        Self { implicit_degree: DEFAULT_MAX_DEGREE, everywhere: true, seconds: f64::INFINITY }
+        Self {
+            implicit_degree: DEFAULT_MAX_DEGREE,
+            everywhere: true,
+            seconds: f64::INFINITY,
+        }
     }
 }
 
@@ -69,46 +74,68 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
         Ok(factors) => found.pole = Some(factors),
         Err(error) => {
             assert_eq!(error, FactorError::Stopped, "a form in three variables");
-            found.unproven.push("factors of the pole curve: stopped".to_owned());
+            found
+                .unproven
+                .push("factors of the pole curve: stopped".to_owned());
         }
     }
     lap(&mut found, "pole");
 
     match curve_topology(&map.forms()[3], stop) {
         Ok(topology) => found.pole_topology = Some(topology),
-        Err(error) => found.unproven.push(format!("the topology of the pole curve: {error}")),
+        Err(error) => found
+            .unproven
+            .push(format!("the topology of the pole curve: {error}")),
     }
     lap(&mut found, "pole topology");
 
-    degrees(map, classes.ok().map(|c| c.multiplicity()), stop, &mut found);
+    degrees(
+        map,
+        classes.ok().map(|c| c.multiplicity()),
+        stop,
+        &mut found,
+    );
     lap(&mut found, "degrees");
 
     match found.degrees {
         _ if budget.implicit_degree == 0 => {}
         Some(degrees) if degrees.implicit_degree <= budget.implicit_degree => {
-            match implicit(map.affine(), budget.implicit_degree, &until(budget.seconds, stop)) {
+            match implicit(
+                map.affine(),
+                budget.implicit_degree,
+                &until(budget.seconds, stop),
+            ) {
                 Ok(equation) => found.implicit = equation,
-                Err(error) => found.unproven.push(format!("self-intersections: the implicit equation: {error}")),
+                Err(error) => found.unproven.push(format!(
+                    "self-intersections: the implicit equation: {error}"
+                )),
             }
         }
         Some(degrees) => {
             let degree = degrees.implicit_degree;
-            found
-                .unproven
-                .push(format!("self-intersections: the surface has degree {degree}, above the limit of {}", budget.implicit_degree));
+            found.unproven.push(format!(
+                "self-intersections: the surface has degree {degree}, above the limit of {}",
+                budget.implicit_degree
+            ));
         }
-        None => found.unproven.push("self-intersections: the degree of the surface is unknown".to_owned()),
+        None => found
+            .unproven
+            .push("self-intersections: the degree of the surface is unknown".to_owned()),
     }
     if let (Some(counted), Some(equation)) = (found.degrees, &found.implicit)
         && counted != equation.degrees
     {
-        found.unproven.push("the degree of the map: counting and the implicit equation disagree".to_owned());
+        found
+            .unproven
+            .push("the degree of the map: counting and the implicit equation disagree".to_owned());
     }
     lap(&mut found, "implicit equation");
 
     match singular(map, found.implicit.as_ref(), &until(budget.seconds, stop)) {
         Ok(curves) => found.singular = Some(curves),
-        Err(Stopped) => found.unproven.push("double, ramified and contracted curves: stopped".to_owned()),
+        Err(Stopped) => found
+            .unproven
+            .push("double, ramified and contracted curves: stopped".to_owned()),
     }
     lap(&mut found, "singular curves");
     found
@@ -128,16 +155,27 @@ pub(crate) fn analyse_clear(map: &Map, stop: &dyn Fn() -> bool) -> Analysis {
         Ok(curves) => found.singular = Some(curves),
         Err(Stopped) => found.unproven.push("contracted curves: stopped".to_owned()),
     }
-    found.seconds.push(("singular curves", clock.elapsed().as_secs_f64()));
+    found
+        .seconds
+        .push(("singular curves", clock.elapsed().as_secs_f64()));
     found
 }
 
 /// Counts the degrees and proves their product by the base points.
-fn degrees(map: &Map, base_multiplicity: Option<usize>, stop: &dyn Fn() -> bool, found: &mut Analysis) {
+fn degrees(
+    map: &Map,
+    base_multiplicity: Option<usize>,
+    stop: &dyn Fn() -> bool,
+    found: &mut Analysis,
+) {
     match map_degrees(map.affine(), stop) {
         Ok(degrees) => found.degrees = Some(degrees),
-        Err(MapError::Stopped) => found.unproven.push("the degree of the map: stopped".to_owned()),
-        Err(error) => found.unproven.push(format!("the degree of the map: {error}")),
+        Err(MapError::Stopped) => found
+            .unproven
+            .push("the degree of the map: stopped".to_owned()),
+        Err(error) => found
+            .unproven
+            .push(format!("the degree of the map: {error}")),
     }
     if let Some(degrees) = found.degrees {
         let counted = degrees.base_multiplicity;
@@ -145,7 +183,9 @@ fn degrees(map: &Map, base_multiplicity: Option<usize>, stop: &dyn Fn() -> bool,
             Some(sum) if sum != counted => {
                 found.unproven.push(format!("the degree of the map: base points of multiplicity {counted} counted, {sum} found"));
             }
-            None => found.unproven.push("the degree of the map: counted, not proven".to_owned()),
+            None => found
+                .unproven
+                .push("the degree of the map: counted, not proven".to_owned()),
             Some(_) => {}
         }
     }

@@ -79,7 +79,11 @@ pub struct Near {
 impl Seam {
     /// How many blow-ups are needed one after the other beyond the first: 0 if no real direction is common.
     pub fn blowups(&self) -> usize {
-        self.near.iter().map(|near| 1 + near.seam.blowups()).max().unwrap_or(0)
+        self.near
+            .iter()
+            .map(|near| 1 + near.seam.blowups())
+            .max()
+            .unwrap_or(0)
     }
 }
 
@@ -112,7 +116,9 @@ impl Classes {
     /// All classes, or only those with real points.
     pub(crate) fn new(map: &Map, real: bool, stop: &dyn Fn() -> bool) -> Result<Self, Stopped> {
         let zeros = common_zeros(map.forms(), real, stop)?;
-        let classes = zeros.into_iter().map(|zero| class_at(map, &zero, real, stop).map(|class| (zero, class)));
+        let classes = zeros
+            .into_iter()
+            .map(|zero| class_at(map, &zero, real, stop).map(|class| (zero, class)));
         Ok(Self(classes.collect::<Result<_, _>>()?))
     }
     /// The real points, by chart and then by field and root.
@@ -120,7 +126,11 @@ impl Classes {
         let mut points = Vec::new();
         for (zero, class) in &self.0 {
             for (root, point) in zero.real().into_iter().enumerate() {
-                points.push(BasePoint { chart: zero.chart, point, seam: class.at(root) });
+                points.push(BasePoint {
+                    chart: zero.chart,
+                    point,
+                    seam: class.at(root),
+                });
             }
         }
         points
@@ -178,9 +188,20 @@ fn class_at(map: &Map, zero: &Zero, real: bool, stop: &dyn Fn() -> bool) -> Resu
         check(stop)?;
         local.push(expand(form, zero, room));
     }
-    let mut class = blow_up(&zero.field, local.try_into().expect("four forms"), room, real, stop)?;
+    let mut class = blow_up(
+        &zero.field,
+        local.try_into().expect("four forms"),
+        room,
+        real,
+        stop,
+    )?;
     if !class.near.is_empty() {
-        class.lift(map.forms().each_ref().map(|form| expand(form, zero, map.degree())), stop)?;
+        class.lift(
+            map.forms()
+                .each_ref()
+                .map(|form| expand(form, zero, map.degree())),
+            stop,
+        )?;
     }
     Ok(class)
 }
@@ -195,7 +216,11 @@ fn expand(form: &Poly, zero: &Zero, room: usize) -> Local {
         for c in row.coefficients_in(v).iter().rev() {
             inner = times_linear(k, &inner, &zero.at[1]);
             inner.truncate(room + 1);
-            add_to(&mut inner, 0, &Element::rational(&c.as_constant().expect("two variables")));
+            add_to(
+                &mut inner,
+                0,
+                &Element::rational(&c.as_constant().expect("two variables")),
+            );
         }
         // result·(u + a) + inner
         let mut next: Vec<Vec<Element>> = vec![Vec::new(); result.len() + 1];
@@ -214,7 +239,12 @@ fn expand(form: &Poly, zero: &Zero, room: usize) -> Local {
         }
         result = next;
     }
-    let cells = result.into_iter().enumerate().flat_map(|(i, column)| column.into_iter().enumerate().map(move |(j, c)| ([i, j], c)));
+    let cells = result.into_iter().enumerate().flat_map(|(i, column)| {
+        column
+            .into_iter()
+            .enumerate()
+            .map(move |(j, c)| ([i, j], c))
+    });
     cells.filter(|(_, c)| !c.is_zero()).collect()
 }
 
@@ -238,19 +268,37 @@ fn add_to(p: &mut Vec<Element>, at: usize, c: &Element) {
 /// The squares of the multiplicities of this point and of those infinitely near to it add up to `room` at most, all conjugates counted
 /// to `room` times the degree of the field. A term of degree d is one of degree d − q at least in the next blow-up, so terms of a
 /// degree above the sum of multiplicities never reach a leading form and are left out.
-fn blow_up(k: &Arc<NumberField>, mut local: [Local; 4], room: usize, real: bool, stop: &dyn Fn() -> bool) -> Result<Class, Stopped> {
+fn blow_up(
+    k: &Arc<NumberField>,
+    mut local: [Local; 4],
+    room: usize,
+    real: bool,
+    stop: &dyn Fn() -> bool,
+) -> Result<Class, Stopped> {
     check(stop)?;
     for f in &mut local {
         f.retain(|[i, j], _| i + j <= room);
     }
     let order = |f: &Local| f.keys().map(|[i, j]| i + j).min();
-    let q = local.iter().filter_map(order).min().expect("forms that are not all zero");
+    let q = local
+        .iter()
+        .filter_map(order)
+        .min()
+        .expect("forms that are not all zero");
     assert!(q > 0, "a base point");
-    let room = room.checked_sub(q * q).expect("multiplicities within the degree of the map");
+    let room = room
+        .checked_sub(q * q)
+        .expect("multiplicities within the degree of the map");
     // Coefficients of a^q, a^(q−1)b, …: of the powers of b/a, lowest first.
-    let leading = local.each_ref().map(|f| (0..=q).map(|j| f.get(&[q - j, j]).cloned().unwrap_or_default()).collect::<Coefficients>());
+    let leading = local.each_ref().map(|f| {
+        (0..=q)
+            .map(|j| f.get(&[q - j, j]).cloned().unwrap_or_default())
+            .collect::<Coefficients>()
+    });
     // The power of a that divides all of them is seen at the upper end, where trimming loses it.
-    let vertical = (0..=q).take_while(|&i| leading.iter().all(|f| f[q - i].is_zero())).count();
+    let vertical = (0..=q)
+        .take_while(|&i| leading.iter().all(|f| f[q - i].is_zero()))
+        .count();
     let mut common: Coefficients = Vec::new();
     for f in &leading {
         let mut f = f.clone();
@@ -269,23 +317,57 @@ fn blow_up(k: &Arc<NumberField>, mut local: [Local; 4], room: usize, real: bool,
         let target = &extension.field;
         let moved = local.each_ref().map(|f| {
             let same = Arc::ptr_eq(target, k);
-            let inside = |c: &Element| if same { c.clone() } else { k.embed(c, target, &extension.theta) };
+            let inside = |c: &Element| {
+                if same {
+                    c.clone()
+                } else {
+                    k.embed(c, target, &extension.theta)
+                }
+            };
             along_direction(target, f, &extension.root, q, inside)
         });
-        let class = blow_up(target, moved, room * k.degree() / target.degree(), real, stop)?;
-        near.push(NearClass { theta: extension.theta, direction: [Element::rational(&RBig::ONE), extension.root], class });
+        let class = blow_up(
+            target,
+            moved,
+            room * k.degree() / target.degree(),
+            real,
+            stop,
+        )?;
+        near.push(NearClass {
+            theta: extension.theta,
+            direction: [Element::rational(&RBig::ONE), extension.root],
+            class,
+        });
     }
     if vertical > 0 {
         let moved = local.each_ref().map(|f| across(f, q));
         let direction = [Element::zero(), Element::rational(&RBig::ONE)];
-        near.push(NearClass { theta: k.generator(), direction, class: blow_up(k, moved, room, real, stop)? });
+        near.push(NearClass {
+            theta: k.generator(),
+            direction,
+            class: blow_up(k, moved, room, real, stop)?,
+        });
     }
     common.resize(common.len() + vertical, Element::zero());
-    Ok(Class { field: Arc::clone(k), multiplicity: q, leading, common, curve, near, forms: Default::default() })
+    Ok(Class {
+        field: Arc::clone(k),
+        multiplicity: q,
+        leading,
+        common,
+        curve,
+        near,
+        forms: Default::default(),
+    })
 }
 
 /// u^i v^j becomes u′^(i+j−q)(v₀ + v′)^j.
-fn along_direction(k: &NumberField, f: &Local, v0: &Element, q: usize, inside: impl Fn(&Element) -> Element) -> Local {
+fn along_direction(
+    k: &NumberField,
+    f: &Local,
+    v0: &Element,
+    q: usize,
+    inside: impl Fn(&Element) -> Element,
+) -> Local {
     let mut rows: BTreeMap<usize, BTreeMap<usize, Element>> = BTreeMap::new();
     for ([i, j], c) in f {
         rows.entry(i + j - q).or_default().insert(*j, inside(c));
@@ -300,14 +382,22 @@ fn along_direction(k: &NumberField, f: &Local, v0: &Element, q: usize, inside: i
                 add_to(&mut shifted, 0, c);
             }
         }
-        result.extend(shifted.into_iter().enumerate().filter(|(_, c)| !c.is_zero()).map(|(j, c)| ([i, j], c)));
+        result.extend(
+            shifted
+                .into_iter()
+                .enumerate()
+                .filter(|(_, c)| !c.is_zero())
+                .map(|(j, c)| ([i, j], c)),
+        );
     }
     result
 }
 
 /// u^i v^j becomes u′^i v′^(i+j−q).
 fn across(f: &Local, q: usize) -> Local {
-    f.iter().map(|([i, j], c)| ([*i, i + j - q], c.clone())).collect()
+    f.iter()
+        .map(|([i, j], c)| ([*i, i + j - q], c.clone()))
+        .collect()
 }
 
 impl Class {
@@ -317,7 +407,13 @@ impl Class {
         for near in &mut self.near {
             let target = Arc::clone(&near.class.field);
             let same = Arc::ptr_eq(&target, &self.field);
-            let inside = |c: &Element| if same { c.clone() } else { self.field.embed(c, &target, &near.theta) };
+            let inside = |c: &Element| {
+                if same {
+                    c.clone()
+                } else {
+                    self.field.embed(c, &target, &near.theta)
+                }
+            };
             let moved = forms.each_ref().map(|f| match near.direction[0].is_zero() {
                 true => across(f, self.multiplicity),
                 false => along_direction(&target, f, &near.direction[1], self.multiplicity, inside),
@@ -329,19 +425,32 @@ impl Class {
     }
 
     fn sum_of_squares(&self) -> usize {
-        self.field.degree() * self.multiplicity.pow(2) + self.near.iter().map(|n| n.class.sum_of_squares()).sum::<usize>()
+        self.field.degree() * self.multiplicity.pow(2)
+            + self
+                .near
+                .iter()
+                .map(|n| n.class.sum_of_squares())
+                .sum::<usize>()
     }
 
     /// The blow-up of the real point of that index.
     fn at(&self, root: usize) -> Seam {
         let number = |e: &Element| Algebraic::new(&self.field, root, e.clone());
-        let form = |f: &Coefficients| BinaryForm { coefficients: f.iter().map(number).collect() };
+        let form = |f: &Coefficients| BinaryForm {
+            coefficients: f.iter().map(number).collect(),
+        };
         let mut near = Vec::new();
         for below in &self.near {
             for above in 0..below.class.field.real_roots().len() {
                 if below.lies_over(&self.field, above) == root {
-                    let direction = below.direction.each_ref().map(|e| Algebraic::new(&below.class.field, above, e.clone()));
-                    near.push(Near { direction, seam: below.class.at(above) });
+                    let direction = below
+                        .direction
+                        .each_ref()
+                        .map(|e| Algebraic::new(&below.class.field, above, e.clone()));
+                    near.push(Near {
+                        direction,
+                        seam: below.class.at(above),
+                    });
                 }
             }
         }
@@ -351,7 +460,10 @@ impl Class {
             common: form(&self.common),
             curve: self.curve.each_ref().map(form),
             near,
-            forms: self.forms.each_ref().map(|f| f.iter().map(|(e, c)| (*e, number(c))).collect()),
+            forms: self
+                .forms
+                .each_ref()
+                .map(|f| f.iter().map(|(e, c)| (*e, number(c))).collect()),
         }
     }
 }
@@ -366,8 +478,14 @@ impl NearClass {
         for bits in (32..).step_by(32) {
             let (lo, hi) = theta.interval(bits);
             // θ is one of the roots: the only one that is not apart from the interval.
-            let apart = |r: &isoform_algebra::RealRoot| r.cmp_rational(&lo).is_lt() || r.cmp_rational(&hi).is_gt();
-            let mut candidates = below.real_roots().iter().enumerate().filter(|(_, r)| !apart(r));
+            let apart = |r: &isoform_algebra::RealRoot| {
+                r.cmp_rational(&lo).is_lt() || r.cmp_rational(&hi).is_gt()
+            };
+            let mut candidates = below
+                .real_roots()
+                .iter()
+                .enumerate()
+                .filter(|(_, r)| !apart(r));
             if let (Some((root, _)), None) = (candidates.next(), candidates.next()) {
                 return root;
             }

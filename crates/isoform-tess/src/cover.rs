@@ -21,7 +21,10 @@ pub(crate) struct Involution {
 
 impl Involution {
     /// That of a seam curve, if it runs through its points exactly twice.
-    pub(crate) fn of(curve: &[BinaryForm; 4], stop: &dyn Fn() -> bool) -> Result<Option<Self>, Stopped> {
+    pub(crate) fn of(
+        curve: &[BinaryForm; 4],
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, Stopped> {
         let q = curve[0].degree();
         let first = &curve[0].coefficients[0];
         let (field, root) = (first.field(), first.root());
@@ -30,14 +33,20 @@ impl Involution {
         }
         let mut pairs: Vec<[Element; 3]> = Vec::new();
         for m in (0..=q * q).map(RBig::from) {
-            let at = curve.each_ref().map(|f| f.eval(&RBig::ONE, &m).element().clone());
+            let at = curve
+                .each_ref()
+                .map(|f| f.eval(&RBig::ONE, &m).element().clone());
             let mut common: Coefficients = Vec::new();
             // The power of a that divides all minors is lost where these are trimmed.
             let mut vertical = q;
             for i in 0..4 {
                 for j in 0..i {
-                    let product =
-                        |f: &BinaryForm, e: &Element| f.coefficients.iter().map(|c| field.mul(c.element(), e)).collect::<Vec<_>>();
+                    let product = |f: &BinaryForm, e: &Element| {
+                        f.coefficients
+                            .iter()
+                            .map(|c| field.mul(c.element(), e))
+                            .collect::<Vec<_>>()
+                    };
                     let (x, y) = (product(&curve[i], &at[j]), product(&curve[j], &at[i]));
                     let mut minor: Coefficients = x.iter().zip(&y).map(|(x, y)| x.sub(y)).collect();
                     trim(&mut minor);
@@ -50,28 +59,48 @@ impl Involution {
             match common.len() - 1 + vertical {
                 1 => return Ok(None),
                 2 => {
-                    let linear = [Element::rational(&-m.clone()), Element::rational(&RBig::ONE)].to_vec();
+                    let linear = [
+                        Element::rational(&-m.clone()),
+                        Element::rational(&RBig::ONE),
+                    ]
+                    .to_vec();
                     // (a : b) of the partner.
                     let (a, b) = match vertical {
                         1 => (Element::zero(), Element::rational(&RBig::ONE)),
-                        _ => (Element::rational(&RBig::ONE), divide(field, &common, &linear).0[0].negated()),
+                        _ => (
+                            Element::rational(&RBig::ONE),
+                            divide(field, &common, &linear).0[0].negated(),
+                        ),
                     };
                     pairs.push([b.scaled(&m), a.scaled(&m).add(&b), a]);
                 }
                 _ => {}
             }
         }
-        let Some(first) = pairs.first() else { return Ok(None) };
+        let Some(first) = pairs.first() else {
+            return Ok(None);
+        };
         let form = pairs[1..].iter().find_map(|second| {
-            let minor = |i: usize, j: usize| field.mul(&first[i], &second[j]).sub(&field.mul(&first[j], &second[i]));
+            let minor = |i: usize, j: usize| {
+                field
+                    .mul(&first[i], &second[j])
+                    .sub(&field.mul(&first[j], &second[i]))
+            };
             let form = [minor(1, 2), minor(2, 0), minor(0, 1)];
             form.iter().any(|e| !e.is_zero()).then_some(form)
         });
         let Some(form) = form else { return Ok(None) };
         let number = |e: Element| Algebraic::new(field, root, e);
-        let discriminant = number(field.mul(&form[1], &form[1]).sub(&field.mul(&form[0], &form[2])));
+        let discriminant = number(
+            field
+                .mul(&form[1], &form[1])
+                .sub(&field.mul(&form[0], &form[2])),
+        );
         let folds = discriminant.sign() == Ordering::Greater;
-        Ok(Some(Self { form: form.map(|e| number(e).to_f64()), folds }))
+        Ok(Some(Self {
+            form: form.map(|e| number(e).to_f64()),
+            folds,
+        }))
     }
 
     /// The other direction with the same image.
@@ -98,7 +127,12 @@ mod tests {
     use super::*;
 
     fn curve(forms: [&[i64]; 4]) -> [BinaryForm; 4] {
-        forms.map(|f| BinaryForm { coefficients: f.iter().map(|&c| Algebraic::rational(&RBig::from(c))).collect() })
+        forms.map(|f| BinaryForm {
+            coefficients: f
+                .iter()
+                .map(|&c| Algebraic::rational(&RBig::from(c)))
+                .collect(),
+        })
     }
     fn involution(forms: [&[i64]; 4]) -> Option<Involution> {
         Involution::of(&curve(forms), &|| false).expect("not stopped")
@@ -109,9 +143,14 @@ mod tests {
     fn exchanges_the_directions_of_a_fold() {
         let found = involution([&[0, 0, 0], &[0, 0, 0], &[0, 2, 0], &[1, 0, 1]]).expect("twice");
         let is = |x: [f64; 2], y: [f64; 2]| (x[0] * y[1] - x[1] * y[0]).abs() < 1e-15;
-        assert!(is(found.partner([1.0, 3.0]), [3.0, 1.0]) && is(found.partner([1.0, 0.0]), [0.0, 1.0]));
+        assert!(
+            is(found.partner([1.0, 3.0]), [3.0, 1.0]) && is(found.partner([1.0, 0.0]), [0.0, 1.0])
+        );
         let fixed = found.fixed();
-        assert!(fixed.len() == 2 && fixed.iter().all(|f| f[0].abs() == f[1].abs()), "{fixed:?}");
+        assert!(
+            fixed.len() == 2 && fixed.iter().all(|f| f[0].abs() == f[1].abs()),
+            "{fixed:?}"
+        );
     }
 
     /// z = a²/b² folds at 0 and infinity; z = (a² − b²)/(a·b) nowhere, as (a : b) and (b : −a) are pairs.
@@ -127,8 +166,19 @@ mod tests {
     #[test]
     fn curves_that_run_once() {
         // A conic, a line, a quartic with nodes.
-        assert_eq!(involution([&[0, 1, 0], &[1, 0, 0], &[0, 0, 0], &[0, 0, 1]]), None);
+        assert_eq!(
+            involution([&[0, 1, 0], &[1, 0, 0], &[0, 0, 0], &[0, 0, 1]]),
+            None
+        );
         assert_eq!(involution([&[0, 1], &[1, 0], &[0, 0], &[1, 1]]), None);
-        assert_eq!(involution([&[1, 0, 0, 0, 0], &[0, 1, 0, 2, 0], &[0, 0, 3, 0, 0], &[0, 1, 0, 0, 1]]), None);
+        assert_eq!(
+            involution([
+                &[1, 0, 0, 0, 0],
+                &[0, 1, 0, 2, 0],
+                &[0, 0, 3, 0, 0],
+                &[0, 1, 0, 0, 1]
+            ]),
+            None
+        );
     }
 }

@@ -27,7 +27,10 @@ pub(crate) fn solve(mut a: Vec<Vec<IBig>>, b: Vec<IBig>) -> Option<(Vec<IBig>, I
         }
         last = top[k].clone();
     }
-    Some((a.into_iter().map(|mut row| row.swap_remove(n)).collect(), last))
+    Some((
+        a.into_iter().map(|mut row| row.swap_remove(n)).collect(),
+        last,
+    ))
 }
 
 #[cfg(test)]
@@ -39,7 +42,9 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(1);
         for n in 1..6 {
             for _ in 0..50 {
-                let a: Vec<Vec<IBig>> = (0..n).map(|_| (0..n).map(|_| IBig::from(random.i32(-3..=3))).collect()).collect();
+                let a: Vec<Vec<IBig>> = (0..n)
+                    .map(|_| (0..n).map(|_| IBig::from(random.i32(-3..=3))).collect())
+                    .collect();
                 let b: Vec<IBig> = (0..n).map(|_| IBig::from(random.i32(-9..=9))).collect();
                 if let Some((y, d)) = solve(a.clone(), b.clone()) {
                     for (row, c) in a.iter().zip(&b) {

@@ -64,7 +64,9 @@ fn is_between(p: &Parameters, a: &Parameters, b: &Parameters) -> bool {
 fn meet([a, b]: [&Parameters; 2], [c, d]: [&Parameters; 2]) -> bool {
     let [p, q] = [c, d].map(|x| signum(&area(a, b, x)));
     let [r, s] = [a, b].map(|x| signum(&area(c, d, x)));
-    let touches = [(p, c, a, b), (q, d, a, b), (r, a, c, d), (s, b, c, d)].into_iter().any(|(o, x, y, z)| o == 0 && is_between(x, y, z));
+    let touches = [(p, c, a, b), (q, d, a, b), (r, a, c, d), (s, b, c, d)]
+        .into_iter()
+        .any(|(o, x, y, z)| o == 0 && is_between(x, y, z));
     touches || p * q < 0 && r * s < 0
 }
 
@@ -84,7 +86,10 @@ impl Domain {
         if n > MAX_CORNERS {
             return Err(DomainError::TooMany { found: n });
         }
-        if (0..n).all(|k| area(&corners[0], &corners[1], &corners[k]).is_zero() && area(&corners[0], &corners[2], &corners[k]).is_zero()) {
+        if (0..n).all(|k| {
+            area(&corners[0], &corners[1], &corners[k]).is_zero()
+                && area(&corners[0], &corners[2], &corners[k]).is_zero()
+        }) {
             return Err(DomainError::NoArea);
         }
         let side = |k: usize| [&corners[k], &corners[(k + 1) % n]];
@@ -95,15 +100,22 @@ impl Domain {
                     () if a == b || c == d => true,
                     // Neighbours: the corner between them is all they may have in common.
                     () if second == first + 1 => area(a, b, d).is_zero() && !is_between(b, a, d),
-                    () if first == 0 && second == n - 1 => area(c, d, b).is_zero() && !is_between(d, c, b),
+                    () if first == 0 && second == n - 1 => {
+                        area(c, d, b).is_zero() && !is_between(d, c, b)
+                    }
                     () => meet([a, b], [c, d]),
                 };
                 if is_wrong {
-                    return Err(DomainError::Crossing { first: first + 1, second: second + 1 });
+                    return Err(DomainError::Crossing {
+                        first: first + 1,
+                        second: second + 1,
+                    });
                 }
             }
         }
-        let turn: RBig = (1..n - 1).map(|k| area(&corners[0], &corners[k], &corners[k + 1])).fold(RBig::ZERO, |a, b| a + b);
+        let turn: RBig = (1..n - 1)
+            .map(|k| area(&corners[0], &corners[k], &corners[k + 1]))
+            .fold(RBig::ZERO, |a, b| a + b);
         if turn < RBig::ZERO {
             corners.reverse();
         }
@@ -117,7 +129,12 @@ impl Domain {
         if s0 == s1 || t0 == t1 {
             return Err(DomainError::NoArea);
         }
-        Self::polygon(vec![[s0.clone(), t0.clone()], [s1.clone(), t0], [s1, t1.clone()], [s0, t1]])
+        Self::polygon(vec![
+            [s0.clone(), t0.clone()],
+            [s1.clone(), t0],
+            [s1, t1.clone()],
+            [s0, t1],
+        ])
     }
     /// The corners, counterclockwise.
     pub fn corners(&self) -> &[Parameters] {
@@ -125,13 +142,19 @@ impl Domain {
     }
     /// The ends of a side.
     pub(crate) fn side(&self, k: usize) -> [&Parameters; 2] {
-        [&self.corners[k], &self.corners[(k + 1) % self.corners.len()]]
+        [
+            &self.corners[k],
+            &self.corners[(k + 1) % self.corners.len()],
+        ]
     }
     /// The least and greatest s, and t.
     pub fn bounds(&self) -> [[RBig; 2]; 2] {
         [0, 1].map(|k| {
             let all = || self.corners.iter().map(|c| c[k].clone());
-            [all().min().unwrap_or_default(), all().max().unwrap_or_default()]
+            [
+                all().min().unwrap_or_default(),
+                all().max().unwrap_or_default(),
+            ]
         })
     }
     /// The lines of the sides, as forms in (s, t, w).
@@ -139,8 +162,15 @@ impl Domain {
         let line = |k: usize| {
             let [[s0, t0], [s1, t1]] = self.side(k);
             let (ds, dt) = (s1 - s0, t1 - t0);
-            let terms = [(Poly::var(1), ds.clone()), (Poly::var(0), -dt.clone()), (Poly::var(2), dt * s0 - ds * t0)];
-            terms.into_iter().fold(Poly::zero(), |sum, (p, c)| sum + p.scale(&c)).primitive()
+            let terms = [
+                (Poly::var(1), ds.clone()),
+                (Poly::var(0), -dt.clone()),
+                (Poly::var(2), dt * s0 - ds * t0),
+            ];
+            terms
+                .into_iter()
+                .fold(Poly::zero(), |sum, (p, c)| sum + p.scale(&c))
+                .primitive()
         };
         (0..self.corners.len()).map(line).collect()
     }
@@ -184,14 +214,19 @@ struct Net {
 
 impl Net {
     fn new(p: &Poly, degree: [usize; 2], [[s0, s1], [t0, t1]]: &[[RBig; 2]; 2]) -> Self {
-        let linear = |a: &RBig, b: &RBig, k: usize| Poly::constant(a.clone()) + Poly::var(k).scale(&(b - a));
+        let linear =
+            |a: &RBig, b: &RBig, k: usize| Poly::constant(a.clone()) + Poly::var(k).scale(&(b - a));
         let q = p.compose(&[linear(s0, s1, 0), linear(t0, t1, 1)]);
         let [m, n] = degree;
         let mut c = vec![RBig::ZERO; (m + 1) * (n + 1)];
         for (e, x) in q.terms() {
-            c[usize::from(e[0]) * (n + 1) + usize::from(e[1])] = RBig::from(x.clone()) / RBig::from(q.denominator().clone());
+            c[usize::from(e[0]) * (n + 1) + usize::from(e[1])] =
+                RBig::from(x.clone()) / RBig::from(q.denominator().clone());
         }
-        let mut net = Self { columns: n + 1, coefficients: c };
+        let mut net = Self {
+            columns: n + 1,
+            coefficients: c,
+        };
         // From powers: the k-th Bernstein coefficient is the sum of aᵢ·(k over i)/(n over i).
         net.each(true, from_powers);
         net.each(false, from_powers);
@@ -200,18 +235,35 @@ impl Net {
     /// Applies something to every row, or to every column.
     fn each(&mut self, rows: bool, mut f: impl FnMut(&mut [RBig])) {
         let (columns, lines) = (self.columns, self.coefficients.len() / self.columns);
-        let (outer, inner) = if rows { (lines, columns) } else { (columns, lines) };
-        let place = |o: usize, i: usize| if rows { o * columns + i } else { i * columns + o };
+        let (outer, inner) = if rows {
+            (lines, columns)
+        } else {
+            (columns, lines)
+        };
+        let place = |o: usize, i: usize| {
+            if rows {
+                o * columns + i
+            } else {
+                i * columns + o
+            }
+        };
         for o in 0..outer {
-            let mut line: Vec<RBig> = (0..inner).map(|i| self.coefficients[place(o, i)].clone()).collect();
+            let mut line: Vec<RBig> = (0..inner)
+                .map(|i| self.coefficients[place(o, i)].clone())
+                .collect();
             f(&mut line);
-            line.into_iter().enumerate().for_each(|(i, x)| self.coefficients[place(o, i)] = x);
+            line.into_iter()
+                .enumerate()
+                .for_each(|(i, x)| self.coefficients[place(o, i)] = x);
         }
     }
     /// Of the two halves by s, or by t.
     fn halves(&self, by_t: bool) -> [Self; 2] {
         [false, true].map(|second| {
-            let mut half = Self { columns: self.columns, coefficients: self.coefficients.clone() };
+            let mut half = Self {
+                columns: self.columns,
+                coefficients: self.coefficients.clone(),
+            };
             half.each(by_t, |line| halve(line, second));
             half
         })
@@ -220,8 +272,14 @@ impl Net {
 
 fn from_powers(line: &mut [RBig]) {
     let n = line.len() - 1;
-    let binomial = |n: usize, k: usize| (0..k).fold(RBig::ONE, |b, i| b * RBig::from(n - i) / RBig::from(i + 1));
-    let scaled: Vec<RBig> = line.iter().enumerate().map(|(i, a)| a / binomial(n, i)).collect();
+    let binomial = |n: usize, k: usize| {
+        (0..k).fold(RBig::ONE, |b, i| b * RBig::from(n - i) / RBig::from(i + 1))
+    };
+    let scaled: Vec<RBig> = line
+        .iter()
+        .enumerate()
+        .map(|(i, a)| a / binomial(n, i))
+        .collect();
     for (k, x) in line.iter_mut().enumerate() {
         *x = (0..=k).fold(RBig::ZERO, |sum, i| sum + &scaled[i] * binomial(k, i));
     }
@@ -233,7 +291,9 @@ fn halve(line: &mut [RBig], second: bool) {
         if second {
             (0..n - level).for_each(|i| line[i] = (&line[i] + &line[i + 1]) / &half);
         } else {
-            (level..n).rev().for_each(|i| line[i] = (&line[i] + &line[i - 1]) / &half);
+            (level..n)
+                .rev()
+                .for_each(|i| line[i] = (&line[i] + &line[i - 1]) / &half);
         }
     }
 }
@@ -248,9 +308,14 @@ pub fn bounds_over(map: &Map, domain: &Domain) -> Option<[[RBig; 2]; 3]> {
 
 /// The least and greatest x/w, y/w and z/w of control points over a rectangle of the parameters, if W is proved to have no zero there: bounds of
 /// the image. Polynomials in s and t.
-pub(crate) fn image_bounds(polynomials: &[Poly; 4], rectangle: &[[RBig; 2]; 2]) -> Option<[[RBig; 2]; 3]> {
+pub(crate) fn image_bounds(
+    polynomials: &[Poly; 4],
+    rectangle: &[[RBig; 2]; 2],
+) -> Option<[[RBig; 2]; 3]> {
     let degree = [0, 1].map(|k| polynomials.iter().map(|p| p.degree(k)).max().unwrap_or(0));
-    let nets = polynomials.each_ref().map(|p| Net::new(p, degree, rectangle));
+    let nets = polynomials
+        .each_ref()
+        .map(|p| Net::new(p, degree, rectangle));
     let mut bounds: Option<[[RBig; 2]; 3]> = None;
     let mut stack = vec![(nets, 2 * HALVINGS)];
     while let Some((nets, depth)) = stack.pop() {
@@ -277,7 +342,13 @@ pub(crate) fn image_bounds(polynomials: &[Poly; 4], rectangle: &[[RBig; 2]; 2]) 
         } else {
             let halves = nets.each_ref().map(|n| n.halves(depth % 2 == 0));
             for k in 0..2 {
-                stack.push((halves.each_ref().map(|h| Net { columns: h[k].columns, coefficients: h[k].coefficients.clone() }), depth - 1));
+                stack.push((
+                    halves.each_ref().map(|h| Net {
+                        columns: h[k].columns,
+                        coefficients: h[k].coefficients.clone(),
+                    }),
+                    depth - 1,
+                ));
             }
         }
     }
@@ -295,21 +366,59 @@ mod tests {
     #[test]
     fn polygons_are_simple() {
         let square = Domain::polygon(points(&[[0, 0], [0, 2], [2, 2], [2, 0]])).expect("a square");
-        assert_eq!(square, Domain::rectangle([2, 0].map(RBig::from), [0, 2].map(RBig::from)).expect("the same").turned(&square));
+        assert_eq!(
+            square,
+            Domain::rectangle([2, 0].map(RBig::from), [0, 2].map(RBig::from))
+                .expect("the same")
+                .turned(&square)
+        );
         let wrong = |list: &[[i64; 2]]| Domain::polygon(points(list)).expect_err("no polygon");
         assert_eq!(wrong(&[[0, 0], [1, 1]]), DomainError::TooFew { found: 2 });
-        assert_eq!(wrong(&[[0, 0], [1, 1], [0, 0]]), DomainError::TooFew { found: 2 });
-        assert_eq!(wrong(&[[0, 0], [1, 1], [3, 3], [2, 2]]), DomainError::NoArea);
-        assert_eq!(wrong(&[[0, 0], [2, 2], [2, 0], [0, 2]]), DomainError::Crossing { first: 1, second: 3 });
-        assert_eq!(wrong(&[[0, 0], [4, 0], [2, 0], [2, 2]]), DomainError::Crossing { first: 1, second: 2 }, "a side that goes back");
-        assert_eq!(wrong(&[[0, 0], [4, 0], [4, 4], [2, 0], [0, 4]]), DomainError::Crossing { first: 1, second: 3 }, "a corner on a side");
-        assert!(Domain::polygon(points(&[[0, 0], [1, 0], [2, 0], [2, 2]])).is_ok(), "a corner of half a turn");
+        assert_eq!(
+            wrong(&[[0, 0], [1, 1], [0, 0]]),
+            DomainError::TooFew { found: 2 }
+        );
+        assert_eq!(
+            wrong(&[[0, 0], [1, 1], [3, 3], [2, 2]]),
+            DomainError::NoArea
+        );
+        assert_eq!(
+            wrong(&[[0, 0], [2, 2], [2, 0], [0, 2]]),
+            DomainError::Crossing {
+                first: 1,
+                second: 3
+            }
+        );
+        assert_eq!(
+            wrong(&[[0, 0], [4, 0], [2, 0], [2, 2]]),
+            DomainError::Crossing {
+                first: 1,
+                second: 2
+            },
+            "a side that goes back"
+        );
+        assert_eq!(
+            wrong(&[[0, 0], [4, 0], [4, 4], [2, 0], [0, 4]]),
+            DomainError::Crossing {
+                first: 1,
+                second: 3
+            },
+            "a corner on a side"
+        );
+        assert!(
+            Domain::polygon(points(&[[0, 0], [1, 0], [2, 0], [2, 2]])).is_ok(),
+            "a corner of half a turn"
+        );
     }
 
     impl Domain {
         /// With the first corner of another one first.
         fn turned(mut self, other: &Self) -> Self {
-            let k = self.corners.iter().position(|c| *c == other.corners[0]).expect("the corner");
+            let k = self
+                .corners
+                .iter()
+                .position(|c| *c == other.corners[0])
+                .expect("the corner");
             self.corners.rotate_left(k);
             self
         }
@@ -318,15 +427,25 @@ mod tests {
     #[test]
     fn insides_and_sides() {
         // An L.
-        let l = Domain::polygon(points(&[[0, 0], [4, 0], [4, 1], [1, 1], [1, 4], [0, 4]])).expect("a polygon");
+        let l = Domain::polygon(points(&[[0, 0], [4, 0], [4, 1], [1, 1], [1, 4], [0, 4]]))
+            .expect("a polygon");
         let half = |s: i64, t: i64| [s, t].map(|x| RBig::from(x) / RBig::from(2));
         assert!(l.contains(&half(1, 1)) && l.contains(&half(7, 1)) && l.contains(&half(1, 7)));
         assert!(!l.contains(&half(3, 3)) && !l.contains(&half(-1, 1)) && !l.contains(&half(9, 1)));
         assert_eq!(l.side_at(&half(3, 2)), Some(2));
-        assert_eq!((l.side_at(&half(1, 2)), l.side_at(&half(2, 2))), (None, None), "on the line only; a corner");
+        assert_eq!(
+            (l.side_at(&half(1, 2)), l.side_at(&half(2, 2))),
+            (None, None),
+            "on the line only; a corner"
+        );
         for (k, line) in l.lines().iter().enumerate() {
             let [a, b] = l.side(k);
-            assert!([a, b].iter().all(|p| line.eval(&[p[0].clone(), p[1].clone(), RBig::ONE]).is_zero()), "{k}");
+            assert!(
+                [a, b].iter().all(|p| line
+                    .eval(&[p[0].clone(), p[1].clone(), RBig::ONE])
+                    .is_zero()),
+                "{k}"
+            );
         }
     }
 
@@ -336,10 +455,14 @@ mod tests {
         let p = texts.map(|t| Poly::parse(t, &["s", "t"]).expect("a polynomial"));
         let rectangle = |a: i64, b: i64| [[a, b].map(RBig::from), [RBig::ZERO, RBig::from(3)]];
         let [x, y, z] = image_bounds(&p, &rectangle(0, 1)).expect("no pole");
-        let is =
-            |[lo, hi]: [RBig; 2], a: f64, b: f64| lo.to_f64().value() <= a && hi.to_f64().value() >= b && hi.to_f64().value() < 2.5 * b;
+        let is = |[lo, hi]: [RBig; 2], a: f64, b: f64| {
+            lo.to_f64().value() <= a && hi.to_f64().value() >= b && hi.to_f64().value() < 2.5 * b
+        };
         assert!(is(x, 0.0, 1.0) && is(y, 0.0, 3.0) && is(z, 0.0, 3.0));
-        assert!(image_bounds(&p, &rectangle(1, 2)).is_none(), "a pole inside");
+        assert!(
+            image_bounds(&p, &rectangle(1, 2)).is_none(),
+            "a pole inside"
+        );
         assert!(image_bounds(&p, &rectangle(2, 3)).is_some(), "W < 0");
     }
 }

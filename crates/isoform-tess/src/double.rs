@@ -49,10 +49,16 @@ fn reduced_minors(map: &Map, stop: &dyn Fn() -> bool) -> Result<[Poly; 4], Stopp
         check(stop)?;
         common = common.gcd(m);
     }
-    Ok(minors.each_ref().map(|m| m.div_exact(&common).expect("a common divisor divides")))
+    Ok(minors
+        .each_ref()
+        .map(|m| m.div_exact(&common).expect("a common divisor divides")))
 }
 
-fn pinches(map: &Map, minors: &[Poly; 4], stop: &dyn Fn() -> bool) -> Result<Vec<[Algebraic; 3]>, Stopped> {
+fn pinches(
+    map: &Map,
+    minors: &[Poly; 4],
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<[Algebraic; 3]>, Stopped> {
     let mut found = Vec::new();
     for zero in common_zeros(minors, true, stop)? {
         let at = zero.homogeneous();
@@ -80,7 +86,11 @@ fn value(field: &NumberField, form: &Poly, at: &[Element; 3]) -> Element {
     let mut sum = Element::zero();
     for (e, c) in form.terms() {
         let [s, t, w] = [0, 1, 2].map(|v| &powers[v][usize::from(e[v])]);
-        sum = sum.add(&field.mul(&field.mul(s, t), w).scaled(&RBig::from(c.clone())));
+        sum = sum.add(
+            &field
+                .mul(&field.mul(s, t), w)
+                .scaled(&RBig::from(c.clone())),
+        );
     }
     sum
 }
@@ -116,12 +126,24 @@ pub fn solitary_arcs(
             return (Vec::new(), problems);
         }
     }
-    let mut search = Search { sources: Vec::new(), tolerance: tolerance / half_width, arcs: Vec::new(), problems };
+    let mut search = Search {
+        sources: Vec::new(),
+        tolerance: tolerance / half_width,
+        arcs: Vec::new(),
+        problems,
+    };
     if search.run(map, singular, half_width, stop).is_err() {
         search.problems.push("solitary curves: stopped".to_owned());
     }
     let scale = |x: [f64; 3]| x.map(|v| v * half_width);
-    (search.arcs.into_iter().map(|arc| arc.into_iter().map(scale).collect()).collect(), search.problems)
+    (
+        search
+            .arcs
+            .into_iter()
+            .map(|arc| arc.into_iter().map(scale).collect())
+            .collect(),
+        search.problems,
+    )
 }
 
 /// The parameters of points of the double curve.
@@ -133,35 +155,75 @@ pub(crate) struct Fibres {
 }
 
 impl Fibres {
-    pub(crate) fn new(map: &Map, singular: &Singular, half_width: f64, stop: &dyn Fn() -> bool) -> Result<Self, Stopped> {
-        let mut search = Search { sources: Vec::new(), tolerance: 1e-3, arcs: Vec::new(), problems: Vec::new() };
+    pub(crate) fn new(
+        map: &Map,
+        singular: &Singular,
+        half_width: f64,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Self, Stopped> {
+        let mut search = Search {
+            sources: Vec::new(),
+            tolerance: 1e-3,
+            arcs: Vec::new(),
+            problems: Vec::new(),
+        };
         search.prepare(map, singular, half_width, stop)?;
         let curves = curves_of(map, singular).count();
-        Ok(Self { search, half_width, curves })
+        Ok(Self {
+            search,
+            half_width,
+            curves,
+        })
     }
     /// Whether one real parameter and conjugate ones lead to a point, and nothing else.
     pub(crate) fn is_met_by_conjugates(&self, p: [f64; 3]) -> bool {
-        let found = self.search.fibre(&[p[0] / self.half_width, p[1] / self.half_width, p[2] / self.half_width, 1.0]);
+        let found = self.search.fibre(&[
+            p[0] / self.half_width,
+            p[1] / self.half_width,
+            p[2] / self.half_width,
+            1.0,
+        ]);
         let real: Vec<&V> = found.iter().filter(|f| f.2).map(|f| &f.1).collect();
         found.len() > real.len() && real.windows(2).all(|w| distance(w[0], w[1]) < 1e-5)
     }
     /// Whether all the partners of a real parameter (s : t : w) with a given image were found to be conjugate or in a part of the plane.
-    pub(crate) fn is_alone(&self, p: [f64; 3], own: [f64; 3], is_elsewhere: &dyn Fn([f64; 3]) -> bool) -> bool {
-        let found = self.search.fibre(&[p[0] / self.half_width, p[1] / self.half_width, p[2] / self.half_width, 1.0]);
+    pub(crate) fn is_alone(
+        &self,
+        p: [f64; 3],
+        own: [f64; 3],
+        is_elsewhere: &dyn Fn([f64; 3]) -> bool,
+    ) -> bool {
+        let found = self.search.fibre(&[
+            p[0] / self.half_width,
+            p[1] / self.half_width,
+            p[2] / self.half_width,
+            1.0,
+        ]);
         let own = normalised(&own.map(|x| C::new(x, 0.0)));
         let real = |v: &V| {
-            let phase = v.iter().copied().max_by(|a, b| a.norm2().total_cmp(&b.norm2())).unwrap_or(C::ONE).inverse();
+            let phase = v
+                .iter()
+                .copied()
+                .max_by(|a, b| a.norm2().total_cmp(&b.norm2()))
+                .unwrap_or(C::ONE)
+                .inverse();
             v.map(|c| (c * phase).re)
         };
         let is_other = |f: &&(usize, V, bool)| !f.2 || distance(&f.1, &own) > 1e-5;
         found.iter().any(|f| is_other(&f))
-            && found.iter().filter(|f| f.2).filter(is_other).all(|(k, v, _)| *k < self.curves && is_elsewhere(real(v)))
+            && found
+                .iter()
+                .filter(|f| f.2)
+                .filter(is_other)
+                .all(|(k, v, _)| *k < self.curves && is_elsewhere(real(v)))
     }
 }
 
 /// The curves with images that are curves in space.
 fn curves_of<'a>(map: &'a Map, singular: &'a Singular) -> impl Iterator<Item = &'a SingularCurve> {
-    let is_left_out = |c: &&SingularCurve| matches!(c.kind, CurveKind::Contracted(_)) || map.forms()[3].is_multiple_of(&c.curve);
+    let is_left_out = |c: &&SingularCurve| {
+        matches!(c.kind, CurveKind::Contracted(_)) || map.forms()[3].is_multiple_of(&c.curve)
+    };
     singular.curves.iter().filter(move |c| !is_left_out(c))
 }
 
@@ -220,7 +282,10 @@ impl Neg for C {
 impl Mul for C {
     type Output = Self;
     fn mul(self, o: Self) -> Self {
-        Self::new(self.re * o.re - self.im * o.im, self.re * o.im + self.im * o.re)
+        Self::new(
+            self.re * o.re - self.im * o.im,
+            self.re * o.im + self.im * o.re,
+        )
     }
 }
 
@@ -254,7 +319,10 @@ fn normalised(a: &V) -> V {
 fn distance(a: &V, b: &V) -> f64 {
     // |b − ⟨a, b⟩a| rather than √(1 − |⟨a, b⟩|²), which loses half of the digits.
     let c = inner(a, b);
-    (0..3).map(|i| (b[i] - c * a[i]).norm2()).sum::<f64>().sqrt()
+    (0..3)
+        .map(|i| (b[i] - c * a[i]).norm2())
+        .sum::<f64>()
+        .sqrt()
 }
 
 /// The real line through a point and its conjugate, a vector of length 1/2 at most, whatever the phase of the point; zero for real points, and of
@@ -269,7 +337,9 @@ fn length(v: &[f64; 3]) -> f64 {
 
 /// Two vectors that complete a unit vector to a unitary basis.
 fn frame(p: &V) -> [V; 2] {
-    let least = (0..3).min_by(|&i, &j| p[i].norm2().total_cmp(&p[j].norm2())).expect("three");
+    let least = (0..3)
+        .min_by(|&i, &j| p[i].norm2().total_cmp(&p[j].norm2()))
+        .expect("three");
     let mut first: V = [0, 1, 2].map(|i| -(p[least].conj() * p[i]));
     first[least] = first[least] + C::ONE;
     let first = normalised(&first);
@@ -311,7 +381,11 @@ impl Monomials {
                 others[j * width + k] = second[j] * third[k];
             }
         }
-        Self { width, first, others }
+        Self {
+            width,
+            first,
+            others,
+        }
     }
 }
 
@@ -354,11 +428,27 @@ impl Form {
 
 /// Coefficients of forms, divided by the largest one: in this order the quotients are exact before they are rounded.
 fn rounded<const N: usize>(forms: [&Poly; N]) -> [Vec<([usize; 3], f64)>; N] {
-    let size = |p: &Poly| p.terms().iter().map(|(_, c)| RBig::from(c.clone())).map(|c| c.clone().max(-c)).max();
-    let largest = forms.iter().filter_map(|p| size(p)).max().unwrap_or(RBig::ONE);
+    let size = |p: &Poly| {
+        p.terms()
+            .iter()
+            .map(|(_, c)| RBig::from(c.clone()))
+            .map(|c| c.clone().max(-c))
+            .max()
+    };
+    let largest = forms
+        .iter()
+        .filter_map(|p| size(p))
+        .max()
+        .unwrap_or(RBig::ONE);
     let inverse = RBig::ONE / largest;
     let indices = |(e, c): ([u16; 4], f64)| ([0, 1, 2].map(|v| usize::from(e[v])), c);
-    forms.map(|p| p.scale(&inverse).to_f64().into_iter().map(indices).collect())
+    forms.map(|p| {
+        p.scale(&inverse)
+            .to_f64()
+            .into_iter()
+            .map(indices)
+            .collect()
+    })
 }
 
 /// A curve in a plane and a map of it into space.
@@ -381,16 +471,32 @@ struct Values {
 }
 
 impl Source {
-    fn new(curve: Form, curve_degree: usize, forms: [Vec<([usize; 3], f64)>; 4], degree: usize, half_width: f64) -> Self {
+    fn new(
+        curve: Form,
+        curve_degree: usize,
+        forms: [Vec<([usize; 3], f64)>; 4],
+        degree: usize,
+        half_width: f64,
+    ) -> Self {
         let mut forms = forms;
         for (i, form) in forms.iter_mut().enumerate() {
             for term in form {
                 term.1 *= if i < 3 { 1.0 } else { half_width };
             }
         }
-        let largest = forms.iter().flatten().map(|t| t.1.abs()).fold(0.0, f64::max);
+        let largest = forms
+            .iter()
+            .flatten()
+            .map(|t| t.1.abs())
+            .fold(0.0, f64::max);
         let forms = forms.map(|f| Form::new(f.into_iter().map(|(e, c)| (e, c / largest))));
-        Self { curve, curve_degree, forms, degree, section: Vec::new() }
+        Self {
+            curve,
+            curve_degree,
+            forms,
+            degree,
+            section: Vec::new(),
+        }
     }
     fn eval(&self, p: &V) -> Values {
         let m = Monomials::new(p, self.curve_degree.max(self.degree));
@@ -412,7 +518,10 @@ struct Stream(u64);
 
 impl Stream {
     fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
     fn complex<const N: usize>(&mut self) -> [C; N] {
@@ -455,7 +564,10 @@ fn track(source: &Source, path: &Path, start: &V) -> Result<V, (f64, V)> {
             let at = along(&p, &in_frame(&basis, d), h);
             let v = source.eval(&at);
             let (_, dq, dt) = path(t, &at, &v);
-            let rows = [basis.each_ref().map(|b| dot(&v.df, b)), basis.each_ref().map(|b| dot(&dq, b))];
+            let rows = [
+                basis.each_ref().map(|b| dot(&v.df, b)),
+                basis.each_ref().map(|b| dot(&dq, b)),
+            ];
             solve2(rows, [C::ZERO, -dt])
         };
         // The classical method of Runge and Kutta.
@@ -465,7 +577,8 @@ fn track(source: &Source, path: &Path, start: &V) -> Result<V, (f64, V)> {
             let k3 = slope(time + h / 2.0, k2, h / 2.0)?;
             let k4 = slope(end, k3, h)?;
             let d = [0, 1].map(|i| (k1[i] + k4[i] + (k2[i] + k3[i]).times(2.0)).times(h / 6.0));
-            (d[0].norm() + d[1].norm() < 0.3).then(|| normalised(&along(&p, &in_frame(&basis, d), 1.0)))
+            (d[0].norm() + d[1].norm() < 0.3)
+                .then(|| normalised(&along(&p, &in_frame(&basis, d), 1.0)))
         })();
         match predicted.and_then(|q| newton(source, path, end, &q)) {
             // Other solutions are further away than the error of the prediction: paths are not confused.
@@ -492,7 +605,10 @@ fn newton(source: &Source, path: &Path, time: f64, start: &V) -> Option<(V, f64)
         let v = source.eval(&p);
         let (q, dq, _) = path(time, &p, &v);
         let basis = frame(&p);
-        let rows = [basis.each_ref().map(|b| dot(&v.df, b)), basis.each_ref().map(|b| dot(&dq, b))];
+        let rows = [
+            basis.each_ref().map(|b| dot(&v.df, b)),
+            basis.each_ref().map(|b| dot(&dq, b)),
+        ];
         let d = solve2(rows, [-v.f, -q])?;
         let size = d[0].norm() + d[1].norm();
         if i == 0 {
@@ -531,7 +647,10 @@ fn on_line(curve: &Form, degree: usize, a: &V, b: &V) -> Vec<V> {
                 continue;
             }
             let newton = f * slope.inverse();
-            let others = (0..degree).filter(|&j| j != k).map(|j| (roots[k] - roots[j]).inverse()).fold(C::ZERO, |s, c| s + c);
+            let others = (0..degree)
+                .filter(|&j| j != k)
+                .map(|j| (roots[k] - roots[j]).inverse())
+                .fold(C::ZERO, |s, c| s + c);
             let d = newton * (C::ONE - newton * others).inverse();
             if d.norm().is_finite() {
                 roots[k] = roots[k] - d;
@@ -549,11 +668,17 @@ fn on_line(curve: &Form, degree: usize, a: &V, b: &V) -> Vec<V> {
 type Plane = [C; 4];
 
 /// From the section by one plane to that by another, both times a factor, so that the planes in between are complex.
-fn between<'a>(from: &'a Plane, to: &'a Plane, phase: C) -> impl Fn(f64, &V, &Values) -> (C, V, C) + 'a {
+fn between<'a>(
+    from: &'a Plane,
+    to: &'a Plane,
+    phase: C,
+) -> impl Fn(f64, &V, &Values) -> (C, V, C) + 'a {
     move |time, _, v| {
-        let plane: Plane = [0, 1, 2, 3].map(|i| (from[i] * phase).times(1.0 - time) + to[i].times(time));
+        let plane: Plane =
+            [0, 1, 2, 3].map(|i| (from[i] * phase).times(1.0 - time) + to[i].times(time));
         let speed: Plane = [0, 1, 2, 3].map(|i| to[i] - from[i] * phase);
-        let gradient = [0, 1, 2].map(|k| (0..4).fold(C::ZERO, |sum, i| sum + plane[i] * v.dg[i][k]));
+        let gradient =
+            [0, 1, 2].map(|k| (0..4).fold(C::ZERO, |sum, i| sum + plane[i] * v.dg[i][k]));
         (dot(&plane, &v.g), gradient, dot(&speed, &v.g))
     }
 }
@@ -570,32 +695,51 @@ fn distinct(source: &Source, points: impl IntoIterator<Item = V>) -> Vec<V> {
 }
 
 /// The section of a source by a general plane; whether no path was lost.
-fn first_section(source: &mut Source, plane: &Plane, stop: &dyn Fn() -> bool) -> Result<bool, Stopped> {
+fn first_section(
+    source: &mut Source,
+    plane: &Plane,
+    stop: &dyn Fn() -> bool,
+) -> Result<bool, Stopped> {
     let mut stream = Stream(7);
     // Another try has other lines and other planes in between.
     for _ in 0..4 {
-        let lines: Vec<V> = (0..source.degree).map(|_| normalised(&stream.complex())).collect();
+        let lines: Vec<V> = (0..source.degree)
+            .map(|_| normalised(&stream.complex()))
+            .collect();
         let phase = stream.phase();
         let path = |time: f64, p: &V, v: &Values| {
             let factors: Vec<C> = lines.iter().map(|l| dot(l, p)).collect();
             let mut product = phase;
             let mut gradient = [C::ZERO; 3];
             for (i, line) in lines.iter().enumerate() {
-                let others = factors.iter().enumerate().filter(|&(k, _)| k != i).fold(phase, |product, (_, &c)| product * c);
+                let others = factors
+                    .iter()
+                    .enumerate()
+                    .filter(|&(k, _)| k != i)
+                    .fold(phase, |product, (_, &c)| product * c);
                 gradient = [0, 1, 2].map(|k| gradient[k] + line[k] * others);
                 product = product * factors[i];
             }
             let target = dot(plane, &v.g);
-            let slope = [0, 1, 2].map(|k| (0..4).fold(C::ZERO, |sum, i| sum + plane[i] * v.dg[i][k]));
+            let slope =
+                [0, 1, 2].map(|k| (0..4).fold(C::ZERO, |sum, i| sum + plane[i] * v.dg[i][k]));
             let mixed = [0, 1, 2].map(|k| gradient[k].times(1.0 - time) + slope[k].times(time));
-            (product.times(1.0 - time) + target.times(time), mixed, target - product)
+            (
+                product.times(1.0 - time) + target.times(time),
+                mixed,
+                target - product,
+            )
         };
         let mut ends = Vec::new();
         let mut lost = false;
         for line in &lines {
             // Vectors without zeros: with them the only point of a coordinate line may be infinite on this one.
             let [a, b] = frame(&conj(line));
-            let [a, b] = [[C::new(0.6, 0.3), C::new(0.2, -0.7)], [C::new(-0.2, -0.7), C::new(0.6, -0.3)]].map(|c| in_frame(&[a, b], c));
+            let [a, b] = [
+                [C::new(0.6, 0.3), C::new(0.2, -0.7)],
+                [C::new(-0.2, -0.7), C::new(0.6, -0.3)],
+            ]
+            .map(|c| in_frame(&[a, b], c));
             for p in on_line(&source.curve, source.curve_degree, &a, &b) {
                 check(stop)?;
                 match track(source, &path, &p) {
@@ -643,7 +787,11 @@ fn real_image(g: &[C; 4]) -> Option<([f64; 4], f64)> {
     if size < 1e-13 {
         return None;
     }
-    let largest = g.iter().copied().max_by(|a, b| a.norm2().total_cmp(&b.norm2())).expect("four");
+    let largest = g
+        .iter()
+        .copied()
+        .max_by(|a, b| a.norm2().total_cmp(&b.norm2()))
+        .expect("four");
     let turned = g.map(|c| (c * largest.conj()).times(1.0 / (largest.norm() * size)));
     let real = turned.iter().map(|c| c.re * c.re).sum::<f64>().sqrt();
     let imaginary = turned.iter().map(|c| c.im * c.im).sum::<f64>().sqrt();
@@ -662,7 +810,11 @@ fn singular_values(mut a: [[f64; 5]; 4], right: &[f64; 5]) -> [(f64, [f64; 4], f
         let mut rotated = false;
         for i in 0..3 {
             for j in i + 1..4 {
-                let (p, q, r) = (product(&a[i], &a[i]), product(&a[j], &a[j]), product(&a[i], &a[j]));
+                let (p, q, r) = (
+                    product(&a[i], &a[i]),
+                    product(&a[j], &a[j]),
+                    product(&a[i], &a[j]),
+                );
                 if r.abs() <= 1e-15 * (p * q).sqrt() || r == 0.0 {
                     continue;
                 }
@@ -685,7 +837,15 @@ fn singular_values(mut a: [[f64; 5]; 4], right: &[f64; 5]) -> [(f64, [f64; 4], f
     }
     let mut found = [0, 1, 2, 3].map(|i| {
         let size = product(&a[i], &a[i]).sqrt();
-        (size, v[i], if size > 0.0 { product(&a[i], right) / size } else { 0.0 })
+        (
+            size,
+            v[i],
+            if size > 0.0 {
+                product(&a[i], right) / size
+            } else {
+                0.0
+            },
+        )
     });
     found.sort_by(|x, y| y.0.total_cmp(&x.0));
     found
@@ -700,14 +860,20 @@ fn settle(source: &Source, start: &V) -> Option<State> {
         let v = source.eval(&p);
         let (image, _) = real_image(&v.g)?;
         // Reflection that takes the image to ∓ a unit vector; its other columns are orthogonal to the image.
-        let m = (0..4).max_by(|&i, &j| image[i].abs().total_cmp(&image[j].abs())).expect("four");
+        let m = (0..4)
+            .max_by(|&i, &j| image[i].abs().total_cmp(&image[j].abs()))
+            .expect("four");
         let mut n = image;
         n[m] += image[m].signum();
         let n2 = n.iter().map(|x| x * x).sum::<f64>();
-        let column = |j: usize| [0, 1, 2, 3].map(|i| f64::from(u8::from(i == j)) - 2.0 * n[i] * n[j] / n2);
+        let column =
+            |j: usize| [0, 1, 2, 3].map(|i| f64::from(u8::from(i == j)) - 2.0 * n[i] * n[j] / n2);
         let combined = |w: &[f64; 4]| {
             let value = (0..4).fold(C::ZERO, |sum, i| sum + v.g[i].times(w[i]));
-            (value, [0, 1, 2].map(|k| (0..4).fold(C::ZERO, |sum, i| sum + v.dg[i][k].times(w[i]))))
+            (
+                value,
+                [0, 1, 2].map(|k| (0..4).fold(C::ZERO, |sum, i| sum + v.dg[i][k].times(w[i]))),
+            )
         };
         let (c, dc) = combined(&image);
         let inverse = c.inverse();
@@ -717,7 +883,11 @@ fn settle(source: &Source, start: &V) -> Option<State> {
         let mut set = |row: usize, value: f64, k: [C; 2], imaginary: bool| {
             right[row] = value;
             for i in 0..2 {
-                (columns[2 * i][row], columns[2 * i + 1][row]) = if imaginary { (k[i].im, k[i].re) } else { (k[i].re, -k[i].im) };
+                (columns[2 * i][row], columns[2 * i + 1][row]) = if imaginary {
+                    (k[i].im, k[i].re)
+                } else {
+                    (k[i].re, -k[i].im)
+                };
             }
         };
         let k = basis.each_ref().map(|b| dot(&v.df, b));
@@ -735,7 +905,11 @@ fn settle(source: &Source, start: &V) -> Option<State> {
         let rounding = 1e-15 / c.norm();
         let residual = right.iter().map(|x| x * x).sum::<f64>().sqrt();
         if done || residual < rounding {
-            return (residual < 1e-11 + 4.0 * rounding).then(|| State { p, tangent: to_vector(&found[3].1), image });
+            return (residual < 1e-11 + 4.0 * rounding).then(|| State {
+                p,
+                tangent: to_vector(&found[3].1),
+                image,
+            });
         }
         let mut d = [0.0; 4];
         for (size, vector, product) in &found[..3] {
@@ -786,7 +960,12 @@ fn trace(source: &Source, start: &State, tolerance: f64) -> (Vec<State>, End) {
                 return None;
             }
             let mut end = None;
-            let same_side = real_line(&here.p).iter().zip(real_line(&next.p)).map(|(a, b)| a * b).sum::<f64>() > 0.0;
+            let same_side = real_line(&here.p)
+                .iter()
+                .zip(real_line(&next.p))
+                .map(|(a, b)| a * b)
+                .sum::<f64>()
+                > 0.0;
             if !same_side {
                 // Beyond a real parameter the curve comes back along the conjugate ones, unless f = 0 has conjugate branches there.
                 let back = blend(&here.p, -1.0);
@@ -807,14 +986,25 @@ fn trace(source: &Source, start: &State, tolerance: f64) -> (Vec<State>, End) {
                     }
                 }
                 let x = best.image;
-                let i = (0..3).max_by(|&i, &j| x[i].abs().total_cmp(&x[j].abs())).expect("three");
+                let i = (0..3)
+                    .max_by(|&i, &j| x[i].abs().total_cmp(&x[j].abs()))
+                    .expect("three");
                 best.image[i] = x[3].abs() * x[i].signum();
                 (next, end) = (best, Some(End::Face));
             }
             // Between here and a base point nothing more can be told.
             let middle = settle(source, &normalised(&along(&here.p, &next.p, 1.0)));
-            let Some(middle) = middle else { return if end == Some(End::Real) { Some((next, end, error)) } else { None } };
-            if step > 1e-7 && distance_to_segment(middle.point(), [here.point(), next.point()]) > 0.5 * tolerance {
+            let Some(middle) = middle else {
+                return if end == Some(End::Real) {
+                    Some((next, end, error))
+                } else {
+                    None
+                };
+            };
+            if step > 1e-7
+                && distance_to_segment(middle.point(), [here.point(), next.point()])
+                    > 0.5 * tolerance
+            {
                 return None;
             }
             Some((next, end, error))
@@ -827,7 +1017,11 @@ fn trace(source: &Source, start: &State, tolerance: f64) -> (Vec<State>, End) {
             continue;
         };
         let moved = distance(&here.p, &next.p);
-        if nodes.len() > 2 && [start.p, conj(&start.p)].iter().any(|p| on_step(p, &here.p, &next.p, moved)) {
+        if nodes.len() > 2
+            && [start.p, conj(&start.p)]
+                .iter()
+                .any(|p| on_step(p, &here.p, &next.p, moved))
+        {
             nodes.push(*start);
             return (nodes, End::Closed);
         }
@@ -847,7 +1041,14 @@ fn trace(source: &Source, start: &State, tolerance: f64) -> (Vec<State>, End) {
 /// The curve goes on along the conjugate parameters; with a coordinate u on it that changes its sign with conjugation, the image is even in u.
 fn real_end(source: &Source, here: &State) -> Option<State> {
     let side = real_line(&here.p);
-    let coordinate = |p: &V| real_line(p).iter().zip(&side).map(|(a, b)| a * b).sum::<f64>() / length(&side);
+    let coordinate = |p: &V| {
+        real_line(p)
+            .iter()
+            .zip(&side)
+            .map(|(a, b)| a * b)
+            .sum::<f64>()
+            / length(&side)
+    };
     let mut last = *here;
     let mut squares: Vec<f64> = Vec::new();
     let mut row: Vec<[f64; 3]> = Vec::new();
@@ -860,7 +1061,8 @@ fn real_end(source: &Source, here: &State) -> Option<State> {
         for (order, old) in row.iter().enumerate() {
             let weight = squares[k] / (squares[k - order - 1] - squares[k]);
             let value = [0, 1, 2].map(|c| next[order][c] + (next[order][c] - old[c]) * weight);
-            let change = [&next[order], old].map(|other| length(&[0, 1, 2].map(|c| value[c] - other[c])));
+            let change =
+                [&next[order], old].map(|other| length(&[0, 1, 2].map(|c| value[c] - other[c])));
             let error = change[0].max(change[1]);
             if error.is_finite() && found.is_none_or(|(least, _)| error < least) {
                 found = Some((error, value));
@@ -869,16 +1071,23 @@ fn real_end(source: &Source, here: &State) -> Option<State> {
         }
         row = next;
         // Half as far from the real parameter, from here and the conjugate, which is at the same distance beyond it.
-        let Some(nearer) = settle(source, &normalised(&blend(&last.p, 0.5))) else { break };
+        let Some(nearer) = settle(source, &normalised(&blend(&last.p, 0.5))) else {
+            break;
+        };
         let v = coordinate(&nearer.p);
         if !(0.4 * u..0.6 * u).contains(&v) || distance(&nearer.p, &last.p) > 2.0 * u {
             break;
         }
         last = nearer;
     }
-    let (_, x) = found.filter(|(error, _)| squares.len() > 4 || squares.len() > 2 && *error < 1e-8)?;
+    let (_, x) =
+        found.filter(|(error, _)| squares.len() > 4 || squares.len() > 2 && *error < 1e-8)?;
     let size = (1.0 + x.iter().map(|v| v * v).sum::<f64>()).sqrt();
-    Some(State { p: normalised(&blend(&last.p, 0.0)), tangent: last.tangent, image: [x[0], x[1], x[2], 1.0].map(|v| v / size) })
+    Some(State {
+        p: normalised(&blend(&last.p, 0.0)),
+        tangent: last.tangent,
+        image: [x[0], x[1], x[2], 1.0].map(|v| v / size),
+    })
 }
 
 /// Between a point, at 1, and its conjugate, at −1.
@@ -943,20 +1152,44 @@ fn directions() -> [[f64; 3]; 3] {
     let [w, x, y, z] = [5.0, 1.0, -2.0, 3.0];
     let n = w * w + x * x + y * y + z * z;
     [
-        [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        [
+            w * w + x * x - y * y - z * z,
+            2.0 * (x * y - w * z),
+            2.0 * (x * z + w * y),
+        ],
+        [
+            2.0 * (x * y + w * z),
+            w * w - x * x + y * y - z * z,
+            2.0 * (y * z - w * x),
+        ],
+        [
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            w * w - x * x - y * y + z * z,
+        ],
     ]
     .map(|row| row.map(|v| v / n))
 }
 
 impl Search {
     /// The curves, and their sections by a general plane.
-    fn prepare(&mut self, map: &Map, singular: &Singular, half_width: f64, stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+    fn prepare(
+        &mut self,
+        map: &Map,
+        singular: &Singular,
+        half_width: f64,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(), Stopped> {
         let forms = rounded(map.forms().each_ref());
         for curve in curves_of(map, singular) {
             let [terms] = rounded([&curve.curve]);
-            let source = Source::new(Form::new(terms), curve.curve.total_degree(), forms.clone(), map.degree(), half_width);
+            let source = Source::new(
+                Form::new(terms),
+                curve.curve.total_degree(),
+                forms.clone(),
+                map.degree(),
+                half_width,
+            );
             self.sources.push(source);
         }
         for BasePoint { seam, .. } in base_points(map, stop)? {
@@ -965,20 +1198,31 @@ impl Search {
         let general = general_plane();
         for source in &mut self.sources {
             if !first_section(source, &general, stop)? {
-                self.problems.push("solitary curves: points of a section were lost".to_owned());
+                self.problems
+                    .push("solitary curves: points of a section were lost".to_owned());
             }
         }
         Ok(())
     }
 
-    fn run(&mut self, map: &Map, singular: &Singular, half_width: f64, stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+    fn run(
+        &mut self,
+        map: &Map,
+        singular: &Singular,
+        half_width: f64,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(), Stopped> {
         self.prepare(map, singular, half_width, stop)?;
         let hits = self.hits(stop)?;
         let mut traced = Vec::new();
         for hit in &hits {
             check(stop)?;
             // Several pairs may lead to the same curve.
-            if !hit.others.iter().any(|(k, p)| traced.iter().any(|t: &Traced| t.source == *k && t.place(p).is_some())) {
+            if !hit.others.iter().any(|(k, p)| {
+                traced
+                    .iter()
+                    .any(|t: &Traced| t.source == *k && t.place(p).is_some())
+            }) {
                 traced.push(self.both_ways(hit.source, &hit.state));
             }
         }
@@ -1004,12 +1248,19 @@ impl Search {
         let degree = seam.curve[0].degree();
         if degree > 0 {
             let forms = seam.curve.each_ref().map(|f| {
-                let terms = f.to_f64().into_iter().enumerate().filter(|(_, c)| *c != 0.0);
-                terms.map(|(j, c)| ([degree - j, j, 0], c)).collect::<Vec<_>>()
+                let terms = f
+                    .to_f64()
+                    .into_iter()
+                    .enumerate()
+                    .filter(|(_, c)| *c != 0.0);
+                terms
+                    .map(|(j, c)| ([degree - j, j, 0], c))
+                    .collect::<Vec<_>>()
             });
             if !forms[3].is_empty() {
                 let line = Form::new([([0, 0, 1], 1.0)]);
-                self.sources.push(Source::new(line, 1, forms, degree, half_width));
+                self.sources
+                    .push(Source::new(line, 1, forms, degree, half_width));
             }
         }
         for near in &seam.near {
@@ -1023,7 +1274,10 @@ impl Search {
         let mut stream = Stream(13);
         let general = general_plane();
         let mut found = Vec::new();
-        for (from, points) in before.into_iter().chain([(&general, &source.section[..]), (&general, &source.section[..])]) {
+        for (from, points) in before.into_iter().chain([
+            (&general, &source.section[..]),
+            (&general, &source.section[..]),
+        ]) {
             let phase = stream.phase();
             let path = between(from, plane, phase);
             let ends = points.iter().filter_map(|p| track(source, &path, p).ok());
@@ -1064,8 +1318,13 @@ impl Search {
                     let from = before[k].as_deref().map(|points| (&pencil[i - 1], points));
                     let points = self.section(k, from, plane);
                     for p in &points {
-                        let Some((image, imaginary)) = real_image(&self.sources[k].eval(p).g) else { continue };
-                        if imaginary > 1e-7 || (0..3).any(|i| image[i].abs() > (1.0 + 1e-9) * image[3].abs()) {
+                        let Some((image, imaginary)) = real_image(&self.sources[k].eval(p).g)
+                        else {
+                            continue;
+                        };
+                        if imaginary > 1e-7
+                            || (0..3).any(|i| image[i].abs() > (1.0 + 1e-9) * image[3].abs())
+                        {
                             continue;
                         }
                         if length(&real_line(p)) < 1e-6 {
@@ -1078,13 +1337,22 @@ impl Search {
                     before[k] = (points.len() == self.sources[k].section.len()).then_some(points);
                 }
                 for &(k, p, _) in &candidates {
-                    let Some(state) = settle(&self.sources[k], &p) else { continue };
+                    let Some(state) = settle(&self.sources[k], &p) else {
+                        continue;
+                    };
                     if distance(&state.p, &p) > 1e-6 {
                         continue;
                     }
                     let covered = real.iter().any(|image| same_point(image, &state.image));
-                    let same = candidates.iter().filter(|other| same_point(&other.2, &state.image));
-                    hits.push(Hit { source: k, state, covered, others: same.map(|other| (other.0, other.1)).collect() });
+                    let same = candidates
+                        .iter()
+                        .filter(|other| same_point(&other.2, &state.image));
+                    hits.push(Hit {
+                        source: k,
+                        state,
+                        covered,
+                        others: same.map(|other| (other.0, other.1)).collect(),
+                    });
                 }
             }
         }
@@ -1094,7 +1362,9 @@ impl Search {
     fn report(&mut self, end: End, last: &State) {
         if end == End::Lost {
             let [x, y, z] = last.point();
-            self.problems.push(format!("a solitary curve was lost near ({x:.4}, {y:.4}, {z:.4}) half-widths"));
+            self.problems.push(format!(
+                "a solitary curve was lost near ({x:.4}, {y:.4}, {z:.4}) half-widths"
+            ));
         }
     }
 
@@ -1102,9 +1372,15 @@ impl Search {
         let (ahead, end) = trace(&self.sources[source], start, self.tolerance);
         self.report(end, &ahead[ahead.len() - 1]);
         if end == End::Closed {
-            return Traced { source, nodes: ahead };
+            return Traced {
+                source,
+                nodes: ahead,
+            };
         }
-        let back = State { tangent: start.tangent.map(|c| -c), ..*start };
+        let back = State {
+            tangent: start.tangent.map(|c| -c),
+            ..*start
+        };
         let (mut nodes, end) = trace(&self.sources[source], &back, self.tolerance);
         self.report(end, &nodes[nodes.len() - 1]);
         nodes.reverse();
@@ -1129,11 +1405,22 @@ impl Search {
             let state = settle(&self.sources[source], &predicted)?;
             (distance(&state.p, &predicted) < 0.2 * far && state.inside()).then_some((state, far))
         })?;
-        let ends_here = |t: &Traced| [&t.nodes[0], &t.nodes[t.nodes.len() - 1]].iter().any(|s| distance(&s.p, p) < far);
-        if traced.iter().any(|t| t.source == source && (ends_here(t) || t.place(&start.p).is_some())) {
+        let ends_here = |t: &Traced| {
+            [&t.nodes[0], &t.nodes[t.nodes.len() - 1]]
+                .iter()
+                .any(|s| distance(&s.p, p) < far)
+        };
+        if traced
+            .iter()
+            .any(|t| t.source == source && (ends_here(t) || t.place(&start.p).is_some()))
+        {
             return None;
         }
-        if self.fibre(&start.image).iter().any(|(k, p, _)| traced.iter().any(|t| t.source == *k && t.place(p).is_some())) {
+        if self.fibre(&start.image).iter().any(|(k, p, _)| {
+            traced
+                .iter()
+                .any(|t| t.source == *k && t.place(p).is_some())
+        }) {
             return None;
         }
         if inner(&tangent, &start.tangent).re < 0.0 {
@@ -1141,8 +1428,15 @@ impl Search {
         }
         let (nodes, end) = trace(&self.sources[source], &start, self.tolerance);
         self.report(end, &nodes[nodes.len() - 1]);
-        let first = State { p: *p, tangent, image };
-        Some(Traced { source, nodes: [first].into_iter().chain(nodes).collect() })
+        let first = State {
+            p: *p,
+            tangent,
+            image,
+        };
+        Some(Traced {
+            source,
+            nodes: [first].into_iter().chain(nodes).collect(),
+        })
     }
 
     /// All parameters of a point on double curves, with their sources, and whether they are real.
@@ -1153,7 +1447,9 @@ impl Search {
         let mut found = Vec::new();
         for (k, source) in self.sources.iter().enumerate() {
             for p in self.section(k, None, &plane) {
-                if real_image(&source.eval(&p).g).is_some_and(|(other, imaginary)| imaginary < 1e-7 && same_point(&other, image)) {
+                if real_image(&source.eval(&p).g)
+                    .is_some_and(|(other, imaginary)| imaginary < 1e-7 && same_point(&other, image))
+                {
                     found.push((k, p, length(&real_line(&p)) < 1e-6));
                 }
             }
@@ -1167,7 +1463,12 @@ impl Search {
     }
 
     /// Adds the parts of a curve that no real parameters reach.
-    fn keep_uncovered(&mut self, arc: &Traced, hits: &[Hit], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+    fn keep_uncovered(
+        &mut self,
+        arc: &Traced,
+        hits: &[Hit],
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(), Stopped> {
         let mut known: Vec<(usize, bool)> = Vec::new();
         for hit in hits.iter().filter(|hit| hit.source == arc.source) {
             known.extend(arc.place(&hit.state.p).map(|i| (i, hit.covered)));
@@ -1195,7 +1496,12 @@ impl Search {
             let (mut a, mut b) = (arc.nodes[lo], arc.nodes[hi]);
             for _ in 0..30 {
                 check(stop)?;
-                let Some(middle) = settle(&self.sources[arc.source], &normalised(&along(&a.p, &b.p, 1.0))) else { break };
+                let Some(middle) = settle(
+                    &self.sources[arc.source],
+                    &normalised(&along(&a.p, &b.p, 1.0)),
+                ) else {
+                    break;
+                };
                 if self.is_covered(&middle.image) == before {
                     a = middle;
                 } else {

@@ -16,7 +16,12 @@ impl Equation {
     pub(crate) fn new(implicit: &Implicit) -> Self {
         let terms = implicit.equation.to_f64();
         let greatest = terms.iter().map(|t| t.1.abs()).fold(0.0, f64::max);
-        Self { terms: terms.iter().map(|(e, c)| ([0, 1, 2].map(|k| i32::from(e[k])), c / greatest)).collect() }
+        Self {
+            terms: terms
+                .iter()
+                .map(|(e, c)| ([0, 1, 2].map(|k| i32::from(e[k])), c / greatest))
+                .collect(),
+        }
     }
     /// |F| / |∇F|; none where the gradient vanishes nearly.
     pub(crate) fn distance(&self, p: Point3) -> Option<f64> {
@@ -44,13 +49,20 @@ mod tests {
     /// The unit sphere by stereographic projection: F = x² + y² + z² − w² up to a factor, |F| / |∇F| = |r² − 1| / 2 r.
     #[test]
     fn sphere() {
-        let map = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"].map(|f| Poly::parse(f, &["s", "t"]).unwrap());
+        let map = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"]
+            .map(|f| Poly::parse(f, &["s", "t"]).unwrap());
         let equation = Equation::new(&implicit(&map, 4, &|| false).unwrap().unwrap());
         for p in [[0.3, -0.4, 1.2], [0.0, 0.0, 0.5], [2.0, 1.0, -2.0]] {
             let r = norm(p);
             let distance = equation.distance(p).unwrap();
-            assert!((distance - (r * r - 1.0).abs() / (2.0 * r)).abs() < 1e-14, "{p:?} {distance}");
+            assert!(
+                (distance - (r * r - 1.0).abs() / (2.0 * r)).abs() < 1e-14,
+                "{p:?} {distance}"
+            );
         }
-        assert!(equation.distance([0.0; 3]).is_none(), "the gradient vanishes in the middle");
+        assert!(
+            equation.distance([0.0; 3]).is_none(),
+            "the gradient vanishes in the middle"
+        );
     }
 }

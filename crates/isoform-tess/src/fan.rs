@@ -42,9 +42,19 @@ pub(crate) struct Direction {
 impl Direction {
     fn new(node: usize, at: [f64; 2]) -> Self {
         let length = at[0].hypot(at[1]);
-        let sign = if at[1] < 0.0 || (at[1] == 0.0 && at[0] < 0.0) { -1.0 } else { 1.0 };
+        let sign = if at[1] < 0.0 || (at[1] == 0.0 && at[0] < 0.0) {
+            -1.0
+        } else {
+            1.0
+        };
         // No negative zeros: a direction names a vertex.
-        Self { node, at: at.map(|x| sign * x / length + 0.0), faces: 0, factors: Vec::new(), bend: 0.0 }
+        Self {
+            node,
+            at: at.map(|x| sign * x / length + 0.0),
+            faces: 0,
+            factors: Vec::new(),
+            bend: 0.0,
+        }
     }
     /// Whether both are one but for rounding.
     fn is_same(&self, other: &Self) -> bool {
@@ -66,7 +76,11 @@ impl Direction {
     }
     /// ± (a, b).
     pub(crate) fn signed(&self, backward: bool) -> [f64; 2] {
-        if backward { self.at.map(|x| -x) } else { self.at }
+        if backward {
+            self.at.map(|x| -x)
+        } else {
+            self.at
+        }
     }
 }
 
@@ -123,7 +137,10 @@ fn collect<'a>(seam: &'a Seam, chain: &[Step], exceptional: [bool; 2], found: &m
     for near in &seam.near {
         let (step, exceptional) = match near.direction[0].is_zero() {
             true => (Step::Across, [exceptional[0], true]),
-            false => (Step::Along(near.direction[1].to_f64()), [true, exceptional[1] && near.direction[1].is_zero()]),
+            false => (
+                Step::Along(near.direction[1].to_f64()),
+                [true, exceptional[1] && near.direction[1].is_zero()],
+            ),
         };
         let child = found.len();
         found[place].3.push(child);
@@ -169,15 +186,25 @@ pub(crate) struct Fan {
 
 fn eval(form: &[f64], [a, b]: [f64; 2]) -> f64 {
     let d = form.len() - 1;
-    form.iter().enumerate().map(|(j, c)| c * a.powi((d - j) as i32) * b.powi(j as i32)).sum()
+    form.iter()
+        .enumerate()
+        .map(|(j, c)| c * a.powi((d - j) as i32) * b.powi(j as i32))
+        .sum()
 }
 
 /// The real zeros (a, b) of a binary form with these coefficients of aᵈ, aᵈ⁻¹b, …
 fn zeros(coefficients: &[RBig]) -> Vec<[f64; 2]> {
-    let terms = coefficients.iter().enumerate().map(|(j, c)| ([j as u16, 0, 0, 0], c.clone()));
+    let terms = coefficients
+        .iter()
+        .enumerate()
+        .map(|(j, c)| ([j as u16, 0, 0, 0], c.clone()));
     let mut found = Vec::new();
     if let Some(p) = Poly::from_terms(terms).to_upoly(0).filter(|p| !p.is_zero()) {
-        found.extend(real_roots(&p.squarefree_part()).iter().map(|r| [1.0, r.to_f64()]));
+        found.extend(
+            real_roots(&p.squarefree_part())
+                .iter()
+                .map(|r| [1.0, r.to_f64()]),
+        );
     }
     if coefficients.last().is_some_and(RBig::is_zero) {
         found.push([0.0, 1.0]);
@@ -187,14 +214,27 @@ fn zeros(coefficients: &[RBig]) -> Vec<[f64; 2]> {
 
 fn rationals(form: &BinaryForm) -> Vec<RBig> {
     let round = |x: f64| RBig::try_from(x).unwrap_or_default();
-    form.coefficients.iter().map(|c| c.as_rational().unwrap_or_else(|| if c.is_zero() { RBig::ZERO } else { round(c.to_f64()) })).collect()
+    form.coefficients
+        .iter()
+        .map(|c| {
+            c.as_rational().unwrap_or_else(|| {
+                if c.is_zero() {
+                    RBig::ZERO
+                } else {
+                    round(c.to_f64())
+                }
+            })
+        })
+        .collect()
 }
 
 /// Whether a seam is in the box in a direction, exact for the direction rounded.
 fn is_in_box(curve: &[BinaryForm; 4], half_width: &RBig, at: [f64; 2]) -> bool {
     let [a, b] = at.map(|x| RBig::try_from(x).unwrap_or_default());
     let [x, y, z, w] = curve.each_ref().map(|f| f.eval(&a, &b));
-    let plus = |x: &Algebraic, b: &RBig| Algebraic::new(x.field(), x.root(), x.element().add(&w.element().scaled(b))).sign();
+    let plus = |x: &Algebraic, b: &RBig| {
+        Algebraic::new(x.field(), x.root(), x.element().add(&w.element().scaled(b))).sign()
+    };
     !w.is_zero()
         && [x, y, z].iter().all(|x| {
             let (low, high) = (plus(x, half_width), plus(x, &-half_width.clone()));
@@ -234,7 +274,11 @@ impl Fan {
             point,
             variables: [u, v],
             one,
-            multiplicity: if all.len() == 1 { base.multiplicity() } else { tangents(w_form, point, [u, v], one, &[]).0 },
+            multiplicity: if all.len() == 1 {
+                base.multiplicity()
+            } else {
+                tangents(w_form, point, [u, v], one, &[]).0
+            },
             half_width: region.half_width.to_f64().value(),
             nodes: Vec::new(),
             is_tree: false,
@@ -244,22 +288,53 @@ impl Fan {
         for (chain, exceptional, seam, children) in all {
             let place = fan.nodes.len();
             let cover = Involution::of(&seam.curve, &|| false).ok().flatten();
-            let marks = fan.marks(base, place, &chain, exceptional, seam, &children, cover, region);
+            let marks = fan.marks(
+                base,
+                place,
+                &chain,
+                exceptional,
+                seam,
+                &children,
+                cover,
+                region,
+            );
             // Where other seams begin their vertices have other names.
-            let begins = |k: usize| matches!(marks[k].1, Mark::Near(_)) && (marks[k].2 || marks[(k + marks.len() - 1) % marks.len()].2);
+            let begins = |k: usize| {
+                matches!(marks[k].1, Mark::Near(_))
+                    && (marks[k].2 || marks[(k + marks.len() - 1) % marks.len()].2)
+            };
             let cover = cover.filter(|_| !(0..marks.len()).any(begins));
             let forms = seam.forms.each_ref().map(|f| {
-                let terms: Vec<([usize; 2], f64)> = f.iter().map(|(e, c)| (*e, c.to_f64())).collect();
-                Form { order: terms.iter().map(|([i, j], _)| i + j).min().unwrap_or(0), terms }
+                let terms: Vec<([usize; 2], f64)> =
+                    f.iter().map(|(e, c)| (*e, c.to_f64())).collect();
+                Form {
+                    order: terms.iter().map(|([i, j], _)| i + j).min().unwrap_or(0),
+                    terms,
+                }
             });
             let curve = seam.curve.each_ref().map(BinaryForm::to_f64);
             let constant = curve[0].len() == 1;
-            fan.nodes.push(Node { chain, curve, constant, cover, marks, forms });
+            fan.nodes.push(Node {
+                chain,
+                curve,
+                constant,
+                cover,
+                marks,
+                forms,
+            });
         }
         fan.arrange();
         let mut open = fan.sectors.iter().filter(|s| s.inside);
-        let first = open.clone().next().map(|s| fan.directions[s.rays[0].0].node);
-        fan.is_tree = open.any(|s| s.corner.is_some() || s.rays.iter().any(|r| Some(fan.directions[r.0].node) != first));
+        let first = open
+            .clone()
+            .next()
+            .map(|s| fan.directions[s.rays[0].0].node);
+        fan.is_tree = open.any(|s| {
+            s.corner.is_some()
+                || s.rays
+                    .iter()
+                    .any(|r| Some(fan.directions[r.0].node) != first)
+        });
         fan.directions = fan.directions.iter().map(|d| fan.bent(d.clone())).collect();
         // What is outside of the box need not be opened.
         if !fan.sectors.iter().any(|s| s.inside) {
@@ -282,22 +357,44 @@ impl Fan {
         region: &Region,
     ) -> Vec<(Direction, Mark, bool)> {
         let [s, t, w] = self.point;
-        let open = |why: &str| Some(format!("the base point ({s} : {t} : {w}) is left open: {why}"));
+        let open = |why: &str| {
+            Some(format!(
+                "the base point ({s} : {t} : {w}) is left open: {why}"
+            ))
+        };
         let mut marks: Vec<(Direction, Option<Mark>)> = Vec::new();
-        let add_to = |marks: &mut Vec<(Direction, Option<Mark>)>, at: [f64; 2], faces: u8, factors: &[usize], mark: Option<Mark>| {
+        let add_to = |marks: &mut Vec<(Direction, Option<Mark>)>,
+                      at: [f64; 2],
+                      faces: u8,
+                      factors: &[usize],
+                      mark: Option<Mark>| {
             let new = Direction::new(node, at);
-            let place = marks.iter().position(|d| d.0.is_same(&new)).unwrap_or_else(|| {
-                marks.push((new, mark));
-                marks.len() - 1
-            });
+            let place = marks
+                .iter()
+                .position(|d| d.0.is_same(&new))
+                .unwrap_or_else(|| {
+                    marks.push((new, mark));
+                    marks.len() - 1
+                });
             let d = &mut marks[place].0;
             d.faces |= faces;
-            d.factors.extend(factors.iter().filter(|f| !d.factors.contains(f)).copied().collect::<Vec<_>>());
+            d.factors.extend(
+                factors
+                    .iter()
+                    .filter(|f| !d.factors.contains(f))
+                    .copied()
+                    .collect::<Vec<_>>(),
+            );
         };
-        let mut add = |at, faces, factors: &[usize], mark| add_to(&mut marks, at, faces, factors, mark);
+        let mut add =
+            |at, faces, factors: &[usize], mark| add_to(&mut marks, at, faces, factors, mark);
         // Exact ones first.
         for (near, &child) in seam.near.iter().zip(children) {
-            let at = if near.direction[0].is_zero() { [0.0, 1.0] } else { [1.0, near.direction[1].to_f64()] };
+            let at = if near.direction[0].is_zero() {
+                [0.0, 1.0]
+            } else {
+                [1.0, near.direction[1].to_f64()]
+            };
             add(at, 0, &[], Some(Mark::Near(child)));
         }
         for (at, is_one) in [([0.0, 1.0], exceptional[0]), ([1.0, 0.0], exceptional[1])] {
@@ -306,7 +403,10 @@ impl Fan {
             }
         }
         let [u, v] = self.variables;
-        let lifts = [chain.iter().all(|s| *s == Step::Across), chain.iter().all(|s| *s == Step::Along(0.0))];
+        let lifts = [
+            chain.iter().all(|s| *s == Step::Across),
+            chain.iter().all(|s| *s == Step::Along(0.0)),
+        ];
         for (k, at, lifts) in [(u, [0.0, 1.0], lifts[0]), (v, [1.0, 0.0], lifts[1])] {
             if base.point[k].is_zero() && lifts {
                 add(at, 0, &[], None);
@@ -316,19 +416,39 @@ impl Fan {
         let mut in_face = false;
         for face in 0..6 {
             let form = [&x, &y, &z][face / 2];
-            let b = if face % 2 == 0 { region.half_width.clone() } else { -region.half_width.clone() };
+            let b = if face % 2 == 0 {
+                region.half_width.clone()
+            } else {
+                -region.half_width.clone()
+            };
             let sum: Vec<RBig> = form.iter().zip(&w).map(|(x, w)| x + &b * w).collect();
             if sum.iter().all(RBig::is_zero) {
                 in_face = true;
                 continue;
             }
-            let factors: Vec<usize> = (0..region.factors.len()).filter(|&f| region.faces[f].contains(&face)).collect();
+            let factors: Vec<usize> = (0..region.factors.len())
+                .filter(|&f| region.faces[f].contains(&face))
+                .collect();
             for at in zeros(&sum) {
                 add(at, 1 << face, &factors, None);
             }
         }
-        for f in region.extra.iter().flatten().copied().filter(|&f| region.faces[f].is_empty()) {
-            for at in tangents(&region.factors[f], self.point, self.variables, self.one, chain).1 {
+        for f in region
+            .extra
+            .iter()
+            .flatten()
+            .copied()
+            .filter(|&f| region.faces[f].is_empty())
+        {
+            for at in tangents(
+                &region.factors[f],
+                self.point,
+                self.variables,
+                self.one,
+                chain,
+            )
+            .1
+            {
                 add(at, 0, &[f], None);
             }
         }
@@ -344,13 +464,17 @@ impl Fan {
             let (first, second) = (&marks[k], &marks[(k + 1) % n]);
             if first.1.is_some() && second.1.is_some() {
                 let sign = if k + 1 == n { -1.0 } else { 1.0 };
-                let middle = Direction::new(node, [0, 1].map(|i| first.0.at[i] + sign * second.0.at[i]));
+                let middle =
+                    Direction::new(node, [0, 1].map(|i| first.0.at[i] + sign * second.0.at[i]));
                 marks.push((middle, None));
             }
         }
         if let Some(cover) = cover {
             // Before the partners of others, so that near ones are known to be these.
-            cover.fixed().into_iter().for_each(|at| add_to(&mut marks, at, 0, &[], None));
+            cover
+                .fixed()
+                .into_iter()
+                .for_each(|at| add_to(&mut marks, at, 0, &[], None));
             // Twice: for those that were there already.
             for _ in 0..2 {
                 for (d, _) in marks.clone() {
@@ -418,7 +542,9 @@ impl Fan {
         let torn = (0..n).any(|k| stations[k].0.after.1 != stations[(k + 1) % n].0.before.1);
         if torn && self.problem.is_none() {
             let [s, t, w] = self.point;
-            self.problem = Some(format!("the base point ({s} : {t} : {w}) is left open: two of its seams meet in a face of the box"));
+            self.problem = Some(format!(
+                "the base point ({s} : {t} : {w}) is left open: two of its seams meet in a face of the box"
+            ));
         }
     }
 
@@ -446,7 +572,11 @@ impl Fan {
             let (is_first, is_last) = (step == 0, step == length);
             match marks[k].1 {
                 Mark::Station(direction) if !(whole && is_last) => {
-                    let (before, after) = if turn > 0 { (inside(p - 1), inside(p)) } else { (inside(p), inside(p - 1)) };
+                    let (before, after) = if turn > 0 {
+                        (inside(p - 1), inside(p))
+                    } else {
+                        (inside(p), inside(p - 1))
+                    };
                     events.push(Event::Station(Station {
                         ray: (direction, backward),
                         before: (vector(p - turn), before),
@@ -479,8 +609,15 @@ impl Fan {
     /// The position of an axis.
     fn position(&self, node: usize, v: [f64; 2]) -> usize {
         let marks = &self.nodes[node].marks;
-        let place = marks.iter().position(|m| m.0.at == v.map(f64::abs)).expect("an exceptional line is marked");
-        if v[0] + v[1] < 0.0 { place + marks.len() } else { place }
+        let place = marks
+            .iter()
+            .position(|m| m.0.at == v.map(f64::abs))
+            .expect("an exceptional line is marked");
+        if v[0] + v[1] < 0.0 {
+            place + marks.len()
+        } else {
+            place
+        }
     }
 
     /// Whether a piece of a sector has a corner, and the two vectors between which piece 0 or 1 of it lies, in the coordinates of its ray's node.
@@ -490,7 +627,11 @@ impl Fan {
         (d.node, [d.signed(backward), sector.marks[piece]])
     }
     /// The sector between two rays, in either order.
-    pub(crate) fn sector_between(&self, first: (Key, bool), second: (Key, bool)) -> Option<&Sector> {
+    pub(crate) fn sector_between(
+        &self,
+        first: (Key, bool),
+        second: (Key, bool),
+    ) -> Option<&Sector> {
         let name = |r: (usize, bool)| (self.directions[r.0].key(), r.1);
         self.sectors.iter().find(|s| {
             let [a, b] = s.rays.map(name);
@@ -504,7 +645,13 @@ impl Fan {
         (self.bent(d), backward)
     }
     /// The ray of a sector's seam, or of one of its two seams, to a point of a unit triangle.
-    pub(crate) fn toward(&self, quadrant: usize, at: [f64; 2], sector: &Sector, piece: usize) -> Option<(Direction, bool)> {
+    pub(crate) fn toward(
+        &self,
+        quadrant: usize,
+        at: [f64; 2],
+        sector: &Sector,
+        piece: usize,
+    ) -> Option<(Direction, bool)> {
         let (node, [a, b]) = self.piece(sector, piece);
         let x = self.lifted(quadrant, at, node);
         let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
@@ -515,7 +662,9 @@ impl Fan {
     }
     /// Puts one more direction there, and its partner if it has one.
     pub(crate) fn split(&mut self, d: Direction) {
-        let partner = self.nodes[d.node].cover.map(|c| Direction::new(d.node, c.partner(d.at)));
+        let partner = self.nodes[d.node]
+            .cover
+            .map(|c| Direction::new(d.node, c.partner(d.at)));
         for d in [Some(d), partner].into_iter().flatten() {
             self.insert(d);
         }
@@ -526,16 +675,27 @@ impl Fan {
         let n = marks.len();
         let at = marks.partition_point(|m| m.0.angle() < d.angle());
         let inside = marks[(at + n - 1) % n].2;
-        marks.insert(at, (d.clone(), Mark::Station(self.directions.len()), inside));
+        marks.insert(
+            at,
+            (d.clone(), Mark::Station(self.directions.len()), inside),
+        );
         self.directions.push(d);
     }
     /// The seams that run twice through their points: directions, ascending by angle, and whether the seam is in the box between each and the next.
     pub(crate) fn doubled(&self) -> impl Iterator<Item = Vec<(&Direction, bool)>> {
-        self.nodes.iter().filter(|n| n.cover.is_some()).map(|n| n.marks.iter().map(|(d, _, inside)| (d, *inside)).collect())
+        self.nodes
+            .iter()
+            .filter(|n| n.cover.is_some())
+            .map(|n| n.marks.iter().map(|(d, _, inside)| (d, *inside)).collect())
     }
     /// Whether the seam turns back in a direction.
     pub(crate) fn is_fold(&self, d: &Direction) -> bool {
-        self.nodes[d.node].cover.is_some_and(|c| c.fixed().into_iter().map(|at| Direction::new(d.node, at)).any(|f| f.is_same(d)))
+        self.nodes[d.node].cover.is_some_and(|c| {
+            c.fixed()
+                .into_iter()
+                .map(|at| Direction::new(d.node, at))
+                .any(|f| f.is_same(d))
+        })
     }
 
     /// The lines s = 0, t = 0, w = 0 that lead through the base point in a direction.
@@ -543,16 +703,31 @@ impl Fan {
         let at = d.at;
         let [u, v] = self.variables;
         let chain = &self.nodes[d.node].chain;
-        let lifts = [chain.iter().all(|s| *s == Step::Across), chain.iter().all(|s| *s == Step::Along(0.0))];
+        let lifts = [
+            chain.iter().all(|s| *s == Step::Across),
+            chain.iter().all(|s| *s == Step::Along(0.0)),
+        ];
         let sides = [(u, at[0], lifts[0]), (v, at[1], lifts[1])].into_iter();
-        sides.filter(|&(k, x, lifts)| self.point[k] == 0.0 && x == 0.0 && lifts).map(|s| s.0).collect::<Vec<_>>().into_iter()
+        sides
+            .filter(|&(k, x, lifts)| self.point[k] == 0.0 && x == 0.0 && lifts)
+            .map(|s| s.0)
+            .collect::<Vec<_>>()
+            .into_iter()
     }
     pub(crate) fn is_side(&self, d: &Direction) -> bool {
         self.sides_along(d).next().is_some()
     }
     /// The ray along a side toward a point of it.
-    pub(crate) fn ray_along(&self, quadrant: usize, side: usize, to: [f64; 2]) -> Option<(Key, bool)> {
-        let d = self.directions.iter().find(|d| self.sides_along(d).any(|s| s == side))?;
+    pub(crate) fn ray_along(
+        &self,
+        quadrant: usize,
+        side: usize,
+        to: [f64; 2],
+    ) -> Option<(Key, bool)> {
+        let d = self
+            .directions
+            .iter()
+            .find(|d| self.sides_along(d).any(|s| s == side))?;
         let x = self.lifted(quadrant, to, d.node);
         Some((d.key(), d.at[0] * x[0] + d.at[1] * x[1] < 0.0))
     }
@@ -565,7 +740,11 @@ impl Fan {
         let [x, y, z, w] = self.forms(d);
         let mut p = [x / w, y / w, z / w];
         for face in (0..6).filter(|f| d.faces >> f & 1 == 1) {
-            p[face / 2] = if face % 2 == 0 { -self.half_width } else { self.half_width };
+            p[face / 2] = if face % 2 == 0 {
+                -self.half_width
+            } else {
+                self.half_width
+            };
         }
         p
     }
@@ -582,14 +761,19 @@ impl Fan {
     /// Whether the point of the seam in a direction is all of a seam: of the direction's node, or of one that it meets there.
     pub(crate) fn is_contracted(&self, d: &Direction) -> bool {
         let meets = |s: &Sector| {
-            s.corner.as_ref().is_some_and(|c| c.key() == d.key()) && s.rays.iter().any(|r| self.nodes[self.directions[r.0].node].constant)
+            s.corner.as_ref().is_some_and(|c| c.key() == d.key())
+                && s.rays
+                    .iter()
+                    .any(|r| self.nodes[self.directions[r.0].node].constant)
         };
         self.nodes[d.node].constant || self.sectors.iter().any(meets)
     }
     /// The sign that (s, t, w) needs to be in a quadrant, if it is in it.
     fn sign_in(&self, quadrant: usize) -> Option<f64> {
         let y = self.signed(quadrant, self.point);
-        [1.0, -1.0].into_iter().find(|sign| y.iter().all(|y| sign * y >= 0.0))
+        [1.0, -1.0]
+            .into_iter()
+            .find(|sign| y.iter().all(|y| sign * y >= 0.0))
     }
     fn signed(&self, quadrant: usize, x: [f64; 3]) -> [f64; 3] {
         let [s, t] = QUADRANTS[quadrant].map(|s| s as f64);
@@ -617,23 +801,44 @@ impl Fan {
         let (sum, rate): (f64, f64) = (y.iter().sum(), dy.iter().sum());
         let [u, v] = [0, 1].map(|k| (dy[k] - y[k] / sum * rate) / sum);
         // Along the third side.
-        if y[2] == 0.0 && dy[2] == 0.0 { Some([u, -u]) } else { Some([u, v]) }
+        if y[2] == 0.0 && dy[2] == 0.0 {
+            Some([u, -u])
+        } else {
+            Some([u, v])
+        }
     }
     /// The direction ± d in the unit triangle of a quadrant, if it leads into it or along its sides. For the base point's own directions.
-    pub(crate) fn direction_in(&self, quadrant: usize, d: &Direction, backward: bool) -> Option<[f64; 2]> {
+    pub(crate) fn direction_in(
+        &self,
+        quadrant: usize,
+        d: &Direction,
+        backward: bool,
+    ) -> Option<[f64; 2]> {
         self.displaced(quadrant, d.signed(backward))
     }
     /// Where the beginning of a ray is in the unit triangle, if it is in it: a small displacement up to a positive factor.
-    pub(crate) fn beginning(&self, quadrant: usize, d: &Direction, backward: bool) -> Option<[f64; 2]> {
+    pub(crate) fn beginning(
+        &self,
+        quadrant: usize,
+        d: &Direction,
+        backward: bool,
+    ) -> Option<[f64; 2]> {
         if d.node == 0 {
             return self.direction_in(quadrant, d, backward);
         }
-        self.displaced(quadrant, self.lowered(d.node, d.signed(backward).map(|x| x / 1024.0)))
+        self.displaced(
+            quadrant,
+            self.lowered(d.node, d.signed(backward).map(|x| x / 1024.0)),
+        )
     }
     /// Whether counterclockwise in the coordinates of the base point is so in a unit triangle.
     pub(crate) fn keeps_turn(&self, quadrant: usize) -> bool {
         let y = self.signed(quadrant, self.point);
-        let sign = if y.iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+        let sign = if y.iter().sum::<f64>() < 0.0 {
+            -1.0
+        } else {
+            1.0
+        };
         let sum: f64 = y.iter().map(|y| sign * y).sum();
         let [a, b] = [0, 1].map(|k| {
             let mut x = [0.0; 3];
@@ -674,7 +879,12 @@ impl Fan {
     }
     /// X, Y, Z and W at a point of a node.
     fn value(&self, node: usize, [u, v]: [f64; 2]) -> [f64; 4] {
-        let value = |f: &Form| f.terms.iter().map(|([i, j], c)| c * u.powi(*i as i32) * v.powi(*j as i32)).sum::<f64>();
+        let value = |f: &Form| {
+            f.terms
+                .iter()
+                .map(|([i, j], c)| c * u.powi(*i as i32) * v.powi(*j as i32))
+                .sum::<f64>()
+        };
         self.nodes[node].forms.each_ref().map(value)
     }
     /// Bends a ray of a tree, so that its image leaves the seam at a right angle: others sweep along the seam, the faster the deeper in the tree.
@@ -687,7 +897,15 @@ impl Fan {
         let [a, b] = d.at;
         let ends = [1e-4, -1e-4].map(|x| curve([a - x * b, b + x * a]));
         let (tangent, foot) = (sub(ends[0], ends[1]), curve(d.at));
-        let rest = |off: f64| dot(sub(point(self.value(d.node, [BENT * a - off * b, BENT * b + off * a])), foot), tangent);
+        let rest = |off: f64| {
+            dot(
+                sub(
+                    point(self.value(d.node, [BENT * a - off * b, BENT * b + off * a])),
+                    foot,
+                ),
+                tangent,
+            )
+        };
         let (mut off, step) = (0.0, 1e-3 * BENT);
         for _ in 0..8 {
             off -= rest(off) * 2.0 * step / (rest(off + step) - rest(off - step));
@@ -701,10 +919,22 @@ impl Fan {
 
     /// The image of a point of a ray at a distance in the coordinates of its node, if that is not the only one; or beside it, on a face of the
     /// box.
-    pub(crate) fn image_on_ray(&self, d: &Direction, backward: bool, distance: f64, face: Option<usize>) -> Point3 {
+    pub(crate) fn image_on_ray(
+        &self,
+        d: &Direction,
+        backward: bool,
+        distance: f64,
+        face: Option<usize>,
+    ) -> Point3 {
         let value = |off: f64| self.value(d.node, d.at_distance(backward, distance, off));
         let mut off = 0.0;
-        let bound = |face: usize| if face.is_multiple_of(2) { -self.half_width } else { self.half_width };
+        let bound = |face: usize| {
+            if face.is_multiple_of(2) {
+                -self.half_width
+            } else {
+                self.half_width
+            }
+        };
         if let Some(face) = face {
             let rest = |off: f64| {
                 let x = value(off);
@@ -724,13 +954,21 @@ impl Fan {
         p
     }
     /// The point of a ray at a distance in the coordinates of its node, if it is in the unit triangle.
-    pub(crate) fn on_ray(&self, quadrant: usize, d: &Direction, backward: bool, distance: f64) -> Option<[f64; 2]> {
+    pub(crate) fn on_ray(
+        &self,
+        quadrant: usize,
+        d: &Direction,
+        backward: bool,
+        distance: f64,
+    ) -> Option<[f64; 2]> {
         let at = self.lowered(d.node, d.at_distance(backward, distance, 0.0));
         let mut x = self.point;
         x[self.variables[0]] += at[0];
         x[self.variables[1]] += at[1];
         let y = self.signed(quadrant, x);
-        let sign = [1.0, -1.0].into_iter().find(|sign| y.iter().all(|y| sign * y >= 0.0))?;
+        let sign = [1.0, -1.0]
+            .into_iter()
+            .find(|sign| y.iter().all(|y| sign * y >= 0.0))?;
         let sum: f64 = y.iter().map(|y| sign * y).sum();
         Some([sign * y[0] / sum, sign * y[1] / sum])
     }
@@ -738,11 +976,24 @@ impl Fan {
     /// Whether W keeps its sign between the two rays of a sector, from the base point to points of the unit triangle: those on the chord
     /// between the rays, and others that the sector reaches to. In the coordinates of the node farther away from the base point, where W is
     /// divided by what vanishes on exceptional lines.
-    pub(crate) fn keeps_sign(&self, quadrant: usize, sector: &Sector, points: &[[f64; 2]], proof: Proof<'_>) -> bool {
+    pub(crate) fn keeps_sign(
+        &self,
+        quadrant: usize,
+        sector: &Sector,
+        points: &[[f64; 2]],
+        proof: Proof<'_>,
+    ) -> bool {
         let nodes = sector.rays.map(|r| self.directions[r.0].node);
-        let deep = if self.nodes[nodes[0]].chain.len() > self.nodes[nodes[1]].chain.len() { 0 } else { 1 };
+        let deep = if self.nodes[nodes[0]].chain.len() > self.nodes[nodes[1]].chain.len() {
+            0
+        } else {
+            1
+        };
         let node = &self.nodes[nodes[deep]];
-        let mut points: Vec<[f64; 2]> = points.iter().map(|&x| self.lifted(quadrant, x, nodes[deep])).collect();
+        let mut points: Vec<[f64; 2]> = points
+            .iter()
+            .map(|&x| self.lifted(quadrant, x, nodes[deep]))
+            .collect();
         if points.iter().flatten().any(|x| !x.is_finite()) {
             return false;
         }
@@ -751,7 +1002,9 @@ impl Fan {
         let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
         if nodes[0] == nodes[1] {
             // A triangle that the points are in.
-            let [a, b] = sector.rays.map(|(k, backward)| self.directions[k].signed(backward));
+            let [a, b] = sector
+                .rays
+                .map(|(k, backward)| self.directions[k].signed(backward));
             let turn = cross(a, b).signum();
             let (mut p, mut q) = (a, b);
             points.extend([a, b].map(|x| x.map(|x| 1e-9 * x)));
@@ -765,21 +1018,37 @@ impl Fan {
                 }
             }
             let area = cross(p, q);
-            let reach = points.iter().map(|&x| cross(x, q) / area + cross(p, x) / area).fold(0.0, f64::max) * 1.02;
-            return turn * area > 0.0 && proof(form, [o, p.map(|x| reach * x), q.map(|x| reach * x)], true);
+            let reach = points
+                .iter()
+                .map(|&x| cross(x, q) / area + cross(p, x) / area)
+                .fold(0.0, f64::max)
+                * 1.02;
+            return turn * area > 0.0
+                && proof(form, [o, p.map(|x| reach * x), q.map(|x| reach * x)], true);
         }
         // Along the exceptional line of the other node.
         let along = sector.marks[deep];
         let (k, backward) = sector.rays[deep];
         let ray = self.directions[k].signed(backward);
-        let beside = if along[0] == 0.0 { [ray[0].signum(), 0.0] } else { [0.0, ray[1].signum()] };
+        let beside = if along[0] == 0.0 {
+            [ray[0].signum(), 0.0]
+        } else {
+            [0.0, ray[1].signum()]
+        };
         let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
         let slope = |x: [f64; 2]| dot(x, along) / dot(x, beside);
-        let points: Vec<[f64; 2]> = points.iter().map(|&x| [dot(x, along), dot(x, beside)]).collect();
+        let points: Vec<[f64; 2]> = points
+            .iter()
+            .map(|&x| [dot(x, along), dot(x, beside)])
+            .collect();
         if points.iter().any(|x| x[1] < 0.0) {
             return false;
         }
-        let low = points.iter().filter(|x| x[1] > 0.0).map(|x| x[0] / x[1]).fold(slope(ray), f64::min);
+        let low = points
+            .iter()
+            .filter(|x| x[1] > 0.0)
+            .map(|x| x[0] / x[1])
+            .fold(slope(ray), f64::min);
         let far = |i: usize| points.iter().map(|x| x[i]).fold(0.0, f64::max) * 1.02;
         let (high, wide) = (far(0).max(low * far(1)), far(1));
         let at = |x: f64, y: f64| [0, 1].map(|i| x * along[i] + y * beside[i]);
@@ -789,7 +1058,13 @@ impl Fan {
 }
 
 /// The multiplicity of a point of a curve, after blow-ups, and the real tangents there: from its terms of least degree, which are known to rounding.
-fn tangents(curve: &Poly, point: [f64; 3], [u, v]: [usize; 2], one: usize, chain: &[Step]) -> (usize, Vec<[f64; 2]>) {
+fn tangents(
+    curve: &Poly,
+    point: [f64; 3],
+    [u, v]: [usize; 2],
+    one: usize,
+    chain: &[Step],
+) -> (usize, Vec<[f64; 2]>) {
     let round = |x: f64| RBig::try_from(x).unwrap_or_default();
     let p = curve.dehomogenise(one);
     let shift = |k: usize| Poly::var(k) + Poly::constant(round(point[k]));
@@ -797,7 +1072,10 @@ fn tangents(curve: &Poly, point: [f64; 3], [u, v]: [usize; 2], one: usize, chain
     for step in chain {
         let (x, y) = (Poly::var(u), Poly::var(v));
         let (moved, line) = match step {
-            Step::Along(v0) => (local.substitute(v, &(&x * (Poly::constant(round(*v0)) + y))), x),
+            Step::Along(v0) => (
+                local.substitute(v, &(&x * (Poly::constant(round(*v0)) + y))),
+                x,
+            ),
             Step::Across => (local.substitute(u, &(x * &y)), y),
         };
         local = moved;
@@ -817,9 +1095,16 @@ fn tangents(curve: &Poly, point: [f64; 3], [u, v]: [usize; 2], one: usize, chain
                 e[u] = (degree - j) as u16;
                 e[v] = j as u16;
                 let c = part.coefficient(e);
-                if c.to_f64().value().abs() > 1e-9 * size { c } else { RBig::ZERO }
+                if c.to_f64().value().abs() > 1e-9 * size {
+                    c
+                } else {
+                    RBig::ZERO
+                }
             };
-            return (degree, zeros(&(0..=degree).map(coefficient).collect::<Vec<_>>()));
+            return (
+                degree,
+                zeros(&(0..=degree).map(coefficient).collect::<Vec<_>>()),
+            );
         }
     }
     (0, Vec::new())

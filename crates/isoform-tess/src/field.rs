@@ -37,7 +37,13 @@ impl Element {
             return Self::default();
         }
         if !denominator.is_one() {
-            let common = numerator.iter().fold(denominator.clone(), |g, c| if g.is_one() { g } else { g.gcd(c.clone().unsigned_abs()) });
+            let common = numerator.iter().fold(denominator.clone(), |g, c| {
+                if g.is_one() {
+                    g
+                } else {
+                    g.gcd(c.clone().unsigned_abs())
+                }
+            });
             if !common.is_one() {
                 for c in &mut numerator {
                     *c /= &common;
@@ -45,7 +51,10 @@ impl Element {
                 denominator /= common;
             }
         }
-        Self { numerator, denominator }
+        Self {
+            numerator,
+            denominator,
+        }
     }
     /// 0.
     pub fn zero() -> Self {
@@ -69,24 +78,42 @@ impl Element {
     }
     /// The coefficient of a power of θ.
     pub fn coefficient(&self, power: usize) -> RBig {
-        self.numerator.get(power).map_or(RBig::ZERO, |c| RBig::from_parts(c.clone(), self.denominator.clone()))
+        self.numerator.get(power).map_or(RBig::ZERO, |c| {
+            RBig::from_parts(c.clone(), self.denominator.clone())
+        })
     }
     /// The sum.
     pub fn add(&self, other: &Self) -> Self {
         if self.is_zero() || other.is_zero() {
-            return if self.is_zero() { other.clone() } else { self.clone() };
+            return if self.is_zero() {
+                other.clone()
+            } else {
+                self.clone()
+            };
         }
         let common = (&self.denominator).gcd(&other.denominator);
-        let (left, right) = (IBig::from(&other.denominator / &common), IBig::from(&self.denominator / &common));
+        let (left, right) = (
+            IBig::from(&other.denominator / &common),
+            IBig::from(&self.denominator / &common),
+        );
         let zero = IBig::ZERO;
         let sum = (0..self.numerator.len().max(other.numerator.len()))
-            .map(|i| self.numerator.get(i).unwrap_or(&zero) * &left + other.numerator.get(i).unwrap_or(&zero) * &right)
+            .map(|i| {
+                self.numerator.get(i).unwrap_or(&zero) * &left
+                    + other.numerator.get(i).unwrap_or(&zero) * &right
+            })
             .collect();
-        Self::normalised(sum, &self.denominator * UBig::try_from(left).expect("a positive factor"))
+        Self::normalised(
+            sum,
+            &self.denominator * UBig::try_from(left).expect("a positive factor"),
+        )
     }
     /// This times −1.
     pub fn negated(&self) -> Self {
-        Self { numerator: self.numerator.iter().map(|c| -c).collect(), denominator: self.denominator.clone() }
+        Self {
+            numerator: self.numerator.iter().map(|c| -c).collect(),
+            denominator: self.denominator.clone(),
+        }
     }
     /// The difference.
     pub fn sub(&self, other: &Self) -> Self {
@@ -102,7 +129,14 @@ impl Element {
     }
     /// Integer coefficients of powers of θ, lowest first, and their denominator.
     pub(crate) fn parts(&self) -> (&[IBig], UBig) {
-        (&self.numerator, if self.is_zero() { UBig::ONE } else { self.denominator.clone() })
+        (
+            &self.numerator,
+            if self.is_zero() {
+                UBig::ONE
+            } else {
+                self.denominator.clone()
+            },
+        )
     }
 }
 
@@ -120,10 +154,21 @@ impl NumberField {
         let (d, lead) = (p.degree(), p.leading());
         assert!(d > 0, "a polynomial that is not constant");
         // lead^(d−1)·p(x/lead)
-        let scaled = p.coefficients().iter().enumerate().map(|(i, c)| if i == d { IBig::ONE } else { c * lead.pow(d - 1 - i) });
+        let scaled = p.coefficients().iter().enumerate().map(|(i, c)| {
+            if i == d {
+                IBig::ONE
+            } else {
+                c * lead.pow(d - 1 - i)
+            }
+        });
         let modulus = UPoly::new(scaled.collect());
-        let field = Self { roots: real_roots(&modulus), modulus };
-        let x = field.reduce(vec![IBig::ZERO, IBig::ONE], UBig::ONE).scaled(&RBig::from_parts_signed(IBig::ONE, lead));
+        let field = Self {
+            roots: real_roots(&modulus),
+            modulus,
+        };
+        let x = field
+            .reduce(vec![IBig::ZERO, IBig::ONE], UBig::ONE)
+            .scaled(&RBig::from_parts_signed(IBig::ONE, lead));
         (Arc::new(field), x)
     }
     /// The degree over Q.
@@ -173,7 +218,9 @@ impl NumberField {
     pub fn eval(&self, p: &Poly, var: usize, at: &Element) -> Element {
         let mut value = Element::zero();
         for c in p.coefficients_in(var).iter().rev() {
-            value = self.mul(&value, at).add(&Element::rational(&c.as_constant().expect("one variable")));
+            value = self
+                .mul(&value, at)
+                .add(&Element::rational(&c.as_constant().expect("one variable")));
         }
         value
     }
@@ -181,7 +228,9 @@ impl NumberField {
     pub fn embed(&self, a: &Element, target: &Self, theta: &Element) -> Element {
         let mut value = Element::zero();
         for i in (0..a.numerator.len()).rev() {
-            value = target.mul(&value, theta).add(&Element::rational(&a.coefficient(i)));
+            value = target
+                .mul(&value, theta)
+                .add(&Element::rational(&a.coefficient(i)));
         }
         value
     }
@@ -197,17 +246,39 @@ impl NumberField {
         // Σ yⱼ θʲ·a = 1 as a linear system over Z for the numerator of a.
         let d = self.degree();
         let mut columns = Vec::with_capacity(d);
-        let mut column = Element { numerator: a.numerator.clone(), denominator: UBig::ONE };
+        let mut column = Element {
+            numerator: a.numerator.clone(),
+            denominator: UBig::ONE,
+        };
         let theta = self.generator();
         for _ in 0..d {
-            columns.push((0..d).map(|i| column.numerator.get(i).cloned().unwrap_or(IBig::ZERO)).collect::<Vec<_>>());
+            columns.push(
+                (0..d)
+                    .map(|i| column.numerator.get(i).cloned().unwrap_or(IBig::ZERO))
+                    .collect::<Vec<_>>(),
+            );
             // Products of integral elements are integral: the denominator stays 1.
             column = self.mul(&column, &theta);
         }
-        let rows = (0..d).map(|i| columns.iter().map(|c| c[i].clone()).collect()).collect();
-        let unit = (0..d).map(|i| if i == 0 { IBig::from(a.denominator.clone()) } else { IBig::ZERO }).collect();
-        let (y, determinant) = dense::solve(rows, unit).expect("an element that is not zero is invertible");
-        let y = if determinant.is_negative() { y.into_iter().map(|c| -c).collect() } else { y };
+        let rows = (0..d)
+            .map(|i| columns.iter().map(|c| c[i].clone()).collect())
+            .collect();
+        let unit = (0..d)
+            .map(|i| {
+                if i == 0 {
+                    IBig::from(a.denominator.clone())
+                } else {
+                    IBig::ZERO
+                }
+            })
+            .collect();
+        let (y, determinant) =
+            dense::solve(rows, unit).expect("an element that is not zero is invertible");
+        let y = if determinant.is_negative() {
+            y.into_iter().map(|c| -c).collect()
+        } else {
+            y
+        };
         Element::normalised(y, determinant.unsigned_abs())
     }
     /// a/b.
@@ -234,7 +305,11 @@ impl Algebraic {
     /// If the field has no such root.
     pub fn new(field: &Arc<NumberField>, root: usize, element: Element) -> Self {
         assert!(root < field.roots.len(), "a real root of the modulus");
-        Self { field: Arc::clone(field), root, element }
+        Self {
+            field: Arc::clone(field),
+            root,
+            element,
+        }
     }
     /// A rational number.
     pub fn rational(r: &RBig) -> Self {
@@ -274,7 +349,14 @@ impl Algebraic {
             return (r.clone(), r);
         }
         let value = UPoly::new(self.element.numerator.clone());
-        let absolute = UPoly::new(value.derivative().coefficients().iter().map(|c| IBig::from(c.unsigned_abs())).collect());
+        let absolute = UPoly::new(
+            value
+                .derivative()
+                .coefficients()
+                .iter()
+                .map(|c| IBig::from(c.unsigned_abs()))
+                .collect(),
+        );
         let denominator = RBig::from(IBig::from(self.element.denominator.clone()));
         let allowed = RBig::from_parts(IBig::ONE, UBig::ONE << bits);
         let mut root = self.field.roots[self.root].clone();
@@ -311,10 +393,27 @@ impl Algebraic {
 
 /// Whether a form vanishes at a point whose coordinates belong to one root of one field, or are rational.
 pub(crate) fn vanishes(form: &Poly, at: &[Algebraic; 3]) -> bool {
-    let field = at.iter().map(Algebraic::field).max_by_key(|f| f.degree()).expect("three coordinates");
-    let power = |k: usize, e: u16| (0..e).fold(Element::rational(&RBig::ONE), |p, _| field.mul(&p, at[k].element()));
-    let term = |e: &isoform_algebra::Exponents| (0..3).fold(Element::rational(&RBig::ONE), |p, k| field.mul(&p, &power(k, e[k])));
-    form.terms().iter().fold(Element::zero(), |sum, (e, c)| sum.add(&term(e).scaled(&RBig::from(c.clone())))).is_zero()
+    let field = at
+        .iter()
+        .map(Algebraic::field)
+        .max_by_key(|f| f.degree())
+        .expect("three coordinates");
+    let power = |k: usize, e: u16| {
+        (0..e).fold(Element::rational(&RBig::ONE), |p, _| {
+            field.mul(&p, at[k].element())
+        })
+    };
+    let term = |e: &isoform_algebra::Exponents| {
+        (0..3).fold(Element::rational(&RBig::ONE), |p, k| {
+            field.mul(&p, &power(k, e[k]))
+        })
+    };
+    form.terms()
+        .iter()
+        .fold(Element::zero(), |sum, (e, c)| {
+            sum.add(&term(e).scaled(&RBig::from(c.clone())))
+        })
+        .is_zero()
 }
 
 impl fmt::Debug for Algebraic {

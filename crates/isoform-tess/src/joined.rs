@@ -14,8 +14,16 @@ const SAME: f64 = 1e-9;
 
 /// Control points up to a common factor.
 fn projective(points: &[&ControlPoint]) -> Vec<ControlPoint> {
-    let scale = points.iter().flat_map(|p| p.iter()).find(|x| !x.is_zero()).cloned().unwrap_or(RBig::ONE);
-    points.iter().map(|p| p.each_ref().map(|x| x / &scale)).collect()
+    let scale = points
+        .iter()
+        .flat_map(|p| p.iter())
+        .find(|x| !x.is_zero())
+        .cloned()
+        .unwrap_or(RBig::ONE);
+    points
+        .iter()
+        .map(|p| p.each_ref().map(|x| x / &scale))
+        .collect()
 }
 
 /// A side of a patch, and whether it runs against the curve that it shares.
@@ -34,11 +42,21 @@ fn curves(patches: &[Patch]) -> Vec<Vec<Member>> {
             let points = p.side(side);
             let forward = projective(&points);
             let backward = projective(&points.into_iter().rev().collect::<Vec<_>>());
-            if forward.iter().all(|c| projective(&[c]) == projective(&[&forward[0]])) {
+            if forward
+                .iter()
+                .all(|c| projective(&[c]) == projective(&[&forward[0]]))
+            {
                 continue;
             }
             let reversed = backward < forward;
-            found.entry(if reversed { backward } else { forward }).or_default().push(Member { patch, side, reversed });
+            found
+                .entry(if reversed { backward } else { forward })
+                .or_default()
+                .push(Member {
+                    patch,
+                    side,
+                    reversed,
+                });
         }
     }
     found.into_values().collect()
@@ -83,27 +101,37 @@ impl Surface {
     /// none.
     fn divide(&mut self, m: Member, [a, b]: [u32; 2], new: &[(f64, Point3)]) -> Option<Vec<u32>> {
         let on = |borders: &[u64; 3], k: usize| borders[k] >> m.side & 1 == 1;
-        let (t, k, forward) = self.triangles.iter().zip(&self.borders).enumerate().find_map(|(i, (t, borders))| {
-            (0..3).find_map(|k| {
-                let l = (k + 1) % 3;
-                let edge = on(borders, k) && on(borders, l);
-                match () {
-                    () if edge && [t[k], t[l]] == [a, b] => Some((i, k, true)),
-                    () if edge && [t[k], t[l]] == [b, a] => Some((i, k, false)),
-                    () => None,
-                }
-            })
-        })?;
+        let (t, k, forward) = self
+            .triangles
+            .iter()
+            .zip(&self.borders)
+            .enumerate()
+            .find_map(|(i, (t, borders))| {
+                (0..3).find_map(|k| {
+                    let l = (k + 1) % 3;
+                    let edge = on(borders, k) && on(borders, l);
+                    match () {
+                        () if edge && [t[k], t[l]] == [a, b] => Some((i, k, true)),
+                        () if edge && [t[k], t[l]] == [b, a] => Some((i, k, false)),
+                        () => None,
+                    }
+                })
+            })?;
         let (v, at, bits) = (self.triangles[t], self.corners[t], self.borders[t]);
         let (l, c) = ((k + 1) % 3, (k + 2) % 3);
         let first = self.points.len() as u32;
         let mut way: Vec<(u32, [f64; 2], u64)> = Vec::new();
         for &(x, p) in new {
             let own = if m.reversed { 1.0 - x } else { x };
-            way.push((self.points.len() as u32, parameters(m.side, own), 1 << m.side));
+            way.push((
+                self.points.len() as u32,
+                parameters(m.side, own),
+                1 << m.side,
+            ));
             self.points.push(p);
             self.kinds.push(Kind::Border);
-            self.faces.push(self.faces[a as usize] & self.faces[b as usize]);
+            self.faces
+                .push(self.faces[a as usize] & self.faces[b as usize]);
             self.double.push(false);
         }
         let made: Vec<u32> = (first..self.points.len() as u32).collect();
@@ -113,9 +141,14 @@ impl Surface {
         way.insert(0, (v[k], at[k], bits[k]));
         way.push((v[l], at[l], bits[l]));
         for (i, w) in way.windows(2).enumerate() {
-            let (triangle, corners, borders) = ([w[0].0, w[1].0, v[c]], [w[0].1, w[1].1, at[c]], [w[0].2, w[1].2, bits[c]]);
+            let (triangle, corners, borders) = (
+                [w[0].0, w[1].0, v[c]],
+                [w[0].1, w[1].1, at[c]],
+                [w[0].2, w[1].2, bits[c]],
+            );
             if i == 0 {
-                (self.triangles[t], self.corners[t], self.borders[t]) = (triangle, corners, borders);
+                (self.triangles[t], self.corners[t], self.borders[t]) =
+                    (triangle, corners, borders);
             } else {
                 self.triangles.push(triangle);
                 self.corners.push(corners);
@@ -135,14 +168,22 @@ pub(crate) fn join(patches: &[Patch], mut surfaces: Vec<Surface>, half_width: f6
     for members in curves(patches).into_iter().filter(|m| m.len() > 1) {
         most = most.max(members.len());
         members.iter().for_each(|m| shared[m.patch] |= 1 << m.side);
-        let lists: Vec<Vec<(f64, u32)>> = members.iter().map(|m| surfaces[m.patch].along(*m)).collect();
-        let mut all: Vec<(f64, usize, u32)> =
-            lists.iter().enumerate().flat_map(|(k, list)| list.iter().map(move |&(x, v)| (x, k, v))).collect();
+        let lists: Vec<Vec<(f64, u32)>> = members
+            .iter()
+            .map(|m| surfaces[m.patch].along(*m))
+            .collect();
+        let mut all: Vec<(f64, usize, u32)> = lists
+            .iter()
+            .enumerate()
+            .flat_map(|(k, list)| list.iter().map(move |&(x, v)| (x, k, v)))
+            .collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         // Places, and the vertex of each member there.
         let mut places: Vec<(f64, Vec<Option<u32>>)> = Vec::new();
         for (x, k, v) in all {
-            let fits = places.last().is_some_and(|p| x - p.0 < SAME && p.1[k].is_none());
+            let fits = places
+                .last()
+                .is_some_and(|p| x - p.0 < SAME && p.1[k].is_none());
             if !fits {
                 places.push((x, vec![None; members.len()]));
             }
@@ -151,21 +192,34 @@ pub(crate) fn join(patches: &[Patch], mut surfaces: Vec<Surface>, half_width: f6
             }
         }
         let position = |surfaces: &[Surface], of: &[Option<u32>]| {
-            let (k, v) = of.iter().enumerate().find_map(|(k, v)| v.map(|v| (k, v))).expect("a vertex at every place");
+            let (k, v) = of
+                .iter()
+                .enumerate()
+                .find_map(|(k, v)| v.map(|v| (k, v)))
+                .expect("a vertex at every place");
             surfaces[members[k].patch].points[v as usize]
         };
         for (k, m) in members.iter().enumerate() {
-            let known: Vec<usize> = (0..places.len()).filter(|&i| places[i].1[k].is_some()).collect();
+            let known: Vec<usize> = (0..places.len())
+                .filter(|&i| places[i].1[k].is_some())
+                .collect();
             for w in known.windows(2).filter(|w| w[1] > w[0] + 1) {
-                let new: Vec<(f64, Point3)> = (w[0] + 1..w[1]).map(|i| (places[i].0, position(&surfaces, &places[i].1))).collect();
+                let new: Vec<(f64, Point3)> = (w[0] + 1..w[1])
+                    .map(|i| (places[i].0, position(&surfaces, &places[i].1)))
+                    .collect();
                 let ends = [w[0], w[1]].map(|i| places[i].1[k].expect("known"));
                 if let Some(made) = surfaces[m.patch].divide(*m, ends, &new) {
-                    made.into_iter().zip(w[0] + 1..).for_each(|(v, i)| places[i].1[k] = Some(v));
+                    made.into_iter()
+                        .zip(w[0] + 1..)
+                        .for_each(|(v, i)| places[i].1[k] = Some(v));
                 }
             }
         }
         for (_, of) in &places {
-            let mut here = of.iter().enumerate().filter_map(|(k, v)| v.map(|v| (members[k].patch, v)));
+            let mut here = of
+                .iter()
+                .enumerate()
+                .filter_map(|(k, v)| v.map(|v| (members[k].patch, v)));
             if let Some(first) = here.next() {
                 same.extend(here.map(|other| [first, other]));
             }
@@ -185,15 +239,27 @@ fn corner_vertices(patch: &Patch, s: &Surface, half_width: f64) -> Vec<([RBig; 3
         let exact = [x, y, z].map(|x| x / w);
         let at = exact.each_ref().map(|x| x.to_f64().value());
         let bits = 1u64 << side | 1 << ((side + 3) % 4);
-        let near = |v: u32| (0..3).all(|k| (s.points[v as usize][k] - at[k]).abs() <= SAME * half_width);
-        let on = s.triangles.iter().zip(&s.borders).flat_map(|(t, b)| (0..3).filter(move |&k| b[k] & bits != 0).map(move |k| t[k]));
+        let near =
+            |v: u32| (0..3).all(|k| (s.points[v as usize][k] - at[k]).abs() <= SAME * half_width);
+        let on = s
+            .triangles
+            .iter()
+            .zip(&s.borders)
+            .flat_map(|(t, b)| (0..3).filter(move |&k| b[k] & bits != 0).map(move |k| t[k]));
         found.extend(on.filter(|&v| near(v)).map(|v| (exact.clone(), v)));
     }
     found
 }
 
 /// Gives vertices that are one the same number.
-fn weld(patches: &[Patch], surfaces: Vec<Surface>, same: &[[(usize, u32); 2]], shared: &[u64], most: usize, half_width: f64) -> Surface {
+fn weld(
+    patches: &[Patch],
+    surfaces: Vec<Surface>,
+    same: &[[(usize, u32); 2]],
+    shared: &[u64],
+    most: usize,
+    half_width: f64,
+) -> Surface {
     let mut offsets = vec![0u32];
     for s in &surfaces {
         offsets.push(offsets[offsets.len() - 1] + s.points.len() as u32);
@@ -227,13 +293,15 @@ fn weld(patches: &[Patch], surfaces: Vec<Surface>, same: &[[(usize, u32); 2]], s
     for (k, s) in surfaces.into_iter().enumerate() {
         for (i, t) in s.triangles.iter().enumerate() {
             let v = t.map(|v| {
-                *number.entry(root(&mut up, offsets[k] + v)).or_insert_with(|| {
-                    joined.points.push(s.points[v as usize]);
-                    joined.kinds.push(s.kinds[v as usize]);
-                    joined.faces.push(s.faces[v as usize]);
-                    joined.double.push(s.double[v as usize]);
-                    joined.points.len() as u32 - 1
-                })
+                *number
+                    .entry(root(&mut up, offsets[k] + v))
+                    .or_insert_with(|| {
+                        joined.points.push(s.points[v as usize]);
+                        joined.kinds.push(s.kinds[v as usize]);
+                        joined.faces.push(s.faces[v as usize]);
+                        joined.double.push(s.double[v as usize]);
+                        joined.points.len() as u32 - 1
+                    })
             });
             if v[0] == v[1] || v[1] == v[2] || v[2] == v[0] {
                 continue;
@@ -247,7 +315,11 @@ fn weld(patches: &[Patch], surfaces: Vec<Surface>, same: &[[(usize, u32); 2]], s
         }
         joined.double_curve.extend(s.double_curve);
         joined.solitary_arcs.extend(s.solitary_arcs);
-        joined.unproven.extend(s.unproven.into_iter().map(|u| format!("{}: {u}", patches[k].name)));
+        joined.unproven.extend(
+            s.unproven
+                .into_iter()
+                .map(|u| format!("{}: {u}", patches[k].name)),
+        );
     }
     check(&mut joined, &unshared, most);
     joined
@@ -257,11 +329,18 @@ fn weld(patches: &[Patch], surfaces: Vec<Surface>, same: &[[(usize, u32); 2]], s
 fn check(s: &mut Surface, unshared: &[[u64; 3]], most: usize) {
     let uses = s.edges(unshared);
     let open = s.open_edges(&uses);
-    let crowded = uses.iter().filter(|(e, (n, _))| *n > most.max(2) && !s.is_double(e)).count();
+    let crowded = uses
+        .iter()
+        .filter(|(e, (n, _))| *n > most.max(2) && !s.is_double(e))
+        .count();
     if open > 0 {
-        s.unproven.push(format!("patches do not fit along {open} edges of sides that they have in common"));
+        s.unproven.push(format!(
+            "patches do not fit along {open} edges of sides that they have in common"
+        ));
     }
     if crowded > 0 {
-        s.unproven.push(format!("{crowded} edges have more triangles than there are patches at a side"));
+        s.unproven.push(format!(
+            "{crowded} edges have more triangles than there are patches at a side"
+        ));
     }
 }

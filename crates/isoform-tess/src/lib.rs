@@ -39,7 +39,12 @@ pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
 pub use patch::{ControlPoint, Patch, PatchFileError, is_patch_file, patch_bounds, read_patches};
 pub use polling::polled;
 pub use region::{Region, RegionTopology, Triangle};
-pub use singular::{Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular};
-pub use surface::{DoubleArc, Kind, MeshOptions, Mode, Point3, Prepared, Surface, TriangulateOptions, join_patches, triangulate};
+pub use singular::{
+    Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular,
+};
+pub use surface::{
+    DoubleArc, Kind, MeshOptions, Mode, Point3, Prepared, Surface, TriangulateOptions,
+    join_patches, triangulate,
+};
 pub use univariate::Stopped;
 pub use zeros::Chart;

@@ -86,7 +86,14 @@ impl MapError {
             Self::NotJson { .. } => "not_json",
             Self::Missing { .. } => "missing",
             Self::NotText { .. } => "not_text",
-            Self::NotAPolynomial { error: ParseError { problem: ParseProblem::UnknownName { .. }, .. }, .. } => "unknown_variable",
+            Self::NotAPolynomial {
+                error:
+                    ParseError {
+                        problem: ParseProblem::UnknownName { .. },
+                        ..
+                    },
+                ..
+            } => "unknown_variable",
             Self::NotAPolynomial { .. } => "not_a_polynomial",
             Self::NotFinite { .. } => "not_finite",
             Self::DegreeTooLarge { .. } => "degree_too_large",
@@ -99,7 +106,10 @@ impl MapError {
     /// The polynomial concerned, if it is one of them: an element of [`KEYS`].
     pub fn key(&self) -> Option<&'static str> {
         match self {
-            Self::Missing { key } | Self::NotText { key, .. } | Self::NotAPolynomial { key, .. } | Self::NotFinite { key } => Some(key),
+            Self::Missing { key }
+            | Self::NotText { key, .. }
+            | Self::NotAPolynomial { key, .. }
+            | Self::NotFinite { key } => Some(key),
             Self::ZeroDenominator => Some("W"),
             _ => None,
         }
@@ -111,17 +121,27 @@ impl MapError {
                 "write {\"X\": \"…\", \"Y\": \"…\", \"Z\": \"…\", \"W\": \"…\"} with polynomials in s and t"
             }
             Self::NotAPolynomial { error, .. } => match error.problem {
-                ParseProblem::UnknownName { .. } => "the parameters are s and t; multiplication is written *",
-                ParseProblem::NotAPolynomial | ParseProblem::DivisionByZero => "bring all coordinates to the common denominator W",
+                ParseProblem::UnknownName { .. } => {
+                    "the parameters are s and t; multiplication is written *"
+                }
+                ParseProblem::NotAPolynomial | ParseProblem::DivisionByZero => {
+                    "bring all coordinates to the common denominator W"
+                }
                 ParseProblem::TooLarge { .. } => "the polynomial is too large to be written out",
-                ParseProblem::Unexpected { .. } => "write polynomials in s and t such as 3*s^2 - s*t/2 + 1",
+                ParseProblem::Unexpected { .. } => {
+                    "write polynomials in s and t such as 3*s^2 - s*t/2 + 1"
+                }
             },
             Self::NotFinite { .. } => "all coefficients must be finite numbers",
-            Self::DegreeTooLarge { .. } => "approximate the surface by one of lower degree, or by several patches",
+            Self::DegreeTooLarge { .. } => {
+                "approximate the surface by one of lower degree, or by several patches"
+            }
             Self::AllZero => "at least W and two of the others must differ from zero",
             Self::ZeroDenominator => "use W = 1 for a polynomial surface",
             Self::CommonFactor { .. } => "divide all four by it, or let it be removed (reduce)",
-            Self::NotASurface { .. } => "the coordinates must depend on both parameters independently",
+            Self::NotASurface { .. } => {
+                "the coordinates must depend on both parameters independently"
+            }
         }
     }
 }
@@ -158,7 +178,10 @@ impl Map {
     /// # Panics
     /// If another variable occurs.
     pub fn new(polynomials: [Poly; 4], options: Options) -> Result<Self, MapError> {
-        assert!(polynomials.iter().all(|p| p.degree(2) + p.degree(3) == 0), "polynomials in s and t");
+        assert!(
+            polynomials.iter().all(|p| p.degree(2) + p.degree(3) == 0),
+            "polynomials in s and t"
+        );
         if polynomials.iter().all(Poly::is_zero) {
             return Err(MapError::AllZero);
         }
@@ -169,11 +192,14 @@ impl Map {
         if degree > MAX_DEGREE {
             return Err(MapError::DegreeTooLarge { degree });
         }
-        let dimension = image_dimension(&polynomials).expect("polynomials in s and t that are not all zero");
+        let dimension =
+            image_dimension(&polynomials).expect("polynomials in s and t that are not all zero");
         if dimension < 2 {
             return Err(MapError::NotASurface { dimension });
         }
-        let factor = polynomials.iter().fold(Poly::zero(), |common, p| common.gcd(p));
+        let factor = polynomials
+            .iter()
+            .fold(Poly::zero(), |common, p| common.gcd(p));
         let mut removed = None;
         let mut affine = polynomials;
         if !factor.is_constant() {
@@ -186,7 +212,12 @@ impl Map {
         let factor = RBig::ONE / joint_content(&affine);
         let affine = affine.map(|p| p.scale(&factor));
         let degree = degree_of(&affine);
-        Ok(Self { forms: affine.clone().map(|p| p.homogenise(2, degree)), affine, degree, removed })
+        Ok(Self {
+            forms: affine.clone().map(|p| p.homogenise(2, degree)),
+            affine,
+            degree,
+            removed,
+        })
     }
 
     /// The map of four texts, X, Y, Z and W.
@@ -196,7 +227,8 @@ impl Map {
     pub fn parse(texts: [&str; 4], options: Options) -> Result<Self, MapError> {
         let mut polynomials: [Poly; 4] = Default::default();
         for ((p, text), key) in polynomials.iter_mut().zip(texts).zip(KEYS) {
-            *p = Poly::parse(text, &VARIABLES[..2]).map_err(|error| MapError::NotAPolynomial { key, error })?;
+            *p = Poly::parse(text, &VARIABLES[..2])
+                .map_err(|error| MapError::NotAPolynomial { key, error })?;
         }
         Self::new(polynomials, options)
     }
@@ -208,7 +240,9 @@ impl Map {
     pub fn from_f64(terms: [&[([u16; 2], f64)]; 4], options: Options) -> Result<Self, MapError> {
         let mut polynomials: [Poly; 4] = Default::default();
         for ((p, terms), key) in polynomials.iter_mut().zip(terms).zip(KEYS) {
-            let widened = terms.iter().map(|&([i, j], c)| ([i, j, 0, 0] as Exponents, c));
+            let widened = terms
+                .iter()
+                .map(|&([i, j], c)| ([i, j, 0, 0] as Exponents, c));
             *p = Poly::from_f64(widened).ok_or(MapError::NotFinite { key })?;
         }
         Self::new(polynomials, options)
@@ -222,8 +256,16 @@ impl Map {
         let not_json = |e: serde_json::Error| {
             // The reader appends the place, which is told separately.
             let problem = e.to_string();
-            let problem = problem.split(" at line ").next().unwrap_or_default().to_owned();
-            MapError::NotJson { line: e.line(), column: e.column(), problem }
+            let problem = problem
+                .split(" at line ")
+                .next()
+                .unwrap_or_default()
+                .to_owned();
+            MapError::NotJson {
+                line: e.line(),
+                column: e.column(),
+                problem,
+            }
         };
         let value: serde_json::Value = serde_json::from_str(text).map_err(not_json)?;
         let mut texts: [String; 4] = Default::default();
@@ -232,7 +274,12 @@ impl Map {
                 None => return Err(MapError::Missing { key }),
                 Some(serde_json::Value::String(text)) => text.clone(),
                 Some(serde_json::Value::Number(n)) => n.to_string(),
-                Some(other) => return Err(MapError::NotText { key, found: kind(other).to_owned() }),
+                Some(other) => {
+                    return Err(MapError::NotText {
+                        key,
+                        found: kind(other).to_owned(),
+                    });
+                }
             };
         }
         Self::parse(texts.each_ref().map(String::as_str), options)
@@ -267,16 +314,29 @@ fn kind(value: &serde_json::Value) -> &'static str {
 }
 
 fn degree_of(polynomials: &[Poly; 4]) -> usize {
-    polynomials.iter().map(Poly::total_degree).max().unwrap_or(0)
+    polynomials
+        .iter()
+        .map(Poly::total_degree)
+        .max()
+        .unwrap_or(0)
 }
 
 /// The number by which all four are divided so that their coefficients are integers without common factor.
 fn joint_content(polynomials: &[Poly; 4]) -> RBig {
     let (mut numerator, mut denominator) = (UBig::ZERO, UBig::ONE);
-    for content in polynomials.iter().filter(|p| !p.is_zero()).map(Poly::content) {
+    for content in polynomials
+        .iter()
+        .filter(|p| !p.is_zero())
+        .map(Poly::content)
+    {
         let n = content.numerator().clone().unsigned_abs();
-        numerator = if numerator == UBig::ZERO { n } else { numerator.gcd(n) };
-        denominator = &denominator / (&denominator).gcd(content.denominator()) * content.denominator();
+        numerator = if numerator == UBig::ZERO {
+            n
+        } else {
+            numerator.gcd(n)
+        };
+        denominator =
+            &denominator / (&denominator).gcd(content.denominator()) * content.denominator();
     }
     RBig::from_parts(numerator.into(), denominator)
 }

@@ -32,7 +32,9 @@ use fineness::Fineness;
 use gluing::{Gluing, Track, key};
 use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
 use isoform_geom::{norm, sub};
-use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
+use rayon::iter::{
+    IndexedParallelIterator, IntoParallelIterator, IntoParallelRefMutIterator, ParallelIterator,
+};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::Ordering;
 use unit::{Joined, Unit};
@@ -69,7 +71,14 @@ struct Node {
 
 impl Node {
     fn inner(at: [f64; 2], faces: u8) -> Self {
-        Self { at, name: Name::Inner, faces, image: None, apex: false, borders: 0 }
+        Self {
+            at,
+            name: Name::Inner,
+            faces,
+            image: None,
+            apex: false,
+            borders: 0,
+        }
     }
 }
 
@@ -126,14 +135,25 @@ pub(crate) fn mesh(
         };
         builder.find_contracted(map, curves);
         if !region.is_clear {
-            builder.open_base_points(analysis.base_points.as_deref().unwrap_or_default(), &map.forms()[3]);
+            builder.open_base_points(
+                analysis.base_points.as_deref().unwrap_or_default(),
+                &map.forms()[3],
+            );
         }
         let mut sides = builder.sides();
         if curves.glued {
-            builder.gluing = builder.glue(&mut sides, &curves.pinches, &curves.isolated, curves.fibres.as_ref());
+            builder.gluing = builder.glue(
+                &mut sides,
+                &curves.pinches,
+                &curves.isolated,
+                curves.fibres.as_ref(),
+            );
         }
         let mut joined = Joined::new(std::mem::take(&mut builder.surface));
-        let mut units: Vec<Unit> = (0..4).into_par_iter().filter_map(|q| builder.drawn_unit(q, &sides)).collect();
+        let mut units: Vec<Unit> = (0..4)
+            .into_par_iter()
+            .filter_map(|q| builder.drawn_unit(q, &sides))
+            .collect();
         builder.refine(&mut units);
         for unit in units {
             builder.add(unit, &mut joined);
@@ -164,8 +184,18 @@ pub(crate) struct Curves {
 
 impl Curves {
     /// Contracted ones; where sheets are joined, double ones and cuspidal edges, too.
-    pub(crate) fn new(analysis: &Analysis, glued: bool, pinches: Vec<[f64; 3]>, fibres: Option<Fibres>) -> Self {
-        let mut found = Self { glued, pinches, fibres, ..Self::default() };
+    pub(crate) fn new(
+        analysis: &Analysis,
+        glued: bool,
+        pinches: Vec<[f64; 3]>,
+        fibres: Option<Fibres>,
+    ) -> Self {
+        let mut found = Self {
+            glued,
+            pinches,
+            fibres,
+            ..Self::default()
+        };
         let all = analysis.singular.as_ref().map_or(&[][..], |s| &s.curves);
         for c in all {
             let side = (0..3).find(|&k| c.curve.is_associate(&Poly::var(k)));
@@ -173,22 +203,38 @@ impl Curves {
                 && glued
             {
                 // Those of contracted curves have their images anyway.
-                let is_contracted =
-                    |p: &[Algebraic; 3]| all.iter().any(|c| matches!(c.kind, CurveKind::Contracted(_)) && vanishes(&c.curve, p));
-                found.isolated.extend(points.iter().filter(|p| !is_contracted(p)).map(|p| p.each_ref().map(Algebraic::to_f64)));
+                let is_contracted = |p: &[Algebraic; 3]| {
+                    all.iter().any(|c| {
+                        matches!(c.kind, CurveKind::Contracted(_)) && vanishes(&c.curve, p)
+                    })
+                };
+                found.isolated.extend(
+                    points
+                        .iter()
+                        .filter(|p| !is_contracted(p))
+                        .map(|p| p.each_ref().map(Algebraic::to_f64)),
+                );
             }
             match (&c.kind, side) {
                 (CurveKind::Contracted(to), None) if !to.at_infinity() => {
-                    let images = to.points().iter().map(|p| [0, 1, 2].map(|k| p[k].to_f64() / p[3].to_f64())).collect::<Vec<_>>();
+                    let images = to
+                        .points()
+                        .iter()
+                        .map(|p| [0, 1, 2].map(|k| p[k].to_f64() / p[3].to_f64()))
+                        .collect::<Vec<_>>();
                     if !images.is_empty() {
                         found.contracted.push((c.curve.clone(), images));
                     }
                 }
-                (CurveKind::Double, side) if glued && matches!(c.real, RealPart::Curve) => match side {
-                    Some(k) => found.double_sides[k] = true,
-                    None => found.double.push(c.curve.clone()),
-                },
-                (CurveKind::Ramified, None) if glued && matches!(c.real, RealPart::Curve) => found.creased.push(c.curve.clone()),
+                (CurveKind::Double, side) if glued && matches!(c.real, RealPart::Curve) => {
+                    match side {
+                        Some(k) => found.double_sides[k] = true,
+                        None => found.double.push(c.curve.clone()),
+                    }
+                }
+                (CurveKind::Ramified, None) if glued && matches!(c.real, RealPart::Curve) => {
+                    found.creased.push(c.curve.clone())
+                }
                 _ => {}
             }
         }
@@ -197,7 +243,11 @@ impl Curves {
     /// Forms in (s, t, w).
     pub(crate) fn forms(&self) -> Vec<Poly> {
         let contracted = self.contracted.iter().map(|c| &c.0);
-        contracted.chain(&self.double).chain(&self.creased).cloned().collect()
+        contracted
+            .chain(&self.double)
+            .chain(&self.creased)
+            .cloned()
+            .collect()
     }
 }
 
@@ -260,9 +310,16 @@ impl SiteArc {
     fn passed(&self, a: &Arrangement) -> Vec<(usize, usize)> {
         let ends = |&(slab, i): &(usize, usize)| {
             let arc = a.slabs[slab].arcs[i];
-            if self.right { (slab + 1, arc.right) } else { (slab, arc.left) }
+            if self.right {
+                (slab + 1, arc.right)
+            } else {
+                (slab, arc.left)
+            }
         };
-        self.chain[..self.chain.len().saturating_sub(1)].iter().map(ends).collect()
+        self.chain[..self.chain.len().saturating_sub(1)]
+            .iter()
+            .map(ends)
+            .collect()
     }
 }
 
@@ -273,7 +330,9 @@ type Ray = (Key, bool);
 fn place_in(quadrant: usize, p: [f64; 3]) -> Option<[f64; 2]> {
     let [s, t] = QUADRANTS[quadrant].map(|s| s as f64);
     let y = [s * p[0], t * p[1], p[2]];
-    let sign = [1.0, -1.0].into_iter().find(|sign| y.iter().all(|y| sign * y >= 0.0))?;
+    let sign = [1.0, -1.0]
+        .into_iter()
+        .find(|sign| y.iter().all(|y| sign * y >= 0.0))?;
     let sum: f64 = y.iter().map(|y| sign * y).sum();
     Some([sign * y[0] / sum, sign * y[1] / sum])
 }
@@ -312,17 +371,25 @@ impl Builder<'_> {
         let w = &a.walls[wall];
         let on = [wall == 0, point == 0, point + 1 == w.points.len()];
         let through = |f: usize| {
-            w.points[point].curves.contains(&f) || w.vertical.contains(&f) || a.sides[f].iter().zip(on).any(|(side, on)| *side && on)
+            w.points[point].curves.contains(&f)
+                || w.vertical.contains(&f)
+                || a.sides[f].iter().zip(on).any(|(side, on)| *side && on)
         };
-        (0..self.region.factors.len()).filter(|&f| through(f)).fold(0, |bits, f| bits | self.bits(f))
+        (0..self.region.factors.len())
+            .filter(|&f| through(f))
+            .fold(0, |bits, f| bits | self.bits(f))
     }
     /// The faces of the box that a whole side of a unit triangle is sent to.
     fn faces_along(&self, q: usize, side: usize) -> u8 {
         let sides = &self.region.triangles[q].arrangement.sides;
-        (0..self.region.factors.len()).filter(|&f| sides[f][side]).fold(0, |bits, f| bits | self.bits(f))
+        (0..self.region.factors.len())
+            .filter(|&f| sides[f][side])
+            .fold(0, |bits, f| bits | self.bits(f))
     }
     fn bits(&self, factor: usize) -> u8 {
-        self.region.faces[factor].iter().fold(0, |bits, face| bits | 1 << face)
+        self.region.faces[factor]
+            .iter()
+            .fold(0, |bits, face| bits | 1 << face)
     }
     /// The contracted curve through a point of a wall, by its image.
     fn image_at(&self, q: usize, wall: usize, point: usize) -> Option<usize> {
@@ -335,7 +402,10 @@ impl Builder<'_> {
         let images = self.on_curve.get(&factor)?;
         let p = self.charts[q].at(at);
         let far = |k: &usize| distance(self.images[*k], p);
-        images.iter().copied().min_by(|a, b| far(a).total_cmp(&far(b)))
+        images
+            .iter()
+            .copied()
+            .min_by(|a, b| far(a).total_cmp(&far(b)))
     }
     fn place(&self, q: usize, wall: usize, point: usize) -> [f64; 2] {
         let w = &self.region.triangles[q].arrangement.walls[wall];
@@ -365,7 +435,13 @@ impl Builder<'_> {
         match () {
             () if wall == 0 => self.name_on(q, 0, at[1]),
             () if point == 0 => self.name_on(q, 1, at[0]),
-            () if point + 1 == self.region.triangles[q].arrangement.walls[wall].points.len() => self.name_on(q, 2, at[0]),
+            () if point + 1
+                == self.region.triangles[q].arrangement.walls[wall]
+                    .points
+                    .len() =>
+            {
+                self.name_on(q, 2, at[0])
+            }
             () => Name::Inner,
         }
     }
@@ -374,7 +450,11 @@ impl Builder<'_> {
     fn image(&self, q: usize, at: [f64; 2], faces: u8) -> Point3 {
         let mut p = self.charts[q].at(at);
         for face in (0..6).filter(|f| faces >> f & 1 == 1) {
-            p[face / 2] = if face % 2 == 0 { -self.half_width } else { self.half_width };
+            p[face / 2] = if face % 2 == 0 {
+                -self.half_width
+            } else {
+                self.half_width
+            };
         }
         p
     }
@@ -392,7 +472,10 @@ impl Builder<'_> {
             distance(at(a + t * (b - a)), x)
         });
         // Values that are not numbers are never fine.
-        distance(p, q) <= self.options.longest && off.iter().all(|&d| d <= 0.3 * self.tolerance_at(middle(p, q)))
+        distance(p, q) <= self.options.longest
+            && off
+                .iter()
+                .all(|&d| d <= 0.3 * self.tolerance_at(middle(p, q)))
     }
 
     /// Places along the sides that both triangles use.
@@ -405,7 +488,9 @@ impl Builder<'_> {
             for key in keys {
                 sides.entry(key).or_default();
             }
-            let left = (1..walls[0].points.len() - 1).filter(|&p| t.is_real(0, p)).map(|p| self.place(q, 0, p)[1]);
+            let left = (1..walls[0].points.len() - 1)
+                .filter(|&p| t.is_real(0, p))
+                .map(|p| self.place(q, 0, p)[1]);
             sides.entry(keys[0]).or_default().extend(left);
             for (k, wall) in walls.iter().enumerate().take(walls.len() - 1).skip(1) {
                 for (key, p) in [(keys[1], 0), (keys[2], wall.points.len() - 1)] {
@@ -418,21 +503,36 @@ impl Builder<'_> {
         let mut out = Sides::new();
         for ((side, sign), mut places) in sides {
             places.extend([0.0, 1.0]);
-            let both: Vec<usize> = (0..4).filter(|&q| sides_of(q)[side] == (side, sign)).collect();
+            let both: Vec<usize> = (0..4)
+                .filter(|&q| sides_of(q)[side] == (side, sign))
+                .collect();
             let based = self.places_on(side, &both);
-            places.extend(based.iter().flat_map(|b| b.1).filter(|x| (0.0..=1.0).contains(x)));
+            places.extend(
+                based
+                    .iter()
+                    .flat_map(|b| b.1)
+                    .filter(|x| (0.0..=1.0).contains(x)),
+            );
             places.sort_by(f64::total_cmp);
             places.dedup();
             let at = |x: f64| self.charts[both[0]].at(on_side(side, x));
             let mut list = Vec::new();
             for w in places.windows(2) {
-                let inside = both.iter().any(|&q| self.side_is_inside(q, side, 0.5 * (w[0] + w[1])));
+                let inside = both
+                    .iter()
+                    .any(|&q| self.side_is_inside(q, side, 0.5 * (w[0] + w[1])));
                 if based.iter().any(|b| b.0 == w[0] || b.0 == w[1]) {
                     list.push((w[0], inside));
                     continue;
                 }
-                let bit = if inside { self.side_bit(both[0], side, w[0], w[1]) } else { 0 };
-                if let Some(line) = self.border_line(both[0], bit, on_side(side, w[0]), on_side(side, w[1])) {
+                let bit = if inside {
+                    self.side_bit(both[0], side, w[0], w[1])
+                } else {
+                    0
+                };
+                if let Some(line) =
+                    self.border_line(both[0], bit, on_side(side, w[0]), on_side(side, w[1]))
+                {
                     let place = |at: &[f64; 2]| if side == 0 { at[1] } else { at[0] };
                     list.extend(line[..line.len() - 1].iter().map(|at| (place(at), inside)));
                     continue;
@@ -444,12 +544,24 @@ impl Builder<'_> {
                         None => !self.is_fine(&at, a, b),
                         Some(_) if based.is_empty() => false,
                         Some(_) => {
-                            let near = based.iter().map(|p| (a - p.0).abs().min((b - p.0).abs())).fold(1.0 / 16.0, f64::min);
-                            b - a > near || depth < TURNS && self.charts[both[0]].turns([a, 0.5 * (a + b), b].map(|x| on_side(side, x)))
+                            let near = based
+                                .iter()
+                                .map(|p| (a - p.0).abs().min((b - p.0).abs()))
+                                .fold(1.0 / 16.0, f64::min);
+                            b - a > near
+                                || depth < TURNS
+                                    && self.charts[both[0]]
+                                        .turns([a, 0.5 * (a + b), b].map(|x| on_side(side, x)))
                         }
                     };
-                    let signed = || self.charts[both[0]].keeps_sign([a, b, a].map(|x| on_side(side, x)), 0);
-                    if inside && depth < self.halvings && list.len() < VERTICES && !(self.stop)() && (rough() || !signed()) {
+                    let signed =
+                        || self.charts[both[0]].keeps_sign([a, b, a].map(|x| on_side(side, x)), 0);
+                    if inside
+                        && depth < self.halvings
+                        && list.len() < VERTICES
+                        && !(self.stop)()
+                        && (rough() || !signed())
+                    {
                         let m = 0.5 * (a + b);
                         stack.extend([(m, b, depth + 1), (a, m, depth + 1)]);
                     } else {
@@ -467,12 +579,21 @@ impl Builder<'_> {
         let t = &self.region.triangles[q];
         let walls = &t.arrangement.walls;
         if side == 0 {
-            let p = (1..walls[0].points.len()).filter(|&p| self.place(q, 0, p)[1] < x).count();
+            let p = (1..walls[0].points.len())
+                .filter(|&p| self.place(q, 0, p)[1] < x)
+                .count();
             return t.holds_segment(0, p);
         }
-        let k = walls[1..walls.len() - 1].iter().filter(|w| w.u.to_f64() < x).count();
+        let k = walls[1..walls.len() - 1]
+            .iter()
+            .filter(|w| w.u.to_f64() < x)
+            .count();
         let cells = &t.inside[k];
-        if side == 1 { cells[0] } else { cells[cells.len() - 1] }
+        if side == 1 {
+            cells[0]
+        } else {
+            cells[cells.len() - 1]
+        }
     }
 
     /// The name of a vertex, that of the image if it is on a contracted curve.
@@ -486,7 +607,10 @@ impl Builder<'_> {
         });
         match image {
             Some(k) => Name::Image(k),
-            None => self.gluing.name(&key(node.name, q, node.at)).unwrap_or(node.name),
+            None => self
+                .gluing
+                .name(&key(node.name, q, node.at))
+                .unwrap_or(node.name),
         }
     }
 }

@@ -23,11 +23,20 @@ pub fn polled<T: Send>(stop: &dyn Fn() -> bool, work: impl FnOnce(&AtomicBool) -
                 std::thread::sleep(POLL);
             }
         }
-        done.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        done.join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     })
 }
 
 /// What is made of each quadrant, in their order, side by side.
-pub(crate) fn in_quadrants<T: Send>(stop: &dyn Fn() -> bool, work: impl Fn(usize, &dyn Fn() -> bool) -> T + Sync + Send) -> Vec<T> {
-    polled(stop, |stopped| (0..4).into_par_iter().map(|quadrant| work(quadrant, &|| stopped.load(Ordering::Relaxed))).collect())
+pub(crate) fn in_quadrants<T: Send>(
+    stop: &dyn Fn() -> bool,
+    work: impl Fn(usize, &dyn Fn() -> bool) -> T + Sync + Send,
+) -> Vec<T> {
+    polled(stop, |stopped| {
+        (0..4)
+            .into_par_iter()
+            .map(|quadrant| work(quadrant, &|| stopped.load(Ordering::Relaxed)))
+            .collect()
+    })
 }

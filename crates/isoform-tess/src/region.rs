@@ -10,7 +10,9 @@
 use crate::domain::{Domain, image_bounds, parameters};
 use crate::map::Map;
 use crate::polling::in_quadrants;
-use isoform_algebra::{Arrangement, ArrangementError, Poly, QUADRANTS, RBig, coprime_base, in_triangle};
+use isoform_algebra::{
+    Arrangement, ArrangementError, Poly, QUADRANTS, RBig, coprime_base, in_triangle,
+};
 use std::collections::BTreeMap;
 
 /// The region in one of the unit triangles.
@@ -57,7 +59,12 @@ impl Region {
     ///
     /// # Errors
     /// [`ArrangementError`], if stopped.
-    pub fn new(map: &Map, half_width: &RBig, extra: &[Poly], stop: &dyn Fn() -> bool) -> Result<Self, ArrangementError> {
+    pub fn new(
+        map: &Map,
+        half_width: &RBig,
+        extra: &[Poly],
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Self, ArrangementError> {
         Self::within(map, half_width, None, extra, stop)
     }
     /// Those of them that are in a domain.
@@ -75,18 +82,32 @@ impl Region {
         let is_clear = domain.is_some_and(|d| is_clear(map, half_width, d));
         let bounds: Vec<Poly> = match is_clear {
             true => Vec::new(),
-            false => forms.iter().flat_map(|x| [x + &w.scale(half_width), x - &w.scale(half_width)]).collect(),
+            false => forms
+                .iter()
+                .flat_map(|x| [x + &w.scale(half_width), x - &w.scale(half_width)])
+                .collect(),
         };
         let lines = domain.map(Domain::lines).unwrap_or_default();
         let all: Vec<Poly> = bounds.iter().chain(&lines).chain(extra).cloned().collect();
         let (factors, divisors) = coprime_base(&all);
         let extra = divisors[bounds.len() + lines.len()..].to_vec();
-        let faces = (0..factors.len()).map(|f| (0..bounds.len()).filter(|&b| divisors[b].contains(&f)).collect()).collect();
-        let sides = |f: usize| (0..lines.len()).filter(|k| divisors[bounds.len() + k].contains(&f)).fold(0, |bits, k| bits | 1 << k);
+        let faces = (0..factors.len())
+            .map(|f| {
+                (0..bounds.len())
+                    .filter(|&b| divisors[b].contains(&f))
+                    .collect()
+            })
+            .collect();
+        let sides = |f: usize| {
+            (0..lines.len())
+                .filter(|k| divisors[bounds.len() + k].contains(&f))
+                .fold(0, |bits, k| bits | 1 << k)
+        };
         let lines = (0..factors.len()).map(sides).collect();
         let triangles = in_quadrants(stop, |quadrant, stop| {
             let local = |p: &Poly| in_triangle(p, quadrant);
-            let arrangement = Arrangement::new(&factors.iter().map(local).collect::<Vec<_>>(), stop)?;
+            let arrangement =
+                Arrangement::new(&factors.iter().map(local).collect::<Vec<_>>(), stop)?;
             let bounds: Vec<Poly> = bounds.iter().map(local).collect();
             let inside = arrangement
                 .slabs
@@ -95,18 +116,40 @@ impl Region {
                     let bounds: Vec<Poly> = bounds.iter().map(|b| b.set(0, &slab.u)).collect();
                     let between = |v: &RBig| {
                         bounds.chunks(2).all(|pair| {
-                            let [low, high] = [0, 1].map(|k| pair[k].set(1, v).as_constant().unwrap_or_default());
+                            let [low, high] =
+                                [0, 1].map(|k| pair[k].set(1, v).as_constant().unwrap_or_default());
                             low.sign() != high.sign() || low.is_zero() || high.is_zero()
                         })
                     };
-                    let in_domain = |v: &RBig| domain.is_none_or(|d| parameters(quadrant, [&slab.u, v]).is_some_and(|p| d.contains(&p)));
-                    slab.between.iter().map(|v| in_domain(v) && between(v)).collect()
+                    let in_domain = |v: &RBig| {
+                        domain.is_none_or(|d| {
+                            parameters(quadrant, [&slab.u, v]).is_some_and(|p| d.contains(&p))
+                        })
+                    };
+                    slab.between
+                        .iter()
+                        .map(|v| in_domain(v) && between(v))
+                        .collect()
                 })
                 .collect();
-            Ok(Triangle { arrangement, inside })
+            Ok(Triangle {
+                arrangement,
+                inside,
+            })
         });
-        let triangles = triangles.into_iter().collect::<Result<_, ArrangementError>>()?;
-        Ok(Self { half_width: half_width.clone(), factors, faces, lines, extra, triangles, domain: domain.cloned(), is_clear })
+        let triangles = triangles
+            .into_iter()
+            .collect::<Result<_, ArrangementError>>()?;
+        Ok(Self {
+            half_width: half_width.clone(),
+            factors,
+            faces,
+            lines,
+            extra,
+            triangles,
+            domain: domain.cloned(),
+            is_clear,
+        })
     }
     /// The side of the domain, as a bit, that an arc over a slab lies on: none for what only lies on its line.
     pub(crate) fn side_of_arc(&self, quadrant: usize, slab: usize, place: usize) -> u64 {
@@ -124,15 +167,25 @@ impl Region {
     pub(crate) fn side_of_wall(&self, quadrant: usize, wall: usize, point: usize) -> u64 {
         let w = &self.triangles[quadrant].arrangement.walls[wall];
         // The side u = 0, or an upright line.
-        let is_line = point + 1 < w.points.len() && (wall == 0 || w.vertical.iter().any(|&f| self.lines[f] != 0));
-        let Some(u) = Some(&w.u).filter(|_| self.domain.is_some() && is_line).and_then(|u| u.to_rational()) else { return 0 };
+        let is_line = point + 1 < w.points.len()
+            && (wall == 0 || w.vertical.iter().any(|&f| self.lines[f] != 0));
+        let Some(u) = Some(&w.u)
+            .filter(|_| self.domain.is_some() && is_line)
+            .and_then(|u| u.to_rational())
+        else {
+            return 0;
+        };
         let v = (&w.points[point].hi + &w.points[point + 1].lo) / RBig::from(2);
         self.side_at(quadrant, [&u, &v])
     }
     /// The same for what a place of a unit triangle's side lies on: it is no point that a curve goes through.
     pub(crate) fn side_of_place(&self, quadrant: usize, at: [f64; 2]) -> u64 {
         let [u, v] = at.map(|x| RBig::try_from(x).unwrap_or_default());
-        if self.domain.is_none() { 0 } else { self.side_at(quadrant, [&u, &v]) }
+        if self.domain.is_none() {
+            0
+        } else {
+            self.side_at(quadrant, [&u, &v])
+        }
     }
     fn side_at(&self, quadrant: usize, at: [&RBig; 2]) -> u64 {
         let side = |d: &Domain| d.side_at(&parameters(quadrant, at)?);
@@ -146,13 +199,21 @@ impl Region {
         let a = &self.triangles[quadrant].arrangement;
         let mut bits = 0;
         for (slab, right) in [(wall.wrapping_sub(1), false), (wall, true)] {
-            for (i, arc) in a.slabs.get(slab).map_or(&[][..], |s| &s.arcs).iter().enumerate() {
+            for (i, arc) in a
+                .slabs
+                .get(slab)
+                .map_or(&[][..], |s| &s.arcs)
+                .iter()
+                .enumerate()
+            {
                 if (if right { arc.left } else { arc.right }) == point {
                     bits |= self.side_of_arc(quadrant, slab, i);
                 }
             }
         }
-        let before = point.checked_sub(1).map_or(0, |p| self.side_of_wall(quadrant, wall, p));
+        let before = point
+            .checked_sub(1)
+            .map_or(0, |p| self.side_of_wall(quadrant, wall, p));
         bits | before | self.side_of_wall(quadrant, wall, point)
     }
 
@@ -191,16 +252,33 @@ impl Triangle {
     /// Whether the cells on the left and on the right of the wall between a point and the next are inside.
     pub(crate) fn sides_held(&self, wall: usize, point: usize) -> [bool; 2] {
         let mut held = [false; 2];
-        self.cells_at(wall, point, point + 1).for_each(|(slab, _)| held[usize::from(slab == wall)] = true);
+        self.cells_at(wall, point, point + 1)
+            .for_each(|(slab, _)| held[usize::from(slab == wall)] = true);
         held
     }
     /// The cells inside, as slab and place, that a stretch of a wall belongs to.
-    fn cells_at(&self, wall: usize, from: usize, to: usize) -> impl Iterator<Item = (usize, usize)> {
+    fn cells_at(
+        &self,
+        wall: usize,
+        from: usize,
+        to: usize,
+    ) -> impl Iterator<Item = (usize, usize)> {
         let slabs = &self.arrangement.slabs;
-        [(wall.wrapping_sub(1), false), (wall, true)].into_iter().filter(|s| s.0 < slabs.len()).flat_map(move |(s, is_right)| {
-            let end = move |i: usize| if is_right { slabs[s].arcs[i].left } else { slabs[s].arcs[i].right };
-            (0..self.inside[s].len()).filter(move |&i| self.inside[s][i] && end(i) <= from && to <= end(i + 1)).map(move |i| (s, i))
-        })
+        [(wall.wrapping_sub(1), false), (wall, true)]
+            .into_iter()
+            .filter(|s| s.0 < slabs.len())
+            .flat_map(move |(s, is_right)| {
+                let end = move |i: usize| {
+                    if is_right {
+                        slabs[s].arcs[i].left
+                    } else {
+                        slabs[s].arcs[i].right
+                    }
+                };
+                (0..self.inside[s].len())
+                    .filter(move |&i| self.inside[s][i] && end(i) <= from && to <= end(i + 1))
+                    .map(move |i| (s, i))
+            })
     }
     /// Whether anything but the side itself goes through a point of the wall.
     pub(crate) fn is_real(&self, wall: usize, point: usize) -> bool {
@@ -292,11 +370,20 @@ impl Count {
                 if arc.curve >= n {
                     // On a side: the interval between its points.
                     let (side, sign) = if arc.curve == n { (1, s) } else { (2, s * r) };
-                    let before = (0..=k).filter(|&w| w > 0 && matches!(names[&(w, self.side_point(t, w, side))], Place::Point(..))).count();
+                    let before = (0..=k)
+                        .filter(|&w| {
+                            w > 0
+                                && matches!(
+                                    names[&(w, self.side_point(t, w, side))],
+                                    Place::Point(..)
+                                )
+                        })
+                        .count();
                     if below || above {
                         let name = Place::Interval(side, sign, before);
                         self.on_sides.insert(name, true);
-                        self.touching.push((name, Place::Cell(q, k, if above { i } else { i - 1 })));
+                        self.touching
+                            .push((name, Place::Cell(q, k, if above { i } else { i - 1 })));
                         *self.side_cells.entry(name).or_default() |= 1 << q;
                     }
                     continue;
@@ -305,7 +392,8 @@ impl Count {
                     self.euler -= 1;
                 }
                 if below && above {
-                    self.touching.push((Place::Cell(q, k, i - 1), Place::Cell(q, k, i)));
+                    self.touching
+                        .push((Place::Cell(q, k, i - 1), Place::Cell(q, k, i)));
                 } else if below || above {
                     self.bounding.push(ends);
                 }
@@ -317,11 +405,14 @@ impl Count {
                     self.euler += 1;
                 }
                 for (slab, i) in t.cells_at(k, p, p) {
-                    self.touching.push((Place::Cell(q, slab, i), names[&(k, p)]));
+                    self.touching
+                        .push((Place::Cell(q, slab, i), names[&(k, p)]));
                 }
                 if p + 1 < wall.points.len() && t.holds_segment(k, p) {
                     if k == 0 {
-                        let before = (1..=p).filter(|&p| matches!(names[&(0, p)], Place::Point(..))).count();
+                        let before = (1..=p)
+                            .filter(|&p| matches!(names[&(0, p)], Place::Point(..)))
+                            .count();
                         let name = Place::Interval(0, r, before);
                         self.on_sides.insert(name, true);
                         *self.side_cells.entry(name).or_default() |= 1 << q;
@@ -333,7 +424,8 @@ impl Count {
                     self.euler -= 1;
                     let cells: Vec<_> = t.cells_at(k, p, p + 1).collect();
                     if let [a, b] = cells[..] {
-                        self.touching.push((Place::Cell(q, a.0, a.1), Place::Cell(q, b.0, b.1)));
+                        self.touching
+                            .push((Place::Cell(q, a.0, a.1), Place::Cell(q, b.0, b.1)));
                     } else if !wall.vertical.is_empty() {
                         self.bounding.push((names[&(k, p)], names[&(k, p + 1)]));
                     }
@@ -342,17 +434,34 @@ impl Count {
         }
         // What the intervals of the sides end in.
         for (side, sign, ends, points) in [
-            (0, r, (0, 2), (0..walls[0].points.len()).map(|p| (0, p)).collect::<Vec<_>>()),
+            (
+                0,
+                r,
+                (0, 2),
+                (0..walls[0].points.len())
+                    .map(|p| (0, p))
+                    .collect::<Vec<_>>(),
+            ),
             (1, s, (0, 1), (0..=last).map(|k| (k, 0)).collect()),
-            (2, s * r, (2, 1), (0..=last).map(|k| (k, walls[k].points.len() - 1)).collect()),
+            (
+                2,
+                s * r,
+                (2, 1),
+                (0..=last).map(|k| (k, walls[k].points.len() - 1)).collect(),
+            ),
         ] {
             let mut before = Place::Corner(ends.0);
             let mut number = 0;
             let mut close = |at: Place, next: Place| {
-                self.side_ends.insert(Place::Interval(side, sign, number), (at, next));
+                self.side_ends
+                    .insert(Place::Interval(side, sign, number), (at, next));
                 number += 1;
             };
-            for name in points.iter().map(|p| names[p]).filter(|n| matches!(n, Place::Point(..))) {
+            for name in points
+                .iter()
+                .map(|p| names[p])
+                .filter(|n| matches!(n, Place::Point(..)))
+            {
                 close(before, name);
                 before = name;
             }
@@ -361,7 +470,11 @@ impl Count {
     }
 
     fn side_point(&self, t: &Triangle, wall: usize, side: usize) -> usize {
-        if side == 1 { 0 } else { t.arrangement.walls[wall].points.len() - 1 }
+        if side == 1 {
+            0
+        } else {
+            t.arrangement.walls[wall].points.len() - 1
+        }
     }
 
     fn finish(mut self) -> RegionTopology {
@@ -380,9 +493,18 @@ impl Count {
                 self.bounding.push(ends);
             }
         }
-        let components = groups(self.touching.iter().copied().chain(self.cells.iter().map(|&c| (c, c))));
+        let components = groups(
+            self.touching
+                .iter()
+                .copied()
+                .chain(self.cells.iter().map(|&c| (c, c))),
+        );
         let loops = groups(self.bounding.iter().copied());
-        RegionTopology { euler: self.euler, components, loops }
+        RegionTopology {
+            euler: self.euler,
+            components,
+            loops,
+        }
     }
 }
 
@@ -418,20 +540,41 @@ mod tests {
 
     fn topology(texts: [&str; 4], half_width: &str) -> [i64; 3] {
         let map = Map::parse(texts, Default::default()).expect("a map");
-        let half_width = Poly::parse(half_width, &[]).expect("a number").as_constant().expect("a number");
-        let t = Region::new(&map, &half_width, &[], &|| false).expect("a region").topology();
+        let half_width = Poly::parse(half_width, &[])
+            .expect("a number")
+            .as_constant()
+            .expect("a number");
+        let t = Region::new(&map, &half_width, &[], &|| false)
+            .expect("a region")
+            .topology();
         [t.euler, t.components as i64, t.loops as i64]
     }
 
     #[test]
     fn planes_and_spheres() {
         assert_eq!(topology(["s", "t", "0", "1"], "1"), [1, 1, 1], "a square");
-        assert_eq!(topology(["s", "t", "s + t", "1"], "1"), [1, 1, 1], "a hexagon");
-        assert_eq!(topology(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], "2"), [1, 1, 0], "the whole projective plane");
+        assert_eq!(
+            topology(["s", "t", "s + t", "1"], "1"),
+            [1, 1, 1],
+            "a hexagon"
+        );
+        assert_eq!(
+            topology(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], "2"),
+            [1, 1, 0],
+            "the whole projective plane"
+        );
         let sphere = ["4*s", "4*t", "2*s^2 + 2*t^2 - 2", "s^2 + t^2 + 1"];
-        assert_eq!(topology(sphere, "1"), [0, 0, 0], "a sphere of radius 2 around the box");
+        assert_eq!(
+            topology(sphere, "1"),
+            [0, 0, 0],
+            "a sphere of radius 2 around the box"
+        );
         assert_eq!(topology(sphere, "3/2"), [-4, 1, 6], "the caps cut off");
-        assert_eq!(topology(sphere, "5/4"), [8, 8, 8], "only what is near the diagonals of the box is left");
+        assert_eq!(
+            topology(sphere, "5/4"),
+            [8, 8, 8],
+            "only what is near the diagonals of the box is left"
+        );
     }
 
     /// Maps without real base points, whose regions were counted elsewhere.
@@ -442,20 +585,32 @@ mod tests {
             println!("skip  {} is not there", folder.display());
             return;
         };
-        let mut files: Vec<_> =
-            files.filter_map(|f| f.ok().map(|f| f.path())).filter(|p| p.extension().is_some_and(|e| e == "json")).collect();
+        let mut files: Vec<_> = files
+            .filter_map(|f| f.ok().map(|f| f.path()))
+            .filter(|p| p.extension().is_some_and(|e| e == "json"))
+            .collect();
         files.sort();
         let mut compared = 0;
         for file in files {
             let text = std::fs::read_to_string(&file).expect("readable");
             let known: serde_json::Value = serde_json::from_str(&text).expect("JSON");
             let counted = &known["box_topology_normalised"];
-            let Some(true) = counted["stable"].as_bool() else { continue };
+            let Some(true) = counted["stable"].as_bool() else {
+                continue;
+            };
             let map = Map::from_json(&text, Default::default()).expect("a map");
             let half_width = RBig::from(known["box"].as_i64().expect("a number"));
-            let t = Region::new(&map, &half_width, &[], &|| false).expect("a region").topology();
-            let expected = ["chi", "components", "boundary_loops"].map(|k| counted[k].as_i64().expect("a number"));
-            assert_eq!([t.euler, t.components as i64, t.loops as i64], expected, "{}", file.display());
+            let t = Region::new(&map, &half_width, &[], &|| false)
+                .expect("a region")
+                .topology();
+            let expected = ["chi", "components", "boundary_loops"]
+                .map(|k| counted[k].as_i64().expect("a number"));
+            assert_eq!(
+                [t.euler, t.components as i64, t.loops as i64],
+                expected,
+                "{}",
+                file.display()
+            );
             compared += 1;
         }
         assert!(compared >= 11, "{compared} regions compared");

@@ -27,8 +27,19 @@ fn trim(p: &mut Residue) {
 impl Ring {
     /// Nothing if the modulus has a repeated factor modulo the prime.
     fn new(k: &NumberField, field: Fp) -> Option<Self> {
-        let modulus: Residue = k.modulus().coefficients().iter().map(|c| field.of_ibig(c)).collect();
-        let mut derivative: Residue = k.modulus().derivative().coefficients().iter().map(|c| field.of_ibig(c)).collect();
+        let modulus: Residue = k
+            .modulus()
+            .coefficients()
+            .iter()
+            .map(|c| field.of_ibig(c))
+            .collect();
+        let mut derivative: Residue = k
+            .modulus()
+            .derivative()
+            .coefficients()
+            .iter()
+            .map(|c| field.of_ibig(c))
+            .collect();
         trim(&mut derivative);
         let ring = Self { field, modulus };
         ring.inverse(&derivative).map(|_| ring)
@@ -41,7 +52,10 @@ impl Ring {
             return None;
         }
         let inverse = self.field.inv(d);
-        let mut r: Residue = numerator.iter().map(|c| self.field.mul(self.field.of_ibig(c), inverse)).collect();
+        let mut r: Residue = numerator
+            .iter()
+            .map(|c| self.field.mul(self.field.of_ibig(c), inverse))
+            .collect();
         trim(&mut r);
         Some(r)
     }
@@ -72,7 +86,10 @@ impl Ring {
         }
         trim(&mut product);
         while product.len() >= self.modulus.len() {
-            let (offset, top) = (product.len() - self.modulus.len(), product[product.len() - 1]);
+            let (offset, top) = (
+                product.len() - self.modulus.len(),
+                product[product.len() - 1],
+            );
             self.subtract(&mut product, top, offset, &self.modulus);
         }
         product
@@ -118,7 +135,10 @@ impl Ring {
         self.monic(&a)
     }
     fn polynomial(&self, p: &Coefficients) -> Option<Vec<Residue>> {
-        let mut residues = p.iter().map(|e| self.residue(e)).collect::<Option<Vec<_>>>()?;
+        let mut residues = p
+            .iter()
+            .map(|e| self.residue(e))
+            .collect::<Option<Vec<_>>>()?;
         // A leading coefficient that vanishes could lower the degree of the divisor.
         if residues.last().is_some_and(Vec::is_empty) {
             return None;
@@ -131,7 +151,12 @@ impl Ring {
 }
 
 /// The monic greatest common divisor of two polynomials of which one may be zero, not both.
-pub(crate) fn gcd(k: &NumberField, p: &Coefficients, q: &Coefficients, stop: &dyn Fn() -> bool) -> Result<Coefficients, Stopped> {
+pub(crate) fn gcd(
+    k: &NumberField,
+    p: &Coefficients,
+    q: &Coefficients,
+    stop: &dyn Fn() -> bool,
+) -> Result<Coefficients, Stopped> {
     let d = k.degree();
     let mut degree = usize::MAX;
     let mut lift = Crt::new(0);
@@ -139,8 +164,12 @@ pub(crate) fn gcd(k: &NumberField, p: &Coefficients, q: &Coefficients, stop: &dy
     let mut next_try = 1;
     for field in primes() {
         check(stop)?;
-        let Some(ring) = Ring::new(k, field) else { continue };
-        let (Some(a), Some(b)) = (ring.polynomial(p), ring.polynomial(q)) else { continue };
+        let Some(ring) = Ring::new(k, field) else {
+            continue;
+        };
+        let (Some(a), Some(b)) = (ring.polynomial(p), ring.polynomial(q)) else {
+            continue;
+        };
         let Some(g) = ring.gcd(a, b) else { continue };
         if g.len() == 1 {
             return Ok(vec![Element::rational(&RBig::ONE)]);
@@ -153,7 +182,9 @@ pub(crate) fn gcd(k: &NumberField, p: &Coefficients, q: &Coefficients, stop: &dy
             lift = Crt::new((degree - 1) * d);
             (used, next_try) = (0, 1);
         }
-        let coefficients = g[..degree - 1].iter().flat_map(|c| (0..d).map(|i| c.get(i).copied().unwrap_or(0)));
+        let coefficients = g[..degree - 1]
+            .iter()
+            .flat_map(|c| (0..d).map(|i| c.get(i).copied().unwrap_or(0)));
         lift.push(&ring.field, &coefficients.collect::<Vec<_>>());
         used += 1;
         // Reconstruction is tried after 1, 2, 3, 4, 6, 9, … primes.
@@ -161,8 +192,13 @@ pub(crate) fn gcd(k: &NumberField, p: &Coefficients, q: &Coefficients, stop: &dy
             continue;
         }
         next_try = used + used.div_ceil(2);
-        let Some((numerators, denominator)) = lift.rational() else { continue };
-        let mut candidate: Coefficients = numerators.chunks(d).map(|c| Element::normalised(c.to_vec(), denominator.clone())).collect();
+        let Some((numerators, denominator)) = lift.rational() else {
+            continue;
+        };
+        let mut candidate: Coefficients = numerators
+            .chunks(d)
+            .map(|c| Element::normalised(c.to_vec(), denominator.clone()))
+            .collect();
         candidate.push(Element::normalised(vec![1.into()], UBig::ONE));
         let divides = |f: &Coefficients| f.is_empty() || divide(k, f, &candidate).1.is_empty();
         if divides(p) && divides(q) {

@@ -54,7 +54,13 @@ impl Contraction {
     /// The real ones of the points.
     pub fn points(&self) -> Vec<[Algebraic; 4]> {
         let roots = 0..self.field.real_roots().len();
-        roots.map(|root| self.image.each_ref().map(|e| Algebraic::new(&self.field, root, e.clone()))).collect()
+        roots
+            .map(|root| {
+                self.image
+                    .each_ref()
+                    .map(|e| Algebraic::new(&self.field, root, e.clone()))
+            })
+            .collect()
     }
     /// Whether the points are at infinity: all of them or none.
     pub fn at_infinity(&self) -> bool {
@@ -91,14 +97,20 @@ pub struct Singular {
 ///
 /// # Errors
 /// [`Stopped`].
-pub fn singular(map: &Map, implicit: Option<&Implicit>, stop: &dyn Fn() -> bool) -> Result<Singular, Stopped> {
+pub fn singular(
+    map: &Map,
+    implicit: Option<&Implicit>,
+    stop: &dyn Fn() -> bool,
+) -> Result<Singular, Stopped> {
     let minors = signed_minors(map, stop)?;
     let mut common = Poly::zero();
     for m in &minors {
         check(stop)?;
         common = common.gcd(m);
     }
-    let double = implicit.map(|i| double_locus(map, &i.equation, &minors, &common, stop)).transpose()?;
+    let double = implicit
+        .map(|i| double_locus(map, &i.equation, &minors, &common, stop))
+        .transpose()?;
     let mut factors: Vec<(Poly, Option<usize>, usize)> = Vec::new();
     for (curve, n) in common.factor(stop)? {
         factors.push((curve, double.as_ref().map(|_| 0), n));
@@ -111,45 +123,90 @@ pub fn singular(map: &Map, implicit: Option<&Implicit>, stop: &dyn Fn() -> bool)
             }
         }
     }
-    factors.sort_by(|(a, ..), (b, ..)| (a.total_degree(), a.terms()).cmp(&(b.total_degree(), b.terms())));
+    factors.sort_by(|(a, ..), (b, ..)| {
+        (a.total_degree(), a.terms()).cmp(&(b.total_degree(), b.terms()))
+    });
     let mut curves = Vec::new();
     for (curve, in_double, in_minors) in factors {
-        let kind = if in_minors > 0 { kind_of_critical(map, &curve, stop)? } else { CurveKind::Double };
+        let kind = if in_minors > 0 {
+            kind_of_critical(map, &curve, stop)?
+        } else {
+            CurveKind::Double
+        };
         let real = real_part(&curve, stop)?;
-        curves.push(SingularCurve { curve, in_double, in_minors, kind, real });
+        curves.push(SingularCurve {
+            curve,
+            in_double,
+            in_minors,
+            kind,
+            real,
+        });
     }
-    Ok(Singular { double, minors: common, curves })
+    Ok(Singular {
+        double,
+        minors: common,
+        curves,
+    })
 }
 
 /// (M₀, −M₁, M₂, −M₃), Mᵢ the determinant of the Jacobian's rows without row i.
 pub(crate) fn signed_minors(map: &Map, stop: &dyn Fn() -> bool) -> Result<[Poly; 4], Stopped> {
-    let rows = map.forms().each_ref().map(|f| [0, 1, 2].map(|v| f.derivative(v)));
+    let rows = map
+        .forms()
+        .each_ref()
+        .map(|f| [0, 1, 2].map(|v| f.derivative(v)));
     let mut minors: [Poly; 4] = Default::default();
     for (i, minor) in minors.iter_mut().enumerate() {
         check(stop)?;
         let r: Vec<&[Poly; 3]> = (0..4).filter(|&k| k != i).map(|k| &rows[k]).collect();
         let two = |a: usize, b: usize| &r[1][a] * &r[2][b] - &r[1][b] * &r[2][a];
         let determinant = &r[0][0] * two(1, 2) - &r[0][1] * two(0, 2) + &r[0][2] * two(0, 1);
-        *minor = if i % 2 == 1 { -determinant } else { determinant };
+        *minor = if i % 2 == 1 {
+            -determinant
+        } else {
+            determinant
+        };
     }
     Ok(minors)
 }
 
 /// D from the derivative with the fewest terms.
-fn double_locus(map: &Map, equation: &Poly, minors: &[Poly; 4], common: &Poly, stop: &dyn Fn() -> bool) -> Result<Poly, Stopped> {
+fn double_locus(
+    map: &Map,
+    equation: &Poly,
+    minors: &[Poly; 4],
+    common: &Poly,
+    stop: &dyn Fn() -> bool,
+) -> Result<Poly, Stopped> {
     check(stop)?;
-    let candidates = (0..4).filter(|&i| !minors[i].is_zero()).map(|i| (equation.derivative(i), i));
-    let (derivative, i) = candidates.min_by_key(|(d, _)| d.terms().len()).expect("the image is a surface");
+    let candidates = (0..4)
+        .filter(|&i| !minors[i].is_zero())
+        .map(|i| (equation.derivative(i), i));
+    let (derivative, i) = candidates
+        .min_by_key(|(d, _)| d.terms().len())
+        .expect("the image is a surface");
     let pulled = derivative.compose(map.forms());
     check(stop)?;
-    let cofactor = minors[i].div_exact(common).expect("a common divisor divides");
-    Ok(pulled.div_exact(&cofactor).expect("the gradient of the equation is normal to the surface").primitive())
+    let cofactor = minors[i]
+        .div_exact(common)
+        .expect("a common divisor divides");
+    Ok(pulled
+        .div_exact(&cofactor)
+        .expect("the gradient of the equation is normal to the surface")
+        .primitive())
 }
 
 /// Contracted or ramified: for a factor of the minors.
-fn kind_of_critical(map: &Map, curve: &Poly, stop: &dyn Fn() -> bool) -> Result<CurveKind, Stopped> {
+fn kind_of_critical(
+    map: &Map,
+    curve: &Poly,
+    stop: &dyn Fn() -> bool,
+) -> Result<CurveKind, Stopped> {
     let forms = map.forms();
-    let pivot = (0..4).rev().find(|&i| !forms[i].is_multiple_of(curve)).expect("no common factor");
+    let pivot = (0..4)
+        .rev()
+        .find(|&i| !forms[i].is_multiple_of(curve))
+        .expect("no common factor");
     // A tangent vector ∇C × e, not a multiple of the point itself as long as e·(s, t, w) is no multiple of C.
     let tangent = if curve.is_associate(&Poly::var(2)) {
         [Poly::zero(), Poly::one(), Poly::zero()]
@@ -169,20 +226,36 @@ fn kind_of_critical(map: &Map, curve: &Poly, stop: &dyn Fn() -> bool) -> Result<
 }
 
 /// The image of a contracted curve, from where a rational line meets it.
-fn contraction(map: &Map, curve: &Poly, pivot: usize, stop: &dyn Fn() -> bool) -> Result<Contraction, Stopped> {
+fn contraction(
+    map: &Map,
+    curve: &Poly,
+    pivot: usize,
+    stop: &dyn Fn() -> bool,
+) -> Result<Contraction, Stopped> {
     for line in 0i64.. {
         check(stop)?;
         // (s, t, w) = A + x·B with B on another conic than A, so that no curve contains all lines.
         let linear = |a: i64, b: i64| Poly::constant(a) + Poly::var(0).scale(&RBig::from(b));
-        let parts = [linear(line, 1), linear(1 - line * line, line + 2), linear(1 + line, line * line - 3)];
+        let parts = [
+            linear(line, 1),
+            linear(1 - line * line, line + 2),
+            linear(1 + line, line * line - 3),
+        ];
         let section = curve.compose(&parts).to_upoly(0).expect("one variable");
-        if section.degree() < curve.total_degree() || section.squarefree_part().degree() < section.degree() {
+        if section.degree() < curve.total_degree()
+            || section.squarefree_part().degree() < section.degree()
+        {
             continue;
         }
         let factors = section.factor(stop)?;
-        let Some((h, _)) = factors.first() else { continue };
+        let Some((h, _)) = factors.first() else {
+            continue;
+        };
         let (field, x) = NumberField::new(h);
-        let values = map.forms().each_ref().map(|f| field.eval(&f.compose(&parts), 0, &x));
+        let values = map
+            .forms()
+            .each_ref()
+            .map(|f| field.eval(&f.compose(&parts), 0, &x));
         // A base point.
         if values[pivot].is_zero() {
             continue;
@@ -196,11 +269,23 @@ fn contraction(map: &Map, curve: &Poly, pivot: usize, stop: &dyn Fn() -> bool) -
 /// Numbers in the field that they generate.
 fn least_field(field: &NumberField, numbers: &[Element; 4]) -> Contraction {
     if let [Some(_), Some(_), Some(_), Some(_)] = numbers.each_ref().map(Element::as_rational) {
-        return Contraction { field: NumberField::rationals(), image: numbers.clone() };
+        return Contraction {
+            field: NumberField::rationals(),
+            image: numbers.clone(),
+        };
     }
     for trial in 1i64.. {
-        let weights = [1, trial - 1, (trial - 1) * (trial - 2) / 2, trial * trial - 2].map(RBig::from);
-        let lambda = numbers.iter().zip(&weights).fold(Element::zero(), |sum, (e, c)| sum.add(&e.scaled(c)));
+        let weights = [
+            1,
+            trial - 1,
+            (trial - 1) * (trial - 2) / 2,
+            trial * trial - 2,
+        ]
+        .map(RBig::from);
+        let lambda = numbers
+            .iter()
+            .zip(&weights)
+            .fold(Element::zero(), |sum, (e, c)| sum.add(&e.scaled(c)));
         let mut powers = vec![Element::rational(&RBig::ONE)];
         let relation = loop {
             let next = field.mul(powers.last().expect("at least 1"), &lambda);
@@ -209,19 +294,31 @@ fn least_field(field: &NumberField, numbers: &[Element; 4]) -> Contraction {
             }
             powers.push(next);
         };
-        let Some(coordinates) = numbers.each_ref().map(|e| combination(field.degree(), &powers, e)).into_iter().collect::<Option<Vec<_>>>()
+        let Some(coordinates) = numbers
+            .each_ref()
+            .map(|e| combination(field.degree(), &powers, e))
+            .into_iter()
+            .collect::<Option<Vec<_>>>()
         else {
             // The combination lies in a smaller field.
             continue;
         };
         let degree = relation.len();
-        let terms = relation.iter().enumerate().map(|(i, c)| ([i as u16, 0, 0, 0], -c.clone()));
+        let terms = relation
+            .iter()
+            .enumerate()
+            .map(|(i, c)| ([i as u16, 0, 0, 0], -c.clone()));
         let minimal = Poly::from_terms(terms.chain([([degree as u16, 0, 0, 0], RBig::ONE)]));
         let (small, root) = NumberField::new(&minimal.to_upoly(0).expect("one variable"));
-        let image = coordinates
-            .iter()
-            .map(|c| c.iter().rev().fold(Element::zero(), |value, c| small.mul(&value, &root).add(&Element::rational(c))));
-        return Contraction { field: small.clone(), image: image.collect::<Vec<_>>().try_into().expect("four numbers") };
+        let image = coordinates.iter().map(|c| {
+            c.iter().rev().fold(Element::zero(), |value, c| {
+                small.mul(&value, &root).add(&Element::rational(c))
+            })
+        });
+        return Contraction {
+            field: small.clone(),
+            image: image.collect::<Vec<_>>().try_into().expect("four numbers"),
+        };
     }
     unreachable!("all but finitely many combinations generate the field")
 }
@@ -230,8 +327,12 @@ fn least_field(field: &NumberField, numbers: &[Element; 4]) -> Contraction {
 fn combination(degree: usize, independent: &[Element], target: &Element) -> Option<Vec<RBig>> {
     let n = independent.len();
     let columns = independent.iter().chain([target]);
-    let columns: Vec<Vec<RBig>> = columns.map(|e| (0..degree).map(|i| e.coefficient(i)).collect()).collect();
-    let mut rows: Vec<Vec<RBig>> = (0..degree).map(|i| columns.iter().map(|c| c[i].clone()).collect()).collect();
+    let columns: Vec<Vec<RBig>> = columns
+        .map(|e| (0..degree).map(|i| e.coefficient(i)).collect())
+        .collect();
+    let mut rows: Vec<Vec<RBig>> = (0..degree)
+        .map(|i| columns.iter().map(|c| c[i].clone()).collect())
+        .collect();
     for k in 0..n {
         let pivot = (k..degree).find(|&i| rows[i][k] != RBig::ZERO)?;
         rows.swap(k, pivot);
@@ -247,7 +348,10 @@ fn combination(degree: usize, independent: &[Element], target: &Element) -> Opti
         }
         rows[k] = top;
     }
-    rows[n..].iter().all(|row| row[n] == RBig::ZERO).then(|| rows[..n].iter().map(|row| row[n].clone()).collect())
+    rows[n..]
+        .iter()
+        .all(|row| row[n] == RBig::ZERO)
+        .then(|| rows[..n].iter().map(|row| row[n].clone()).collect())
 }
 
 /// The real points of a form in (s, t, w) that is irreducible over Q.
@@ -264,7 +368,12 @@ pub fn real_part(curve: &Poly, stop: &dyn Fn() -> bool) -> Result<RealPart, Stop
         return Ok(RealPart::NoArc);
     }
     let gradient = [0, 1, 2].map(|v| curve.derivative(v));
-    Ok(RealPart::Points(common_zeros(&gradient, true, stop)?.iter().flat_map(|z| z.real()).collect()))
+    Ok(RealPart::Points(
+        common_zeros(&gradient, true, stop)?
+            .iter()
+            .flat_map(|z| z.real())
+            .collect(),
+    ))
 }
 
 /// Whether an irreducible polynomial in s and t takes both signs.
@@ -272,9 +381,22 @@ fn changes_sign(f: &Poly, stop: &dyn Fn() -> bool) -> Result<bool, Stopped> {
     let var = usize::from(f.degree(1) > 0);
     let changes = |at: &RBig| {
         let u = f.set(1 - var, at).to_upoly(var).expect("one variable");
-        !u.is_zero() && u.squarefree().iter().any(|(p, n)| n % 2 == 1 && !real_roots(p).is_empty())
+        !u.is_zero()
+            && u.squarefree()
+                .iter()
+                .any(|(p, n)| n % 2 == 1 && !real_roots(p).is_empty())
     };
-    for (n, d) in [(0i32, 1u8), (1, 1), (-1, 1), (3, 1), (-3, 1), (1, 3), (-1, 3), (10, 1), (-10, 1)] {
+    for (n, d) in [
+        (0i32, 1u8),
+        (1, 1),
+        (-1, 1),
+        (3, 1),
+        (-3, 1),
+        (1, 3),
+        (-1, 3),
+        (10, 1),
+        (-10, 1),
+    ] {
         check(stop)?;
         if changes(&RBig::from_parts(IBig::from(n), UBig::from(d))) {
             return Ok(true);
@@ -285,9 +407,14 @@ fn changes_sign(f: &Poly, stop: &dyn Fn() -> bool) -> Result<bool, Stopped> {
     }
     // Between critical values the number of real zeros is the same.
     let lead = f.coefficients_in(var).swap_remove(f.degree(var));
-    let critical = (discriminant(f, var, stop)? * lead).to_upoly(1 - var).unwrap_or_else(|| UPoly::from_i64(&[1]));
+    let critical = (discriminant(f, var, stop)? * lead)
+        .to_upoly(1 - var)
+        .unwrap_or_else(|| UPoly::from_i64(&[1]));
     let walls = real_roots(&critical);
-    let mut between: Vec<RBig> = walls.windows(2).map(|w| w[0].rational_below(&w[1])).collect();
+    let mut between: Vec<RBig> = walls
+        .windows(2)
+        .map(|w| w[0].rational_below(&w[1]))
+        .collect();
     if let (Some(first), Some(last)) = (walls.first(), walls.last()) {
         between.push(first.interval().0 - RBig::ONE);
         between.push(last.interval().1 + RBig::ONE);

@@ -129,7 +129,10 @@ impl Surface {
     /// How many edges have one triangle, and lie neither in a face of the box nor on a side of the domain.
     pub(crate) fn open_edges(&self, edges: &Edges) -> usize {
         let same_face = |e: &[u32; 2]| self.faces[e[0] as usize] & self.faces[e[1] as usize] != 0;
-        edges.iter().filter(|(e, (n, is_border))| *n == 1 && !is_border && !same_face(e)).count()
+        edges
+            .iter()
+            .filter(|(e, (n, is_border))| *n == 1 && !is_border && !same_face(e))
+            .count()
     }
     /// Whether both ends of an edge are on the double curve.
     pub(crate) fn is_double(&self, edge: &[u32; 2]) -> bool {
@@ -158,11 +161,20 @@ impl<'a> Prepared<'a> {
     ///
     /// # Errors
     /// [`Stopped`], if not even the region of parameters was found in time.
-    pub fn new(map: &'a Map, options: &'a TriangulateOptions, stop: &dyn Fn() -> bool) -> Result<Self, Stopped> {
+    pub fn new(
+        map: &'a Map,
+        options: &'a TriangulateOptions,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Self, Stopped> {
         let domain = options.domain.as_ref();
-        let is_local =
-            options.mode == Mode::Normalised && !options.budget.everywhere && domain.is_some_and(|d| is_clear(map, &options.half_width, d));
-        let mut analysis = if is_local { analyse_clear(map, stop) } else { analyse(map, &options.budget, stop) };
+        let is_local = options.mode == Mode::Normalised
+            && !options.budget.everywhere
+            && domain.is_some_and(|d| is_clear(map, &options.half_width, d));
+        let mut analysis = if is_local {
+            analyse_clear(map, stop)
+        } else {
+            analyse(map, &options.budget, stop)
+        };
         let mut unproven = analysis.unproven.clone();
         let clock = Instant::now();
         let b = options.half_width.to_f64().value();
@@ -172,16 +184,27 @@ impl<'a> Prepared<'a> {
         let mut solitary = Vec::new();
         let enough = until(options.budget.seconds, stop);
         if let Some(singular) = &analysis.singular {
-            if glued && singular.curves.iter().any(|c| matches!(c.kind, CurveKind::Double)) {
+            if glued
+                && singular
+                    .curves
+                    .iter()
+                    .any(|c| matches!(c.kind, CurveKind::Double))
+            {
                 match pinch_points(map, &enough) {
-                    Ok(points) => pinches = points.iter().map(|p| p.each_ref().map(Algebraic::to_f64)).collect(),
+                    Ok(points) => {
+                        pinches = points
+                            .iter()
+                            .map(|p| p.each_ref().map(Algebraic::to_f64))
+                            .collect()
+                    }
                     Err(Stopped) => unproven.push("pinch points: stopped".to_owned()),
                 }
                 fibres = Fibres::new(map, singular, b, &enough).ok();
             }
             // No parameters of a domain lead to solitary arcs.
             if domain.is_none() {
-                let (arcs, problems) = solitary_arcs(map, singular, b, options.mesh.tolerance, &enough);
+                let (arcs, problems) =
+                    solitary_arcs(map, singular, b, options.mesh.tolerance, &enough);
                 solitary = arcs;
                 unproven.extend(problems);
             }
@@ -189,30 +212,71 @@ impl<'a> Prepared<'a> {
         if glued && analysis.degrees.is_some_and(|d| d.map_degree > 1) {
             unproven.push("several parameters have the same image everywhere: sheets that lie upon each other are not joined".to_owned());
         }
-        analysis.seconds.push(("double curve", clock.elapsed().as_secs_f64()));
+        analysis
+            .seconds
+            .push(("double curve", clock.elapsed().as_secs_f64()));
         let clock = Instant::now();
         let mut curves = Curves::new(&analysis, glued, pinches, fibres);
-        let within = |curves: &Curves, stop: &dyn Fn() -> bool| Region::within(map, &options.half_width, domain, &curves.forms(), stop);
-        let region = match within(&curves, &until(if glued { options.budget.seconds } else { f64::INFINITY }, stop)) {
+        let within = |curves: &Curves, stop: &dyn Fn() -> bool| {
+            Region::within(map, &options.half_width, domain, &curves.forms(), stop)
+        };
+        let region = match within(
+            &curves,
+            &until(
+                if glued {
+                    options.budget.seconds
+                } else {
+                    f64::INFINITY
+                },
+                stop,
+            ),
+        ) {
             Ok(region) => region,
             // Better sheets that cross than nothing.
             Err(_) if glued => {
-                unproven.push("the parameters of the double curve: stopped; sheets that cross are not joined".to_owned());
+                unproven.push(
+                    "the parameters of the double curve: stopped; sheets that cross are not joined"
+                        .to_owned(),
+                );
                 curves = Curves::new(&analysis, false, Vec::new(), None);
                 within(&curves, stop).map_err(|_| Stopped)?
             }
             Err(_) => return Err(Stopped),
         };
-        analysis.seconds.push(("region", clock.elapsed().as_secs_f64()));
-        Ok(Self { map, options, analysis, curves, region, solitary, unproven, fineness: Fineness::default() })
+        analysis
+            .seconds
+            .push(("region", clock.elapsed().as_secs_f64()));
+        Ok(Self {
+            map,
+            options,
+            analysis,
+            curves,
+            region,
+            solitary,
+            unproven,
+            fineness: Fineness::default(),
+        })
     }
 
     /// The triangles; `unproven` repeats what the analysis could not prove.
     pub fn surface(&mut self, stop: &dyn Fn() -> bool) -> Surface {
         let clock = Instant::now();
-        let mut surface = mesh(self.map, &self.region, &self.analysis, &self.curves, &self.options.mesh, &self.fineness, stop);
+        let mut surface = mesh(
+            self.map,
+            &self.region,
+            &self.analysis,
+            &self.curves,
+            &self.options.mesh,
+            &self.fineness,
+            stop,
+        );
         let seconds = clock.elapsed().as_secs_f64();
-        match self.analysis.seconds.iter_mut().find(|s| s.0 == "triangles") {
+        match self
+            .analysis
+            .seconds
+            .iter_mut()
+            .find(|s| s.0 == "triangles")
+        {
             Some(known) => known.1 += seconds,
             None => self.analysis.seconds.push(("triangles", seconds)),
         }
@@ -224,19 +288,31 @@ impl<'a> Prepared<'a> {
     /// Boxes of triangles that are too far from the surface, as its implicit equation says to first order, if that is known. They are near enough to
     /// the sheet that they stand for; but where sheets touch, what looks at the equation alone finds them farther away.
     pub fn far(&self, surface: &Surface) -> Vec<[Point3; 2]> {
-        let Some(implicit) = &self.analysis.implicit else { return Vec::new() };
+        let Some(implicit) = &self.analysis.implicit else {
+            return Vec::new();
+        };
         let equation = Equation::new(implicit);
         let corners = |t: &[u32; 3]| t.map(|v| surface.points[v as usize]);
         let is_far = |[p, q, r]: &[Point3; 3]| {
             let center: Point3 = std::array::from_fn(|k| (p[k] + q[k] + r[k]) / 3.0);
-            equation.distance(center).is_some_and(|d| d > FAR * self.options.mesh.tolerance)
+            equation
+                .distance(center)
+                .is_some_and(|d| d > FAR * self.options.mesh.tolerance)
         };
-        surface.triangles.iter().map(corners).filter(is_far).map(|t| Aabb::of(&t)).map(|b| [b.lo, b.hi]).collect()
+        surface
+            .triangles
+            .iter()
+            .map(corners)
+            .filter(is_far)
+            .map(|t| Aabb::of(&t))
+            .map(|b| [b.lo, b.hi])
+            .collect()
     }
 
     /// Divides the tolerance by four in and around boxes, given by their least and greatest coordinates: for the next [`Prepared::surface`].
     pub fn refine(&mut self, boxes: &[[Point3; 2]]) {
-        self.fineness.refine(boxes, self.options.half_width.to_f64().value());
+        self.fineness
+            .refine(boxes, self.options.half_width.to_f64().value());
     }
 }
 
@@ -245,7 +321,11 @@ impl<'a> Prepared<'a> {
 ///
 /// # Errors
 /// [`Stopped`], if not even the region of parameters was found in time.
-pub fn triangulate(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> bool) -> Result<(Surface, Analysis), Stopped> {
+pub fn triangulate(
+    map: &Map,
+    options: &TriangulateOptions,
+    stop: &dyn Fn() -> bool,
+) -> Result<(Surface, Analysis), Stopped> {
     let mut prepared = Prepared::new(map, options, stop)?;
     let surface = prepared.surface(stop);
     Ok((surface, prepared.analysis))

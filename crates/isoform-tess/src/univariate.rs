@@ -26,7 +26,11 @@ impl From<FactorError> for Stopped {
 
 impl From<ResultantError> for Stopped {
     fn from(error: ResultantError) -> Self {
-        assert_eq!(error, ResultantError::Stopped, "polynomials in few variables");
+        assert_eq!(
+            error,
+            ResultantError::Stopped,
+            "polynomials in few variables"
+        );
         Self
     }
 }
@@ -43,13 +47,19 @@ pub(crate) fn trim(p: &mut Coefficients) {
 }
 
 fn monic(k: &NumberField, p: &Coefficients) -> Coefficients {
-    let Some(lead) = p.last() else { return Vec::new() };
+    let Some(lead) = p.last() else {
+        return Vec::new();
+    };
     let inverse = k.inverse(lead);
     p.iter().map(|c| k.mul(c, &inverse)).collect()
 }
 
 /// Quotient and remainder by a monic divisor.
-pub(crate) fn divide(k: &NumberField, p: &Coefficients, divisor: &Coefficients) -> (Coefficients, Coefficients) {
+pub(crate) fn divide(
+    k: &NumberField,
+    p: &Coefficients,
+    divisor: &Coefficients,
+) -> (Coefficients, Coefficients) {
     let mut rest = p.clone();
     let d = divisor.len() - 1;
     let mut quotient = vec![Element::zero(); p.len().saturating_sub(d)];
@@ -69,32 +79,61 @@ pub(crate) fn divide(k: &NumberField, p: &Coefficients, divisor: &Coefficients) 
 }
 
 /// The monic greatest common divisor; empty only of two zeros.
-pub(crate) fn gcd(k: &NumberField, p: &Coefficients, q: &Coefficients, stop: &dyn Fn() -> bool) -> Result<Coefficients, Stopped> {
+pub(crate) fn gcd(
+    k: &NumberField,
+    p: &Coefficients,
+    q: &Coefficients,
+    stop: &dyn Fn() -> bool,
+) -> Result<Coefficients, Stopped> {
     if k.degree() == 1 && !p.is_empty() && !q.is_empty() {
         // Over Q there is a modular algorithm.
         return Ok(monic(k, &from_upoly(&to_upoly(p).gcd(&to_upoly(q)))));
     }
     match (p.last(), q.last()) {
         (None, None) => Ok(Vec::new()),
-        (Some(lead), None) | (None, Some(lead)) if lead.as_rational().is_some() => Ok(monic(k, if q.is_empty() { p } else { q })),
+        (Some(lead), None) | (None, Some(lead)) if lead.as_rational().is_some() => {
+            Ok(monic(k, if q.is_empty() { p } else { q }))
+        }
         _ => residues::gcd(k, p, q, stop),
     }
 }
 
 fn to_upoly(p: &Coefficients) -> UPoly {
-    let values: Vec<RBig> = p.iter().map(|c| c.as_rational().expect("a field of degree 1")).collect();
-    let denominator = values.iter().fold(UBig::ONE, |l, r| &l / (&l).gcd(r.denominator()) * r.denominator());
-    UPoly::new(values.iter().map(|r| r.numerator() * IBig::from(&denominator / r.denominator())).collect())
+    let values: Vec<RBig> = p
+        .iter()
+        .map(|c| c.as_rational().expect("a field of degree 1"))
+        .collect();
+    let denominator = values.iter().fold(UBig::ONE, |l, r| {
+        &l / (&l).gcd(r.denominator()) * r.denominator()
+    });
+    UPoly::new(
+        values
+            .iter()
+            .map(|r| r.numerator() * IBig::from(&denominator / r.denominator()))
+            .collect(),
+    )
 }
 
 pub(crate) fn from_upoly(p: &UPoly) -> Coefficients {
-    p.coefficients().iter().map(|c| Element::rational(&RBig::from(c.clone()))).collect()
+    p.coefficients()
+        .iter()
+        .map(|c| Element::rational(&RBig::from(c.clone())))
+        .collect()
 }
 
 /// The product of the distinct monic irreducible factors.
-pub(crate) fn squarefree_part(k: &NumberField, p: &Coefficients, stop: &dyn Fn() -> bool) -> Result<Coefficients, Stopped> {
+pub(crate) fn squarefree_part(
+    k: &NumberField,
+    p: &Coefficients,
+    stop: &dyn Fn() -> bool,
+) -> Result<Coefficients, Stopped> {
     let p = monic(k, p);
-    let derivative: Coefficients = p.iter().enumerate().skip(1).map(|(i, c)| c.scaled(&RBig::from(i))).collect();
+    let derivative: Coefficients = p
+        .iter()
+        .enumerate()
+        .skip(1)
+        .map(|(i, c)| c.scaled(&RBig::from(i)))
+        .collect();
     let repeated = gcd(k, &p, &derivative, stop)?;
     Ok(divide(k, &p, &repeated).0)
 }
@@ -110,28 +149,47 @@ pub(crate) struct Extension {
 
 /// The fields of the roots of a squarefree polynomial, one for each class of roots that are conjugate over Q; if asked for, only
 /// those with a real root and a real image of the generator.
-pub(crate) fn roots(k: &Arc<NumberField>, p: &Coefficients, real: bool, stop: &dyn Fn() -> bool) -> Result<Vec<Extension>, Stopped> {
+pub(crate) fn roots(
+    k: &Arc<NumberField>,
+    p: &Coefficients,
+    real: bool,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<Extension>, Stopped> {
     if p.len() < 2 {
         return Ok(Vec::new());
     }
     if p.len() == 2 {
         let root = k.div(&p[0], &p[1]).negated();
-        return Ok(vec![Extension { field: Arc::clone(k), theta: k.generator(), root }]);
+        return Ok(vec![Extension {
+            field: Arc::clone(k),
+            theta: k.generator(),
+            root,
+        }]);
     }
     if k.degree() == 1 {
         let factors = to_upoly(p).factor(stop)?;
         let fields = factors.into_iter().map(|(h, _)| NumberField::new(&h));
         let wanted = fields.filter(|(field, _)| !real || !field.real_roots().is_empty());
-        return Ok(wanted.map(|(field, root)| Extension { theta: k.generator(), field, root }).collect());
+        return Ok(wanted
+            .map(|(field, root)| Extension {
+                theta: k.generator(),
+                field,
+                root,
+            })
+            .collect());
     }
     // p as a polynomial in θ (variable 0) and y (variable 1), up to a rational factor.
-    let both = p.iter().enumerate().fold(Poly::zero(), |sum, (j, c)| sum + to_poly(c) * Poly::var(1).pow(j as u32));
+    let both = p.iter().enumerate().fold(Poly::zero(), |sum, (j, c)| {
+        sum + to_poly(c) * Poly::var(1).pow(j as u32)
+    });
     let modulus = Poly::from_upoly(k.modulus(), 0);
     for shift in shifts() {
         check(stop)?;
         // λ = y + shift·θ in place of y.
         let by = Poly::var(1) - Poly::var(0).scale(&RBig::from(shift));
-        let norm = resultant(&modulus, &both.substitute(1, &by), 0, stop)?.to_upoly(1).expect("θ was eliminated");
+        let norm = resultant(&modulus, &both.substitute(1, &by), 0, stop)?
+            .to_upoly(1)
+            .expect("θ was eliminated");
         if norm.squarefree_part().degree() < norm.degree() {
             continue;
         }
@@ -143,7 +201,11 @@ pub(crate) fn roots(k: &Arc<NumberField>, p: &Coefficients, real: bool, stop: &d
             }
             // θ is the only common root of its modulus and p(θ, λ − shift·θ).
             let restricted = both.substitute(1, &by);
-            let mut column: Coefficients = restricted.coefficients_in(0).iter().map(|c| field.eval(c, 1, &lambda)).collect();
+            let mut column: Coefficients = restricted
+                .coefficients_in(0)
+                .iter()
+                .map(|c| field.eval(c, 1, &lambda))
+                .collect();
             trim(&mut column);
             let common = gcd(&field, &from_upoly(k.modulus()), &column, stop)?;
             assert_eq!(common.len(), 2, "a separating shift");
@@ -164,6 +226,9 @@ pub(crate) fn shifts() -> impl Iterator<Item = i64> {
 /// An element as a polynomial in variable 0.
 pub(crate) fn to_poly(e: &Element) -> Poly {
     let (numerator, denominator) = e.parts();
-    let terms = numerator.iter().enumerate().map(|(i, c)| ([i as u16, 0, 0, 0], c.clone()));
+    let terms = numerator
+        .iter()
+        .enumerate()
+        .map(|(i, c)| ([i as u16, 0, 0, 0], c.clone()));
     Poly::from_integers(terms, denominator)
 }

@@ -54,7 +54,12 @@ impl Zero {
     /// The real points of the class.
     pub(crate) fn real(&self) -> Vec<[Algebraic; 3]> {
         let roots = 0..self.field.real_roots().len();
-        roots.map(|root| self.homogeneous().map(|e| Algebraic::new(&self.field, root, e))).collect()
+        roots
+            .map(|root| {
+                self.homogeneous()
+                    .map(|e| Algebraic::new(&self.field, root, e))
+            })
+            .collect()
     }
 }
 
@@ -66,7 +71,9 @@ fn combination(forms: &[Poly], index: u64) -> Poly {
         let c = if index < forms.len() as u64 {
             i64::from(i as u64 == index)
         } else {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             (state >> 60) as i64 - 8
         };
         sum + f.scale(&RBig::from(c))
@@ -76,29 +83,58 @@ fn combination(forms: &[Poly], index: u64) -> Poly {
 /// The common zeros, one [`Zero`] for each class; if asked for, only classes with real points. Ordered by chart, then by field.
 ///
 /// The forms are of one degree and have no common factor.
-pub(crate) fn common_zeros(forms: &[Poly], real: bool, stop: &dyn Fn() -> bool) -> Result<Vec<Zero>, Stopped> {
-    let forms: Vec<Poly> = forms.iter().filter(|f| !f.is_zero()).map(Poly::primitive).collect();
+pub(crate) fn common_zeros(
+    forms: &[Poly],
+    real: bool,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<Zero>, Stopped> {
+    let forms: Vec<Poly> = forms
+        .iter()
+        .filter(|f| !f.is_zero())
+        .map(Poly::primitive)
+        .collect();
     let degree = forms.iter().map(Poly::total_degree).max().unwrap_or(0);
     if degree == 0 {
         return Ok(Vec::new());
     }
     let mut zeros = affine_zeros(&forms, degree, real, stop)?;
-    let on_line: Vec<UPoly> = forms.iter().map(|f| f.set(2, &RBig::ZERO).dehomogenise(1).to_upoly(0).expect("one variable left")).collect();
+    let on_line: Vec<UPoly> = forms
+        .iter()
+        .map(|f| {
+            f.set(2, &RBig::ZERO)
+                .dehomogenise(1)
+                .to_upoly(0)
+                .expect("one variable left")
+        })
+        .collect();
     let common = on_line.iter().fold(UPoly::default(), |g, p| g.gcd(p));
     assert!(!common.is_zero(), "forms without common factor");
     for (h, _) in common.factor(stop)? {
         let (field, s) = NumberField::new(&h);
         if !real || !field.real_roots().is_empty() {
-            zeros.push(Zero { chart: Chart::Infinite, field, at: [s, Element::zero()] });
+            zeros.push(Zero {
+                chart: Chart::Infinite,
+                field,
+                at: [s, Element::zero()],
+            });
         }
     }
     if forms.iter().all(|f| f.degree(0) < degree) {
-        zeros.push(Zero { chart: Chart::Corner, field: NumberField::rationals(), at: [Element::zero(), Element::zero()] });
+        zeros.push(Zero {
+            chart: Chart::Corner,
+            field: NumberField::rationals(),
+            at: [Element::zero(), Element::zero()],
+        });
     }
     Ok(zeros)
 }
 
-fn affine_zeros(forms: &[Poly], degree: usize, real: bool, stop: &dyn Fn() -> bool) -> Result<Vec<Zero>, Stopped> {
+fn affine_zeros(
+    forms: &[Poly],
+    degree: usize,
+    real: bool,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<Zero>, Stopped> {
     let affine: Vec<Poly> = forms.iter().map(|f| f.dehomogenise(2)).collect();
     if affine.iter().any(Poly::is_constant) {
         return Ok(Vec::new());
@@ -120,11 +156,21 @@ fn affine_zeros(forms: &[Poly], degree: usize, real: bool, stop: &dyn Fn() -> bo
 }
 
 /// Nothing if the shear does not separate the zeros.
-fn zeros_in_shear(forms: &[Poly], shift: i64, degree: usize, real: bool, stop: &dyn Fn() -> bool) -> Result<Option<Vec<Zero>>, Stopped> {
+fn zeros_in_shear(
+    forms: &[Poly],
+    shift: i64,
+    degree: usize,
+    real: bool,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Vec<Zero>>, Stopped> {
     // At least one of each pair keeps its degree in t, so that a common point is a zero of the resultant.
     let full = |f: &Poly| f.degree(1) == degree;
     let mut indices = 0..;
-    let first = indices.by_ref().map(|i| combination(forms, i)).find(full).expect("a form of full degree in t");
+    let first = indices
+        .by_ref()
+        .map(|i| combination(forms, i))
+        .find(full)
+        .expect("a form of full degree in t");
     let mut common = UPoly::default();
     let mut used = 0;
     for index in 0.. {
@@ -152,22 +198,43 @@ fn zeros_in_shear(forms: &[Poly], shift: i64, degree: usize, real: bool, stop: &
 }
 
 /// As [`zeros_in_shear`] with general combinations only, for forms that share factors in pairs.
-fn zeros_with_first(forms: &[Poly], shift: i64, degree: usize, real: bool, stop: &dyn Fn() -> bool) -> Result<Option<Vec<Zero>>, Stopped> {
+fn zeros_with_first(
+    forms: &[Poly],
+    shift: i64,
+    degree: usize,
+    real: bool,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Vec<Zero>>, Stopped> {
     let general = |from: u64| (from..).map(|i| combination(forms, i));
     let mut start = forms.len() as u64;
     loop {
         check(stop)?;
-        let pair: Vec<Poly> = general(start).filter(|f| f.degree(1) == degree).take(2).collect();
+        let pair: Vec<Poly> = general(start)
+            .filter(|f| f.degree(1) == degree)
+            .take(2)
+            .collect();
         let r = resultant(&pair[0], &pair[1], 1, stop)?;
         if !r.is_zero() {
-            return decide(forms, &r.to_upoly(0).expect("t was eliminated"), shift, real, stop);
+            return decide(
+                forms,
+                &r.to_upoly(0).expect("t was eliminated"),
+                shift,
+                real,
+                stop,
+            );
         }
         start += 2;
     }
 }
 
 /// The zeros over the roots θ of a polynomial.
-fn decide(forms: &[Poly], thetas: &UPoly, shift: i64, real: bool, stop: &dyn Fn() -> bool) -> Result<Option<Vec<Zero>>, Stopped> {
+fn decide(
+    forms: &[Poly],
+    thetas: &UPoly,
+    shift: i64,
+    real: bool,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Vec<Zero>>, Stopped> {
     let mut zeros = Vec::new();
     for (h, _) in thetas.squarefree_part().factor(stop)? {
         let (field, theta) = NumberField::new(&h);
@@ -177,7 +244,11 @@ fn decide(forms: &[Poly], thetas: &UPoly, shift: i64, real: bool, stop: &dyn Fn(
         let mut common: Option<Coefficients> = None;
         for form in forms {
             check(stop)?;
-            let mut column: Coefficients = form.coefficients_in(1).iter().map(|c| field.eval(c, 0, &theta)).collect();
+            let mut column: Coefficients = form
+                .coefficients_in(1)
+                .iter()
+                .map(|c| field.eval(c, 0, &theta))
+                .collect();
             univariate::trim(&mut column);
             common = Some(match common {
                 None => column,
@@ -195,7 +266,11 @@ fn decide(forms: &[Poly], thetas: &UPoly, shift: i64, real: bool, stop: &dyn Fn(
             2 => {
                 let t = distinct[0].negated();
                 let s = theta.sub(&t.scaled(&RBig::from(shift)));
-                zeros.push(Zero { chart: Chart::Affine, field, at: [s, t] });
+                zeros.push(Zero {
+                    chart: Chart::Affine,
+                    field,
+                    at: [s, t],
+                });
             }
             _ => return Ok(None),
         }

@@ -2,19 +2,38 @@
 
 use isoform_algebra::{Poly, RBig};
 use isoform_tess::{
-    Algebraic, Analysis, BasePoint, BinaryForm, Budget, Chart, CurveKind, Map, Options, RealPart, Seam, VARIABLES, analyse,
-    base_multiplicity, base_points,
+    Algebraic, Analysis, BasePoint, BinaryForm, Budget, Chart, CurveKind, Map, Options, RealPart,
+    Seam, VARIABLES, analyse, base_multiplicity, base_points,
 };
 
-const CLEBSCH: [&str; 4] = ["-s^2*t + t^2 + t", "-s^2 + s*t^2 - s", "-s*t^2 + s + t + 1", "s^2*t - s - t - 1"];
-const FIGURE_3: [&str; 4] = ["s*(s^2 + t^2 - 3)", "(s^2 + t^2)*(s^2 + t^2 - 3)", "t*(s^2 + t^2 - 3)", "(s^2 + t^2 + 1)^2"];
+const CLEBSCH: [&str; 4] = [
+    "-s^2*t + t^2 + t",
+    "-s^2 + s*t^2 - s",
+    "-s*t^2 + s + t + 1",
+    "s^2*t - s - t - 1",
+];
+const FIGURE_3: [&str; 4] = [
+    "s*(s^2 + t^2 - 3)",
+    "(s^2 + t^2)*(s^2 + t^2 - 3)",
+    "t*(s^2 + t^2 - 3)",
+    "(s^2 + t^2 + 1)^2",
+];
 const ROMAN: [&str; 4] = ["t", "s", "s*t", "s^2 + t^2 + 1"];
-const FOUR_NODES: [&str; 4] = ["(s^2 - 2)*(t + 1)", "(t^2 - 3)*(s + 1)", "s^2 - 2 + s*(t^2 - 3)", "(s^2 - 2)*t - (s + 2)*(t^2 - 3)"];
+const FOUR_NODES: [&str; 4] = [
+    "(s^2 - 2)*(t + 1)",
+    "(t^2 - 3)*(s + 1)",
+    "s^2 - 2 + s*(t^2 - 3)",
+    "(s^2 - 2)*t - (s + 2)*(t^2 - 3)",
+];
 const MONKEY_SADDLE: [&str; 4] = ["s", "t", "s^3 - 3*s*t^2", "1"];
 const CUSPIDAL_EDGE: [&str; 4] = ["s^2", "s^3", "s*t + t", "1"];
 /// Base points over Q(√2) with two blow-ups more in a direction over Q(√2, √3), and others.
-const TOWER: [&str; 4] =
-    ["(s^2 - 2)^2 - 3*t^2", "t^4 + (s^2 - 2)^3", "((s^2 - 2)^2 - 3*t^2)*(s + t)", "(s^2 - 2)^3*t + t^5 + (s^2 - 2)^2*t*s - 3*t^3*s"];
+const TOWER: [&str; 4] = [
+    "(s^2 - 2)^2 - 3*t^2",
+    "t^4 + (s^2 - 2)^3",
+    "((s^2 - 2)^2 - 3*t^2)*(s + t)",
+    "(s^2 - 2)^3*t + t^5 + (s^2 - 2)^2*t*s - 3*t^3*s",
+];
 
 fn go() -> bool {
     false
@@ -42,18 +61,34 @@ fn curves(found: &Analysis) -> Vec<(String, &'static str, usize, usize)> {
         CurveKind::Double => "double",
     };
     let curves = &found.singular.as_ref().expect("within the budget").curves;
-    curves.iter().map(|c| (text(&c.curve), kind(&c.kind), c.in_double.expect("D is known"), c.in_minors)).collect()
+    curves
+        .iter()
+        .map(|c| {
+            (
+                text(&c.curve),
+                kind(&c.kind),
+                c.in_double.expect("D is known"),
+                c.in_minors,
+            )
+        })
+        .collect()
 }
 
 fn own<'a>(list: &[(&str, &'a str, usize, usize)]) -> Vec<(String, &'a str, usize, usize)> {
-    list.iter().map(|&(c, k, d, j)| (c.to_owned(), k, d, j)).collect()
+    list.iter()
+        .map(|&(c, k, d, j)| (c.to_owned(), k, d, j))
+        .collect()
 }
 
 #[test]
 fn clebsch_has_six_real_base_points() {
     let found = analysed(CLEBSCH);
-    let points: Vec<(Chart, [f64; 3], usize, usize)> =
-        found.base_points.iter().flatten().map(|b| (b.chart, b.to_f64(), b.multiplicity(), b.seam.blowups())).collect();
+    let points: Vec<(Chart, [f64; 3], usize, usize)> = found
+        .base_points
+        .iter()
+        .flatten()
+        .map(|b| (b.chart, b.to_f64(), b.multiplicity(), b.seam.blowups()))
+        .collect();
     let phi = (1.0 + 5f64.sqrt()) / 2.0;
     let expected = [
         (Chart::Affine, [0.0, -1.0, 1.0], 1, 0),
@@ -65,9 +100,14 @@ fn clebsch_has_six_real_base_points() {
     ];
     assert_eq!(points.len(), expected.len());
     for e in &expected {
-        let close =
-            |p: &(Chart, [f64; 3], usize, usize)| (p.0, p.2, p.3) == (e.0, e.2, e.3) && (0..3).all(|i| (p.1[i] - e.1[i]).abs() < 1e-15);
-        assert_eq!(points.iter().filter(|p| close(p)).count(), 1, "{e:?} in {points:?}");
+        let close = |p: &(Chart, [f64; 3], usize, usize)| {
+            (p.0, p.2, p.3) == (e.0, e.2, e.3) && (0..3).all(|i| (p.1[i] - e.1[i]).abs() < 1e-15)
+        };
+        assert_eq!(
+            points.iter().filter(|p| close(p)).count(),
+            1,
+            "{e:?} in {points:?}"
+        );
     }
     assert_eq!(curves(&found), []);
 }
@@ -76,42 +116,94 @@ fn clebsch_has_six_real_base_points() {
 fn the_surface_of_revolution_of_figure_3() {
     let found = analysed(FIGURE_3);
     assert_eq!(found.base_points.as_ref().map(Vec::len), Some(0));
-    let expected = [("w", "contracted", 0, 1), ("s^2 + t^2", "double", 1, 0), ("s^2 + t^2 - 3*w^2", "contracted", 2, 1)];
+    let expected = [
+        ("w", "contracted", 0, 1),
+        ("s^2 + t^2", "double", 1, 0),
+        ("s^2 + t^2 - 3*w^2", "contracted", 2, 1),
+    ];
     assert_eq!(curves(&found), own(&expected));
     let singular = found.singular.expect("within the budget");
-    let RealPart::Points(points) = &singular.curves[1].real else { panic!("a pair of complex lines") };
-    assert_eq!(points.iter().map(|p| p.each_ref().map(Algebraic::to_f64)).collect::<Vec<_>>(), [[0.0, 0.0, 1.0]]);
-    let CurveKind::Contracted(c) = &singular.curves[2].kind else { panic!("a circle contracted to the origin") };
-    let image: Vec<[f64; 4]> = c.points().iter().map(|p| p.each_ref().map(Algebraic::to_f64)).collect();
-    assert_eq!((image, c.at_infinity()), (vec![[0.0, 0.0, 0.0, 1.0]], false));
+    let RealPart::Points(points) = &singular.curves[1].real else {
+        panic!("a pair of complex lines")
+    };
+    assert_eq!(
+        points
+            .iter()
+            .map(|p| p.each_ref().map(Algebraic::to_f64))
+            .collect::<Vec<_>>(),
+        [[0.0, 0.0, 1.0]]
+    );
+    let CurveKind::Contracted(c) = &singular.curves[2].kind else {
+        panic!("a circle contracted to the origin")
+    };
+    let image: Vec<[f64; 4]> = c
+        .points()
+        .iter()
+        .map(|p| p.each_ref().map(Algebraic::to_f64))
+        .collect();
+    assert_eq!(
+        (image, c.at_infinity()),
+        (vec![[0.0, 0.0, 0.0, 1.0]], false)
+    );
 }
 
 #[test]
 fn the_roman_surface_has_double_lines_without_a_drop_of_rank() {
     let found = analysed(ROMAN);
-    assert_eq!(curves(&found), own(&[("w", "double", 1, 0), ("t", "double", 1, 0), ("s", "double", 1, 0)]));
+    assert_eq!(
+        curves(&found),
+        own(&[
+            ("w", "double", 1, 0),
+            ("t", "double", 1, 0),
+            ("s", "double", 1, 0)
+        ])
+    );
     assert_eq!(found.singular.map(|s| s.minors), Some(Poly::one()));
 }
 
 #[test]
 fn lines_over_a_number_field_are_contracted_to_conjugate_points() {
     let found = analysed(FOUR_NODES);
-    assert_eq!(curves(&found), own(&[("t^2 - 3*w^2", "contracted", 1, 1), ("s^2 - 2*w^2", "contracted", 1, 1)]));
+    assert_eq!(
+        curves(&found),
+        own(&[
+            ("t^2 - 3*w^2", "contracted", 1, 1),
+            ("s^2 - 2*w^2", "contracted", 1, 1)
+        ])
+    );
     let singular = found.singular.expect("within the budget");
-    let CurveKind::Contracted(c) = &singular.curves[1].kind else { panic!("contracted") };
-    let points: Vec<[f64; 4]> = c.points().iter().map(|p| p.each_ref().map(Algebraic::to_f64)).collect();
+    let CurveKind::Contracted(c) = &singular.curves[1].kind else {
+        panic!("contracted")
+    };
+    let points: Vec<[f64; 4]> = c
+        .points()
+        .iter()
+        .map(|p| p.each_ref().map(Algebraic::to_f64))
+        .collect();
     // On s = √2: (0 : s + 1 : s : −s − 2)(t² − 3).
     assert_eq!(points.len(), 2);
     for s in [2f64.sqrt(), -(2f64.sqrt())] {
         let expected = [0.0, -(s + 1.0) / (s + 2.0), -s / (s + 2.0), 1.0];
-        assert!(points.iter().any(|p| (0..4).all(|i| (p[i] - expected[i]).abs() < 1e-14)), "{expected:?} in {points:?}");
+        assert!(
+            points
+                .iter()
+                .any(|p| (0..4).all(|i| (p[i] - expected[i]).abs() < 1e-14)),
+            "{expected:?} in {points:?}"
+        );
     }
 }
 
 #[test]
 fn a_cuspidal_edge_is_ramified() {
     let found = analysed(CUSPIDAL_EDGE);
-    assert_eq!(curves(&found), own(&[("w", "contracted", 0, 1), ("s", "ramified", 3, 1), ("s + w", "contracted", 0, 1)]));
+    assert_eq!(
+        curves(&found),
+        own(&[
+            ("w", "contracted", 0, 1),
+            ("s", "ramified", 3, 1),
+            ("s + w", "contracted", 0, 1)
+        ])
+    );
 }
 
 #[test]
@@ -121,7 +213,10 @@ fn equal_tangents_are_blown_up_again() {
     assert_eq!(points.len(), 3);
     for p in &points {
         assert_eq!((p.multiplicity(), p.seam.near.len()), (1, 1));
-        assert_eq!(p.seam.near[0].direction.each_ref().map(Algebraic::to_f64), [0.0, 1.0]);
+        assert_eq!(
+            p.seam.near[0].direction.each_ref().map(Algebraic::to_f64),
+            [0.0, 1.0]
+        );
         assert_eq!((p.seam.curve[2].degree(), p.seam.blowups()), (0, 1));
     }
     assert_eq!(base_multiplicity(&map(MONKEY_SADDLE), &go), Ok(6));
@@ -146,9 +241,17 @@ fn angle(a: [f64; 4], b: [f64; 4]) -> f64 {
 
 /// Compares the seam with images at a distance of about 2^−40 in rational directions (a : b); `path` gives the local
 /// coordinates (u, v) of a point whose last blow-up has the coordinates (τa, τb).
-fn check_seam(map: &Map, base: &BasePoint, seam: &Seam, path: &dyn Fn([RBig; 2]) -> [RBig; 2], checked: &mut usize) {
+fn check_seam(
+    map: &Map,
+    base: &BasePoint,
+    seam: &Seam,
+    path: &dyn Fn([RBig; 2]) -> [RBig; 2],
+    checked: &mut usize,
+) {
     let small = RBig::ONE / RBig::from(1u64 << 40);
-    for (a, b) in [(1, 0), (0, 1), (3, 1), (-2, 5), (1, 1), (7, -3)].map(|(a, b): (i32, i32)| (RBig::from(a), RBig::from(b))) {
+    for (a, b) in [(1, 0), (0, 1), (3, 1), (-2, 5), (1, 1), (7, -3)]
+        .map(|(a, b): (i32, i32)| (RBig::from(a), RBig::from(b)))
+    {
         let form = |f: &BinaryForm| f.eval(&a, &b).to_f64();
         let limit = seam.curve.each_ref().map(form);
         // Near a common direction the image is still far from the limit.
@@ -167,14 +270,28 @@ fn check_seam(map: &Map, base: &BasePoint, seam: &Seam, path: &dyn Fn([RBig; 2])
         at[u] += du;
         at[v] += dv;
         let exact = image(map, &at);
-        let scale = exact.iter().map(|x| x.clone().max(-x)).max().expect("four numbers");
+        let scale = exact
+            .iter()
+            .map(|x| x.clone().max(-x))
+            .max()
+            .expect("four numbers");
         let found = exact.map(|x| (x / &scale).to_f64().value());
-        assert!(angle(found, limit) < 1e-6, "{:?}, direction ({a} : {b}): {found:?} against {limit:?}", base.point);
+        assert!(
+            angle(found, limit) < 1e-6,
+            "{:?}, direction ({a} : {b}): {found:?} against {limit:?}",
+            base.point
+        );
         *checked += 1;
     }
     for below in &seam.near {
         let d = below.direction.each_ref().map(|x| x.interval(4000).0);
-        let path = |[x, y]: [RBig; 2]| path(if d[0] == RBig::ZERO { [&x * &y, y] } else { [x.clone(), x * (y + &d[1])] });
+        let path = |[x, y]: [RBig; 2]| {
+            path(if d[0] == RBig::ZERO {
+                [&x * &y, y]
+            } else {
+                [x.clone(), x * (y + &d[1])]
+            })
+        };
         check_seam(map, base, &below.seam, &path, checked);
     }
 }
@@ -189,8 +306,18 @@ fn seams_are_limits_of_the_map() {
         CUSPIDAL_EDGE,
         TOWER,
         ["1", "s", "t", "t^2 - s^3"],
-        ["(t - s^2)^2", "s^4 + t^4", "(t - s^2)*s^3", "(t - s^2)*(t - 2*s^2) + s^5"],
-        ["s^2 + t^3", "s^3 + s*t", "-s^2*t + t^2", "s^2 - 2*s*t^2 + t^2"],
+        [
+            "(t - s^2)^2",
+            "s^4 + t^4",
+            "(t - s^2)*s^3",
+            "(t - s^2)*(t - 2*s^2) + s^5",
+        ],
+        [
+            "s^2 + t^3",
+            "s^3 + s*t",
+            "-s^2*t + t^2",
+            "s^2 - 2*s*t^2 + t^2",
+        ],
     ] {
         let map = map(texts);
         for base in base_points(&map, &go).expect("nobody stops") {
@@ -204,11 +331,19 @@ fn seams_are_limits_of_the_map() {
 fn points_are_infinitely_near_over_two_fields() {
     let map = map(TOWER);
     let points = base_points(&map, &go).expect("nobody stops");
-    let irrational: Vec<_> = points.iter().filter(|b| b.chart == Chart::Affine && b.point[0].as_rational().is_none()).collect();
+    let irrational: Vec<_> = points
+        .iter()
+        .filter(|b| b.chart == Chart::Affine && b.point[0].as_rational().is_none())
+        .collect();
     assert_eq!(irrational.len(), 2, "{points:?}");
     for b in irrational {
         // (s² − 2)² − 3t² with s² − 2 ≈ 2√2·a: 8a² = 3b².
-        let slopes: Vec<f64> = b.seam.near.iter().map(|n| n.direction[1].to_f64() / n.direction[0].to_f64()).collect();
+        let slopes: Vec<f64> = b
+            .seam
+            .near
+            .iter()
+            .map(|n| n.direction[1].to_f64() / n.direction[0].to_f64())
+            .collect();
         assert_eq!(slopes.len(), 2);
         for m in slopes {
             assert!((m * m - 8.0 / 3.0).abs() < 1e-14, "{m}");
@@ -221,24 +356,47 @@ fn points_are_infinitely_near_over_two_fields() {
 #[test]
 fn a_change_of_the_parameter_frame_changes_no_count() {
     let mut random = fastrand::Rng::with_seed(11);
-    for texts in [CLEBSCH, FIGURE_3, ROMAN, FOUR_NODES, MONKEY_SADDLE, CUSPIDAL_EDGE, ["1", "s", "t", "t^2 - s^3"]] {
+    for texts in [
+        CLEBSCH,
+        FIGURE_3,
+        ROMAN,
+        FOUR_NODES,
+        MONKEY_SADDLE,
+        CUSPIDAL_EDGE,
+        ["1", "s", "t", "t^2 - s^3"],
+    ] {
         let summary = |map: &Map| {
             let found = analyse(map, &Budget::default(), &go);
             assert!(found.unproven.is_empty(), "{:?}", found.unproven);
-            let mut points: Vec<(usize, usize)> =
-                found.base_points.iter().flatten().map(|b| (b.multiplicity(), b.seam.blowups())).collect();
+            let mut points: Vec<(usize, usize)> = found
+                .base_points
+                .iter()
+                .flatten()
+                .map(|b| (b.multiplicity(), b.seam.blowups()))
+                .collect();
             points.sort_unstable();
-            let mut kinds: Vec<_> = curves(&found).into_iter().map(|(_, kind, d, j)| (kind, d, j)).collect();
+            let mut kinds: Vec<_> = curves(&found)
+                .into_iter()
+                .map(|(_, kind, d, j)| (kind, d, j))
+                .collect();
             kinds.sort_unstable();
             let singular = found.singular.expect("within the budget");
-            let arcs = singular.curves.iter().filter(|c| matches!(c.real, RealPart::Curve)).count();
+            let arcs = singular
+                .curves
+                .iter()
+                .filter(|c| matches!(c.real, RealPart::Curve))
+                .count();
             (found.degrees, points, kinds, arcs)
         };
         let original = map(texts);
         let expected = summary(&original);
         for _ in 0..3 {
             let rows: Vec<Poly> = (0..3)
-                .map(|_| (0..3).fold(Poly::zero(), |sum, v| sum + Poly::var(v).scale(&RBig::from(random.i32(-4..=4)))))
+                .map(|_| {
+                    (0..3).fold(Poly::zero(), |sum, v| {
+                        sum + Poly::var(v).scale(&RBig::from(random.i32(-4..=4)))
+                    })
+                })
                 .map(|row| row.dehomogenise(2))
                 .collect();
             let moved = original.forms().each_ref().map(|f| f.compose(&rows));
@@ -260,13 +418,30 @@ fn random_maps_are_analysed_or_refused() {
         let polynomials: [Poly; 4] = std::array::from_fn(|_| {
             let cells = (0..=n).flat_map(|i| (0..=n - i).map(move |j| [i, j, 0, 0]));
             let chosen: Vec<_> = cells.filter(|_| random.f64() < density).collect();
-            Poly::from_terms(chosen.into_iter().map(|e| (e, RBig::from(random.i32(-2..=2)))))
+            Poly::from_terms(
+                chosen
+                    .into_iter()
+                    .map(|e| (e, RBig::from(random.i32(-2..=2)))),
+            )
         });
-        let Ok(map) = Map::new(polynomials, Options { reduce: true }) else { continue };
+        let Ok(map) = Map::new(polynomials, Options { reduce: true }) else {
+            continue;
+        };
         // The implicit equations of degree 16 are slow without optimisation.
-        let found = analyse(&map, &Budget { implicit_degree: 9, ..Budget::default() }, &go);
+        let found = analyse(
+            &map,
+            &Budget {
+                implicit_degree: 9,
+                ..Budget::default()
+            },
+            &go,
+        );
         for sentence in &found.unproven {
-            assert!(sentence.contains("above the limit of 9"), "{:?}: {sentence}", map.affine());
+            assert!(
+                sentence.contains("above the limit of 9"),
+                "{:?}: {sentence}",
+                map.affine()
+            );
         }
         analysed += 1;
     }
@@ -278,7 +453,17 @@ fn stopping_is_said() {
     let found = analyse(&map(CLEBSCH), &Budget::default(), &|| true);
     assert!(found.base_points.is_none() && found.singular.is_none() && found.degrees.is_none());
     assert_eq!(found.unproven.len(), 6, "{:?}", found.unproven);
-    let found = analyse(&map(ROMAN), &Budget { implicit_degree: 3, ..Budget::default() }, &go);
-    assert_eq!(found.unproven, ["self-intersections: the surface has degree 4, above the limit of 3"]);
+    let found = analyse(
+        &map(ROMAN),
+        &Budget {
+            implicit_degree: 3,
+            ..Budget::default()
+        },
+        &go,
+    );
+    assert_eq!(
+        found.unproven,
+        ["self-intersections: the surface has degree 4, above the limit of 3"]
+    );
     assert!(found.singular.is_some_and(|s| s.double.is_none()));
 }

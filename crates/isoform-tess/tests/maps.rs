@@ -4,18 +4,50 @@ use isoform_tess::{Map, MapError, Options};
 
 /// The invalid files of the acceptance check, each with the code and the polynomial that must be named.
 const INVALID: [(&str, &str, Option<&str>); 12] = [
-    (r#"{"X":"s","Y":"s^2","Z":"s^3","W":"1"}"#, "not_a_surface", None),
-    (r#"{"X":"2*s+2*t","Y":"s+t","Z":"3*s+3*t","W":"s+t"}"#, "not_a_surface", None),
+    (
+        r#"{"X":"s","Y":"s^2","Z":"s^3","W":"1"}"#,
+        "not_a_surface",
+        None,
+    ),
+    (
+        r#"{"X":"2*s+2*t","Y":"s+t","Z":"3*s+3*t","W":"s+t"}"#,
+        "not_a_surface",
+        None,
+    ),
     (r#"{"X":"0","Y":"0","Z":"0","W":"0"}"#, "all_zero", None),
-    (r#"{"X":"s","Y":"t","Z":"s*t","W":"0"}"#, "zero_denominator", Some("W")),
-    (r#"{"X":"1/s","Y":"t","Z":"s*t","W":"1"}"#, "not_a_polynomial", Some("X")),
-    (r#"{"X":"s+q","Y":"t","Z":"s*t","W":"1"}"#, "unknown_variable", Some("X")),
-    (r#"{"X":"s","Y":"t","Z":"nan","W":"1"}"#, "unknown_variable", Some("Z")),
+    (
+        r#"{"X":"s","Y":"t","Z":"s*t","W":"0"}"#,
+        "zero_denominator",
+        Some("W"),
+    ),
+    (
+        r#"{"X":"1/s","Y":"t","Z":"s*t","W":"1"}"#,
+        "not_a_polynomial",
+        Some("X"),
+    ),
+    (
+        r#"{"X":"s+q","Y":"t","Z":"s*t","W":"1"}"#,
+        "unknown_variable",
+        Some("X"),
+    ),
+    (
+        r#"{"X":"s","Y":"t","Z":"nan","W":"1"}"#,
+        "unknown_variable",
+        Some("Z"),
+    ),
     (r#"{"X":"s","Y":"t","Z":"s*t"}"#, "missing", Some("W")),
     (r#"{"X":"s","Y":"#, "not_json", None),
     ("", "not_json", None),
-    (r#"{"X":"s","Y":["t"],"Z":"s*t","W":"1"}"#, "not_text", Some("Y")),
-    (r#"{"X":"s^65","Y":"t","Z":"s*t","W":"1"}"#, "degree_too_large", None),
+    (
+        r#"{"X":"s","Y":["t"],"Z":"s*t","W":"1"}"#,
+        "not_text",
+        Some("Y"),
+    ),
+    (
+        r#"{"X":"s^65","Y":"t","Z":"s*t","W":"1"}"#,
+        "degree_too_large",
+        None,
+    ),
 ];
 
 #[test]
@@ -30,28 +62,58 @@ fn invalid_maps_are_refused_with_the_reason() {
 
 #[test]
 fn a_common_factor_is_named_and_removed_on_demand() {
-    let texts = ["s*(s + t + 1)", "t*(s + t + 1)", "s + t + 1", "(s + t + 1)*(s^2 + t^2 + 1)"];
+    let texts = [
+        "s*(s + t + 1)",
+        "t*(s + t + 1)",
+        "s + t + 1",
+        "(s + t + 1)*(s^2 + t^2 + 1)",
+    ];
     let error = Map::parse(texts, Options::default()).expect_err("a common factor");
-    assert_eq!(error.to_string(), "X, Y, Z and W have the common factor s + t + 1");
+    assert_eq!(
+        error.to_string(),
+        "X, Y, Z and W have the common factor s + t + 1"
+    );
     let map = Map::parse(texts, Options { reduce: true }).expect("a surface");
     assert_eq!(map.degree(), 2);
-    assert_eq!(map.removed().map(|f| f.display(&["s", "t"]).to_string()), Some("s + t + 1".to_owned()));
-    assert_eq!(map.affine(), Map::parse(["s", "t", "1", "s^2 + t^2 + 1"], Options::default()).expect("a surface").affine());
+    assert_eq!(
+        map.removed().map(|f| f.display(&["s", "t"]).to_string()),
+        Some("s + t + 1".to_owned())
+    );
+    assert_eq!(
+        map.affine(),
+        Map::parse(["s", "t", "1", "s^2 + t^2 + 1"], Options::default())
+            .expect("a surface")
+            .affine()
+    );
 }
 
 #[test]
 fn denominators_are_cleared_jointly() {
     let map = Map::parse(["s/2", "t/3", "s*t", "5"], Options::default()).expect("a surface");
-    let texts = map.forms().each_ref().map(|f| f.display(&["s", "t", "w"]).to_string());
+    let texts = map
+        .forms()
+        .each_ref()
+        .map(|f| f.display(&["s", "t", "w"]).to_string());
     assert_eq!(texts, ["3*s*w", "2*t*w", "6*s*t", "30*w^2"]);
 }
 
 #[test]
 fn floats_are_read_exactly() {
-    let tenth: [&[([u16; 2], f64)]; 4] = [&[([1, 0], 0.1)], &[([0, 1], 1.0)], &[([1, 1], 1.0)], &[([0, 0], 1.0)]];
+    let tenth: [&[([u16; 2], f64)]; 4] = [
+        &[([1, 0], 0.1)],
+        &[([0, 1], 1.0)],
+        &[([1, 1], 1.0)],
+        &[([0, 0], 1.0)],
+    ];
     let map = Map::from_f64(tenth, Options::default()).expect("a surface");
     let [x, y, ..] = map.affine();
-    assert_eq!(x.coefficient([1, 0, 0, 0]) / y.coefficient([0, 1, 0, 0]), isoform_algebra::RBig::try_from(0.1).expect("finite"));
+    assert_eq!(
+        x.coefficient([1, 0, 0, 0]) / y.coefficient([0, 1, 0, 0]),
+        isoform_algebra::RBig::try_from(0.1).expect("finite")
+    );
     let bad: [&[([u16; 2], f64)]; 4] = [&[([1, 0], f64::NAN)], &[], &[], &[([0, 0], 1.0)]];
-    assert_eq!(Map::from_f64(bad, Options::default()), Err(MapError::NotFinite { key: "X" }));
+    assert_eq!(
+        Map::from_f64(bad, Options::default()),
+        Err(MapError::NotFinite { key: "X" })
+    );
 }

@@ -3,19 +3,33 @@ mod common;
 
 use common::zoo;
 use isoform_algebra::RBig;
-use isoform_tess::{Budget, Domain, Kind, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate};
+use isoform_tess::{
+    Budget, Domain, Kind, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate,
+};
 use std::collections::BTreeMap;
 
 fn options(half_width: f64) -> MeshOptions {
-    MeshOptions { tolerance: 1e-2 * half_width, longest: 0.5 * half_width, triangles: 400_000 }
+    MeshOptions {
+        tolerance: 1e-2 * half_width,
+        longest: 0.5 * half_width,
+        triangles: 400_000,
+    }
 }
 
 fn surface(map: &Map, half_width: i64, mode: Mode) -> Surface {
     surface_to(map, half_width, mode, options(half_width as f64))
 }
 fn surface_to(map: &Map, half_width: i64, mode: Mode, mesh: MeshOptions) -> Surface {
-    let options = TriangulateOptions { half_width: RBig::from(half_width), domain: None, mode, mesh, budget: Budget::default() };
-    triangulate(map, &options, &|| false).expect("not stopped").0
+    let options = TriangulateOptions {
+        half_width: RBig::from(half_width),
+        domain: None,
+        mode,
+        mesh,
+        budget: Budget::default(),
+    };
+    triangulate(map, &options, &|| false)
+        .expect("not stopped")
+        .0
 }
 
 /// How many triangles each edge has.
@@ -35,7 +49,12 @@ fn topology(s: &Surface) -> [i64; 3] {
     let crowded: Vec<_> = edges.iter().filter(|e| *e.1 > 2).collect();
     if !crowded.is_empty() {
         let at = |v: u32| s.points[v as usize];
-        println!("{} edges with more than two triangles, the first {:?} {:?}", crowded.len(), crowded[0], crowded[0].0.map(at));
+        println!(
+            "{} edges with more than two triangles, the first {:?} {:?}",
+            crowded.len(),
+            crowded[0],
+            crowded[0].0.map(at)
+        );
         return [i64::MAX; 3];
     }
     let groups = |pairs: &mut dyn Iterator<Item = [u32; 2]>| {
@@ -57,16 +76,28 @@ fn topology(s: &Surface) -> [i64; 3] {
     };
     let used: std::collections::BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
     let euler = used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64;
-    [euler, groups(&mut edges.keys().copied()), groups(&mut edges.iter().filter(|e| *e.1 == 1).map(|e| *e.0))]
+    [
+        euler,
+        groups(&mut edges.keys().copied()),
+        groups(&mut edges.iter().filter(|e| *e.1 == 1).map(|e| *e.0)),
+    ]
 }
 
 #[test]
 fn sphere() {
-    let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default()).expect("a map");
+    let map = Map::parse(
+        ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"],
+        Default::default(),
+    )
+    .expect("a map");
     let s = surface(&map, 2, Mode::Normalised);
     assert!(s.unproven.is_empty(), "{:?}", s.unproven);
     assert_eq!(topology(&s), [2, 1, 0]);
-    assert_eq!(s.kinds.iter().filter(|k| **k == Kind::Contracted).count(), 1, "the pole opposite to the origin");
+    assert_eq!(
+        s.kinds.iter().filter(|k| **k == Kind::Contracted).count(),
+        1,
+        "the pole opposite to the origin"
+    );
     for p in &s.points {
         assert!((p.iter().map(|x| x * x).sum::<f64>().sqrt() - 1.0).abs() < 1e-14);
     }
@@ -77,33 +108,61 @@ fn sphere() {
         .map(|t| {
             let [a, b, c] = t.map(|i| s.points[i as usize]);
             let (u, v): (Vec<f64>, Vec<f64>) = (0..3).map(|i| (b[i] - a[i], c[i] - a[i])).unzip();
-            let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+            let n = [
+                u[1] * v[2] - u[2] * v[1],
+                u[2] * v[0] - u[0] * v[2],
+                u[0] * v[1] - u[1] * v[0],
+            ];
             0.5 * n.iter().map(|x| x * x).sum::<f64>().sqrt()
         })
         .sum();
-    assert!((area / (4.0 * std::f64::consts::PI) - 1.0).abs() < 3e-2, "{area}");
+    assert!(
+        (area / (4.0 * std::f64::consts::PI) - 1.0).abs() < 3e-2,
+        "{area}"
+    );
 }
 
 /// What the zoo says about the surface before sheets that cross are joined, where it is sure.
 fn normalised(known: &serde_json::Value) -> [Option<i64>; 3] {
-    let counts = |of: &serde_json::Value, euler: &str| [euler, "components", "boundary_loops"].map(|k| of[k].as_i64());
+    let counts = |of: &serde_json::Value, euler: &str| {
+        [euler, "components", "boundary_loops"].map(|k| of[k].as_i64())
+    };
     let reference = &known["box_topology_reference"];
     if reference["stable"].as_bool() == Some(true) {
         return counts(reference, "chi");
     }
     // The corrected number knows of the contracted line at infinity only.
     let half_width = known["box"].as_i64().expect("a number") as f64;
-    let number = |v: &serde_json::Value| v.as_str().and_then(|v| v.trim_matches(['(', ')']).split(['+', 'j']).next()?.parse::<f64>().ok());
+    let number = |v: &serde_json::Value| {
+        v.as_str().and_then(|v| {
+            v.trim_matches(['(', ')'])
+                .split(['+', 'j'])
+                .next()?
+                .parse::<f64>()
+                .ok()
+        })
+    };
     let in_box = |c: &&serde_json::Value| {
         let image: Vec<f64> = (0..4).filter_map(|k| number(&c["image"][k])).collect();
-        let [x, y, z, w] = image[..] else { return false };
-        c["curve"] != "w" && c["real_1dim"] == true && w != 0.0 && [x, y, z].iter().all(|x| (x / w).abs() < half_width)
+        let [x, y, z, w] = image[..] else {
+            return false;
+        };
+        c["curve"] != "w"
+            && c["real_1dim"] == true
+            && w != 0.0
+            && [x, y, z].iter().all(|x| (x / w).abs() < half_width)
     };
-    let ovals = known["contracted_curves"].as_array().map_or(0, |c| c.iter().filter(in_box).count()) as i64;
+    let ovals = known["contracted_curves"]
+        .as_array()
+        .map_or(0, |c| c.iter().filter(in_box).count()) as i64;
     let counted = &known["box_topology_normalised"];
     if counted["stable"].as_bool() == Some(true) {
         let [euler, components, loops] = counts(counted, "chi_corrected");
-        return [euler.or(counted["chi"].as_i64()).map(|e| e + ovals), components, loops];
+        return [
+            euler.or(counted["chi"].as_i64()).map(|e| e + ovals),
+            components,
+            loops,
+        ];
     }
     match known["chi_norm"].as_i64() {
         Some(euler) => [Some(euler + ovals), None, Some(0)],
@@ -112,7 +171,13 @@ fn normalised(known: &serde_json::Value) -> [Option<i64>; 3] {
 }
 
 /// Chains of six infinitely near base points, or a double curve of degree 18: slow.
-const HARD: [&str; 5] = ["dense3", "pole_4ovals", "pole_acnode", "pole_cusp", "pole_node"];
+const HARD: [&str; 5] = [
+    "dense3",
+    "pole_4ovals",
+    "pole_acnode",
+    "pole_cusp",
+    "pole_node",
+];
 
 /// Members of the zoo before sheets are joined: what is certified is right, and most is certified.
 #[test]
@@ -124,12 +189,24 @@ fn surfaces_of_the_zoo() {
     let mut wrong = Vec::new();
     let mut certified = 0;
     for (name, known, map) in surfaces.iter().filter(|s| !HARD.contains(&s.0.as_str())) {
-        let s = surface(map, known["box"].as_i64().expect("a number"), Mode::Normalised);
+        let s = surface(
+            map,
+            known["box"].as_i64().expect("a number"),
+            Mode::Normalised,
+        );
         let (expected, t) = (normalised(known), topology(&s));
-        println!("{name} {t:?} of {expected:?}, {} triangles {:?}", s.triangles.len(), s.unproven);
+        println!(
+            "{name} {t:?} of {expected:?}, {} triangles {:?}",
+            s.triangles.len(),
+            s.unproven
+        );
         if s.unproven.is_empty() {
             certified += 1;
-            if expected.iter().zip(t).any(|(e, t)| e.is_some_and(|e| e != t)) {
+            if expected
+                .iter()
+                .zip(t)
+                .any(|(e, t)| e.is_some_and(|e| e != t))
+            {
                 wrong.push(format!("{name}: {t:?} instead of {expected:?}"));
             }
         }
@@ -141,7 +218,11 @@ fn surfaces_of_the_zoo() {
 /// A double cone whose base point has others infinitely near to it, some of whose curves are contracted to the apex.
 #[test]
 fn chain_of_blow_ups() {
-    let map = Map::parse(["t - 2*s^2*t", "3*s*t", "2*s^2*t + t", "1"], Default::default()).expect("a map");
+    let map = Map::parse(
+        ["t - 2*s^2*t", "3*s*t", "2*s^2*t + t", "1"],
+        Default::default(),
+    )
+    .expect("a map");
     let s = surface(&map, 2, Mode::Normalised);
     assert!(s.unproven.is_empty(), "{:?}", s.unproven);
     assert_eq!(topology(&s), [1, 1, 2]);
@@ -165,7 +246,11 @@ fn contracted_curve_in_a_face_of_the_box() {
 
 /// Forms in the parameters, written with A, B, C for s, t, w.
 fn of_parameters(texts: [&str; 4], [a, b, c]: [&str; 3]) -> Map {
-    let texts = texts.map(|t| t.replace('A', &format!("({a})")).replace('B', &format!("({b})")).replace('C', &format!("({c})")));
+    let texts = texts.map(|t| {
+        t.replace('A', &format!("({a})"))
+            .replace('B', &format!("({b})"))
+            .replace('C', &format!("({c})"))
+    });
     Map::parse(texts.each_ref().map(String::as_str), Default::default()).expect("a map")
 }
 
@@ -175,14 +260,35 @@ fn of_parameters(texts: [&str; 4], [a, b, c]: [&str; 3]) -> Map {
 /// double curves on it; one has such points on a side of a unit triangle once it is moved. On a Bohemian dome arcs at a base point are steep.
 #[test]
 fn moved_parameters() {
-    let conoid = (["A^3 + A*B^2", "A^2*B + B^3", "2*A*B*C", "C*A^2 + C*B^2"], 2);
-    let contracted = (["A*C^3", "B*C^3", "A^2*C^2 + C^4", "(A^2 + B^2 - C^2)^2"], 3);
+    let conoid = (
+        ["A^3 + A*B^2", "A^2*B + B^3", "2*A*B*C", "C*A^2 + C*B^2"],
+        2,
+    );
+    let contracted = (
+        ["A*C^3", "B*C^3", "A^2*C^2 + C^4", "(A^2 + B^2 - C^2)^2"],
+        3,
+    );
     let stretched = ["9*s - 2*t - 9", "-24*s - 8*t + 24", "4*s - 3*t - 8"];
     let turned = ["-4*s - 9*t - 9", "9*s + 12*t - 9", "-12*s + 4*t - 8"];
     let sphere = (["2*A*C", "2*B*C", "A^2 + B^2 - C^2", "A^2 + B^2 + C^2"], 2);
-    let torus = (["(C^2 - A^2)*(3*C^2 + B^2)", "2*A*C*(3*C^2 + B^2)", "2*B*C*(C^2 + A^2)", "(C^2 + A^2)*(C^2 + B^2)"], 4);
-    let dome =
-        (["(C^2 - A^2)*(C^2 + B^2)", "2*A*C*(C^2 + B^2) + (C^2 + A^2)*(C^2 - B^2)", "2*B*C*(C^2 + A^2)", "(C^2 + A^2)*(C^2 + B^2)"], 3);
+    let torus = (
+        [
+            "(C^2 - A^2)*(3*C^2 + B^2)",
+            "2*A*C*(3*C^2 + B^2)",
+            "2*B*C*(C^2 + A^2)",
+            "(C^2 + A^2)*(C^2 + B^2)",
+        ],
+        4,
+    );
+    let dome = (
+        [
+            "(C^2 - A^2)*(C^2 + B^2)",
+            "2*A*C*(C^2 + B^2) + (C^2 + A^2)*(C^2 - B^2)",
+            "2*B*C*(C^2 + A^2)",
+            "(C^2 + A^2)*(C^2 + B^2)",
+        ],
+        3,
+    );
     for ((texts, half_width), moved, mode) in [
         (dome, stretched, Mode::Glued),
         (conoid, stretched, Mode::Glued),
@@ -191,9 +297,18 @@ fn moved_parameters() {
         (contracted, turned, Mode::Normalised),
         (contracted, turned, Mode::Glued),
     ] {
-        let fine = MeshOptions { tolerance: 5e-4 * half_width as f64, ..options(half_width as f64) };
-        let [here, there] = [["s", "t", "1"], moved].map(|by| surface_to(&of_parameters(texts, by), half_width, mode, fine));
-        assert!(here.unproven.is_empty() && there.unproven.is_empty(), "{texts:?} {mode:?} {:?} {:?}", here.unproven, there.unproven);
+        let fine = MeshOptions {
+            tolerance: 5e-4 * half_width as f64,
+            ..options(half_width as f64)
+        };
+        let [here, there] = [["s", "t", "1"], moved]
+            .map(|by| surface_to(&of_parameters(texts, by), half_width, mode, fine));
+        assert!(
+            here.unproven.is_empty() && there.unproven.is_empty(),
+            "{texts:?} {mode:?} {:?} {:?}",
+            here.unproven,
+            there.unproven
+        );
         assert_eq!(topology(&here), topology(&there), "{texts:?} {mode:?}");
     }
 }
@@ -201,17 +316,40 @@ fn moved_parameters() {
 /// A limit of triangles is one for all unit triangles together, and one of them may have most of it.
 #[test]
 fn limit_of_triangles() {
-    let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default()).expect("a map");
-    let mesh = MeshOptions { tolerance: 1e-2, longest: 0.01, triangles: 20_000 };
+    let map = Map::parse(
+        ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"],
+        Default::default(),
+    )
+    .expect("a map");
+    let mesh = MeshOptions {
+        tolerance: 1e-2,
+        longest: 0.01,
+        triangles: 20_000,
+    };
     let whole = surface_to(&map, 2, Mode::Normalised, mesh);
     let q = |n: i64, d: u64| RBig::from_parts(n.into(), d.into());
     let corner = Domain::rectangle([q(1, 8), q(4, 1)], [q(1, 8), q(4, 1)]).expect("a rectangle");
-    let options =
-        TriangulateOptions { half_width: RBig::from(2), domain: Some(corner), mode: Mode::Normalised, mesh, budget: Budget::default() };
+    let options = TriangulateOptions {
+        half_width: RBig::from(2),
+        domain: Some(corner),
+        mode: Mode::Normalised,
+        mesh,
+        budget: Budget::default(),
+    };
     let (part, _) = triangulate(&map, &options, &|| false).expect("not stopped");
     for s in [whole, part] {
-        assert!((19_500..=20_000).contains(&s.triangles.len()), "{}", s.triangles.len());
-        assert!(s.unproven.iter().any(|u| u.contains("not everywhere as near")), "{:?}", s.unproven);
+        assert!(
+            (19_500..=20_000).contains(&s.triangles.len()),
+            "{}",
+            s.triangles.len()
+        );
+        assert!(
+            s.unproven
+                .iter()
+                .any(|u| u.contains("not everywhere as near")),
+            "{:?}",
+            s.unproven
+        );
     }
 }
 
@@ -230,14 +368,21 @@ fn joined_sheets() {
         let used: std::collections::BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
         let counted = used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64;
         assert!(euler.is_none_or(|e| e == counted), "{texts:?} {counted}");
-        assert!(!s.double_curve.is_empty() && s.double_curve.iter().all(|a| a.sheets >= 2), "{texts:?}");
+        assert!(
+            !s.double_curve.is_empty() && s.double_curve.iter().all(|a| a.sheets >= 2),
+            "{texts:?}"
+        );
     }
 }
 
 /// The conoid of Plücker, z = 2xy/(x² + y²): its double line is the seam of a base point that two directions each have in common.
 #[test]
 fn seams_that_run_twice() {
-    let map = Map::parse(["s^3 + s*t^2", "s^2*t + t^3", "2*s*t", "s^2 + t^2"], Default::default()).expect("a map");
+    let map = Map::parse(
+        ["s^3 + s*t^2", "s^2*t + t^3", "2*s*t", "s^2 + t^2"],
+        Default::default(),
+    )
+    .expect("a map");
     let s = surface(&map, 2, Mode::Glued);
     assert!(s.unproven.is_empty(), "{:?}", s.unproven);
     let edges = edges(&s);
@@ -250,9 +395,21 @@ fn seams_that_run_twice() {
         }
     }
     assert!(inner > 4, "{inner} edges on the axis");
-    let [arc] = &s.double_curve[..] else { panic!("{} arcs from pinch point to pinch point", s.double_curve.len()) };
+    let [arc] = &s.double_curve[..] else {
+        panic!(
+            "{} arcs from pinch point to pinch point",
+            s.double_curve.len()
+        )
+    };
     assert_eq!(arc.sheets, 2);
-    assert!([0, arc.points.len() - 1].iter().all(|&k| (arc.points[k][2].abs() - 1.0).abs() < 1e-12));
+    assert!(
+        [0, arc.points.len() - 1]
+            .iter()
+            .all(|&k| (arc.points[k][2].abs() - 1.0).abs() < 1e-12)
+    );
     let used: std::collections::BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
-    assert_eq!(used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64, 1);
+    assert_eq!(
+        used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64,
+        1
+    );
 }

@@ -54,7 +54,12 @@ pub enum CompareError {
 
 /// Distances from the first to the second, and from the second to the first. Models are looked at in `region`, by default the box of
 /// the other side (somewhat enlarged); coordinates are those of the files.
-pub fn compare(a: Side, b: Side, region: Option<Aabb>, samples: usize) -> Result<(Distances, Distances), CompareError> {
+pub fn compare(
+    a: Side,
+    b: Side,
+    region: Option<Aabb>,
+    samples: usize,
+) -> Result<(Distances, Distances), CompareError> {
     let box_of = |s: &Side| match s {
         Side::Points(c) | Side::Mesh(c) => Some(Aabb::of(&absolute(c))),
         Side::Model(..) => None,
@@ -62,7 +67,13 @@ pub fn compare(a: Side, b: Side, region: Option<Aabb>, samples: usize) -> Result
     let (own_a, own_b) = (box_of(&a), box_of(&b));
     let from_a = sampled(&a, region.or(own_b), samples)?;
     let from_b = sampled(&b, region.or(own_a), samples)?;
-    let empty = |points: &[Point3], which| if points.is_empty() { Err(CompareError::Empty(which)) } else { Ok(()) };
+    let empty = |points: &[Point3], which| {
+        if points.is_empty() {
+            Err(CompareError::Empty(which))
+        } else {
+            Ok(())
+        }
+    };
     empty(&from_a.points, "first")?;
     empty(&from_b.points, "second")?;
     let is_mesh = |s: &Side| matches!(s, Side::Mesh(_));
@@ -83,7 +94,11 @@ struct Sampled {
 }
 
 fn sampled(side: &Side, region: Option<Aabb>, wanted: usize) -> Result<Sampled, CompareError> {
-    let mut out = Sampled { points: Vec::new(), triangles: Vec::new(), owner: Vec::new() };
+    let mut out = Sampled {
+        points: Vec::new(),
+        triangles: Vec::new(),
+        owner: Vec::new(),
+    };
     match side {
         Side::Points(cloud) => out.points = absolute(cloud),
         Side::Model(template, values) => {
@@ -92,7 +107,11 @@ fn sampled(side: &Side, region: Option<Aabb>, wanted: usize) -> Result<Sampled, 
         }
         Side::Mesh(mesh) => {
             let corners = absolute(mesh);
-            out.triangles = mesh.triangles.iter().map(|t| t.map(|v| corners[v as usize])).collect();
+            out.triangles = mesh
+                .triangles
+                .iter()
+                .map(|t| t.map(|v| corners[v as usize]))
+                .collect();
             let area = |t: &[Point3; 3]| 0.5 * norm(cross(sub(t[1], t[0]), sub(t[2], t[0])));
             let total: f64 = out.triangles.iter().map(area).sum();
             let mut owed = 0.0;
@@ -117,7 +136,11 @@ fn distances(points: &[Point3], to: &Side, sampled: &Sampled, exactly: bool) -> 
         }
         let mut f = vec![0.0; points.len()];
         template.metric().values(points, values, &mut f);
-        return f.into_iter().map(f64::abs).filter(|d| d.is_finite()).collect();
+        return f
+            .into_iter()
+            .map(f64::abs)
+            .filter(|d| d.is_finite())
+            .collect();
     }
     let tree = KdTree::new(&sampled.points);
     let mut found = Vec::new();
@@ -129,7 +152,10 @@ fn distances(points: &[Point3], to: &Side, sampled: &Sampled, exactly: bool) -> 
             }
             tree.nearest_k(*p, NEAREST, &mut found);
             let triangle = |i: usize| &sampled.triangles[sampled.owner[i] as usize];
-            found.iter().map(|f| to_triangle(*p, triangle(f.1 as usize))).fold(f64::INFINITY, f64::min)
+            found
+                .iter()
+                .map(|f| to_triangle(*p, triangle(f.1 as usize)))
+                .fold(f64::INFINITY, f64::min)
         })
         .collect()
 }
@@ -158,7 +184,13 @@ fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
         let d = norm(sub(*p, *q));
         if d <= 2.0 * f.abs() { d } else { f.abs() }
     };
-    points.iter().zip(&at).zip(&first).map(distance).filter(|d| d.is_finite()).collect()
+    points
+        .iter()
+        .zip(&at)
+        .zip(&first)
+        .map(distance)
+        .filter(|d| d.is_finite())
+        .collect()
 }
 
 /// Distance of a point from a triangle: to the plane where the foot lies inside, else to the nearest edge.
@@ -171,7 +203,11 @@ fn to_triangle(p: Point3, t: &[Point3; 3]) -> f64 {
     let to_edge = |k: usize| {
         let (e, v) = (sub(t[(k + 1) % 3], t[k]), sub(p, t[k]));
         let ee = dot(e, e);
-        let s = if ee > 0.0 { (dot(v, e) / ee).clamp(0.0, 1.0) } else { 0.0 };
+        let s = if ee > 0.0 {
+            (dot(v, e) / ee).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
         norm(sub(v, e.map(|c| s * c)))
     };
     (0..3).map(to_edge).fold(f64::INFINITY, f64::min)
@@ -188,7 +224,13 @@ fn summary(distances: &[f64]) -> Distances {
     let max = d.iter().copied().fold(0.0, f64::max);
     let at = ((0.95 * n).ceil() as usize).clamp(1, d.len()) - 1;
     let p95 = *d.select_nth_unstable_by(at, f64::total_cmp).1;
-    Distances { rms, mean, p95, max, samples: d.len() }
+    Distances {
+        rms,
+        mean,
+        p95,
+        max,
+        samples: d.len(),
+    }
 }
 
 #[cfg(test)]
@@ -198,21 +240,29 @@ mod tests {
 
     fn square(z: f64) -> PointCloud {
         let points = vec![[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, z], [0.0, 1.0, z]];
-        PointCloud { points, triangles: vec![[0, 1, 2], [0, 2, 3]], ..PointCloud::default() }
+        PointCloud {
+            points,
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..PointCloud::default()
+        }
     }
 
     #[test]
     fn parallel_squares() {
         let (a, b) = (square(0.0), square(0.25));
         let (ab, ba) = compare(Side::Mesh(&a), Side::Mesh(&b), None, 500).expect("comparable");
-        assert!((ab.rms - 0.25).abs() < 1e-12 && (ab.max - 0.25).abs() < 1e-12 && ab.p95 == ba.p95, "{ab:?}");
+        assert!(
+            (ab.rms - 0.25).abs() < 1e-12 && (ab.max - 0.25).abs() < 1e-12 && ab.p95 == ba.p95,
+            "{ab:?}"
+        );
         let (pa, _) = compare(Side::Points(&a), Side::Mesh(&b), None, 500).expect("comparable");
         assert_eq!((pa.samples, pa.max), (4, 0.25));
     }
 
     #[test]
     fn a_ball_and_its_points() {
-        let text = "my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfSphere(x, c, a[1]); }";
+        let text =
+            "my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfSphere(x, c, a[1]); }";
         let model = Model::parse(text, Mode::Default).expect("a program");
         let template = FrepTemplate::with_pose(&model, Pose::None, &[]).expect("a template");
         let points = (0..400).map(|i| {
@@ -221,7 +271,13 @@ mod tests {
             [2.0 * r * t.cos(), 2.0 * r * t.sin(), 2.0 * z]
         });
         let cloud = PointCloud::from_points(points.collect());
-        let (to_model, to_points) = compare(Side::Points(&cloud), Side::Model(&template, &[2.1]), None, 1000).expect("comparable");
+        let (to_model, to_points) = compare(
+            Side::Points(&cloud),
+            Side::Model(&template, &[2.1]),
+            None,
+            1000,
+        )
+        .expect("comparable");
         assert!((to_model.rms - 0.1).abs() < 5e-3, "{to_model:?}");
         assert!(to_points.max < 0.5 && to_points.p95 >= 0.1, "{to_points:?}");
         let both = Side::Model(&template, &[2.1]);
@@ -235,11 +291,26 @@ mod tests {
         let model = Model::parse(text, Mode::Default).expect("a program");
         let template = FrepTemplate::with_pose(&model, Pose::None, &[]).expect("a template");
         let points = vec![[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]];
-        let mesh = PointCloud { triangles: vec![[0, 1, 2]], ..PointCloud::from_points(points) };
-        let region = Aabb { lo: [-3.0; 3], hi: [3.0; 3] };
-        let (there, _) = compare(Side::Mesh(&mesh), Side::Model(&template, &[0.0]), Some(region), 20_000).expect("comparable");
+        let mesh = PointCloud {
+            triangles: vec![[0, 1, 2]],
+            ..PointCloud::from_points(points)
+        };
+        let region = Aabb {
+            lo: [-3.0; 3],
+            hi: [3.0; 3],
+        };
+        let (there, _) = compare(
+            Side::Mesh(&mesh),
+            Side::Model(&template, &[0.0]),
+            Some(region),
+            20_000,
+        )
+        .expect("comparable");
         let farthest = 2.0 - 2.0 / 3.0_f64.sqrt();
-        assert!(there.max <= farthest + 1e-12 && there.max > 0.99 * farthest, "{there:?}");
+        assert!(
+            there.max <= farthest + 1e-12 && there.max > 0.99 * farthest,
+            "{there:?}"
+        );
     }
 
     #[test]

@@ -18,11 +18,26 @@ const LEAST_EXACT: f64 = 0.2;
 pub fn points_on_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) {
     let faces = Faces::new(mesh);
     let total: f64 = faces.area.iter().sum();
-    let is_flat: Vec<bool> = (0..mesh.triangles.len()).map(|t| faces.is_flat(t)).collect();
-    let straight: Vec<(u32, u32)> = faces.edges.iter().filter(|((u, v), pair)| faces.is_straight(*u, *v, pair)).map(|e| *e.0).collect();
+    let is_flat: Vec<bool> = (0..mesh.triangles.len())
+        .map(|t| faces.is_flat(t))
+        .collect();
+    let straight: Vec<(u32, u32)> = faces
+        .edges
+        .iter()
+        .filter(|((u, v), pair)| faces.is_straight(*u, *v, pair))
+        .map(|e| *e.0)
+        .collect();
     let mut is_exact = is_flat.clone();
-    straight.iter().flat_map(|e| &faces.edges[e]).for_each(|t| is_exact[*t as usize] = true);
-    let exact: f64 = is_exact.iter().zip(&faces.area).filter(|f| *f.0).map(|f| f.1).sum();
+    straight
+        .iter()
+        .flat_map(|e| &faces.edges[e])
+        .for_each(|t| is_exact[*t as usize] = true);
+    let exact: f64 = is_exact
+        .iter()
+        .zip(&faces.area)
+        .filter(|f| *f.0)
+        .map(|f| f.1)
+        .sum();
     if !(total > 0.0 && exact >= LEAST_EXACT * total) || wanted == 0 {
         return (mesh.clone(), 0);
     }
@@ -30,17 +45,26 @@ pub fn points_on_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) 
     let mut points = mesh.points.clone();
     let mut owed = 0.0;
     let mut k = 0_u32;
-    for (t, triangle) in mesh.triangles.iter().enumerate().filter(|(t, _)| is_flat[*t]) {
+    for (t, triangle) in mesh
+        .triangles
+        .iter()
+        .enumerate()
+        .filter(|(t, _)| is_flat[*t])
+    {
         owed += faces.area[t] / (spacing * spacing);
         while owed >= 1.0 {
             owed -= 1.0;
             k += 1;
             // A low-discrepancy pair (Roberts, the plastic number), then the square root map onto the triangle.
-            let (r, s) =
-                ((0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(), (0.5 + 0.569_840_290_998_053 * f64::from(k)).fract());
+            let (r, s) = (
+                (0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(),
+                (0.5 + 0.569_840_290_998_053 * f64::from(k)).fract(),
+            );
             let weights = [1.0 - r, r * (1.0 - s), r * s];
             let corners = triangle.map(|v| mesh.points[v as usize]);
-            points.push(std::array::from_fn(|i| weights[0] * corners[0][i] + weights[1] * corners[1][i] + weights[2] * corners[2][i]));
+            points.push(std::array::from_fn(|i| {
+                weights[0] * corners[0][i] + weights[1] * corners[1][i] + weights[2] * corners[2][i]
+            }));
         }
     }
     for (u, v) in straight {
@@ -48,19 +72,30 @@ pub fn points_on_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) 
         let pieces = (norm(sub(q, p)) / spacing).ceil().min(1000.0) as usize;
         if pieces > 1 {
             let at = |j: usize| j as f64 / pieces as f64;
-            points.extend((1..pieces).map(|j| std::array::from_fn(|i| p[i] + (q[i] - p[i]) * at(j))));
+            points
+                .extend((1..pieces).map(|j| std::array::from_fn(|i| p[i] + (q[i] - p[i]) * at(j))));
         }
     }
     let added = points.len() - mesh.points.len();
-    let cloud = PointCloud { points, origin: mesh.origin, triangles: mesh.triangles.clone(), ..PointCloud::default() };
+    let cloud = PointCloud {
+        points,
+        origin: mesh.origin,
+        triangles: mesh.triangles.clone(),
+        ..PointCloud::default()
+    };
     (cloud, added)
 }
 
 /// Point k of an even sequence on a triangle: a low-discrepancy pair (Roberts, the plastic number) and the square root map.
 pub(crate) fn on_triangle(k: u32, corners: [Point3; 3]) -> Point3 {
-    let (r, s) = ((0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(), (0.5 + 0.569_840_290_998_053 * f64::from(k)).fract());
+    let (r, s) = (
+        (0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(),
+        (0.5 + 0.569_840_290_998_053 * f64::from(k)).fract(),
+    );
     let weights = [1.0 - r, r * (1.0 - s), r * s];
-    std::array::from_fn(|i| weights[0] * corners[0][i] + weights[1] * corners[1][i] + weights[2] * corners[2][i])
+    std::array::from_fn(|i| {
+        weights[0] * corners[0][i] + weights[1] * corners[1][i] + weights[2] * corners[2][i]
+    })
 }
 
 /// Triangles by edge and by vertex.
@@ -85,10 +120,18 @@ impl Faces {
             let [a, b, c] = triangle.map(|v| mesh.points[v as usize]);
             let n = cross(sub(b, a), sub(c, a));
             let length = norm(n);
-            faces.normals.push(if length > 0.0 { n.map(|v| v / length) } else { [0.0; 3] });
+            faces.normals.push(if length > 0.0 {
+                n.map(|v| v / length)
+            } else {
+                [0.0; 3]
+            });
             faces.area.push(0.5 * length);
             for k in 0..3 {
-                faces.edges.entry(edge(triangle[k], triangle[(k + 1) % 3])).or_default().push(t as u32);
+                faces
+                    .edges
+                    .entry(edge(triangle[k], triangle[(k + 1) % 3]))
+                    .or_default()
+                    .push(t as u32);
                 faces.around[triangle[k] as usize].push(t as u32);
             }
         }
@@ -107,24 +150,32 @@ impl Faces {
         self.area[t] > 0.0
             && (0..3).all(|k| {
                 let pair = &self.edges[&edge(triangle[k], triangle[(k + 1) % 3])];
-                pair.iter().filter(|u| **u as usize != t && self.area[**u as usize] > 0.0).all(|u| {
-                    let angle = self.angle(t as u32, *u);
-                    !(FLAT..=SHARP).contains(&angle)
-                })
+                pair.iter()
+                    .filter(|u| **u as usize != t && self.area[**u as usize] > 0.0)
+                    .all(|u| {
+                        let angle = self.angle(t as u32, *u);
+                        !(FLAT..=SHARP).contains(&angle)
+                    })
             })
     }
 
     /// Whether an edge is a straight line of the curved face that its facets stand for.
     fn is_straight(&self, u: u32, v: u32, pair: &[u32]) -> bool {
         let &[a, b] = pair else { return false };
-        if self.area[a as usize] == 0.0 || self.area[b as usize] == 0.0 || !(FLAT..=SHARP).contains(&self.angle(a, b)) {
+        if self.area[a as usize] == 0.0
+            || self.area[b as usize] == 0.0
+            || !(FLAT..=SHARP).contains(&self.angle(a, b))
+        {
             return false;
         }
         [u, v].iter().all(|w| {
-            self.around[*w as usize].iter().filter(|t| self.area[**t as usize] > 0.0).all(|t| {
-                let (p, q) = (self.angle(a, *t), self.angle(b, *t));
-                p < FLAT || q < FLAT || (p > SHARP && q > SHARP)
-            })
+            self.around[*w as usize]
+                .iter()
+                .filter(|t| self.area[**t as usize] > 0.0)
+                .all(|t| {
+                    let (p, q) = (self.angle(a, *t), self.angle(b, *t));
+                    p < FLAT || q < FLAT || (p > SHARP && q > SHARP)
+                })
         })
     }
 }
@@ -140,16 +191,27 @@ mod tests {
     /// A closed prism over a regular polygon of radius 1 and height 4.
     fn prism(sides: u32) -> PointCloud {
         let ring = |z: f64| {
-            (0..sides).map(move |k| (std::f64::consts::TAU * f64::from(k) / f64::from(sides)).sin_cos()).map(move |(s, c)| [c, s, z])
+            (0..sides)
+                .map(move |k| (std::f64::consts::TAU * f64::from(k) / f64::from(sides)).sin_cos())
+                .map(move |(s, c)| [c, s, z])
         };
         let mut points: Vec<Point3> = ring(0.0).chain(ring(4.0)).collect();
         points.extend([[0.0; 3], [0.0, 0.0, 4.0]]);
         let mut triangles = Vec::new();
         for k in 0..sides {
             let (next, top) = ((k + 1) % sides, sides);
-            triangles.extend([[k, next, top + next], [k, top + next, top + k], [2 * sides, next, k], [2 * sides + 1, top + k, top + next]]);
+            triangles.extend([
+                [k, next, top + next],
+                [k, top + next, top + k],
+                [2 * sides, next, k],
+                [2 * sides + 1, top + k, top + next],
+            ]);
         }
-        PointCloud { points, triangles, ..PointCloud::default() }
+        PointCloud {
+            points,
+            triangles,
+            ..PointCloud::default()
+        }
     }
 
     #[test]
@@ -181,7 +243,9 @@ mod tests {
     fn a_bumpy_mesh_stays_as_it_is() {
         let mut mesh = prism(36);
         for (k, p) in mesh.points.iter_mut().enumerate() {
-            *p = p.map(|v| v * (1.0 + 0.05 * (7.0 * k as f64).sin()) + 0.01 * (11.0 * k as f64).cos());
+            *p = p.map(|v| {
+                v * (1.0 + 0.05 * (7.0 * k as f64).sin()) + 0.01 * (11.0 * k as f64).cos()
+            });
         }
         assert_eq!(points_on_faces(&mesh, 500).1, 0);
     }

@@ -20,7 +20,10 @@ const TIMES: usize = 6;
 pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), SolidError> {
     match Pieces::of_model(model, a) {
         Ok(pieces) => Ok((Box::new(pieces), false)),
-        Err(SolidError::NoExpression(_)) => Ok((Box::new(OnePiece::new(RunField::new(model, a)?, model.name())), true)),
+        Err(SolidError::NoExpression(_)) => Ok((
+            Box::new(OnePiece::new(RunField::new(model, a)?, model.name())),
+            true,
+        )),
         Err(error) => Err(error),
     }
 }
@@ -54,7 +57,9 @@ pub fn surface_of(mesh: &Mesh) -> PointCloud {
     let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(mesh.triangles.len());
     for (i, &t) in mesh.triangles.iter().enumerate() {
         match mesh.triangle_mids.get(i) {
-            Some(&[ab, bc, ca]) => triangles.extend([[t[0], ab, ca], [ab, t[1], bc], [ca, bc, t[2]], [ab, bc, ca]]),
+            Some(&[ab, bc, ca]) => {
+                triangles.extend([[t[0], ab, ca], [ab, t[1], bc], [ca, bc, t[2]], [ab, bc, ca]])
+            }
             None => triangles.push(t),
         }
     }
@@ -68,7 +73,11 @@ pub fn surface_of(mesh: &Mesh) -> PointCloud {
         }
         *v = *n;
     }
-    PointCloud { points, triangles, ..PointCloud::default() }
+    PointCloud {
+        points,
+        triangles,
+        ..PointCloud::default()
+    }
 }
 
 /// How far from a corner of the solid its node may be, as a share of the diagonal.
@@ -97,9 +106,26 @@ pub fn certified_adaptation(
     Ok(certified(meshed, solid, options, limits, control))
 }
 
-fn certified(mut meshed: Meshed, solid: &dyn Solid, options: &Options, limits: Limits, control: &Control<'_>) -> (Meshed, Certificate) {
-    let curves: Vec<Vec<Point3>> = meshed.features.curves.iter().map(|c| c.points.clone()).collect();
-    let corners: Vec<Point3> = meshed.features.corners.iter().filter(|c| is_corner(c)).map(|c| c.point).collect();
+fn certified(
+    mut meshed: Meshed,
+    solid: &dyn Solid,
+    options: &Options,
+    limits: Limits,
+    control: &Control<'_>,
+) -> (Meshed, Certificate) {
+    let curves: Vec<Vec<Point3>> = meshed
+        .features
+        .curves
+        .iter()
+        .map(|c| c.points.clone())
+        .collect();
+    let corners: Vec<Point3> = meshed
+        .features
+        .corners
+        .iter()
+        .filter(|c| is_corner(c))
+        .map(|c| c.point)
+        .collect();
     if meshed.mesh.corners.is_empty() {
         meshed.mesh.corners = nodes_at(&meshed.mesh, &corners);
     }
@@ -125,7 +151,12 @@ fn nodes_at(mesh: &Mesh, corners: &[Point3]) -> Vec<u32> {
     let mut nodes: Vec<u32> = mesh.edges.as_flattened().to_vec();
     nodes.sort_unstable();
     nodes.dedup();
-    let tree = KdTree::new(&nodes.iter().map(|&v| mesh.points[v as usize]).collect::<Vec<_>>());
+    let tree = KdTree::new(
+        &nodes
+            .iter()
+            .map(|&v| mesh.points[v as usize])
+            .collect::<Vec<_>>(),
+    );
     let limit = (AT_CORNER * mesh.bounds().diagonal()).powi(2);
     let mut found: Vec<u32> = Vec::with_capacity(corners.len());
     for corner in corners {
@@ -150,38 +181,66 @@ mod tests {
     use isoform_field::hyperfun::Mode;
 
     fn model(body: &str) -> Model {
-        Model::parse(&format!("m(x[3], a[1]) {{ array c[3]; c = [0, 0, 0]; {body} }}"), Mode::Default).expect("a program")
+        Model::parse(
+            &format!("m(x[3], a[1]) {{ array c[3]; c = [0, 0, 0]; {body} }}"),
+            Mode::Default,
+        )
+        .expect("a program")
     }
 
     #[test]
     fn sizes_follow_the_solid() {
         for (radius, want) in [(1e-3, 8.7e-5), (1.0, 0.087), (100.0, 8.7)] {
-            let (ball, _) = solid_of(&model("m = hfSphere(x, c, a[1]);"), &[radius]).expect("a solid");
+            let (ball, _) =
+                solid_of(&model("m = hfSphere(x, c, a[1]);"), &[radius]).expect("a solid");
             let size = default_size(ball.as_ref(), None).expect("a box");
             assert!((size / want - 1.0).abs() < 0.1, "{size} for {want}");
         }
-        let region = Aabb { lo: [0.0; 3], hi: [3.0, 4.0, 0.0] };
+        let region = Aabb {
+            lo: [0.0; 3],
+            hi: [3.0, 4.0, 0.0],
+        };
         let (ball, _) = solid_of(&model("m = hfSphere(x, c, a[1]);"), &[1.0]).expect("a solid");
         assert_eq!(default_size(ball.as_ref(), Some(region)), Ok(0.12));
     }
 
     #[test]
     fn the_surface_of_a_curved_mesh() {
-        let points = vec![[9.0; 3], [0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [1.0, 0.0, 0.1], [1.0, 1.0, 0.1], [0.0, 1.0, 0.1]];
+        let points = vec![
+            [9.0; 3],
+            [0.0; 3],
+            [2.0, 0.0, 0.0],
+            [0.0, 2.0, 0.0],
+            [1.0, 0.0, 0.1],
+            [1.0, 1.0, 0.1],
+            [0.0, 1.0, 0.1],
+        ];
         let mut mesh = Mesh::from_triangles(points, vec![[1, 2, 3]]);
         let flat = surface_of(&mesh);
-        assert_eq!((flat.points.len(), flat.triangles.as_slice()), (3, &[[0, 1, 2]][..]));
+        assert_eq!(
+            (flat.points.len(), flat.triangles.as_slice()),
+            (3, &[[0, 1, 2]][..])
+        );
         mesh.triangle_mids = vec![[4, 5, 6]];
         let curved = surface_of(&mesh);
         assert_eq!((curved.points.len(), curved.triangles.len()), (6, 4));
-        assert!(curved.triangles.iter().all(|t| t.iter().all(|&v| v < 6)) && !curved.points.contains(&[9.0; 3]));
+        assert!(
+            curved.triangles.iter().all(|t| t.iter().all(|&v| v < 6))
+                && !curved.points.contains(&[9.0; 3])
+        );
     }
 
     #[test]
     fn programs_that_are_no_expression_are_run() {
-        let (solid, is_run) =
-            solid_of(&model("i = 0; while x[1] > i loop i = i + 1; endloop; m = 4 - i - x[2]^2 - x[3]^2;"), &[0.0]).expect("a solid");
+        let (solid, is_run) = solid_of(
+            &model("i = 0; while x[1] > i loop i = i + 1; endloop; m = 4 - i - x[2]^2 - x[3]^2;"),
+            &[0.0],
+        )
+        .expect("a solid");
         assert!(is_run && solid.names() == ["m"]);
-        assert!(matches!(solid_of(&model("m = 1;"), &[0.0]), Err(SolidError::NoSurface { inside: true })));
+        assert!(matches!(
+            solid_of(&model("m = 1;"), &[0.0]),
+            Err(SolidError::NoSurface { inside: true })
+        ));
     }
 }

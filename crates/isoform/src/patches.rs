@@ -28,7 +28,9 @@ pub fn field_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Field>, bool), Soli
 /// The smooth parts of a model with the values `a` of its parameters, for patches that end at its edges; none where its program is no
 /// expression, where it has no parts that differ, and where there are too many.
 pub fn parts_of(model: &Model, a: &[f64]) -> Option<Parts> {
-    isoform_field::parts_of(model, a).ok().filter(|parts| parts.parts.len() > 1)
+    isoform_field::parts_of(model, a)
+        .ok()
+        .filter(|parts| parts.parts.len() > 1)
 }
 
 /// Polynomials with smaller coefficients, and larger ones than its inverse, are scaled.
@@ -46,7 +48,13 @@ const LEAST_SCALE: f64 = 1.0 / (1u128 << 100) as f64;
 /// ```
 pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
     let exact = Poly::parse(text, &COORDINATES)?;
-    let rounded = |exact: &Poly| -> Vec<([u16; 3], f64)> { exact.to_f64().into_iter().map(|(e, c)| ([e[0], e[1], e[2]], c)).collect() };
+    let rounded = |exact: &Poly| -> Vec<([u16; 3], f64)> {
+        exact
+            .to_f64()
+            .into_iter()
+            .map(|(e, c)| ([e[0], e[1], e[2]], c))
+            .collect()
+    };
     let mut terms = rounded(&exact);
     let usable = !exact.is_constant() && terms.iter().all(|t| t.1.is_finite());
     // Squares of gradients are to be finite, and not 0.
@@ -64,8 +72,16 @@ pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
 /// Patches as faces for STEP, their outside up: that is where the function falls. Patches that are exact are on the surface they lie on.
 pub fn step_faces(field: &dyn Field, patches: &[Parameterized]) -> Vec<StepFace> {
     let face = |(i, p): (usize, &Parameterized)| {
-        let patch = if is_outward(field, &p.grown.patch) { p.grown.patch.clone() } else { p.grown.patch.transposed() };
-        StepFace { name: format!("patch {}", i + 1), patch, surface: p.quadric.filter(|_| p.is_exact) }
+        let patch = if is_outward(field, &p.grown.patch) {
+            p.grown.patch.clone()
+        } else {
+            p.grown.patch.transposed()
+        };
+        StepFace {
+            name: format!("patch {}", i + 1),
+            patch,
+            surface: p.quadric.filter(|_| p.is_exact),
+        }
     };
     patches.iter().enumerate().map(face).collect()
 }
@@ -85,22 +101,37 @@ pub fn patch_mesh(field: &dyn Field, patches: &[Parameterized], squares: usize) 
         let outward = is_outward(field, patch);
         let first = mesh.points.len() as u32;
         for k in 0..side * side {
-            let (u, v) = ((k / side) as f64 / squares as f64, (k % side) as f64 / squares as f64);
+            let (u, v) = (
+                (k / side) as f64 / squares as f64,
+                (k % side) as f64 / squares as f64,
+            );
             mesh.points.push(patch.point(u, v));
             us.push(u);
             vs.push(v);
         }
         for k in 0..squares * squares {
-            let corner = |i: usize, j: usize| first + ((k / squares + i) * side + k % squares + j) as u32;
+            let corner =
+                |i: usize, j: usize| first + ((k / squares + i) * side + k % squares + j) as u32;
             let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-            mesh.triangles.extend(if outward { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] });
+            mesh.triangles.extend(if outward {
+                [[a, b, c], [a, c, d]]
+            } else {
+                [[a, c, b], [a, d, c]]
+            });
             mesh.triangle_parts.extend([number as u32; 2]);
         }
         mesh.parts.push(format!("patch {}", number + 1));
     }
     let distances = foot_distances(field, &mesh.points);
-    let column = |name: &str, values| Column { name: name.to_owned(), values };
-    mesh.columns = vec![column("u", us), column("v", vs), column("distance", distances)];
+    let column = |name: &str, values| Column {
+        name: name.to_owned(),
+        values,
+    };
+    mesh.columns = vec![
+        column("u", us),
+        column("v", vs),
+        column("distance", distances),
+    ];
     mesh
 }
 

@@ -5,7 +5,8 @@ use isoform_geom::{Aabb, Mesh};
 use isoform_mesh::Control;
 use isoform_mesh::check::{self, Intersections, certify};
 use isoform_tess::{
-    Analysis, Budget, Domain, Map, MapError, Mode, Patch, Point3, Prepared, Stopped, Surface, TriangulateOptions, join_patches, polled,
+    Analysis, Budget, Domain, Map, MapError, Mode, Patch, Point3, Prepared, Stopped, Surface,
+    TriangulateOptions, join_patches, polled,
 };
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -24,7 +25,11 @@ const MOST: usize = 2000;
 ///
 /// # Errors
 /// [`Stopped`].
-pub fn rational_surface(map: &Map, options: &TriangulateOptions, stop: &dyn Fn() -> bool) -> Result<(Surface, Analysis), Stopped> {
+pub fn rational_surface(
+    map: &Map,
+    options: &TriangulateOptions,
+    stop: &dyn Fn() -> bool,
+) -> Result<(Surface, Analysis), Stopped> {
     let mut prepared = Prepared::new(map, options, stop)?;
     let mut surface = prepared.surface(stop);
     for _ in 0..NEARER {
@@ -60,14 +65,18 @@ pub fn rational_surface(map: &Map, options: &TriangulateOptions, stop: &dyn Fn()
                 }
             };
             // What is open for other reasons is not mended by this.
-            let is_hopeless = !tried.unproven.is_empty() || tried.triangles.len() > options.mesh.triangles / 2;
+            let is_hopeless =
+                !tried.unproven.is_empty() || tried.triangles.len() > options.mesh.triangles / 2;
             if i.pairs.is_empty() || !i.complete || is_hopeless || in_vain == IN_VAIN || stop() {
                 break;
             }
             prepared.refine(&boxes(tried, i));
             let next = prepared.surface(stop);
             let Some(crossing) = look(&next) else { break };
-            let is_better = next.unproven.is_empty() && found.as_ref().is_none_or(|f| crossing.pairs.count < f.pairs.count);
+            let is_better = next.unproven.is_empty()
+                && found
+                    .as_ref()
+                    .is_none_or(|f| crossing.pairs.count < f.pairs.count);
             if is_better {
                 surface = next.clone();
                 found = Some(crossing.clone());
@@ -77,10 +86,17 @@ pub fn rational_surface(map: &Map, options: &TriangulateOptions, stop: &dyn Fn()
             last = Some((next, crossing));
         }
         match found {
-            Some(i) if !i.complete => surface.unproven.push(format!("more than {} pairs of triangles cross", i.pairs.count.min(MOST))),
+            Some(i) if !i.complete => surface.unproven.push(format!(
+                "more than {} pairs of triangles cross",
+                i.pairs.count.min(MOST)
+            )),
             Some(i) if i.pairs.is_empty() => {}
-            Some(i) => surface.unproven.push(format!("{} pairs of triangles cross", i.pairs.count)),
-            None => surface.unproven.push("whether triangles cross was not looked for".to_owned()),
+            Some(i) => surface
+                .unproven
+                .push(format!("{} pairs of triangles cross", i.pairs.count)),
+            None => surface
+                .unproven
+                .push("whether triangles cross was not looked for".to_owned()),
         }
         prepared.analysis.seconds.push(("crossings", seconds));
     }
@@ -116,20 +132,41 @@ pub fn rational_patches(
     let unit = || [RBig::ZERO, RBig::ONE];
     let domain = Domain::rectangle(unit(), unit()).ok();
     let is_normalised = options.mode == Mode::Normalised;
-    let implicit_degree = if is_normalised { 0 } else { options.budget.implicit_degree };
-    let budget = Budget { implicit_degree, everywhere: false, ..options.budget };
-    let mut options = TriangulateOptions { domain, budget, ..options.clone() };
+    let implicit_degree = if is_normalised {
+        0
+    } else {
+        options.budget.implicit_degree
+    };
+    let budget = Budget {
+        implicit_degree,
+        everywhere: false,
+        ..options.budget
+    };
+    let mut options = TriangulateOptions {
+        domain,
+        budget,
+        ..options.clone()
+    };
     let (mut surfaces, mut known) = (Vec::new(), Vec::new());
     for patch in patches {
-        let map = patch.map().map_err(|error| PatchesError::Map { name: patch.name.clone(), error })?;
-        let (surface, analysis) = rational_surface(&map, &options, stop).map_err(|_: Stopped| PatchesError::Stopped)?;
-        options.mesh.triangles = options.mesh.triangles.saturating_sub(surface.triangles.len());
+        let map = patch.map().map_err(|error| PatchesError::Map {
+            name: patch.name.clone(),
+            error,
+        })?;
+        let (surface, analysis) =
+            rational_surface(&map, &options, stop).map_err(|_: Stopped| PatchesError::Stopped)?;
+        options.mesh.triangles = options
+            .mesh
+            .triangles
+            .saturating_sub(surface.triangles.len());
         surfaces.push(surface);
         known.push((map, analysis));
     }
     let mut joined = join_patches(patches, surfaces, options.half_width.to_f64().value());
     if patches.len() > 1 && !is_normalised {
-        joined.unproven.push("different patches are not cut where they cross".to_owned());
+        joined
+            .unproven
+            .push("different patches are not cut where they cross".to_owned());
     }
     Ok((joined, known))
 }
@@ -139,17 +176,31 @@ fn crossings(surface: &Surface, stop: &dyn Fn() -> bool) -> Option<Intersections
     if stop() {
         return None;
     }
-    let mesh = Mesh { points: surface.points.clone(), triangles: surface.triangles.clone(), ..Mesh::default() };
-    let options = check::Options { places: MOST, pairs: MOST, ..check::Options::default() };
+    let mesh = Mesh {
+        points: surface.points.clone(),
+        triangles: surface.triangles.clone(),
+        ..Mesh::default()
+    };
+    let options = check::Options {
+        places: MOST,
+        pairs: MOST,
+        ..check::Options::default()
+    };
     polled(stop, |stopped| {
-        let control = Control { cancelled: Some(stopped), ..Control::default() };
-        certify(&mesh, None, &options, &control).intersections.filter(|_| !stopped.load(Ordering::Relaxed))
+        let control = Control {
+            cancelled: Some(stopped),
+            ..Control::default()
+        };
+        certify(&mesh, None, &options, &control)
+            .intersections
+            .filter(|_| !stopped.load(Ordering::Relaxed))
     })
 }
 
 /// Around the triangles that cross.
 fn boxes(surface: &Surface, found: &Intersections) -> Vec<[Point3; 2]> {
     let triangles = found.pairs.places.iter().flat_map(|p| &p.elements);
-    let around = |t: &u32| Aabb::of(&surface.triangles[*t as usize].map(|v| surface.points[v as usize]));
+    let around =
+        |t: &u32| Aabb::of(&surface.triangles[*t as usize].map(|v| surface.points[v as usize]));
     triangles.map(around).map(|b| [b.lo, b.hi]).collect()
 }

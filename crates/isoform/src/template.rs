@@ -1,6 +1,8 @@
 //! A HyperFun program as a template for fitting, with a pose of its own where the program or the caller asks for one.
 
-use isoform_field::hyperfun::{Amount, Fixed, Kind as ProgramKind, Model, ParamInfo, Placement, Pose};
+use isoform_field::hyperfun::{
+    Amount, Fixed, Kind as ProgramKind, Model, ParamInfo, Placement, Pose,
+};
 use isoform_field::{Graph, Interpreted, NodeId, Ops, Residual, Shape, Tape};
 use isoform_fit::{Kind, Parameter, Template, Tie};
 use isoform_geom::{Aabb, ParamField, Point3};
@@ -47,17 +49,32 @@ impl FrepTemplate {
 
     /// The same with another pose than the program's.
     pub fn with_pose(model: &Model, pose: Pose, points: &[Point3]) -> Result<Self, TemplateError> {
-        let base = if matches!(pose, Pose::None | Pose::Translate) { IDENTITY } else { upright_axes(points) };
+        let base = if matches!(pose, Pose::None | Pose::Translate) {
+            IDENTITY
+        } else {
+            upright_axes(points)
+        };
         Self::with_base(model, pose, base, points)
     }
 
-    fn with_base(model: &Model, pose: Pose, base: Rotation, points: &[Point3]) -> Result<Self, TemplateError> {
+    fn with_base(
+        model: &Model,
+        pose: Pose,
+        base: Rotation,
+        points: &[Point3],
+    ) -> Result<Self, TemplateError> {
         if model.dimension() != 3 {
-            return Err(TemplateError::Dimension { found: model.dimension() });
+            return Err(TemplateError::Dimension {
+                found: model.dimension(),
+            });
         }
         let own = model.n_params();
         let (extents, center) = extents_along(&base, points);
-        let mut parameters: Vec<Parameter> = model.params().iter().map(|info| own_parameter(info, extents)).collect();
+        let mut parameters: Vec<Parameter> = model
+            .params()
+            .iter()
+            .map(|info| own_parameter(info, extents))
+            .collect();
         parameters.extend(pose_parameters(pose, extents, center));
         let n = parameters.len();
         let mut posed = Graph::new();
@@ -103,26 +120,48 @@ impl FrepTemplate {
             Pose::Axis => 1,
             Pose::Rigid | Pose::Similarity => 4,
         };
-        let Some(axes) = principal_axes(points).map(|(_, axes)| axes) else { return Vec::new() };
+        let Some(axes) = principal_axes(points).map(|(_, axes)| axes) else {
+            return Vec::new();
+        };
         let mut bases: Vec<Rotation> = Vec::new();
         for spin in 0..spins {
-            for (k, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
+            for (k, sign) in [
+                (0, 1.0),
+                (0, -1.0),
+                (1, 1.0),
+                (1, -1.0),
+                (2, 1.0),
+                (2, -1.0),
+            ] {
                 let z = axes[k].map(|v| sign * v);
-                let x = if spin % 2 == 0 { axes[(k + 1) % 3] } else { axes[(k + 2) % 3] };
+                let x = if spin % 2 == 0 {
+                    axes[(k + 1) % 3]
+                } else {
+                    axes[(k + 2) % 3]
+                };
                 let x = if spin < 2 { x } else { x.map(|v| -v) };
                 let y = isoform_geom::cross(z, x);
                 let base: Rotation = std::array::from_fn(|i| [x[i], y[i], z[i]]);
                 let alike = |other: &Rotation| match self.pose {
                     Pose::Axis => (0..3).map(|i| other[i][2] * z[i]).sum::<f64>() > 0.94,
                     // The trace is 1 + 2 cos of the angle between the two.
-                    _ => (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).map(|(i, j)| other[i][j] * base[i][j]).sum::<f64>() > 2.88,
+                    _ => {
+                        (0..3)
+                            .flat_map(|i| (0..3).map(move |j| (i, j)))
+                            .map(|(i, j)| other[i][j] * base[i][j])
+                            .sum::<f64>()
+                            > 2.88
+                    }
                 };
                 if !alike(&self.base) && !bases.iter().any(alike) {
                     bases.push(base);
                 }
             }
         }
-        bases.into_iter().filter_map(|base| Self::with_base(&self.model, self.pose, base, points).ok()).collect()
+        bases
+            .into_iter()
+            .filter_map(|base| Self::with_base(&self.model, self.pose, base, points).ok())
+            .collect()
     }
 
     /// The program.
@@ -146,25 +185,44 @@ impl FrepTemplate {
             Pose::Axis => [q[3], q[4], 0.0],
             Pose::Rigid | Pose::Similarity => [q[3], q[4], q[5]],
         };
-        let scale = if self.pose == Pose::Similarity { q[6] } else { 1.0 };
-        Some(Placement { rotation: product(&self.base, &cayley(r)), translation, scale })
+        let scale = if self.pose == Pose::Similarity {
+            q[6]
+        } else {
+            1.0
+        };
+        Some(Placement {
+            rotation: product(&self.base, &cayley(r)),
+            translation,
+            scale,
+        })
     }
 
     /// The program with the values: plain HyperFun in the coordinates of the file whose points were fitted relative to `origin`.
     pub fn fitted_program(&self, values: &[f64], origin: Point3) -> String {
         let placement = match self.placement(values) {
             Some(p) => Some(p),
-            None if origin != [0.0; 3] => Some(Placement { rotation: IDENTITY, translation: [0.0; 3], scale: 1.0 }),
+            None if origin != [0.0; 3] => Some(Placement {
+                rotation: IDENTITY,
+                translation: [0.0; 3],
+                scale: 1.0,
+            }),
             None => None,
         };
-        let moved = placement.map(|p| Placement { translation: std::array::from_fn(|i| p.translation[i] + origin[i]), ..p });
-        self.model.print_fitted(&values[..self.model.n_params()], moved.as_ref())
+        let moved = placement.map(|p| Placement {
+            translation: std::array::from_fn(|i| p.translation[i] + origin[i]),
+            ..p
+        });
+        self.model
+            .print_fitted(&values[..self.model.n_params()], moved.as_ref())
     }
 }
 
 impl std::fmt::Debug for FrepTemplate {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("FrepTemplate").field("model", &self.model.name()).field("pose", &self.pose).finish_non_exhaustive()
+        f.debug_struct("FrepTemplate")
+            .field("model", &self.model.name())
+            .field("pose", &self.pose)
+            .finish_non_exhaustive()
     }
 }
 
@@ -212,7 +270,10 @@ fn own_parameter(info: &ParamInfo, extents: Point3) -> Parameter {
             Fixed::At(v) => Some(v),
             Fixed::AtStart => amount(info.start),
         }),
-        tie: info.tie.as_ref().map(|t| Tie { constant: t.constant, terms: t.terms.clone() }),
+        tie: info.tie.as_ref().map(|t| Tie {
+            constant: t.constant,
+            terms: t.terms.clone(),
+        }),
         unit: info.unit.clone(),
     }
 }
@@ -231,16 +292,32 @@ fn pose_parameters(pose: Pose, extents: Point3, center: Point3) -> Vec<Parameter
         Pose::Rigid | Pose::Similarity => &["pose_rx", "pose_ry", "pose_rz"],
     };
     let reach = (0.5 + POSITION_MARGIN) * extents.into_iter().fold(0.0, f64::max);
-    let position = [("pose_x", Kind::X), ("pose_y", Kind::Y), ("pose_z", Kind::Z)];
+    let position = [
+        ("pose_x", Kind::X),
+        ("pose_y", Kind::Y),
+        ("pose_z", Kind::Z),
+    ];
     let limited = |name: &str, kind: Kind, lo: f64, start: f64, hi: f64| Parameter {
         min: (lo < hi).then_some(lo),
         max: (lo < hi).then_some(hi),
         start: Some(start),
         ..Parameter::new(name, kind)
     };
-    let place = |i: usize| limited(position[i].0, position[i].1, center[i] - reach, center[i], center[i] + reach);
+    let place = |i: usize| {
+        limited(
+            position[i].0,
+            position[i].1,
+            center[i] - reach,
+            center[i],
+            center[i] + reach,
+        )
+    };
     let mut all: Vec<Parameter> = (0..3).map(place).collect();
-    all.extend(turns.iter().map(|name| limited(name, Kind::Ratio, -WIDEST_TURN, 0.0, WIDEST_TURN)));
+    all.extend(
+        turns
+            .iter()
+            .map(|name| limited(name, Kind::Ratio, -WIDEST_TURN, 0.0, WIDEST_TURN)),
+    );
     if pose == Pose::Similarity {
         all.push(limited("pose_scale", Kind::Ratio, 1e-3, 1.0, 1e3));
     }
@@ -249,17 +326,28 @@ fn pose_parameters(pose: Pose, extents: Point3, center: Point3) -> Vec<Parameter
 
 /// Extents of the points along the axes of the base rotation, and the centre of that box in space.
 fn extents_along(base: &Rotation, points: &[Point3]) -> (Point3, Point3) {
-    let turned: Vec<Point3> = points.iter().map(|p| std::array::from_fn(|j| (0..3).map(|i| base[i][j] * p[i]).sum())).collect();
+    let turned: Vec<Point3> = points
+        .iter()
+        .map(|p| std::array::from_fn(|j| (0..3).map(|i| base[i][j] * p[i]).sum()))
+        .collect();
     let bounds = Aabb::of(&turned);
     if bounds.is_empty() {
         return ([0.0; 3], [0.0; 3]);
     }
     let c = bounds.center();
-    (bounds.size(), std::array::from_fn(|i| (0..3).map(|j| base[i][j] * c[j]).sum()))
+    (
+        bounds.size(),
+        std::array::from_fn(|i| (0..3).map(|j| base[i][j] * c[j]).sum()),
+    )
 }
 
 /// The model's point as expressions of space and the pose's parameters (from index `first`), and the scale if there is one.
-fn posed_point(g: &mut Graph, pose: Pose, base: &Rotation, first: usize) -> ([NodeId; 3], Option<NodeId>) {
+fn posed_point(
+    g: &mut Graph,
+    pose: Pose,
+    base: &Rotation,
+    first: usize,
+) -> ([NodeId; 3], Option<NodeId>) {
     let x: [NodeId; 3] = std::array::from_fn(|i| g.x(i));
     if pose == Pose::None {
         return (x, None);
@@ -277,7 +365,13 @@ fn posed_point(g: &mut Graph, pose: Pose, base: &Rotation, first: usize) -> ([No
                 g.add(&s, &terms[2])
             });
             let zero = g.constant(0.0);
-            let r: [NodeId; 3] = std::array::from_fn(|i| if pose == Pose::Axis && i == 2 { zero } else { g.param(first + 3 + i) });
+            let r: [NodeId; 3] = std::array::from_fn(|i| {
+                if pose == Pose::Axis && i == 2 {
+                    zero
+                } else {
+                    g.param(first + 3 + i)
+                }
+            });
             turned_back(g, &r, &y)
         }
     };
@@ -304,7 +398,10 @@ fn turned_back(g: &mut Graph, r: &[NodeId; 3], y: &[NodeId; 3]) -> [NodeId; 3] {
     let k2 = g.scale(2.0, &k);
     std::array::from_fn(|i| {
         let (j, l) = ((i + 1) % 3, (i + 2) % 3);
-        let (p, q) = (product_or_zero(g, r[j], y[l]), product_or_zero(g, r[l], y[j]));
+        let (p, q) = (
+            product_or_zero(g, r[j], y[l]),
+            product_or_zero(g, r[l], y[j]),
+        );
         let cross = g.sub(&p, &q);
         let s = g.mul(&c, &y[i]);
         let along = product_or_zero(g, r[i], ry2);
@@ -317,7 +414,11 @@ fn turned_back(g: &mut Graph, r: &[NodeId; 3], y: &[NodeId; 3]) -> [NodeId; 3] {
 
 fn product_or_zero(g: &mut Graph, u: NodeId, v: NodeId) -> NodeId {
     let zero = g.constant(0.0);
-    if u == zero || v == zero { zero } else { g.mul(&u, &v) }
+    if u == zero || v == zero {
+        zero
+    } else {
+        g.mul(&u, &v)
+    }
 }
 
 fn product(a: &Rotation, b: &Rotation) -> Rotation {
@@ -339,7 +440,9 @@ fn cayley(r: Point3) -> Rotation {
 /// The principal axes of the points as a rotation, with axes and signs chosen so that it turns as little as possible: scans mostly
 /// stand upright. Axes that the points hardly tell apart (moments within a tenth) are left where they are.
 fn upright_axes(points: &[Point3]) -> Rotation {
-    let Some((values, axes)) = principal_axes(points) else { return IDENTITY };
+    let Some((values, axes)) = principal_axes(points) else {
+        return IDENTITY;
+    };
     let alike = |i: usize, j: usize| values[j] - values[i] < 0.1 * values[j];
     match (alike(0, 1), alike(1, 2)) {
         (true, true) => IDENTITY,
@@ -369,14 +472,26 @@ fn principal_axes(points: &[Point3]) -> Option<([f64; 3], [Point3; 3])> {
         return None;
     }
     let (values, vectors) = symmetric_eigen(&moments, 3);
-    let (e0, e1) = ([vectors[0], vectors[1], vectors[2]], [vectors[3], vectors[4], vectors[5]]);
-    Some(([values[0], values[1], values[2]], [e0, e1, isoform_geom::cross(e0, e1)]))
+    let (e0, e1) = (
+        [vectors[0], vectors[1], vectors[2]],
+        [vectors[3], vectors[4], vectors[5]],
+    );
+    Some((
+        [values[0], values[1], values[2]],
+        [e0, e1, isoform_geom::cross(e0, e1)],
+    ))
 }
 
 /// The proper rotation with columns ± the axes in some order, of largest trace.
 fn nearest_frame(axes: &[Point3; 3]) -> Rotation {
-    const ORDERS: [([usize; 3], f64); 6] =
-        [([0, 1, 2], 1.0), ([1, 2, 0], 1.0), ([2, 0, 1], 1.0), ([0, 2, 1], -1.0), ([2, 1, 0], -1.0), ([1, 0, 2], -1.0)];
+    const ORDERS: [([usize; 3], f64); 6] = [
+        ([0, 1, 2], 1.0),
+        ([1, 2, 0], 1.0),
+        ([2, 0, 1], 1.0),
+        ([0, 2, 1], -1.0),
+        ([2, 1, 0], -1.0),
+        ([1, 0, 2], -1.0),
+    ];
     let det = isoform_geom::dot(axes[0], isoform_geom::cross(axes[1], axes[2])).signum();
     let mut best = (f64::NEG_INFINITY, IDENTITY);
     for (order, parity) in ORDERS {
@@ -385,7 +500,8 @@ fn nearest_frame(axes: &[Point3; 3]) -> Rotation {
             if sign(0) * sign(1) * sign(2) * parity * det < 0.0 {
                 continue;
             }
-            let rotation: Rotation = std::array::from_fn(|i| std::array::from_fn(|j| sign(j) * axes[order[j]][i]));
+            let rotation: Rotation =
+                std::array::from_fn(|i| std::array::from_fn(|j| sign(j) * axes[order[j]][i]));
             let trace = rotation[0][0] + rotation[1][1] + rotation[2][2];
             if trace > best.0 {
                 best = (trace, rotation);
@@ -397,7 +513,13 @@ fn nearest_frame(axes: &[Point3; 3]) -> Rotation {
 
 /// The smallest rotation that takes a coordinate axis to ± the given direction.
 fn shortest_turn(direction: Point3) -> Rotation {
-    let k = (0..3).fold(0, |b, i| if direction[i].abs() > direction[b].abs() { i } else { b });
+    let k = (0..3).fold(0, |b, i| {
+        if direction[i].abs() > direction[b].abs() {
+            i
+        } else {
+            b
+        }
+    });
     let sign = direction[k].signum();
     let to = direction.map(|v| sign * v);
     let mut from = [0.0; 3];
@@ -419,22 +541,40 @@ my_model(x[3], a[3]) { array v[3]; v[1] = 0-a[1]/2; v[2] = 0-a[2]/2; v[3] = 0-a[
     #[test]
     fn placement_undoes_the_pose() {
         let model = Model::parse(BLOCK, Mode::Default).expect("a program");
-        let points: Vec<Point3> = (0..60).map(|i| [f64::from(i), f64::from(i * i % 17), f64::from(i % 3)]).collect();
+        let points: Vec<Point3> = (0..60)
+            .map(|i| [f64::from(i), f64::from(i * i % 17), f64::from(i % 3)])
+            .collect();
         let template = FrepTemplate::new(&model, &points).expect("a template");
         let values = [2.0, 3.0, 4.0, 0.5, -0.25, 1.0, 0.3, -0.2, 0.1];
         let place = template.placement(&values).expect("a pose");
         // A corner of the model, carried to space: there the posed function vanishes.
         let corner = [1.0, 1.5, 2.0];
-        let at: Point3 = std::array::from_fn(|i| (0..3).map(|k| place.rotation[i][k] * corner[k]).sum::<f64>() + place.translation[i]);
+        let at: Point3 = std::array::from_fn(|i| {
+            (0..3)
+                .map(|k| place.rotation[i][k] * corner[k])
+                .sum::<f64>()
+                + place.translation[i]
+        });
         let mut d = [0.0];
         template.metric().values(&[at], &values, &mut d);
         assert!(d[0].abs() < 1e-12, "{}", d[0]);
         // The printed program agrees with the template.
-        let printed = Model::parse(&template.fitted_program(&values, [10.0, 0.0, 0.0]), Mode::Default).expect("plain HyperFun");
+        let printed = Model::parse(
+            &template.fitted_program(&values, [10.0, 0.0, 0.0]),
+            Mode::Default,
+        )
+        .expect("plain HyperFun");
         let p = [0.7, 0.1, -0.4];
         template.algebraic().values(&[p], &values, &mut d);
-        let f = printed.eval(&[p[0] + 10.0, p[1], p[2]], &[0.0], &[]).expect("a value").f;
-        assert!((f - d[0]).abs() < 1e-9 * (1.0 + f.abs()), "{f} against {}", d[0]);
+        let f = printed
+            .eval(&[p[0] + 10.0, p[1], p[2]], &[0.0], &[])
+            .expect("a value")
+            .f;
+        assert!(
+            (f - d[0]).abs() < 1e-9 * (1.0 + f.abs()),
+            "{f} against {}",
+            d[0]
+        );
     }
 
     #[test]
@@ -443,7 +583,10 @@ my_model(x[3], a[3]) { array v[3]; v[1] = 0-a[1]/2; v[2] = 0-a[2]/2; v[3] = 0-a[
         let text = "my_model(x[3], a[4]) { array c[3]; c[1] = a[2]; c[2] = a[3]; c[3] = a[4]; r = 0; i = 0;
             while i < abs(a[1])*0 + 2 loop r = r + a[1]/2 + 0.5; i = i + 1; endloop; my_model = hfSphere(x, c, r); }";
         let model = Model::parse(text, Mode::Default).expect("a program");
-        assert!(model.compile(&mut Graph::new()).is_err(), "the test needs a program that is no expression");
+        assert!(
+            model.compile(&mut Graph::new()).is_err(),
+            "the test needs a program that is no expression"
+        );
         let points: Vec<Point3> = (0..300)
             .map(|i| {
                 let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 150.0 - 1.0);
@@ -452,11 +595,19 @@ my_model(x[3], a[3]) { array v[3]; v[1] = 0-a[1]/2; v[2] = 0-a[2]/2; v[3] = 0-a[
             })
             .collect();
         let template = FrepTemplate::new(&model, &points).expect("a template");
-        let found =
-            isoform_fit::fit(&points, &template, &isoform_fit::Options::default(), &isoform_fit::Control::default()).expect("a fit");
+        let found = isoform_fit::fit(
+            &points,
+            &template,
+            &isoform_fit::Options::default(),
+            &isoform_fit::Control::default(),
+        )
+        .expect("a fit");
         let a = found.values();
         // The radius counts squared: it may come with either sign.
-        for (got, want) in [(a[0] + 1.0).abs(), a[1], a[2], a[3]].into_iter().zip([2.5, 1.0, -0.5, 0.0]) {
+        for (got, want) in [(a[0] + 1.0).abs(), a[1], a[2], a[3]]
+            .into_iter()
+            .zip([2.5, 1.0, -0.5, 0.0])
+        {
             assert!((got - want).abs() < 1e-6, "{a:?}");
         }
     }
@@ -464,7 +615,10 @@ my_model(x[3], a[3]) { array v[3]; v[1] = 0-a[1]/2; v[2] = 0-a[2]/2; v[3] = 0-a[
     #[test]
     fn cayley_is_a_rotation() {
         let r = cayley([0.3, -0.7, 0.2]);
-        let s = product(&r, &std::array::from_fn(|i| std::array::from_fn(|j| r[j][i])));
+        let s = product(
+            &r,
+            &std::array::from_fn(|i| std::array::from_fn(|j| r[j][i])),
+        );
         for i in 0..3 {
             for j in 0..3 {
                 assert!((s[i][j] - IDENTITY[i][j]).abs() < 1e-15);

@@ -81,12 +81,43 @@ mod tests {
         assert_eq!(topology(&[]), Topology::default());
         // Two squares that cross in an edge: four triangles at it, and one boundary, as its curves meet at the ends of the edge.
         let crossing = [[0, 1, 2], [0, 3, 1], [0, 1, 4], [0, 5, 1]];
-        assert_eq!(topology(&crossing), Topology { euler: 1, components: 1, boundary_loops: 1, crowded_edges: 1 });
+        assert_eq!(
+            topology(&crossing),
+            Topology {
+                euler: 1,
+                components: 1,
+                boundary_loops: 1,
+                crowded_edges: 1
+            }
+        );
         // Two triangles that share one vertex, and one beside.
         let touching = [[0, 1, 2], [2, 3, 4], [7, 8, 9]];
-        assert_eq!(topology(&touching), Topology { euler: 2, components: 2, boundary_loops: 2, crowded_edges: 0 });
+        assert_eq!(
+            topology(&touching),
+            Topology {
+                euler: 2,
+                components: 2,
+                boundary_loops: 2,
+                crowded_edges: 0
+            }
+        );
         // An annulus of six triangles.
-        let annulus = [[0, 1, 3], [1, 4, 3], [1, 2, 4], [2, 5, 4], [2, 0, 5], [0, 3, 5]];
-        assert_eq!(topology(&annulus), Topology { euler: 0, components: 1, boundary_loops: 2, crowded_edges: 0 });
+        let annulus = [
+            [0, 1, 3],
+            [1, 4, 3],
+            [1, 2, 4],
+            [2, 5, 4],
+            [2, 0, 5],
+            [0, 3, 5],
+        ];
+        assert_eq!(
+            topology(&annulus),
+            Topology {
+                euler: 0,
+                components: 1,
+                boundary_loops: 2,
+                crowded_edges: 0
+            }
+        );
     }
 }

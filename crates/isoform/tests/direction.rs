@@ -10,11 +10,20 @@ const MAY_USE: [(&str, &[&str]); 12] = [
     ("isoform-algebra", &["isoform-num"]),
     ("isoform-geom", &["isoform-num"]),
     ("isoform-field", &["isoform-num", "isoform-geom"]),
-    ("isoform-fit", &["isoform-num", "isoform-geom", "isoform-field"]),
+    (
+        "isoform-fit",
+        &["isoform-num", "isoform-geom", "isoform-field"],
+    ),
     ("isoform-patch", &["isoform-num", "isoform-geom"]),
-    ("isoform-tess", &["isoform-num", "isoform-geom", "isoform-algebra"]),
+    (
+        "isoform-tess",
+        &["isoform-num", "isoform-geom", "isoform-algebra"],
+    ),
     ("isoform-mesh", &["isoform-num", "isoform-geom"]),
-    ("isoform-io", &["isoform-geom", "isoform-field", "isoform-num"]),
+    (
+        "isoform-io",
+        &["isoform-geom", "isoform-field", "isoform-num"],
+    ),
     ("isoform-cli", &["isoform"]),
     ("isoform-view", &["isoform"]),
     ("isoform-zoo", &["isoform-geom", "isoform-field"]),
@@ -28,7 +37,12 @@ fn ours(manifest: &str, section: &str) -> Vec<String> {
         if line.starts_with('[') {
             inside = line == section;
         } else if inside && line.starts_with("isoform") {
-            names.push(line.split(['.', ' ', '=']).next().unwrap_or_default().to_owned());
+            names.push(
+                line.split(['.', ' ', '='])
+                    .next()
+                    .unwrap_or_default()
+                    .to_owned(),
+            );
         }
     }
     names
@@ -41,15 +55,29 @@ fn dependencies_point_downwards() {
     let mut seen = 0;
     for entry in fs::read_dir(crates).expect("the folder of crates") {
         let folder = entry.expect("an entry").path();
-        let Ok(manifest) = fs::read_to_string(folder.join("Cargo.toml")) else { continue };
-        let name = folder.file_name().expect("a name").to_string_lossy().into_owned();
-        assert!(manifest.contains(&format!("name = \"{name}\"")), "{name}: folder and crate differ in name");
+        let Ok(manifest) = fs::read_to_string(folder.join("Cargo.toml")) else {
+            continue;
+        };
+        let name = folder
+            .file_name()
+            .expect("a name")
+            .to_string_lossy()
+            .into_owned();
+        assert!(
+            manifest.contains(&format!("name = \"{name}\"")),
+            "{name}: folder and crate differ in name"
+        );
         seen += 1;
         for used in ours(&manifest, "[dependencies]") {
             if name == "isoform" {
-                assert!(!["isoform-cli", "isoform-view", "isoform-zoo"].contains(&used.as_str()), "isoform uses {used}");
+                assert!(
+                    !["isoform-cli", "isoform-view", "isoform-zoo"].contains(&used.as_str()),
+                    "isoform uses {used}"
+                );
             } else {
-                let allowed = rules.get(name.as_str()).unwrap_or_else(|| panic!("{name} is not in the table of this test"));
+                let allowed = rules
+                    .get(name.as_str())
+                    .unwrap_or_else(|| panic!("{name} is not in the table of this test"));
                 assert!(allowed.contains(&used.as_str()), "{name} uses {used}");
             }
         }

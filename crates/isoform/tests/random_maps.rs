@@ -16,29 +16,55 @@ fn polynomial(rng: &mut fastrand::Rng, degree: usize) -> String {
     let mut text = String::new();
     for i in 0..=degree {
         for j in 0..=degree - i {
-            let c = if rng.u8(0..10) < 4 { rng.i32(-3..=3) } else { 0 };
+            let c = if rng.u8(0..10) < 4 {
+                rng.i32(-3..=3)
+            } else {
+                0
+            };
             if c != 0 {
                 text += &format!("{c:+}*s^{i}*t^{j}");
             }
         }
     }
-    if text.is_empty() { "1".to_owned() } else { text }
+    if text.is_empty() {
+        "1".to_owned()
+    } else {
+        text
+    }
 }
 
 /// A coarse mesh in a box of half width 3.
 fn options(mode: Mode, budget: Budget) -> TriangulateOptions {
-    let mesh = MeshOptions { tolerance: 0.03, longest: 1.0, triangles: 100_000 };
-    TriangulateOptions { half_width: RBig::from(3), domain: None, mode, mesh, budget }
+    let mesh = MeshOptions {
+        tolerance: 0.03,
+        longest: 1.0,
+        triangles: 100_000,
+    };
+    TriangulateOptions {
+        half_width: RBig::from(3),
+        domain: None,
+        mode,
+        mesh,
+        budget,
+    }
 }
 
 /// As many as asked for, 60 of four seconds each where nothing is said.
 #[test]
 #[ignore = "takes minutes"]
 fn random_maps() {
-    let asked = |name, default| std::env::var(name).ok().and_then(|n| n.parse().ok()).unwrap_or(default);
+    let asked = |name, default| {
+        std::env::var(name)
+            .ok()
+            .and_then(|n| n.parse().ok())
+            .unwrap_or(default)
+    };
     let first = asked("ISOFORM_RANDOM_FIRST", 0.0) as u64;
     let seconds = Duration::from_secs_f64(asked("ISOFORM_RANDOM_SECONDS", 4.0));
-    try_maps(first..first + asked("ISOFORM_RANDOM_MAPS", 60.0) as u64, seconds);
+    try_maps(
+        first..first + asked("ISOFORM_RANDOM_MAPS", 60.0) as u64,
+        seconds,
+    );
 }
 
 /// Its region has walls that are closer to each other than rounding: arcs over a place next to one were asked for in the wrong slab.
@@ -46,7 +72,8 @@ fn random_maps() {
 fn walls_closer_than_rounding() {
     let texts = ["-s^0+t^2-3*s", "t-2*s*t", "3*t", "-t+3*s*t"];
     let map = Map::parse(texts, Default::default()).expect("a map");
-    let (surface, _) = rational_surface(&map, &options(Mode::Glued, Budget::default()), &|| false).expect("a surface");
+    let (surface, _) = rational_surface(&map, &options(Mode::Glued, Budget::default()), &|| false)
+        .expect("a surface");
     assert!(!surface.triangles.is_empty());
 }
 
@@ -79,7 +106,13 @@ fn try_maps(seeds: Range<u64>, allowed: Duration) {
         for mode in [Mode::Normalised, Mode::Glued] {
             let clock = Instant::now();
             let stop = || clock.elapsed() > allowed;
-            let options = options(mode, Budget { seconds: 0.18 * allowed.as_secs_f64(), ..Budget::default() });
+            let options = options(
+                mode,
+                Budget {
+                    seconds: 0.18 * allowed.as_secs_f64(),
+                    ..Budget::default()
+                },
+            );
             let made = std::panic::catch_unwind(|| rational_surface(&map, &options, &stop));
             let seconds = clock.elapsed().as_secs_f64();
             if seconds > (2.0 * allowed.as_secs_f64()).max(8.0) {
@@ -101,30 +134,58 @@ fn try_maps(seeds: Range<u64>, allowed: Duration) {
             if !surface.unproven.is_empty() {
                 reported += 1;
                 for sentence in &surface.unproven {
-                    let kind: String = sentence.chars().filter(|c| !c.is_ascii_digit()).take(60).collect();
+                    let kind: String = sentence
+                        .chars()
+                        .filter(|c| !c.is_ascii_digit())
+                        .take(60)
+                        .collect();
                     *why.entry(kind).or_default() += 1;
                 }
-                println!("{seed} {mode:?} {seconds:.1} s, {} triangles: {:?}", surface.triangles.len(), surface.unproven);
+                println!(
+                    "{seed} {mode:?} {seconds:.1} s, {} triangles: {:?}",
+                    surface.triangles.len(),
+                    surface.unproven
+                );
                 continue;
             }
             certified += 1;
-            let mesh = isoform_geom::Mesh { points: surface.points, triangles: surface.triangles, ..Default::default() };
+            let mesh = isoform_geom::Mesh {
+                points: surface.points,
+                triangles: surface.triangles,
+                ..Default::default()
+            };
             let certificate = certify(&mesh, None, &Options::default(), &Control::default());
-            let crossing =
-                if mode == Mode::Glued && !mesh.triangles.is_empty() { certificate.intersections.map(|i| i.pairs.count) } else { Some(0) };
-            let outside = mesh.points.iter().flatten().filter(|x| x.abs() > 3.0 * (1.0 + 1e-9)).count();
+            let crossing = if mode == Mode::Glued && !mesh.triangles.is_empty() {
+                certificate.intersections.map(|i| i.pairs.count)
+            } else {
+                Some(0)
+            };
+            let outside = mesh
+                .points
+                .iter()
+                .flatten()
+                .filter(|x| x.abs() > 3.0 * (1.0 + 1e-9))
+                .count();
             if !certificate.malformed.is_empty() || crossing != Some(0) || outside > 0 {
-                println!("{seed} {mode:?} certified and wrong: {:?}, {crossing:?} pairs, {outside} outside", certificate.malformed);
+                println!(
+                    "{seed} {mode:?} certified and wrong: {:?}, {crossing:?} pairs, {outside} outside",
+                    certificate.malformed
+                );
                 wrong.push((seed, mode));
             }
         }
     }
-    println!("{certified} certified, {reported} with something open, {nothing} stopped, {invalid} maps invalid");
+    println!(
+        "{certified} certified, {reported} with something open, {nothing} stopped, {invalid} maps invalid"
+    );
     let mut why: Vec<_> = why.into_iter().collect();
     why.sort_by_key(|w| std::cmp::Reverse(w.1));
     for (sentence, n) in why {
         println!("{n:4} {sentence}");
     }
-    assert!(wrong.is_empty(), "panics, or certified and wrong: {wrong:?}");
+    assert!(
+        wrong.is_empty(),
+        "panics, or certified and wrong: {wrong:?}"
+    );
     assert!(slow.is_empty(), "too slow: {slow:?}");
 }

@@ -39,7 +39,11 @@ pub(crate) fn document(job: &Job, verb: &str) -> Value {
         .iter()
         .map(|p| json!({"name": p.name, "count": p.count, "rms": p.rms, "mean": 0.0 - p.mean, "max": p.max, "uncovered": p.uncovered}))
         .collect();
-    let open: Vec<Value> = fit.undetermined.iter().map(|o| json!({"parameters": o.parameters, "why": o.why})).collect();
+    let open: Vec<Value> = fit
+        .undetermined
+        .iter()
+        .map(|o| json!({"parameters": o.parameters, "why": o.why}))
+        .collect();
     let pose = job.template.frep.placement(&job.relative()).map(|p| {
         let t: [f64; 3] = std::array::from_fn(|k| p.translation[k] + job.cloud.origin[k]);
         json!({"rotation": p.rotation, "translation": t, "scale": p.scale})
@@ -95,8 +99,16 @@ fn finite(v: f64) -> Option<f64> {
 }
 
 /// Which bound a value ran into.
-fn at_bound(value: f64, (lo, hi): (f64, f64), status: isoform::fit::Status) -> Option<&'static str> {
-    (status == isoform::fit::Status::AtBound).then_some(if value - lo < hi - value { "lower" } else { "upper" })
+fn at_bound(
+    value: f64,
+    (lo, hi): (f64, f64),
+    status: isoform::fit::Status,
+) -> Option<&'static str> {
+    (status == isoform::fit::Status::AtBound).then_some(if value - lo < hi - value {
+        "lower"
+    } else {
+        "upper"
+    })
 }
 
 pub(crate) fn method(method: Method) -> &'static str {

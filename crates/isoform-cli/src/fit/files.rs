@@ -20,7 +20,11 @@ enum Kind {
 
 /// What an ending asks for.
 fn named(path: &Path) -> Option<Kind> {
-    let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let ending = path
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_ascii_lowercase();
     match ending.as_str() {
         "hf" => Some(Kind::Program),
         "ply" | "xyz" | "txt" | "csv" => Some(Kind::Points),
@@ -37,7 +41,10 @@ pub(crate) fn is_result(path: &Path) -> bool {
 
 fn kind(path: &Path) -> Result<Kind, Failure> {
     named(path).ok_or_else(|| {
-        let failure = Failure::usage(format!("{}: no result is written with this ending", path.display()));
+        let failure = Failure::usage(format!(
+            "{}: no result is written with this ending",
+            path.display()
+        ));
         if is_mesh(path) {
             return failure.hint("isoform recover, which meshes the fitted model");
         }
@@ -55,15 +62,26 @@ pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
 }
 
 /// Writes all files and notes the time; gives back what was written.
-pub(crate) fn write(job: &mut Job, paths: &[PathBuf], context: &Context) -> Result<Vec<PathBuf>, Failure> {
+pub(crate) fn write(
+    job: &mut Job,
+    paths: &[PathBuf],
+    context: &Context,
+) -> Result<Vec<PathBuf>, Failure> {
     let started = Instant::now();
     for path in paths {
         match kind(path)? {
             Kind::Program => output::write_file(path, job.program().as_bytes())?,
             Kind::Points => {
-                let options = WriteOptions { units: Some(job.unit.unit.clone()).filter(|u| !u.is_empty()), ..WriteOptions::default() };
-                let report = write_path(&deviations(job), path, None, &options).map_err(|e| scan::unwritable(&e))?;
-                report.warnings.iter().for_each(|w| context.note(format_args!("{}: {w}", path.display())));
+                let options = WriteOptions {
+                    units: Some(job.unit.unit.clone()).filter(|u| !u.is_empty()),
+                    ..WriteOptions::default()
+                };
+                let report = write_path(&deviations(job), path, None, &options)
+                    .map_err(|e| scan::unwritable(&e))?;
+                report
+                    .warnings
+                    .iter()
+                    .for_each(|w| context.note(format_args!("{}: {w}", path.display())));
             }
             Kind::Report => output::write_file(path, report::page(job).as_bytes())?,
             Kind::Document => {
@@ -82,12 +100,35 @@ pub(crate) fn write(job: &mut Job, paths: &[PathBuf], context: &Context) -> Resu
 fn deviations(job: &Job) -> PointCloud {
     let fit = &job.fit;
     let deviation = job.deviation();
-    let shown: Vec<f64> = deviation.iter().zip(&fit.outliers).map(|(d, out)| if *out { f64::NAN } else { *d }).collect();
+    let shown: Vec<f64> = deviation
+        .iter()
+        .zip(&fit.outliers)
+        .map(|(d, out)| if *out { f64::NAN } else { *d })
+        .collect();
     let colors = deviation_colors(&shown, report::color_limit(fit));
     let columns = vec![
-        Column { name: "deviation".into(), values: deviation },
-        Column { name: "part".into(), values: fit.parts.iter().map(|p| f64::from(*p)).collect() },
-        Column { name: "outlier".into(), values: fit.outliers.iter().map(|o| f64::from(u8::from(*o))).collect() },
+        Column {
+            name: "deviation".into(),
+            values: deviation,
+        },
+        Column {
+            name: "part".into(),
+            values: fit.parts.iter().map(|p| f64::from(*p)).collect(),
+        },
+        Column {
+            name: "outlier".into(),
+            values: fit
+                .outliers
+                .iter()
+                .map(|o| f64::from(u8::from(*o)))
+                .collect(),
+        },
     ];
-    PointCloud { normals: Vec::new(), colors, columns, triangles: job.cloud.triangles.clone(), ..job.cloud.clone() }
+    PointCloud {
+        normals: Vec::new(),
+        colors,
+        columns,
+        triangles: job.cloud.triangles.clone(),
+        ..job.cloud.clone()
+    }
 }

@@ -48,7 +48,12 @@ pub(crate) struct Job {
 impl Job {
     /// The values in the file's coordinates.
     pub(crate) fn values(&self) -> Vec<f64> {
-        self.fit.parameters.iter().zip(&self.template.shift).map(|(p, s)| p.value + s).collect()
+        self.fit
+            .parameters
+            .iter()
+            .zip(&self.template.shift)
+            .map(|(p, s)| p.value + s)
+            .collect()
     }
     /// The values as the template takes them, relative to the cloud's origin.
     pub(crate) fn relative(&self) -> Vec<f64> {
@@ -56,7 +61,9 @@ impl Job {
     }
     /// The fitted program, in the file's coordinates.
     pub(crate) fn program(&self) -> String {
-        self.template.frep.fitted_program(&self.relative(), self.cloud.origin)
+        self.template
+            .frep
+            .fitted_program(&self.relative(), self.cloud.origin)
     }
     /// Deviation per point: outside positive, as inspectors have it.
     pub(crate) fn deviation(&self) -> Vec<f64> {
@@ -95,9 +102,15 @@ pub(crate) struct Scan {
 const ON_FACES: usize = 6000;
 
 /// Reads the scan of a fit: points or vertices, and of a CAD mesh also points of its flat faces.
-pub(crate) fn read_scan(path: &Path, format: Option<&str>, max_points: Option<usize>, context: &Context) -> Result<Scan, Failure> {
+pub(crate) fn read_scan(
+    path: &Path,
+    format: Option<&str>,
+    max_points: Option<usize>,
+    context: &Context,
+) -> Result<Scan, Failure> {
     let started = Instant::now();
-    let (mut cloud, mut report) = scan::read_points(path, format, max_points, MeshPoints::Vertices, context)?;
+    let (mut cloud, mut report) =
+        scan::read_points(path, format, max_points, MeshPoints::Vertices, context)?;
     if !cloud.triangles.is_empty() {
         let (with_faces, added) = points_on_faces(&cloud, ON_FACES);
         if added > 0 {
@@ -108,7 +121,12 @@ pub(crate) fn read_scan(path: &Path, format: Option<&str>, max_points: Option<us
             cloud = with_faces;
         }
     }
-    Ok(Scan { name: path.display().to_string(), cloud, report, seconds: started.elapsed().as_secs_f64() })
+    Ok(Scan {
+        name: path.display().to_string(),
+        cloud,
+        report,
+        seconds: started.elapsed().as_secs_f64(),
+    })
 }
 
 /// Fits a template to a scan.
@@ -117,16 +135,30 @@ pub(crate) fn run(scan: Scan, request: &Request, context: &Context) -> Result<Jo
     run_model(scan, &model, request, context)
 }
 
-pub(crate) fn run_model(scan: Scan, model: &Model, request: &Request, context: &Context) -> Result<Job, Failure> {
+pub(crate) fn run_model(
+    scan: Scan,
+    model: &Model,
+    request: &Request,
+    context: &Context,
+) -> Result<Job, Failure> {
     let started = Instant::now();
-    let Scan { name, mut cloud, report: read, seconds } = scan;
+    let Scan {
+        name,
+        mut cloud,
+        report: read,
+        seconds,
+    } = scan;
     let mut warnings = read.warnings.clone();
     if read.dropped_points > 0 {
-        warnings.push(format!("{} points are not finite and were left out", read.dropped_points));
+        warnings.push(format!(
+            "{} points are not finite and were left out",
+            read.dropped_points
+        ));
     }
     if cloud.points.is_empty() {
         return Err(
-            Failure::input("no-points", format!("{name}: there is no point to fit to")).hint("isoform inspect shows what is in the file")
+            Failure::input("no-points", format!("{name}: there is no point to fit to"))
+                .hint("isoform inspect shows what is in the file"),
         );
     }
     let make = |cloud: &PointCloud| {
@@ -147,21 +179,30 @@ pub(crate) fn run_model(scan: Scan, model: &Model, request: &Request, context: &
     }
     template.hold(&request.fixed)?;
     let unit = match &request.units {
-        Some(unit) => UnitGuess { unit: unit.clone(), is_stated: true, reason: "the command line says so".to_owned() },
+        Some(unit) => UnitGuess {
+            unit: unit.clone(),
+            is_stated: true,
+            reason: "the command line says so".to_owned(),
+        },
         None => inspect_unit(&cloud, &read),
     };
     if let Some(said) = &model.info().unit
         && !unit.unit.is_empty()
         && *said != unit.unit
     {
-        warnings
-            .push(format!("the template is written in {said}, the scan in {} ({}); values are in the scan's unit", unit.unit, unit.reason));
+        warnings.push(format!(
+            "the template is written in {said}, the scan in {} ({}); values are in the scan's unit",
+            unit.unit, unit.reason
+        ));
     }
     let options = Options {
         method: request.method,
         loss: request.loss,
         start: template.start(request.start.as_ref())?,
-        bounds: request.bounds.as_deref().map_or(Ok(Vec::new()), |path| template.bounds(path))?,
+        bounds: request
+            .bounds
+            .as_deref()
+            .map_or(Ok(Vec::new()), |path| template.bounds(path))?,
         seed: context.global.seed,
         filter_outliers: request.filter_outliers,
         ..Options::default()
@@ -169,9 +210,17 @@ pub(crate) fn run_model(scan: Scan, model: &Model, request: &Request, context: &
     let prepared = started.elapsed().as_secs_f64();
     let progress = Progress::new(context);
     let show = |phase: &str, done: f64| progress.show(phase, done);
-    let control = Control { cancelled: Some(interrupt::watch()), deadline: context.deadline, progress: Some(&show) };
-    let mut fit = fit(&cloud.points, &template, &options, &control).map_err(|e| failure(&e, &name))?;
-    if !matches!(request.start, Some(Start::Values(_))) && request.bounds.is_none() && request.method == Method::Default {
+    let control = Control {
+        cancelled: Some(interrupt::watch()),
+        deadline: context.deadline,
+        progress: Some(&show),
+    };
+    let mut fit =
+        fit(&cloud.points, &template, &options, &control).map_err(|e| failure(&e, &name))?;
+    if !matches!(request.start, Some(Start::Values(_)))
+        && request.bounds.is_none()
+        && request.method == Method::Default
+    {
         turn_until_it_fits(&cloud, &mut template, &mut fit, request, &options, &control)?;
     }
     drop(progress);
@@ -180,7 +229,19 @@ pub(crate) fn run_model(scan: Scan, model: &Model, request: &Request, context: &
     all.extend(fit.seconds.iter().copied());
     let template_name = request.template.display().to_string();
     let method = request.method;
-    Ok(Job { scan: name, cloud, read, template, template_name, unit, fit, seed: options.seed, method, seconds: all, warnings })
+    Ok(Job {
+        scan: name,
+        cloud,
+        read,
+        template,
+        template_name,
+        unit,
+        fit,
+        seed: options.seed,
+        method,
+        seconds: all,
+        warnings,
+    })
 }
 
 /// A misfit below this share of the size settles how the scan stands; above, other ways are tried.
@@ -199,12 +260,17 @@ fn turn_until_it_fits(
     control: &Control<'_>,
 ) -> Result<(), Failure> {
     let size = cloud.bounds().diagonal();
-    let misfit = |f: &Fit| f.rms * (1.0 + f.model_to_data.share_uncovered) + if f.acceptable { 0.0 } else { size };
+    let misfit = |f: &Fit| {
+        f.rms * (1.0 + f.model_to_data.share_uncovered) + if f.acceptable { 0.0 } else { size }
+    };
     let settled = |f: &Fit| misfit(f) < SETTLED * size;
     if settled(best) {
         return Ok(());
     }
-    let quick = Options { most_starts: STARTS_PER_TURN, ..options.clone() };
+    let quick = Options {
+        most_starts: STARTS_PER_TURN,
+        ..options.clone()
+    };
     let mut chosen = None;
     for frep in template.frep.turned(&cloud.points) {
         if control.stops() {
@@ -212,7 +278,9 @@ fn turn_until_it_fits(
         }
         let mut turned = Adjusted::new(frep, cloud.origin);
         turned.hold(&request.fixed)?;
-        let Ok(mut found) = fit(&cloud.points, &turned, &quick, control) else { continue };
+        let Ok(mut found) = fit(&cloud.points, &turned, &quick, control) else {
+            continue;
+        };
         if misfit(&found) < 0.7 * misfit(best) {
             std::mem::swap(best, &mut found);
             add_seconds(best, &found);
@@ -243,18 +311,24 @@ fn add_seconds(kept: &mut Fit, dropped: &Fit) {
 fn failure(error: &FitError, scan: &str) -> Failure {
     let message = error.to_string();
     match error {
-        FitError::Bounds { .. } => Failure::input("bounds", message).hint("--bounds, or min= and max= in the template"),
-        FitError::Tie { .. } => Failure::input("tie", message).hint("the tie= annotations of the template"),
+        FitError::Bounds { .. } => {
+            Failure::input("bounds", message).hint("--bounds, or min= and max= in the template")
+        }
+        FitError::Tie { .. } => {
+            Failure::input("tie", message).hint("the tie= annotations of the template")
+        }
         FitError::NothingFree => Failure::usage(message).hint("fewer --fix"),
         FitError::NotFinite { .. } | FitError::Length { .. } => Failure::usage(message),
-        FitError::TooFewPoints { .. } => {
-            Failure::input("few-points", format!("{scan}: {message}")).hint("--fix some parameters, or a denser scan")
+        FitError::TooFewPoints { .. } => Failure::input("few-points", format!("{scan}: {message}"))
+            .hint("--fix some parameters, or a denser scan"),
+        FitError::NoFiniteStart { .. } => Failure::new(NO_RESULT, "no-finite-value", message)
+            .hint("--start or --bounds within the template's domain"),
+        FitError::Stopped if interrupt::happened() => {
+            Failure::new(interrupt::INTERRUPTED, "interrupted", message)
         }
-        FitError::NoFiniteStart { .. } => {
-            Failure::new(NO_RESULT, "no-finite-value", message).hint("--start or --bounds within the template's domain")
+        FitError::Stopped => {
+            Failure::new(NO_RESULT, "time-limit", message).hint("a longer --time-limit")
         }
-        FitError::Stopped if interrupt::happened() => Failure::new(interrupt::INTERRUPTED, "interrupted", message),
-        FitError::Stopped => Failure::new(NO_RESULT, "time-limit", message).hint("a longer --time-limit"),
         _ => Failure::new(NO_RESULT, "fit", message),
     }
 }

@@ -31,7 +31,12 @@ pub(crate) struct Args {
     #[arg(required_unless_present = "list")]
     scan: Option<PathBuf>,
     /// The template: a HyperFun file or a name out of --list
-    #[arg(long, short, value_name = "FILE|NAME", required_unless_present = "list")]
+    #[arg(
+        long,
+        short,
+        value_name = "FILE|NAME",
+        required_unless_present = "list"
+    )]
     template: Option<PathBuf>,
     /// Lists the templates that are built in
     #[arg(long, conflicts_with_all = ["scan", "template"])]
@@ -119,7 +124,10 @@ impl Settings {
     pub(crate) fn request(&self, template: &Path) -> Request {
         let method = match self.method {
             MethodName::Default => Method::Default,
-            MethodName::Hybrid => Method::Hybrid { local: Local::Lm, threshold: None },
+            MethodName::Hybrid => Method::Hybrid {
+                local: Local::Lm,
+                threshold: None,
+            },
             MethodName::Local => Method::Local(Local::Lm),
             MethodName::Bfgs => Method::Local(Local::Bfgs),
             MethodName::Annealing => Method::Annealing,
@@ -162,10 +170,16 @@ impl Settings {
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let (Some(scan), Some(template)) = (&args.scan, &args.template) else {
         let (text, json) = gallery::list(context)?;
-        return Ok(Outcome { exit: crate::output::DONE, json, stdout: text.into_bytes() });
+        return Ok(Outcome {
+            exit: crate::output::DONE,
+            json,
+            stdout: text.into_bytes(),
+        });
     };
     files::check(&args.output)?;
-    let max_points = args.max_points.map(|n| usize::try_from(n).unwrap_or(usize::MAX));
+    let max_points = args
+        .max_points
+        .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
     let scan = job::read_scan(scan, args.from.as_deref(), max_points, context)?;
     let mut job = job::run(scan, &args.options.request(template), context)?;
     let written = files::write(&mut job, &args.output, context)?;
@@ -178,6 +192,14 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if !written.is_empty() {
         json["outputs"] = written.iter().map(|p| p.display().to_string()).collect();
     }
-    let stdout = if context.global.json { Vec::new() } else { table::text(&job).into_bytes() };
-    Ok(Outcome { exit: job.exit(), json, stdout })
+    let stdout = if context.global.json {
+        Vec::new()
+    } else {
+        table::text(&job).into_bytes()
+    };
+    Ok(Outcome {
+        exit: job.exit(),
+        json,
+        stdout,
+    })
 }

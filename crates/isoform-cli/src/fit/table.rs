@@ -6,7 +6,11 @@ use isoform::fit::{Estimate, Kind, Template};
 
 /// Decimals that a value deserves whose error is `error`: two digits of the error.
 fn decimals(error: f64) -> usize {
-    if error > 0.0 && error.is_finite() { (1.0 - error.log10().floor()).clamp(0.0, 12.0) as usize } else { 6 }
+    if error > 0.0 && error.is_finite() {
+        (1.0 - error.log10().floor()).clamp(0.0, 12.0) as usize
+    } else {
+        6
+    }
 }
 
 /// A value with as many digits as its error deserves.
@@ -20,7 +24,11 @@ pub(crate) fn brief(v: f64) -> String {
         return format!("{v}");
     }
     let digits = 3 - v.abs().log10().floor() as i32;
-    if (-3..=7).contains(&digits) { format!("{v:.*}", digits.max(0) as usize) } else { format!("{v:.3e}") }
+    if (-3..=7).contains(&digits) {
+        format!("{v:.*}", digits.max(0) as usize)
+    } else {
+        format!("{v:.3e}")
+    }
 }
 
 /// Factor from a unit to millimetres.
@@ -37,7 +45,11 @@ pub(crate) fn millimetres(unit: &str) -> Option<f64> {
 
 /// A number with its unit.
 pub(crate) fn with_unit(number: &str, unit: &str) -> String {
-    if unit.is_empty() { number.to_owned() } else { format!("{number} {unit}") }
+    if unit.is_empty() {
+        number.to_owned()
+    } else {
+        format!("{number} {unit}")
+    }
 }
 
 /// Half the width of the 95 % interval.
@@ -65,11 +77,16 @@ pub(crate) fn rows(job: &Job) -> Vec<Row> {
         let unit = job.unit_of(i).unwrap_or_default();
         let half = half_width(p);
         let error = half.unwrap_or(1e-4 * values[i].abs());
-        let is_length = matches!(parameters[i].kind, Kind::X | Kind::Y | Kind::Z | Kind::Length);
+        let is_length = matches!(
+            parameters[i].kind,
+            Kind::X | Kind::Y | Kind::Z | Kind::Length
+        );
         let scale = millimetres(&unit).filter(|s| is_length && *s != 1.0);
         let mm = |s: f64| {
             let value = rounded(values[i] * s, error * s);
-            half.map_or(value.clone(), |h| format!("{value} ± {}", rounded(h * s, h * s)))
+            half.map_or(value.clone(), |h| {
+                format!("{value} ± {}", rounded(h * s, h * s))
+            })
         };
         let shift = job.template.shift[i];
         Row {
@@ -78,7 +95,11 @@ pub(crate) fn rows(job: &Job) -> Vec<Row> {
             error: half.map(|h| rounded(h, h)).unwrap_or_default(),
             mm: scale.map(mm).unwrap_or_default(),
             status: p.status.as_str(),
-            bounds: format!("{} to {}", brief(p.bounds.0 + shift), brief(p.bounds.1 + shift)),
+            bounds: format!(
+                "{} to {}",
+                brief(p.bounds.0 + shift),
+                brief(p.bounds.1 + shift)
+            ),
         }
     };
     job.fit.parameters.iter().enumerate().map(row).collect()
@@ -99,20 +120,51 @@ pub(crate) fn text(job: &Job) -> String {
     let fit = &job.fit;
     let unit = &job.unit.unit;
     let rows = rows(job);
-    let mut text = format!("{} to {}: {}\n\n", job.template_name, job.scan, verdict(job));
+    let mut text = format!(
+        "{} to {}: {}\n\n",
+        job.template_name,
+        job.scan,
+        verdict(job)
+    );
     let has_mm = rows.iter().any(|r| !r.mm.is_empty());
-    let mut lines = vec![["parameter", "value", "± 95 %", "status", if has_mm { "in mm" } else { "" }].map(str::to_owned)];
-    lines.extend(rows.into_iter().map(|r| [r.name, r.value, r.error, r.status.to_owned(), r.mm]));
+    let mut lines = vec![
+        [
+            "parameter",
+            "value",
+            "± 95 %",
+            "status",
+            if has_mm { "in mm" } else { "" },
+        ]
+        .map(str::to_owned),
+    ];
+    lines.extend(
+        rows.into_iter()
+            .map(|r| [r.name, r.value, r.error, r.status.to_owned(), r.mm]),
+    );
     text += &columns(&lines);
     let length = |v: f64| {
-        let mm = millimetres(unit).filter(|s| *s != 1.0).map(|s| format!(" ({} mm)", brief(v * s))).unwrap_or_default();
+        let mm = millimetres(unit)
+            .filter(|s| *s != 1.0)
+            .map(|s| format!(" ({} mm)", brief(v * s)))
+            .unwrap_or_default();
         with_unit(&brief(v), unit) + &mm
     };
     let (data, model) = (&fit.data_to_model, &fit.model_to_data);
-    text += &format!("\npoints    {} of {} used, {} outliers\n", fit.n_used, fit.n_points, fit.n_outliers);
-    text += &format!("data to model   rms {}, 95 % within {}, max {}\n", length(data.rms), length(data.p95), length(data.max));
-    text +=
-        &format!("model to data   95 % within {}, {:.1} % of the surface without data\n", length(model.p95), 100.0 * model.share_uncovered);
+    text += &format!(
+        "\npoints    {} of {} used, {} outliers\n",
+        fit.n_used, fit.n_points, fit.n_outliers
+    );
+    text += &format!(
+        "data to model   rms {}, 95 % within {}, max {}\n",
+        length(data.rms),
+        length(data.p95),
+        length(data.max)
+    );
+    text += &format!(
+        "model to data   95 % within {}, {:.1} % of the surface without data\n",
+        length(model.p95),
+        100.0 * model.share_uncovered
+    );
     for open in &fit.undetermined {
         text += &format!("open      {}\n", open.why);
     }
@@ -131,14 +183,24 @@ pub(crate) fn text(job: &Job) -> String {
 
 /// Lines of cells, aligned: names to the left, numbers to the right.
 pub(crate) fn columns<const N: usize>(lines: &[[String; N]]) -> String {
-    let width = |k: usize| lines.iter().map(|l| l[k].chars().count()).max().unwrap_or(0);
+    let width = |k: usize| {
+        lines
+            .iter()
+            .map(|l| l[k].chars().count())
+            .max()
+            .unwrap_or(0)
+    };
     let widths: [usize; N] = std::array::from_fn(width);
     let mut text = String::new();
     for line in lines {
         let mut row = String::new();
         for (k, cell) in line.iter().enumerate() {
             let space = " ".repeat(widths[k] - cell.chars().count());
-            row += &if k == 1 || k == 2 { format!("{space}{cell}  ") } else { format!("{cell}{space}  ") };
+            row += &if k == 1 || k == 2 {
+                format!("{space}{cell}  ")
+            } else {
+                format!("{cell}{space}  ")
+            };
         }
         text += row.trim_end();
         text.push('\n');
@@ -155,7 +217,10 @@ mod tests {
         assert_eq!(rounded(0.030_234_567, 1.234e-5), "0.030235");
         assert_eq!(rounded(1234.5678, 12.0), "1235");
         assert_eq!(rounded(1.5, f64::NAN), "1.500000");
-        assert_eq!((brief(0.000_123_46), brief(1234.5), brief(0.0)), ("0.0001235".to_owned(), "1234".to_owned(), "0".to_owned()));
+        assert_eq!(
+            (brief(0.000_123_46), brief(1234.5), brief(0.0)),
+            ("0.0001235".to_owned(), "1234".to_owned(), "0".to_owned())
+        );
         assert_eq!(brief(1.23e-9), "1.230e-9");
     }
 }

@@ -2,14 +2,24 @@
 
 use super::work::Made;
 use isoform::geom::Mesh;
-use isoform::mesh::check::{Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths};
+use isoform::mesh::check::{
+    Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths,
+};
 use serde_json::{Map, Value, json};
 
 /// Everything that is known of the mesh. All but `seconds` is the same each time.
 pub(crate) fn document(made: &Made) -> Value {
     let (mesh, options) = (&made.meshed.mesh, &made.options);
-    let files: Vec<Value> = made.written.iter().map(|w| json!({"path": w.path, "format": w.format, "warnings": w.warnings})).collect();
-    let warnings: Vec<Value> = made.warnings.iter().map(|w| json!({"message": w.message, "at": w.at})).collect();
+    let files: Vec<Value> = made
+        .written
+        .iter()
+        .map(|w| json!({"path": w.path, "format": w.format, "warnings": w.warnings}))
+        .collect();
+    let warnings: Vec<Value> = made
+        .warnings
+        .iter()
+        .map(|w| json!({"message": w.message, "at": w.at}))
+        .collect();
     let mut json = json!({
         "ok": made.certificate.is_ok(),
         "verb": "mesh",
@@ -27,7 +37,12 @@ pub(crate) fn document(made: &Made) -> Value {
     json["files"] = json!(files);
     json["warnings"] = json!(warnings);
     json["notes"] = json!(made.notes);
-    json["seconds"] = made.seconds.iter().map(|(k, v)| (k.clone(), json!(v))).collect::<Map<_, _>>().into();
+    json["seconds"] = made
+        .seconds
+        .iter()
+        .map(|(k, v)| (k.clone(), json!(v)))
+        .collect::<Map<_, _>>()
+        .into();
     json
 }
 
@@ -56,7 +71,12 @@ pub(crate) fn add(json: &mut Value, more: Value) {
 fn groups(names: &[String], labels: &[u32], elements: &str) -> Vec<Value> {
     let mut counts = vec![0_usize; names.len()];
     labels.iter().for_each(|&l| counts[l as usize] += 1);
-    names.iter().zip(counts).enumerate().map(|(i, (name, n))| json!({"tag": i + 1, "name": name, elements: n})).collect()
+    names
+        .iter()
+        .zip(counts)
+        .enumerate()
+        .map(|(i, (name, n))| json!({"tag": i + 1, "name": name, elements: n}))
+        .collect()
 }
 
 fn curves(mesh: &Mesh) -> Vec<Value> {

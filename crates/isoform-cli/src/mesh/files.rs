@@ -36,17 +36,30 @@ pub(crate) fn formats() -> String {
 }
 
 /// Finds out before the work whether every file can be written.
-pub(crate) fn targets(paths: &[PathBuf], to: Option<&str>, context: &Context) -> Result<Vec<Target>, Failure> {
-    if let Some(name) = to.filter(|name| mesh_format_named(name.trim_end_matches("-ascii").trim_end_matches("-binary")).is_none()) {
-        return Err(Failure::usage(format!("no format of meshes is called `{name}`")).hint(format!("--to with one of: {}", formats())));
+pub(crate) fn targets(
+    paths: &[PathBuf],
+    to: Option<&str>,
+    context: &Context,
+) -> Result<Vec<Target>, Failure> {
+    if let Some(name) = to.filter(|name| {
+        mesh_format_named(name.trim_end_matches("-ascii").trim_end_matches("-binary")).is_none()
+    }) {
+        return Err(
+            Failure::usage(format!("no format of meshes is called `{name}`"))
+                .hint(format!("--to with one of: {}", formats())),
+        );
     }
     for path in paths {
         let stdout = path == Path::new("-");
         if stdout && to.is_none() {
-            return Err(Failure::usage("stdout has no ending that names a format").hint(format!("--to with one of: {}", formats())));
+            return Err(Failure::usage("stdout has no ending that names a format")
+                .hint(format!("--to with one of: {}", formats())));
         }
         if to.is_none() && !is_mesh(path) {
-            let failure = Failure::usage(format!("{}: no mesh is written with this ending", path.display()));
+            let failure = Failure::usage(format!(
+                "{}: no mesh is written with this ending",
+                path.display()
+            ));
             return Err(failure.hint(format!("an ending or --to out of: {}", formats())));
         }
         if !stdout {
@@ -56,7 +69,13 @@ pub(crate) fn targets(paths: &[PathBuf], to: Option<&str>, context: &Context) ->
     if paths.is_empty() && to.is_none() {
         context.note("no -o: nothing will be written");
     }
-    Ok(paths.iter().map(|p| Target { path: p.clone(), format: to.map(str::to_owned) }).collect())
+    Ok(paths
+        .iter()
+        .map(|p| Target {
+            path: p.clone(),
+            format: to.map(str::to_owned),
+        })
+        .collect())
 }
 
 /// Writes all files of a model's mesh and notes the time; gives back what is for stdout.
@@ -65,23 +84,40 @@ pub(crate) fn write(made: &mut Made, targets: &[Target]) -> Result<Vec<u8>, Fail
     let (written, stdout) = write_mesh_files(&made.meshed.mesh, made.unit.as_deref(), targets)?;
     made.written.extend(written);
     if !targets.is_empty() {
-        made.seconds.push(("write".to_owned(), started.elapsed().as_secs_f64()));
+        made.seconds
+            .push(("write".to_owned(), started.elapsed().as_secs_f64()));
     }
     Ok(stdout)
 }
 
 /// Writes all files of a mesh; gives back what they are and what is for stdout.
-pub(crate) fn write_mesh_files(mesh: &Mesh, unit: Option<&str>, targets: &[Target]) -> Result<(Vec<Written>, Vec<u8>), Failure> {
-    let options = MeshWriteOptions { units: unit.map(str::to_owned), ..MeshWriteOptions::default() };
+pub(crate) fn write_mesh_files(
+    mesh: &Mesh,
+    unit: Option<&str>,
+    targets: &[Target],
+) -> Result<(Vec<Written>, Vec<u8>), Failure> {
+    let options = MeshWriteOptions {
+        units: unit.map(str::to_owned),
+        ..MeshWriteOptions::default()
+    };
     let (mut written, mut stdout) = (Vec::new(), Vec::new());
     for Target { path, format } in targets {
         let report = if path == Path::new("-") {
-            write_mesh(mesh, &mut stdout, format.as_deref().unwrap_or_default(), &options)
+            write_mesh(
+                mesh,
+                &mut stdout,
+                format.as_deref().unwrap_or_default(),
+                &options,
+            )
         } else {
             write_mesh_path(mesh, path, format.as_deref(), &options)
         };
         let report = report.map_err(|e| scan::unwritable(&e))?;
-        written.push(Written { path: path.display().to_string(), format: report.format, warnings: report.warnings });
+        written.push(Written {
+            path: path.display().to_string(),
+            format: report.format,
+            warnings: report.warnings,
+        });
     }
     Ok((written, stdout))
 }

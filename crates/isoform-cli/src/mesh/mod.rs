@@ -88,8 +88,12 @@ pub(crate) struct Angles(pub(crate) [f64; 2]);
 fn angles(text: &str) -> Result<Angles, String> {
     match output::numbers(text)?.as_slice() {
         // A regular tetrahedron has 70.5 degrees.
-        &[min, max] if (0.0..=70.0).contains(&min) && (71.0..=180.0).contains(&max) => Ok(Angles([min, max])),
-        _ => Err("two angles are expected, one of at most 70 and one of at least 71 degrees".to_owned()),
+        &[min, max] if (0.0..=70.0).contains(&min) && (71.0..=180.0).contains(&max) => {
+            Ok(Angles([min, max]))
+        }
+        _ => Err(
+            "two angles are expected, one of at most 70 and one of at least 71 degrees".to_owned(),
+        ),
     }
 }
 
@@ -97,15 +101,37 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output, args.to.as_deref(), context)?;
     let model = gallery::template(&args.model, &args.language, context)?;
     let values = eval::values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
-    let subject = Subject { name: args.model.display().to_string(), unit: model.info().unit.clone(), model, values };
-    let given = args.adapt.as_deref().map(|path| scan::read_mesh_file(path, None)).transpose()?;
-    let mut made = work::make(&subject, &args.settings, given.map(|g| g.0).as_ref(), context)?;
+    let subject = Subject {
+        name: args.model.display().to_string(),
+        unit: model.info().unit.clone(),
+        model,
+        values,
+    };
+    let given = args
+        .adapt
+        .as_deref()
+        .map(|path| scan::read_mesh_file(path, None))
+        .transpose()?;
+    let mut made = work::make(
+        &subject,
+        &args.settings,
+        given.map(|g| g.0).as_ref(),
+        context,
+    )?;
     let stdout = files::write(&mut made, &targets)?;
     made.say(context);
     let mut json = document::document(&made);
     if !stdout.is_empty() {
         json["text"] = String::from_utf8_lossy(&stdout).into();
     }
-    let stdout = if stdout.is_empty() { table::text(&made).into_bytes() } else { stdout };
-    Ok(Outcome { exit: made.exit(), json, stdout })
+    let stdout = if stdout.is_empty() {
+        table::text(&made).into_bytes()
+    } else {
+        stdout
+    };
+    Ok(Outcome {
+        exit: made.exit(),
+        json,
+        stdout,
+    })
 }

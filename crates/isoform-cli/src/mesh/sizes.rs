@@ -17,7 +17,8 @@ pub(crate) fn read(path: &Path, context: &Context) -> Result<Sizes, Failure> {
     if path.extension().is_some_and(|e| e == "hf") {
         let model = model::read(path, &Language::default(), context)?;
         let a = eval::values(&model, &[])?;
-        let field = RunField::new(&model, &a).map_err(|e| Failure::input("model", format!("{}: {e}", path.display())))?;
+        let field = RunField::new(&model, &a)
+            .map_err(|e| Failure::input("model", format!("{}: {e}", path.display())))?;
         return Ok(Sizes(Arc::new(move |p| field.value(p))));
     }
     let text = output::text(output::read_file(path)?);
@@ -25,18 +26,32 @@ pub(crate) fn read(path: &Path, context: &Context) -> Result<Sizes, Failure> {
     for (i, line) in text.lines().enumerate() {
         let row = line.trim();
         // A first line of words is a header.
-        if row.is_empty() || row.starts_with('#') || (i == 0 && row.starts_with(|c: char| c.is_alphabetic())) {
+        if row.is_empty()
+            || row.starts_with('#')
+            || (i == 0 && row.starts_with(|c: char| c.is_alphabetic()))
+        {
             continue;
         }
         match output::numbers(row).as_deref() {
-            Ok(&[x, y, z, h]) if h > 0.0 && [x, y, z, h].iter().all(|v| v.is_finite()) => samples.push(([x, y, z], h)),
+            Ok(&[x, y, z, h]) if h > 0.0 && [x, y, z, h].iter().all(|v| v.is_finite()) => {
+                samples.push(([x, y, z], h))
+            }
             _ => {
-                return Err(Failure::input("sizes", "x,y,z and a positive length are expected").at(path, i + 1, 1));
+                return Err(
+                    Failure::input("sizes", "x,y,z and a positive length are expected").at(
+                        path,
+                        i + 1,
+                        1,
+                    ),
+                );
             }
         }
     }
     if samples.is_empty() {
-        return Err(Failure::input("sizes", format!("{} holds no sizes", path.display())).hint("lines of x,y,z,length"));
+        return Err(
+            Failure::input("sizes", format!("{} holds no sizes", path.display()))
+                .hint("lines of x,y,z,length"),
+        );
     }
     Ok(Sizes::nearest(&samples, GROWTH))
 }

@@ -8,8 +8,14 @@ use isoform::mesh::check::Certificate;
 
 /// What was made, whether it holds, and where it went.
 pub(crate) fn text(made: &Made) -> String {
-    let mut text = line("size", size(made)) + &line("region", region(made)) + &of_mesh(&made.meshed.mesh, &made.certificate);
-    let verdict = if made.certificate.is_ok() { "holds" } else { "does not hold" };
+    let mut text = line("size", size(made))
+        + &line("region", region(made))
+        + &of_mesh(&made.meshed.mesh, &made.certificate);
+    let verdict = if made.certificate.is_ok() {
+        "holds"
+    } else {
+        "does not hold"
+    };
     let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
     text += &line("certificate", format!("{verdict}; {} s", brief(seconds)));
     text + &wrote(&made.written)
@@ -17,19 +23,34 @@ pub(crate) fn text(made: &Made) -> String {
 
 /// Where it went.
 pub(crate) fn wrote(written: &[Written]) -> String {
-    let without = |w: &Written| w.warnings.iter().map(|w| format!("; {w}")).collect::<String>();
-    written.iter().map(|w| line("wrote", format!("{} ({}){}", w.path, w.format, without(w)))).collect()
+    let without = |w: &Written| {
+        w.warnings
+            .iter()
+            .map(|w| format!("; {w}"))
+            .collect::<String>()
+    };
+    written
+        .iter()
+        .map(|w| line("wrote", format!("{} ({}){}", w.path, w.format, without(w))))
+        .collect()
 }
 
 /// What a mesh holds and what is known of it.
 pub(crate) fn of_mesh(mesh: &Mesh, certificate: &Certificate) -> String {
     let mut lines = vec![line("mesh", what(mesh))];
-    lines.extend(figures(certificate).into_iter().map(|(name, text)| line(name, text)));
+    lines.extend(
+        figures(certificate)
+            .into_iter()
+            .map(|(name, text)| line(name, text)),
+    );
     if !mesh.parts.is_empty() {
         lines.push(line("parts", parts(mesh)));
     }
     for failure in certificate.failures() {
-        let at = failure.place.as_ref().map_or(String::new(), |p| format!(", the first at {}", place(p.at)));
+        let at = failure
+            .place
+            .as_ref()
+            .map_or(String::new(), |p| format!(", the first at {}", place(p.at)));
         lines.push(line("FAILED", format!("{failure}{at}")));
     }
     lines.concat()
@@ -41,7 +62,11 @@ pub(crate) fn line(name: &str, text: String) -> String {
 }
 
 fn what(mesh: &Mesh) -> String {
-    let elements = if mesh.tets.is_empty() { String::new() } else { format!("{} tetrahedra, ", mesh.tets.len()) };
+    let elements = if mesh.tets.is_empty() {
+        String::new()
+    } else {
+        format!("{} tetrahedra, ", mesh.tets.len())
+    };
     format!(
         "{elements}{} triangles, {} nodes, order {}; {} curves, {} corners",
         mesh.triangles.len(),
@@ -53,21 +78,34 @@ fn what(mesh: &Mesh) -> String {
 }
 
 fn size(made: &Made) -> String {
-    let grade = made.options.grade.map_or(String::new(), |e| format!(", smaller where faces would be {e} off"));
+    let grade = made.options.grade.map_or(String::new(), |e| {
+        format!(", smaller where faces would be {e} off")
+    });
     format!("{}{grade}", made.options.size)
 }
 
 fn region(made: &Made) -> String {
     let r = made.meshed.region;
     let axis = |k: usize| format!("{} to {}", brief(r.lo[k]), brief(r.hi[k]));
-    let proved = if made.meshed.region_certified { "" } else { " (not proved)" };
+    let proved = if made.meshed.region_certified {
+        ""
+    } else {
+        " (not proved)"
+    };
     format!("{}, {}, {}{proved}", axis(0), axis(1), axis(2))
 }
 
 fn parts(mesh: &Mesh) -> String {
     let mut counts = vec![0_usize; mesh.parts.len()];
-    mesh.triangle_parts.iter().for_each(|&p| counts[p as usize] += 1);
-    let parts: Vec<String> = mesh.parts.iter().zip(counts).map(|(name, n)| format!("{name} ({n})")).collect();
+    mesh.triangle_parts
+        .iter()
+        .for_each(|&p| counts[p as usize] += 1);
+    let parts: Vec<String> = mesh
+        .parts
+        .iter()
+        .zip(counts)
+        .map(|(name, n)| format!("{name} ({n})"))
+        .collect();
     parts.join(", ")
 }
 
@@ -75,30 +113,63 @@ fn parts(mesh: &Mesh) -> String {
 fn figures(c: &Certificate) -> Vec<(&'static str, String)> {
     let mut lines = Vec::new();
     if let Some(s) = &c.surface {
-        lines.push(("topology", format!("Euler number {}, {} shells, {} components", s.euler, s.shells, s.components)));
-        lines.push(("measure", format!("volume {}, area {}", brief(s.volume), brief(s.area))));
+        lines.push((
+            "topology",
+            format!(
+                "Euler number {}, {} shells, {} components",
+                s.euler, s.shells, s.components
+            ),
+        ));
+        lines.push((
+            "measure",
+            format!("volume {}, area {}", brief(s.volume), brief(s.area)),
+        ));
     }
     if let Some(i) = &c.intersections {
-        lines.push(("meets itself", if i.pairs.is_empty() { "nowhere".to_owned() } else { format!("{} pairs", i.pairs.count) }));
+        lines.push((
+            "meets itself",
+            if i.pairs.is_empty() {
+                "nowhere".to_owned()
+            } else {
+                format!("{} pairs", i.pairs.count)
+            },
+        ));
     }
     if let Some(q) = &c.tets {
-        let angles = format!("dihedral {:.2} to {:.2} degrees", q.dihedral_min, q.dihedral_max);
+        let angles = format!(
+            "dihedral {:.2} to {:.2} degrees",
+            q.dihedral_min, q.dihedral_max
+        );
         lines.push((
             "tetrahedra",
-            format!("{angles}, radius ratio at least {:.2}, {:.2} in the mean", q.radius_ratio_min, q.radius_ratio_mean),
+            format!(
+                "{angles}, radius ratio at least {:.2}, {:.2} in the mean",
+                q.radius_ratio_min, q.radius_ratio_mean
+            ),
         ));
     }
     if let Some(q) = &c.curved {
-        lines.push(("curved", format!("scaled Jacobian at least {:.2}", q.scaled_jacobian_min)));
+        lines.push((
+            "curved",
+            format!("scaled Jacobian at least {:.2}", q.scaled_jacobian_min),
+        ));
     }
     if let Some(t) = &c.triangles {
-        lines.push(("triangles", format!("angles {:.2} to {:.2} degrees", t.angle_min, t.angle_max)));
+        lines.push((
+            "triangles",
+            format!("angles {:.2} to {:.2} degrees", t.angle_min, t.angle_max),
+        ));
     }
     if let Some(d) = &c.deviation {
         let nodes = d.nodes.max.max(d.curves.max).max(d.mids.max);
         lines.push((
             "distance",
-            format!("nodes at most {}, faces at most {}, {} in the mean", brief(nodes), brief(d.faces.max), brief(d.faces.rms)),
+            format!(
+                "nodes at most {}, faces at most {}, {} in the mean",
+                brief(nodes),
+                brief(d.faces.max),
+                brief(d.faces.rms)
+            ),
         ));
     }
     if let Some(f) = &c.coverage {

@@ -96,44 +96,83 @@ const PHASES: [&str; 15] = [
 
 impl Phases {
     fn new(context: &Context) -> Self {
-        Self { started: Mutex::default(), progress: Progress::new(context) }
+        Self {
+            started: Mutex::default(),
+            progress: Progress::new(context),
+        }
     }
     fn enter(&self, phase: &str) {
-        self.started.lock().unwrap_or_else(PoisonError::into_inner).push((phase.to_owned(), Instant::now()));
+        self.started
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push((phase.to_owned(), Instant::now()));
         if let Some(i) = PHASES.iter().position(|p| *p == phase) {
             self.progress.show(phase, i as f64 / PHASES.len() as f64);
         }
     }
     /// Seconds of each; the last one lasts until now.
     fn seconds(self) -> Vec<(String, f64)> {
-        let started = self.started.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let ends = started.iter().skip(1).map(|s| s.1).chain(std::iter::once(Instant::now()));
-        let took = started.iter().zip(ends).map(|((name, start), end)| (name.clone(), (end - *start).as_secs_f64()));
+        let started = self
+            .started
+            .into_inner()
+            .unwrap_or_else(PoisonError::into_inner);
+        let ends = started
+            .iter()
+            .skip(1)
+            .map(|s| s.1)
+            .chain(std::iter::once(Instant::now()));
+        let took = started
+            .iter()
+            .zip(ends)
+            .map(|((name, start), end)| (name.clone(), (end - *start).as_secs_f64()));
         took.filter(|(name, _)| name != "done").collect()
     }
 }
 
 /// Meshes a model and certifies the mesh.
-pub(crate) fn make(subject: &Subject, settings: &Settings, given: Option<&Mesh>, context: &Context) -> Result<Made, Failure> {
+pub(crate) fn make(
+    subject: &Subject,
+    settings: &Settings,
+    given: Option<&Mesh>,
+    context: &Context,
+) -> Result<Made, Failure> {
     let name = &subject.name;
     let phases = Phases::new(context);
     phases.enter("model");
-    let (solid, is_run) = isoform::solid_of(&subject.model, &subject.values).map_err(|e| no_solid(&e, name))?;
+    let (solid, is_run) =
+        isoform::solid_of(&subject.model, &subject.values).map_err(|e| no_solid(&e, name))?;
     let solid = solid.as_ref();
     if is_run && settings.region.is_none() {
         // Nothing bounds such a program: the search for its box would have to look everywhere.
-        let message = format!("{name}: the program is no expression, so that its box cannot be found");
-        return Err(Failure::usage(message).why("a loop or an index depends on the point").hint("--box=-1,-1,-1,1,1,1 around it"));
+        let message =
+            format!("{name}: the program is no expression, so that its box cannot be found");
+        return Err(Failure::usage(message)
+            .why("a loop or an index depends on the point")
+            .hint("--box=-1,-1,-1,1,1,1 around it"));
     }
     let mut options = options(solid, settings, given).map_err(|e| failure(&e, name, None))?;
-    options.sizes = settings.sizes.as_deref().map(|path| sizes::read(path, context)).transpose()?;
-    if let Some(mesh) = given.filter(|m| m.tets.is_empty() && settings.size.is_none() && settings.sizes.is_none()) {
+    options.sizes = settings
+        .sizes
+        .as_deref()
+        .map(|path| sizes::read(path, context))
+        .transpose()?;
+    if let Some(mesh) =
+        given.filter(|m| m.tets.is_empty() && settings.size.is_none() && settings.sizes.is_none())
+    {
         // A surface keeps its smaller triangles where it has them.
         options.sizes = Some(own_sizes(mesh));
     }
     let show = |phase: &str| phases.enter(phase);
-    let control = Control { cancelled: Some(interrupt::watch()), deadline: context.deadline, progress: Some(&show) };
-    let limits = settings.angles.map_or(Limits::default(), |a| Limits { dihedral_min: a.0[0], dihedral_max: a.0[1], ..Limits::default() });
+    let control = Control {
+        cancelled: Some(interrupt::watch()),
+        deadline: context.deadline,
+        progress: Some(&show),
+    };
+    let limits = settings.angles.map_or(Limits::default(), |a| Limits {
+        dihedral_min: a.0[0],
+        dihedral_max: a.0[1],
+        ..Limits::default()
+    });
     let made = match given {
         Some(mesh) => certified_adaptation(mesh, solid, &options, limits, &control),
         None => certified_mesh(solid, &options, limits, &control),
@@ -159,7 +198,11 @@ pub(crate) fn make(subject: &Subject, settings: &Settings, given: Option<&Mesh>,
 /// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD systems do not stay.
 const LONGEST: f64 = 1.5;
 
-fn options(solid: &dyn Solid, settings: &Settings, given: Option<&Mesh>) -> Result<Options, MeshError> {
+fn options(
+    solid: &dyn Solid,
+    settings: &Settings,
+    given: Option<&Mesh>,
+) -> Result<Options, MeshError> {
     let usual = Options::default();
     Ok(Options {
         size: match (settings.size, given) {
@@ -174,7 +217,9 @@ fn options(solid: &dyn Solid, settings: &Settings, given: Option<&Mesh>) -> Resu
         surface_only: settings.surface_only,
         region: settings.region,
         angles: settings.angles.map_or(usual.angles, |a| a.0),
-        memory: settings.memory.map_or(usual.memory, |gib| (gib * f64::from(1 << 30)) as u64),
+        memory: settings
+            .memory
+            .map_or(usual.memory, |gib| (gib * f64::from(1 << 30)) as u64),
     })
 }
 
@@ -183,7 +228,10 @@ fn warnings(meshed: &Meshed, is_run: bool) -> Vec<Warning> {
     let mut warnings = meshed.warnings.clone();
     if is_run {
         let message = "the program is no expression: it was meshed as one smooth part, its edges are rounded and nothing is proved";
-        warnings.push(Warning { message: message.to_owned(), at: None });
+        warnings.push(Warning {
+            message: message.to_owned(),
+            at: None,
+        });
     }
     warnings
 }
@@ -197,7 +245,9 @@ fn notes(meshed: &Meshed) -> Vec<&'static str> {
         notes.push("nothing more of the solid was found far outside of its box, but that is not proved; --box says where to look");
     }
     if !meshed.features.certified {
-        notes.push("it is not proved that every feature curve was found; a smaller --size looks closer");
+        notes.push(
+            "it is not proved that every feature curve was found; a smaller --size looks closer",
+        );
     }
     notes
 }
@@ -205,13 +255,13 @@ fn notes(meshed: &Meshed) -> Vec<&'static str> {
 fn no_solid(error: &SolidError, name: &str) -> Failure {
     let message = format!("{name}: {error}");
     match error {
-        SolidError::NoSurface { inside: true } => {
-            Failure::new(NO_RESULT, "unbounded", message).hint("inside is where f >= 0: a sign, perhaps")
+        SolidError::NoSurface { inside: true } => Failure::new(NO_RESULT, "unbounded", message)
+            .hint("inside is where f >= 0: a sign, perhaps"),
+        SolidError::NoSurface { inside: false } => Failure::new(NO_RESULT, "empty", message)
+            .hint("inside is where f >= 0: a sign, or other --params"),
+        SolidError::Dimension { .. } => {
+            Failure::input("dimension", message).hint("--object with one of three coordinates")
         }
-        SolidError::NoSurface { inside: false } => {
-            Failure::new(NO_RESULT, "empty", message).hint("inside is where f >= 0: a sign, or other --params")
-        }
-        SolidError::Dimension { .. } => Failure::input("dimension", message).hint("--object with one of three coordinates"),
         _ => Failure::input("model", message),
     }
 }
@@ -220,32 +270,57 @@ fn no_solid(error: &SolidError, name: &str) -> Failure {
 fn failure(error: &MeshError, name: &str, options: Option<&Options>) -> Failure {
     let none = |code| Failure::new(NO_RESULT, code, format!("{name}: {error}"));
     match error {
-        MeshError::Extent(ExtentError::Empty { .. }) if options.is_some_and(|o| o.region.is_some()) => {
-            none("empty").why("nothing of it lies in the --box").hint("another --box, or none")
+        MeshError::Extent(ExtentError::Empty { .. })
+            if options.is_some_and(|o| o.region.is_some()) =>
+        {
+            none("empty")
+                .why("nothing of it lies in the --box")
+                .hint("another --box, or none")
         }
         MeshError::Extent(ExtentError::Empty { certified }) => {
-            let why = if *certified { "intervals prove f < 0 within a million units" } else { "no point with f >= 0 was found" };
-            none("empty").why(why).hint("other --params, or isoform eval to see values; inside is where f >= 0")
+            let why = if *certified {
+                "intervals prove f < 0 within a million units"
+            } else {
+                "no point with f >= 0 was found"
+            };
+            none("empty")
+                .why(why)
+                .hint("other --params, or isoform eval to see values; inside is where f >= 0")
         }
-        MeshError::Extent(ExtentError::Unbounded { .. }) => none("unbounded").hint("--box=-1,-1,-1,1,1,1 to cut it off there"),
-        MeshError::Extent(ExtentError::Start { .. }) => Failure::usage(format!("{name}: {error}")).hint("a smaller --box"),
-        MeshError::Option { name, .. } => Failure::usage(error.to_string()).hint(format!("--{name}")),
-        MeshError::Memory { size, needed, allowed } => {
+        MeshError::Extent(ExtentError::Unbounded { .. }) => {
+            none("unbounded").hint("--box=-1,-1,-1,1,1,1 to cut it off there")
+        }
+        MeshError::Extent(ExtentError::Start { .. }) => {
+            Failure::usage(format!("{name}: {error}")).hint("a smaller --box")
+        }
+        MeshError::Option { name, .. } => {
+            Failure::usage(error.to_string()).hint(format!("--{name}"))
+        }
+        MeshError::Memory {
+            size,
+            needed,
+            allowed,
+        } => {
             let fits = size * (*needed as f64 / (*allowed).max(1) as f64).cbrt();
             none("memory").hint(format!("--size {fits:.2}, or --memory with more GiB"))
         }
-        MeshError::NotANumber { at } => none("not-a-number").somewhere(*at).hint("--box around the part where it is one"),
+        MeshError::NotANumber { at } => none("not-a-number")
+            .somewhere(*at)
+            .hint("--box around the part where it is one"),
         MeshError::TooCoarse { .. } => none("too-coarse").hint(finer(options)),
-        MeshError::Input { .. } => {
-            Failure::input("mesh", format!("{name}: {error}")).hint("tetrahedra, or a closed surface of triangles, near the model")
+        MeshError::Input { .. } => Failure::input("mesh", format!("{name}: {error}"))
+            .hint("tetrahedra, or a closed surface of triangles, near the model"),
+        MeshError::Stopped if interrupt::happened() => {
+            Failure::new(interrupt::INTERRUPTED, "interrupted", error.to_string())
         }
-        MeshError::Stopped if interrupt::happened() => Failure::new(interrupt::INTERRUPTED, "interrupted", error.to_string()),
         MeshError::Stopped => none("time-limit").hint("a longer --time-limit, or a larger --size"),
     }
 }
 
 fn finer(options: Option<&Options>) -> String {
-    options.map_or("a smaller --size".to_owned(), |o| format!("--size {}", 0.5 * o.size))
+    options.map_or("a smaller --size".to_owned(), |o| {
+        format!("--size {}", 0.5 * o.size)
+    })
 }
 
 /// Where something is, in words.

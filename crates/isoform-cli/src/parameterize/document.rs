@@ -14,7 +14,13 @@ pub(super) fn patches(made: &Made) -> Vec<u8> {
 
 fn patch(p: &Parameterized) -> Value {
     let (m, n) = p.grown.patch.degree();
-    let rows: Vec<Value> = p.grown.patch.control().chunks(n + 1).map(|row| json!(row)).collect();
+    let rows: Vec<Value> = p
+        .grown
+        .patch
+        .control()
+        .chunks(n + 1)
+        .map(|row| json!(row))
+        .collect();
     json!({
         "degree": [m, n],
         "control": rows,
@@ -30,9 +36,26 @@ fn patch(p: &Parameterized) -> Value {
 pub(super) fn trace(grown: &Grown) -> String {
     let mut text = "phase,step,S,I,J,L,R,E,l1,l2,wJ,wL,wR,wE\n".to_owned();
     for (step, r) in grown.trace.iter().enumerate() {
-        let phase = if r.phase == Phase::Newton { "newton" } else { "grow" };
+        let phase = if r.phase == Phase::Newton {
+            "newton"
+        } else {
+            "grow"
+        };
         let (t, w) = (&r.terms, &r.weights);
-        let numbers = [r.sum, t.i, t.j, t.l, t.r, t.e, r.lengths.0, r.lengths.1, w.j, w.l, w.r, w.e];
+        let numbers = [
+            r.sum,
+            t.i,
+            t.j,
+            t.l,
+            t.r,
+            t.e,
+            r.lengths.0,
+            r.lengths.1,
+            w.j,
+            w.l,
+            w.r,
+            w.e,
+        ];
         text += &format!("{phase},{}", step + 1);
         for v in numbers {
             text += &format!(",{v:?}");
@@ -102,14 +125,35 @@ fn report(p: &Parameterized, made: &Made) -> Value {
 /// The surface that an exact patch lies on.
 fn entity(q: &Quadric) -> Value {
     match q {
-        Quadric::Plane { normal, offset } => json!({"kind": q.name(), "normal": normal, "offset": offset}),
-        Quadric::Sphere { center, radius } => json!({"kind": q.name(), "center": center, "radius": radius}),
-        Quadric::Cylinder { point, axis, radius } => json!({"kind": q.name(), "point": point, "axis": axis, "radius": radius}),
-        Quadric::Cone { apex, axis, half_angle } => json!({"kind": q.name(), "apex": apex, "axis": axis, "half_angle": half_angle}),
-        Quadric::Torus { center, axis, major, minor } => {
+        Quadric::Plane { normal, offset } => {
+            json!({"kind": q.name(), "normal": normal, "offset": offset})
+        }
+        Quadric::Sphere { center, radius } => {
+            json!({"kind": q.name(), "center": center, "radius": radius})
+        }
+        Quadric::Cylinder {
+            point,
+            axis,
+            radius,
+        } => json!({"kind": q.name(), "point": point, "axis": axis, "radius": radius}),
+        Quadric::Cone {
+            apex,
+            axis,
+            half_angle,
+        } => json!({"kind": q.name(), "apex": apex, "axis": axis, "half_angle": half_angle}),
+        Quadric::Torus {
+            center,
+            axis,
+            major,
+            minor,
+        } => {
             json!({"kind": q.name(), "center": center, "axis": axis, "major_radius": major, "minor_radius": minor})
         }
-        Quadric::Other { center, scale, coefficients } => {
+        Quadric::Other {
+            center,
+            scale,
+            coefficients,
+        } => {
             json!({"kind": q.name(), "center": center, "scale": scale, "coefficients": coefficients})
         }
     }

@@ -25,15 +25,27 @@ pub(super) fn targets(paths: &[impl AsRef<Path>]) -> Result<Vec<Target<'_>>, Fai
             targets.push(Target::Stdout);
             continue;
         }
-        let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        let ending = path
+            .extension()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .to_ascii_lowercase();
         targets.push(match ending.as_str() {
             "json" => Target::Json(path),
             "step" | "stp" => Target::Step(path),
             _ if meshes::is_mesh(path) => Target::Triangles(path),
             _ => {
-                let failure = Failure::usage(format!("{}: patches are not written with this ending", path.display()));
-                let why = format!("patches are written as json and step, and their triangles as {}", meshes::formats());
-                return Err(failure.why(why).hint("a name that ends in .json, .step, .obj, .ply or .glb"));
+                let failure = Failure::usage(format!(
+                    "{}: patches are not written with this ending",
+                    path.display()
+                ));
+                let why = format!(
+                    "patches are written as json and step, and their triangles as {}",
+                    meshes::formats()
+                );
+                return Err(failure
+                    .why(why)
+                    .hint("a name that ends in .json, .step, .obj, .ply or .glb"));
             }
         });
         output::check_folder(path)?;
@@ -42,7 +54,12 @@ pub(super) fn targets(paths: &[impl AsRef<Path>]) -> Result<Vec<Target<'_>>, Fai
 }
 
 /// Writes all files; gives back what is for stdout.
-pub(super) fn write(made: &mut Made, field: &dyn Field, targets: &[Target<'_>], args: &Args) -> Result<Vec<u8>, Failure> {
+pub(super) fn write(
+    made: &mut Made,
+    field: &dyn Field,
+    targets: &[Target<'_>],
+    args: &Args,
+) -> Result<Vec<u8>, Failure> {
     let (mut stdout, mut mesh) = (Vec::new(), None);
     for target in targets {
         let path = match target {
@@ -55,16 +72,34 @@ pub(super) fn write(made: &mut Made, field: &dyn Field, targets: &[Target<'_>], 
                 path
             }
             Target::Step(path) => {
-                let name = Path::new(&made.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                let options = StepOptions { units: args.units.clone(), name, time: None };
-                write_step_path(&step_faces(field, &made.patches), path, &options).map_err(|e| scan::unwritable(&e))?;
+                let name = Path::new(&made.name)
+                    .file_stem()
+                    .unwrap_or_default()
+                    .to_string_lossy()
+                    .into_owned();
+                let options = StepOptions {
+                    units: args.units.clone(),
+                    name,
+                    time: None,
+                };
+                write_step_path(&step_faces(field, &made.patches), path, &options)
+                    .map_err(|e| scan::unwritable(&e))?;
                 path
             }
             Target::Triangles(path) => {
-                let mesh = mesh.get_or_insert_with(|| patch_mesh(field, &made.patches, usize::from(args.grid)));
-                let options = MeshWriteOptions { units: args.units.clone(), ..MeshWriteOptions::default() };
-                let report = write_mesh_path(mesh, path, None, &options).map_err(|e| scan::unwritable(&e))?;
-                let told = report.warnings.into_iter().map(|w| format!("{}: {w}", path.display()));
+                let mesh = mesh.get_or_insert_with(|| {
+                    patch_mesh(field, &made.patches, usize::from(args.grid))
+                });
+                let options = MeshWriteOptions {
+                    units: args.units.clone(),
+                    ..MeshWriteOptions::default()
+                };
+                let report = write_mesh_path(mesh, path, None, &options)
+                    .map_err(|e| scan::unwritable(&e))?;
+                let told = report
+                    .warnings
+                    .into_iter()
+                    .map(|w| format!("{}: {w}", path.display()));
                 made.warnings.extend(told);
                 path
             }

@@ -12,7 +12,10 @@ use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use isoform::geom::{Aabb, Point3};
 use isoform::io::STEP_UNITS;
-use isoform::patch::{self, Error, Method, Options, Parameterized, cover, cover_parts, parameterize, parameterize_part};
+use isoform::patch::{
+    self, Error, Method, Options, Parameterized, cover, cover_parts, parameterize,
+    parameterize_part,
+};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -121,7 +124,10 @@ enum Inner {
 }
 
 fn at_least_one(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "a positive integer is expected".to_owned())
+    text.parse()
+        .ok()
+        .filter(|n| *n > 0)
+        .ok_or_else(|| "a positive integer is expected".to_owned())
 }
 
 fn degree(text: &str) -> Result<(usize, usize), String> {
@@ -134,7 +140,10 @@ fn degree(text: &str) -> Result<(usize, usize), String> {
 
 fn region(text: &str) -> Result<Aabb, String> {
     match output::numbers(text)?.as_slice() {
-        &[b] if b > 0.0 => Ok(Aabb { lo: [-b; 3], hi: [b; 3] }),
+        &[b] if b > 0.0 => Ok(Aabb {
+            lo: [-b; 3],
+            hi: [b; 3],
+        }),
         [_] => Err("a positive number is expected".to_owned()),
         _ => output::region(text),
     }
@@ -164,22 +173,40 @@ impl Made {
     /// What was asked for and is not so.
     fn failures(&self) -> Vec<String> {
         let mut list = Vec::new();
-        if let Some((covered, samples)) = self.coverage.filter(|(covered, samples)| (*covered as f64) < COVERED * *samples as f64) {
-            list.push(format!("{covered} of {samples} samples of the surface lie on a patch"));
+        if let Some((covered, samples)) = self
+            .coverage
+            .filter(|(covered, samples)| (*covered as f64) < COVERED * *samples as f64)
+        {
+            list.push(format!(
+                "{covered} of {samples} samples of the surface lie on a patch"
+            ));
         }
         for (i, p) in self.patches.iter().enumerate() {
             match p.distances.bound {
-                None => list.push(format!("patch {}: no bound on its distance from the surface could be proved", i + 1)),
+                None => list.push(format!(
+                    "patch {}: no bound on its distance from the surface could be proved",
+                    i + 1
+                )),
                 Some(b) if self.options.tolerance.is_some_and(|t| b > t) => {
-                    list.push(format!("patch {}: its distance is proved to be at most {b:e} only", i + 1));
+                    list.push(format!(
+                        "patch {}: its distance is proved to be at most {b:e} only",
+                        i + 1
+                    ));
                 }
                 Some(_) => {}
             }
             if self.options.tolerance.is_none() && !p.is_within_limit {
-                list.push(format!("patch {}: S is {:e}, above the bound", i + 1, p.grown.sum()));
+                list.push(format!(
+                    "patch {}: S is {:e}, above the bound",
+                    i + 1,
+                    p.grown.sum()
+                ));
             }
             if p.is_late {
-                list.push(format!("patch {}: the time was over before it was as large as it gets", i + 1));
+                list.push(format!(
+                    "patch {}: the time was over before it was as large as it gets",
+                    i + 1
+                ));
             }
             if self.options.exact && !p.is_exact {
                 list.push(format!("patch {}: it could not be made exact", i + 1));
@@ -202,17 +229,30 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         interrupt::watch();
         clock = Instant::now();
         let stop = || interrupt::happened() || context.is_late();
-        let threads = context.global.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
+        let threads = context.global.threads.map_or_else(
+            || std::thread::available_parallelism().map_or(1, usize::from),
+            usize::from,
+        );
         let made = match &subject.parts {
             Some(parts) => cover_parts(parts, &options, args.patches, threads, &stop),
-            None => cover(subject.field.as_ref(), &options, args.patches, threads, &stop),
+            None => cover(
+                subject.field.as_ref(),
+                &options,
+                args.patches,
+                threads,
+                &stop,
+            ),
         };
         let made = made.map_err(|e| failure(&e, &subject.name, &options))?;
         seconds.push(("cover", clock.elapsed().as_secs_f64()));
         (made.patches, Some((made.covered, made.samples)))
     } else {
         // The bound on S is of the whole function; a distance is from the surface, whatever its parts are.
-        let made = match subject.parts.as_ref().filter(|_| options.tolerance.is_some()) {
+        let made = match subject
+            .parts
+            .as_ref()
+            .filter(|_| options.tolerance.is_some())
+        {
             Some(parts) => parameterize_part(parts, &options),
             None => parameterize(subject.field.as_ref(), &options),
         };
@@ -220,7 +260,15 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         seconds.extend(patch.seconds.iter().copied());
         (vec![patch], None)
     };
-    let mut made = Made { name: subject.name, options, patches, coverage, warnings: subject.warnings, written: Vec::new(), seconds };
+    let mut made = Made {
+        name: subject.name,
+        options,
+        patches,
+        coverage,
+        warnings: subject.warnings,
+        written: Vec::new(),
+        seconds,
+    };
 
     clock = Instant::now();
     let stdout = files::write(&mut made, subject.field.as_ref(), &targets, args)?;
@@ -247,13 +295,20 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if !stdout.is_empty() {
         json["text"] = String::from_utf8_lossy(&stdout).into();
     }
-    let stdout = if stdout.is_empty() { table::text(&made).into_bytes() } else { stdout };
+    let stdout = if stdout.is_empty() {
+        table::text(&made).into_bytes()
+    } else {
+        stdout
+    };
     Ok(Outcome { exit, json, stdout })
 }
 
 fn options(args: &Args, context: &Context) -> Options {
     let b = HALF_WIDTH;
-    let region = args.region.unwrap_or(Aabb { lo: [-b; 3], hi: [b; 3] });
+    let region = args.region.unwrap_or(Aabb {
+        lo: [-b; 3],
+        hi: [b; 3],
+    });
     Options {
         seed_point: args.seed_point,
         seed: context.global.seed,
@@ -280,12 +335,18 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
     let none = |code| Failure::new(NO_RESULT, code, message.clone());
     match *error {
         Error::Degree(..) => Failure::usage(error.to_string()).hint("--degree 3,3"),
-        Error::Option { .. } | Error::Region => Failure::usage(error.to_string()).hint("a positive number"),
-        Error::NoSurface => {
-            none("empty").why("none of some thousand random places in it led to one").hint("another --box, or --seed-point")
+        Error::Option { .. } | Error::Region => {
+            Failure::usage(error.to_string()).hint("a positive number")
         }
+        Error::NoSurface => none("empty")
+            .why("none of some thousand random places in it led to one")
+            .hint("another --box, or --seed-point"),
         Error::FarSeed { at } => {
-            let hint = if options.seed_point.is_some() { "a point nearer to the surface, or a larger --box" } else { "another --seed" };
+            let hint = if options.seed_point.is_some() {
+                "a point nearer to the surface, or a larger --box"
+            } else {
+                "another --seed"
+            };
             none("far-seed")
                 .somewhere(at)
                 .why("Newton's method along the gradient does not come to the surface in the box from there")
@@ -295,11 +356,14 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
             .somewhere(at)
             .why("the gradient of the function vanishes there")
             .hint("another --seed-point, or a smaller --box"),
-        Error::NotFinite { at } => none("not-a-number").somewhere(at).hint("a --seed-point and a --box around the part where it is one"),
+        Error::NotFinite { at } => none("not-a-number")
+            .somewhere(at)
+            .hint("a --seed-point and a --box around the part where it is one"),
         Error::NoThirdDerivatives => none("derivatives").hint("--method gauss-newton"),
-        Error::NoPatch { at } => {
-            none("no-patch").somewhere(at).why("the surface is too curved, or not smooth, there").hint("another --seed-point")
-        }
+        Error::NoPatch { at } => none("no-patch")
+            .somewhere(at)
+            .why("the surface is too curved, or not smooth, there")
+            .hint("another --seed-point"),
     }
 }
 
@@ -313,8 +377,20 @@ mod tests {
         for bad in ["", "2", "2,3,4", "-1,2", "a,b", "2.5,1"] {
             assert!(degree(bad).is_err(), "{bad}");
         }
-        assert_eq!(region("0.5"), Ok(Aabb { lo: [-0.5; 3], hi: [0.5; 3] }));
-        assert_eq!(region("0,0,0,1,2,3"), Ok(Aabb { lo: [0.0; 3], hi: [1.0, 2.0, 3.0] }));
+        assert_eq!(
+            region("0.5"),
+            Ok(Aabb {
+                lo: [-0.5; 3],
+                hi: [0.5; 3]
+            })
+        );
+        assert_eq!(
+            region("0,0,0,1,2,3"),
+            Ok(Aabb {
+                lo: [0.0; 3],
+                hi: [1.0, 2.0, 3.0]
+            })
+        );
         for bad in ["0", "-1", "nan", "1,2", "1,1,1,0,0,0", ""] {
             assert!(region(bad).is_err(), "{bad}");
         }

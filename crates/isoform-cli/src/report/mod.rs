@@ -11,7 +11,9 @@ use std::fmt::Write;
 use svg::escaped;
 
 /// Colours of the phases, from dark to light.
-const PHASES: [&str; 8] = ["#2166ac", "#4393c3", "#92c5de", "#1b7837", "#7fbf7b", "#b2182b", "#f4a582", "#878787"];
+const PHASES: [&str; 8] = [
+    "#2166ac", "#4393c3", "#92c5de", "#1b7837", "#7fbf7b", "#b2182b", "#f4a582", "#878787",
+];
 
 /// A round number at or above: 1, 2, 5 times a power of ten.
 fn round_up(v: f64) -> f64 {
@@ -19,7 +21,11 @@ fn round_up(v: f64) -> f64 {
         return 1.0;
     }
     let power = 10_f64.powf(v.log10().floor());
-    [1.0, 2.0, 5.0, 10.0].iter().map(|m| m * power).find(|c| *c >= v * (1.0 - 1e-12)).unwrap_or(v)
+    [1.0, 2.0, 5.0, 10.0]
+        .iter()
+        .map(|m| m * power)
+        .find(|c| *c >= v * (1.0 - 1e-12))
+        .unwrap_or(v)
 }
 
 /// The deviation at which colours end.
@@ -36,8 +42,14 @@ struct Lengths {
 impl Lengths {
     fn of(job: &Job) -> Self {
         match millimetres(&job.unit.unit) {
-            Some(scale) => Self { scale, unit: "mm".to_owned() },
-            None => Self { scale: 1.0, unit: job.unit.unit.clone() },
+            Some(scale) => Self {
+                scale,
+                unit: "mm".to_owned(),
+            },
+            None => Self {
+                scale: 1.0,
+                unit: job.unit.unit.clone(),
+            },
         }
     }
     fn text(&self, v: f64) -> String {
@@ -48,7 +60,10 @@ impl Lengths {
 /// The page.
 pub(crate) fn page(job: &Job) -> String {
     let info = job.template.frep.model().info();
-    let title = info.title.clone().unwrap_or_else(|| job.template_name.clone());
+    let title = info
+        .title
+        .clone()
+        .unwrap_or_else(|| job.template_name.clone());
     let lengths = Lengths::of(job);
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -57,7 +72,15 @@ pub(crate) fn page(job: &Job) -> String {
         escaped(&job.scan),
         include_str!("style.css"),
         job.fit.n_points,
-        if job.unit.unit.is_empty() { String::new() } else { format!(", in {} ({})", escaped(&job.unit.unit), escaped(&job.unit.reason)) },
+        if job.unit.unit.is_empty() {
+            String::new()
+        } else {
+            format!(
+                ", in {} ({})",
+                escaped(&job.unit.unit),
+                escaped(&job.unit.reason)
+            )
+        },
     );
     html += &verdict_box(job);
     html += &figures(job, &lengths);
@@ -85,20 +108,41 @@ fn verdict_box(job: &Job) -> String {
     if let Some(first) = sentence.get(..1) {
         sentence = first.to_uppercase() + &sentence[1..];
     }
-    format!("<section class=\"verdict{class}\"><b>{word}</b><span>{}.</span></section>\n", escaped(&sentence))
+    format!(
+        "<section class=\"verdict{class}\"><b>{word}</b><span>{}.</span></section>\n",
+        escaped(&sentence)
+    )
 }
 
 fn figures(job: &Job, lengths: &Lengths) -> String {
     let fit = &job.fit;
-    let figure = |value: String, what: &str| format!("<div><strong>{value}</strong><span>{what}</span></div>");
-    let determined = fit.parameters.iter().filter(|p| p.status == isoform::fit::Status::Determined).count();
+    let figure = |value: String, what: &str| {
+        format!("<div><strong>{value}</strong><span>{what}</span></div>")
+    };
+    let determined = fit
+        .parameters
+        .iter()
+        .filter(|p| p.status == isoform::fit::Status::Determined)
+        .count();
     [
         "<div class=\"figures\">".to_owned(),
         figure(lengths.text(fit.rms), "rms of the points off the model"),
         figure(lengths.text(fit.noise), "noise, robust deviation"),
-        figure(format!("{determined} of {}", fit.parameters.len()), "parameters determined"),
-        figure(format!("{:.1} %", 100.0 * fit.model_to_data.share_uncovered), "of the surface without data"),
-        figure(format!("{:.1} %", 100.0 * fit.n_outliers as f64 / fit.n_points.max(1) as f64), "of the points are outliers"),
+        figure(
+            format!("{determined} of {}", fit.parameters.len()),
+            "parameters determined",
+        ),
+        figure(
+            format!("{:.1} %", 100.0 * fit.model_to_data.share_uncovered),
+            "of the surface without data",
+        ),
+        figure(
+            format!(
+                "{:.1} %",
+                100.0 * fit.n_outliers as f64 / fit.n_points.max(1) as f64
+            ),
+            "of the points are outliers",
+        ),
         "</div>\n".to_owned(),
     ]
     .concat()
@@ -131,9 +175,19 @@ fn parameters(job: &Job) -> String {
         if has_mm {
             let _ = write!(html, "<td class=\"n\">{}</td>", r.mm);
         }
-        let _ = write!(html, "<td><span class=\"status {0}\">{0}</span></td><td class=\"b\">{1}</td>", r.status, r.bounds);
+        let _ = write!(
+            html,
+            "<td><span class=\"status {0}\">{0}</span></td><td class=\"b\">{1}</td>",
+            r.status, r.bounds
+        );
         if has_text {
-            let _ = write!(html, "<td>{}</td>", infos.get(i).map_or(String::new(), |p| escaped(&p.description)));
+            let _ = write!(
+                html,
+                "<td>{}</td>",
+                infos
+                    .get(i)
+                    .map_or(String::new(), |p| escaped(&p.description))
+            );
         }
         html += "</tr>\n";
     }
@@ -145,30 +199,60 @@ fn notes(job: &Job) -> String {
     let fit = &job.fit;
     let mut items: Vec<String> = fit.undetermined.iter().map(|o| o.why.clone()).collect();
     items.extend(job.warnings.iter().cloned());
-    let mut dropped = format!("{} of {} points were used; {} are outliers", fit.n_used, fit.n_points, fit.n_outliers);
+    let mut dropped = format!(
+        "{} of {} points were used; {} are outliers",
+        fit.n_used, fit.n_points, fit.n_outliers
+    );
     if job.read.dropped_points > 0 {
-        let _ = write!(dropped, "; {} of the file's {} points are not finite and were left out", job.read.dropped_points, job.read.rows);
+        let _ = write!(
+            dropped,
+            "; {} of the file's {} points are not finite and were left out",
+            job.read.dropped_points, job.read.rows
+        );
     }
     if job.read.subsampled {
-        let _ = write!(dropped, "; the file's {} points were subsampled", job.read.rows);
+        let _ = write!(
+            dropped,
+            "; the file's {} points were subsampled",
+            job.read.rows
+        );
     }
     items.push(dropped);
-    let items: String = items.iter().map(|t| format!("<li>{}</li>", escaped(t))).collect();
+    let items: String = items
+        .iter()
+        .map(|t| format!("<li>{}</li>", escaped(t)))
+        .collect();
     format!("<section><h2>What to know</h2><ul>{items}</ul></section>\n")
 }
 
 fn maps(job: &Job, lengths: &Lengths) -> String {
     let fit = &job.fit;
     let limit = color_limit(fit);
-    let shown: Vec<f64> = job.deviation().iter().zip(&fit.outliers).map(|(d, out)| if *out { f64::NAN } else { *d }).collect();
-    let views = [(0, 2, "front: x across, z up"), (1, 2, "side: y across, z up"), (0, 1, "top: x across, y up")];
+    let shown: Vec<f64> = job
+        .deviation()
+        .iter()
+        .zip(&fit.outliers)
+        .map(|(d, out)| if *out { f64::NAN } else { *d })
+        .collect();
+    let views = [
+        (0, 2, "front: x across, z up"),
+        (1, 2, "side: y across, z up"),
+        (0, 1, "top: x across, y up"),
+    ];
     let figures: String = views
         .iter()
         .map(|(u, v, text)| {
-            format!("<figure>{}<figcaption>{text}</figcaption></figure>", svg::view(&job.cloud.points, &shown, limit, *u, *v))
+            format!(
+                "<figure>{}<figcaption>{text}</figcaption></figure>",
+                svg::view(&job.cloud.points, &shown, limit, *u, *v)
+            )
         })
         .collect();
-    let note = if fit.n_outliers > 0 { " Outliers are dark grey." } else { "" };
+    let note = if fit.n_outliers > 0 {
+        " Outliers are dark grey."
+    } else {
+        ""
+    };
     format!(
         "<section><h2>Deviation map</h2><div class=\"views\">{figures}</div>{}\
          <p class=\"lead\" style=\"margin:6px 0 0\">Signed distance of the points from the model: red lies outside, blue inside.{note}</p></section>\n",
@@ -178,13 +262,22 @@ fn maps(job: &Job, lengths: &Lengths) -> String {
 
 fn deviations(job: &Job, lengths: &Lengths) -> String {
     let fit = &job.fit;
-    let used: Vec<f64> =
-        job.deviation().iter().zip(&fit.outliers).filter(|(d, out)| !**out && d.is_finite()).map(|(d, _)| d * lengths.scale).collect();
+    let used: Vec<f64> = job
+        .deviation()
+        .iter()
+        .zip(&fit.outliers)
+        .filter(|(d, out)| !**out && d.is_finite())
+        .map(|(d, _)| d * lengths.scale)
+        .collect();
     let limit = round_up((1.4 * fit.data_to_model.p95).max(3.0 * fit.noise)) * lengths.scale;
     let limit = if limit > 0.0 { limit } else { 1.0 };
     let beyond = used.iter().filter(|v| v.abs() > limit).count();
     let (d, m) = (&fit.data_to_model, &fit.model_to_data);
-    let far = if beyond > 0 { format!(" {beyond} points lie beyond the axis.") } else { String::new() };
+    let far = if beyond > 0 {
+        format!(" {beyond} points lie beyond the axis.")
+    } else {
+        String::new()
+    };
     format!(
         "<section class=\"two\"><div><h2>Residuals</h2>{}<p class=\"lead\" style=\"margin:4px 0 0\">The curve is the normal law of the noise, {}.{far}</p></div>\
          <div><h2>Two-sided deviation</h2><table><tr><th></th><th class=\"n\">rms</th><th class=\"n\">95 % within</th><th class=\"n\">max</th></tr>\
@@ -205,8 +298,16 @@ fn deviations(job: &Job, lengths: &Lengths) -> String {
 
 fn parts(job: &Job, lengths: &Lengths) -> String {
     let stats = &job.fit.part_statistics;
-    let worst = stats.iter().map(|s| s.rms).fold(f64::MIN_POSITIVE, f64::max);
-    let digits = |v: f64| with_unit(&rounded(v * lengths.scale, 0.05 * worst * lengths.scale), &lengths.unit);
+    let worst = stats
+        .iter()
+        .map(|s| s.rms)
+        .fold(f64::MIN_POSITIVE, f64::max);
+    let digits = |v: f64| {
+        with_unit(
+            &rounded(v * lengths.scale, 0.05 * worst * lengths.scale),
+            &lengths.unit,
+        )
+    };
     let mut html = String::from(
         "<section><h2>By part of the model</h2><div class=\"wide\"><table><tr><th>part</th><th class=\"n\">points</th><th class=\"n\">rms</th>\
          <th style=\"width:28%\"></th><th class=\"n\">mean</th><th class=\"n\">max</th><th class=\"n\">without data</th></tr>\n",
@@ -224,11 +325,17 @@ fn parts(job: &Job, lengths: &Lengths) -> String {
             escaped(&s.name),
             s.count,
             100.0 * s.rms / worst,
-            s.uncovered.map(|u| format!("{:.1} %", 100.0 * u)).unwrap_or_default()
+            s.uncovered
+                .map(|u| format!("{:.1} %", 100.0 * u))
+                .unwrap_or_default()
         );
     }
     html += "</table></div>";
-    let left_out: Vec<&str> = stats.iter().filter(silent).map(|s| s.name.as_str()).collect();
+    let left_out: Vec<&str> = stats
+        .iter()
+        .filter(silent)
+        .map(|s| s.name.as_str())
+        .collect();
     if !left_out.is_empty() {
         let _ = write!(
             html,
@@ -245,27 +352,42 @@ fn convergence(job: &Job) -> String {
         runs.entry(step.start).or_default().push(step);
     }
     let is_searched = job.fit.starts > 1 || runs.len() > 1;
-    let polish: BTreeMap<usize, Vec<&Step>> =
-        runs.last_key_value().map(|(k, v)| (*k, v.clone())).into_iter().filter(|_| is_searched).collect();
+    let polish: BTreeMap<usize, Vec<&Step>> = runs
+        .last_key_value()
+        .map(|(k, v)| (*k, v.clone()))
+        .into_iter()
+        .filter(|_| is_searched)
+        .collect();
     if is_searched {
         runs.pop_last();
     }
     let last = |run: &[&Step]| run.last().map_or(f64::INFINITY, |s| s.rms);
-    let best = runs.iter().min_by(|a, b| last(a.1).total_cmp(&last(b.1))).map(|r| *r.0);
+    let best = runs
+        .iter()
+        .min_by(|a, b| last(a.1).total_cmp(&last(b.1)))
+        .map(|r| *r.0);
     let search = svg::convergence("Convergence of the search", &runs, best, "rms of f");
     let mut html = format!(
         "<section><h2>Convergence</h2><div class=\"two\"><div><h3>search, the model's own function, {} starts</h3>{search}</div>",
         job.fit.starts
     );
     if let Some((k, _)) = polish.first_key_value() {
-        let unit = if job.unit.unit.is_empty() { "rms distance".to_owned() } else { format!("rms distance in {}", job.unit.unit) };
+        let unit = if job.unit.unit.is_empty() {
+            "rms distance".to_owned()
+        } else {
+            format!("rms distance in {}", job.unit.unit)
+        };
         let _ = write!(
             html,
             "<div><h3>polish, distance to the surface</h3>{}</div>",
             svg::convergence("Convergence of the polish", &polish, Some(*k), &unit)
         );
     }
-    let _ = writeln!(html, "</div><p>{} of {} starts reached the best minimum.</p></section>", job.fit.hits, job.fit.starts);
+    let _ = writeln!(
+        html,
+        "</div><p>{} of {} starts reached the best minimum.</p></section>",
+        job.fit.hits, job.fit.starts
+    );
     html
 }
 
@@ -274,14 +396,30 @@ fn minima(job: &Job) -> String {
     if fit.other_minima.is_empty() {
         return String::new();
     }
-    let names = job.template.parameters().iter().map(|p| format!("<th class=\"n\">{}</th>", escaped(&p.name))).collect::<String>();
+    let names = job
+        .template
+        .parameters()
+        .iter()
+        .map(|p| format!("<th class=\"n\">{}</th>", escaped(&p.name)))
+        .collect::<String>();
     let row = |what: &str, sum: f64, hits: usize, values: &[f64]| {
-        let cells: String = values.iter().map(|v| format!("<td class=\"n\">{}</td>", brief(*v))).collect();
-        format!("<tr><td>{what}</td><td class=\"n\">{}</td><td class=\"n\">{hits}</td>{cells}</tr>", brief(sum / fit.sum_f2))
+        let cells: String = values
+            .iter()
+            .map(|v| format!("<td class=\"n\">{}</td>", brief(*v)))
+            .collect();
+        format!(
+            "<tr><td>{what}</td><td class=\"n\">{}</td><td class=\"n\">{hits}</td>{cells}</tr>",
+            brief(sum / fit.sum_f2)
+        )
     };
     let mut rows = row("<b>chosen</b>", fit.sum_f2, fit.hits, &job.values());
     for m in &fit.other_minima {
-        let values: Vec<f64> = m.parameters.iter().zip(&job.template.shift).map(|(v, s)| v + s).collect();
+        let values: Vec<f64> = m
+            .parameters
+            .iter()
+            .zip(&job.template.shift)
+            .map(|(v, s)| v + s)
+            .collect();
         rows += &row("other", m.sum_f2, m.hits, &values);
     }
     format!(
@@ -294,14 +432,26 @@ fn seconds(job: &Job) -> String {
     let (mut bar, mut key) = (String::new(), String::new());
     for (k, (phase, s)) in job.seconds.iter().enumerate() {
         let color = PHASES[k % PHASES.len()];
-        let _ = write!(bar, "<i style=\"width:{:.2}%;background:{color}\"></i>", 100.0 * s / total.max(f64::MIN_POSITIVE));
-        let _ = write!(key, "<span style=\"--c:{color}\">{phase} {} s</span>", rounded(*s, 0.01 * total));
+        let _ = write!(
+            bar,
+            "<i style=\"width:{:.2}%;background:{color}\"></i>",
+            100.0 * s / total.max(f64::MIN_POSITIVE)
+        );
+        let _ = write!(
+            key,
+            "<span style=\"--c:{color}\">{phase} {} s</span>",
+            rounded(*s, 0.01 * total)
+        );
     }
-    format!("<section><h2>Time</h2><div class=\"stack\">{bar}</div><div class=\"key\">{key}</div></section>\n")
+    format!(
+        "<section><h2>Time</h2><div class=\"stack\">{bar}</div><div class=\"key\">{key}</div></section>\n"
+    )
 }
 
 fn again(job: &Job) -> String {
-    let command: Vec<String> = std::env::args().map(|a| if a.contains(' ') { format!("'{a}'") } else { a }).collect();
+    let command: Vec<String> = std::env::args()
+        .map(|a| if a.contains(' ') { format!("'{a}'") } else { a })
+        .collect();
     format!(
         "<section><h2>To do it again</h2><p>Method {}, loss {}, seed {}, isoform {}. The result does not depend on the number of threads.</p><pre>{}</pre>\
          <details><summary>The fitted model, HyperFun</summary><pre>{}</pre></details></section>\n",
@@ -320,6 +470,9 @@ mod tests {
 
     #[test]
     fn round_numbers() {
-        assert_eq!([0.3, 1.0, 2.1, 70.0, 0.0].map(round_up), [0.5, 1.0, 5.0, 100.0, 1.0]);
+        assert_eq!(
+            [0.3, 1.0, 2.1, 70.0, 0.0].map(round_up),
+            [0.5, 1.0, 5.0, 100.0, 1.0]
+        );
     }
 }

@@ -17,7 +17,10 @@ const MOST_DOTS: usize = 6000;
 
 /// Text that is safe between tags and in attributes.
 pub(crate) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
 }
 
 /// A linear axis over a span of pixels.
@@ -31,13 +34,27 @@ struct Scale {
 
 impl Scale {
     fn horizontal(lo: f64, hi: f64) -> Self {
-        Self { from: MARGIN[0], to: WIDTH - MARGIN[1], lo, hi }
+        Self {
+            from: MARGIN[0],
+            to: WIDTH - MARGIN[1],
+            lo,
+            hi,
+        }
     }
     fn vertical(lo: f64, hi: f64) -> Self {
-        Self { from: HEIGHT - MARGIN[3], to: MARGIN[2], lo, hi }
+        Self {
+            from: HEIGHT - MARGIN[3],
+            to: MARGIN[2],
+            lo,
+            hi,
+        }
     }
     fn at(&self, v: f64) -> f64 {
-        let share = if self.hi > self.lo { (v - self.lo) / (self.hi - self.lo) } else { 0.5 };
+        let share = if self.hi > self.lo {
+            (v - self.lo) / (self.hi - self.lo)
+        } else {
+            0.5
+        };
         self.from + (self.to - self.from) * share
     }
     /// Round numbers within the axis, some five of them.
@@ -49,7 +66,9 @@ impl Scale {
         let step = super::round_up(rough);
         let first = (self.lo / step).ceil() as i64;
         let last = (self.hi / step + 1e-9).floor() as i64;
-        (first..=last.min(first + 20)).map(|k| k as f64 * step).collect()
+        (first..=last.min(first + 20))
+            .map(|k| k as f64 * step)
+            .collect()
     }
 }
 
@@ -66,63 +85,138 @@ fn label(v: f64, step: f64) -> String {
 }
 
 fn frame(title: &str, body: &str) -> String {
-    format!("<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\">{body}</svg>", escaped(title))
+    format!(
+        "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\">{body}</svg>",
+        escaped(title)
+    )
 }
 
 fn x_axis(svg: &mut String, x: Scale, name: &str) {
     let bottom = HEIGHT - MARGIN[3];
-    let _ = write!(svg, "<line class=\"axis\" x1=\"{}\" x2=\"{}\" y1=\"{bottom}\" y2=\"{bottom}\"/>", x.from, x.to);
+    let _ = write!(
+        svg,
+        "<line class=\"axis\" x1=\"{}\" x2=\"{}\" y1=\"{bottom}\" y2=\"{bottom}\"/>",
+        x.from, x.to
+    );
     let ticks = x.ticks();
     let step = ticks.get(1).map_or(1.0, |t| t - ticks[0]);
     for t in ticks {
-        let _ = write!(svg, "<text x=\"{:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>", x.at(t), bottom + 15.0, label(t, step));
+        let _ = write!(
+            svg,
+            "<text x=\"{:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
+            x.at(t),
+            bottom + 15.0,
+            label(t, step)
+        );
     }
-    let _ = write!(svg, "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>", 0.5 * (x.from + x.to), HEIGHT - 4.0, escaped(name));
+    let _ = write!(
+        svg,
+        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
+        0.5 * (x.from + x.to),
+        HEIGHT - 4.0,
+        escaped(name)
+    );
 }
 
 /// Root mean squares over evaluations, one line per run, the vertical axis logarithmic; the run `best` is drawn strong.
-pub(crate) fn convergence(title: &str, runs: &BTreeMap<usize, Vec<&Step>>, best: Option<usize>, unit: &str) -> String {
+pub(crate) fn convergence(
+    title: &str,
+    runs: &BTreeMap<usize, Vec<&Step>>,
+    best: Option<usize>,
+    unit: &str,
+) -> String {
     let log = |v: f64| v.max(1e-300).log10();
-    let all = || runs.values().flatten().filter(|s| s.rms > 0.0 && s.rms.is_finite());
+    let all = || {
+        runs.values()
+            .flatten()
+            .filter(|s| s.rms > 0.0 && s.rms.is_finite())
+    };
     // Steps count from the first of their run; the stages of a polish each count anew.
-    let most = runs.values().map(|r| r.len().saturating_sub(1)).max().unwrap_or(1).max(1);
-    let (lo, hi) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), s| (l.min(log(s.rms)), h.max(log(s.rms))));
+    let most = runs
+        .values()
+        .map(|r| r.len().saturating_sub(1))
+        .max()
+        .unwrap_or(1)
+        .max(1);
+    let (lo, hi) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), s| {
+        (l.min(log(s.rms)), h.max(log(s.rms)))
+    });
     if lo > hi {
         return String::new();
     }
     // Runs to nought end in rounding, which is not worth the paper.
     let (lo, hi) = (lo.max(hi - 14.0), if hi - lo < 0.2 { lo + 0.2 } else { hi });
-    let (x, y) = (Scale::horizontal(0.0, most as f64), Scale::vertical(lo - 0.05, hi + 0.05));
+    let (x, y) = (
+        Scale::horizontal(0.0, most as f64),
+        Scale::vertical(lo - 0.05, hi + 0.05),
+    );
     let mut svg = String::new();
     x_axis(&mut svg, x, "step");
     let whole = (lo.ceil() as i32)..=(hi.floor() as i32);
     let every = (whole.clone().count() / 6 + 1) as i32;
-    let mut marks: Vec<(f64, String)> = whole.filter(|k| k % every == 0).map(|k| (f64::from(k), format!("{:e}", 10_f64.powi(k)))).collect();
+    let mut marks: Vec<(f64, String)> = whole
+        .filter(|k| k % every == 0)
+        .map(|k| (f64::from(k), format!("{:e}", 10_f64.powi(k))))
+        .collect();
     if marks.len() < 2 {
-        marks = (0..4).map(|k| lo + (hi - lo) * f64::from(k) / 3.0).map(|v| (v, format!("{:.2e}", 10_f64.powf(v)))).collect();
+        marks = (0..4)
+            .map(|k| lo + (hi - lo) * f64::from(k) / 3.0)
+            .map(|v| (v, format!("{:.2e}", 10_f64.powf(v))))
+            .collect();
     }
     for (v, text) in marks {
         let at = y.at(v);
-        let _ = write!(svg, "<line class=\"axis\" x1=\"{}\" x2=\"{}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>", x.from, x.to);
-        let _ = write!(svg, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>", MARGIN[0] - 6.0, at + 4.0);
+        let _ = write!(
+            svg,
+            "<line class=\"axis\" x1=\"{}\" x2=\"{}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>",
+            x.from, x.to
+        );
+        let _ = write!(
+            svg,
+            "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>",
+            MARGIN[0] - 6.0,
+            at + 4.0
+        );
     }
     let mut line = |run: &[&Step], class: &str| {
         let points: Vec<String> = run
             .iter()
             .enumerate()
             .filter(|(_, s)| s.rms.is_finite())
-            .map(|(k, s)| format!("{:.1},{:.1}", x.at(k as f64), y.at(log(s.rms).clamp(lo - 0.05, hi + 0.05))))
+            .map(|(k, s)| {
+                format!(
+                    "{:.1},{:.1}",
+                    x.at(k as f64),
+                    y.at(log(s.rms).clamp(lo - 0.05, hi + 0.05))
+                )
+            })
             .collect();
-        let _ = write!(svg, "<polyline class=\"{class}\" points=\"{}\"/>", points.join(" "));
+        let _ = write!(
+            svg,
+            "<polyline class=\"{class}\" points=\"{}\"/>",
+            points.join(" ")
+        );
         if let (1, Some(p)) = (points.len(), points[0].split_once(',')) {
-            let _ = write!(svg, "<circle class=\"column\" cx=\"{}\" cy=\"{}\" r=\"3\"/>", p.0, p.1);
+            let _ = write!(
+                svg,
+                "<circle class=\"column\" cx=\"{}\" cy=\"{}\" r=\"3\"/>",
+                p.0, p.1
+            );
         }
     };
-    runs.iter().filter(|(k, _)| Some(**k) != best).for_each(|(_, run)| line(run, "run"));
+    runs.iter()
+        .filter(|(k, _)| Some(**k) != best)
+        .for_each(|(_, run)| line(run, "run"));
     if let Some(run) = best.and_then(|k| runs.get(&k)) {
         line(run, "best");
     }
-    let _ = write!(svg, "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>", WIDTH - MARGIN[1], MARGIN[2] + 8.0, escaped(unit));
+    let _ = write!(
+        svg,
+        "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>",
+        WIDTH - MARGIN[1],
+        MARGIN[2] + 8.0,
+        escaped(unit)
+    );
     frame(title, &svg)
 }
 
@@ -132,19 +226,40 @@ pub(crate) fn histogram(values: &[f64], noise: f64, limit: f64, unit: &str) -> S
     let mut counts = [0_usize; COLUMNS];
     let inside = values.iter().filter(|v| v.abs() <= limit);
     for v in inside {
-        counts[(((v + limit) / (2.0 * limit)) * COLUMNS as f64).min(COLUMNS as f64 - 1.0) as usize] += 1;
+        counts[(((v + limit) / (2.0 * limit)) * COLUMNS as f64).min(COLUMNS as f64 - 1.0)
+            as usize] += 1;
     }
     let width = 2.0 * limit / COLUMNS as f64;
-    let normal = |v: f64| values.len() as f64 * width / (noise * std::f64::consts::TAU.sqrt()) * (-0.5 * (v / noise).powi(2)).exp();
+    let normal = |v: f64| {
+        values.len() as f64 * width / (noise * std::f64::consts::TAU.sqrt())
+            * (-0.5 * (v / noise).powi(2)).exp()
+    };
     let has_curve = noise > 0.02 * limit;
     let most = counts.iter().copied().max().unwrap_or(0).max(1) as f64;
-    let top = if has_curve { most.max(normal(0.0)) } else { most };
-    let (x, y) = (Scale::horizontal(-limit, limit), Scale::vertical(0.0, 1.05 * top));
+    let top = if has_curve {
+        most.max(normal(0.0))
+    } else {
+        most
+    };
+    let (x, y) = (
+        Scale::horizontal(-limit, limit),
+        Scale::vertical(0.0, 1.05 * top),
+    );
     let mut svg = String::new();
     for t in y.ticks() {
         let at = y.at(t);
-        let _ = write!(svg, "<line class=\"axis\" x1=\"{}\" x2=\"{}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>", x.from, x.to);
-        let _ = write!(svg, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>", MARGIN[0] - 6.0, at + 4.0, label(t, 1.0));
+        let _ = write!(
+            svg,
+            "<line class=\"axis\" x1=\"{}\" x2=\"{}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>",
+            x.from, x.to
+        );
+        let _ = write!(
+            svg,
+            "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+            MARGIN[0] - 6.0,
+            at + 4.0,
+            label(t, 1.0)
+        );
     }
     for (k, count) in counts.iter().enumerate().filter(|(_, c)| **c > 0) {
         let from = x.at(-limit + k as f64 * width);
@@ -162,17 +277,50 @@ pub(crate) fn histogram(values: &[f64], noise: f64, limit: f64, unit: &str) -> S
             .map(|k| -limit + 2.0 * limit * f64::from(k) / 120.0)
             .map(|v| format!("{:.1},{:.1}", x.at(v), y.at(normal(v))))
             .collect();
-        let _ = write!(svg, "<polyline class=\"curve\" points=\"{}\"/>", points.join(" "));
+        let _ = write!(
+            svg,
+            "<polyline class=\"curve\" points=\"{}\"/>",
+            points.join(" ")
+        );
     }
-    let _ = write!(svg, "<line class=\"zero\" x1=\"{0:.1}\" x2=\"{0:.1}\" y1=\"{1}\" y2=\"{2}\"/>", x.at(0.0), y.from, y.to);
-    x_axis(&mut svg, x, &format!("deviation{}, outside positive", if unit.is_empty() { String::new() } else { format!(" in {unit}") }));
+    let _ = write!(
+        svg,
+        "<line class=\"zero\" x1=\"{0:.1}\" x2=\"{0:.1}\" y1=\"{1}\" y2=\"{2}\"/>",
+        x.at(0.0),
+        y.from,
+        y.to
+    );
+    x_axis(
+        &mut svg,
+        x,
+        &format!(
+            "deviation{}, outside positive",
+            if unit.is_empty() {
+                String::new()
+            } else {
+                format!(" in {unit}")
+            }
+        ),
+    );
     frame("Histogram of deviations", &svg)
 }
 
 /// The points seen along one axis, coloured by deviation; `NaN` is an outlier. Axes are the indices across and up.
-pub(crate) fn view(points: &[Point3], deviation: &[f64], limit: f64, across: usize, up: usize) -> String {
+pub(crate) fn view(
+    points: &[Point3],
+    deviation: &[f64],
+    limit: f64,
+    across: usize,
+    up: usize,
+) -> String {
     const SIZE: f64 = 300.0;
-    let data = Aabb::of(points.iter().zip(deviation).filter(|(_, d)| !d.is_nan()).map(|(p, _)| p));
+    let data = Aabb::of(
+        points
+            .iter()
+            .zip(deviation)
+            .filter(|(_, d)| !d.is_nan())
+            .map(|(p, _)| p),
+    );
     let (center, size) = (data.center(), data.size());
     let scale = 0.9 * SIZE / size[across].max(size[up]).max(f64::MIN_POSITIVE);
     // All three views show the same scale when the largest side decides.
@@ -181,18 +329,25 @@ pub(crate) fn view(points: &[Point3], deviation: &[f64], limit: f64, across: usi
     let shown: Vec<usize> = (0..points.len()).step_by(stride).collect();
     let mut shades = vec![String::new(); SHADES + 1];
     for &i in &shown {
-        let (u, v) = (0.5 * SIZE + scale * (points[i][across] - center[across]), 0.5 * SIZE - scale * (points[i][up] - center[up]));
+        let (u, v) = (
+            0.5 * SIZE + scale * (points[i][across] - center[across]),
+            0.5 * SIZE - scale * (points[i][up] - center[up]),
+        );
         if !(0.0..=SIZE).contains(&u) || !(0.0..=SIZE).contains(&v) {
             continue;
         }
         let shade = if deviation[i].is_nan() {
             SHADES
         } else {
-            ((deviation[i] / limit).clamp(-1.0, 1.0) * 0.5 + 0.5).mul_add((SHADES - 1) as f64, 0.5) as usize
+            ((deviation[i] / limit).clamp(-1.0, 1.0) * 0.5 + 0.5).mul_add((SHADES - 1) as f64, 0.5)
+                as usize
         };
         let _ = write!(shades[shade.min(SHADES)], "M{u:.1} {v:.1}h0");
     }
-    let middle: Vec<f64> = (0..SHADES).map(|k| limit * (2.0 * k as f64 / (SHADES - 1) as f64 - 1.0)).chain([f64::NAN]).collect();
+    let middle: Vec<f64> = (0..SHADES)
+        .map(|k| limit * (2.0 * k as f64 / (SHADES - 1) as f64 - 1.0))
+        .chain([f64::NAN])
+        .collect();
     let colors = deviation_colors(&middle, limit);
     let mut order: Vec<usize> = (0..SHADES).collect();
     // The worst on top, outliers at the bottom.
@@ -202,7 +357,11 @@ pub(crate) fn view(points: &[Point3], deviation: &[f64], limit: f64, across: usi
     let dot = if shown.len() > 3000 { 2.2 } else { 3.0 };
     for k in order.into_iter().filter(|k| !shades[*k].is_empty()) {
         let [r, g, b] = if k == SHADES { [40, 44, 50] } else { colors[k] };
-        let _ = write!(svg, "<path class=\"dot\" stroke=\"#{r:02x}{g:02x}{b:02x}\" stroke-width=\"{dot}\" d=\"{}\"/>", shades[k]);
+        let _ = write!(
+            svg,
+            "<path class=\"dot\" stroke=\"#{r:02x}{g:02x}{b:02x}\" stroke-width=\"{dot}\" d=\"{}\"/>",
+            shades[k]
+        );
     }
     let name = |k: usize| ["x", "y", "z"][k];
     format!(
@@ -215,19 +374,39 @@ pub(crate) fn view(points: &[Point3], deviation: &[f64], limit: f64, across: usi
 /// The bar of colours from −limit to +limit.
 pub(crate) fn color_bar(limit: f64, unit: &str) -> String {
     const W: f64 = 460.0;
-    let stops: Vec<f64> = (0..SHADES).map(|k| limit * (2.0 * k as f64 / (SHADES - 1) as f64 - 1.0)).collect();
+    let stops: Vec<f64> = (0..SHADES)
+        .map(|k| limit * (2.0 * k as f64 / (SHADES - 1) as f64 - 1.0))
+        .collect();
     let mut svg = String::from("<defs><linearGradient id=\"rdbu\">");
     for (k, [r, g, b]) in deviation_colors(&stops, limit).into_iter().enumerate() {
-        let _ = write!(svg, "<stop offset=\"{:.3}\" stop-color=\"#{r:02x}{g:02x}{b:02x}\"/>", k as f64 / (SHADES - 1) as f64);
+        let _ = write!(
+            svg,
+            "<stop offset=\"{:.3}\" stop-color=\"#{r:02x}{g:02x}{b:02x}\"/>",
+            k as f64 / (SHADES - 1) as f64
+        );
     }
-    let _ =
-        write!(svg, "</linearGradient></defs><rect x=\"40\" y=\"2\" width=\"{}\" height=\"11\" rx=\"3\" fill=\"url(#rdbu)\"/>", W - 80.0);
-    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    let _ = write!(
+        svg,
+        "</linearGradient></defs><rect x=\"40\" y=\"2\" width=\"{}\" height=\"11\" rx=\"3\" fill=\"url(#rdbu)\"/>",
+        W - 80.0
+    );
+    let unit = if unit.is_empty() {
+        String::new()
+    } else {
+        format!(" {unit}")
+    };
     for share in [-1.0, -0.5, 0.0, 0.5, 1.0] {
         let sign = if share > 0.0 { "+" } else { "" };
         let at = 40.0 + (W - 80.0) * (0.5 + 0.5 * share);
-        let text = if share == 0.0 { "0".to_owned() } else { format!("{sign}{}{unit}", share * limit) };
-        let _ = write!(svg, "<text x=\"{at}\" y=\"28\" text-anchor=\"middle\">{text}</text>");
+        let text = if share == 0.0 {
+            "0".to_owned()
+        } else {
+            format!("{sign}{}{unit}", share * limit)
+        };
+        let _ = write!(
+            svg,
+            "<text x=\"{at}\" y=\"28\" text-anchor=\"middle\">{text}</text>"
+        );
     }
     format!(
         "<svg viewBox=\"0 0 {W} 32\" style=\"max-width:{W}px;margin-top:10px\" role=\"img\" aria-label=\"colours of deviations\">{svg}</svg>"

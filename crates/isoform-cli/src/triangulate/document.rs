@@ -2,7 +2,9 @@
 
 use super::Made;
 use isoform::algebra::CurveTopology;
-use isoform::tess::{Analysis, BasePoint, CurveKind, DoubleArc, Kind, Mode, RealPart, Surface, VARIABLES};
+use isoform::tess::{
+    Analysis, BasePoint, CurveKind, DoubleArc, Kind, Mode, RealPart, Surface, VARIABLES,
+};
 use serde_json::{Map, Value, json};
 
 /// The name of a way to treat sheets that cross.
@@ -16,7 +18,11 @@ pub(super) fn mode(mode: Mode) -> &'static str {
 /// What --json prints: the report, and what was asked for and made.
 pub(super) fn document(made: &Made) -> Value {
     let (options, topology) = (&made.options, &made.topology);
-    let files: Vec<Value> = made.written.iter().map(|w| json!({"path": w.path, "format": w.format, "warnings": w.warnings})).collect();
+    let files: Vec<Value> = made
+        .written
+        .iter()
+        .map(|w| json!({"path": w.path, "format": w.format, "warnings": w.warnings}))
+        .collect();
     let mut json = json!({
         "ok": made.is_certified(),
         "verb": "triangulate",
@@ -58,12 +64,14 @@ fn report(made: &Made) -> Value {
     let surface = &made.surface;
     let all = || made.analyses.iter();
     // What is unknown is among the unproven, or not in the domain.
-    let pole = all().filter_map(|a| a.pole_topology).fold(CurveTopology::default(), |a, b| CurveTopology {
-        ovals: a.ovals + b.ovals,
-        pseudolines: a.pseudolines + b.pseudolines,
-        singular: a.singular + b.singular,
-        isolated: a.isolated + b.isolated,
-    });
+    let pole = all()
+        .filter_map(|a| a.pole_topology)
+        .fold(CurveTopology::default(), |a, b| CurveTopology {
+            ovals: a.ovals + b.ovals,
+            pseudolines: a.pseudolines + b.pseudolines,
+            singular: a.singular + b.singular,
+            isolated: a.isolated + b.isolated,
+        });
     let mut json = json!({
         "certified": made.is_certified(),
         "unproven": surface.unproven,
@@ -100,7 +108,9 @@ fn double_arc(arc: &DoubleArc) -> Value {
 pub(super) fn contracted(analysis: &Analysis) -> Vec<(String, Option<[f64; 3]>)> {
     let mut list = Vec::new();
     for c in analysis.singular.iter().flat_map(|s| &s.curves) {
-        let (CurveKind::Contracted(to), RealPart::Curve) = (&c.kind, &c.real) else { continue };
+        let (CurveKind::Contracted(to), RealPart::Curve) = (&c.kind, &c.real) else {
+            continue;
+        };
         for [x, y, z, _] in to.points() {
             let at = (!to.at_infinity()).then(|| [x, y, z].map(|v| v.to_f64()));
             list.push((c.curve.display(&VARIABLES).to_string(), at));
@@ -112,7 +122,8 @@ pub(super) fn contracted(analysis: &Analysis) -> Vec<(String, Option<[f64; 3]>)>
 /// The sidecar: charts and corners by triangle, kinds by vertex, in the order of the mesh.
 pub(super) fn sidecar(surface: &Surface) -> Vec<u8> {
     let kinds: Vec<&str> = surface.kinds.iter().map(|&k| kind(k)).collect();
-    let mut json = json!({"schema": 1, "chart": surface.charts, "corners": surface.corners, "kind": kinds});
+    let mut json =
+        json!({"schema": 1, "chart": surface.charts, "corners": surface.corners, "kind": kinds});
     if !surface.patches.is_empty() {
         json["patch"] = json!(surface.patches);
     }

@@ -43,12 +43,19 @@ pub(super) fn svg(made: &Made) -> String {
     let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     let sides = |t: usize| {
         let n = surface.triangles[t];
-        [0, 1, 2].map(|k| ([n[k].min(n[(k + 1) % 3]), n[k].max(n[(k + 1) % 3])], [k, (k + 1) % 3]))
+        [0, 1, 2].map(|k| {
+            (
+                [n[k].min(n[(k + 1) % 3]), n[k].max(n[(k + 1) % 3])],
+                [k, (k + 1) % 3],
+            )
+        })
     };
     for (t, (&chart, corners)) in surface.charts.iter().zip(&surface.corners).enumerate() {
         let [a, b, c] = corners.map(|p| pair(place(chart.into(), p)));
         let _ = writeln!(triangles[usize::from(chart)], "M{a}L{b}L{c}z");
-        sides(t).iter().for_each(|(edge, _)| *uses.entry(*edge).or_default() += 1);
+        sides(t)
+            .iter()
+            .for_each(|(edge, _)| *uses.entry(*edge).or_default() += 1);
     }
     let (mut open, mut double) = (String::new(), String::new());
     for (t, (&chart, corners)) in surface.charts.iter().zip(&surface.corners).enumerate() {
@@ -68,23 +75,57 @@ pub(super) fn svg(made: &Made) -> String {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"{} {} {width} {height}\" width=\"{width}\" height=\"{height}\">\n",
         -HALF, -HALF
     );
-    let _ = writeln!(svg, "<title>Parameters of {}</title>\n<style>{STYLE}</style>", escaped(&made.name));
-    let _ = writeln!(svg, "<rect x=\"{}\" y=\"{}\" width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>", -HALF, -HALF);
-    let _ = writeln!(svg, "<path class=\"plane\" d=\"M{RADIUS} 0L0 {RADIUS}L-{RADIUS} 0L0 -{RADIUS}z\"/>");
-    for (path, tint) in triangles.iter().zip(TINTS).filter(|(path, _)| !path.is_empty()) {
+    let _ = writeln!(
+        svg,
+        "<title>Parameters of {}</title>\n<style>{STYLE}</style>",
+        escaped(&made.name)
+    );
+    let _ = writeln!(
+        svg,
+        "<rect x=\"{}\" y=\"{}\" width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>",
+        -HALF, -HALF
+    );
+    let _ = writeln!(
+        svg,
+        "<path class=\"plane\" d=\"M{RADIUS} 0L0 {RADIUS}L-{RADIUS} 0L0 -{RADIUS}z\"/>"
+    );
+    for (path, tint) in triangles
+        .iter()
+        .zip(TINTS)
+        .filter(|(path, _)| !path.is_empty())
+    {
         let _ = writeln!(svg, "<path class=\"mesh\" fill=\"{tint}\" d=\"{path}\"/>");
     }
-    let _ = writeln!(svg, "<path class=\"axis\" d=\"M-{RADIUS} 0L{RADIUS} 0M0 -{RADIUS}L0 {RADIUS}\"/>");
+    let _ = writeln!(
+        svg,
+        "<path class=\"axis\" d=\"M-{RADIUS} 0L{RADIUS} 0M0 -{RADIUS}L0 {RADIUS}\"/>"
+    );
     for (class, path) in [("edge", &open), ("double", &double)] {
         if !path.is_empty() {
             let _ = writeln!(svg, "<path class=\"{class}\" d=\"{path}\"/>");
         }
     }
-    let base_points = || made.analyses.iter().filter_map(|a| a.base_points.as_ref()).flatten();
+    let base_points = || {
+        made.analyses
+            .iter()
+            .filter_map(|a| a.base_points.as_ref())
+            .flatten()
+    };
     for at in base_points().flat_map(|b| spots(b.to_f64())) {
-        let _ = writeln!(svg, "<circle class=\"base\" cx=\"{}\" cy=\"{}\" r=\"4.5\"/>", at[0], at[1]);
+        let _ = writeln!(
+            svg,
+            "<circle class=\"base\" cx=\"{}\" cy=\"{}\" r=\"4.5\"/>",
+            at[0], at[1]
+        );
     }
-    labels(&mut svg, [!open.is_empty(), !double.is_empty(), base_points().next().is_some()]);
+    labels(
+        &mut svg,
+        [
+            !open.is_empty(),
+            !double.is_empty(),
+            base_points().next().is_some(),
+        ],
+    );
     svg += "</svg>\n";
     svg
 }
@@ -93,21 +134,38 @@ pub(super) fn svg(made: &Made) -> String {
 fn spots(point: [f64; 3]) -> Vec<[f64; 2]> {
     let sum: f64 = point.iter().map(|x| x.abs()).sum();
     let [s, t, w] = point.map(|x| x / sum);
-    let at = |sign: f64| [sign * s * RADIUS, -sign * t * RADIUS].map(|v| (v * 1e3).round() / 1e3 + 0.0);
-    if w == 0.0 { vec![at(1.0), at(-1.0)] } else { vec![at(w.signum())] }
+    let at =
+        |sign: f64| [sign * s * RADIUS, -sign * t * RADIUS].map(|v| (v * 1e3).round() / 1e3 + 0.0);
+    if w == 0.0 {
+        vec![at(1.0), at(-1.0)]
+    } else {
+        vec![at(w.signum())]
+    }
 }
 
 /// Names of corners, and a legend of what occurs.
 fn labels(svg: &mut String, [open, double, base]: [bool; 3]) {
     let far = RADIUS + 12.0;
-    let _ = writeln!(svg, "<text x=\"{far}\" y=\"5\">s</text><text x=\"0\" y=\"-{far}\" text-anchor=\"middle\">t</text>");
+    let _ = writeln!(
+        svg,
+        "<text x=\"{far}\" y=\"5\">s</text><text x=\"0\" y=\"-{far}\" text-anchor=\"middle\">t</text>"
+    );
     let (shift, turned) = (0.5 * RADIUS + 14.0, "text-anchor=\"middle\" transform");
     for (x, y, angle) in [(shift, -shift, 45), (-shift, shift, 45)] {
-        let _ = writeln!(svg, "<text class=\"small\" {turned}=\"translate({x} {y}) rotate({angle})\">line at infinity</text>");
+        let _ = writeln!(
+            svg,
+            "<text class=\"small\" {turned}=\"translate({x} {y}) rotate({angle})\">line at infinity</text>"
+        );
     }
-    let mut entries = vec![("<path class=\"plane\" d=\"M-9 -7h18v14h-18z\"/>", "outside of the box")];
+    let mut entries = vec![(
+        "<path class=\"plane\" d=\"M-9 -7h18v14h-18z\"/>",
+        "outside of the box",
+    )];
     if open {
-        entries.push(("<path class=\"edge\" d=\"M-9 0h18\"/>", "boundary of the mesh"));
+        entries.push((
+            "<path class=\"edge\" d=\"M-9 0h18\"/>",
+            "boundary of the mesh",
+        ));
     }
     if double {
         entries.push(("<path class=\"double\" d=\"M-9 0h18\"/>", "double curve"));
@@ -117,6 +175,9 @@ fn labels(svg: &mut String, [open, double, base]: [bool; 3]) {
     }
     for (i, (sign, name)) in entries.iter().enumerate() {
         let (x, y) = (-HALF + 40.0 + 200.0 * i as f64, HALF + 0.4 * LEGEND);
-        let _ = writeln!(svg, "<g transform=\"translate({x} {y})\">{sign}<text x=\"18\" y=\"5\">{name}</text></g>");
+        let _ = writeln!(
+            svg,
+            "<g transform=\"translate({x} {y})\">{sign}<text x=\"18\" y=\"5\">{name}</text></g>"
+        );
     }
 }

@@ -11,8 +11,8 @@ use crate::progress::Progress;
 use isoform::algebra::{Poly, RBig};
 use isoform::geom::Mesh;
 use isoform::tess::{
-    Analysis, Budget, Domain, Map, MapError, MeshOptions, Mode, Options, Patch, Surface, TriangulateOptions, VARIABLES, bounds_over,
-    is_patch_file, patch_bounds, read_patches,
+    Analysis, Budget, Domain, Map, MapError, MeshOptions, Mode, Options, Patch, Surface,
+    TriangulateOptions, VARIABLES, bounds_over, is_patch_file, patch_bounds, read_patches,
 };
 use isoform::{PatchesError, Topology, topology};
 use serde_json::Value;
@@ -108,13 +108,21 @@ struct HalfWidth {
 }
 
 fn rational(text: &str) -> Result<RBig, String> {
-    let exact = Poly::parse(text.trim(), &[]).ok().and_then(|p| p.as_constant());
-    exact.ok_or_else(|| "a decimal number or a fraction is expected, such as 2, 0.1 or 1/3".to_owned())
+    let exact = Poly::parse(text.trim(), &[])
+        .ok()
+        .and_then(|p| p.as_constant());
+    exact.ok_or_else(|| {
+        "a decimal number or a fraction is expected, such as 2, 0.1 or 1/3".to_owned()
+    })
 }
 
 fn rectangle(text: &str) -> Result<Domain, String> {
-    let list = text.split(',').map(rational).collect::<Result<Vec<_>, _>>()?;
-    let [s0, s1, t0, t1] = <[RBig; 4]>::try_from(list).map_err(|l| format!("four numbers are expected, {} are there", l.len()))?;
+    let list = text
+        .split(',')
+        .map(rational)
+        .collect::<Result<Vec<_>, _>>()?;
+    let [s0, s1, t0, t1] = <[RBig; 4]>::try_from(list)
+        .map_err(|l| format!("four numbers are expected, {} are there", l.len()))?;
     Domain::rectangle([s0, s1], [t0, t1]).map_err(|e| e.to_string())
 }
 
@@ -123,18 +131,28 @@ fn polygon(text: &str) -> Result<Domain, String> {
         let list = c.split(',').map(rational).collect::<Result<Vec<_>, _>>()?;
         <[RBig; 2]>::try_from(list).map_err(|_| format!("{c}: s,t is expected"))
     };
-    let corners = text.split_whitespace().map(corner).collect::<Result<Vec<_>, _>>()?;
+    let corners = text
+        .split_whitespace()
+        .map(corner)
+        .collect::<Result<Vec<_>, _>>()?;
     Domain::polygon(corners).map_err(|e| e.to_string())
 }
 
 fn half_width(text: &str) -> Result<HalfWidth, String> {
     let exact = rational(text)?;
     let near = exact.to_f64_fast();
-    if near > 0.0 && near.is_normal() { Ok(HalfWidth { exact, near }) } else { Err("a positive number is expected".to_owned()) }
+    if near > 0.0 && near.is_normal() {
+        Ok(HalfWidth { exact, near })
+    } else {
+        Err("a positive number is expected".to_owned())
+    }
 }
 
 fn at_least_one(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "a positive integer is expected".to_owned())
+    text.parse()
+        .ok()
+        .filter(|n| *n > 0)
+        .ok_or_else(|| "a positive integer is expected".to_owned())
 }
 
 /// A triangulated surface with all that is known of it.
@@ -170,7 +188,12 @@ impl Made {
     }
     /// How many parameters reach a general point of the surface; 0 if that is unknown.
     fn map_degree(&self) -> usize {
-        self.analyses.iter().filter_map(|a| a.degrees).map(|d| d.map_degree).max().unwrap_or(0)
+        self.analyses
+            .iter()
+            .filter_map(|a| a.degrees)
+            .map(|d| d.map_degree)
+            .max()
+            .unwrap_or(0)
     }
 }
 
@@ -179,18 +202,29 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let beside = [&args.report, &args.sidecar, &args.domain];
     for path in beside.into_iter().flatten() {
         if path == Path::new("-") {
-            return Err(Failure::usage("only a mesh goes to stdout").hint("--json prints the report"));
+            return Err(
+                Failure::usage("only a mesh goes to stdout").hint("--json prints the report")
+            );
         }
         output::check_folder(path)?;
     }
     let subject = read(&args.map, args.reduce)?;
     let mut made = make(args, subject, context)?;
-    for factor in made.maps.iter().filter_map(Map::removed).filter(|_| made.patches.is_empty()) {
-        context.warn(format_args!("X, Y, Z and W were divided by their common factor {}", factor.display(&VARIABLES)));
+    for factor in made
+        .maps
+        .iter()
+        .filter_map(Map::removed)
+        .filter(|_| made.patches.is_empty())
+    {
+        context.warn(format_args!(
+            "X, Y, Z and W were divided by their common factor {}",
+            factor.display(&VARIABLES)
+        ));
     }
 
     let clock = Instant::now();
-    let mut mesh = Mesh::from_triangles(made.surface.points.clone(), made.surface.triangles.clone());
+    let mut mesh =
+        Mesh::from_triangles(made.surface.points.clone(), made.surface.triangles.clone());
     mesh.triangle_parts.clone_from(&made.surface.patches);
     mesh.parts.clone_from(&made.patches);
     let (written, stdout) = files::write_mesh_files(&mesh, None, &targets)?;
@@ -213,13 +247,23 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 
     let mut json = document::document(&made);
     for (key, path) in ["report", "sidecar", "domain"].into_iter().zip(beside) {
-        json[key] = path.as_ref().map_or(Value::Null, |p| p.display().to_string().into());
+        json[key] = path
+            .as_ref()
+            .map_or(Value::Null, |p| p.display().to_string().into());
     }
     if !stdout.is_empty() {
         json["text"] = String::from_utf8_lossy(&stdout).into();
     }
-    let stdout = if stdout.is_empty() { table::text(&made, &beside).into_bytes() } else { stdout };
-    Ok(Outcome { exit: made.exit(), json, stdout })
+    let stdout = if stdout.is_empty() {
+        table::text(&made, &beside).into_bytes()
+    } else {
+        stdout
+    };
+    Ok(Outcome {
+        exit: made.exit(),
+        json,
+        stdout,
+    })
 }
 
 /// What there is to draw.
@@ -231,15 +275,24 @@ enum Subject {
 /// Reads and checks a map, or patches.
 fn read(path: &Path, reduce: bool) -> Result<Subject, Failure> {
     let text = output::text(output::read_file(path)?);
-    let path = if path == Path::new("-") { Path::new("stdin") } else { path };
-    if let Some(json) = serde_json::from_str::<Value>(&text).ok().filter(is_patch_file) {
+    let path = if path == Path::new("-") {
+        Path::new("stdin")
+    } else {
+        path
+    };
+    if let Some(json) = serde_json::from_str::<Value>(&text)
+        .ok()
+        .filter(is_patch_file)
+    {
         return read_patches(&json).map(Subject::Patches).map_err(|e| {
             let mut failure = Failure::input("not_patches", format!("{}: {e}", path.display()));
             failure.place.file = Some(path.to_owned());
             failure.hint("see Patches in docs/rational.md")
         });
     }
-    Map::from_json(&text, Options { reduce }).map(|m| Subject::Map(Box::new(m))).map_err(|e| invalid(&e, path, &text))
+    Map::from_json(&text, Options { reduce })
+        .map(|m| Subject::Map(Box::new(m)))
+        .map_err(|e| invalid(&e, path, &text))
 }
 
 /// The box: as asked for, or, where the surface is proved to have bounds, around it; half the largest width of the surface in the box then.
@@ -258,15 +311,25 @@ fn find_box(args: &Args, subject: &Subject) -> Result<(HalfWidth, f64, bool), Fa
             (Subject::Map(_), Some(_)) => "W is not proved to keep its sign over the region",
             (Subject::Patches(_), _) => "the weights are not proved to keep their sign",
         };
-        return Err(Failure::usage("--box is needed").why(why.to_owned()).hint("--box B, half the width of a box around the origin"));
+        return Err(Failure::usage("--box is needed")
+            .why(why.to_owned())
+            .hint("--box B, half the width of a box around the origin"));
     };
     let near = bounds.map(|b| b.map(|x| x.to_f64_fast()));
     let most = near.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
-    let width = near.iter().map(|[lo, hi]| 0.5 * (hi - lo)).fold(0.0, f64::max);
+    let width = near
+        .iter()
+        .map(|[lo, hi]| 0.5 * (hi - lo))
+        .fold(0.0, f64::max);
     // Two digits, at least a hundredth more than needed.
     let exponent = (1.01 * most).log10().floor() as i32 - 1;
-    let text = format!("{:.0}e{exponent}", (1.01 * most / 10f64.powi(exponent)).ceil());
-    let exact = half_width(&text).map_err(|_| Failure::usage("--box is needed").why("the surface is too large or too small".to_owned()))?;
+    let text = format!(
+        "{:.0}e{exponent}",
+        (1.01 * most / 10f64.powi(exponent)).ceil()
+    );
+    let exact = half_width(&text).map_err(|_| {
+        Failure::usage("--box is needed").why("the surface is too large or too small".to_owned())
+    })?;
     Ok((exact, width, true))
 }
 
@@ -276,12 +339,21 @@ fn invalid(error: &MapError, path: &Path, text: &str) -> Failure {
         MapError::CommonFactor { .. } => "divide all four by it, or --reduce",
         _ => error.hint(),
     };
-    if let MapError::NotJson { line, column, problem } = error {
+    if let MapError::NotJson {
+        line,
+        column,
+        problem,
+    } = error
+    {
         let (line, column) = ((*line).max(1), (*column).max(1));
-        let failure = Failure::input(error.code(), format!("not JSON: {problem}")).at(path, line, column);
-        return failure.drawn(text.lines().nth(line - 1).unwrap_or_default()).hint(hint);
+        let failure =
+            Failure::input(error.code(), format!("not JSON: {problem}")).at(path, line, column);
+        return failure
+            .drawn(text.lines().nth(line - 1).unwrap_or_default())
+            .hint(hint);
     }
-    let mut failure = Failure::input(error.code(), format!("{}: {error}", path.display())).hint(hint);
+    let mut failure =
+        Failure::input(error.code(), format!("{}: {error}", path.display())).hint(hint);
     failure.place.file = Some(path.to_owned());
     failure.place.key = error.key();
     if let MapError::NotAPolynomial { error, .. } = error {
@@ -295,10 +367,16 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
     let domain = args.rectangle.as_ref().or(args.polygon.as_ref());
     let is_map = matches!(subject, Subject::Map(_));
     if !is_map && domain.is_some() {
-        return Err(Failure::usage("patches are drawn over their own parameters").hint("without --rectangle and --polygon"));
+        return Err(
+            Failure::usage("patches are drawn over their own parameters")
+                .hint("without --rectangle and --polygon"),
+        );
     }
     let (half_width, size, is_chosen) = find_box(args, &subject)?;
-    let seconds = context.global.time_limit.map_or(f64::INFINITY, |t| EXACT_SHARE * t.as_secs_f64());
+    let seconds = context
+        .global
+        .time_limit
+        .map_or(f64::INFINITY, |t| EXACT_SHARE * t.as_secs_f64());
     let options = TriangulateOptions {
         half_width: half_width.exact.clone(),
         domain: domain.cloned(),
@@ -312,14 +390,22 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
             longest: args.longest.unwrap_or(LONGEST * size),
             triangles: args.triangles,
         },
-        budget: Budget { seconds, ..Budget::default() },
+        budget: Budget {
+            seconds,
+            ..Budget::default()
+        },
     };
     let name = args.map.display().to_string();
     interrupt::watch();
     let clock = Instant::now();
     let progress = Progress::new(context);
     // Nobody knows how much there is to do, but with a limit how much time has gone.
-    let done = || context.global.time_limit.map_or(0.0, |limit| clock.elapsed().div_duration_f64(limit));
+    let done = || {
+        context
+            .global
+            .time_limit
+            .map_or(0.0, |limit| clock.elapsed().div_duration_f64(limit))
+    };
     let stop = || {
         progress.show("triangulation", done());
         interrupt::happened() || context.is_late()
@@ -327,14 +413,16 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
     let mut patches = Vec::new();
     let (surface, known) = match subject {
         Subject::Map(map) => {
-            let found = isoform::rational_surface(&map, &options, &stop).map_err(|_| nothing(&name, &[], context))?;
+            let found = isoform::rational_surface(&map, &options, &stop)
+                .map_err(|_| nothing(&name, &[], context))?;
             (found.0, vec![(*map, found.1)])
         }
         Subject::Patches(list) => {
             patches = list.iter().map(|p| p.name.clone()).collect();
             isoform::rational_patches(&list, &options, &stop).map_err(|e| match e {
                 PatchesError::Map { name: which, error } => {
-                    Failure::input(error.code(), format!("{name}: {which}: {error}")).hint(error.hint())
+                    Failure::input(error.code(), format!("{name}: {which}: {error}"))
+                        .hint(error.hint())
                 }
                 PatchesError::Stopped => nothing(&name, &[], context),
             })?
@@ -354,20 +442,50 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
     }
     let (maps, analyses) = known.into_iter().unzip();
     let half_width = half_width.near;
-    Ok(Made { name, maps, analyses, patches, half_width, is_chosen, options, surface, topology, written: Vec::new(), seconds })
+    Ok(Made {
+        name,
+        maps,
+        analyses,
+        patches,
+        half_width,
+        is_chosen,
+        options,
+        surface,
+        topology,
+        written: Vec::new(),
+        seconds,
+    })
 }
 
 /// Why there is no triangle.
 fn nothing(name: &str, unproven: &[String], context: &Context) -> Failure {
     if interrupt::happened() {
-        return Failure::new(interrupt::INTERRUPTED, "interrupted", format!("{name}: stopped before there were triangles"));
+        return Failure::new(
+            interrupt::INTERRUPTED,
+            "interrupted",
+            format!("{name}: stopped before there were triangles"),
+        );
     }
     if context.is_late() {
-        let failure = Failure::new(NO_RESULT, "time-limit", format!("{name}: the time was over before there were triangles"));
+        let failure = Failure::new(
+            NO_RESULT,
+            "time-limit",
+            format!("{name}: the time was over before there were triangles"),
+        );
         return failure.hint("a longer --time-limit");
     }
-    let why = if unproven.is_empty() { "its poles and the faces of the box were found exactly".to_owned() } else { unproven.join("; ") };
-    Failure::new(NO_RESULT, "empty", format!("{name}: no triangle of the surface lies in the box")).why(why).hint("a larger --box")
+    let why = if unproven.is_empty() {
+        "its poles and the faces of the box were found exactly".to_owned()
+    } else {
+        unproven.join("; ")
+    };
+    Failure::new(
+        NO_RESULT,
+        "empty",
+        format!("{name}: no triangle of the surface lies in the box"),
+    )
+    .why(why)
+    .hint("a larger --box")
 }
 
 #[cfg(test)]
@@ -380,7 +498,9 @@ mod tests {
         assert_eq!(exact("0.1"), Ok("1/10".to_owned()));
         assert_eq!(exact("7/21"), Ok("1/3".to_owned()));
         assert_eq!(exact("25e-1"), Ok("5/2".to_owned()));
-        for bad in ["", "0", "-1", "nan", "inf", "1e999", "1e-999", "2,3", "two", "1/0"] {
+        for bad in [
+            "", "0", "-1", "nan", "inf", "1e999", "1e-999", "2,3", "two", "1/0",
+        ] {
             assert!(half_width(bad).is_err(), "{bad}");
         }
     }

@@ -13,16 +13,31 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
     let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
     let mut text = match made.patches.len() {
         0 => line("map", degrees(made)),
-        n => line("map", format!("{}, of degree {} or less", count(n, "patch").replace("patchs", "patches"), degree(made))),
+        n => line(
+            "map",
+            format!(
+                "{}, of degree {} or less",
+                count(n, "patch").replace("patchs", "patches"),
+                degree(made)
+            ),
+        ),
     };
     if let Some(domain) = made.options.domain.as_ref() {
-        let corners: Vec<String> = domain.corners().iter().map(|[s, t]| format!("({s}, {t})")).collect();
+        let corners: Vec<String> = domain
+            .corners()
+            .iter()
+            .map(|[s, t]| format!("({s}, {t})"))
+            .collect();
         text += &line("region", corners.join(" "));
     }
     let box_line = format!(
         "{}{} about the origin in x, y and z; tolerance {}, edges up to {}; {}",
         made.half_width,
-        if made.is_chosen { ", chosen to hold all of it," } else { "" },
+        if made.is_chosen {
+            ", chosen to hold all of it,"
+        } else {
+            ""
+        },
         mesh.tolerance,
         mesh.longest,
         document::mode(made.options.mode)
@@ -33,10 +48,20 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
         text += &line("pole", pole(analysis.pole_topology.as_ref()));
         text += &line("double curve", double_curve(made));
     }
-    let contracted: Vec<_> = made.analyses.iter().filter(|_| made.patches.is_empty()).flat_map(document::contracted).collect();
+    let contracted: Vec<_> = made
+        .analyses
+        .iter()
+        .filter(|_| made.patches.is_empty())
+        .flat_map(document::contracted)
+        .collect();
     for (i, (curve, to)) in contracted.iter().enumerate() {
-        let to = to.map_or("a point at infinity".to_owned(), |[x, y, z]| format!("({x}, {y}, {z})"));
-        text += &line(if i == 0 { "contracted" } else { "" }, format!("{curve} = 0 to {to}"));
+        let to = to.map_or("a point at infinity".to_owned(), |[x, y, z]| {
+            format!("({x}, {y}, {z})")
+        });
+        text += &line(
+            if i == 0 { "contracted" } else { "" },
+            format!("{curve} = 0 to {to}"),
+        );
     }
     let parts = [
         format!("Euler number {}", topology.euler),
@@ -44,8 +69,19 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
         count(topology.boundary_loops, "boundary loop"),
     ];
     text += &line("topology", parts.join(", "));
-    text += &line("mesh", format!("{}, {} vertices", count(surface.triangles.len(), "triangle"), surface.points.len()));
-    let verdict = if made.is_certified() { "certified" } else { "not certified:" };
+    text += &line(
+        "mesh",
+        format!(
+            "{}, {} vertices",
+            count(surface.triangles.len(), "triangle"),
+            surface.points.len()
+        ),
+    );
+    let verdict = if made.is_certified() {
+        "certified"
+    } else {
+        "not certified:"
+    };
     text += &line("certificate", verdict.to_owned());
     for sentence in &surface.unproven {
         text += &line("", sentence.clone());
@@ -68,48 +104,93 @@ fn count(n: usize, what: &str) -> String {
 }
 
 fn degree(made: &Made) -> usize {
-    made.maps.iter().map(isoform::tess::Map::degree).max().unwrap_or(0)
+    made.maps
+        .iter()
+        .map(isoform::tess::Map::degree)
+        .max()
+        .unwrap_or(0)
 }
 
 fn degrees(made: &Made) -> String {
     let degree = degree(made);
     match made.analyses.first().and_then(|a| a.degrees) {
         None => format!("of degree {degree}; how often it covers the surface is unknown"),
-        Some(d) if d.map_degree == 1 => format!("of degree {degree}, proper, onto a surface of degree {}", d.implicit_degree),
+        Some(d) if d.map_degree == 1 => format!(
+            "of degree {degree}, proper, onto a surface of degree {}",
+            d.implicit_degree
+        ),
         Some(d) => {
-            format!("of degree {degree}, improper: {} parameters for each point of a surface of degree {}", d.map_degree, d.implicit_degree)
+            format!(
+                "of degree {degree}, improper: {} parameters for each point of a surface of degree {}",
+                d.map_degree, d.implicit_degree
+            )
         }
     }
 }
 
 fn base_points(points: Option<&[BasePoint]>) -> String {
-    let Some(points) = points else { return "unknown".to_owned() };
+    let Some(points) = points else {
+        return "unknown".to_owned();
+    };
     let one = |p: &BasePoint| {
         let [s, t, w] = p.to_f64();
         let at = format!("({} : {} : {})", brief(s), brief(t), brief(w));
-        let multiplicity = if p.multiplicity() > 1 { format!(" of multiplicity {}", p.multiplicity()) } else { String::new() };
-        let blowups = if p.seam.blowups() > 0 { format!(", blown up {} times more", p.seam.blowups()) } else { String::new() };
+        let multiplicity = if p.multiplicity() > 1 {
+            format!(" of multiplicity {}", p.multiplicity())
+        } else {
+            String::new()
+        };
+        let blowups = if p.seam.blowups() > 0 {
+            format!(", blown up {} times more", p.seam.blowups())
+        } else {
+            String::new()
+        };
         at + &multiplicity + &blowups
     };
     match points {
         [] => "none that is real".to_owned(),
-        points => format!("{} real: {}", points.len(), points.iter().map(one).collect::<Vec<_>>().join("; ")),
+        points => format!(
+            "{} real: {}",
+            points.len(),
+            points.iter().map(one).collect::<Vec<_>>().join("; ")
+        ),
     }
 }
 
 fn pole(pole: Option<&CurveTopology>) -> String {
-    let Some(pole) = pole else { return "unknown".to_owned() };
-    let kinds =
-        [(pole.ovals, "oval"), (pole.pseudolines, "pseudoline"), (pole.singular, "branching component"), (pole.isolated, "isolated point")];
-    let parts: Vec<String> = kinds.iter().filter(|k| k.0 > 0).map(|&(n, what)| count(n, what)).collect();
-    if parts.is_empty() { "none".to_owned() } else { parts.join(", ") }
+    let Some(pole) = pole else {
+        return "unknown".to_owned();
+    };
+    let kinds = [
+        (pole.ovals, "oval"),
+        (pole.pseudolines, "pseudoline"),
+        (pole.singular, "branching component"),
+        (pole.isolated, "isolated point"),
+    ];
+    let parts: Vec<String> = kinds
+        .iter()
+        .filter(|k| k.0 > 0)
+        .map(|&(n, what)| count(n, what))
+        .collect();
+    if parts.is_empty() {
+        "none".to_owned()
+    } else {
+        parts.join(", ")
+    }
 }
 
 fn double_curve(made: &Made) -> String {
-    let (double, solitary) = (made.surface.double_curve.len(), made.surface.solitary_arcs.len());
+    let (double, solitary) = (
+        made.surface.double_curve.len(),
+        made.surface.solitary_arcs.len(),
+    );
     match (double, solitary) {
         (0, 0) => "none in the box".to_owned(),
         (n, 0) => count(n, "arc"),
-        (n, k) => format!("{}; {} that only conjugate parameters reach", count(n, "arc"), count(k, "arc")),
+        (n, k) => format!(
+            "{}; {} that only conjugate parameters reach",
+            count(n, "arc"),
+            count(k, "arc")
+        ),
     }
 }

@@ -31,7 +31,10 @@ impl Drop for Folder {
 }
 
 pub(crate) fn isoform(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_isoform")).args(args).output().expect("it runs")
+    Command::new(env!("CARGO_BIN_EXE_isoform"))
+        .args(args)
+        .output()
+        .expect("it runs")
 }
 pub(crate) fn code(o: &Output) -> i32 {
     o.status.code().expect("it ends by itself")

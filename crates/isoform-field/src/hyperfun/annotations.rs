@@ -51,8 +51,13 @@ pub enum Pose {
     Similarity,
 }
 
-const POSES: [(&str, Pose); 5] =
-    [("none", Pose::None), ("translate", Pose::Translate), ("axis", Pose::Axis), ("rigid", Pose::Rigid), ("similarity", Pose::Similarity)];
+const POSES: [(&str, Pose); 5] = [
+    ("none", Pose::None),
+    ("translate", Pose::Translate),
+    ("axis", Pose::Axis),
+    ("rigid", Pose::Rigid),
+    ("similarity", Pose::Similarity),
+];
 
 /// How a parameter is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,7 +100,11 @@ impl Amount {
     }
     /// The number, if it needs no data.
     pub fn value(self) -> Option<f64> {
-        if let Self::Value(v) = self { Some(v) } else { None }
+        if let Self::Value(v) = self {
+            Some(v)
+        } else {
+            None
+        }
     }
     /// Whether both can be compared without data, and this one is the greater.
     fn is_above(self, other: Self) -> bool {
@@ -163,7 +172,12 @@ pub(crate) struct Param {
 impl Annotations {
     /// Annotated parameters of an object, and what is said of the others.
     pub(crate) fn params(&self, object: usize, n: usize) -> Vec<ParamInfo> {
-        (0..n).map(|i| self.param(object, i).map_or_else(|| plain(i), |p| p.info.clone())).collect()
+        (0..n)
+            .map(|i| {
+                self.param(object, i)
+                    .map_or_else(|| plain(i), |p| p.info.clone())
+            })
+            .collect()
     }
     pub(crate) fn param(&self, object: usize, index: usize) -> Option<&Param> {
         self.params.get(&(object, index))
@@ -195,23 +209,49 @@ struct Piece<'s> {
 impl<'s> Piece<'s> {
     fn trimmed(self) -> Self {
         let start = self.text.len() - self.text.trim_start().len();
-        Self { text: self.text.trim(), at: self.at + start as u32 }
+        Self {
+            text: self.text.trim(),
+            at: self.at + start as u32,
+        }
     }
     /// The first word and the rest.
     fn word(self) -> (Self, Self) {
         let p = self.trimmed();
         let end = p.text.find(char::is_whitespace).unwrap_or(p.text.len());
-        (Self { text: &p.text[..end], at: p.at }, Self { text: &p.text[end..], at: p.at + end as u32 })
+        (
+            Self {
+                text: &p.text[..end],
+                at: p.at,
+            },
+            Self {
+                text: &p.text[end..],
+                at: p.at + end as u32,
+            },
+        )
     }
     fn split(self, at: usize, skip: usize) -> (Self, Self) {
-        (Self { text: &self.text[..at], at: self.at }, Self { text: &self.text[at + skip..], at: self.at + (at + skip) as u32 })
+        (
+            Self {
+                text: &self.text[..at],
+                at: self.at,
+            },
+            Self {
+                text: &self.text[at + skip..],
+                at: self.at + (at + skip) as u32,
+            },
+        )
     }
 }
 
 type Read<T> = Result<T, SyntaxError>;
 
 /// Reads the annotations in the comments; one before or inside an object belongs to it.
-pub(crate) fn read(source: &Source, objects: &[Object], comments: &[(u32, u32)], warnings: &mut Vec<Warning>) -> Read<Annotations> {
+pub(crate) fn read(
+    source: &Source,
+    objects: &[Object],
+    comments: &[(u32, u32)],
+    warnings: &mut Vec<Warning>,
+) -> Read<Annotations> {
     let mut found = Annotations::default();
     let mut ties: Vec<(usize, usize, Piece<'_>)> = Vec::new();
     let mut object = 0;
@@ -219,9 +259,14 @@ pub(crate) fn read(source: &Source, objects: &[Object], comments: &[(u32, u32)],
         while object < objects.len() && objects[object].span.1 <= start {
             object += 1;
         }
-        let comment = Piece { text: &source.text()[start as usize..end as usize], at: start };
+        let comment = Piece {
+            text: &source.text()[start as usize..end as usize],
+            at: start,
+        };
         let (key, rest) = comment.word();
-        let Some(name) = key.text.strip_prefix('@') else { continue };
+        let Some(name) = key.text.strip_prefix('@') else {
+            continue;
+        };
         let text = rest.trimmed();
         let own = |text: Piece<'_>| Some(text.text.to_owned());
         match name.to_ascii_lowercase().as_str() {
@@ -231,25 +276,46 @@ pub(crate) fn read(source: &Source, objects: &[Object], comments: &[(u32, u32)],
             "pose" => found.file.pose = Some(one_of(source, text, &POSES, "a pose")?),
             "param" => {
                 let Some(o) = objects.get(object) else {
-                    return Err(source.error(key.at, "no object follows that this parameter could belong to", ""));
+                    return Err(source.error(
+                        key.at,
+                        "no object follows that this parameter could belong to",
+                        "",
+                    ));
                 };
                 let (param, tie) = param(source, rest, o)?;
                 let index = param.info.index;
                 if let Some(tie) = tie {
                     ties.push((object, index, tie));
                 }
-                let twin = |((o, _), p): (&(usize, usize), &Param)| *o == object && p.info.name.eq_ignore_ascii_case(&param.info.name);
+                let twin = |((o, _), p): (&(usize, usize), &Param)| {
+                    *o == object && p.info.name.eq_ignore_ascii_case(&param.info.name)
+                };
                 if found.params.iter().any(twin) {
-                    return Err(source.error(key.at, format!("there is a parameter `{}` already", param.info.name), ""));
+                    return Err(source.error(
+                        key.at,
+                        format!("there is a parameter `{}` already", param.info.name),
+                        "",
+                    ));
                 }
                 if found.params.insert((object, index), param).is_some() {
-                    return Err(source.error(key.at, format!("a[{}] is described already", index + 1), ""));
+                    return Err(source.error(
+                        key.at,
+                        format!("a[{}] is described already", index + 1),
+                        "",
+                    ));
                 }
             }
             _ => {
                 let (line, column) = source.position(key.at);
-                let message = format!("`{}` is no annotation; known are @param, @title, @fits, @pose and @unit", key.text);
-                warnings.push(Warning { line, column, message });
+                let message = format!(
+                    "`{}` is no annotation; known are @param, @title, @fits, @pose and @unit",
+                    key.text
+                );
+                warnings.push(Warning {
+                    line,
+                    column,
+                    message,
+                });
             }
         }
     }
@@ -258,18 +324,29 @@ pub(crate) fn read(source: &Source, objects: &[Object], comments: &[(u32, u32)],
 }
 
 fn one_of<T: Copy>(source: &Source, word: Piece<'_>, table: &[(&str, T)], what: &str) -> Read<T> {
-    if let Some((_, v)) = table.iter().find(|(name, _)| word.text.eq_ignore_ascii_case(name)) {
+    if let Some((_, v)) = table
+        .iter()
+        .find(|(name, _)| word.text.eq_ignore_ascii_case(name))
+    {
         return Ok(*v);
     }
     let names: Vec<&str> = table.iter().map(|(n, _)| *n).collect();
     let known = names.join(", ");
-    Err(source.error(word.at, format!("`{}` is not {what}; known are {known}", word.text), known))
+    Err(source.error(
+        word.at,
+        format!("`{}` is not {what}; known are {known}", word.text),
+        known,
+    ))
 }
 
 const KEYS: &str = "min=, max=, start=, unit=, fixed, fixed=, tie=";
 
 /// `a[i] [NAME [KIND]] [key=value …] [: description]`, and the text of its tie.
-fn param<'s>(source: &Source, text: Piece<'s>, object: &Object) -> Read<(Param, Option<Piece<'s>>)> {
+fn param<'s>(
+    source: &Source,
+    text: Piece<'s>,
+    object: &Object,
+) -> Read<(Param, Option<Piece<'s>>)> {
     let (text, description) = match text.text.find(':') {
         Some(colon) => text.split(colon, 1),
         None => text.split(text.text.len(), 0),
@@ -305,7 +382,13 @@ fn param<'s>(source: &Source, text: Piece<'s>, object: &Object) -> Read<(Param, 
                     tie = Some(value);
                     in_tie = true;
                 }
-                _ => return Err(source.error(key.at, format!("`{}` is no key of @param; known are {KEYS}", key.text), KEYS)),
+                _ => {
+                    return Err(source.error(
+                        key.at,
+                        format!("`{}` is no key of @param; known are {KEYS}", key.text),
+                        KEYS,
+                    ));
+                }
             }
         } else if in_tie && let Some(t) = tie.as_mut() {
             // The tie's expression goes on over spaces.
@@ -315,8 +398,17 @@ fn param<'s>(source: &Source, text: Piece<'s>, object: &Object) -> Read<(Param, 
         } else if word.text.eq_ignore_ascii_case("fixed") {
             info.fixed = Some(Fixed::AtStart);
         } else if plain_words == 0 {
-            if !word.text.chars().all(|c| c.is_alphanumeric() || c == '_') || word.text.starts_with(|c: char| c.is_ascii_digit()) {
-                return Err(source.error(word.at, format!("`{}` is no name: letters, digits and underscores", word.text), "a name"));
+            if !word.text.chars().all(|c| c.is_alphanumeric() || c == '_')
+                || word.text.starts_with(|c: char| c.is_ascii_digit())
+            {
+                return Err(source.error(
+                    word.at,
+                    format!(
+                        "`{}` is no name: letters, digits and underscores",
+                        word.text
+                    ),
+                    "a name",
+                ));
             }
             info.name = word.text.to_owned();
             plain_words = 1;
@@ -324,7 +416,11 @@ fn param<'s>(source: &Source, text: Piece<'s>, object: &Object) -> Read<(Param, 
             info.kind = one_of(source, word, &KINDS, "a kind of parameter")?;
             plain_words = 2;
         } else {
-            return Err(source.error(word.at, format!("`{}` is no key of @param; known are {KEYS}", word.text), KEYS));
+            return Err(source.error(
+                word.at,
+                format!("`{}` is no key of @param; known are {KEYS}", word.text),
+                KEYS,
+            ));
         }
         end = word_end;
     }
@@ -334,55 +430,102 @@ fn param<'s>(source: &Source, text: Piece<'s>, object: &Object) -> Read<(Param, 
         return Err(source.error(target.at, "min is above max", ""));
     }
     if let Some(v) = info.start
-        && (info.min.is_some_and(|min| min.is_above(v)) || info.max.is_some_and(|max| v.is_above(max)))
+        && (info.min.is_some_and(|min| min.is_above(v))
+            || info.max.is_some_and(|max| v.is_above(max)))
     {
         return Err(source.error(target.at, "start is outside the bounds", ""));
     }
     if info.fixed.is_some() && tie.is_some() {
         return Err(source.error(target.at, "a parameter is fixed or tied, not both", ""));
     }
-    Ok((Param { info, start: start.unwrap_or((end, end)) }, tie))
+    Ok((
+        Param {
+            info,
+            start: start.unwrap_or((end, end)),
+        },
+        tie,
+    ))
 }
 
 /// The index from 0 of `a[i]`.
 fn index(source: &Source, word: Piece<'_>, object: &Object) -> Read<usize> {
-    let inner = word.text.strip_prefix(['a', 'A']).and_then(|t| t.strip_prefix('[')).and_then(|t| t.strip_suffix(']'));
+    let inner = word
+        .text
+        .strip_prefix(['a', 'A'])
+        .and_then(|t| t.strip_prefix('['))
+        .and_then(|t| t.strip_suffix(']'));
     match inner.and_then(|t| t.trim().parse::<usize>().ok()) {
         Some(i) if (1..=object.n_params()).contains(&i) => Ok(i - 1),
         Some(i) => {
-            let message = format!("a[{i}] does not exist: `{}` has a[{}]", object.name, object.n_params());
+            let message = format!(
+                "a[{i}] does not exist: `{}` has a[{}]",
+                object.name,
+                object.n_params()
+            );
             Err(source.error(word.at, message, ""))
         }
-        None => Err(source.error(word.at, format!("a[i] with an index expected, found `{}`", word.text), "a[i]")),
+        None => Err(source.error(
+            word.at,
+            format!("a[i] with an index expected, found `{}`", word.text),
+            "a[i]",
+        )),
     }
 }
 
 /// A number, or one with % or %x, %y, %z behind it.
 fn amount(source: &Source, word: Piece<'_>) -> Read<Amount> {
-    let Some(at) = word.text.find('%') else { return number(source, word).map(Amount::Value) };
+    let Some(at) = word.text.find('%') else {
+        return number(source, word).map(Amount::Value);
+    };
     let (share, axis) = word.split(at, 1);
     let share = number(source, share)? / 100.0;
     match axis.text {
         "" => Ok(Amount::OfDiagonal(share)),
-        "x" | "y" | "z" => Ok(Amount::OfExtent(share, usize::from(axis.text.as_bytes()[0] - b'x'))),
-        other => Err(source.error(axis.at, format!("`%{other}`: x, y, z or nothing expected after %"), "%, %x, %y or %z")),
+        "x" | "y" | "z" => Ok(Amount::OfExtent(
+            share,
+            usize::from(axis.text.as_bytes()[0] - b'x'),
+        )),
+        other => Err(source.error(
+            axis.at,
+            format!("`%{other}`: x, y, z or nothing expected after %"),
+            "%, %x, %y or %z",
+        )),
     }
 }
 
 fn number(source: &Source, word: Piece<'_>) -> Read<f64> {
     match word.text.parse::<f64>() {
         Ok(v) if v.is_finite() => Ok(v),
-        _ => Err(source.error(word.at, format!("`{}` is not a number", word.text), "a number")),
+        _ => Err(source.error(
+            word.at,
+            format!("`{}` is not a number", word.text),
+            "a number",
+        )),
     }
 }
 
 // ---- ties -----------------------------------------------------------------------------------------------------------------
 
-fn resolve_ties(source: &Source, objects: &[Object], found: &mut Annotations, ties: &[(usize, usize, Piece<'_>)]) -> Read<()> {
+fn resolve_ties(
+    source: &Source,
+    objects: &[Object],
+    found: &mut Annotations,
+    ties: &[(usize, usize, Piece<'_>)],
+) -> Read<()> {
     for &(object, index, text) in ties {
-        let names: BTreeMap<String, usize> =
-            found.params.range((object, 0)..(object + 1, 0)).map(|((_, i), p)| (p.info.name.to_ascii_lowercase(), *i)).collect();
-        let mut reader = Linear { source, text, at: 0, names: &names, n: objects[object].n_params(), depth: 0 };
+        let names: BTreeMap<String, usize> = found
+            .params
+            .range((object, 0)..(object + 1, 0))
+            .map(|((_, i), p)| (p.info.name.to_ascii_lowercase(), *i))
+            .collect();
+        let mut reader = Linear {
+            source,
+            text,
+            at: 0,
+            names: &names,
+            n: objects[object].n_params(),
+            depth: 0,
+        };
         let form = reader.sum()?;
         if reader.peek().is_some() {
             return reader.fail("an operator or the end expected");
@@ -390,11 +533,21 @@ fn resolve_ties(source: &Source, objects: &[Object], found: &mut Annotations, ti
         let terms: Vec<(usize, f64)> = form.terms.into_iter().filter(|(_, f)| *f != 0.0).collect();
         for (i, _) in &terms {
             if *i == index || ties.iter().any(|(o, tied, _)| (*o, *tied) == (object, *i)) {
-                return Err(source.error(text.at, format!("a tie must follow free parameters; a[{}] is tied itself", i + 1), ""));
+                return Err(source.error(
+                    text.at,
+                    format!(
+                        "a tie must follow free parameters; a[{}] is tied itself",
+                        i + 1
+                    ),
+                    "",
+                ));
             }
         }
         if let Some(param) = found.params.get_mut(&(object, index)) {
-            param.info.tie = Some(Tie { constant: form.constant, terms });
+            param.info.tie = Some(Tie {
+                constant: form.constant,
+                terms,
+            });
         }
     }
     Ok(())
@@ -446,7 +599,11 @@ impl Linear<'_> {
     }
     fn fail<T>(&self, message: &str) -> Read<T> {
         let at = self.text.at + self.at as u32;
-        Err(self.source.error(at, format!("tie: {message}"), "a linear expression of other parameters"))
+        Err(self.source.error(
+            at,
+            format!("tie: {message}"),
+            "a linear expression of other parameters",
+        ))
     }
     fn while_(&mut self, f: impl Fn(char) -> bool) -> &str {
         let from = self.at;
@@ -509,7 +666,11 @@ impl Linear<'_> {
         }
         if self.take('(') {
             let form = self.sum()?;
-            return if self.take(')') { Ok(form) } else { self.fail("`)` expected") };
+            return if self.take(')') {
+                Ok(form)
+            } else {
+                self.fail("`)` expected")
+            };
         }
         match self.peek() {
             Some(c) if c.is_ascii_digit() || c == '.' => {
@@ -526,17 +687,25 @@ impl Linear<'_> {
                     }
                 }
                 match self.text.text[from..self.at].parse::<f64>() {
-                    Ok(constant) if constant.is_finite() => Ok(Form { constant, terms: BTreeMap::new() }),
+                    Ok(constant) if constant.is_finite() => Ok(Form {
+                        constant,
+                        terms: BTreeMap::new(),
+                    }),
                     _ => self.fail("a number expected"),
                 }
             }
             Some(c) if c.is_alphabetic() || c == '_' => {
                 let from = self.at;
-                let name = self.while_(|c| c.is_alphanumeric() || c == '_').to_ascii_lowercase();
+                let name = self
+                    .while_(|c| c.is_alphanumeric() || c == '_')
+                    .to_ascii_lowercase();
                 let known = self.names.get(&name).copied();
                 let index = match known {
                     None if name == "a" && self.take('[') => {
-                        let i = self.while_(|c| c.is_ascii_digit()).parse::<usize>().unwrap_or(0);
+                        let i = self
+                            .while_(|c| c.is_ascii_digit())
+                            .parse::<usize>()
+                            .unwrap_or(0);
                         if !self.take(']') || i == 0 || i > self.n {
                             return self.fail("no such parameter");
                         }
@@ -548,7 +717,10 @@ impl Linear<'_> {
                         return self.fail(&format!("no parameter `{name}`"));
                     }
                 };
-                Ok(Form { constant: 0.0, terms: BTreeMap::from([(index, 1.0)]) })
+                Ok(Form {
+                    constant: 0.0,
+                    terms: BTreeMap::from([(index, 1.0)]),
+                })
             }
             _ => self.fail("a number or a parameter expected"),
         }

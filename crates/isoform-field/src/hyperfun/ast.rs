@@ -53,22 +53,41 @@ impl Operator {
         ("or", Self::Or),
     ];
     pub(crate) fn of(text: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(t, _)| *t == text).map(|(_, op)| *op)
+        Self::ALL
+            .iter()
+            .find(|(t, _)| *t == text)
+            .map(|(_, op)| *op)
     }
     pub(crate) fn text(self) -> &'static str {
-        Self::ALL.iter().find(|(_, op)| *op == self).map_or("", |(t, _)| t)
+        Self::ALL
+            .iter()
+            .find(|(_, op)| *op == self)
+            .map_or("", |(t, _)| t)
     }
     pub(crate) fn level(self) -> Level {
         match self {
             Self::And | Self::Or => Level::Logic,
-            Self::Less | Self::LessEq | Self::Greater | Self::GreaterEq | Self::Equal | Self::NotEqual => Level::Comparison,
-            Self::Add | Self::Subtract | Self::Union | Self::Intersection | Self::Cartesian | Self::Difference => Level::Sum,
+            Self::Less
+            | Self::LessEq
+            | Self::Greater
+            | Self::GreaterEq
+            | Self::Equal
+            | Self::NotEqual => Level::Comparison,
+            Self::Add
+            | Self::Subtract
+            | Self::Union
+            | Self::Intersection
+            | Self::Cartesian
+            | Self::Difference => Level::Sum,
             Self::Multiply | Self::Divide => Level::Product,
             Self::Power => Level::Power,
         }
     }
     pub(crate) fn is_set_operator(self) -> bool {
-        matches!(self, Self::Union | Self::Intersection | Self::Cartesian | Self::Difference)
+        matches!(
+            self,
+            Self::Union | Self::Intersection | Self::Cartesian | Self::Difference
+        )
     }
 }
 
@@ -83,15 +102,46 @@ pub(crate) struct ArrayRef {
 /// An expression. `at` is a byte offset: where an error of this node is reported.
 #[derive(Clone, Debug)]
 pub(crate) enum Expr {
-    Number { at: u32, value: f64 },
-    Variable { at: u32, slot: u32 },
-    Item { at: u32, array: ArrayRef, index: Box<Self> },
-    Sign { at: u32, sign: &'static str, operand: Box<Self> },
-    Not { at: u32, operand: Box<Self> },
-    Group { at: u32, inner: Box<Self> },
-    Chain { first: Box<Self>, rest: Vec<Link> },
-    Function { at: u32, function: u16, arguments: Vec<Argument> },
-    Call { at: u32, object: u32, arguments: Vec<(u32, ArrayRef)> },
+    Number {
+        at: u32,
+        value: f64,
+    },
+    Variable {
+        at: u32,
+        slot: u32,
+    },
+    Item {
+        at: u32,
+        array: ArrayRef,
+        index: Box<Self>,
+    },
+    Sign {
+        at: u32,
+        sign: &'static str,
+        operand: Box<Self>,
+    },
+    Not {
+        at: u32,
+        operand: Box<Self>,
+    },
+    Group {
+        at: u32,
+        inner: Box<Self>,
+    },
+    Chain {
+        first: Box<Self>,
+        rest: Vec<Link>,
+    },
+    Function {
+        at: u32,
+        function: u16,
+        arguments: Vec<Argument>,
+    },
+    Call {
+        at: u32,
+        object: u32,
+        arguments: Vec<(u32, ArrayRef)>,
+    },
 }
 
 /// An operator with its right operand.
@@ -136,11 +186,30 @@ impl Expr {
 
 #[derive(Clone, Debug)]
 pub(crate) enum Statement {
-    Assign { slot: u32, value: Expr },
-    AssignItem { array: ArrayRef, index: Expr, value: Expr },
-    AssignArray { array: ArrayRef, values: Vec<f64> },
-    If { at: u32, condition: Expr, then: Vec<Self>, otherwise: Option<Vec<Self>> },
-    While { at: u32, condition: Expr, body: Vec<Self> },
+    Assign {
+        slot: u32,
+        value: Expr,
+    },
+    AssignItem {
+        array: ArrayRef,
+        index: Expr,
+        value: Expr,
+    },
+    AssignArray {
+        array: ArrayRef,
+        values: Vec<f64>,
+    },
+    If {
+        at: u32,
+        condition: Expr,
+        then: Vec<Self>,
+        otherwise: Option<Vec<Self>>,
+    },
+    While {
+        at: u32,
+        condition: Expr,
+        body: Vec<Self>,
+    },
 }
 
 #[derive(Clone, Debug)]

@@ -19,10 +19,16 @@ pub(crate) enum Stop {
 type Outcome<T> = Result<T, Box<Stop>>;
 
 fn error<T>(at: u32, message: impl Into<String>) -> Outcome<T> {
-    Err(Box::new(Stop::Error { at, message: message.into() }))
+    Err(Box::new(Stop::Error {
+        at,
+        message: message.into(),
+    }))
 }
 fn unknown<T>(at: u32, why: impl Into<String>) -> Outcome<T> {
-    Err(Box::new(Stop::Unknown { at, why: why.into() }))
+    Err(Box::new(Stop::Unknown {
+        at,
+        why: why.into(),
+    }))
 }
 
 /// Runs objects of one program on a machine; keeps its memory between runs.
@@ -64,15 +70,25 @@ impl<'p, M: Machine> Executor<'p, M> {
     }
 
     /// f at x with parameters a; `s` goes in and comes out. The slices must have the sizes of the object's head.
-    pub(crate) fn run(&mut self, object: usize, x: &[M::V], a: &[M::V], s: &mut [M::V]) -> Outcome<M::V> {
+    pub(crate) fn run(
+        &mut self,
+        object: usize,
+        x: &[M::V],
+        a: &[M::V],
+        s: &mut [M::V],
+    ) -> Outcome<M::V> {
         let program = self.program;
         let object = &program.objects[object];
-        debug_assert_eq!((x.len(), a.len(), s.len()), (object.dimension(), object.n_params(), object.n_s()));
+        debug_assert_eq!(
+            (x.len(), a.len(), s.len()),
+            (object.dimension(), object.n_params(), object.n_s())
+        );
         self.base = 0;
         self.steps = 0;
         self.operands.clear();
         self.memory.clear();
-        self.memory.extend(x.iter().chain(a).chain(s.iter()).cloned().map(Some));
+        self.memory
+            .extend(x.iter().chain(a).chain(s.iter()).cloned().map(Some));
         self.memory.resize(object.memory(), None);
         let f = self.object(object)?;
         let from = x.len() + a.len();
@@ -101,7 +117,11 @@ impl<'p, M: Machine> Executor<'p, M> {
             return Ok(());
         }
         let message = format!("stopped after {} steps: does this end?", self.limit);
-        if M::CHECKED { error(at, message) } else { unknown(at, message) }
+        if M::CHECKED {
+            error(at, message)
+        } else {
+            unknown(at, message)
+        }
     }
 
     // ---- statements -------------------------------------------------------------------------------------------------------
@@ -116,7 +136,11 @@ impl<'p, M: Machine> Executor<'p, M> {
                     let at = self.base + *slot as usize;
                     self.memory[at] = Some(v);
                 }
-                Statement::AssignItem { array, index, value } => {
+                Statement::AssignItem {
+                    array,
+                    index,
+                    value,
+                } => {
                     let v = self.eval(object, value)?;
                     self.steps += 1;
                     self.m().assigned(&v, "");
@@ -131,7 +155,12 @@ impl<'p, M: Machine> Executor<'p, M> {
                         *item = Some(machine.constant(*v));
                     }
                 }
-                Statement::If { at, condition, then, otherwise } => {
+                Statement::If {
+                    at,
+                    condition,
+                    then,
+                    otherwise,
+                } => {
                     self.step(*at, 1)?;
                     let otherwise = otherwise.as_deref().unwrap_or(&[]);
                     let condition = self.condition(object, condition)?;
@@ -140,13 +169,22 @@ impl<'p, M: Machine> Executor<'p, M> {
                         None => self.both(object, *at, &condition, then, otherwise)?,
                     }
                 }
-                Statement::While { at, condition, body } => loop {
+                Statement::While {
+                    at,
+                    condition,
+                    body,
+                } => loop {
                     self.step(*at, 1)?;
                     let c = self.condition(object, condition)?;
                     match self.m().known(&c) {
                         Some(c) if c != 0.0 => self.block(object, body)?,
                         Some(_) => break,
-                        None => return unknown(*at, "whether the loop goes on depends on the point or the parameters"),
+                        None => {
+                            return unknown(
+                                *at,
+                                "whether the loop goes on depends on the point or the parameters",
+                            );
+                        }
                     }
                 },
             }
@@ -155,7 +193,14 @@ impl<'p, M: Machine> Executor<'p, M> {
     }
 
     /// Runs both branches and chooses item by item.
-    fn both(&mut self, object: &'p Object, at: u32, c: &M::V, then: &'p [Statement], otherwise: &'p [Statement]) -> Outcome<()> {
+    fn both(
+        &mut self,
+        object: &'p Object,
+        at: u32,
+        c: &M::V,
+        then: &'p [Statement],
+        otherwise: &'p [Statement],
+    ) -> Outcome<()> {
         self.step(at, object.memory())?;
         let before = self.memory[self.base..].to_vec();
         self.block(object, then)?;
@@ -173,7 +218,10 @@ impl<'p, M: Machine> Executor<'p, M> {
                 continue;
             }
             let unset = machine.constant(f64::NAN);
-            let (a, b) = (chosen.unwrap_or_else(|| unset.clone()), item.clone().unwrap_or(unset));
+            let (a, b) = (
+                chosen.unwrap_or_else(|| unset.clone()),
+                item.clone().unwrap_or(unset),
+            );
             *item = Some(machine.select(c, &a, &b));
         }
         Ok(())
@@ -195,7 +243,12 @@ impl<'p, M: Machine> Executor<'p, M> {
                 let v = self.eval(object, index)?;
                 match self.m().known(&v) {
                     Some(value) => value,
-                    None => return unknown(index.at(), "the index depends on the point or the parameters"),
+                    None => {
+                        return unknown(
+                            index.at(),
+                            "the index depends on the point or the parameters",
+                        );
+                    }
                 }
             }
         };
@@ -204,8 +257,15 @@ impl<'p, M: Machine> Executor<'p, M> {
             return Ok(self.base + array.start as usize + i as usize - 1);
         }
         let name = &object.arrays[array.id as usize].name;
-        let message = format!("index {i} is out of range: `{name}` has the items 1 to {}", array.len);
-        if M::CHECKED { error(index.at(), message) } else { unknown(index.at(), message) }
+        let message = format!(
+            "index {i} is out of range: `{name}` has the items 1 to {}",
+            array.len
+        );
+        if M::CHECKED {
+            error(index.at(), message)
+        } else {
+            unknown(index.at(), message)
+        }
     }
 
     fn read(&mut self, at: u32, place: usize, name: impl FnOnce() -> String) -> Outcome<M::V> {
@@ -220,11 +280,19 @@ impl<'p, M: Machine> Executor<'p, M> {
         self.steps += 1;
         match expr {
             Expr::Number { value, .. } => Ok(self.m().constant(*value)),
-            Expr::Variable { at, slot } => self.read(*at, self.base + *slot as usize, || format!("`{}`", object.variable(*slot))),
+            Expr::Variable { at, slot } => self.read(*at, self.base + *slot as usize, || {
+                format!("`{}`", object.variable(*slot))
+            }),
             Expr::Item { at, array, index } => {
                 let place = self.item(object, *array, index)?;
                 let first = self.base + array.start as usize;
-                self.read(*at, place, || format!("`{}[{}]`", object.arrays[array.id as usize].name, place - first + 1))
+                self.read(*at, place, || {
+                    format!(
+                        "`{}[{}]`",
+                        object.arrays[array.id as usize].name,
+                        place - first + 1
+                    )
+                })
             }
             Expr::Group { inner, .. } => self.eval(object, inner),
             Expr::Sign { sign, operand, .. } => {
@@ -239,8 +307,16 @@ impl<'p, M: Machine> Executor<'p, M> {
                 Ok(m.boolean(n))
             }
             Expr::Chain { first, rest } => self.chain(object, first, rest),
-            Expr::Function { at, function, arguments } => self.function(object, *at, *function, arguments),
-            Expr::Call { at, object: called, arguments } => self.call(object, *at, *called, arguments),
+            Expr::Function {
+                at,
+                function,
+                arguments,
+            } => self.function(object, *at, *function, arguments),
+            Expr::Call {
+                at,
+                object: called,
+                arguments,
+            } => self.call(object, *at, *called, arguments),
         }
     }
 
@@ -259,7 +335,9 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
         let mut left = self.eval(object, first)?;
         for link in rest {
-            let Some(right) = self.operands.pop() else { break };
+            let Some(right) = self.operands.pop() else {
+                break;
+            };
             left = self.operator(link, &left, &right)?;
         }
         debug_assert_eq!(self.operands.len(), bottom);
@@ -298,7 +376,11 @@ impl<'p, M: Machine> Executor<'p, M> {
             Operator::Equal | Operator::NotEqual => {
                 let d = m.sub(u, v);
                 let (d, eps) = (m.abs(&d), m.constant(EPS));
-                if link.operator == Operator::Equal { compare(m, Binary::Less, &d, &eps) } else { compare(m, Binary::LessEq, &eps, &d) }
+                if link.operator == Operator::Equal {
+                    compare(m, Binary::Less, &d, &eps)
+                } else {
+                    compare(m, Binary::LessEq, &eps, &d)
+                }
             }
             Operator::And | Operator::Or => {
                 let (u, v) = (m.truth(u), m.truth(v));
@@ -314,7 +396,13 @@ impl<'p, M: Machine> Executor<'p, M> {
         })
     }
 
-    fn call(&mut self, object: &'p Object, at: u32, called: u32, arguments: &'p [(u32, ArrayRef)]) -> Outcome<M::V> {
+    fn call(
+        &mut self,
+        object: &'p Object,
+        at: u32,
+        called: u32,
+        arguments: &'p [(u32, ArrayRef)],
+    ) -> Outcome<M::V> {
         let program = self.program;
         let callee = &program.objects[called as usize];
         self.step(at, 1 + callee.memory())?;
@@ -324,7 +412,8 @@ impl<'p, M: Machine> Executor<'p, M> {
         let (caller, base) = (self.base, self.memory.len());
         for (_, array) in arguments {
             let from = caller + array.start as usize;
-            self.memory.extend_from_within(from..from + array.len as usize);
+            self.memory
+                .extend_from_within(from..from + array.len as usize);
         }
         if arguments.len() < 3 {
             let zero = self.m().constant(0.0);
@@ -335,7 +424,10 @@ impl<'p, M: Machine> Executor<'p, M> {
         let f = self.object(callee)?;
         self.base = caller;
         if let Some((_, array)) = arguments.get(2) {
-            let (from, to) = (base + callee.dimension() + callee.n_params(), caller + array.start as usize);
+            let (from, to) = (
+                base + callee.dimension() + callee.n_params(),
+                caller + array.start as usize,
+            );
             for i in 0..array.len as usize {
                 self.memory[to + i] = self.memory[from + i].take();
             }
@@ -346,19 +438,39 @@ impl<'p, M: Machine> Executor<'p, M> {
 
     fn require_set(&mut self, object: &Object, at: u32, array: ArrayRef) -> Outcome<()> {
         let start = self.base + array.start as usize;
-        let Some(i) = self.memory[start..start + array.len as usize].iter().position(Option::is_none) else { return Ok(()) };
+        let Some(i) = self.memory[start..start + array.len as usize]
+            .iter()
+            .position(Option::is_none)
+        else {
+            return Ok(());
+        };
         if M::CHECKED {
             let name = &object.arrays[array.id as usize].name;
-            return error(at, format!("`{name}` goes to a function, but `{name}[{}]` has no value yet", i + 1));
+            return error(
+                at,
+                format!(
+                    "`{name}` goes to a function, but `{name}[{}]` has no value yet",
+                    i + 1
+                ),
+            );
         }
         let unset = self.m().constant(f64::NAN);
-        for item in self.memory[start..start + array.len as usize].iter_mut().filter(|i| i.is_none()) {
+        for item in self.memory[start..start + array.len as usize]
+            .iter_mut()
+            .filter(|i| i.is_none())
+        {
             *item = Some(unset.clone());
         }
         Ok(())
     }
 
-    fn function(&mut self, object: &'p Object, at: u32, function: u16, arguments: &'p [Argument]) -> Outcome<M::V> {
+    fn function(
+        &mut self,
+        object: &'p Object,
+        at: u32,
+        function: u16,
+        arguments: &'p [Argument],
+    ) -> Outcome<M::V> {
         let entry = &Function::<M>::TABLE[function as usize];
         let mut args = Arguments::<M::V>::default();
         let (mut wrong_point, mut items) = (false, 0);
@@ -397,12 +509,19 @@ impl<'p, M: Machine> Executor<'p, M> {
                     v = sentinel.apply(self.m(), &flat, v);
                 }
                 self.flat = flat;
-                self.m().suggest(&v, || part_name(object, entry.names[0], arguments));
+                self.m()
+                    .suggest(&v, || part_name(object, entry.names[0], arguments));
                 v
             }
             Run::Formula(run) => {
                 let strict = self.is_strict();
-                let mut call = Call::new(&self.machine, &mut self.memory, &args, strict, self.limit.saturating_sub(self.steps));
+                let mut call = Call::new(
+                    &self.machine,
+                    &mut self.memory,
+                    &args,
+                    strict,
+                    self.limit.saturating_sub(self.steps),
+                );
                 match run(&mut call) {
                     Ok(v) => {
                         let spent = call.spent;
@@ -416,14 +535,31 @@ impl<'p, M: Machine> Executor<'p, M> {
             }
         };
         if M::CHECKED && !self.is_strict() {
-            let bad = |m: &M, v: &M::V| m.known(v).is_some_and(|v| if entry.may_overflow { v.is_nan() } else { !v.is_finite() });
+            let bad = |m: &M, v: &M::V| {
+                m.known(v).is_some_and(|v| {
+                    if entry.may_overflow {
+                        v.is_nan()
+                    } else {
+                        !v.is_finite()
+                    }
+                })
+            };
             let m = self.machine.get_mut();
             let changed = entry.writes.filter(|&i| {
                 let (start, len) = args.arrays[i];
-                self.memory[start..start + len].iter().flatten().any(|v| bad(m, v))
+                self.memory[start..start + len]
+                    .iter()
+                    .flatten()
+                    .any(|v| bad(m, v))
             });
             if bad(m, &v) || changed.is_some() {
-                return error(at, format!("`{}` gives no finite number for these arguments", entry.names[0]));
+                return error(
+                    at,
+                    format!(
+                        "`{}` gives no finite number for these arguments",
+                        entry.names[0]
+                    ),
+                );
             }
         }
         Ok(v)
@@ -440,19 +576,37 @@ pub(crate) const SENTINEL: f64 = -1111111111111.0;
 /// The name of an inline primitive: its centre's if that is a local array, else the function's without "hf".
 fn part_name(object: &Object, function: &str, arguments: &[Argument]) -> String {
     match arguments.get(1) {
-        Some(Argument::Array(_, array)) if array.id >= 3 => object.arrays[array.id as usize].name.clone(),
-        _ => function.strip_prefix("hf").unwrap_or(function).to_ascii_lowercase(),
+        Some(Argument::Array(_, array)) if array.id >= 3 => {
+            object.arrays[array.id as usize].name.clone()
+        }
+        _ => function
+            .strip_prefix("hf")
+            .unwrap_or(function)
+            .to_ascii_lowercase(),
     }
 }
 
 /// u ^ v: an integer power where v − ⌊v⌋ < EPS, else exp(v ln u). Strictly, u counts as 0 where |u| < EPS.
-fn power<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V, literal: bool) -> Outcome<M::V> {
-    let Some(exponent) = m.known(v) else { return Ok(open_power(m, strict, u, v)) };
+fn power<M: Machine>(
+    m: &mut M,
+    at: u32,
+    strict: bool,
+    u: &M::V,
+    v: &M::V,
+    literal: bool,
+) -> Outcome<M::V> {
+    let Some(exponent) = m.known(v) else {
+        return Ok(open_power(m, strict, u, v));
+    };
     let whole = exponent - exponent.floor() < EPS;
     if M::CHECKED
         && let Some(base) = m.known(u)
     {
-        if if strict { base.abs() < EPS } else { base == 0.0 } {
+        if if strict {
+            base.abs() < EPS
+        } else {
+            base == 0.0
+        } {
             if exponent <= EPS {
                 return error(at, "power of zero with an exponent that is not positive");
             }
@@ -460,7 +614,10 @@ fn power<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V, liter
                 return Ok(m.constant(0.0));
             }
         } else if base < 0.0 && !whole {
-            return error(at, "power of a negative number with an exponent that is not an integer");
+            return error(
+                at,
+                "power of a negative number with an exponent that is not an integer",
+            );
         }
     }
     let n = (exponent.abs() + 0.5).floor().copysign(exponent);
@@ -468,7 +625,11 @@ fn power<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V, liter
         m.binary(Binary::Pow, u, v)
     } else if n.abs() <= f64::from(i32::MAX) {
         let p = m.powi(u, n as i32);
-        if literal || !m.known(u).is_some_and(|u| u > 0.0) { p } else { with_slope(m, u, v, exponent, &p) }
+        if literal || !m.known(u).is_some_and(|u| u > 0.0) {
+            p
+        } else {
+            with_slope(m, u, v, exponent, &p)
+        }
     } else {
         let size = m.abs(u);
         m.binary(Binary::Pow, &size, v)
@@ -497,7 +658,12 @@ fn flattened<M: Machine>(m: &mut M, u: &M::V, p: &M::V) -> M::V {
 
 /// u ^ v for an exponent that is not known: u^v for u > 0; else ±|u|^v for an integer v, NaN for another.
 fn open_power<M: Machine>(m: &mut M, strict: bool, u: &M::V, v: &M::V) -> M::V {
-    let (zero, one, nan, eps) = (m.constant(0.0), m.constant(1.0), m.constant(f64::NAN), m.constant(EPS));
+    let (zero, one, nan, eps) = (
+        m.constant(0.0),
+        m.constant(1.0),
+        m.constant(f64::NAN),
+        m.constant(EPS),
+    );
     let positive = m.less(&zero, u);
     let size = m.abs(u);
     let nothing = m.less_eq(&size, &zero);

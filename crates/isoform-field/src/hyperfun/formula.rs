@@ -14,7 +14,10 @@ pub(crate) struct E<'c, M: Machine> {
 
 impl<M: Machine> Clone for E<'_, M> {
     fn clone(&self) -> Self {
-        Self { machine: self.machine, v: self.v.clone() }
+        Self {
+            machine: self.machine,
+            v: self.v.clone(),
+        }
     }
 }
 
@@ -24,7 +27,10 @@ impl<'c, M: Machine> E<'c, M> {
     }
     fn with(&self, f: impl FnOnce(&mut M, &M::V) -> M::V) -> Self {
         let v = f(&mut self.machine.borrow_mut(), &self.v);
-        Self { machine: self.machine, v }
+        Self {
+            machine: self.machine,
+            v,
+        }
     }
     pub(crate) fn constant(&self, c: f64) -> Self {
         self.with(|m, _| m.constant(c))

@@ -41,8 +41,10 @@ const WORDS: [(&str, Word); 15] = [
 ];
 
 /// Symbols; a longer one stands before its own beginning.
-const SYMBOLS: [&str; 24] =
-    ["<=", ">=", "/=", "^", "+", "-", "~", "/", "*", "&", "|", "\\", "@", ",", ";", "=", "(", ")", "[", "]", "{", "}", "<", ">"];
+const SYMBOLS: [&str; 24] = [
+    "<=", ">=", "/=", "^", "+", "-", "~", "/", "*", "&", "|", "\\", "@", ",", ";", "=", "(", ")",
+    "[", "]", "{", "}", "<", ">",
+];
 
 /// Names of this length or longer are refused, as the reference does.
 const MAX_NAME: usize = 256;
@@ -120,7 +122,10 @@ pub(crate) fn tokens(source: &Source) -> (Vec<Token>, Vec<(u32, u32)>) {
                     }
                 }
             }
-            _ => match SYMBOLS.iter().find(|s| bytes[i..].starts_with(s.as_bytes())) {
+            _ => match SYMBOLS
+                .iter()
+                .find(|s| bytes[i..].starts_with(s.as_bytes()))
+            {
                 Some(symbol) => {
                     i += symbol.len();
                     Kind::Symbol(symbol)
@@ -131,10 +136,18 @@ pub(crate) fn tokens(source: &Source) -> (Vec<Token>, Vec<(u32, u32)>) {
                 }
             },
         };
-        found.push(Token { kind, start: start as u32, end: i as u32 });
+        found.push(Token {
+            kind,
+            start: start as u32,
+            end: i as u32,
+        });
     }
     let end = bytes.len() as u32;
-    found.push(Token { kind: Kind::End, start: end, end });
+    found.push(Token {
+        kind: Kind::End,
+        start: end,
+        end,
+    });
     (found, comments)
 }
 
@@ -172,12 +185,24 @@ mod tests {
     use super::*;
 
     fn kinds(text: &str) -> Vec<Kind> {
-        tokens(&Source::new(text)).0.into_iter().map(|t| t.kind).collect()
+        tokens(&Source::new(text))
+            .0
+            .into_iter()
+            .map(|t| t.kind)
+            .collect()
     }
 
     #[test]
     fn numbers_in_all_forms() {
-        for (text, value) in [("5.", 5.0), (".5", 0.5), ("05", 5.0), ("1e0", 1.0), ("1e-05", 1e-5), ("2E+3", 2000.0), ("1.5e2", 150.0)] {
+        for (text, value) in [
+            ("5.", 5.0),
+            (".5", 0.5),
+            ("05", 5.0),
+            ("1e0", 1.0),
+            ("1e-05", 1e-5),
+            ("2E+3", 2000.0),
+            ("1.5e2", 150.0),
+        ] {
             assert_eq!(kinds(text), [Kind::Number(value), Kind::End], "{text}");
         }
         assert_eq!(kinds("2e")[0], Kind::Number(2.0));
@@ -187,12 +212,28 @@ mod tests {
 
     #[test]
     fn two_dashes_comment_to_the_end_of_the_line() {
-        assert_eq!(kinds("a--b\n;"), [Kind::Word(Word::A), Kind::Symbol(";"), Kind::End]);
-        assert_eq!(kinds("- -"), [Kind::Symbol("-"), Kind::Symbol("-"), Kind::End]);
+        assert_eq!(
+            kinds("a--b\n;"),
+            [Kind::Word(Word::A), Kind::Symbol(";"), Kind::End]
+        );
+        assert_eq!(
+            kinds("- -"),
+            [Kind::Symbol("-"), Kind::Symbol("-"), Kind::End]
+        );
     }
 
     #[test]
     fn strange_characters_are_unknown_tokens() {
-        assert_eq!(kinds("é?_\"x"), [Kind::Unknown, Kind::Unknown, Kind::Unknown, Kind::Unknown, Kind::Word(Word::X), Kind::End]);
+        assert_eq!(
+            kinds("é?_\"x"),
+            [
+                Kind::Unknown,
+                Kind::Unknown,
+                Kind::Unknown,
+                Kind::Unknown,
+                Kind::Word(Word::X),
+                Kind::End
+            ]
+        );
     }
 }

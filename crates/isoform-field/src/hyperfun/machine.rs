@@ -56,7 +56,10 @@ pub(crate) struct Symbolic {
 
 impl Symbolic {
     pub(crate) fn new(graph: Graph) -> Self {
-        Self { graph, ..Self::default() }
+        Self {
+            graph,
+            ..Self::default()
+        }
     }
 }
 
@@ -72,7 +75,10 @@ impl Machine for Symbolic {
     }
     fn assigned(&mut self, v: &NodeId, name: &str) {
         // Arithmetic too: a plane or a tapered wall is a piece of the surface as well as a primitive.
-        if !matches!(self.graph.node(*v), Node::Constant(_) | Node::X(_) | Node::Param(_)) {
+        if !matches!(
+            self.graph.node(*v),
+            Node::Constant(_) | Node::X(_) | Node::Param(_)
+        ) {
             self.graph.set_name(*v, name);
         }
         for (id, name) in self.suggested.drain(..) {

@@ -156,7 +156,12 @@ impl std::error::Error for NotCompilable {}
 
 impl fmt::Display for UnknownObject {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "no object `{}`; there are {}", self.name, self.objects.join(", "))
+        write!(
+            f,
+            "no object `{}`; there are {}",
+            self.name,
+            self.objects.join(", ")
+        )
     }
 }
 impl std::error::Error for UnknownObject {}
@@ -169,15 +174,32 @@ impl Model {
     /// [`Model::parse`] with a choice of how set operators bind.
     pub fn parse_with(text: &str, mode: Mode, precedence: Precedence) -> Result<Self, SyntaxError> {
         if text.len() > MAX_SOURCE {
-            return Err(Source::new("").error(0, format!("the program is longer than {MAX_SOURCE} bytes"), ""));
+            return Err(Source::new("").error(
+                0,
+                format!("the program is longer than {MAX_SOURCE} bytes"),
+                "",
+            ));
         }
         let source = Source::new(text);
         let (tokens, comments) = lexer::tokens(&source);
         let (objects, mut warnings) = parser::parse(&source, &tokens, mode, precedence)?;
         let annotations = annotations::read(&source, &objects, &comments, &mut warnings)?;
-        let object = objects.iter().position(|o| o.name == DEFAULT_OBJECT).unwrap_or(0);
-        let mut model =
-            Self { program: Program { source, objects, mode, annotations }, object, params: Vec::new(), warnings, step_limit: STEP_LIMIT };
+        let object = objects
+            .iter()
+            .position(|o| o.name == DEFAULT_OBJECT)
+            .unwrap_or(0);
+        let mut model = Self {
+            program: Program {
+                source,
+                objects,
+                mode,
+                annotations,
+            },
+            object,
+            params: Vec::new(),
+            warnings,
+            step_limit: STEP_LIMIT,
+        };
         model.choose(object);
         Ok(model)
     }
@@ -185,15 +207,26 @@ impl Model {
     /// The same program with another of its objects as the model; letters fold. `None` leaves the choice as it is.
     pub fn object(mut self, name: Option<&str>) -> Result<Self, UnknownObject> {
         let Some(name) = name else { return Ok(self) };
-        let Some(object) = self.program.objects.iter().position(|o| o.name.eq_ignore_ascii_case(name)) else {
-            return Err(UnknownObject { name: name.to_owned(), objects: self.objects().map(str::to_owned).collect() });
+        let Some(object) = self
+            .program
+            .objects
+            .iter()
+            .position(|o| o.name.eq_ignore_ascii_case(name))
+        else {
+            return Err(UnknownObject {
+                name: name.to_owned(),
+                objects: self.objects().map(str::to_owned).collect(),
+            });
         };
         self.choose(object);
         Ok(self)
     }
     fn choose(&mut self, object: usize) {
         self.object = object;
-        self.params = self.program.annotations.params(object, self.chosen().n_params());
+        self.params = self
+            .program
+            .annotations
+            .params(object, self.chosen().n_params());
     }
     fn chosen(&self) -> &Object {
         &self.program.objects[self.object]
@@ -229,7 +262,11 @@ impl Model {
     }
     /// Number of attributes s\[i\]; 0 where the object declares none.
     pub fn n_attributes(&self) -> usize {
-        if self.chosen().has_s { self.chosen().n_s() } else { 0 }
+        if self.chosen().has_s {
+            self.chosen().n_s()
+        } else {
+            0
+        }
     }
     /// What the annotations say of each parameter.
     pub fn params(&self) -> &[ParamInfo] {
@@ -247,7 +284,11 @@ impl Model {
     /// An evaluator with its own memory, for many points.
     pub fn evaluator<R: Real + 'static>(&self) -> Evaluator<'_, R> {
         let s = vec![R::constant(0.0); self.chosen().n_s()];
-        Evaluator { model: self, executor: Executor::new(&self.program, Direct::new(), self.step_limit), s }
+        Evaluator {
+            model: self,
+            executor: Executor::new(&self.program, Direct::new(), self.step_limit),
+            s,
+        }
     }
 
     /// f and the attributes at `x`. Attributes start as `s`, missing ones as 0.
@@ -257,7 +298,10 @@ impl Model {
     pub fn eval(&self, x: &[f64], a: &[f64], s: &[f64]) -> Result<Evaluation, RunError> {
         let mut evaluator = self.evaluator();
         let f = evaluator.eval(x, a, s)?;
-        Ok(Evaluation { f, s: evaluator.attributes().to_vec() })
+        Ok(Evaluation {
+            f,
+            s: evaluator.attributes().to_vec(),
+        })
     }
 
     /// f at `x` in any number type; run-time errors are found on its values.
@@ -276,7 +320,8 @@ impl Model {
         let a: Vec<NodeId> = (0..na).map(|i| graph.param(i)).collect();
         let mut s = vec![crate::ops::Ops::constant(graph, 0.0); ns];
         let machine = Symbolic::new(std::mem::take(graph));
-        let mut executor = Executor::new(&self.program, machine, COMPILE_LIMIT.min(self.step_limit));
+        let mut executor =
+            Executor::new(&self.program, machine, COMPILE_LIMIT.min(self.step_limit));
         let result = executor.run(self.object, &x, &a, &mut s);
         *graph = executor.into_machine().graph;
         result.map_err(|stop| {
@@ -317,15 +362,25 @@ impl<R: Real + 'static> Evaluator<'_, R> {
     /// # Panics
     /// If `x` or `a` has not the size of the object's head.
     pub fn eval(&mut self, x: &[R], a: &[R], s: &[R]) -> Result<R, RunError> {
-        assert_eq!((x.len(), a.len()), (self.model.dimension(), self.model.n_params()), "sizes of x and a");
+        assert_eq!(
+            (x.len(), a.len()),
+            (self.model.dimension(), self.model.n_params()),
+            "sizes of x and a"
+        );
         for (i, item) in self.s.iter_mut().enumerate() {
             *item = s.get(i).cloned().unwrap_or_else(|| R::constant(0.0));
         }
-        self.executor.run(self.model.object, x, a, &mut self.s).map_err(|stop| {
-            let (Stop::Error { at, message } | Stop::Unknown { at, why: message }) = *stop;
-            let (line, column) = self.model.program.source.position(at);
-            RunError { line, column, message }
-        })
+        self.executor
+            .run(self.model.object, x, a, &mut self.s)
+            .map_err(|stop| {
+                let (Stop::Error { at, message } | Stop::Unknown { at, why: message }) = *stop;
+                let (line, column) = self.model.program.source.position(at);
+                RunError {
+                    line,
+                    column,
+                    message,
+                }
+            })
     }
     /// The attributes after the last evaluation; empty where the object declares none.
     pub fn attributes(&self) -> &[R] {

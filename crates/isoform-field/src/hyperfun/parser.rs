@@ -1,7 +1,9 @@
 //! Recursive descent over the tokens; names are checked and resolved on the way, so that the first error in text order is
 //! the one reported, at the token where the reference implementation reports it.
 
-use super::ast::{Argument, Array, ArrayRef, Expr, HEAD_ARRAYS, Level, Link, Object, Operator, Statement};
+use super::ast::{
+    Argument, Array, ArrayRef, Expr, HEAD_ARRAYS, Level, Link, Object, Operator, Statement,
+};
 use super::functions::{self, Shape};
 use super::lexer::{Kind, Token, Word};
 use super::source::{Source, SyntaxError, Warning};
@@ -17,7 +19,12 @@ enum Name {
 }
 
 /// All objects of a program and what to warn about.
-pub(crate) fn parse(source: &Source, tokens: &[Token], mode: Mode, precedence: Precedence) -> Parsed<(Vec<Object>, Vec<Warning>)> {
+pub(crate) fn parse(
+    source: &Source,
+    tokens: &[Token],
+    mode: Mode,
+    precedence: Precedence,
+) -> Parsed<(Vec<Object>, Vec<Warning>)> {
     let mut parser = Parser {
         source,
         tokens,
@@ -38,7 +45,9 @@ pub(crate) fn parse(source: &Source, tokens: &[Token], mode: Mode, precedence: P
     };
     while parser.kind() != Kind::End || parser.objects.is_empty() {
         let object = parser.object()?;
-        parser.object_names.insert(object.name.clone(), parser.objects.len() as u32);
+        parser
+            .object_names
+            .insert(object.name.clone(), parser.objects.len() as u32);
         parser.objects.push(object);
     }
     Ok((parser.objects, parser.warnings))
@@ -107,7 +116,11 @@ impl Parser<'_> {
         }
     }
     fn expected<T>(&self, what: &str) -> Parsed<T> {
-        Err(self.source.error(self.start(), format!("{what} expected, found {}", self.found()), what))
+        Err(self.source.error(
+            self.start(),
+            format!("{what} expected, found {}", self.found()),
+            what,
+        ))
     }
     fn fail<T>(&self, at: u32, message: impl Into<String>) -> Parsed<T> {
         Err(self.source.error(at, message, ""))
@@ -135,7 +148,10 @@ impl Parser<'_> {
     }
     fn go_deeper(&mut self, by: u32) -> Parsed<()> {
         if self.depth + by > MAX_DEPTH {
-            return self.fail(self.start(), format!("nested more than {MAX_DEPTH} levels deep (calls of objects included)"));
+            return self.fail(
+                self.start(),
+                format!("nested more than {MAX_DEPTH} levels deep (calls of objects included)"),
+            );
         }
         self.deepest = self.deepest.max(self.depth + by);
         Ok(())
@@ -150,7 +166,10 @@ impl Parser<'_> {
         }
         let name = self.text();
         if functions::find(&name).is_some() {
-            return self.fail(start, format!("`{name}` is the name of a library function; an object needs another"));
+            return self.fail(
+                start,
+                format!("`{name}` is the name of a library function; an object needs another"),
+            );
         }
         if self.object_names.contains_key(&name) {
             return self.fail(start, format!("there is an object `{name}` already"));
@@ -210,7 +229,14 @@ impl Parser<'_> {
         } else {
             self.declare("s", 1)?;
         }
-        self.symbol(")", if has_s { "right parenthesis `)`" } else { "right parenthesis `)` or comma `,`" })?;
+        self.symbol(
+            ")",
+            if has_s {
+                "right parenthesis `)`"
+            } else {
+                "right parenthesis `)` or comma `,`"
+            },
+        )?;
         Ok(has_s)
     }
     fn head_array(&mut self, name: &str, least: u32) -> Parsed<()> {
@@ -222,22 +248,37 @@ impl Parser<'_> {
     /// The size of an array: a number, rounded to the nearest.
     fn size(&mut self, least: u32) -> Parsed<u32> {
         let at = self.start();
-        let Kind::Number(value) = self.kind() else { return self.expected("the size, a number") };
+        let Kind::Number(value) = self.kind() else {
+            return self.expected("the size, a number");
+        };
         let size = (value + 0.5).floor();
         if size < f64::from(least) {
-            return self.fail(at, format!("the size must be at least {least}, not {value}"));
+            return self.fail(
+                at,
+                format!("the size must be at least {least}, not {value}"),
+            );
         }
         if size > MAX_ITEMS as f64 || self.items + size as u64 > MAX_ITEMS {
-            return self.fail(at, format!("the arrays of a program may have {MAX_ITEMS} items in all"));
+            return self.fail(
+                at,
+                format!("the arrays of a program may have {MAX_ITEMS} items in all"),
+            );
         }
         self.advance();
         self.items += size as u64;
         Ok(size as u32)
     }
     fn declare(&mut self, name: &str, len: u32) -> Parsed<()> {
-        let array = ArrayRef { id: self.arrays.len() as u32, start: self.memory, len };
+        let array = ArrayRef {
+            id: self.arrays.len() as u32,
+            start: self.memory,
+            len,
+        };
         self.memory += len;
-        self.arrays.push(Array { name: name.to_owned(), len });
+        self.arrays.push(Array {
+            name: name.to_owned(),
+            len,
+        });
         self.names.insert(name.to_owned(), Name::Array(array));
         Ok(())
     }
@@ -248,8 +289,16 @@ impl Parser<'_> {
                 return self.expected("the name of an array");
             }
             let name = self.text();
-            if functions::find(&name).is_some() || self.object_names.contains_key(&name) || name == self.own_name {
-                return self.fail(at, format!("`{name}` is the name of a function or object; the array needs another"));
+            if functions::find(&name).is_some()
+                || self.object_names.contains_key(&name)
+                || name == self.own_name
+            {
+                return self.fail(
+                    at,
+                    format!(
+                        "`{name}` is the name of a function or object; the array needs another"
+                    ),
+                );
             }
             if self.names.contains_key(&name) {
                 return self.fail(at, format!("there is an array `{name}` already"));
@@ -300,9 +349,21 @@ impl Parser<'_> {
         } else {
             None
         };
-        self.word(Word::Endif, if otherwise.is_some() { "`endif`" } else { "`else` or `endif`" })?;
+        self.word(
+            Word::Endif,
+            if otherwise.is_some() {
+                "`endif`"
+            } else {
+                "`else` or `endif`"
+            },
+        )?;
         self.symbol(";", "semicolon `;`")?;
-        Ok(Statement::If { at, condition, then, otherwise })
+        Ok(Statement::If {
+            at,
+            condition,
+            then,
+            otherwise,
+        })
     }
 
     fn while_statement(&mut self) -> Parsed<Statement> {
@@ -312,7 +373,11 @@ impl Parser<'_> {
         let body = self.block()?;
         self.word(Word::Endloop, "`endloop`")?;
         self.symbol(";", "semicolon `;`")?;
-        Ok(Statement::While { at, condition, body })
+        Ok(Statement::While {
+            at,
+            condition,
+            body,
+        })
     }
 
     fn assignment(&mut self) -> Parsed<Statement> {
@@ -324,11 +389,18 @@ impl Parser<'_> {
                 let index = self.nested(Self::expr)?;
                 self.symbol("]", "right bracket `]`")?;
                 self.symbol("=", "`=`")?;
-                Statement::AssignItem { array, index, value: self.expr()? }
+                Statement::AssignItem {
+                    array,
+                    index,
+                    value: self.expr()?,
+                }
             }
             Some(Name::Array(array)) => {
                 self.symbol("=", "`[` or `=`")?;
-                Statement::AssignArray { array, values: self.literal(array.len)? }
+                Statement::AssignArray {
+                    array,
+                    values: self.literal(array.len)?,
+                }
             }
             known => {
                 self.symbol("=", "`=`")?;
@@ -358,13 +430,18 @@ impl Parser<'_> {
         let mut values = Vec::new();
         for i in 0..len {
             if i > 0 {
-                self.symbol(",", &format!("comma `,` (the array has {len} items, each a signed number)"))?;
+                self.symbol(
+                    ",",
+                    &format!("comma `,` (the array has {len} items, each a signed number)"),
+                )?;
             }
             let negative = self.is_symbol("-");
             if negative || self.is_symbol("+") {
                 self.advance();
             }
-            let Kind::Number(value) = self.kind() else { return self.expected("a number") };
+            let Kind::Number(value) = self.kind() else {
+                return self.expected("a number");
+            };
             self.advance();
             values.push(if negative { -value } else { value });
         }
@@ -386,13 +463,29 @@ impl Parser<'_> {
     }
 
     /// operand (operator operand)*, left to right.
-    fn chain(&mut self, those: impl Fn(Operator) -> bool, first: Expr, mut operand: impl FnMut(&mut Self) -> Parsed<Expr>) -> Parsed<Expr> {
+    fn chain(
+        &mut self,
+        those: impl Fn(Operator) -> bool,
+        first: Expr,
+        mut operand: impl FnMut(&mut Self) -> Parsed<Expr>,
+    ) -> Parsed<Expr> {
         let mut rest = Vec::new();
         while let Some(operator) = self.operator(&those) {
             let at = self.advance().start;
-            rest.push(Link { at, operator, operand: operand(self)? });
+            rest.push(Link {
+                at,
+                operator,
+                operand: operand(self)?,
+            });
         }
-        Ok(if rest.is_empty() { first } else { Expr::Chain { first: Box::new(first), rest } })
+        Ok(if rest.is_empty() {
+            first
+        } else {
+            Expr::Chain {
+                first: Box::new(first),
+                rest,
+            }
+        })
     }
 
     /// A condition; tells also whether it is a plain expression. A parenthesis that turns out to hold a plain expression
@@ -400,12 +493,26 @@ impl Parser<'_> {
     fn condition(&mut self) -> Parsed<(Expr, bool)> {
         let (first, plain) = self.comparison()?;
         let plain = plain && self.operator(|o| o.level() == Level::Logic).is_none();
-        Ok((self.chain(|o| o.level() == Level::Logic, first, |p| Ok(p.comparison()?.0))?, plain))
+        Ok((
+            self.chain(
+                |o| o.level() == Level::Logic,
+                first,
+                |p| Ok(p.comparison()?.0),
+            )?,
+            plain,
+        ))
     }
     fn comparison(&mut self) -> Parsed<(Expr, bool)> {
         let (first, plain) = self.condition_primary()?;
         let plain = plain && self.operator(|o| o.level() == Level::Comparison).is_none();
-        Ok((self.chain(|o| o.level() == Level::Comparison, first, |p| Ok(p.condition_primary()?.0))?, plain))
+        Ok((
+            self.chain(
+                |o| o.level() == Level::Comparison,
+                first,
+                |p| Ok(p.condition_primary()?.0),
+            )?,
+            plain,
+        ))
     }
     fn condition_primary(&mut self) -> Parsed<(Expr, bool)> {
         let at = self.start();
@@ -418,8 +525,15 @@ impl Parser<'_> {
             self.advance();
             let (inner, plain) = self.nested(Self::condition)?;
             self.symbol(")", "right parenthesis `)`")?;
-            let group = Expr::Group { at, inner: Box::new(inner) };
-            return if plain { Ok((self.expr_from(Some(group))?, true)) } else { Ok((group, false)) };
+            let group = Expr::Group {
+                at,
+                inner: Box::new(inner),
+            };
+            return if plain {
+                Ok((self.expr_from(Some(group))?, true))
+            } else {
+                Ok((group, false))
+            };
         }
         Ok((self.expr()?, true))
     }
@@ -461,7 +575,11 @@ impl Parser<'_> {
         match token.kind {
             Kind::Symbol(sign @ ("+" | "-" | "~")) => {
                 self.advance();
-                Ok(Expr::Sign { at, sign, operand: Box::new(self.nested(Self::unary)?) })
+                Ok(Expr::Sign {
+                    at,
+                    sign,
+                    operand: Box::new(self.nested(Self::unary)?),
+                })
             }
             Kind::Symbol("(") => {
                 self.advance();
@@ -484,8 +602,17 @@ impl Parser<'_> {
             self.advance();
             return self.function(at, function);
         }
-        let next_is_parenthesis = matches!(self.tokens.get(self.at + 1), Some(Token { kind: Kind::Symbol("("), .. }));
-        match (self.names.get(&name).copied(), self.object_names.get(&name).copied()) {
+        let next_is_parenthesis = matches!(
+            self.tokens.get(self.at + 1),
+            Some(Token {
+                kind: Kind::Symbol("("),
+                ..
+            })
+        );
+        match (
+            self.names.get(&name).copied(),
+            self.object_names.get(&name).copied(),
+        ) {
             (_, Some(object)) if next_is_parenthesis => {
                 self.advance();
                 self.call(at, object)
@@ -535,12 +662,22 @@ impl Parser<'_> {
             let (at, array) = self.array_argument(what)?;
             elements = shape.elements(array.len).unwrap_or(elements);
             if let Some(wanted) = shape.refuses(array.len, elements, self.mode) {
-                return self.fail(at, format!("`{what}` must be an array of {wanted}, this one has {}", array.len));
+                return self.fail(
+                    at,
+                    format!(
+                        "`{what}` must be an array of {wanted}, this one has {}",
+                        array.len
+                    ),
+                );
             }
             arguments.push(Argument::Array(at, array));
         }
         self.symbol(")", "right parenthesis `)`")?;
-        Ok(Expr::Function { at, function, arguments })
+        Ok(Expr::Function {
+            at,
+            function,
+            arguments,
+        })
     }
 
     /// The bare name of an array.
@@ -555,7 +692,10 @@ impl Parser<'_> {
         };
         self.advance();
         if !self.is_symbol(",") && !self.is_symbol(")") {
-            return self.fail(at, format!("`{what}` must be a whole array, its name alone"));
+            return self.fail(
+                at,
+                format!("`{what}` must be a whole array, its name alone"),
+            );
         }
         Ok((at, array))
     }
@@ -563,7 +703,10 @@ impl Parser<'_> {
     fn call(&mut self, at: u32, object: u32) -> Parsed<Expr> {
         let called = &self.objects[object as usize];
         let (depth, name) = (called.depth, called.name.clone());
-        let wanted: Vec<(String, u32)> = called.arrays[..HEAD_ARRAYS].iter().map(|a| (a.name.clone(), a.len)).collect();
+        let wanted: Vec<(String, u32)> = called.arrays[..HEAD_ARRAYS]
+            .iter()
+            .map(|a| (a.name.clone(), a.len))
+            .collect();
         self.go_deeper(depth + 1)?;
         self.symbol("(", "left parenthesis `(`")?;
         let mut arguments = Vec::with_capacity(HEAD_ARRAYS);
@@ -572,21 +715,36 @@ impl Parser<'_> {
                 break;
             }
             if i > 0 {
-                self.symbol(",", &format!("comma `,` and the array for `{what}` of `{name}`"))?;
+                self.symbol(
+                    ",",
+                    &format!("comma `,` and the array for `{what}` of `{name}`"),
+                )?;
             }
             let (at, array) = self.array_argument(what)?;
             if array.len != *len {
-                return self.fail(at, format!("`{what}` of `{name}` has {len} items, this array has {}", array.len));
+                return self.fail(
+                    at,
+                    format!(
+                        "`{what}` of `{name}` has {len} items, this array has {}",
+                        array.len
+                    ),
+                );
             }
             arguments.push((at, array));
         }
         self.symbol(")", "right parenthesis `)`")?;
-        Ok(Expr::Call { at, object, arguments })
+        Ok(Expr::Call {
+            at,
+            object,
+            arguments,
+        })
     }
 
     /// HyperFun's documentation puts set operators below + and −, its implementation on the same level.
     fn warn_of_precedence(&mut self, sum: &Expr) {
-        let Expr::Chain { rest, .. } = sum else { return };
+        let Expr::Chain { rest, .. } = sum else {
+            return;
+        };
         let mut links = rest.iter().skip_while(|l| !l.operator.is_set_operator());
         let Some(set) = links.next() else { return };
         if let Some(link) = links.find(|l| !l.operator.is_set_operator()) {

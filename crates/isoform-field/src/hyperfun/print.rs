@@ -19,31 +19,59 @@ pub struct Placement {
 
 /// A number that reads back exactly, in parentheses where its sign could meet an operator.
 fn operand(v: f64) -> String {
-    if v < 0.0 { format!("({v:?})") } else { format!("{v:?}") }
+    if v < 0.0 {
+        format!("({v:?})")
+    } else {
+        format!("{v:?}")
+    }
 }
 
 /// `name`, or with a number behind it if that is taken.
 fn free_name(program: &Program, name: &str) -> String {
-    let taken = |n: &str| functions::find(n).is_some() || program.objects.iter().any(|o| o.name == n);
+    let taken =
+        |n: &str| functions::find(n).is_some() || program.objects.iter().any(|o| o.name == n);
     let numbered = (2..).map(|i| format!("{name}{i}"));
-    std::iter::once(name.to_owned()).chain(numbered).find(|n| !taken(n)).unwrap_or_default()
+    std::iter::once(name.to_owned())
+        .chain(numbered)
+        .find(|n| !taken(n))
+        .unwrap_or_default()
 }
 
-pub(super) fn fitted(program: &Program, object: usize, values: &[f64], placement: Option<&Placement>) -> String {
+pub(super) fn fitted(
+    program: &Program,
+    object: usize,
+    values: &[f64],
+    placement: Option<&Placement>,
+) -> String {
     let chosen = &program.objects[object];
     let has_default = program.objects.iter().any(|o| o.name == DEFAULT_OBJECT);
     let (mut text, name, template) = if has_default {
         let template = free_name(program, &format!("{}_template", chosen.name));
-        (renamed(program, object, &template), chosen.name.clone(), template)
+        (
+            renamed(program, object, &template),
+            chosen.name.clone(),
+            template,
+        )
     } else {
-        (program.source.text().to_owned(), DEFAULT_OBJECT.to_owned(), chosen.name.clone())
+        (
+            program.source.text().to_owned(),
+            DEFAULT_OBJECT.to_owned(),
+            chosen.name.clone(),
+        )
     };
     if !text.ends_with('\n') {
         text.push('\n');
     }
     let (b, p) = (free_name(program, "b"), free_name(program, "p"));
-    let (n, placement) = (chosen.n_params(), placement.filter(|_| chosen.dimension() == 3));
-    let s = if chosen.has_s { format!(", s[{}]", chosen.n_s()) } else { String::new() };
+    let (n, placement) = (
+        chosen.n_params(),
+        placement.filter(|_| chosen.dimension() == 3),
+    );
+    let s = if chosen.has_s {
+        format!(", s[{}]", chosen.n_s())
+    } else {
+        String::new()
+    };
     let _ = writeln!(
         text,
         "\n-- the template above with the values that were found\n{name}(x[{}], a[{}]{s})\n{{",
@@ -51,21 +79,50 @@ pub(super) fn fitted(program: &Program, object: usize, values: &[f64], placement
         n.min(1)
     );
     if n > 0 {
-        let list: Vec<String> = (0..n).map(|i| format!("{:?}", values.get(i).copied().unwrap_or(0.0))).collect();
-        let _ = writeln!(text, "  array {b}[{n}]{};", if placement.is_some() { format!(", {p}[3]") } else { String::new() });
+        let list: Vec<String> = (0..n)
+            .map(|i| format!("{:?}", values.get(i).copied().unwrap_or(0.0)))
+            .collect();
+        let _ = writeln!(
+            text,
+            "  array {b}[{n}]{};",
+            if placement.is_some() {
+                format!(", {p}[3]")
+            } else {
+                String::new()
+            }
+        );
         let _ = writeln!(text, "  {b} = [{}];", list.join(", "));
     } else if placement.is_some() {
         let _ = writeln!(text, "  array {p}[3];");
     }
     if let Some(at) = placement {
         for i in 0..3 {
-            let term = |j: usize| format!("{}*(x[{}] - {})", operand(at.rotation[j][i]), j + 1, operand(at.translation[j]));
-            let _ = writeln!(text, "  {p}[{}] = ({} + {} + {})/{};", i + 1, term(0), term(1), term(2), operand(at.scale));
+            let term = |j: usize| {
+                format!(
+                    "{}*(x[{}] - {})",
+                    operand(at.rotation[j][i]),
+                    j + 1,
+                    operand(at.translation[j])
+                )
+            };
+            let _ = writeln!(
+                text,
+                "  {p}[{}] = ({} + {} + {})/{};",
+                i + 1,
+                term(0),
+                term(1),
+                term(2),
+                operand(at.scale)
+            );
         }
     }
     let x = if placement.is_some() { p.as_str() } else { "x" };
     let a = if n > 0 { b.as_str() } else { "a" };
-    let _ = writeln!(text, "  {name} = {template}({x}, {a}{});\n}}", if chosen.has_s { ", s" } else { "" });
+    let _ = writeln!(
+        text,
+        "  {name} = {template}({x}, {a}{});\n}}",
+        if chosen.has_s { ", s" } else { "" }
+    );
     text
 }
 
@@ -77,7 +134,8 @@ fn renamed(program: &Program, object: usize, new: &str) -> String {
     let mut done = 0;
     for pair in tokens.windows(2) {
         let (start, end) = (pair[0].start as usize, pair[0].end as usize);
-        let is_name = pair[0].kind == Kind::Name && text[start..end].eq_ignore_ascii_case(&chosen.name);
+        let is_name =
+            pair[0].kind == Kind::Name && text[start..end].eq_ignore_ascii_case(&chosen.name);
         let called = pair[1].kind == Kind::Symbol("(");
         if is_name && (called || pair[0].start == chosen.result_at) {
             out.push_str(&text[done..start]);
@@ -91,8 +149,11 @@ fn renamed(program: &Program, object: usize, new: &str) -> String {
 
 pub(super) fn with_start(program: &Program, object: usize, values: &[f64]) -> String {
     let text = program.source.text();
-    let mut changes: Vec<((u32, u32), f64)> =
-        values.iter().enumerate().filter_map(|(i, v)| program.annotations.param(object, i).map(|p| (p.start, *v))).collect();
+    let mut changes: Vec<((u32, u32), f64)> = values
+        .iter()
+        .enumerate()
+        .filter_map(|(i, v)| program.annotations.param(object, i).map(|p| (p.start, *v)))
+        .collect();
     changes.sort_by_key(|c| c.0);
     let mut out = String::with_capacity(text.len() + 32 * changes.len());
     let mut done = 0;
@@ -106,7 +167,11 @@ pub(super) fn with_start(program: &Program, object: usize, values: &[f64]) -> St
 }
 
 pub(super) fn pretty(program: &Program) -> String {
-    let mut printer = Printer { program, out: String::new(), indent: 1 };
+    let mut printer = Printer {
+        program,
+        out: String::new(),
+        indent: 1,
+    };
     for object in &program.objects {
         printer.object(object);
     }
@@ -125,9 +190,22 @@ impl Printer<'_> {
     }
 
     fn object(&mut self, object: &Object) {
-        let s = if object.has_s { format!(", s[{}]", object.n_s()) } else { String::new() };
-        let _ = writeln!(self.out, "{}(x[{}], a[{}]{s})\n{{", object.name, object.dimension(), object.n_params());
-        let arrays: Vec<String> = object.arrays[HEAD_ARRAYS..].iter().map(|a| format!("{}[{}]", a.name, a.len)).collect();
+        let s = if object.has_s {
+            format!(", s[{}]", object.n_s())
+        } else {
+            String::new()
+        };
+        let _ = writeln!(
+            self.out,
+            "{}(x[{}], a[{}]{s})\n{{",
+            object.name,
+            object.dimension(),
+            object.n_params()
+        );
+        let arrays: Vec<String> = object.arrays[HEAD_ARRAYS..]
+            .iter()
+            .map(|a| format!("{}[{}]", a.name, a.len))
+            .collect();
         if !arrays.is_empty() {
             self.line(&format!("array {};", arrays.join(", ")));
         }
@@ -144,15 +222,28 @@ impl Printer<'_> {
                     let value = self.expr(object, value);
                     self.line(&format!("{} = {value};", object.variable(*slot)));
                 }
-                Statement::AssignItem { array, index, value } => {
+                Statement::AssignItem {
+                    array,
+                    index,
+                    value,
+                } => {
                     let (index, value) = (self.expr(object, index), self.expr(object, value));
                     self.line(&format!("{}[{index}] = {value};", name(object, *array)));
                 }
                 Statement::AssignArray { array, values } => {
                     let values: Vec<String> = values.iter().map(|v| format!("{v:?}")).collect();
-                    self.line(&format!("{} = [{}];", name(object, *array), values.join(", ")));
+                    self.line(&format!(
+                        "{} = [{}];",
+                        name(object, *array),
+                        values.join(", ")
+                    ));
                 }
-                Statement::If { condition, then, otherwise, .. } => {
+                Statement::If {
+                    condition,
+                    then,
+                    otherwise,
+                    ..
+                } => {
                     let condition = self.expr(object, condition);
                     self.line(&format!("if {condition} then"));
                     self.inner(object, then);
@@ -162,7 +253,9 @@ impl Printer<'_> {
                     }
                     self.line("endif;");
                 }
-                Statement::While { condition, body, .. } => {
+                Statement::While {
+                    condition, body, ..
+                } => {
                     let condition = self.expr(object, condition);
                     self.line(&format!("while {condition} loop"));
                     self.inner(object, body);
@@ -216,7 +309,11 @@ impl Printer<'_> {
                     self.write(object, &link.operand, out);
                 }
             }
-            Expr::Function { function, arguments, .. } => {
+            Expr::Function {
+                function,
+                arguments,
+                ..
+            } => {
                 let _ = write!(out, "{}(", functions::entry(*function).names[0]);
                 for (i, argument) in arguments.iter().enumerate() {
                     out.push_str(if i > 0 { ", " } else { "" });
@@ -227,9 +324,21 @@ impl Printer<'_> {
                 }
                 out.push(')');
             }
-            Expr::Call { object: called, arguments, .. } => {
-                let names: Vec<&str> = arguments.iter().map(|(_, array)| name(object, *array)).collect();
-                let _ = write!(out, "{}({})", self.program.objects[*called as usize].name, names.join(", "));
+            Expr::Call {
+                object: called,
+                arguments,
+                ..
+            } => {
+                let names: Vec<&str> = arguments
+                    .iter()
+                    .map(|(_, array)| name(object, *array))
+                    .collect();
+                let _ = write!(
+                    out,
+                    "{}({})",
+                    self.program.objects[*called as usize].name,
+                    names.join(", ")
+                );
             }
         }
     }

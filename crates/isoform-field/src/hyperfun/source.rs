@@ -14,7 +14,12 @@ impl Source {
     pub(crate) fn new(text: &str) -> Self {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text).to_owned();
         let mut lines = vec![0];
-        lines.extend(text.bytes().enumerate().filter(|(_, b)| *b == b'\n').map(|(i, _)| i as u32 + 1));
+        lines.extend(
+            text.bytes()
+                .enumerate()
+                .filter(|(_, b)| *b == b'\n')
+                .map(|(i, _)| i as u32 + 1),
+        );
         let ascii = text.is_ascii();
         Self { text, lines, ascii }
     }
@@ -26,18 +31,37 @@ impl Source {
         let line = self.lines.partition_point(|&l| l <= offset);
         let start = self.lines[line - 1] as usize;
         let offset = (offset as usize).min(self.text.len());
-        let column = if self.ascii { offset - start } else { self.text[start..offset].chars().count() };
+        let column = if self.ascii {
+            offset - start
+        } else {
+            self.text[start..offset].chars().count()
+        };
         (line, column + 1)
     }
     /// The text of line `line` (from 1), without its end.
     pub(crate) fn line(&self, line: usize) -> &str {
-        let Some(&start) = line.checked_sub(1).and_then(|l| self.lines.get(l)) else { return "" };
-        let end = self.lines.get(line).map_or(self.text.len(), |&e| e as usize - 1);
+        let Some(&start) = line.checked_sub(1).and_then(|l| self.lines.get(l)) else {
+            return "";
+        };
+        let end = self
+            .lines
+            .get(line)
+            .map_or(self.text.len(), |&e| e as usize - 1);
         self.text[start as usize..end].trim_end_matches('\r')
     }
-    pub(crate) fn error(&self, offset: u32, message: impl Into<String>, expected: impl Into<String>) -> SyntaxError {
+    pub(crate) fn error(
+        &self,
+        offset: u32,
+        message: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> SyntaxError {
         let (line, column) = self.position(offset);
-        SyntaxError { line, column, message: message.into(), expected: expected.into() }
+        SyntaxError {
+            line,
+            column,
+            message: message.into(),
+            expected: expected.into(),
+        }
     }
 }
 

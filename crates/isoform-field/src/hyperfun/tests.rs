@@ -5,7 +5,9 @@ fn model(text: &str) -> Model {
     Model::parse(text, Mode::Default).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 fn refused(text: &str) -> SyntaxError {
-    Model::parse(text, Mode::Default).err().unwrap_or_else(|| panic!("accepted: {text}"))
+    Model::parse(text, Mode::Default)
+        .err()
+        .unwrap_or_else(|| panic!("accepted: {text}"))
 }
 fn body(text: &str) -> String {
     format!("my_model(x[3],a[1]){{ {text} }}")
@@ -18,7 +20,9 @@ fn value(text: &str, x: f64) -> f64 {
 }
 fn fault(text: &str, x: f64) -> RunError {
     let m = model(&body(text));
-    m.eval(&[x, 0.0, 0.0], &[0.0], &[]).err().unwrap_or_else(|| panic!("no error: {text}"))
+    m.eval(&[x, 0.0, 0.0], &[0.0], &[])
+        .err()
+        .unwrap_or_else(|| panic!("no error: {text}"))
 }
 
 #[test]
@@ -47,10 +51,28 @@ fn conditions_have_one_level_and_chain() {
 #[test]
 fn in_place_maps_work_from_right_to_left() {
     let p = "array p[3]; p = [1, 2, 3]; ";
-    assert_eq!(value(&format!("{p} my_model = p[1] + 10*hfShift3D(p, 1, 0, 0) + p[1];"), 0.0), 0.0 + 10.0 + 1.0);
+    assert_eq!(
+        value(
+            &format!("{p} my_model = p[1] + 10*hfShift3D(p, 1, 0, 0) + p[1];"),
+            0.0
+        ),
+        0.0 + 10.0 + 1.0
+    );
     // The shift stands right of both readings of p[1], except the last.
-    assert_eq!(value(&format!("{p} my_model = atan2(0, p[1]) + hfShift3D(p, 1, 0, 0);"), 0.0), 1.0);
-    assert_eq!(value(&format!("{p} my_model = max(hfShift3D(p, 5, 0, 0), p[1]);"), 0.0), 1.0);
+    assert_eq!(
+        value(
+            &format!("{p} my_model = atan2(0, p[1]) + hfShift3D(p, 1, 0, 0);"),
+            0.0
+        ),
+        1.0
+    );
+    assert_eq!(
+        value(
+            &format!("{p} my_model = max(hfShift3D(p, 5, 0, 0), p[1]);"),
+            0.0
+        ),
+        1.0
+    );
 }
 
 #[test]
@@ -61,13 +83,22 @@ fn objects_get_copies_and_give_back_s() {
     assert_eq!((e.f, e.s), (72.0, vec![5.0, 6.0]));
     let text = "inner(x[3], a[1]) { t = hfShift3D(x, 1, 1, 1); inner = x[1]; }
                 my_model(x[3], a[1]) { my_model = inner(x, a) + 10*x[1]; }";
-    assert_eq!(model(text).eval(&[2.0, 0.0, 0.0], &[0.0], &[]).expect("it runs").f, 21.0);
+    assert_eq!(
+        model(text)
+            .eval(&[2.0, 0.0, 0.0], &[0.0], &[])
+            .expect("it runs")
+            .f,
+        21.0
+    );
 }
 
 #[test]
 fn attributes_come_in_and_go_out() {
     let m = model("m(x[1], a[1], s[2]) { s[1] = s[2] + 1; m = 0; }");
-    assert_eq!(m.eval(&[0.0], &[0.0], &[3.0, 4.0]).expect("it runs").s, [5.0, 4.0]);
+    assert_eq!(
+        m.eval(&[0.0], &[0.0], &[3.0, 4.0]).expect("it runs").s,
+        [5.0, 4.0]
+    );
     assert_eq!(m.eval(&[0.0], &[0.0], &[]).expect("it runs").s, [1.0, 0.0]);
     assert_eq!(model("m(x[1], a[1]) { m = s[1]; }").n_attributes(), 0);
 }
@@ -102,7 +133,10 @@ fn errors_are_reported_where_the_reference_does() {
         assert_eq!((e.line, e.column), (1, column), "{text}: {e}");
     }
     assert_eq!(refused("").column, 1);
-    assert_eq!(refused("m(x[3],a[1]){ m=1; }\nm(x[3],a[1]){ m=2; }").line, 2);
+    assert_eq!(
+        refused("m(x[3],a[1]){ m=1; }\nm(x[3],a[1]){ m=2; }").line,
+        2
+    );
     let e = refused("b(x[3],a[2]){ b=1; }\nmy_model(x[3],a[1]){ my_model=b(x,a); }");
     assert_eq!((e.line, e.column), (2, 35));
     assert!(refused("b(x[3],a[1]){ b=1; }\nmy_model(x[3],a[1]){ my_model=b(1,2); }").column == 33);
@@ -136,7 +170,10 @@ fn run_time_errors_have_positions() {
 fn calls_that_multiply_are_stopped() {
     let mut text = "o0(x[1], a[1]) { o0 = 1; }\n".to_owned();
     for i in 1..60 {
-        text += &format!("o{i}(x[1], a[1]) {{ o{i} = o{0}(x,a) + o{0}(x,a); }}\n", i - 1);
+        text += &format!(
+            "o{i}(x[1], a[1]) {{ o{i} = o{0}(x,a) + o{0}(x,a); }}\n",
+            i - 1
+        );
     }
     let mut m = model(&text).object(Some("O59")).expect("it is there");
     m.set_step_limit(100_000);
@@ -146,17 +183,49 @@ fn calls_that_multiply_are_stopped() {
 
 #[test]
 fn nesting_is_bounded() {
-    let nested = |n: usize, open: &str, close: &str| body(&format!("my_model = {}1{};", open.repeat(n), close.repeat(n)));
+    let nested = |n: usize, open: &str, close: &str| {
+        body(&format!(
+            "my_model = {}1{};",
+            open.repeat(n),
+            close.repeat(n)
+        ))
+    };
     for (open, close) in [("(", ")"), ("- ", ""), ("abs(", ")"), ("x[", "]")] {
         let deep = model(&nested(MAX_DEPTH as usize, open, close));
-        let _ = (deep.eval(&[1.0; 3], &[0.0], &[]), deep.pretty(), deep.compile(&mut Graph::new()));
-        assert!(refused(&nested(MAX_DEPTH as usize + 1, open, close)).message.contains("deep"), "{open}");
-        assert!(refused(&nested(200_000, open, close)).message.contains("deep"), "{open}");
+        let _ = (
+            deep.eval(&[1.0; 3], &[0.0], &[]),
+            deep.pretty(),
+            deep.compile(&mut Graph::new()),
+        );
+        assert!(
+            refused(&nested(MAX_DEPTH as usize + 1, open, close))
+                .message
+                .contains("deep"),
+            "{open}"
+        );
+        assert!(
+            refused(&nested(200_000, open, close))
+                .message
+                .contains("deep"),
+            "{open}"
+        );
     }
-    let conditions = |n: usize| body(&format!("if {}1{} then v=1; endif; my_model=1;", "(".repeat(n), ")".repeat(n)));
+    let conditions = |n: usize| {
+        body(&format!(
+            "if {}1{} then v=1; endif; my_model=1;",
+            "(".repeat(n),
+            ")".repeat(n)
+        ))
+    };
     let _ = model(&conditions(MAX_DEPTH as usize - 1)).eval(&[1.0; 3], &[0.0], &[]);
     assert!(refused(&conditions(100_000)).message.contains("deep"));
-    let ifs = |n: usize| body(&format!("{} v=1; {} my_model=1;", "if x[1]>0 then ".repeat(n), "endif;".repeat(n)));
+    let ifs = |n: usize| {
+        body(&format!(
+            "{} v=1; {} my_model=1;",
+            "if x[1]>0 then ".repeat(n),
+            "endif;".repeat(n)
+        ))
+    };
     let _ = model(&ifs(MAX_DEPTH as usize - 1)).compile(&mut Graph::new());
     assert!(refused(&ifs(100_000)).message.contains("deep"));
     // Calls nest too, and a long sum does not.
@@ -166,14 +235,29 @@ fn nesting_is_bounded() {
     }
     assert!(refused(&chain).message.contains("deep"));
     let sum = model(&body(&format!("my_model = 0{};", "+1".repeat(300_000))));
-    assert_eq!(sum.eval(&[0.0; 3], &[0.0], &[]).expect("it runs").f, 300_000.0);
+    assert_eq!(
+        sum.eval(&[0.0; 3], &[0.0], &[]).expect("it runs").f,
+        300_000.0
+    );
 }
 
 #[test]
 fn memory_is_bounded() {
-    assert!(refused("m(x[3],a[1]) { array c[999999999]; m=1; }").message.contains("items"));
-    assert!(refused("m(x[1e300],a[1]) { m=1; }").message.contains("items"));
-    assert!(refused("m(x[3],a[1]) { array c[600000], d[600000]; m=1; }").message.contains("items"));
+    assert!(
+        refused("m(x[3],a[1]) { array c[999999999]; m=1; }")
+            .message
+            .contains("items")
+    );
+    assert!(
+        refused("m(x[1e300],a[1]) { m=1; }")
+            .message
+            .contains("items")
+    );
+    assert!(
+        refused("m(x[3],a[1]) { array c[600000], d[600000]; m=1; }")
+            .message
+            .contains("items")
+    );
 }
 
 #[test]
@@ -195,28 +279,42 @@ fn documented_precedence_is_a_switch() {
     let want = union + 10.0 - (union * union + 100.0).sqrt();
     assert_eq!(m.eval(&[0.0; 3], &[0.0], &[]).expect("it runs").f, want);
     assert!(m.warnings().is_empty());
-    assert_eq!(Model::parse_with(&m.pretty(), Mode::Default, Precedence::Documented).expect("a program").pretty(), m.pretty());
+    assert_eq!(
+        Model::parse_with(&m.pretty(), Mode::Default, Precedence::Documented)
+            .expect("a program")
+            .pretty(),
+        m.pretty()
+    );
 }
 
 #[test]
 fn objects_are_chosen_by_folded_name() {
     let m = model("ball(x[3],a[1]){ ball=7; }\nmy_model(x[3],a[1]){ my_model=8; }");
     assert_eq!(m.name(), "my_model");
-    assert_eq!(m.clone().object(Some("BALL")).expect("it is there").name(), "ball");
+    assert_eq!(
+        m.clone().object(Some("BALL")).expect("it is there").name(),
+        "ball"
+    );
     let e = m.object(Some("cube")).expect_err("it is not there");
     assert_eq!((e.name.as_str(), e.objects.len()), ("cube", 2));
-    assert_eq!(model("p(x[3],a[1]){ p=7; } q(x[3],a[1]){ q=7; }").name(), "p");
+    assert_eq!(
+        model("p(x[3],a[1]){ p=7; } q(x[3],a[1]){ q=7; }").name(),
+        "p"
+    );
 }
 
 #[test]
 fn jets_give_derivatives_by_coordinates_and_parameters() {
-    let m = model("m(x[2], a[1]) { if x[1] > 0 then v = a[1]*x[1]^2; else v = x[2]; endif; m = v; }");
+    let m =
+        model("m(x[2], a[1]) { if x[1] > 0 then v = a[1]*x[1]^2; else v = x[2]; endif; m = v; }");
     let x = [Jet1::<3>::variable(3.0, 0), Jet1::variable(1.0, 1)];
     let f = m.eval_with(&x, &[Jet1::variable(2.0, 2)]).expect("it runs");
     assert_eq!((f.v, f.g), (18.0, [12.0, 0.0, 9.0]));
     // Also by an exponent that happens to be an integer.
     let m = model("m(x[1], a[1]) { m = x[1]^a[1]; }");
-    let f = m.eval_with(&[Jet1::<2>::variable(3.0, 0)], &[Jet1::variable(2.0, 1)]).expect("it runs");
+    let f = m
+        .eval_with(&[Jet1::<2>::variable(3.0, 0)], &[Jet1::variable(2.0, 1)])
+        .expect("it runs");
     assert_eq!((f.v, f.g), (9.0, [6.0, 9.0 * 3f64.ln()]));
 }
 
@@ -225,14 +323,28 @@ fn what_cannot_be_an_expression_says_why() {
     let why = |t: &str| model(&body(t)).compile(&mut Graph::new()).expect_err(t);
     let e = why("my_model = x[x[1]];");
     assert_eq!((e.column, e.why.contains("index")), (35, true));
-    assert!(why("v=0; while v<x[1] loop v=v+1; endloop; my_model=v;").why.contains("loop"));
-    assert!(why("v=0; while 1 loop v=v+1; endloop; my_model=v;").why.contains("steps"));
-    assert!(why("my_model = hfSawtooth(x[1], a[1], 1, 1);").why.contains("terms"));
+    assert!(
+        why("v=0; while v<x[1] loop v=v+1; endloop; my_model=v;")
+            .why
+            .contains("loop")
+    );
+    assert!(
+        why("v=0; while 1 loop v=v+1; endloop; my_model=v;")
+            .why
+            .contains("steps")
+    );
+    assert!(
+        why("my_model = hfSawtooth(x[1], a[1], 1, 1);")
+            .why
+            .contains("terms")
+    );
 }
 
 #[test]
 fn branches_merge() {
-    let m = model(&body("v=1; if x[1]>0 then v=2; w=3; else v=4; endif; if x[1]>0 then v=v+w; endif; my_model=v;"));
+    let m = model(&body(
+        "v=1; if x[1]>0 then v=2; w=3; else v=4; endif; if x[1]>0 then v=v+w; endif; my_model=v;",
+    ));
     let mut g = Graph::new();
     let root = m.compile(&mut g).expect("it compiles");
     assert_eq!(g.eval(root, &[1.0, 0.0, 0.0], &[0.0]), 5.0);
@@ -246,7 +358,9 @@ fn parts_are_named_after_variables_and_centres() {
                 my_model = both \\ hfEllipsoid(x, a, 1, 2, 3); }";
     let mut g = Graph::new();
     let root = model(text).compile(&mut g).expect("it compiles");
-    let names: Vec<&str> = (0..g.len()).filter_map(|i| g.name(NodeId(i as u32))).collect();
+    let names: Vec<&str> = (0..g.len())
+        .filter_map(|i| g.name(NodeId(i as u32)))
+        .collect();
     for name in ["ball", "both", "c2", "my_model", "ellipsoid"] {
         assert!(names.contains(&name), "{name} in {names:?}");
     }
@@ -270,11 +384,26 @@ my_model(x[3], a[4]) {
 fn annotations_describe_parameters() {
     let m = model(ANNOTATED);
     let p = m.params();
-    assert_eq!(p.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["radius", "rod", "a[3]", "tilt"]);
+    assert_eq!(
+        p.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(),
+        ["radius", "rod", "a[3]", "tilt"]
+    );
     let value = |v: f64| Some(Amount::Value(v));
-    assert_eq!((p[0].kind, p[0].min, p[0].max, p[0].start), (Kind::Length, value(0.1), value(50.0), value(5.0)));
-    assert_eq!((p[0].unit.as_deref(), p[0].description.as_str()), (Some("mm"), "of the ball"));
-    assert_eq!(p[1].tie, Some(Tie { constant: -1.0, terms: vec![(0, 2.0), (2, 0.25)] }));
+    assert_eq!(
+        (p[0].kind, p[0].min, p[0].max, p[0].start),
+        (Kind::Length, value(0.1), value(50.0), value(5.0))
+    );
+    assert_eq!(
+        (p[0].unit.as_deref(), p[0].description.as_str()),
+        (Some("mm"), "of the ball")
+    );
+    assert_eq!(
+        p[1].tie,
+        Some(Tie {
+            constant: -1.0,
+            terms: vec![(0, 2.0), (2, 0.25)]
+        })
+    );
     assert_eq!((p[3].fixed, p[3].kind), (Some(Fixed::At(0.5)), Kind::Angle));
     assert_eq!(m.info().pose, Some(Pose::Rigid));
     assert_eq!(m.info().title.as_deref(), Some("A ball on a rod"));
@@ -282,11 +411,21 @@ fn annotations_describe_parameters() {
 
 #[test]
 fn amounts_are_numbers_or_shares_of_the_data() {
-    let m = model("-- @param a[1] r length min=2.5% start=50%x max=120%z\nm(x[3], a[1]) { m = 1; }");
+    let m =
+        model("-- @param a[1] r length min=2.5% start=50%x max=120%z\nm(x[3], a[1]) { m = 1; }");
     let p = &m.params()[0];
-    assert_eq!((p.min, p.start, p.max), (Some(Amount::OfDiagonal(0.025)), Some(Amount::OfExtent(0.5, 0)), Some(Amount::OfExtent(1.2, 2))));
+    assert_eq!(
+        (p.min, p.start, p.max),
+        (
+            Some(Amount::OfDiagonal(0.025)),
+            Some(Amount::OfExtent(0.5, 0)),
+            Some(Amount::OfExtent(1.2, 2))
+        )
+    );
     let box_ = [3.0, 4.0, 12.0];
-    let near = |a: Option<Amount>, want: f64| assert!((a.map_or(f64::NAN, |a| a.resolve(box_)) - want).abs() < 1e-12);
+    let near = |a: Option<Amount>, want: f64| {
+        assert!((a.map_or(f64::NAN, |a| a.resolve(box_)) - want).abs() < 1e-12)
+    };
     near(p.min, 0.025 * 13.0);
     near(p.start, 1.5);
     near(p.max, 14.4);
@@ -313,16 +452,38 @@ fn bad_annotations_have_positions() {
     bad("a[1] r tie=r+1", 22, "free");
     let e = refused("-- @pose sideways\nm(x[3], a[2]) { m = 1; }");
     assert!(e.message.contains("rigid") && e.column == 10);
-    assert!(refused("m(x[3], a[1]) { m = 1; }\n-- @param a[1] r").message.contains("no object"));
-    assert!(refused("-- @param a[1] r\n-- @param a[2] R\nm(x[3], a[2]) { m = 1; }").message.contains("already"));
-    assert_eq!(model("-- @author me\nm(x[3], a[2]) { m = 1; }").warnings().len(), 1);
-    assert_eq!(model("-- mail me @ home\nm(x[3], a[2]) { m = 1; }").warnings().len(), 0);
+    assert!(
+        refused("m(x[3], a[1]) { m = 1; }\n-- @param a[1] r")
+            .message
+            .contains("no object")
+    );
+    assert!(
+        refused("-- @param a[1] r\n-- @param a[2] R\nm(x[3], a[2]) { m = 1; }")
+            .message
+            .contains("already")
+    );
+    assert_eq!(
+        model("-- @author me\nm(x[3], a[2]) { m = 1; }")
+            .warnings()
+            .len(),
+        1
+    );
+    assert_eq!(
+        model("-- mail me @ home\nm(x[3], a[2]) { m = 1; }")
+            .warnings()
+            .len(),
+        0
+    );
 }
 
 #[test]
 fn fitted_programs_have_the_values_inside() {
     let at = [0.3, 0.2, -1.0];
-    for text in [ANNOTATED.to_owned(), ANNOTATED.replace("my_model", "rod"), format!("b(x[3],a[1]) {{ b = 1; }} {ANNOTATED}")] {
+    for text in [
+        ANNOTATED.to_owned(),
+        ANNOTATED.replace("my_model", "rod"),
+        format!("b(x[3],a[1]) {{ b = 1; }} {ANNOTATED}"),
+    ] {
         let (m, a) = (model(&text), [1.5, 0.1, 0.0, 1e-7]);
         let chosen = m.name().to_owned();
         let want = m.eval(&at, &a, &[]).expect("it runs").f;
@@ -330,10 +491,20 @@ fn fitted_programs_have_the_values_inside() {
         assert!(printed.contains("-- an ordinary comment"));
         let again = model(&printed);
         assert_eq!(again.name(), "my_model", "{chosen}");
-        assert_eq!(again.eval(&at, &[0.0], &[]).expect("it runs").f, want, "{printed}");
+        assert_eq!(
+            again.eval(&at, &[0.0], &[]).expect("it runs").f,
+            want,
+            "{printed}"
+        );
     }
-    let turn = Placement { rotation: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], translation: [1.0, -2.0, 3.0], scale: 2.0 };
-    let m = model("-- template\nmy_model(x[3], a[1], s[2]) { s[1] = 4; my_model = x[1] + 10*x[2] + 100*x[3] + a[1]; }");
+    let turn = Placement {
+        rotation: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        translation: [1.0, -2.0, 3.0],
+        scale: 2.0,
+    };
+    let m = model(
+        "-- template\nmy_model(x[3], a[1], s[2]) { s[1] = 4; my_model = x[1] + 10*x[2] + 100*x[3] + a[1]; }",
+    );
     let moved = model(&m.print_fitted(&[7.0], Some(&turn)));
     // p = Rᵀ(x − t)/2 with x − t = (2, 4, −6): R maps (4, −2, −6) to it.
     let e = moved.eval(&[3.0, 2.0, -3.0], &[0.0], &[]).expect("it runs");
@@ -346,18 +517,35 @@ fn calls_of_a_renamed_object_follow() {
     let printed = model(text).print_fitted(&[5.0], None);
     let m = model(&printed);
     assert_eq!(m.eval(&[2.0], &[0.0], &[]).expect("it runs").f, 10.0);
-    assert_eq!(m.object(Some("other")).expect("it is there").eval(&[2.0], &[3.0], &[]).expect("it runs").f, 6.0);
+    assert_eq!(
+        m.object(Some("other"))
+            .expect("it is there")
+            .eval(&[2.0], &[3.0], &[])
+            .expect("it runs")
+            .f,
+        6.0
+    );
 }
 
 #[test]
 fn start_values_are_replaced_in_place() {
     let m = model(ANNOTATED);
     let text = m.print_with_start(&[1.25, 2.0, 3.0, 0.5]);
-    assert!(text.contains("max=50 start=1.25 unit=mm : of the ball"), "{text}");
-    assert!(text.contains("tie=2*radius + a[3]/4 - 1 start=2.0 : of the rod"), "{text}");
+    assert!(
+        text.contains("max=50 start=1.25 unit=mm : of the ball"),
+        "{text}"
+    );
+    assert!(
+        text.contains("tie=2*radius + a[3]/4 - 1 start=2.0 : of the rod"),
+        "{text}"
+    );
     let again = model(&text);
     assert_eq!(again.params()[1].tie, m.params()[1].tie);
-    let starts: Vec<Option<f64>> = again.params().iter().map(|p| p.start.and_then(Amount::value)).collect();
+    let starts: Vec<Option<f64>> = again
+        .params()
+        .iter()
+        .map(|p| p.start.and_then(Amount::value))
+        .collect();
     assert_eq!(starts, [Some(1.25), Some(2.0), None, Some(0.5)]);
 }
 
@@ -366,13 +554,22 @@ fn printing_keeps_double_negation() {
     let m = model(&body("my_model = 1 - - -x[1]^2;"));
     let text = m.pretty();
     assert_eq!(model(&text).pretty(), text);
-    assert_eq!(model(&text).eval(&[3.0, 0.0, 0.0], &[0.0], &[]).expect("it runs").f, -8.0);
+    assert_eq!(
+        model(&text)
+            .eval(&[3.0, 0.0, 0.0], &[0.0], &[])
+            .expect("it runs")
+            .f,
+        -8.0
+    );
 }
 
 #[test]
 fn the_library_lists_itself() {
     let all = library();
-    let sphere = all.iter().find(|f| f.names[0] == "hfSphere").expect("it is there");
+    let sphere = all
+        .iter()
+        .find(|f| f.names[0] == "hfSphere")
+        .expect("it is there");
     assert_eq!(sphere.signature, "hfSphere(x, center, R)");
     assert!(all.iter().any(|f| f.names.contains(&"hfCylZ")));
 }
@@ -382,5 +579,8 @@ fn a_strange_size_of_point_is_refused_or_the_sentinel() {
     let text = "m(x[2], a[3]) { m = hfSphere(x, a, 1); }";
     assert!(refused(text).message.contains("3 items"));
     let strict = Model::parse(text, Mode::Strict).expect("the reference takes it");
-    assert_eq!(strict.eval(&[0.0; 2], &[0.0; 3], &[]).expect("it runs").f, -1111111111111.0);
+    assert_eq!(
+        strict.eval(&[0.0; 2], &[0.0; 3], &[]).expect("it runs").f,
+        -1111111111111.0
+    );
 }

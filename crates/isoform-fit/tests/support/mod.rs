@@ -30,21 +30,49 @@ pub(crate) struct TestPart {
     metric: Part,
 }
 
-pub(crate) const TRUTH: [f64; N] = [-5.1, -4.05, -1.95, 10.2, 6.2, 3.9, 4.6, 2.5, 1.7, 2.9, -1.85, 1.15];
-pub(crate) const SET1: [f64; N] = [-5.0, -4.0, -2.0, 10.0, 5.0, 4.0, 5.0, 3.0, 1.0, 3.0, -2.0, 1.0];
+pub(crate) const TRUTH: [f64; N] = [
+    -5.1, -4.05, -1.95, 10.2, 6.2, 3.9, 4.6, 2.5, 1.7, 2.9, -1.85, 1.15,
+];
+pub(crate) const SET1: [f64; N] = [
+    -5.0, -4.0, -2.0, 10.0, 5.0, 4.0, 5.0, 3.0, 1.0, 3.0, -2.0, 1.0,
+];
 pub(crate) const SET2: [f64; N] = [1.0; N];
-pub(crate) const LO: [f64; N] = [-15.0, -15.0, -15.0, 0.5, 0.5, 0.5, -15.0, -15.0, 0.2, -15.0, -15.0, 0.2];
-pub(crate) const HI: [f64; N] = [5.0, 5.0, 5.0, 20.0, 20.0, 20.0, 15.0, 15.0, 8.0, 15.0, 15.0, 8.0];
+pub(crate) const LO: [f64; N] = [
+    -15.0, -15.0, -15.0, 0.5, 0.5, 0.5, -15.0, -15.0, 0.2, -15.0, -15.0, 0.2,
+];
+pub(crate) const HI: [f64; N] = [
+    5.0, 5.0, 5.0, 20.0, 20.0, 20.0, 15.0, 15.0, 8.0, 15.0, 15.0, 8.0,
+];
 
 impl TestPart {
     /// With kinds, as an annotated template has them; or all plain numbers, as the bare program.
     pub(crate) fn new(annotated: bool) -> Self {
         use Kind::*;
-        let names = ["vx", "vy", "vz", "dx", "dy", "dz", "c1x", "c1y", "c1r", "c2x", "c2y", "c2r"];
+        let names = [
+            "vx", "vy", "vz", "dx", "dy", "dz", "c1x", "c1y", "c1r", "c2x", "c2y", "c2r",
+        ];
         let kinds = [X, Y, Z, Length, Length, Length, X, Y, Length, X, Y, Length];
-        let parameters = names.iter().zip(kinds).map(|(n, k)| Parameter::new(*n, if annotated { k } else { Number })).collect();
-        let parts = ["box.x_min", "box.y_min", "box.z_min", "box.x_max", "box.y_max", "box.z_max", "c1", "c2"];
-        Self { parameters, names: parts.map(str::to_owned).to_vec(), algebraic: Part(Reading::Algebraic), metric: Part(Reading::Metric) }
+        let parameters = names
+            .iter()
+            .zip(kinds)
+            .map(|(n, k)| Parameter::new(*n, if annotated { k } else { Number }))
+            .collect();
+        let parts = [
+            "box.x_min",
+            "box.y_min",
+            "box.z_min",
+            "box.x_max",
+            "box.y_max",
+            "box.z_max",
+            "c1",
+            "c2",
+        ];
+        Self {
+            parameters,
+            names: parts.map(str::to_owned).to_vec(),
+            algebraic: Part(Reading::Algebraic),
+            metric: Part(Reading::Metric),
+        }
     }
     pub(crate) fn parameters_mut(&mut self) -> &mut Vec<Parameter> {
         &mut self.parameters
@@ -67,7 +95,9 @@ impl Template for TestPart {
     fn parts(&self, points: &[Point3], a: &[f64], out: &mut [u32]) {
         for (p, o) in points.iter().zip(out) {
             let d = distances(*p, a);
-            *o = (0..8).min_by(|&i, &j| d[i].total_cmp(&d[j])).expect("eight parts") as u32;
+            *o = (0..8)
+                .min_by(|&i, &j| d[i].total_cmp(&d[j]))
+                .expect("eight parts") as u32;
         }
     }
 }
@@ -105,7 +135,11 @@ fn load(points: &[Point3]) -> [Lanes; 3] {
 /// Row 0..12 derivatives, row 12 the value.
 #[inline(always)]
 fn rows<const JACOBIAN: bool>(reading: Reading, x: &[Lanes; 3], a: &[f64; N], r: &mut Rows) {
-    if reading == Reading::Metric { metric::<JACOBIAN>(x, a, r) } else { algebraic::<JACOBIAN>(x, a, r) }
+    if reading == Reading::Metric {
+        metric::<JACOBIAN>(x, a, r)
+    } else {
+        algebraic::<JACOBIAN>(x, a, r)
+    }
 }
 
 #[inline(always)]
@@ -238,7 +272,11 @@ impl ParamField for Part {
     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
         let a = fixed(a);
         let mut r = [[0.0; LANES]; N + 1];
-        for ((p, o), j) in points.chunks(LANES).zip(out.chunks_mut(LANES)).zip(jac.chunks_mut(LANES * N)) {
+        for ((p, o), j) in points
+            .chunks(LANES)
+            .zip(out.chunks_mut(LANES))
+            .zip(jac.chunks_mut(LANES * N))
+        {
             rows::<true>(self.0, &load(p), &a, &mut r);
             o.copy_from_slice(&r[N][..o.len()]);
             for l in 0..p.len() {
@@ -248,7 +286,14 @@ impl ParamField for Part {
             }
         }
     }
-    fn normal_equations(&self, points: &[Point3], weights: &[f64], a: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64 {
+    fn normal_equations(
+        &self,
+        points: &[Point3],
+        weights: &[f64],
+        a: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut [f64],
+    ) -> f64 {
         let a = fixed(a);
         let mut sums = [[0.0; LANES]; (N + 1) * (N + 2) / 2];
         let mut block = [[[0.0; LANES]; N + 1]; GROUP];
@@ -264,7 +309,14 @@ impl ParamField for Part {
                 rows::<true>(self.0, &load(&points[at..]), &a, r);
                 if !weights.is_empty() || left < LANES {
                     for l in 0..LANES {
-                        let w = if l >= left { 0.0 } else { weights.get(k * LANES * GROUP + at + l).copied().unwrap_or(1.0) };
+                        let w = if l >= left {
+                            0.0
+                        } else {
+                            weights
+                                .get(k * LANES * GROUP + at + l)
+                                .copied()
+                                .unwrap_or(1.0)
+                        };
                         root[b][l] = w.sqrt();
                     }
                     for row in r.iter_mut() {
@@ -315,7 +367,9 @@ impl ParamField for Part {
         for (p, g) in points.iter().zip(gradients) {
             if self.0 == Reading::Metric {
                 let d = distances(*p, a);
-                let which = (0..8).min_by(|&i, &j| d[i].total_cmp(&d[j])).expect("eight parts");
+                let which = (0..8)
+                    .min_by(|&i, &j| d[i].total_cmp(&d[j]))
+                    .expect("eight parts");
                 *g = [0.0; 3];
                 match which {
                     0..3 => g[which] = 1.0,
@@ -343,7 +397,11 @@ impl ParamField for Part {
         for (k, p) in points.chunks(LANES).enumerate() {
             rows::<false>(self.0, &load(p), &a, &mut r);
             for l in 0..LANES {
-                let w = if l >= p.len() { 0.0 } else { weights.get(k * LANES + l).copied().unwrap_or(1.0) };
+                let w = if l >= p.len() {
+                    0.0
+                } else {
+                    weights.get(k * LANES + l).copied().unwrap_or(1.0)
+                };
                 sum[l] += w * r[N][l] * r[N][l];
             }
         }
@@ -353,8 +411,10 @@ impl ParamField for Part {
 
 /// The folder of shared test data, if this checkout has one.
 pub(crate) fn shared() -> Option<PathBuf> {
-    let path = std::env::var_os("ISOFORM_SHARED")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")), PathBuf::from);
+    let path = std::env::var_os("ISOFORM_SHARED").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")),
+        PathBuf::from,
+    );
     path.join("fitting/starts100.txt").exists().then_some(path)
 }
 
@@ -363,7 +423,12 @@ pub(crate) fn rows_of(path: &std::path::Path) -> Vec<Vec<f64>> {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     text.lines()
         .filter(|l| !l.starts_with('#') && !l.trim().is_empty())
-        .map(|l| l.split([' ', ',', '\t']).filter(|w| !w.is_empty()).map(|w| w.parse().expect("a number")).collect())
+        .map(|l| {
+            l.split([' ', ',', '\t'])
+                .filter(|w| !w.is_empty())
+                .map(|w| w.parse().expect("a number"))
+                .collect()
+        })
         .collect()
 }
 
@@ -379,7 +444,16 @@ pub(crate) fn sample(count: usize, sigma: f64, seed: u64) -> Vec<Point3> {
     let a = TRUTH;
     let (dx, dy, dz) = (a[3], a[4], a[5]);
     let wall = |r: f64| std::f64::consts::TAU * r * dz;
-    let areas = [dx * dy, dx * dy, dx * dz, dx * dz, dy * dz, dy * dz, wall(a[8]), wall(a[11])];
+    let areas = [
+        dx * dy,
+        dx * dy,
+        dx * dz,
+        dx * dz,
+        dy * dz,
+        dy * dz,
+        wall(a[8]),
+        wall(a[11]),
+    ];
     let total: f64 = areas.iter().sum();
     let mut points = Vec::with_capacity(count);
     while points.len() < count {
@@ -399,7 +473,11 @@ pub(crate) fn sample(count: usize, sigma: f64, seed: u64) -> Vec<Point3> {
             k => {
                 let o = if k == 6 { 6 } else { 9 };
                 let t = std::f64::consts::TAU * u;
-                [a[o] + a[o + 2] * t.cos(), a[o + 1] + a[o + 2] * t.sin(), a[2] + v * dz]
+                [
+                    a[o] + a[o + 2] * t.cos(),
+                    a[o + 1] + a[o + 2] * t.sin(),
+                    a[2] + v * dz,
+                ]
             }
         };
         if metric_value(p, &a).abs() < 1e-9 {
@@ -421,7 +499,11 @@ pub(crate) fn noise(points: &mut [Point3], sigma: f64, seed: u64) {
 
 /// Worst relative error of the parameters, the cylinders in either order.
 pub(crate) fn worst_error(a: &[f64]) -> f64 {
-    let error = |order: [usize; N]| (0..N).map(|i| ((a[order[i]] - TRUTH[i]) / TRUTH[i]).abs()).fold(0.0, f64::max);
+    let error = |order: [usize; N]| {
+        (0..N)
+            .map(|i| ((a[order[i]] - TRUTH[i]) / TRUTH[i]).abs())
+            .fold(0.0, f64::max)
+    };
     error([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]).min(error([0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8]))
 }
 
@@ -429,8 +511,16 @@ pub(crate) fn worst_error(a: &[f64]) -> f64 {
 pub(crate) fn canonical(a: &[f64]) -> [f64; N] {
     let swapped = [0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8].map(|i: usize| a[i]);
     let own = fixed(a);
-    let error = |a: &[f64; N]| (0..N).map(|i| ((a[i] - TRUTH[i]) / TRUTH[i]).abs()).fold(0.0, f64::max);
-    if error(&own) <= error(&swapped) { own } else { swapped }
+    let error = |a: &[f64; N]| {
+        (0..N)
+            .map(|i| ((a[i] - TRUTH[i]) / TRUTH[i]).abs())
+            .fold(0.0, f64::max)
+    };
+    if error(&own) <= error(&swapped) {
+        own
+    } else {
+        swapped
+    }
 }
 
 /// Cramér-Rao deviations of the parameters for unit noise along the normals of the clean points.

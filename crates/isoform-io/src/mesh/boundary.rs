@@ -21,12 +21,19 @@ fn face_mids(mids: &[u32; 6], face: usize) -> [u32; 3] {
     let corners = TET_FACES[face];
     std::array::from_fn(|k| {
         let ends = sorted([corners[k], corners[(k + 1) % 3]]);
-        mids[TET_EDGES.iter().position(|e| sorted(*e) == ends).expect("all six are listed")]
+        mids[TET_EDGES
+            .iter()
+            .position(|e| sorted(*e) == ends)
+            .expect("all six are listed")]
     })
 }
 
 /// Corners and mid nodes of the face opposite to a corner, outward, and how many there are.
-pub(super) fn face_with_mids(tet: &[u32; 4], mids: Option<&[u32; 6]>, face: usize) -> ([u32; 6], usize) {
+pub(super) fn face_with_mids(
+    tet: &[u32; 4],
+    mids: Option<&[u32; 6]>,
+    face: usize,
+) -> ([u32; 6], usize) {
     let [a, b, c] = face_nodes(tet, face);
     match mids.map(|m| face_mids(m, face)) {
         None => ([a, b, c, 0, 0, 0], 3),
@@ -58,7 +65,10 @@ pub(super) fn parts_of_regions(mesh: &Mesh) -> Vec<Vec<u32>> {
         parts[0] = (0..mesh.triangles.len()).map(part).collect();
     } else {
         for_triangles_on_tets(mesh, |triangle, (tet, _), _| {
-            let region = mesh.tet_regions.get(tet as usize).map_or(0, |r| *r as usize);
+            let region = mesh
+                .tet_regions
+                .get(tet as usize)
+                .map_or(0, |r| *r as usize);
             parts[region].push(part(triangle));
         });
     }
@@ -85,7 +95,11 @@ fn for_triangles_on_tets(mesh: &Mesh, mut visit: impl FnMut(usize, Face, bool)) 
             }
             let nodes = face_nodes(tet, face);
             if let Some(&triangle) = known.get(&sorted(nodes)) {
-                visit(triangle as usize, (i as u32, face as u8), same_turn(nodes, mesh.triangles[triangle as usize]));
+                visit(
+                    triangle as usize,
+                    (i as u32, face as u8),
+                    same_turn(nodes, mesh.triangles[triangle as usize]),
+                );
             }
         }
     }
@@ -98,13 +112,20 @@ pub(super) fn add_boundary(mesh: &mut Mesh) {
         faces.extend((0..4).map(|f| (sorted(face_nodes(tet, f)), 4 * i as u64 + f as u64)));
     }
     faces.sort_unstable();
-    let alone = |i: usize| (i == 0 || faces[i - 1].0 != faces[i].0) && (i + 1 == faces.len() || faces[i + 1].0 != faces[i].0);
-    let mut rim: Vec<u64> = (0..faces.len()).filter(|&i| alone(i)).map(|i| faces[i].1).collect();
+    let alone = |i: usize| {
+        (i == 0 || faces[i - 1].0 != faces[i].0)
+            && (i + 1 == faces.len() || faces[i + 1].0 != faces[i].0)
+    };
+    let mut rim: Vec<u64> = (0..faces.len())
+        .filter(|&i| alone(i))
+        .map(|i| faces[i].1)
+        .collect();
     rim.sort_unstable();
     for code in rim {
         let (i, face) = ((code / 4) as usize, (code % 4) as usize);
         mesh.triangles.push(face_nodes(&mesh.tets[i], face));
-        mesh.triangle_mids.extend(mesh.tet_mids.get(i).map(|mids| face_mids(mids, face)));
+        mesh.triangle_mids
+            .extend(mesh.tet_mids.get(i).map(|mids| face_mids(mids, face)));
     }
 }
 
@@ -113,7 +134,12 @@ pub(super) fn find_curve_parts(mesh: &mut Mesh) {
     if mesh.triangle_parts.is_empty() || mesh.edge_curves.is_empty() {
         return;
     }
-    let curve: HashMap<[u32; 2], u32> = mesh.edges.iter().zip(&mesh.edge_curves).map(|(&e, &c)| (sorted(e), c)).collect();
+    let curve: HashMap<[u32; 2], u32> = mesh
+        .edges
+        .iter()
+        .zip(&mesh.edge_curves)
+        .map(|(&e, &c)| (sorted(e), c))
+        .collect();
     let mut found: Vec<Vec<u32>> = vec![Vec::new(); mesh.curves.len()];
     for (t, &part) in mesh.triangles.iter().zip(&mesh.triangle_parts) {
         for k in 0..3 {
@@ -145,8 +171,18 @@ mod tests {
 
     /// Two tetrahedra on both sides of the triangle 0 1 2.
     fn pair() -> Mesh {
-        let points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
-        Mesh { points, tets: vec![[0, 1, 2, 3], [0, 2, 1, 4]], ..Mesh::default() }
+        let points = vec![
+            [0.0; 3],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 1.0],
+            [0.0, 0.0, -1.0],
+        ];
+        Mesh {
+            points,
+            tets: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
+            ..Mesh::default()
+        }
     }
 
     #[test]
@@ -155,14 +191,25 @@ mod tests {
         mesh.tet_mids = vec![[10, 11, 12, 13, 14, 15], [12, 11, 10, 16, 17, 18]];
         add_boundary(&mut mesh);
         assert_eq!(mesh.triangles.len(), 6);
-        assert_eq!((mesh.triangles[0], mesh.triangle_mids[0]), ([1, 2, 3], [11, 15, 14]));
+        assert_eq!(
+            (mesh.triangles[0], mesh.triangle_mids[0]),
+            ([1, 2, 3], [11, 15, 14])
+        );
         let faces = faces_of_triangles(&mesh);
-        assert_eq!(faces, [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)].map(Some));
+        assert_eq!(
+            faces,
+            [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)].map(Some)
+        );
     }
 
     #[test]
     fn between_two_the_triangle_decides() {
-        let mut mesh = Mesh { triangles: vec![[0, 1, 2]], regions: vec!["a".into(), "b".into()], tet_regions: vec![0, 1], ..pair() };
+        let mut mesh = Mesh {
+            triangles: vec![[0, 1, 2]],
+            regions: vec!["a".into(), "b".into()],
+            tet_regions: vec![0, 1],
+            ..pair()
+        };
         assert_eq!(faces_of_triangles(&mesh), [Some((1, 3))]);
         assert_eq!(parts_of_regions(&mesh), [[0], [0]]);
         mesh.triangles[0] = [2, 1, 0];

@@ -29,11 +29,20 @@ pub(super) struct Cells<const C: usize, const M: usize> {
 
 impl<const C: usize, const M: usize> Cells<C, M> {
     fn new(what: &'static str) -> Self {
-        Self { what, corners: Vec::new(), mids: Vec::new(), tags: Vec::new(), numbers: Vec::new(), marks: Vec::new() }
+        Self {
+            what,
+            corners: Vec::new(),
+            mids: Vec::new(),
+            tags: Vec::new(),
+            numbers: Vec::new(),
+            marks: Vec::new(),
+        }
     }
     /// Takes corners, and mid nodes if there are any.
     pub(super) fn push(&mut self, nodes: &[u32], tag: i64, number: Option<u32>, at: At) {
-        if self.marks.last().is_none_or(|(_, last)| *last != at) && self.marks.len() <= self.corners.len() / 256 {
+        if self.marks.last().is_none_or(|(_, last)| *last != at)
+            && self.marks.len() <= self.corners.len() / 256
+        {
             self.marks.push((self.corners.len(), at));
         }
         self.corners.push(std::array::from_fn(|k| nodes[k]));
@@ -52,7 +61,10 @@ impl<const C: usize, const M: usize> Cells<C, M> {
     /// Puts the elements into the order of their numbers, and leaves mid nodes that only some have.
     fn settle(&mut self, report: &mut ReadReport) {
         if !self.mids.is_empty() && self.mids.len() != self.corners.len() {
-            report.warn(format!("only some of the {}s are of second order; all mid nodes were left out", self.what));
+            report.warn(format!(
+                "only some of the {}s are of second order; all mid nodes were left out",
+                self.what
+            ));
             self.mids.clear();
         }
         if self.numbers.len() == self.corners.len() && !self.numbers.is_sorted() {
@@ -76,9 +88,14 @@ impl<const C: usize, const M: usize> Cells<C, M> {
                 Ok(())
             }
             None => {
-                let block = marks.partition_point(|(first, _)| *first <= i).checked_sub(1);
+                let block = marks
+                    .partition_point(|(first, _)| *first <= i)
+                    .checked_sub(1);
                 let at = block.map_or(At::File, |b| marks[b].1);
-                let why = format!("{what} {} (from 1; its block starts here) names node {id}, which is not there", i + 1);
+                let why = format!(
+                    "{what} {} (from 1; its block starts here) names node {id}, which is not there",
+                    i + 1
+                );
                 Err(input.error(ErrorKind::Index, at, WHAT, why, "export the mesh again"))
             }
         };
@@ -106,7 +123,10 @@ impl Nodes {
     fn row(&self, id: u32) -> Option<u32> {
         match self {
             Self::Row(first, n) => id.checked_sub(*first).filter(|row| (*row as usize) < *n),
-            Self::Table(table) => table.get(id as usize).copied().filter(|row| *row != u32::MAX),
+            Self::Table(table) => table
+                .get(id as usize)
+                .copied()
+                .filter(|row| *row != u32::MAX),
             Self::Sorted(ids) => ids.binary_search(&id).ok().map(|row| row as u32),
         }
     }
@@ -143,7 +163,13 @@ impl Builder {
     pub(super) fn node(&mut self, id: u32, p: Point3, input: &Input<'_>, at: At) -> Result<()> {
         if !p.iter().all(|v| v.is_finite()) {
             let why = format!("node {id} is at {p:?}");
-            return Err(input.error(ErrorKind::Number, at, "a node is not at a finite place", why, "correct the file"));
+            return Err(input.error(
+                ErrorKind::Number,
+                at,
+                "a node is not at a finite place",
+                why,
+                "correct the file",
+            ));
         }
         self.ids.push(id);
         self.points.push(p);
@@ -155,7 +181,8 @@ impl Builder {
     /// A polygon as a fan of triangles.
     pub(super) fn polygon(&mut self, nodes: &[u32], tag: i64, at: At) {
         for k in 2..nodes.len() {
-            self.triangles.push(&[nodes[0], nodes[k - 1], nodes[k]], tag, None, at);
+            self.triangles
+                .push(&[nodes[0], nodes[k - 1], nodes[k]], tag, None, at);
         }
     }
 
@@ -168,16 +195,27 @@ impl Builder {
             self.points = order.iter().map(|&i| self.points[i]).collect();
             if let Some(twice) = self.ids.windows(2).find(|w| w[0] == w[1]) {
                 let why = format!("node {} is there twice", twice[0]);
-                return Err(input.error(ErrorKind::Corrupt, At::File, WHAT, why, "renumber the nodes"));
+                return Err(input.error(
+                    ErrorKind::Corrupt,
+                    At::File,
+                    WHAT,
+                    why,
+                    "renumber the nodes",
+                ));
             }
         }
         let n = self.ids.len();
-        let (Some(&first), Some(&last)) = (self.ids.first(), self.ids.last()) else { return Ok(Nodes::Row(0, 0)) };
+        let (Some(&first), Some(&last)) = (self.ids.first(), self.ids.last()) else {
+            return Ok(Nodes::Row(0, 0));
+        };
         Ok(if (last - first) as usize == n - 1 {
             Nodes::Row(first, n)
         } else if (last as usize) < SPARSE * n {
             let mut table = vec![u32::MAX; last as usize + 1];
-            self.ids.iter().enumerate().for_each(|(row, &id)| table[id as usize] = row as u32);
+            self.ids
+                .iter()
+                .enumerate()
+                .for_each(|(row, &id)| table[id as usize] = row as u32);
             Nodes::Table(table)
         } else {
             Nodes::Sorted(std::mem::take(&mut self.ids))
@@ -196,7 +234,10 @@ impl Builder {
         self.triangles.resolve(&nodes, input)?;
         self.tets.resolve(&nodes, input)?;
         if self.others > 0 {
-            report.warn(format!("{} elements are neither triangles nor tetrahedra and were passed over", self.others));
+            report.warn(format!(
+                "{} elements are neither triangles nor tetrahedra and were passed over",
+                self.others
+            ));
         }
         let [_, curve_names, part_names, region_names] = self.names;
         let (edge_curves, curves) = labels(self.edges.tags, curve_names, "curve");
@@ -215,13 +256,21 @@ impl Builder {
             edges: self.edges.corners,
             edge_mids: self.edges.mids.into_iter().map(|[m]| m).collect(),
             edge_curves,
-            curves: curves.into_iter().map(|name| Curve { name, parts: [0; 2] }).collect(),
+            curves: curves
+                .into_iter()
+                .map(|name| Curve {
+                    name,
+                    parts: [0; 2],
+                })
+                .collect(),
             corners: self.corners.corners.into_iter().map(|[c]| c).collect(),
             columns: Vec::new(),
         };
         let turned = turn_inverted(&mut mesh);
         if turned > 0 {
-            report.warn(format!("{turned} tetrahedra were inside out and were turned"));
+            report.warn(format!(
+                "{turned} tetrahedra were inside out and were turned"
+            ));
         }
         find_curve_parts(&mut mesh);
         Ok(mesh)
@@ -265,7 +314,14 @@ fn turn_inverted(mesh: &mut Mesh) -> usize {
     let mut turned = 0;
     for (i, tet) in mesh.tets.iter_mut().enumerate() {
         let [a, b, c, d] = tet.map(|n| mesh.points[n as usize]);
-        let edges = [sub(b, a), sub(c, a), sub(d, a), sub(c, b), sub(d, b), sub(d, c)];
+        let edges = [
+            sub(b, a),
+            sub(c, a),
+            sub(d, a),
+            sub(c, b),
+            sub(d, b),
+            sub(d, c),
+        ];
         let longest = edges.iter().fold(0.0_f64, |m, &e| m.max(dot(e, e))).sqrt();
         if dot(edges[0], cross(edges[1], edges[2])) < -INVERTED * longest.powi(3) {
             tet.swap(2, 3);
@@ -286,13 +342,23 @@ mod tests {
     use crate::Source;
 
     fn finish(builder: Builder) -> Result<(Mesh, ReadReport)> {
-        let input = Input::open(Source::Bytes { name: "t", bytes: b"" }).expect("bytes");
+        let input = Input::open(Source::Bytes {
+            name: "t",
+            bytes: b"",
+        })
+        .expect("bytes");
         let mut report = ReadReport::new("test", "t".into());
-        builder.finish(&input, &mut report).map(|mesh| (mesh, report))
+        builder
+            .finish(&input, &mut report)
+            .map(|mesh| (mesh, report))
     }
 
     fn nodes(ids: &[u32]) -> Builder {
-        let input = Input::open(Source::Bytes { name: "t", bytes: b"" }).expect("bytes");
+        let input = Input::open(Source::Bytes {
+            name: "t",
+            bytes: b"",
+        })
+        .expect("bytes");
         let mut builder = Builder::new();
         let places = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         for (&id, p) in ids.iter().zip(places) {
@@ -303,37 +369,73 @@ mod tests {
 
     #[test]
     fn numbers_of_any_kind() {
-        for ids in [[7, 8, 9, 10], [9, 3, 4, 5], [u32::MAX, 0, 17, 4_000_000_000]] {
+        for ids in [
+            [7, 8, 9, 10],
+            [9, 3, 4, 5],
+            [u32::MAX, 0, 17, 4_000_000_000],
+        ] {
             let mut builder = nodes(&ids);
             builder.tets.push(&ids, 0, None, At::Byte(5));
             let (mesh, report) = finish(builder).expect("valid");
-            assert_eq!(mesh.tets[0].map(|n| mesh.points[n as usize])[1], [1.0, 0.0, 0.0]);
+            assert_eq!(
+                mesh.tets[0].map(|n| mesh.points[n as usize])[1],
+                [1.0, 0.0, 0.0]
+            );
             assert_eq!(report.warnings.len(), 0);
         }
-        assert_eq!(finish(nodes(&[3, 1, 3, 2])).expect_err("twice").code(), "file-corrupt");
+        assert_eq!(
+            finish(nodes(&[3, 1, 3, 2])).expect_err("twice").code(),
+            "file-corrupt"
+        );
         let mut builder = nodes(&[1, 2, 3, 4]);
         builder.triangles.push(&[1, 2, 5], 0, None, At::Byte(5));
         let e = finish(builder).expect_err("no node 5");
-        assert_eq!((e.code(), e.place.to_string().as_str()), ("bad-index", "t, byte 5"));
+        assert_eq!(
+            (e.code(), e.place.to_string().as_str()),
+            ("bad-index", "t, byte 5")
+        );
     }
 
     #[test]
     fn inverted_ones_are_turned_with_their_mid_nodes() {
         let mut builder = nodes(&[0, 1, 2, 3]);
-        builder.tets.push(&[0, 1, 3, 2, 0, 1, 2, 3, 0, 1], 0, None, At::File);
+        builder
+            .tets
+            .push(&[0, 1, 3, 2, 0, 1, 2, 3, 0, 1], 0, None, At::File);
         let (mesh, report) = finish(builder).expect("valid");
-        assert_eq!((mesh.tets[0], mesh.tet_mids[0]), ([0, 1, 2, 3], [0, 0, 3, 2, 1, 1]));
+        assert_eq!(
+            (mesh.tets[0], mesh.tet_mids[0]),
+            ([0, 1, 2, 3], [0, 0, 3, 2, 1, 1])
+        );
         assert_eq!(report.warnings.len(), 1);
     }
 
     #[test]
     fn tags_become_labels() {
-        let names = |list: &[(i64, &str)]| list.iter().map(|(t, n)| (*t, n.to_string())).collect::<BTreeMap<_, _>>();
+        let names = |list: &[(i64, &str)]| {
+            list.iter()
+                .map(|(t, n)| (*t, n.to_string()))
+                .collect::<BTreeMap<_, _>>()
+        };
         let none = (Vec::new(), Vec::<String>::new());
         assert_eq!(labels(vec![0, 0], names(&[]), "part"), none);
         assert_eq!(labels(vec![-1, -1], names(&[(4, "a")]), "part"), none);
-        assert_eq!(labels(vec![-5, -3, -5], names(&[]), "part"), (vec![1, 0, 1], vec!["part 3".into(), "part 5".into()]));
+        assert_eq!(
+            labels(vec![-5, -3, -5], names(&[]), "part"),
+            (vec![1, 0, 1], vec!["part 3".into(), "part 5".into()])
+        );
         let got = labels(vec![9, -3, 2], names(&[(2, "two"), (4, "four")]), "part");
-        assert_eq!(got, (vec![2, 3, 0], vec!["two".into(), "four".into(), "part 9".into(), "no part".into()]));
+        assert_eq!(
+            got,
+            (
+                vec![2, 3, 0],
+                vec![
+                    "two".into(),
+                    "four".into(),
+                    "part 9".into(),
+                    "no part".into()
+                ]
+            )
+        );
     }
 }

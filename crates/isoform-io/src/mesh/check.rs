@@ -23,22 +23,41 @@ fn complaint(mesh: &Mesh) -> Option<String> {
     if n > u32::MAX as usize - 1 {
         return Some(format!("{n} nodes are more than 32-bit indices can number"));
     }
-    if let Some(i) = m.points.iter().position(|p| !p.iter().all(|v| v.is_finite())) {
+    if let Some(i) = m
+        .points
+        .iter()
+        .position(|p| !p.iter().all(|v| v.is_finite()))
+    {
         return Some(format!("node {i} is at {:?}", m.points[i]));
     }
     let lengths = [
-        ("mid nodes of triangles", m.triangle_mids.len(), m.triangles.len()),
-        ("parts of triangles", m.triangle_parts.len(), m.triangles.len()),
+        (
+            "mid nodes of triangles",
+            m.triangle_mids.len(),
+            m.triangles.len(),
+        ),
+        (
+            "parts of triangles",
+            m.triangle_parts.len(),
+            m.triangles.len(),
+        ),
         ("mid nodes of tetrahedra", m.tet_mids.len(), m.tets.len()),
         ("regions of tetrahedra", m.tet_regions.len(), m.tets.len()),
         ("mid nodes of edges", m.edge_mids.len(), m.edges.len()),
         ("curves of edges", m.edge_curves.len(), m.edges.len()),
     ];
-    if let Some((what, got, want)) = lengths.iter().find(|(_, got, want)| *got != 0 && got != want) {
+    if let Some((what, got, want)) = lengths
+        .iter()
+        .find(|(_, got, want)| *got != 0 && got != want)
+    {
         return Some(format!("there are {got} {what} where {want} are needed"));
     }
     if let Some(c) = m.columns.iter().find(|c| c.values.len() != n) {
-        return Some(format!("there are {} values of {} where {n} are needed", c.values.len(), c.name));
+        return Some(format!(
+            "there are {} values of {} where {n} are needed",
+            c.values.len(),
+            c.name
+        ));
     }
     let nodes = [
         ("triangle", highest(&m.triangles)),
@@ -49,7 +68,10 @@ fn complaint(mesh: &Mesh) -> Option<String> {
         ("mid node of an edge", m.edge_mids.iter().max().copied()),
         ("corner", m.corners.iter().max().copied()),
     ];
-    if let Some((what, Some(i))) = nodes.iter().find(|(_, high)| high.is_some_and(|i| i as usize >= n)) {
+    if let Some((what, Some(i))) = nodes
+        .iter()
+        .find(|(_, high)| high.is_some_and(|i| i as usize >= n))
+    {
         return Some(format!("a {what} uses node {i} of {n}"));
     }
     let labels = [
@@ -82,12 +104,26 @@ mod tests {
             assert_eq!(e.code, "bad-mesh");
             e.why
         };
-        assert_eq!(wrong(|m| m.triangles[0][1] = 3), "a triangle uses node 3 of 3");
-        assert_eq!(wrong(|m| m.triangle_parts = vec![0]), "an element lies on part 0 of 0");
-        let column = |m: &mut Mesh| m.columns = vec![isoform_geom::Column { name: "u".into(), values: vec![0.5] }];
+        assert_eq!(
+            wrong(|m| m.triangles[0][1] = 3),
+            "a triangle uses node 3 of 3"
+        );
+        assert_eq!(
+            wrong(|m| m.triangle_parts = vec![0]),
+            "an element lies on part 0 of 0"
+        );
+        let column = |m: &mut Mesh| {
+            m.columns = vec![isoform_geom::Column {
+                name: "u".into(),
+                values: vec![0.5],
+            }]
+        };
         assert_eq!(wrong(column), "there are 1 values of u where 3 are needed");
         assert_eq!(wrong(|m| m.corners = vec![9]), "a corner uses node 9 of 3");
-        assert_eq!(wrong(|m| m.triangle_mids = vec![[0; 3]; 2]), "there are 2 mid nodes of triangles where 1 are needed");
+        assert_eq!(
+            wrong(|m| m.triangle_mids = vec![[0; 3]; 2]),
+            "there are 2 mid nodes of triangles where 1 are needed"
+        );
         assert!(wrong(|m| m.points[1][2] = f64::NAN).starts_with("node 1 is at"));
     }
 }

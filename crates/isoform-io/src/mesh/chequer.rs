@@ -21,8 +21,16 @@ pub(super) fn png() -> Vec<u8> {
     packed.write_all(&rows).expect("memory takes all");
     let size = (FIELDS as u32).to_be_bytes();
     let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
-    chunk(&mut png, b"IHDR", &[&size[..], &size, &[8, 0, 0, 0, 0]].concat());
-    chunk(&mut png, b"IDAT", &packed.finish().expect("memory takes all"));
+    chunk(
+        &mut png,
+        b"IHDR",
+        &[&size[..], &size, &[8, 0, 0, 0, 0]].concat(),
+    );
+    chunk(
+        &mut png,
+        b"IDAT",
+        &packed.finish().expect("memory takes all"),
+    );
     chunk(&mut png, b"IEND", &[]);
     png
 }

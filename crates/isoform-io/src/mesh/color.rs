@@ -19,7 +19,10 @@ mod tests {
         for i in 0..200 {
             let (a, b) = (part_color(i), part_color(i + 1));
             assert!(a.iter().all(|v| (0.0..=1.0).contains(v)));
-            assert!((0..3).map(|k| (a[k] - b[k]).abs()).sum::<f64>() > 0.3, "{i}: {a:?} {b:?}");
+            assert!(
+                (0..3).map(|k| (a[k] - b[k]).abs()).sum::<f64>() > 0.3,
+                "{i}: {a:?} {b:?}"
+            );
         }
     }
 }

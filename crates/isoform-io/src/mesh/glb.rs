@@ -22,15 +22,34 @@ const INDICES: u32 = 34963;
 const NEAREST: u32 = 9728;
 const REPEAT: u32 = 10497;
 
-pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+pub(super) fn write(
+    mesh: &Mesh,
+    out: &mut dyn Write,
+    options: &MeshWriteOptions,
+) -> io::Result<()> {
     let nodes = SurfaceNodes::of(mesh);
     let parts = Groups::parts(mesh);
     let center = Aabb::of(nodes.points(mesh)).center();
-    let points = || nodes.points(mesh).map(|p| std::array::from_fn::<f32, 3, _>(|k| (p[k] - center[k]) as f32));
+    let points = || {
+        nodes
+            .points(mesh)
+            .map(|p| std::array::from_fn::<f32, 3, _>(|k| (p[k] - center[k]) as f32))
+    };
     let is_empty = mesh.triangles.is_empty();
-    let texture = if mesh.parameters().is_some() && !is_empty { chequer::png() } else { Vec::new() };
+    let texture = if mesh.parameters().is_some() && !is_empty {
+        chequer::png()
+    } else {
+        Vec::new()
+    };
     let padding = texture.len().wrapping_neg() % 4;
-    let bytes = if is_empty { 0 } else { 4 * nodes.len() * (3 + mesh.columns.len()) + 12 * mesh.triangles.len() + texture.len() + padding };
+    let bytes = if is_empty {
+        0
+    } else {
+        4 * nodes.len() * (3 + mesh.columns.len())
+            + 12 * mesh.triangles.len()
+            + texture.len()
+            + padding
+    };
     let mut text = if is_empty {
         json!({ "asset": asset() }).to_string()
     } else {
@@ -39,14 +58,29 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
             lo = std::array::from_fn(|k| lo[k].min(p[k]));
             hi = std::array::from_fn(|k| hi[k].max(p[k]));
         }
-        scene(mesh, &nodes, &parts, &center, [lo, hi], texture.len(), bytes, options).to_string()
+        scene(
+            mesh,
+            &nodes,
+            &parts,
+            &center,
+            [lo, hi],
+            texture.len(),
+            bytes,
+            options,
+        )
+        .to_string()
     };
     text.extend(std::iter::repeat_n(' ', text.len().wrapping_neg() % 4));
     let total = 12 + 8 + text.len() + if is_empty { 0 } else { 8 + bytes };
     let total = u32::try_from(total).map_err(|_| io::Error::other("glTF holds at most 4 GiB"))?;
     let mut out = Out::new(out);
-    out.bytes(b"glTF").bytes(&2_u32.to_le_bytes()).bytes(&total.to_le_bytes());
-    out.bytes(&(text.len() as u32).to_le_bytes()).bytes(b"JSON").str(&text).end()?;
+    out.bytes(b"glTF")
+        .bytes(&2_u32.to_le_bytes())
+        .bytes(&total.to_le_bytes());
+    out.bytes(&(text.len() as u32).to_le_bytes())
+        .bytes(b"JSON")
+        .str(&text)
+        .end()?;
     if !is_empty {
         out.bytes(&(bytes as u32).to_le_bytes()).bytes(b"BIN\0");
         for p in points() {
@@ -69,7 +103,12 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
             io::Result::Ok(())
         };
         if let Some((u, v)) = mesh.parameters() {
-            values(&mut nodes.values(u).zip(nodes.values(v)).flat_map(|(u, v)| [u, v]))?;
+            values(
+                &mut nodes
+                    .values(u)
+                    .zip(nodes.values(v))
+                    .flat_map(|(u, v)| [u, v]),
+            )?;
         }
         for column in attributes(mesh) {
             values(&mut nodes.values(&column.values))?;
@@ -82,7 +121,9 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
 /// The columns that are no texture coordinates.
 fn attributes(mesh: &Mesh) -> impl Iterator<Item = &Column> {
     let textured = mesh.parameters().is_some();
-    mesh.columns.iter().filter(move |c| !(textured && ["u", "v"].contains(&c.name.as_str())))
+    mesh.columns
+        .iter()
+        .filter(move |c| !(textured && ["u", "v"].contains(&c.name.as_str())))
 }
 
 fn asset() -> Value {
@@ -101,7 +142,10 @@ fn metres(unit: Option<&str>) -> f64 {
     }
 }
 
-#[allow(clippy::too_many_arguments, reason = "all of it is in the one document")]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "all of it is in the one document"
+)]
 fn scene(
     mesh: &Mesh,
     nodes: &SurfaceNodes,
@@ -113,8 +157,9 @@ fn scene(
     options: &MeshWriteOptions,
 ) -> Value {
     let (vertices, indices) = (12 * nodes.len(), 12 * mesh.triangles.len());
-    let mut accessors =
-        vec![json!({ "bufferView": 0, "componentType": FLOAT, "count": nodes.len(), "type": "VEC3", "min": bounds[0], "max": bounds[1] })];
+    let mut accessors = vec![
+        json!({ "bufferView": 0, "componentType": FLOAT, "count": nodes.len(), "type": "VEC3", "min": bounds[0], "max": bounds[1] }),
+    ];
     let mut views = vec![
         json!({ "buffer": 0, "byteLength": vertices, "target": VERTICES }),
         json!({ "buffer": 0, "byteOffset": vertices, "byteLength": indices, "target": INDICES }),
@@ -132,7 +177,17 @@ fn scene(
         numbers("TEXCOORD_0".to_owned(), "VEC2", 2);
     }
     for column in attributes(mesh) {
-        let plain: String = column.name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_uppercase() } else { '_' }).collect();
+        let plain: String = column
+            .name
+            .chars()
+            .map(|c| {
+                if c.is_ascii_alphanumeric() {
+                    c.to_ascii_uppercase()
+                } else {
+                    '_'
+                }
+            })
+            .collect();
         numbers(format!("_{plain}"), "SCALAR", 1);
     }
     let (mut primitives, mut materials) = (Vec::new(), Vec::new());
@@ -147,7 +202,8 @@ fn scene(
         if texture > 0 {
             surface["baseColorTexture"] = json!({ "index": 0 });
         }
-        materials.push(json!({ "name": name, "pbrMetallicRoughness": surface, "doubleSided": true }));
+        materials
+            .push(json!({ "name": name, "pbrMetallicRoughness": surface, "doubleSided": true }));
         before += count;
     }
     let half = std::f64::consts::FRAC_1_SQRT_2;

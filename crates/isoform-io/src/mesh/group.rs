@@ -14,7 +14,10 @@ impl Groups {
     /// Sorts `n` elements into `count` groups; elements without labels are one group.
     pub(super) fn new(labels: &[u32], count: usize, n: usize) -> Self {
         if labels.is_empty() && n > 0 {
-            return Self { start: vec![0, n], items: (0..n as u32).collect() };
+            return Self {
+                start: vec![0, n],
+                items: (0..n as u32).collect(),
+            };
         }
         let mut start = vec![0; count + 1];
         for &l in labels {
@@ -53,7 +56,9 @@ impl Groups {
     }
     /// Numbers and elements of the groups that have some.
     pub(super) fn filled(&self) -> impl Iterator<Item = (usize, &[u32])> {
-        (0..self.len()).map(|g| (g, self.of(g))).filter(|(_, e)| !e.is_empty())
+        (0..self.len())
+            .map(|g| (g, self.of(g)))
+            .filter(|(_, e)| !e.is_empty())
     }
 }
 
@@ -102,7 +107,11 @@ pub(super) struct Names {
 
 impl Names {
     pub(super) fn new(longest: usize, plain: fn(&str) -> String) -> Self {
-        Self { plain, longest, taken: HashSet::new() }
+        Self {
+            plain,
+            longest,
+            taken: HashSet::new(),
+        }
     }
     /// The name made fit; where it is taken, with a number behind it.
     pub(super) fn give(&mut self, name: &str, empty: &str) -> String {
@@ -136,7 +145,10 @@ mod tests {
     fn groups_keep_the_order() {
         let groups = Groups::new(&[2, 0, 2, 2, 0], 4, 5);
         assert_eq!(groups.len(), 4);
-        assert_eq!([groups.of(0), groups.of(1), groups.of(2), groups.of(3)], [&[1, 4][..], &[], &[0, 2, 3], &[]]);
+        assert_eq!(
+            [groups.of(0), groups.of(1), groups.of(2), groups.of(3)],
+            [&[1, 4][..], &[], &[0, 2, 3], &[]]
+        );
         assert_eq!(groups.filled().map(|(g, _)| g).collect::<Vec<_>>(), [0, 2]);
         assert_eq!(Groups::new(&[], 0, 2).of(0), [0, 1]);
         assert_eq!(Groups::new(&[], 0, 0).len(), 0);
@@ -146,6 +158,9 @@ mod tests {
     fn names_differ() {
         let mut names = Names::new(6, |n| n.to_uppercase());
         let given = ["top", "Top", "", "", "abcdefgh", "abcdefxx"].map(|n| names.give(n, "part"));
-        assert_eq!(given, ["TOP", "TOP_2", "PART", "PART_2", "ABCDEF", "ABCD_2"]);
+        assert_eq!(
+            given,
+            ["TOP", "TOP_2", "PART", "PART_2", "ABCDEF", "ABCD_2"]
+        );
     }
 }

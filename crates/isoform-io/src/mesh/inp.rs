@@ -27,13 +27,31 @@ const FACE: [u8; 4] = [3, 4, 2, 1];
 
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head).to_ascii_uppercase();
-    let keyword = |k: &str| text.lines().any(|l| l.strip_prefix(k).is_some_and(|r| r.is_empty() || r.starts_with([',', ' ', '\r'])));
-    if keyword("*NODE") || keyword("*HEADING") && keyword("*PART") { Sniff::Yes } else { Sniff::No }
+    let keyword = |k: &str| {
+        text.lines().any(|l| {
+            l.strip_prefix(k)
+                .is_some_and(|r| r.is_empty() || r.starts_with([',', ' ', '\r']))
+        })
+    };
+    if keyword("*NODE") || keyword("*HEADING") && keyword("*PART") {
+        Sniff::Yes
+    } else {
+        Sniff::No
+    }
 }
 
 /// Capitals, digits and single `_`, starting with a letter.
 fn plain(name: &str) -> String {
-    let mut name: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_uppercase() } else { '_' }).collect();
+    let mut name: String = name
+        .chars()
+        .map(|c| {
+            if c.is_ascii_alphanumeric() {
+                c.to_ascii_uppercase()
+            } else {
+                '_'
+            }
+        })
+        .collect();
     while name.contains("__") {
         name = name.replace("__", "_");
     }
@@ -43,11 +61,17 @@ fn plain(name: &str) -> String {
     name
 }
 
-pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+pub(super) fn write(
+    mesh: &Mesh,
+    out: &mut dyn Write,
+    options: &MeshWriteOptions,
+) -> io::Result<()> {
     let mut out = Out::new(out);
     out.str("** mesh written by isoform").line()?;
     if let Some(units) = &options.units {
-        out.str("** units: ").str(&units.replace(['\n', '\r'], " ")).line()?;
+        out.str("** units: ")
+            .str(&units.replace(['\n', '\r'], " "))
+            .line()?;
     }
     out.str("*NODE").line()?;
     for (i, p) in mesh.points.iter().enumerate() {
@@ -58,14 +82,23 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
         out.line()?;
     }
     let mut names = Names::new(LONGEST_NAME, plain);
-    let mut name = |given: Option<&String>, empty: &str| names.give(given.map_or(empty, |n| n), empty);
+    let mut name =
+        |given: Option<&String>, empty: &str| names.give(given.map_or(empty, |n| n), empty);
     let parts = Groups::parts(mesh);
-    let part_names: Vec<String> = (0..parts.len()).map(|i| name(mesh.parts.get(i), "SURFACE")).collect();
+    let part_names: Vec<String> = (0..parts.len())
+        .map(|i| name(mesh.parts.get(i), "SURFACE"))
+        .collect();
     let curves = Groups::curves(mesh);
-    let curve_names: Vec<String> = (0..curves.len()).map(|i| name(mesh.curves.get(i).map(|c| &c.name), "CURVES")).collect();
+    let curve_names: Vec<String> = (0..curves.len())
+        .map(|i| name(mesh.curves.get(i).map(|c| &c.name), "CURVES"))
+        .collect();
     let corner_name = name(None, "CORNERS");
     if mesh.tets.is_empty() {
-        let kind = if mesh.triangle_mids.is_empty() { "S3" } else { "S6" };
+        let kind = if mesh.triangle_mids.is_empty() {
+            "S3"
+        } else {
+            "S6"
+        };
         for (i, elements) in parts.filled() {
             elements_head(&mut out, kind, &part_names[i])?;
             for &e in elements {
@@ -74,7 +107,11 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
             }
         }
     } else {
-        let kind = if mesh.tet_mids.is_empty() { "C3D4" } else { "C3D10" };
+        let kind = if mesh.tet_mids.is_empty() {
+            "C3D4"
+        } else {
+            "C3D10"
+        };
         let regions = Groups::regions(mesh);
         for (i, elements) in regions.filled() {
             elements_head(&mut out, kind, &name(mesh.regions.get(i), "SOLID"))?;
@@ -100,7 +137,11 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
 }
 
 fn elements_head(out: &mut Out<'_>, kind: &str, set: &str) -> io::Result<()> {
-    out.str("*ELEMENT, TYPE=").str(kind).str(", ELSET=").str(set).line()
+    out.str("*ELEMENT, TYPE=")
+        .str(kind)
+        .str(", ELSET=")
+        .str(set)
+        .line()
 }
 
 fn element(out: &mut Out<'_>, number: u32, nodes: &[u32]) -> io::Result<()> {
@@ -112,7 +153,12 @@ fn element(out: &mut Out<'_>, number: u32, nodes: &[u32]) -> io::Result<()> {
 }
 
 /// The nodes of elements, each once, ascending.
-fn node_set<const N: usize>(out: &mut Out<'_>, name: &str, elements: &[u32], nodes: impl Fn(usize) -> ([u32; N], usize)) -> io::Result<()> {
+fn node_set<const N: usize>(
+    out: &mut Out<'_>,
+    name: &str,
+    elements: &[u32],
+    nodes: impl Fn(usize) -> ([u32; N], usize),
+) -> io::Result<()> {
     let mut all: Vec<u32> = Vec::with_capacity(N * elements.len());
     for &e in elements {
         let (nodes, n) = nodes(e as usize);
@@ -134,13 +180,22 @@ fn node_set<const N: usize>(out: &mut Out<'_>, name: &str, elements: &[u32], nod
 fn surfaces(mesh: &Mesh, parts: &Groups, names: &[String], out: &mut Out<'_>) -> io::Result<()> {
     let faces = faces_of_triangles(mesh);
     for (i, triangles) in parts.filled() {
-        let mut on_tets = triangles.iter().filter_map(|&t| faces[t as usize]).peekable();
+        let mut on_tets = triangles
+            .iter()
+            .filter_map(|&t| faces[t as usize])
+            .peekable();
         if on_tets.peek().is_none() {
             continue;
         }
-        out.str("*SURFACE, NAME=").str(&names[i]).str(", TYPE=ELEMENT").line()?;
+        out.str("*SURFACE, NAME=")
+            .str(&names[i])
+            .str(", TYPE=ELEMENT")
+            .line()?;
         for (tet, face) in on_tets {
-            out.int(tet + 1).str(", S").int(FACE[face as usize]).line()?;
+            out.int(tet + 1)
+                .str(", S")
+                .int(FACE[face as usize])
+                .line()?;
         }
     }
     Ok(())

@@ -25,7 +25,11 @@ const CORNERS: &str = "corners";
 const TET10: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
 
 pub(super) fn sniff(head: &[u8]) -> Sniff {
-    if head.starts_with(b"$MeshFormat") { Sniff::Yes } else { Sniff::No }
+    if head.starts_with(b"$MeshFormat") {
+        Sniff::Yes
+    } else {
+        Sniff::No
+    }
 }
 
 /// Names of the groups by dimension, all different: Gmsh's readers often know groups by name alone.
@@ -35,11 +39,24 @@ struct Physical {
 
 impl Physical {
     fn of(mesh: &Mesh) -> Self {
-        let mut names = Names::new(LONGEST_NAME, |n| n.chars().map(|c| if c == '"' || c.is_control() { '\'' } else { c }).collect());
-        let labelled = |labels: &[u32], given: Vec<String>| if labels.is_empty() { Vec::new() } else { given };
+        let mut names = Names::new(LONGEST_NAME, |n| {
+            n.chars()
+                .map(|c| if c == '"' || c.is_control() { '\'' } else { c })
+                .collect()
+        });
+        let labelled =
+            |labels: &[u32], given: Vec<String>| if labels.is_empty() { Vec::new() } else { given };
         let parts = mesh.parts.iter().map(|n| names.give(n, "part")).collect();
-        let curves = mesh.curves.iter().map(|c| names.give(&c.name, "curve")).collect();
-        let regions = mesh.regions.iter().map(|n| names.give(n, "region")).collect();
+        let curves = mesh
+            .curves
+            .iter()
+            .map(|c| names.give(&c.name, "curve"))
+            .collect();
+        let regions = mesh
+            .regions
+            .iter()
+            .map(|n| names.give(n, "region"))
+            .collect();
         let corners = mesh.corners.first().map(|_| names.give(CORNERS, CORNERS));
         Self {
             names: [
@@ -58,7 +75,13 @@ impl Physical {
         out.str("$PhysicalNames\n").int(count).line()?;
         for (dim, names) in self.names.iter().enumerate() {
             for (i, name) in names.iter().enumerate() {
-                out.int(dim).str(" ").int(i + 1).str(" \"").str(name).str("\"").line()?;
+                out.int(dim)
+                    .str(" ")
+                    .int(i + 1)
+                    .str(" \"")
+                    .str(name)
+                    .str("\"")
+                    .line()?;
             }
         }
         out.str("$EndPhysicalNames").line()

@@ -13,7 +13,10 @@ pub(super) struct Out<'o> {
 
 impl<'o> Out<'o> {
     pub(super) fn new(out: &'o mut dyn Write) -> Self {
-        Self { out, buffer: Vec::with_capacity(2 * BLOCK) }
+        Self {
+            out,
+            buffer: Vec::with_capacity(2 * BLOCK),
+        }
     }
     pub(super) fn str(&mut self, text: &str) -> &mut Self {
         self.buffer.extend_from_slice(text.as_bytes());
@@ -24,12 +27,14 @@ impl<'o> Out<'o> {
         self
     }
     pub(super) fn int(&mut self, v: impl itoa::Integer) -> &mut Self {
-        self.buffer.extend_from_slice(itoa::Buffer::new().format(v).as_bytes());
+        self.buffer
+            .extend_from_slice(itoa::Buffer::new().format(v).as_bytes());
         self
     }
     /// The shortest text that reads back as the same double.
     pub(super) fn float(&mut self, v: f64) -> &mut Self {
-        self.buffer.extend_from_slice(zmij::Buffer::new().format(v).as_bytes());
+        self.buffer
+            .extend_from_slice(zmij::Buffer::new().format(v).as_bytes());
         self
     }
     /// As many digits as fit, at most those of [`Out::float`].
@@ -83,7 +88,11 @@ pub(super) fn narrow(v: f64, width: usize, text: &mut Vec<u8>) {
     let mut digits = width - 1 - if plain { exponent.max(0) as usize } else { 3 };
     while text.len() - start > width {
         text.truncate(start);
-        let done = if plain { write!(text, "{v:.digits$}") } else { write!(text, "{v:.digits$e}") };
+        let done = if plain {
+            write!(text, "{v:.digits$}")
+        } else {
+            write!(text, "{v:.digits$e}")
+        };
         done.expect("memory takes all");
         tidy(text, start, width);
         digits -= 1;
@@ -93,7 +102,10 @@ pub(super) fn narrow(v: f64, width: usize, text: &mut Vec<u8>) {
 /// A point where there is none, and no zero before it where that saves the day.
 fn tidy(text: &mut Vec<u8>, start: usize, width: usize) {
     if !text[start..].contains(&b'.') {
-        let at = text[start..].iter().position(|&b| b == b'e').map_or(text.len(), |e| start + e);
+        let at = text[start..]
+            .iter()
+            .position(|&b| b == b'e')
+            .map_or(text.len(), |e| start + e);
         text.insert(at, b'.');
     }
     let digits = start + usize::from(text[start] == b'-');
@@ -117,8 +129,14 @@ mod tests {
     fn examples() {
         assert_eq!(narrowed(0.0, 20), "0.0");
         assert_eq!(narrowed(1e16, 20), "1.e+16");
-        assert_eq!(narrowed(-0.123_456_789_012_345_67, 20), "-0.12345678901234566");
-        assert_eq!(narrowed(-0.012_345_678_901_234_567, 20), "-.012345678901234567");
+        assert_eq!(
+            narrowed(-0.123_456_789_012_345_67, 20),
+            "-0.12345678901234566"
+        );
+        assert_eq!(
+            narrowed(-0.012_345_678_901_234_567, 20),
+            "-.012345678901234567"
+        );
         assert_eq!(narrowed(1.0 / 3.0, 16), ".333333333333333");
         assert_eq!(narrowed(-1.0 / 3e-5, 16), "-33333.333333333");
         assert_eq!(narrowed(-f64::MIN_POSITIVE, 12), "-2.2251e-308");

@@ -12,18 +12,38 @@ const LONGEST_NAME: usize = 200;
 
 /// One word.
 fn plain(name: &str) -> String {
-    name.chars().map(|c| if c.is_whitespace() || c.is_control() || "#\\".contains(c) { '_' } else { c }).collect()
+    name.chars()
+        .map(|c| {
+            if c.is_whitespace() || c.is_control() || "#\\".contains(c) {
+                '_'
+            } else {
+                c
+            }
+        })
+        .collect()
 }
 
-pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+pub(super) fn write(
+    mesh: &Mesh,
+    out: &mut dyn Write,
+    options: &MeshWriteOptions,
+) -> io::Result<()> {
     let mut out = Out::new(out);
     out.str("# mesh written by isoform").line()?;
     if let Some(units) = &options.units {
-        out.str("# units: ").str(&units.replace(['\n', '\r'], " ")).line()?;
+        out.str("# units: ")
+            .str(&units.replace(['\n', '\r'], " "))
+            .line()?;
     }
     let nodes = SurfaceNodes::of(mesh);
     for p in nodes.points(mesh) {
-        out.str("v ").float(p[0]).str(" ").float(p[1]).str(" ").float(p[2]).line()?;
+        out.str("v ")
+            .float(p[0])
+            .str(" ")
+            .float(p[1])
+            .str(" ")
+            .float(p[2])
+            .line()?;
     }
     let parameters = mesh.parameters();
     if let Some((u, v)) = parameters {
@@ -35,7 +55,9 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
     let mut names = Names::new(LONGEST_NAME, plain);
     for (i, triangles) in parts.filled() {
         if !mesh.triangle_parts.is_empty() {
-            out.str("g ").str(&names.give(&mesh.parts[i], "part")).line()?;
+            out.str("g ")
+                .str(&names.give(&mesh.parts[i], "part"))
+                .line()?;
         }
         for &t in triangles {
             let [a, b, c] = nodes.triangle(mesh, t as usize).map(|n| n + 1);

@@ -9,13 +9,29 @@ use std::io::{self, Write};
 pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, _: &MeshWriteOptions) -> io::Result<()> {
     let mut out = Out::new(out);
     let nodes = SurfaceNodes::of(mesh);
-    out.str("OFF\n").int(nodes.len()).str(" ").int(mesh.triangles.len()).str(" 0").line()?;
+    out.str("OFF\n")
+        .int(nodes.len())
+        .str(" ")
+        .int(mesh.triangles.len())
+        .str(" 0")
+        .line()?;
     for p in nodes.points(mesh) {
-        out.float(p[0]).str(" ").float(p[1]).str(" ").float(p[2]).line()?;
+        out.float(p[0])
+            .str(" ")
+            .float(p[1])
+            .str(" ")
+            .float(p[2])
+            .line()?;
     }
     for i in 0..mesh.triangles.len() {
         let [a, b, c] = nodes.triangle(mesh, i);
-        out.str("3 ").int(a).str(" ").int(b).str(" ").int(c).line()?;
+        out.str("3 ")
+            .int(a)
+            .str(" ")
+            .int(b)
+            .str(" ")
+            .int(c)
+            .line()?;
     }
     out.flush()
 }

@@ -84,7 +84,9 @@ pub fn mesh_formats() -> &'static [MeshFormat] {
 /// A format by name or ending, in any case, with or without the dot.
 pub fn mesh_format_named(name: &str) -> Option<&'static MeshFormat> {
     let name = name.strip_prefix('.').unwrap_or(name).to_ascii_lowercase();
-    FORMATS.iter().find(|f| f.name == name || f.extensions.contains(&name.as_str()))
+    FORMATS
+        .iter()
+        .find(|f| f.name == name || f.extensions.contains(&name.as_str()))
 }
 
 /// A name without `-ascii` or `-binary` behind it, and whether it asks for text.
@@ -98,45 +100,97 @@ pub(super) fn encoding(name: &str) -> (&str, Option<bool>) {
 }
 
 /// The format asked for, else the one the content states, else the one the name states, else the likeliest.
-pub(super) fn choose(input: &mut Input<'_>, asked: Option<&str>, warnings: &mut Vec<String>) -> Result<(&'static MeshFormat, ReadFn)> {
+pub(super) fn choose(
+    input: &mut Input<'_>,
+    asked: Option<&str>,
+    warnings: &mut Vec<String>,
+) -> Result<(&'static MeshFormat, ReadFn)> {
     const WHAT: &str = "cannot tell how to read the mesh";
-    let can = || FORMATS.iter().filter(|f| f.is_readable()).map(|f| f.name).collect::<Vec<_>>().join(", ");
+    let can = || {
+        FORMATS
+            .iter()
+            .filter(|f| f.is_readable())
+            .map(|f| f.name)
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
     let usable = |format: &'static MeshFormat, input: &Input<'_>| match format.read {
         Some(read) => Ok((format, read)),
         None => {
-            let why = format!("{} is written but not read. Meshes are read from {}", format.title, can());
-            Err(input.error(ErrorKind::UnsupportedFormat, At::File, WHAT, why, "convert it to one of these"))
+            let why = format!(
+                "{} is written but not read. Meshes are read from {}",
+                format.title,
+                can()
+            );
+            Err(input.error(
+                ErrorKind::UnsupportedFormat,
+                At::File,
+                WHAT,
+                why,
+                "convert it to one of these",
+            ))
         }
     };
     if let Some(asked) = asked {
         return match mesh_format_named(encoding(asked).0) {
             Some(format) => usable(format, input),
             None => {
-                let why = format!("no format of meshes is called \"{}\". Meshes are read from {}", shorten(asked), can());
-                Err(input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, "use one of these names"))
+                let why = format!(
+                    "no format of meshes is called \"{}\". Meshes are read from {}",
+                    shorten(asked),
+                    can()
+                );
+                Err(input.error(
+                    ErrorKind::UnknownFormat,
+                    At::File,
+                    WHAT,
+                    why,
+                    "use one of these names",
+                ))
             }
         };
     }
     let head = input.head(4096)?;
     if head.is_empty() {
-        return Err(input.error(ErrorKind::Empty, At::File, "cannot read a mesh", "the file is empty", "check how it was made"));
+        return Err(input.error(
+            ErrorKind::Empty,
+            At::File,
+            "cannot read a mesh",
+            "the file is empty",
+            "check how it was made",
+        ));
     }
     let named = extension(&input.name).and_then(|e| mesh_format_named(&e));
     let sure = FORMATS.iter().find(|f| (f.sniff)(&head) == Sniff::Yes);
     match (named, sure) {
         (Some(n), Some(s)) if (n.sniff)(&head) != Sniff::Yes => {
-            warnings.push(format!("the name says {}, but the content is {}: read as {}", n.title, s.title, s.title));
+            warnings.push(format!(
+                "the name says {}, but the content is {}: read as {}",
+                n.title, s.title, s.title
+            ));
             usable(s, input)
         }
         (Some(format), _) | (None, Some(format)) => usable(format, input),
         (None, None) => match FORMATS.iter().find(|f| (f.sniff)(&head) == Sniff::Maybe) {
             Some(format) => {
-                warnings.push(format!("the name does not tell the format; by its content the file was read as {}", format.title));
+                warnings.push(format!(
+                    "the name does not tell the format; by its content the file was read as {}",
+                    format.title
+                ));
                 usable(format, input)
             }
             None => {
-                let why = format!("neither its name nor its content is of a known kind. Meshes are read from {}", can());
-                Err(input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, "convert it to one of these, or name the format"))
+                let why = format!(
+                    "neither its name nor its content is of a known kind. Meshes are read from {}",
+                    can()
+                );
+                Err(input.error(
+                    ErrorKind::UnknownFormat,
+                    At::File,
+                    WHAT,
+                    why,
+                    "convert it to one of these, or name the format",
+                ))
             }
         },
     }

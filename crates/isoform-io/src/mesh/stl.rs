@@ -11,18 +11,34 @@ fn normal(mesh: &Mesh, t: [u32; 3]) -> Point3 {
     let [a, b, c] = t.map(|n| mesh.points[n as usize]);
     let n = cross(sub(b, a), sub(c, a));
     let length = norm(n);
-    if length > 0.0 && length.is_finite() { n.map(|v| v / length) } else { [0.0; 3] }
+    if length > 0.0 && length.is_finite() {
+        n.map(|v| v / length)
+    } else {
+        [0.0; 3]
+    }
 }
 
-pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+pub(super) fn write(
+    mesh: &Mesh,
+    out: &mut dyn Write,
+    options: &MeshWriteOptions,
+) -> io::Result<()> {
     let mut out = Out::new(out);
     if options.ascii == Some(true) {
         return write_ascii(mesh, &mut out);
     }
-    let count = u32::try_from(mesh.triangles.len()).map_err(|_| io::Error::other("STL holds at most 4294967295 triangles"))?;
-    let units = options.units.as_deref().map(|u| format!(" units: {u}")).unwrap_or_default();
+    let count = u32::try_from(mesh.triangles.len())
+        .map_err(|_| io::Error::other("STL holds at most 4294967295 triangles"))?;
+    let units = options
+        .units
+        .as_deref()
+        .map(|u| format!(" units: {u}"))
+        .unwrap_or_default();
     // Not "solid", which would look like the ASCII form.
-    let mut head: Vec<u8> = format!("isoform binary STL{units}").bytes().map(|b| if b.is_ascii_graphic() { b } else { b' ' }).collect();
+    let mut head: Vec<u8> = format!("isoform binary STL{units}")
+        .bytes()
+        .map(|b| if b.is_ascii_graphic() { b } else { b' ' })
+        .collect();
     head.resize(80, b' ');
     out.bytes(&head).bytes(&count.to_le_bytes());
     for &t in &mesh.triangles {
@@ -36,10 +52,19 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
 }
 
 fn write_ascii(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
-    let plain = |name: &str| name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>();
+    let plain = |name: &str| {
+        name.chars()
+            .map(|c| if c.is_control() { ' ' } else { c })
+            .collect::<String>()
+    };
     let parts = Groups::parts(mesh);
     for (i, triangles) in parts.filled() {
-        let name = plain(mesh.parts.get(i).filter(|_| !mesh.triangle_parts.is_empty()).map_or("surface", |n| n));
+        let name = plain(
+            mesh.parts
+                .get(i)
+                .filter(|_| !mesh.triangle_parts.is_empty())
+                .map_or("surface", |n| n),
+        );
         out.str("solid ").str(&name).line()?;
         for &t in triangles {
             let t = mesh.triangles[t as usize];

@@ -6,12 +6,27 @@ use crate::{ReadOptions, ReadReport, obj, off, ply, stl};
 use isoform_geom::{Mesh, Point3, PointCloud};
 
 /// Coordinates as they are in the file.
-const AS_THEY_ARE: ReadOptions = ReadOptions { max_points: None, seed: 1, mesh: crate::MeshPoints::Vertices, recenter: false };
+const AS_THEY_ARE: ReadOptions = ReadOptions {
+    max_points: None,
+    seed: 1,
+    mesh: crate::MeshPoints::Vertices,
+    recenter: false,
+};
 
 fn mesh((cloud, parts): (PointCloud, Parts)) -> Mesh {
     let Parts { of_triangle, names } = parts;
-    let names = if of_triangle.is_empty() { Vec::new() } else { names };
-    Mesh { points: cloud.points, triangles: cloud.triangles, triangle_parts: of_triangle, parts: names, ..Mesh::default() }
+    let names = if of_triangle.is_empty() {
+        Vec::new()
+    } else {
+        names
+    };
+    Mesh {
+        points: cloud.points,
+        triangles: cloud.triangles,
+        triangle_parts: of_triangle,
+        parts: names,
+        ..Mesh::default()
+    }
 }
 
 pub(super) fn read_obj(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
@@ -29,7 +44,14 @@ pub(super) fn read_ply(input: &mut Input<'_>, report: &mut ReadReport) -> Result
 /// A file of one solid has no parts.
 pub(super) fn read_stl(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     let (cloud, parts) = stl::read_parts(input, &AS_THEY_ARE, report)?;
-    Ok(mesh((cloud, if parts.names.len() > 1 { parts } else { Parts::default() })))
+    Ok(mesh((
+        cloud,
+        if parts.names.len() > 1 {
+            parts
+        } else {
+            Parts::default()
+        },
+    )))
 }
 
 /// The nodes that a surface format writes, and their new numbers.
@@ -43,11 +65,20 @@ pub(super) struct SurfaceNodes {
 impl SurfaceNodes {
     /// The corners of the triangles; of a mesh with nothing else all nodes, so that reading gives the same numbers.
     pub(super) fn of(mesh: &Mesh) -> Self {
-        let mut used = vec![mesh.tets.is_empty() && mesh.triangle_mids.is_empty(); mesh.points.len()];
-        mesh.triangles.iter().flatten().for_each(|&n| used[n as usize] = true);
-        let nodes: Vec<u32> = (0..mesh.points.len() as u32).filter(|&n| used[n as usize]).collect();
+        let mut used =
+            vec![mesh.tets.is_empty() && mesh.triangle_mids.is_empty(); mesh.points.len()];
+        mesh.triangles
+            .iter()
+            .flatten()
+            .for_each(|&n| used[n as usize] = true);
+        let nodes: Vec<u32> = (0..mesh.points.len() as u32)
+            .filter(|&n| used[n as usize])
+            .collect();
         let mut number = vec![0; mesh.points.len()];
-        nodes.iter().enumerate().for_each(|(i, &n)| number[n as usize] = i as u32);
+        nodes
+            .iter()
+            .enumerate()
+            .for_each(|(i, &n)| number[n as usize] = i as u32);
         Self { nodes, number }
     }
     pub(super) fn len(&self) -> usize {

@@ -30,7 +30,11 @@ fn unit(unit: Option<&str>) -> &'static str {
     }
 }
 
-pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+pub(super) fn write(
+    mesh: &Mesh,
+    out: &mut dyn Write,
+    options: &MeshWriteOptions,
+) -> io::Result<()> {
     let mut zip = Zip::new(out);
     zip.member("[Content_Types].xml", |out| out.write_all(TYPES.as_bytes()))?;
     zip.member("_rels/.rels", |out| out.write_all(RELATIONS.as_bytes()))?;
@@ -40,15 +44,22 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
 
 fn write_model(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
     let mut out = Out::new(out);
-    out.str("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model unit=\"").str(unit(options.units.as_deref()));
+    out.str("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model unit=\"")
+        .str(unit(options.units.as_deref()));
     out.str("\" xml:lang=\"en-US\" xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\">\n<resources>\n");
     let has_parts = !mesh.triangle_parts.is_empty();
     if has_parts {
         out.str("<basematerials id=\"2\">\n");
         for (i, name) in mesh.parts.iter().enumerate() {
             let [r, g, b] = part_color(i).map(|v| (255.0 * v).round() as u8);
-            let plain: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-            out.str("<base name=\"").str(&escape(&plain)).str(&format!("\" displaycolor=\"#{r:02X}{g:02X}{b:02X}\"/>")).line()?;
+            let plain: String = name
+                .chars()
+                .map(|c| if c.is_control() { ' ' } else { c })
+                .collect();
+            out.str("<base name=\"")
+                .str(&escape(&plain))
+                .str(&format!("\" displaycolor=\"#{r:02X}{g:02X}{b:02X}\"/>"))
+                .line()?;
         }
         out.str("</basematerials>\n<object id=\"1\" type=\"model\" pid=\"2\" pindex=\"0\">\n");
     } else {
@@ -57,12 +68,24 @@ fn write_model(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> 
     out.str("<mesh>\n<vertices>\n");
     let nodes = SurfaceNodes::of(mesh);
     for p in nodes.points(mesh) {
-        out.str("<vertex x=\"").float(p[0]).str("\" y=\"").float(p[1]).str("\" z=\"").float(p[2]).str("\"/>").line()?;
+        out.str("<vertex x=\"")
+            .float(p[0])
+            .str("\" y=\"")
+            .float(p[1])
+            .str("\" z=\"")
+            .float(p[2])
+            .str("\"/>")
+            .line()?;
     }
     out.str("</vertices>\n<triangles>\n");
     for i in 0..mesh.triangles.len() {
         let [a, b, c] = nodes.triangle(mesh, i);
-        out.str("<triangle v1=\"").int(a).str("\" v2=\"").int(b).str("\" v3=\"").int(c);
+        out.str("<triangle v1=\"")
+            .int(a)
+            .str("\" v2=\"")
+            .int(b)
+            .str("\" v3=\"")
+            .int(c);
         if let Some(part) = mesh.triangle_parts.get(i) {
             out.str("\" pid=\"2\" p1=\"").int(*part);
         }

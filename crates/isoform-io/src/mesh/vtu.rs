@@ -23,7 +23,11 @@ const GROUPS: [&str; 3] = ["part", "region", "curve"];
 
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head);
-    if text.contains("<VTKFile") && text.contains("UnstructuredGrid") { Sniff::Yes } else { Sniff::No }
+    if text.contains("<VTKFile") && text.contains("UnstructuredGrid") {
+        Sniff::Yes
+    } else {
+        Sniff::No
+    }
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -36,7 +40,15 @@ enum Kind {
     Tags(usize),
 }
 
-const ARRAYS: [Kind; 7] = [Kind::Points, Kind::Connectivity, Kind::Offsets, Kind::Types, Kind::Tags(0), Kind::Tags(1), Kind::Tags(2)];
+const ARRAYS: [Kind; 7] = [
+    Kind::Points,
+    Kind::Connectivity,
+    Kind::Offsets,
+    Kind::Types,
+    Kind::Tags(0),
+    Kind::Tags(1),
+    Kind::Tags(2),
+];
 
 /// Values of an array on their way out.
 struct Values<'o> {
@@ -73,14 +85,24 @@ impl Values<'_> {
         };
     }
     fn end(&mut self) -> io::Result<()> {
-        if self.ascii { self.out.line() } else { self.out.end() }
+        if self.ascii {
+            self.out.line()
+        } else {
+            self.out.end()
+        }
     }
 }
 
 /// Numbers of cells and of the nodes of each, by kind: triangles, tetrahedra, edges, corners.
 fn shape(mesh: &Mesh) -> [(usize, usize, u8); 4] {
-    let second = [!mesh.triangle_mids.is_empty(), !mesh.tet_mids.is_empty(), !mesh.edge_mids.is_empty()];
-    let pick = |k: usize, linear: (usize, u8), curved: (usize, u8)| if second[k] { curved } else { linear };
+    let second = [
+        !mesh.triangle_mids.is_empty(),
+        !mesh.tet_mids.is_empty(),
+        !mesh.edge_mids.is_empty(),
+    ];
+    let pick = |k: usize, linear: (usize, u8), curved: (usize, u8)| {
+        if second[k] { curved } else { linear }
+    };
     let cells = [
         (mesh.triangles.len(), pick(0, (3, 5), (6, 22))),
         (mesh.tets.len(), pick(1, (4, 10), (10, 24))),
@@ -90,19 +112,35 @@ fn shape(mesh: &Mesh) -> [(usize, usize, u8); 4] {
     cells.map(|(n, (nodes, kind))| (n, nodes, kind))
 }
 
-pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+pub(super) fn write(
+    mesh: &Mesh,
+    out: &mut dyn Write,
+    options: &MeshWriteOptions,
+) -> io::Result<()> {
     let shape = shape(mesh);
     let cells: usize = shape.iter().map(|s| s.0).sum();
     let indices: usize = shape.iter().map(|s| s.0 * s.1).sum();
     let wide = indices.max(mesh.points.len()) > i32::MAX as usize;
     let ascii = options.ascii == Some(true);
-    let mut values = Values { out: Out::new(out), ascii, wide };
+    let mut values = Values {
+        out: Out::new(out),
+        ascii,
+        wide,
+    };
     values.out.str(
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n",
     );
     write_names(mesh, &mut values.out)?;
-    values.out.str("<UnstructuredGrid>\n<Piece NumberOfPoints=\"").int(mesh.points.len());
-    values.out.str("\" NumberOfCells=\"").int(cells).str("\">").line()?;
+    values
+        .out
+        .str("<UnstructuredGrid>\n<Piece NumberOfPoints=\"")
+        .int(mesh.points.len());
+    values
+        .out
+        .str("\" NumberOfCells=\"")
+        .int(cells)
+        .str("\">")
+        .line()?;
     let mut offset = 0;
     for kind in ARRAYS {
         let (open, close) = match kind {
@@ -121,14 +159,24 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
             Kind::Types => (("types", 1), ("UInt8", 1), cells),
             Kind::Tags(k) => ((GROUPS[k], 1), ("Int32", 4), cells),
         };
-        values.out.str(open).str("<DataArray type=\"").str(kind_name).str("\" Name=\"").str(name);
+        values
+            .out
+            .str(open)
+            .str("<DataArray type=\"")
+            .str(kind_name)
+            .str("\" Name=\"")
+            .str(name);
         values.out.str("\" NumberOfComponents=\"").int(components);
         if ascii {
             values.out.str("\" format=\"ascii\">\n");
             write_array(mesh, &shape, kind, &mut values)?;
             values.out.str("</DataArray>\n");
         } else {
-            values.out.str("\" format=\"appended\" offset=\"").int(offset).str("\"/>\n");
+            values
+                .out
+                .str("\" format=\"appended\" offset=\"")
+                .int(offset)
+                .str("\"/>\n");
             offset += 8 + (size * n) as u64;
         }
         values.out.str(close);
@@ -156,21 +204,38 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions
 /// The names of the groups as a comment: `part 1 name`. Two hyphens would end it, so that they are escaped.
 fn write_names(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     let curves: Vec<&String> = mesh.curves.iter().map(|c| &c.name).collect();
-    let lists: [Vec<&String>; 3] = [mesh.parts.iter().collect(), mesh.regions.iter().collect(), curves];
+    let lists: [Vec<&String>; 3] = [
+        mesh.parts.iter().collect(),
+        mesh.regions.iter().collect(),
+        curves,
+    ];
     if lists.iter().all(Vec::is_empty) {
         return Ok(());
     }
     out.str("<!-- groups\n");
     for (kind, names) in GROUPS.iter().zip(&lists) {
         for (i, name) in names.iter().enumerate() {
-            let plain: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-            out.str(kind).str(" ").int(i + 1).str(" ").str(&xml::escape(&plain).replace('-', "&#45;")).line()?;
+            let plain: String = name
+                .chars()
+                .map(|c| if c.is_control() { ' ' } else { c })
+                .collect();
+            out.str(kind)
+                .str(" ")
+                .int(i + 1)
+                .str(" ")
+                .str(&xml::escape(&plain).replace('-', "&#45;"))
+                .line()?;
         }
     }
     out.str("-->").line()
 }
 
-fn write_array(mesh: &Mesh, shape: &[(usize, usize, u8); 4], kind: Kind, values: &mut Values<'_>) -> io::Result<()> {
+fn write_array(
+    mesh: &Mesh,
+    shape: &[(usize, usize, u8); 4],
+    kind: Kind,
+    values: &mut Values<'_>,
+) -> io::Result<()> {
     match kind {
         Kind::Points => {
             for p in &mesh.points {
@@ -200,7 +265,11 @@ fn write_array(mesh: &Mesh, shape: &[(usize, usize, u8); 4], kind: Kind, values:
         Kind::Tags(group) => {
             let labels = [&mesh.triangle_parts, &mesh.tet_regions, &mesh.edge_curves];
             for (k, &(n, ..)) in shape.iter().enumerate() {
-                let labels = if k == group { labels[k].as_slice() } else { &[] };
+                let labels = if k == group {
+                    labels[k].as_slice()
+                } else {
+                    &[]
+                };
                 for i in 0..n {
                     values.tag(labels.get(i).map_or(0, |l| l + 1));
                     values.end()?;

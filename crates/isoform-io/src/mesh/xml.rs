@@ -2,7 +2,10 @@
 
 /// Text with the characters replaced that XML keeps for itself.
 pub(super) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
 }
 
 /// The text again; what is no known entity stays.
@@ -19,7 +22,10 @@ pub(super) fn unescape(text: &str) -> String {
             "&gt" => Some('>'),
             "&quot" => Some('"'),
             "&apos" => Some('\''),
-            number => number.strip_prefix("&#").and_then(|n| n.parse().ok()).and_then(char::from_u32),
+            number => number
+                .strip_prefix("&#")
+                .and_then(|n| n.parse().ok())
+                .and_then(char::from_u32),
         };
         out.push(c.unwrap_or('&'));
         rest = &rest[if c.is_some() { end + 1 } else { 1 }..];
@@ -63,11 +69,17 @@ impl<'b> Items<'b> {
         loop {
             let start = self.at + self.content().len();
             let rest = self.bytes.get(start..).filter(|r| !r.is_empty())?;
-            let close: &[u8] = if rest.starts_with(b"<!--") { b"-->" } else { b">" };
+            let close: &[u8] = if rest.starts_with(b"<!--") {
+                b"-->"
+            } else {
+                b">"
+            };
             let length = rest.windows(close.len()).position(|w| w == close)?;
             self.at = start + length + close.len();
             // What is not text is damage, and no item.
-            let Ok(text) = std::str::from_utf8(&rest[..length]) else { continue };
+            let Ok(text) = std::str::from_utf8(&rest[..length]) else {
+                continue;
+            };
             if let Some(comment) = text.strip_prefix("<!--") {
                 return Some(Item::Comment(comment));
             }
@@ -79,8 +91,13 @@ impl<'b> Items<'b> {
                 continue;
             }
             let text = text.trim_end_matches('/');
-            let end = text.find(|c: char| c.is_ascii_whitespace()).unwrap_or(text.len());
-            return Some(Item::Open { name: &text[..end], attributes: &text[end..] });
+            let end = text
+                .find(|c: char| c.is_ascii_whitespace())
+                .unwrap_or(text.len());
+            return Some(Item::Open {
+                name: &text[..end],
+                attributes: &text[end..],
+            });
         }
     }
 }
@@ -106,12 +123,32 @@ mod tests {
 
     #[test]
     fn walks() {
-        let mut items = Items::new(b"<?xml?>\n<a b = 'x=1' c=\"&lt;\"> 1 2 <!-- <no> --><d/></a><cut");
-        let Some(Item::Open { name: "a", attributes }) = items.next() else { panic!("no a") };
-        assert_eq!((attribute(attributes, "b"), attribute(attributes, "c"), attribute(attributes, "x")), (Some("x=1"), Some("&lt;"), None));
+        let mut items =
+            Items::new(b"<?xml?>\n<a b = 'x=1' c=\"&lt;\"> 1 2 <!-- <no> --><d/></a><cut");
+        let Some(Item::Open {
+            name: "a",
+            attributes,
+        }) = items.next()
+        else {
+            panic!("no a")
+        };
+        assert_eq!(
+            (
+                attribute(attributes, "b"),
+                attribute(attributes, "c"),
+                attribute(attributes, "x")
+            ),
+            (Some("x=1"), Some("&lt;"), None)
+        );
         assert_eq!(items.content(), b" 1 2 ");
         assert!(matches!(items.next(), Some(Item::Comment(" <no> "))));
-        assert!(matches!(items.next(), Some(Item::Open { name: "d", attributes: "" })));
+        assert!(matches!(
+            items.next(),
+            Some(Item::Open {
+                name: "d",
+                attributes: ""
+            })
+        ));
         assert!(matches!(items.next(), Some(Item::Close("a"))));
         assert!(items.next().is_none());
     }

@@ -60,14 +60,25 @@ fn too_large(_: std::num::TryFromIntError) -> io::Error {
 
 impl<'o> Zip<'o> {
     pub(super) fn new(out: &'o mut dyn Write) -> Self {
-        Self { out: Counted { out, count: 0 }, directory: Vec::new(), members: 0 }
+        Self {
+            out: Counted { out, count: 0 },
+            directory: Vec::new(),
+            members: 0,
+        }
     }
 
     /// Adds a member that a function writes.
-    pub(super) fn member(&mut self, name: &str, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    pub(super) fn member(
+        &mut self,
+        name: &str,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> io::Result<()> {
         let start = u32::try_from(self.out.count).map_err(too_large)?;
         // Version 2.0, flags, method, time and date.
-        let common: Vec<u8> = [20, FLAGS, METHOD, 0, DATE].iter().flat_map(|v| v.to_le_bytes()).collect();
+        let common: Vec<u8> = [20, FLAGS, METHOD, 0, DATE]
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect();
         let name_length = (name.len() as u16).to_le_bytes();
         self.out.write_all(b"PK\x03\x04")?;
         self.out.write_all(&common)?;
@@ -77,17 +88,32 @@ impl<'o> Zip<'o> {
         self.out.write_all(name.as_bytes())?;
         let before = self.out.count;
         let mut deflate = DeflateEncoder::new(&mut self.out, Compression::fast());
-        let mut member = Member { deflate: &mut deflate, crc: Crc::new(), length: 0 };
+        let mut member = Member {
+            deflate: &mut deflate,
+            crc: Crc::new(),
+            length: 0,
+        };
         write(&mut member)?;
         let (crc, length) = (member.crc.sum(), member.length);
         deflate.finish()?;
         let packed = u32::try_from(self.out.count - before).map_err(too_large)?;
         let length = u32::try_from(length).map_err(too_large)?;
-        let sizes: Vec<u8> = [crc, packed, length].iter().flat_map(|v| v.to_le_bytes()).collect();
+        let sizes: Vec<u8> = [crc, packed, length]
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect();
         self.out.write_all(b"PK\x07\x08")?;
         self.out.write_all(&sizes)?;
         // The same in the directory, with no extra fields, comment, disk and attributes.
-        for bytes in [b"PK\x01\x02\x14\0", &common[..], &sizes, &name_length, &[0; 12], &start.to_le_bytes(), name.as_bytes()] {
+        for bytes in [
+            b"PK\x01\x02\x14\0",
+            &common[..],
+            &sizes,
+            &name_length,
+            &[0; 12],
+            &start.to_le_bytes(),
+            name.as_bytes(),
+        ] {
             self.directory.extend_from_slice(bytes);
         }
         self.members += 1;

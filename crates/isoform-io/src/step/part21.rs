@@ -54,8 +54,17 @@ impl Document {
         self.add(&format!("DIRECTION('',{})", reals(&d)))
     }
     pub(super) fn placement(&mut self, axes: &Placement) -> usize {
-        let (origin, z, x) = (self.point(axes.origin), self.direction(axes.z), self.direction(axes.x));
-        self.add(&format!("AXIS2_PLACEMENT_3D('',{},{},{})", id(origin), id(z), id(x)))
+        let (origin, z, x) = (
+            self.point(axes.origin),
+            self.direction(axes.z),
+            self.direction(axes.x),
+        );
+        self.add(&format!(
+            "AXIS2_PLACEMENT_3D('',{},{},{})",
+            id(origin),
+            id(z),
+            id(x)
+        ))
     }
     /// A rational B-spline curve.
     pub(super) fn curve(&mut self, control: &[[f64; 4]], knots: &Knots) -> usize {
@@ -77,9 +86,13 @@ impl Document {
         let (m, n) = spline.last();
         let (mut points, mut weights) = (Vec::new(), Vec::new());
         for i in 0..=m {
-            let row: Vec<usize> = (0..=n).map(|j| self.point(affine(&spline.at(i, j)))).collect();
+            let row: Vec<usize> = (0..=n)
+                .map(|j| self.point(affine(&spline.at(i, j))))
+                .collect();
             points.push(ids(&row));
-            weights.push(reals(&(0..=n).map(|j| spline.at(i, j)[3]).collect::<Vec<_>>()));
+            weights.push(reals(
+                &(0..=n).map(|j| spline.at(i, j)[3]).collect::<Vec<_>>(),
+            ));
         }
         let (u, v) = (spline.knots(true), spline.knots(false));
         self.add(&format!(
@@ -107,13 +120,27 @@ pub(super) struct Knots {
 impl Knots {
     /// All knots with their repetitions.
     pub(super) fn all(&self) -> Vec<f64> {
-        self.counts().iter().zip(self.values()).flat_map(|(count, value)| std::iter::repeat_n(value, *count)).collect()
+        self.counts()
+            .iter()
+            .zip(self.values())
+            .flat_map(|(count, value)| std::iter::repeat_n(value, *count))
+            .collect()
     }
     fn counts(&self) -> Vec<usize> {
-        (0..=self.spans).map(|k| if k == 0 || k == self.spans { self.degree + 1 } else { 1 }).collect()
+        (0..=self.spans)
+            .map(|k| {
+                if k == 0 || k == self.spans {
+                    self.degree + 1
+                } else {
+                    1
+                }
+            })
+            .collect()
     }
     fn values(&self) -> Vec<f64> {
-        (0..=self.spans).map(|k| k as f64 / self.spans as f64).collect()
+        (0..=self.spans)
+            .map(|k| k as f64 / self.spans as f64)
+            .collect()
     }
 }
 
@@ -141,7 +168,9 @@ pub(super) fn flag(is: bool) -> &'static str {
 pub(super) fn real(v: f64) -> String {
     let mut buffer = zmij::Buffer::new();
     let short = buffer.format(v);
-    let (digits, exponent) = short.split_once('e').map_or((short, None), |(d, e)| (d, Some(e)));
+    let (digits, exponent) = short
+        .split_once('e')
+        .map_or((short, None), |(d, e)| (d, Some(e)));
     let mut text = digits.strip_suffix(".0").unwrap_or(digits).to_owned();
     if !text.contains('.') {
         text.push('.');
@@ -177,11 +206,20 @@ mod tests {
 
     #[test]
     fn reals_and_strings() {
-        let reals = [(0.0, "0."), (-1.5, "-1.5"), (1e-300, "1.E-300"), (1.25e22, "1.25E22"), (0.1, "0.1")];
+        let reals = [
+            (0.0, "0."),
+            (-1.5, "-1.5"),
+            (1e-300, "1.E-300"),
+            (1.25e22, "1.25E22"),
+            (0.1, "0.1"),
+        ];
         for (v, expected) in reals {
             assert_eq!(real(v), expected);
         }
-        assert_eq!(text("it's a\\b é\n😀"), "'it''s a\\\\b \\X2\\00E9\\X0\\ \\X4\\0001F600\\X0\\'");
+        assert_eq!(
+            text("it's a\\b é\n😀"),
+            "'it''s a\\\\b \\X2\\00E9\\X0\\ \\X4\\0001F600\\X0\\'"
+        );
     }
 
     #[test]

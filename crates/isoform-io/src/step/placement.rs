@@ -30,7 +30,9 @@ pub(super) struct Placed {
 /// an entity.
 pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> {
     let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
-    let points: Vec<Point3> = (0..SAMPLES * SAMPLES).map(|k| patch.point(at(k / SAMPLES), at(k % SAMPLES))).collect();
+    let points: Vec<Point3> = (0..SAMPLES * SAMPLES)
+        .map(|k| patch.point(at(k / SAMPLES), at(k % SAMPLES)))
+        .collect();
     let middle = patch.tangents(0.5, 0.5);
     let outward = middle.normal();
     match *surface {
@@ -39,7 +41,11 @@ pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> 
             let origin = normal.map(|v| offset * v);
             Some(Placed {
                 entity: "PLANE",
-                axes: Placement { origin, z: normal, x },
+                axes: Placement {
+                    origin,
+                    z: normal,
+                    x,
+                },
                 numbers: Vec::new(),
                 agrees: dot(normal, outward) > 0.0,
             })
@@ -49,24 +55,47 @@ pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> 
             let z = unit(across(middle.v, out))?;
             let x = out.map(|v| -v);
             // Within 80° of the middle there is neither pole nor seam.
-            let far = points.iter().all(|p| dot(sub(*p, center), out) > NEAR * radius);
+            let far = points
+                .iter()
+                .all(|p| dot(sub(*p, center), out) > NEAR * radius);
             let placed = Placed {
                 entity: "SPHERICAL_SURFACE",
-                axes: Placement { origin: center, z, x },
+                axes: Placement {
+                    origin: center,
+                    z,
+                    x,
+                },
                 numbers: vec![radius],
                 agrees: dot(out, outward) > 0.0,
             };
             far.then_some(placed)
         }
-        Quadric::Cylinder { point, axis, radius } => {
+        Quadric::Cylinder {
+            point,
+            axis,
+            radius,
+        } => {
             let out = unit(across(sub(middle.point, point), axis))?;
             let x = out.map(|v| -v);
             let far = points.iter().all(|p| away(across(sub(*p, point), axis), x));
-            let axes = Placement { origin: point, z: axis, x };
-            let placed = Placed { entity: "CYLINDRICAL_SURFACE", axes, numbers: vec![radius], agrees: dot(out, outward) > 0.0 };
+            let axes = Placement {
+                origin: point,
+                z: axis,
+                x,
+            };
+            let placed = Placed {
+                entity: "CYLINDRICAL_SURFACE",
+                axes,
+                numbers: vec![radius],
+                agrees: dot(out, outward) > 0.0,
+            };
             far.then_some(placed)
         }
-        Quadric::Cone { apex, axis, half_angle } => {
+        Quadric::Cone {
+            apex,
+            axis,
+            half_angle,
+        } => {
             // The axis towards the patch, and the circle about it at the patch's middle.
             let height = dot(sub(middle.point, apex), axis);
             let z = axis.map(|v| v * height.signum());
@@ -81,11 +110,20 @@ pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> 
             let (sin, cos) = half_angle.sin_cos();
             let normal: Point3 = std::array::from_fn(|k| cos * out[k] - sin * z[k]);
             let numbers = vec![height * half_angle.tan(), half_angle];
-            let placed =
-                Placed { entity: "CONICAL_SURFACE", axes: Placement { origin, z, x }, numbers, agrees: dot(normal, outward) > 0.0 };
+            let placed = Placed {
+                entity: "CONICAL_SURFACE",
+                axes: Placement { origin, z, x },
+                numbers,
+                agrees: dot(normal, outward) > 0.0,
+            };
             far.then_some(placed)
         }
-        Quadric::Torus { center, axis, major, minor } => {
+        Quadric::Torus {
+            center,
+            axis,
+            major,
+            minor,
+        } => {
             // Only about the axis can the seam be put opposite to the patch; along the tube it is the outer equator.
             let out = unit(across(sub(middle.point, center), axis))?;
             let x = out.map(|v| -v);
@@ -94,10 +132,21 @@ pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> 
                 Some(std::array::from_fn(|k| p[k] - center[k] - major * round[k]))
             };
             let normal = unit(tube(middle.point)?)?;
-            let far =
-                points.iter().all(|p| away(across(sub(*p, center), axis), x) && tube(*p).is_some_and(|d| away(d, normal.map(|v| -v))));
-            let axes = Placement { origin: center, z: axis, x };
-            let placed = Placed { entity: "TOROIDAL_SURFACE", axes, numbers: vec![major, minor], agrees: dot(normal, outward) > 0.0 };
+            let far = points.iter().all(|p| {
+                away(across(sub(*p, center), axis), x)
+                    && tube(*p).is_some_and(|d| away(d, normal.map(|v| -v)))
+            });
+            let axes = Placement {
+                origin: center,
+                z: axis,
+                x,
+            };
+            let placed = Placed {
+                entity: "TOROIDAL_SURFACE",
+                axes,
+                numbers: vec![major, minor],
+                agrees: dot(normal, outward) > 0.0,
+            };
             // With a tube that reaches the axis it is another entity, which few readers know.
             (far && minor < AWAY * major).then_some(placed)
         }
@@ -131,8 +180,16 @@ mod tests {
 
     #[test]
     fn orthogonal_axes_and_sides() {
-        let patch = RationalPatch::planar((1, 1), [0.0, 0.0, 0.3], [1.0, 0.2, 0.0], [0.0, 1.0, 0.0]);
-        let placed = place(&Quadric::Plane { normal: [0.0, 0.0, -1.0], offset: -0.3 }, &patch).expect("a plane");
+        let patch =
+            RationalPatch::planar((1, 1), [0.0, 0.0, 0.3], [1.0, 0.2, 0.0], [0.0, 1.0, 0.0]);
+        let placed = place(
+            &Quadric::Plane {
+                normal: [0.0, 0.0, -1.0],
+                offset: -0.3,
+            },
+            &patch,
+        )
+        .expect("a plane");
         assert!(!placed.agrees && dot(placed.axes.x, placed.axes.z) == 0.0);
         assert_eq!(placed.axes.origin, [-0.0, -0.0, 0.3]);
     }
@@ -144,11 +201,23 @@ mod tests {
             let (one, s, s2) = ([1.0; 3], [-a, 0.0, a], [a * a, -a * a, a * a]);
             let at = |i: usize, j: usize| {
                 let r2 = s2[i] * one[j] + one[i] * s2[j];
-                [s[i] * one[j], one[i] * s[j], 0.5 * (one[i] * one[j] - r2), 1.0 + r2]
+                [
+                    s[i] * one[j],
+                    one[i] * s[j],
+                    0.5 * (one[i] * one[j] - r2),
+                    1.0 + r2,
+                ]
             };
             RationalPatch::new((2, 2), (0..9).map(|k| at(k / 3, k % 3)).collect()).expect("a patch")
         };
-        let sphere = Quadric::Sphere { center: [0.0; 3], radius: 0.5 };
-        assert!(place(&sphere, &cap(0.5)).is_some() && place(&sphere, &cap(1.0)).is_none() && place(&sphere, &cap(2.0)).is_none());
+        let sphere = Quadric::Sphere {
+            center: [0.0; 3],
+            radius: 0.5,
+        };
+        assert!(
+            place(&sphere, &cap(0.5)).is_some()
+                && place(&sphere, &cap(1.0)).is_none()
+                && place(&sphere, &cap(2.0)).is_none()
+        );
     }
 }

@@ -26,7 +26,9 @@ impl Spline {
         let mut best = Self::of(patch, 1, 1);
         while !best.is_positive() {
             let (u, v) = (best.u.spans, best.v.spans);
-            let finer = [(2 * u, v), (u, 2 * v)].into_iter().filter(|(u, v)| *u.max(v) <= MOST_SPANS);
+            let finer = [(2 * u, v), (u, 2 * v)]
+                .into_iter()
+                .filter(|(u, v)| *u.max(v) <= MOST_SPANS);
             let finer = finer.map(|(u, v)| Self::of(patch, u, v));
             best = finer.reduce(|a, b| if a.worst() >= b.worst() { a } else { b })?;
         }
@@ -34,11 +36,28 @@ impl Spline {
     }
     fn of(patch: &RationalPatch, u: usize, v: usize) -> Self {
         let (m, n) = patch.degree();
-        let (u, v) = (Knots { degree: m, spans: u }, Knots { degree: n, spans: v });
+        let (u, v) = (
+            Knots {
+                degree: m,
+                spans: u,
+            },
+            Knots {
+                degree: n,
+                spans: v,
+            },
+        );
         if (u.spans, v.spans) == (1, 1) {
-            return Self { u, v, control: patch.control().to_vec() };
+            return Self {
+                u,
+                v,
+                control: patch.control().to_vec(),
+            };
         }
-        let rows: Vec<Vec<[f64; 4]>> = patch.control().chunks(n + 1).map(|row| insert(row, &v)).collect();
+        let rows: Vec<Vec<[f64; 4]>> = patch
+            .control()
+            .chunks(n + 1)
+            .map(|row| insert(row, &v))
+            .collect();
         let mut control = vec![[0.0; 4]; (m + u.spans) * (n + v.spans)];
         for j in 0..n + v.spans {
             let column: Vec<[f64; 4]> = rows.iter().map(|row| row[j]).collect();
@@ -50,7 +69,10 @@ impl Spline {
     }
     /// The indices of the last row and of the last column.
     pub(super) fn last(&self) -> (usize, usize) {
-        (self.u.degree + self.u.spans - 1, self.v.degree + self.v.spans - 1)
+        (
+            self.u.degree + self.u.spans - 1,
+            self.v.degree + self.v.spans - 1,
+        )
     }
     pub(super) fn at(&self, i: usize, j: usize) -> [f64; 4] {
         self.control[i * (self.last().1 + 1) + j]
@@ -64,7 +86,12 @@ impl Spline {
     }
     /// The least weight as a share of the largest.
     fn worst(&self) -> f64 {
-        let (lo, hi) = self.control.iter().fold((f64::INFINITY, 0.0f64), |(lo, hi), c| (lo.min(c[3]), hi.max(c[3])));
+        let (lo, hi) = self
+            .control
+            .iter()
+            .fold((f64::INFINITY, 0.0f64), |(lo, hi), c| {
+                (lo.min(c[3]), hi.max(c[3]))
+            });
         if hi > 0.0 { lo / hi } else { f64::NEG_INFINITY }
     }
     fn is_positive(&self) -> bool {
@@ -86,7 +113,9 @@ fn insert(bezier: &[[f64; 4]], knots: &Knots) -> Vec<[f64; 4]> {
         }
         c[0]
     };
-    (0..degree + knots.spans).map(|i| blossom(&all[i + 1..=i + degree])).collect()
+    (0..degree + knots.spans)
+        .map(|i| blossom(&all[i + 1..=i + degree]))
+        .collect()
 }
 
 #[cfg(test)]
@@ -96,7 +125,10 @@ mod tests {
     /// de Boor's algorithm.
     fn evaluate(control: &[[f64; 4]], knots: &Knots, t: f64) -> [f64; 4] {
         let (p, all) = (knots.degree, knots.all());
-        let span = (p..p + knots.spans).rev().find(|k| all[*k] <= t).expect("a span");
+        let span = (p..p + knots.spans)
+            .rev()
+            .find(|k| all[*k] <= t)
+            .expect("a span");
         let mut d: Vec<[f64; 4]> = (0..=p).map(|j| control[j + span - p]).collect();
         for r in 1..=p {
             for j in (r..=p).rev() {
@@ -110,8 +142,16 @@ mod tests {
 
     #[test]
     fn inserted_knots_change_no_point() {
-        let curve = [[0.0, 1.0, 2.0, 1.0], [1.0, -1.0, 0.5, -0.2], [2.0, 0.3, 0.1, 0.7], [0.4, 0.2, 3.0, 1.5]];
-        let whole = Knots { degree: 3, spans: 1 };
+        let curve = [
+            [0.0, 1.0, 2.0, 1.0],
+            [1.0, -1.0, 0.5, -0.2],
+            [2.0, 0.3, 0.1, 0.7],
+            [0.4, 0.2, 3.0, 1.5],
+        ];
+        let whole = Knots {
+            degree: 3,
+            spans: 1,
+        };
         for spans in [2, 4, 8] {
             let knots = Knots { degree: 3, spans };
             let finer = insert(&curve, &knots);
@@ -126,7 +166,8 @@ mod tests {
     #[test]
     fn weights_become_positive_where_they_can() {
         let patch = |w: f64| {
-            let mut flat = RationalPatch::planar((2, 2), [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+            let mut flat =
+                RationalPatch::planar((2, 2), [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
             flat.control_mut()[4][3] = w;
             flat
         };

@@ -19,13 +19,28 @@ pub(crate) fn block(n: usize, order: u32) -> Mesh {
     let mut mesh = Mesh {
         parts: vec!["top face".into(), "rest \"&<--> of it".into()],
         regions: vec!["left".into(), "right".into()],
-        curves: vec![Curve { name: "rim / top".into(), parts: [0, 1] }],
-        corners: vec![number(0, 0, n), number(n, 0, n), number(0, n, n), number(n, n, n)],
+        curves: vec![Curve {
+            name: "rim / top".into(),
+            parts: [0, 1],
+        }],
+        corners: vec![
+            number(0, 0, n),
+            number(n, 0, n),
+            number(0, n, n),
+            number(n, n, n),
+        ],
         ..Mesh::default()
     };
     for (k, j, i) in (0..n * n * n).map(|c| (c / n / n, c / n % n, c % n)) {
         // Kuhn: along the axes in every order from one corner to the opposite one.
-        for axes in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]] {
+        for axes in [
+            [0, 1, 2],
+            [1, 2, 0],
+            [2, 0, 1],
+            [0, 2, 1],
+            [2, 1, 0],
+            [1, 0, 2],
+        ] {
             let mut at = [i, j, k];
             let mut tet = [number(at[0], at[1], at[2]); 4];
             for (step, &axis) in axes.iter().enumerate() {
@@ -45,7 +60,8 @@ pub(crate) fn block(n: usize, order: u32) -> Mesh {
             for (axis, side) in (0..6).map(|s| (s / 2, (s % 2) as f64)) {
                 if t.iter().all(|&v| flat[v as usize][axis] == side) {
                     mesh.triangles.push(t);
-                    mesh.triangle_parts.push(u32::from(axis != 2 || side == 0.0));
+                    mesh.triangle_parts
+                        .push(u32::from(axis != 2 || side == 0.0));
                 }
             }
         }
@@ -64,7 +80,16 @@ pub(crate) fn block(n: usize, order: u32) -> Mesh {
     if order == 2 {
         add_mids(&mut mesh, &mut flat);
     }
-    mesh.points = flat.into_iter().map(|[x, y, z]| [x + 0.1 * y * y, y * (1.0 + 0.25 * z), 0.7 * z - 0.125 * x * x + 1.0 / 3.0]).collect();
+    mesh.points = flat
+        .into_iter()
+        .map(|[x, y, z]| {
+            [
+                x + 0.1 * y * y,
+                y * (1.0 + 0.25 * z),
+                0.7 * z - 0.125 * x * x + 1.0 / 3.0,
+            ]
+        })
+        .collect();
     mesh
 }
 
@@ -77,7 +102,15 @@ fn add_mids(mesh: &mut Mesh, points: &mut Vec<Point3>) {
             points.len() as u32 - 1
         })
     };
-    mesh.tet_mids = mesh.tets.iter().map(|t| TET_EDGES.map(|[a, b]| mid(t[a], t[b]))).collect();
-    mesh.triangle_mids = mesh.triangles.iter().map(|t| TRIANGLE_EDGES.map(|[a, b]| mid(t[a], t[b]))).collect();
+    mesh.tet_mids = mesh
+        .tets
+        .iter()
+        .map(|t| TET_EDGES.map(|[a, b]| mid(t[a], t[b])))
+        .collect();
+    mesh.triangle_mids = mesh
+        .triangles
+        .iter()
+        .map(|t| TRIANGLE_EDGES.map(|[a, b]| mid(t[a], t[b])))
+        .collect();
     mesh.edge_mids = mesh.edges.iter().map(|&[a, b]| mid(a, b)).collect();
 }

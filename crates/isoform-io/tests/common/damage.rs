@@ -56,7 +56,11 @@ pub(crate) fn apply(bytes: &mut Vec<u8>, damage: &Damage) {
         _ if n == 0 => {}
         Damage::Cut(s) => bytes.truncate(at(*s)),
         Damage::Flip(s, b) => bytes[at(*s)] ^= b,
-        Damage::Put(s, new) => bytes.iter_mut().skip(at(*s)).zip(new).for_each(|(b, n)| *b = *n),
+        Damage::Put(s, new) => bytes
+            .iter_mut()
+            .skip(at(*s))
+            .zip(new)
+            .for_each(|(b, n)| *b = *n),
         Damage::Insert(s, new) => {
             bytes.splice(at(*s)..at(*s), new.iter().copied());
         }

@@ -99,12 +99,28 @@ pub(crate) fn mesh_fixtures() -> Vec<MeshFixture> {
     let mut all: Vec<MeshFixture> = Vec::new();
     for order in [1, 2] {
         let mesh = block(1, order);
-        for format in ["msh", "msh-binary", "msh2", "vtu", "vtu-ascii", "inp", "stl", "stl-ascii", "obj", "ply", "ply-ascii", "off"] {
+        for format in [
+            "msh",
+            "msh-binary",
+            "msh2",
+            "vtu",
+            "vtu-ascii",
+            "inp",
+            "stl",
+            "stl-ascii",
+            "obj",
+            "ply",
+            "ply-ascii",
+            "off",
+        ] {
             let mut bytes = Vec::new();
-            write_mesh(&mesh, &mut bytes, format, &MeshWriteOptions::default()).expect("memory takes all");
+            write_mesh(&mesh, &mut bytes, format, &MeshWriteOptions::default())
+                .expect("memory takes all");
             all.push((format!("{format}-{order}"), format, bytes));
         }
     }
-    all.extend(FOREIGN.map(|(name, format, text)| (name.to_owned(), format, text.as_bytes().to_vec())));
+    all.extend(
+        FOREIGN.map(|(name, format, text)| (name.to_owned(), format, text.as_bytes().to_vec())),
+    );
     all
 }

@@ -15,11 +15,24 @@ pub(crate) type Fixture = (&'static str, Vec<u8>);
 /// A tetrahedron with normals, colours and a column.
 pub(crate) fn cloud() -> PointCloud {
     PointCloud {
-        points: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.25, 1.5]],
-        normals: vec![[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.6, 0.0, 0.8]],
+        points: vec![
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.25, 1.5],
+        ],
+        normals: vec![
+            [0.0, 0.0, -1.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.6, 0.0, 0.8],
+        ],
         colors: vec![[255, 0, 0], [0, 255, 0], [0, 0, 255], [9, 8, 7]],
         triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
-        columns: vec![Column { name: "quality".into(), values: vec![0.1, -2.0, 1e300, 5e-324] }],
+        columns: vec![Column {
+            name: "quality".into(),
+            values: vec![0.1, -2.0, 1e300, 5e-324],
+        }],
         ..PointCloud::default()
     }
 }
@@ -28,7 +41,10 @@ pub(crate) fn cloud() -> PointCloud {
 pub(crate) fn fixtures() -> Vec<Fixture> {
     let written = |format: &str, ascii: bool| {
         let mut bytes = Vec::new();
-        let options = isoform_io::WriteOptions { ascii, ..Default::default() };
+        let options = isoform_io::WriteOptions {
+            ascii,
+            ..Default::default()
+        };
         isoform_io::write(&cloud(), &mut bytes, format, &options).expect("memory takes all");
         bytes
     };
@@ -49,7 +65,10 @@ pub(crate) fn fixtures() -> Vec<Fixture> {
     ];
     all.extend(pcd());
     for format in [0, 3] {
-        all.push((if format == 0 { "zero.las" } else { "three.las" }, las_file(format, false, 40)));
+        all.push((
+            if format == 0 { "zero.las" } else { "three.las" },
+            las_file(format, false, 40),
+        ));
     }
     all.push(("six.las", las_file(6, false, 40)));
     if cfg!(feature = "laz") {
@@ -70,7 +89,9 @@ fn big_endian_ply() -> Vec<u8> {
         bytes.extend(f32::from(i).to_be_bytes());
         bytes.extend(f64::from(i * i).to_be_bytes());
         bytes.extend(i32::from(i % 2).to_be_bytes());
-        [i, 1000 * i, 65535].iter().for_each(|c| bytes.extend(c.to_be_bytes()));
+        [i, 1000 * i, 65535]
+            .iter()
+            .for_each(|c| bytes.extend(c.to_be_bytes()));
     }
     bytes.extend(4_u32.to_be_bytes());
     (0..4_u16).for_each(|i| bytes.extend(i.to_be_bytes()));
@@ -82,7 +103,10 @@ fn big_endian_ply() -> Vec<u8> {
 fn binary_stl() -> Vec<u8> {
     let mut bytes = vec![b'-'; 80];
     bytes.extend(2_u32.to_le_bytes());
-    for f in [[0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0]] {
+    for f in [
+        [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0],
+    ] {
         bytes.extend([0; 12]);
         f.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
         bytes.extend([0; 2]);
@@ -103,7 +127,9 @@ fn pcd() -> [Fixture; 3] {
     }
     let mut fields = Vec::new();
     for k in 0..3 {
-        values.iter().for_each(|p| fields.extend(p[k].to_le_bytes()));
+        values
+            .iter()
+            .for_each(|p| fields.extend(p[k].to_le_bytes()));
     }
     (0..3).for_each(|_| fields.extend(0x0040_8020_u32.to_le_bytes()));
     fields.extend([1, 0, 2, 0, 3, 0]);
@@ -121,12 +147,19 @@ fn pcd() -> [Fixture; 3] {
     let rest = fields.len() - 47;
     packed.push(rest as u8 - 1);
     packed.extend(&fields[47..]);
-    assert!(check[..] == fields[..47], "the copies are what the fields say");
+    assert!(
+        check[..] == fields[..47],
+        "the copies are what the fields say"
+    );
     let mut compressed = format!("{head}binary_compressed\n").into_bytes();
     compressed.extend((packed.len() as u32).to_le_bytes());
     compressed.extend((fields.len() as u32).to_le_bytes());
     compressed.extend(packed);
-    [("ascii.pcd", ascii.into_bytes()), ("binary.pcd", binary), ("packed.pcd", compressed)]
+    [
+        ("ascii.pcd", ascii.into_bytes()),
+        ("binary.pcd", binary),
+        ("packed.pcd", compressed),
+    ]
 }
 
 /// Written by the crate `las`.
@@ -134,9 +167,20 @@ pub(crate) fn las_file(format: u8, compressed: bool, n: usize) -> Vec<u8> {
     let mut builder = las::Builder::from((1, if format >= 6 { 4 } else { 2 }));
     builder.point_format = las::point::Format::new(format).expect("known");
     builder.point_format.is_compressed = compressed;
-    let transform = |offset| las::Transform { scale: 0.001, offset };
-    builder.transforms = las::Vector { x: transform(665_000.0), y: transform(5_648_000.0), z: transform(0.0) };
-    let mut writer = las::Writer::new(Cursor::new(Vec::new()), builder.into_header().expect("valid")).expect("memory");
+    let transform = |offset| las::Transform {
+        scale: 0.001,
+        offset,
+    };
+    builder.transforms = las::Vector {
+        x: transform(665_000.0),
+        y: transform(5_648_000.0),
+        z: transform(0.0),
+    };
+    let mut writer = las::Writer::new(
+        Cursor::new(Vec::new()),
+        builder.into_header().expect("valid"),
+    )
+    .expect("memory");
     for i in 0..n {
         writer.write_point(las_point(format, i)).expect("valid");
     }
@@ -154,7 +198,11 @@ pub(crate) fn las_point(format: u8, i: usize) -> las::Point {
         return_number: 1,
         number_of_returns: 1,
         gps_time: matches!(format, 1 | 3 | 6 | 7).then_some(t * 0.001),
-        color: matches!(format, 2 | 3 | 7).then(|| las::Color { red: (i * 257) as u16, green: 65535, blue: 0 }),
+        color: matches!(format, 2 | 3 | 7).then(|| las::Color {
+            red: (i * 257) as u16,
+            green: 65535,
+            blue: 0,
+        }),
         ..las::Point::default()
     }
 }
@@ -162,7 +210,10 @@ pub(crate) fn las_point(format: u8, i: usize) -> las::Point {
 /// Written by the crate `e57`: a turned and a spherical scan.
 #[cfg(feature = "e57")]
 pub(crate) fn e57_file() -> Vec<u8> {
-    use e57::{E57Writer, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation};
+    use e57::{
+        E57Writer, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform,
+        Translation,
+    };
     let mut file = Cursor::new(Vec::new());
     let mut writer = E57Writer::new(&mut file, "file").expect("memory");
     let byte = RecordDataType::Integer { min: 0, max: 255 };
@@ -170,34 +221,70 @@ pub(crate) fn e57_file() -> Vec<u8> {
         Record::CARTESIAN_X_F64,
         Record::CARTESIAN_Y_F64,
         Record::CARTESIAN_Z_F64,
-        Record { name: RecordName::ColorRed, data_type: byte.clone() },
-        Record { name: RecordName::ColorGreen, data_type: byte.clone() },
-        Record { name: RecordName::ColorBlue, data_type: byte },
+        Record {
+            name: RecordName::ColorRed,
+            data_type: byte.clone(),
+        },
+        Record {
+            name: RecordName::ColorGreen,
+            data_type: byte.clone(),
+        },
+        Record {
+            name: RecordName::ColorBlue,
+            data_type: byte,
+        },
     ];
     let mut scan = writer.add_pointcloud("turned", prototype).expect("valid");
     // A quarter turn about z, then 10 along x.
     let half = std::f64::consts::FRAC_1_SQRT_2;
     scan.set_transform(Some(Transform {
-        rotation: Quaternion { w: half, x: 0.0, y: 0.0, z: half },
-        translation: Translation { x: 10.0, y: 0.0, z: 0.0 },
+        rotation: Quaternion {
+            w: half,
+            x: 0.0,
+            y: 0.0,
+            z: half,
+        },
+        translation: Translation {
+            x: 10.0,
+            y: 0.0,
+            z: 0.0,
+        },
     }));
     for i in 0..5_i64 {
         let xyz = [i as f64, 0.0, 1.0].map(RecordValue::Double);
         let rgb = [i, 255, 0].map(RecordValue::Integer);
-        scan.add_point(xyz.into_iter().chain(rgb).collect()).expect("valid");
+        scan.add_point(xyz.into_iter().chain(rgb).collect())
+            .expect("valid");
     }
     scan.finalize().expect("valid");
-    let angle = |name| Record { name, data_type: RecordDataType::Double { min: None, max: None } };
+    let angle = |name| Record {
+        name,
+        data_type: RecordDataType::Double {
+            min: None,
+            max: None,
+        },
+    };
     let prototype = vec![
         angle(RecordName::SphericalRange),
         angle(RecordName::SphericalAzimuth),
         angle(RecordName::SphericalElevation),
-        Record { name: RecordName::SphericalInvalidState, data_type: RecordDataType::Integer { min: 0, max: 2 } },
+        Record {
+            name: RecordName::SphericalInvalidState,
+            data_type: RecordDataType::Integer { min: 0, max: 2 },
+        },
     ];
-    let mut scan = writer.add_pointcloud("spherical", prototype).expect("valid");
+    let mut scan = writer
+        .add_pointcloud("spherical", prototype)
+        .expect("valid");
     for invalid in [0, 2] {
         let values = [2.0, std::f64::consts::FRAC_PI_2, 0.0].map(RecordValue::Double);
-        scan.add_point(values.into_iter().chain([RecordValue::Integer(invalid)]).collect()).expect("valid");
+        scan.add_point(
+            values
+                .into_iter()
+                .chain([RecordValue::Integer(invalid)])
+                .collect(),
+        )
+        .expect("valid");
     }
     scan.finalize().expect("valid");
     writer.finalize().expect("valid");

@@ -56,7 +56,10 @@ pub(super) fn key(a: u32, b: u32) -> [u32; 2] {
 
 /// The edges of triangles, lower vertex first, sorted, each once.
 pub(super) fn edges_of(faces: &[[u32; 3]]) -> Vec<[u32; 2]> {
-    let mut edges: Vec<[u32; 2]> = faces.iter().flat_map(|f| TRIANGLE_EDGES.map(|[i, j]| key(f[i], f[j]))).collect();
+    let mut edges: Vec<[u32; 2]> = faces
+        .iter()
+        .flat_map(|f| TRIANGLE_EDGES.map(|[i, j]| key(f[i], f[j])))
+        .collect();
     edges.sort_unstable();
     edges.dedup();
     edges
@@ -101,15 +104,39 @@ struct Aligner<'a, M> {
 }
 
 /// Gives every face the piece that it lies on, with edges along those of the solid.
-pub(super) fn align<M: Cuttable>(mesh: &mut M, surface: &Surface<'_>, features: &Features) -> Aligned {
-    let corners = features.corners.iter().filter(|c| !matches!(c.kind, CornerKind::Fading | CornerKind::Seam));
-    let corners = corners.map(|c| (c.point, c.pieces.clone(), false)).collect();
+pub(super) fn align<M: Cuttable>(
+    mesh: &mut M,
+    surface: &Surface<'_>,
+    features: &Features,
+) -> Aligned {
+    let corners = features
+        .corners
+        .iter()
+        .filter(|c| !matches!(c.kind, CornerKind::Fading | CornerKind::Seam));
+    let corners = corners
+        .map(|c| (c.point, c.pieces.clone(), false))
+        .collect();
     let on = vec![Vec::new(); mesh.points().len()];
     let places = mesh.points().to_vec();
-    let mut aligner = Aligner { mesh, surface, on, places, corners, smooth: HashSet::new(), given_up: HashSet::new(), lost: Vec::new() };
+    let mut aligner = Aligner {
+        mesh,
+        surface,
+        on,
+        places,
+        corners,
+        smooth: HashSet::new(),
+        given_up: HashSet::new(),
+        lost: Vec::new(),
+    };
     let far = aligner.place_vertices();
     if far.len() * 4 > aligner.on.len() {
-        return Aligned { labels: Vec::new(), places: Vec::new(), far, lost: Vec::new(), missed: (Vec::new(), 0) };
+        return Aligned {
+            labels: Vec::new(),
+            places: Vec::new(),
+            far,
+            lost: Vec::new(),
+            missed: (Vec::new(), 0),
+        };
     }
     for _ in 0..ROUNDS {
         if aligner.split_edges() + aligner.split_faces() == 0 {
@@ -117,8 +144,19 @@ pub(super) fn align<M: Cuttable>(mesh: &mut M, surface: &Surface<'_>, features: 
         }
     }
     let labels = aligner.labels();
-    let missed = aligner.corners.iter().filter(|c| !c.2).map(|c| c.0).collect();
-    Aligned { labels, places: aligner.places, far, lost: aligner.lost, missed: (missed, aligner.corners.len()) }
+    let missed = aligner
+        .corners
+        .iter()
+        .filter(|c| !c.2)
+        .map(|c| c.0)
+        .collect();
+    Aligned {
+        labels,
+        places: aligner.places,
+        far,
+        lost: aligner.lost,
+        missed: (missed, aligner.corners.len()),
+    }
 }
 
 impl<M: Cuttable> Aligner<'_, M> {
@@ -149,13 +187,21 @@ impl<M: Cuttable> Aligner<'_, M> {
 
     /// The pieces that bound the solid at a point of its surface.
     fn vanishing(&self, p: Point3) -> Vec<u32> {
-        let Some(k) = self.surface.lattice.state_at(p).checked_sub(2) else { return Vec::new() };
-        let zero: Vec<u32> =
-            self.surface.lattice.trees[k as usize].1.iter().copied().filter(|&i| self.surface.distance(i, p) == 0.0).collect();
+        let Some(k) = self.surface.lattice.state_at(p).checked_sub(2) else {
+            return Vec::new();
+        };
+        let zero: Vec<u32> = self.surface.lattice.trees[k as usize]
+            .1
+            .iter()
+            .copied()
+            .filter(|&i| self.surface.distance(i, p) == 0.0)
+            .collect();
         if zero.len() < 2 {
             return zero;
         }
-        zero.into_iter().filter(|&i| self.surface.is_face(i, p)).collect()
+        zero.into_iter()
+            .filter(|&i| self.surface.is_face(i, p))
+            .collect()
     }
 
     /// The next point of the surface with its pieces.
@@ -188,7 +234,9 @@ impl<M: Cuttable> Aligner<'_, M> {
             .collect();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         for (_, k, v) in pairs {
-            if self.on[v as usize].is_empty() && self.hold(v, self.corners[k].0, self.corners[k].1.clone()) {
+            if self.on[v as usize].is_empty()
+                && self.hold(v, self.corners[k].0, self.corners[k].1.clone())
+            {
                 self.corners[k].2 = true;
             }
         }
@@ -228,11 +276,17 @@ impl<M: Cuttable> Aligner<'_, M> {
     fn curve_near(&self, p: Point3, reach: f64) -> Option<Point3> {
         let k = self.surface.lattice.state_at(p).checked_sub(2)?;
         let pieces = &self.surface.lattice.trees[k as usize].1;
-        let near: Vec<u32> = pieces.iter().copied().filter(|&i| self.surface.distance(i, p).abs() < reach).collect();
+        let near: Vec<u32> = pieces
+            .iter()
+            .copied()
+            .filter(|&i| self.surface.distance(i, p).abs() < reach)
+            .collect();
         let mut best: Option<(f64, Point3)> = None;
         for (i, &a) in near.iter().enumerate() {
             for &b in &near[..i] {
-                let Some(q) = self.surface.project(&[a, b], p) else { continue };
+                let Some(q) = self.surface.project(&[a, b], p) else {
+                    continue;
+                };
                 let d = norm(sub(p, q));
                 if d < reach && best.is_none_or(|best| d < best.0) && self.is_on_curve([a, b], q) {
                     best = Some((d, q));
@@ -272,7 +326,9 @@ impl<M: Cuttable> Aligner<'_, M> {
             };
             let on = self.vanishing(q);
             // A vertex next to the curve is moved there: a split would leave a short edge.
-            let close = [(u, t), (v, 1.0 - t)].into_iter().find(|&(k, share)| share < WARP && self.is_free(k));
+            let close = [(u, t), (v, 1.0 - t)]
+                .into_iter()
+                .find(|&(k, share)| share < WARP && self.is_free(k));
             if let Some((k, _)) = close
                 && shared(&on, &self.on[k as usize]).is_some()
                 && self.hold(k, q, on.clone())
@@ -289,7 +345,8 @@ impl<M: Cuttable> Aligner<'_, M> {
 
     fn give_up(&mut self, edge: [u32; 2]) {
         if self.given_up.insert(edge) {
-            self.lost.push(between(self.at(edge[0]), self.at(edge[1]), 0.5));
+            self.lost
+                .push(between(self.at(edge[0]), self.at(edge[1]), 0.5));
         }
     }
 
@@ -297,7 +354,11 @@ impl<M: Cuttable> Aligner<'_, M> {
     fn is_free(&self, v: u32) -> bool {
         let p = self.at(v);
         self.surface.solid.tree().pieces().len() > 1
-            && self.on[v as usize].iter().all(|&a| self.on[v as usize].iter().all(|&b| a == b || !self.surface.is_edge([a, b], p)))
+            && self.on[v as usize].iter().all(|&a| {
+                self.on[v as usize]
+                    .iter()
+                    .all(|&b| a == b || !self.surface.is_edge([a, b], p))
+            })
     }
 
     /// Where an edge crosses a curve of the solid.
@@ -308,7 +369,9 @@ impl<M: Cuttable> Aligner<'_, M> {
         let mut there = self.on[v as usize].clone();
         for _ in 0..HALVINGS {
             let m = 0.5 * (lo + hi);
-            let Some((_, on)) = self.nearest(between(p, q, m)) else { return Crossing::Unknown };
+            let Some((_, on)) = self.nearest(between(p, q, m)) else {
+                return Crossing::Unknown;
+            };
             if shared(&on, here).is_some() {
                 lo = m;
             } else {
@@ -320,9 +383,14 @@ impl<M: Cuttable> Aligner<'_, M> {
         for &a in here {
             for &b in &there {
                 is_smooth &= !meet_at_an_angle(self.surface.solid, [a, b], x);
-                let Some(y) = self.surface.project(&[a, b], x) else { continue };
+                let Some(y) = self.surface.project(&[a, b], x) else {
+                    continue;
+                };
                 let d = norm(sub(x, y));
-                if d < norm(sub(p, q)) && best.is_none_or(|best| d < best.0) && self.is_on_curve([a, b], y) {
+                if d < norm(sub(p, q))
+                    && best.is_none_or(|best| d < best.0)
+                    && self.is_on_curve([a, b], y)
+                {
                     best = Some((d, y));
                 }
             }
@@ -342,19 +410,37 @@ impl<M: Cuttable> Aligner<'_, M> {
         let mut done = 0;
         for f in self.mesh.faces() {
             let on = f.map(|v| self.on[v as usize].clone());
-            let is_split = TRIANGLE_EDGES.iter().any(|&[i, j]| self.smooth.contains(&key(f[i], f[j])));
-            if is_split || on.iter().any(Vec::is_empty) || on[0].iter().any(|i| on[1].contains(i) && on[2].contains(i)) {
+            let is_split = TRIANGLE_EDGES
+                .iter()
+                .any(|&[i, j]| self.smooth.contains(&key(f[i], f[j])));
+            if is_split
+                || on.iter().any(Vec::is_empty)
+                || on[0].iter().any(|i| on[1].contains(i) && on[2].contains(i))
+            {
                 continue;
             }
-            if TRIANGLE_EDGES.iter().any(|&[i, j]| shared(&on[i], &on[j]).is_none()) {
+            if TRIANGLE_EDGES
+                .iter()
+                .any(|&[i, j]| shared(&on[i], &on[j]).is_none())
+            {
                 // Split edges around it changed it: it comes again.
                 continue;
             }
             let p = f.map(|v| self.at(v));
             let m = middle(p);
-            let size = (0..3).map(|i| norm(sub(p[i], p[(i + 1) % 3]))).fold(0.0, f64::max);
-            let free = self.corners.iter().enumerate().filter(|(_, c)| !c.2 && distance_squared(c.0, m) < size * size);
-            let Some((k, _)) = free.min_by(|a, b| distance_squared(a.1.0, m).total_cmp(&distance_squared(b.1.0, m))) else { continue };
+            let size = (0..3)
+                .map(|i| norm(sub(p[i], p[(i + 1) % 3])))
+                .fold(0.0, f64::max);
+            let free = self
+                .corners
+                .iter()
+                .enumerate()
+                .filter(|(_, c)| !c.2 && distance_squared(c.0, m) < size * size);
+            let Some((k, _)) = free
+                .min_by(|a, b| distance_squared(a.1.0, m).total_cmp(&distance_squared(b.1.0, m)))
+            else {
+                continue;
+            };
             let c = self.corners[k].0;
             // The edge whose nearest point is nearest to the corner.
             let split = TRIANGLE_EDGES
@@ -383,23 +469,40 @@ impl<M: Cuttable> Aligner<'_, M> {
             let p = f.map(|v| self.at(v));
             let m = middle(p);
             let on = f.map(|v| &self.on[v as usize]);
-            let all: Vec<u32> = on[0].iter().copied().filter(|i| on[1].contains(i) && on[2].contains(i)).collect();
-            let decides = self.surface.project(&[SKIN], m).map(|q| self.surface.value(q).1);
+            let all: Vec<u32> = on[0]
+                .iter()
+                .copied()
+                .filter(|i| on[1].contains(i) && on[2].contains(i))
+                .collect();
+            let decides = self
+                .surface
+                .project(&[SKIN], m)
+                .map(|q| self.surface.value(q).1);
             let facing = |&i: &u32| {
-                let (n, g) = (cross(sub(p[1], p[0]), sub(p[2], p[0])), self.surface.solid.gradient(i, m).1);
+                let (n, g) = (
+                    cross(sub(p[1], p[0]), sub(p[2], p[0])),
+                    self.surface.solid.gradient(i, m).1,
+                );
                 -dot(n, g) / (norm(n) * norm(g)).max(1e-300)
             };
             let label = match (all.as_slice(), decides) {
                 (&[one], _) => one,
                 (&[], Some(piece)) => {
-                    let is_smooth = TRIANGLE_EDGES.iter().any(|&[i, j]| self.smooth.contains(&key(f[i], f[j])));
+                    let is_smooth = TRIANGLE_EDGES
+                        .iter()
+                        .any(|&[i, j]| self.smooth.contains(&key(f[i], f[j])));
                     if !is_smooth && on.iter().all(|on| !on.is_empty()) {
                         self.lost.push(m);
                     }
                     piece
                 }
                 (all, Some(piece)) if all.contains(&piece) && facing(&piece) > 0.7 => piece,
-                (all, decides) => match all.iter().copied().max_by(|a, b| facing(a).total_cmp(&facing(b))).or(decides) {
+                (all, decides) => match all
+                    .iter()
+                    .copied()
+                    .max_by(|a, b| facing(a).total_cmp(&facing(b)))
+                    .or(decides)
+                {
                     Some(piece) => piece,
                     None => {
                         self.lost.push(m);

@@ -46,9 +46,20 @@ pub(super) struct Remesher<'s> {
 }
 
 impl<'s> Remesher<'s> {
-    pub(super) fn new(skin: Skin, surface: &'s Surface<'s>, options: &'s Options, control: &'s Control<'s>) -> Self {
+    pub(super) fn new(
+        skin: Skin,
+        surface: &'s Surface<'s>,
+        options: &'s Options,
+        control: &'s Control<'s>,
+    ) -> Self {
         let hold = vec![Hold::Fixed; skin.points.len()];
-        let mut this = Self { skin, hold, surface, options, control };
+        let mut this = Self {
+            skin,
+            hold,
+            surface,
+            options,
+            control,
+        };
         for v in 0..this.hold.len() as u32 {
             this.hold[v as usize] = this.holding(v);
         }
@@ -57,14 +68,25 @@ impl<'s> Remesher<'s> {
 
     /// What holds a vertex, from the faces around it: the two pieces of the curve that runs through it, or its piece.
     fn holding(&self, v: u32) -> Hold {
-        let labels = unique(self.skin.around[v as usize].iter().map(|&f| self.skin.labels[f as usize]).collect());
+        let labels = unique(
+            self.skin.around[v as usize]
+                .iter()
+                .map(|&f| self.skin.labels[f as usize])
+                .collect(),
+        );
         if let &[one] = labels.as_slice() {
             // Where the piece is not the surface there, another one that it touches is.
             let p = self.skin.at(v);
-            let is_off = self.surface.distance(one, p) != 0.0 || self.surface.distance(SKIN, p) != 0.0;
+            let is_off =
+                self.surface.distance(one, p) != 0.0 || self.surface.distance(SKIN, p) != 0.0;
             return Hold::On(On::of(&[if is_off { SKIN } else { one }]));
         }
-        let sharp: Vec<[u32; 2]> = self.skin.neighbours(v).into_iter().filter_map(|w| self.sharp(v, w)).collect();
+        let sharp: Vec<[u32; 2]> = self
+            .skin
+            .neighbours(v)
+            .into_iter()
+            .filter_map(|w| self.sharp(v, w))
+            .collect();
         match sharp.as_slice() {
             [] => Hold::On(On::of(&[SKIN])),
             [a, b] if a == b => Hold::On(On::of(a)),
@@ -78,11 +100,16 @@ impl<'s> Remesher<'s> {
         let pieces = [sides[0].min(sides[1]), sides[0].max(sides[1])];
         let (p, q) = (self.skin.at(a), self.skin.at(b));
         let middle = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
-        (pieces[0] != pieces[1] && meet_at_an_angle(self.surface.solid, pieces, middle)).then_some(pieces)
+        (pieces[0] != pieces[1] && meet_at_an_angle(self.surface.solid, pieces, middle))
+            .then_some(pieces)
     }
 
     fn wanted(&self, p: Point3) -> f64 {
-        self.options.sizes.as_ref().map_or(f64::INFINITY, |s| s.at(p)).min(self.options.size)
+        self.options
+            .sizes
+            .as_ref()
+            .map_or(f64::INFINITY, |s| s.at(p))
+            .min(self.options.size)
     }
 
     /// Cosine between a triangle and its piece.
@@ -103,15 +130,23 @@ impl<'s> Remesher<'s> {
         let sides = self.skin.sides(a, b)?.map(|f| self.skin.labels[f as usize]);
         let on = match self.sharp(a, b) {
             Some(pieces) => On::of(&pieces),
-            None if sides[0] == sides[1] && ![a, b].iter().any(|&v| self.is_skin(v)) => On::of(&sides[..1]),
+            None if sides[0] == sides[1] && ![a, b].iter().any(|&v| self.is_skin(v)) => {
+                On::of(&sides[..1])
+            }
             None => On::of(&[SKIN]),
         };
         let (p, q) = (self.skin.at(a), self.skin.at(b));
         let flat: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
         let m = self.surface.project(on.slice(), flat)?;
         let (off, length) = (norm(sub(m, flat)), norm(sub(p, q)));
-        let curve = if on.len() == 2 { TURN * self.wanted(flat) } else { f64::INFINITY };
-        let most = (TURN * length).min(self.options.grade.unwrap_or(f64::INFINITY)).min(curve);
+        let curve = if on.len() == 2 {
+            TURN * self.wanted(flat)
+        } else {
+            f64::INFINITY
+        };
+        let most = (TURN * length)
+            .min(self.options.grade.unwrap_or(f64::INFINITY))
+            .min(curve);
         (off < 0.5 * length).then_some((m, on, off / most))
     }
 
@@ -152,7 +187,9 @@ impl<'s> Remesher<'s> {
             .into_iter()
             .filter_map(|[a, b]| {
                 let (p, q) = (self.skin.at(a), self.skin.at(b));
-                let long = norm(sub(p, q)) / self.wanted(std::array::from_fn(|i| 0.5 * (p[i] + q[i]))) / BAND[0];
+                let long = norm(sub(p, q))
+                    / self.wanted(std::array::from_fn(|i| 0.5 * (p[i] + q[i])))
+                    / BAND[0];
                 let (_, _, off) = self.middle(a, b)?;
                 let much = if only_far { off } else { off.max(long) };
                 (much > 1.0).then_some((much, [a, b]))
@@ -163,12 +200,15 @@ impl<'s> Remesher<'s> {
             found.extend(self.skin.live().filter_map(|f| {
                 // Faces whose edges are all right but whose middle is not.
                 let m = self.skin.middle(f);
-                let off = norm(sub(self.surface.project(&[self.skin.labels[f as usize]], m)?, m));
-                let long = self
-                    .skin
-                    .edges_at(f)
-                    .into_iter()
-                    .max_by(|a, b| self.skin.length(a[0], a[1]).total_cmp(&self.skin.length(b[0], b[1])))?;
+                let off = norm(sub(
+                    self.surface.project(&[self.skin.labels[f as usize]], m)?,
+                    m,
+                ));
+                let long = self.skin.edges_at(f).into_iter().max_by(|a, b| {
+                    self.skin
+                        .length(a[0], a[1])
+                        .total_cmp(&self.skin.length(b[0], b[1]))
+                })?;
                 (off > error).then_some((off / error, long))
             }));
         }
@@ -181,12 +221,20 @@ impl<'s> Remesher<'s> {
     }
 
     fn split(&mut self, a: u32, b: u32) -> bool {
-        let Some((m, on, _)) = self.middle(a, b) else { return false };
-        let Some(sides) = self.skin.sides(a, b) else { return false };
+        let Some((m, on, _)) = self.middle(a, b) else {
+            return false;
+        };
+        let Some(sides) = self.skin.sides(a, b) else {
+            return false;
+        };
         let is_fair = sides.iter().all(|&f| {
-            let (label, before) = (self.skin.labels[f as usize], self.facing(self.skin.corners(f), self.skin.labels[f as usize]));
+            let (label, before) = (
+                self.skin.labels[f as usize],
+                self.facing(self.skin.corners(f), self.skin.labels[f as usize]),
+            );
             [a, b].iter().all(|&end| {
-                let p = self.skin.faces[f as usize].map(|v| if v == end { m } else { self.skin.at(v) });
+                let p =
+                    self.skin.faces[f as usize].map(|v| if v == end { m } else { self.skin.at(v) });
                 smallest_sine(p) > 1e-6 && self.facing(p, label) >= FACING.min(before)
             })
         });
@@ -204,7 +252,8 @@ impl<'s> Remesher<'s> {
             .into_iter()
             .filter_map(|[a, b]| {
                 let (p, q) = (self.skin.at(a), self.skin.at(b));
-                let share = norm(sub(p, q)) / self.wanted(std::array::from_fn(|i| 0.5 * (p[i] + q[i])));
+                let share =
+                    norm(sub(p, q)) / self.wanted(std::array::from_fn(|i| 0.5 * (p[i] + q[i])));
                 (share < BAND[1]).then_some((share, [a, b]))
             })
             .collect();
@@ -212,7 +261,11 @@ impl<'s> Remesher<'s> {
         let mut done = 0;
         for (_, [a, b]) in short {
             if self.skin.has_edge(a, b) {
-                done += usize::from([(a, b), (b, a)].into_iter().any(|(u, w)| self.collapse(u, w, false)));
+                done += usize::from(
+                    [(a, b), (b, a)]
+                        .into_iter()
+                        .any(|(u, w)| self.collapse(u, w, false)),
+                );
             }
         }
         done
@@ -220,27 +273,43 @@ impl<'s> Remesher<'s> {
 
     /// Moves all of vertex `u` into `w`, if what holds it and the shape of the faces allow it; where `better` only if the worst angle grows.
     fn collapse(&mut self, u: u32, w: u32, better: bool) -> bool {
-        let Hold::On(on) = self.hold[u as usize] else { return false };
-        let Some(sides) = self.skin.sides(u, w) else { return false };
+        let Hold::On(on) = self.hold[u as usize] else {
+            return false;
+        };
+        let Some(sides) = self.skin.sides(u, w) else {
+            return false;
+        };
         if on.len() == 2 && self.sharp(u, w).is_none_or(|pieces| On::of(&pieces) != on) {
             return false;
         }
         // Vertices that are neighbours of both must be those of the two faces, else the surface would close upon itself.
         let others = self.skin.neighbours(w);
-        let common = self.skin.neighbours(u).into_iter().filter(|v| others.contains(v)).count();
+        let common = self
+            .skin
+            .neighbours(u)
+            .into_iter()
+            .filter(|v| others.contains(v))
+            .count();
         if common != 2
             || self.skin.around[u as usize].len() < 3
-            || sides.iter().any(|&f| self.skin.around[self.skin.opposite(f, u, w) as usize].len() <= 3)
+            || sides
+                .iter()
+                .any(|&f| self.skin.around[self.skin.opposite(f, u, w) as usize].len() <= 3)
         {
             return false;
         }
         let target = self.skin.at(w);
         let before = self.skin.worst_at(u, self.skin.at(u));
-        let least = if better { before + GAIN } else { FAIR.min(before) };
+        let least = if better {
+            before + GAIN
+        } else {
+            FAIR.min(before)
+        };
         let star: Vec<u32> = self.skin.around[u as usize].clone();
         for &f in star.iter().filter(|f| !sides.contains(f)) {
             let old = self.skin.corners(f);
-            let new = self.skin.faces[f as usize].map(|v| if v == u { target } else { self.skin.at(v) });
+            let new =
+                self.skin.faces[f as usize].map(|v| if v == u { target } else { self.skin.at(v) });
             let label = self.skin.labels[f as usize];
             if smallest_sine(new) < least || self.faces_away(old, new, label) {
                 return false;
@@ -253,7 +322,11 @@ impl<'s> Remesher<'s> {
         }
         // A curve of the solid must not lose its bend.
         if on.len() == 2 {
-            let next = self.skin.neighbours(u).into_iter().find(|&v| v != w && self.sharp(u, v).is_some());
+            let next = self
+                .skin
+                .neighbours(u)
+                .into_iter()
+                .find(|&v| v != w && self.sharp(u, v).is_some());
             if next.is_none_or(|next| self.leaves(w, next, on.slice())) {
                 return false;
             }
@@ -261,7 +334,12 @@ impl<'s> Remesher<'s> {
         let kept: Vec<([u32; 3], u32)> = star
             .iter()
             .filter(|f| !sides.contains(f))
-            .map(|&f| (self.skin.faces[f as usize].map(|v| if v == u { w } else { v }), self.skin.labels[f as usize]))
+            .map(|&f| {
+                (
+                    self.skin.faces[f as usize].map(|v| if v == u { w } else { v }),
+                    self.skin.labels[f as usize],
+                )
+            })
             .collect();
         self.skin.replace(&star, &kept);
         true
@@ -272,7 +350,15 @@ impl<'s> Remesher<'s> {
         let (p, q) = (self.skin.at(a), self.skin.at(b));
         let m = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
         norm(sub(p, q)) > BAND[0] * self.wanted(m)
-            || self.leaves(a, b, &[if [a, b].iter().any(|&v| self.is_skin(v)) { SKIN } else { label }])
+            || self.leaves(
+                a,
+                b,
+                &[if [a, b].iter().any(|&v| self.is_skin(v)) {
+                    SKIN
+                } else {
+                    label
+                }],
+            )
     }
 
     /// Whether an edge between the vertices would leave the pieces too far.
@@ -280,16 +366,29 @@ impl<'s> Remesher<'s> {
         let (p, q) = (self.skin.at(a), self.skin.at(b));
         let flat: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
         let length = norm(sub(p, q));
-        let curve = if on.len() == 2 { TURN * self.wanted(flat) } else { f64::INFINITY };
-        let most = (TURN * length).min(self.options.grade.unwrap_or(f64::INFINITY)).min(curve);
-        self.surface.project(on, flat).is_none_or(|m| norm(sub(m, flat)) > most)
+        let curve = if on.len() == 2 {
+            TURN * self.wanted(flat)
+        } else {
+            f64::INFINITY
+        };
+        let most = (TURN * length)
+            .min(self.options.grade.unwrap_or(f64::INFINITY))
+            .min(curve);
+        self.surface
+            .project(on, flat)
+            .is_none_or(|m| norm(sub(m, flat)) > most)
     }
 
     /// Flips edges wherever that makes the smallest angle of the two faces larger.
     fn flip_all(&mut self) -> usize {
         let mut total = 0;
         for _ in 0..6 {
-            let done = self.skin.edges().into_iter().filter(|&[a, b]| self.flip(a, b)).count();
+            let done = self
+                .skin
+                .edges()
+                .into_iter()
+                .filter(|&[a, b]| self.flip(a, b))
+                .count();
             total += done;
             if done == 0 {
                 break;
@@ -299,25 +398,45 @@ impl<'s> Remesher<'s> {
     }
 
     fn flip(&mut self, a: u32, b: u32) -> bool {
-        let Some([l, r]) = self.skin.sides(a, b) else { return false };
+        let Some([l, r]) = self.skin.sides(a, b) else {
+            return false;
+        };
         let (c, d) = (self.skin.opposite(l, a, b), self.skin.opposite(r, a, b));
         let labels = [l, r].map(|f| self.skin.labels[f as usize]);
         // Within one part only: across the seam of two that touch it would be for neither.
-        if labels[0] != labels[1] || c == d || self.skin.has_edge(c, d) || [a, b].iter().any(|&v| self.skin.around[v as usize].len() <= 3) {
+        if labels[0] != labels[1]
+            || c == d
+            || self.skin.has_edge(c, d)
+            || [a, b]
+                .iter()
+                .any(|&v| self.skin.around[v as usize].len() <= 3)
+        {
             return false;
         }
         let old = [l, r].map(|f| self.skin.corners(f));
         let new = [[c, a, d], [d, b, c]];
         let at = new.map(|f| f.map(|v| self.skin.at(v)));
-        let worst = |p: &[[Point3; 3]; 2]| p.iter().map(|&p| smallest_sine(p)).fold(f64::INFINITY, f64::min);
-        let facing = |p: &[[Point3; 3]; 2]| p.iter().map(|&p| self.facing(p, labels[0])).fold(f64::INFINITY, f64::min);
+        let worst = |p: &[[Point3; 3]; 2]| {
+            p.iter()
+                .map(|&p| smallest_sine(p))
+                .fold(f64::INFINITY, f64::min)
+        };
+        let facing = |p: &[[Point3; 3]; 2]| {
+            p.iter()
+                .map(|&p| self.facing(p, labels[0]))
+                .fold(f64::INFINITY, f64::min)
+        };
         let before = facing(&old);
         // Folded faces are unfolded whatever their angles.
         let is_better = worst(&at) > worst(&old) + GAIN || (before < 0.0 && facing(&at) > 0.0);
         if !is_better || facing(&at) < FACING.min(before) {
             return false;
         }
-        let on = if [c, d].iter().any(|&v| self.is_skin(v)) { SKIN } else { labels[0] };
+        let on = if [c, d].iter().any(|&v| self.is_skin(v)) {
+            SKIN
+        } else {
+            labels[0]
+        };
         if self.leaves(c, d, &[on]) && !self.leaves(a, b, &[on]) {
             return false;
         }
@@ -329,7 +448,9 @@ impl<'s> Remesher<'s> {
     fn relax(&mut self, freely: bool) {
         for _ in 0..if freely { 3 } else { 2 } {
             for v in 0..self.skin.points.len() as u32 {
-                let Hold::On(on) = self.hold[v as usize] else { continue };
+                let Hold::On(on) = self.hold[v as usize] else {
+                    continue;
+                };
                 if self.skin.around[v as usize].is_empty() {
                     continue;
                 }
@@ -339,17 +460,26 @@ impl<'s> Remesher<'s> {
                 }
                 let neighbours = self.skin.neighbours(v);
                 let along: Vec<u32> = match on.len() {
-                    2 => neighbours.into_iter().filter(|&w| self.sharp(v, w).is_some()).collect(),
+                    2 => neighbours
+                        .into_iter()
+                        .filter(|&w| self.sharp(v, w).is_some())
+                        .collect(),
                     _ => neighbours,
                 };
                 if along.is_empty() {
                     continue;
                 }
                 let n = along.len() as f64;
-                let mean: Point3 = std::array::from_fn(|i| along.iter().map(|&w| self.skin.at(w)[i]).sum::<f64>() / n);
+                let mean: Point3 = std::array::from_fn(|i| {
+                    along.iter().map(|&w| self.skin.at(w)[i]).sum::<f64>() / n
+                });
                 let p = self.skin.at(v);
                 let target = std::array::from_fn(|i| p[i] + 0.7 * (mean[i] - p[i]));
-                let least = if freely { 0.5 * before.min(FAIR) } else { before.min(FAIR) };
+                let least = if freely {
+                    0.5 * before.min(FAIR)
+                } else {
+                    before.min(FAIR)
+                };
                 self.try_place(v, on, target, least);
             }
         }
@@ -357,7 +487,9 @@ impl<'s> Remesher<'s> {
 
     /// Moves a vertex to the point of what holds it next to `target`, if all around stays right and no sine falls below `least`.
     fn try_place(&mut self, v: u32, on: On, target: Point3, least: f64) -> bool {
-        let Some(q) = self.surface.project(on.slice(), target) else { return false };
+        let Some(q) = self.surface.project(on.slice(), target) else {
+            return false;
+        };
         let p = self.skin.at(v);
         let reach = self.skin.around[v as usize]
             .iter()
@@ -367,8 +499,16 @@ impl<'s> Remesher<'s> {
         if self.skin.worst_at(v, q) < least || norm(sub(p, q)) > reach {
             return false;
         }
-        let is_right = on.slice().iter().all(|&i| self.surface.distance(i, q) == 0.0) && self.surface.distance(SKIN, q) == 0.0;
-        let faces = || self.skin.star_with(v, q).map(|(f, new)| (self.skin.corners(f), new, self.skin.labels[f as usize]));
+        let is_right = on
+            .slice()
+            .iter()
+            .all(|&i| self.surface.distance(i, q) == 0.0)
+            && self.surface.distance(SKIN, q) == 0.0;
+        let faces = || {
+            self.skin
+                .star_with(v, q)
+                .map(|(f, new)| (self.skin.corners(f), new, self.skin.labels[f as usize]))
+        };
         if !is_right || faces().any(|(old, new, label)| self.faces_away(old, new, label)) {
             return false;
         }
@@ -383,8 +523,12 @@ impl<'s> Remesher<'s> {
             if self.control.is_stopped() {
                 return;
             }
-            let mut bad: Vec<(f64, u32)> =
-                self.skin.live().map(|f| (smallest_sine(self.skin.corners(f)), f)).filter(|b| b.0 < goal).collect();
+            let mut bad: Vec<(f64, u32)> = self
+                .skin
+                .live()
+                .map(|f| (smallest_sine(self.skin.corners(f)), f))
+                .filter(|b| b.0 < goal)
+                .collect();
             bad.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let mut done = 0;
             for (_, f) in bad {
@@ -400,11 +544,19 @@ impl<'s> Remesher<'s> {
 
     fn mend_one(&mut self, f: u32, insertions: bool) -> bool {
         let mut edges = self.skin.edges_at(f);
-        edges.sort_by(|a, b| self.skin.length(b[0], b[1]).total_cmp(&self.skin.length(a[0], a[1])));
+        edges.sort_by(|a, b| {
+            self.skin
+                .length(b[0], b[1])
+                .total_cmp(&self.skin.length(a[0], a[1]))
+        });
         if edges.into_iter().any(|[a, b]| self.flip(a, b)) {
             return true;
         }
-        if edges.into_iter().rev().any(|[a, b]| self.collapse(a, b, true) || self.collapse(b, a, true)) {
+        if edges
+            .into_iter()
+            .rev()
+            .any(|[a, b]| self.collapse(a, b, true) || self.collapse(b, a, true))
+        {
             return true;
         }
         let vertices = self.skin.faces[f as usize];
@@ -416,15 +568,31 @@ impl<'s> Remesher<'s> {
 
     /// Looks around a vertex for a better place: along its curve, or in eight directions, in ever shorter steps.
     fn nudge(&mut self, v: u32) -> bool {
-        let Hold::On(on) = self.hold[v as usize] else { return false };
+        let Hold::On(on) = self.hold[v as usize] else {
+            return false;
+        };
         let p = self.skin.at(v);
-        let shortest = self.skin.neighbours(v).into_iter().map(|w| self.skin.length(v, w)).fold(f64::INFINITY, f64::min);
-        let g: Vec<Point3> = on.slice().iter().map(|&i| self.surface.gradient(i, p).1).collect();
+        let shortest = self
+            .skin
+            .neighbours(v)
+            .into_iter()
+            .map(|w| self.skin.length(v, w))
+            .fold(f64::INFINITY, f64::min);
+        let g: Vec<Point3> = on
+            .slice()
+            .iter()
+            .map(|&i| self.surface.gradient(i, p).1)
+            .collect();
         let unit = |v: Point3| v.map(|x| x / norm(v).max(1e-300));
         let (a, b) = match g.as_slice() {
             [n] => {
-                let axis = (0..3).min_by(|&i, &j| n[i].abs().total_cmp(&n[j].abs())).unwrap_or(0);
-                let a = unit(cross(*n, std::array::from_fn(|i| f64::from(u8::from(i == axis)))));
+                let axis = (0..3)
+                    .min_by(|&i, &j| n[i].abs().total_cmp(&n[j].abs()))
+                    .unwrap_or(0);
+                let a = unit(cross(
+                    *n,
+                    std::array::from_fn(|i| f64::from(u8::from(i == axis))),
+                ));
                 (a, unit(cross(*n, a)))
             }
             [m, n] => (unit(cross(*m, *n)), [0.0; 3]),
@@ -449,8 +617,13 @@ impl<'s> Remesher<'s> {
 
     /// Splits an edge and flips around the new vertex; kept if the worst angle grows.
     fn insert(&mut self, [a, b]: [u32; 2]) -> bool {
-        let Some(sides) = self.skin.sides(a, b) else { return false };
-        let before = sides.iter().map(|&f| smallest_sine(self.skin.corners(f))).fold(f64::INFINITY, f64::min);
+        let Some(sides) = self.skin.sides(a, b) else {
+            return false;
+        };
+        let before = sides
+            .iter()
+            .map(|&f| smallest_sine(self.skin.corners(f)))
+            .fold(f64::INFINITY, f64::min);
         let m = self.skin.points.len() as u32;
         if !self.split(a, b) {
             return false;
@@ -464,7 +637,12 @@ impl<'s> Remesher<'s> {
         let faces: Vec<([u32; 3], u32)> = star
             .iter()
             .filter(|&&f| self.skin.faces[f as usize].contains(&a))
-            .map(|&f| (self.skin.faces[f as usize].map(|v| if v == m { b } else { v }), self.skin.labels[f as usize]))
+            .map(|&f| {
+                (
+                    self.skin.faces[f as usize].map(|v| if v == m { b } else { v }),
+                    self.skin.labels[f as usize],
+                )
+            })
             .collect();
         self.skin.replace(&star, &faces);
         false
@@ -474,7 +652,8 @@ impl<'s> Remesher<'s> {
     pub(super) fn off(&self) -> Vec<Point3> {
         (0..self.skin.points.len() as u32)
             .filter(|&v| {
-                !self.skin.around[v as usize].is_empty() && self.surface.distance(SKIN, self.skin.at(v)).abs() > 2.0 * self.surface.zero
+                !self.skin.around[v as usize].is_empty()
+                    && self.surface.distance(SKIN, self.skin.at(v)).abs() > 2.0 * self.surface.zero
             })
             .map(|v| self.skin.at(v))
             .collect()
@@ -482,7 +661,10 @@ impl<'s> Remesher<'s> {
 
     /// The faces with their labels.
     pub(super) fn faces(&self) -> Vec<([u32; 3], u32)> {
-        self.skin.live().map(|f| (self.skin.faces[f as usize], self.skin.labels[f as usize])).collect()
+        self.skin
+            .live()
+            .map(|f| (self.skin.faces[f as usize], self.skin.labels[f as usize]))
+            .collect()
     }
 
     /// Gives each face of the skin the label found for it.

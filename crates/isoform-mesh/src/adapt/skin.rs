@@ -28,7 +28,11 @@ fn normal(p: [Point3; 3]) -> Point3 {
 fn turned(old: [Point3; 3], new: [Point3; 3]) -> f64 {
     let (a, b) = (normal(old), normal(new));
     let length = norm(a) * norm(b);
-    if length > 0.0 { dot(a, b) / length } else { f64::from(u8::from(norm(a) == 0.0)) }
+    if length > 0.0 {
+        dot(a, b) / length
+    } else {
+        f64::from(u8::from(norm(a) == 0.0))
+    }
 }
 
 impl Skin {
@@ -37,7 +41,13 @@ impl Skin {
         for (k, f) in faces.iter().enumerate() {
             f.iter().for_each(|&v| around[v as usize].push(k as u32));
         }
-        Self { points, labels: vec![0; faces.len()], faces, around, free: Vec::new() }
+        Self {
+            points,
+            labels: vec![0; faces.len()],
+            faces,
+            around,
+            free: Vec::new(),
+        }
     }
 
     pub(super) fn at(&self, v: u32) -> Point3 {
@@ -75,7 +85,8 @@ impl Skin {
             });
             self.faces[slot as usize] = face;
             self.labels[slot as usize] = label;
-            face.iter().for_each(|&v| self.around[v as usize].push(slot));
+            face.iter()
+                .for_each(|&v| self.around[v as usize].push(slot));
         }
     }
 
@@ -93,12 +104,18 @@ impl Skin {
 
     /// The vertex of a face that is neither of two.
     pub(super) fn opposite(&self, f: u32, a: u32, b: u32) -> u32 {
-        self.faces[f as usize].into_iter().find(|&v| v != a && v != b).unwrap_or(NONE)
+        self.faces[f as usize]
+            .into_iter()
+            .find(|&v| v != a && v != b)
+            .unwrap_or(NONE)
     }
 
     /// Neighbours of a vertex, ascending.
     pub(super) fn neighbours(&self, v: u32) -> Vec<u32> {
-        let all = self.around[v as usize].iter().flat_map(|&f| self.faces[f as usize]).filter(|&k| k != v);
+        let all = self.around[v as usize]
+            .iter()
+            .flat_map(|&f| self.faces[f as usize])
+            .filter(|&k| k != v);
         crate::lattice::unique(all.collect())
     }
 
@@ -108,18 +125,37 @@ impl Skin {
         let (c, d) = (self.opposite(l, a, b), self.opposite(r, a, b));
         let labels = [l, r].map(|f| self.labels[f as usize]);
         let m = self.add_point(p);
-        self.replace(&[l, r], &[([a, m, c], labels[0]), ([m, b, c], labels[0]), ([b, m, d], labels[1]), ([m, a, d], labels[1])]);
+        self.replace(
+            &[l, r],
+            &[
+                ([a, m, c], labels[0]),
+                ([m, b, c], labels[0]),
+                ([b, m, d], labels[1]),
+                ([m, a, d], labels[1]),
+            ],
+        );
         Some(m)
     }
 
     /// The faces at a vertex were it at `p`.
-    pub(super) fn star_with(&self, v: u32, p: Point3) -> impl Iterator<Item = (u32, [Point3; 3])> + '_ {
-        self.around[v as usize].iter().map(move |&f| (f, self.faces[f as usize].map(|k| if k == v { p } else { self.at(k) })))
+    pub(super) fn star_with(
+        &self,
+        v: u32,
+        p: Point3,
+    ) -> impl Iterator<Item = (u32, [Point3; 3])> + '_ {
+        self.around[v as usize].iter().map(move |&f| {
+            (
+                f,
+                self.faces[f as usize].map(|k| if k == v { p } else { self.at(k) }),
+            )
+        })
     }
 
     /// The smallest sine at a vertex were it at `p`.
     pub(super) fn worst_at(&self, v: u32, p: Point3) -> f64 {
-        self.star_with(v, p).map(|(_, c)| smallest_sine(c)).fold(f64::INFINITY, f64::min)
+        self.star_with(v, p)
+            .map(|(_, c)| smallest_sine(c))
+            .fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -133,7 +169,9 @@ impl Cuttable for Skin {
     fn move_to(&mut self, v: u32, p: Point3) -> bool {
         let old = self.at(v);
         let least = LEAST.min(0.5 * self.worst_at(v, old));
-        let may = self.star_with(v, p).all(|(f, new)| smallest_sine(new) >= least && turned(self.corners(f), new) > TURN);
+        let may = self
+            .star_with(v, p)
+            .all(|(f, new)| smallest_sine(new) >= least && turned(self.corners(f), new) > TURN);
         if may {
             self.points[v as usize] = p;
         }
@@ -150,7 +188,9 @@ impl Cuttable for Skin {
 impl Skin {
     /// Whether an edge joins the two vertices.
     pub(super) fn has_edge(&self, a: u32, b: u32) -> bool {
-        self.around[a as usize].iter().any(|&f| self.faces[f as usize].contains(&b))
+        self.around[a as usize]
+            .iter()
+            .any(|&f| self.faces[f as usize].contains(&b))
     }
     /// All edges.
     pub(super) fn edges(&self) -> Vec<[u32; 2]> {

@@ -27,7 +27,10 @@ fn meet(a: &Aabb, b: &Aabb) -> bool {
 }
 
 fn join(a: &Aabb, b: &Aabb) -> Aabb {
-    Aabb { lo: std::array::from_fn(|i| a.lo[i].min(b.lo[i])), hi: std::array::from_fn(|i| a.hi[i].max(b.hi[i])) }
+    Aabb {
+        lo: std::array::from_fn(|i| a.lo[i].min(b.lo[i])),
+        hi: std::array::from_fn(|i| a.hi[i].max(b.hi[i])),
+    }
 }
 
 /// The lowest 21 bits of `v`, two zeros after each.
@@ -50,10 +53,24 @@ impl BoxTree {
     pub(super) fn new(boxes: &[Aabb]) -> Self {
         let centers: Vec<Point3> = boxes.par_iter().map(Aabb::center).collect();
         let all = Aabb::of(&centers);
-        let scale = all.size().map(|s| if s > 0.0 { f64::from(0x1f_ffff) / s } else { 0.0 });
+        let scale = all.size().map(|s| {
+            if s > 0.0 {
+                f64::from(0x1f_ffff) / s
+            } else {
+                0.0
+            }
+        });
         // Clamping to integers makes a valid key of any number, infinite ones too.
-        let key = |p: &Point3| (0..3).fold(0, |k, i| k | spread(((p[i] - all.lo[i]) * scale[i]) as u64) << i);
-        let mut keys: Vec<(u64, u32)> = centers.par_iter().enumerate().map(|(i, p)| (key(p), i as u32)).collect();
+        let key = |p: &Point3| {
+            (0..3).fold(0, |k, i| {
+                k | spread(((p[i] - all.lo[i]) * scale[i]) as u64) << i
+            })
+        };
+        let mut keys: Vec<(u64, u32)> = centers
+            .par_iter()
+            .enumerate()
+            .map(|(i, p)| (key(p), i as u32))
+            .collect();
         keys.par_sort_unstable();
         let order: Vec<u32> = keys.into_iter().map(|(_, i)| i).collect();
         let boxes: Vec<Aabb> = order.iter().map(|&i| boxes[i as usize]).collect();
@@ -65,7 +82,12 @@ impl BoxTree {
         for k in (1..leaves).rev() {
             nodes[k] = join(&nodes[2 * k], &nodes[2 * k + 1]);
         }
-        Self { order, boxes, nodes, leaves }
+        Self {
+            order,
+            boxes,
+            nodes,
+            leaves,
+        }
     }
 
     /// Visits the leaves whose boxes meet `b`, from the one numbered `from` on, in ascending order.
@@ -134,8 +156,14 @@ mod tests {
     use proptest::prelude::*;
 
     fn some_box() -> impl Strategy<Value = Aabb> {
-        (prop::array::uniform3(0..20i32), prop::array::uniform3(0..6i32))
-            .prop_map(|(lo, size)| Aabb { lo: lo.map(f64::from), hi: std::array::from_fn(|i| f64::from(lo[i] + size[i])) })
+        (
+            prop::array::uniform3(0..20i32),
+            prop::array::uniform3(0..6i32),
+        )
+            .prop_map(|(lo, size)| Aabb {
+                lo: lo.map(f64::from),
+                hi: std::array::from_fn(|i| f64::from(lo[i] + size[i])),
+            })
     }
 
     proptest! {

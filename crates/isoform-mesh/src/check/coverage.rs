@@ -29,11 +29,25 @@ pub struct Coverage {
 }
 
 /// Compares the feature edges and corner nodes of the mesh with the curves and corners of the options.
-pub(super) fn measure(mesh: &Mesh, triangles: &[[u32; 3]], size: f64, options: &Options<'_>) -> Coverage {
+pub(super) fn measure(
+    mesh: &Mesh,
+    triangles: &[[u32; 3]],
+    size: f64,
+    options: &Options<'_>,
+) -> Coverage {
     let room = options.places;
-    let mut out = Coverage { covered: 1.0, tolerance: NEAR * size, corners: options.corners.len(), ..Coverage::default() };
+    let mut out = Coverage {
+        covered: 1.0,
+        tolerance: NEAR * size,
+        corners: options.corners.len(),
+        ..Coverage::default()
+    };
     let edges = Edges::new(mesh);
-    let stretches: Vec<Stretches> = options.curves.par_iter().map(|curve| edges.compare(curve, out.tolerance, room)).collect();
+    let stretches: Vec<Stretches> = options
+        .curves
+        .par_iter()
+        .map(|curve| edges.compare(curve, out.tolerance, room))
+        .collect();
     let mut found = 0.0;
     for s in stretches {
         out.length += s.length;
@@ -53,12 +67,23 @@ pub(super) fn measure(mesh: &Mesh, triangles: &[[u32; 3]], size: f64, options: &
     let tree = KdTree::new(&at_nodes);
     let limit = options.limits.corner_distance * mesh.bounds().diagonal();
     for &at in options.corners {
-        let nearest = if at.iter().all(|v| v.is_finite()) { tree.nearest(at) } else { None };
+        let nearest = if at.iter().all(|v| v.is_finite()) {
+            tree.nearest(at)
+        } else {
+            None
+        };
         let value = nearest.map_or(f64::INFINITY, |(_, squared)| squared.sqrt());
-        out.corner_max = out.corner_max.max(if value.is_nan() { f64::INFINITY } else { value });
+        out.corner_max = out
+            .corner_max
+            .max(if value.is_nan() { f64::INFINITY } else { value });
         if value.is_nan() || value > limit {
             let nodes = nearest.map(|(k, _)| nodes[k]).into_iter().collect();
-            out.missed_corners.add(room, || Place { at, nodes, elements: Vec::new(), value });
+            out.missed_corners.add(room, || Place {
+                at,
+                nodes,
+                elements: Vec::new(),
+                value,
+            });
         }
     }
     out
@@ -88,25 +113,41 @@ impl Edges {
             }
         }
         let boxes: Vec<Aabb> = segments.iter().map(Aabb::of).collect();
-        Self { tree: BoxTree::new(&boxes), segments }
+        Self {
+            tree: BoxTree::new(&boxes),
+            segments,
+        }
     }
 
     fn is_near(&self, p: Point3, tolerance: f64) -> bool {
-        let around = Aabb { lo: p.map(|v| v - tolerance), hi: p.map(|v| v + tolerance) };
+        let around = Aabb {
+            lo: p.map(|v| v - tolerance),
+            hi: p.map(|v| v + tolerance),
+        };
         let mut near = false;
-        self.tree.query(&around, |k| near |= distance_to_segment(p, self.segments[k as usize]) <= tolerance);
+        self.tree.query(&around, |k| {
+            near |= distance_to_segment(p, self.segments[k as usize]) <= tolerance
+        });
         near
     }
 
     /// Walks along a curve in steps no longer than the tolerance; each step counts for half by each of its ends.
     fn compare(&self, curve: &[Point3], tolerance: f64, room: usize) -> Stretches {
-        let mut out = Stretches { length: 0.0, found: 0.0, uncovered: Defects::default() };
+        let mut out = Stretches {
+            length: 0.0,
+            found: 0.0,
+            uncovered: Defects::default(),
+        };
         // The present stretch without edges: its points, and the length of the steps with such an end.
         let (mut bare, mut bare_length): (Vec<Point3>, f64) = (Vec::new(), 0.0);
         let mut close = |bare: &mut Vec<Point3>, length: &mut f64| {
             if let Some(&at) = bare.get(bare.len() / 2) {
                 let value = *length;
-                out.uncovered.add(room, || Place { at, value, ..Place::default() });
+                out.uncovered.add(room, || Place {
+                    at,
+                    value,
+                    ..Place::default()
+                });
             }
             bare.clear();
             *length = 0.0;
@@ -118,7 +159,11 @@ impl Edges {
                 continue;
             }
             // Not more than a million: beyond that the tolerance has no meaning for the curve.
-            let n = if tolerance > 0.0 { (length / tolerance).ceil().clamp(1.0, 1e6) as usize } else { 1 };
+            let n = if tolerance > 0.0 {
+                (length / tolerance).ceil().clamp(1.0, 1e6) as usize
+            } else {
+                1
+            };
             for k in usize::from(last.is_some())..=n {
                 let s = k as f64 / n as f64;
                 let p: Point3 = std::array::from_fn(|i| step[0][i] * (1.0 - s) + step[1][i] * s);
@@ -126,8 +171,10 @@ impl Edges {
                 if let Some(last) = last {
                     let part = length / n as f64;
                     out.length += part;
-                    out.found += part * 0.5 * (f64::from(u8::from(last)) + f64::from(u8::from(near)));
-                    bare_length += part * 0.5 * (f64::from(u8::from(!last)) + f64::from(u8::from(!near)));
+                    out.found +=
+                        part * 0.5 * (f64::from(u8::from(last)) + f64::from(u8::from(near)));
+                    bare_length +=
+                        part * 0.5 * (f64::from(u8::from(!last)) + f64::from(u8::from(!near)));
                 }
                 if near {
                     close(&mut bare, &mut bare_length);

@@ -53,7 +53,11 @@ pub(super) struct Lowest {
 impl Lowest {
     /// Takes the item up where it belongs among them. NaN counts as the lowest.
     pub(super) fn add(&mut self, room: usize, value: f64, index: u32) {
-        let value = if value.is_nan() { f64::NEG_INFINITY } else { value };
+        let value = if value.is_nan() {
+            f64::NEG_INFINITY
+        } else {
+            value
+        };
         if self.items.len() == room && self.items.last().is_none_or(|last| value >= last.0) {
             return;
         }
@@ -77,7 +81,10 @@ mod tests {
     fn counts_go_on_when_places_are_full() {
         let mut a = Defects::default();
         for i in 0..5 {
-            a.add(2, || Place { value: f64::from(i), ..Place::default() });
+            a.add(2, || Place {
+                value: f64::from(i),
+                ..Place::default()
+            });
         }
         let mut b = Defects::default();
         b.add(2, Place::default);

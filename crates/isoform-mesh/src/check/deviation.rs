@@ -14,8 +14,15 @@ use rayon::prelude::*;
 /// Nodes or triangles per task.
 const TASK: usize = 256;
 /// Where faces are sampled, by barycentric coordinates times 3: the centre, the middles of the edges, and between.
-const SAMPLES: [Point3; 7] =
-    [[1.0, 1.0, 1.0], [1.5, 1.5, 0.0], [0.0, 1.5, 1.5], [1.5, 0.0, 1.5], [2.0, 0.5, 0.5], [0.5, 2.0, 0.5], [0.5, 0.5, 2.0]];
+const SAMPLES: [Point3; 7] = [
+    [1.0, 1.0, 1.0],
+    [1.5, 1.5, 0.0],
+    [0.0, 1.5, 1.5],
+    [1.5, 0.0, 1.5],
+    [2.0, 0.5, 0.5],
+    [0.5, 2.0, 0.5],
+    [0.5, 0.5, 2.0],
+];
 /// No piece: a label whose name the solid does not know.
 const UNKNOWN: u32 = u32::MAX;
 
@@ -76,12 +83,22 @@ struct Sums {
 
 impl Sums {
     fn add(&mut self, distance: f64, weight: f64, place: impl FnOnce() -> Place) {
-        let distance = if distance.is_nan() { f64::INFINITY } else { distance };
+        let distance = if distance.is_nan() {
+            f64::INFINITY
+        } else {
+            distance
+        };
         self.count += 1;
         self.weight += weight;
         self.squares += weight * distance * distance;
         if self.worst.is_none() || distance > self.max {
-            (self.max, self.worst) = (distance, Some(Place { value: distance, ..place() }));
+            (self.max, self.worst) = (
+                distance,
+                Some(Place {
+                    value: distance,
+                    ..place()
+                }),
+            );
         }
     }
     fn append(&mut self, later: &Self) {
@@ -93,19 +110,42 @@ impl Sums {
         }
     }
     fn distances(self) -> Distances {
-        let rms = if self.weight > 0.0 { (self.squares / self.weight).sqrt() } else { 0.0 };
-        Distances { count: self.count, max: self.max, rms, worst: self.worst }
+        let rms = if self.weight > 0.0 {
+            (self.squares / self.weight).sqrt()
+        } else {
+            0.0
+        };
+        Distances {
+            count: self.count,
+            max: self.max,
+            rms,
+            worst: self.worst,
+        }
     }
 }
 
 /// Distances of the surface's triangles to the solid.
-pub(super) fn measure(mesh: &Mesh, triangles: &[[u32; 3]], solid: &dyn Solid, options: &Options<'_>) -> Deviation {
+pub(super) fn measure(
+    mesh: &Mesh,
+    triangles: &[[u32; 3]],
+    solid: &dyn Solid,
+    options: &Options<'_>,
+) -> Deviation {
     let diagonal = mesh.bounds().diagonal();
-    let mut out = Deviation { diagonal, ..Deviation::default() };
+    let mut out = Deviation {
+        diagonal,
+        ..Deviation::default()
+    };
     let labels = Labels::new(mesh, triangles, solid);
     out.unknown_parts.clone_from(&labels.unknown);
-    let mut parts: Vec<PartDeviation> =
-        labels.names.iter().map(|part| PartDeviation { part: part.clone(), ..PartDeviation::default() }).collect();
+    let mut parts: Vec<PartDeviation> = labels
+        .names
+        .iter()
+        .map(|part| PartDeviation {
+            part: part.clone(),
+            ..PartDeviation::default()
+        })
+        .collect();
 
     let nodes = labelled_nodes(triangles, &labels.of_triangles);
     let enough = options.limits.node_distance * diagonal;
@@ -116,10 +156,22 @@ pub(super) fn measure(mesh: &Mesh, triangles: &[[u32; 3]], solid: &dyn Solid, op
     }
     out.nodes = all.distances();
     if !mesh.triangle_mids.is_empty() {
-        out.mids = joined(node_distances(mesh, solid, &labels, &labelled_nodes(&mesh.triangle_mids, &labels.of_triangles), enough));
+        out.mids = joined(node_distances(
+            mesh,
+            solid,
+            &labels,
+            &labelled_nodes(&mesh.triangle_mids, &labels.of_triangles),
+            enough,
+        ));
     }
     // Feature edges are on both of their parts, whatever the angle.
-    out.curves = joined(node_distances(mesh, solid, &labels, &curve_nodes(mesh), f64::INFINITY));
+    out.curves = joined(node_distances(
+        mesh,
+        solid,
+        &labels,
+        &curve_nodes(mesh),
+        f64::INFINITY,
+    ));
 
     let mut all = Sums::default();
     for (label, sums) in face_distances(mesh, triangles, solid, &labels) {
@@ -128,7 +180,14 @@ pub(super) fn measure(mesh: &Mesh, triangles: &[[u32; 3]], solid: &dyn Solid, op
     }
     out.faces = all.distances();
     out.parts = parts;
-    out.misclassified = misclassified(mesh, &nodes, solid, diagonal, &options.limits, options.places);
+    out.misclassified = misclassified(
+        mesh,
+        &nodes,
+        solid,
+        diagonal,
+        &options.limits,
+        options.places,
+    );
     out
 }
 
@@ -148,15 +207,39 @@ impl Labels {
             let names = solid.names().to_vec();
             let pieces = (0..names.len() as u32).collect();
             let of_triangles = deciding(mesh, triangles, solid);
-            return Self { names, pieces, of_triangles, unknown: Vec::new() };
+            return Self {
+                names,
+                pieces,
+                of_triangles,
+                unknown: Vec::new(),
+            };
         }
-        let piece = |name: &String| solid.names().iter().position(|n| n == name).map_or(UNKNOWN, |i| i as u32);
+        let piece = |name: &String| {
+            solid
+                .names()
+                .iter()
+                .position(|n| n == name)
+                .map_or(UNKNOWN, |i| i as u32)
+        };
         let pieces: Vec<u32> = mesh.parts.iter().map(piece).collect();
         let mut used = vec![false; pieces.len()];
-        mesh.triangle_parts.iter().for_each(|&label| used[label as usize] = true);
-        mesh.curves.iter().flat_map(|c| c.parts).for_each(|label| used[label as usize] = true);
-        let unknown = (0..pieces.len()).filter(|&k| used[k] && pieces[k] == UNKNOWN).map(|k| mesh.parts[k].clone()).collect();
-        Self { names: mesh.parts.clone(), pieces, of_triangles: mesh.triangle_parts.clone(), unknown }
+        mesh.triangle_parts
+            .iter()
+            .for_each(|&label| used[label as usize] = true);
+        mesh.curves
+            .iter()
+            .flat_map(|c| c.parts)
+            .for_each(|label| used[label as usize] = true);
+        let unknown = (0..pieces.len())
+            .filter(|&k| used[k] && pieces[k] == UNKNOWN)
+            .map(|k| mesh.parts[k].clone())
+            .collect();
+        Self {
+            names: mesh.parts.clone(),
+            pieces,
+            of_triangles: mesh.triangle_parts.clone(),
+            unknown,
+        }
     }
 }
 
@@ -170,8 +253,18 @@ fn all_values(solid: &dyn Solid, points: &[Point3]) -> Vec<f64> {
 
 /// The piece that decides, by distances, at the centre of each triangle.
 fn deciding(mesh: &Mesh, triangles: &[[u32; 3]], solid: &dyn Solid) -> Vec<u32> {
-    let center = |t: &[u32; 3]| -> Point3 { std::array::from_fn(|i| t.iter().map(|&k| mesh.points[k as usize][i]).sum::<f64>() / 3.0) };
-    triangles.par_iter().map(|t| solid.tree().value_and_piece(&|k| signed_distance(solid, k, center(t))).1).collect()
+    let center = |t: &[u32; 3]| -> Point3 {
+        std::array::from_fn(|i| t.iter().map(|&k| mesh.points[k as usize][i]).sum::<f64>() / 3.0)
+    };
+    triangles
+        .par_iter()
+        .map(|t| {
+            solid
+                .tree()
+                .value_and_piece(&|k| signed_distance(solid, k, center(t)))
+                .1
+        })
+        .collect()
 }
 
 /// The first order distance to a piece, with the sign of its value.
@@ -182,7 +275,11 @@ fn signed_distance(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
 
 /// All different pairs of label and node, sorted; `nodes` are those of triangles, corners or mid nodes.
 fn labelled_nodes(nodes: &[[u32; 3]], labels: &[u32]) -> Vec<(u32, u32)> {
-    let mut pairs: Vec<(u32, u32)> = nodes.iter().zip(labels).flat_map(|(t, &label)| t.map(|node| (label, node))).collect();
+    let mut pairs: Vec<(u32, u32)> = nodes
+        .iter()
+        .zip(labels)
+        .flat_map(|(t, &label)| t.map(|node| (label, node)))
+        .collect();
     pairs.par_sort_unstable();
     pairs.dedup();
     pairs
@@ -193,7 +290,12 @@ fn curve_nodes(mesh: &Mesh) -> Vec<(u32, u32)> {
     let mut pairs = Vec::new();
     for (k, &curve) in mesh.edge_curves.iter().enumerate() {
         for label in mesh.curves[curve as usize].parts {
-            pairs.extend(mesh.edges[k].iter().chain(mesh.edge_mids.get(k)).map(|&node| (label, node)));
+            pairs.extend(
+                mesh.edges[k]
+                    .iter()
+                    .chain(mesh.edge_mids.get(k))
+                    .map(|&node| (label, node)),
+            );
         }
     }
     pairs.sort_unstable();
@@ -232,13 +334,25 @@ fn node_distance(solid: &dyn Solid, piece: u32, p: Point3, enough: f64) -> f64 {
     if d <= enough {
         return d;
     }
-    let (_, other) = solid.tree().value_and_piece(&|k| signed_distance(solid, k, p));
+    let (_, other) = solid
+        .tree()
+        .value_and_piece(&|k| signed_distance(solid, k, p));
     let [a, b] = [piece, other].map(|k| solid.gradient(k, p).1);
-    if other != piece && dot(a, b) > SMOOTH * norm(a) * norm(b) { d.min(distance(solid, other, p)) } else { d }
+    if other != piece && dot(a, b) > SMOOTH * norm(a) * norm(b) {
+        d.min(distance(solid, other, p))
+    } else {
+        d
+    }
 }
 
 /// Distances of nodes to the parts they are labelled with, by labels. The pairs are sorted; those with unknown labels are left out.
-fn node_distances(mesh: &Mesh, solid: &dyn Solid, labels: &Labels, pairs: &[(u32, u32)], enough: f64) -> Vec<(u32, Sums)> {
+fn node_distances(
+    mesh: &Mesh,
+    solid: &dyn Solid,
+    labels: &Labels,
+    pairs: &[(u32, u32)],
+    enough: f64,
+) -> Vec<(u32, Sums)> {
     by_label(
         pairs,
         |pair| pair.0,
@@ -247,7 +361,11 @@ fn node_distances(mesh: &Mesh, solid: &dyn Solid, labels: &Labels, pairs: &[(u32
             let mut sums = Sums::default();
             for &(_, node) in chunk {
                 let at = mesh.points[node as usize];
-                sums.add(node_distance(solid, piece, at, enough), 1.0, || Place { at, nodes: vec![node], ..Place::default() });
+                sums.add(node_distance(solid, piece, at, enough), 1.0, || Place {
+                    at,
+                    nodes: vec![node],
+                    ..Place::default()
+                });
             }
             sums
         },
@@ -255,13 +373,21 @@ fn node_distances(mesh: &Mesh, solid: &dyn Solid, labels: &Labels, pairs: &[(u32
 }
 
 /// Works on items sorted by label in chunks of one label, with the label's piece.
-fn by_label<T: Sync>(items: &[T], label: impl Fn(&T) -> u32, labels: &Labels, work: impl Fn(u32, &[T]) -> Sums + Sync) -> Vec<(u32, Sums)> {
+fn by_label<T: Sync>(
+    items: &[T],
+    label: impl Fn(&T) -> u32,
+    labels: &Labels,
+    work: impl Fn(u32, &[T]) -> Sums + Sync,
+) -> Vec<(u32, Sums)> {
     let tasks: Vec<(u32, &[T])> = items
         .chunk_by(|a, b| label(a) == label(b))
         .filter(|group| labels.pieces[label(&group[0]) as usize] != UNKNOWN)
         .flat_map(|group| group.chunks(TASK).map(|chunk| (label(&chunk[0]), chunk)))
         .collect();
-    let done: Vec<(u32, Sums)> = tasks.into_par_iter().map(|(label, chunk)| (label, work(labels.pieces[label as usize], chunk))).collect();
+    let done: Vec<(u32, Sums)> = tasks
+        .into_par_iter()
+        .map(|(label, chunk)| (label, work(labels.pieces[label as usize], chunk)))
+        .collect();
     let mut out: Vec<(u32, Sums)> = Vec::new();
     for (label, sums) in done {
         match out.last_mut() {
@@ -273,15 +399,28 @@ fn by_label<T: Sync>(items: &[T], label: impl Fn(&T) -> u32, labels: &Labels, wo
 }
 
 /// Distances of samples of the faces to their parts, by labels.
-fn face_distances(mesh: &Mesh, triangles: &[[u32; 3]], solid: &dyn Solid, labels: &Labels) -> Vec<(u32, Sums)> {
-    let mut order: Vec<(u32, u32)> = labels.of_triangles.iter().enumerate().map(|(k, &label)| (label, k as u32)).collect();
+fn face_distances(
+    mesh: &Mesh,
+    triangles: &[[u32; 3]],
+    solid: &dyn Solid,
+    labels: &Labels,
+) -> Vec<(u32, Sums)> {
+    let mut order: Vec<(u32, u32)> = labels
+        .of_triangles
+        .iter()
+        .enumerate()
+        .map(|(k, &label)| (label, k as u32))
+        .collect();
     order.par_sort_unstable();
     by_label(
         &order,
         |item| item.0,
         labels,
         |piece, chunk| {
-            let samples: Vec<Point3> = chunk.iter().flat_map(|&(_, k)| samples(mesh, triangles, k as usize)).collect();
+            let samples: Vec<Point3> = chunk
+                .iter()
+                .flat_map(|&(_, k)| samples(mesh, triangles, k as usize))
+                .collect();
             let normals: Vec<Point3> = samples
                 .chunks(SAMPLES.len())
                 .map(|s| {
@@ -292,7 +431,9 @@ fn face_distances(mesh: &Mesh, triangles: &[[u32; 3]], solid: &dyn Solid, labels
                 .collect();
             let mut first = vec![0.0; samples.len()];
             solid.values(&[piece], &samples, &mut first);
-            let step = |i: usize, s: f64| -> Point3 { std::array::from_fn(|c| samples[i][c] - s * normals[i / SAMPLES.len()][c]) };
+            let step = |i: usize, s: f64| -> Point3 {
+                std::array::from_fn(|c| samples[i][c] - s * normals[i / SAMPLES.len()][c])
+            };
             let moved: Vec<Point3> = (0..samples.len()).map(|i| step(i, first[i])).collect();
             let mut second = vec![0.0; samples.len()];
             solid.values(&[piece], &moved, &mut second);
@@ -311,7 +452,12 @@ fn face_distances(mesh: &Mesh, triangles: &[[u32; 3]], solid: &dyn Solid, labels
                 let t = triangles[k as usize];
                 let [a, b, c] = t.map(|i| mesh.points[i as usize]);
                 let area = 0.5 * norm(cross(sub(b, a), sub(c, a)));
-                sums.add(d, area, || Place { at: p, nodes: t.to_vec(), elements: vec![k], value: 0.0 });
+                sums.add(d, area, || Place {
+                    at: p,
+                    nodes: t.to_vec(),
+                    elements: vec![k],
+                    value: 0.0,
+                });
             }
             sums
         },
@@ -321,14 +467,20 @@ fn face_distances(mesh: &Mesh, triangles: &[[u32; 3]], solid: &dyn Solid, labels
 /// The sample points of a triangle, flat or curved.
 fn samples(mesh: &Mesh, triangles: &[[u32; 3]], k: usize) -> [Point3; 7] {
     let p = triangles[k].map(|i| mesh.points[i as usize]);
-    let mids = mesh.triangle_mids.get(k).map(|m| m.map(|i| mesh.points[i as usize]));
+    let mids = mesh
+        .triangle_mids
+        .get(k)
+        .map(|m| m.map(|i| mesh.points[i as usize]));
     SAMPLES.map(|s| {
         let l = s.map(|v| v / 3.0);
         std::array::from_fn(|i| match &mids {
             None => l[0] * p[0][i] + l[1] * p[1][i] + l[2] * p[2][i],
             Some(m) => {
                 let corners: f64 = (0..3).map(|c| l[c] * (2.0 * l[c] - 1.0) * p[c][i]).sum();
-                TRIANGLE_EDGES.iter().zip(m).fold(corners, |sum, (&[a, b], m)| sum + 4.0 * l[a] * l[b] * m[i])
+                TRIANGLE_EDGES
+                    .iter()
+                    .zip(m)
+                    .fold(corners, |sum, (&[a, b], m)| sum + 4.0 * l[a] * l[b] * m[i])
             }
         })
     })
@@ -338,7 +490,14 @@ fn samples(mesh: &Mesh, triangles: &[[u32; 3]], k: usize) -> [Point3; 7] {
 ///
 /// The values of the pieces need not be distances, so the piece that decides by values is asked for its distance first; only where that
 /// is too much are the distances of all pieces put into the tree.
-fn misclassified(mesh: &Mesh, pairs: &[(u32, u32)], solid: &dyn Solid, diagonal: f64, limits: &Limits, room: usize) -> Defects {
+fn misclassified(
+    mesh: &Mesh,
+    pairs: &[(u32, u32)],
+    solid: &dyn Solid,
+    diagonal: f64,
+    limits: &Limits,
+    room: usize,
+) -> Defects {
     let mut nodes: Vec<u32> = pairs.iter().map(|pair| pair.1).collect();
     nodes.par_sort_unstable();
     nodes.dedup();
@@ -347,7 +506,10 @@ fn misclassified(mesh: &Mesh, pairs: &[(u32, u32)], solid: &dyn Solid, diagonal:
         .into_par_iter()
         .map(|range| {
             let mut defects = Defects::default();
-            let points: Vec<Point3> = nodes[range.clone()].iter().map(|&i| mesh.points[i as usize]).collect();
+            let points: Vec<Point3> = nodes[range.clone()]
+                .iter()
+                .map(|&i| mesh.points[i as usize])
+                .collect();
             let (values, n) = (all_values(solid, &points), points.len());
             for (i, &p) in points.iter().enumerate() {
                 let (_, piece) = tree.value_and_piece(&|k| values[k as usize * n + i]);
@@ -356,7 +518,12 @@ fn misclassified(mesh: &Mesh, pairs: &[(u32, u32)], solid: &dyn Solid, diagonal:
                 }
                 let value = tree.value(&|k| signed_distance(solid, k, p));
                 if value.is_nan() || value.abs() > limit {
-                    defects.add(room, || Place { at: p, nodes: vec![nodes[range.start + i]], elements: Vec::new(), value });
+                    defects.add(room, || Place {
+                        at: p,
+                        nodes: vec![nodes[range.start + i]],
+                        elements: Vec::new(),
+                        value,
+                    });
                 }
             }
             defects

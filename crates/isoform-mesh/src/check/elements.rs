@@ -115,18 +115,32 @@ impl Sums {
     }
     fn append(&mut self, room: usize, later: Self) {
         self.elements += later.elements;
-        self.cosine = (self.cosine.0.max(later.cosine.0), self.cosine.1.min(later.cosine.1));
+        self.cosine = (
+            self.cosine.0.max(later.cosine.0),
+            self.cosine.1.min(later.cosine.1),
+        );
         for (a, b) in self.histogram.iter_mut().zip(later.histogram) {
             *a += b;
         }
         self.sine = (self.sine.0.min(later.sine.0), self.sine.1 + later.sine.1);
-        self.ratio = (self.ratio.0.min(later.ratio.0), self.ratio.1 + later.ratio.1);
+        self.ratio = (
+            self.ratio.0.min(later.ratio.0),
+            self.ratio.1 + later.ratio.1,
+        );
         self.aspect = self.aspect.max(later.aspect);
-        self.edge = (self.edge.0.min(later.edge.0), self.edge.1 + later.edge.1, self.edge.2.max(later.edge.2));
+        self.edge = (
+            self.edge.0.min(later.edge.0),
+            self.edge.1 + later.edge.1,
+            self.edge.2.max(later.edge.2),
+        );
         self.worst.append(room, later.worst);
     }
     fn lengths(&self, edges: usize) -> Lengths {
-        Lengths { min: self.edge.0, mean: self.edge.1 / (edges * self.elements).max(1) as f64, max: self.edge.2 }
+        Lengths {
+            min: self.edge.0,
+            mean: self.edge.1 / (edges * self.elements).max(1) as f64,
+            max: self.edge.2,
+        }
     }
 }
 
@@ -135,7 +149,10 @@ fn sums(n: usize, room: usize, one: impl Fn(&mut Sums, usize) + Sync) -> Sums {
     let parts: Vec<Sums> = blocks(n, TASK)
         .into_par_iter()
         .map(|range| {
-            let mut part = Sums { elements: range.len(), ..Sums::new() };
+            let mut part = Sums {
+                elements: range.len(),
+                ..Sums::new()
+            };
             range.for_each(|k| one(&mut part, k));
             part
         })
@@ -149,27 +166,54 @@ fn middle<const N: usize>(p: [Point3; N]) -> Point3 {
     std::array::from_fn(|i| p.iter().map(|p| p[i]).sum::<f64>() / N as f64)
 }
 
-fn places<const N: usize>(worst: &Lowest, points: &[Point3], elements: &[[u32; N]], value: impl Fn(f64) -> f64) -> Vec<Place> {
+fn places<const N: usize>(
+    worst: &Lowest,
+    points: &[Point3],
+    elements: &[[u32; N]],
+    value: impl Fn(f64) -> f64,
+) -> Vec<Place> {
     let place = |&(v, k): &(f64, u32)| {
         let t = elements[k as usize];
-        Place { at: middle(t.map(|i| points[i as usize])), nodes: t.to_vec(), elements: vec![k], value: value(v) }
+        Place {
+            at: middle(t.map(|i| points[i as usize])),
+            nodes: t.to_vec(),
+            elements: vec![k],
+            value: value(v),
+        }
     };
     worst.items.iter().map(place).collect()
 }
 
 /// Shape of the triangles; `None` if there are none.
-pub(super) fn triangles(points: &[Point3], triangles: &[[u32; 3]], options: &Options<'_>) -> Option<TriangleQuality> {
+pub(super) fn triangles(
+    points: &[Point3],
+    triangles: &[[u32; 3]],
+    options: &Options<'_>,
+) -> Option<TriangleQuality> {
     let room = options.places;
     let all = sums(triangles.len(), room, |s, k| {
         let p = triangles[k].map(|i| points[i as usize]);
         let c = triangle_cosines(p);
         let (high, low) = (c[0].max(c[1]).max(c[2]), c[0].min(c[1]).min(c[2]));
         s.cosine = (s.cosine.0.max(high), s.cosine.1.min(low));
-        let e = [norm(sub(p[1], p[0])), norm(sub(p[2], p[1])), norm(sub(p[0], p[2]))];
+        let e = [
+            norm(sub(p[1], p[0])),
+            norm(sub(p[2], p[1])),
+            norm(sub(p[0], p[2])),
+        ];
         let longest = e[0].max(e[1]).max(e[2]);
-        let (perimeter, area2) = (e[0] + e[1] + e[2], norm(cross(sub(p[1], p[0]), sub(p[2], p[0]))));
-        s.edge = (s.edge.0.min(e[0]).min(e[1]).min(e[2]), s.edge.1 + perimeter, s.edge.2.max(longest));
-        s.aspect = s.aspect.max(longest * perimeter / (2.0 * 3f64.sqrt() * area2.max(f64::MIN_POSITIVE)));
+        let (perimeter, area2) = (
+            e[0] + e[1] + e[2],
+            norm(cross(sub(p[1], p[0]), sub(p[2], p[0]))),
+        );
+        s.edge = (
+            s.edge.0.min(e[0]).min(e[1]).min(e[2]),
+            s.edge.1 + perimeter,
+            s.edge.2.max(longest),
+        );
+        s.aspect = s
+            .aspect
+            .max(longest * perimeter / (2.0 * 3f64.sqrt() * area2.max(f64::MIN_POSITIVE)));
         s.worst.add(room, -high, k as u32);
     });
     (all.elements > 0).then(|| TriangleQuality {
@@ -182,7 +226,11 @@ pub(super) fn triangles(points: &[Point3], triangles: &[[u32; 3]], options: &Opt
 }
 
 /// Shape of the tetrahedra; `None` if there are none.
-pub(super) fn tets(points: &[Point3], tets: &[[u32; 4]], options: &Options<'_>) -> Option<TetQuality> {
+pub(super) fn tets(
+    points: &[Point3],
+    tets: &[[u32; 4]],
+    options: &Options<'_>,
+) -> Option<TetQuality> {
     let room = options.places;
     let bounds: [f64; 17] = std::array::from_fn(|k| (10.0 * (k + 1) as f64).to_radians().cos());
     let all = sums(tets.len(), room, |s, k| {
@@ -245,7 +293,10 @@ fn sampled(columns: &[[Point3; 3]; 4]) -> (f64, f64) {
     let (mut least, mut size) = (f64::INFINITY, 0.0f64);
     for [r, s, t] in SAMPLES {
         let l = [1.0 - r - s - t, r, s, t];
-        let j = determinant([0, 1, 2].map(|k| std::array::from_fn(|i| (0..4).map(|c| l[c] * columns[c][k][i]).sum())));
+        let j = determinant(
+            [0, 1, 2]
+                .map(|k| std::array::from_fn(|i| (0..4).map(|c| l[c] * columns[c][k][i]).sum())),
+        );
         (least, size) = (least.min(j), size.max(j.abs()));
     }
     (least, size)
@@ -254,12 +305,18 @@ fn sampled(columns: &[[Point3; 3]; 4]) -> (f64, f64) {
 /// Smallest Bernstein coefficient of the Jacobian: det Σ λ… is trilinear in the corners of its columns, so that each coefficient is the
 /// mean of the determinants over the orders of its three corners.
 fn bernstein_min(columns: &[[Point3; 3]; 4]) -> f64 {
-    let det = |i: usize, j: usize, k: usize| determinant([columns[i][0], columns[j][1], columns[k][2]]);
+    let det =
+        |i: usize, j: usize, k: usize| determinant([columns[i][0], columns[j][1], columns[k][2]]);
     let mut least = f64::INFINITY;
     for i in 0..4 {
         for j in i..4 {
             for k in j..4 {
-                let sum = det(i, j, k) + det(i, k, j) + det(j, i, k) + det(j, k, i) + det(k, i, j) + det(k, j, i);
+                let sum = det(i, j, k)
+                    + det(i, k, j)
+                    + det(j, i, k)
+                    + det(j, k, i)
+                    + det(k, i, j)
+                    + det(k, j, i);
                 least = least.min(sum / 6.0);
             }
         }
@@ -277,15 +334,24 @@ pub(super) fn curved(mesh: &Mesh, options: &Options<'_>) -> Option<CurvedQuality
         .into_par_iter()
         .map(|range| {
             let none = || Defects::default();
-            let mut part = CurvedQuality { curved: 0, scaled_jacobian_min: 1.0, negative: none(), unproved: none(), worst: Vec::new() };
+            let mut part = CurvedQuality {
+                curved: 0,
+                scaled_jacobian_min: 1.0,
+                negative: none(),
+                unproved: none(),
+                worst: Vec::new(),
+            };
             let mut worst = Lowest::default();
             for k in range {
                 let t = mesh.tets[k];
-                let (p, m) = (t.map(|i| points[i as usize]), mesh.tet_mids[k].map(|i| points[i as usize]));
-                let straight = TET_EDGES
-                    .iter()
-                    .zip(m)
-                    .all(|(&[a, b], m)| distance_squared(middle([p[a], p[b]]), m) <= STRAIGHT * STRAIGHT * distance_squared(p[a], p[b]));
+                let (p, m) = (
+                    t.map(|i| points[i as usize]),
+                    mesh.tet_mids[k].map(|i| points[i as usize]),
+                );
+                let straight = TET_EDGES.iter().zip(m).all(|(&[a, b], m)| {
+                    distance_squared(middle([p[a], p[b]]), m)
+                        <= STRAIGHT * STRAIGHT * distance_squared(p[a], p[b])
+                });
                 if straight && crate::quality::six_volume(p) > 0.0 {
                     continue;
                 }
@@ -295,7 +361,12 @@ pub(super) fn curved(mesh: &Mesh, options: &Options<'_>) -> Option<CurvedQuality
                 let scaled = if size > 0.0 { least / size } else { 0.0 };
                 part.scaled_jacobian_min = part.scaled_jacobian_min.min(scaled);
                 worst.add(room, scaled, k as u32);
-                let place = || Place { at: middle(p), nodes: t.to_vec(), elements: vec![k as u32], value: scaled };
+                let place = || Place {
+                    at: middle(p),
+                    nodes: t.to_vec(),
+                    elements: vec![k as u32],
+                    value: scaled,
+                };
                 if scaled.is_nan() || scaled <= 0.0 {
                     part.negative.add(room, place);
                 } else if bernstein_min(&columns) <= 0.0 {
@@ -320,14 +391,22 @@ pub(super) fn curved(mesh: &Mesh, options: &Options<'_>) -> Option<CurvedQuality
             }
         });
     }
-    all.map(|all| CurvedQuality { worst: places(&worst, points, &mesh.tets, |v| v), ..all })
+    all.map(|all| CurvedQuality {
+        worst: places(&worst, points, &mesh.tets, |v| v),
+        ..all
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const CORNER: [Point3; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    const CORNER: [Point3; 4] = [
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0],
+    ];
 
     fn mids(p: [Point3; 4]) -> [Point3; 6] {
         TET_EDGES.map(|[a, b]| middle([p[a], p[b]]))
@@ -342,7 +421,10 @@ mod tests {
             m[0][0] += d;
             let c = columns(CORNER, m);
             let (least, size) = sampled(&c);
-            assert!((least - (1.0 - 4.0 * d)).abs() < 1e-14 && (size - (1.0 + 4.0 * d)).abs() < 1e-14, "{least} {size}");
+            assert!(
+                (least - (1.0 - 4.0 * d)).abs() < 1e-14 && (size - (1.0 + 4.0 * d)).abs() < 1e-14,
+                "{least} {size}"
+            );
             assert!((bernstein_min(&c) - (1.0 - 4.0 * d)).abs() < 1e-14);
         }
     }
@@ -364,7 +446,8 @@ mod tests {
                 let mut l = [next() + 0.5, next() + 0.5, next() + 0.5, next() + 0.5];
                 let sum: f64 = l.iter().sum();
                 l = l.map(|v| v / sum);
-                let at = |k: usize| std::array::from_fn(|i| (0..4).map(|q| l[q] * c[q][k][i]).sum());
+                let at =
+                    |k: usize| std::array::from_fn(|i| (0..4).map(|q| l[q] * c[q][k][i]).sum());
                 least = least.min(determinant([at(0), at(1), at(2)]));
             }
             assert!(bound <= least + 1e-12 && bound <= sampled(&c).0 + 1e-12);
@@ -378,9 +461,23 @@ mod tests {
         let q = tets(&points, &[[0, 1, 2, 3], [1, 2, 3, 4]], &Options::default()).expect("two");
         // The second one is regular, with edges √2; the first has angles of 90° and 54.7°.
         assert_eq!(q.histogram.iter().sum::<u64>(), 12);
-        assert_eq!((q.histogram[5], q.histogram[7], q.histogram[8] + q.histogram[9]), (3, 6, 3));
-        assert!((q.dihedral_max - 90.0).abs() < 1e-12 && (q.dihedral_min - 54.735_610_317_245_34).abs() < 1e-12);
-        assert!((q.edges.max - 2f64.sqrt()).abs() < 1e-15 && q.edges.min == 1.0 && q.worst[0].elements == [0]);
+        assert_eq!(
+            (
+                q.histogram[5],
+                q.histogram[7],
+                q.histogram[8] + q.histogram[9]
+            ),
+            (3, 6, 3)
+        );
+        assert!(
+            (q.dihedral_max - 90.0).abs() < 1e-12
+                && (q.dihedral_min - 54.735_610_317_245_34).abs() < 1e-12
+        );
+        assert!(
+            (q.edges.max - 2f64.sqrt()).abs() < 1e-15
+                && q.edges.min == 1.0
+                && q.worst[0].elements == [0]
+        );
         assert!((q.edges.mean - (3.0 + 9.0 * 2f64.sqrt()) / 12.0).abs() < 1e-15);
         assert!(tets(&points, &[], &Options::default()).is_none());
     }
@@ -389,10 +486,18 @@ mod tests {
     fn shape_of_a_triangle() {
         let points = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 3f64.sqrt(), 0.0]];
         let q = triangles(&points, &[[0, 1, 2]], &Options::default()).expect("one");
-        assert!((q.angle_min - 60.0).abs() < 1e-12 && (q.angle_max - 60.0).abs() < 1e-12 && (q.aspect_max - 1.0).abs() < 1e-12);
+        assert!(
+            (q.angle_min - 60.0).abs() < 1e-12
+                && (q.angle_max - 60.0).abs() < 1e-12
+                && (q.aspect_max - 1.0).abs() < 1e-12
+        );
         assert!((q.edges.mean - 2.0).abs() < 1e-15 && q.worst[0].nodes == [0, 1, 2]);
         let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 3f64.sqrt(), 0.0]];
         let q = triangles(&points, &[[0, 1, 2]], &Options::default()).expect("one");
-        assert!((q.angle_min - 30.0).abs() < 1e-12 && (q.angle_max - 90.0).abs() < 1e-12 && (q.worst[0].value - 30.0).abs() < 1e-12);
+        assert!(
+            (q.angle_min - 30.0).abs() < 1e-12
+                && (q.angle_max - 90.0).abs() < 1e-12
+                && (q.worst[0].value - 30.0).abs() < 1e-12
+        );
     }
 }

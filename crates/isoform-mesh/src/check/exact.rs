@@ -8,14 +8,21 @@ use robust::{Coord, Coord3D};
 
 /// Sign of the volume of the tetrahedron: (b − a) · ((c − a) × (d − a)).
 pub(super) fn volume_sign(a: Point3, b: Point3, c: Point3, d: Point3) -> i8 {
-    let of = |p: Point3| Coord3D { x: p[0], y: p[1], z: p[2] };
+    let of = |p: Point3| Coord3D {
+        x: p[0],
+        y: p[1],
+        z: p[2],
+    };
     // Shewchuk's sense is the opposite one: positive where d lies below the plane.
     sign(-robust::orient3d(of(a), of(b), of(c), of(d)))
 }
 
 /// Sign of the area of the triangle seen along an axis.
 fn area_sign(axis: usize, a: Point3, b: Point3, c: Point3) -> i8 {
-    let of = |p: Point3| Coord { x: p[(axis + 1) % 3], y: p[(axis + 2) % 3] };
+    let of = |p: Point3| Coord {
+        x: p[(axis + 1) % 3],
+        y: p[(axis + 2) % 3],
+    };
     sign(robust::orient2d(of(a), of(b), of(c)))
 }
 
@@ -34,7 +41,9 @@ fn seen_along([a, b, c]: [Point3; 3]) -> Option<usize> {
     } else {
         2
     };
-    (first..first + 3).map(|k| k % 3).find(|&axis| area_sign(axis, a, b, c) != 0)
+    (first..first + 3)
+        .map(|k| k % 3)
+        .find(|&axis| area_sign(axis, a, b, c) != 0)
 }
 
 /// Whether the corners lie on a line.
@@ -100,13 +109,16 @@ fn corner_meet(a: [Point3; 3], b: [Point3; 3]) -> bool {
     if corner_apart(a, b) {
         return false;
     }
-    let sides = |t: [Point3; 3], of: [Point3; 3]| [1, 2].map(|k| volume_sign(t[0], t[1], t[2], of[k]));
+    let sides =
+        |t: [Point3; 3], of: [Point3; 3]| [1, 2].map(|k| volume_sign(t[0], t[1], t[2], of[k]));
     let (sa, sb) = (sides(b, a), sides(a, b));
     if sa[0] * sa[1] > 0 || sb[0] * sb[1] > 0 {
         return false;
     }
     if sa == [0, 0] {
-        return seen_along(a).is_some_and(|axis| flat_segment_meets(axis, [a[1], a[2]], b) || flat_segment_meets(axis, [b[1], b[2]], a));
+        return seen_along(a).is_some_and(|axis| {
+            flat_segment_meets(axis, [a[1], a[2]], b) || flat_segment_meets(axis, [b[1], b[2]], a)
+        });
     }
     pierces([a[1], a[2]], b) || pierces([b[1], b[2]], a)
 }
@@ -129,15 +141,19 @@ fn disjoint_meet(a: [Point3; 3], b: [Point3; 3]) -> bool {
         return false;
     }
     if sa == [0; 3] {
-        return seen_along(a)
-            .is_some_and(|axis| (0..3).any(|k| flat_segment_meets(axis, [a[k], a[(k + 1) % 3]], b)) || flat_inside(axis, b[0], a));
+        return seen_along(a).is_some_and(|axis| {
+            (0..3).any(|k| flat_segment_meets(axis, [a[k], a[(k + 1) % 3]], b))
+                || flat_inside(axis, b[0], a)
+        });
     }
     let sb = sides(a, b);
     if one_side(sb) {
         return false;
     }
     let edges = |s: [i8; 3], of: [Point3; 3], t: [Point3; 3]| {
-        (0..3).map(|k| (k, (k + 1) % 3)).any(|(k, l)| s[k] * s[l] <= 0 && (s[k] != 0 || s[l] != 0) && pierces([of[k], of[l]], t))
+        (0..3).map(|k| (k, (k + 1) % 3)).any(|(k, l)| {
+            s[k] * s[l] <= 0 && (s[k] != 0 || s[l] != 0) && pierces([of[k], of[l]], t)
+        })
     };
     edges(sa, a, b) || edges(sb, b, a)
 }
@@ -159,7 +175,8 @@ fn flat_inside(axis: usize, p: Point3, t: [Point3; 3]) -> bool {
 
 /// Whether a segment of the triangle's plane meets the closed triangle: it begins inside, or meets an edge.
 fn flat_segment_meets(axis: usize, s: [Point3; 2], t: [Point3; 3]) -> bool {
-    flat_inside(axis, s[0], t) || (0..3).any(|k| flat_segments_meet(axis, s, [t[k], t[(k + 1) % 3]]))
+    flat_inside(axis, s[0], t)
+        || (0..3).any(|k| flat_segments_meet(axis, s, [t[k], t[(k + 1) % 3]]))
 }
 
 /// Whether two closed segments of a plane meet, seen along an axis.
@@ -175,7 +192,9 @@ fn flat_segments_meet(axis: usize, [p, q]: [Point3; 2], [r, s]: [Point3; 2]) -> 
     if [r_side, s_side, p_side, q_side] != [0; 4] {
         return true;
     }
-    [(axis + 1) % 3, (axis + 2) % 3].into_iter().all(|i| p[i].min(q[i]) <= r[i].max(s[i]) && r[i].min(s[i]) <= p[i].max(q[i]))
+    [(axis + 1) % 3, (axis + 2) % 3]
+        .into_iter()
+        .all(|i| p[i].min(q[i]) <= r[i].max(s[i]) && r[i].min(s[i]) <= p[i].max(q[i]))
 }
 
 /// Bound of the error of a sum of three products, relative to the sum of their absolute values: two roundings of each difference and
@@ -185,14 +204,20 @@ const DOT_ERROR: f64 = 4.0 * f64::EPSILON;
 /// A lower and an upper bound of d · x, where the components of x are rounded differences of doubles.
 fn dot_bounds(d: Point3, x: Point3) -> (f64, f64) {
     let v = dot(d, x);
-    let error = DOT_ERROR * ((d[0] * x[0]).abs() + (d[1] * x[1]).abs() + (d[2] * x[2]).abs()) + f64::MIN_POSITIVE;
+    let error = DOT_ERROR * ((d[0] * x[0]).abs() + (d[1] * x[1]).abs() + (d[2] * x[2]).abs())
+        + f64::MIN_POSITIVE;
     (v - error, v + error)
 }
 
 /// Whether a plane between two triangles with the common first corner is found by a few quick guesses. Any direction will do as a guess,
 /// however it was rounded: only the signs must be certain.
 fn corner_apart(a: [Point3; 3], b: [Point3; 3]) -> bool {
-    let (a1, a2, b1, b2) = (sub(a[1], a[0]), sub(a[2], a[0]), sub(b[1], b[0]), sub(b[2], b[0]));
+    let (a1, a2, b1, b2) = (
+        sub(a[1], a[0]),
+        sub(a[2], a[0]),
+        sub(b[1], b[0]),
+        sub(b[2], b[0]),
+    );
     let unit = |v: Point3| {
         let s = 1.0 / dot(v, v).sqrt();
         v.map(|c| c * s)
@@ -212,7 +237,9 @@ fn corner_apart(a: [Point3; 3], b: [Point3; 3]) -> bool {
         let d = cross(n, middle);
         let (p, q) = (dot_bounds(d, a1), dot_bounds(d, a2));
         let (r, s) = (dot_bounds(d, b1), dot_bounds(d, b2));
-        if (p.0 > 0.0 && q.0 > 0.0 && r.1 < 0.0 && s.1 < 0.0) || (p.1 < 0.0 && q.1 < 0.0 && r.0 > 0.0 && s.0 > 0.0) {
+        if (p.0 > 0.0 && q.0 > 0.0 && r.1 < 0.0 && s.1 < 0.0)
+            || (p.1 < 0.0 && q.1 < 0.0 && r.0 > 0.0 && s.0 > 0.0)
+        {
             return true;
         }
     }
@@ -229,12 +256,18 @@ fn apart(a: [Point3; 3], b: [Point3; 3]) -> bool {
     let separates = |d: Point3| {
         let range = |r: [Point3; 3]| {
             let s = r.map(|x| dot_bounds(d, x));
-            (s[0].0.min(s[1].0).min(s[2].0), s[0].1.max(s[1].1).max(s[2].1))
+            (
+                s[0].0.min(s[1].0).min(s[2].0),
+                s[0].1.max(s[1].1).max(s[2].1),
+            )
         };
         let (x, y) = (range(ra), range(rb));
         x.1 < y.0 || y.1 < x.0
     };
-    separates(na) || separates(nb) || ea.iter().any(|&e| separates(cross(na, e))) || eb.iter().any(|&e| separates(cross(nb, e)))
+    separates(na)
+        || separates(nb)
+        || ea.iter().any(|&e| separates(cross(na, e)))
+        || eb.iter().any(|&e| separates(cross(nb, e)))
 }
 
 #[cfg(test)]

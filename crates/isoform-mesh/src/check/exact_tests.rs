@@ -16,7 +16,11 @@ fn lowest(p: Rational) -> Rational {
 }
 
 fn cross_i(a: [i128; 3], b: [i128; 3]) -> [i128; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 fn minus(a: [i128; 3], b: [i128; 3]) -> [i128; 3] {
@@ -56,7 +60,11 @@ fn intersection(a: [[i128; 3]; 3], b: [[i128; 3]; 3]) -> Vec<Rational> {
 /// Whether the triangles have a point in common that is not on what they share by index.
 fn reference(points: &[[i128; 3]], a: [u32; 3], b: [u32; 3]) -> bool {
     let at = |t: [u32; 3]| t.map(|i| points[i as usize]);
-    let shared: Vec<[i128; 3]> = a.iter().filter(|i| b.contains(i)).map(|&i| points[i as usize]).collect();
+    let shared: Vec<[i128; 3]> = a
+        .iter()
+        .filter(|i| b.contains(i))
+        .map(|&i| points[i as usize])
+        .collect();
     intersection(at(a), at(b)).iter().any(|p| match shared[..] {
         [] => true,
         [v] => (0..3).any(|i| p[i] != v[i] * p[3]),
@@ -76,7 +84,12 @@ fn doubles(points: &[[i128; 3]]) -> Vec<Point3> {
 fn two_triangles(size: i128) -> impl Strategy<Value = (Vec<[i128; 3]>, [u32; 3], [u32; 3])> {
     let second = prop::sample::select(vec![[3u32, 4, 5], [0, 3, 4], [0, 1, 3]]);
     let order = || Just([0usize, 1, 2]).prop_shuffle();
-    (prop::collection::vec([0..size, 0..size, 0..size], 6), second, order(), order())
+    (
+        prop::collection::vec([0..size, 0..size, 0..size], 6),
+        second,
+        order(),
+        order(),
+    )
         .prop_map(|(points, b, i, j)| (points, i.map(|k| k as u32), j.map(|k| b[k])))
 }
 
@@ -123,7 +136,14 @@ proptest! {
 /// Wholly inside the other one in its plane: no edges cross.
 #[test]
 fn one_within_the_other() {
-    let points = [[0, 0, 0], [9, 9, 0], [0, 9, 9], [3, 5, 2], [2, 5, 3], [4, 6, 2]];
+    let points = [
+        [0, 0, 0],
+        [9, 9, 0],
+        [0, 9, 9],
+        [3, 5, 2],
+        [2, 5, 3],
+        [4, 6, 2],
+    ];
     for (a, b) in [([0, 1, 2], [3, 4, 5]), ([3, 4, 5], [0, 1, 2])] {
         assert!(reference(&points, a, b) && triangles_meet(&doubles(&points), a, b));
     }
@@ -134,20 +154,36 @@ fn one_within_the_other() {
 fn far_from_the_origin() {
     let mut random = 1u64;
     let mut next = || {
-        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        random = random
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         i128::from(random >> 60)
     };
     let (mut hits, mut misses) = (0, 0);
     for _ in 0..5000 {
         let offset = [1i128 << 50, 3 << 48, 5 << 47];
         let points: Vec<[i128; 3]> = (0..6).map(|_| std::array::from_fn(|_| next())).collect();
-        let moved: Vec<Point3> = points.iter().map(|p| std::array::from_fn(|i| (p[i] + offset[i]) as f64)).collect();
-        for (a, b) in [([0, 1, 2], [3, 4, 5]), ([0, 1, 2], [0, 3, 4]), ([0, 1, 2], [1, 0, 3])] {
-            if [a, b].iter().any(|t: &[u32; 3]| is_flat(t.map(|i| moved[i as usize]))) {
+        let moved: Vec<Point3> = points
+            .iter()
+            .map(|p| std::array::from_fn(|i| (p[i] + offset[i]) as f64))
+            .collect();
+        for (a, b) in [
+            ([0, 1, 2], [3, 4, 5]),
+            ([0, 1, 2], [0, 3, 4]),
+            ([0, 1, 2], [1, 0, 3]),
+        ] {
+            if [a, b]
+                .iter()
+                .any(|t: &[u32; 3]| is_flat(t.map(|i| moved[i as usize])))
+            {
                 continue;
             }
             let truth = reference(&points, a, b);
-            assert_eq!(triangles_meet(&moved, a, b), truth, "{points:?} {a:?} {b:?}");
+            assert_eq!(
+                triangles_meet(&moved, a, b),
+                truth,
+                "{points:?} {a:?} {b:?}"
+            );
             *if truth { &mut hits } else { &mut misses } += 1;
         }
     }

@@ -24,17 +24,42 @@ impl List {
     /// Any finding of the kind is a failure; `one` and `many` say what, after the number.
     fn none(&mut self, code: &'static str, defects: &Defects, one: &str, many: &str) {
         if defects.count > 0 {
-            let message = format!("{} {}", defects.count, if defects.count == 1 { one } else { many });
-            self.0.push(Failure { code, message, count: defects.count, place: defects.places.first().cloned() });
+            let message = format!(
+                "{} {}",
+                defects.count,
+                if defects.count == 1 { one } else { many }
+            );
+            self.0.push(Failure {
+                code,
+                message,
+                count: defects.count,
+                place: defects.places.first().cloned(),
+            });
         }
     }
     fn add(&mut self, code: &'static str, message: String, place: Option<Place>) {
-        self.0.push(Failure { code, message, count: 1, place });
+        self.0.push(Failure {
+            code,
+            message,
+            count: 1,
+            place,
+        });
     }
     /// A measure that must be at least `limit`; not so is one that is no number.
-    fn at_least(&mut self, code: &'static str, what: &str, value: f64, limit: f64, place: Option<&Place>) {
+    fn at_least(
+        &mut self,
+        code: &'static str,
+        what: &str,
+        value: f64,
+        limit: f64,
+        place: Option<&Place>,
+    ) {
         if value.is_nan() || value < limit {
-            self.add(code, format!("{what} is {value:.6}, below {limit}"), place.cloned());
+            self.add(
+                code,
+                format!("{what} is {value:.6}, below {limit}"),
+                place.cloned(),
+            );
         }
     }
     /// Distances that must be at most `limit`.
@@ -58,7 +83,11 @@ pub(super) fn failures(c: &Certificate) -> Vec<Failure> {
     deviation(c, &mut list);
     coverage(c, &mut list);
     if !c.complete {
-        list.add("incomplete", "the checks were stopped before their end".to_owned(), None);
+        list.add(
+            "incomplete",
+            "the checks were stopped before their end".to_owned(),
+            None,
+        );
     }
     if c.malformed.is_empty() && c.complete && c.surface.is_none() {
         list.add("empty", "the mesh has no elements".to_owned(), None);
@@ -68,42 +97,125 @@ pub(super) fn failures(c: &Certificate) -> Vec<Failure> {
 
 fn surface(c: &Certificate, list: &mut List) {
     if let Some(s) = &c.surface {
-        list.none("open-edge", &s.open_edges, "edge of one triangle only", "edges of one triangle only");
-        list.none("crowded-edge", &s.crowded_edges, "edge of more than two triangles", "edges of more than two triangles");
-        let (one, many) = ("edge between triangles of opposite orientation", "edges between triangles of opposite orientation");
+        list.none(
+            "open-edge",
+            &s.open_edges,
+            "edge of one triangle only",
+            "edges of one triangle only",
+        );
+        list.none(
+            "crowded-edge",
+            &s.crowded_edges,
+            "edge of more than two triangles",
+            "edges of more than two triangles",
+        );
+        let (one, many) = (
+            "edge between triangles of opposite orientation",
+            "edges between triangles of opposite orientation",
+        );
         list.none("misoriented-edge", &s.misoriented_edges, one, many);
-        let (one, many) = ("node where the surface is pinched", "nodes where the surface is pinched");
+        let (one, many) = (
+            "node where the surface is pinched",
+            "nodes where the surface is pinched",
+        );
         list.none("pinched-node", &s.pinched_nodes, one, many);
-        list.none("repeated-triangle", &s.repeated_triangles, "repeated triangle", "repeated triangles");
-        list.none("degenerate-triangle", &s.degenerate_triangles, "triangle with a corner twice", "triangles with a corner twice");
-        list.none("flat-triangle", &s.flat_triangles, "triangle without area", "triangles without area");
-        let (one, many) = ("feature edge that is no edge of a triangle", "feature edges that are no edges of triangles");
+        list.none(
+            "repeated-triangle",
+            &s.repeated_triangles,
+            "repeated triangle",
+            "repeated triangles",
+        );
+        list.none(
+            "degenerate-triangle",
+            &s.degenerate_triangles,
+            "triangle with a corner twice",
+            "triangles with a corner twice",
+        );
+        list.none(
+            "flat-triangle",
+            &s.flat_triangles,
+            "triangle without area",
+            "triangles without area",
+        );
+        let (one, many) = (
+            "feature edge that is no edge of a triangle",
+            "feature edges that are no edges of triangles",
+        );
         list.none("loose-edge", &s.loose_edges, one, many);
-        let (one, many) = ("shell that is turned the wrong way for its place", "shells that are turned the wrong way for their place");
+        let (one, many) = (
+            "shell that is turned the wrong way for its place",
+            "shells that are turned the wrong way for their place",
+        );
         list.none("misplaced-shell", &s.misplaced_shells, one, many);
     }
     if let Some(i) = &c.intersections {
-        list.none("self-intersection", &i.pairs, "pair of triangles that intersect", "pairs of triangles that intersect");
+        list.none(
+            "self-intersection",
+            &i.pairs,
+            "pair of triangles that intersect",
+            "pairs of triangles that intersect",
+        );
         if !i.complete && c.complete {
-            list.add("self-intersections-uncounted", "too many self-intersections to find them all".to_owned(), None);
+            list.add(
+                "self-intersections-uncounted",
+                "too many self-intersections to find them all".to_owned(),
+                None,
+            );
         }
     }
 }
 
 fn volume(c: &Certificate, list: &mut List) {
     if let Some(v) = &c.volume {
-        list.none("inverted-tet", &v.inverted, "inverted tetrahedron", "inverted tetrahedra");
-        list.none("flat-tet", &v.flat, "tetrahedron without volume", "tetrahedra without volume");
-        list.none("crowded-face", &v.crowded_faces, "face of more than two tetrahedra", "faces of more than two tetrahedra");
-        let (one, many) = ("face with both tetrahedra on one side", "faces with both tetrahedra on one side");
+        list.none(
+            "inverted-tet",
+            &v.inverted,
+            "inverted tetrahedron",
+            "inverted tetrahedra",
+        );
+        list.none(
+            "flat-tet",
+            &v.flat,
+            "tetrahedron without volume",
+            "tetrahedra without volume",
+        );
+        list.none(
+            "crowded-face",
+            &v.crowded_faces,
+            "face of more than two tetrahedra",
+            "faces of more than two tetrahedra",
+        );
+        let (one, many) = (
+            "face with both tetrahedra on one side",
+            "faces with both tetrahedra on one side",
+        );
         list.none("folded-face", &v.folded_faces, one, many);
-        let (one, many) = ("outer face that is no triangle of the surface", "outer faces that are no triangles of the surface");
+        let (one, many) = (
+            "outer face that is no triangle of the surface",
+            "outer faces that are no triangles of the surface",
+        );
         list.none("uncovered-face", &v.uncovered_faces, one, many);
-        list.none("inward-triangle", &v.inward_triangles, "triangle that is turned inward", "triangles that are turned inward");
-        list.none("inner-triangle", &v.inner_triangles, "triangle between two tetrahedra", "triangles between two tetrahedra");
-        let (one, many) = ("triangle that is no face of a tetrahedron", "triangles that are no faces of a tetrahedron");
+        list.none(
+            "inward-triangle",
+            &v.inward_triangles,
+            "triangle that is turned inward",
+            "triangles that are turned inward",
+        );
+        list.none(
+            "inner-triangle",
+            &v.inner_triangles,
+            "triangle between two tetrahedra",
+            "triangles between two tetrahedra",
+        );
+        let (one, many) = (
+            "triangle that is no face of a tetrahedron",
+            "triangles that are no faces of a tetrahedron",
+        );
         list.none("loose-triangle", &v.loose_triangles, one, many);
-        let (one, many) = ("mid node that is not that of one edge alone", "mid nodes that are not those of one edge alone");
+        let (one, many) = (
+            "mid node that is not that of one edge alone",
+            "mid nodes that are not those of one edge alone",
+        );
         list.none("mid-node", &v.mid_nodes, one, many);
     }
 }
@@ -111,43 +223,104 @@ fn volume(c: &Certificate, list: &mut List) {
 fn deviation(c: &Certificate, list: &mut List) {
     let Some(d) = &c.deviation else { return };
     if !d.unknown_parts.is_empty() {
-        let message = format!("labels that are no parts of the solid: {}", d.unknown_parts.join(", "));
+        let message = format!(
+            "labels that are no parts of the solid: {}",
+            d.unknown_parts.join(", ")
+        );
         list.add("unknown-part", message, None);
     }
     let limit = c.limits.node_distance * d.diagonal;
-    list.at_most("node-off-surface", "the distance of a node to its part", &d.nodes, limit);
-    list.at_most("mid-node-off-surface", "the distance of a mid node to its part", &d.mids, limit);
-    list.at_most("curve-node-off-surface", "the distance of a node on a curve to a part of the curve", &d.curves, limit);
-    list.at_most("chord", "the distance of a face to its part", &d.faces, c.limits.chord);
-    let (one, many) = ("node on a part where that is not the surface", "nodes on parts where those are not the surface");
+    list.at_most(
+        "node-off-surface",
+        "the distance of a node to its part",
+        &d.nodes,
+        limit,
+    );
+    list.at_most(
+        "mid-node-off-surface",
+        "the distance of a mid node to its part",
+        &d.mids,
+        limit,
+    );
+    list.at_most(
+        "curve-node-off-surface",
+        "the distance of a node on a curve to a part of the curve",
+        &d.curves,
+        limit,
+    );
+    list.at_most(
+        "chord",
+        "the distance of a face to its part",
+        &d.faces,
+        c.limits.chord,
+    );
+    let (one, many) = (
+        "node on a part where that is not the surface",
+        "nodes on parts where those are not the surface",
+    );
     list.none("misclassified-node", &d.misclassified, one, many);
 }
 
 fn coverage(c: &Certificate, list: &mut List) {
     let Some(f) = &c.coverage else { return };
     let what = "the share of the feature curves that has edges";
-    list.at_least("uncovered-curve", what, f.covered, c.limits.covered, f.uncovered.places.first());
-    list.none("missed-corner", &f.missed_corners, "corner without a node", "corners without a node");
+    list.at_least(
+        "uncovered-curve",
+        what,
+        f.covered,
+        c.limits.covered,
+        f.uncovered.places.first(),
+    );
+    list.none(
+        "missed-corner",
+        &f.missed_corners,
+        "corner without a node",
+        "corners without a node",
+    );
 }
 
 fn shape(c: &Certificate, list: &mut List) {
     if let Some(q) = &c.tets {
         let place = q.worst.first();
-        list.at_least("small-dihedral-angle", "the smallest dihedral angle", q.dihedral_min, c.limits.dihedral_min, place);
+        list.at_least(
+            "small-dihedral-angle",
+            "the smallest dihedral angle",
+            q.dihedral_min,
+            c.limits.dihedral_min,
+            place,
+        );
         if q.dihedral_max.is_nan() || q.dihedral_max > c.limits.dihedral_max {
-            let message = format!("the largest dihedral angle is {:.6}, above {}", q.dihedral_max, c.limits.dihedral_max);
+            let message = format!(
+                "the largest dihedral angle is {:.6}, above {}",
+                q.dihedral_max, c.limits.dihedral_max
+            );
             list.add("large-dihedral-angle", message, place.cloned());
         }
     }
     if let Some(q) = &c.triangles {
-        list.at_least("small-angle", "the smallest angle of a triangle", q.angle_min, c.limits.angle_min, q.worst.first());
+        list.at_least(
+            "small-angle",
+            "the smallest angle of a triangle",
+            q.angle_min,
+            c.limits.angle_min,
+            q.worst.first(),
+        );
     }
     if let Some(q) = &c.curved {
-        let (one, many) = ("tetrahedron with a negative Jacobian", "tetrahedra with a negative Jacobian");
+        let (one, many) = (
+            "tetrahedron with a negative Jacobian",
+            "tetrahedra with a negative Jacobian",
+        );
         list.none("negative-jacobian", &q.negative, one, many);
         if q.negative.is_empty() {
             let limit = c.limits.scaled_jacobian_min;
-            list.at_least("small-jacobian", "the smallest scaled Jacobian", q.scaled_jacobian_min, limit, q.worst.first());
+            list.at_least(
+                "small-jacobian",
+                "the smallest scaled Jacobian",
+                q.scaled_jacobian_min,
+                limit,
+                q.worst.first(),
+            );
         }
     }
 }

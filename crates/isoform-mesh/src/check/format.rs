@@ -6,7 +6,9 @@ use isoform_geom::Mesh;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
     /// Coordinates that are not finite.
-    #[error("{count} of the nodes have coordinates that are no finite numbers, the first is node {first}")]
+    #[error(
+        "{count} of the nodes have coordinates that are no finite numbers, the first is node {first}"
+    )]
     Coordinates {
         /// How many nodes.
         count: usize,
@@ -49,52 +51,117 @@ pub(super) fn examine(mesh: &Mesh) -> Vec<Malformed> {
     let bad = |p: &&[f64; 3]| p.iter().any(|v| !v.is_finite());
     let count = mesh.points.iter().filter(bad).count();
     if count > 0 {
-        found.push(Malformed::Coordinates { count, first: mesh.points.iter().position(|p| bad(&p)).unwrap_or(0) });
+        found.push(Malformed::Coordinates {
+            count,
+            first: mesh.points.iter().position(|p| bad(&p)).unwrap_or(0),
+        });
     }
     if u32::try_from(mesh.points.len()).is_err() {
-        found.push(Malformed::Size { array: "points", found: mesh.points.len() });
+        found.push(Malformed::Size {
+            array: "points",
+            found: mesh.points.len(),
+        });
     }
     let (nodes, parts) = (mesh.points.len(), mesh.parts.len());
-    indices(&mut found, "triangles", mesh.triangles.as_flattened(), 3, nodes);
-    indices(&mut found, "triangle_mids", mesh.triangle_mids.as_flattened(), 3, nodes);
+    indices(
+        &mut found,
+        "triangles",
+        mesh.triangles.as_flattened(),
+        3,
+        nodes,
+    );
+    indices(
+        &mut found,
+        "triangle_mids",
+        mesh.triangle_mids.as_flattened(),
+        3,
+        nodes,
+    );
     indices(&mut found, "triangle_parts", &mesh.triangle_parts, 1, parts);
     indices(&mut found, "tets", mesh.tets.as_flattened(), 4, nodes);
-    indices(&mut found, "tet_mids", mesh.tet_mids.as_flattened(), 6, nodes);
-    indices(&mut found, "tet_regions", &mesh.tet_regions, 1, mesh.regions.len());
+    indices(
+        &mut found,
+        "tet_mids",
+        mesh.tet_mids.as_flattened(),
+        6,
+        nodes,
+    );
+    indices(
+        &mut found,
+        "tet_regions",
+        &mesh.tet_regions,
+        1,
+        mesh.regions.len(),
+    );
     indices(&mut found, "edges", mesh.edges.as_flattened(), 2, nodes);
     indices(&mut found, "edge_mids", &mesh.edge_mids, 1, nodes);
-    indices(&mut found, "edge_curves", &mesh.edge_curves, 1, mesh.curves.len());
+    indices(
+        &mut found,
+        "edge_curves",
+        &mesh.edge_curves,
+        1,
+        mesh.curves.len(),
+    );
     indices(&mut found, "corners", &mesh.corners, 1, nodes);
     for (k, curve) in mesh.curves.iter().enumerate() {
         if curve.parts.iter().any(|&i| i as usize >= parts) {
-            found.push(Malformed::Index { array: "curves", count: 1, first: k });
+            found.push(Malformed::Index {
+                array: "curves",
+                count: 1,
+                first: k,
+            });
         }
     }
     for (array, length, wanted) in [
-        ("triangle_mids", mesh.triangle_mids.len(), mesh.triangles.len()),
-        ("triangle_parts", mesh.triangle_parts.len(), mesh.triangles.len()),
+        (
+            "triangle_mids",
+            mesh.triangle_mids.len(),
+            mesh.triangles.len(),
+        ),
+        (
+            "triangle_parts",
+            mesh.triangle_parts.len(),
+            mesh.triangles.len(),
+        ),
         ("tet_mids", mesh.tet_mids.len(), mesh.tets.len()),
         ("tet_regions", mesh.tet_regions.len(), mesh.tets.len()),
         ("edge_mids", mesh.edge_mids.len(), mesh.edges.len()),
         ("edge_curves", mesh.edge_curves.len(), mesh.edges.len()),
     ] {
         if length != 0 && length != wanted {
-            found.push(Malformed::Length { array, found: length, wanted });
+            found.push(Malformed::Length {
+                array,
+                found: length,
+                wanted,
+            });
         }
     }
     found
 }
 
 /// Looks for indices not below `limit`, in items of `width`, and for more than fit 32 bits.
-fn indices(found: &mut Vec<Malformed>, array: &'static str, flat: &[u32], width: usize, limit: usize) {
+fn indices(
+    found: &mut Vec<Malformed>,
+    array: &'static str,
+    flat: &[u32],
+    width: usize,
+    limit: usize,
+) {
     if u32::try_from(flat.len()).is_err() {
-        found.push(Malformed::Size { array, found: flat.len() / width });
+        found.push(Malformed::Size {
+            array,
+            found: flat.len() / width,
+        });
     }
     let bad = |item: &[u32]| item.iter().any(|&i| i as usize >= limit);
     let count = flat.chunks(width).filter(|item| bad(item)).count();
     if count > 0 {
         let first = flat.chunks(width).position(bad).unwrap_or(0);
-        found.push(Malformed::Index { array, count, first });
+        found.push(Malformed::Index {
+            array,
+            count,
+            first,
+        });
     }
 }
 

@@ -56,7 +56,8 @@ pub(super) fn find(
                     }
                     tree.pairs_of_leaf(leaf, |a, b| {
                         looked += 1;
-                        over |= found.len() > options.pairs || looked.is_multiple_of(LOOKS) && control.is_stopped();
+                        over |= found.len() > options.pairs
+                            || looked.is_multiple_of(LOOKS) && control.is_stopped();
                         let (i, j) = (a.min(b), a.max(b));
                         if !over
                             && !skip[i as usize]
@@ -83,11 +84,21 @@ pub(super) fn find(
     let place = |&(a, b): &(u32, u32)| {
         let corners = |t: u32| triangles[t as usize].map(|i| points[i as usize]);
         let (x, y) = (Aabb::of(&corners(a)), Aabb::of(&corners(b)));
-        let common = Aabb { lo: std::array::from_fn(|i| x.lo[i].max(y.lo[i])), hi: std::array::from_fn(|i| x.hi[i].min(y.hi[i])) };
-        Place { at: common.center(), elements: vec![a, b], ..Place::default() }
+        let common = Aabb {
+            lo: std::array::from_fn(|i| x.lo[i].max(y.lo[i])),
+            hi: std::array::from_fn(|i| x.hi[i].min(y.hi[i])),
+        };
+        Place {
+            at: common.center(),
+            elements: vec![a, b],
+            ..Place::default()
+        }
     };
     Intersections {
-        pairs: Defects { count: pairs.len(), places: pairs.iter().take(options.places).map(place).collect() },
+        pairs: Defects {
+            count: pairs.len(),
+            places: pairs.iter().take(options.places).map(place).collect(),
+        },
         triangles: hit.into_iter().filter(|&h| h).count(),
         complete,
     }
@@ -95,6 +106,9 @@ pub(super) fn find(
 
 /// The tree of the triangles' boxes.
 pub(super) fn tree(points: &[Point3], triangles: &[[u32; 3]]) -> BoxTree {
-    let boxes: Vec<Aabb> = triangles.par_iter().map(|t| Aabb::of(t.map(|i| points[i as usize]).iter())).collect();
+    let boxes: Vec<Aabb> = triangles
+        .par_iter()
+        .map(|t| Aabb::of(t.map(|i| points[i as usize]).iter()))
+        .collect();
     BoxTree::new(&boxes)
 }

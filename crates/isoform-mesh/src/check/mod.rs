@@ -71,7 +71,15 @@ pub struct Options<'a> {
 
 impl Default for Options<'_> {
     fn default() -> Self {
-        Self { places: 20, pairs: 10_000_000, curves: &[], corners: &[], size: None, region: None, limits: Limits::default() }
+        Self {
+            places: 20,
+            pairs: 10_000_000,
+            curves: &[],
+            corners: &[],
+            size: None,
+            region: None,
+            limits: Limits::default(),
+        }
     }
 }
 
@@ -155,8 +163,17 @@ impl Certificate {
 /// Looks for everything that could be wrong with a mesh; with a solid, also whether the mesh follows its surface.
 ///
 /// On a stop by `control` the certificate lacks what was not yet looked at, and is not complete.
-pub fn certify(mesh: &Mesh, solid: Option<&dyn Solid>, options: &Options<'_>, control: &Control<'_>) -> Certificate {
-    let mut certificate = Certificate { malformed: format::examine(mesh), limits: options.limits, ..Certificate::default() };
+pub fn certify(
+    mesh: &Mesh,
+    solid: Option<&dyn Solid>,
+    options: &Options<'_>,
+    control: &Control<'_>,
+) -> Certificate {
+    let mut certificate = Certificate {
+        malformed: format::examine(mesh),
+        limits: options.limits,
+        ..Certificate::default()
+    };
     if !certificate.malformed.is_empty() {
         certificate.complete = true;
         return certificate;
@@ -184,15 +201,28 @@ fn examine(
         certificate.tets = elements::tets(points, &mesh.tets, options);
         certificate.curved = elements::curved(mesh, options);
     }
-    let triangles = if mesh.triangles.is_empty() { &boundary } else { &mesh.triangles };
+    let triangles = if mesh.triangles.is_empty() {
+        &boundary
+    } else {
+        &mesh.triangles
+    };
     if !triangles.is_empty() {
         control.phase("checking the surface").ok()?;
         let flat = surface::without_area(points, triangles);
         let tree = intersections::tree(points, triangles);
-        certificate.surface = Some(surface::examine(points, triangles, &mesh.edges, &flat, &tree, options));
+        certificate.surface = Some(surface::examine(
+            points,
+            triangles,
+            &mesh.edges,
+            &flat,
+            &tree,
+            options,
+        ));
         certificate.triangles = elements::triangles(points, triangles, options);
         control.phase("looking for self-intersections").ok()?;
-        certificate.intersections = Some(intersections::find(points, triangles, &flat, &tree, options, control));
+        certificate.intersections = Some(intersections::find(
+            points, triangles, &flat, &tree, options, control,
+        ));
     }
     certificate.unused_nodes = unused_nodes(mesh);
     if let (Some(solid), false) = (solid, triangles.is_empty()) {
@@ -203,7 +233,10 @@ fn examine(
     }
     if !options.curves.is_empty() || !options.corners.is_empty() {
         control.phase("looking for features").ok()?;
-        let size = options.size.or_else(|| certificate.triangles.as_ref().map(|t| t.edges.mean)).unwrap_or(0.0);
+        let size = options
+            .size
+            .or_else(|| certificate.triangles.as_ref().map(|t| t.edges.mean))
+            .unwrap_or(0.0);
         certificate.coverage = Some(coverage::measure(mesh, triangles, size, options));
     }
     Some(())
@@ -220,7 +253,10 @@ fn unused_nodes(mesh: &Mesh) -> usize {
         mesh.edges.as_flattened(),
         &mesh.edge_mids,
     ];
-    arrays.into_iter().flatten().for_each(|&i| used[i as usize] = true);
+    arrays
+        .into_iter()
+        .flatten()
+        .for_each(|&i| used[i as usize] = true);
     used.into_iter().filter(|&u| !u).count()
 }
 

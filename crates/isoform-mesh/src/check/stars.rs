@@ -29,7 +29,10 @@ impl Stars {
         // Each offset now is the next one's: move them back.
         offsets.rotate_right(1);
         offsets[0] = 0;
-        Self { offsets, elements: items }
+        Self {
+            offsets,
+            elements: items,
+        }
     }
 
     /// Elements around a node; an element that has the node more than once comes as often.
@@ -40,7 +43,10 @@ impl Stars {
 
 /// Ranges of `0..n` for tasks of about `size` each. The ranges, and so the order of sums, depend on nothing else.
 pub(super) fn blocks(n: usize, size: usize) -> Vec<std::ops::Range<usize>> {
-    (0..n).step_by(size).map(|from| from..(from + size).min(n)).collect()
+    (0..n)
+        .step_by(size)
+        .map(|from| from..(from + size).min(n))
+        .collect()
 }
 
 #[cfg(test)]
@@ -50,7 +56,10 @@ mod tests {
     #[test]
     fn elements_of_each_node() {
         let stars = Stars::new(5, &[[0, 1, 2], [2, 1, 4], [1, 1, 0]]);
-        assert_eq!((0..5).map(|i| stars.of(i).to_vec()).collect::<Vec<_>>(), [vec![0, 2], vec![0, 1, 2, 2], vec![0, 1], vec![], vec![1]]);
+        assert_eq!(
+            (0..5).map(|i| stars.of(i).to_vec()).collect::<Vec<_>>(),
+            [vec![0, 2], vec![0, 1, 2, 2], vec![0, 1], vec![], vec![1]]
+        );
         assert!(Stars::new::<3>(0, &[]).offsets == [0]);
     }
 }

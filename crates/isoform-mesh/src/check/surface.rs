@@ -115,7 +115,10 @@ fn is_degenerate(t: &[u32; 3]) -> bool {
 
 /// Which triangles have no area, by index or exactly on a line.
 pub(super) fn without_area(points: &[Point3], triangles: &[[u32; 3]]) -> Vec<bool> {
-    triangles.par_iter().map(|t| is_degenerate(t) || is_flat(t.map(|i| points[i as usize]))).collect()
+    triangles
+        .par_iter()
+        .map(|t| is_degenerate(t) || is_flat(t.map(|i| points[i as usize])))
+        .collect()
 }
 
 /// Topology and measure of a surface with feature edges; `flat` is [`without_area`] of it, and the tree that of its triangles.
@@ -128,17 +131,39 @@ pub(super) fn examine(
     options: &Options<'_>,
 ) -> Surface {
     let room = options.places;
-    let mut surface = Surface { triangles: triangles.len(), ..Surface::default() };
+    let mut surface = Surface {
+        triangles: triangles.len(),
+        ..Surface::default()
+    };
     for (k, t) in triangles.iter().enumerate().filter(|&(k, _)| flat[k]) {
-        let place = || Place { at: points[t[0] as usize], nodes: t.to_vec(), elements: vec![k as u32], value: 0.0 };
-        if is_degenerate(t) { &mut surface.degenerate_triangles } else { &mut surface.flat_triangles }.add(room, place);
+        let place = || Place {
+            at: points[t[0] as usize],
+            nodes: t.to_vec(),
+            elements: vec![k as u32],
+            value: 0.0,
+        };
+        if is_degenerate(t) {
+            &mut surface.degenerate_triangles
+        } else {
+            &mut surface.flat_triangles
+        }
+        .add(room, place);
     }
     let shell_of = Shells::new(points.len(), triangles);
     let stars = Stars::new(points.len(), triangles);
     for &[a, b] in features {
-        if a == b || !stars.of(a as usize).iter().any(|&k| triangles[k as usize].contains(&b)) {
+        if a == b
+            || !stars
+                .of(a as usize)
+                .iter()
+                .any(|&k| triangles[k as usize].contains(&b))
+        {
             let at = middle(points[a as usize], points[b as usize]);
-            surface.loose_edges.add(room, || Place { at, nodes: vec![a, b], ..Place::default() });
+            surface.loose_edges.add(room, || Place {
+                at,
+                nodes: vec![a, b],
+                ..Place::default()
+            });
         }
     }
     let runs: Vec<Run> = blocks(points.len(), TASK)
@@ -164,11 +189,17 @@ pub(super) fn examine(
             surface.edges += edges as usize;
             shells[shell as usize].euler += 1 - i64::from(edges);
         }
-        run.broken.into_iter().for_each(|shell| broken[shell as usize] = true);
+        run.broken
+            .into_iter()
+            .for_each(|shell| broken[shell as usize] = true);
     }
     for (shell, broken) in shells.iter_mut().zip(broken) {
         shell.euler += shell.triangles as i64;
-        shell.genus = if broken { None } else { u64::try_from((2 - shell.euler) / 2).ok() };
+        shell.genus = if broken {
+            None
+        } else {
+            u64::try_from((2 - shell.euler) / 2).ok()
+        };
         surface.euler += shell.euler;
         surface.volume += shell.volume;
         surface.area += shell.area;
@@ -194,7 +225,10 @@ struct Work {
 }
 
 impl Work {
-    #[expect(clippy::too_many_arguments, reason = "one loop body, called from one place")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one loop body, called from one place"
+    )]
     fn examine(
         &mut self,
         points: &[Point3],
@@ -262,14 +296,23 @@ impl Work {
         }
         run.edges.push((shell, edges));
         if fans > 1 {
-            let place = || Place { at: points[node], nodes: vec![u], elements: around.to_vec(), value: fans as f64 };
+            let place = || Place {
+                at: points[node],
+                nodes: vec![u],
+                elements: around.to_vec(),
+                value: fans as f64,
+            };
             run.pinched.add(room, place);
             whole = false;
         }
         self.apexes.sort_unstable();
         for pair in self.apexes.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-            let place =
-                || Place { at: points[node], nodes: vec![u, pair[0].0[0], pair[0].0[1]], elements: vec![pair[0].1, pair[1].1], value: 0.0 };
+            let place = || Place {
+                at: points[node],
+                nodes: vec![u, pair[0].0[0], pair[0].0[1]],
+                elements: vec![pair[0].1, pair[1].1],
+                value: 0.0,
+            };
             run.repeated.add(room, place);
             whole = false;
         }
@@ -348,7 +391,14 @@ impl Shells {
                 sums
             })
             .collect();
-        let mut shells: Vec<Shell> = self.lowest.iter().map(|&node| Shell { node, ..Shell::default() }).collect();
+        let mut shells: Vec<Shell> = self
+            .lowest
+            .iter()
+            .map(|&node| Shell {
+                node,
+                ..Shell::default()
+            })
+            .collect();
         for (shell, triangles, volume, area) in parts.into_iter().flatten() {
             let s = &mut shells[shell as usize];
             s.triangles += triangles;
@@ -363,13 +413,29 @@ impl Shells {
 ///
 /// The number is counted along a ray, each passage with its sign, exactly; a ray that meets an edge is given up for another one.
 /// A shell that touches others has no such number; touching is an intersection, and reported as one.
-fn misplaced(points: &[Point3], triangles: &[[u32; 3]], shells: &[Shell], of: &Shells, tree: &BoxTree, room: usize) -> Defects {
+fn misplaced(
+    points: &[Point3],
+    triangles: &[[u32; 3]],
+    shells: &[Shell],
+    of: &Shells,
+    tree: &BoxTree,
+    room: usize,
+) -> Defects {
     let bounds = Aabb::of(triangles.iter().flatten().map(|&i| &points[i as usize]));
     let windings: Vec<Option<i32>> = shells
         .par_iter()
         .map(|shell| {
             let from = points[shell.node as usize];
-            (0..RAYS).find_map(|k| winding(points, triangles, of, tree, shell.node, ray_end(from, &bounds, k)))
+            (0..RAYS).find_map(|k| {
+                winding(
+                    points,
+                    triangles,
+                    of,
+                    tree,
+                    shell.node,
+                    ray_end(from, &bounds, k),
+                )
+            })
         })
         .collect();
     let mut defects = Defects::default();
@@ -391,13 +457,27 @@ fn misplaced(points: &[Point3], triangles: &[[u32; 3]], shells: &[Shell], of: &S
 fn ray_end(from: Point3, bounds: &Aabb, k: u32) -> Point3 {
     let reach = bounds.diagonal();
     // Two sequences of low discrepancy (golden ratio and √2), as far from rational slopes as numbers get.
-    let (s, t) = (f64::from(k + 1) * 0.618_033_988_749_894_9, f64::from(k + 1) * 0.414_213_562_373_095_03);
+    let (s, t) = (
+        f64::from(k + 1) * 0.618_033_988_749_894_9,
+        f64::from(k + 1) * 0.414_213_562_373_095_03,
+    );
     let tilt = 1e-3 * reach * f64::from(k + 1);
-    [bounds.hi[0] + reach, from[1] + tilt * (s.fract() - 0.5), from[2] + tilt * (t.fract() - 0.5)]
+    [
+        bounds.hi[0] + reach,
+        from[1] + tilt * (s.fract() - 0.5),
+        from[2] + tilt * (t.fract() - 0.5),
+    ]
 }
 
 /// How many times the other shells wind around a node; `None` if the segment to the outside meets one of their edges.
-fn winding(points: &[Point3], triangles: &[[u32; 3]], of: &Shells, tree: &BoxTree, node: u32, end: Point3) -> Option<i32> {
+fn winding(
+    points: &[Point3],
+    triangles: &[[u32; 3]],
+    of: &Shells,
+    tree: &BoxTree,
+    node: u32,
+    end: Point3,
+) -> Option<i32> {
     let from = points[node as usize];
     let (mut count, mut certain) = (0, true);
     tree.query(&Aabb::of(&[from, end]), |k| {
@@ -410,7 +490,11 @@ fn winding(points: &[Point3], triangles: &[[u32; 3]], of: &Shells, tree: &BoxTre
         if s * e > 0 {
             return;
         }
-        let sides = [volume_sign(from, end, a, b), volume_sign(from, end, b, c), volume_sign(from, end, c, a)];
+        let sides = [
+            volume_sign(from, end, a, b),
+            volume_sign(from, end, b, c),
+            volume_sign(from, end, c, a),
+        ];
         if sides.contains(&1) && sides.contains(&-1) {
             return;
         }

@@ -98,7 +98,11 @@ impl Face {
     /// As seen from outside.
     fn corners(&self, lowest: u32) -> [u32; 3] {
         let [a, b] = self.others;
-        if self.ascending { [lowest, a, b] } else { [lowest, b, a] }
+        if self.ascending {
+            [lowest, a, b]
+        } else {
+            [lowest, b, a]
+        }
     }
 }
 
@@ -108,7 +112,12 @@ fn face_at(node: u32, f: [u32; 3], element: u32, is_triangle: bool) -> Option<Fa
         [x, a, b] | [b, x, a] | [a, b, x] if x == node => [a, b],
         _ => return None,
     };
-    (node < a && node < b && a != b).then(|| Face { others: [a.min(b), a.max(b)], element, is_triangle, ascending: a < b })
+    (node < a && node < b && a != b).then(|| Face {
+        others: [a.min(b), a.max(b)],
+        element,
+        is_triangle,
+        ascending: a < b,
+    })
 }
 
 /// Topology and measure of the tetrahedra, and their boundary in the order of its lowest corners.
@@ -126,7 +135,16 @@ pub(super) fn examine(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<[u32; 
             let mut run = Run::default();
             let mut work = (Vec::new(), Vec::new());
             for node in range {
-                at_node(mesh, &around, &triangles_around, &lengths, node, room, &mut work, &mut run);
+                at_node(
+                    mesh,
+                    &around,
+                    &triangles_around,
+                    &lengths,
+                    node,
+                    room,
+                    &mut work,
+                    &mut run,
+                );
             }
             run
         })
@@ -141,7 +159,12 @@ pub(super) fn examine(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<[u32; 
         }
     }
     // Mid nodes must not be corners either.
-    for &i in mesh.tets.iter().flatten().filter(|_| !mesh.tet_mids.is_empty()) {
+    for &i in mesh
+        .tets
+        .iter()
+        .flatten()
+        .filter(|_| !mesh.tet_mids.is_empty())
+    {
         doubled |= users[i as usize] == 1;
     }
     if doubled {
@@ -188,10 +211,20 @@ fn measure(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<f64>) {
                 part.volume += six_volume(p);
                 let sign = volume_sign(p[0], p[1], p[2], p[3]);
                 if sign <= 0 {
-                    let defects = if sign < 0 { &mut part.inverted } else { &mut part.flat };
-                    let at = std::array::from_fn(|i| 0.25 * (p[0][i] + p[1][i] + p[2][i] + p[3][i]));
+                    let defects = if sign < 0 {
+                        &mut part.inverted
+                    } else {
+                        &mut part.flat
+                    };
+                    let at =
+                        std::array::from_fn(|i| 0.25 * (p[0][i] + p[1][i] + p[2][i] + p[3][i]));
                     let element = (chunk * TASK + k) as u32;
-                    defects.add(room, || Place { at, nodes: t.to_vec(), elements: vec![element], value: six_volume(p) / 6.0 });
+                    defects.add(room, || Place {
+                        at,
+                        nodes: t.to_vec(),
+                        elements: vec![element],
+                        value: six_volume(p) / 6.0,
+                    });
                 }
             }
             part
@@ -209,7 +242,10 @@ fn measure(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<f64>) {
 }
 
 /// Faces and edges that belong to a node, being its lowest.
-#[expect(clippy::too_many_arguments, reason = "one loop body, called from one place")]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "one loop body, called from one place"
+)]
 fn at_node(
     mesh: &Mesh,
     tets: &Stars,
@@ -232,7 +268,14 @@ fn at_node(
         for (e, [a, b]) in TET_EDGES.into_iter().enumerate() {
             let (a, b) = (t[a], t[b]);
             if a.min(b) == u && a != b {
-                edges.push((a.max(b), if second { mesh.tet_mids[k as usize][e] } else { 0 }));
+                edges.push((
+                    a.max(b),
+                    if second {
+                        mesh.tet_mids[k as usize][e]
+                    } else {
+                        0
+                    },
+                ));
             }
         }
     }
@@ -257,8 +300,15 @@ fn at_node(
             if let [(other, mid)] = group {
                 run.mids.push((*mid, [u, *other]));
             } else {
-                let nodes = [u, group[0].0].into_iter().chain(group.iter().map(|e| e.1)).collect();
-                run.volume.mid_nodes.add(room, || Place { at: mesh.points[node], nodes, ..Place::default() });
+                let nodes = [u, group[0].0]
+                    .into_iter()
+                    .chain(group.iter().map(|e| e.1))
+                    .collect();
+                run.volume.mid_nodes.add(room, || Place {
+                    at: mesh.points[node],
+                    nodes,
+                    ..Place::default()
+                });
             }
         }
     }
@@ -285,14 +335,20 @@ fn at_face(mesh: &Mesh, lengths: &[f64], lowest: u32, group: &[Face], room: usiz
     let volume = &mut run.volume;
     volume.faces += usize::from(!tets.is_empty());
     match tets {
-        [] => triangles.iter().for_each(|t| volume.loose_triangles.add(room, || place(std::slice::from_ref(t)))),
+        [] => triangles.iter().for_each(|t| {
+            volume
+                .loose_triangles
+                .add(room, || place(std::slice::from_ref(t)))
+        }),
         [face] => {
             run.boundary.push(face.corners(lowest));
             if triangles.is_empty() && !mesh.triangles.is_empty() {
                 volume.uncovered_faces.add(room, || place(tets));
             }
             for t in triangles.iter().filter(|t| t.ascending != face.ascending) {
-                volume.inward_triangles.add(room, || place(std::slice::from_ref(t)));
+                volume
+                    .inward_triangles
+                    .add(room, || place(std::slice::from_ref(t)));
             }
         }
         [a, b] => {
@@ -305,21 +361,39 @@ fn at_face(mesh: &Mesh, lengths: &[f64], lowest: u32, group: &[Face], room: usiz
         _ => volume.crowded_faces.add(room, || place(tets)),
     }
     if tets.len() > 1 {
-        triangles.iter().for_each(|t| volume.inner_triangles.add(room, || place(std::slice::from_ref(t))));
+        triangles.iter().for_each(|t| {
+            volume
+                .inner_triangles
+                .add(room, || place(std::slice::from_ref(t)))
+        });
     }
 }
 
 /// Edges that share a mid node, and those whose mid node is a corner; only called if there are some.
 fn shared_mids(points: &[Point3], runs: &[Run], mesh: &Mesh, room: usize, defects: &mut Defects) {
-    let mut mids: Vec<(u32, [u32; 2])> = runs.iter().flat_map(|run| run.mids.iter().copied()).collect();
+    let mut mids: Vec<(u32, [u32; 2])> = runs
+        .iter()
+        .flat_map(|run| run.mids.iter().copied())
+        .collect();
     mids.sort_unstable();
     let mut corner = vec![false; points.len()];
-    mesh.tets.iter().flatten().for_each(|&i| corner[i as usize] = true);
+    mesh.tets
+        .iter()
+        .flatten()
+        .for_each(|&i| corner[i as usize] = true);
     for group in mids.chunk_by(|a, b| a.0 == b.0) {
         let mid = group[0].0;
         if group.len() > 1 || corner[mid as usize] {
-            let nodes = std::iter::once(mid).chain(group.iter().flat_map(|m| m.1)).take(16).collect();
-            defects.add(room, || Place { at: points[mid as usize], nodes, elements: Vec::new(), value: group.len() as f64 });
+            let nodes = std::iter::once(mid)
+                .chain(group.iter().flat_map(|m| m.1))
+                .take(16)
+                .collect();
+            defects.add(room, || Place {
+                at: points[mid as usize],
+                nodes,
+                elements: Vec::new(),
+                value: group.len() as f64,
+            });
         }
     }
 }
@@ -347,9 +421,17 @@ mod tests {
     #[test]
     fn faces_at_their_lowest_corner() {
         let f = face_at(2, [7, 2, 5], 0, false).expect("the lowest corner");
-        assert_eq!((f.others, f.ascending, f.corners(2)), ([5, 7], true, [2, 5, 7]));
+        assert_eq!(
+            (f.others, f.ascending, f.corners(2)),
+            ([5, 7], true, [2, 5, 7])
+        );
         let f = face_at(2, [5, 2, 7], 0, false).expect("the lowest corner");
-        assert_eq!((f.others, f.ascending, f.corners(2)), ([5, 7], false, [2, 7, 5]));
-        assert!(face_at(5, [5, 2, 7], 0, false).is_none() && face_at(3, [3, 4, 4], 0, true).is_none());
+        assert_eq!(
+            (f.others, f.ascending, f.corners(2)),
+            ([5, 7], false, [2, 7, 5])
+        );
+        assert!(
+            face_at(5, [5, 2, 7], 0, false).is_none() && face_at(3, [3, 4, 4], 0, true).is_none()
+        );
     }
 }

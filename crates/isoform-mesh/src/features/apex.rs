@@ -36,14 +36,20 @@ impl Search<'_> {
         for _ in 0..LOOKS {
             let (spread, next) = self.look(piece, tip, reach)?;
             // A smooth surface looks flatter from nearer: its normals differ by a quarter of the angle or less.
-            if spread > SPREAD || last.is_some_and(|l: f64| spread.acos() < 0.6 * l.acos()) || norm(sub(next, tip)) > 1.2 * reach {
+            if spread > SPREAD
+                || last.is_some_and(|l: f64| spread.acos() < 0.6 * l.acos())
+                || norm(sub(next, tip)) > 1.2 * reach
+            {
                 return None;
             }
             (tip, last) = (next, Some(spread));
             reach *= NEARER;
         }
         let octant = |i: usize| cell.lo[i] - 1e-9 <= tip[i] && tip[i] <= cell.hi[i] + 1e-9;
-        (0..3).all(octant).then_some(tip).filter(|tip| self.matters(piece, *tip))
+        (0..3)
+            .all(octant)
+            .then_some(tip)
+            .filter(|tip| self.matters(piece, *tip))
     }
 
     /// The least cosine between the normals around a point, and the tip they point to.
@@ -54,7 +60,9 @@ impl Search<'_> {
         let (mut m, mut b) = ([[0.0; 4]; 4], [0.0; 4]);
         for u in AROUND {
             let q = along(p, u, reach);
-            let Some(g) = normalised(self.solid, piece, q) else { continue };
+            let Some(g) = normalised(self.solid, piece, q) else {
+                continue;
+            };
             let row = [g.n[0], g.n[1], g.n[2], g.d / reach];
             let right = dot(g.n, u);
             for i in 0..4 {
@@ -76,8 +84,15 @@ impl Search<'_> {
         let mut values = vec![0.0; pieces.len()];
         self.solid.values(&pieces, &[p], &mut values);
         let range = |k: u32| {
-            let v = pieces.iter().position(|q| *q == k).map_or(0.0, |at| values[at]);
-            if k == piece { Interval::new(-1.0, 1.0) } else { Interval::new(v, v) }
+            let v = pieces
+                .iter()
+                .position(|q| *q == k)
+                .map_or(0.0, |at| values[at]);
+            if k == piece {
+                Interval::new(-1.0, 1.0)
+            } else {
+                Interval::new(v, v)
+            }
         };
         let mut which = Vec::new();
         decisive(&tree, &range, &mut which);

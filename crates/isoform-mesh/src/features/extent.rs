@@ -10,7 +10,10 @@ use isoform_geom::{Aabb, Solid};
 /// Where the search ends, in model units.
 const LIMIT: f64 = 1e6;
 /// The box searched first where none is given: the default bounds of HyperFun programs.
-pub const START: Aabb = Aabb { lo: [-10.0; 3], hi: [10.0; 3] };
+pub const START: Aabb = Aabb {
+    lo: [-10.0; 3],
+    hi: [10.0; 3],
+};
 /// Boxes that one search may look at. A cube takes about a hundred, a gyroid some thousands; at the end of the budget the boxes left are
 /// taken as if the solid filled them.
 const BUDGET: usize = 400_000;
@@ -63,10 +66,18 @@ pub enum ExtentError {
 /// their border, then looks for parts of the solid farther out.
 pub fn extent(solid: &dyn Solid, start: Aabb, size: f64) -> Result<Extent, ExtentError> {
     let sane = |v: f64| v.is_finite() && v.abs() <= LIMIT;
-    if start.is_empty() || !start.lo.into_iter().chain(start.hi).all(sane) || !(size > 0.0 && size.is_finite()) {
+    if start.is_empty()
+        || !start.lo.into_iter().chain(start.hi).all(sane)
+        || !(size > 0.0 && size.is_finite())
+    {
         return Err(ExtentError::Start { start, size });
     }
-    let mut search = Search { solid, scratch: Scratch::new(solid), everything: Local::everywhere(solid), inside: Aabb::EMPTY };
+    let mut search = Search {
+        solid,
+        scratch: Scratch::new(solid),
+        everything: Local::everywhere(solid),
+        inside: Aabb::EMPTY,
+    };
     let mut region = start;
     let mut certified;
     // How often points of the solid were met at the border: a thin solid without an end is lost sight of in the largest boxes.
@@ -77,7 +88,10 @@ pub fn extent(solid: &dyn Solid, start: Aabb, size: f64) -> Result<Extent, Exten
         if !touches(found.bounds, region) {
             break found.bounds;
         }
-        reached += usize::from(touches(widened(search.inside, coarse(region, size)), region));
+        reached += usize::from(touches(
+            widened(search.inside, coarse(region, size)),
+            region,
+        ));
         if at_limit(region) {
             if reached > 2 {
                 return Err(ExtentError::Unbounded { limit: LIMIT });
@@ -96,7 +110,11 @@ pub fn extent(solid: &dyn Solid, start: Aabb, size: f64) -> Result<Extent, Exten
             let mut tolerance = coarse(outer, size);
             let mut found = search.run(slab, tolerance, SHELL_BUDGET, true);
             // Something that no sample has met: nearer to it.
-            while !found.met && found.complete && !found.bounds.is_empty() && tolerance > 0.25 * size {
+            while !found.met
+                && found.complete
+                && !found.bounds.is_empty()
+                && tolerance > 0.25 * size
+            {
                 tolerance = (0.25 * tolerance).max(0.25 * size);
                 found = search.run(found.bounds, tolerance, SHELL_BUDGET, true);
             }
@@ -120,9 +138,14 @@ pub fn extent(solid: &dyn Solid, start: Aabb, size: f64) -> Result<Extent, Exten
         found = search.run(found.bounds, fine / 8.0, BUDGET, false);
     }
     if search.inside.is_empty() {
-        return Err(ExtentError::Empty { certified: certified && found.bounds.is_empty() });
+        return Err(ExtentError::Empty {
+            certified: certified && found.bounds.is_empty(),
+        });
     }
-    Ok(Extent { bounds: found.bounds, certified: certified && found.complete })
+    Ok(Extent {
+        bounds: found.bounds,
+        certified: certified && found.complete,
+    })
 }
 
 /// The tolerance of the first search of a region.
@@ -160,7 +183,11 @@ impl Search<'_> {
     /// The solid in a region, to a tolerance. With `separate`, the hull of what is known inside elsewhere does not count.
     fn run(&mut self, region: Aabb, tolerance: f64, budget: usize, separate: bool) -> Found {
         let mut unproved = Aabb::EMPTY;
-        let mut hull = if separate { Aabb::EMPTY } else { clipped(self.inside, region) };
+        let mut hull = if separate {
+            Aabb::EMPTY
+        } else {
+            clipped(self.inside, region)
+        };
         let mut met = false;
         let mut left = budget;
         // Level by level: the hull has grown from large boxes before small ones are looked at.
@@ -168,7 +195,11 @@ impl Search<'_> {
         while !level.is_empty() {
             for (cell, local) in level.drain(..) {
                 // While no point of the solid is known, each box may hold the first.
-                let known = if hull.is_empty() { Aabb::EMPTY } else { union(hull, unproved) };
+                let known = if hull.is_empty() {
+                    Aabb::EMPTY
+                } else {
+                    union(hull, unproved)
+                };
                 if within(cell, widened(known, tolerance)) {
                     continue;
                 }
@@ -205,8 +236,16 @@ impl Search<'_> {
         if met {
             self.inside = union(self.inside, hull);
         }
-        let bounds = if hull.is_empty() { unproved } else { clipped(widened(union(hull, unproved), tolerance), region) };
-        Found { bounds, complete: left > 0, met }
+        let bounds = if hull.is_empty() {
+            unproved
+        } else {
+            clipped(widened(union(hull, unproved), tolerance), region)
+        };
+        Found {
+            bounds,
+            complete: left > 0,
+            met,
+        }
     }
 }
 
@@ -214,8 +253,17 @@ impl Search<'_> {
 /// count [`OUTWARD`] times: thin slabs over a face of the solid are halved outwards before they are cut up along it.
 fn split(cell: Aabb, known: Aabb) -> (Aabb, Aabb) {
     let size = cell.size();
-    let weight = |i: usize| size[i] * if cell.lo[i] < known.lo[i] || cell.hi[i] > known.hi[i] { OUTWARD } else { 1.0 };
-    let longest = (0..3).max_by(|a, b| weight(*a).total_cmp(&weight(*b))).unwrap_or(0);
+    let weight = |i: usize| {
+        size[i]
+            * if cell.lo[i] < known.lo[i] || cell.hi[i] > known.hi[i] {
+                OUTWARD
+            } else {
+                1.0
+            }
+    };
+    let longest = (0..3)
+        .max_by(|a, b| weight(*a).total_cmp(&weight(*b)))
+        .unwrap_or(0);
     let mut cut = (longest, cell.center()[longest]);
     if !known.is_empty() && (0..3).all(|i| known.lo[i] < cell.hi[i] && known.hi[i] > cell.lo[i]) {
         let mut best = 0.0;
@@ -235,15 +283,24 @@ fn split(cell: Aabb, known: Aabb) -> (Aabb, Aabb) {
 }
 
 fn union(a: Aabb, b: Aabb) -> Aabb {
-    Aabb { lo: std::array::from_fn(|i| a.lo[i].min(b.lo[i])), hi: std::array::from_fn(|i| a.hi[i].max(b.hi[i])) }
+    Aabb {
+        lo: std::array::from_fn(|i| a.lo[i].min(b.lo[i])),
+        hi: std::array::from_fn(|i| a.hi[i].max(b.hi[i])),
+    }
 }
 
 fn clipped(a: Aabb, b: Aabb) -> Aabb {
-    Aabb { lo: std::array::from_fn(|i| a.lo[i].max(b.lo[i])), hi: std::array::from_fn(|i| a.hi[i].min(b.hi[i])) }
+    Aabb {
+        lo: std::array::from_fn(|i| a.lo[i].max(b.lo[i])),
+        hi: std::array::from_fn(|i| a.hi[i].min(b.hi[i])),
+    }
 }
 
 fn widened(b: Aabb, by: f64) -> Aabb {
-    Aabb { lo: b.lo.map(|v| v - by), hi: b.hi.map(|v| v + by) }
+    Aabb {
+        lo: b.lo.map(|v| v - by),
+        hi: b.hi.map(|v| v + by),
+    }
 }
 
 fn within(a: Aabb, b: Aabb) -> bool {
@@ -254,7 +311,10 @@ fn within(a: Aabb, b: Aabb) -> bool {
 fn doubled(b: Aabb) -> Aabb {
     let (c, s) = (b.center(), b.size());
     let half = s.into_iter().fold(0.0, f64::max).max(1e-3);
-    Aabb { lo: std::array::from_fn(|i: usize| (c[i] - half).max(-LIMIT)), hi: std::array::from_fn(|i: usize| (c[i] + half).min(LIMIT)) }
+    Aabb {
+        lo: std::array::from_fn(|i: usize| (c[i] - half).max(-LIMIT)),
+        hi: std::array::from_fn(|i: usize| (c[i] + half).min(LIMIT)),
+    }
 }
 
 /// What `outer` holds beyond `inner`, as six boxes.
@@ -265,7 +325,11 @@ fn shell(inner: Aabb, outer: Aabb) -> Vec<Aabb> {
         let (mut below, mut above) = (rest, rest);
         below.hi[i] = inner.lo[i];
         above.lo[i] = inner.hi[i];
-        slabs.extend([below, above].into_iter().filter(|b| (0..3).all(|k| b.lo[k] < b.hi[k])));
+        slabs.extend(
+            [below, above]
+                .into_iter()
+                .filter(|b| (0..3).all(|k| b.lo[k] < b.hi[k])),
+        );
         rest.lo[i] = inner.lo[i];
         rest.hi[i] = inner.hi[i];
     }

@@ -98,9 +98,19 @@ impl Search<'_> {
         let mut sheets: Vec<Sheet> = Vec::with_capacity(3);
         for (k, n) in vanishing.into_iter().filter(|v| which.contains(&v.0)) {
             let (at, sign) = match sheets.iter().position(|s| norm(cross(s.n, n)) < self.sine) {
-                Some(at) => (at, if dot(sheets[at].n, n) < 0.0 { -1.0 } else { 1.0 }),
+                Some(at) => (
+                    at,
+                    if dot(sheets[at].n, n) < 0.0 {
+                        -1.0
+                    } else {
+                        1.0
+                    },
+                ),
                 None => {
-                    sheets.push(Sheet { n, members: Vec::with_capacity(1) });
+                    sheets.push(Sheet {
+                        n,
+                        members: Vec::with_capacity(1),
+                    });
                     (sheets.len() - 1, 1.0)
                 }
             };
@@ -109,7 +119,11 @@ impl Search<'_> {
                 role.1 = Role::Sheet(at, sign);
             }
         }
-        Some(Touch { local, roles, sheets })
+        Some(Touch {
+            local,
+            roles,
+            sheets,
+        })
     }
 
     /// What the curve of the pieces `pair` is at a point of it, seen in the direction `t` of travel; none if it is no feature.
@@ -134,35 +148,61 @@ impl Search<'_> {
 
     /// The feature curves that leave `q`.
     pub(crate) fn half_lines(&self, q: Point3) -> Vec<HalfLine> {
-        let Some(touch) = self.touch(q) else { return Vec::new() };
-        if touch.sheets.iter().all(|s| s.members.len() == 1) { touch.lines() } else { self.probed_lines(q, &touch) }
+        let Some(touch) = self.touch(q) else {
+            return Vec::new();
+        };
+        if touch.sheets.iter().all(|s| s.members.len() == 1) {
+            touch.lines()
+        } else {
+            self.probed_lines(q, &touch)
+        }
     }
 
     /// The same where sheets consist of several pieces, which may part: by looking a little way along every curve.
     fn probed_lines(&self, q: Point3, touch: &Touch<'_>) -> Vec<HalfLine> {
         let delta = PROBE * self.options.size;
         let mut lines: Vec<HalfLine> = Vec::new();
-        let members: Vec<(u32, usize)> =
-            touch.sheets.iter().enumerate().flat_map(|(s, sheet)| sheet.members.iter().map(move |m| (m.0, s))).collect();
+        let members: Vec<(u32, usize)> = touch
+            .sheets
+            .iter()
+            .enumerate()
+            .flat_map(|(s, sheet)| sheet.members.iter().map(move |m| (m.0, s)))
+            .collect();
         for (x, (i, s)) in members.iter().enumerate() {
             for (j, r) in &members[x + 1..] {
                 // Of curves that cross the angle grows from 0 on.
                 let (directions, reaches): (Vec<Point3>, &[f64]) = if s != r {
                     let t = unit(cross(touch.sheets[*s].n, touch.sheets[*r].n));
                     (vec![t], &[1.0])
-                } else if let Some((_, both)) = branch(self.solid, [*i, *j], q, delta).filter(|b| norm(sub(b.0, q)) < 0.01 * delta) {
+                } else if let Some((_, both)) = branch(self.solid, [*i, *j], q, delta)
+                    .filter(|b| norm(sub(b.0, q)) < 0.01 * delta)
+                {
                     (both.to_vec(), &[1.0, 4.0, 16.0, 48.0])
                 } else {
                     continue;
                 };
                 for t in directions.into_iter().flat_map(|t| [t, t.map(|v| -v)]) {
                     let hit = reaches.iter().find_map(|r| {
-                        let (p, _) = onto_two(self.solid, [*i, *j], along(q, t, r * delta), 0.3 * r * delta)?;
+                        let (p, _) = onto_two(
+                            self.solid,
+                            [*i, *j],
+                            along(q, t, r * delta),
+                            0.3 * r * delta,
+                        )?;
                         Some((p, self.state(p, [*i, *j], t)?))
                     });
                     let Some((p, state)) = hit else { continue };
-                    if lines.iter().all(|l| l.by.is_none_or(|by| norm(sub(by, p)) > 1e-3 * delta)) {
-                        lines.push(HalfLine { direction: t, pair: [*i, *j], a: state.a, b: state.b, by: Some(p) });
+                    if lines
+                        .iter()
+                        .all(|l| l.by.is_none_or(|by| norm(sub(by, p)) > 1e-3 * delta))
+                    {
+                        lines.push(HalfLine {
+                            direction: t,
+                            pair: [*i, *j],
+                            a: state.a,
+                            b: state.b,
+                            by: Some(p),
+                        });
                     }
                 }
             }
@@ -173,12 +213,22 @@ impl Search<'_> {
 
 impl Touch<'_> {
     pub(crate) fn sheet_of(&self, piece: u32) -> Option<usize> {
-        self.roles.iter().find(|r| r.0 == piece).and_then(|r| if let Role::Sheet(s, _) = r.1 { Some(s) } else { None })
+        self.roles.iter().find(|r| r.0 == piece).and_then(|r| {
+            if let Role::Sheet(s, _) = r.1 {
+                Some(s)
+            } else {
+                None
+            }
+        })
     }
 
     /// The pieces that vanish here and matter.
     pub(crate) fn pieces(&self) -> Vec<u32> {
-        let mut all: Vec<u32> = self.sheets.iter().flat_map(|s| s.members.iter().map(|m| m.0)).collect();
+        let mut all: Vec<u32> = self
+            .sheets
+            .iter()
+            .flat_map(|s| s.members.iter().map(|m| m.0))
+            .collect();
         all.sort_unstable();
         all
     }
@@ -197,21 +247,40 @@ impl Touch<'_> {
         let [e1, e2] = across(t);
         let slope: Vec<f64> = self.sheets.iter().map(|s| dot(s.n, t)).collect();
         let mut faces = Vec::with_capacity(4);
-        for (sheet, s) in self.sheets.iter().enumerate().filter(|(at, _)| slope[*at].abs() < IN_LINE) {
+        for (sheet, s) in self
+            .sheets
+            .iter()
+            .enumerate()
+            .filter(|(at, _)| slope[*at].abs() < IN_LINE)
+        {
             let u = cross(t, s.n);
             let angle = dot(u, e2).atan2(dot(u, e1));
             for angle in [angle, angle + PI] {
-                faces.push(Face { sheet, angle: angle.rem_euclid(TAU), change: false });
+                faces.push(Face {
+                    sheet,
+                    angle: angle.rem_euclid(TAU),
+                    change: false,
+                });
             }
         }
         faces.sort_by(|a, b| a.angle.total_cmp(&b.angle));
         let n = faces.len();
         let inside: Vec<bool> = (0..n)
             .map(|m| {
-                let next = if m + 1 < n { faces[m + 1].angle } else { faces[0].angle + TAU };
+                let next = if m + 1 < n {
+                    faces[m + 1].angle
+                } else {
+                    faces[0].angle + TAU
+                };
                 let (sine, cosine) = (0.5 * (faces[m].angle + next)).sin_cos();
                 let w: Point3 = std::array::from_fn(|i| cosine * e1[i] + sine * e2[i]);
-                self.is_inside(|s| if slope[s].abs() < IN_LINE { dot(self.sheets[s].n, w).signum() } else { slope[s].signum() })
+                self.is_inside(|s| {
+                    if slope[s].abs() < IN_LINE {
+                        dot(self.sheets[s].n, w).signum()
+                    } else {
+                        slope[s].signum()
+                    }
+                })
             })
             .collect();
         for m in 0..n {
@@ -222,15 +291,27 @@ impl Touch<'_> {
     }
 
     /// The feature in the line `t`, of the sheets `a` and `b`, as the pieces `pair` see it.
-    fn state_of(&self, faces: &[Face], t: Point3, a: usize, b: usize, pair: [u32; 2]) -> Option<State> {
+    fn state_of(
+        &self,
+        faces: &[Face],
+        t: Point3,
+        a: usize,
+        b: usize,
+        pair: [u32; 2],
+    ) -> Option<State> {
         let mut bits = 0u8;
         let [e1, e2] = across(t);
         for (shift, sheet, other, piece) in [(0, a, b, pair[1]), (2, b, a, pair[0])] {
-            let orientation = self.sheets[other].members.iter().find(|m| m.0 == piece).map_or(1.0, |m| m.1);
+            let orientation = self.sheets[other]
+                .members
+                .iter()
+                .find(|m| m.0 == piece)
+                .map_or(1.0, |m| m.1);
             let mut any = false;
             for face in faces.iter().filter(|f| f.sheet == sheet && f.change) {
                 any = true;
-                let w: Point3 = std::array::from_fn(|i| face.angle.cos() * e1[i] + face.angle.sin() * e2[i]);
+                let w: Point3 =
+                    std::array::from_fn(|i| face.angle.cos() * e1[i] + face.angle.sin() * e2[i]);
                 let side = u8::from(orientation * dot(self.sheets[other].n, w) > 0.0);
                 bits |= 1 << (shift + side);
             }
@@ -239,7 +320,11 @@ impl Touch<'_> {
             }
         }
         let pieces = |s: usize| self.sheets[s].members.iter().map(|m| m.0).collect();
-        Some(State { a: pieces(a), b: pieces(b), faces: bits })
+        Some(State {
+            a: pieces(a),
+            b: pieces(b),
+            faces: bits,
+        })
     }
 
     /// The feature half-lines from the point, where every sheet is one piece.
@@ -254,12 +339,19 @@ impl Touch<'_> {
                         continue;
                     }
                     let faces = self.around(t);
-                    let mut changed: Vec<usize> = faces.iter().filter(|f| f.change).map(|f| f.sheet).collect();
+                    let mut changed: Vec<usize> =
+                        faces.iter().filter(|f| f.change).map(|f| f.sheet).collect();
                     changed.sort_unstable();
                     changed.dedup();
                     if let [a, b, ..] = changed[..] {
                         let (i, j) = (self.sheets[a].members[0].0, self.sheets[b].members[0].0);
-                        lines.push(HalfLine { direction: t, pair: [i, j], a: vec![i], b: vec![j], by: None });
+                        lines.push(HalfLine {
+                            direction: t,
+                            pair: [i, j],
+                            a: vec![i],
+                            b: vec![j],
+                            by: None,
+                        });
                     }
                 }
             }

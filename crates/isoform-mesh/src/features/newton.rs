@@ -29,7 +29,10 @@ pub(crate) fn unit(a: Point3) -> Point3 {
 pub(crate) fn normalised(solid: &dyn Solid, piece: u32, p: Point3) -> Option<Distance> {
     let (v, g) = solid.gradient(piece, p);
     let length = norm(g);
-    (length > 0.0 && length.is_finite() && v.is_finite()).then(|| Distance { d: v / length, n: g.map(|c| c / length) })
+    (length > 0.0 && length.is_finite() && v.is_finite()).then(|| Distance {
+        d: v / length,
+        n: g.map(|c| c / length),
+    })
 }
 
 /// Rounding of a point's coordinates.
@@ -54,7 +57,12 @@ pub(crate) fn onto_one(solid: &dyn Solid, piece: u32, p: Point3, reach: f64) -> 
 }
 
 /// A common point of two pieces near `p`, at most `reach` away, and their normals there.
-pub(crate) fn onto_two(solid: &dyn Solid, [i, j]: [u32; 2], p: Point3, reach: f64) -> Option<(Point3, [Point3; 2])> {
+pub(crate) fn onto_two(
+    solid: &dyn Solid,
+    [i, j]: [u32; 2],
+    p: Point3,
+    reach: f64,
+) -> Option<(Point3, [Point3; 2])> {
     let mut q = p;
     for step in 0..STEPS {
         let (a, b) = (normalised(solid, i, q)?, normalised(solid, j, q)?);
@@ -85,18 +93,30 @@ pub(crate) fn onto_two(solid: &dyn Solid, [i, j]: [u32; 2], p: Point3, reach: f6
 /// A common point of three pieces near `p`, at most `reach` away, and the determinant of their normals there.
 ///
 /// Where the pieces touch each other the determinant is about 0 and the point good to half the digits.
-pub(crate) fn onto_three(solid: &dyn Solid, [i, j, k]: [u32; 3], p: Point3, reach: f64) -> Option<(Point3, f64)> {
+pub(crate) fn onto_three(
+    solid: &dyn Solid,
+    [i, j, k]: [u32; 3],
+    p: Point3,
+    reach: f64,
+) -> Option<(Point3, f64)> {
     let mut q = p;
     for step in 0..STEPS {
-        let (a, b, c) = (normalised(solid, i, q)?, normalised(solid, j, q)?, normalised(solid, k, q)?);
+        let (a, b, c) = (
+            normalised(solid, i, q)?,
+            normalised(solid, j, q)?,
+            normalised(solid, k, q)?,
+        );
         let (bc, ca, ab) = (cross(b.n, c.n), cross(c.n, a.n), cross(a.n, b.n));
         let det = dot(a.n, bc);
         if det.abs() < 1e-9 {
             // The last steps before were short where this is a touching point.
-            let far = [a.d, b.d, c.d].into_iter().fold(0.0, |m: f64, d| m.max(d.abs()));
+            let far = [a.d, b.d, c.d]
+                .into_iter()
+                .fold(0.0, |m: f64, d| m.max(d.abs()));
             return (step > 0 && far < 1e-10 * reach).then_some((q, det));
         }
-        let mut move_by: Point3 = std::array::from_fn(|m| -(a.d * bc[m] + b.d * ca[m] + c.d * ab[m]) / det);
+        let mut move_by: Point3 =
+            std::array::from_fn(|m| -(a.d * bc[m] + b.d * ca[m] + c.d * ab[m]) / det);
         let length = norm(move_by);
         if length > reach {
             move_by = move_by.map(|v| v * reach / length);
@@ -114,7 +134,13 @@ pub(crate) fn onto_three(solid: &dyn Solid, [i, j, k]: [u32; 3], p: Point3, reac
 }
 
 /// Where a piece `k` touches the curve of `i` and `j`: there its distance along the curve has an extremum that is 0. None if it is not.
-pub(crate) fn onto_touching(solid: &dyn Solid, pair: [u32; 2], k: u32, p: Point3, reach: f64) -> Option<Point3> {
+pub(crate) fn onto_touching(
+    solid: &dyn Solid,
+    pair: [u32; 2],
+    k: u32,
+    p: Point3,
+    reach: f64,
+) -> Option<Point3> {
     let slope = |q: Point3| -> Option<(Point3, Point3, f64)> {
         let (q, [a, b]) = onto_two(solid, pair, q, reach)?;
         let t = unit(cross(a, b));
@@ -147,7 +173,12 @@ pub(crate) fn onto_touching(solid: &dyn Solid, pair: [u32; 2], k: u32, p: Point3
 ///
 /// Gauss–Newton on (dᵢ, dⱼ, e₁·(nᵢ ∓ nⱼ), e₂·(nᵢ ∓ nⱼ)) with e₁, e₂ across nᵢ. Near the point the pieces differ by the quadratic form of their
 /// relative curvature; where it is indefinite two curves cross, in the directions where it is zero.
-pub(crate) fn branch(solid: &dyn Solid, [i, j]: [u32; 2], p: Point3, reach: f64) -> Option<(Point3, [Point3; 2])> {
+pub(crate) fn branch(
+    solid: &dyn Solid,
+    [i, j]: [u32; 2],
+    p: Point3,
+    reach: f64,
+) -> Option<(Point3, [Point3; 2])> {
     let mut q = p;
     for _ in 0..STEPS {
         let (a, b) = (shape(solid, i, q)?, shape(solid, j, q)?);
@@ -178,9 +209,16 @@ pub(crate) fn branch(solid: &dyn Solid, [i, j]: [u32; 2], p: Point3, reach: f64)
             }
             let [e1, e2] = across(a.n);
             let form = |u: Point3, v: Point3| dot(u, a.turn(v)) - side * dot(u, b.turn(v));
-            let (xx, xy, yy) = (form(e1, e1), 0.5 * (form(e1, e2) + form(e2, e1)), form(e2, e2));
+            let (xx, xy, yy) = (
+                form(e1, e1),
+                0.5 * (form(e1, e2) + form(e2, e1)),
+                form(e2, e2),
+            );
             // Eigenvalues m ± r; indefinite where they differ in sign, by a margin.
-            let (m, r) = (0.5 * (xx + yy), (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt());
+            let (m, r) = (
+                0.5 * (xx + yy),
+                (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt(),
+            );
             let (high, low) = (m + r, m - r);
             if !(high > 1e-3 * r && low < -1e-3 * r && r * reach > 1e-6) {
                 return None;
@@ -189,7 +227,10 @@ pub(crate) fn branch(solid: &dyn Solid, [i, j]: [u32; 2], p: Point3, reach: f64)
             let main: Point3 = std::array::from_fn(|k| angle.cos() * e1[k] + angle.sin() * e2[k]);
             let other = cross(a.n, main);
             let (x, y) = ((-low).sqrt(), high.sqrt());
-            return Some((q, [1.0, -1.0].map(|s| unit(std::array::from_fn(|k| x * main[k] + s * y * other[k])))));
+            return Some((
+                q,
+                [1.0, -1.0].map(|s| unit(std::array::from_fn(|k| x * main[k] + s * y * other[k]))),
+            ));
         }
     }
     None
@@ -224,7 +265,9 @@ fn shape(solid: &dyn Solid, piece: u32, p: Point3) -> Option<Shape> {
 
 /// Two directions across a unit vector.
 pub(crate) fn across(n: Point3) -> [Point3; 2] {
-    let axis = (0..3).min_by(|a, b| n[*a].abs().total_cmp(&n[*b].abs())).unwrap_or(0);
+    let axis = (0..3)
+        .min_by(|a, b| n[*a].abs().total_cmp(&n[*b].abs()))
+        .unwrap_or(0);
     let mut e = [0.0; 3];
     e[axis] = 1.0;
     let e1 = unit(cross(n, e));
@@ -248,5 +291,7 @@ pub(crate) fn least_squares(rows: &[(Point3, f64)]) -> Option<Point3> {
     if det.is_nan() || det.abs() <= 1e-14 * trace * trace * trace {
         return None;
     }
-    Some(std::array::from_fn(|i| (minors[0][i] * b[0] + minors[1][i] * b[1] + minors[2][i] * b[2]) / det))
+    Some(std::array::from_fn(|i| {
+        (minors[0][i] * b[0] + minors[1][i] * b[1] + minors[2][i] * b[2]) / det
+    }))
 }

@@ -17,7 +17,12 @@ const CURVED_LEVELS: u32 = 4;
 /// Cosine of the angle by which normals may turn within a simple cell, 35 degrees.
 const TURN: f64 = 0.82;
 /// Where in a cell surfaces are compared, in its own coordinates from −1 to 1: no two on a line with the centre.
-pub(crate) const PROBES: [Point3; 4] = [[0.71, 0.37, -0.53], [-0.43, 0.67, 0.59], [0.31, -0.73, 0.41], [-0.61, -0.29, -0.67]];
+pub(crate) const PROBES: [Point3; 4] = [
+    [0.71, 0.37, -0.53],
+    [-0.43, 0.67, 0.59],
+    [0.31, -0.73, 0.41],
+    [-0.61, -0.29, -0.67],
+];
 /// Sine below which surfaces of a small cell do not meet in a corner, 3.4 degrees.
 const PARALLEL: f64 = 0.06;
 /// Pieces nearer than this part of a cell at all probes are one surface.
@@ -59,25 +64,47 @@ enum Fate {
 }
 
 impl Octree {
-    pub(crate) fn new(solid: &dyn Solid, region: Aabb, size: f64, budget: usize, control: &Control<'_>) -> Self {
+    pub(crate) fn new(
+        solid: &dyn Solid,
+        region: Aabb,
+        size: f64,
+        budget: usize,
+        control: &Control<'_>,
+    ) -> Self {
         let mut scratch = Scratch::new(solid);
-        let mut tree = Self { nodes: Vec::new(), leaves: Vec::new(), coarse: Vec::new(), skipped: Vec::new(), visited: 1 };
-        if let Narrowed::Mixed(local) = Local::everywhere(solid).narrow(solid, slack(region), &mut scratch) {
+        let mut tree = Self {
+            nodes: Vec::new(),
+            leaves: Vec::new(),
+            coarse: Vec::new(),
+            skipped: Vec::new(),
+            visited: 1,
+        };
+        if let Narrowed::Mixed(local) =
+            Local::everywhere(solid).narrow(solid, slack(region), &mut scratch)
+        {
             if longest(&region) <= COARSE * size {
                 tree.coarse.push((region, local.clone()));
             }
-            tree.nodes.push(Node { cell: region, local, children: 0..0 });
+            tree.nodes.push(Node {
+                cell: region,
+                local,
+                children: 0..0,
+            });
         }
         let mut level = 0..tree.nodes.len();
         while !level.is_empty() {
             if tree.visited > budget || control.is_stopped() {
-                tree.skipped.extend(tree.nodes[level.clone()].iter().map(|n| n.cell));
+                tree.skipped
+                    .extend(tree.nodes[level.clone()].iter().map(|n| n.cell));
                 break;
             }
             let fates: Vec<Fate> = tree.nodes[level.clone()]
                 .par_iter()
                 .with_min_len(32)
-                .map_init(|| Scratch::new(solid), |scratch, node| fate(solid, node, size, scratch))
+                .map_init(
+                    || Scratch::new(solid),
+                    |scratch, node| fate(solid, node, size, scratch),
+                )
                 .collect();
             let first = tree.nodes.len();
             for (i, fate) in level.clone().zip(fates) {
@@ -98,7 +125,10 @@ impl Octree {
                         tree.nodes[i].children = start..tree.nodes.len() as u32;
                         // An inner node all of whose children were dropped holds no feature: it must not look like a leaf.
                         if tree.nodes[i].children.is_empty() {
-                            tree.nodes[i].local = Local { tree: tree.nodes[i].local.tree.clone(), pieces: [].into() };
+                            tree.nodes[i].local = Local {
+                                tree: tree.nodes[i].local.tree.clone(),
+                                pieces: [].into(),
+                            };
                         }
                     }
                 }
@@ -112,7 +142,9 @@ impl Octree {
     pub(crate) fn at(&self, p: Point3) -> Option<&Local> {
         let mut node = self.nodes.first().filter(|n| holds(&n.cell, p))?;
         while !node.children.is_empty() {
-            node = self.nodes[node.children.start as usize..node.children.end as usize].iter().find(|n| holds(&n.cell, p))?;
+            node = self.nodes[node.children.start as usize..node.children.end as usize]
+                .iter()
+                .find(|n| holds(&n.cell, p))?;
         }
         (node.local.pieces.len() > 1).then_some(&node.local)
     }
@@ -124,7 +156,10 @@ pub(crate) fn holds(cell: &Aabb, p: Point3) -> bool {
 
 pub(crate) fn slack(cell: Aabb) -> Aabb {
     let by = SLACK * longest(&cell);
-    Aabb { lo: cell.lo.map(|v| v - by), hi: cell.hi.map(|v| v + by) }
+    Aabb {
+        lo: cell.lo.map(|v| v - by),
+        hi: cell.hi.map(|v| v + by),
+    }
 }
 
 pub(crate) fn longest(cell: &Aabb) -> f64 {
@@ -135,26 +170,42 @@ pub(crate) fn longest(cell: &Aabb) -> f64 {
 pub(crate) fn split(cell: Aabb) -> impl Iterator<Item = Aabb> {
     let (size, center, long) = (cell.size(), cell.center(), 0.6 * longest(&cell));
     let cut: [bool; 3] = std::array::from_fn(|i| size[i] > long);
-    (0..8usize).filter(move |k| (0..3).all(|i| cut[i] || k >> i & 1 == 0)).map(move |k| {
-        let mut part = cell;
-        for i in 0..3 {
-            if cut[i] {
-                *(if k >> i & 1 == 0 { &mut part.hi[i] } else { &mut part.lo[i] }) = center[i];
+    (0..8usize)
+        .filter(move |k| (0..3).all(|i| cut[i] || k >> i & 1 == 0))
+        .map(move |k| {
+            let mut part = cell;
+            for i in 0..3 {
+                if cut[i] {
+                    *(if k >> i & 1 == 0 {
+                        &mut part.hi[i]
+                    } else {
+                        &mut part.lo[i]
+                    }) = center[i];
+                }
             }
-        }
-        part
-    })
+            part
+        })
 }
 
 fn fate(solid: &dyn Solid, node: &Node, size: f64, scratch: &mut Scratch) -> Fate {
     let side = longest(&node.cell);
     let mut parts = || {
-        let narrowed = split(node.cell).filter_map(|cell| match node.local.narrow(solid, slack(cell), scratch) {
-            Narrowed::Mixed(local) => {
-                let holds_more = local.pieces.len() > 1 && !is_one_function(solid, &local.pieces, cell, scratch);
-                Some((Node { cell, local, children: 0..0 }, holds_more))
+        let narrowed = split(node.cell).filter_map(|cell| {
+            match node.local.narrow(solid, slack(cell), scratch) {
+                Narrowed::Mixed(local) => {
+                    let holds_more = local.pieces.len() > 1
+                        && !is_one_function(solid, &local.pieces, cell, scratch);
+                    Some((
+                        Node {
+                            cell,
+                            local,
+                            children: 0..0,
+                        },
+                        holds_more,
+                    ))
+                }
+                Narrowed::Inside | Narrowed::Outside => None,
             }
-            Narrowed::Inside | Narrowed::Outside => None,
         });
         Fate::Split(narrowed.collect())
     };
@@ -163,17 +214,31 @@ fn fate(solid: &dyn Solid, node: &Node, size: f64, scratch: &mut Scratch) -> Fat
     }
     let levels = (0.5 * size / side).log2().floor() as u32;
     let surfaces = surfaces(solid, &node.local.pieces, node.cell);
-    let simple = surfaces.iter().all(|i| is_nearly_flat(solid, *i, node.cell));
-    let meet = levels < CORNER_LEVELS && surfaces.len() > 2 && directions(solid, &surfaces, node.cell.center()) > 2;
+    let simple = surfaces
+        .iter()
+        .all(|i| is_nearly_flat(solid, *i, node.cell));
+    let meet = levels < CORNER_LEVELS
+        && surfaces.len() > 2
+        && directions(solid, &surfaces, node.cell.center()) > 2;
     if surfaces.len() > 1 && (meet || (!simple && levels < CURVED_LEVELS)) {
         return parts();
     }
-    Fate::Leaf(Leaf { cell: node.cell, local: node.local.clone(), surfaces, simple })
+    Fate::Leaf(Leaf {
+        cell: node.cell,
+        local: node.local.clone(),
+        surfaces,
+        simple,
+    })
 }
 
 /// Whether pieces have the same range and the same values in a cell: where blends are not at work, the pieces they distribute over are
 /// one and the same function.
-pub(crate) fn is_one_function(solid: &dyn Solid, pieces: &[u32], cell: Aabb, scratch: &Scratch) -> bool {
+pub(crate) fn is_one_function(
+    solid: &dyn Solid,
+    pieces: &[u32],
+    cell: Aabb,
+    scratch: &Scratch,
+) -> bool {
     let first = scratch.range(pieces[0]);
     if pieces[1..].iter().any(|k| scratch.range(*k) != first) {
         return false;
@@ -203,8 +268,13 @@ pub(crate) fn inside(cell: &Aabb, at: Point3) -> Point3 {
 }
 
 fn is_nearly_flat(solid: &dyn Solid, piece: u32, cell: Aabb) -> bool {
-    let Some(here) = normalised(solid, piece, cell.center()) else { return false };
-    PROBES.iter().all(|at| normalised(solid, piece, inside(&cell, *at)).is_some_and(|there| dot(here.n, there.n) > TURN))
+    let Some(here) = normalised(solid, piece, cell.center()) else {
+        return false;
+    };
+    PROBES.iter().all(|at| {
+        normalised(solid, piece, inside(&cell, *at))
+            .is_some_and(|there| dot(here.n, there.n) > TURN)
+    })
 }
 
 /// One piece for each surface: those that coincide at the probes are one.
@@ -233,9 +303,15 @@ pub(crate) fn surfaces(solid: &dyn Solid, pieces: &[u32], cell: Aabb) -> Vec<u32
 
 fn coincide(solid: &dyn Solid, a: u32, b: u32, cell: Aabb) -> bool {
     let side = longest(&cell);
-    let far = 1e-15 * cell.lo.into_iter().chain(cell.hi).fold(0.0, |m: f64, v| m.max(v.abs()));
+    let far = 1e-15
+        * cell
+            .lo
+            .into_iter()
+            .chain(cell.hi)
+            .fold(0.0, |m: f64, v| m.max(v.abs()));
     PROBES.iter().all(|at| {
         let q = onto_one(solid, a, inside(&cell, *at), 2.0 * side);
-        q.and_then(|q| normalised(solid, b, q)).is_some_and(|g| g.d.abs() <= SAME * side + 64.0 * far)
+        q.and_then(|q| normalised(solid, b, q))
+            .is_some_and(|g| g.d.abs() <= SAME * side + 64.0 * far)
     })
 }

@@ -109,7 +109,11 @@ impl<'a> Tracer<'a> {
         let passes = match &lines[..] {
             [] => true,
             // A curve that goes on as it came.
-            [u, v] => dot(u.direction, v.direction) < -1.0 + 1e-6 && meet(u, v) && kind != CornerKind::Branch,
+            [u, v] => {
+                dot(u.direction, v.direction) < -1.0 + 1e-6
+                    && meet(u, v)
+                    && kind != CornerKind::Branch
+            }
             _ => false,
         };
         (!passes).then(|| self.push_corner(p, pieces, kind, lines))
@@ -133,12 +137,27 @@ impl<'a> Tracer<'a> {
 
     pub(crate) fn corner_at(&self, p: Point3, reach: f64) -> Option<usize> {
         let candidates = self.around(p).filter_map(|b| self.at.get(&b)).flatten();
-        candidates.copied().filter(|c| norm(sub(self.corners[*c].point, p)) <= reach).min()
+        candidates
+            .copied()
+            .filter(|c| norm(sub(self.corners[*c].point, p)) <= reach)
+            .min()
     }
 
-    pub(crate) fn push_corner(&mut self, point: Point3, pieces: Vec<u32>, kind: CornerKind, lines: Vec<HalfLine>) -> usize {
+    pub(crate) fn push_corner(
+        &mut self,
+        point: Point3,
+        pieces: Vec<u32>,
+        kind: CornerKind,
+        lines: Vec<HalfLine>,
+    ) -> usize {
         let used = vec![false; lines.len()];
-        self.corners.push(Junction { point, pieces, kind, lines, used });
+        self.corners.push(Junction {
+            point,
+            pieces,
+            kind,
+            lines,
+            used,
+        });
         let bin = self.bin(point);
         self.at.entry(bin).or_default().push(self.corners.len() - 1);
         self.corners.len() - 1
@@ -146,12 +165,17 @@ impl<'a> Tracer<'a> {
 
     /// Whether a curve passes within `reach` of `p` (at most the size); of any pieces, or with one of each given sheet.
     pub(crate) fn passes(&self, p: Point3, reach: f64, pair: Option<[u32; 2]>) -> bool {
-        self.around(p).filter_map(|b| self.near.get(&b)).flatten().any(|s| {
-            let (a, b, curve) = &self.segments[*s as usize];
-            let c = &self.curves[*curve as usize];
-            let fits = pair.is_none_or(|[i, j]| (c.a.contains(&i) && c.b.contains(&j)) || (c.a.contains(&j) && c.b.contains(&i)));
-            fits && to_segment(p, *a, *b) <= reach
-        })
+        self.around(p)
+            .filter_map(|b| self.near.get(&b))
+            .flatten()
+            .any(|s| {
+                let (a, b, curve) = &self.segments[*s as usize];
+                let c = &self.curves[*curve as usize];
+                let fits = pair.is_none_or(|[i, j]| {
+                    (c.a.contains(&i) && c.b.contains(&j)) || (c.a.contains(&j) && c.b.contains(&i))
+                });
+                fits && to_segment(p, *a, *b) <= reach
+            })
     }
 
     /// Follows all curves that leave corners, those found on the way included.
@@ -179,7 +203,12 @@ impl<'a> Tracer<'a> {
             return;
         };
         // The next corner may be nearer than the first point.
-        let first = Walk { p: origin, t: line.direction, pair: walk.pair, state: walk.state.clone() };
+        let first = Walk {
+            p: origin,
+            t: line.direction,
+            pair: walk.pair,
+            state: walk.state.clone(),
+        };
         let (end, last) = match self.corner_ahead(&first, norm(sub(walk.p, origin)), Some(c)) {
             Some(end) => (End::Corner(end), first),
             None => {
@@ -194,17 +223,35 @@ impl<'a> Tracer<'a> {
     fn depart(&self, origin: Point3, line: &HalfLine) -> Option<Walk> {
         let size = self.search.size();
         if let Some(p) = line.by {
-            let (a, b) = (normalised(self.search.solid, line.pair[0], p)?, normalised(self.search.solid, line.pair[1], p)?);
+            let (a, b) = (
+                normalised(self.search.solid, line.pair[0], p)?,
+                normalised(self.search.solid, line.pair[1], p)?,
+            );
             let t = toward(unit(cross(a.n, b.n)), sub(p, origin));
             let state = self.search.state(p, line.pair, t)?;
-            return Some(Walk { p, t, pair: line.pair, state });
+            return Some(Walk {
+                p,
+                t,
+                pair: line.pair,
+                state,
+            });
         }
         let mut step = 0.125 * size;
         while step > SHORTEST * 0.1 * size {
-            if let Some((p, n)) = onto_two(self.search.solid, line.pair, along(origin, line.direction, step), MISS * step) {
+            if let Some((p, n)) = onto_two(
+                self.search.solid,
+                line.pair,
+                along(origin, line.direction, step),
+                MISS * step,
+            ) {
                 let t = toward(unit(cross(n[0], n[1])), sub(p, origin));
                 if let Some(state) = self.search.state(p, line.pair, t) {
-                    return Some(Walk { p, t, pair: line.pair, state });
+                    return Some(Walk {
+                        p,
+                        t,
+                        pair: line.pair,
+                        state,
+                    });
                 }
             }
             step *= 0.25;
@@ -214,9 +261,13 @@ impl<'a> Tracer<'a> {
 
     /// Follows the curve through `p`, a point of no traced curve and of no corner.
     pub(crate) fn trace_seed(&mut self, p: Point3, pair: [u32; 2]) {
-        let Some((p, n)) = onto_two(self.search.solid, pair, p, self.search.size()) else { return };
+        let Some((p, n)) = onto_two(self.search.solid, pair, p, self.search.size()) else {
+            return;
+        };
         let t = unit(cross(n[0], n[1]));
-        let Some(state) = self.search.state(p, pair, t) else { return };
+        let Some(state) = self.search.state(p, pair, t) else {
+            return;
+        };
         let mut points = vec![p];
         let walk = Walk { p, t, pair, state };
         let (end, last) = self.follow(walk.clone(), &mut points, Some((p, t)));
@@ -227,9 +278,24 @@ impl<'a> Tracer<'a> {
         let back = t.map(|v| -v);
         let mut rest = vec![p];
         // The sheets' pieces are those left at the other end.
-        let Some(state) = self.search.state(p, last.pair, back) else { return };
-        let state = State { a: both(&state.a, &last.state.a), b: both(&state.b, &last.state.b), ..state };
-        let (start, last) = self.follow(Walk { p, t: back, pair: last.pair, state }, &mut rest, None);
+        let Some(state) = self.search.state(p, last.pair, back) else {
+            return;
+        };
+        let state = State {
+            a: both(&state.a, &last.state.a),
+            b: both(&state.b, &last.state.b),
+            ..state
+        };
+        let (start, last) = self.follow(
+            Walk {
+                p,
+                t: back,
+                pair: last.pair,
+                state,
+            },
+            &mut rest,
+            None,
+        );
         rest.reverse();
         rest.pop();
         rest.extend(points);
@@ -237,7 +303,12 @@ impl<'a> Tracer<'a> {
     }
 
     /// Steps until the curve ends; `home` is where it would close.
-    fn follow(&mut self, mut walk: Walk, points: &mut Vec<Point3>, home: Option<(Point3, Point3)>) -> (End, Walk) {
+    fn follow(
+        &mut self,
+        mut walk: Walk,
+        points: &mut Vec<Point3>,
+        home: Option<(Point3, Point3)>,
+    ) -> (End, Walk) {
         let search = self.search;
         let size = search.size();
         let mut step = 0.25 * size;
@@ -248,14 +319,25 @@ impl<'a> Tracer<'a> {
             if let Some(c) = self.corner_ahead(&walk, 1.5 * step, None) {
                 return (End::Corner(c), walk);
             }
-            if points.len() > 2 && home.is_some_and(|(h, t)| dot(t, walk.t) > 0.5 && self.leads_to(&walk, h, 1.5 * step, false)) {
+            if points.len() > 2
+                && home.is_some_and(|(h, t)| {
+                    dot(t, walk.t) > 0.5 && self.leads_to(&walk, h, 1.5 * step, false)
+                })
+            {
                 return (End::Closed, walk);
             }
-            let moved = onto_two(search.solid, walk.pair, along(walk.p, walk.t, step), MISS * step).and_then(|(q, n)| {
+            let moved = onto_two(
+                search.solid,
+                walk.pair,
+                along(walk.p, walk.t, step),
+                MISS * step,
+            )
+            .and_then(|(q, n)| {
                 let t = unit(cross(n[0], n[1]));
                 let t = toward(t, walk.t);
                 // Past a point where the normals are parallel their product points back.
-                (dot(t, walk.t) > TURN && dot(sub(q, walk.p), walk.t) > 0.5 * step).then_some((q, t))
+                (dot(t, walk.t) > TURN && dot(sub(q, walk.p), walk.t) > 0.5 * step)
+                    .then_some((q, t))
             });
             let Some((q, t)) = moved else {
                 step *= 0.5;
@@ -289,15 +371,38 @@ impl<'a> Tracer<'a> {
         let next = search.state(q, walk.pair, t)?;
         let (a, b) = (both(&walk.state.a, &next.a), both(&walk.state.b, &next.b));
         let (i, j) = (*a.first()?, *b.first()?);
-        let pair = [if a.contains(&walk.pair[0]) { walk.pair[0] } else { i }, if b.contains(&walk.pair[1]) { walk.pair[1] } else { j }];
+        let pair = [
+            if a.contains(&walk.pair[0]) {
+                walk.pair[0]
+            } else {
+                i
+            },
+            if b.contains(&walk.pair[1]) {
+                walk.pair[1]
+            } else {
+                j
+            },
+        ];
         let same = if pair == walk.pair {
             next.faces == walk.state.faces
         } else {
-            let (before, after) = (search.state(walk.p, pair, walk.t)?, search.state(q, pair, t)?);
+            let (before, after) = (
+                search.state(walk.p, pair, walk.t)?,
+                search.state(q, pair, t)?,
+            );
             before.faces == after.faces
         };
-        let state = if pair == walk.pair { next } else { search.state(q, pair, t)? };
-        same.then_some(Walk { p: q, t, pair, state: State { a, b, ..state } })
+        let state = if pair == walk.pair {
+            next
+        } else {
+            search.state(q, pair, t)?
+        };
+        same.then_some(Walk {
+            p: q,
+            t,
+            pair,
+            state: State { a, b, ..state },
+        })
     }
 
     /// Whether the curve goes straight to `target`, at most `reach` ahead. It may fade out on the way if it `may_fade`.
@@ -311,26 +416,46 @@ impl<'a> Tracer<'a> {
             return true;
         }
         let middle = along(walk.p, way, 0.5);
-        let Some((m, _)) = onto_two(self.search.solid, walk.pair, middle, 0.15 * length) else { return false };
+        let Some((m, _)) = onto_two(self.search.solid, walk.pair, middle, 0.15 * length) else {
+            return false;
+        };
         match self.search.state(m, walk.pair, unit(way)) {
             Some(state) => state.faces == walk.state.faces,
-            None => may_fade && self.search.angle_at(m, walk.pair).is_some_and(|a| a < 4.0 * self.search.options.smallest_angle),
+            None => {
+                may_fade
+                    && self
+                        .search
+                        .angle_at(m, walk.pair)
+                        .is_some_and(|a| a < 4.0 * self.search.options.smallest_angle)
+            }
         }
     }
 
     /// The nearest corner to which the curve leads.
     fn corner_ahead(&self, walk: &Walk, reach: f64, except: Option<usize>) -> Option<usize> {
         let mut best: Option<(f64, usize)> = None;
-        for c in self.around(walk.p).filter_map(|b| self.at.get(&b)).flatten() {
+        for c in self
+            .around(walk.p)
+            .filter_map(|b| self.at.get(&b))
+            .flatten()
+        {
             let corner = &self.corners[*c];
             let distance = norm(sub(corner.point, walk.p));
-            if Some(*c) == except || distance > reach || best.is_some_and(|b| (b.0, b.1) <= (distance, *c)) {
+            if Some(*c) == except
+                || distance > reach
+                || best.is_some_and(|b| (b.0, b.1) <= (distance, *c))
+            {
                 continue;
             }
             let on = |k: u32| corner.pieces.contains(&k) || self.search.lies_on(corner.point, k);
             if on(walk.pair[0])
                 && on(walk.pair[1])
-                && self.leads_to(walk, corner.point, reach, matches!(corner.kind, CornerKind::Branch | CornerKind::Fading))
+                && self.leads_to(
+                    walk,
+                    corner.point,
+                    reach,
+                    matches!(corner.kind, CornerKind::Branch | CornerKind::Fading),
+                )
             {
                 best = Some((distance, *c));
             }
@@ -353,7 +478,9 @@ impl<'a> Tracer<'a> {
         if let Some(known) = self.corner_at(p, SAME * self.search.size()) {
             return End::Corner(known);
         }
-        let Some(pieces) = self.search.touch(p).map(|t| t.pieces()) else { return End::Open };
+        let Some(pieces) = self.search.touch(p).map(|t| t.pieces()) else {
+            return End::Open;
+        };
         let lines = self.search.half_lines(p);
         End::Corner(self.push_corner(p, pieces, kind, lines))
     }
@@ -371,7 +498,14 @@ impl<'a> Tracer<'a> {
             if length < 1e-10 * search.size() {
                 break;
             }
-            let Some((m, n)) = onto_two(search.solid, walk.pair, along(walk.p, sub(far, walk.p), 0.5), MISS * length) else { break };
+            let Some((m, n)) = onto_two(
+                search.solid,
+                walk.pair,
+                along(walk.p, sub(far, walk.p), 0.5),
+                MISS * length,
+            ) else {
+                break;
+            };
             match self.goes_on(walk, m, toward(unit(cross(n[0], n[1])), walk.t)) {
                 Some(next) => *walk = next,
                 None => far = m,
@@ -396,8 +530,17 @@ impl<'a> Tracer<'a> {
         if !search.holds(far) {
             return End::Open;
         }
-        let fades = search.angle_at(walk.p, walk.pair).is_none_or(|a| a < 2.0 * search.options.smallest_angle);
-        self.force_corner(walk.p, if fades { CornerKind::Fading } else { CornerKind::Seam })
+        let fades = search
+            .angle_at(walk.p, walk.pair)
+            .is_none_or(|a| a < 2.0 * search.options.smallest_angle);
+        self.force_corner(
+            walk.p,
+            if fades {
+                CornerKind::Fading
+            } else {
+                CornerKind::Seam
+            },
+        )
     }
 
     /// A corner between the walk and `q`, with a piece whose sign changes on the way.
@@ -415,13 +558,31 @@ impl<'a> Tracer<'a> {
         pieces.dedup();
         let mut hits: Vec<(f64, Point3)> = Vec::new();
         for k in pieces {
-            let (Some(u), Some(v)) = (normalised(search.solid, k, walk.p), normalised(search.solid, k, q)) else { continue };
+            let (Some(u), Some(v)) = (
+                normalised(search.solid, k, walk.p),
+                normalised(search.solid, k, q),
+            ) else {
+                continue;
+            };
             // One end may already be on it, to rounding.
             if u.d * v.d > 0.0 && u.d.abs().min(v.d.abs()) > search.tolerance {
                 continue;
             }
-            let start = along(walk.p, way, if u.d == v.d { 0.5 } else { (u.d / (u.d - v.d)).clamp(0.0, 1.0) });
-            let Some((r, det)) = onto_three(search.solid, [walk.pair[0], walk.pair[1], k], start, length + 1e-6 * search.size()) else {
+            let start = along(
+                walk.p,
+                way,
+                if u.d == v.d {
+                    0.5
+                } else {
+                    (u.d / (u.d - v.d)).clamp(0.0, 1.0)
+                },
+            );
+            let Some((r, det)) = onto_three(
+                search.solid,
+                [walk.pair[0], walk.pair[1], k],
+                start,
+                length + 1e-6 * search.size(),
+            ) else {
                 continue;
             };
             let s = dot(sub(r, walk.p), way) / length.max(f64::MIN_POSITIVE).powi(2);
@@ -431,7 +592,8 @@ impl<'a> Tracer<'a> {
             }
         }
         hits.sort_by(|a, b| a.0.total_cmp(&b.0));
-        hits.into_iter().find_map(|(_, r)| self.add_corner(r, CornerKind::Meeting))
+        hits.into_iter()
+            .find_map(|(_, r)| self.add_corner(r, CornerKind::Meeting))
     }
 
     /// Makes the curve dense and puts it with the others.
@@ -444,12 +606,20 @@ impl<'a> Tracer<'a> {
                     let corner = self.corners[c].point;
                     let at = if first { 0 } else { points.len() - 1 };
                     if norm(sub(points[at], corner)) > 1e-9 * search.size() {
-                        if first { points.insert(0, corner) } else { points.push(corner) }
+                        if first {
+                            points.insert(0, corner)
+                        } else {
+                            points.push(corner)
+                        }
                     } else if points.len() > 1 {
                         points[at] = corner;
                     }
                     let n = points.len();
-                    let away = if first { sub(points[1.min(n - 1)], corner) } else { sub(points[n.saturating_sub(2)], corner) };
+                    let away = if first {
+                        sub(points[1.min(n - 1)], corner)
+                    } else {
+                        sub(points[n.saturating_sub(2)], corner)
+                    };
                     self.arrive(c, unit(away), &last.state);
                 }
                 End::Closed if !first => points.push(points[0]),
@@ -460,7 +630,13 @@ impl<'a> Tracer<'a> {
             return;
         }
         let closed = ends[0] == End::Closed || (ends[0] == ends[1] && ends[0] != End::Open);
-        let corner = |e: End| if let End::Corner(c) = e { Some(c as u32) } else { None };
+        let corner = |e: End| {
+            if let End::Corner(c) = e {
+                Some(c as u32)
+            } else {
+                None
+            }
+        };
         let (points, angles) = search.dense(&points, last.pair);
         let curve = self.curves.len() as u32;
         for w in points.windows(2) {
@@ -473,7 +649,14 @@ impl<'a> Tracer<'a> {
             }
         }
         let State { a, b, .. } = last.state;
-        self.curves.push(Traced { a, b, points, angles, corners: ends.map(corner), closed });
+        self.curves.push(Traced {
+            a,
+            b,
+            points,
+            angles,
+            corners: ends.map(corner),
+            closed,
+        });
     }
 
     /// Marks the half-line by which a curve has come to a corner.
@@ -485,7 +668,10 @@ impl<'a> Tracer<'a> {
         };
         let best = (0..corner.lines.len())
             .filter(|l| shares(&corner.lines[*l]) && dot(corner.lines[*l].direction, away) > 0.8)
-            .max_by(|x, y| dot(corner.lines[*x].direction, away).total_cmp(&dot(corner.lines[*y].direction, away)));
+            .max_by(|x, y| {
+                dot(corner.lines[*x].direction, away)
+                    .total_cmp(&dot(corner.lines[*y].direction, away))
+            });
         if let Some(l) = best {
             corner.used[l] = true;
         }
@@ -494,7 +680,10 @@ impl<'a> Tracer<'a> {
 
 impl Search<'_> {
     pub(crate) fn angle_at(&self, p: Point3, [i, j]: [u32; 2]) -> Option<f64> {
-        let (a, b) = (normalised(self.solid, i, p)?.n, normalised(self.solid, j, p)?.n);
+        let (a, b) = (
+            normalised(self.solid, i, p)?.n,
+            normalised(self.solid, j, p)?.n,
+        );
         Some(norm(cross(a, b)).atan2(dot(a, b)))
     }
 
@@ -515,7 +704,10 @@ impl Search<'_> {
                     (k, _) if k == n - 1 => chord(n - 2, n - 1),
                     _ => chord(k - 1, k + 1),
                 };
-                let (Some(a), Some(b)) = (normalised(self.solid, pair[0], points[k]), normalised(self.solid, pair[1], points[k])) else {
+                let (Some(a), Some(b)) = (
+                    normalised(self.solid, pair[0], points[k]),
+                    normalised(self.solid, pair[1], points[k]),
+                ) else {
                     return unit(way);
                 };
                 let t = cross(a.n, b.n);
@@ -523,16 +715,24 @@ impl Search<'_> {
                 let angle = sine.atan2(dot(a.n, b.n));
                 angles = [angles[0].min(angle), angles[1].max(angle)];
                 let t = toward(unit(t), way);
-                if sine > 1e-3 && dot(t, unit(way)) > 0.9 { t } else { unit(way) }
+                if sine > 1e-3 && dot(t, unit(way)) > 0.9 {
+                    t
+                } else {
+                    unit(way)
+                }
             })
             .collect();
         let mut out = vec![points[0]];
         for k in 1..n {
             let (p, q) = (points[k - 1], points[k]);
             let length = norm(sub(q, p));
-            let turn = norm(cross(tangents[k - 1], tangents[k])).atan2(dot(tangents[k - 1], tangents[k]));
-            let parts =
-                (length * turn / (8.0 * tolerance)).sqrt().max(2.0 * length / self.size() * (1.0 - 1e-9)).ceil().clamp(1.0, 256.0) as usize;
+            let turn =
+                norm(cross(tangents[k - 1], tangents[k])).atan2(dot(tangents[k - 1], tangents[k]));
+            let parts = (length * turn / (8.0 * tolerance))
+                .sqrt()
+                .max(2.0 * length / self.size() * (1.0 - 1e-9))
+                .ceil()
+                .clamp(1.0, 256.0) as usize;
             for m in 1..parts {
                 let s = m as f64 / parts as f64;
                 let x = hermite(p, tangents[k - 1], q, tangents[k], length, s);
@@ -549,7 +749,12 @@ impl Search<'_> {
 /// The cubic with these ends, tangents and chord length.
 fn hermite(p: Point3, u: Point3, q: Point3, v: Point3, length: f64, s: f64) -> Point3 {
     let (s2, s3) = (s * s, s * s * s);
-    let (a, b, c, d) = (2.0 * s3 - 3.0 * s2 + 1.0, s3 - 2.0 * s2 + s, 3.0 * s2 - 2.0 * s3, s3 - s2);
+    let (a, b, c, d) = (
+        2.0 * s3 - 3.0 * s2 + 1.0,
+        s3 - 2.0 * s2 + s,
+        3.0 * s2 - 2.0 * s3,
+        s3 - s2,
+    );
     std::array::from_fn(|i| a * p[i] + b * length * u[i] + c * q[i] + d * length * v[i])
 }
 
@@ -571,6 +776,10 @@ fn meet(u: &HalfLine, v: &HalfLine) -> bool {
 fn to_segment(p: Point3, a: Point3, b: Point3) -> f64 {
     let (ab, ap) = (sub(b, a), sub(p, a));
     let l2 = dot(ab, ab);
-    let s = if l2 > 0.0 { (dot(ap, ab) / l2).clamp(0.0, 1.0) } else { 0.0 };
+    let s = if l2 > 0.0 {
+        (dot(ap, ab) / l2).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
     norm(sub(p, along(a, ab, s)))
 }

@@ -116,7 +116,8 @@ impl Solid for Made {
         }
     }
     fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
-        let j = self.formulas[piece as usize].gradient(std::array::from_fn(|i| Jet1::variable(p[i], i)));
+        let j = self.formulas[piece as usize]
+            .gradient(std::array::from_fn(|i| Jet1::variable(p[i], i)));
         (j.v, j.g)
     }
     fn jet(&self, piece: u32, p: Point3) -> Jet2 {
@@ -124,7 +125,9 @@ impl Solid for Made {
     }
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
         for (i, r) in which.iter().zip(out) {
-            *r = self.formulas[*i as usize].interval(std::array::from_fn(|k| Interval::new(region.lo[k], region.hi[k])));
+            *r = self.formulas[*i as usize].interval(std::array::from_fn(|k| {
+                Interval::new(region.lo[k], region.hi[k])
+            }));
         }
     }
     fn sign_values(&self, points: &[Point3], out: &mut [f64]) {
@@ -159,7 +162,11 @@ pub(crate) fn made(node: Node) -> Made {
     let mut formulas = Vec::new();
     let tree = number(node, &mut formulas);
     let names = (0..formulas.len()).map(|i| format!("piece{i}")).collect();
-    Made { formulas, names, tree }
+    Made {
+        formulas,
+        names,
+        tree,
+    }
 }
 
 pub(crate) fn plane(n: Point3, d: f64) -> Plane {
@@ -168,7 +175,9 @@ pub(crate) fn plane(n: Point3, d: f64) -> Plane {
 
 pub(crate) fn planes_of_block(lo: Point3, hi: Point3) -> Vec<Plane> {
     let unit = |i: usize, s: f64| std::array::from_fn(|k| if k == i { s } else { 0.0 });
-    (0..3).flat_map(|i| [plane(unit(i, 1.0), -lo[i]), plane(unit(i, -1.0), hi[i])]).collect()
+    (0..3)
+        .flat_map(|i| [plane(unit(i, 1.0), -lo[i]), plane(unit(i, -1.0), hi[i])])
+        .collect()
 }
 
 pub(crate) fn block(lo: Point3, hi: Point3) -> Node {
@@ -176,7 +185,12 @@ pub(crate) fn block(lo: Point3, hi: Point3) -> Node {
 }
 
 pub(crate) fn cylinder(axis: usize, center: Point3, r: f64, side: f64) -> Node {
-    piece(Cylinder { axis, center, r, side })
+    piece(Cylinder {
+        axis,
+        center,
+        r,
+        side,
+    })
 }
 
 pub(crate) fn part() -> Made {
@@ -188,21 +202,38 @@ pub(crate) fn part() -> Made {
 }
 
 pub(crate) fn gyroid() -> Made {
-    made(Node::Min(vec![block([-0.95; 3], [0.95; 3]), piece(Gyroid { t: 0.6, side: -1.0 }), piece(Gyroid { t: 0.6, side: 1.0 })]))
+    made(Node::Min(vec![
+        block([-0.95; 3], [0.95; 3]),
+        piece(Gyroid { t: 0.6, side: -1.0 }),
+        piece(Gyroid { t: 0.6, side: 1.0 }),
+    ]))
 }
 
 /// Plate and boss joined by a blend, minus a hole.
 pub(crate) fn blend() -> Made {
     let boss = [
-        Other::Cylinder(Cylinder { axis: 2, center: [0.0; 3], r: 1.0, side: 1.0 }),
+        Other::Cylinder(Cylinder {
+            axis: 2,
+            center: [0.0; 3],
+            r: 1.0,
+            side: 1.0,
+        }),
         Other::Plane(plane([0.0, 0.0, -1.0], 2.5)),
         Other::Plane(plane([0.0, 0.0, 1.0], 0.0)),
     ];
     let mut all = Vec::new();
     for p in planes_of_block([-3.0, -2.0, -0.5], [3.0, 2.0, 0.5]) {
         for other in &boss {
-            all.push(piece(Blend { n: p.n, d: p.d, other: other.clone(), k: 0.4 }));
+            all.push(piece(Blend {
+                n: p.n,
+                d: p.d,
+                other: other.clone(),
+                k: 0.4,
+            }));
         }
     }
-    made(Node::Min(vec![Node::Min(all), cylinder(2, [0.0; 3], 0.5, -1.0)]))
+    made(Node::Min(vec![
+        Node::Min(all),
+        cylinder(2, [0.0; 3], 0.5, -1.0),
+    ]))
 }

@@ -76,14 +76,20 @@ fn extended(patch: &RationalPatch, side: usize, share: f64) -> RationalPatch {
 /// The coefficients in the Bernstein basis of what has these values at 0, 1/n, …, 1.
 fn interpolated(values: &[[f64; 4]]) -> Option<Vec<[f64; 4]>> {
     let n = values.len();
-    let rows: Vec<Vec<f64>> = (0..n).map(|i| bernstein(n - 1, i as f64 / (n - 1) as f64).0).collect();
-    let mut normal: Vec<f64> = (0..n * n).map(|k| rows.iter().map(|r| r[k / n] * r[k % n]).sum()).collect();
+    let rows: Vec<Vec<f64>> = (0..n)
+        .map(|i| bernstein(n - 1, i as f64 / (n - 1) as f64).0)
+        .collect();
+    let mut normal: Vec<f64> = (0..n * n)
+        .map(|k| rows.iter().map(|r| r[k / n] * r[k % n]).sum())
+        .collect();
     if !cholesky(&mut normal, n) {
         return None;
     }
     let mut out = vec![[0.0; 4]; n];
     for k in 0..4 {
-        let mut x: Vec<f64> = (0..n).map(|i| rows.iter().zip(values).map(|(r, v)| r[i] * v[k]).sum()).collect();
+        let mut x: Vec<f64> = (0..n)
+            .map(|i| rows.iter().zip(values).map(|(r, v)| r[i] * v[k]).sum())
+            .collect();
         cholesky_solve(&normal, n, &mut x);
         for (o, x) in out.iter_mut().zip(x) {
             o[k] = x;
@@ -111,9 +117,19 @@ impl<'f> Growth<'f> {
     }
 
     /// Whether a start patch lies on its part; one at an edge need not fit that yet.
-    pub(crate) fn starts_within(on: On<'f>, patch: &RationalPatch, allowed: f64, at_edge: bool) -> bool {
+    pub(crate) fn starts_within(
+        on: On<'f>,
+        patch: &RationalPatch,
+        allowed: f64,
+        at_edge: bool,
+    ) -> bool {
         let first = usize::from(at_edge);
-        (0..5).all(|i| (first..5).all(|j| on.beyond(patch.point(i as f64 / 4.0, j as f64 / 4.0)).is_none_or(|b| b.by <= allowed)))
+        (0..5).all(|i| {
+            (first..5).all(|j| {
+                on.beyond(patch.point(i as f64 / 4.0, j as f64 / 4.0))
+                    .is_none_or(|b| b.by <= allowed)
+            })
+        })
     }
 
     /// Where a side lies farthest beyond an edge. Near its ends it may lie beyond those that its neighbours `held` are held on: Newton
@@ -128,7 +144,12 @@ impl<'f> Growth<'f> {
         let mut worst: Option<Beyond<'f>> = None;
         for &t in samples {
             let (u, v) = parameters(side, t, 0.0);
-            let Some(beyond) = on.beyond(patch.point(u, v)).filter(|b| b.by > worst.map_or(allowed, |w| w.by)) else { continue };
+            let Some(beyond) = on
+                .beyond(patch.point(u, v))
+                .filter(|b| b.by > worst.map_or(allowed, |w| w.by))
+            else {
+                continue;
+            };
             let is_held = |side: Side<'f>| matches!(side, Side::At(edge) if std::ptr::addr_eq(edge, beyond.edge));
             if !(t < NEAR_END && is_held(held[0]) || t > 1.0 - NEAR_END && is_held(held[1])) {
                 worst = Some(beyond);
@@ -140,7 +161,11 @@ impl<'f> Growth<'f> {
     /// Takes back sides that Newton steps have moved beyond edges.
     pub(crate) fn trim(&mut self) {
         let samples = evenly(SAMPLES);
-        self.trim_to(self.overlap(), &std::array::from_fn(|_| samples.clone()), false);
+        self.trim_to(
+            self.overlap(),
+            &std::array::from_fn(|_| samples.clone()),
+            false,
+        );
     }
 
     /// Takes back what lies beyond edges by more than that between samples, too, above all near a place where that seems to be.
@@ -149,7 +174,9 @@ impl<'f> Growth<'f> {
             let mut samples = evenly(FINE_SAMPLES);
             if let Some((u, v)) = near {
                 let t = if side < 2 { v } else { u };
-                let close = evenly(CLOSE_SAMPLES).into_iter().map(|s| t + (2.0 * s - 1.0) * CLOSE);
+                let close = evenly(CLOSE_SAMPLES)
+                    .into_iter()
+                    .map(|s| t + (2.0 * s - 1.0) * CLOSE);
                 samples.extend(close.filter(|t| (0.0..=1.0).contains(t)));
             }
             samples
@@ -169,11 +196,19 @@ impl<'f> Growth<'f> {
             if self.sides[side].is_at_edge() {
                 continue;
             }
-            let neighbours = if side < 2 { [self.sides[2], self.sides[3]] } else { [self.sides[0], self.sides[1]] };
-            for neighbours in [Some([Side::Free; 2]), held.then_some(neighbours)].into_iter().flatten() {
+            let neighbours = if side < 2 {
+                [self.sides[2], self.sides[3]]
+            } else {
+                [self.sides[0], self.sides[1]]
+            };
+            for neighbours in [Some([Side::Free; 2]), held.then_some(neighbours)]
+                .into_iter()
+                .flatten()
+            {
                 let is_beyond = |share: f64| {
                     let shorter = extended(&patch, side, -share);
-                    Self::farthest(on, &shorter, side, (allowed, &samples[side]), neighbours).is_some()
+                    Self::farthest(on, &shorter, side, (allowed, &samples[side]), neighbours)
+                        .is_some()
                 };
                 if !is_beyond(0.0) {
                     break;
@@ -184,7 +219,11 @@ impl<'f> Growth<'f> {
                 let (mut lo, mut hi) = (0.0, MOST_TRIMMED);
                 for _ in 0..BISECTIONS {
                     let share = 0.5 * (lo + hi);
-                    if is_beyond(share) { lo = share } else { hi = share }
+                    if is_beyond(share) {
+                        lo = share
+                    } else {
+                        hi = share
+                    }
                 }
                 patch = extended(&patch, side, -hi);
                 break;
@@ -199,12 +238,21 @@ impl<'f> Growth<'f> {
     }
 
     /// The patch longer by shares of its edges at its four sides, but no longer than the part; and what its sides do then.
-    pub(crate) fn within_edges(&self, on: On<'f>, by: [f64; 4], allowed: f64) -> (RationalPatch, [Side<'f>; 4]) {
+    pub(crate) fn within_edges(
+        &self,
+        on: On<'f>,
+        by: [f64; 4],
+        allowed: f64,
+    ) -> (RationalPatch, [Side<'f>; 4]) {
         let (mut patch, mut sides) = (self.patch.clone(), self.sides);
         let samples = evenly(SAMPLES);
         for side in 0..4 {
             let longer = extended(&patch, side, by[side]);
-            let held = if side < 2 { [sides[2], sides[3]] } else { [sides[0], sides[1]] };
+            let held = if side < 2 {
+                [sides[2], sides[3]]
+            } else {
+                [sides[0], sides[1]]
+            };
             if by[side] <= 0.0 {
                 patch = longer;
                 continue;
@@ -220,7 +268,13 @@ impl<'f> Growth<'f> {
             let (mut lo, mut hi) = (0.0, by[side]);
             for _ in 0..BISECTIONS {
                 let share = 0.5 * (lo + hi);
-                match Self::farthest(on, &extended(&patch, side, share), side, (allowed, &samples), held) {
+                match Self::farthest(
+                    on,
+                    &extended(&patch, side, share),
+                    side,
+                    (allowed, &samples),
+                    held,
+                ) {
                     None => lo = share,
                     Some(_) => hi = share,
                 }
@@ -234,7 +288,12 @@ impl<'f> Growth<'f> {
     }
 
     /// The patch with a side moved onto an edge; none where parameter lines do not meet it nearby.
-    fn put_on(patch: &RationalPatch, side: usize, share: f64, edge: &dyn Field) -> Option<RationalPatch> {
+    fn put_on(
+        patch: &RationalPatch,
+        side: usize,
+        share: f64,
+        edge: &dyn Field,
+    ) -> Option<RationalPatch> {
         let (m, n) = patch.degree();
         let count = if side < 2 { n } else { m };
         let meets = |t: f64| {
@@ -260,9 +319,14 @@ impl<'f> Growth<'f> {
             }
             let (u, v) = parameters(side, t, e);
             let j = edge.jet(patch.point(u, v));
-            (e > REACH.0 && e < share + REACH.1 && j.v.abs() <= 1e-6 * norm(j.g) * norm(patch.tangents(u, v).u)).then_some(e)
+            (e > REACH.0
+                && e < share + REACH.1
+                && j.v.abs() <= 1e-6 * norm(j.g) * norm(patch.tangents(u, v).u))
+            .then_some(e)
         };
-        let moved: Vec<f64> = (0..=count).map(|k| meets(k as f64 / count as f64)).collect::<Option<_>>()?;
+        let moved: Vec<f64> = (0..=count)
+            .map(|k| meets(k as f64 / count as f64))
+            .collect::<Option<_>>()?;
         // Interpolated where the old patch is at new parameters: first along v for each u, then along u.
         let value = |i: usize, j: usize| {
             let (s, t) = (i as f64 / m as f64, j as f64 / n as f64);
@@ -274,11 +338,17 @@ impl<'f> Growth<'f> {
             };
             patch.homogeneous(u, v)[0]
         };
-        let rows: Vec<Vec<[f64; 4]>> =
-            (0..=m).map(|i| interpolated(&(0..=n).map(|j| value(i, j)).collect::<Vec<_>>())).collect::<Option<_>>()?;
-        let columns: Vec<Vec<[f64; 4]>> =
-            (0..=n).map(|j| interpolated(&rows.iter().map(|r| r[j]).collect::<Vec<_>>())).collect::<Option<_>>()?;
-        let control = (0..=m).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
-        RationalPatch::new((m, n), control).ok().filter(|p| p.control_weights().0 > 0.0)
+        let rows: Vec<Vec<[f64; 4]>> = (0..=m)
+            .map(|i| interpolated(&(0..=n).map(|j| value(i, j)).collect::<Vec<_>>()))
+            .collect::<Option<_>>()?;
+        let columns: Vec<Vec<[f64; 4]>> = (0..=n)
+            .map(|j| interpolated(&rows.iter().map(|r| r[j]).collect::<Vec<_>>()))
+            .collect::<Option<_>>()?;
+        let control = (0..=m)
+            .flat_map(|i| columns.iter().map(move |c| c[i]))
+            .collect();
+        RationalPatch::new((m, n), control)
+            .ok()
+            .filter(|p| p.control_weights().0 > 0.0)
     }
 }

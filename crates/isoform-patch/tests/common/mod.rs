@@ -4,11 +4,19 @@
 use isoform_field::Polynomial;
 use isoform_geom::{Aabb, RationalPatch};
 
-pub(crate) const CUBE: Aabb = Aabb { lo: [-0.5; 3], hi: [0.5; 3] };
+pub(crate) const CUBE: Aabb = Aabb {
+    lo: [-0.5; 3],
+    hi: [0.5; 3],
+};
 
 /// x² + y² + z² − r².
 pub(crate) fn sphere(r: f64) -> Polynomial {
-    Polynomial::new([([2, 0, 0], 1.0), ([0, 2, 0], 1.0), ([0, 0, 2], 1.0), ([0, 0, 0], -r * r)])
+    Polynomial::new([
+        ([2, 0, 0], 1.0),
+        ([0, 2, 0], 1.0),
+        ([0, 0, 2], 1.0),
+        ([0, 0, 0], -r * r),
+    ])
 }
 /// Whitney's umbrella x² = y² (z + 1/2).
 pub(crate) fn whitney() -> Polynomial {
@@ -17,7 +25,12 @@ pub(crate) fn whitney() -> Polynomial {
 /// (x² + y² + z² + R² − r²)² = 4 R² (x² + y²).
 pub(crate) fn torus(major: f64, minor: f64) -> Polynomial {
     let (r2, c) = (major * major, major * major - minor * minor);
-    let mut terms = vec![([2, 0, 0], 2.0 * c - 4.0 * r2), ([0, 2, 0], 2.0 * c - 4.0 * r2), ([0, 0, 2], 2.0 * c), ([0, 0, 0], c * c)];
+    let mut terms = vec![
+        ([2, 0, 0], 2.0 * c - 4.0 * r2),
+        ([0, 2, 0], 2.0 * c - 4.0 * r2),
+        ([0, 0, 2], 2.0 * c),
+        ([0, 0, 0], c * c),
+    ];
     terms.extend([[4, 0, 0], [0, 4, 0], [0, 0, 4]].map(|e| (e, 1.0)));
     terms.extend([[2, 2, 0], [2, 0, 2], [0, 2, 2]].map(|e| (e, 2.0)));
     Polynomial::new(terms)

@@ -26,13 +26,20 @@ impl Builder<'_> {
     /// The ends (s, t) of the side that a bit stands for.
     fn border(&self, bit: u64) -> Option<[[f64; 2]; 2]> {
         let domain = self.region.domain.as_ref().filter(|_| bit != 0)?;
-        Some(domain.side(bit.trailing_zeros() as usize).map(|p| p.each_ref().map(|x| x.to_f64().value())))
+        Some(
+            domain
+                .side(bit.trailing_zeros() as usize)
+                .map(|p| p.each_ref().map(|x| x.to_f64().value())),
+        )
     }
     /// The place of a point of a unit triangle along a side, 0 and 1 at its ends.
     fn along_border(q: usize, [p0, p1]: [[f64; 2]; 2], [u, v]: [f64; 2]) -> f64 {
         let w = 1.0 - u - v;
         let [s, t] = QUADRANTS[q].map(|x| x as f64);
-        let (at, d) = ([s * u / w - p0[0], t * v / w - p0[1]], [p1[0] - p0[0], p1[1] - p0[1]]);
+        let (at, d) = (
+            [s * u / w - p0[0], t * v / w - p0[1]],
+            [p1[0] - p0[0], p1[1] - p0[1]],
+        );
         (at[0] * d[0] + at[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])
     }
     /// The point of a unit triangle at a place along a side.
@@ -44,14 +51,32 @@ impl Builder<'_> {
         [a / (a + b + 1.0), b / (a + b + 1.0)]
     }
     /// The vertices of a piece of the side that a bit stands for, from end to end; none of them if it is not one.
-    pub(super) fn border_line(&self, q: usize, bit: u64, from: [f64; 2], to: [f64; 2]) -> Option<Vec<[f64; 2]>> {
+    pub(super) fn border_line(
+        &self,
+        q: usize,
+        bit: u64,
+        from: [f64; 2],
+        to: [f64; 2],
+    ) -> Option<Vec<[f64; 2]>> {
         let ends = self.border(bit)?;
         let mut line = vec![from];
-        let mut stack = vec![([from, to], [from, to].map(|x| Self::along_border(q, ends, x)), 0)];
+        let mut stack = vec![(
+            [from, to],
+            [from, to].map(|x| Self::along_border(q, ends, x)),
+            0,
+        )];
         while let Some(([a, b], [x, y], depth)) = stack.pop() {
-            let m = if x < y { simple_between(x, y) } else { simple_between(y, x) };
+            let m = if x < y {
+                simple_between(x, y)
+            } else {
+                simple_between(y, x)
+            };
             let mid = Self::on_border(q, ends, m);
-            let is_full = depth >= self.halvings || line.len() > VERTICES || (self.stop)() || m == x || m == y;
+            let is_full = depth >= self.halvings
+                || line.len() > VERTICES
+                || (self.stop)()
+                || m == x
+                || m == y;
             if is_full || self.is_fine_border(q, ends, [a, b], [x, y]) {
                 line.push(b);
             } else {
@@ -60,7 +85,13 @@ impl Builder<'_> {
         }
         Some(line)
     }
-    fn is_fine_border(&self, q: usize, ends: [[f64; 2]; 2], [a, b]: [[f64; 2]; 2], [x, y]: [f64; 2]) -> bool {
+    fn is_fine_border(
+        &self,
+        q: usize,
+        ends: [[f64; 2]; 2],
+        [a, b]: [[f64; 2]; 2],
+        [x, y]: [f64; 2],
+    ) -> bool {
         let chart = &self.charts[q];
         let (p, r) = (chart.at(a), chart.at(b));
         let off = [0.25, 0.5, 0.75].map(|t| {
@@ -69,11 +100,14 @@ impl Builder<'_> {
         });
         let tolerance = self.tolerance_at(super::middle(p, r));
         // Values that are not numbers are never fine.
-        distance(p, r) <= self.options.longest && off.iter().all(|&d| d <= 0.3 * tolerance) && chart.keeps_sign([a, b, a], 0)
+        distance(p, r) <= self.options.longest
+            && off.iter().all(|&d| d <= 0.3 * tolerance)
+            && chart.keeps_sign([a, b, a], 0)
     }
     /// The bit of the side that a piece of a side of a unit triangle lies on, given by two places.
     pub(super) fn side_bit(&self, q: usize, side: usize, a: f64, b: f64) -> u64 {
-        self.region.side_of_place(q, super::on_side(side, 0.5 * (a + b)))
+        self.region
+            .side_of_place(q, super::on_side(side, 0.5 * (a + b)))
     }
 }
 
@@ -83,8 +117,18 @@ mod tests {
 
     #[test]
     fn places_have_few_digits() {
-        assert_eq!([simple_between(0.0, 1.0), simple_between(0.5, 1.0), simple_between(-1e-17, 0.25 + 1e-17)], [0.5, 0.75, 0.125]);
+        assert_eq!(
+            [
+                simple_between(0.0, 1.0),
+                simple_between(0.5, 1.0),
+                simple_between(-1e-17, 0.25 + 1e-17)
+            ],
+            [0.5, 0.75, 0.125]
+        );
         let x = simple_between(0.3, 0.31);
-        assert!((0.3..0.31).contains(&x) && (x * 256.0).fract() == 0.0, "{x}");
+        assert!(
+            (0.3..0.31).contains(&x) && (x * 256.0).fract() == 0.0,
+            "{x}"
+        );
     }
 }

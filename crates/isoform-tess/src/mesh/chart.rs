@@ -50,7 +50,14 @@ impl Chart {
         let signs = QUADRANTS[quadrant].map(|s| s as f64);
         let low = terms.values().map(|both| both[1]).collect();
         let terms = terms.into_iter().map(|(e, both)| (e, both[0])).collect();
-        Self { signs, terms, low, degree: map.degree(), precision: PRECISION * size, w: bernstein_base(&map.forms()[3]) }
+        Self {
+            signs,
+            terms,
+            low,
+            degree: map.degree(),
+            precision: PRECISION * size,
+            w: bernstein_base(&map.forms()[3]),
+        }
     }
     /// Powers of (s, t, w) up to the degree.
     fn powers<const N: usize>(&self, [u, v]: [f64; 2]) -> [[f64; N]; 3] {
@@ -77,15 +84,31 @@ impl Chart {
         [sum, size]
     }
     pub(super) fn at(&self, at: [f64; 2]) -> Point3 {
-        let [[x, y, z, w], size] = if self.degree < FEW { self.forms::<FEW>(at) } else { self.forms::<MANY>(at) };
+        let [[x, y, z, w], size] = if self.degree < FEW {
+            self.forms::<FEW>(at)
+        } else {
+            self.forms::<MANY>(at)
+        };
         let p = [x / w, y / w, z / w];
-        let error = (0..3).map(|k| size[k] + p[k].abs() * size[3]).fold(0.0, f64::max) * f64::EPSILON / w.abs();
+        let error = (0..3)
+            .map(|k| size[k] + p[k].abs() * size[3])
+            .fold(0.0, f64::max)
+            * f64::EPSILON
+            / w.abs();
         // Next to base points all forms cancel.
-        if error > self.precision { self.at_precisely(at) } else { p }
+        if error > self.precision {
+            self.at_precisely(at)
+        } else {
+            p
+        }
     }
     fn at_precisely(&self, [u, v]: [f64; 2]) -> Point3 {
         let exact = DoubleDouble::from;
-        let x = [exact(self.signs[0] * u), exact(self.signs[1] * v), exact(1.0) + exact(-u) + exact(-v)];
+        let x = [
+            exact(self.signs[0] * u),
+            exact(self.signs[1] * v),
+            exact(1.0) + exact(-u) + exact(-v),
+        ];
         let powers = x.map(|x| {
             let mut powers = vec![exact(1.0); self.degree + 1];
             for k in 1..=self.degree {
@@ -95,7 +118,9 @@ impl Chart {
         });
         let mut sum = [exact(0.0); 4];
         for (([i, j, k], high), low) in self.terms.iter().zip(&self.low) {
-            let m = powers[0][usize::from(*i)] * powers[1][usize::from(*j)] * powers[2][usize::from(*k)];
+            let m = powers[0][usize::from(*i)]
+                * powers[1][usize::from(*j)]
+                * powers[2][usize::from(*k)];
             for l in (0..4).filter(|&l| high[l] != 0.0) {
                 sum[l] = sum[l] + m * DoubleDouble::new(high[l], low[l]);
             }
@@ -122,7 +147,11 @@ impl Chart {
     }
     /// The image and the derivatives by u and v.
     pub(super) fn tangents(&self, at: [f64; 2]) -> [Point3; 3] {
-        let [p, by_u, by_v] = if self.degree < FEW { self.derivatives::<FEW>(at) } else { self.derivatives::<MANY>(at) };
+        let [p, by_u, by_v] = if self.degree < FEW {
+            self.derivatives::<FEW>(at)
+        } else {
+            self.derivatives::<MANY>(at)
+        };
         let tangent = |d: [f64; 4]| [0, 1, 2].map(|k| (d[k] - p[k] / p[3] * d[3]) / p[3]);
         [[0, 1, 2].map(|k| p[k] / p[3]), tangent(by_u), tangent(by_v)]
     }
@@ -192,20 +221,31 @@ fn bernstein_base(form: &Poly) -> Vec<f64> {
     for (e, c) in form.terms() {
         let [i, j, k] = [0, 1, 2].map(|x| usize::from(e[x]));
         let count = factorial(n) / (factorial(i) * factorial(j) * factorial(k));
-        out[slot(n, i, j)] = (RBig::from(c.clone()) / (RBig::from(form.denominator().clone()) * count)).to_f64().value();
+        out[slot(n, i, j)] = (RBig::from(c.clone())
+            / (RBig::from(form.denominator().clone()) * count))
+            .to_f64()
+            .value();
     }
     out
 }
 
 /// Least and greatest Bernstein coefficient on the triangle with the corners given, and a bound of their rounding errors: by the polar
 /// form, one argument at a time. Those that vanish because the first corner is a zero of that multiplicity are left out.
-fn bernstein_range(base: &[f64], n: usize, corners: [[f64; 3]; 3], multiplicity: usize) -> (f64, f64, f64) {
+fn bernstein_range(
+    base: &[f64],
+    n: usize,
+    corners: [[f64; 3]; 3],
+    multiplicity: usize,
+) -> (f64, f64, f64) {
     let step = |b: &[[f64; 2]], d: usize, p: [f64; 3]| -> Vec<[f64; 2]> {
         let mut out = Vec::with_capacity(d * (d + 1) / 2);
         for i in 0..d {
             for j in 0..d - i {
                 let [x, y, z] = [b[slot(d, i + 1, j)], b[slot(d, i, j + 1)], b[slot(d, i, j)]];
-                out.push([x[0] * p[0] + y[0] * p[1] + z[0] * p[2], x[1] * p[0].abs() + y[1] * p[1].abs() + z[1] * p[2].abs()]);
+                out.push([
+                    x[0] * p[0] + y[0] * p[1] + z[0] * p[2],
+                    x[1] * p[0].abs() + y[1] * p[1].abs() + z[1] * p[2].abs(),
+                ]);
             }
         }
         out
@@ -235,16 +275,27 @@ fn bernstein_range(base: &[f64], n: usize, corners: [[f64; 3]; 3], multiplicity:
 /// Whether a polynomial in two variables is proved to keep its sign on a triangle, by bisection; with a zero of its order in the first
 /// corner, which is the origin.
 pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool) -> bool {
-    let n = form.terms.iter().map(|([i, j], _)| i + j).max().unwrap_or(0);
+    let n = form
+        .terms
+        .iter()
+        .map(|([i, j], _)| i + j)
+        .max()
+        .unwrap_or(0);
     let factorial = |k: usize| (1..=k).map(|k| k as f64).product::<f64>();
     let mut base = vec![0.0; (n + 1) * (n + 2) / 2];
     for ([i, j], c) in &form.terms {
-        base[slot(n, *i, *j)] = c * factorial(*i) * factorial(*j) * factorial(n - i - j) / factorial(n);
+        base[slot(n, *i, *j)] =
+            c * factorial(*i) * factorial(*j) * factorial(n - i - j) / factorial(n);
     }
     let mut signs = [false; 2];
     let mut stack = vec![(corners, at_origin, PROOF)];
     while let Some((t, at_origin, depth)) = stack.pop() {
-        let (lo, hi, error) = bernstein_range(&base, n, t.map(|[u, v]| [u, v, 1.0]), if at_origin { form.order } else { 0 });
+        let (lo, hi, error) = bernstein_range(
+            &base,
+            n,
+            t.map(|[u, v]| [u, v, 1.0]),
+            if at_origin { form.order } else { 0 },
+        );
         // The coefficients themselves are rounded, too.
         let error = 4.0 * error;
         if lo > error || hi < -error {
@@ -258,7 +309,11 @@ pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool
             if at_origin {
                 // Nearer to the origin, and the rest.
                 let (p, q) = (half(a, b), half(a, c));
-                stack.extend([([a, p, q], true, depth - 1), ([p, b, c], false, depth - 1), ([p, c, q], false, depth - 1)]);
+                stack.extend([
+                    ([a, p, q], true, depth - 1),
+                    ([p, b, c], false, depth - 1),
+                    ([p, c, q], false, depth - 1),
+                ]);
             } else {
                 let (a, b, c) = match [long(a, b), long(b, c), long(c, a)] {
                     [x, y, z] if x >= y && x >= z => (a, b, c),

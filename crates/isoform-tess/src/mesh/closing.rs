@@ -12,36 +12,59 @@ const OUTSIDE: f64 = 1e-9;
 fn check(s: &mut Surface, half_width: f64, glued: bool) {
     let uses = s.edges(&s.borders);
     let open = s.open_edges(&uses);
-    let crowded = uses.iter().filter(|(e, (n, _))| *n > 2 && !(s.is_double(e) && *n % 2 == 0)).count();
+    let crowded = uses
+        .iter()
+        .filter(|(e, (n, _))| *n > 2 && !(s.is_double(e) && *n % 2 == 0))
+        .count();
     let size = |t: &[u32; 3]| {
         let [p, q, r] = t.map(|v| s.points[v as usize]);
         norm(cross(sub(q, p), sub(r, p)))
     };
-    let flat = s.triangles.iter().filter(|t| size(t) < 2e-14 * half_width * half_width).count();
+    let flat = s
+        .triangles
+        .iter()
+        .filter(|t| size(t) < 2e-14 * half_width * half_width)
+        .count();
     if glued {
         // Sorted along one axis, points that are near to each other are near in the order.
-        let mut used: Vec<Point3> =
-            uses.keys().flatten().copied().collect::<BTreeSet<u32>>().iter().map(|&v| s.points[v as usize]).collect();
+        let mut used: Vec<Point3> = uses
+            .keys()
+            .flatten()
+            .copied()
+            .collect::<BTreeSet<u32>>()
+            .iter()
+            .map(|&v| s.points[v as usize])
+            .collect();
         used.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let close = 4e-9 * half_width;
         let near = |i: usize| {
-            let after = used[i + 1..].iter().take_while(|q| q[0] - used[i][0] < close).take(1000);
+            let after = used[i + 1..]
+                .iter()
+                .take_while(|q| q[0] - used[i][0] < close)
+                .take(1000);
             after.filter(|q| distance(used[i], **q) < close).count()
         };
         let twice: usize = (0..used.len()).map(near).sum();
         if twice > 0 {
-            s.unproven.push(format!("{twice} pairs of vertices lie upon each other"));
+            s.unproven
+                .push(format!("{twice} pairs of vertices lie upon each other"));
         }
     }
-    let outside = s.points.iter().filter(|p| p.iter().any(|x| x.abs() > (1.0 + OUTSIDE) * half_width)).count();
+    let outside = s
+        .points
+        .iter()
+        .filter(|p| p.iter().any(|x| x.abs() > (1.0 + OUTSIDE) * half_width))
+        .count();
     if outside > 0 {
-        s.unproven.push(format!("{outside} vertices are outside of the box"));
+        s.unproven
+            .push(format!("{outside} vertices are outside of the box"));
     }
     if flat > 0 {
         s.unproven.push(format!("{flat} triangles have no area"));
     }
     if open > 0 {
-        s.unproven.push(format!("the surface is open along {open} edges in the box"));
+        s.unproven
+            .push(format!("the surface is open along {open} edges in the box"));
     }
     if crowded > 0 {
         s.unproven
@@ -51,7 +74,9 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
 
 /// Leaves out all triangles but some, and what belongs to them.
 fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> bool) {
-    let kept: Vec<usize> = (0..s.triangles.len()).filter(|&k| is_kept(s, &s.triangles[k])).collect();
+    let kept: Vec<usize> = (0..s.triangles.len())
+        .filter(|&k| is_kept(s, &s.triangles[k]))
+        .collect();
     s.triangles = kept.iter().map(|&k| s.triangles[k]).collect();
     s.charts = kept.iter().map(|&k| s.charts[k]).collect();
     s.corners = kept.iter().map(|&k| s.corners[k]).collect();
@@ -61,15 +86,26 @@ fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> bool) {
 /// Leaves out vertices without a position, and the triangles at them, which is said to be unproven.
 fn leave_out_lost(s: &mut Surface) {
     let is_lost = |s: &Surface, v: u32| !s.points[v as usize].iter().all(|x| x.is_finite());
-    let vertices: Vec<u32> = (0..s.points.len() as u32).filter(|&v| !is_lost(s, v)).collect();
+    let vertices: Vec<u32> = (0..s.points.len() as u32)
+        .filter(|&v| !is_lost(s, v))
+        .collect();
     if vertices.len() == s.points.len() {
         return;
     }
-    s.unproven.push(format!("{} vertices have no position; the triangles at them are left out", s.points.len() - vertices.len()));
+    s.unproven.push(format!(
+        "{} vertices have no position; the triangles at them are left out",
+        s.points.len() - vertices.len()
+    ));
     let mut new = vec![0; s.points.len()];
-    vertices.iter().enumerate().for_each(|(n, &v)| new[v as usize] = n as u32);
+    vertices
+        .iter()
+        .enumerate()
+        .for_each(|(n, &v)| new[v as usize] = n as u32);
     keep(s, |s, t| !t.iter().any(|&v| is_lost(s, v)));
-    s.triangles.iter_mut().flatten().for_each(|v| *v = new[*v as usize]);
+    s.triangles
+        .iter_mut()
+        .flatten()
+        .for_each(|v| *v = new[*v as usize]);
     let of = |v: &u32| *v as usize;
     s.points = vertices.iter().map(|v| s.points[of(v)]).collect();
     s.kinds = vertices.iter().map(|v| s.kinds[of(v)]).collect();

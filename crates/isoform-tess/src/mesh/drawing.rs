@@ -57,7 +57,11 @@ impl Drawing<'_> {
     /// Whether a place is in the region.
     fn is_inside(&self, at: [f64; 2]) -> bool {
         let k = self.walls[1..self.walls.len() - 1].partition_point(|&u| u < at[0]);
-        let below = self.lines[k].iter().rev().find(|(_, line)| height(line, at[0]) < at[1]).map(|l| l.0);
+        let below = self.lines[k]
+            .iter()
+            .rev()
+            .find(|(_, line)| height(line, at[0]) < at[1])
+            .map(|l| l.0);
         self.triangle.inside[k][below.unwrap_or(0)]
     }
 }
@@ -104,7 +108,11 @@ impl Builder<'_> {
         for at in self.gluing.points(q) {
             drawing.vertex(Node::inner(at, 0));
         }
-        let mut handles: BTreeMap<[u64; 2], _> = drawing.cdt.vertices().map(|v| (v.data().at.map(f64::to_bits), v.fix())).collect();
+        let mut handles: BTreeMap<[u64; 2], _> = drawing
+            .cdt
+            .vertices()
+            .map(|v| (v.data().at.map(f64::to_bits), v.fix()))
+            .collect();
         let rings = self.rings_around(q);
         for (at, _) in &rings {
             let place = at.map(f64::to_bits);
@@ -123,7 +131,10 @@ impl Builder<'_> {
         for (at, legs) in &rings {
             for leg in legs {
                 let [a, b] = [at, leg].map(|x| handles.get(&x.map(f64::to_bits)).copied());
-                if let Some((a, b)) = a.zip(b).filter(|(a, b)| a != b && cdt.can_add_constraint(*a, *b)) {
+                if let Some((a, b)) = a
+                    .zip(b)
+                    .filter(|(a, b)| a != b && cdt.can_add_constraint(*a, *b))
+                {
                     cdt.add_constraint(a, b);
                 }
             }
@@ -134,7 +145,8 @@ impl Builder<'_> {
         let (mut plain, mut at_apex) = (Vec::new(), Vec::new());
         for face in drawing.cdt.inner_faces() {
             let v = face.vertices();
-            if is_sliver(v.map(|v| *v.data())) || !drawing.is_inside(center(v.map(|v| v.data().at))) {
+            if is_sliver(v.map(|v| *v.data())) || !drawing.is_inside(center(v.map(|v| v.data().at)))
+            {
                 continue;
             }
             let t = v.map(|v| v.index() as u32);
@@ -144,8 +156,21 @@ impl Builder<'_> {
             }
         }
         let rim: Vec<[u32; 2]> = at_apex.iter().map(|&[_, a, b]| [a, b]).collect();
-        let plane = Plane::new(nodes, plain, &|a, b| fixed.contains(&(a, b)), &rim, &measure);
-        Some(Unit { quadrant: q, plane, at_apex, apexes: drawing.apexes, rays: drawing.rays, unproven })
+        let plane = Plane::new(
+            nodes,
+            plain,
+            &|a, b| fixed.contains(&(a, b)),
+            &rim,
+            &measure,
+        );
+        Some(Unit {
+            quadrant: q,
+            plane,
+            at_apex,
+            apexes: drawing.apexes,
+            rays: drawing.rays,
+            unproven,
+        })
     }
 
     /// Puts vertices into large triangles that do not face the way the surface does, or have another area: flips and splits by what triangles are in
@@ -161,21 +186,38 @@ impl Builder<'_> {
                 let v = face.vertices();
                 let mut sorted = v.map(|v| v.index());
                 sorted.sort_unstable();
-                if !known.insert(sorted) || v.iter().any(|v| v.data().apex) || is_sliver(v.map(|v| *v.data())) {
+                if !known.insert(sorted)
+                    || v.iter().any(|v| v.data().apex)
+                    || is_sliver(v.map(|v| *v.data()))
+                {
                     continue;
                 }
                 let at = v.map(|v| v.data().at);
                 let [p, q, r] = v.map(|v| images[v.index()]);
-                let is_pinched = [(p.1, q.1), (q.1, r.1), (r.1, p.1)].iter().any(|(a, b)| a.is_some() && a == b);
-                let is_long = (0..3).any(|i| (at[i][0] - at[(i + 1) % 3][0]).hypot(at[i][1] - at[(i + 1) % 3][1]) > SPREAD_LENGTH);
+                let is_pinched = [(p.1, q.1), (q.1, r.1), (r.1, p.1)]
+                    .iter()
+                    .any(|(a, b)| a.is_some() && a == b);
+                let is_long = (0..3).any(|i| {
+                    (at[i][0] - at[(i + 1) % 3][0]).hypot(at[i][1] - at[(i + 1) % 3][1])
+                        > SPREAD_LENGTH
+                });
                 // Next to contracted curves what is large in the parameters may be nothing in space.
                 let there = measure.at(center(at));
-                let is_apart = [p.0, q.0, r.0].iter().all(|&x| distance(x, there) > APART * measure.tolerance(there));
-                if is_long && !is_pinched && is_apart && is_turned(at, [p.0, q.0, r.0], measure) && drawing.is_inside(center(at)) {
+                let is_apart = [p.0, q.0, r.0]
+                    .iter()
+                    .all(|&x| distance(x, there) > APART * measure.tolerance(there));
+                if is_long
+                    && !is_pinched
+                    && is_apart
+                    && is_turned(at, [p.0, q.0, r.0], measure)
+                    && drawing.is_inside(center(at))
+                {
                     places.push(center(at));
                 }
             }
-            if places.is_empty() || drawing.cdt.num_inner_faces() > SPREAD.min(self.options.triangles / 4) {
+            if places.is_empty()
+                || drawing.cdt.num_inner_faces() > SPREAD.min(self.options.triangles / 4)
+            {
                 break;
             }
             for at in places {
@@ -190,8 +232,20 @@ impl Builder<'_> {
             let mut before = None;
             let mut last = (0, 0);
             for (i, &(x, inside)) in sides[key].iter().enumerate() {
-                let next = if inside { (self.faces_along(q, side), self.side_bit(q, side, x, sides[key][i + 1].0)) } else { (0, 0) };
-                let Some(v) = drawing.vertex(Node { name: self.name_on(q, side, x), ..Node::inner(on_side(side, x), 0) }) else { continue };
+                let next = if inside {
+                    (
+                        self.faces_along(q, side),
+                        self.side_bit(q, side, x, sides[key][i + 1].0),
+                    )
+                } else {
+                    (0, 0)
+                };
+                let Some(v) = drawing.vertex(Node {
+                    name: self.name_on(q, side, x),
+                    ..Node::inner(on_side(side, x), 0)
+                }) else {
+                    continue;
+                };
                 // Corners belong to two sides.
                 let all = on_sides.entry(v.index()).or_insert((0u8, 0u64));
                 *all = (all.0 | last.0 | next.0, all.1 | last.1 | next.1);
@@ -207,7 +261,11 @@ impl Builder<'_> {
     /// Points of walls in the region, with the faces that they are on; those on sides are there already.
     fn draw_points(&self, q: usize, drawing: &mut Drawing<'_>) {
         let t = &self.region.triangles[q];
-        let passed: Vec<(usize, usize)> = self.sites_in(q).flat_map(|(_, s)| &s.arcs).flat_map(|x| x.passed(&t.arrangement)).collect();
+        let passed: Vec<(usize, usize)> = self
+            .sites_in(q)
+            .flat_map(|(_, s)| &s.arcs)
+            .flat_map(|x| x.passed(&t.arrangement))
+            .collect();
         for (k, wall) in t.arrangement.walls.iter().enumerate() {
             let top = wall.points.len() - 1;
             for p in 0..=top {
@@ -222,10 +280,29 @@ impl Builder<'_> {
                     continue;
                 }
                 let borders = self.region.sides_of_point(q, k, p);
-                let node = Node { at, name, faces, image: if apex { None } else { self.image_at(q, k, p) }, apex, borders };
+                let node = Node {
+                    at,
+                    name,
+                    faces,
+                    image: if apex { None } else { self.image_at(q, k, p) },
+                    apex,
+                    borders,
+                };
                 // The line of a side goes on inside.
-                let is_line = |f: &usize| self.region.lines.get(*f).is_none_or(|l| *l != 0 && !self.is_drawn_inside(*f));
-                if borders == 0 && faces == 0 && wall.points[p].curves.iter().chain(&wall.vertical).all(is_line) {
+                let is_line = |f: &usize| {
+                    self.region
+                        .lines
+                        .get(*f)
+                        .is_none_or(|l| *l != 0 && !self.is_drawn_inside(*f))
+                };
+                if borders == 0
+                    && faces == 0
+                    && wall.points[p]
+                        .curves
+                        .iter()
+                        .chain(&wall.vertical)
+                        .all(is_line)
+                {
                     continue;
                 }
                 if let Some(v) = drawing.vertex(node) {
@@ -238,22 +315,32 @@ impl Builder<'_> {
     /// Base points with the rectangles around them.
     fn draw_rectangles(&self, q: usize, drawing: &mut Drawing<'_>) {
         for (&(_, k, p), site) in self.sites_in(q) {
-            let Some(&apex) = drawing.at_wall.get(&(k, p)) else { continue };
+            let Some(&apex) = drawing.at_wall.get(&(k, p)) else {
+                continue;
+            };
             drawing.apexes.insert(apex.index(), site.fan);
             let fan = &self.fans[site.fan];
             for sector in fan.sectors.iter().filter(|s| s.inside) {
-                let Some(ends) = self.sector_ends(q, site, fan, sector) else { continue };
+                let Some(ends) = self.sector_ends(q, site, fan, sector) else {
+                    continue;
+                };
                 let insert = |at: [f64; 2], ray: Ray, drawing: &mut Drawing<'_>| {
                     let name = match () {
                         () if at[0] == 0.0 => self.name_on(q, 0, at[1]),
                         () if at[1] == 0.0 => self.name_on(q, 1, at[0]),
-                        () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => self.name_on(q, 2, at[0]),
+                        () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => {
+                            self.name_on(q, 2, at[0])
+                        }
                         () => Name::Inner,
                     };
                     let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
                     let faces = arc.map_or(0, |x| self.bits(x.curve));
                     let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
-                    let v = drawing.vertex(Node { name, image, ..Node::inner(at, faces) })?;
+                    let v = drawing.vertex(Node {
+                        name,
+                        image,
+                        ..Node::inner(at, faces)
+                    })?;
                     drawing.rays.insert((v.index(), site.fan), ray);
                     Some(v)
                 };
@@ -264,13 +351,22 @@ impl Builder<'_> {
                 };
                 for (k, backward) in sector.rays {
                     let d = &fan.directions[k];
-                    let same: Vec<_> =
-                        self.ring(q, site, d, backward).into_iter().map(|at| insert(at, (d.key(), backward), drawing)).collect();
+                    let same: Vec<_> = self
+                        .ring(q, site, d, backward)
+                        .into_iter()
+                        .map(|at| insert(at, (d.key(), backward), drawing))
+                        .collect();
                     for w in same.windows(2) {
                         around(w[0], w[1], drawing);
                     }
                 }
-                let [a, b] = [0, 1].map(|i| insert(ends[i], (fan.directions[sector.rays[i].0].key(), sector.rays[i].1), drawing));
+                let [a, b] = [0, 1].map(|i| {
+                    insert(
+                        ends[i],
+                        (fan.directions[sector.rays[i].0].key(), sector.rays[i].1),
+                        drawing,
+                    )
+                });
                 around(a, b, drawing);
             }
         }
@@ -290,15 +386,28 @@ impl Builder<'_> {
                 None => self.polyline(q, &stretch, i, &mut over, &mut drawing.in_order),
             };
             if stretch.is_open() {
-                let node = |at: [f64; 2]| Node { image: self.nearest_image(q, arc.curve, at), borders, ..Node::inner(at, faces) };
+                let node = |at: [f64; 2]| Node {
+                    image: self.nearest_image(q, arc.curve, at),
+                    borders,
+                    ..Node::inner(at, faces)
+                };
                 // From a vertex of a rectangle, or a point of a wall, to the next.
-                let ends = [(line[0], (k, arc.left)), (line[line.len() - 1], (k + 1, arc.right))];
+                let ends = [
+                    (line[0], (k, arc.left)),
+                    (line[line.len() - 1], (k + 1, arc.right)),
+                ];
                 let [mut before, last] = [0, 1].map(|e| {
                     let (at, known) = ends[e];
-                    if stretch.based[e] { drawing.vertex(node(at)) } else { drawing.at_wall.get(&known).copied() }
+                    if stretch.based[e] {
+                        drawing.vertex(node(at))
+                    } else {
+                        drawing.at_wall.get(&known).copied()
+                    }
                 });
                 for &at in &line[1..line.len() - 1] {
-                    let Some(v) = drawing.vertex(node(at)) else { continue };
+                    let Some(v) = drawing.vertex(node(at)) else {
+                        continue;
+                    };
                     drawing.edge(before, Some(v));
                     before = Some(v);
                 }
@@ -311,8 +420,14 @@ impl Builder<'_> {
 
     /// Stretches of a wall that are drawn.
     fn draw_upright(&self, q: usize, wall: usize, drawing: &mut Drawing<'_>) {
-        for p in 0..self.region.triangles[q].arrangement.walls[wall].points.len() - 1 {
-            let Some(curve) = self.drawn_on(q, wall, p) else { continue };
+        for p in 0..self.region.triangles[q].arrangement.walls[wall]
+            .points
+            .len()
+            - 1
+        {
+            let Some(curve) = self.drawn_on(q, wall, p) else {
+                continue;
+            };
             let (faces, borders) = (self.bits(curve), self.region.side_of_wall(q, wall, p));
             let (stretch, mut line) = self.upright(q, wall, p);
             if let Some(known) = self.gluing.line(Track::Wall(q, wall, p)) {
@@ -324,8 +439,14 @@ impl Builder<'_> {
                 // From points of the wall, or from the rectangles around base points.
                 let known = match i {
                     0 if !stretch.based[0] => drawing.at_wall.get(&(wall, p)).copied(),
-                    i if i == last && !stretch.based[1] => drawing.at_wall.get(&(wall, p + 1)).copied(),
-                    _ => drawing.vertex(Node { image: self.nearest_image(q, curve, at), borders, ..Node::inner(at, faces) }),
+                    i if i == last && !stretch.based[1] => {
+                        drawing.at_wall.get(&(wall, p + 1)).copied()
+                    }
+                    _ => drawing.vertex(Node {
+                        image: self.nearest_image(q, curve, at),
+                        borders,
+                        ..Node::inner(at, faces)
+                    }),
                 };
                 if known.is_some() {
                     drawing.edge(before, known);
@@ -356,15 +477,27 @@ impl Builder<'_> {
         let mut rays = [None; 2];
         for (k, end) in ends.iter_mut().enumerate() {
             if let Some(site) = self.sites.get(&(q, wall, point + k)) {
-                let arc = site.arcs.iter().find(|x| x.chain.is_empty() && x.right == (k == 0));
+                let arc = site
+                    .arcs
+                    .iter()
+                    .find(|x| x.chain.is_empty() && x.right == (k == 0));
                 rays[k] = arc.map(|x| (site.fan, x.ray, site.at));
                 *end = arc.map_or(*end, |x| x.end);
             }
         }
         let [a, b] = ends;
-        let is_contracted = self.drawn_on(q, wall, point).is_some_and(|f| self.on_curve.contains_key(&f));
+        let is_contracted = self
+            .drawn_on(q, wall, point)
+            .is_some_and(|f| self.on_curve.contains_key(&f));
         let based = rays.map(|r| r.is_some());
-        let stretch = Stretch { before: vec![], from: a, to: b, after: vec![], based, rays };
+        let stretch = Stretch {
+            before: vec![],
+            from: a,
+            to: b,
+            after: vec![],
+            based,
+            rays,
+        };
         if let Some(line) = self.border_line(q, self.region.side_of_wall(q, wall, point), a, b) {
             return (stretch, line.into_iter().map(|at| [a[0], at[1]]).collect());
         }
@@ -373,8 +506,14 @@ impl Builder<'_> {
         while let Some((x, y, depth)) = stack.pop() {
             let at = |v: f64| self.charts[q].at([a[0], v]);
             let m = 0.5 * (x + y);
-            let turns = || is_contracted && depth < TURNS && self.charts[q].turns([x, m, y].map(|v| [a[0], v]));
-            if depth < self.halvings && line.len() < VERTICES && !(self.stop)() && (!self.is_fine(&at, x, y) || turns()) {
+            let turns = || {
+                is_contracted && depth < TURNS && self.charts[q].turns([x, m, y].map(|v| [a[0], v]))
+            };
+            if depth < self.halvings
+                && line.len() < VERTICES
+                && !(self.stop)()
+                && (!self.is_fine(&at, x, y) || turns())
+            {
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {
                 line.push([a[0], y]);
@@ -384,14 +523,18 @@ impl Builder<'_> {
     }
 
     pub(super) fn is_drawn_inside(&self, factor: usize) -> bool {
-        self.on_curve.contains_key(&factor) || self.double.contains(&factor) || self.creased.contains(&factor)
+        self.on_curve.contains_key(&factor)
+            || self.double.contains(&factor)
+            || self.creased.contains(&factor)
     }
     /// The arcs of a slab that are drawn: those that have the region on one side, or on both and are contracted, double or cuspidal.
     pub(super) fn drawn(&self, q: usize, slab: usize) -> Vec<usize> {
         let t = &self.region.triangles[q];
         let inside = &t.inside[slab];
         let is_curve = |i: usize| self.is_drawn_inside(t.arrangement.slabs[slab].arcs[i].curve);
-        (1..inside.len()).filter(|&i| inside[i - 1] != inside[i] || inside[i] && is_curve(i)).collect()
+        (1..inside.len())
+            .filter(|&i| inside[i - 1] != inside[i] || inside[i] && is_curve(i))
+            .collect()
     }
 }
 
@@ -399,7 +542,9 @@ impl Builder<'_> {
 fn is_sliver(nodes: [Node; 3]) -> bool {
     let on_line = |n: &Node| matches!(n.name, Name::Side(2, ..) | Name::Corner(1 | 2));
     nodes.iter().all(on_line) && {
-        let first = (0..3).min_by(|&i, &j| nodes[i].at[0].total_cmp(&nodes[j].at[0])).unwrap_or(0);
+        let first = (0..3)
+            .min_by(|&i, &j| nodes[i].at[0].total_cmp(&nodes[j].at[0]))
+            .unwrap_or(0);
         nodes[(first + 1) % 3].at[0] < nodes[(first + 2) % 3].at[0]
     }
 }

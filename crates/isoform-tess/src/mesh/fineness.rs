@@ -45,6 +45,8 @@ impl Fineness {
         if self.levels.is_empty() {
             return 1.0;
         }
-        self.levels.get(&cell(p, half_width)).map_or(1.0, |&level| 0.25f64.powi(i32::from(level)))
+        self.levels
+            .get(&cell(p, half_width))
+            .map_or(1.0, |&level| 0.25f64.powi(i32::from(level)))
     }
 }

@@ -99,13 +99,21 @@ impl Gluing {
         self.lines.get(&track)
     }
     pub(super) fn spoke(&self, fan: usize, ray: Ray, ring: [f64; 2]) -> &[SpokeVertex] {
-        self.spokes.get(&(fan, ray, ring.map(f64::to_bits))).map_or(&[], Vec::as_slice)
+        self.spokes
+            .get(&(fan, ray, ring.map(f64::to_bits)))
+            .map_or(&[], Vec::as_slice)
     }
 }
 
 impl Builder<'_> {
     /// Finds the vertices of the double curve and their partners. Sides of the unit triangles that are double get their places.
-    pub(super) fn glue(&self, sides: &mut Sides, pinches: &[[f64; 3]], isolated: &[[f64; 3]], fibres: Option<&Fibres>) -> Gluing {
+    pub(super) fn glue(
+        &self,
+        sides: &mut Sides,
+        pinches: &[[f64; 3]],
+        isolated: &[[f64; 3]],
+        fibres: Option<&Fibres>,
+    ) -> Gluing {
         let mut gluing = Gluing::default();
         let mut pieces = self.pieces(sides);
         self.add_pinches(&mut pieces, pinches);
@@ -138,14 +146,21 @@ impl Builder<'_> {
         let mut points: Vec<(usize, [f64; 2], Point3, Name)> = Vec::new();
         for &p in isolated {
             for q in 0..4 {
-                let Some(mut at) = super::place_in(q, p) else { continue };
+                let Some(mut at) = super::place_in(q, p) else {
+                    continue;
+                };
                 let mut name = Name::Inner;
                 if let Some(side) = p.iter().position(|&x| x == 0.0) {
                     let x = if side == 0 { at[1] } else { at[0] };
                     (at, name) = (on_side(side, x), self.name_on(q, side, x));
                 }
                 let image = self.charts[q].at(at);
-                if self.region.domain.as_ref().is_some_and(|d| d.is_outside(in_plane(q, at))) {
+                if self
+                    .region
+                    .domain
+                    .as_ref()
+                    .is_some_and(|d| d.is_outside(in_plane(q, at)))
+                {
                     continue;
                 }
                 // Base points have no image, and none of their own.
@@ -155,9 +170,20 @@ impl Builder<'_> {
             }
         }
         for &(q, at, image, name) in &points {
-            let contracted = self.images.iter().position(|&p| distance(p, image) < close).map(Name::Image);
-            let double = gluing.images.iter().position(|&p| distance(p, image) < close).map(Name::Double);
-            let others = points.iter().filter(|o| distance(o.2, image) < close).any(|o| o.0 != q || distance2(o.1, at) > 1e-12);
+            let contracted = self
+                .images
+                .iter()
+                .position(|&p| distance(p, image) < close)
+                .map(Name::Image);
+            let double = gluing
+                .images
+                .iter()
+                .position(|&p| distance(p, image) < close)
+                .map(Name::Double);
+            let others = points
+                .iter()
+                .filter(|o| distance(o.2, image) < close)
+                .any(|o| o.0 != q || distance2(o.1, at) > 1e-12);
             if !(contracted.is_some() || double.is_some() || others) {
                 continue;
             }
@@ -189,12 +215,27 @@ impl Builder<'_> {
     }
 
     fn knot(&self, q: usize, at: [f64; 2], name: Name, faces: u8, fixed: bool) -> Knot {
-        Knot { at, key: key(name, q, at), image: self.image(q, at, faces), fixed, class: None }
+        Knot {
+            at,
+            key: key(name, q, at),
+            image: self.image(q, at, faces),
+            fixed,
+            class: None,
+        }
     }
     fn seam_knot(&self, at: [f64; 2], fan: usize, ray: Ray) -> Option<Knot> {
-        let d = self.fans[fan].directions.iter().find(|d| d.key() == ray.0)?;
+        let d = self.fans[fan]
+            .directions
+            .iter()
+            .find(|d| d.key() == ray.0)?;
         let (name, image, _) = self.seam_vertex(fan, d);
-        Some(Knot { at, key: key(name, 0, at), image, fixed: true, class: None })
+        Some(Knot {
+            at,
+            key: key(name, 0, at),
+            image,
+            fixed: true,
+            class: None,
+        })
     }
 
     fn pieces(&self, sides: &Sides) -> Vec<Piece> {
@@ -210,14 +251,29 @@ impl Builder<'_> {
                         continue;
                     }
                     let line = self.polyline(q, &stretch, i, &mut over, &mut true);
-                    pieces.push(self.piece(Track::Arc(q, slab, i), q, &line, &stretch, [(slab, arc.left), (slab + 1, arc.right)]));
+                    pieces.push(self.piece(
+                        Track::Arc(q, slab, i),
+                        q,
+                        &line,
+                        &stretch,
+                        [(slab, arc.left), (slab + 1, arc.right)],
+                    ));
                 }
             }
             for wall in 1..a.walls.len() - 1 {
                 for p in 0..a.walls[wall].points.len() - 1 {
-                    if self.drawn_on(q, wall, p).is_some_and(|f| self.double.contains(&f)) {
+                    if self
+                        .drawn_on(q, wall, p)
+                        .is_some_and(|f| self.double.contains(&f))
+                    {
                         let (stretch, line) = self.upright(q, wall, p);
-                        pieces.push(self.piece(Track::Wall(q, wall, p), q, &line, &stretch, [(wall, p), (wall, p + 1)]));
+                        pieces.push(self.piece(
+                            Track::Wall(q, wall, p),
+                            q,
+                            &line,
+                            &stretch,
+                            [(wall, p), (wall, p + 1)],
+                        ));
                     }
                 }
             }
@@ -240,11 +296,20 @@ impl Builder<'_> {
             let inside = |k: usize| seam[k % n].1;
             // All the way around it ends where it began: in a fold, if there is one.
             let fold = || (0..n).find(|&k| f.is_fold(seam[k].0));
-            let first = (0..n).find(|&k| inside(k) && !inside(k + n - 1)).or_else(fold).unwrap_or(0);
+            let first = (0..n)
+                .find(|&k| inside(k) && !inside(k + n - 1))
+                .or_else(fold)
+                .unwrap_or(0);
             let knot = |k: usize| {
                 let d = seam[k % n].0;
                 let (name, image, _) = self.seam_vertex(fan, d);
-                Knot { at: d.at, key: key(name, 0, d.at), image, fixed: true, class: None }
+                Knot {
+                    at: d.at,
+                    key: key(name, 0, d.at),
+                    image,
+                    fixed: true,
+                    class: None,
+                }
             };
             let mut knots: Vec<Knot> = Vec::new();
             for k in first..first + n {
@@ -255,32 +320,61 @@ impl Builder<'_> {
                     knots.push(knot(k + 1));
                 }
                 if !knots.is_empty() && (!inside(k) || k + 1 == first + n) {
-                    pieces.push(Piece { track: Track::Seam(fan, number), q: 0, knots: std::mem::take(&mut knots), rays: [None; 2] });
+                    pieces.push(Piece {
+                        track: Track::Seam(fan, number),
+                        q: 0,
+                        knots: std::mem::take(&mut knots),
+                        rays: [None; 2],
+                    });
                     number += 1;
                 }
             }
         }
     }
 
-    fn piece(&self, track: Track, q: usize, line: &[[f64; 2]], stretch: &Stretch, walls: [(usize, usize); 2]) -> Piece {
-        let mut knots: Vec<Knot> = line.iter().map(|&at| self.knot(q, at, Name::Inner, 0, false)).collect();
+    fn piece(
+        &self,
+        track: Track,
+        q: usize,
+        line: &[[f64; 2]],
+        stretch: &Stretch,
+        walls: [(usize, usize); 2],
+    ) -> Piece {
+        let mut knots: Vec<Knot> = line
+            .iter()
+            .map(|&at| self.knot(q, at, Name::Inner, 0, false))
+            .collect();
         let last = knots.len() - 1;
         for (end, (wall, point)) in [(0, walls[0]), (last, walls[1])] {
             let based = stretch.based[usize::from(end > 0)];
             knots[end] = match based {
                 true => self.knot(q, line[end], Name::Inner, 0, true),
-                false => self.knot(q, line[end], self.wall_name(q, wall, point), self.faces_at(q, wall, point), true),
+                false => self.knot(
+                    q,
+                    line[end],
+                    self.wall_name(q, wall, point),
+                    self.faces_at(q, wall, point),
+                    true,
+                ),
             };
         }
-        let seam = |k: usize| stretch.rays[k].and_then(|(fan, ray, at)| self.seam_knot(at, fan, ray));
+        let seam =
+            |k: usize| stretch.rays[k].and_then(|(fan, ray, at)| self.seam_knot(at, fan, ray));
         let (first, end) = (seam(0), seam(1));
         knots.splice(0..0, first);
         knots.extend(end);
-        Piece { track, q, knots, rays: [0, 1].map(|k| stretch.rays[k].map(|r| (r.0, r.1))) }
+        Piece {
+            track,
+            q,
+            knots,
+            rays: [0, 1].map(|k| stretch.rays[k].map(|r| (r.0, r.1))),
+        }
     }
 
     fn side_pieces(&self, side: usize, sign: i64, places: &[(f64, bool)], pieces: &mut Vec<Piece>) {
-        let both: Vec<usize> = (0..4).filter(|&q| sides_of(q)[side] == (side, sign)).collect();
+        let both: Vec<usize> = (0..4)
+            .filter(|&q| sides_of(q)[side] == (side, sign))
+            .collect();
         let q = both[0];
         let based = self.places_on(side, &both);
         let mut number = 0;
@@ -291,12 +385,22 @@ impl Builder<'_> {
             }
             let is_base = based.iter().any(|b| b.0 == x);
             if run.len() > 1 && (!inside || is_base) {
-                let base_of = |x: f64| based.iter().any(|b| b.0 == x).then(|| self.side_ray(side, &both, x)).flatten();
+                let base_of = |x: f64| {
+                    based
+                        .iter()
+                        .any(|b| b.0 == x)
+                        .then(|| self.side_ray(side, &both, x))
+                        .flatten()
+                };
                 let ends = [run[0], run[run.len() - 1]];
                 // From the base point along the side: to larger places at the beginning, to smaller ones at the end.
                 let rays = [(ends[0], run[1]), (ends[1], run[run.len() - 2])].map(|(base, to)| {
                     let (fan, at) = base_of(base)?;
-                    Some((fan, self.fans[fan].ray_along(q, side, on_side(side, to))?, at))
+                    Some((
+                        fan,
+                        self.fans[fan].ray_along(q, side, on_side(side, to))?,
+                        at,
+                    ))
                 });
                 let mut knots: Vec<Knot> = Vec::new();
                 for (k, &x) in run.iter().enumerate() {
@@ -312,13 +416,19 @@ impl Builder<'_> {
                         Some((fan, ray, _)) => knots.extend(self.seam_knot(at, fan, ray)),
                         None => {
                             let name = self.name_on(q, side, x);
-                            let fixed = k == 0 || k + 1 == run.len() || self.is_hard(side, &both, x);
+                            let fixed =
+                                k == 0 || k + 1 == run.len() || self.is_hard(side, &both, x);
                             let faces = self.faces_on(side, &both, x);
                             knots.push(self.knot(q, at, name, faces, fixed));
                         }
                     }
                 }
-                pieces.push(Piece { track: Track::Side(side, sign, number), q, knots, rays: rays.map(|r| r.map(|r| (r.0, r.1))) });
+                pieces.push(Piece {
+                    track: Track::Side(side, sign, number),
+                    q,
+                    knots,
+                    rays: rays.map(|r| r.map(|r| (r.0, r.1))),
+                });
                 number += 1;
                 run.clear();
                 if inside {
@@ -333,14 +443,21 @@ impl Builder<'_> {
     /// The base point at a place of a side.
     fn side_ray(&self, side: usize, both: &[usize], x: f64) -> Option<(usize, [f64; 2])> {
         let at = on_side(side, x);
-        self.sites.iter().find(|(key, site)| both.contains(&key.0) && distance2(site.at, at) < 1e-12).map(|(_, site)| (site.fan, at))
+        self.sites
+            .iter()
+            .find(|(key, site)| both.contains(&key.0) && distance2(site.at, at) < 1e-12)
+            .map(|(_, site)| (site.fan, at))
     }
     /// Whether a place of a side is a point of a wall that a curve goes through, or a vertex of a rectangle.
     fn is_hard(&self, side: usize, both: &[usize], x: f64) -> bool {
-        self.places_on(side, both).iter().any(|b| b.1.contains(&x)) || self.wall_points_on(side, both).iter().any(|p| p.0 == x)
+        self.places_on(side, both).iter().any(|b| b.1.contains(&x))
+            || self.wall_points_on(side, both).iter().any(|p| p.0 == x)
     }
     fn faces_on(&self, side: usize, both: &[usize], x: f64) -> u8 {
-        self.wall_points_on(side, both).iter().filter(|p| p.0 == x).fold(0, |bits, p| bits | p.1)
+        self.wall_points_on(side, both)
+            .iter()
+            .filter(|p| p.0 == x)
+            .fold(0, |bits, p| bits | p.1)
     }
     /// Places of a side that curves go through, with the faces of the box that these belong to.
     fn wall_points_on(&self, side: usize, both: &[usize]) -> Vec<(f64, u8)> {
@@ -351,12 +468,20 @@ impl Builder<'_> {
             let points: Vec<(usize, usize)> = match side {
                 0 => (0..walls[0].points.len()).map(|p| (0, p)).collect(),
                 1 => (0..walls.len()).map(|k| (k, 0)).collect(),
-                _ => (0..walls.len()).map(|k| (k, walls[k].points.len() - 1)).collect(),
+                _ => (0..walls.len())
+                    .map(|k| (k, walls[k].points.len() - 1))
+                    .collect(),
             };
-            for (k, p) in points.into_iter().filter(|&(k, p)| t.is_real(k, p) && t.holds_point(k, p)) {
+            for (k, p) in points
+                .into_iter()
+                .filter(|&(k, p)| t.is_real(k, p) && t.holds_point(k, p))
+            {
                 let at = self.place(q, k, p);
                 let faces = self.faces_at(q, k, p);
-                found.push((if side == 0 { at[1] } else { at[0] }, if faces == 0b11_1111 { 0 } else { faces }));
+                found.push((
+                    if side == 0 { at[1] } else { at[0] },
+                    if faces == 0b11_1111 { 0 } else { faces },
+                ));
             }
         }
         found
@@ -366,11 +491,13 @@ impl Builder<'_> {
     fn add_pinches(&self, pieces: &mut [Piece], pinches: &[[f64; 3]]) {
         for &p in pinches {
             for piece in pieces.iter_mut().filter(|p| !p.is_seam()) {
-                let Some(at) = super::place_in(piece.q, p) else { continue };
+                let Some(at) = super::place_in(piece.q, p) else {
+                    continue;
+                };
                 let x = piece.along(at);
-                let Some(j) =
-                    (1..piece.knots.len()).find(|&j| piece.along(piece.knots[j - 1].at) <= x && x <= piece.along(piece.knots[j].at))
-                else {
+                let Some(j) = (1..piece.knots.len()).find(|&j| {
+                    piece.along(piece.knots[j - 1].at) <= x && x <= piece.along(piece.knots[j].at)
+                }) else {
                     continue;
                 };
                 let (a, b) = (piece.knots[j - 1].at, piece.knots[j].at);
@@ -378,7 +505,9 @@ impl Builder<'_> {
                 let on = [0, 1].map(|i| a[i] + t * (b[i] - a[i]));
                 // On the piece but for its sagitta.
                 let image = self.charts[piece.q].at(at);
-                if distance(self.charts[piece.q].at(on), image) > self.options.tolerance || distance2(on, at) > 0.1 {
+                if distance(self.charts[piece.q].at(on), image) > self.options.tolerance
+                    || distance2(on, at) > 0.1
+                {
                     continue;
                 }
                 let near = |k: &usize| distance2(piece.knots[*k].at, at) < 1e-9;
@@ -408,7 +537,11 @@ impl Builder<'_> {
         let close = 1e-9 * self.half_width;
         for piece in pieces.iter_mut() {
             // Vertices that are there already, other ends of pieces that meet in the same parameter among them.
-            for knot in piece.knots.iter_mut().filter(|x| x.fixed || x.class.is_some() || x.key == own) {
+            for knot in piece
+                .knots
+                .iter_mut()
+                .filter(|x| x.fixed || x.class.is_some() || x.key == own)
+            {
                 if knot.class.is_none_or(|c| c == class) && distance(knot.image, image) < close {
                     knot.class = Some(class);
                 }
@@ -439,7 +572,12 @@ impl Builder<'_> {
             return None;
         }
         let t = d.iter().zip(x).map(|(d, x)| d * x).sum::<f64>() / length;
-        let off = x.iter().zip(d).map(|(x, d)| (x - t.clamp(0.0, 1.0) * d).powi(2)).sum::<f64>().sqrt();
+        let off = x
+            .iter()
+            .zip(d)
+            .map(|(x, d)| (x - t.clamp(0.0, 1.0) * d).powi(2))
+            .sum::<f64>()
+            .sqrt();
         if off > 2.0 * self.options.tolerance {
             return None;
         }
@@ -466,9 +604,12 @@ impl Builder<'_> {
             if delta.iter().any(|d| !d.is_finite()) {
                 return None;
             }
-            if residual < 1e-13 * self.half_width || (residual < 1e-10 * self.half_width && residual >= 0.5 * last) {
+            if residual < 1e-13 * self.half_width
+                || (residual < 1e-10 * self.half_width && residual >= 0.5 * last)
+            {
                 let x = piece.along(at);
-                return (x > from - 1e-10 && x < to + 1e-10 && self.is_on(piece, at)).then(|| self.onto(piece, at));
+                return (x > from - 1e-10 && x < to + 1e-10 && self.is_on(piece, at))
+                    .then(|| self.onto(piece, at));
             }
             last = residual;
             at = [at[0] + delta[0], at[1] + delta[1]];
@@ -511,15 +652,36 @@ impl Builder<'_> {
                 return;
             }
             if !knot.fixed && knot.class.is_none() && distance(knot.image, image) < 0.35 * length {
-                *knot = Knot { at, key: key(name, piece.q, at), image, fixed: false, class: Some(class) };
+                *knot = Knot {
+                    at,
+                    key: key(name, piece.q, at),
+                    image,
+                    fixed: false,
+                    class: Some(class),
+                };
                 return;
             }
         }
-        piece.knots.insert(i, Knot { at, key: key(name, piece.q, at), image, fixed: false, class: Some(class) });
+        piece.knots.insert(
+            i,
+            Knot {
+                at,
+                key: key(name, piece.q, at),
+                image,
+                fixed: false,
+                class: Some(class),
+            },
+        );
     }
 
     /// The vertices in their places, and the arcs in space.
-    fn settle(&self, gluing: &mut Gluing, pieces: Vec<Piece>, sides: &mut Sides, fibres: Option<&Fibres>) {
+    fn settle(
+        &self,
+        gluing: &mut Gluing,
+        pieces: Vec<Piece>,
+        sides: &mut Sides,
+        fibres: Option<&Fibres>,
+    ) {
         let mut edges: BTreeMap<[usize; 2], usize> = BTreeMap::new();
         for piece in &pieces {
             for w in piece.knots.windows(2) {
@@ -539,14 +701,26 @@ impl Builder<'_> {
             // Partners may be outside of the domain on some of its length only.
             if let (Some(_), Some(fibres), false) = (&self.region.domain, fibres, piece.is_seam()) {
                 lonely.retain(|w| {
-                    let at = self.on_curve_of(piece, [0, 1].map(|i| 0.5 * (w[0].at[i] + w[1].at[i])));
-                    let is_outside = |p: [f64; 3]| self.region.domain.as_ref().is_some_and(|d| d.is_outside(p));
-                    !fibres.is_alone(self.charts[piece.q].at(at), in_plane(piece.q, at), &is_outside)
+                    let at =
+                        self.on_curve_of(piece, [0, 1].map(|i| 0.5 * (w[0].at[i] + w[1].at[i])));
+                    let is_outside =
+                        |p: [f64; 3]| self.region.domain.as_ref().is_some_and(|d| d.is_outside(p));
+                    !fibres.is_alone(
+                        self.charts[piece.q].at(at),
+                        in_plane(piece.q, at),
+                        &is_outside,
+                    )
                 });
             }
             if let Some(w) = lonely.get(lonely.len() / 2) {
                 let at = [0, 1].map(|i| 0.5 * (w[0].at[i] + w[1].at[i]));
-                let middle = || if piece.is_seam() { w[0].image } else { self.charts[piece.q].at(at) };
+                let middle = || {
+                    if piece.is_seam() {
+                        w[0].image
+                    } else {
+                        self.charts[piece.q].at(at)
+                    }
+                };
                 let knot = w.iter().find(|k| !k.fixed).map_or_else(middle, |k| k.image);
                 if !fibres.is_some_and(|f| f.is_met_by_conjugates(knot)) {
                     single += lonely.len();
@@ -554,7 +728,9 @@ impl Builder<'_> {
             }
         }
         if single > 0 {
-            gluing.unproven.push(format!("{single} edges of the double curve have no partner that was found"));
+            gluing.unproven.push(format!(
+                "{single} edges of the double curve have no partner that was found"
+            ));
         }
         let mut done = std::collections::BTreeSet::new();
         for mut piece in pieces {
@@ -589,10 +765,19 @@ impl Builder<'_> {
                 if end == 1 {
                     piece.knots.reverse();
                 }
-                let first = (1..piece.knots.len()).find(|&j| piece.knots[j].fixed && self.is_ring(&piece, &piece.knots[j])).unwrap_or(1);
-                let ring = piece.knots.get(first).map_or([0; 2], |k| k.at.map(f64::to_bits));
+                let first = (1..piece.knots.len())
+                    .find(|&j| piece.knots[j].fixed && self.is_ring(&piece, &piece.knots[j]))
+                    .unwrap_or(1);
+                let ring = piece
+                    .knots
+                    .get(first)
+                    .map_or([0; 2], |k| k.at.map(f64::to_bits));
                 let inner: Vec<Knot> = piece.knots.drain(..first).collect();
-                let list = inner[1..].iter().rev().filter_map(|k| Some((k.class?, k.at))).collect();
+                let list = inner[1..]
+                    .iter()
+                    .rev()
+                    .filter_map(|k| Some((k.class?, k.at)))
+                    .collect();
                 gluing.spokes.insert((fan, ray, ring), list);
                 if end == 1 {
                     piece.knots.reverse();
@@ -601,16 +786,24 @@ impl Builder<'_> {
             match piece.track {
                 Track::Side(side, sign, _) => {
                     let places = sides.get_mut(&(side, sign)).expect("the side");
-                    let (Some(first), Some(last)) = (piece.knots.first(), piece.knots.last()) else { continue };
+                    let (Some(first), Some(last)) = (piece.knots.first(), piece.knots.last())
+                    else {
+                        continue;
+                    };
                     let (from, to) = (piece.along(first.at), piece.along(last.at));
                     places.retain(|p| p.0 <= from || p.0 >= to);
                     let at = places.partition_point(|p| p.0 <= from);
-                    let inner: Vec<(f64, bool)> = piece.knots[1..piece.knots.len() - 1].iter().map(|k| (piece.along(k.at), true)).collect();
+                    let inner: Vec<(f64, bool)> = piece.knots[1..piece.knots.len() - 1]
+                        .iter()
+                        .map(|k| (piece.along(k.at), true))
+                        .collect();
                     places.splice(at..at, inner);
                 }
                 Track::Seam(..) => {}
                 track => {
-                    gluing.lines.insert(track, piece.knots.iter().map(|k| k.at).collect());
+                    gluing
+                        .lines
+                        .insert(track, piece.knots.iter().map(|k| k.at).collect());
                 }
             }
         }
@@ -618,17 +811,22 @@ impl Builder<'_> {
     /// The point of a piece over, or beside, one of its chords.
     fn on_curve_of(&self, piece: &Piece, at: [f64; 2]) -> [f64; 2] {
         match piece.track {
-            Track::Arc(q, slab, i) => Columns::new(&self.region.triangles[q].arrangement, slab).at(at[0], i).map_or(at, |v| [at[0], v]),
+            Track::Arc(q, slab, i) => Columns::new(&self.region.triangles[q].arrangement, slab)
+                .at(at[0], i)
+                .map_or(at, |v| [at[0], v]),
             _ => at,
         }
     }
     fn is_ring(&self, piece: &Piece, knot: &Knot) -> bool {
         let x = knot.at;
-        self.sites.iter().filter(|s| s.0.0 == piece.q || matches!(piece.track, Track::Side(..))).any(|(_, s)| {
-            let (h, v) = (self.widths[s.fan], s.height);
-            let on_arc = s.arcs.iter().any(|a| a.end == x);
-            on_arc || (x[0] - s.at[0]).abs() == h || (x[1] - s.at[1]).abs() == v
-        })
+        self.sites
+            .iter()
+            .filter(|s| s.0.0 == piece.q || matches!(piece.track, Track::Side(..)))
+            .any(|(_, s)| {
+                let (h, v) = (self.widths[s.fan], s.height);
+                let on_arc = s.arcs.iter().any(|a| a.end == x);
+                on_arc || (x[0] - s.at[0]).abs() == h || (x[1] - s.at[1]).abs() == v
+            })
     }
     fn close(&self, gluing: &mut Gluing, run: &mut Vec<usize>, sheets: usize) {
         if run.len() > 1 && sheets > 1 {

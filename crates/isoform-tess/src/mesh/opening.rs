@@ -38,7 +38,9 @@ impl Builder<'_> {
             let on: [Poly; 4] = map.forms().each_ref().map(|f| f.set(side, &RBig::ZERO));
             let rest: Vec<&Poly> = on.iter().filter(|f| !f.is_zero()).collect();
             if rest.windows(2).all(|w| w[0].is_associate(w[1])) {
-                let [x, y, z, w] = on.each_ref().map(|f| f.leading_coefficient().to_f64().value());
+                let [x, y, z, w] = on
+                    .each_ref()
+                    .map(|f| f.leading_coefficient().to_f64().value());
                 let image = self.image_of([x / w, y / w, z / w]);
                 self.on_side[side] = Some(image);
             }
@@ -55,7 +57,10 @@ impl Builder<'_> {
     }
     /// The number of an image.
     fn image_of(&mut self, p: Point3) -> usize {
-        let known = self.images.iter().position(|&q| distance(p, q) <= 1e-12 * self.half_width);
+        let known = self
+            .images
+            .iter()
+            .position(|&q| distance(p, q) <= 1e-12 * self.half_width);
         known.unwrap_or_else(|| {
             self.images.push(p);
             self.images.len() - 1
@@ -65,8 +70,12 @@ impl Builder<'_> {
     /// Finds the base points in the region and the rectangles around them.
     pub(super) fn open_base_points(&mut self, points: &[BasePoint], w: &Poly) {
         self.fans = points.iter().map(|p| Fan::new(p, self.region, w)).collect();
-        let contracted: Vec<Point3> =
-            self.fans.iter().filter(|f| f.problem.is_none()).flat_map(|f| f.contracted().collect::<Vec<_>>()).collect();
+        let contracted: Vec<Point3> = self
+            .fans
+            .iter()
+            .filter(|f| f.problem.is_none())
+            .flat_map(|f| f.contracted().collect::<Vec<_>>())
+            .collect();
         for p in contracted {
             self.image_of(p);
         }
@@ -79,25 +88,42 @@ impl Builder<'_> {
                     }
                     let at = self.place(q, k, p);
                     if self.region.sides_of_point(q, k, p) != 0 {
-                        problems.push("a base point on a side of the domain is left open".to_owned());
+                        problems
+                            .push("a base point on a side of the domain is left open".to_owned());
                         continue;
                     }
-                    let near = |f: &Fan| f.place(q).is_some_and(|x| (x[0] - at[0]).hypot(x[1] - at[1]) < 1e-9);
+                    let near = |f: &Fan| {
+                        f.place(q)
+                            .is_some_and(|x| (x[0] - at[0]).hypot(x[1] - at[1]) < 1e-9)
+                    };
                     match self.fans.iter().position(near) {
                         Some(fan) => match &self.fans[fan].problem {
                             Some(problem) => problems.push(problem.clone()),
                             None => {
-                                self.sites.insert((q, k, p), Site { fan, at, height: 0.0, arcs: Vec::new() });
+                                self.sites.insert(
+                                    (q, k, p),
+                                    Site {
+                                        fan,
+                                        at,
+                                        height: 0.0,
+                                        arcs: Vec::new(),
+                                    },
+                                );
                             }
                         },
-                        None => problems.push("a base point was not recognised and is left open".to_owned()),
+                        None => problems
+                            .push("a base point was not recognised and is left open".to_owned()),
                     }
                 }
             }
         }
         if !self.sites.is_empty() {
             self.match_arcs(&mut problems);
-            self.widths = self.fans.iter().map(|f| if f.is_tree() { NEAR_WIDTH } else { WIDTH }).collect();
+            self.widths = self
+                .fans
+                .iter()
+                .map(|f| if f.is_tree() { NEAR_WIDTH } else { WIDTH })
+                .collect();
             let mut done = false;
             let mut halved = vec![0; self.fans.len()];
             for _ in 0..ROUNDS {
@@ -112,7 +138,10 @@ impl Builder<'_> {
                 if done {
                     break;
                 }
-                if too_large.iter().any(|&f| self.fans[f].is_tree() && halved[f] == NEAR_ROUNDS) {
+                if too_large
+                    .iter()
+                    .any(|&f| self.fans[f].is_tree() && halved[f] == NEAR_ROUNDS)
+                {
                     break;
                 }
                 for f in too_large {
@@ -143,12 +172,21 @@ impl Builder<'_> {
             let mut rays: Vec<((usize, bool), [f64; 2])> = Vec::new();
             for sector in &fan.sectors {
                 let (d, backward) = sector.rays[0];
-                rays.extend(fan.beginning(q, &fan.directions[d], backward).map(|x| (sector.rays[0], x)));
+                rays.extend(
+                    fan.beginning(q, &fan.directions[d], backward)
+                        .map(|x| (sector.rays[0], x)),
+                );
             }
             if !fan.keeps_turn(q) {
                 rays.reverse();
             }
-            let beside = |x: [f64; 2]| if x[0].abs() < 1e-13 * x[1].abs() { 0.0 } else { x[0].signum() };
+            let beside = |x: [f64; 2]| {
+                if x[0].abs() < 1e-13 * x[1].abs() {
+                    0.0
+                } else {
+                    x[0].signum()
+                }
+            };
             let mut arcs = Vec::new();
             for (slab, right) in [(k.wrapping_sub(1), false), (k, true)] {
                 if slab >= a.slabs.len() {
@@ -157,7 +195,13 @@ impl Builder<'_> {
                 let mut ends_here: Vec<usize> = self
                     .drawn(q, slab)
                     .into_iter()
-                    .filter(|&i| if right { a.slabs[slab].arcs[i].left == p } else { a.slabs[slab].arcs[i].right == p })
+                    .filter(|&i| {
+                        if right {
+                            a.slabs[slab].arcs[i].left == p
+                        } else {
+                            a.slabs[slab].arcs[i].right == p
+                        }
+                    })
                     .collect();
                 if !right {
                     ends_here.reverse();
@@ -165,9 +209,16 @@ impl Builder<'_> {
                 // The rays on that side, after and before those along the wall.
                 let mine = if right { 1.0 } else { -1.0 };
                 let n = rays.len();
-                let first = (0..n).find(|&i| beside(rays[i].1) == mine && beside(rays[(i + n - 1) % n].1) != mine).unwrap_or(0);
-                let mut run: Vec<usize> = (0..n).map(|i| (first + i) % n).filter(|&i| beside(rays[i].1) == mine).collect();
-                let vertical = |up: bool| (0..n).find(|&i| beside(rays[i].1) == 0.0 && (rays[i].1[1] > 0.0) == up);
+                let first = (0..n)
+                    .find(|&i| beside(rays[i].1) == mine && beside(rays[(i + n - 1) % n].1) != mine)
+                    .unwrap_or(0);
+                let mut run: Vec<usize> = (0..n)
+                    .map(|i| (first + i) % n)
+                    .filter(|&i| beside(rays[i].1) == mine)
+                    .collect();
+                let vertical = |up: bool| {
+                    (0..n).find(|&i| beside(rays[i].1) == 0.0 && (rays[i].1[1] > 0.0) == up)
+                };
                 if let Some(i) = vertical(!right) {
                     run.insert(0, i);
                 }
@@ -178,10 +229,17 @@ impl Builder<'_> {
                         let d = &fan.directions[rays[i].0.0];
                         let expected = self.arcs_along(fan, rays[i].0);
                         let optional = fan.is_side(d) || beside(rays[i].1) == 0.0;
-                        (optional, if fan.is_side(d) { 2 } else { expected }, &d.factors[..])
+                        (
+                            optional,
+                            if fan.is_side(d) { 2 } else { expected },
+                            &d.factors[..],
+                        )
                     })
                     .collect();
-                let curves: Vec<usize> = ends_here.iter().map(|&i| a.slabs[slab].arcs[i].curve).collect();
+                let curves: Vec<usize> = ends_here
+                    .iter()
+                    .map(|&i| a.slabs[slab].arcs[i].curve)
+                    .collect();
                 let Some(matched) = in_turn(&curves, &wanted) else {
                     problems.push("arcs and tangents in a base point do not agree".to_owned());
                     continue;
@@ -191,19 +249,38 @@ impl Builder<'_> {
                     let ray = (fan.directions[d].key(), backward);
                     *count.entry((site.fan, ray)).or_insert(0) += 1;
                     let curve = a.slabs[slab].arcs[i].curve;
-                    arcs.push(SiteArc { ray, right, curve, chain: vec![(slab, i)], end: [0.0; 2], middle: [0.0; 2] });
+                    arcs.push(SiteArc {
+                        ray,
+                        right,
+                        curve,
+                        chain: vec![(slab, i)],
+                        end: [0.0; 2],
+                        middle: [0.0; 2],
+                    });
                 }
             }
             for (up, from) in [(true, Some(p)), (false, p.checked_sub(1))] {
-                let Some(curve) = from.and_then(|from| self.drawn_on(q, k, from)) else { continue };
+                let Some(curve) = from.and_then(|from| self.drawn_on(q, k, from)) else {
+                    continue;
+                };
                 let mine = |x: [f64; 2]| x[0].abs() < 1e-9 * x[1].abs() && (x[1] > 0.0) == up;
-                let Some(((d, backward), _)) = rays.iter().find(|(r, x)| mine(*x) && fan.directions[r.0].factors.contains(&curve)) else {
+                let Some(((d, backward), _)) = rays
+                    .iter()
+                    .find(|(r, x)| mine(*x) && fan.directions[r.0].factors.contains(&curve))
+                else {
                     problems.push("an arc's tangent in a base point was not found".to_owned());
                     continue;
                 };
                 let ray = (fan.directions[*d].key(), *backward);
                 *count.entry((site.fan, ray)).or_insert(0usize) += 1;
-                arcs.push(SiteArc { ray, right: up, curve, chain: Vec::new(), end: [0.0; 2], middle: [0.0; 2] });
+                arcs.push(SiteArc {
+                    ray,
+                    right: up,
+                    curve,
+                    chain: Vec::new(),
+                    end: [0.0; 2],
+                    middle: [0.0; 2],
+                });
             }
             self.sites.get_mut(&(q, k, p)).expect("a site").arcs = arcs;
         }
@@ -212,7 +289,10 @@ impl Builder<'_> {
             for sector in &fan.sectors {
                 let (d, backward) = sector.rays[0];
                 let d = &fan.directions[d];
-                let found = count.get(&(site.fan, (d.key(), backward))).copied().unwrap_or(0);
+                let found = count
+                    .get(&(site.fan, (d.key(), backward)))
+                    .copied()
+                    .unwrap_or(0);
                 if !fan.is_side(d) && found != self.arcs_along(fan, sector.rays[0]) {
                     problems.push("arcs and tangents in a base point do not agree".to_owned());
                 }
@@ -222,9 +302,18 @@ impl Builder<'_> {
 
     /// How many drawn arcs have a ray as their tangent.
     fn arcs_along(&self, fan: &Fan, ray: (usize, bool)) -> usize {
-        let at = |i: usize| fan.sectors.iter().find(|s| s.rays[i] == ray).is_some_and(|s| s.inside);
+        let at = |i: usize| {
+            fan.sectors
+                .iter()
+                .find(|s| s.rays[i] == ray)
+                .is_some_and(|s| s.inside)
+        };
         match (at(1), at(0)) {
-            (true, true) => fan.directions[ray.0].factors.iter().filter(|f| self.is_drawn_inside(**f)).count(),
+            (true, true) => fan.directions[ray.0]
+                .factors
+                .iter()
+                .filter(|f| self.is_drawn_inside(**f))
+                .count(),
             (false, false) => 0,
             _ => 1,
         }
@@ -241,7 +330,9 @@ impl Builder<'_> {
         for (&(q, _, _), site) in &mut sites {
             let (h, at) = (self.widths[site.fan], site.at);
             for arc in site.arcs.iter_mut().filter(|x| !x.chain.is_empty()) {
-                let reach = (0..SHORTENED).map(|k| h * 0.25f64.powi(k)).find(|&reach| self.follow(q, at, reach, arc));
+                let reach = (0..SHORTENED)
+                    .map(|k| h * 0.25f64.powi(k))
+                    .find(|&reach| self.follow(q, at, reach, arc));
                 match reach {
                     Some(reach) => rises[site.fan].push(arc.rise(at) * (h / reach)),
                     None => too_large.push(site.fan),
@@ -286,8 +377,12 @@ impl Builder<'_> {
                 too_large.push(site.fan);
             }
             // Rectangles of two base points do not touch.
-            for (_, other) in sites.range((q, 0, 0)..(q + 1, 0, 0)).filter(|s| s.1.fan != site.fan) {
-                let apart = (other.at[0] - site.at[0]).abs() > 2.0 * (self.widths[site.fan] + self.widths[other.fan])
+            for (_, other) in sites
+                .range((q, 0, 0)..(q + 1, 0, 0))
+                .filter(|s| s.1.fan != site.fan)
+            {
+                let apart = (other.at[0] - site.at[0]).abs()
+                    > 2.0 * (self.widths[site.fan] + self.widths[other.fan])
                     || (other.at[1] - site.at[1]).abs() > 1.1 * (site.height + other.height);
                 if !apart && self.widths[site.fan] >= self.widths[other.fan] {
                     too_large.push(site.fan);
@@ -307,27 +402,48 @@ impl Builder<'_> {
         arc.chain.truncate(1);
         loop {
             let &(slab, i) = arc.chain.last().expect("the first slab");
-            let (wall, end) = if arc.right { (slab + 1, a.slabs[slab].arcs[i].right) } else { (slab, a.slabs[slab].arcs[i].left) };
+            let (wall, end) = if arc.right {
+                (slab + 1, a.slabs[slab].arcs[i].right)
+            } else {
+                (slab, a.slabs[slab].arcs[i].left)
+            };
             let u = a.walls[wall].u.to_f64();
             if if arc.right { to < u } else { to > u } {
                 break;
             }
-            let next = if arc.right { slab + 1 } else { slab.wrapping_sub(1) };
+            let next = if arc.right {
+                slab + 1
+            } else {
+                slab.wrapping_sub(1)
+            };
             if next >= a.slabs.len() || a.walls[wall].points[end].curves != [arc.curve] {
                 return false;
             }
-            let goes_on = |x: &isoform_algebra::Arc| x.curve == arc.curve && if arc.right { x.left == end } else { x.right == end };
+            let goes_on = |x: &isoform_algebra::Arc| {
+                x.curve == arc.curve
+                    && if arc.right {
+                        x.left == end
+                    } else {
+                        x.right == end
+                    }
+            };
             let mut on = (0..a.slabs[next].arcs.len()).filter(|&j| goes_on(&a.slabs[next].arcs[j]));
-            let (Some(j), None) = (on.next(), on.next()) else { return false };
+            let (Some(j), None) = (on.next(), on.next()) else {
+                return false;
+            };
             arc.chain.push((next, j));
         }
         let over = |u: f64| {
-            let &(slab, i) = arc.chain.iter().find(|(slab, _)| u > a.walls[*slab].u.to_f64() && u < a.walls[slab + 1].u.to_f64())?;
+            let &(slab, i) = arc.chain.iter().find(|(slab, _)| {
+                u > a.walls[*slab].u.to_f64() && u < a.walls[slab + 1].u.to_f64()
+            })?;
             Some([u, *a.arcs_over(slab, &RBig::try_from(u).ok()?)?.get(i)?])
         };
         // On a wall by chance: near enough to the middle.
         let halfway = over(0.5 * (at[0] + to)).or_else(|| over(at[0] + 0.51 * (to - at[0])));
-        let (Some(end), Some(middle)) = (over(to), halfway) else { return false };
+        let (Some(end), Some(middle)) = (over(to), halfway) else {
+            return false;
+        };
         (arc.end, arc.middle) = (end, middle);
         true
     }
@@ -355,7 +471,9 @@ impl Builder<'_> {
                 };
                 let mine = (w, j) == (k, p) || passed.contains(&(w, j));
                 // The sides themselves may go through the rectangle if the base point is on them.
-                let along_side = is_side && !t.is_real(w, j) && (site.at[1] == 0.0 && j == 0 || site.at[0] + site.at[1] == 1.0 && j > 0);
+                let along_side = is_side
+                    && !t.is_real(w, j)
+                    && (site.at[1] == 0.0 && j == 0 || site.at[0] + site.at[1] == 1.0 && j > 0);
                 if !mine && !along_side && near(v) && (is_side || t.holds_point(w, j)) {
                     return false;
                 }
@@ -364,18 +482,31 @@ impl Builder<'_> {
         for (right, u) in [(false, site.at[0] - h), (true, site.at[0] + h)] {
             if !(0.0..=1.0).contains(&u) {
                 // Beyond the triangle: the base point has to be on that side of it.
-                if if right { site.at[0] < 1.0 && site.at[0] + site.at[1] != 1.0 } else { site.at[0] > 0.0 } {
+                if if right {
+                    site.at[0] < 1.0 && site.at[0] + site.at[1] != 1.0
+                } else {
+                    site.at[0] > 0.0
+                } {
                     return false;
                 }
                 continue;
             }
             let slab = a.walls[1..a.walls.len() - 1].partition_point(|w| w.u.to_f64() < u);
             // Walls may be closer to each other than rounding.
-            let Some(over) = RBig::try_from(u).ok().and_then(|u| a.arcs_over(slab, &u)) else { return false };
+            let Some(over) = RBig::try_from(u).ok().and_then(|u| a.arcs_over(slab, &u)) else {
+                return false;
+            };
             let last = over.len().saturating_sub(1);
             let drawn = self.drawn(q, slab);
-            for (i, &v) in over.iter().enumerate().filter(|(i, _)| *i == 0 || *i == last || drawn.contains(i)) {
-                let mine = site.arcs.iter().any(|x| x.right == right && x.chain.last() == Some(&(slab, i)))
+            for (i, &v) in over
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| *i == 0 || *i == last || drawn.contains(i))
+            {
+                let mine = site
+                    .arcs
+                    .iter()
+                    .any(|x| x.right == right && x.chain.last() == Some(&(slab, i)))
                     || i == 0 && site.at[1] == 0.0
                     || i == last && site.at[0] + site.at[1] == 1.0;
                 if !mine && near(v) {
@@ -388,8 +519,19 @@ impl Builder<'_> {
 
     /// The vertices of the rectangle in a direction, if that leads into the unit triangle, counterclockwise: the ends of the arcs that
     /// have this tangent, what keeps double ones apart, and the place on a side along it.
-    pub(super) fn ring(&self, q: usize, site: &Site, d: &Direction, backward: bool) -> Vec<[f64; 2]> {
-        let mut found: Vec<[f64; 2]> = site.arcs.iter().filter(|x| x.ray == (d.key(), backward)).map(|x| x.end).collect();
+    pub(super) fn ring(
+        &self,
+        q: usize,
+        site: &Site,
+        d: &Direction,
+        backward: bool,
+    ) -> Vec<[f64; 2]> {
+        let mut found: Vec<[f64; 2]> = site
+            .arcs
+            .iter()
+            .filter(|x| x.ray == (d.key(), backward))
+            .map(|x| x.end)
+            .collect();
         if found.is_empty() || self.fans[site.fan].is_side(d) {
             found.extend(self.straight(q, site, d, backward));
         }
@@ -399,8 +541,16 @@ impl Builder<'_> {
             0.0f64.total_cmp(&(x[0] * y[1] - x[1] * y[0]))
         });
         // Between two arcs of the double curve with one tangent no edge may lead from one to the other: another sheet may have it, too.
-        let is_double = |at: [f64; 2]| site.arcs.iter().any(|x| x.end == at && self.double.contains(&x.curve));
-        for k in (1..found.len()).rev().filter(|&k| is_double(found[k - 1]) && is_double(found[k])).collect::<Vec<_>>() {
+        let is_double = |at: [f64; 2]| {
+            site.arcs
+                .iter()
+                .any(|x| x.end == at && self.double.contains(&x.curve))
+        };
+        for k in (1..found.len())
+            .rev()
+            .filter(|&k| is_double(found[k - 1]) && is_double(found[k]))
+            .collect::<Vec<_>>()
+        {
             found.insert(k, [0, 1].map(|i| 0.5 * (found[k - 1][i] + found[k][i])));
         }
         found
@@ -416,16 +566,33 @@ impl Builder<'_> {
         let [du, dv] = match d.node {
             0 => fan.direction_in(q, d, backward),
             // Along the side.
-            _ => fan.on_ray(q, d, backward, 1e-3).map(|x| [x[0] - site.at[0], x[1] - site.at[1]]),
+            _ => fan
+                .on_ray(q, d, backward, 1e-3)
+                .map(|x| [x[0] - site.at[0], x[1] - site.at[1]]),
         }?;
-        let dv = if du != 0.0 && site.at[0] + site.at[1] == 1.0 && (du + dv).abs() < 1e-15 { -du } else { dv };
+        let dv = if du != 0.0 && site.at[0] + site.at[1] == 1.0 && (du + dv).abs() < 1e-15 {
+            -du
+        } else {
+            dv
+        };
         let [u, v] = site.at;
         if du.abs() * site.height >= h * dv.abs() {
             let x = if du > 0.0 { u + h } else { u - h };
-            let y = if dv == -du && u + v == 1.0 { 1.0 - x } else { v + dv * (h / du.abs()) };
+            let y = if dv == -du && u + v == 1.0 {
+                1.0 - x
+            } else {
+                v + dv * (h / du.abs())
+            };
             Some([x, y])
         } else {
-            Some([u + du * (site.height / dv.abs()), if dv > 0.0 { v + site.height } else { v - site.height }])
+            Some([
+                u + du * (site.height / dv.abs()),
+                if dv > 0.0 {
+                    v + site.height
+                } else {
+                    v - site.height
+                },
+            ])
         }
     }
 
@@ -433,7 +600,9 @@ impl Builder<'_> {
     fn reach(&self, q: usize, site: &Site, d: &Direction, backward: bool) -> Option<f64> {
         let (fan, h) = (&self.fans[site.fan], self.widths[site.fan]);
         let is_out = |distance: f64| {
-            fan.on_ray(q, d, backward, distance).is_none_or(|x| (x[0] - site.at[0]).abs() > h || (x[1] - site.at[1]).abs() > site.height)
+            fan.on_ray(q, d, backward, distance).is_none_or(|x| {
+                (x[0] - site.at[0]).abs() > h || (x[1] - site.at[1]).abs() > site.height
+            })
         };
         fan.beginning(q, d, backward)?;
         let mut hi = 1e-6;
@@ -443,29 +612,54 @@ impl Builder<'_> {
         let mut lo = hi / 1.5;
         for _ in 0..60 {
             let middle = 0.5 * (lo + hi);
-            if is_out(middle) { hi = middle } else { lo = middle }
+            if is_out(middle) {
+                hi = middle
+            } else {
+                lo = middle
+            }
         }
         (hi > 1e-6).then_some(lo)
     }
     /// Halfway on a ray from the base point to a vertex of the rectangle.
-    fn halfway(&self, q: usize, site: &Site, d: &Direction, backward: bool, end: [f64; 2]) -> [f64; 2] {
+    fn halfway(
+        &self,
+        q: usize,
+        site: &Site,
+        d: &Direction,
+        backward: bool,
+        end: [f64; 2],
+    ) -> [f64; 2] {
         let fan = &self.fans[site.fan];
         let straight = [0.5 * (site.at[0] + end[0]), 0.5 * (site.at[1] + end[1])];
         if d.node == 0 || fan.is_side(d) {
             return straight;
         }
-        self.reach(q, site, d, backward).and_then(|r| fan.on_ray(q, d, backward, 0.5 * r)).unwrap_or(straight)
+        self.reach(q, site, d, backward)
+            .and_then(|r| fan.on_ray(q, d, backward, 0.5 * r))
+            .unwrap_or(straight)
     }
     /// Points of the surface between a vertex of the rectangle and the seam, from the rectangle on, where base points are infinitely near: there
     /// is no room for rectangles that are small in space.
-    pub(super) fn points_on_ray(&self, q: usize, site: &Site, fan: &Fan, d: &Direction, backward: bool, at: [f64; 2]) -> Vec<Point3> {
+    pub(super) fn points_on_ray(
+        &self,
+        q: usize,
+        site: &Site,
+        fan: &Fan,
+        d: &Direction,
+        backward: bool,
+        at: [f64; 2],
+    ) -> Vec<Point3> {
         let key = (d.key(), backward);
         let arc = site.arcs.iter().find(|x| x.ray == key && x.end == at);
         let face = arc.and_then(|x| self.region.faces[x.curve].first().copied());
         let x = fan.lifted(q, at, d.node);
         let reach = (0..2).map(|i| x[i] * d.signed(backward)[i]).sum::<f64>();
         let drawn = site.arcs.iter().filter(|x| x.ray == key).count();
-        if !fan.is_tree() || drawn > 1 || (arc.is_some() && face.is_none()) || !(reach > 0.0 && reach.is_finite()) {
+        if !fan.is_tree()
+            || drawn > 1
+            || (arc.is_some() && face.is_none())
+            || !(reach > 0.0 && reach.is_finite())
+        {
             return Vec::new();
         }
         let on = |t: f64| fan.image_on_ray(d, backward, t * reach, face);
@@ -474,10 +668,18 @@ impl Builder<'_> {
         let mut stack = vec![(1.0, first, 0.0, fan.seam(d), 0)];
         while let Some((a, p, b, r, depth)) = stack.pop() {
             let quarters = [0.75, 0.5, 0.25].map(|t| on(b + t * (a - b)));
-            let off = quarters.iter().map(|&x| distance_to_segment(x, [p, r])).fold(0.0, f64::max);
-            if depth < 12 && (off > 0.3 * self.tolerance_at(p) || distance(p, r) > self.options.longest) {
+            let off = quarters
+                .iter()
+                .map(|&x| distance_to_segment(x, [p, r]))
+                .fold(0.0, f64::max);
+            if depth < 12
+                && (off > 0.3 * self.tolerance_at(p) || distance(p, r) > self.options.longest)
+            {
                 let m = 0.5 * (a + b);
-                stack.extend([(m, quarters[1], b, r, depth + 1), (a, p, m, quarters[1], depth + 1)]);
+                stack.extend([
+                    (m, quarters[1], b, r, depth + 1),
+                    (a, p, m, quarters[1], depth + 1),
+                ]);
             } else if b > 0.0 {
                 found.push(r);
             }
@@ -486,13 +688,23 @@ impl Builder<'_> {
     }
 
     /// The two vertices between which a sector lies in a unit triangle.
-    pub(super) fn sector_ends(&self, q: usize, site: &Site, fan: &Fan, sector: &Sector) -> Option<[[f64; 2]; 2]> {
+    pub(super) fn sector_ends(
+        &self,
+        q: usize,
+        site: &Site,
+        fan: &Fan,
+        sector: &Sector,
+    ) -> Option<[[f64; 2]; 2]> {
         let [first, second] = sector.rays.map(|(k, b)| {
             let d = &fan.directions[k];
             fan.beginning(q, d, b).map(|_| self.ring(q, site, d, b))
         });
         let (first, second) = (first?, second?);
-        let ends = if fan.keeps_turn(q) { (first.last(), second.first()) } else { (first.first(), second.last()) };
+        let ends = if fan.keeps_turn(q) {
+            (first.last(), second.first())
+        } else {
+            (first.first(), second.last())
+        };
         Some([*ends.0?, *ends.1?])
     }
 
@@ -501,11 +713,23 @@ impl Builder<'_> {
     /// them: those next to them on their own ring and on the one before, along the rays. Nearest ones are beside the rays on a long rectangle.
     pub(super) fn rings_around(&self, q: usize) -> Vec<([f64; 2], Vec<[f64; 2]>)> {
         let mut found = Vec::new();
-        let here: Vec<&Site> = self.sites.range((q, 0, 0)..(q + 1, 0, 0)).map(|s| s.1).collect();
+        let here: Vec<&Site> = self
+            .sites
+            .range((q, 0, 0)..(q + 1, 0, 0))
+            .map(|s| s.1)
+            .collect();
         for site in &here {
             let fan = &self.fans[site.fan];
-            let apart = |other: &&&Site| (other.at[0] - site.at[0]).abs().max((other.at[1] - site.at[1]).abs());
-            let nearest = here.iter().filter(|s| s.at != site.at).map(|s| apart(&s)).fold(1.0, f64::min);
+            let apart = |other: &&&Site| {
+                (other.at[0] - site.at[0])
+                    .abs()
+                    .max((other.at[1] - site.at[1]).abs())
+            };
+            let nearest = here
+                .iter()
+                .filter(|s| s.at != site.at)
+                .map(|s| apart(&s))
+                .fold(1.0, f64::min);
             let mut last: BTreeMap<usize, Point3> = BTreeMap::new();
             // By sectors, those of the ring before; none on the rectangle itself.
             let mut inner: Option<BTreeMap<usize, [f64; 2]>> = None;
@@ -518,13 +742,24 @@ impl Builder<'_> {
                     let before = &fan.sectors[(s + fan.sectors.len() - 1) % fan.sectors.len()];
                     let (k, backward) = sector.rays[0];
                     let d = &fan.directions[k];
-                    if !sector.inside || !is_between && (!before.inside || !d.factors.is_empty() || fan.is_side(d)) {
+                    if !sector.inside
+                        || !is_between
+                            && (!before.inside || !d.factors.is_empty() || fan.is_side(d))
+                    {
                         continue;
                     }
-                    let (d, backward) = if is_between { fan.between(sector, 0) } else { (d.clone(), backward) };
+                    let (d, backward) = if is_between {
+                        fan.between(sector, 0)
+                    } else {
+                        (d.clone(), backward)
+                    };
                     let at = match d.node {
-                        0 => self.straight(q, site, &d, backward).map(|at| [0, 1].map(|i| site.at[i] + scale * (at[i] - site.at[i]))),
-                        _ => self.reach(q, site, &d, backward).and_then(|r| fan.on_ray(q, &d, backward, scale * r)),
+                        0 => self
+                            .straight(q, site, &d, backward)
+                            .map(|at| [0, 1].map(|i| site.at[i] + scale * (at[i] - site.at[i]))),
+                        _ => self
+                            .reach(q, site, &d, backward)
+                            .and_then(|r| fan.on_ray(q, &d, backward, scale * r)),
                     };
                     let Some(at) = at else { continue };
                     if at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0 {
@@ -537,21 +772,43 @@ impl Builder<'_> {
                     x.get(x.len() / 2).copied()
                 };
                 let along = median(ring.windows(2).map(|w| distance(w[0].2, w[1].2)).collect());
-                let across = median(ring.iter().filter_map(|(ray, _, p)| Some(distance(*last.get(ray)?, *p))).collect());
-                if scale == 1.0 || across.zip(along).is_none_or(|(across, along)| across > along) {
+                let across = median(
+                    ring.iter()
+                        .filter_map(|(ray, _, p)| Some(distance(*last.get(ray)?, *p)))
+                        .collect(),
+                );
+                if scale == 1.0
+                    || across
+                        .zip(along)
+                        .is_none_or(|(across, along)| across > along)
+                {
                     last = ring.iter().map(|(ray, _, p)| (*ray, *p)).collect();
                     if scale > 1.0 {
-                        let here: BTreeMap<usize, [f64; 2]> = ring.iter().map(|x| (x.0, x.1)).collect();
+                        let here: BTreeMap<usize, [f64; 2]> =
+                            ring.iter().map(|x| (x.0, x.1)).collect();
                         let n = fan.sectors.len();
                         for (s, at, _) in ring {
                             // Rays of infinitely near points.
-                            let is_bent = fan.sectors[s].rays.iter().any(|r| fan.directions[r.0].node > 0);
+                            let is_bent = fan.sectors[s]
+                                .rays
+                                .iter()
+                                .any(|r| fan.directions[r.0].node > 0);
                             // Between its rays, or from the sector before to its own.
-                            let beside = if is_between { [s, (s + 1) % n] } else { [(s + n - 1) % n, s] };
+                            let beside = if is_between {
+                                [s, (s + 1) % n]
+                            } else {
+                                [(s + n - 1) % n, s]
+                            };
                             let legs = match &inner {
                                 _ if is_bent => Vec::new(),
-                                Some(inner) => beside.iter().filter_map(|s| inner.get(s)).copied().collect(),
-                                None => self.sector_ends(q, site, fan, &fan.sectors[s]).map_or_else(Vec::new, |ends| ends.to_vec()),
+                                Some(inner) => beside
+                                    .iter()
+                                    .filter_map(|s| inner.get(s))
+                                    .copied()
+                                    .collect(),
+                                None => self
+                                    .sector_ends(q, site, fan, &fan.sectors[s])
+                                    .map_or_else(Vec::new, |ends| ends.to_vec()),
                             };
                             let along = here.get(&((s + n - 1) % n)).copied().filter(|_| !is_bent);
                             found.push((at, legs.into_iter().chain(along).collect()));
@@ -572,7 +829,12 @@ impl Builder<'_> {
         let mut too_large = Vec::new();
         for f in 0..self.fans.len() {
             let mut fan = self.fans[f].clone();
-            let sites: Vec<(usize, &Site)> = self.sites.iter().filter(|s| s.1.fan == f).map(|(key, s)| (key.0, s)).collect();
+            let sites: Vec<(usize, &Site)> = self
+                .sites
+                .iter()
+                .filter(|s| s.1.fan == f)
+                .map(|(key, s)| (key.0, s))
+                .collect();
             if sites.is_empty() || self.refine_fan(&mut fan, &sites) {
                 self.fans[f] = fan;
             } else {
@@ -588,7 +850,9 @@ impl Builder<'_> {
         'again: loop {
             for s in 0..fan.sectors.len() {
                 let sector = &fan.sectors[s];
-                let name = sector.rays.map(|(k, backward)| (fan.directions[k].key(), backward));
+                let name = sector
+                    .rays
+                    .map(|(k, backward)| (fan.directions[k].key(), backward));
                 if !sector.inside || done.contains(&name) {
                     continue;
                 }
@@ -628,10 +892,15 @@ impl Builder<'_> {
         };
         let crowded = sector.rays.iter().all(|r| is_end(r.0));
         let mut fine = !crowded && !rough.contains(&true);
-        let mut longest = pieces.iter().map(|[p, r]| distance(*p, *r)).fold(0.0, f64::max);
+        let mut longest = pieces
+            .iter()
+            .map(|[p, r]| distance(*p, *r))
+            .fold(0.0, f64::max);
         let mut worse = usize::from(rough.len() > 1 && rough[1]);
         for &(q, site) in sites {
-            let Some([a, b]) = self.sector_ends(q, site, fan, sector) else { continue };
+            let Some([a, b]) = self.sector_ends(q, site, fan, sector) else {
+                continue;
+            };
             let cross = |x: [f64; 2], y: [f64; 2]| x[0] * y[1] - x[1] * y[0];
             let from_base = |x: [f64; 2]| [x[0] - site.at[0], x[1] - site.at[1]];
             let turn = if fan.keeps_turn(q) { 1.0 } else { -1.0 };
@@ -643,16 +912,30 @@ impl Builder<'_> {
             let half = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
             let mut points = vec![a, b];
             for ((end, at), (k, backward)) in ends.iter().zip([a, b]).zip(sector.rays) {
-                let arc = site.arcs.iter().find(|x| x.ray == (fan.directions[k].key(), backward) && x.end == at);
+                let arc = site
+                    .arcs
+                    .iter()
+                    .find(|x| x.ray == (fan.directions[k].key(), backward) && x.end == at);
                 // Halfway on an arc, not on its chord: it is the arc that bounds the surface. In trees strips have vertices in between.
-                let halfway = arc.map_or_else(|| self.halfway(q, site, &fan.directions[k], backward, at), |x| x.middle);
+                let halfway = arc.map_or_else(
+                    || self.halfway(q, site, &fan.directions[k], backward, at),
+                    |x| x.middle,
+                );
                 if !fan.is_tree() && !self.is_near_chord(image(halfway), [*end, image(at)]) {
                     return Look::TooLarge;
                 }
                 points.extend(arc.map(|x| x.middle));
                 // Rays that are bent.
-                let reach = if fan.is_tree() && arc.is_none() { self.reach(q, site, &fan.directions[k], backward) } else { None };
-                points.extend([0.25, 0.5, 0.75].into_iter().filter_map(|t| fan.on_ray(q, &fan.directions[k], backward, t * reach?)));
+                let reach = if fan.is_tree() && arc.is_none() {
+                    self.reach(q, site, &fan.directions[k], backward)
+                } else {
+                    None
+                };
+                points.extend(
+                    [0.25, 0.5, 0.75]
+                        .into_iter()
+                        .filter_map(|t| fan.on_ray(q, &fan.directions[k], backward, t * reach?)),
+                );
             }
             let chord = [image(a), image(b)];
             let on = image(half(a, b));
@@ -668,7 +951,8 @@ impl Builder<'_> {
             if fan.is_tree() {
                 longest = longest.max(distance(chord[0], chord[1]));
             }
-            points.extend((1..8).map(|i| [0, 1].map(|k| a[k] + f64::from(i) / 8.0 * (b[k] - a[k]))));
+            points
+                .extend((1..8).map(|i| [0, 1].map(|k| a[k] + f64::from(i) / 8.0 * (b[k] - a[k]))));
             let is_signed = self.charts[q].keeps_sign([site.at, a, b], fan.multiplicity)
                 // The parameters inside are in a cell of the region, in which W has no zero; what is left are edges of the rectangle that leave it.
                 || fan.is_tree()
@@ -676,9 +960,13 @@ impl Builder<'_> {
                     && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
             // In trees, where the map is far from even, the point may slide along the chord, but not so far that triangles beside it were uneven.
             let off = distance(on, middle(chord[0], chord[1]));
-            let is_even = off <= UNEVEN * distance(chord[0], chord[1]) || off <= 0.5 * self.tolerance_at(on);
-            let is_near =
-                if fan.is_tree() { is_even && self.is_near_chord(on, chord) } else { self.is_near(on, middle(chord[0], chord[1]), chord) };
+            let is_even =
+                off <= UNEVEN * distance(chord[0], chord[1]) || off <= 0.5 * self.tolerance_at(on);
+            let is_near = if fan.is_tree() {
+                is_even && self.is_near_chord(on, chord)
+            } else {
+                self.is_near(on, middle(chord[0], chord[1]), chord)
+            };
             if !is_near || !is_signed {
                 if fine && sector.corner.is_some() {
                     // Where the ray in the middle is farther away from the ends.
@@ -694,7 +982,8 @@ impl Builder<'_> {
             // Between arcs with one tangent.
             for (k, backward) in sector.rays {
                 for w in self.ring(q, site, &fan.directions[k], backward).windows(2) {
-                    if !self.charts[q].keeps_sign([site.at, w[0], w[1]], fan.multiplicity) || cross(from_base(w[0]), from_base(w[1])) <= 0.0
+                    if !self.charts[q].keeps_sign([site.at, w[0], w[1]], fan.multiplicity)
+                        || cross(from_base(w[0]), from_base(w[1])) <= 0.0
                     {
                         return Look::TooLarge;
                     }
@@ -711,24 +1000,41 @@ impl Builder<'_> {
                 // Rays of two nodes, and arcs, have their order next to the base point, but not everywhere.
                 let is_between = |(d, backward): &(Direction, bool)| {
                     sites.iter().all(|&(q, site)| {
-                        let Some([a, b]) = self.sector_ends(q, site, fan, sector) else { return true };
-                        let Some(x) = self.straight(q, site, d, *backward) else { return false };
+                        let Some([a, b]) = self.sector_ends(q, site, fan, sector) else {
+                            return true;
+                        };
+                        let Some(x) = self.straight(q, site, d, *backward) else {
+                            return false;
+                        };
                         let orient = |a: [f64; 2], b: [f64; 2]| {
                             let [a, b] = [a, b].map(|x| [x[0] - site.at[0], x[1] - site.at[1]]);
-                            if fan.keeps_turn(q) { a[0] * b[1] - a[1] * b[0] } else { a[1] * b[0] - a[0] * b[1] }
+                            if fan.keeps_turn(q) {
+                                a[0] * b[1] - a[1] * b[0]
+                            } else {
+                                a[1] * b[0] - a[0] * b[1]
+                            }
                         };
                         orient(a, x) > 0.0 && orient(x, b) > 0.0
                     })
                 };
-                let pieces = if sector.corner.is_some() { vec![worse, 1 - worse] } else { vec![0] };
+                let pieces = if sector.corner.is_some() {
+                    vec![worse, 1 - worse]
+                } else {
+                    vec![0]
+                };
                 let halfway = pieces.iter().flat_map(|&piece| {
                     sites.iter().filter_map(move |&(q, site)| {
                         let [a, b] = self.sector_ends(q, site, fan, sector)?;
                         fan.toward(q, [0, 1].map(|i| 0.5 * (a[i] + b[i])), sector, piece)
                     })
                 });
-                let mut candidates = pieces.iter().map(|&piece| fan.between(sector, piece)).chain(halfway);
-                candidates.find(is_between).map_or(Look::TooLarge, |(d, _)| Look::Split(d))
+                let mut candidates = pieces
+                    .iter()
+                    .map(|&piece| fan.between(sector, piece))
+                    .chain(halfway);
+                candidates
+                    .find(is_between)
+                    .map_or(Look::TooLarge, |(d, _)| Look::Split(d))
             }
         }
     }
@@ -736,18 +1042,26 @@ impl Builder<'_> {
     /// Whether a point of a curve is near to a straight piece that stands for it and that is not divided any more, and the piece short. It may be
     /// anywhere along it: where arcs touch faces of the box, a curve leaves its end like a square root.
     fn is_near_chord(&self, on: Point3, [p, q]: [Point3; 2]) -> bool {
-        distance_to_segment(on, [p, q]) <= 0.5 * self.tolerance_at(on) && distance(p, q) <= self.options.longest
+        distance_to_segment(on, [p, q]) <= 0.5 * self.tolerance_at(on)
+            && distance(p, q) <= self.options.longest
     }
     /// Whether the middle of a straight piece is near to the surface, and the piece short.
     fn is_near(&self, on: Point3, chord: Point3, ends: [Point3; 2]) -> bool {
-        distance(on, chord) <= 0.5 * self.tolerance_at(chord) && distance(ends[0], ends[1]) <= self.options.longest
+        distance(on, chord) <= 0.5 * self.tolerance_at(chord)
+            && distance(ends[0], ends[1]) <= self.options.longest
     }
 
     /// The vertex of a seam: its name, position and faces, and whether it is the image of a contracted curve.
     pub(super) fn seam_vertex(&self, fan: usize, d: &Direction) -> (Name, Point3, u8) {
         let f = &self.fans[fan];
         let p = f.seam(d);
-        let mut images: Vec<usize> = d.factors.iter().filter_map(|f| self.on_curve.get(f)).flatten().copied().collect();
+        let mut images: Vec<usize> = d
+            .factors
+            .iter()
+            .filter_map(|f| self.on_curve.get(f))
+            .flatten()
+            .copied()
+            .collect();
         images.extend(f.sides_along(d).filter_map(|side| self.on_side[side]));
         if f.is_contracted(d) {
             images.extend(0..self.images.len());
@@ -764,7 +1078,11 @@ impl Builder<'_> {
         let mut places: Vec<(f64, [f64; 2])> = Vec::new();
         for (&(q, _, _), site) in &self.sites {
             let ([u, v], h) = (site.at, self.widths[site.fan]);
-            let (on, x, step) = [(u == 0.0, v, site.height), (v == 0.0, u, h), (u + v == 1.0, u, h)][side];
+            let (on, x, step) = [
+                (u == 0.0, v, site.height),
+                (v == 0.0, u, h),
+                (u + v == 1.0, u, h),
+            ][side];
             if quadrants.contains(&q) && on {
                 places.push((x, [x - step, x + step]));
             }
@@ -782,11 +1100,21 @@ enum Look {
 
 /// The rays, in their order, of arcs in theirs: each ray says whether it may have fewer arcs than so many, and which curves they may belong to.
 fn in_turn(curves: &[usize], rays: &[(bool, usize, &[usize])]) -> Option<Vec<usize>> {
-    let Some((&(optional, most, factors), rest)) = rays.split_first() else { return curves.is_empty().then(Vec::new) };
-    let fits = curves.iter().take(most).take_while(|c| factors.contains(c)).count();
+    let Some((&(optional, most, factors), rest)) = rays.split_first() else {
+        return curves.is_empty().then(Vec::new);
+    };
+    let fits = curves
+        .iter()
+        .take(most)
+        .take_while(|c| factors.contains(c))
+        .count();
     let least = if optional { 0 } else { most };
     (least..=fits).rev().find_map(|n| {
         let others = in_turn(&curves[n..], rest)?;
-        Some(std::iter::repeat_n(0, n).chain(others.into_iter().map(|k| k + 1)).collect())
+        Some(
+            std::iter::repeat_n(0, n)
+                .chain(others.into_iter().map(|k| k + 1))
+                .collect(),
+        )
     })
 }

@@ -114,7 +114,11 @@ fn least_sine([p, q, r]: [Point3; 3]) -> f64 {
     }
     let twice = cross(x, y);
     let sine = (dot(twice, twice) / (a * b)).sqrt();
-    if sine.is_nan() || shortest == 0.0 { -1.0 } else { sine }
+    if sine.is_nan() || shortest == 0.0 {
+        -1.0
+    } else {
+        sine
+    }
 }
 
 /// The cosine of the angle between the normals of a triangle and of the surface in its middle, and the share of the smaller of their areas in the
@@ -137,19 +141,28 @@ pub(super) fn is_turned(at: [[f64; 2]; 3], images: [Point3; 3], measure: &dyn Me
 
 /// The shares of the corners of a triangle, of either orientation, in a point.
 fn shares(z: [f64; 2], [a, b, c]: [[f64; 2]; 3]) -> [f64; 3] {
-    let area = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let area = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {
+        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    };
     let whole = area(a, b, c);
     [area(b, c, z), area(c, a, z), area(a, b, z)].map(|x| x / whole)
 }
 
 /// From given parameters, others in `within` with an image that is nearer to a point, if that is farther than the tolerance; and the distance.
-fn nearest(mut at: [f64; 2], to: Point3, within: &dyn Fn([f64; 2]) -> bool, measure: &dyn Measure) -> ([f64; 2], f64) {
+fn nearest(
+    mut at: [f64; 2],
+    to: Point3,
+    within: &dyn Fn([f64; 2]) -> bool,
+    measure: &dyn Measure,
+) -> ([f64; 2], f64) {
     let mut error = distance(measure.at(at), to);
     for _ in 0..NEARER {
         if error <= measure.tolerance(to) {
             break;
         }
-        let Some(step) = measure.step(at, to) else { break };
+        let Some(step) = measure.step(at, to) else {
+            break;
+        };
         let better = [1.0, 0.5, 0.25].into_iter().find_map(|share| {
             let next = [0, 1].map(|i| at[i] + share * step[i]);
             let off = distance(measure.at(next), to);
@@ -214,18 +227,46 @@ impl Plane {
                 sides.insert((t[(i + 1) % 3], t[(i + 2) % 3]), (k as u32, i));
             }
         }
-        let neighbour = |t: &[u32; 3], i: usize| sides.get(&(t[(i + 2) % 3], t[(i + 1) % 3])).map_or(NONE, |s| s.0);
-        let adjacent: Vec<[u32; 3]> = triangles.iter().map(|t| [0, 1, 2].map(|i| neighbour(t, i))).collect();
-        let stays = |(t, n): (&[u32; 3], &[u32; 3])| [0, 1, 2].map(|i| n[i] == NONE || fixed(t[(i + 1) % 3], t[(i + 2) % 3]));
+        let neighbour = |t: &[u32; 3], i: usize| {
+            sides
+                .get(&(t[(i + 2) % 3], t[(i + 1) % 3]))
+                .map_or(NONE, |s| s.0)
+        };
+        let adjacent: Vec<[u32; 3]> = triangles
+            .iter()
+            .map(|t| [0, 1, 2].map(|i| neighbour(t, i)))
+            .collect();
+        let stays = |(t, n): (&[u32; 3], &[u32; 3])| {
+            [0, 1, 2].map(|i| n[i] == NONE || fixed(t[(i + 1) % 3], t[(i + 2) % 3]))
+        };
         let fixed = triangles.iter().zip(&adjacent).map(stays).collect();
         let images = nodes.iter().map(|n| measure.image(n)).collect();
         let shared = nodes.iter().map(|n| measure.shared(n)).collect();
         let looks = vec![Cell::new(None); triangles.len()];
-        let sound = triangles.iter().map(|t| measure.is_sound(t.map(|v| nodes[v as usize].at))).collect();
-        let rim = rim.iter().map(|&[a, b]| ([a.min(b), a.max(b)], None)).collect();
+        let sound = triangles
+            .iter()
+            .map(|t| measure.is_sound(t.map(|v| nodes[v as usize].at)))
+            .collect();
+        let rim = rim
+            .iter()
+            .map(|&[a, b]| ([a.min(b), a.max(b)], None))
+            .collect();
         let queued = vec![true; triangles.len()];
         let queue = (0..triangles.len() as u32).collect();
-        Self { nodes, images, shared, triangles, adjacent, fixed, looks, sound, rim, queued, queue, ended: Ended::default() }
+        Self {
+            nodes,
+            images,
+            shared,
+            triangles,
+            adjacent,
+            fixed,
+            looks,
+            sound,
+            rim,
+            queued,
+            queue,
+            ended: Ended::default(),
+        }
     }
 
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
@@ -238,14 +279,23 @@ impl Plane {
         least_sine(t.map(|v| self.images[v as usize]))
     }
     fn look_at(&self, t: [u32; 3], measure: &dyn Measure) -> Look {
-        let [facing, share] = facing(t.map(|v| self.nodes[v as usize].at), t.map(|v| self.images[v as usize]), measure);
+        let [facing, share] = facing(
+            t.map(|v| self.nodes[v as usize].at),
+            t.map(|v| self.images[v as usize]),
+            measure,
+        );
         let worst = (facing - FACING).min(share - SHARE);
         let worth = match worst {
             _ if share < EMPTY => NOTHING,
             _ if worst < 0.0 => worst,
             _ => self.least_sine(t),
         };
-        Look { corners: t, worth, is_even: facing > FACING && share > EVEN, facing }
+        Look {
+            corners: t,
+            worth,
+            is_even: facing > FACING && share > EVEN,
+            facing,
+        }
     }
     /// That of a triangle that is there, computed once.
     fn look(&self, t: u32, measure: &dyn Measure) -> Look {
@@ -277,7 +327,12 @@ impl Plane {
     }
     /// How much the edge between two vertices wants to be split, and where: in the middle of its parameters, or, if they are even, at those of the
     /// triangles beside it whose image is nearest to the middle of the edge.
-    fn excess(&self, [a, b]: [u32; 2], beside: [Look; 2], measure: &dyn Measure) -> (f64, [f64; 2]) {
+    fn excess(
+        &self,
+        [a, b]: [u32; 2],
+        beside: [Look; 2],
+        measure: &dyn Measure,
+    ) -> (f64, [f64; 2]) {
         let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
         let [p, q] = [a, b].map(|v| self.images[v as usize]);
         let from = [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])];
@@ -287,13 +342,26 @@ impl Plane {
                 && beside.iter().any(|look| {
                     let shares = shares(z, look.corners.map(|v| self.nodes[v as usize].at));
                     let is_end = |k: usize| [a, b].contains(&look.corners[k]);
-                    (0..3).all(|k| if is_end(k) { shares[k] >= MARGIN } else { (0.0..=MARGIN).contains(&shares[k]) })
+                    (0..3).all(|k| {
+                        if is_end(k) {
+                            shares[k] >= MARGIN
+                        } else {
+                            (0.0..=MARGIN).contains(&shares[k])
+                        }
+                    })
                 })
         };
         let chord = middle(p, q);
         let (at, error) = nearest(from, chord, &within, measure);
         let excess = (error / measure.tolerance(chord)).max(distance(p, q) / measure.longest());
-        (if error.is_nan() { f64::INFINITY } else { excess }, at)
+        (
+            if error.is_nan() {
+                f64::INFINITY
+            } else {
+                excess
+            },
+            at,
+        )
     }
     /// How far the middle of a triangle is from the surface, in tolerances.
     fn off(&self, look: &Look, measure: &dyn Measure) -> f64 {
@@ -311,7 +379,9 @@ impl Plane {
     /// the unit triangle beyond the side, may have such an edge, too.
     fn is_ambiguous(&self, [a, b]: [u32; 2]) -> bool {
         let is_double = |v: u32| matches!(self.shared[v as usize], Some(Shared::Double(_)));
-        let is_side = |v: u32| self.shared[v as usize].is_none() && self.nodes[v as usize].name != Name::Inner;
+        let is_side = |v: u32| {
+            self.shared[v as usize].is_none() && self.nodes[v as usize].name != Name::Inner
+        };
         let is_shared = |v: u32| self.shared[v as usize].is_some();
         is_double(a) && is_double(b) || is_side(a) && is_shared(b) || is_side(b) && is_shared(a)
     }
@@ -321,12 +391,15 @@ impl Plane {
         let v = self.triangles[t as usize];
         let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
         let is_inner = self.fixed[t as usize][i] && self.adjacent[t as usize][i] != NONE;
-        let Some(Shared::Contracted(image)) = self.shared[a as usize].filter(|_| is_inner && self.have_one_image([a, b])) else {
+        let Some(Shared::Contracted(image)) =
+            self.shared[a as usize].filter(|_| is_inner && self.have_one_image([a, b]))
+        else {
             return None;
         };
         let [x, y, z] = [a, b, v[i]].map(|v| self.nodes[v as usize].at);
         let m = measure.beside_chord([x, y], image)?;
-        let above = |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
+        let above =
+            |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
         (above(m) > BULGE * above(z)).then_some((m, image))
     }
     /// The length in the parameters of the edge opposite to corner i.
@@ -336,7 +409,10 @@ impl Plane {
         (at[j][0] - at[k][0]).hypot(at[j][1] - at[k][1])
     }
     fn place(&self, t: u32, neighbour: u32) -> usize {
-        self.adjacent[t as usize].iter().position(|&n| n == neighbour).expect("neighbours know each other")
+        self.adjacent[t as usize]
+            .iter()
+            .position(|&n| n == neighbour)
+            .expect("neighbours know each other")
     }
 
     /// Splits edges until all triangles are near the surface and W keeps its sign on them, or there are too many: then some are left waiting.
@@ -350,7 +426,12 @@ impl Plane {
         !self.queue.is_empty()
     }
     /// Goes on with what was begun, with more triangles, makes them rounder, and tells edges apart that fall together.
-    pub(super) fn refine(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
+    pub(super) fn refine(
+        &mut self,
+        most: usize,
+        measure: &dyn Measure,
+        stop: &dyn Fn() -> bool,
+    ) -> Ended {
         self.work_off(most, false, measure, stop);
         for _ in 0..IMPROVEMENTS {
             if self.ended != Ended::default() || self.coarsen(measure) + self.smooth(measure) == 0 {
@@ -367,7 +448,9 @@ impl Plane {
             for [a, b] in clashes {
                 let edge = (0..self.triangles.len() as u32).find_map(|t| {
                     let v = self.triangles[t as usize];
-                    (0..3).find(|&i| [v[(i + 1) % 3], v[(i + 2) % 3]] == [a, b]).map(|i| (t, i))
+                    (0..3)
+                        .find(|&i| [v[(i + 1) % 3], v[(i + 2) % 3]] == [a, b])
+                        .map(|i| (t, i))
                 });
                 if let Some((t, i)) = edge.filter(|&(t, i)| !self.fixed[t as usize][i]) {
                     self.split_edge(t, i, measure);
@@ -375,16 +458,23 @@ impl Plane {
             }
             self.work_off(most, false, measure, stop);
         }
-        Ended { clashes: self.clashes().len(), ..self.ended }
+        Ended {
+            clashes: self.clashes().len(),
+            ..self.ended
+        }
     }
     fn legalise_all(&mut self, measure: &dyn Measure) {
-        let all = (0..self.triangles.len() as u32).flat_map(|t| self.triangles[t as usize].map(|v| (t, v))).collect();
+        let all = (0..self.triangles.len() as u32)
+            .flat_map(|t| self.triangles[t as usize].map(|v| (t, v)))
+            .collect();
         self.legalise(all, measure);
     }
 
     /// The vertices that were put between the ends of an edge of the rim.
     pub(super) fn way(&self, [a, b]: [u32; 2]) -> Vec<u32> {
-        let Some(&Some(m)) = self.rim.get(&[a.min(b), a.max(b)]) else { return Vec::new() };
+        let Some(&Some(m)) = self.rim.get(&[a.min(b), a.max(b)]) else {
+            return Vec::new();
+        };
         let mut way = self.way([a, m]);
         way.push(m);
         way.extend(self.way([m, b]));
@@ -401,11 +491,19 @@ impl Plane {
         let [c, a, b] = [v[i], v[(i + 1) % 3], v[(i + 2) % 3]];
         let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
         let m = self.add([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])], measure);
-        if ![[c, a, m], [c, m, b]].iter().all(|&t| self.is_counterclockwise(t)) {
+        if ![[c, a, m], [c, m, b]]
+            .iter()
+            .all(|&t| self.is_counterclockwise(t))
+        {
             self.drop_last();
             return false;
         }
-        let beyond = |k: usize| (self.adjacent[t as usize][(i + k) % 3], self.fixed[t as usize][(i + k) % 3]);
+        let beyond = |k: usize| {
+            (
+                self.adjacent[t as usize][(i + k) % 3],
+                self.fixed[t as usize][(i + k) % 3],
+            )
+        };
         let (ca, bc) = (beyond(2), beyond(1));
         let t2 = self.new_triangle();
         self.set(t, [c, a, m], [NONE, t2, ca.0], [true, false, ca.1]);
@@ -449,13 +547,25 @@ impl Plane {
         for (c, list) in around {
             for (k, &v) in list.iter().enumerate() {
                 let same = |u: u32| self.have_one_image([u, v]);
-                let joined = |u: u32, v: u32| beside.get(&c).is_some_and(|b| b.contains(&[u, v]) || b.contains(&[v, u]));
-                if list[..k].iter().any(|&u| same(u) && !joined(u, v)) && !self.have_one_image([c, v]) {
-                    let others: Vec<u32> = list[..k].iter().copied().filter(|&u| same(u)).chain([v]).collect();
+                let joined = |u: u32, v: u32| {
+                    beside
+                        .get(&c)
+                        .is_some_and(|b| b.contains(&[u, v]) || b.contains(&[v, u]))
+                };
+                if list[..k].iter().any(|&u| same(u) && !joined(u, v))
+                    && !self.have_one_image([c, v])
+                {
+                    let others: Vec<u32> = list[..k]
+                        .iter()
+                        .copied()
+                        .filter(|&u| same(u))
+                        .chain([v])
+                        .collect();
                     // Through a chain of joined ones the surface is closed up as it should be.
                     let mut reached = vec![others[0]];
                     let next = |reached: &[u32]| {
-                        let near = |u: u32| !reached.contains(&u) && reached.iter().any(|&r| joined(u, r));
+                        let near =
+                            |u: u32| !reached.contains(&u) && reached.iter().any(|&r| joined(u, r));
                         others.iter().copied().find(|&u| near(u))
                     };
                     while let Some(next) = next(&reached) {
@@ -473,7 +583,13 @@ impl Plane {
     }
 
     /// Splits what is queued. Where there are too many triangles already, it waits, or is given up.
-    fn work_off(&mut self, most: usize, waits: bool, measure: &dyn Measure, stop: &dyn Fn() -> bool) {
+    fn work_off(
+        &mut self,
+        most: usize,
+        waits: bool,
+        measure: &dyn Measure,
+        stop: &dyn Fn() -> bool,
+    ) {
         let mut steps = 0usize;
         let mut late = false;
         while let Some(t) = self.queue.pop_front() {
@@ -482,8 +598,17 @@ impl Plane {
             late |= steps.is_multiple_of(256) && stop();
             let v = self.triangles[t as usize];
             if self.triangles.len() + 4 <= most
-                && let Some((i, (at, image))) = (0..3).find_map(|i| Some((i, self.bulge(t, i, measure)?)))
-                && self.split_at(t, i, Node { image: Some(image), ..Node::inner(at, 0) }, measure)
+                && let Some((i, (at, image))) =
+                    (0..3).find_map(|i| Some((i, self.bulge(t, i, measure)?)))
+                && self.split_at(
+                    t,
+                    i,
+                    Node {
+                        image: Some(image),
+                        ..Node::inner(at, 0)
+                    },
+                    measure,
+                )
             {
                 continue;
             }
@@ -492,7 +617,9 @@ impl Plane {
                 let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
                 let n = self.adjacent[t as usize][i];
                 let far = self.triangles[n as usize][self.place(n, t)];
-                let mut excess = self.excess([a, b], [t, n].map(|t| self.look(t, measure)), measure).0;
+                let mut excess = self
+                    .excess([a, b], [t, n].map(|t| self.look(t, measure)), measure)
+                    .0;
                 if self.have_one_image([a, b]) || self.is_ambiguous([a, b]) {
                     excess = excess.max(PINCHED);
                 }
@@ -500,10 +627,13 @@ impl Plane {
                     worst = Some((excess, i));
                 }
                 // Splitting that edge would leave two that are as bad: one that leads to the corner.
-                let beside = [(i + 1) % 3, (i + 2) % 3].into_iter().filter(|&k| !self.fixed[t as usize][k]);
+                let beside = [(i + 1) % 3, (i + 2) % 3]
+                    .into_iter()
+                    .filter(|&k| !self.fixed[t as usize][k]);
                 if self.have_one_image([v[i], far])
                     && worst.is_none_or(|w| w.0 < PINCHED)
-                    && let Some(k) = beside.max_by(|&j, &k| self.length(t, j).total_cmp(&self.length(t, k)))
+                    && let Some(k) =
+                        beside.max_by(|&j, &k| self.length(t, j).total_cmp(&self.length(t, k)))
                 {
                     worst = Some((PINCHED, k));
                 }
@@ -517,15 +647,23 @@ impl Plane {
                 let off = self.off(&look, measure);
                 let is_far = off > 1.0 || off.is_nan();
                 let is_turned = || {
-                    let long = (0..3).map(|i| distance(p[i], p[(i + 1) % 3])).fold(0.0, f64::max);
-                    long > LEAST * measure.longest() && self.is_thick(v, TURNED) && look.facing < FACING
+                    let long = (0..3)
+                        .map(|i| distance(p[i], p[(i + 1) % 3]))
+                        .fold(0.0, f64::max);
+                    long > LEAST * measure.longest()
+                        && self.is_thick(v, TURNED)
+                        && look.facing < FACING
                 };
                 only_turned = sound && !is_far;
                 if !sound || is_far || is_turned() {
                     // The longest edge: of the parameters for the sign, in space for the distance.
                     let length = |i: usize| {
                         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-                        if sound { distance(p[j], p[k]) } else { self.length(t, i) }
+                        if sound {
+                            distance(p[j], p[k])
+                        } else {
+                            self.length(t, i)
+                        }
                     };
                     let free = (0..3).filter(|&i| !self.fixed[t as usize][i] || self.is_rim(t, i));
                     split = Some(free.max_by(|&i, &j| length(i).total_cmp(&length(j))));
@@ -577,7 +715,9 @@ impl Plane {
                 // The edge from the other side.
                 let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
                 let other = self.triangles[n as usize];
-                if let Some(j) = (0..3).find(|&j| other[(j + 1) % 3] == b && other[(j + 2) % 3] == a) {
+                if let Some(j) =
+                    (0..3).find(|&j| other[(j + 1) % 3] == b && other[(j + 2) % 3] == a)
+                {
                     self.adjacent[n as usize][j] = t;
                 }
             }
@@ -598,47 +738,85 @@ impl Plane {
         let n = self.adjacent[t as usize][i];
         let j = self.place(n, t);
         let corner = |t: u32, k: usize| self.triangles[t as usize][k % 3];
-        let beyond = |t: u32, k: usize| (self.adjacent[t as usize][k % 3], self.fixed[t as usize][k % 3]);
+        let beyond = |t: u32, k: usize| {
+            (
+                self.adjacent[t as usize][k % 3],
+                self.fixed[t as usize][k % 3],
+            )
+        };
         Quad {
-            corners: [corner(t, i), corner(t, i + 1), corner(n, j), corner(t, i + 2)],
+            corners: [
+                corner(t, i),
+                corner(t, i + 1),
+                corner(n, j),
+                corner(t, i + 2),
+            ],
             n,
-            outer: [beyond(t, i + 2), beyond(n, j + 1), beyond(n, j + 2), beyond(t, i + 1)],
+            outer: [
+                beyond(t, i + 2),
+                beyond(n, j + 1),
+                beyond(n, j + 2),
+                beyond(t, i + 1),
+            ],
         }
     }
 
     /// Proves that the pole curve misses new triangles: they lie where old ones were, and the first of either have the same numbers.
-    fn prove<const N: usize, const M: usize>(&mut self, old: [u32; N], new: [u32; M], measure: &dyn Measure) {
+    fn prove<const N: usize, const M: usize>(
+        &mut self,
+        old: [u32; N],
+        new: [u32; M],
+        measure: &dyn Measure,
+    ) {
         if old.iter().all(|&t| self.sound[t as usize]) {
             new.iter().for_each(|&t| self.sound[t as usize] = true);
         } else {
-            new.iter().for_each(|&t| self.sound[t as usize] = measure.is_sound(self.corners(t)));
+            new.iter()
+                .for_each(|&t| self.sound[t as usize] = measure.is_sound(self.corners(t)));
         }
     }
 
     /// Splits the edge opposite to corner i, in the middle if there is room. False if rounding leaves no room.
     fn split_edge(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
-        let Quad { corners: [c, a, d, b], n, .. } = self.quad(t, i);
+        let Quad {
+            corners: [c, a, d, b],
+            n,
+            ..
+        } = self.quad(t, i);
         let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
         let [p, q] = [c, d].map(|v| self.nodes[v as usize].at);
-        let area = |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
+        let area =
+            |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
         let toward = if area(p) > area(q) { p } else { q };
         let made = |m: u32| [[c, a, m], [c, m, b], [d, b, m], [d, m, a]];
         let halfway = [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])];
-        let mut best = self.excess([a, b], [t, n].map(|t| self.look(t, measure)), measure).1;
+        let mut best = self
+            .excess([a, b], [t, n].map(|t| self.look(t, measure)), measure)
+            .1;
         // Not where a corner beside the edge is already.
         let [c_image, d_image, a_image, b_image] = [c, d, a, b].map(|v| self.images[v as usize]);
         let there = measure.at(best);
-        if distance(there, c_image).min(distance(there, d_image)) < CROWDED * distance(a_image, b_image) {
+        if distance(there, c_image).min(distance(there, d_image))
+            < CROWDED * distance(a_image, b_image)
+        {
             best = halfway;
         }
-        let places = [(best, ASIDE[0]), (halfway, ASIDE[0]), (halfway, ASIDE[1]), (halfway, 0.0)]
-            .map(|(from, aside)| [0, 1].map(|i| from[i] * (1.0 - aside) + aside * toward[i]));
+        let places = [
+            (best, ASIDE[0]),
+            (halfway, ASIDE[0]),
+            (halfway, ASIDE[1]),
+            (halfway, 0.0),
+        ]
+        .map(|(from, aside)| [0, 1].map(|i| from[i] * (1.0 - aside) + aside * toward[i]));
         // The first where there is room, if one is where no triangle stands for nothing, that.
         let mut fitting = None;
         for at in places {
             let m = self.add(at, measure);
             let fits = made(m).iter().all(|&t| self.is_counterclockwise(t));
-            let is_good = fits && made(m).iter().all(|&t| self.look_at(t, measure).worth > NOTHING);
+            let is_good = fits
+                && made(m)
+                    .iter()
+                    .all(|&t| self.look_at(t, measure).worth > NOTHING);
             self.drop_last();
             if is_good || fits && fitting.is_none() {
                 fitting = Some(at);
@@ -653,7 +831,11 @@ impl Plane {
     /// Splits the edge opposite to corner i in a new vertex; what was fixed stays so. False if that leaves no room.
     fn split_at(&mut self, t: u32, i: usize, node: Node, measure: &dyn Measure) -> bool {
         let along = self.fixed[t as usize][i];
-        let Quad { corners: [c, a, d, b], n, outer: [ca, ad, db, bc] } = self.quad(t, i);
+        let Quad {
+            corners: [c, a, d, b],
+            n,
+            outer: [ca, ad, db, bc],
+        } = self.quad(t, i);
         let m = self.add_node(node, measure);
         let made = [[c, a, m], [c, m, b], [d, b, m], [d, m, a]];
         if !made.iter().all(|&t| self.is_counterclockwise(t)) {
@@ -678,7 +860,10 @@ impl Plane {
     fn split_triangle(&mut self, t: u32, measure: &dyn Measure) -> bool {
         let at = self.corners(t);
         let [a, b, c] = self.triangles[t as usize];
-        let m = self.add([0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0), measure);
+        let m = self.add(
+            [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0),
+            measure,
+        );
         let made = [[m, b, c], [m, c, a], [m, a, b]];
         if !made.iter().all(|&t| self.is_counterclockwise(t)) {
             self.drop_last();
@@ -705,7 +890,9 @@ impl Plane {
             if left == 0 {
                 return;
             }
-            let Some(i) = self.triangles[t as usize].iter().position(|&v| v == corner) else { continue };
+            let Some(i) = self.triangles[t as usize].iter().position(|&v| v == corner) else {
+                continue;
+            };
             if self.fixed[t as usize][i] {
                 continue;
             }
@@ -721,22 +908,39 @@ impl Plane {
     /// Whether the smallest angle of two triangles grows when their edge is flipped, by the derivatives in the middle.
     fn is_rounder(&self, old: [u32; 2], made: [[u32; 3]; 2], measure: &dyn Measure) -> bool {
         let corners = [made[0][0], made[0][1], made[0][2], made[1][2]];
-        let center = [0, 1].map(|i| corners.map(|v| self.nodes[v as usize].at[i]).iter().sum::<f64>() / 4.0);
+        let center = [0, 1].map(|i| {
+            corners
+                .map(|v| self.nodes[v as usize].at[i])
+                .iter()
+                .sum::<f64>()
+                / 4.0
+        });
         let tangents = measure.tangents(center);
         let linear = |v: u32| -> Point3 {
             let [u, v] = [0, 1].map(|i| self.nodes[v as usize].at[i] - center[i]);
             std::array::from_fn(|k| u * tangents[0][k] + v * tangents[1][k])
         };
-        let worst = |triangles: [[u32; 3]; 2]| triangles.iter().map(|t| least_sine(t.map(linear))).fold(f64::INFINITY, f64::min);
+        let worst = |triangles: [[u32; 3]; 2]| {
+            triangles
+                .iter()
+                .map(|t| least_sine(t.map(linear)))
+                .fold(f64::INFINITY, f64::min)
+        };
         worst(made) > 1.1 * worst(old.map(|t| self.triangles[t as usize]))
     }
 
     /// Flips the edge opposite to corner i if the smallest angle grows and nothing gets worse.
     fn flip(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
-        let Quad { corners: [c, a, d, b], n, outer: [ca, ad, db, bc] } = self.quad(t, i);
+        let Quad {
+            corners: [c, a, d, b],
+            n,
+            outer: [ca, ad, db, bc],
+        } = self.quad(t, i);
         let made = [[c, a, d], [c, d, b]];
         // Room for further vertices is needed: three parameters on a line but for rounding are no triangle.
-        if !made.iter().all(|&t| self.is_counterclockwise(t) && self.is_thick(t, THIN))
+        if !made
+            .iter()
+            .all(|&t| self.is_counterclockwise(t) && self.is_thick(t, THIN))
             || self.have_one_image([c, d])
             || self.have_one_image([a, b])
             || self.is_ambiguous([c, d])
@@ -747,10 +951,24 @@ impl Plane {
         let before = were[0].worth.min(were[1].worth);
         // Ones that stand for nothing have the areas that chords and what bulges beyond them have between them: what counts is what they are to
         // first order.
-        let is_flat = before <= NOTHING && ![[c, a], [a, d], [d, b], [b, c]].iter().any(|&e| self.have_one_image(e));
-        let is_better = |after: f64| after > NOTHING && if before > 0.0 { after > 1.1 * before } else { after > before + 1e-3 };
+        let is_flat = before <= NOTHING
+            && ![[c, a], [a, d], [d, b], [b, c]]
+                .iter()
+                .any(|&e| self.have_one_image(e));
+        let is_better = |after: f64| {
+            after > NOTHING
+                && if before > 0.0 {
+                    after > 1.1 * before
+                } else {
+                    after > before + 1e-3
+                }
+        };
         // Where the triangles face is dearer than their angles.
-        if if is_flat { !self.is_rounder([t, n], made, measure) } else { !made.iter().all(|&t| is_better(self.least_sine(t))) } {
+        if if is_flat {
+            !self.is_rounder([t, n], made, measure)
+        } else {
+            !made.iter().all(|&t| is_better(self.least_sine(t)))
+        } {
             return false;
         }
         let will_be = made.map(|t| self.look_at(t, measure));
@@ -762,7 +980,8 @@ impl Plane {
             return false;
         }
         let known = [t, n].map(|t| self.sound[t as usize]);
-        let sound = made.map(|t| known == [true; 2] || measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
+        let sound = made
+            .map(|t| known == [true; 2] || measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
         if known != sound && sound != [true; 2] {
             return false;
         }

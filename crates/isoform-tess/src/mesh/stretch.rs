@@ -13,13 +13,21 @@ pub(super) struct Columns<'a> {
 
 impl<'a> Columns<'a> {
     pub(super) fn new(arrangement: &'a Arrangement, slab: usize) -> Self {
-        Self { arrangement, slab, known: BTreeMap::new() }
+        Self {
+            arrangement,
+            slab,
+            known: BTreeMap::new(),
+        }
     }
     /// The height of an arc, if the place is between the walls.
     pub(super) fn at(&mut self, u: f64, arc: usize) -> Option<f64> {
         let (a, slab) = (self.arrangement, self.slab);
-        let over =
-            self.known.entry(u.to_bits()).or_insert_with(|| RBig::try_from(u).ok().and_then(|u| a.arcs_over(slab, &u)).unwrap_or_default());
+        let over = self.known.entry(u.to_bits()).or_insert_with(|| {
+            RBig::try_from(u)
+                .ok()
+                .and_then(|u| a.arcs_over(slab, &u))
+                .unwrap_or_default()
+        });
         over.get(arc).copied()
     }
 }
@@ -62,10 +70,24 @@ impl Builder<'_> {
     pub(super) fn stretch(&self, q: usize, slab: usize, i: usize) -> Stretch {
         let a = &self.region.triangles[q].arrangement;
         let arc = a.slabs[slab].arcs[i];
-        let [left, right] = [(slab, arc.left), (slab + 1, arc.right)].map(|(k, p)| [a.walls[k].u.to_f64(), self.place(q, k, p)[1]]);
-        let mut s = Stretch { before: vec![left], from: left, to: right, after: vec![right], based: [false; 2], rays: [None; 2] };
-        for (site, x) in self.sites.range((q, 0, 0)..(q + 1, 0, 0)).flat_map(|s| s.1.arcs.iter().map(move |x| (s.1, x))) {
-            let Some(place) = x.chain.iter().position(|&c| c == (slab, i)) else { continue };
+        let [left, right] = [(slab, arc.left), (slab + 1, arc.right)]
+            .map(|(k, p)| [a.walls[k].u.to_f64(), self.place(q, k, p)[1]]);
+        let mut s = Stretch {
+            before: vec![left],
+            from: left,
+            to: right,
+            after: vec![right],
+            based: [false; 2],
+            rays: [None; 2],
+        };
+        for (site, x) in self
+            .sites
+            .range((q, 0, 0)..(q + 1, 0, 0))
+            .flat_map(|s| s.1.arcs.iter().map(move |x| (s.1, x)))
+        {
+            let Some(place) = x.chain.iter().position(|&c| c == (slab, i)) else {
+                continue;
+            };
             // On the chord from the base point to the side of the rectangle.
             let chord = |u: f64| {
                 let t = (u - site.at[0]) / (x.end[0] - site.at[0]);
@@ -86,18 +108,38 @@ impl Builder<'_> {
     }
 
     /// A polyline for an arc; `in_order` is cleared where rounding does not keep it in the triangle.
-    pub(super) fn polyline(&self, q: usize, stretch: &Stretch, i: usize, over: &mut Columns<'_>, in_order: &mut bool) -> Vec<[f64; 2]> {
+    pub(super) fn polyline(
+        &self,
+        q: usize,
+        stretch: &Stretch,
+        i: usize,
+        over: &mut Columns<'_>,
+        in_order: &mut bool,
+    ) -> Vec<[f64; 2]> {
         let mut line = vec![stretch.from];
         if !stretch.is_open() {
             return line;
         }
-        let is_drawn_in = |line: &[[f64; 2]]| line[1..line.len() - 1].iter().all(|[u, v]| *v > 0.0 && *v < 1.0 - u);
-        if let Some(line) = self.border_line(q, self.region.side_of_arc(q, over.slab, i), stretch.from, stretch.to) {
-            *in_order &= line.len() <= VERTICES && is_drawn_in(&line) && line.windows(2).all(|w| w[0][0] < w[1][0]);
+        let is_drawn_in = |line: &[[f64; 2]]| {
+            line[1..line.len() - 1]
+                .iter()
+                .all(|[u, v]| *v > 0.0 && *v < 1.0 - u)
+        };
+        if let Some(line) = self.border_line(
+            q,
+            self.region.side_of_arc(q, over.slab, i),
+            stretch.from,
+            stretch.to,
+        ) {
+            *in_order &= line.len() <= VERTICES
+                && is_drawn_in(&line)
+                && line.windows(2).all(|w| w[0][0] < w[1][0]);
             return line;
         }
         let at = |[u, v]: [f64; 2]| self.charts[q].at([u, v]);
-        let is_contracted = self.on_curve.contains_key(&over.arrangement.slabs[over.slab].arcs[i].curve);
+        let is_contracted = self
+            .on_curve
+            .contains_key(&over.arrangement.slabs[over.slab].arcs[i].curve);
         let mut stack = vec![(stretch.from, stretch.to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left[0] + right[0]);

@@ -8,7 +8,12 @@ pub(super) type PathVertex = (u32, [f64; 2]);
 
 /// Triangles between an edge from `a` to `b` and a way of three vertices or more beside it: with `a` up to one of those in between, then with `b`,
 /// so that none is turned against the others if that is possible.
-pub(super) fn around(points: &[Point3], a: PathVertex, way: &[PathVertex], b: PathVertex) -> Vec<[PathVertex; 3]> {
+pub(super) fn around(
+    points: &[Point3],
+    a: PathVertex,
+    way: &[PathVertex],
+    b: PathVertex,
+) -> Vec<[PathVertex; 3]> {
     let normal = |t: &[PathVertex; 3]| {
         let [p, q, r] = t.map(|v| points[v.0 as usize]);
         cross(sub(q, p), sub(r, p))
@@ -16,12 +21,20 @@ pub(super) fn around(points: &[Point3], a: PathVertex, way: &[PathVertex], b: Pa
     let made = |k: usize| {
         let before = way[..=k].windows(2).map(|w| [w[0], w[1], a]);
         let after = way[k..].windows(2).map(|w| [w[0], w[1], b]);
-        before.chain([[a, way[k], b]]).chain(after).collect::<Vec<_>>()
+        before
+            .chain([[a, way[k], b]])
+            .chain(after)
+            .collect::<Vec<_>>()
     };
     let worst = |k: usize| {
         let normals: Vec<Point3> = made(k).iter().map(normal).collect();
-        let sum = normals.iter().fold([0.0; 3], |sum, n| std::array::from_fn(|i| sum[i] + n[i]));
-        normals.iter().map(|n| dot(*n, sum) / norm(sum)).fold(f64::INFINITY, f64::min)
+        let sum = normals
+            .iter()
+            .fold([0.0; 3], |sum, n| std::array::from_fn(|i| sum[i] + n[i]));
+        normals
+            .iter()
+            .map(|n| dot(*n, sum) / norm(sum))
+            .fold(f64::INFINITY, f64::min)
     };
     let best = (1..way.len() - 1).max_by(|&k, &l| worst(k).total_cmp(&worst(l)));
     made(best.expect("three vertices or more"))
@@ -29,7 +42,11 @@ pub(super) fn around(points: &[Point3], a: PathVertex, way: &[PathVertex], b: Pa
 
 /// Triangles of the least area between two paths, from an edge between their first vertices to one between their last: shorter diagonals lead
 /// beyond paths that are bent, as rays of infinitely near points are.
-pub(super) fn between(points: &[Point3], first: &[PathVertex], second: &[PathVertex]) -> Vec<[PathVertex; 3]> {
+pub(super) fn between(
+    points: &[Point3],
+    first: &[PathVertex],
+    second: &[PathVertex],
+) -> Vec<[PathVertex; 3]> {
     let area = |t: [PathVertex; 3]| {
         let [p, q, r] = t.map(|v| points[v.0 as usize]);
         norm(cross(sub(q, p), sub(r, p)))
@@ -38,9 +55,23 @@ pub(super) fn between(points: &[Point3], first: &[PathVertex], second: &[PathVer
     let mut least = vec![vec![(0.0, false); second.len()]; first.len()];
     for i in 0..first.len() {
         for j in 0..second.len() {
-            let on_first = (i > 0).then(|| (least[i - 1][j].0 + area([first[i - 1], second[j], first[i]]), false));
-            let on_second = (j > 0).then(|| (least[i][j - 1].0 + area([first[i], second[j - 1], second[j]]), true));
-            least[i][j] = on_first.into_iter().chain(on_second).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, false));
+            let on_first = (i > 0).then(|| {
+                (
+                    least[i - 1][j].0 + area([first[i - 1], second[j], first[i]]),
+                    false,
+                )
+            });
+            let on_second = (j > 0).then(|| {
+                (
+                    least[i][j - 1].0 + area([first[i], second[j - 1], second[j]]),
+                    true,
+                )
+            });
+            least[i][j] = on_first
+                .into_iter()
+                .chain(on_second)
+                .min_by(|a, b| a.0.total_cmp(&b.0))
+                .unwrap_or((0.0, false));
         }
     }
     let (mut i, mut j) = (first.len() - 1, second.len() - 1);
@@ -73,10 +104,15 @@ mod tests {
         let made = between(&points, &path(&[5, 6]), &path(&[0, 1, 2, 3, 4]));
         let area = |polygon: &[u32]| {
             let at = |k: usize| points[polygon[k % polygon.len()] as usize];
-            0.5 * (0..polygon.len()).map(|k| at(k)[1] * at(k + 1)[2] - at(k)[2] * at(k + 1)[1]).sum::<f64>()
+            0.5 * (0..polygon.len())
+                .map(|k| at(k)[1] * at(k + 1)[2] - at(k)[2] * at(k + 1)[1])
+                .sum::<f64>()
         };
         let sum: f64 = made.iter().map(|t| area(&t.map(|v| v.0)).abs()).sum();
-        assert!((sum - area(&[5, 0, 1, 2, 3, 4]).abs()).abs() < 1e-15, "{sum}");
+        assert!(
+            (sum - area(&[5, 0, 1, 2, 3, 4]).abs()).abs() < 1e-15,
+            "{sum}"
+        );
         assert_eq!(made.len(), 5);
     }
 }

@@ -39,9 +39,16 @@ pub(super) struct Joined {
 
 impl Joined {
     pub(super) fn new(surface: Surface) -> Self {
-        Self { surface, vertices: BTreeMap::new() }
+        Self {
+            surface,
+            vertices: BTreeMap::new(),
+        }
     }
-    fn vertex(&mut self, key: (Name, usize, usize), make: impl FnOnce() -> (Point3, u8, Kind)) -> u32 {
+    fn vertex(
+        &mut self,
+        key: (Name, usize, usize),
+        make: impl FnOnce() -> (Point3, u8, Kind),
+    ) -> u32 {
         let surface = &mut self.surface;
         *self.vertices.entry(key).or_insert_with(|| {
             let (point, faces, kind) = make();
@@ -61,26 +68,56 @@ impl Joined {
 impl Builder<'_> {
     /// Refines unit triangles side by side, to a limit for all of them.
     pub(super) fn refine(&self, units: &mut [Unit]) {
-        let most = if self.halvings < HALVINGS { self.options.triangles.min(OPEN_TRIANGLES) } else { self.options.triangles };
-        units.par_iter_mut().for_each(|u| u.plane.begin(most / 4, &InChart { builder: self, q: u.quadrant }, self.stop));
+        let most = if self.halvings < HALVINGS {
+            self.options.triangles.min(OPEN_TRIANGLES)
+        } else {
+            self.options.triangles
+        };
+        units.par_iter_mut().for_each(|u| {
+            u.plane.begin(
+                most / 4,
+                &InChart {
+                    builder: self,
+                    q: u.quadrant,
+                },
+                self.stop,
+            )
+        });
         // Those that need more share what the others leave.
-        let (needy, done): (Vec<_>, Vec<_>) = (0..units.len()).partition(|&k| units[k].plane.is_waiting());
+        let (needy, done): (Vec<_>, Vec<_>) =
+            (0..units.len()).partition(|&k| units[k].plane.is_waiting());
         for group in [done, needy] {
             let made: usize = units.iter().map(|u| u.plane.triangles.len()).sum();
             let room = most.saturating_sub(made) / group.len().max(1);
-            units.par_iter_mut().enumerate().filter(|(k, _)| group.contains(k)).for_each(|(_, u)| {
-                let most = u.plane.triangles.len() + room;
-                let ended = u.plane.refine(most, &InChart { builder: self, q: u.quadrant }, self.stop);
-                if ended.unsound > 0 {
-                    u.unproven.push("W is not proved to keep its sign on every triangle".into());
-                }
-                if ended.clashes > 0 {
-                    u.unproven.push("edges fall together next to double or contracted curves".into());
-                }
-                if ended.coarse > 0 {
-                    u.unproven.push("the triangles are not everywhere as near to the surface as asked for".into());
-                }
-            });
+            units
+                .par_iter_mut()
+                .enumerate()
+                .filter(|(k, _)| group.contains(k))
+                .for_each(|(_, u)| {
+                    let most = u.plane.triangles.len() + room;
+                    let ended = u.plane.refine(
+                        most,
+                        &InChart {
+                            builder: self,
+                            q: u.quadrant,
+                        },
+                        self.stop,
+                    );
+                    if ended.unsound > 0 {
+                        u.unproven
+                            .push("W is not proved to keep its sign on every triangle".into());
+                    }
+                    if ended.clashes > 0 {
+                        u.unproven
+                            .push("edges fall together next to double or contracted curves".into());
+                    }
+                    if ended.coarse > 0 {
+                        u.unproven.push(
+                            "the triangles are not everywhere as near to the surface as asked for"
+                                .into(),
+                        );
+                    }
+                });
         }
     }
 
@@ -88,7 +125,10 @@ impl Builder<'_> {
     pub(super) fn add(&self, unit: Unit, joined: &mut Joined) {
         let (q, plane) = (unit.quadrant, &unit.plane);
         let measure = InChart { builder: self, q };
-        joined.surface.unproven.extend(unit.unproven.iter().cloned());
+        joined
+            .surface
+            .unproven
+            .extend(unit.unproven.iter().cloned());
         let vertex = |k: u32, joined: &mut Joined| {
             let node = &plane.nodes[k as usize];
             let key = match self.merged(q, node) {
@@ -109,21 +149,40 @@ impl Builder<'_> {
         let mut made: Vec<Made> = Vec::new();
         for t in &plane.triangles {
             let nodes = t.map(|v| &plane.nodes[v as usize]);
-            made.push((t.map(|v| vertex(v, joined)), nodes.map(|n| n.at), nodes.map(|n| n.borders)));
+            made.push((
+                t.map(|v| vertex(v, joined)),
+                nodes.map(|n| n.at),
+                nodes.map(|n| n.borders),
+            ));
         }
         let mut opened = Vec::new();
         for &[p, a, b] in &unit.at_apex {
-            let Some(&fan) = unit.apexes.get(&(p as usize)) else { continue };
+            let Some(&fan) = unit.apexes.get(&(p as usize)) else {
+                continue;
+            };
             let ray = |v: u32| unit.rays.get(&(v as usize, fan)).copied();
-            let way: Vec<PathVertex> = plane.way([a, b]).into_iter().map(|v| (vertex(v, joined), plane.nodes[v as usize].at)).collect();
+            let way: Vec<PathVertex> = plane
+                .way([a, b])
+                .into_iter()
+                .map(|v| (vertex(v, joined), plane.nodes[v as usize].at))
+                .collect();
             let ends = [a, b].map(|v| (vertex(v, joined), plane.nodes[v as usize].at));
             let apex = plane.nodes[p as usize].at;
-            opened.push(ray(a).zip(ray(b)).map(|(a, b)| Strip { fan, apex, rays: [a, b], ends, way }));
+            opened.push(ray(a).zip(ray(b)).map(|(a, b)| Strip {
+                fan,
+                apex,
+                rays: [a, b],
+                ends,
+                way,
+            }));
         }
         for strip in opened {
             match strip {
                 Some(strip) => made.extend(self.fill(q, &strip, joined)),
-                None => joined.surface.unproven.push("triangles at base points are left out".to_owned()),
+                None => joined
+                    .surface
+                    .unproven
+                    .push("triangles at base points are left out".to_owned()),
             }
         }
         for (triangle, corners, borders) in made {
@@ -135,7 +194,18 @@ impl Builder<'_> {
     }
 
     /// The triangles of a strip.
-    fn fill(&self, q: usize, &Strip { fan, apex, rays, ends, ref way }: &Strip, joined: &mut Joined) -> Vec<Made> {
+    fn fill(
+        &self,
+        q: usize,
+        &Strip {
+            fan,
+            apex,
+            rays,
+            ends,
+            ref way,
+        }: &Strip,
+        joined: &mut Joined,
+    ) -> Vec<Made> {
         let f = &self.fans[fan];
         // From the rectangle to the seam, with what lies between on a double curve.
         let seam_end = |joined: &mut Joined, d: &Direction, at: [f64; 2]| {
@@ -158,13 +228,26 @@ impl Builder<'_> {
             let (ray, (vertex, at)) = (rays[i], ends[i]);
             let mut path = vec![ends[i]];
             for &(class, at) in self.gluing.spoke(fan, ray, at) {
-                path.push((joined.shared(Name::Double(class), self.gluing.image(class), 0, Kind::Double), at));
+                path.push((
+                    joined.shared(
+                        Name::Double(class),
+                        self.gluing.image(class),
+                        0,
+                        Kind::Double,
+                    ),
+                    at,
+                ));
             }
-            let d = f.directions.iter().find(|d| d.key() == ray.0).expect("a direction of the fan");
+            let d = f
+                .directions
+                .iter()
+                .find(|d| d.key() == ray.0)
+                .expect("a direction of the fan");
             let site = self.sites_in(q).map(|s| s.1).find(|s| s.fan == fan);
             let faces = joined.surface.faces[vertex as usize];
             if path.len() == 1 && joined.surface.kinds[vertex as usize] != Kind::Contracted {
-                let on_ray = site.map_or_else(Vec::new, |s| self.points_on_ray(q, s, f, d, ray.1, at));
+                let on_ray =
+                    site.map_or_else(Vec::new, |s| self.points_on_ray(q, s, f, d, ray.1, at));
                 let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
                 for (k, x) in on_ray.into_iter().enumerate() {
                     path.push((joined.shared(Name::Ray(fan, ray, k), x, faces, kind), apex));
@@ -174,31 +257,60 @@ impl Builder<'_> {
             path
         });
         // From one seam to another one.
-        if let Some(corner) = f.sector_between(rays[0], rays[1]).and_then(|s| s.corner.as_ref()) {
+        if let Some(corner) = f
+            .sector_between(rays[0], rays[1])
+            .and_then(|s| s.corner.as_ref())
+        {
             first.push(seam_end(joined, corner, apex));
         }
         // What lies between two rays need not lie in the straight triangle: then the strip has no parameters but those of the base point.
-        let is_straight = !f.is_tree() || self.charts[q].keeps_sign([apex, ends[0].1, ends[1].1], f.multiplicity);
-        let folds = |ray: Ray| f.directions.iter().any(|d| d.key() == ray.0 && f.is_fold(d));
+        let is_straight =
+            !f.is_tree() || self.charts[q].keeps_sign([apex, ends[0].1, ends[1].1], f.multiplicity);
+        let folds = |ray: Ray| {
+            f.directions
+                .iter()
+                .any(|d| d.key() == ray.0 && f.is_fold(d))
+        };
         let first_is_double = joined.surface.double[first[0].0 as usize] || folds(rays[0]);
         let mut made: Vec<Made> = Vec::new();
-        let mut push = |t: [PathVertex; 3]| made.push((t.map(|t| t.0), t.map(|t| if is_straight { t.1 } else { apex }), [0; 3]));
+        let mut push = |t: [PathVertex; 3]| {
+            made.push((
+                t.map(|t| t.0),
+                t.map(|t| if is_straight { t.1 } else { apex }),
+                [0; 3],
+            ))
+        };
         let (mut i, mut j) = (0, 0);
         if !way.is_empty() {
             // Those on the way that bounds the triangles outside have no other edges to vertices that are shared.
-            for t in around(&joined.surface.points, first[1], &[&first[..1], way.as_slice(), &second[..1]].concat(), second[1]) {
+            for t in around(
+                &joined.surface.points,
+                first[1],
+                &[&first[..1], way.as_slice(), &second[..1]].concat(),
+                second[1],
+            ) {
                 push(t);
             }
             (i, j) = (1, 1);
         }
         if f.is_tree() {
-            between(&joined.surface.points, &first[i..], &second[j..]).into_iter().for_each(push);
+            between(&joined.surface.points, &first[i..], &second[j..])
+                .into_iter()
+                .for_each(push);
             return made;
         }
         while i + 1 < first.len() || j + 1 < second.len() {
             // Edges from the seam's end of a double curve to the rectangle: the other diagonals would be there twice where the curve is folded.
             let on_second = i + 1 == first.len() || (j + 1 < second.len() && !first_is_double);
-            push([first[i], second[j], if on_second { second[j + 1] } else { first[i + 1] }]);
+            push([
+                first[i],
+                second[j],
+                if on_second {
+                    second[j + 1]
+                } else {
+                    first[i + 1]
+                },
+            ]);
             if on_second { j += 1 } else { i += 1 }
         }
         made

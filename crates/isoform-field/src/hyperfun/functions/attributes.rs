@@ -106,7 +106,11 @@ pub(super) fn modulo<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
 
 /// The reference takes a and b swapped.
 pub(super) fn pulse<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
-    let (lo, hi) = if c.strict { (c.n(2), c.n(1)) } else { (c.n(1), c.n(2)) };
+    let (lo, hi) = if c.strict {
+        (c.n(2), c.n(1))
+    } else {
+        (c.n(1), c.n(2))
+    };
     Ok(lo.less_eq(&c.n(0)).and(&c.n(0).less_eq(&hi)))
 }
 
@@ -138,10 +142,19 @@ pub(super) fn look_up<'c, M: Machine>(c: &mut Call<'c, M>, smooth: bool) -> Outc
 }
 
 /// How many rows of the size of `out` the table has, at most one per entry.
-fn table_rows<M: Machine>(c: &mut Call<'_, M>, out: usize, table: usize, entries: usize) -> Result<usize, Fault> {
+fn table_rows<M: Machine>(
+    c: &mut Call<'_, M>,
+    out: usize,
+    table: usize,
+    entries: usize,
+) -> Result<usize, Fault> {
     let rows = (c.len(table) / c.len(out)).min(c.len(entries));
     if rows == 0 {
-        return c.fail(format!("the table has {} items, less than one row of {}", c.len(table), c.len(out)));
+        return c.fail(format!(
+            "the table has {} items, less than one row of {}",
+            c.len(table),
+            c.len(out)
+        ));
     }
     c.spend((rows * c.len(out)) as u64)?;
     Ok(rows)
@@ -152,7 +165,9 @@ fn table_rows<M: Machine>(c: &mut Call<'_, M>, out: usize, table: usize, entries
 pub(super) fn spline<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (width, knots) = (c.len(0), c.len(1) / c.len(0));
     if knots < 4 {
-        return c.fail(format!("a spline needs 4 rows of knots of {width} items each"));
+        return c.fail(format!(
+            "a spline needs 4 rows of knots of {width} items each"
+        ));
     }
     c.spend((width * knots) as u64)?;
     let (t, spans) = (c.n(2), knots - 3);
@@ -172,7 +187,9 @@ pub(super) fn spline<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
             v = held.constant(i as f64).less_eq(&held).select(&span(i), &v);
         }
         if c.strict {
-            v = t.less(&c.n(3)).select(&row(0), &c.n(4).less(&t).select(&row(knots - 1), &v));
+            v = t
+                .less(&c.n(3))
+                .select(&row(0), &c.n(4).less(&t).select(&row(knots - 1), &v));
         }
         c.put(0, k, v);
     }
@@ -244,10 +261,18 @@ pub(super) fn turbulence<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> 
 }
 
 /// Row i where entryᵢ ≤ p < entryᵢ₊₁; elsewhere nothing is written.
-fn by_chance<'c, M: Machine>(c: &mut Call<'c, M>, p: &E<'c, M>, table: usize, entries: usize) -> Result<(), Fault> {
+fn by_chance<'c, M: Machine>(
+    c: &mut Call<'c, M>,
+    p: &E<'c, M>,
+    table: usize,
+    entries: usize,
+) -> Result<(), Fault> {
     let (width, rows) = (c.len(1), table_rows(c, 1, table, entries)?);
     for i in 0..rows.min(c.len(entries).saturating_sub(1)) {
-        let here = c.item(entries, i).less_eq(p).and(&p.less(&c.item(entries, i + 1)));
+        let here = c
+            .item(entries, i)
+            .less_eq(p)
+            .and(&p.less(&c.item(entries, i + 1)));
         for k in 0..width {
             let v = c.item(table, i * width + k);
             c.put_where(&here, 1, k, &v);

@@ -37,7 +37,12 @@ pub(super) fn curve<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
 /// ∫ k along a segment of length L; h is the projection of x − begin on its direction:
 /// h/(2p²(p²+S²h²)) + (L−h)/(2p²q²) + (atan(Sh/p) + atan(S(L−h)/p))/(2Sp³) with p² = 1 + S²(R²−h²), q² = 1 + S²(R²+L²−2Lh).
 /// A segment of length 0 gives 0.
-fn segment<'c, M: Machine>(x: &E3<'c, M>, begin: &E3<'c, M>, end: &E3<'c, M>, s: &E<'c, M>) -> E<'c, M> {
+fn segment<'c, M: Machine>(
+    x: &E3<'c, M>,
+    begin: &E3<'c, M>,
+    end: &E3<'c, M>,
+    s: &E<'c, M>,
+) -> E<'c, M> {
     let (d, u) = (minus(end, begin), minus(x, begin));
     let l2 = norm2(&d);
     let there = l2.constant(0.0).less(&l2);
@@ -75,11 +80,17 @@ pub(super) fn mesh<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
         for (k, at) in at.iter_mut().enumerate() {
             let index = c.item(2, 3 * i + k);
             let Some(index) = index.known() else {
-                return Err(super::Fault { message: "a corner's index depends on the point or the parameters".to_owned(), unknown: true });
+                return Err(super::Fault {
+                    message: "a corner's index depends on the point or the parameters".to_owned(),
+                    unknown: true,
+                });
             };
             let index = (index + 0.5).floor();
             if !(1.0..=points as f64).contains(&index) {
-                return c.fail(format!("triangle {} has the corner {index}; there are the points 1 to {points}", i + 1));
+                return c.fail(format!(
+                    "triangle {} has the corner {index}; there are the points 1 to {points}",
+                    i + 1
+                ));
             }
             *at = index as usize - 1;
         }
@@ -132,7 +143,11 @@ pub(super) fn arc<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     for i in 0..c.len(1) / 3 {
         let (radius, s) = (c.item(2, i), c.item(6, i));
         let theta = degree * c.item(3, i).min(&c.c(360.0));
-        let u = turned_back(&minus(&x, &c.triple(1, i)), &c.triple(4, i), &(degree * c.item(5, i)));
+        let u = turned_back(
+            &minus(&x, &c.triple(1, i)),
+            &c.triple(4, i),
+            &(degree * c.item(5, i)),
+        );
         let s2 = s.square();
         let a = 1.0 + &s2 * (norm2(&u) + radius.square());
         let k = 2.0 * (s2 * radius);
@@ -158,7 +173,10 @@ fn turned_back<'c, M: Machine>(u: &E3<'c, M>, axis: &E3<'c, M>, angle: &E<'c, M>
     let there = zero.less(&n2);
     let length = there.select(&n2, &n2.constant(1.0)).sqrt();
     let k: E3<'c, M> = axis.clone().map(|v| v / &length);
-    let (sin, cos) = (there.select(&angle.sin(), &zero), there.select(&angle.cos(), &zero.constant(1.0)));
+    let (sin, cos) = (
+        there.select(&angle.sin(), &zero),
+        there.select(&angle.cos(), &zero.constant(1.0)),
+    );
     let (side, along) = (cross(&k, u), dot(&k, u) * (1.0 - &cos));
     std::array::from_fn(|i| &u[i] * &cos - &side[i] * &sin + &k[i] * &along)
 }

@@ -48,7 +48,9 @@ pub(super) fn taper<'c, M: Machine>(c: &mut Call<'c, M>, axis: Axis) -> Outcome<
     let (p, q, h) = axis.indices();
     let (z, s1, s2) = (c.item(0, h), c.n(3), c.n(4));
     let inside = &s1 + along(c, axis) * (&s2 - &s1);
-    let scale = z.less_eq(&c.n(1)).select(&s1, &c.n(2).less_eq(&z).select(&s2, &inside));
+    let scale = z
+        .less_eq(&c.n(1))
+        .select(&s1, &c.n(2).less_eq(&z).select(&s2, &inside));
     let scale = scale.abs().below(EPS).select(&c.c(1.0), &scale);
     for i in [p, q] {
         c.put(0, i, c.item(0, i) / &scale);
@@ -84,13 +86,18 @@ pub(super) fn space_map_exp<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, 
 }
 
 /// For each pair in turn D = target − source and p −= D weight(q), q² = Σ ((pᵢ − targetᵢ)/(bᵢ (1 + |Dᵢ|)))².
-fn space_map<'c, M: Machine>(c: &mut Call<'c, M>, weight: impl Fn(E<'c, M>) -> E<'c, M>) -> Outcome<'c, M> {
+fn space_map<'c, M: Machine>(
+    c: &mut Call<'c, M>,
+    weight: impl Fn(E<'c, M>) -> E<'c, M>,
+) -> Outcome<'c, M> {
     let mut p = c.point(0);
     for n in 0..c.len(1) / 3 {
         let (target, b) = (c.triple(2, n), c.triple(3, n));
         let d = minus(&target, &c.triple(1, n));
         let u = minus(&p, &target);
-        let q2 = (0..3).fold(c.c(0.0), |sum, i| sum + (&u[i] / (&b[i] * (1.0 + d[i].abs()))).square());
+        let q2 = (0..3).fold(c.c(0.0), |sum, i| {
+            sum + (&u[i] / (&b[i] * (1.0 + d[i].abs()))).square()
+        });
         let w = weight(q2);
         p = std::array::from_fn(|i| &p[i] - &d[i] * &w);
     }

@@ -28,7 +28,9 @@ pub(super) fn logd<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
 
 pub(super) fn tan<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     match c.value(&c.n(0)) {
-        Some(u) if u.cos().abs() < TAN_POLE => c.fail(format!("tangent of {u}, where it has a pole")),
+        Some(u) if u.cos().abs() < TAN_POLE => {
+            c.fail(format!("tangent of {u}, where it has a pole"))
+        }
         _ => Ok(c.n(0).unary(Unary::Tan)),
     }
 }
@@ -56,5 +58,9 @@ pub(super) fn modulo<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
 
 /// The reference gives 1 always.
 pub(super) fn sign<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
-    Ok(if c.strict { c.c(1.0) } else { c.n(0).unary(Unary::Sign) })
+    Ok(if c.strict {
+        c.c(1.0)
+    } else {
+        c.n(0).unary(Unary::Sign)
+    })
 }

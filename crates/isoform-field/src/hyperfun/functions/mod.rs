@@ -43,14 +43,20 @@ impl Shape {
     pub(crate) fn refuses(self, len: u32, elements: u32, mode: Mode) -> Option<String> {
         match self {
             Self::Number => None,
-            Self::Point => (len != 3 && mode == Mode::Default).then(|| "3 items, a point".to_owned()),
+            Self::Point => {
+                (len != 3 && mode == Mode::Default).then(|| "3 items, a point".to_owned())
+            }
             Self::Array(n) => (len < n).then(|| format!("at least {n} items")),
-            Self::Elements(k) => (!len.is_multiple_of(k)).then(|| format!("{k} items for each element")),
+            Self::Elements(k) => {
+                (!len.is_multiple_of(k)).then(|| format!("{k} items for each element"))
+            }
             Self::Each(k) => {
                 let n = u64::from(k) * u64::from(elements);
-                (u64::from(len) < n).then(|| format!("{n} items, {k} for each of {elements} elements"))
+                (u64::from(len) < n)
+                    .then(|| format!("{n} items, {k} for each of {elements} elements"))
             }
-            Self::Chain => (len < 6 || !len.is_multiple_of(3)).then(|| "3 items for each point, and two points at least".to_owned()),
+            Self::Chain => (len < 6 || !len.is_multiple_of(3))
+                .then(|| "3 items for each point, and two points at least".to_owned()),
         }
     }
     /// The number of elements that an array of `len` items means, if this shape says it.
@@ -97,7 +103,11 @@ impl Sentinel {
         };
         let (limit, sentinel) = (m.constant(limit), m.constant(super::execute::SENTINEL));
         for &i in which {
-            let size = if matches!(self, Self::Small(_)) { m.abs(&flat[i]) } else { flat[i].clone() };
+            let size = if matches!(self, Self::Small(_)) {
+                m.abs(&flat[i])
+            } else {
+                flat[i].clone()
+            };
             let bad = m.less(&size, &limit);
             v = m.select(&bad, &sentinel, &v);
         }
@@ -121,7 +131,12 @@ pub(crate) struct Function<M: Machine> {
 static NAMES: LazyLock<HashMap<String, u16>> = LazyLock::new(|| {
     let table = Function::<Direct<f64>>::TABLE;
     let rows = table.iter().enumerate();
-    rows.flat_map(|(i, row)| row.names.iter().map(move |n| (n.to_ascii_lowercase(), i as u16))).collect()
+    rows.flat_map(|(i, row)| {
+        row.names
+            .iter()
+            .map(move |n| (n.to_ascii_lowercase(), i as u16))
+    })
+    .collect()
 });
 
 /// The function of a (lower-case) name.
@@ -150,7 +165,11 @@ pub fn library() -> Vec<FunctionHelp> {
     let help = |row: &Function<Direct<f64>>| {
         let arguments: Vec<&str> = row.arguments.iter().map(|(n, _)| *n).collect();
         let signature = format!("{}({})", row.names[0], arguments.join(", "));
-        FunctionHelp { names: row.names.to_vec(), signature, help: row.help }
+        FunctionHelp {
+            names: row.names.to_vec(),
+            signature,
+            help: row.help,
+        }
     };
     Function::<Direct<f64>>::TABLE.iter().map(help).collect()
 }
@@ -163,7 +182,10 @@ pub(crate) struct Arguments<V> {
 
 impl<V> Default for Arguments<V> {
     fn default() -> Self {
-        Self { numbers: [const { None }; MAX_ARGUMENTS], arrays: [(0, 0); MAX_ARGUMENTS] }
+        Self {
+            numbers: [const { None }; MAX_ARGUMENTS],
+            arrays: [(0, 0); MAX_ARGUMENTS],
+        }
     }
 }
 
@@ -186,7 +208,14 @@ impl<'c, M: Machine> Call<'c, M> {
         strict: bool,
         left: u64,
     ) -> Self {
-        Self { machine, memory, arguments, strict, spent: 0, left }
+        Self {
+            machine,
+            memory,
+            arguments,
+            strict,
+            spent: 0,
+            left,
+        }
     }
     /// The constant `v`.
     fn c(&self, v: f64) -> E<'c, M> {
@@ -233,18 +262,27 @@ impl<'c, M: Machine> Call<'c, M> {
         if M::CHECKED { v.known() } else { None }
     }
     fn fail<T>(&self, message: impl Into<String>) -> Result<T, Fault> {
-        Err(Fault { message: message.into(), unknown: false })
+        Err(Fault {
+            message: message.into(),
+            unknown: false,
+        })
     }
     /// Argument `i` where its value shapes the formula.
     fn need(&self, i: usize, what: &str) -> Result<f64, Fault> {
         let known = self.n(i).known();
-        known.ok_or_else(|| Fault { message: format!("{what} depends on the point or the parameters"), unknown: true })
+        known.ok_or_else(|| Fault {
+            message: format!("{what} depends on the point or the parameters"),
+            unknown: true,
+        })
     }
     /// Counts work against the step limit.
     fn spend(&mut self, steps: u64) -> Result<(), Fault> {
         self.spent = self.spent.saturating_add(steps);
         if self.spent > self.left {
-            return Err(Fault { message: "stopped: too many steps".to_owned(), unknown: !M::CHECKED });
+            return Err(Fault {
+                message: "stopped: too many steps".to_owned(),
+                unknown: !M::CHECKED,
+            });
         }
         Ok(())
     }
@@ -264,12 +302,20 @@ mod tests {
     fn every_row_is_sound() {
         let mut seen = std::collections::BTreeSet::new();
         for row in Function::<Direct<f64>>::TABLE {
-            assert!(!row.help.is_empty() && row.arguments.len() <= MAX_ARGUMENTS && !row.arguments.is_empty());
+            assert!(
+                !row.help.is_empty()
+                    && row.arguments.len() <= MAX_ARGUMENTS
+                    && !row.arguments.is_empty()
+            );
             for name in row.names {
                 assert!(seen.insert(name.to_ascii_lowercase()), "{name} twice");
             }
             if let Run::Primitive(library, sentinel) = &row.run {
-                let flat: usize = row.arguments.iter().map(|(_, s)| if *s == Shape::Number { 1 } else { 3 }).sum();
+                let flat: usize = row
+                    .arguments
+                    .iter()
+                    .map(|(_, s)| if *s == Shape::Number { 1 } else { 3 })
+                    .sum();
                 assert_eq!(flat, library.arity(), "{:?}", row.names);
                 if let Sentinel::Small(which) | Sentinel::Negative(which) = sentinel {
                     assert!(which.iter().all(|&i| (6..flat).contains(&i)));

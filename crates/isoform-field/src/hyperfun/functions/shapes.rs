@@ -29,7 +29,9 @@ pub(super) fn metaball<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
         let q = distance2(c, k).sqrt() / there.select(&d, &one);
         let core = &b * &(1.0 - 3.0 * q.square());
         let skirt = 1.5 * (&b * &(1.0 - &q).square());
-        let value = q.at_most(1.0 / 3.0).select(&core, &q.below(1.0).select(&skirt, &zero));
+        let value = q
+            .at_most(1.0 / 3.0)
+            .select(&core, &q.below(1.0).select(&skirt, &zero));
         sum = sum + there.select(&value, &zero);
     }
     Ok(sum)
@@ -53,7 +55,12 @@ pub(super) fn noise_g<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(noise(c, &amplitude, &frequency, &phase))
 }
 
-pub(super) fn noise<'c, M: Machine>(c: &Call<'c, M>, a: &E<'c, M>, f: &E<'c, M>, p: &E<'c, M>) -> E<'c, M> {
+pub(super) fn noise<'c, M: Machine>(
+    c: &Call<'c, M>,
+    a: &E<'c, M>,
+    f: &E<'c, M>,
+    p: &E<'c, M>,
+) -> E<'c, M> {
     let w = c.point(0).map(|x| f * x);
     let s = [w[0].sin(), w[1].sin(), w[2].sin()];
     let k = a / 1.17;
@@ -70,19 +77,30 @@ pub(super) fn bezier_volume<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, 
     for (i, count) in counts.iter_mut().enumerate() {
         let n = (c.need(i + 1, "a number of control values")? + 0.5).floor();
         if !(1.0..=MAX_CONTROL as f64).contains(&n) {
-            return c.fail(format!("{n} control values in one direction; 1 to {MAX_CONTROL} are possible"));
+            return c.fail(format!(
+                "{n} control values in one direction; 1 to {MAX_CONTROL} are possible"
+            ));
         }
         *count = n as usize;
     }
     let [l, m, n] = counts;
     if c.len(5) < l * m * n {
-        return c.fail(format!("{l} x {m} x {n} control values are needed, the array has {}", c.len(5)));
+        return c.fail(format!(
+            "{l} x {m} x {n} control values are needed, the array has {}",
+            c.len(5)
+        ));
     }
     c.spend((l * m * n) as u64)?;
     let x = c.point(0);
     let (low, high) = (|i: usize| c.item(4, i), |i: usize| c.item(4, i + 3));
-    let t: Vec<E<'c, M>> = (0..3).map(|i| (&x[i] - low(i)) / (high(i) - low(i))).collect();
-    let (bu, bv, bw) = (bernstein(l, &t[0]), bernstein(m, &t[2]), bernstein(n, &t[1]));
+    let t: Vec<E<'c, M>> = (0..3)
+        .map(|i| (&x[i] - low(i)) / (high(i) - low(i)))
+        .collect();
+    let (bu, bv, bw) = (
+        bernstein(l, &t[0]),
+        bernstein(m, &t[2]),
+        bernstein(n, &t[1]),
+    );
     let mut sum = c.c(0.0);
     for (i, bu) in bu.iter().enumerate() {
         for (j, bv) in bv.iter().enumerate() {
@@ -93,7 +111,10 @@ pub(super) fn bezier_volume<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, 
         }
     }
     let slab = |i: usize| (&x[i] - low(i)) * (high(i) - &x[i]);
-    Ok(slab(0).intersection(&slab(1)).intersection(&slab(2)).intersection(&sum))
+    Ok(slab(0)
+        .intersection(&slab(1))
+        .intersection(&slab(2))
+        .intersection(&sum))
 }
 
 /// The `count` Bernstein polynomials of degree count − 1.
@@ -111,7 +132,8 @@ fn bernstein<'c, M: Machine>(count: usize, t: &E<'c, M>) -> Vec<E<'c, M>> {
 
 /// hfDInt(f1, −f2)
 pub(super) fn sardf_difference<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
-    Ok(c.n(0).library(Library::SardfIntersection, &[&-c.n(1), &c.n(2), &c.n(3)]))
+    Ok(c.n(0)
+        .library(Library::SardfIntersection, &[&-c.n(1), &c.n(2), &c.n(3)]))
 }
 
 /// n ≤ 1: 0; else 2/(aπ) (1/2 − Σ sin(2π i f t)/i) for i = 1 … n − 1.

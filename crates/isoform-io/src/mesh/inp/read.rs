@@ -61,7 +61,9 @@ fn kind_of(name: &str) -> Kind {
         ("S", 2),
     ];
     for (family, dim) in families {
-        let Some(rest) = name.strip_prefix(family) else { continue };
+        let Some(rest) = name.strip_prefix(family) else {
+            continue;
+        };
         let digits: String = rest.chars().take_while(char::is_ascii_digit).collect();
         return match (dim, digits.as_str()) {
             (3, "4") => Kind::Tet { nodes: 4 },
@@ -127,7 +129,9 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
 fn parameter<'t>(line: &'t str, name: &str) -> Option<&'t str> {
     line.split(',').skip(1).find_map(|p| {
         let (key, value) = p.split_once('=').unwrap_or((p, ""));
-        key.trim().eq_ignore_ascii_case(name).then(|| value.trim().trim_matches('"'))
+        key.trim()
+            .eq_ignore_ascii_case(name)
+            .then(|| value.trim().trim_matches('"'))
     })
 }
 
@@ -135,7 +139,10 @@ impl Reader<'_, '_> {
     /// Number of a name of a dimension, from 1 in the order they come.
     fn tag(&mut self, dim: usize, name: &str) -> i64 {
         let next = self.builder.names[dim].len() as i64 + 1;
-        let tag = *self.tags.entry(format!("{dim} {}", name.to_ascii_uppercase())).or_insert(next);
+        let tag = *self
+            .tags
+            .entry(format!("{dim} {}", name.to_ascii_uppercase()))
+            .or_insert(next);
         if tag == next {
             self.builder.names[dim].insert(tag, name.to_owned());
         }
@@ -143,29 +150,48 @@ impl Reader<'_, '_> {
     }
 
     fn keyword(&mut self, line: &str, report: &mut ReadReport) {
-        let word = line.split(',').next().unwrap_or("").trim().to_ascii_uppercase();
+        let word = line
+            .split(',')
+            .next()
+            .unwrap_or("")
+            .trim()
+            .to_ascii_uppercase();
         self.mode = match word.as_str() {
             "NODE" => Mode::Nodes,
             "ELEMENT" => {
                 let name = parameter(line, "TYPE").unwrap_or("");
                 let kind = kind_of(name);
-                let dim = if matches!(kind, Kind::Tet { .. }) { 3 } else { 2 };
+                let dim = if matches!(kind, Kind::Tet { .. }) {
+                    3
+                } else {
+                    2
+                };
                 let tag = match parameter(line, "ELSET") {
                     Some(set) if kind != Kind::Other => self.tag(dim, set),
                     _ => 0,
                 };
                 if kind == Kind::Other {
-                    report.warn(format!("elements of the type \"{}\" were passed over", shorten(name)));
+                    report.warn(format!(
+                        "elements of the type \"{}\" were passed over",
+                        shorten(name)
+                    ));
                 }
                 Mode::Elements { kind, tag }
             }
             "ELSET" => {
                 let name = parameter(line, "ELSET").unwrap_or("").to_ascii_uppercase();
-                Mode::ElementSet { name, generate: parameter(line, "GENERATE").is_some() }
+                Mode::ElementSet {
+                    name,
+                    generate: parameter(line, "GENERATE").is_some(),
+                }
             }
-            "SURFACE" if parameter(line, "TYPE").is_none_or(|t| t.eq_ignore_ascii_case("ELEMENT")) => {
+            "SURFACE"
+                if parameter(line, "TYPE").is_none_or(|t| t.eq_ignore_ascii_case("ELEMENT")) =>
+            {
                 let name = parameter(line, "NAME").unwrap_or("").to_owned();
-                Mode::Surface { tag: self.tag(2, &name) }
+                Mode::Surface {
+                    tag: self.tag(2, &name),
+                }
             }
             "INCLUDE" => {
                 report.warn("*INCLUDE was passed over: the file that it names was not read");
@@ -177,8 +203,17 @@ impl Reader<'_, '_> {
 
     fn number<T: std::str::FromStr>(&self, word: &str) -> Result<T> {
         word.trim().parse().map_err(|_| {
-            let why = format!("\"{}\" is not the number of a node or an element", shorten(word.trim()));
-            self.input.error(ErrorKind::Number, self.input.at_line(0), WHAT, why, "correct the line")
+            let why = format!(
+                "\"{}\" is not the number of a node or an element",
+                shorten(word.trim())
+            );
+            self.input.error(
+                ErrorKind::Number,
+                self.input.at_line(0),
+                WHAT,
+                why,
+                "correct the line",
+            )
         })
     }
 
@@ -186,7 +221,9 @@ impl Reader<'_, '_> {
         match &mut self.mode {
             Mode::Other => Ok(()),
             Mode::Nodes => self.node(line),
-            Mode::Elements { kind: Kind::Other, .. } => Ok(()),
+            Mode::Elements {
+                kind: Kind::Other, ..
+            } => Ok(()),
             Mode::Elements { .. } => {
                 for word in line.split(',').filter(|w| !w.trim().is_empty()) {
                     if self.numbers.len() < MAX_NUMBERS {
@@ -195,7 +232,11 @@ impl Reader<'_, '_> {
                     }
                 }
                 // A comma at the end continues the line.
-                if line.ends_with(',') { Ok(()) } else { self.end_element() }
+                if line.ends_with(',') {
+                    Ok(())
+                } else {
+                    self.end_element()
+                }
             }
             Mode::ElementSet { name, generate } => {
                 let (name, generate) = (name.clone(), *generate);
@@ -206,7 +247,10 @@ impl Reader<'_, '_> {
                 let mut words = line.split(',').map(str::trim);
                 let (whose, face) = (words.next().unwrap_or(""), words.next().unwrap_or(""));
                 // Sides of shells and other labels are no faces of tetrahedra.
-                let Some(face @ 1..=4) = face.strip_prefix(['S', 's']).and_then(|f| f.parse().ok()) else { return Ok(()) };
+                let Some(face @ 1..=4) = face.strip_prefix(['S', 's']).and_then(|f| f.parse().ok())
+                else {
+                    return Ok(());
+                };
                 let faces = match whose.parse() {
                     Ok(number) => Faces::Element(number),
                     Err(_) => Faces::Set(whose.to_ascii_uppercase()),
@@ -229,7 +273,13 @@ impl Reader<'_, '_> {
                 None if word.is_empty() => 0.0,
                 None => {
                     let why = format!("\"{}\" is not a number", shorten(word));
-                    return Err(self.input.error(ErrorKind::Number, self.input.at_line(0), WHAT, why, "correct the line"));
+                    return Err(self.input.error(
+                        ErrorKind::Number,
+                        self.input.at_line(0),
+                        WHAT,
+                        why,
+                        "correct the line",
+                    ));
                 }
             };
         }
@@ -238,7 +288,11 @@ impl Reader<'_, '_> {
     }
 
     fn set_line(&mut self, line: &str, name: String, generate: bool) -> Result<()> {
-        let words: Vec<&str> = line.split(',').map(str::trim).filter(|w| !w.is_empty()).collect();
+        let words: Vec<&str> = line
+            .split(',')
+            .map(str::trim)
+            .filter(|w| !w.is_empty())
+            .collect();
         let mut runs = Vec::new();
         if generate {
             if let [first, last, step @ ..] = &words[..] {
@@ -247,7 +301,12 @@ impl Reader<'_, '_> {
             }
         } else {
             // Names of other sets among the numbers are passed over.
-            runs.extend(words.iter().filter_map(|w| w.parse().ok()).map(|n: u32| [n, n, 1]));
+            runs.extend(
+                words
+                    .iter()
+                    .filter_map(|w| w.parse().ok())
+                    .map(|n: u32| [n, n, 1]),
+            );
         }
         self.sets.entry(name).or_default().extend(runs);
         Ok(())
@@ -255,8 +314,12 @@ impl Reader<'_, '_> {
 
     /// Takes the element whose numbers have been gathered.
     fn end_element(&mut self) -> Result<()> {
-        let Mode::Elements { kind, tag } = self.mode else { return Ok(()) };
-        let Some((&number, nodes)) = self.numbers.split_first() else { return Ok(()) };
+        let Mode::Elements { kind, tag } = self.mode else {
+            return Ok(());
+        };
+        let Some((&number, nodes)) = self.numbers.split_first() else {
+            return Ok(());
+        };
         let at = self.input.at_line(0);
         let want = match kind {
             Kind::Triangle { nodes } | Kind::Tet { nodes } => nodes,
@@ -264,10 +327,16 @@ impl Reader<'_, '_> {
         };
         if nodes.len() < want {
             let why = format!("element {number} has {} of {want} nodes", nodes.len());
-            return Err(self.input.error(ErrorKind::Corrupt, at, WHAT, why, "correct the line"));
+            return Err(self
+                .input
+                .error(ErrorKind::Corrupt, at, WHAT, why, "correct the line"));
         }
         match kind {
-            Kind::Triangle { nodes: n } => self.builder.triangles.push(&nodes[..n], tag, Some(number), at),
+            Kind::Triangle { nodes: n } => {
+                self.builder
+                    .triangles
+                    .push(&nodes[..n], tag, Some(number), at)
+            }
             Kind::Quad => self.builder.polygon(&nodes[..4], tag, at),
             Kind::Tet { nodes: n } => {
                 self.builder.tets.push(&nodes[..n], tag, Some(number), at);
@@ -281,11 +350,20 @@ impl Reader<'_, '_> {
 
     /// Triangles out of the faces that the surfaces list.
     fn add_faces(&mut self) -> Result<()> {
-        let mut by_number: Vec<(u32, u32)> = self.tets.iter().enumerate().map(|(row, &number)| (number, row as u32)).collect();
+        let mut by_number: Vec<(u32, u32)> = self
+            .tets
+            .iter()
+            .enumerate()
+            .map(|(row, &number)| (number, row as u32))
+            .collect();
         by_number.sort_unstable();
         // Every face once; and the sets some times over, as many surfaces may name them, but not lines times runs.
         let most = 4 * self.tets.len();
-        let work_limit = 1000 + WORK * (self.sets.values().map(Vec::len).sum::<usize>() + self.faces.len() + self.tets.len());
+        let work_limit = 1000
+            + WORK
+                * (self.sets.values().map(Vec::len).sum::<usize>()
+                    + self.faces.len()
+                    + self.tets.len());
         let (mut count, mut work) = (0, 0);
         for (faces, face, tag) in std::mem::take(&mut self.faces) {
             let runs = match &faces {
@@ -295,21 +373,35 @@ impl Reader<'_, '_> {
             for &[first, last, step] in runs {
                 work += 1;
                 let from = by_number.partition_point(|(number, _)| *number < first);
-                for &(number, row) in by_number[from..].iter().take_while(|(number, _)| *number <= last) {
+                for &(number, row) in by_number[from..]
+                    .iter()
+                    .take_while(|(number, _)| *number <= last)
+                {
                     work += 1;
                     if (number - first) % step == 0 {
                         count += 1;
                         let (corners, mids) = self.builder.tets.get(row as usize);
-                        let (nodes, n) = face_with_mids(corners, mids, CORNER[usize::from(face) - 1]);
-                        self.builder.triangles.push(&nodes[..n], tag, None, At::File);
+                        let (nodes, n) =
+                            face_with_mids(corners, mids, CORNER[usize::from(face) - 1]);
+                        self.builder
+                            .triangles
+                            .push(&nodes[..n], tag, None, At::File);
                     }
                     if count > most || work > work_limit {
                         break;
                     }
                 }
                 if count > most || work > work_limit {
-                    let why = format!("the surfaces list more than the {most} faces of all tetrahedra, or name sets over and over");
-                    return Err(self.input.error(ErrorKind::Corrupt, At::File, WHAT, why, "check the surfaces"));
+                    let why = format!(
+                        "the surfaces list more than the {most} faces of all tetrahedra, or name sets over and over"
+                    );
+                    return Err(self.input.error(
+                        ErrorKind::Corrupt,
+                        At::File,
+                        WHAT,
+                        why,
+                        "check the surfaces",
+                    ));
                 }
             }
         }

@@ -24,20 +24,25 @@ struct Scan<'i, 'a> {
 impl Scan<'_, '_> {
     fn bytes<const N: usize>(&mut self, big: bool) -> Result<[u8; N]> {
         let mut bytes = [0; N];
-        self.input.exact(&mut bytes, || "a section is incomplete".into())?;
+        self.input
+            .exact(&mut bytes, || "a section is incomplete".into())?;
         if big {
             bytes.reverse();
         }
         Ok(bytes)
     }
     fn word<T>(&mut self, parse: impl Fn(&str) -> Option<T>, kind: &str) -> Result<T> {
-        let Some(word) = self.words.next(self.input)? else { return Err(self.input.truncated("a section is incomplete")) };
+        let Some(word) = self.words.next(self.input)? else {
+            return Err(self.input.truncated("a section is incomplete"));
+        };
         match parse(word) {
             Some(v) => Ok(v),
             None => {
                 let why = format!("\"{}\" is not {kind}", shorten(word));
                 let at = self.input.at_line(self.words.column);
-                Err(self.input.error(ErrorKind::Number, at, WHAT, why, "save the mesh again"))
+                Err(self
+                    .input
+                    .error(ErrorKind::Number, at, WHAT, why, "save the mesh again"))
             }
         }
     }
@@ -66,11 +71,16 @@ impl Scan<'_, '_> {
         let id = self.size()?;
         u32::try_from(id).map_err(|_| {
             let why = format!("the number {id} is larger than 4294967295");
-            self.input.error(ErrorKind::TooLarge, at, WHAT, why, "renumber the mesh")
+            self.input
+                .error(ErrorKind::TooLarge, at, WHAT, why, "renumber the mesh")
         })
     }
     fn at(&self) -> At {
-        if self.binary.is_some() { self.input.at_byte() } else { self.input.at_line(0) }
+        if self.binary.is_some() {
+            self.input.at_byte()
+        } else {
+            self.input.at_line(0)
+        }
     }
     /// Reads over the rest of a section.
     fn pass(&mut self, name: &str) -> Result<()> {
@@ -80,7 +90,9 @@ impl Scan<'_, '_> {
         self.words = Words::new();
         loop {
             if !self.input.read_line(&mut text, &mut bytes)? {
-                return Err(self.input.truncated(format!("the line \"{end}\" is missing")));
+                return Err(self
+                    .input
+                    .truncated(format!("the line \"{end}\" is missing")));
             }
             if text.trim_end().ends_with(&end) {
                 return Ok(());
@@ -88,32 +100,55 @@ impl Scan<'_, '_> {
         }
     }
     fn unsupported(&self, why: String) -> crate::ReadError {
-        self.input.error(ErrorKind::UnsupportedFormat, self.at(), WHAT, why, "save it as version 4.1, or as 2.2 in text")
+        self.input.error(
+            ErrorKind::UnsupportedFormat,
+            self.at(),
+            WHAT,
+            why,
+            "save it as version 4.1, or as 2.2 in text",
+        )
     }
 }
 
 pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
-    let mut scan = Scan { input, words: Words::new(), binary: None, size: 8 };
+    let mut scan = Scan {
+        input,
+        words: Words::new(),
+        binary: None,
+        size: 8,
+    };
     let mut builder = Builder::new();
     let mut physical = HashMap::new();
     let (mut text, mut bytes) = (String::new(), Vec::new());
     let mut version = None;
     let mut had_nodes = false;
     while scan.input.read_line(&mut text, &mut bytes)? {
-        let Some(name) = text.trim_end().strip_prefix('$') else { continue };
+        let Some(name) = text.trim_end().strip_prefix('$') else {
+            continue;
+        };
         let name = name.to_owned();
         let four = version == Some(4);
         match name.as_str() {
             "MeshFormat" => version = Some(read_format(&mut scan)?),
             _ if version.is_none() => {
                 let why = format!("section \"{}\" before the version", shorten(&name));
-                return Err(scan.input.error(ErrorKind::Header, scan.at(), WHAT, why, "save the mesh again"));
+                return Err(scan.input.error(
+                    ErrorKind::Header,
+                    scan.at(),
+                    WHAT,
+                    why,
+                    "save the mesh again",
+                ));
             }
             "PhysicalNames" => read_names(&mut scan, &mut builder)?,
             "Entities" if four => read_entities(&mut scan, &mut physical)?,
             "Nodes" => {
                 had_nodes = true;
-                if four { read_nodes4(&mut scan, &mut builder)? } else { read_nodes2(&mut scan, &mut builder)? }
+                if four {
+                    read_nodes4(&mut scan, &mut builder)?
+                } else {
+                    read_nodes2(&mut scan, &mut builder)?
+                }
             }
             "Elements" if four => read_elements4(&mut scan, &mut builder, &physical)?,
             "Elements" => read_elements2(&mut scan, &mut builder)?,
@@ -134,9 +169,14 @@ fn read_format(scan: &mut Scan<'_, '_>) -> Result<u32> {
     let version = scan.double()?;
     let binary = scan.int()? != 0;
     scan.size = scan.int()? as usize;
-    if !(version == 4.1 || (2.0..3.0).contains(&version)) || binary && (version < 4.0 || ![4, 8].contains(&scan.size)) {
+    if !(version == 4.1 || (2.0..3.0).contains(&version))
+        || binary && (version < 4.0 || ![4, 8].contains(&scan.size))
+    {
         let kind = if binary { "binary" } else { "text" };
-        return Err(scan.unsupported(format!("version {version} ({kind}, sizes of {} bytes) is not read", scan.size)));
+        return Err(scan.unsupported(format!(
+            "version {version} ({kind}, sizes of {} bytes) is not read",
+            scan.size
+        )));
     }
     if binary {
         scan.words = Words::new();
@@ -154,19 +194,30 @@ fn read_names(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     let (mut text, mut bytes) = (String::new(), Vec::new());
     for _ in 0..MAX_NAMES {
         if !scan.input.read_line(&mut text, &mut bytes)? {
-            return Err(scan.input.truncated("the line \"$EndPhysicalNames\" is missing"));
+            return Err(scan
+                .input
+                .truncated("the line \"$EndPhysicalNames\" is missing"));
         }
         if text.starts_with('$') {
             return Ok(());
         }
         let mut words = text.splitn(3, ' ');
-        let (dim, tag) = (words.next().and_then(|w| w.parse::<usize>().ok()), words.next().and_then(|w| w.parse::<i64>().ok()));
+        let (dim, tag) = (
+            words.next().and_then(|w| w.parse::<usize>().ok()),
+            words.next().and_then(|w| w.parse::<i64>().ok()),
+        );
         if let (Some(dim @ 0..=3), Some(tag), Some(name)) = (dim, tag, words.next()) {
             let name = name.trim().trim_matches('"').to_owned();
             builder.names[dim].insert(tag, name);
         }
     }
-    Err(scan.input.error(ErrorKind::TooLarge, scan.at(), WHAT, format!("more than {MAX_NAMES} names"), "save the mesh again"))
+    Err(scan.input.error(
+        ErrorKind::TooLarge,
+        scan.at(),
+        WHAT,
+        format!("more than {MAX_NAMES} names"),
+        "save the mesh again",
+    ))
 }
 
 /// First physical group of every entity.
@@ -250,7 +301,10 @@ fn take(builder: &mut Builder, kind: i64, tag: i64, number: u32, nodes: &[u32], 
         4 => builder.tets.push(nodes, tag, number, at),
         11 => builder.tets.push(&TET10.map(|k| nodes[k]), tag, number, at),
         3 => {
-            for t in [[nodes[0], nodes[1], nodes[2]], [nodes[0], nodes[2], nodes[3]]] {
+            for t in [
+                [nodes[0], nodes[1], nodes[2]],
+                [nodes[0], nodes[2], nodes[3]],
+            ] {
                 builder.triangles.push(&t, tag, number, at);
             }
         }
@@ -258,7 +312,11 @@ fn take(builder: &mut Builder, kind: i64, tag: i64, number: u32, nodes: &[u32], 
     }
 }
 
-fn read_elements4(scan: &mut Scan<'_, '_>, builder: &mut Builder, physical: &Physical) -> Result<()> {
+fn read_elements4(
+    scan: &mut Scan<'_, '_>,
+    builder: &mut Builder,
+    physical: &Physical,
+) -> Result<()> {
     let blocks = scan.size()?;
     for _ in 0..3 {
         scan.size()?;
@@ -269,7 +327,11 @@ fn read_elements4(scan: &mut Scan<'_, '_>, builder: &mut Builder, physical: &Phy
         let count = scan.size()?;
         let n = node_count(scan, kind)?;
         // An entity counts where nothing is in a physical group.
-        let tag = physical.get(&(dim, entity)).copied().filter(|t| *t > 0).unwrap_or(entity.saturating_abs().saturating_neg());
+        let tag = physical
+            .get(&(dim, entity))
+            .copied()
+            .filter(|t| *t > 0)
+            .unwrap_or(entity.saturating_abs().saturating_neg());
         let at = scan.at();
         for _ in 0..count {
             let number = scan.id()?;
@@ -303,7 +365,14 @@ fn read_elements2(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> 
         for _ in 0..n {
             nodes.push(scan.id()?);
         }
-        take(builder, kind, if group > 0 { group } else { -entity }, number, &nodes, at);
+        take(
+            builder,
+            kind,
+            if group > 0 { group } else { -entity },
+            number,
+            &nodes,
+            at,
+        );
     }
     Ok(())
 }

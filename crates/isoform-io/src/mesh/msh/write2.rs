@@ -7,22 +7,37 @@ use crate::mesh::number::Out;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
-pub(in crate::mesh) fn write(mesh: &Mesh, out: &mut dyn Write, _: &MeshWriteOptions) -> io::Result<()> {
+pub(in crate::mesh) fn write(
+    mesh: &Mesh,
+    out: &mut dyn Write,
+    _: &MeshWriteOptions,
+) -> io::Result<()> {
     let mut out = Out::new(out);
     out.str("$MeshFormat\n2.2 0 8\n$EndMeshFormat").line()?;
     let physical = Physical::of(mesh);
     physical.write(&mut out)?;
     out.str("$Nodes\n").int(mesh.points.len()).line()?;
     for (i, p) in mesh.points.iter().enumerate() {
-        out.int(i + 1).str(" ").float(p[0]).str(" ").float(p[1]).str(" ").float(p[2]).line()?;
+        out.int(i + 1)
+            .str(" ")
+            .float(p[0])
+            .str(" ")
+            .float(p[1])
+            .str(" ")
+            .float(p[2])
+            .line()?;
     }
     out.str("$EndNodes\n$Elements\n");
-    out.int(mesh.corners.len() + mesh.edges.len() + mesh.triangles.len() + mesh.tets.len()).line()?;
+    out.int(mesh.corners.len() + mesh.edges.len() + mesh.triangles.len() + mesh.tets.len())
+        .line()?;
     let mut number = 0;
     // Number, type, two tags (physical group and entity), nodes.
     let mut element = |dim: usize, label: Option<u32>, entity: usize, nodes: &[u32]| {
         number += 1;
-        out.int(number).str(" ").int(element_type(dim, nodes.len())).str(" 2 ");
+        out.int(number)
+            .str(" ")
+            .int(element_type(dim, nodes.len()))
+            .str(" 2 ");
         out.int(label.map_or(0, |l| l + 1)).str(" ").int(entity);
         nodes.iter().for_each(|&n| {
             out.str(" ").int(n + 1);
@@ -46,7 +61,16 @@ pub(in crate::mesh) fn write(mesh: &Mesh, out: &mut dyn Write, _: &MeshWriteOpti
     for i in 0..mesh.tets.len() {
         let (nodes, n) = tet(mesh, i);
         let label = mesh.tet_regions.get(i).copied();
-        element(3, label, entity(label), &if n == 10 { TET10.map(|k| nodes[k]) } else { nodes }[..n])?;
+        element(
+            3,
+            label,
+            entity(label),
+            &if n == 10 {
+                TET10.map(|k| nodes[k])
+            } else {
+                nodes
+            }[..n],
+        )?;
     }
     out.str("$EndElements").line()?;
     out.flush()

@@ -34,7 +34,11 @@ impl Fields<'_> {
         };
     }
     fn end(&mut self) -> io::Result<()> {
-        if self.binary { self.out.end() } else { self.out.line() }
+        if self.binary {
+            self.out.end()
+        } else {
+            self.out.line()
+        }
     }
     fn section(&mut self, name: &str) -> io::Result<()> {
         self.out.str("$").str(name).line()
@@ -58,16 +62,34 @@ struct Entities {
 
 impl Entities {
     fn of(mesh: &Mesh) -> Self {
-        let groups = [Groups::curves(mesh), Groups::parts(mesh), Groups::regions(mesh)];
-        let mut count = [mesh.corners.len(), groups[0].len(), groups[1].len(), groups[2].len()];
+        let groups = [
+            Groups::curves(mesh),
+            Groups::parts(mesh),
+            Groups::regions(mesh),
+        ];
+        let mut count = [
+            mesh.corners.len(),
+            groups[0].len(),
+            groups[1].len(),
+            groups[2].len(),
+        ];
         if count == [0; 4] {
             count[2] = 1; // nodes lie on an entity
         }
         // Entities in one row: points, curves, surfaces, volumes. Large ones first, so that smaller ones overwrite.
-        let first = [0, count[0], count[0] + count[1], count[0] + count[1] + count[2]];
+        let first = [
+            0,
+            count[0],
+            count[0] + count[1],
+            count[0] + count[1] + count[2],
+        ];
         let all = first[3] + count[3];
         let mut owner = vec![all as u32 - 1; mesh.points.len()];
-        let mut own = |nodes: &[u32], entity: usize| nodes.iter().for_each(|&n| owner[n as usize] = entity as u32);
+        let mut own = |nodes: &[u32], entity: usize| {
+            nodes
+                .iter()
+                .for_each(|&n| owner[n as usize] = entity as u32)
+        };
         let label = |labels: &[u32], i: usize| labels.get(i).map_or(0, |l| *l as usize);
         for i in 0..mesh.tets.len() {
             let (nodes, n) = tet(mesh, i);
@@ -84,7 +106,11 @@ impl Entities {
         for (i, &c) in mesh.corners.iter().enumerate() {
             own(&[c], i);
         }
-        Self { groups, nodes: Groups::new(&owner, all, mesh.points.len()), count }
+        Self {
+            groups,
+            nodes: Groups::new(&owner, all, mesh.points.len()),
+            count,
+        }
     }
     /// Dimension and tag of an entity in the row of all.
     fn name(&self, mut entity: usize) -> (usize, usize) {
@@ -97,10 +123,21 @@ impl Entities {
     }
 }
 
-pub(in crate::mesh) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
+pub(in crate::mesh) fn write(
+    mesh: &Mesh,
+    out: &mut dyn Write,
+    options: &MeshWriteOptions,
+) -> io::Result<()> {
     let binary = options.ascii == Some(false);
-    let mut out = Fields { out: Out::new(out), binary };
-    out.out.str("$MeshFormat\n4.1 ").int(i32::from(binary)).str(" 8").line()?;
+    let mut out = Fields {
+        out: Out::new(out),
+        binary,
+    };
+    out.out
+        .str("$MeshFormat\n4.1 ")
+        .int(i32::from(binary))
+        .str(" 8")
+        .line()?;
     if binary {
         out.out.bytes(&1_i32.to_le_bytes()).line()?;
     }
@@ -114,7 +151,12 @@ pub(in crate::mesh) fn write(mesh: &Mesh, out: &mut dyn Write, options: &MeshWri
     out.out.flush()
 }
 
-fn write_entities(mesh: &Mesh, entities: &Entities, physical: &Physical, out: &mut Fields<'_>) -> io::Result<()> {
+fn write_entities(
+    mesh: &Mesh,
+    entities: &Entities,
+    physical: &Physical,
+    out: &mut Fields<'_>,
+) -> io::Result<()> {
     out.section("Entities")?;
     entities.count.iter().for_each(|&n| out.size(n));
     out.end()?;
@@ -128,20 +170,40 @@ fn write_entities(mesh: &Mesh, entities: &Entities, physical: &Physical, out: &m
     let mut curves_of_parts = vec![Vec::new(); entities.count[2]];
     for (i, curve) in mesh.curves.iter().enumerate().take(entities.count[1]) {
         let [a, b] = curve.parts;
-        for part in if a == b { &curve.parts[..1] } else { &curve.parts[..] } {
+        for part in if a == b {
+            &curve.parts[..1]
+        } else {
+            &curve.parts[..]
+        } {
             if let Some(list) = curves_of_parts.get_mut(*part as usize) {
                 list.push(i as u32);
             }
         }
     }
     let none = |n: usize| vec![Vec::new(); n];
-    let volumes = if entities.count[3] == 0 { none(0) } else { parts_of_regions(mesh) };
+    let volumes = if entities.count[3] == 0 {
+        none(0)
+    } else {
+        parts_of_regions(mesh)
+    };
     let bounding = [none(entities.count[1]), curves_of_parts, volumes];
     for dim in 1..4 {
         for i in 0..entities.count[dim] {
             out.int(i as i32 + 1);
-            let bounds = bounds(mesh, dim, if i < entities.groups[dim - 1].len() { entities.groups[dim - 1].of(i) } else { &[] });
-            bounds.lo.iter().chain(&bounds.hi).for_each(|&v| out.double(v));
+            let bounds = bounds(
+                mesh,
+                dim,
+                if i < entities.groups[dim - 1].len() {
+                    entities.groups[dim - 1].of(i)
+                } else {
+                    &[]
+                },
+            );
+            bounds
+                .lo
+                .iter()
+                .chain(&bounds.hi)
+                .for_each(|&v| out.double(v));
             out.size(usize::from(physical.has(dim)));
             if physical.has(dim) {
                 out.int(i as i32 + 1);
@@ -158,11 +220,22 @@ fn write_entities(mesh: &Mesh, entities: &Entities, physical: &Physical, out: &m
 /// Box around the nodes of elements; a point at the origin where there are none.
 fn bounds(mesh: &Mesh, dim: usize, elements: &[u32]) -> Aabb {
     let mut bounds = Aabb::EMPTY;
-    let mut add = |nodes: &[u32]| nodes.iter().for_each(|&n| bounds.add(mesh.points[n as usize]));
+    let mut add = |nodes: &[u32]| {
+        nodes
+            .iter()
+            .for_each(|&n| bounds.add(mesh.points[n as usize]))
+    };
     for &e in elements {
         with_nodes(mesh, dim, e as usize, &mut add);
     }
-    if bounds.is_empty() { Aabb { lo: [0.0; 3], hi: [0.0; 3] } } else { bounds }
+    if bounds.is_empty() {
+        Aabb {
+            lo: [0.0; 3],
+            hi: [0.0; 3],
+        }
+    } else {
+        bounds
+    }
 }
 
 /// Calls with the nodes of an element of a dimension.
@@ -178,15 +251,28 @@ fn with_nodes(mesh: &Mesh, dim: usize, i: usize, visit: &mut impl FnMut(&[u32]))
         }
         _ => {
             let (nodes, n) = tet(mesh, i);
-            visit(&if n == 10 { TET10.map(|k| nodes[k]) } else { nodes }[..n]);
+            visit(
+                &if n == 10 {
+                    TET10.map(|k| nodes[k])
+                } else {
+                    nodes
+                }[..n],
+            );
         }
     }
 }
 
-fn write_nodes(mesh: &Mesh, nodes: &Groups, entities: &Entities, out: &mut Fields<'_>) -> io::Result<()> {
+fn write_nodes(
+    mesh: &Mesh,
+    nodes: &Groups,
+    entities: &Entities,
+    out: &mut Fields<'_>,
+) -> io::Result<()> {
     let n = mesh.points.len();
     out.section("Nodes")?;
-    [nodes.filled().count(), n, n.min(1), n].iter().for_each(|&v| out.size(v));
+    [nodes.filled().count(), n, n.min(1), n]
+        .iter()
+        .for_each(|&v| out.size(v));
     out.end()?;
     for (entity, nodes) in nodes.filled() {
         let (dim, tag) = entities.name(entity);
@@ -206,9 +292,19 @@ fn write_nodes(mesh: &Mesh, nodes: &Groups, entities: &Entities, out: &mut Field
 }
 
 fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io::Result<()> {
-    let counts = [mesh.corners.len(), mesh.edges.len(), mesh.triangles.len(), mesh.tets.len()];
+    let counts = [
+        mesh.corners.len(),
+        mesh.edges.len(),
+        mesh.triangles.len(),
+        mesh.tets.len(),
+    ];
     let n: usize = counts.iter().sum();
-    let blocks = counts[0] + entities.groups.iter().map(|g| g.filled().count()).sum::<usize>();
+    let blocks = counts[0]
+        + entities
+            .groups
+            .iter()
+            .map(|g| g.filled().count())
+            .sum::<usize>();
     out.section("Elements")?;
     [blocks, n, n.min(1), n].iter().for_each(|&v| out.size(v));
     out.end()?;
@@ -224,13 +320,19 @@ fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io:
     for dim in 1..4 {
         for (i, elements) in entities.groups[dim - 1].filled() {
             let mut size = 0;
-            with_nodes(mesh, dim, elements[0] as usize, &mut |nodes| size = nodes.len());
-            [dim as i32, i as i32 + 1, element_type(dim, size)].iter().for_each(|&v| out.int(v));
+            with_nodes(mesh, dim, elements[0] as usize, &mut |nodes| {
+                size = nodes.len()
+            });
+            [dim as i32, i as i32 + 1, element_type(dim, size)]
+                .iter()
+                .for_each(|&v| out.int(v));
             out.size(elements.len());
             out.end()?;
             for &e in elements {
                 out.size(before + e as usize + 1);
-                with_nodes(mesh, dim, e as usize, &mut |nodes| nodes.iter().for_each(|&v| out.size(v as usize + 1)));
+                with_nodes(mesh, dim, e as usize, &mut |nodes| {
+                    nodes.iter().for_each(|&v| out.size(v as usize + 1))
+                });
                 out.end()?;
             }
         }

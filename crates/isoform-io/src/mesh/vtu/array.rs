@@ -34,7 +34,9 @@ impl Array {
     /// A value; 0 beyond the end.
     pub(super) fn get(&self, i: usize) -> f64 {
         match self.bytes.get(i * self.kind.size()..) {
-            Some(bytes) if bytes.len() >= self.kind.size() => self.kind.decode(bytes, self.big_endian),
+            Some(bytes) if bytes.len() >= self.kind.size() => {
+                self.kind.decode(bytes, self.big_endian)
+            }
             _ => 0.0,
         }
     }
@@ -54,17 +56,30 @@ pub(super) fn from_text(text: &[u8]) -> Result<Array, String> {
     let text = std::str::from_utf8(text).map_err(|_| "it is not text".to_owned())?;
     let mut bytes = Vec::new();
     for word in text.split_ascii_whitespace() {
-        let v = parse_number(word).ok_or_else(|| format!("\"{}\" is not a number", crate::input::shorten(word)))?;
+        let v = parse_number(word)
+            .ok_or_else(|| format!("\"{}\" is not a number", crate::input::shorten(word)))?;
         bytes.extend_from_slice(&v.to_le_bytes());
     }
-    Ok(Array { bytes, kind: Type::F64, big_endian: false })
+    Ok(Array {
+        bytes,
+        kind: Type::F64,
+        big_endian: false,
+    })
 }
 
 /// Bytes behind their size, or blocks of them behind their sizes.
 pub(super) fn from_bytes(source: impl Read, kind: Type, coding: Coding) -> Result<Array, String> {
-    let bytes = if coding.zlib { inflate(source, coding) } else { plain(source, coding) };
+    let bytes = if coding.zlib {
+        inflate(source, coding)
+    } else {
+        plain(source, coding)
+    };
     let bytes = bytes.map_err(|e| e.to_string())?;
-    Ok(Array { bytes, kind, big_endian: coding.big_endian })
+    Ok(Array {
+        bytes,
+        kind,
+        big_endian: coding.big_endian,
+    })
 }
 
 fn size(source: &mut impl Read, coding: Coding) -> io::Result<u64> {
@@ -82,7 +97,10 @@ fn plain(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     source.take(n).read_to_end(&mut bytes)?;
     if bytes.len() as u64 != n {
-        return Err(io::Error::other(format!("{} of {n} bytes are there", bytes.len())));
+        return Err(io::Error::other(format!(
+            "{} of {n} bytes are there",
+            bytes.len()
+        )));
     }
     Ok(bytes)
 }
@@ -100,9 +118,14 @@ fn inflate(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
     for n in sizes {
         let mut block = source.by_ref().take(n);
         let room = coding.limit.saturating_sub(bytes.len() as u64);
-        ZlibDecoder::new(&mut block).take(room + 1).read_to_end(&mut bytes)?;
+        ZlibDecoder::new(&mut block)
+            .take(room + 1)
+            .read_to_end(&mut bytes)?;
         if bytes.len() as u64 > coding.limit {
-            return Err(io::Error::other(format!("it unpacks to more than {} bytes, too many for this file", coding.limit)));
+            return Err(io::Error::other(format!(
+                "it unpacks to more than {} bytes, too many for this file",
+                coding.limit
+            )));
         }
         io::copy(&mut block, &mut io::sink())?;
     }
@@ -119,13 +142,19 @@ pub(super) struct Base64<'b> {
 
 impl<'b> Base64<'b> {
     pub(super) fn new(text: &'b [u8]) -> Self {
-        Self { text, ready: [0; 3], count: 0 }
+        Self {
+            text,
+            ready: [0; 3],
+            count: 0,
+        }
     }
     /// Decodes four characters; false at the end, which a character of no base64 is too.
     fn refill(&mut self) -> bool {
         let (mut bits, mut digits, mut seen) = (0_u32, 0, 0);
         while seen < 4 {
-            let Some((&c, rest)) = self.text.split_first() else { break };
+            let Some((&c, rest)) = self.text.split_first() else {
+                break;
+            };
             let digit = match c {
                 b'A'..=b'Z' => c - b'A',
                 b'a'..=b'z' => c - b'a' + 26,
@@ -180,7 +209,9 @@ mod tests {
 
     fn decoded(text: &str) -> Vec<u8> {
         let mut bytes = Vec::new();
-        Base64::new(text.as_bytes()).read_to_end(&mut bytes).expect("never fails");
+        Base64::new(text.as_bytes())
+            .read_to_end(&mut bytes)
+            .expect("never fails");
         bytes
     }
 
@@ -194,15 +225,51 @@ mod tests {
 
     #[test]
     fn sizes_are_not_believed() {
-        let coding = Coding { big_endian: false, wide_header: true, zlib: false, limit: 1000 };
+        let coding = Coding {
+            big_endian: false,
+            wide_header: true,
+            zlib: false,
+            limit: 1000,
+        };
         assert!(from_bytes(&[0xff; 20][..], Type::U8, coding).is_err());
-        assert!(from_bytes(&[0xff; 20][..], Type::U8, Coding { zlib: true, ..coding }).is_err());
+        assert!(
+            from_bytes(
+                &[0xff; 20][..],
+                Type::U8,
+                Coding {
+                    zlib: true,
+                    ..coding
+                }
+            )
+            .is_err()
+        );
         let mut bomb = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
         io::Write::write_all(&mut bomb, &[0; 2000]).expect("memory");
         let bomb = bomb.finish().expect("memory");
-        let file: Vec<u8> = [1, 2000, 2000, bomb.len() as u64].iter().flat_map(|v| v.to_le_bytes()).chain(bomb).collect();
-        assert!(from_bytes(&file[..], Type::U8, Coding { zlib: true, ..coding }).is_err());
-        let enough = Coding { zlib: true, limit: 2000, ..coding };
-        assert_eq!(from_bytes(&file[..], Type::U8, enough).expect("fits").len(), 2000);
+        let file: Vec<u8> = [1, 2000, 2000, bomb.len() as u64]
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .chain(bomb)
+            .collect();
+        assert!(
+            from_bytes(
+                &file[..],
+                Type::U8,
+                Coding {
+                    zlib: true,
+                    ..coding
+                }
+            )
+            .is_err()
+        );
+        let enough = Coding {
+            zlib: true,
+            limit: 2000,
+            ..coding
+        };
+        assert_eq!(
+            from_bytes(&file[..], Type::U8, enough).expect("fits").len(),
+            2000
+        );
     }
 }

@@ -48,7 +48,15 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
     let bytes = input.head(usize::MAX)?;
     let mut builder = Builder::new();
     let limit = UNPACKED.0 + UNPACKED.1 * bytes.len() as u64;
-    let mut file = File { input, coding: Coding { big_endian: false, wide_header: false, zlib: false, limit } };
+    let mut file = File {
+        input,
+        coding: Coding {
+            big_endian: false,
+            wide_header: false,
+            zlib: false,
+            limit,
+        },
+    };
     let (pieces, appended) = file.walk(&bytes, &mut builder)?;
     for piece in &pieces {
         file.read_piece(piece, &appended, &mut builder)?;
@@ -58,11 +66,21 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
 
 impl File<'_, '_> {
     fn bad(&self, kind: ErrorKind, at: usize, why: impl Into<String>) -> crate::ReadError {
-        self.input.error(kind, At::Byte(at as u64), WHAT, why, "save it again, as an unstructured grid (.vtu)")
+        self.input.error(
+            kind,
+            At::Byte(at as u64),
+            WHAT,
+            why,
+            "save it again, as an unstructured grid (.vtu)",
+        )
     }
 
     /// Finds the arrays, and puts the names of groups into the builder.
-    fn walk<'b>(&mut self, bytes: &'b [u8], builder: &mut Builder) -> Result<(Vec<Piece<'b>>, Appended<'b>)> {
+    fn walk<'b>(
+        &mut self,
+        bytes: &'b [u8],
+        builder: &mut Builder,
+    ) -> Result<(Vec<Piece<'b>>, Appended<'b>)> {
         let mut items = Items::new(bytes);
         let mut pieces: Vec<Piece<'b>> = Vec::new();
         let mut appended = Appended::default();
@@ -72,30 +90,53 @@ impl File<'_, '_> {
                 Item::Comment(text) => read_names(text, builder),
                 Item::Close("VTKFile") => break,
                 Item::Close(_) => {}
-                Item::Open { name: "VTKFile", attributes } => {
+                Item::Open {
+                    name: "VTKFile",
+                    attributes,
+                } => {
                     self.header(attributes, items.at)?;
                     is_vtk = true;
                 }
                 Item::Open { name: "Piece", .. } => pieces.push(Piece::default()),
-                Item::Open { name: name @ ("Points" | "Cells" | "CellData" | "PointData" | "FieldData"), .. } => section = name,
-                Item::Open { name: "DataArray", attributes } => {
-                    let Some(piece) = pieces.last_mut() else { continue };
+                Item::Open {
+                    name: name @ ("Points" | "Cells" | "CellData" | "PointData" | "FieldData"),
+                    ..
+                } => section = name,
+                Item::Open {
+                    name: "DataArray",
+                    attributes,
+                } => {
+                    let Some(piece) = pieces.last_mut() else {
+                        continue;
+                    };
                     piece.arrays.push(Place {
                         section,
                         name: unescape(attribute(attributes, "Name").unwrap_or("")),
                         kind: attribute(attributes, "type").unwrap_or(""),
                         format: attribute(attributes, "format").unwrap_or("ascii"),
-                        offset: attribute(attributes, "offset").and_then(|o| o.trim().parse().ok()).unwrap_or(0),
+                        offset: attribute(attributes, "offset")
+                            .and_then(|o| o.trim().parse().ok())
+                            .unwrap_or(0),
                         content: items.content(),
                         at: items.at,
                     });
                 }
-                Item::Open { name: "AppendedData", attributes } => {
+                Item::Open {
+                    name: "AppendedData",
+                    attributes,
+                } => {
                     let rest = &bytes[items.at..];
                     let Some(start) = rest.iter().position(|&b| b == b'_') else {
-                        return Err(self.bad(ErrorKind::Corrupt, items.at, "the appended data do not start with \"_\""));
+                        return Err(self.bad(
+                            ErrorKind::Corrupt,
+                            items.at,
+                            "the appended data do not start with \"_\"",
+                        ));
                     };
-                    appended = Appended { bytes: &rest[start + 1..], base64: attribute(attributes, "encoding") != Some("raw") };
+                    appended = Appended {
+                        bytes: &rest[start + 1..],
+                        base64: attribute(attributes, "encoding") != Some("raw"),
+                    };
                     // Raw bytes may look like anything; there is nothing behind them.
                     break;
                 }
@@ -123,7 +164,10 @@ impl File<'_, '_> {
             None | Some("") => false,
             Some("vtkZLibDataCompressor") => true,
             Some(other) => {
-                let why = format!("compressed by \"{}\", which is not read; zlib is", shorten(other));
+                let why = format!(
+                    "compressed by \"{}\", which is not read; zlib is",
+                    shorten(other)
+                );
                 return Err(self.bad(ErrorKind::UnsupportedFormat, at, why));
             }
         };
@@ -134,7 +178,11 @@ impl File<'_, '_> {
     fn array(&mut self, place: &Place<'_>, appended: &Appended<'_>) -> Result<Array> {
         let kind = Type::named(&place.kind.to_ascii_lowercase());
         let Some(kind) = kind else {
-            let why = format!("array \"{}\" is of the unknown type \"{}\"", shorten(&place.name), shorten(place.kind));
+            let why = format!(
+                "array \"{}\" is of the unknown type \"{}\"",
+                shorten(&place.name),
+                shorten(place.kind)
+            );
             return Err(self.bad(ErrorKind::Header, place.at, why));
         };
         let tail = appended.bytes.get(place.offset..).unwrap_or(&[]);
@@ -145,21 +193,45 @@ impl File<'_, '_> {
             "appended" => from_bytes(tail, kind, self.coding),
             other => Err(format!("the format \"{}\" is not known", shorten(other))),
         };
-        let bad = |why: String| self.bad(ErrorKind::Corrupt, place.at, format!("array \"{}\": {why}", shorten(&place.name)));
+        let bad = |why: String| {
+            self.bad(
+                ErrorKind::Corrupt,
+                place.at,
+                format!("array \"{}\": {why}", shorten(&place.name)),
+            )
+        };
         let array = read.map_err(bad)?;
         let left = self.coding.limit.checked_sub(array.size());
-        self.coding.limit = left.ok_or_else(|| bad("there is far more in the arrays than in the file".into()))?;
+        self.coding.limit =
+            left.ok_or_else(|| bad("there is far more in the arrays than in the file".into()))?;
         Ok(array)
     }
 
-    fn read_piece(&mut self, piece: &Piece<'_>, appended: &Appended<'_>, builder: &mut Builder) -> Result<()> {
-        let find = |section: &str, name: &str| piece.arrays.iter().find(|p| p.section == section && (name.is_empty() || p.name == name));
+    fn read_piece(
+        &mut self,
+        piece: &Piece<'_>,
+        appended: &Appended<'_>,
+        builder: &mut Builder,
+    ) -> Result<()> {
+        let find = |section: &str, name: &str| {
+            piece
+                .arrays
+                .iter()
+                .find(|p| p.section == section && (name.is_empty() || p.name == name))
+        };
         let need = |section: &str, name: &str| {
             let place = find(section, name);
-            place.ok_or_else(|| self.bad(ErrorKind::Header, 0, format!("there is no array \"{name}\" in \"{section}\"")))
+            place.ok_or_else(|| {
+                self.bad(
+                    ErrorKind::Header,
+                    0,
+                    format!("there is no array \"{name}\" in \"{section}\""),
+                )
+            })
         };
         let points = need("Points", "")?;
-        let [connectivity, offsets, types] = ["connectivity", "offsets", "types"].map(|name| need("Cells", name));
+        let [connectivity, offsets, types] =
+            ["connectivity", "offsets", "types"].map(|name| need("Cells", name));
         let (connectivity, offsets, types) = (connectivity?, offsets?, types?);
         let before = builder.node_count();
         let at = At::Byte(points.at as u64);
@@ -168,7 +240,16 @@ impl File<'_, '_> {
             let Ok(id) = u32::try_from(before + i) else {
                 return Err(self.bad(ErrorKind::TooLarge, 0, "more than 4294967295 points"));
             };
-            builder.node(id, [points.get(3 * i), points.get(3 * i + 1), points.get(3 * i + 2)], self.input, at)?;
+            builder.node(
+                id,
+                [
+                    points.get(3 * i),
+                    points.get(3 * i + 1),
+                    points.get(3 * i + 2),
+                ],
+                self.input,
+                at,
+            )?;
         }
         let count = points.len() / 3;
         drop(points);
@@ -179,30 +260,54 @@ impl File<'_, '_> {
         // Ours, those of meshio, of Gmsh and of others, in this order.
         let mut tags: [Option<Array>; 3] = [None, None, None];
         for (k, tags) in tags.iter_mut().enumerate() {
-            let known = [GROUPS[k], "gmsh:physical", "CellEntityIds", "gmsh:geometrical"];
+            let known = [
+                GROUPS[k],
+                "gmsh:physical",
+                "CellEntityIds",
+                "gmsh:geometrical",
+            ];
             if let Some(place) = known.iter().find_map(|name| find("CellData", name)) {
                 *tags = Some(self.array(place, appended)?);
             }
         }
         let (mut start, mut nodes) = (0, Vec::new());
         for i in 0..types.len() {
-            let end = offsets.index(i).filter(|&e| e >= start && e <= connectivity.len() as u64);
+            let end = offsets
+                .index(i)
+                .filter(|&e| e >= start && e <= connectivity.len() as u64);
             let Some(end) = end else {
-                return Err(self.bad(ErrorKind::Corrupt, at, format!("cell {i} ends at {} of {}", offsets.get(i), connectivity.len())));
+                return Err(self.bad(
+                    ErrorKind::Corrupt,
+                    at,
+                    format!(
+                        "cell {i} ends at {} of {}",
+                        offsets.get(i),
+                        connectivity.len()
+                    ),
+                ));
             };
             nodes.clear();
             for k in start..end {
                 match connectivity.index(k as usize).filter(|&n| n < count as u64) {
                     Some(n) => nodes.push((before as u64 + n) as u32),
                     None => {
-                        let why = format!("cell {i} uses point {} of {count}", connectivity.get(k as usize));
+                        let why = format!(
+                            "cell {i} uses point {} of {count}",
+                            connectivity.get(k as usize)
+                        );
                         return Err(self.bad(ErrorKind::Index, at, why));
                     }
                 }
             }
             start = end;
             let tag = |k: usize| tags[k].as_ref().map_or(0, |t| t.tag(i));
-            take(builder, types.get(i) as u8, &nodes, tag, At::Byte(at as u64));
+            take(
+                builder,
+                types.get(i) as u8,
+                &nodes,
+                tag,
+                At::Byte(at as u64),
+            );
         }
         Ok(())
     }
@@ -224,10 +329,14 @@ fn take(builder: &mut Builder, kind: u8, nodes: &[u32], tag: impl Fn(usize) -> i
 
 /// Lines `part 1 name` of the comment that our writer makes.
 fn read_names(text: &str, builder: &mut Builder) {
-    let Some(lines) = text.strip_prefix(" groups\n") else { return };
+    let Some(lines) = text.strip_prefix(" groups\n") else {
+        return;
+    };
     for line in lines.lines() {
         let mut words = line.splitn(3, ' ');
-        let kind = words.next().and_then(|w| GROUPS.iter().position(|g| *g == w));
+        let kind = words
+            .next()
+            .and_then(|w| GROUPS.iter().position(|g| *g == w));
         let tag = words.next().and_then(|w| w.parse().ok());
         if let (Some(kind), Some(tag), Some(name)) = (kind, tag, words.next()) {
             builder.names[[2, 3, 1][kind]].insert(tag, unescape(name));

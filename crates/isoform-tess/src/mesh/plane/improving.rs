@@ -24,9 +24,14 @@ impl Plane {
             if !free[v as usize] || at[v as usize] == NONE {
                 continue;
             }
-            let Some((star, ring)) = self.star(at[v as usize], v) else { continue };
+            let Some((star, ring)) = self.star(at[v as usize], v) else {
+                continue;
+            };
             let n = star.len();
-            let before = star.iter().map(|&t| self.look(t, measure).worth).fold(f64::INFINITY, f64::min);
+            let before = star
+                .iter()
+                .map(|&t| self.look(t, measure).worth)
+                .fold(f64::INFINITY, f64::min);
             if !star.iter().all(|&t| self.sound[t as usize]) {
                 continue;
             }
@@ -68,9 +73,16 @@ impl Plane {
     pub(super) fn smooth(&mut self, measure: &dyn Measure) -> usize {
         let (at, free) = self.inner_vertices();
         let mut done = 0;
-        for v in (0..self.nodes.len() as u32).filter(|&v| free[v as usize] && at[v as usize] != NONE) {
-            let Some((star, ring)) = self.star(at[v as usize], v) else { continue };
-            let before = star.iter().map(|&t| self.look(t, measure).worth).fold(f64::INFINITY, f64::min);
+        for v in
+            (0..self.nodes.len() as u32).filter(|&v| free[v as usize] && at[v as usize] != NONE)
+        {
+            let Some((star, ring)) = self.star(at[v as usize], v) else {
+                continue;
+            };
+            let before = star
+                .iter()
+                .map(|&t| self.look(t, measure).worth)
+                .fold(f64::INFINITY, f64::min);
             if before >= THIN_IN_SPACE || !star.iter().all(|&t| self.sound[t as usize]) {
                 continue;
             }
@@ -81,7 +93,14 @@ impl Plane {
                 for share in SHARES {
                     let to = [0, 1].map(|i| old[i] + share * step[i]);
                     self.put(v, to, measure);
-                    let least = best.map_or(if before > 0.0 { BETTER * before } else { before + 1e-3 }, |b| b.0);
+                    let least = best.map_or(
+                        if before > 0.0 {
+                            BETTER * before
+                        } else {
+                            before + 1e-3
+                        },
+                        |b| b.0,
+                    );
                     let worth = self.least_worth(&star, least, measure);
                     if worth > least {
                         best = Some((worth, to));
@@ -91,15 +110,27 @@ impl Plane {
             // How much edges and triangles want to be split.
             let wants = |this: &Self| -> Vec<f64> {
                 let n = ring.len();
-                let looks: Vec<Look> = star.iter().map(|&t| this.look_at(this.triangles[t as usize], measure)).collect();
-                let spoke = |k: usize| this.excess([v, ring[k]], [looks[k], looks[(k + n - 1) % n]], measure).0;
-                (0..n).map(spoke).chain(looks.iter().map(|look| this.off(look, measure))).collect()
+                let looks: Vec<Look> = star
+                    .iter()
+                    .map(|&t| this.look_at(this.triangles[t as usize], measure))
+                    .collect();
+                let spoke = |k: usize| {
+                    this.excess([v, ring[k]], [looks[k], looks[(k + n - 1) % n]], measure)
+                        .0
+                };
+                (0..n)
+                    .map(spoke)
+                    .chain(looks.iter().map(|look| this.off(look, measure)))
+                    .collect()
             };
             self.put(v, old, measure);
             let Some((_, to)) = best else { continue };
             let wanted = wants(self);
             self.put(v, to, measure);
-            let is_fine = wants(self).iter().zip(&wanted).all(|(new, old)| *new <= old.max(SPLIT))
+            let is_fine = wants(self)
+                .iter()
+                .zip(&wanted)
+                .all(|(new, old)| *new <= old.max(SPLIT))
                 && star.iter().all(|&t| measure.is_sound(self.corners(t)));
             if !is_fine {
                 self.put(v, old, measure);
@@ -143,13 +174,21 @@ impl Plane {
         let image = |w: &u32| self.images[*w as usize];
         let mean: Point3 = std::array::from_fn(|i| ring.iter().map(|w| share * image(w)[i]).sum());
         let center = [0, 1].map(|i| ring.iter().map(|w| share * at(w)[i]).sum::<f64>() - from[i]);
-        measure.step(from, mean).into_iter().chain([center]).collect()
+        measure
+            .step(from, mean)
+            .into_iter()
+            .chain([center])
+            .collect()
     }
     /// A triangle at every vertex, and whether it may be moved: what is on no curve.
     fn inner_vertices(&self) -> (Vec<u32>, Vec<bool>) {
         let mut at: Vec<u32> = vec![NONE; self.nodes.len()];
         let mut free: Vec<bool> = (0..self.nodes.len())
-            .map(|v| self.nodes[v].name == Name::Inner && self.nodes[v].faces == 0 && self.shared[v].is_none())
+            .map(|v| {
+                self.nodes[v].name == Name::Inner
+                    && self.nodes[v].faces == 0
+                    && self.shared[v].is_none()
+            })
             .collect();
         for (t, v) in self.triangles.iter().enumerate() {
             for i in 0..3 {
@@ -182,19 +221,31 @@ impl Plane {
     }
 
     /// Pulls a vertex onto number k of its ring. `at` holds a triangle at every vertex; triangles that are gone are marked in `dead`.
-    fn pull(&mut self, (v, k): (u32, usize), (star, ring): (&[u32], &[u32]), at: &mut [u32], dead: &mut [bool]) {
+    fn pull(
+        &mut self,
+        (v, k): (u32, usize),
+        (star, ring): (&[u32], &[u32]),
+        at: &mut [u32],
+        dead: &mut [bool],
+    ) {
         let n = star.len();
         let w = ring[k];
         // The two triangles between v and w go; the others get w for v.
         let (gone, last) = (star[k], star[(k + n - 1) % n]);
         let outer = |t: u32| {
-            let i = self.triangles[t as usize].iter().position(|&x| x == v).expect("a triangle at v");
+            let i = self.triangles[t as usize]
+                .iter()
+                .position(|&x| x == v)
+                .expect("a triangle at v");
             (self.adjacent[t as usize][i], self.fixed[t as usize][i])
         };
         let (beyond, beyond_last) = (outer(gone), outer(last));
         for j in 1..n - 1 {
             let t = star[(k + j) % n] as usize;
-            let i = self.triangles[t].iter().position(|&x| x == v).expect("a triangle at v");
+            let i = self.triangles[t]
+                .iter()
+                .position(|&x| x == v)
+                .expect("a triangle at v");
             self.triangles[t][i] = w;
             self.looks[t].set(None);
         }
@@ -203,21 +254,30 @@ impl Plane {
             for (a, b) in [(t, n), (n, t)] {
                 if a != NONE {
                     let x = this.triangles[a as usize];
-                    let i = (0..3).find(|&i| !ends.contains(&x[i])).expect("a corner opposite to the edge");
+                    let i = (0..3)
+                        .find(|&i| !ends.contains(&x[i]))
+                        .expect("a corner opposite to the edge");
                     this.adjacent[a as usize][i] = b;
                     this.fixed[a as usize][i] = fixed || b == NONE;
                 }
             }
         };
         join(self, star[(k + 1) % n], [w, ring[(k + 1) % n]], beyond);
-        join(self, star[(k + n - 2) % n], [w, ring[(k + n - 1) % n]], beyond_last);
+        join(
+            self,
+            star[(k + n - 2) % n],
+            [w, ring[(k + n - 1) % n]],
+            beyond_last,
+        );
         for t in [gone, last] {
             dead[t as usize] = true;
         }
         at[v as usize] = NONE;
         for j in 1..n - 1 {
             let t = star[(k + j) % n];
-            self.triangles[t as usize].iter().for_each(|&x| at[x as usize] = t);
+            self.triangles[t as usize]
+                .iter()
+                .for_each(|&x| at[x as usize] = t);
         }
     }
 
@@ -238,8 +298,13 @@ impl Plane {
         }
         let mut dead = vec![false; self.triangles.len()];
         for v in 0..self.nodes.len() as u32 {
-            let is_inner = self.nodes[v as usize].name == Name::Inner && self.nodes[v as usize].faces == 0;
-            let Some(Shared::Contracted(image)) = self.shared[v as usize].filter(|_| is_inner && at[v as usize] != NONE) else { continue };
+            let is_inner =
+                self.nodes[v as usize].name == Name::Inner && self.nodes[v as usize].faces == 0;
+            let Some(Shared::Contracted(image)) =
+                self.shared[v as usize].filter(|_| is_inner && at[v as usize] != NONE)
+            else {
+                continue;
+            };
             let ends: Vec<u32> = along.get(&v).into_iter().flatten().copied().collect();
             let [a, b] = ends[..] else { continue };
             // Vertices beside the new chord have to stay on their side of the curve.
@@ -254,7 +319,9 @@ impl Plane {
             {
                 continue;
             }
-            let Some((star, ring)) = self.star(at[v as usize], v) else { continue };
+            let Some((star, ring)) = self.star(at[v as usize], v) else {
+                continue;
+            };
             if !star.iter().all(|&t| self.sound[t as usize]) {
                 continue;
             }
@@ -262,10 +329,15 @@ impl Plane {
             let place = |w: u32| ring.iter().position(|&x| x == w);
             let fits = |k: usize| {
                 let made = (1..n - 1).map(|j| [ring[k], ring[(k + j) % n], ring[(k + j + 1) % n]]);
-                let is_joined = |j: usize| self.are_joined(at[ring[k] as usize], ring[k], ring[(k + j) % n]);
-                made.clone().all(|t| self.is_counterclockwise(t) && self.is_thick(t, THIN)) && !(2..n - 1).any(is_joined)
+                let is_joined =
+                    |j: usize| self.are_joined(at[ring[k] as usize], ring[k], ring[(k + j) % n]);
+                made.clone()
+                    .all(|t| self.is_counterclockwise(t) && self.is_thick(t, THIN))
+                    && !(2..n - 1).any(is_joined)
             };
-            let Some(k) = [a, b].into_iter().filter_map(place).find(|&k| fits(k)) else { continue };
+            let Some(k) = [a, b].into_iter().filter_map(place).find(|&k| fits(k)) else {
+                continue;
+            };
             let (w, other) = if ring[k] == a { (a, b) } else { (b, a) };
             self.pull((v, k), (&star, &ring), &mut at, &mut dead);
             for (x, y) in [(w, other), (other, w)] {
@@ -308,11 +380,24 @@ impl Plane {
             n += 1;
         }
         let kept = |t: &usize| !dead[*t];
-        self.triangles = (0..dead.len()).filter(kept).map(|t| self.triangles[t]).collect();
-        self.fixed = (0..dead.len()).filter(kept).map(|t| self.fixed[t]).collect();
-        self.looks = (0..dead.len()).filter(kept).map(|t| self.looks[t].clone()).collect();
-        self.sound = (0..dead.len()).filter(kept).map(|t| self.sound[t]).collect();
-        let renumbered = |t: usize| self.adjacent[t].map(|n| if n == NONE { NONE } else { new[n as usize] });
+        self.triangles = (0..dead.len())
+            .filter(kept)
+            .map(|t| self.triangles[t])
+            .collect();
+        self.fixed = (0..dead.len())
+            .filter(kept)
+            .map(|t| self.fixed[t])
+            .collect();
+        self.looks = (0..dead.len())
+            .filter(kept)
+            .map(|t| self.looks[t].clone())
+            .collect();
+        self.sound = (0..dead.len())
+            .filter(kept)
+            .map(|t| self.sound[t])
+            .collect();
+        let renumbered =
+            |t: usize| self.adjacent[t].map(|n| if n == NONE { NONE } else { new[n as usize] });
         self.adjacent = (0..dead.len()).filter(kept).map(renumbered).collect();
         self.queued = vec![false; n as usize];
         self.queue.clear();
