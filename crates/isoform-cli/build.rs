@@ -1,4 +1,5 @@
-//! Makes the table of the embedded gallery from examples/templates/*.hf: a template is one file there and nothing else.
+//! Makes the table of the embedded gallery from examples/templates/*.hf: a template is one file
+//! there and nothing else.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};

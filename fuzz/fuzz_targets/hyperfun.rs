@@ -1,4 +1,5 @@
-//! Any text as a HyperFun program: parsed, checked, printed, compiled and evaluated, without a panic and without a hang.
+//! Any text as a HyperFun program: parsed, checked, printed, compiled and evaluated, without a
+//! panic and without a hang.
 //!
 //! `cargo +nightly fuzz run hyperfun -- -rss_limit_mb=1024 -timeout=10`
 #![no_main]
@@ -10,7 +11,9 @@ use libfuzzer_sys::fuzz_target;
 fuzz_target!(|data: &[u8]| {
     let text = String::from_utf8_lossy(data);
     for mode in [Mode::Default, Mode::Strict] {
-        let Ok(mut model) = Model::parse(&text, mode) else { continue };
+        let Ok(mut model) = Model::parse(&text, mode) else {
+            continue;
+        };
         model.set_step_limit(10_000);
         let pretty = model.pretty();
         let again = Model::parse(&pretty, mode).expect("what is printed is a program");

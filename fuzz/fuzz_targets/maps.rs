@@ -1,4 +1,5 @@
-//! Any four lines as a map: a map or an error; those of low degree are triangulated for a short time.
+//! Any four lines as a map: a map or an error; those of low degree are triangulated for a short
+//! time.
 //!
 //! `cargo +nightly fuzz run maps -- -rss_limit_mb=2048 -timeout=10`
 #![no_main]
@@ -11,10 +12,16 @@ use std::time::{Duration, Instant};
 const SECONDS: f64 = 1.0;
 
 fuzz_target!(|data: &[u8]| {
-    let Ok(text) = std::str::from_utf8(data) else { return };
+    let Ok(text) = std::str::from_utf8(data) else {
+        return;
+    };
     let lines: Vec<&str> = text.lines().collect();
-    let Ok(texts) = <[&str; 4]>::try_from(lines) else { return };
-    let Ok(map) = Map::parse(texts, Default::default()) else { return };
+    let Ok(texts) = <[&str; 4]>::try_from(lines) else {
+        return;
+    };
+    let Ok(map) = Map::parse(texts, Default::default()) else {
+        return;
+    };
     if map.degree() > 4 || text.len() > 400 {
         return;
     }
@@ -25,13 +32,32 @@ fuzz_target!(|data: &[u8]| {
             half_width: RBig::from(3),
             domain: None,
             mode,
-            mesh: MeshOptions { tolerance: 0.05, longest: 1.0, triangles: 20_000 },
-            budget: Budget { seconds: 0.18 * SECONDS, ..Budget::default() },
+            mesh: MeshOptions {
+                tolerance: 0.05,
+                longest: 1.0,
+                triangles: 20_000,
+            },
+            budget: Budget {
+                seconds: 0.18 * SECONDS,
+                ..Budget::default()
+            },
         };
         if let Ok((surface, _)) = triangulate(&map, &options, &stop) {
             let n = surface.points.len();
-            assert!(surface.triangles.iter().flatten().all(|&v| (v as usize) < n));
-            assert!(surface.points.iter().flatten().all(|x| x.abs() <= 3.0 * (1.0 + 1e-9)));
+            assert!(
+                surface
+                    .triangles
+                    .iter()
+                    .flatten()
+                    .all(|&v| (v as usize) < n)
+            );
+            assert!(
+                surface
+                    .points
+                    .iter()
+                    .flatten()
+                    .all(|x| x.abs() <= 3.0 * (1.0 + 1e-9))
+            );
         }
     }
 });

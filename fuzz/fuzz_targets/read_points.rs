@@ -1,4 +1,5 @@
-//! Any bytes as a file of any format: an answer or an error. The first byte chooses the format, the rest is the file.
+//! Any bytes as a file of any format: an answer or an error. The first byte chooses the format, the
+//! rest is the file.
 //!
 //! `cargo +nightly fuzz run read_points -- -rss_limit_mb=1024 -timeout=10`
 #![no_main]
@@ -10,10 +11,12 @@ use std::sync::Once;
 static QUIET: Once = Once::new();
 
 fuzz_target!(|data: &[u8]| {
-    // libfuzzer's hook aborts on every panic, also on those of laz and e57 that are caught and become errors. Without it only panics
-    // that leave this function count.
+    // libfuzzer's hook aborts on every panic, also on those of laz and e57 that are caught and
+    // become errors. Without it only panics that leave this function count.
     QUIET.call_once(|| std::panic::set_hook(Box::new(|_| {})));
-    let Some((&first, rest)) = data.split_first() else { return };
+    let Some((&first, rest)) = data.split_first() else {
+        return;
+    };
     let format = formats().get(usize::from(first & 15)).map(|f| f.name);
     let mut bytes = rest.to_vec();
     if format == Some("e57") {
@@ -21,14 +24,41 @@ fuzz_target!(|data: &[u8]| {
     }
     let options = match first >> 6 {
         0 => ReadOptions::default(),
-        1 => ReadOptions { max_points: Some(5), ..ReadOptions::default() },
-        2 => ReadOptions { mesh: MeshPoints::Samples(5), ..ReadOptions::default() },
-        _ => ReadOptions { recenter: false, ..ReadOptions::default() },
+        1 => ReadOptions {
+            max_points: Some(5),
+            ..ReadOptions::default()
+        },
+        2 => ReadOptions {
+            mesh: MeshPoints::Samples(5),
+            ..ReadOptions::default()
+        },
+        _ => ReadOptions {
+            recenter: false,
+            ..ReadOptions::default()
+        },
     };
-    if let Ok((cloud, report)) = read(Source::Bytes { name: "fuzz", bytes: &bytes }, format, &options) {
+    if let Ok((cloud, report)) = read(
+        Source::Bytes {
+            name: "fuzz",
+            bytes: &bytes,
+        },
+        format,
+        &options,
+    ) {
         let n = cloud.points.len();
-        assert!(cloud.points.iter().chain(&cloud.normals).flatten().all(|v| v.is_finite()));
-        assert!([cloud.normals.len(), cloud.colors.len()].iter().all(|&m| m == 0 || m == n));
+        assert!(
+            cloud
+                .points
+                .iter()
+                .chain(&cloud.normals)
+                .flatten()
+                .all(|v| v.is_finite())
+        );
+        assert!(
+            [cloud.normals.len(), cloud.colors.len()]
+                .iter()
+                .all(|&m| m == 0 || m == n)
+        );
         assert!(cloud.columns.iter().all(|c| c.values.len() == n));
         assert!(cloud.triangles.iter().flatten().all(|&i| (i as usize) < n));
         if n < 1000 {

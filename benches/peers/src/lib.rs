@@ -1,6 +1,8 @@
-//! The plain file in which every mesher hands over its mesh, so that one and the same code measures them all.
+//! The plain file in which every mesher hands over its mesh, so that one and the same code measures
+//! them all.
 //!
-//! Little endian: the numbers of points, triangles and tetrahedra (u64); points (3 f64), triangles (3 u32), tetrahedra (4 u32).
+//! Little endian: the numbers of points, triangles and tetrahedra (u64); points (3 f64), triangles
+//! (3 u32), tetrahedra (4 u32).
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
@@ -23,7 +25,12 @@ impl Raw {
         for x in self.points.as_flattened() {
             to.write_all(&x.to_le_bytes())?;
         }
-        for v in self.triangles.as_flattened().iter().chain(self.tets.as_flattened()) {
+        for v in self
+            .triangles
+            .as_flattened()
+            .iter()
+            .chain(self.tets.as_flattened())
+        {
             to.write_all(&v.to_le_bytes())?;
         }
         to.flush()
@@ -33,15 +40,28 @@ impl Raw {
     pub fn read(path: &str) -> io::Result<Self> {
         let mut from = BufReader::new(File::open(path)?);
         let [points, triangles, tets] = numbers(&mut from, u64::from_le_bytes)?;
-        let points = (0..points).map(|_| numbers(&mut from, f64::from_le_bytes)).collect::<io::Result<_>>()?;
-        let triangles = (0..triangles).map(|_| numbers(&mut from, u32::from_le_bytes)).collect::<io::Result<_>>()?;
-        let tets = (0..tets).map(|_| numbers(&mut from, u32::from_le_bytes)).collect::<io::Result<_>>()?;
-        Ok(Self { points, triangles, tets })
+        let points = (0..points)
+            .map(|_| numbers(&mut from, f64::from_le_bytes))
+            .collect::<io::Result<_>>()?;
+        let triangles = (0..triangles)
+            .map(|_| numbers(&mut from, u32::from_le_bytes))
+            .collect::<io::Result<_>>()?;
+        let tets = (0..tets)
+            .map(|_| numbers(&mut from, u32::from_le_bytes))
+            .collect::<io::Result<_>>()?;
+        Ok(Self {
+            points,
+            triangles,
+            tets,
+        })
     }
 }
 
 /// The next `N` numbers of `B` bytes.
-fn numbers<T: Copy + Default, const N: usize, const B: usize>(from: &mut impl Read, read: impl Fn([u8; B]) -> T) -> io::Result<[T; N]> {
+fn numbers<T: Copy + Default, const N: usize, const B: usize>(
+    from: &mut impl Read,
+    read: impl Fn([u8; B]) -> T,
+) -> io::Result<[T; N]> {
     let mut all = [T::default(); N];
     for one in &mut all {
         let mut bytes = [0; B];

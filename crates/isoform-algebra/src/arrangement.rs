@@ -1,10 +1,13 @@
-//! The arrangement of plane algebraic curves in the unit triangle u ≥ 0, v ≥ 0, u + v ≤ 1, exactly: a cylindrical decomposition.
+//! The arrangement of plane algebraic curves in the unit triangle u ≥ 0, v ≥ 0, u + v ≤ 1, exactly:
+//! a cylindrical decomposition.
 //!
-//! Over every critical u (a vertical tangent or singular point of a curve, an intersection of two, an intersection with a side) stands a
-//! [`Wall`] with the points of the curves on it; between two walls lies a [`Slab`], in which the curves are disjoint graphs over u. Which
-//! arc ends in which point is decided by lines v = c between the points of a wall, which no curve crosses as far as a u close enough
-//! to the wall (G. E. Collins, 1975; D. S. Arnon, G. E. Collins, S. McCallum, SIAM J. Comput. 13, 1984). No genericity is assumed: several
-//! critical points may share a wall, and a curve may contain the wall.
+//! Over every critical u (a vertical tangent or singular point of a curve, an intersection of two,
+//! an intersection with a side) stands a [`Wall`] with the points of the curves on it; between two
+//! walls lies a [`Slab`], in which the curves are disjoint graphs over u. Which arc ends in which
+//! point is decided by lines v = c between the points of a wall, which no curve crosses as far as a
+//! u close enough to the wall (G. E. Collins, 1975; D. S. Arnon, G. E. Collins, S. McCallum, SIAM
+//! J. Comput. 13, 1984). No genericity is assumed: several critical points may share a wall, and a
+//! curve may contain the wall.
 //!
 //! Four triangles, one per quadrant of (s, t), make up the projective plane.
 
@@ -45,7 +48,8 @@ pub struct WallPoint {
     pub lo: RBig,
     /// See `lo`.
     pub hi: RBig,
-    /// The curves that go through it, ascending; [`Arrangement::lower`] and [`Arrangement::upper`] among them.
+    /// The curves that go through it, ascending; [`Arrangement::lower`] and [`Arrangement::upper`]
+    /// among them.
     pub curves: Vec<usize>,
 }
 
@@ -54,7 +58,8 @@ pub struct WallPoint {
 pub struct Wall {
     /// Where.
     pub u: RealRoot,
-    /// Its points from the side v = 0 to the side u + v = 1, both of which have one. At u = 1 they are the same.
+    /// Its points from the side v = 0 to the side u + v = 1, both of which have one. At u = 1 they
+    /// are the same.
     pub points: Vec<WallPoint>,
     /// Curves that contain the whole line.
     pub vertical: Vec<usize>,
@@ -118,8 +123,8 @@ enum Origin {
 }
 
 impl Arrangement {
-    /// Decomposes the unit triangle by the zero sets of polynomials in variables 0 (u) and 1 (v). They are made squarefree; no two may share
-    /// a component other than a side.
+    /// Decomposes the unit triangle by the zero sets of polynomials in variables 0 (u) and 1 (v).
+    /// They are made squarefree; no two may share a component other than a side.
     ///
     /// # Errors
     /// [`ArrangementError`].
@@ -197,7 +202,8 @@ impl Arrangement {
     pub fn upper(&self) -> usize {
         self.curves.len() + 1
     }
-    /// v on every arc of a slab over some u strictly between its walls, from bottom to top, to 1e-13 of its size; none if u is not between them.
+    /// v on every arc of a slab over some u strictly between its walls, from bottom to top, to
+    /// 1e-13 of its size; none if u is not between them.
     pub fn arcs_over(&self, slab: usize, u: &RBig) -> Option<Vec<f64>> {
         let [left, right] = [slab, slab + 1].map(|k| self.walls[k].u.cmp_rational(u));
         if !(left.is_lt() && right.is_gt()) {
@@ -331,7 +337,8 @@ fn critical_values(
             found.push(r);
         }
     }
-    // Pairwise coprime polynomials with the same roots: then no two roots are equal, and signs at them are cheap.
+    // Pairwise coprime polynomials with the same roots: then no two roots are equal, and signs at
+    // them are cheap.
     let mut base: Vec<UPoly> = Vec::new();
     for p in found {
         if stop() {
@@ -390,7 +397,8 @@ struct Work {
 type Separators = Vec<RBig>;
 
 impl Work {
-    /// The points over a critical value, the numbers between them, and whether a curve touches the wall in one of them.
+    /// The points over a critical value, the numbers between them, and whether a curve touches the
+    /// wall in one of them.
     fn wall(
         &mut self,
         mut u: RealRoot,
@@ -600,7 +608,8 @@ impl Work {
         }
     }
 
-    /// The curves over a rational u that is not critical, from the lower side to the upper one, and numbers between them.
+    /// The curves over a rational u that is not critical, from the lower side to the upper one, and
+    /// numbers between them.
     fn arcs_at(&self, u: &RBig) -> (Vec<usize>, Vec<RBig>) {
         let n = self.curves.len();
         let top = RBig::ONE - u;
@@ -637,7 +646,8 @@ impl Work {
         (found.into_iter().map(|f| f.1).collect(), between)
     }
 
-    /// The points of the wall in which the arcs on one side of it end: on the right side if `side` is `Greater`. `sample` is in the slab there.
+    /// The points of the wall in which the arcs on one side of it end: on the right side if `side`
+    /// is `Greater`. `sample` is in the slab there.
     fn ends(
         &self,
         wall: &Wall,
@@ -687,7 +697,8 @@ impl Work {
         ends
     }
 
-    /// Whether no curve crosses the line v = c from the wall as far as `at`. Without `exact` a false answer may only mean too rough a look.
+    /// Whether no curve crosses the line v = c from the wall as far as `at`. Without `exact` a
+    /// false answer may only mean too rough a look.
     fn is_clear(&self, u: &RealRoot, at: &RBig, c: &RBig, exact: bool) -> bool {
         let outward = |lo: &RBig, hi: &RBig| {
             Interval::new(

@@ -4,7 +4,8 @@ use dashu_base::Abs;
 use dashu_int::IBig;
 use std::cmp::Ordering;
 
-/// The numbers within radius/2^precision of middle/2^precision; the precision is agreed upon by the caller.
+/// The numbers within radius/2^precision of middle/2^precision; the precision is agreed upon by the
+/// caller.
 #[derive(Clone, Debug)]
 pub(crate) struct Ball {
     pub(crate) middle: IBig,

@@ -1,8 +1,9 @@
 //! Polynomials in place of the variables of a polynomial.
 //!
-//! An implicit equation of degree 16 pulled back through a map of degree 4 has 2145 terms with coefficients of some thousand bits.
-//! Where the result has two variables it is evaluated on a grid modulo primes and interpolated there (Newton's formula on a
-//! staircase of points); the number of primes comes from a bound on the coefficients, so the result is proven. Elsewhere it is
+//! An implicit equation of degree 16 pulled back through a map of degree 4 has 2145 terms with
+//! coefficients of some thousand bits. Where the result has two variables it is evaluated on a grid
+//! modulo primes and interpolated there (Newton's formula on a staircase of points); the number of
+//! primes comes from a bound on the coefficients, so the result is proven. Elsewhere it is
 //! multiplied out by Horner's rule.
 
 use crate::modpoly;
@@ -11,7 +12,8 @@ use crate::poly::{Exponents, MAX_VARS, Poly};
 use dashu_base::UnsignedAbs;
 use dashu_int::{IBig, UBig};
 
-/// Terms of the outer polynomial times terms of the result, above which the grid is faster than Horner's rule (measured).
+/// Terms of the outer polynomial times terms of the result, above which the grid is faster than
+/// Horner's rule (measured).
 const GRID_FROM: usize = 2000;
 
 impl Poly {
@@ -26,7 +28,8 @@ impl Poly {
         if variables.len() == 3
             && let Some(degree) = common_degree(self, &inner, &used)
         {
-            // Forms in a form: the result is a form, known from its values with the last variable at 1.
+            // Forms in a form: the result is a form, known from its values with the last variable
+            // at 1.
             let flat = inner.map(|p| p.dehomogenise(variables[2]));
             return self.compose(&flat).homogenise(variables[2], degree);
         }
@@ -42,7 +45,8 @@ impl Poly {
         ))
     }
 
-    /// Whether this polynomial with `parts[i]` in place of variable i vanishes, proven by values on a grid modulo primes.
+    /// Whether this polynomial with `parts[i]` in place of variable i vanishes, proven by values on
+    /// a grid modulo primes.
     pub(crate) fn composes_to_zero(&self, parts: &[Self]) -> bool {
         let inner: [Self; MAX_VARS] =
             std::array::from_fn(|v| parts.get(v).cloned().unwrap_or_else(|| Self::var(v)));
@@ -57,7 +61,8 @@ impl Poly {
     }
 }
 
-/// The degree of the result if the outer polynomial and the inner ones that are used are forms, the latter of one degree.
+/// The degree of the result if the outer polynomial and the inner ones that are used are forms, the
+/// latter of one degree.
 fn common_degree(outer: &Poly, inner: &[Poly; MAX_VARS], used: &[usize]) -> Option<usize> {
     let degree = inner[*used.first()?].total_degree();
     let forms = used.iter().all(|&u| {
@@ -86,11 +91,14 @@ fn horner(terms: &[(Exponents, IBig)], var: usize, inner: &[Poly; MAX_VARS]) -> 
     result * inner[var].pow(u32::from(exponent))
 }
 
-/// A composition with at most two variables in its result, as values at the points (i, j), j < rows[i].
+/// A composition with at most two variables in its result, as values at the points (i, j), j <
+/// rows[i].
 struct Grid<'a> {
-    /// The outer polynomial's terms, made homogeneous by powers of the inner ones' common denominator.
+    /// The outer polynomial's terms, made homogeneous by powers of the inner ones' common
+    /// denominator.
     outer: Vec<(Exponents, IBig)>,
-    /// The inner polynomials over their common denominator: terms (power of u, power of v, coefficient).
+    /// The inner polynomials over their common denominator: terms (power of u, power of v,
+    /// coefficient).
     inner: Vec<Vec<(usize, usize, IBig)>>,
     variables: &'a [usize],
     rows: Vec<usize>,
@@ -161,7 +169,8 @@ impl<'a> Grid<'a> {
         self.rows.iter().sum()
     }
 
-    /// A bound on the coefficients' absolute values: the sum of absolute coefficients is submultiplicative.
+    /// A bound on the coefficients' absolute values: the sum of absolute coefficients is
+    /// submultiplicative.
     fn bound(&self) -> UBig {
         let norms: Vec<UBig> = self
             .inner
@@ -275,7 +284,8 @@ fn restrict(f: &Fp, p: &[(usize, usize, u64)], u: u64) -> Vec<u64> {
     line
 }
 
-/// The value of terms in lexicographic order from tables of powers; products of leading powers are kept from term to term.
+/// The value of terms in lexicographic order from tables of powers; products of leading powers are
+/// kept from term to term.
 pub(crate) fn eval_terms(f: &Fp, terms: &[(Exponents, u64)], powers: &[Vec<u64>; MAX_VARS]) -> u64 {
     let mut prefix = [f.one(); MAX_VARS + 1];
     let mut last: Option<Exponents> = None;
@@ -295,7 +305,8 @@ pub(crate) fn eval_terms(f: &Fp, terms: &[(Exponents, u64)], powers: &[Vec<u64>;
     sum
 }
 
-/// Values at the points (origin + i, origin + j), j < rows[i], rows never growing, become coefficients of uⁱ vʲ, in place.
+/// Values at the points (origin + i, origin + j), j < rows[i], rows never growing, become
+/// coefficients of uⁱ vʲ, in place.
 pub(crate) fn interpolate(f: &Fp, rows: &[usize], values: &mut [u64], origin: u64) {
     let width = rows.first().copied().unwrap_or(0);
     let size = width.max(rows.len());
@@ -310,8 +321,8 @@ pub(crate) fn interpolate(f: &Fp, rows: &[usize], values: &mut [u64], origin: u6
             }
         }
     };
-    // Both directions to Newton's basis first, where shorter rows have the same leading coefficients as longer ones; then both to
-    // powers, over the same staircase.
+    // Both directions to Newton's basis first, where shorter rows have the same leading
+    // coefficients as longer ones; then both to powers, over the same staircase.
     along_rows_and_columns(rows, values, differences);
     along_rows_and_columns(rows, values, |line| {
         modpoly::newton_to_monomial(f, &nodes, line)

@@ -1,11 +1,13 @@
 //! Factorisation over Q of polynomials in one or two variables and of forms in up to three.
 //!
-//! One variable: D. G. Cantor and H. Zassenhaus (Math. Comp. 36, 1981, pages 587–592) modulo a small prime, Hensel lifting (J. von zur Gathen,
-//! J. Gerhard, *Modern Computer Algebra*, algorithm 15.10) beyond M. Mignotte's bound, recombination by trial.
+//! One variable: D. G. Cantor and H. Zassenhaus (Math. Comp. 36, 1981, pages 587–592) modulo a
+//! small prime, Hensel lifting (J. von zur Gathen, J. Gerhard, *Modern Computer Algebra*, algorithm
+//! 15.10) beyond M. Mignotte's bound, recombination by trial.
 //!
-//! Two variables: a shear makes the leading coefficient constant, so that a factor of degree d has total degree d; one variable is
-//! set to a number, the univariate factors are lifted as power series in it modulo primes, and a product of them counts if its
-//! coefficients end where those of a factor must. It is lifted modulo more primes until it divides.
+//! Two variables: a shear makes the leading coefficient constant, so that a factor of degree d has
+//! total degree d; one variable is set to a number, the univariate factors are lifted as power
+//! series in it modulo primes, and a product of them counts if its coefficients end where those of
+//! a factor must. It is lifted modulo more primes until it divides.
 //!
 //! Every factor is proven by division and irreducible because all smaller products were tried.
 
@@ -36,8 +38,8 @@ const PRIMES_TRIED: usize = 6;
 const POINTS_TRIED: usize = 3;
 
 impl Poly {
-    /// The irreducible factors with multiplicities: primitive, by ascending total degree, then in the order of terms. Their
-    /// product is this polynomial up to a constant; constants have none.
+    /// The irreducible factors with multiplicities: primitive, by ascending total degree, then in
+    /// the order of terms. Their product is this polynomial up to a constant; constants have none.
     ///
     /// ```
     /// use isoform_algebra::Poly;
@@ -66,7 +68,8 @@ impl Poly {
 }
 
 impl UPoly {
-    /// The irreducible factors with multiplicities: primitive, by ascending degree, then by coefficients from below.
+    /// The irreducible factors with multiplicities: primitive, by ascending degree, then by
+    /// coefficients from below.
     ///
     /// # Errors
     /// [`FactorError::Stopped`].
@@ -185,7 +188,8 @@ fn split_equal_degrees(
     loop {
         let mut h: Vec<u64> = (1..p.len()).map(|_| f.of_u64(stream.next())).collect();
         modpoly::trim(&mut h);
-        // h^((p^d − 1)/2) is ±1 modulo each factor: the norm h^(1 + p + … + p^(d−1)) to the power (p − 1)/2.
+        // h^((p^d − 1)/2) is ±1 modulo each factor: the norm h^(1 + p + … + p^(d−1)) to the power
+        // (p − 1)/2.
         let (mut norm, mut conjugate) = (h.clone(), h);
         for _ in 1..degree {
             conjugate = modpoly::pow_mod(f, &conjugate, f.prime(), &p);
@@ -249,7 +253,8 @@ fn factor_univariate(p: &UPoly, stop: &dyn Fn() -> bool) -> Result<Vec<UPoly>, F
 /// A field and the monic factors of a polynomial over it.
 type Modular = (Fp, Vec<Vec<u64>>);
 
-/// The field and the monic factors for the small prime that leaves the fewest, nothing if one proves irreducibility.
+/// The field and the monic factors for the small prime that leaves the fewest, nothing if one
+/// proves irreducibility.
 fn best_small_prime(p: &UPoly, stop: &dyn Fn() -> bool) -> Result<Option<Modular>, FactorError> {
     let mut best: Option<Modular> = None;
     // Sums of degrees of modular factors that are possible for all primes so far.
@@ -337,8 +342,8 @@ mod residue {
     }
 }
 
-/// Lifts the factorisation lc·∏ factors of p modulo a prime to the prime's 2^squarings-th power; the lifted monic factors are
-/// appended. Two halves at a time.
+/// Lifts the factorisation lc·∏ factors of p modulo a prime to the prime's 2^squarings-th power;
+/// the lifted monic factors are appended. Two halves at a time.
 fn lift_tree(
     field: &Fp,
     p: Vec<IBig>,
@@ -412,8 +417,8 @@ fn next_subset(subset: &mut [usize], n: usize) -> bool {
     false
 }
 
-/// Takes factors off `rest` that are products of subsets, small ones first: `test` returns the factor that a subset of the indices
-/// gives, if it is one.
+/// Takes factors off `rest` that are products of subsets, small ones first: `test` returns the
+/// factor that a subset of the indices gives, if it is one.
 fn by_subsets<F: Clone>(
     count: usize,
     stop: &dyn Fn() -> bool,
@@ -497,7 +502,8 @@ fn factor_bivariate(
     if degree == 1 {
         return Ok(vec![p.clone()]);
     }
-    // y + c x in place of y makes the coefficient of x^degree the value of the leading form at (1, c).
+    // y + c x in place of y makes the coefficient of x^degree the value of the leading form at (1,
+    // c).
     let top = p.homogeneous_part(degree).dehomogenise(x);
     let sheared = |c: &RBig, p: &Poly| p.substitute(y, &(Poly::var(y) + Poly::var(x).scale(c)));
     let c = small_numbers()
@@ -578,7 +584,8 @@ struct Lifted {
 }
 
 impl Lifted {
-    /// The lifts modulo one prime after the other; the lines are coprime and their product is f(x, 0) up to a constant.
+    /// The lifts modulo one prime after the other; the lines are coprime and their product is f(x,
+    /// 0) up to a constant.
     fn new(f: &Poly, x: usize, y: usize, lines: &[UPoly]) -> impl Iterator<Item = Self> {
         let degree = f.total_degree();
         primes().filter_map(move |field| {
@@ -623,7 +630,8 @@ impl Lifted {
         })
     }
 
-    /// Whether the product of the chosen series ends like a factor: the coefficient of x^(d−m) has degree at most m in y.
+    /// Whether the product of the chosen series ends like a factor: the coefficient of x^(d−m) has
+    /// degree at most m in y.
     fn is_plausible(&self, chosen: &[usize]) -> bool {
         let f = &self.field;
         let precision = self.series[0].len();
@@ -663,7 +671,8 @@ impl Lifted {
     }
 }
 
-/// Linear Hensel lifting of all factors together: at y^k the error e is Σ σᵢ ∏ⱼ≠ᵢ with σᵢ = e·cofactorᵢ modulo the i-th.
+/// Linear Hensel lifting of all factors together: at y^k the error e is Σ σᵢ ∏ⱼ≠ᵢ with σᵢ =
+/// e·cofactorᵢ modulo the i-th.
 fn lift_series(
     f: &Fp,
     rows: &[Vec<u64>],
@@ -710,15 +719,15 @@ fn lift_series(
     series
 }
 
-/// The factor of f whose line is the first group, from lifts modulo more and more primes; nothing if coefficients as large as a factor
-/// can have do not give one.
+/// The factor of f whose line is the first group, from lifts modulo more and more primes; nothing
+/// if coefficients as large as a factor can have do not give one.
 fn reconstruct(f: &Poly, x: usize, y: usize, groups: &[UPoly]) -> Option<Poly> {
     let d = groups[0].degree();
     if groups[1].degree() == 0 {
         return Some(f.primitive());
     }
-    // A. O. Gelfond: the heights of factors multiply up to at most 2^(sum of degrees) times the height of the product; numerators
-    // and denominators of the monic factor are bounded so too.
+    // A. O. Gelfond: the heights of factors multiply up to at most 2^(sum of degrees) times the
+    // height of the product; numerators and denominators of the monic factor are bounded so too.
     let height = f
         .terms()
         .iter()

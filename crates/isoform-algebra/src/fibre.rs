@@ -1,10 +1,12 @@
 //! Real roots of f(α, y) for a polynomial f(x, y) over Q and a real algebraic number α.
 //!
-//! Which subresultant of f and ∂f/∂y is the first whose principal coefficient does not vanish at α is decided exactly; it is the
-//! common divisor there, and f divided by it has simple roots only. These are isolated by Descartes' rule on coefficients known to a
-//! growing precision (after A. Eigenwillig, L. Kettner, W. Krandick, K. Mehlhorn, S. Schmitt, N. Wolpert, CASC 2005), with ends at
-//! which signs are certain. Multiplicities are certain by Pellet's test: if |aₘ| rᵐ exceeds the sum of the other |aᵢ| rⁱ, the disk
-//! of radius r around the centre of expansion holds exactly m roots. No genericity is assumed.
+//! Which subresultant of f and ∂f/∂y is the first whose principal coefficient does not vanish at α
+//! is decided exactly; it is the common divisor there, and f divided by it has simple roots only.
+//! These are isolated by Descartes' rule on coefficients known to a growing precision (after A.
+//! Eigenwillig, L. Kettner, W. Krandick, K. Mehlhorn, S. Schmitt, N. Wolpert, CASC 2005), with ends
+//! at which signs are certain. Multiplicities are certain by Pellet's test: if |aₘ| rᵐ exceeds the
+//! sum of the other |aᵢ| rⁱ, the disk of radius r around the centre of expansion holds exactly m
+//! roots. No genericity is assumed.
 
 use crate::ball::{self, Ball};
 use crate::poly::Poly;
@@ -55,7 +57,8 @@ pub struct FibreRoot {
 /// The real roots of f(α, y).
 pub struct Fibre {
     alpha: RealRoot,
-    /// Coefficients in y of f without those that vanish at α at the top, and of the common divisor with the derivative.
+    /// Coefficients in y of f without those that vanish at α at the top, and of the common divisor
+    /// with the derivative.
     coefficients: Vec<UPoly>,
     divisor: Vec<UPoly>,
     /// Both at α, as last asked for.
@@ -83,7 +86,8 @@ const GUARD: usize = 4;
 /// To how many bits fibres ask for α first.
 pub(crate) const FIRST_BITS: usize = FIRST_PRECISION + GUARD;
 
-/// Bits of the ends between which bisection begins: enough to keep its points off numbers that people write.
+/// Bits of the ends between which bisection begins: enough to keep its points off numbers that
+/// people write.
 const GRAIN: usize = 64;
 
 impl Fibres {
@@ -127,7 +131,8 @@ impl Fibres {
             .find(|&i| alpha.sign_of(&self.coefficients[i]).is_ne());
         let degree = kept.ok_or(FibreError::Vertical)?;
         if degree + 1 < self.coefficients.len() {
-            // Over α the polynomial without its vanishing top is the same, and its chain specialises.
+            // Over α the polynomial without its vanishing top is the same, and its chain
+            // specialises.
             let truncated = self
                 .f
                 .coefficients_in(self.var)
@@ -191,8 +196,8 @@ impl Fibres {
         Ok(made)
     }
 
-    /// The number of real roots over a point where the leading coefficient does not vanish, by the signs of the principal
-    /// subresultants alone (Sturm–Habicht); `None` where it vanishes.
+    /// The number of real roots over a point where the leading coefficient does not vanish, by the
+    /// signs of the principal subresultants alone (Sturm–Habicht); `None` where it vanishes.
     pub fn count_at(&self, alpha: &RealRoot) -> Option<usize> {
         let lead = alpha.sign_of(self.coefficients.last()?);
         if lead.is_eq() {
@@ -206,9 +211,10 @@ impl Fibres {
     }
 }
 
-/// The number of distinct real roots of a polynomial of degree n from the signs of its leading coefficient and of the principal
-/// subresultant coefficients S₀ … Sₙ₋₂ of it and its derivative: generalised permanences minus variations
-/// (S. Basu, R. Pollack, M.-F. Roy, *Algorithms in Real Algebraic Geometry*, theorem 4.32).
+/// The number of distinct real roots of a polynomial of degree n from the signs of its leading
+/// coefficient and of the principal subresultant coefficients S₀ … Sₙ₋₂ of it and its derivative:
+/// generalised permanences minus variations (S. Basu, R. Pollack, M.-F. Roy, *Algorithms in Real
+/// Algebraic Geometry*, theorem 4.32).
 pub fn count_by_signs(lead: Ordering, principal: &[Ordering]) -> usize {
     let n = principal.len() + 1;
     let alternating = |i: usize| {
@@ -218,7 +224,8 @@ pub fn count_by_signs(lead: Ordering, principal: &[Ordering]) -> usize {
             1
         }
     };
-    // Index n: the polynomial itself; n − 1: its derivative; below with the sign (−1)^(i(i−1)/2) of reversing i = n − j rows.
+    // Index n: the polynomial itself; n − 1: its derivative; below with the sign (−1)^(i(i−1)/2) of
+    // reversing i = n − j rows.
     let signed = |j: usize| {
         if j + 1 >= n {
             lead as i32
@@ -274,13 +281,15 @@ impl Fibre {
         ) else {
             return false;
         };
-        // Ends that were rounded could have left the interval only by less than the last place; keep what is certain.
+        // Ends that were rounded could have left the interval only by less than the last place;
+        // keep what is certain.
         root.lo = from_fixed(&lo, precision).max(root.lo.clone());
         root.hi = from_fixed(&hi, precision).min(root.hi.clone());
         true
     }
 
-    /// Coefficients of f(α, y) and of its quotient with simple roots; false if that precision is too low.
+    /// Coefficients of f(α, y) and of its quotient with simple roots; false if that precision is
+    /// too low.
     fn approximate(&mut self, precision: usize) -> bool {
         if self
             .near
@@ -371,8 +380,8 @@ fn from_fixed(n: &IBig, precision: usize) -> RBig {
     RBig::from_parts(n.clone(), UBig::ONE << precision)
 }
 
-/// The quotient of a polynomial by a divisor whose leading coefficient is certain, made monic first: subresultants are huge, and
-/// a quotient by them would vanish in the last place.
+/// The quotient of a polynomial by a divisor whose leading coefficient is certain, made monic
+/// first: subresultants are huge, and a quotient by them would vanish in the last place.
 fn divide(f: &[Ball], g: &[Ball], precision: usize) -> Option<Vec<Ball>> {
     let n = g.len() - 1;
     let monic: Option<Vec<Ball>> = g[..n].iter().map(|c| c.div(&g[n], precision)).collect();
@@ -389,7 +398,8 @@ fn divide(f: &[Ball], g: &[Ball], precision: usize) -> Option<Vec<Ball>> {
     Some(quotient)
 }
 
-/// Open intervals with one real root each, together with all, of a polynomial with simple roots; ends are no roots.
+/// Open intervals with one real root each, together with all, of a polynomial with simple roots;
+/// ends are no roots.
 fn isolate_simple(p: &[Ball], precision: usize, attempt: usize) -> Option<Vec<(IBig, IBig)>> {
     let n = p.len() - 1;
     // Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
@@ -403,7 +413,8 @@ fn isolate_simple(p: &[Ball], precision: usize, attempt: usize) -> Option<Vec<(I
     if bound + GRAIN > precision {
         return None;
     }
-    // Ends on both sides of all roots, not symmetric and not round: bisection is not to meet a root that people write.
+    // Ends on both sides of all roots, not symmetric and not round: bisection is not to meet a root
+    // that people write.
     const ODD: [(u32, u32); 5] = [(22, 23), (31, 20), (24, 37), (29, 43), (41, 19)];
     let (left, right) = ODD[attempt % ODD.len()];
     // A multiple of 2^deepest, so that the points of bisection are exact.
@@ -470,7 +481,8 @@ fn halve(v: &Ball, times: usize) -> Ball {
     }
 }
 
-/// Sign changes of (1 + x)ⁿ q(1/(1 + x)), counted up to two; nothing if a sign is uncertain before that.
+/// Sign changes of (1 + x)ⁿ q(1/(1 + x)), counted up to two; nothing if a sign is uncertain before
+/// that.
 fn variations_in_unit(q: &[Ball]) -> Option<usize> {
     let mut r: Vec<Ball> = q.iter().rev().cloned().collect();
     let n = r.len();
@@ -492,7 +504,8 @@ fn variations_in_unit(q: &[Ball]) -> Option<usize> {
     Some(changes)
 }
 
-/// The part of an interval with a sign change that is at most 2^−bits wide and has one too; nothing if a sign is uncertain.
+/// The part of an interval with a sign change that is at most 2^−bits wide and has one too; nothing
+/// if a sign is uncertain.
 fn narrow(
     p: &[Ball],
     (mut lo, mut hi): (IBig, IBig),
@@ -521,10 +534,12 @@ fn narrow(
     Some((lo, hi))
 }
 
-/// The number of roots of f in a disk that holds the interval and exactly one root of the polynomial with simple roots.
+/// The number of roots of f in a disk that holds the interval and exactly one root of the
+/// polynomial with simple roots.
 fn pellet(f: &[Ball], simple: &[Ball], lo: &IBig, hi: &IBig, precision: usize) -> Option<usize> {
     let centre = Ball::exact((lo + hi) >> 1usize);
-    // 64 times the distance of the root from the centre: its power of the largest multiplicity then dominates.
+    // 64 times the distance of the root from the centre: its power of the largest multiplicity then
+    // dominates.
     let radius = Ball::exact((hi - lo + IBig::ONE) << 5usize);
     let terms = |p: &[Ball]| -> Vec<(IBig, IBig)> {
         let mut scale = Ball::exact(IBig::ONE << precision);

@@ -1,15 +1,19 @@
-//! Real roots in floating point, proved by sign changes: where it is known how many there are, many samples of a curve need no exact arithmetic.
+//! Real roots in floating point, proved by sign changes: where it is known how many there are, many
+//! samples of a curve need no exact arithmetic.
 
 use isoform_num::Interval;
 
-/// Halvings of the range in search of roots, and how wide a bracket that proves one may be, per size of the root.
+/// Halvings of the range in search of roots, and how wide a bracket that proves one may be, per
+/// size of the root.
 const HALVINGS: usize = 40;
 const WIDTH: f64 = 1e-13;
 
-/// The roots in (0, `top`) of a polynomial with coefficients c₀, c₁, … that are known to rounding, if there are `count` of them, each simple.
+/// The roots in (0, `top`) of a polynomial with coefficients c₀, c₁, … that are known to rounding,
+/// if there are `count` of them, each simple.
 ///
-/// As many disjoint brackets with certain sign changes as there are roots hold one each, so that the search itself (Descartes' rule on
-/// Bernstein coefficients) needs no proof. None where rounding leaves a doubt.
+/// As many disjoint brackets with certain sign changes as there are roots hold one each, so that
+/// the search itself (Descartes' rule on Bernstein coefficients) needs no proof. None where
+/// rounding leaves a doubt.
 pub(crate) fn proved_roots(coefficients: &[Interval], top: f64, count: usize) -> Option<Vec<f64>> {
     if count == 0 {
         return Some(Vec::new());
@@ -58,7 +62,8 @@ pub(crate) fn proved_roots(coefficients: &[Interval], top: f64, count: usize) ->
     Some(roots)
 }
 
-/// Intervals in (0, `top`) with one sign variation of the Bernstein coefficients each, ascending; None if they are not `count`.
+/// Intervals in (0, `top`) with one sign variation of the Bernstein coefficients each, ascending;
+/// None if they are not `count`.
 fn isolate(near: &[f64], top: f64, count: usize) -> Option<Vec<(f64, f64)>> {
     let n = near.len() - 1;
     // From powers of v / top: b_j is the sum of C(j, m) / C(n, m) a_m.

@@ -1,8 +1,9 @@
 //! Greatest common divisors and squarefree parts.
 //!
-//! Brown's modular algorithm (W. S. Brown, J. ACM 18, 1971, pages 478–504): modulo primes, then at points in all variables but
-//! one, where Euclid's algorithm decides; back by interpolation and Chinese remainders. A candidate counts only if it divides
-//! both polynomials, and its degree cannot be too low: the result is proven. Squarefree decomposition by D. Y. Y. Yun (SYMSAC 1976).
+//! Brown's modular algorithm (W. S. Brown, J. ACM 18, 1971, pages 478–504): modulo primes, then at
+//! points in all variables but one, where Euclid's algorithm decides; back by interpolation and
+//! Chinese remainders. A candidate counts only if it divides both polynomials, and its degree
+//! cannot be too low: the result is proven. Squarefree decomposition by D. Y. Y. Yun (SYMSAC 1976).
 
 use crate::modpoly;
 use crate::modular::{Crt, Fp, primes};
@@ -47,7 +48,8 @@ impl Poly {
         }
     }
 
-    /// The greatest common divisor of the coefficients of this polynomial in the powers of a variable, primitive.
+    /// The greatest common divisor of the coefficients of this polynomial in the powers of a
+    /// variable, primitive.
     pub fn content_in(&self, var: usize) -> Self {
         let mut common = Self::zero();
         let mut coefficients = self.coefficients_in(var);
@@ -62,8 +64,9 @@ impl Poly {
         common
     }
 
-    /// Primitive squarefree polynomials, coprime in pairs, not constant, with different multiplicities in ascending order: this
-    /// polynomial is the product of their powers up to a constant. Empty for constants.
+    /// Primitive squarefree polynomials, coprime in pairs, not constant, with different
+    /// multiplicities in ascending order: this polynomial is the product of their powers up to a
+    /// constant. Empty for constants.
     pub fn squarefree(&self) -> Vec<(Self, usize)> {
         let mut parts: BTreeMap<usize, Self> = BTreeMap::new();
         squarefree_into(&self.primitive(), &mut parts);
@@ -112,7 +115,8 @@ fn quotient(a: &Poly, b: &Poly) -> Poly {
     a.div_exact(b).expect("a divisor found before")
 }
 
-/// Forms lose a variable: their common divisor is that of what is left at 1, made homogeneous, times the common power of it.
+/// Forms lose a variable: their common divisor is that of what is left at 1, made homogeneous,
+/// times the common power of it.
 fn gcd_of_forms(a: &Poly, b: &Poly, var: usize) -> Poly {
     let power = |p: &Poly| p.terms().iter().map(|(e, _)| e[var]).min().unwrap_or(0);
     let flat = a.dehomogenise(var).gcd(&b.dehomogenise(var));
@@ -124,7 +128,8 @@ fn gcd_of_forms(a: &Poly, b: &Poly, var: usize) -> Poly {
 fn gcd_primitive(a: &Poly, b: &Poly, variables: &[usize]) -> Poly {
     let (lead_a, lead_b) = (&a.terms()[0].1, &b.terms()[0].1);
     let lead = IBig::from(lead_a.gcd(lead_b));
-    // The lexicographic leading exponents, their residues and the exponents of all terms found so far.
+    // The lexicographic leading exponents, their residues and the exponents of all terms found so
+    // far.
     let mut best: Option<(Vec<Exponents>, Crt)> = None;
     for f in primes() {
         if f.of_ibig(lead_a) == 0 || f.of_ibig(lead_b) == 0 {
@@ -161,7 +166,8 @@ fn gcd_primitive(a: &Poly, b: &Poly, variables: &[usize]) -> Poly {
             unreachable!("just set")
         };
         if exponents.len() != image.len() || exponents.iter().zip(&image).any(|(e, t)| *e != t.0) {
-            // Terms that vanish modulo one of the primes: begin again, with zeros for the terms of this one only.
+            // Terms that vanish modulo one of the primes: begin again, with zeros for the terms of
+            // this one only.
             let all: std::collections::BTreeSet<Exponents> = exponents
                 .iter()
                 .copied()
@@ -207,7 +213,8 @@ fn in_last(terms: &[(Exponents, u64)], var: usize) -> InLast {
     grouped
 }
 
-/// Takes the content out of a polynomial with coefficients in the last variable and returns it, monic.
+/// Takes the content out of a polynomial with coefficients in the last variable and returns it,
+/// monic.
 fn take_content(f: &Fp, p: &mut InLast) -> Vec<u64> {
     let mut content: Vec<u64> = Vec::new();
     for c in p.values() {
@@ -222,8 +229,8 @@ fn take_content(f: &Fp, p: &mut InLast) -> Vec<u64> {
     content
 }
 
-/// The greatest common divisor modulo a prime, its lexicographic leading coefficient 1. Not proven: evaluation points may be
-/// unlucky, which the division by the caller would show.
+/// The greatest common divisor modulo a prime, its lexicographic leading coefficient 1. Not proven:
+/// evaluation points may be unlucky, which the division by the caller would show.
 fn gcd_modular(
     f: &Fp,
     a: &[(Exponents, u64)],
@@ -276,7 +283,8 @@ fn gcd_modular(
     let lead = modpoly::gcd(f, &lead_a, &lead_b);
     let degree = |p: &InLast| p.values().map(Vec::len).max().unwrap_or(0);
     let enough = degree(&a).min(degree(&b)) + lead.len();
-    // A fixed pseudo-random stream of points: at small integers polynomials that people write agree by design.
+    // A fixed pseudo-random stream of points: at small integers polynomials that people write agree
+    // by design.
     let mut point = f.of_u64(0x9e37_79b9_7f4a_7c15);
     let mut found: Option<(Exponents, InLast)> = None;
     let mut product = vec![f.one()];
@@ -394,8 +402,9 @@ impl UPoly {
         residues
     }
 
-    /// Primitive squarefree polynomials, coprime in pairs, not constant, with different multiplicities in ascending order: this
-    /// polynomial is the product of their powers up to a constant. Empty for constants.
+    /// Primitive squarefree polynomials, coprime in pairs, not constant, with different
+    /// multiplicities in ascending order: this polynomial is the product of their powers up to a
+    /// constant. Empty for constants.
     pub fn squarefree(&self) -> Vec<(Self, usize)> {
         let divide = |a: &Self, b: &Self| a.div_exact(b).expect("a divisor found before");
         let p = self.primitive();
@@ -432,8 +441,8 @@ impl UPoly {
     }
 }
 
-/// Squarefree polynomials, pairwise coprime, of which those given are products up to multiplicities and constants; and for each given one
-/// which of them divide it, ascending. Constants have none.
+/// Squarefree polynomials, pairwise coprime, of which those given are products up to multiplicities
+/// and constants; and for each given one which of them divide it, ascending. Constants have none.
 ///
 /// ```
 /// use isoform_algebra::{Poly, coprime_base};

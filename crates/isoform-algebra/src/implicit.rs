@@ -1,12 +1,15 @@
-//! Rational maps (s, t) ↦ (X : Y : Z : W) over Q: dimension and degree of the image, degree of the map, implicit equation.
+//! Rational maps (s, t) ↦ (X : Y : Z : W) over Q: dimension and degree of the image, degree of the
+//! map, implicit equation.
 //!
-//! A map of degree n whose base points have total multiplicity e satisfies (map degree)·(implicit degree) = n² − e. Both
-//! sides are counted on pullbacks of planes modulo primes: two of them meet in the base points and n² − e others; if both contain
-//! the image of a point, the common points of two such pairs are the base points and the preimages. Resultants see the multiplicities.
+//! A map of degree n whose base points have total multiplicity e satisfies (map degree)·(implicit
+//! degree) = n² − e. Both sides are counted on pullbacks of planes modulo primes: two of them meet
+//! in the base points and n² − e others; if both contain the image of a point, the common points of
+//! two such pairs are the base points and the preimages. Resultants see the multiplicities.
 //!
-//! The equation of a low degree is the kernel of the matrix of all monomials at as many points, modulo primes, put together by
-//! Chinese remainders and rational reconstruction. From degree 5 on it is interpolated from its values on lines, which the same
-//! resultants give: the matrix of degree 16 has 969 columns and costs a hundred times more.
+//! The equation of a low degree is the kernel of the matrix of all monomials at as many points,
+//! modulo primes, put together by Chinese remainders and rational reconstruction. From degree 5 on
+//! it is interpolated from its values on lines, which the same resultants give: the matrix of
+//! degree 16 has 969 columns and costs a hundred times more.
 
 use crate::compose::eval_terms;
 use crate::modpoly;
@@ -55,7 +58,8 @@ pub struct MapDegrees {
     pub map_degree: usize,
     /// Degree of the implicit equation.
     pub implicit_degree: usize,
-    /// The base points' multiplicities added up, points at infinity included: n² − map degree · implicit degree.
+    /// The base points' multiplicities added up, points at infinity included: n² − map degree ·
+    /// implicit degree.
     pub base_multiplicity: usize,
 }
 
@@ -71,8 +75,9 @@ pub struct Implicit {
 /// Bound on the implicit degree of [`implicit`] that is advised: 969 monomials.
 pub const DEFAULT_MAX_DEGREE: usize = 16;
 
-/// The dimension of the closure of the image of (s, t) ↦ (X : Y : Z : W): 0, 1 or 2. Proven: a lower bound by the rank of
-/// the cone's Jacobian at points modulo a prime, an upper bound by minors that vanish identically.
+/// The dimension of the closure of the image of (s, t) ↦ (X : Y : Z : W): 0, 1 or 2. Proven: a
+/// lower bound by the rank of the cone's Jacobian at points modulo a prime, an upper bound by
+/// minors that vanish identically.
 ///
 /// # Errors
 /// [`MapError::Zero`], [`MapError::TooManyVariables`].
@@ -121,8 +126,9 @@ pub fn image_dimension(map: &[Poly; 4]) -> Result<usize, MapError> {
     Ok(usize::from(curve))
 }
 
-/// The degrees of a map onto a surface, counted at random points modulo primes until two counts agree. A count is wrong only if a
-/// point is not general, which has a probability of about n⁴/2⁶² each time; [`implicit`] proves the implicit degree.
+/// The degrees of a map onto a surface, counted at random points modulo primes until two counts
+/// agree. A count is wrong only if a point is not general, which has a probability of about n⁴/2⁶²
+/// each time; [`implicit`] proves the implicit degree.
 ///
 /// # Errors
 /// [`MapError`].
@@ -153,8 +159,9 @@ pub fn map_degrees(map: &[Poly; 4], stop: &dyn Fn() -> bool) -> Result<MapDegree
 
 /// The implicit equation of a map onto a surface, or nothing if its degree exceeds the bound.
 ///
-/// Proven: the equation vanishes on the map (modulo enough primes for a bound on the coefficients), and it is irreducible over Q and of
-/// the least degree: the matrix modulo a prime leaves one form only of its degree, or a line meets the image in as many points.
+/// Proven: the equation vanishes on the map (modulo enough primes for a bound on the coefficients),
+/// and it is irreducible over Q and of the least degree: the matrix modulo a prime leaves one form
+/// only of its degree, or a line meets the image in as many points.
 ///
 /// ```
 /// use isoform_algebra::{Poly, implicit};
@@ -223,7 +230,8 @@ impl Stream {
     }
 }
 
-/// Terms modulo a prime; a denominator that vanishes gives other residues than the polynomial's, which proofs do not rest on.
+/// Terms modulo a prime; a denominator that vanishes gives other residues than the polynomial's,
+/// which proofs do not rest on.
 fn residues(f: &Fp, p: &Poly) -> Vec<(Exponents, u64)> {
     let d = f.of_ubig(p.denominator());
     let inverse = if d == 0 { 0 } else { f.inv(d) };
@@ -249,7 +257,8 @@ fn eval_at(f: &Fp, terms: &[(Exponents, u64)], at: &[u64; 3]) -> u64 {
     eval_terms(f, terms, &tables)
 }
 
-/// A map modulo a prime in a random frame of the parameter plane: no base point at infinity, no two on a vertical line.
+/// A map modulo a prime in a random frame of the parameter plane: no base point at infinity, no two
+/// on a vertical line.
 struct Pullback {
     field: Fp,
     n: usize,
@@ -364,21 +373,24 @@ fn count_degrees(f: &Fp, map: &[Poly; 4], n: usize, stream: &mut Stream) -> Opti
     })
 }
 
-/// The equation of a map of degree 2 or more by its values on lines through a point (1 : a : b : c) off the surface.
+/// The equation of a map of degree 2 or more by its values on lines through a point (1 : a : b : c)
+/// off the surface.
 ///
-/// With x′ = x, y′ = y − ax, z′ = z − bx, w′ = w − cx the equation is monic in x′. On the line y′ = ηw′, z′ = ζw′ its roots are the values
-/// of X/W′ at the n² − e points that Y′ − ηW′ and Z′ − ζW′ have in common besides base points. These are s of the resultant
-/// and t = −S₁₀/S₁₁ of the first subresultant; traces of powers of X/W′ modulo the resultant and Newton's identities give
-/// the coefficients, and values on a triangle of pairs (η, ζ) give these as polynomials.
+/// With x′ = x, y′ = y − ax, z′ = z − bx, w′ = w − cx the equation is monic in x′. On the line y′ =
+/// ηw′, z′ = ζw′ its roots are the values of X/W′ at the n² − e points that Y′ − ηW′ and Z′ − ζW′
+/// have in common besides base points. These are s of the resultant and t = −S₁₀/S₁₁ of the first
+/// subresultant; traces of powers of X/W′ modulo the resultant and Newton's identities give the
+/// coefficients, and values on a triangle of pairs (η, ζ) give these as polynomials.
 ///
-/// Nothing where the numbers of points are not as counted. The equation is of the least degree: on some line modulo some prime its roots
-/// are distinct, and all of them are roots of every equation.
+/// Nothing where the numbers of points are not as counted. The equation is of the least degree: on
+/// some line modulo some prime its roots are distinct, and all of them are roots of every equation.
 fn equation_by_lines(
     map: &[Poly; 4],
     degrees: &MapDegrees,
     stop: &dyn Fn() -> bool,
 ) -> Result<Option<Poly>, MapError> {
-    /// Points off which a surface lies; one of them is off any surface of low degree that people write.
+    /// Points off which a surface lies; one of them is off any surface of low degree that people
+    /// write.
     const CENTRES: [[i64; 3]; 6] = [
         [0, 0, 0],
         [1, 0, 0],
@@ -444,8 +456,8 @@ fn equation_by_lines(
     Ok(None)
 }
 
-/// Coefficients of x^(d−k) yⁱ zʲ w^(k−i−j), k from 1 to d, of the equation monic in x modulo a prime, and whether its roots on some line
-/// are distinct.
+/// Coefficients of x^(d−k) yⁱ zʲ w^(k−i−j), k from 1 to d, of the equation monic in x modulo a
+/// prime, and whether its roots on some line are distinct.
 fn residues_by_lines(
     f: &Fp,
     map: &[Poly; 4],
@@ -517,7 +529,8 @@ fn residues_by_lines(
     Ok(Some((coefficients, distinct)))
 }
 
-/// The monic polynomial of degree d whose m-th power has the values of X/W at the moving common points of Y + ηW and Z + ζW as roots.
+/// The monic polynomial of degree d whose m-th power has the values of X/W at the moving common
+/// points of Y + ηW and Z + ζW as roots.
 fn equation_on_line(
     pullback: &Pullback,
     base: &[u64],
@@ -623,7 +636,8 @@ impl Echelon {
         }
         false
     }
-    /// The column without pivot and the kernel's vector with 1 there, if the rank is one less than full.
+    /// The column without pivot and the kernel's vector with 1 there, if the rank is one less than
+    /// full.
     fn kernel(&self, f: &Fp) -> Option<(usize, Vec<u64>)> {
         if self.rank + 1 != self.rows.len() {
             return None;
@@ -705,7 +719,8 @@ fn equation_of_degree(
         };
         let vector = match free {
             None => {
-                // From here on only monomials that occur: sparse equations are cheap modulo the further primes.
+                // From here on only monomials that occur: sparse equations are cheap modulo the
+                // further primes.
                 let occurring: Vec<usize> = (0..vector.len()).filter(|&i| vector[i] != 0).collect();
                 free = occurring.iter().position(|&i| i == column);
                 support = occurring.iter().map(|&i| support[i]).collect();

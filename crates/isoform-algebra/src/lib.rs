@@ -1,15 +1,17 @@
 //! Exact algebra: what decides the topology of rational surfaces.
 //!
-//! - [`Poly`]: polynomials over Q in up to four variables: arithmetic, composition, text, greatest common divisors, squarefree parts,
-//!   factors; [`UPoly`]: dense univariate ones over the integers.
-//! - [`resultant`], [`discriminant`], [`Subresultants`]: elimination, proven by bounds on the number of primes.
-//! - [`real_roots`], [`RealRoot`]: real algebraic numbers, compared exactly; [`Fibres`]: the real roots of f(α, y) with
-//!   multiplicities.
+//! - [`Poly`]: polynomials over Q in up to four variables: arithmetic, composition, text, greatest
+//!   common divisors, squarefree parts, factors; [`UPoly`]: dense univariate ones over the
+//!   integers.
+//! - [`resultant`], [`discriminant`], [`Subresultants`]: elimination, proven by bounds on the
+//!   number of primes.
+//! - [`real_roots`], [`RealRoot`]: real algebraic numbers, compared exactly; [`Fibres`]: the real
+//!   roots of f(α, y) with multiplicities.
 //! - [`implicit`], [`map_degrees`], [`image_dimension`]: rational maps (s, t) ↦ (X : Y : Z : W).
 //! - [`modular`]: residues modulo primes and the way back, on which all of this rests.
 //!
-//! Nothing here depends on chance, time or the order of threads: primes and pseudo-random points are always the same. What can last takes a
-//! function that says whether to stop.
+//! Nothing here depends on chance, time or the order of threads: primes and pseudo-random points
+//! are always the same. What can last takes a function that says whether to stop.
 //!
 //! The real points over the critical values of a curve:
 //!

@@ -1,5 +1,6 @@
-//! Dense univariate polynomials modulo a prime: `Vec<u64>` of Montgomery residues, lowest coefficient first, without zeros at the
-//! top (the zero polynomial is empty). The functions of the textbook (von zur Gathen, Gerhard, *Modern Computer Algebra*).
+//! Dense univariate polynomials modulo a prime: `Vec<u64>` of Montgomery residues, lowest
+//! coefficient first, without zeros at the top (the zero polynomial is empty). The functions of the
+//! textbook (von zur Gathen, Gerhard, *Modern Computer Algebra*).
 
 use crate::modular::Fp;
 
@@ -162,7 +163,8 @@ pub(crate) fn resultant(f: &Fp, a: &[u64], b: &[u64]) -> u64 {
         negative ^= (a.len() - 1) & (b.len() - 1) & 1 == 1;
     }
     loop {
-        // Res(a, b) = (−1)^(nm) Res(b, a) = (−1)^(nm) lc(b)^(n − k) Res(b, r) for r = a mod b of degree k.
+        // Res(a, b) = (−1)^(nm) Res(b, a) = (−1)^(nm) lc(b)^(n − k) Res(b, r) for r = a mod b of
+        // degree k.
         let (n, m) = (a.len() - 1, b.len() - 1);
         if m == 0 {
             let r = f.mul(result, f.pow(b[0], n as u64));
@@ -194,8 +196,9 @@ pub(crate) fn small_inverses(f: &Fp, n: usize) -> Vec<u64> {
     result
 }
 
-/// The polynomial of degree below n with the values at the increasing integers `nodes`; `inverses` from [`small_inverses`] up to
-/// the largest difference of nodes. Newton's divided differences, then Horner.
+/// The polynomial of degree below n with the values at the increasing integers `nodes`; `inverses`
+/// from [`small_inverses`] up to the largest difference of nodes. Newton's divided differences,
+/// then Horner.
 pub(crate) fn interpolate(f: &Fp, nodes: &[usize], values: &[u64], inverses: &[u64]) -> Vec<u64> {
     let n = values.len();
     let mut c = values.to_vec();
@@ -210,7 +213,8 @@ pub(crate) fn interpolate(f: &Fp, nodes: &[usize], values: &[u64], inverses: &[u
     c
 }
 
-/// Coefficients in the basis 1, (x − x₀), (x − x₀)(x − x₁), … become coefficients in powers of x; the length is kept.
+/// Coefficients in the basis 1, (x − x₀), (x − x₀)(x − x₁), … become coefficients in powers of x;
+/// the length is kept.
 pub(crate) fn newton_to_monomial(f: &Fp, nodes: &[u64], c: &mut [u64]) {
     let n = c.len();
     for i in (0..n.saturating_sub(1)).rev() {

@@ -1,8 +1,9 @@
 //! Arithmetic modulo primes below 2⁶³ and the way back to integers and rationals.
 //!
-//! Exact results are computed modulo many primes and put together by the Chinese remainder theorem. Residues are kept in
-//! Montgomery form (P. L. Montgomery, Math. Comp. 44, 1985, pages 519–521): a residue a is stored as a·2⁶⁴ mod p. Rational
-//! numbers come back by the half-way Euclidean algorithm (P. S. Wang, SYMSAC 1981, pages 212–217).
+//! Exact results are computed modulo many primes and put together by the Chinese remainder theorem.
+//! Residues are kept in Montgomery form (P. L. Montgomery, Math. Comp. 44, 1985, pages 519–521): a
+//! residue a is stored as a·2⁶⁴ mod p. Rational numbers come back by the half-way Euclidean
+//! algorithm (P. S. Wang, SYMSAC 1981, pages 212–217).
 //!
 //! The primes are always the same ones, descending from 2⁶²: results do not depend on chance.
 
@@ -11,8 +12,8 @@ use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
 use std::sync::{Mutex, PoisonError};
 
-/// The field of integers modulo an odd prime p < 2⁶³; its elements are `u64` in Montgomery form, made by [`Fp::of_u64`] and read
-/// by [`Fp::value`]. Zero is 0.
+/// The field of integers modulo an odd prime p < 2⁶³; its elements are `u64` in Montgomery form,
+/// made by [`Fp::of_u64`] and read by [`Fp::value`]. Zero is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fp {
     p: u64,
@@ -74,7 +75,8 @@ impl Fp {
     }
     /// The residue of a large integer.
     pub fn of_ubig(&self, a: &UBig) -> u64 {
-        // Horner in base 2^64: multiplication by r2 in Montgomery form is multiplication by 2^64 of plain residues.
+        // Horner in base 2^64: multiplication by r2 in Montgomery form is multiplication by 2^64 of
+        // plain residues.
         let mut sum = 0;
         for &word in a.as_words().iter().rev() {
             sum = self.add(self.mul(sum, self.r2), word % self.p);
@@ -174,8 +176,8 @@ impl Fp {
     }
 }
 
-/// Whether n is prime: Miller–Rabin with the first twelve primes as bases, which is a proof below 3.3·10²⁴
-/// (J. Sorenson, J. Webster, Math. Comp. 86, 2017, pages 985–1003).
+/// Whether n is prime: Miller–Rabin with the first twelve primes as bases, which is a proof below
+/// 3.3·10²⁴ (J. Sorenson, J. Webster, Math. Comp. 86, 2017, pages 985–1003).
 pub fn is_prime(n: u64) -> bool {
     const BASES: [u64; 12] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37];
     if n < 2 {
@@ -202,7 +204,8 @@ pub fn is_prime(n: u64) -> bool {
     })
 }
 
-/// The primes below 2⁶² in descending order, one field after the other; they are found once and remembered.
+/// The primes below 2⁶² in descending order, one field after the other; they are found once and
+/// remembered.
 pub fn primes() -> impl Iterator<Item = Fp> {
     static KNOWN: Mutex<Vec<u64>> = Mutex::new(Vec::new());
     (0..).map(|i| {
@@ -218,7 +221,8 @@ pub fn primes() -> impl Iterator<Item = Fp> {
     })
 }
 
-/// Integers that become known modulo one prime after the other (Garner's algorithm, one list at a time).
+/// Integers that become known modulo one prime after the other (Garner's algorithm, one list at a
+/// time).
 #[derive(Clone, Debug)]
 pub struct Crt {
     modulus: UBig,
@@ -237,7 +241,8 @@ impl Crt {
     pub fn modulus(&self) -> &UBig {
         &self.modulus
     }
-    /// Takes in the integers' residues modulo one more prime; whether that changed any integer, read symmetrically about zero.
+    /// Takes in the integers' residues modulo one more prime; whether that changed any integer,
+    /// read symmetrically about zero.
     ///
     /// # Panics
     /// If the number of residues differs from the number of integers, or the prime was used before.
@@ -253,7 +258,8 @@ impl Crt {
         let mut changed = false;
         for (value, &residue) in self.values.iter_mut().zip(residues) {
             let step = field.value(field.mul(field.sub(residue, field.of_ubig(value)), inverse));
-            // A symmetric value v ≥ 0 stays as it is by step 0; v < 0 is stored as M + v and stays by step p − 1.
+            // A symmetric value v ≥ 0 stays as it is by step 0; v < 0 is stored as M + v and stays
+            // by step p − 1.
             changed |= step != if *value > half { field.prime() - 1 } else { 0 };
             if step != 0 {
                 *value += &self.modulus * step;
@@ -274,8 +280,9 @@ impl Crt {
         };
         self.values.iter().map(lift).collect()
     }
-    /// A common denominator d and integers nᵢ such that nᵢ/d has the residues taken in, |nᵢ| and d below √(M/2); nothing if there
-    /// is none. Wang's reconstruction, the denominator found so far multiplied into the next value before it.
+    /// A common denominator d and integers nᵢ such that nᵢ/d has the residues taken in, |nᵢ| and d
+    /// below √(M/2); nothing if there is none. Wang's reconstruction, the denominator found so far
+    /// multiplied into the next value before it.
     pub fn rational(&self) -> Option<(Vec<IBig>, UBig)> {
         let mut denominator = UBig::ONE;
         let mut numerators: Vec<IBig> = Vec::with_capacity(self.values.len());

@@ -8,8 +8,9 @@
 //! number  = 12 | 0.25 | .5 | 1e-3                  exact: 0.1 is one tenth
 //! ```
 //!
-//! A product needs its `*`. Texts may come from anywhere: nesting, degrees, numbers of terms, lengths of numbers and the work of
-//! multiplying out are bounded, and what exceeds a bound is an error, not a wait.
+//! A product needs its `*`. Texts may come from anywhere: nesting, degrees, numbers of terms,
+//! lengths of numbers and the work of multiplying out are bounded, and what exceeds a bound is an
+//! error, not a wait.
 
 use crate::poly::{MAX_VARS, Poly};
 use dashu_base::Signed;
@@ -21,7 +22,8 @@ use std::fmt;
 const MAX_DEPTH: usize = 200;
 /// Largest total degree at any stage of reading.
 pub const MAX_DEGREE: usize = 1000;
-/// Largest number of terms at any stage of reading: a dense polynomial of degree 400 in two variables.
+/// Largest number of terms at any stage of reading: a dense polynomial of degree 400 in two
+/// variables.
 const MAX_TERMS: usize = 100_000;
 /// Largest number of bits of a coefficient at any stage of reading.
 const MAX_BITS: usize = 200_000;
@@ -98,7 +100,8 @@ impl Poly {
         }
     }
 
-    /// This polynomial as text, variable i under the name `names[i]`, that [`Poly::parse`] reads back.
+    /// This polynomial as text, variable i under the name `names[i]`, that [`Poly::parse`] reads
+    /// back.
     ///
     /// # Panics
     /// When written, if a variable without name occurs.
@@ -177,7 +180,8 @@ impl Parser<'_> {
     }
 
     fn sum(&mut self, depth: usize) -> Result<Poly, ParseError> {
-        // Partial sums of 1, 2, 4, … terms as in merge sort: adding up one by one is quadratic in the length of the text.
+        // Partial sums of 1, 2, 4, … terms as in merge sort: adding up one by one is quadratic in
+        // the length of the text.
         let mut parts: Vec<(u32, Poly)> = Vec::new();
         let mut negative = false;
         loop {

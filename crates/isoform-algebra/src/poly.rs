@@ -1,10 +1,12 @@
 //! Polynomials over Q in up to four variables.
 //!
-//! A [`Poly`] knows its variables by number only: x₀ … x₃. Names belong to text ([`Poly::parse`], [`Poly::display`]), so that
-//! (X : Y : Z : W) in s, t and an implicit equation in x, y, z, w meet without conversions, and homogenising is choosing a number.
+//! A [`Poly`] knows its variables by number only: x₀ … x₃. Names belong to text ([`Poly::parse`],
+//! [`Poly::display`]), so that (X : Y : Z : W) in s, t and an implicit equation in x, y, z, w meet
+//! without conversions, and homogenising is choosing a number.
 //!
-//! Coefficients are integers over one common denominator without common factor; terms are in descending lexicographic order.
-//! Equal polynomials are equal values, and everything made from them comes in the same order each time.
+//! Coefficients are integers over one common denominator without common factor; terms are in
+//! descending lexicographic order. Equal polynomials are equal values, and everything made from
+//! them comes in the same order each time.
 
 use crate::UPoly;
 use dashu_base::{Gcd, Signed, UnsignedAbs};
@@ -128,7 +130,8 @@ impl Poly {
         exact.map(Self::from_terms)
     }
 
-    /// Terms in descending order, without zeros, over a denominator with which the coefficients have no factor in common.
+    /// Terms in descending order, without zeros, over a denominator with which the coefficients
+    /// have no factor in common.
     pub(crate) fn normalised(mut terms: Vec<(Exponents, IBig)>, mut denominator: UBig) -> Self {
         assert!(!denominator.is_zero(), "a zero denominator");
         if terms.is_empty() {
@@ -152,7 +155,8 @@ impl Poly {
         Self { terms, denominator }
     }
 
-    /// The integer coefficients over [`Poly::denominator`], in descending lexicographic order of exponents, none zero.
+    /// The integer coefficients over [`Poly::denominator`], in descending lexicographic order of
+    /// exponents, none zero.
     pub fn terms(&self) -> &[(Exponents, IBig)] {
         &self.terms
     }
@@ -360,7 +364,8 @@ impl Poly {
             .collect()
     }
 
-    /// The positive number by which the coefficients of [`Poly::primitive`] were multiplied, up to sign; 0 for the zero polynomial.
+    /// The positive number by which the coefficients of [`Poly::primitive`] were multiplied, up to
+    /// sign; 0 for the zero polynomial.
     pub fn content(&self) -> RBig {
         RBig::from_parts(IBig::from(self.integer_content()), self.denominator.clone())
     }
@@ -378,7 +383,8 @@ impl Poly {
         }
         common
     }
-    /// The multiple with integer coefficients without common factor whose leading coefficient is positive.
+    /// The multiple with integer coefficients without common factor whose leading coefficient is
+    /// positive.
     pub fn primitive(&self) -> Self {
         let Some((_, lead)) = self.terms.first() else {
             return Self::zero();
@@ -458,7 +464,8 @@ impl Poly {
         };
         self.terms.iter().map(|(e, c)| (*e, round(c))).collect()
     }
-    /// The primitive univariate polynomial of which this is a multiple, if no variable but `var` occurs.
+    /// The primitive univariate polynomial of which this is a multiple, if no variable but `var`
+    /// occurs.
     pub fn to_upoly(&self, var: usize) -> Option<UPoly> {
         let mut coefficients = vec![IBig::ZERO; self.degree(var) + 1];
         for (e, c) in &self.terms {
@@ -561,8 +568,8 @@ pub(crate) fn fraction_powers(r: &RBig, degree: usize) -> Vec<IBig> {
     table
 }
 
-/// Terms being summed up: an array over the box of exponents where that is not much larger than the number of terms, a sorted map
-/// otherwise.
+/// Terms being summed up: an array over the box of exponents where that is not much larger than the
+/// number of terms, a sorted map otherwise.
 enum Accumulator {
     Dense {
         strides: [usize; MAX_VARS],

@@ -1,16 +1,19 @@
 //! Resultants, discriminants and subresultants of polynomials in two variables.
 //!
-//! Values at points modulo primes, interpolated and lifted (G. E. Collins, J. ACM 18, 1971, pages 515–532). Degrees and the number
-//! of primes come from bounds on the Sylvester matrix: of a determinant of polynomials each coefficient is at most the product over
-//! the rows of √(Σ‖aᵢⱼ‖₁²) (A. J. Goldstein, R. L. Graham, SIAM Review 16, 1974, pages 394–395). The results are proven.
+//! Values at points modulo primes, interpolated and lifted (G. E. Collins, J. ACM 18, 1971, pages
+//! 515–532). Degrees and the number of primes come from bounds on the Sylvester matrix: of a
+//! determinant of polynomials each coefficient is at most the product over the rows of √(Σ‖aᵢⱼ‖₁²)
+//! (A. J. Goldstein, R. L. Graham, SIAM Review 16, 1974, pages 394–395). The results are proven.
 //!
-//! The j-th subresultant of f (degree n) and g (degree m ≤ n) in y is the polynomial of degree at most j
+//! The j-th subresultant of f (degree n) and g (degree m ≤ n) in y is the polynomial of degree at
+//! most j
 //!
 //! ```text
 //! Sⱼ = Σᵢ det(Mⱼᵢ) yⁱ,   Mⱼᵢ: rows y^(m−j−1) f, …, f, y^(n−j−1) g, …, g; columns y^(n+m−j−1), …, y^(j+1), yⁱ
 //! ```
 //!
-//! and S₀ is the resultant. Where S₀ … S₍ₖ₋₁₎ lose their principal coefficients (of yʲ) and Sₖ does not, Sₖ is the common divisor.
+//! and S₀ is the resultant. Where S₀ … S₍ₖ₋₁₎ lose their principal coefficients (of yʲ) and Sₖ does
+//! not, Sₖ is the common divisor.
 
 use crate::modpoly;
 use crate::modular::{Crt, Fp, primes, sqrt_floor};
@@ -34,8 +37,9 @@ pub enum ResultantError {
     Stopped,
 }
 
-/// The resultant of two polynomials with respect to a variable; they have at most one other variable. It is zero if one of the
-/// polynomials is, and the other's power if one of them lacks the variable.
+/// The resultant of two polynomials with respect to a variable; they have at most one other
+/// variable. It is zero if one of the polynomials is, and the other's power if one of them lacks
+/// the variable.
 ///
 /// ```
 /// use isoform_algebra::{Poly, resultant};
@@ -66,7 +70,8 @@ pub fn resultant(
     )))
 }
 
-/// The discriminant with respect to a variable, (−1)^(n(n−1)/2) Res(f, f′)/lc(f); 1 for degree 1 and below.
+/// The discriminant with respect to a variable, (−1)^(n(n−1)/2) Res(f, f′)/lc(f); 1 for degree 1
+/// and below.
 ///
 /// # Errors
 /// [`ResultantError`].
@@ -120,7 +125,8 @@ fn hadamard(f: &UBig, m: usize, g: &UBig, n: usize) -> UBig {
     (sqrt_floor(&(f.pow(m) * g.pow(n))) + UBig::ONE) << 1
 }
 
-/// Res of two polynomials whose formal degrees are their lengths less one, whatever vanishes at the top.
+/// Res of two polynomials whose formal degrees are their lengths less one, whatever vanishes at the
+/// top.
 fn resultant_at(f: &Fp, a: &[u64], b: &[u64]) -> u64 {
     let (n, m) = (a.len() - 1, b.len() - 1);
     let (mut a, mut b) = (a.to_vec(), b.to_vec());
@@ -229,12 +235,14 @@ impl Pair {
         Ok((other, Self { f, g, total, norms }))
     }
 
-    /// A bound on the degree in x of the coefficient of yⁱ in Sⱼ: by degrees in x, and by total degrees.
+    /// A bound on the degree in x of the coefficient of yⁱ in Sⱼ: by degrees in x, and by total
+    /// degrees.
     fn degree_bound(&self, j: usize, i: usize) -> usize {
         let (n, m) = (self.f.len() - 1, self.g.len() - 1);
         let along = |p: &[UPoly]| p.iter().map(UPoly::degree).max().unwrap_or(0);
         let by_x = along(&self.f) * (m - j) + along(&self.g) * (n - j);
-        // Row yˢ f has in the column of yᶜ a coefficient of degree at most (total degree of f) + s − c.
+        // Row yˢ f has in the column of yᶜ a coefficient of degree at most (total degree of f) + s
+        // − c.
         let shifts = |rows: usize| rows * rows.saturating_sub(1) / 2;
         let columns: usize = (j + 1..n + m - j).sum::<usize>() + i;
         let by_total =
@@ -243,7 +251,8 @@ impl Pair {
         by_x.min(by_total)
     }
 
-    /// Twice a bound on the coefficients of Sⱼ: its rows are some of those of S₀, and none of them is shorter than 1.
+    /// Twice a bound on the coefficients of Sⱼ: its rows are some of those of S₀, and none of them
+    /// is shorter than 1.
     fn modulus_bound(&self, j: usize) -> UBig {
         hadamard(
             &self.norms.0,
@@ -253,9 +262,9 @@ impl Pair {
         )
     }
 
-    /// The coefficients of yⁱ in Sⱼ for pairs (j, i) as integer polynomials in x, from their values at points modulo primes, which `at`
-    /// gives from the values of the coefficients of f and g. With `exact` points are left out where a leading coefficient
-    /// vanishes.
+    /// The coefficients of yⁱ in Sⱼ for pairs (j, i) as integer polynomials in x, from their values
+    /// at points modulo primes, which `at` gives from the values of the coefficients of f and g.
+    /// With `exact` points are left out where a leading coefficient vanishes.
     fn lift(
         &self,
         wanted: &[(usize, usize)],
@@ -334,13 +343,13 @@ impl Pair {
     }
 }
 
-/// The subresultants of two polynomials in y with coefficients in x, taken as their integer multiples by the (positive)
-/// denominators, so that signs are kept.
+/// The subresultants of two polynomials in y with coefficients in x, taken as their integer
+/// multiples by the (positive) denominators, so that signs are kept.
 pub struct Subresultants {
     /// Coefficient of yʲ in Sⱼ at index j, as polynomials in x; as many as the lower degree in y.
     pub principal: Vec<UPoly>,
-    /// Coefficient of y^(j−1) in Sⱼ at index j; 0 at index 0. Where Sₖ is the common divisor and has a single root, that root is
-    /// −next\[k\]/(k·principal\[k\]).
+    /// Coefficient of y^(j−1) in Sⱼ at index j; 0 at index 0. Where Sₖ is the common divisor and
+    /// has a single root, that root is −next\[k\]/(k·principal\[k\]).
     pub next: Vec<UPoly>,
     pair: Pair,
     var: usize,

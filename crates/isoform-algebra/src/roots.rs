@@ -1,9 +1,10 @@
 //! Real roots of integer polynomials: isolation and exact computing with them.
 //!
-//! Isolation bisects with Descartes' rule of signs (G. E. Collins, A. G. Akritas, SYMSAC 1976): the sign changes of
-//! (1 + x)ⁿ q(1/(1 + x)) bound the number of roots of q in (0, 1), and 0 and 1 are the exact number. Refinement is by quadratic
-//! interval refinement (J. Abbott, *Quadratic interval refinement for real roots*, 2006/2012), which is bisection that becomes
-//! as fast as Newton's iteration. All interval ends are dyadic numbers, all decisions exact.
+//! Isolation bisects with Descartes' rule of signs (G. E. Collins, A. G. Akritas, SYMSAC 1976): the
+//! sign changes of (1 + x)ⁿ q(1/(1 + x)) bound the number of roots of q in (0, 1), and 0 and 1 are
+//! the exact number. Refinement is by quadratic interval refinement (J. Abbott, *Quadratic interval
+//! refinement for real roots*, 2006/2012), which is bisection that becomes as fast as Newton's
+//! iteration. All interval ends are dyadic numbers, all decisions exact.
 
 use crate::modular::bits;
 use crate::upoly::{UPoly, sign};
@@ -14,7 +15,8 @@ use isoform_num::Interval;
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// A real algebraic number: a squarefree polynomial and an interval that holds exactly one of its roots.
+/// A real algebraic number: a squarefree polynomial and an interval that holds exactly one of its
+/// roots.
 ///
 /// Comparison is exact, also of roots of different polynomials.
 ///
@@ -27,8 +29,8 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct RealRoot {
     poly: Arc<UPoly>,
-    /// The root is lo/2^shift if lo = hi; otherwise it lies strictly between lo/2^shift and hi/2^shift, where the polynomial
-    /// has different signs, none zero.
+    /// The root is lo/2^shift if lo = hi; otherwise it lies strictly between lo/2^shift and
+    /// hi/2^shift, where the polynomial has different signs, none zero.
     lo: IBig,
     hi: IBig,
     shift: usize,
@@ -81,7 +83,8 @@ pub fn count_roots_between(p: &UPoly, lo: &RBig, hi: &RBig) -> usize {
         .count()
 }
 
-/// k ≥ 0 such that all roots have absolute values below 2^k: M. Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
+/// k ≥ 0 such that all roots have absolute values below 2^k: M. Fujiwara's bound 2 max
+/// |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
 fn root_bound_bits(p: &UPoly) -> usize {
     let c = p.coefficients();
     let n = p.degree();
@@ -95,7 +98,8 @@ fn root_bound_bits(p: &UPoly) -> usize {
         + 1
 }
 
-/// Intervals (lo, hi, shift) in ascending order that hold one root each of the positive ones below 2^bound; 0 is no root.
+/// Intervals (lo, hi, shift) in ascending order that hold one root each of the positive ones below
+/// 2^bound; 0 is no root.
 fn isolate_positive(p: &UPoly, bound: usize) -> Vec<(IBig, IBig, usize)> {
     let n = p.degree();
     let scaled: Vec<IBig> = p
@@ -288,7 +292,8 @@ impl RealRoot {
     pub fn poly(&self) -> &UPoly {
         &self.poly
     }
-    /// The ends of the isolating interval: equal to the root if they are equal, otherwise the root is strictly between them.
+    /// The ends of the isolating interval: equal to the root if they are equal, otherwise the root
+    /// is strictly between them.
     pub fn interval(&self) -> (RBig, RBig) {
         (self.dyadic(&self.lo), self.dyadic(&self.hi))
     }
@@ -346,7 +351,8 @@ impl RealRoot {
                 (_, false) => (lo, neighbour, false),
             }
         };
-        // In the lowest gear the two parts are always decided; beyond 2^16 parts at once nothing is gained.
+        // In the lowest gear the two parts are always decided; beyond 2^16 parts at once nothing is
+        // gained.
         self.gear = if success {
             (2 * gear).min(1 << 16)
         } else {
@@ -355,7 +361,8 @@ impl RealRoot {
         (self.lo, self.hi, self.shift) = (new_lo, new_hi, shift);
     }
 
-    /// The values at the ends up to a common factor, with certain signs and to more bits than the next refinement has parts.
+    /// The values at the ends up to a common factor, with certain signs and to more bits than the
+    /// next refinement has parts.
     fn at_ends(&self) -> (IBig, IBig) {
         let mut precision = 64 + self.shift + self.gear;
         while precision < self.poly.whole_precision(self.shift) {
@@ -387,7 +394,8 @@ impl RealRoot {
                 return sign;
             }
             if round == 1 {
-                // The commonest case of a zero: g is a multiple of the polynomial, perhaps with a constant factor missing.
+                // The commonest case of a zero: g is a multiple of the polynomial, perhaps with a
+                // constant factor missing.
                 if g.primitive().div_exact(&root.poly.primitive()).is_some() {
                     return Ordering::Equal;
                 }
@@ -514,8 +522,8 @@ impl RealRoot {
         }
     }
 
-    /// The rational number of least denominator (of these the least in absolute value) that the refinement of both intervals
-    /// finds strictly between this number and a larger one.
+    /// The rational number of least denominator (of these the least in absolute value) that the
+    /// refinement of both intervals finds strictly between this number and a larger one.
     ///
     /// # Panics
     /// If the other number is not larger.
@@ -567,7 +575,8 @@ impl Ord for RealRoot {
                 return Ordering::Greater;
             }
             if !distinct && round > 0 {
-                // A common root lies in both intervals; there the common divisor changes sign, and only there.
+                // A common root lies in both intervals; there the common divisor changes sign, and
+                // only there.
                 let h = if Arc::ptr_eq(&a.poly, &b.poly) {
                     (*a.poly).clone()
                 } else {
@@ -597,7 +606,8 @@ pub(crate) fn floor(r: &RBig) -> IBig {
     }
 }
 
-/// The rational number of least denominator strictly between two, of these the one of least absolute value (Stern–Brocot).
+/// The rational number of least denominator strictly between two, of these the one of least
+/// absolute value (Stern–Brocot).
 ///
 /// # Panics
 /// If lo ≥ hi.
@@ -610,23 +620,30 @@ pub fn simplest_between(lo: &RBig, hi: &RBig) -> RBig {
     }
 }
 
-/// 0 ≤ lo < hi.
+/// 0 ≤ lo < hi. The continued fraction that both begin with, by a loop: it may have as many terms
+/// as the numbers have digits.
 fn simplest_positive(lo: &RBig, hi: &RBig) -> RBig {
-    let whole = floor(lo);
-    let next = RBig::from(&whole + 1);
-    if next < *hi {
-        return next;
-    }
-    // Both in [whole, whole + 1]: invert the fractional parts; the upper end of the inverse may be infinite.
-    let (lo_part, hi_part) = (
-        lo - RBig::from(whole.clone()),
-        hi - RBig::from(whole.clone()),
-    );
-    let inverse_lo = RBig::ONE / hi_part;
-    let tail = if lo_part.is_zero() {
-        RBig::from(floor(&inverse_lo) + 1)
-    } else {
-        simplest_positive(&inverse_lo, &(RBig::ONE / lo_part))
+    let (mut lo, mut hi) = (lo.clone(), hi.clone());
+    let mut wholes = Vec::new();
+    let mut tail = loop {
+        let whole = floor(&lo);
+        let next = RBig::from(&whole + 1);
+        if next < hi {
+            break next;
+        }
+        // Both in [whole, whole + 1]: invert the fractional parts; the upper end of the inverse may
+        // be infinite.
+        let whole = RBig::from(whole);
+        let (lo_part, hi_part) = (&lo - &whole, &hi - &whole);
+        wholes.push(whole);
+        lo = RBig::ONE / hi_part;
+        if lo_part.is_zero() {
+            break RBig::from(floor(&lo) + 1);
+        }
+        hi = RBig::ONE / lo_part;
     };
-    RBig::from(whole) + RBig::ONE / tail
+    for whole in wholes.into_iter().rev() {
+        tail = whole + RBig::ONE / tail;
+    }
+    tail
 }

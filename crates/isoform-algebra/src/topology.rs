@@ -1,4 +1,5 @@
-//! The topology of a real plane algebraic curve in the projective plane, from its arrangements in the four unit triangles.
+//! The topology of a real plane algebraic curve in the projective plane, from its arrangements in
+//! the four unit triangles.
 
 use crate::arrangement::{Arrangement, ArrangementError};
 use crate::poly::Poly;
@@ -8,7 +9,8 @@ use std::collections::BTreeMap;
 /// What a curve consists of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CurveTopology {
-    /// Closed components without branching that do not change the sides of the plane: each bounds a disk. Cusps do not count as branching.
+    /// Closed components without branching that do not change the sides of the plane: each bounds a
+    /// disk. Cusps do not count as branching.
     pub ovals: usize,
     /// Closed components without branching along which the plane is a Möbius strip, such as lines.
     pub pseudolines: usize,
@@ -21,7 +23,8 @@ pub struct CurveTopology {
 /// Signs of s and t in the four unit triangles: (s : t : w) = (±u : ±v : 1 − u − v).
 pub const QUADRANTS: [[i64; 2]; 4] = [[1, 1], [-1, 1], [-1, -1], [1, -1]];
 
-/// A form in variables 0, 1, 2 (s, t, w) as a polynomial in u, v (0, 1) of one of the unit triangles.
+/// A form in variables 0, 1, 2 (s, t, w) as a polynomial in u, v (0, 1) of one of the unit
+/// triangles.
 pub fn in_triangle(form: &Poly, quadrant: usize) -> Poly {
     let [s, t] = QUADRANTS[quadrant];
     let (u, v) = (Poly::var(0), Poly::var(1));
@@ -71,7 +74,8 @@ impl Graph {
         *self.nodes.entry(node).or_insert(next)
     }
 
-    /// The part of the curve in one triangle; what lies on sides is the same from both sides of them.
+    /// The part of the curve in one triangle; what lies on sides is the same from both sides of
+    /// them.
     fn add(&mut self, arrangement: &Arrangement, quadrant: usize) {
         let [s, t] = QUADRANTS[quadrant];
         let walls = &arrangement.walls;
@@ -79,7 +83,8 @@ impl Graph {
         let on = |k: usize, p: usize| {
             walls[k].points[p].curves.contains(&0) || walls[k].vertical.contains(&0)
         };
-        // Names of the points, and whether they are taken as −(s, t, w) here: those with w = 0 have s > 0, or s = 0 and t > 0.
+        // Names of the points, and whether they are taken as −(s, t, w) here: those with w = 0 have
+        // s > 0, or s = 0 and t > 0.
         let mut names: BTreeMap<(usize, usize), (Node, bool)> = BTreeMap::new();
         let (mut on_left, mut on_lower, mut on_upper) = (0, 0, 0);
         for (k, wall) in walls.iter().enumerate() {
@@ -254,20 +259,12 @@ mod tests {
         );
     }
 
-    /// The pole curves of the zoo, whose topology was computed elsewhere, by an exact sweep in another frame.
+    /// The pole curves of the zoo, whose topology was computed elsewhere, by an exact sweep in
+    /// another frame.
     #[test]
     fn pole_curves_of_the_zoo() {
-        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/zoo");
-        let Ok(files) = std::fs::read_dir(&folder) else {
-            println!("skip  {} is not there", folder.display());
-            return;
-        };
-        let mut files: Vec<_> = files
-            .filter_map(|f| f.ok().map(|f| f.path()))
-            .filter(|p| p.extension().is_some_and(|e| e == "json"))
-            .collect();
-        files.sort();
-        for file in files {
+        let mut compared = 0;
+        for file in isoform_testdata::files("zoo", "json") {
             let map: serde_json::Value =
                 serde_json::from_str(&std::fs::read_to_string(&file).expect("readable"))
                     .expect("JSON");
@@ -293,6 +290,8 @@ mod tests {
                 "{}: {w}",
                 file.display()
             );
+            compared += 1;
         }
+        assert_eq!(compared, 34, "the valid surfaces of the zoo");
     }
 }

@@ -11,7 +11,8 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 /// A univariate polynomial with integer coefficients, lowest first; the highest is not zero.
 ///
-/// Roots, factors and divisors do not change by a constant factor: polynomials over Q travel as their primitive multiples.
+/// Roots, factors and divisors do not change by a constant factor: polynomials over Q travel as
+/// their primitive multiples.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Default)]
 pub struct UPoly {
     coefficients: Vec<IBig>,
@@ -100,7 +101,8 @@ impl UPoly {
     pub fn eval(&self, x: &RBig) -> RBig {
         RBig::from_parts(self.eval_homogeneous(x), x.denominator().pow(self.degree()))
     }
-    /// The value at x times the positive number denominator(x)^degree: an integer with the sign of the value.
+    /// The value at x times the positive number denominator(x)^degree: an integer with the sign of
+    /// the value.
     fn eval_homogeneous(&self, x: &RBig) -> IBig {
         if x.denominator().is_one() {
             return self
@@ -127,8 +129,8 @@ impl UPoly {
         }
         sum
     }
-    /// The value at numerator/2^shift and a bound of its error, both in units of 2^(t − precision) where t is the bit length of the largest
-    /// coefficient.
+    /// The value at numerator/2^shift and a bound of its error, both in units of 2^(t − precision)
+    /// where t is the bit length of the largest coefficient.
     pub(crate) fn eval_near(
         &self,
         numerator: &IBig,
@@ -145,7 +147,8 @@ impl UPoly {
         }
         (sum, error)
     }
-    /// A bound of the slopes between any points up to numerator/2^shift in absolute value, in the same units.
+    /// A bound of the slopes between any points up to numerator/2^shift in absolute value, in the
+    /// same units.
     pub(crate) fn slope_bound(&self, numerator: &IBig, shift: usize, precision: usize) -> IBig {
         let (lost, gained) = self.unit(precision);
         let mut sum = IBig::ZERO;
@@ -220,7 +223,8 @@ impl UPoly {
             .all(IBig::is_zero)
             .then(|| Self::new(quotient))
     }
-    /// The remainder of lc(divisor)^k times this polynomial for some even k, so that signs are kept.
+    /// The remainder of lc(divisor)^k times this polynomial for some even k, so that signs are
+    /// kept.
     ///
     /// # Panics
     /// If the divisor is 0.

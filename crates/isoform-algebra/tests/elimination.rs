@@ -170,7 +170,8 @@ fn closed_forms() {
         resultant(&p("x + y"), &p("x"), 0, &|| true),
         Err(ResultantError::Stopped)
     );
-    // The tacnode of (y − x²)(y + x²)(y − 3): over x = 0 the divisor S₁ of f and f′ has the root y = 0, over x² = 3 the root y = 3.
+    // The tacnode of (y − x²)(y + x²)(y − 3): over x = 0 the divisor S₁ of f and f′ has the root y
+    // = 0, over x² = 3 the root y = 3.
     let f = p("(y^2 - x^4)*(y - 3)");
     let chain = Subresultants::new(&f, &f.derivative(1), 1, &go).expect("two variables");
     assert_eq!(
@@ -202,7 +203,8 @@ fn closed_forms() {
     );
 }
 
-/// Values at small integers that agree by design: y(y−1)(y−2)… vanishes at the first points anyone would try.
+/// Values at small integers that agree by design: y(y−1)(y−2)… vanishes at the first points anyone
+/// would try.
 #[test]
 fn no_small_point_deceives() {
     let falling = (0..12).fold(Poly::one(), |q, i| q * (Poly::var(1) - Poly::constant(i)));

@@ -1,4 +1,5 @@
-//! Factorisation: products come apart into what they were made of, irreducible polynomials stay whole.
+//! Factorisation: products come apart into what they were made of, irreducible polynomials stay
+//! whole.
 
 use isoform_algebra::{FactorError, IBig, Poly, RBig, UPoly};
 use proptest::prelude::*;

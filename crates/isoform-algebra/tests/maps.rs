@@ -1,10 +1,10 @@
-//! Implicit equations and degrees of rational maps: textbook surfaces, and the whole zoo where it is at hand.
+//! Implicit equations and degrees of rational maps: textbook surfaces, and the whole zoo where it
+//! is at hand.
 
 use isoform_algebra::{
     DEFAULT_MAX_DEGREE, MapDegrees, MapError, Poly, RBig, image_dimension, implicit, map_degrees,
 };
 use serde_json::Value;
-use std::path::Path;
 
 fn go() -> bool {
     false
@@ -110,8 +110,9 @@ fn refusals() {
     );
 }
 
-/// From degree 5 on equations come from lines; they vanish on the map, multiplied out by other code. A map of degree 3 in space
-/// coordinates of which every base point (1:0:0:0) … (0:0:0:1) lies on the surface needs another centre of projection.
+/// From degree 5 on equations come from lines; they vanish on the map, multiplied out by other
+/// code. A map of degree 3 in space coordinates of which every base point (1:0:0:0) … (0:0:0:1)
+/// lies on the surface needs another centre of projection.
 #[test]
 fn equations_of_higher_degree() {
     let mut rng = fastrand::Rng::with_seed(3);
@@ -211,24 +212,12 @@ fn degrees_do_not_depend_on_the_frame() {
 
 #[test]
 fn the_zoo() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/zoo");
-    let Ok(entries) = std::fs::read_dir(&folder) else {
-        println!("skipped: the zoo of surfaces is not here");
-        return;
-    };
     let mut checked = 0;
-    for path in entries
-        .map(|e| e.expect("an entry").path())
-        .filter(|p| p.extension().is_some_and(|e| e == "json"))
-    {
+    for path in isoform_testdata::files("zoo", "json") {
         let json: Value =
             serde_json::from_str(&std::fs::read_to_string(&path).expect("a readable file"))
                 .expect("JSON");
-        let name = path
-            .file_stem()
-            .expect("a name")
-            .to_string_lossy()
-            .into_owned();
+        let name = isoform_testdata::stem(&path);
         let map: [Poly; 4] = ["X", "Y", "Z", "W"].map(|k| {
             Poly::parse(json[k].as_str().expect("a text"), &["s", "t"]).expect("a polynomial")
         });

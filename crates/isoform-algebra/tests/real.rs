@@ -136,7 +136,8 @@ proptest! {
 
 #[test]
 fn famous_polynomials() {
-    // Wilkinson: 1 … 20. Chebyshev of degree 40: cos((2k + 1)π/80). Mignotte: two roots closer than 2^−60.
+    // Wilkinson: 1 … 20. Chebyshev of degree 40: cos((2k + 1)π/80). Mignotte: two roots closer than
+    // 2^−60.
     let wilkinson = with_roots(&(1..=20).map(|n| (n, 1)).collect::<Vec<_>>());
     assert!(
         real_roots(&wilkinson)
@@ -177,7 +178,8 @@ fn famous_polynomials() {
 
 #[test]
 fn fibres_at_critical_points() {
-    // Curve, x as a root of a polynomial (which one), multiplicities of the real roots upwards, distinct complex roots.
+    // Curve, x as a root of a polynomial (which one), multiplicities of the real roots upwards,
+    // distinct complex roots.
     let cases: [(&str, &str, usize, &[usize], usize); 14] = [
         ("x^2 + y^2 - 1", "x - 1", 0, &[2], 1),
         ("x^2 + y^2 - 1", "x^2 - 2", 0, &[], 2),
@@ -227,7 +229,8 @@ fn fibres_at_critical_points() {
     assert!(vertical.is_err_and(|e| e == isoform_algebra::FibreError::Vertical));
 }
 
-/// Signs of subresultants count the roots that isolation finds, over rational points and critical ones.
+/// Signs of subresultants count the roots that isolation finds, over rational points and critical
+/// ones.
 #[test]
 fn counting_agrees_with_isolating() {
     let mut rng = fastrand::Rng::with_seed(9);
@@ -263,7 +266,8 @@ fn counting_agrees_with_isolating() {
     }
 }
 
-/// Roots halfway between two neighbouring doubles, on a grid that halving the first interval does not meet: ties go to the even one.
+/// Roots halfway between two neighbouring doubles, on a grid that halving the first interval does
+/// not meet: ties go to the even one.
 #[test]
 fn ties() {
     let coefficients = [

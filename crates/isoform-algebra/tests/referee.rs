@@ -1,4 +1,5 @@
-//! Answers of FLINT (through python-flint) to the same questions; golden/flint.txt is what this script prints:
+//! Answers of FLINT (through python-flint) to the same questions; golden/flint.txt is what this
+//! script prints:
 //!
 //! ```text
 //! # python-flint 0.9 (FLINT 3): resultants, discriminants, gcds, factors and real roots of seeded random polynomials.

@@ -1,4 +1,5 @@
-//! Polynomials obey the laws of the ring, evaluation and composition are homomorphisms, conversions are exact.
+//! Polynomials obey the laws of the ring, evaluation and composition are homomorphisms, conversions
+//! are exact.
 
 use isoform_algebra::{Exponents, IBig, Poly, RBig, UBig};
 use proptest::prelude::*;
@@ -7,7 +8,8 @@ fn rational() -> impl Strategy<Value = RBig> {
     (any::<i16>(), 1u16..300).prop_map(|(n, d)| RBig::from_parts(IBig::from(n), UBig::from(d)))
 }
 
-/// Up to `terms` terms in `vars` variables, exponents below `degree`; zero, constants and coinciding terms included.
+/// Up to `terms` terms in `vars` variables, exponents below `degree`; zero, constants and
+/// coinciding terms included.
 fn poly(vars: usize, degree: u16, terms: usize) -> impl Strategy<Value = Poly> {
     let exponents = prop::array::uniform4(0..degree).prop_map(move |mut e| {
         e[vars..].fill(0);
@@ -88,7 +90,8 @@ proptest! {
     }
 }
 
-/// Forms composed with forms go through a grid of two variables; Horner's rule is the referee, reached by a part with a fourth variable.
+/// Forms composed with forms go through a grid of two variables; Horner's rule is the referee,
+/// reached by a part with a fourth variable.
 #[test]
 fn the_grid_agrees_with_multiplying_out() {
     let f = p("x^5*y - 3/7*x^2*y^2*z*w + 5*z^6 - w^6 + 1/3*x*y*z*w^3");

@@ -35,7 +35,8 @@ pub(crate) struct Args {
     /// Parameters of the second model, if both are models
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
     params_second: Option<eval::Parameters>,
-    /// Where to look at models: x,y,z of the lower and of the upper corner [default: the other side's box]
+    /// Where to look at models: x,y,z of the lower and of the upper corner [default: the other
+    /// side's box]
     #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = output::region)]
     region: Option<Aabb>,
     /// About how many points are taken of a mesh and of a model

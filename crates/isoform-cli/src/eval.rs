@@ -31,7 +31,8 @@ pub(crate) struct Args {
     /// The values of the parameters a, in their order; missing ones are as annotated, else 0
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = parameters)]
     params: Option<Parameters>,
-    /// What to give: the model's own value, its distance-like reading, or the name of the nearest part
+    /// What to give: the model's own value, its distance-like reading, or the name of the nearest
+    /// part
     #[arg(long, value_enum, default_value_t = Reading::Algebraic)]
     reading: Reading,
     /// The table, - or nothing for stdout
@@ -220,7 +221,8 @@ fn coordinates(dimension: usize) -> Vec<String> {
     }
 }
 
-/// Reads the first `dimension` columns of a table. A first line that holds the names of the coordinates is a header.
+/// Reads the first `dimension` columns of a table. A first line that holds the names of the
+/// coordinates is a header.
 fn points<'t>(path: &Path, table: &'t str, dimension: usize) -> Result<Vec<Row<'t>>, Failure> {
     let mut rows = Vec::new();
     let names = coordinates(dimension);

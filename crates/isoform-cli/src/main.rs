@@ -2,10 +2,12 @@
 #![forbid(unsafe_code)]
 
 mod compare;
+mod completions;
 mod convert;
 mod eval;
 mod fit;
 mod gallery;
+mod inputs;
 mod inspect;
 mod interrupt;
 mod mesh;
@@ -17,8 +19,10 @@ mod recover;
 mod report;
 mod scan;
 mod triangulate;
+mod watchdog;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use inputs::Inputs;
 use output::{Context, Failure, Global, Outcome};
 use std::process::ExitCode;
 
@@ -64,18 +68,31 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         Verb::Compare(args) => compare::run(&args, context),
         Verb::Eval(args) => eval::run(&args, context),
         Verb::Completions { shell } => {
-            let mut script = Vec::new();
-            clap_complete::generate(shell, &mut Cli::command(), "isoform", &mut script);
+            let script = completions::script(shell, &mut Cli::command());
             Ok(Outcome::text(script))
         }
     }
 }
 
+/// The arguments, and the files among them that are read.
+fn parse() -> Result<(Cli, Result<Inputs, Failure>), clap::Error> {
+    let matches = Cli::command().try_get_matches()?;
+    let cli = Cli::from_arg_matches(&matches)?;
+    let inputs = match matches.subcommand() {
+        Some((_, verb)) => Inputs::of(verb, cli.global.force),
+        None => Ok(Inputs::default()),
+    };
+    Ok((cli, inputs))
+}
+
 fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
+    let (cli, inputs) = match parse() {
+        Ok(parsed) => parsed,
         Err(error) => return output::usage(&error),
     };
-    let context = Context::new(cli.global);
-    output::finish(&context, || run(cli.verb, &context))
+    let mut context = Context::new(cli.global);
+    output::finish(&mut context, |context| {
+        context.inputs = inputs?;
+        run(cli.verb, context)
+    })
 }

@@ -1,5 +1,7 @@
 //! What all verbs share: global options, failures, exit codes, stdout as data, stderr as talk.
 
+use crate::inputs::Inputs;
+use crate::watchdog;
 use clap::ArgAction;
 use isoform::geom::{Aabb, Point3};
 use serde_json::{Value, json};
@@ -44,6 +46,9 @@ pub(crate) struct Global {
     /// Say more on stderr
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub(crate) verbose: u8,
+    /// Let results overwrite the files that they come from
+    #[arg(long, global = true)]
+    pub(crate) force: bool,
     /// Stop after this time with the best so far: 30s, 2m, 1h
     #[arg(long, global = true, value_name = "TIME", value_parser = duration)]
     pub(crate) time_limit: Option<Duration>,
@@ -73,6 +78,8 @@ pub(crate) struct Context {
     pub(crate) global: Global,
     /// When to stop.
     pub(crate) deadline: Option<Instant>,
+    /// What is read, and must not be written over.
+    pub(crate) inputs: Inputs,
 }
 
 impl Context {
@@ -80,13 +87,20 @@ impl Context {
         let deadline = global
             .time_limit
             .and_then(|t| Instant::now().checked_add(t));
+        if let Some(limit) = global.time_limit {
+            watchdog::watch(limit, global.json);
+        }
         if let Some(n) = global.threads {
             // Fails only if a pool exists already, and nothing has made one yet.
             let _ = rayon::ThreadPoolBuilder::new()
                 .num_threads(usize::from(n))
                 .build_global();
         }
-        Self { global, deadline }
+        Self {
+            global,
+            deadline,
+            inputs: Inputs::default(),
+        }
     }
     pub(crate) fn is_late(&self) -> bool {
         self.deadline.is_some_and(|d| Instant::now() >= d)
@@ -110,7 +124,8 @@ fn say(message: impl Display) {
     let _ = writeln!(io::stderr().lock(), "{message}");
 }
 
-/// What a verb gives back: the exit code, the fields of the JSON document, and what goes to stdout without --json.
+/// What a verb gives back: the exit code, the fields of the JSON document, and what goes to stdout
+/// without --json.
 pub(crate) struct Outcome {
     pub(crate) exit: u8,
     pub(crate) json: Value,
@@ -169,6 +184,18 @@ impl Failure {
     }
     pub(crate) fn input(code: &'static str, message: impl Into<String>) -> Self {
         Self::new(INPUT, code, message)
+    }
+    /// A fault of ours in a stage of the work, or (no name) somewhere.
+    pub(crate) fn internal(stage: &str) -> Self {
+        let place = if stage.is_empty() {
+            String::new()
+        } else {
+            format!(" while it worked on the {stage}")
+        };
+        let message = format!("internal error: isoform made an error of its own{place}");
+        Self::new(INTERNAL, "internal", message)
+            .why("this is a fault of isoform, not of its input")
+            .hint("please report it, with the command and its input")
     }
     /// A file that cannot be read or written.
     pub(crate) fn file(path: &Path, verb: &str, error: &io::Error) -> Self {
@@ -269,19 +296,28 @@ fn caret(line: usize, column: usize, source: &str) -> String {
     )
 }
 
+/// Runs a stage of the work. A panic in it is a failure of that stage, so that what was made
+/// before it is still there to be written.
+pub(crate) fn stage<T>(
+    name: &str,
+    work: impl FnOnce() -> Result<T, Failure>,
+) -> Result<T, Failure> {
+    watchdog::enter(name);
+    std::panic::catch_unwind(AssertUnwindSafe(work))
+        .unwrap_or_else(|_| Err(Failure::internal(name)))
+}
+
 /// Runs a verb and reports what comes of it.
 pub(crate) fn finish(
-    context: &Context,
-    verb: impl FnOnce() -> Result<Outcome, Failure>,
+    context: &mut Context,
+    verb: impl FnOnce(&mut Context) -> Result<Outcome, Failure>,
 ) -> ExitCode {
-    let result = std::panic::catch_unwind(AssertUnwindSafe(verb)).unwrap_or_else(|_| {
-        let failure = Failure::new(INTERNAL, "internal", "isoform made an error of its own");
-        Err(failure.hint("please report it, with the command and its input"))
-    });
+    let result = stage("", || verb(context));
+    let _over = watchdog::Writing::new();
     match result {
         Ok(outcome) => {
             let bytes = if context.global.json {
-                document(outcome.exit != NO_RESULT, outcome.json)
+                document(![NO_RESULT, INTERNAL].contains(&outcome.exit), outcome.json)
             } else {
                 outcome.stdout
             };
@@ -292,6 +328,17 @@ pub(crate) fn finish(
         }
         Err(failure) => fail(context.global.json, &failure),
     }
+}
+
+/// Says why a part of the work has no result, where the rest has one.
+pub(crate) fn complain(failure: &Failure) {
+    say(failure.text());
+}
+
+/// Ends the run with a failure, from another thread than the one that works.
+pub(crate) fn give_up(json: bool, failure: &Failure) -> ! {
+    let _ = fail(json, failure);
+    std::process::exit(i32::from(failure.exit))
 }
 
 fn fail(json: bool, failure: &Failure) -> ExitCode {
@@ -344,7 +391,8 @@ fn to_stdout(bytes: &[u8]) -> io::Result<()> {
     }
 }
 
-/// Writes a file whole or not at all: to a temporary file beside it, which is then renamed. Devices and pipes are written to.
+/// Writes a file whole or not at all: to a temporary file beside it, which is then renamed. Devices
+/// and pipes are written to.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let failed = |e: io::Error| Failure::file(path, "write", &e);
     let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
@@ -447,6 +495,16 @@ mod tests {
         for bad in ["", "s", "1y", "-1s", "1e999s"] {
             assert!(duration(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn a_panic_is_a_failure_of_its_stage() {
+        let Err(failure) = stage("mesh", || -> Result<(), Failure> { panic!("on purpose") }) else {
+            panic!("it has a result");
+        };
+        assert_eq!((failure.exit, failure.code), (INTERNAL, "internal"));
+        assert!(failure.message.contains("mesh"), "{}", failure.message);
+        assert_eq!(stage("", || Ok(1)).ok(), Some(1));
     }
 
     #[test]

@@ -5,7 +5,11 @@ use std::io::{self, IsTerminal, Write};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-const WIDTH: usize = 30;
+/// Letters of the bar: with its phase and number it fits a terminal of 40 columns. On one that is
+/// narrower the bar would go on in the next line, and only that would be wiped.
+const WIDTH: usize = 20;
+/// The terminal's word for wiping from here to the end of the line (ECMA-48, EL).
+const ERASE: &str = "\x1b[K";
 /// Time between drawings of the bar.
 const PAUSE: Duration = Duration::from_millis(80);
 
@@ -61,7 +65,7 @@ impl Progress {
             let full = (done.clamp(0.0, 1.0) * WIDTH as f64) as usize;
             let _ = write!(
                 io::stderr().lock(),
-                "\r{phase:<10} [{}{}] {:3.0} %",
+                "\r{ERASE}{phase:<10.10} [{}{}] {:3.0} %",
                 "#".repeat(full),
                 ".".repeat(WIDTH - full),
                 100.0 * done
@@ -71,10 +75,10 @@ impl Progress {
 }
 
 impl Drop for Progress {
-    /// Wipes the bar.
+    /// Wipes the bar, so that what follows begins on an empty line.
     fn drop(&mut self) {
         if self.is_on && self.is_bar && self.shown.get_mut().is_ok_and(|s| s.drawn.is_some()) {
-            let _ = write!(io::stderr().lock(), "\r{}\r", " ".repeat(WIDTH + 20));
+            let _ = write!(io::stderr().lock(), "\r{ERASE}");
         }
     }
 }

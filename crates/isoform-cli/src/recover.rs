@@ -6,9 +6,9 @@ use crate::gallery;
 use crate::mesh::work::{self, Made, Subject};
 use crate::mesh::{self, files::Target};
 use crate::model::{self, Language};
-use crate::output::{Context, DONE, Failure, INTERNAL, Outcome, PARTIAL};
+use crate::output::{self, Context, DONE, Failure, Outcome};
 use isoform::io::{ReadOptions, Source, read};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -28,7 +28,8 @@ Examples:
 
 Without arguments the scan of a cup that the program carries is fitted. Without -o, fitted.hf, deviation.ply and
 report.html go to the folder isoform-recover. With -o part.msh, .inp, .vtu, .stl and the like the fitted model is meshed,
-see mesh. Exit codes are those of fit; 3 also where the mesh fails or is not certified.")]
+see mesh. Exit codes are those of fit, and 3 where the mesh is not certified. Where a stage fails the code is its own, and what
+was made before it is written.")]
 pub(crate) struct Args {
     /// The points [default: the scan of a cup that is built in]
     #[arg(requires = "template")]
@@ -39,7 +40,8 @@ pub(crate) struct Args {
     options: Settings,
     #[command(flatten)]
     mesh: mesh::Settings,
-    /// Write a file; by its ending: .hf, .ply, .xyz, .csv, .html, .json, or a mesh: .msh, .inp, .vtu, .stl, ...
+    /// Write a file; by its ending: .hf, .ply, .xyz, .csv, .html, .json, or a mesh: .msh, .inp,
+    /// .vtu, .stl, ...
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
 }
@@ -50,7 +52,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let request = args.options.request(&template);
     let model = gallery::template(&template, &request.language, context)?;
     let outputs = if args.output.is_empty() {
-        default_outputs()?
+        default_outputs(context)?
     } else {
         args.output.clone()
     };
@@ -63,7 +65,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         Some(path) => job::read_scan(path, None, None, context)?,
         None => embedded()?,
     };
-    let mut job = job::run_model(scan, &model, &request, context)?;
+    let mut job = output::stage("fit", || job::run_model(scan, &model, &request, context))?;
     let written = files::write(&mut job, &outputs, context)?;
     if !context.global.json {
         job.warnings.iter().for_each(|w| context.warn(w));
@@ -76,12 +78,26 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     }
     let mut exit = job.exit();
     if !targets.is_empty() {
-        let made = fitted_mesh(&job, &request.language, &args.mesh, &targets, context);
+        let made = output::stage("mesh of the fitted model", || {
+            fitted_mesh(&job, &request.language, &args.mesh, &targets, context)
+        });
         files.extend(made.iter().flat_map(|m| &m.written).map(|w| w.path.clone()));
-        let (its_exit, document, table) = told(made, context);
-        exit = if exit == DONE { its_exit } else { exit };
-        json["mesh"] = document;
-        text += &table;
+        match made {
+            Ok(made) => {
+                made.say(context);
+                exit = if exit == DONE { made.exit() } else { exit };
+                json["mesh"] = mesh::document::document(&made);
+                text += &format!("\n{}", mesh::table::text(&made));
+            }
+            // The fit is there all the same, and its files are written.
+            Err(failure) => {
+                let failure = no_mesh(failure, &files);
+                output::complain(&failure);
+                exit = failure.exit;
+                json["mesh"] = json!({"ok": false, "error": failure.json()});
+                json["error"] = failure.json();
+            }
+        }
     }
     json["outputs"] = json!(files);
     Ok(Outcome {
@@ -101,11 +117,7 @@ fn fitted_mesh(
 ) -> Result<Made, Failure> {
     let fitted = model::silently(&job.program(), language);
     let model = fitted.map_err(|e| {
-        Failure::new(
-            INTERNAL,
-            "internal",
-            format!("the fitted program cannot be read: {}", e.message),
-        )
+        Failure::internal("fitted program").why(format!("it cannot be read: {}", e.message))
     })?;
     let values = eval::values(&model, &[])?;
     let unit = Some(job.unit.unit.clone()).filter(|u| !u.is_empty());
@@ -120,39 +132,27 @@ fn fitted_mesh(
     Ok(made)
 }
 
-/// Exit code, document and table of the mesh. Without one the fit is still a result.
-fn told(made: Result<Made, Failure>, context: &Context) -> (u8, Value, String) {
-    match made {
-        Ok(made) => {
-            made.say(context);
-            (
-                made.exit(),
-                mesh::document::document(&made),
-                format!("\n{}", mesh::table::text(&made)),
-            )
-        }
-        Err(failure) => {
-            context.warn(format_args!(
-                "no mesh: {}",
-                failure.text().trim_start_matches("error: ")
-            ));
-            (
-                PARTIAL,
-                json!({"ok": false, "error": failure.json()}),
-                String::new(),
-            )
-        }
-    }
+/// Why the fitted model has no mesh, and what there is of it.
+fn no_mesh(mut failure: Failure, written: &[String]) -> Failure {
+    let kept = if written.is_empty() {
+        "its parameters stand in the table".to_owned()
+    } else {
+        format!("wrote {}", written.join(", "))
+    };
+    failure.message = format!(
+        "the model was fitted ({kept}), but not meshed: {}",
+        failure.message
+    );
+    failure
 }
 
-fn default_outputs() -> Result<Vec<PathBuf>, Failure> {
+fn default_outputs(context: &Context) -> Result<Vec<PathBuf>, Failure> {
     let folder = Path::new(FOLDER);
+    let files = ["fitted.hf", "deviation.ply", "report.html"].map(|f| folder.join(f));
+    files.iter().try_for_each(|f| context.inputs.allow(f))?;
     std::fs::create_dir_all(folder)
         .map_err(|e| Failure::file(folder, "make", &e).hint("-o with files elsewhere"))?;
-    Ok(["fitted.hf", "deviation.ply", "report.html"]
-        .iter()
-        .map(|f| folder.join(f))
-        .collect())
+    Ok(files.into())
 }
 
 fn embedded() -> Result<job::Scan, Failure> {

@@ -3,8 +3,8 @@
 use crate::output::{self, Context, Failure};
 use isoform::geom::{Mesh, PointCloud};
 use isoform::io::{
-    At, MeshPoints, MeshReadOptions, ReadError, ReadOptions, ReadReport, Source, WriteError,
-    format_named, mesh_format_named, read, read_mesh,
+    At, BAD_MESH, MeshPoints, MeshReadOptions, ReadError, ReadOptions, ReadReport, Source,
+    WriteError, format_named, mesh_format_named, read, read_mesh,
 };
 use std::path::Path;
 
@@ -37,7 +37,8 @@ pub(crate) fn read_points(
     read(Source::Path(path), format, &options).map_err(|e| unreadable(path, &e))
 }
 
-/// Whether it is a format of meshes alone, by what was said or by the ending: msh, vtu, inp and so on.
+/// Whether it is a format of meshes alone, by what was said or by the ending: msh, vtu, inp and so
+/// on.
 pub(crate) fn is_mesh(path: &Path, said: Option<&str>) -> bool {
     let ending = path.extension().unwrap_or_default().to_string_lossy();
     let name = said.unwrap_or(&ending);
@@ -91,4 +92,12 @@ pub(crate) fn unwritable(error: &WriteError) -> Failure {
     let mut failure = Failure::input(error.code, format!("{}: {}", error.file, error.what));
     failure.place.file = Some(error.file.clone().into());
     failure.why(&error.why).hint(error.hint)
+}
+
+/// Why a mesh of our own making could not be written: what is wrong with it is our fault.
+pub(crate) fn unwritable_mesh(error: &WriteError) -> Failure {
+    if error.code == BAD_MESH {
+        return Failure::internal("mesh").why(&error.why);
+    }
+    unwritable(error)
 }

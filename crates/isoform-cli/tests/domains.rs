@@ -1,4 +1,5 @@
-//! `triangulate` over a part of the parameters, with patches and NURBS surfaces, and the example surfaces.
+//! `triangulate` over a part of the parameters, with patches and NURBS surfaces, and the example
+//! surfaces.
 
 mod common;
 
@@ -188,7 +189,8 @@ fn bilinear([[x0, y0], [x1, y1]]: [[f64; 2]; 2]) -> Value {
     json!({"degree": [1, 1], "control": [[c(x0, y0), c(x0, y1)], [c(x1, y0), c(x1, y1)]], "max_distance": 0.0, "certified": true})
 }
 
-/// Four patches of one saddle: borders are shared, and the last one is written the other way around.
+/// Four patches of one saddle: borders are shared, and the last one is written the other way
+/// around.
 #[test]
 fn patches_are_joined_along_their_sides() {
     let f = Folder::new("domains-patches");
@@ -266,7 +268,8 @@ fn turned(profile: &[[f64; 2]], knots: &[f64]) -> Value {
     json!({"degree": [2, 2], "knots_u": around, "knots_v": knots, "points": points, "weights": weights})
 }
 
-/// A torus is closed, and so is a sphere with two sides of patches contracted to each pole; areas are of second order in the size.
+/// A torus is closed, and so is a sphere with two sides of patches contracted to each pole; areas
+/// are of second order in the size.
 #[test]
 fn closed_nurbs_surfaces() {
     let f = Folder::new("domains-nurbs");
@@ -297,7 +300,8 @@ fn closed_nurbs_surfaces() {
     }
 }
 
-/// Weights of both signs: a pole inside, two components; and two patches that share a side which the pole crosses.
+/// Weights of both signs: a pole inside, two components; and two patches that share a side which
+/// the pole crosses.
 #[test]
 fn patches_with_poles() {
     let f = Folder::new("domains-poles");
@@ -356,7 +360,8 @@ fn bad_patches_are_refused() {
     }
 }
 
-/// Every example is certified at a coarse tolerance, has a line on what to see, and is in the list of them.
+/// Every example is certified at a coarse tolerance, has a line on what to see, and is in the list
+/// of them.
 #[test]
 fn example_surfaces() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/surfaces");
@@ -389,8 +394,9 @@ fn example_surfaces() {
         assert_eq!(exit, 0, "{name}: {}", j["unproven"]);
         euler.insert(name, j["topology"]["euler"].as_i64().expect("a number"));
     }
-    // Known from topology. The image of a closed surface has the Euler number of the surface, one more for each triple point and one half for
-    // each pinch point (S. Izumiya, W. L. Marar, 1993): the projective plane's is 1.
+    // Known from topology. The image of a closed surface has the Euler number of the surface, one
+    // more for each triple point and one half for each pinch point (S. Izumiya, W. L. Marar, 1993):
+    // the projective plane's is 1.
     let images = [
         ("cross-cap", 1 + 2 / 2),
         ("roman", 1 + 1 + 6 / 2),

@@ -82,6 +82,44 @@ fn a_ball_is_found_and_told_of() {
 }
 
 #[test]
+fn a_table_is_left_out_unless_it_is_to_be_kept() {
+    let dir = Folder::new("table");
+    let template = dir.file("ball.hf", BALL);
+    dir.ball(0.0);
+    // A square of 16 about the ball's foot, from which a disc of 1.2 is hidden.
+    let on_table = |i: u32| {
+        let at = |k: f64| 16.0 * (f64::from(i) * k).fract() - 8.0;
+        (at(0.754_877_666), at(0.569_840_291))
+    };
+    let table: Vec<String> = (0..400)
+        .map(on_table)
+        .filter(|(x, y)| x.hypot(*y) > 1.2)
+        .map(|(x, y)| format!("{:?} {:?} 1.0\n", 1.0 + x, 2.0 + y))
+        .collect();
+    let scan = dir.file("scene.xyz", dir.text("ball.xyz") + &table.concat());
+    let mut command = ["fit", &scan, "--template", &template, "--json"].to_vec();
+    let o = isoform(&command);
+    let j = document(&o);
+    assert_eq!(code(&o), 0, "{j}");
+    assert!((value(&j, 3) - 2.0).abs() < 2e-3, "{j}");
+    // Points of the table under the ball are not told from the ball's own.
+    let left_out = j["n_left_out"].as_u64().expect("a number") as usize;
+    assert!(
+        (table.len() - 30..=table.len()).contains(&left_out),
+        "{left_out}"
+    );
+    assert_eq!(
+        j["n_points"].as_u64(),
+        Some(400 + table.len() as u64),
+        "{j}"
+    );
+    command.push("--keep-planes");
+    let o = isoform(&command);
+    let j = document(&o);
+    assert_eq!((code(&o), &j["n_left_out"]), (3, &Value::from(0)), "{j}");
+}
+
+#[test]
 fn the_same_bytes_for_any_number_of_threads() {
     let f = Folder::new("threads");
     let (hf, scan) = (f.file("t.hf", BALL), f.ball(0.0));
@@ -222,9 +260,23 @@ fn every_kind_of_file_is_written() {
             && page.contains("Accepted")
             && page.ends_with("</html>\n")
     );
+    // Pictures within the page are text that may hold any letters.
+    let mut pieces = page.split("data:image/png;base64,");
+    let words: String = pieces
+        .next()
+        .into_iter()
+        .chain(pieces.filter_map(|p| p.split_once('"').map(|p| p.1)))
+        .collect();
     assert!(
-        !page.contains("http") && !page.contains("NaN") && !page.contains("inf"),
+        !words.contains("http") && !words.contains("NaN") && !words.contains("inf"),
         "the page needs nothing and shows numbers"
+    );
+    assert!(page.len() < 1_000_000, "{}", page.len());
+    assert!(
+        words.contains("<svg class=\"sheet\"")
+            && words.contains("<tspan class=\"name\">radius</tspan>")
+            && words.contains(">R "),
+        "the model is drawn with its dimensions"
     );
     let j: Value = serde_json::from_str(&f.text("o.json")).expect("a document");
     assert_eq!(
@@ -379,6 +431,72 @@ fn the_gallery_is_listed() {
 }
 
 #[test]
+fn a_template_that_is_not_there_is_guessed() {
+    let f = Folder::new("guess");
+    let scan = f.ball(0.0);
+    let said = |name: &str| stderr(&isoform(&["fit", &scan, "-t", name]));
+    assert!(said("cpu").contains("did you mean cup?"), "{}", said("cpu"));
+    f.file("teapot.hf", BALL);
+    let near = said(&f.path("teappt.hf"));
+    assert!(
+        near.contains("did you mean") && near.contains("teapot.hf"),
+        "{near}"
+    );
+    assert!(!said("quux-quux").contains("did you mean"));
+}
+
+#[cfg(unix)]
+#[test]
+fn bash_completes_templates() {
+    let f = Folder::new("completions");
+    f.file("boss.hf", BALL);
+    f.file("bowl.ply", "");
+    let script = f.file("isoform.bash", isoform(&["completions", "bash"]).stdout);
+    for option in ["-t", "--template"] {
+        let ask = format!(
+            "source {script}; COMP_WORDS=(isoform fit s.ply {option} bo); COMP_CWORD=4; \
+             _isoform isoform bo {option}; printf '%s\\n' \"${{COMPREPLY[@]}}\""
+        );
+        let o = Command::new("bash")
+            .args(["--norc", "-c", &ask])
+            .current_dir(&f.0)
+            .output()
+            .expect("bash runs");
+        let offered = stdout(&o);
+        let offered: Vec<&str> = offered.lines().collect();
+        assert_eq!(offered, ["bottle", "box", "boss.hf"], "{}", stderr(&o));
+    }
+    for shell in ["zsh", "fish"] {
+        let script = stdout(&isoform(&["completions", shell]));
+        assert!(script.contains("block-holes bottle box"), "{shell}");
+    }
+}
+
+#[test]
+fn units_of_the_template_are_believed_over_a_guess() {
+    let f = Folder::new("units");
+    let scan = f.ball(0.0);
+    let hf = f.file("t.hf", format!("-- @unit cm\n{BALL}"));
+    let j = document(&isoform(&["fit", &scan, "-t", &hf, "--json"]));
+    assert_eq!(j["units"], "cm", "{j}");
+    assert!(
+        j["units_source"]
+            .as_str()
+            .is_some_and(|s| s.contains("the template")),
+        "{j}"
+    );
+    assert_eq!(j["parameters"][3]["unit"], "cm");
+    let o = isoform(&["fit", &scan, "-t", &hf, "--json", "--units", "in"]);
+    assert_eq!(document(&o)["units"], "in");
+    assert!(
+        stderr(&o).contains("the template is written in cm")
+            || document(&o)["warnings"]
+                .to_string()
+                .contains("written in cm")
+    );
+}
+
+#[test]
 fn recover_runs_without_arguments() {
     let f = Folder::new("recover");
     let o = Command::new(env!("CARGO_BIN_EXE_isoform"))
@@ -400,6 +518,19 @@ fn recover_runs_without_arguments() {
                 > 1000,
             "{name}"
         );
+    }
+    let page = f.text("isoform-recover/report.html");
+    let marks = [
+        "Section",
+        ">R 30.2",
+        ">outer_radius</tspan>",
+        ">inner_radius</tspan>",
+        ">height</tspan>",
+        ">floor_height</tspan>",
+        ">taper</tspan>",
+    ];
+    for mark in marks {
+        assert!(page.contains(mark), "{mark} is missing in the drawing");
     }
     assert_eq!(
         code(&isoform(&["recover", &f.path("scan.ply")])),

@@ -382,11 +382,27 @@ fn stdout_takes_a_mesh() {
         "off",
         "-q",
     ]);
-    assert!(
-        code(&o) == 0 && stdout(&o).starts_with("OFF"),
-        "{}",
-        stderr(&o)
-    );
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let text = stdout(&o);
+    let mut words = text.split_whitespace();
+    assert_eq!(words.next(), Some("OFF"));
+    let mut number = || -> f64 { words.next().expect("a word").parse().expect("a number") };
+    let [vertices, triangles, _] = [(); 3].map(|()| number() as usize);
+    let points: Vec<[f64; 3]> = (0..vertices).map(|_| [(); 3].map(|()| number())).collect();
+    let mut volume = 0.0;
+    for _ in 0..triangles {
+        assert_eq!(number(), 3.0);
+        let [a, b, c] = [(); 3].map(|()| points[number() as usize]);
+        volume += a[0] * (b[1] * c[2] - b[2] * c[1]) / 6.0
+            + a[1] * (b[2] * c[0] - b[0] * c[2]) / 6.0
+            + a[2] * (b[0] * c[1] - b[1] * c[0]) / 6.0;
+    }
+    assert_eq!(words.next(), None);
+    // Of a closed surface with two triangles at each edge; the cube has no handle.
+    assert_eq!(2 * vertices - triangles, 4);
+    assert!((volume - 8.0).abs() < 1e-12, "{volume}");
+    let is_on_cube = |p: &[f64; 3]| p.iter().fold(0.0, |m: f64, x| m.max(x.abs())) == 1.0;
+    assert!(points.iter().all(is_on_cube));
 }
 
 #[test]
@@ -497,7 +513,7 @@ fn recover_goes_from_points_to_a_mesh_for_a_solver() {
             .expect("text")
             .contains("*ELEMENT")
     );
-    // Without a mesh the fit is still a result.
+    // Without a mesh the fit is still written; the code is that of the mesh.
     let o = isoform(&[
         "recover",
         &scan,
@@ -514,7 +530,7 @@ fn recover_goes_from_points_to_a_mesh_for_a_solver() {
     assert_eq!(
         (code(&o), &j["mesh"]["error"]["code"], &j["outputs"]),
         (
-            3,
+            4,
             &"memory".into(),
             &Value::from([f.path("other.hf")].as_slice())
         ),

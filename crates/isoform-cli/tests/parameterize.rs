@@ -392,7 +392,8 @@ fn bad_input_is_refused() {
     assert_eq!(error("nowhere.json", &[]), is(2, "file"));
 }
 
-/// Multiples of a polynomial have the same zero set, squares of whose gradients may be beyond the largest number.
+/// Multiples of a polynomial have the same zero set, squares of whose gradients may be beyond the
+/// largest number.
 #[test]
 fn multiples_of_a_polynomial_have_the_same_patch() {
     let folder = Folder::new("parameterize-multiples");

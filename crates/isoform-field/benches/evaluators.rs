@@ -1,7 +1,8 @@
-//! Evaluators beside a hand-written loop of the same formula, in one run: `cargo bench -p isoform-field`.
+//! Evaluators beside a hand-written loop of the same formula, in one run: `cargo bench -p
+//! isoform-field`.
 //!
-//! The model is the paper's test part (twelve parameters); the numbers are millions of points per second, the last column the
-//! share of the hand-written loop.
+//! The model is the paper's test part (twelve parameters); the numbers are millions of points per
+//! second, the last column the share of the hand-written loop.
 
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_field::{Bound, Graph, Residual, Shape, Tape};

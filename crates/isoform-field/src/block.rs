@@ -1,7 +1,8 @@
 //! Evaluators that run a tape over blocks of points.
 //!
-//! Each slot holds one value per lane; the loops over lanes are compiled three times (baseline, AVX2, AVX-512) and chosen at run
-//! time. No fused multiply-add is used: every evaluator rounds like the oracle, on every machine.
+//! Each slot holds one value per lane; the loops over lanes are compiled three times (baseline,
+//! AVX2, AVX-512) and chosen at run time. No fused multiply-add is used: every evaluator rounds
+//! like the oracle, on every machine.
 
 use crate::library::Native;
 use crate::ops::{Binary, SetOp, Unary};
@@ -9,7 +10,8 @@ use crate::tape::{Op, Tape};
 use isoform_geom::Point3;
 use isoform_num::{Jet1, Real};
 
-/// Points per block. 32 lanes keep values and adjoints of some sixty slots in the first-level cache; 64 were slower by 40 %.
+/// Points per block. 32 lanes keep values and adjoints of some sixty slots in the first-level
+/// cache; 64 were slower by 40 %.
 pub(crate) const LANES: usize = 32;
 
 /// One value per lane, aligned to a cache line.
@@ -38,7 +40,8 @@ struct Step {
     live: bool,
     /// Bit k: argument k leads to a wanted input.
     active: u8,
-    /// Bit k: the adjoint of argument k is stored, not added: it is the first contribution in the sweep.
+    /// Bit k: the adjoint of argument k is stored, not added: it is the first contribution in the
+    /// sweep.
     first: u8,
 }
 
@@ -180,6 +183,13 @@ impl<'t> Block<'t> {
                 }
             }
         }
+    }
+
+    /// Loads a point per lane, by coordinates.
+    pub(crate) fn load_rows(&mut self, rows: &[Row; 3]) {
+        let first = self.tape.first_x();
+        self.slots[first..first + self.tape.n_x.min(3)]
+            .copy_from_slice(&rows[..self.tape.n_x.min(3)]);
     }
 
     /// Values at the loaded points.
@@ -382,7 +392,8 @@ fn powi(out: &mut Row, a: &Row, n: i32) {
 dispatch! { fn reverse_guarded(tape: &Tape, plan: &[Step], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<true> }
 dispatch! { fn reverse_plain(tape: &Tape, plan: &[Step], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<false> }
 
-/// Adds (or stores, the first time) `g · d` for each lane; with GUARD a zero adjoint stays zero whatever d is.
+/// Adds (or stores, the first time) `g · d` for each lane; with GUARD a zero adjoint stays zero
+/// whatever d is.
 #[inline(always)]
 fn pass<const GUARD: bool>(to: &mut Row, first: bool, g: &Row, d: impl Fn(usize) -> f64) {
     let term = |l: usize| {
@@ -488,7 +499,8 @@ fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoin
                 let (a, b) = (&s[ia].0, &s[ib].0);
                 match op {
                     SetOp::RUnion | SetOp::RIntersection => {
-                        // 1 ± u/h, h recovered from the value; at u = v = 0 the kink counts as flat.
+                        // 1 ± u/h, h recovered from the value; at u = v = 0 the kink counts as
+                        // flat.
                         let sign = if op == SetOp::RUnion { 1.0 } else { -1.0 };
                         let mut r = ZERO;
                         for l in 0..LANES {

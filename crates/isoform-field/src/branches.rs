@@ -1,6 +1,7 @@
 //! The smooth parts of a model: its pieces with every kink inside decided.
 //!
-//! A blend such as max(u, v) + max(k − |u − v|, 0)²/(4k) is one piece, smooth but for its second derivatives. With its minima, maxima and
+//! A blend such as max(u, v) + max(k − |u − v|, 0)²/(4k) is one piece, smooth but for its second
+//! derivatives. With its minima, maxima and
 //! |u| decided each way it falls into functions without kinks (here u, v and the fillet between them), each good for a part of space
 //! that is bounded by what the decisions depend on.
 
@@ -47,7 +48,8 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
     })
 }
 
-/// The functions of parts, and what they are at random places: two decisions often lead to one function, written differently.
+/// The functions of parts, and what they are at random places: two decisions often lead to one
+/// function, written differently.
 #[derive(Default)]
 struct Known {
     by_node: HashMap<NodeId, Arc<dyn Field>>,
@@ -98,12 +100,14 @@ impl Known {
 /// What a kink depends on: whether the first is at least the second.
 type Question = (NodeId, NodeId);
 
-/// The functions that a lowered expression consists of, each with what is not negative where it holds; none if they are too many.
+/// The functions that a lowered expression consists of, each with what is not negative where it
+/// holds; none if they are too many.
 fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)>> {
     let (mut pending, mut done) = (vec![(root, Vec::new())], Vec::new());
     while let Some((root, limits)) = pending.pop() {
         let Some(question) = first_question(graph, root) else {
-            // Constants count, too: without them the other functions would seem to hold where there is nothing but a constant.
+            // Constants count, too: without them the other functions would seem to hold where there
+            // is nothing but a constant.
             done.push((root, limits));
             continue;
         };
@@ -148,8 +152,9 @@ fn first_question(graph: &Graph, root: NodeId) -> Option<Question> {
         .find_map(|(i, _)| question(graph, graph.node(NodeId(i as u32))).map(|q| q.0))
 }
 
-/// The question of a node with a kink, and whether the node asks it the other way round. |u − v| and max(u − v, v − u) ask the same as
-/// max(u, v): asked apart, answers that contradict each other would make parts that hold where u = v only, and there spoil proofs.
+/// The question of a node with a kink, and whether the node asks it the other way round. |u − v|
+/// and max(u − v, v − u) ask the same as max(u, v): asked apart, answers that contradict each other
+/// would make parts that hold where u = v only, and there spoil proofs.
 fn question(graph: &Graph, node: &Node) -> Option<(Question, bool)> {
     let ordered = |u: NodeId, v: NodeId| {
         if u <= v {
@@ -287,7 +292,8 @@ mod tests {
         }
     }
 
-    /// Written in two ways, one question has one answer: parts that hold where u = v only would spoil proofs there.
+    /// Written in two ways, one question has one answer: parts that hold where u = v only would
+    /// spoil proofs there.
     #[test]
     fn one_question_is_asked_once() {
         let count = |size: &str| {

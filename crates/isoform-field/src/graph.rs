@@ -1,15 +1,17 @@
-//! The expression: a hash-consed graph in which set operations and library functions stay first-class nodes.
+//! The expression: a hash-consed graph in which set operations and library functions stay
+//! first-class nodes.
 //!
-//! A [`Graph`] is built through [`Ops`] (by the HyperFun executor, or by hand), read in three ways ([`crate::Shape`]) and
-//! evaluated through a [`crate::Tape`]. [`Graph::eval`] evaluates it node by node in any [`Real`] type: slow, obvious, and the
-//! oracle for everything faster.
+//! A [`Graph`] is built through [`Ops`] (by the HyperFun executor, or by hand), read in three ways
+//! ([`crate::Shape`]) and evaluated through a [`crate::Tape`]. [`Graph::eval`] evaluates it node by
+//! node in any [`Real`] type: slow, obvious, and the oracle for everything faster.
 
 use crate::library::{Library, Native};
 use crate::ops::{Binary, Direct, Ops, SetOp, Unary};
 use isoform_num::Real;
 use std::collections::{BTreeMap, HashMap};
 
-/// A node of a [`Graph`]. Nodes are numbered in the order of creation: arguments come before what uses them.
+/// A node of a [`Graph`]. Nodes are numbered in the order of creation: arguments come before what
+/// uses them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct NodeId(pub(crate) u32);
 
@@ -136,7 +138,8 @@ impl Graph {
         need
     }
 
-    /// Rebuilds what `root` needs into `target`, with the inputs replaced: the copy of coordinate i is `x[i]`, of parameter i
+    /// Rebuilds what `root` needs into `target`, with the inputs replaced: the copy of coordinate i
+    /// is `x[i]`, of parameter i
     /// `a[i]`. Names go along. Library nodes become `library(target, f, arguments)`.
     pub fn rewrite<O: Ops>(
         &self,
@@ -221,7 +224,8 @@ impl Graph {
         n
     }
 
-    /// Expands library nodes into their formulas: what is left is arithmetic, set operations and native functions.
+    /// Expands library nodes into their formulas: what is left is arithmetic, set operations and
+    /// native functions.
     pub fn lowered(&mut self, root: NodeId) -> NodeId {
         self.lowered_all(&[root]).remove(0)
     }
@@ -235,7 +239,8 @@ impl Graph {
         source.rewrite_all(roots, &mut Lowering(self), &x, &a, |_, _, _| {})
     }
 
-    /// ∂root/∂xᵢ as an expression, of a lowered graph; `None` where a native function depends on xᵢ.
+    /// ∂root/∂xᵢ as an expression, of a lowered graph; `None` where a native function depends on
+    /// xᵢ.
     /// `memo` keeps the derivatives of one `axis` between calls.
     pub fn derivative(
         &mut self,
@@ -413,8 +418,8 @@ impl Graph {
         }
     }
 
-    // In derivatives a factor or summand that is the constant 0 stands for "does not depend": it vanishes also beside an
-    // infinite partner, which plain constant folding must not assume.
+    // In derivatives a factor or summand that is the constant 0 stands for "does not depend": it
+    // vanishes also beside an infinite partner, which plain constant folding must not assume.
     fn product(&mut self, u: NodeId, v: NodeId) -> NodeId {
         let zero = self.constant(0.0);
         if u == zero || v == zero {

@@ -1,7 +1,9 @@
-//! Programs that are no expression (a loop or an index depends on the point or on a parameter), as the residual of a fit.
+//! Programs that are no expression (a loop or an index depends on the point or on a parameter), as
+//! the residual of a fit.
 //!
-//! The program is run point by point in forward-mode jets, a few parameters at a time: some hundred times slower than a [`Tape`], and
-//! the same to the fit. Where the program stops with an error the value is NaN.
+//! The program is run point by point in forward-mode jets, a few parameters at a time: some hundred
+//! times slower than a [`Tape`], and the same to the fit. Where the program stops with an error the
+//! value is NaN.
 
 use crate::hyperfun::{Evaluator, Model};
 use crate::tape::Tape;
@@ -39,7 +41,8 @@ impl<R: Real + 'static> Runner<'_, R> {
 }
 
 impl Interpreted {
-    /// The program's own value, or (`is_metric`) the first-order distance f/|∇f|. `point` gives the model's point, three results.
+    /// The program's own value, or (`is_metric`) the first-order distance f/|∇f|. `point` gives the
+    /// model's point, three results.
     ///
     /// # Panics
     /// If `point` has not three coordinates and results, or fewer parameters than the model.
@@ -103,8 +106,8 @@ impl ParamField for Interpreted {
         }
     }
 
-    /// Of the metric value the gradient's own dependence on the parameters is left out: it is multiplied by f, which vanishes on the
-    /// surface (Gauss-Newton's approximation).
+    /// Of the metric value the gradient's own dependence on the parameters is left out: it is
+    /// multiplied by f, which vanishes on the surface (Gauss-Newton's approximation).
     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
         let n = self.dim();
         let divisors = self.divisors(points, a);
@@ -131,33 +134,6 @@ impl ParamField for Interpreted {
         }
     }
 
-    fn normal_equations(
-        &self,
-        points: &[Point3],
-        weights: &[f64],
-        a: &[f64],
-        gradient: &mut [f64],
-        hessian: &mut [f64],
-    ) -> f64 {
-        let n = self.dim();
-        let (mut f, mut jac) = (vec![0.0; points.len()], vec![0.0; points.len() * n]);
-        self.jacobian(points, a, &mut f, &mut jac);
-        gradient[..n].fill(0.0);
-        hessian[..n * n].fill(0.0);
-        let mut sum = 0.0;
-        for (k, row) in jac.chunks_exact(n.max(1)).enumerate().take(points.len()) {
-            let w = weights.get(k).copied().unwrap_or(1.0);
-            sum += w * f[k] * f[k];
-            for i in 0..n {
-                gradient[i] += w * f[k] * row[i];
-                for j in 0..n {
-                    hessian[i * n + j] += w * row[i] * row[j];
-                }
-            }
-        }
-        sum
-    }
-
     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {
         for ((s, out), gradient) in self.slopes(points, a).iter().zip(out).zip(gradients) {
             let d = if self.is_metric {
@@ -168,14 +144,5 @@ impl ParamField for Interpreted {
             *out = s.v / d;
             *gradient = s.g.map(|v| v / d);
         }
-    }
-
-    fn sum_of_squares(&self, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
-        let mut f = vec![0.0; points.len()];
-        self.values(points, a, &mut f);
-        f.iter()
-            .enumerate()
-            .map(|(k, v)| weights.get(k).copied().unwrap_or(1.0) * v * v)
-            .sum()
     }
 }

@@ -1,7 +1,8 @@
 //! 2-jets in blocks: value, gradient and Hessian in x, y, z, eight points at a time.
 //!
-//! A slot that does not depend on a coordinate has no derivatives by it, and an affine one no second derivatives: which entries can
-//! be non-zero is settled when the block is made, and only these are ever computed.
+//! A slot that does not depend on a coordinate has no derivatives by it, and an affine one no
+//! second derivatives: which entries can be non-zero is settled when the block is made, and only
+//! these are ever computed.
 
 use crate::block::{Lane, dispatch};
 use crate::ops::{Binary, SetOp, Unary};
@@ -9,7 +10,8 @@ use crate::tape::{Op, Tape};
 use isoform_geom::Point3;
 use isoform_num::{Jet2, Real};
 
-/// Points per block; ten numbers per slot and point fill the first-level cache sooner than values do.
+/// Points per block; ten numbers per slot and point fill the first-level cache sooner than values
+/// do.
 pub(crate) const LANES: usize = 8;
 
 type Row = Lane<LANES>;
@@ -189,8 +191,8 @@ fn product(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot) {
     }
 }
 
-/// u + v ± √(u² + v²): with n = (u, v)/h, the gradient is ∇u + ∇v ± n·(∇u, ∇v), and the root's Hessian
-/// n·(Hu, Hv) + (∇u∇uᵀ + ∇v∇vᵀ − ∇h∇hᵀ)/h. At u = v = 0 the root counts as flat.
+/// u + v ± √(u² + v²): with n = (u, v)/h, the gradient is ∇u + ∇v ± n·(∇u, ∇v), and the root's
+/// Hessian n·(Hu, Hv) + (∇u∇uᵀ + ∇v∇vᵀ − ∇h∇hᵀ)/h. At u = v = 0 the root counts as flat.
 #[inline(always)]
 fn r_function(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, sign: f64) {
     let (mut r, mut p, mut q) = (ZERO, ZERO, ZERO);
@@ -285,7 +287,8 @@ fn unary(op: Unary, u: &Row) -> [Row; 3] {
                 [s, r, if s == 0.0 { 0.0 } else { -0.5 * r / v }]
             }
             _ => {
-                // A jet in one variable: seeded along x, its first and second derivative along x are h' and h''.
+                // A jet in one variable: seeded along x, its first and second derivative along x
+                // are h' and h''.
                 let j = op.apply(&Jet2::variable(v, 0));
                 [j.v, j.g[0], j.h[0]]
             }

@@ -5,6 +5,7 @@
 
 mod block;
 mod branches;
+mod distance;
 pub mod graph;
 pub mod hyperfun;
 mod interpreted;
@@ -21,12 +22,13 @@ mod split;
 mod tape;
 
 pub use branches::parts_of;
+pub use distance::Distance;
 pub use graph::{Graph, Node, NodeId};
 pub use interpreted::Interpreted;
 pub use library::{Axis, Library, Native};
 pub use ops::{Binary, Direct, Ops, SetOp, Unary};
 pub use polynomial::Polynomial;
 pub use residual::{Bound, Residual};
-pub use shape::{Part, Shape};
+pub use shape::{Join, Part, Shape};
 pub use solid::{Pieces, RunField, SolidError};
 pub use tape::Tape;

@@ -1,8 +1,9 @@
 //! The first-class functions of the HyperFun library: primitives, blends, signed distances.
 //!
-//! A new primitive is one variant here and one arm in each of [`Library::algebraic`] and [`Library::metric`]; its HyperFun
-//! name and the shape of its arguments stand in the table of `hyperfun::functions`.
-//! Formulas: HyperFun library (f ≥ 0 inside), ../../../docs/hyperfun.md; u = x − c throughout.
+//! A new primitive is one variant here and one arm in each of [`Library::algebraic`] and
+//! [`Library::metric`]; its HyperFun name and the shape of its arguments stand in the table of
+//! `hyperfun::functions`. Formulas: HyperFun library (f ≥ 0 inside), ../../../docs/hyperfun.md; u =
+//! x − c throughout.
 
 use crate::native;
 use crate::ops::{Ops, SetOp};
@@ -28,7 +29,8 @@ impl Axis {
     }
 }
 
-/// A library function that stays one node of the tree. Arguments are flat, in HyperFun's order; a point is three of them.
+/// A library function that stays one node of the tree. Arguments are flat, in HyperFun's order; a
+/// point is three of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Library {
     /// x, c, R: R² − |u|²
@@ -71,7 +73,8 @@ pub enum Library {
     DistanceEllipsoid,
 }
 
-/// Functions with an iteration inside, evaluated in any number type by Newton steps on the whole jet.
+/// Functions with an iteration inside, evaluated in any number type by Newton steps on the whole
+/// jet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Native {
     /// u₁, u₂, u₃, a, b, d: signed distance of u to the ellipsoid about 0, positive inside
@@ -230,9 +233,9 @@ impl Library {
         }
     }
 
-    /// The unit-gradient forms of a primitive, one per smooth side with the side's name, to be joined by min (a block is the
-    /// intersection of six half spaces); empty where none is known in closed form. Valid where the point's coordinates are a
-    /// rigid image of space.
+    /// The unit-gradient forms of a primitive, one per smooth side with the side's name, to be
+    /// joined by min (a block is the intersection of six half spaces); empty where none is known in
+    /// closed form. Valid where the point's coordinates are a rigid image of space.
     pub fn metric<O: Ops>(self, o: &mut O, args: &[O::V]) -> Vec<(&'static str, O::V)> {
         if !self.is_primitive() {
             return Vec::new();
@@ -263,7 +266,8 @@ impl Library {
                 one(cone_distance(o, &u[h], &p, &r))
             }
             Self::Block => {
-                // For a negative size the slab's formula is symmetric in its two ends: the smaller end is the lower one.
+                // For a negative size the slab's formula is symmetric in its two ends: the smaller
+                // end is the lower one.
                 let names = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
                 let mut sides = Vec::with_capacity(6);
                 for i in 0..3 {
@@ -387,7 +391,8 @@ fn displacement<O: Ops>(o: &mut O, args: &[O::V]) -> O::V {
     o.div(&args[2], &s)
 }
 
-/// min outside |f − g| ≤ r, else (2s − 4r + √((2s − 4r)² − 8 (f² + g² + r² − 2 r s))) / 4 with s = f + g.
+/// min outside |f − g| ≤ r, else (2s − 4r + √((2s − 4r)² − 8 (f² + g² + r² − 2 r s))) / 4 with s =
+/// f + g.
 fn circular_intersection<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V) -> O::V {
     let s = o.add(f, g);
     let (s2, r4) = (o.scale(2.0, &s), o.scale(4.0, r));

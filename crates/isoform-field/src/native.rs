@@ -1,14 +1,17 @@
 //! Functions with an iteration inside, for every number type.
 //!
-//! The iteration runs on plain values; two Newton steps in the number type then lift the result to a jet, since each step
-//! doubles the order to which the jet is right (the defining equation is evaluated exactly in the jet).
+//! The iteration runs on plain values; two Newton steps in the number type then lift the result to
+//! a jet, since each step doubles the order to which the jet is right (the defining equation is
+//! evaluated exactly in the jet).
 
 use isoform_num::Real;
 
-/// Signed distance to an axis-parallel ellipsoid about 0, positive inside: `u[0..3]`, half axes `u[3..6]`.
+/// Signed distance to an axis-parallel ellipsoid about 0, positive inside: `u[0..3]`, half axes
+/// `u[3..6]`.
 ///
-/// The foot point is q = u s²/(t + s²) with Σ (u s/(t + s²))² = 1; the largest root t is bracketed and bisected on values,
-/// then polished by Newton (robust at the centre and on the principal planes, where the root is the end of the bracket).
+/// The foot point is q = u s²/(t + s²) with Σ (u s/(t + s²))² = 1; the largest root t is bracketed
+/// and bisected on values, then polished by Newton (robust at the centre and on the principal
+/// planes, where the root is the end of the bracket).
 pub(crate) fn ellipsoid_distance<R: Real>(args: &[R]) -> R {
     let v: Vec<f64> = args.iter().map(Real::value).collect();
     if v.iter().any(|c| !c.is_finite()) {
@@ -43,7 +46,8 @@ pub(crate) fn ellipsoid_distance<R: Real>(args: &[R]) -> R {
     let smooth = (0..3).all(|i| t0 + s[i] * s[i] > 1e-9 * s[i] * s[i]);
     let inside = (0..3).map(|i| (u[i] / s[i]).powi(2)).sum::<f64>() <= 1.0;
     if !smooth {
-        // On the medial axis: the foot point lies off the principal plane in the direction of the shortest half axis.
+        // On the medial axis: the foot point lies off the principal plane in the direction of the
+        // shortest half axis.
         let mut q: [f64; 3] = std::array::from_fn(|i| {
             let d = t0 + s[i] * s[i];
             if d > 1e-9 * s[i] * s[i] {
@@ -64,7 +68,8 @@ pub(crate) fn ellipsoid_distance<R: Real>(args: &[R]) -> R {
     let mut t = R::constant(t0);
     let s2: Vec<R> = (3..6).map(|i| args[i].square()).collect();
     for _ in 0..3 {
-        // Newton on g in the number type: g = Σ a − 1, g' = −2 Σ a/(t + s²) with a = (u s/(t + s²))².
+        // Newton on g in the number type: g = Σ a − 1, g' = −2 Σ a/(t + s²) with a = (u s/(t +
+        // s²))².
         let (mut value, mut slope) = (R::constant(-1.0), R::constant(0.0));
         for i in 0..3 {
             let d = t.clone() + s2[i].clone();
@@ -82,7 +87,8 @@ pub(crate) fn ellipsoid_distance<R: Real>(args: &[R]) -> R {
     -t * sum.sqrt()
 }
 
-/// Second largest real root m of the SARDF quartic for f, g > 0 and R; 0 where there are fewer than two.
+/// Second largest real root m of the SARDF quartic for f, g > 0 and R; 0 where there are fewer than
+/// two.
 pub(crate) fn sardf_root<R: Real>(args: &[R]) -> R {
     let (f, g, r) = (args[0].value(), args[1].value(), args[2].value());
     if !(f > 0.0 && g > 0.0 && r > 0.0) {
@@ -116,13 +122,15 @@ pub(crate) fn sardf_root<R: Real>(args: &[R]) -> R {
     m
 }
 
-/// Real roots of a quartic (coefficients from constant to leading) by splitting at the roots of its derivatives.
+/// Real roots of a quartic (coefficients from constant to leading) by splitting at the roots of its
+/// derivatives.
 fn second_largest_root(c: &[f64; 5]) -> Option<f64> {
     let roots = real_roots(c);
     (roots.len() >= 2).then(|| roots[roots.len() - 2])
 }
 
-/// Real roots in rising order: between neighbouring roots of the derivative the polynomial is monotone and is bisected.
+/// Real roots in rising order: between neighbouring roots of the derivative the polynomial is
+/// monotone and is bisected.
 fn real_roots(c: &[f64]) -> Vec<f64> {
     let degree = c.len() - 1;
     if degree == 1 {
@@ -183,7 +191,8 @@ pub(crate) fn fmod<R: Real>(args: &[R]) -> R {
     args[0].clone() - args[1].clone() * R::constant(n)
 }
 
-/// Ken Perlin's improved noise with a permutation of our own: p(i) from a fixed 64-bit mixing of i, the same on every machine.
+/// Ken Perlin's improved noise with a permutation of our own: p(i) from a fixed 64-bit mixing of i,
+/// the same on every machine.
 pub(crate) fn perlin<R: Real>(args: &[R]) -> R {
     let cell: [f64; 3] = std::array::from_fn(|i| args[i].value().floor());
     let p: [R; 3] = std::array::from_fn(|i| args[i].clone() - R::constant(cell[i]));

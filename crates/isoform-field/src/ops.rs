@@ -1,8 +1,8 @@
 //! One formula, many meanings: the operations a formula may use.
 //!
-//! Library functions and the HyperFun executor are written against [`Ops`]. Run with [`Direct`] they compute at once, in any
-//! [`Real`] number type (this is the oracle that every evaluator must agree with); run with a [`crate::Graph`] they build the
-//! expression.
+//! Library functions and the HyperFun executor are written against [`Ops`]. Run with [`Direct`]
+//! they compute at once, in any [`Real`] number type (this is the oracle that every evaluator must
+//! agree with); run with a [`crate::Graph`] they build the expression.
 
 use crate::library::{Library, Native};
 use isoform_num::Real;
@@ -54,7 +54,8 @@ pub enum Binary {
     LessEq,
 }
 
-/// Set operations on functions with f ≥ 0 inside. Subtraction is the intersection with the negated function.
+/// Set operations on functions with f ≥ 0 inside. Subtraction is the intersection with the negated
+/// function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum SetOp {
     /// u + v + √(u² + v²), the R0-function (Rvachev 1963)
@@ -139,11 +140,13 @@ pub trait Ops {
     fn set(&mut self, op: SetOp, a: &Self::V, b: &Self::V) -> Self::V;
     /// `a` where `condition` ≠ 0, `b` elsewhere.
     fn select(&mut self, condition: &Self::V, a: &Self::V, b: &Self::V) -> Self::V;
-    /// A primitive or blend of the library; stays first-class in an expression. Arguments flat, in the order of [`Library`].
+    /// A primitive or blend of the library; stays first-class in an expression. Arguments flat, in
+    /// the order of [`Library`].
     fn library(&mut self, f: Library, args: &[Self::V]) -> Self::V;
     /// A function that is no formula (an iteration inside).
     fn native(&mut self, f: Native, args: &[Self::V]) -> Self::V;
-    /// The value where it is known now: always when computing directly, for constants only when building an expression.
+    /// The value where it is known now: always when computing directly, for constants only when
+    /// building an expression.
     fn known(&self, v: &Self::V) -> Option<f64>;
 
     /// a + b

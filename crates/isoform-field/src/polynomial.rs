@@ -176,8 +176,9 @@ impl Derivatives {
 }
 
 impl Polynomial {
-    /// A bound on the relative rounding error of a sum of terms, in the sum of their absolute values: one unit for each product in
-    /// a power, three for each derivative's factor, four for the term and one for each addition, all doubled.
+    /// A bound on the relative rounding error of a sum of terms, in the sum of their absolute
+    /// values: one unit for each product in a power, three for each derivative's factor, four for
+    /// the term and one for each addition, all doubled.
     fn rounding(&self) -> f64 {
         (self.degrees.iter().sum::<usize>() + self.terms.len() + 16) as f64 * f64::EPSILON
     }
@@ -259,7 +260,8 @@ impl Field for Polynomial {
         })
     }
     fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
-        // Sums of the terms, and of their absolute values, for the point and for the farthest corner of the region.
+        // Sums of the terms, and of their absolute values, for the point and for the farthest
+        // corner of the region.
         let reach: Point3 =
             std::array::from_fn(|k| (region.hi[k] - at[k]).max(at[k] - region.lo[k]).next_up());
         let [here, near, far] = [
@@ -285,8 +287,8 @@ impl Field for Polynomial {
         let rounding = self.rounding();
         let ball = |m: f64, r: f64| Interval::new((m - r).next_down(), (m + r).next_up());
         let point = |k: usize| ball(sums[k], rounding * absolute[k]);
-        // A monomial with a positive factor differs in the region from its value at the point by no more than it does, taken with
-        // absolute values of the coordinates, at the farthest corner.
+        // A monomial with a positive factor differs in the region from its value at the point by no
+        // more than it does, taken with absolute values of the coordinates, at the farthest corner.
         let third = |k: usize| {
             ball(
                 sums[10 + k],

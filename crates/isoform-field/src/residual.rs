@@ -7,10 +7,12 @@ use isoform_geom::{Aabb, Expansion, Field, ParamField, Point3};
 use isoform_num::{Interval, IntervalJet, Jet2, Jet3, Real};
 use rayon::prelude::*;
 
-/// Points per piece of work: sums are taken per piece and then in the order of the pieces, whoever computed them.
+/// Points per piece of work: sums are taken per piece and then in the order of the pieces, whoever
+/// computed them.
 const PIECE: usize = 32 * LANES;
 
-/// A tape in x, y, z and parameters, evaluated in blocks, on all threads of the current pool for large inputs.
+/// A tape in x, y, z and parameters, evaluated in blocks, on all threads of the current pool for
+/// large inputs.
 #[derive(Clone, Debug)]
 pub struct Residual {
     tape: Tape,
@@ -32,7 +34,8 @@ impl Residual {
         &self.tape
     }
 
-    /// Values and the derivatives by all inputs, one row of `points.len()` numbers per input: x, y, z, then the parameters. On one thread.
+    /// Values and the derivatives by all inputs, one row of `points.len()` numbers per input: x, y,
+    /// z, then the parameters. On one thread.
     ///
     /// # Panics
     /// If `out` or `rows` is too short.
@@ -53,7 +56,8 @@ impl Residual {
     }
 }
 
-/// Calls `work(range, out piece, rows piece)` for each piece of the points, on several threads where it pays.
+/// Calls `work(range, out piece, rows piece)` for each piece of the points, on several threads
+/// where it pays.
 fn for_pieces(
     n: usize,
     out: &mut [f64],
@@ -89,7 +93,8 @@ fn for_pieces(
     }
 }
 
-/// Weighted products of the rows of (J, f) over some points, accumulated eight lanes wide, in squares of two rows by two.
+/// Weighted products of the rows of (J, f) over some points, accumulated eight lanes wide, in
+/// squares of two rows by two.
 struct Sums {
     products: Vec<[f64; 8]>,
 }
@@ -113,7 +118,8 @@ dispatch! {
     fn accumulate(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) = accumulate_body
 }
 
-/// Adds the four products of two rows each, lane by lane: every row is loaded once for two products.
+/// Adds the four products of two rows each, lane by lane: every row is loaded once for two
+/// products.
 #[inline(always)]
 fn dot_pairs(into: [&mut [f64; 8]; 4], a: [&[f64; LANES]; 2], b: [&[f64; LANES]; 2]) {
     let [into00, into01, into10, into11] = into;
@@ -135,8 +141,8 @@ fn dot_pairs(into: [&mut [f64; 8]; 4], a: [&[f64; LANES]; 2], b: [&[f64; LANES];
     (*into00, *into01, *into10, *into11) = (s00, s01, s10, s11);
 }
 
-/// Rows 0 to n − 1 are the derivatives, row n the values: all products of pairs of rows, in squares of two by two. What lies above the
-/// diagonal is computed with its square and never read.
+/// Rows 0 to n − 1 are the derivatives, row n the values: all products of pairs of rows, in squares
+/// of two by two. What lies above the diagonal is computed with its square and never read.
 #[inline(always)]
 fn accumulate_body(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) {
     let n = rows.len();
@@ -178,7 +184,8 @@ impl Residual {
         w
     }
 
-    /// A sum over the pieces of the points, each computed by `work` into a vector, added in the order of the pieces.
+    /// A sum over the pieces of the points, each computed by `work` into a vector, added in the
+    /// order of the pieces.
     fn reduce(
         &self,
         n: usize,
@@ -360,7 +367,8 @@ impl Bound {
         self.residual.tape.eval(&x, &a, &mut Vec::new())
     }
 
-    /// 2-jets at many points: value, gradient, Hessian; in blocks, on all threads of the current pool for large inputs.
+    /// 2-jets at many points: value, gradient, Hessian; in blocks, on all threads of the current
+    /// pool for large inputs.
     ///
     /// # Panics
     /// If `out` is shorter than `points`.

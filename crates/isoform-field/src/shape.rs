@@ -1,15 +1,19 @@
 //! The metric and parts readings of a tree.
 //!
-//! A [`Shape`] is the tree with set operations resolved to minima and maxima over smooth pieces: u | v and max(u, v) become a
-//! maximum, u & v and min(u, v) a minimum, negation swaps them (a subtraction is an intersection with the negated function).
-//! Each piece g carries its unit-gradient form: the closed one of a primitive ([`Library::metric`]; a block has six sides), else
-//! g/|∇g|, the first-order distance (Taubin 1991), with a second Newton step where R-functions are blended inside. The min/max
-//! tree over these is close to a signed distance: at the minimum of a fit it is at the statistical limit, where the R-functions'
-//! own value is 4 to 15 standard deviations off.
+//! A [`Shape`] is the tree with set operations resolved to minima and maxima over smooth pieces: u
+//! | v and max(u, v) become a maximum, u & v and min(u, v) a minimum, negation swaps them (a
+//! subtraction is an intersection with the negated function). Each piece g carries its
+//! unit-gradient form: the closed one of a primitive ([`Library::metric`]; a block has six sides),
+//! else g/|∇g|, the first-order distance (Taubin 1991), with a second Newton step where R-functions
+//! are blended inside. The min/max tree over these is close to a signed distance: at the minimum of
+//! a fit it is at the statistical limit, where the R-functions' own value is 4 to 15 standard
+//! deviations off.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::Library;
 use crate::ops::{Binary, Ops, SetOp, Unary};
+use crate::smooth::Random;
+use isoform_geom::Point3;
 use isoform_num::Jet1;
 use std::collections::HashMap;
 
@@ -20,12 +24,52 @@ pub struct Part {
     pub name: String,
 }
 
-/// The tree as minima and maxima over smooth pieces.
-#[derive(Clone, Debug, PartialEq)]
-enum Tree {
-    Leaf { part: u32, distance: NodeId },
-    Min(Box<[Self; 2]>),
-    Max(Box<[Self; 2]>),
+/// Pieces that are told apart; what else there is of the tree stays one piece. Each takes time in
+/// proportion to the whole expression: with more, programs of many thousand bodies take minutes.
+const MOST_PARTS: usize = 4096;
+
+/// Products are read as slabs up to this many parts: each costs a copy of the expression.
+const MOST_SPLIT: usize = 256;
+
+/// The tree of minima and maxima over smooth pieces, in the order of computation: a program may
+/// join so many bodies, one after the other, that no stack suffices to walk it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Step {
+    Leaf {
+        part: u32,
+        distance: NodeId,
+    },
+    /// Of the last two results that are not used yet.
+    Join {
+        is_min: bool,
+    },
+}
+
+/// A step of the tree of minima and maxima over parts, in the order of computation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Join {
+    /// The value of this part.
+    Part(u32),
+    /// The minimum of the last two results that are not used yet.
+    Min,
+    /// Their maximum.
+    Max,
+}
+
+impl Step {
+    fn join(&self) -> Join {
+        match *self {
+            Self::Leaf { part, .. } => Join::Part(part),
+            Self::Join { is_min: true } => Join::Min,
+            Self::Join { is_min: false } => Join::Max,
+        }
+    }
+}
+
+/// What is left to be read.
+enum Task {
+    Read { id: NodeId, negative: bool },
+    Join { is_min: bool },
 }
 
 /// The metric and parts readings of an expression.
@@ -37,6 +81,11 @@ pub struct Shape {
     pub distance: NodeId,
     /// Index of the active piece as an expression of the graph.
     pub part: NodeId,
+    /// The functions whose zero sets the parts are, positive inside, as expressions of the graph:
+    /// smooth, not divided by their gradients.
+    pub pieces: Vec<NodeId>,
+    /// How the parts are joined to the solid, in the order of computation.
+    pub tree: Vec<Join>,
 }
 
 impl Shape {
@@ -45,100 +94,135 @@ impl Shape {
         let mut reader = Reader {
             graph,
             parts: Vec::new(),
+            pieces: Vec::new(),
             taken: HashMap::new(),
             memo: Default::default(),
         };
-        let tree = reader.read(root, false);
-        let parts = reader.parts;
-        let (distance, part) = join(graph, &tree);
+        let steps = reader.read(root);
+        let (parts, pieces) = (reader.parts, reader.pieces);
+        let (distance, part) = joined(graph, &steps);
         Self {
             parts,
             distance,
             part,
+            pieces,
+            tree: steps.iter().map(Step::join).collect(),
         }
     }
 }
 
 /// The tree's value and the index of the piece that decides it.
-fn join(g: &mut Graph, tree: &Tree) -> (NodeId, NodeId) {
-    let (is_min, pair) = match tree {
-        Tree::Leaf { part, distance } => return (*distance, g.constant(f64::from(*part))),
-        Tree::Min(pair) => (true, pair),
-        Tree::Max(pair) => (false, pair),
-    };
-    let (u, pu) = join(g, &pair[0]);
-    let (v, pv) = join(g, &pair[1]);
-    let second = if is_min {
-        g.less(&v, &u)
-    } else {
-        g.less(&u, &v)
-    };
-    let value = if is_min { g.min(&u, &v) } else { g.max(&u, &v) };
-    (value, g.select(&second, &pv, &pu))
+fn joined(g: &mut Graph, steps: &[Step]) -> (NodeId, NodeId) {
+    let mut results: Vec<(NodeId, NodeId)> = Vec::new();
+    for step in steps {
+        let result = match *step {
+            Step::Leaf { part, distance } => (distance, g.constant(f64::from(part))),
+            Step::Join { is_min } => {
+                let (v, pv) = results.pop().expect("a join has two inputs");
+                let (u, pu) = results.pop().expect("a join has two inputs");
+                let second = if is_min {
+                    g.less(&v, &u)
+                } else {
+                    g.less(&u, &v)
+                };
+                let value = if is_min { g.min(&u, &v) } else { g.max(&u, &v) };
+                (value, g.select(&second, &pv, &pu))
+            }
+        };
+        results.push(result);
+    }
+    results.pop().expect("a tree has a root")
 }
 
 struct Reader<'a> {
     graph: &'a mut Graph,
     parts: Vec<Part>,
+    /// By part, its function.
+    pieces: Vec<NodeId>,
     taken: HashMap<String, u32>,
     /// Derivatives by axis, shared between pieces.
     memo: [HashMap<NodeId, NodeId>; 3],
 }
 
 impl Reader<'_> {
-    fn read(&mut self, id: NodeId, negative: bool) -> Tree {
+    fn read(&mut self, root: NodeId) -> Vec<Step> {
+        let (mut steps, mut tasks) = (Vec::new(), Vec::new());
+        tasks.push(Task::Read {
+            id: root,
+            negative: false,
+        });
+        while let Some(task) = tasks.pop() {
+            match task {
+                Task::Join { is_min } => steps.push(Step::Join { is_min }),
+                Task::Read { id, negative } => self.open(id, negative, &mut tasks, &mut steps),
+            }
+        }
+        steps
+    }
+
+    /// The next level of a node: further tasks, the last one first, or steps.
+    fn open(&mut self, id: NodeId, negative: bool, tasks: &mut Vec<Task>, steps: &mut Vec<Step>) {
+        let pair = |u: NodeId, v: NodeId, maximum: bool| {
+            [
+                Task::Join {
+                    is_min: maximum == negative,
+                },
+                Task::Read { id: v, negative },
+                Task::Read { id: u, negative },
+            ]
+        };
+        if self.parts.len() >= MOST_PARTS {
+            return steps.push(self.leaf(id, negative));
+        }
         match self.graph.node(id).clone() {
             Node::Unary(Unary::Neg, u) => {
                 self.inherit(id, u);
-                self.read(u, !negative)
+                tasks.push(Task::Read {
+                    id: u,
+                    negative: !negative,
+                });
             }
             Node::Set(op, u, v) => {
-                let pair = Box::new([self.read(u, negative), self.read(v, negative)]);
-                let maximum = matches!(op, SetOp::Max | SetOp::RUnion);
-                if maximum != negative {
-                    Tree::Max(pair)
-                } else {
-                    Tree::Min(pair)
-                }
+                tasks.extend(pair(u, v, matches!(op, SetOp::Max | SetOp::RUnion)));
             }
             // A positive factor does not move the surface.
             Node::Binary(Binary::Mul, u, v) => {
-                match (self.graph.constant_value(u), self.graph.constant_value(v)) {
-                    (Some(c), _) if c != 0.0 && self.has_sets(v) => {
-                        self.inherit(id, v);
-                        self.read(v, negative != (c < 0.0))
+                let factor = |c: NodeId| self.graph.constant_value(c).filter(|c| *c != 0.0);
+                let inner = match (factor(u), factor(v)) {
+                    (Some(c), _) if self.has_sets(v) => Some((v, c)),
+                    (_, Some(c)) if self.has_sets(u) => Some((u, c)),
+                    _ => None,
+                };
+                let Some((u, c)) = inner else {
+                    if !self.slab(id, [u, v], negative, steps) {
+                        steps.push(self.leaf(id, negative));
                     }
-                    (_, Some(c)) if c != 0.0 && self.has_sets(u) => {
-                        self.inherit(id, u);
-                        self.read(u, negative != (c < 0.0))
-                    }
-                    _ => self.leaf(id, negative),
-                }
+                    return;
+                };
+                self.inherit(id, u);
+                tasks.push(Task::Read {
+                    id: u,
+                    negative: negative != (c < 0.0),
+                });
             }
             Node::Library(Library::SardfUnion | Library::DistanceBlendUnion, args)
                 if self.is_sharp(id) =>
             {
-                self.pair(args[0], args[1], negative, true)
+                tasks.extend(pair(args[0], args[1], true));
             }
             Node::Library(
                 Library::SardfIntersection | Library::DistanceBlendIntersection,
                 args,
-            ) if self.is_sharp(id) => self.pair(args[0], args[1], negative, false),
-            Node::Library(f, args) if f.is_primitive() => self.primitive(id, f, &args, negative),
-            _ => self.leaf(id, negative),
+            ) if self.is_sharp(id) => tasks.extend(pair(args[0], args[1], false)),
+            Node::Library(f, args) if f.is_primitive() => {
+                self.primitive(id, f, &args, negative, steps);
+            }
+            _ => steps.push(self.leaf(id, negative)),
         }
     }
 
-    fn pair(&mut self, u: NodeId, v: NodeId, negative: bool, maximum: bool) -> Tree {
-        let pair = Box::new([self.read(u, negative), self.read(v, negative)]);
-        if maximum != negative {
-            Tree::Max(pair)
-        } else {
-            Tree::Min(pair)
-        }
-    }
-
-    /// A signed-distance set operation has the sharp zero set of max or min; the circular blends are their own smooth piece.
+    /// A signed-distance set operation has the sharp zero set of max or min; the circular blends
+    /// are their own smooth piece.
     fn is_sharp(&self, id: NodeId) -> bool {
         matches!(
             self.graph.node(id),
@@ -146,12 +230,14 @@ impl Reader<'_> {
         )
     }
 
-    fn has_sets(&self, id: NodeId) -> bool {
-        match self.graph.node(id) {
-            Node::Set(..) => true,
-            Node::Library(f, _) => f.is_primitive(),
-            Node::Unary(Unary::Neg, u) => self.has_sets(*u),
-            _ => false,
+    fn has_sets(&self, mut id: NodeId) -> bool {
+        loop {
+            match self.graph.node(id) {
+                Node::Set(..) => return true,
+                Node::Library(f, _) => return f.is_primitive(),
+                Node::Unary(Unary::Neg, u) => id = *u,
+                _ => return false,
+            }
         }
     }
 
@@ -162,7 +248,8 @@ impl Reader<'_> {
         }
     }
 
-    fn part(&mut self, id: NodeId, side: &str) -> u32 {
+    /// A new part that `piece` describes, named after `id` and its side.
+    fn part(&mut self, id: NodeId, side: &str, piece: NodeId) -> u32 {
         let base = self
             .graph
             .name(id)
@@ -178,60 +265,155 @@ impl Reader<'_> {
             name = format!("{name}#{n}");
         }
         self.parts.push(Part { name });
+        self.pieces.push(piece);
         self.parts.len() as u32 - 1
     }
 
-    fn primitive(&mut self, id: NodeId, f: Library, args: &[NodeId], negative: bool) -> Tree {
+    fn primitive(
+        &mut self,
+        id: NodeId,
+        f: Library,
+        args: &[NodeId],
+        negative: bool,
+        steps: &mut Vec<Step>,
+    ) {
         let rigid = self.is_rigid([args[0], args[1], args[2]]);
-        let mut sides = f.metric(self.graph, args);
-        if !rigid {
-            // Twisted, tapered or scaled: the sides are still smooth pieces, each with a gradient of its own.
-            for (_, side) in &mut sides {
-                let g = self.graph.lowered(*side);
-                *side = self.first_order(g).unwrap_or(*side);
+        let sides = f.metric(self.graph, args);
+        if sides.is_empty() {
+            return steps.push(self.leaf(id, negative));
+        }
+        for (k, (side, d)) in sides.into_iter().enumerate() {
+            let piece = self.graph.lowered(d);
+            // Twisted, tapered or scaled: the sides are still smooth pieces, each with a gradient
+            // of its own.
+            let distance = if rigid {
+                d
+            } else {
+                self.first_order(piece).unwrap_or(d)
+            };
+            let (piece, distance) = self.signed(negative, piece, distance);
+            let part = self.part(id, side, piece);
+            steps.push(Step::Leaf { part, distance });
+            if k > 0 {
+                steps.push(Step::Join { is_min: !negative });
             }
         }
-        let leaves: Vec<Tree> = sides
-            .into_iter()
-            .map(|(side, d)| {
-                let distance = if negative { self.graph.neg(&d) } else { d };
-                Tree::Leaf {
-                    part: self.part(id, side),
-                    distance,
-                }
-            })
-            .collect();
-        let mut leaves = leaves.into_iter();
-        let Some(first) = leaves.next() else {
-            return self.leaf(id, negative);
+    }
+
+    /// A product u·v of functions with opposite gradients, as in x·(a − x), is a slab: the minimum
+    /// of u and v (of −u and −v where the slab is turned inside out), two faces with distances of
+    /// their own. f/|∇f| of the product is a distance only far from the other face.
+    /// False where it is none.
+    fn slab(
+        &mut self,
+        id: NodeId,
+        [u, v]: [NodeId; 2],
+        negative: bool,
+        steps: &mut Vec<Step>,
+    ) -> bool {
+        if self.parts.len() >= MOST_SPLIT {
+            return false;
+        }
+        let Some(factor) = self.opposite(u, v) else {
+            return false;
         };
-        leaves.fold(first, |tree, leaf| {
-            let pair = Box::new([tree, leaf]);
-            if negative {
-                Tree::Max(pair)
-            } else {
-                Tree::Min(pair)
+        // u + c v does not depend on x. Both factors are negative somewhere only where it is.
+        let scaled = self.graph.scale(factor, &v);
+        let sum = self.graph.add(&u, &scaled);
+        let (_, na) = self.graph.inputs(sum);
+        let a: Vec<NodeId> = (0..na).map(|i| self.graph.param(i)).collect();
+        let origin = [self.graph.constant(0.0); 3];
+        let source = self.graph.clone();
+        let sum = source.rewrite(sum, self.graph, &origin, &a, |_, _, _| {});
+        let zero = self.graph.constant(0.0);
+        let is_inside_out = self.graph.less(&sum, &zero);
+        let (minus, plus) = (self.graph.constant(-1.0), self.graph.constant(1.0));
+        let sign = self.graph.select(&is_inside_out, &minus, &plus);
+        for factor in [u, v] {
+            let face = self.graph.mul(&sign, &factor);
+            let face = self.graph.lowered(face);
+            let distance = self.first_order(face).unwrap_or(face);
+            let (piece, distance) = self.signed(negative, face, distance);
+            let side = self.side(factor);
+            let part = self.part(id, side, piece);
+            steps.push(Step::Leaf { part, distance });
+        }
+        steps.push(Step::Join { is_min: !negative });
+        true
+    }
+
+    /// The c > 0 with ∇u = −c ∇v everywhere and for all parameters, tried at pseudo-random places;
+    /// none where there is no such number or the gradients vanish.
+    fn opposite(&mut self, u: NodeId, v: NodeId) -> Option<f64> {
+        let mut known: Option<f64> = None;
+        let mut random = Random::new();
+        for _ in 0..4 {
+            let (gu, gv) = self.gradients_at([u, v], &mut random)?;
+            let (uv, vv) = (isoform_geom::dot(gu, gv), isoform_geom::dot(gv, gv));
+            let c = -uv / vv;
+            let rest: f64 = (0..3).map(|i| (gu[i] + c * gv[i]).abs()).sum();
+            // 1e-9 as for rigid images: above rounding, below what a model means.
+            let is_like = known.is_none_or(|k| (c - k).abs() <= 1e-9 * k);
+            if !(c > 0.0 && c.is_finite() && rest <= 1e-9 * vv.sqrt() * c.max(1.0) && is_like) {
+                return None;
             }
-        })
+            known = known.or(Some(c));
+        }
+        known
+    }
+
+    /// Gradients of two expressions at a pseudo-random place, for pseudo-random parameters.
+    fn gradients_at(&self, of: [NodeId; 2], random: &mut Random) -> Option<(Point3, Point3)> {
+        let (nx, na) = of.iter().fold((3, 0), |n, &p| {
+            let (x, a) = self.graph.inputs(p);
+            (n.0.max(x), n.1.max(a))
+        });
+        if nx > 3 {
+            return None;
+        }
+        let x: [Jet1<3>; 3] = std::array::from_fn(|i| Jet1::variable(2.0 * random.next() - 1.0, i));
+        let a: Vec<Jet1<3>> = (0..na)
+            .map(|_| isoform_num::Real::constant(2.0 * random.next() - 1.0))
+            .collect();
+        let [gu, gv] = of.map(|id| self.graph.eval(id, &x, &a).g);
+        let is_finite = gu.iter().chain(&gv).all(|v| v.is_finite());
+        is_finite.then_some((gu, gv))
+    }
+
+    /// The name of a face by the axis that its inward normal runs along, or nothing.
+    fn side(&self, face: NodeId) -> &'static str {
+        let Some((g, _)) = self.gradients_at([face, face], &mut Random::new()) else {
+            return "";
+        };
+        let names = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
+        (0..3)
+            .find(|&i| (0..3).all(|j| j == i || g[j].abs() <= 1e-9 * g[i].abs()))
+            .map_or("", |i| names[i][usize::from(g[i] < 0.0)])
     }
 
     /// g/|∇g| as a piece; g itself where a native function stands in the way of the derivative.
-    fn leaf(&mut self, id: NodeId, negative: bool) -> Tree {
-        let part = self.part(id, "");
+    fn leaf(&mut self, id: NodeId, negative: bool) -> Step {
         let g = self.graph.lowered(id);
         let mut distance = self.first_order(g).unwrap_or(g);
         if self.has_r_functions(g) {
             distance = self.second_step(g, distance).unwrap_or(distance);
         }
-        let distance = if negative {
-            self.graph.neg(&distance)
-        } else {
-            distance
-        };
-        Tree::Leaf { part, distance }
+        let (piece, distance) = self.signed(negative, g, distance);
+        let part = self.part(id, "", piece);
+        Step::Leaf { part, distance }
     }
 
-    /// ∇g and |∇g|² as expressions; none where a native function stands in the way or g is constant.
+    /// A piece's function and distance, of the other sign where it is taken away.
+    fn signed(&mut self, negative: bool, piece: NodeId, distance: NodeId) -> (NodeId, NodeId) {
+        if negative {
+            (self.graph.neg(&piece), self.graph.neg(&distance))
+        } else {
+            (piece, distance)
+        }
+    }
+
+    /// ∇g and |∇g|² as expressions; none where a native function stands in the way or g is
+    /// constant.
     fn gradient(&mut self, g: NodeId) -> Option<([NodeId; 3], NodeId)> {
         let zero = self.graph.constant(0.0);
         let (mut gradient, mut squares) = ([zero; 3], zero);
@@ -246,14 +428,16 @@ impl Reader<'_> {
     fn first_order(&mut self, g: NodeId) -> Option<NodeId> {
         let (_, squares) = self.gradient(g)?;
         let norm = self.graph.sqrt(&squares);
-        // Where the gradient vanishes (a centre, an axis) the value itself is far from zero: any finite result will do.
+        // Where the gradient vanishes (a centre, an axis) the value itself is far from zero: any
+        // finite result will do.
         let tiny = self.graph.constant(1e-30);
         let norm = self.graph.max(&norm, &tiny);
         Some(self.graph.div(&g, &norm))
     }
 
-    /// Whether R-functions are blended within the piece: its edges are then rounded with a small radius, and the first-order distance is
-    /// off by its own size within a few noise deviations of them.
+    /// Whether R-functions are blended within the piece: its edges are then rounded with a small
+    /// radius, and the first-order distance is off by its own size within a few noise deviations of
+    /// them.
     fn has_r_functions(&self, g: NodeId) -> bool {
         let need = self.graph.reachable(&[g]);
         need.iter().enumerate().any(|(i, need)| {
@@ -265,8 +449,8 @@ impl Reader<'_> {
         })
     }
 
-    /// One Newton step to the surface along the gradient, and the first-order distance again from there; kept where it is the smaller
-    /// of the two, which it is wherever the step is of use.
+    /// One Newton step to the surface along the gradient, and the first-order distance again from
+    /// there; kept where it is the smaller of the two, which it is wherever the step is of use.
     fn second_step(&mut self, g: NodeId, distance: NodeId) -> Option<NodeId> {
         let (_, na) = self.graph.inputs(g);
         let a: Vec<NodeId> = (0..na).map(|i| self.graph.param(i)).collect();
@@ -287,8 +471,9 @@ impl Reader<'_> {
         Some(self.graph.select(&helps, &sum, &distance))
     }
 
-    /// Whether the point (p, q, r) is a rigid image of space for all parameters: its Jacobian J must satisfy JᵀJ = 1. Tested at
-    /// pseudo-random places; a wrong answer would take probability zero and only cost the piece its closed form.
+    /// Whether the point (p, q, r) is a rigid image of space for all parameters: its Jacobian J
+    /// must satisfy JᵀJ = 1. Tested at pseudo-random places; a wrong answer would take probability
+    /// zero and only cost the piece its closed form.
     fn is_rigid(&mut self, point: [NodeId; 3]) -> bool {
         if (0..3).all(|i| self.graph.node(point[i]) == &Node::X(i as u32)) {
             return true;
@@ -300,23 +485,19 @@ impl Reader<'_> {
         if nx > 3 {
             return false;
         }
-        let mut state = 0x2545_F491_4F6C_DD1Du64;
-        let mut random = || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
-        };
+        let mut random = Random::new();
         for _ in 0..4 {
-            let x: [Jet1<3>; 3] = std::array::from_fn(|i| Jet1::variable(random(), i));
+            let x: [Jet1<3>; 3] =
+                std::array::from_fn(|i| Jet1::variable(2.0 * random.next() - 1.0, i));
             let a: Vec<Jet1<3>> = (0..na)
-                .map(|_| isoform_num::Real::constant(random()))
+                .map(|_| isoform_num::Real::constant(2.0 * random.next() - 1.0))
                 .collect();
             let rows = point.map(|p| self.graph.eval(p, &x, &a).g);
             for i in 0..3 {
                 for j in 0..=i {
                     let s: f64 = (0..3).map(|k| rows[i][k] * rows[j][k]).sum();
-                    // 1e-9: rounding of a few rotations stays below 1e-14; scales of real models are never that close to 1.
+                    // 1e-9: rounding of a few rotations stays below 1e-14; scales of real models
+                    // are never that close to 1.
                     let off = (s - f64::from(u8::from(i == j))).abs();
                     if off.is_nan() || off >= 1e-9 {
                         return false;

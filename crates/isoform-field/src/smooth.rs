@@ -1,21 +1,24 @@
 //! Whether kinks inside a formula cancel: tested at pseudo-random places.
 //!
-//! A smooth maximum such as max(u, v) + max(k − |u − v|, 0)²/(4k) is written with functions that have kinks, and has none itself.
-//! Between two places where a kink is decided differently it is found by bisection; there the gradients of both sides must agree.
-//! A wrong answer takes a kink that none of the places tells apart, and costs a crease on a piece that is taken to be smooth.
+//! A smooth maximum such as max(u, v) + max(k − |u − v|, 0)²/(4k) is written with functions that
+//! have kinks, and has none itself. Between two places where a kink is decided differently it is
+//! found by bisection; there the gradients of both sides must agree. A wrong answer takes a kink
+//! that none of the places tells apart, and costs a crease on a piece that is taken to be smooth.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::ops::{Binary, Ops, SetOp, Unary};
 use crate::tape::Tape;
 use isoform_num::Jet1;
 
-/// Pairs of places. Each tells a kink apart with probability near 1/2 at the scales that suit it, which are a quarter of them.
+/// Pairs of places. Each tells a kink apart with probability near 1/2 at the scales that suit it,
+/// which are a quarter of them.
 const PAIRS: usize = 160;
 /// Decades of scales about 1 on each side: sizes of models and widths of blends.
 const DECADES: f64 = 3.0;
 /// Further decades in which kinks are sought that were not met: models in coordinates of a map.
 const FAR: f64 = 5.0;
-/// Gradients of two sides count as equal within this, relative to 1 and the gradient; jumps of real models are of the order of 1.
+/// Gradients of two sides count as equal within this, relative to 1 and the gradient; jumps of real
+/// models are of the order of 1.
 const SAME: f64 = 1e-4;
 /// Steps of the bisection: the two sides are then some 1e-12 of the segment apart.
 const HALVINGS: usize = 40;
@@ -105,7 +108,8 @@ impl Kinked {
         (value.is_finite() && gradient.iter().all(|g| g.is_finite())).then_some((value, gradient))
     }
 
-    /// Two places on the segment that lie closely on the two sides of where value k changes its sign.
+    /// Two places on the segment that lie closely on the two sides of where value k changes its
+    /// sign.
     fn crossing(
         &self,
         k: usize,
@@ -179,8 +183,8 @@ impl Seen {
     }
 }
 
-/// Whether `root`, a formula of x, y, z and the further inputs X(3), …, is C¹ and monotone in each of the further ones: for each
-/// of these whether it rises. None where it is not.
+/// Whether `root`, a formula of x, y, z and the further inputs X(3), …, is C¹ and monotone in each
+/// of the further ones: for each of these whether it rises. None where it is not.
 pub(crate) fn smooth_and_monotone(graph: Graph, root: NodeId, further: usize) -> Option<Vec<bool>> {
     let n = 3 + further;
     let formula = Kinked::new(graph, root, n)?;

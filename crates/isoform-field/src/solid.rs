@@ -1,7 +1,8 @@
 //! A compiled model with fixed parameters as a solid of smooth pieces.
 //!
-//! The parameters are put into the expression before it is split, so that factors have signs and what does not depend on space is
-//! computed once. Each piece has a tape of its own; where many pieces are wanted at once a common tape shares what they share.
+//! The parameters are put into the expression before it is split, so that factors have signs and
+//! what does not depend on space is computed once. Each piece has a tape of its own; where many
+//! pieces are wanted at once a common tape shares what they share.
 
 use crate::block::{Block, LANES, Row};
 use crate::graph::{Graph, Node, NodeId};
@@ -12,7 +13,7 @@ use crate::tape::Tape;
 use isoform_geom::{Aabb, Csg, Field, Point3, Solid};
 use isoform_num::{Interval, Jet1, Jet2, Real};
 use std::cell::Cell;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::rc::Rc;
 
 /// Why a model is no solid of pieces.
@@ -144,14 +145,15 @@ impl Pieces {
     }
 }
 
-/// How ranges of the pieces are computed. Interval arithmetic takes the arguments of a blend for independent and loses its width;
-/// since a blend is monotone in each, the ends of their ranges give its own.
+/// How ranges of the pieces are computed. Interval arithmetic takes the arguments of a blend for
+/// independent and loses its width; since a blend is monotone in each, the ends of their ranges
+/// give its own.
 #[derive(Clone, Debug)]
 struct Ranges {
     steps: Vec<RangeOf>,
     functions: Vec<Tape>,
-    /// By piece, its step.
-    pieces: Vec<usize>,
+    /// By piece, the steps that its range takes, each after those that it uses; its own is last.
+    pieces: Vec<Vec<usize>>,
 }
 
 #[derive(Clone, Debug)]
@@ -162,31 +164,26 @@ enum RangeOf {
     Monotone(usize, Vec<(usize, bool)>),
 }
 
+impl RangeOf {
+    /// The steps that it uses.
+    fn inputs(&self) -> Vec<usize> {
+        match self {
+            Self::Tape(_) => Vec::new(),
+            Self::Negative(u) => vec![*u],
+            Self::Monotone(_, inputs) => inputs.iter().map(|i| i.0).collect(),
+        }
+    }
+}
+
 impl Ranges {
     fn new(graph: &Graph, pieces: &[NodeId], monotone: &HashMap<NodeId, Monotone>) -> Self {
-        let mut need: BTreeMap<NodeId, Option<Monotone>> = BTreeMap::new();
-        let mut pending: Vec<NodeId> = pieces.to_vec();
-        while let Some(id) = pending.pop() {
-            if need.contains_key(&id) {
-                continue;
-            }
-            let known = monotone
-                .get(&id)
-                .cloned()
-                .or_else(|| Monotone::of_blend(graph, id));
-            match (&known, graph.node(id)) {
-                (Some(of), _) => pending.extend(&of.inputs),
-                (None, Node::Unary(Unary::Neg, u)) => pending.push(*u),
-                _ => {}
-            }
-            need.insert(id, known);
-        }
+        let need = needed(graph, pieces, monotone);
         let step: HashMap<NodeId, usize> =
             need.keys().enumerate().map(|(k, &id)| (id, k)).collect();
         let roots: Vec<NodeId> = need.keys().copied().collect();
         let together = Tape::new(graph, &roots, 3, 0);
         let (mut functions, mut compiled) = (Vec::new(), HashMap::new());
-        let steps = need
+        let steps: Vec<RangeOf> = need
             .iter()
             .enumerate()
             .map(|(k, (id, known))| match (known, graph.node(*id)) {
@@ -213,22 +210,49 @@ impl Ranges {
                 _ => RangeOf::Tape(together.result(k)),
             })
             .collect();
+        let pieces = pieces.iter().map(|id| order(&steps, step[id])).collect();
         Self {
             steps,
             functions,
-            pieces: pieces.iter().map(|id| step[id]).collect(),
+            pieces,
         }
     }
 
-    fn of(&self, step: usize, x: &[Interval; 3], scratch: &mut Vec<Interval>) -> Interval {
+    /// The range of a piece. Steps are computed one after the other, since a chain of them may be
+    /// longer than any stack.
+    fn of(&self, piece: usize, x: &[Interval; 3], scratch: &mut Vec<Interval>) -> Interval {
+        let order = &self.pieces[piece];
+        if let [only] = order[..] {
+            return self.step(only, &[], &[], x, scratch);
+        }
+        let mut ranges = Vec::with_capacity(order.len());
+        for &step in order {
+            ranges.push(self.step(step, order, &ranges, x, scratch));
+        }
+        ranges[order.len() - 1]
+    }
+
+    /// The range of a step, from those of the steps before it in the order.
+    fn step(
+        &self,
+        step: usize,
+        order: &[usize],
+        ranges: &[Interval],
+        x: &[Interval; 3],
+        scratch: &mut Vec<Interval>,
+    ) -> Interval {
+        let of = |step: &usize| {
+            let at = order.binary_search(step);
+            ranges[at.expect("what a step uses is in its piece's order")]
+        };
         match &self.steps[step] {
             RangeOf::Tape(tape) => tape.range(x, &[], scratch),
-            RangeOf::Negative(u) => -self.of(*u, x, scratch),
+            RangeOf::Negative(u) => -of(u),
             RangeOf::Monotone(function, inputs) => {
                 let mut ends = [[Interval::ALL; 3 + MOST_INPUTS]; 2];
-                for (k, &(input, rises)) in inputs.iter().enumerate() {
-                    let range = self.of(input, x, scratch);
-                    let (low, high) = if rises {
+                for (k, (input, rises)) in inputs.iter().enumerate() {
+                    let range = of(input);
+                    let (low, high) = if *rises {
                         (range.lo(), range.hi())
                     } else {
                         (range.hi(), range.lo())
@@ -242,6 +266,47 @@ impl Ranges {
             }
         }
     }
+}
+
+/// The pieces and what their ranges are computed from, with what is known of each.
+///
+/// A monotone function counts only where its inputs were made before it: of r - min(q, 0) the piece
+/// for 0 is r itself, a function of r and 0, and its range would be computed from itself.
+fn needed(
+    graph: &Graph,
+    pieces: &[NodeId],
+    monotone: &HashMap<NodeId, Monotone>,
+) -> BTreeMap<NodeId, Option<Monotone>> {
+    let mut need: BTreeMap<NodeId, Option<Monotone>> = BTreeMap::new();
+    let mut pending: Vec<NodeId> = pieces.to_vec();
+    while let Some(id) = pending.pop() {
+        if need.contains_key(&id) {
+            continue;
+        }
+        let known = monotone
+            .get(&id)
+            .filter(|of| of.inputs.iter().all(|&u| u < id))
+            .cloned()
+            .or_else(|| Monotone::of_blend(graph, id));
+        match (&known, graph.node(id)) {
+            (Some(of), _) => pending.extend(&of.inputs),
+            (None, Node::Unary(Unary::Neg, u)) => pending.push(*u),
+            _ => {}
+        }
+        need.insert(id, known);
+    }
+    need
+}
+
+/// A step and those that it uses, all the way down, in the order of computation.
+fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
+    let (mut found, mut pending) = (BTreeSet::new(), vec![last]);
+    while let Some(step) = pending.pop() {
+        if found.insert(step) {
+            pending.extend(steps[step].inputs());
+        }
+    }
+    found.into_iter().collect()
 }
 
 fn check(model: &Model, a: &[f64]) -> Result<(), SolidError> {
@@ -267,7 +332,8 @@ thread_local! {
     static ROWS: Cell<Vec<Row>> = const { Cell::new(Vec::new()) };
 }
 
-/// Runs with this thread's scratch space. It is taken out meanwhile: another use on the same thread would start with an empty one.
+/// Runs with this thread's scratch space. It is taken out meanwhile: another use on the same thread
+/// would start with an empty one.
 fn with<T, R>(
     scratch: &'static std::thread::LocalKey<Cell<Vec<T>>>,
     run: impl FnOnce(&mut Vec<T>) -> R,
@@ -370,9 +436,7 @@ impl Solid for Pieces {
         let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
         with(&RANGES, |scratch| {
             for (&piece, out) in which.iter().zip(out) {
-                *out = self
-                    .ranges
-                    .of(self.ranges.pieces[piece as usize], &x, scratch);
+                *out = self.ranges.of(piece as usize, &x, scratch);
             }
         });
     }
@@ -381,8 +445,9 @@ impl Solid for Pieces {
     }
 }
 
-/// A program run statement by statement as a function of space, for models that are no expression: a solid of one piece by
-/// [`isoform_geom::OnePiece`]. Some hundred times slower than [`Pieces`]; NaN where the program stops with an error.
+/// A program run statement by statement as a function of space, for models that are no expression:
+/// a solid of one piece by [`isoform_geom::OnePiece`]. Some hundred times slower than [`Pieces`];
+/// NaN where the program stops with an error.
 #[derive(Clone, Debug)]
 pub struct RunField {
     model: Model,

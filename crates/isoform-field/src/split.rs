@@ -1,13 +1,16 @@
 //! Splitting an expression of space into smooth pieces, joined by minima and maxima.
 //!
-//! Two readings go hand in hand. By *sign*: only where the expression is ≥ 0 counts, so R-functions are maxima and minima, primitives
-//! their closed-form sides, positive factors nothing. By *value*: the tree has the expression's value everywhere, so that what is
-//! computed from it passes through: a function that rises in an argument is, of a minimum, the minimum of the function. Values pass
-//! through |u| = max(u, −u), sums, signed factors and quotients, monotone functions of one argument, R-functions, and blends.
+//! Two readings go hand in hand. By *sign*: only where the expression is ≥ 0 counts, so R-functions
+//! are maxima and minima, primitives their closed-form sides, positive factors nothing. By *value*:
+//! the tree has the expression's value everywhere, so that what is computed from it passes through:
+//! a function that rises in an argument is, of a minimum, the minimum of the function. Values pass
+//! through |u| = max(u, −u), sums, signed factors and quotients, monotone functions of one
+//! argument, R-functions, and blends.
 //!
-//! A smooth maximum is mostly written with minima, maxima and |u| of its own: max(u, v) + max(k − |u − v|, 0)²/(4k). Where the kinks
-//! of such a formula cancel ([`crate::smooth`]) it is one function of the expressions that it uses more than once (u and v here),
-//! and distributed over their pieces: smooth(min(a, b), c) = min(smooth(a, c), smooth(b, c)).
+//! A smooth maximum is mostly written with minima, maxima and |u| of its own: max(u, v) + max(k −
+//! |u − v|, 0)²/(4k). Where the kinks of such a formula cancel ([`crate::smooth`]) it is one
+//! function of the expressions that it uses more than once (u and v here), and distributed over
+//! their pieces: smooth(min(a, b), c) = min(smooth(a, c), smooth(b, c)).
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::Library;
@@ -19,7 +22,8 @@ use isoform_num::{Interval, Real};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
-/// Blends of many-sided shapes have a piece for each pair of sides; beyond so many pieces a blend stays one piece.
+/// Blends of many-sided shapes have a piece for each pair of sides; beyond so many pieces a blend
+/// stays one piece.
 const MOST_PRODUCTS: usize = 4096;
 /// Pieces of a whole solid, counted where they stand in the tree.
 const MOST_PIECES: usize = 1 << 16;
@@ -525,7 +529,8 @@ impl Reader<'_> {
             return tree;
         }
         if n == 2 && self.ranges_of(u).lo() >= 0.0 {
-            // u² = u |u| for u ≥ 0, which rises everywhere and is C¹: the pieces of u may be negative where they do not decide.
+            // u² = u |u| for u ≥ 0, which rises everywhere and is C¹: the pieces of u may be
+            // negative where they do not decide.
             let tree = self.value(u, context);
             return tree.map(false, &mut |leaf| {
                 let size = self.graph.abs(&leaf.value);
@@ -579,7 +584,8 @@ impl Reader<'_> {
         self.distributed(id, &[id], &inputs, context)
     }
 
-    /// The same for a function that is not defined everywhere: a piece of its argument may leave the domain where it does not decide.
+    /// The same for a function that is not defined everywhere: a piece of its argument may leave
+    /// the domain where it does not decide.
     fn passed_in_domain(&mut self, id: NodeId, u: NodeId, rises: bool, context: &Context) -> Tree {
         let tree = self.passed(id, &[(u, rises)], context);
         let mut pieces = vec![id];
@@ -605,8 +611,8 @@ impl Reader<'_> {
 
     // ---- blends
 
-    /// The node as a smooth function of expressions with kinks that it uses more than once, passed through their trees. None where
-    /// it is no such function.
+    /// The node as a smooth function of expressions with kinks that it uses more than once, passed
+    /// through their trees. None where it is no such function.
     fn blend(&mut self, id: NodeId, context: &Context) -> Option<Tree> {
         if self.failures > MOST_FAILURES {
             return None;
@@ -644,25 +650,29 @@ impl Reader<'_> {
         Some(self.distributed(id, &above, &inputs, context))
     }
 
-    /// Whether the node surely has kinks: linear in one expression that is a minimum, a maximum or an |u|.
-    fn shows_kinks(&mut self, id: NodeId) -> bool {
-        let (u, v) = match self.graph.node(id).clone() {
-            Node::Unary(Unary::Neg, _) => return true,
-            Node::Binary(Binary::Add | Binary::Sub | Binary::Mul, u, v) => (u, v),
-            Node::Binary(Binary::Div, u, v) if !self.is_kinked(v) => (u, v),
-            _ => return false,
-        };
-        let inner = match (self.is_kinked(u), self.is_kinked(v)) {
-            (true, false) => u,
-            (false, true) => v,
-            _ => return false,
-        };
-        self.value_join(inner).is_some()
-            || self.absolute(inner).is_some()
-            || self.shows_kinks(inner)
+    /// Whether the node surely has kinks: linear in one expression that is a minimum, a maximum or
+    /// an |u|.
+    fn shows_kinks(&mut self, mut id: NodeId) -> bool {
+        loop {
+            let (u, v) = match self.graph.node(id).clone() {
+                Node::Unary(Unary::Neg, _) => return true,
+                Node::Binary(Binary::Add | Binary::Sub | Binary::Mul, u, v) => (u, v),
+                Node::Binary(Binary::Div, u, v) if !self.is_kinked(v) => (u, v),
+                _ => return false,
+            };
+            id = match (self.is_kinked(u), self.is_kinked(v)) {
+                (true, false) => u,
+                (false, true) => v,
+                _ => return false,
+            };
+            if self.value_join(id).is_some() || self.absolute(id).is_some() {
+                return true;
+            }
+        }
     }
 
-    /// The topmost nodes with kinks below `id` that are used more than once there, none within another.
+    /// The topmost nodes with kinks below `id` that are used more than once there, none within
+    /// another.
     fn shared(&mut self, id: NodeId) -> Vec<NodeId> {
         let need = self.graph.reachable(&[id]);
         let mut uses: HashMap<NodeId, u32> = HashMap::new();
@@ -907,7 +917,8 @@ impl Reader<'_> {
         })
     }
 
-    /// −u. A side keeps its name: a cut with a slab leaves the slab's upper face, which is a lower one of what is left.
+    /// −u. A side keeps its name: a cut with a slab leaves the slab's upper face, which is a lower
+    /// one of what is left.
     fn negated(&mut self, tree: &Tree) -> Tree {
         tree.map(true, &mut |leaf| {
             let side = side_of(self.graph, leaf);
@@ -950,7 +961,8 @@ impl Reader<'_> {
         pending.push((u, self.context(u, &below)));
     }
 
-    /// The node as a minimum or maximum in value: as such, or as a choice of the smaller or larger of two.
+    /// The node as a minimum or maximum in value: as such, or as a choice of the smaller or larger
+    /// of two.
     fn value_join(&self, id: NodeId) -> Option<Join2> {
         match *self.graph.node(id) {
             Node::Set(SetOp::Max, u, v) => Some(Join2::Max(u, v)),
@@ -1069,9 +1081,9 @@ fn rebuilt(graph: &mut Graph, node: &Node, copy: &HashMap<NodeId, NodeId>) -> No
     }
 }
 
-/// A node with a kink within a smooth function, such that where u = v derivatives are those of one side, the same for max(u, v),
-/// min(u, v) and |u − v|: only then do they cancel there, too. Derivatives of minima and maxima are those of the first of two
-/// equal ones.
+/// A node with a kink within a smooth function, such that where u = v derivatives are those of one
+/// side, the same for max(u, v), min(u, v) and |u − v|: only then do they cancel there, too.
+/// Derivatives of minima and maxima are those of the first of two equal ones.
 fn one_sided(graph: &mut Graph, node: &Node, copy: &HashMap<NodeId, NodeId>) -> Option<NodeId> {
     let sorted = |u: &NodeId, v: &NodeId| (copy[u].min(copy[v]), copy[u].max(copy[v]));
     match node {

@@ -1,8 +1,9 @@
 //! The compiled expression: a flat list of operations on numbered slots.
 //!
-//! Slots are `[constants | x | parameters | operations]`, each written once. Operations that do not depend on x come first: they
-//! are computed once per call, not per point. Evaluators own their scratch space, the tape is shared freely between threads.
-//! [`Tape::eval`] serves any number type; the block evaluators run 32 points at a time.
+//! Slots are `[constants | x | parameters | operations]`, each written once. Operations that do not
+//! depend on x come first: they are computed once per call, not per point. Evaluators own their
+//! scratch space, the tape is shared freely between threads. [`Tape::eval`] serves any number type;
+//! the block evaluators run 32 points at a time.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::Native;
@@ -55,8 +56,8 @@ enum Choice {
 }
 
 impl Tape {
-    /// Compiles the expressions `roots`; library functions are expanded. `n_x` coordinates and `n_params` parameters are
-    /// inputs, used or not.
+    /// Compiles the expressions `roots`; library functions are expanded. `n_x` coordinates and
+    /// `n_params` parameters are inputs, used or not.
     ///
     /// # Panics
     /// If an expression uses an input beyond `n_x` or `n_params`.
@@ -213,12 +214,14 @@ impl Tape {
         a: &[Interval],
         scratch: &mut Vec<Interval>,
     ) -> Interval {
-        // A native function is an iteration: run on intervals it encloses nothing, so nothing is claimed of it.
+        // A native function is an iteration: run on intervals it encloses nothing, so nothing is
+        // claimed of it.
         self.run(x, a, scratch, |_, _| Interval::ALL);
         scratch[self.roots[0] as usize]
     }
 
-    /// Fills the slots, the first ones of `s`. What `s` held before does not matter, nor that it is longer.
+    /// Fills the slots, the first ones of `s`. What `s` held before does not matter, nor that it is
+    /// longer.
     #[inline]
     fn run<R: Real>(&self, x: &[R], a: &[R], s: &mut Vec<R>, native: impl Fn(Native, &[R]) -> R) {
         if s.len() < self.slots() {
@@ -250,9 +253,10 @@ impl Tape {
         }
     }
 
-    /// Bounds of the first result over a box of inputs, and a shorter tape for the same box: where the bounds decide which side
-    /// of a min or max is active, or which branch of a selection, the other one is dropped. The shorter tape computes the same
-    /// values in the box. R-functions depend on both arguments everywhere and are kept.
+    /// Bounds of the first result over a box of inputs, and a shorter tape for the same box: where
+    /// the bounds decide which side of a min or max is active, or which branch of a selection, the
+    /// other one is dropped. The shorter tape computes the same values in the box. R-functions
+    /// depend on both arguments everywhere and are kept.
     pub fn bounds(&self, x: &[Interval], a: &[Interval]) -> (Interval, Option<Self>) {
         let mut s = Vec::new();
         let range = self.range(x, a, &mut s);
@@ -408,7 +412,8 @@ impl Tape {
     }
 }
 
-/// For min(first, second): which side is surely not above the other. Ties keep the first, as evaluation does.
+/// For min(first, second): which side is surely not above the other. Ties keep the first, as
+/// evaluation does.
 fn decide(first: &Interval, second: &Interval) -> Choice {
     // For max the caller swaps the arguments, and with them the meaning of the answer.
     if first.hi() < second.lo() {

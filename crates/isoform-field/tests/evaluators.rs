@@ -1,10 +1,10 @@
-//! Every evaluator against the generic oracle (the graph, node by node), on all golden models and on trees made here.
+//! Every evaluator against the generic oracle (the graph, node by node), on all golden models and
+//! on trees made here.
 
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_field::{Bound, Graph, Residual, Shape, Tape};
 use isoform_geom::{Aabb, Field, ParamField, Point3};
 use isoform_num::{Interval, Jet1, Jet2, Real};
-use std::path::PathBuf;
 
 const PART: &str =
     "my_model(x[3], a[12]) { array v[3], c[3], d[3]; v[1] = a[1]; v[2] = a[2]; v[3] = a[3];
@@ -31,20 +31,7 @@ fn models() -> Vec<(String, Model, Vec<f64>)> {
             A.to_vec(),
         ));
     }
-    let shared = std::env::var_os("ISOFORM_SHARED").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")),
-        PathBuf::from,
-    );
-    let Ok(folder) = std::fs::read_dir(shared.join("hyperfun/golden")) else {
-        eprintln!("golden models not found, checking the three built-in ones only");
-        return all;
-    };
-    let mut files: Vec<PathBuf> = folder
-        .map(|f| f.expect("an entry").path())
-        .filter(|p| p.extension().is_some_and(|e| e == "hf"))
-        .collect();
-    files.sort();
-    for hf in files {
+    for hf in isoform_testdata::files("hyperfun", "hf") {
         let model = Model::parse(&std::fs::read_to_string(&hf).expect("text"), Mode::Default)
             .expect("a golden model");
         let csv = std::fs::read_to_string(hf.with_extension("csv")).expect("golden values");
@@ -58,14 +45,7 @@ fn models() -> Vec<(String, Model, Vec<f64>)> {
             .collect();
         a.resize(model.n_params(), 0.0);
         if model.dimension() == 3 {
-            all.push((
-                hf.file_stem()
-                    .expect("a name")
-                    .to_string_lossy()
-                    .into_owned(),
-                model,
-                a,
-            ));
+            all.push((isoform_testdata::stem(&hf), model, a));
         }
     }
     assert!(
@@ -125,7 +105,8 @@ fn all_evaluators_agree_with_the_oracle() {
                 points[i]
             );
         }
-        // Derivatives by x, y, z and the parameters: reverse mode against forward jets of the oracle.
+        // Derivatives by x, y, z and the parameters: reverse mode against forward jets of the
+        // oracle.
         let mut grad = vec![0.0; n * (3 + m)];
         residual.all_gradients(&points, &a, &mut got, &mut grad);
         let mut jets = vec![Jet2::constant(0.0); n];

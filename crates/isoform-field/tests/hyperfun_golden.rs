@@ -1,10 +1,9 @@
-//! HyperFun programs against values of the reference implementation: a few that are kept here, and all golden models where the
-//! shared data folder is present.
+//! HyperFun programs against values of the reference implementation, in tests/data/hyperfun.
 
 use isoform_field::Graph;
 use isoform_field::hyperfun::{Mode, Model};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 struct Golden {
     tolerance: f64,
@@ -54,8 +53,8 @@ fn model(path: &Path, mode: Mode) -> Model {
     Model::parse(&text, mode).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// The strict value and the attributes against the table; the expression against the interpreter, in both modes. Returns how
-/// many values were compared.
+/// The strict value and the attributes against the table; the expression against the interpreter,
+/// in both modes. Returns how many values were compared.
 fn check(hf: &Path) -> usize {
     let table = golden(&hf.with_extension("csv"));
     let mut compared = 0;
@@ -116,55 +115,11 @@ fn check(hf: &Path) -> usize {
     compared
 }
 
-fn models(folder: &Path) -> Vec<PathBuf> {
-    let Ok(entries) = fs::read_dir(folder) else {
-        return Vec::new();
-    };
-    let mut found: Vec<PathBuf> = entries
-        .flatten()
-        .map(|e| e.path())
-        .filter(|p| p.extension().is_some_and(|e| e == "hf"))
-        .collect();
-    found.retain(|p| p.with_extension("csv").exists());
-    found.sort();
-    found
-}
-
-fn own() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data")
-}
-
-fn shared() -> PathBuf {
-    std::env::var_os("ISOFORM_SHARED").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
-        PathBuf::from,
-    )
-}
-
 #[test]
-fn golden_values_kept_here() {
-    let found = models(&own());
-    assert!(found.len() >= 3);
-    assert!(found.iter().map(|hf| check(hf)).sum::<usize>() >= 30);
-}
-
-#[test]
-fn golden_values_of_the_shared_folder() {
-    let found = models(&shared().join("hyperfun/golden"));
-    if found.is_empty() {
-        println!("skipped: no golden models in {}", shared().display());
-        return;
-    }
+fn golden_values() {
+    let found = isoform_testdata::files("hyperfun", "hf");
+    assert_eq!(found.len(), 119, "golden models");
     let compared: usize = found.iter().map(|hf| check(hf)).sum();
     println!("{compared} values of {} models", found.len());
-}
-
-/// The models that a template author would write must be expressions: what is interpreted cannot be meshed quickly.
-#[test]
-fn whole_models_compile() {
-    for hf in models(&own()) {
-        let m = model(&hf, Mode::Default);
-        m.compile(&mut Graph::new())
-            .unwrap_or_else(|e| panic!("{}: {e}", hf.display()));
-    }
+    assert_eq!(compared, 119 * 40, "rows of the tables");
 }

@@ -1,4 +1,5 @@
-//! Whatever is fed to the language, it answers: no panic, no hang, and what it accepts it prints so that it reads the same.
+//! Whatever is fed to the language, it answers: no panic, no hang, and what it accepts it prints so
+//! that it reads the same.
 
 use isoform_field::Graph;
 use isoform_field::hyperfun::{Mode, Model};
@@ -6,9 +7,9 @@ use isoform_num::Jet2;
 use proptest::prelude::*;
 
 const PROGRAMS: [&str; 5] = [
-    include_str!("data/comp_testpart.hf"),
-    include_str!("data/comp_sakepot.hf"),
-    include_str!("data/comp_twisted_taper.hf"),
+    include_str!("../../../tests/data/hyperfun/comp_testpart.hf"),
+    include_str!("../../../tests/data/hyperfun/comp_sakepot.hf"),
+    include_str!("../../../tests/data/hyperfun/comp_twisted_taper.hf"),
     "-- @param a[1] radius length min=0.1 max=5 start=1 unit=mm : of the ball
 -- @param a[2] h length tie=2*radius + 1
 b(x[2], a[2], s[2]) { array c[4]; c = [1,-2,3.5e1,.5]; i = 1; while i <= 4 and c[i] < 99 loop s[i/2] = c[i]; i = i + 1; endloop; b = s[1]^2 - -x[1]; }

@@ -1,4 +1,5 @@
-//! Models as solids: what is a piece, what it is called, and that the pieces say what the model says.
+//! Models as solids: what is a piece, what it is called, and that the pieces say what the model
+//! says.
 
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_field::{Pieces, RunField, SolidError};
@@ -72,7 +73,8 @@ const BLENDS: &str = "my_model(x[3], a[1])
   my_model = max(f2, min(0.3*hfEllipsoid(x, o, 0.6, 0.9, 2.2), 1.8 - x[3]));
 }";
 
-/// Other ways to write what has no kinks: a weight between 0 and 1, a choice, the root of a square, exponentials.
+/// Other ways to write what has no kinks: a weight between 0 and 1, a choice, the root of a square,
+/// exponentials.
 const SMOOTHS: &str = "my_model(x[3], a[1])
 {
   a1 = min(1 - abs(x[1]), min(1 - abs(x[2]), 1 - abs(x[3])));
@@ -114,7 +116,8 @@ fn own(solid: &Pieces, p: Point3) -> f64 {
     out[0]
 }
 
-/// The greatest jump of a piece's gradient between p and q, sought by bisection towards the greater change.
+/// The greatest jump of a piece's gradient between p and q, sought by bisection towards the greater
+/// change.
 fn jump(solid: &Pieces, piece: u32, mut p: Point3, mut q: Point3) -> (f64, Point3) {
     let gradient = |p| solid.gradient(piece, p).1;
     for _ in 0..26 {
@@ -129,7 +132,8 @@ fn jump(solid: &Pieces, piece: u32, mut p: Point3, mut q: Point3) -> (f64, Point
     (norm(sub(gradient(p), gradient(q))), p)
 }
 
-/// The tree has the model's sign; on the surface the piece that decides vanishes, with a gradient that does neither vanish nor jump.
+/// The tree has the model's sign; on the surface the piece that decides vanishes, with a gradient
+/// that does neither vanish nor jump.
 fn check(text: &str, reach: f64) -> Pieces {
     let solid = pieces(text);
     let which: Vec<u32> = (0..solid.names().len() as u32).collect();
@@ -293,7 +297,8 @@ fn a_smooth_maximum_is_a_piece_for_each_pair_of_sides() {
 
 #[test]
 fn ranges_of_blends_are_tight() {
-    // A blend rises in both of its arguments: its range is that between its values for the ends of theirs.
+    // A blend rises in both of its arguments: its range is that between its values for the ends of
+    // theirs.
     let text = "my_model(x[3], a[1]) { my_model = hfDBlendUni(1 - x[1], 1 - x[2], 0.5); }";
     let solid = pieces(text);
     let mut range = [Interval::ALL];

@@ -1,23 +1,27 @@
-//! Success counts, times and accuracy of the fit on the shared variants of the test part, with a hand-written template.
+//! Success counts, times and accuracy of the fit on the shared variants of the test part, with a
+//! hand-written template.
 //!
-//! `cargo run --release -p isoform-fit --example testpart_rates [variant ...]`; RAYON_NUM_THREADS=1 for times on one core.
+//! `cargo run --release -p isoform-fit --example testpart_rates [variant ...]`; RAYON_NUM_THREADS=1
+//! for times on one core.
 
 #[path = "../tests/support/mod.rs"]
 mod support;
 
 use isoform_fit::{Control, Fit, Options, fit};
 use isoform_geom::Point3;
+use isoform_testdata::shared_data;
+use std::path::PathBuf;
 use std::time::Instant;
-use support::{
-    HI, LO, SET1, SET2, TRUTH, TestPart, cramer_rao, rows_of, shared, variant, worst_error,
-};
+use support::{HI, LO, SET1, SET2, TRUTH, TestPart, cramer_rao, rows_of, variant, worst_error};
+
+/// The folder of the variants, in full: those of tests/data are thinned.
+fn folder() -> PathBuf {
+    shared_data("fitting").expect("the folder of shared data")
+}
 
 fn main() {
-    let Some(folder) = shared() else {
-        println!("no shared data (set ISOFORM_SHARED)");
-        return;
-    };
-    let wide = rows_of(&folder.join("fitting/starts100.txt"));
+    let folder = folder();
+    let wide = rows_of(&folder.join("starts100.txt"));
     let said: Vec<String> = std::env::args().skip(1).collect();
     let all = [
         "clean",
@@ -38,7 +42,7 @@ fn main() {
             draws(sigma.parse().expect("a deviation"));
             continue;
         }
-        let points = variant(name).expect("a variant");
+        let points = variant(&folder, name);
         let starts: Vec<Vec<f64>> = [SET1.to_vec(), SET2.to_vec()]
             .into_iter()
             .chain(wide.iter().cloned())
@@ -60,7 +64,7 @@ fn run(name: &str, points: &[Point3], starts: &[Vec<f64>]) {
         "clean" => 0.0,
         _ => 0.01,
     };
-    let sd = cramer_rao(&variant("clean").expect("clean"));
+    let sd = cramer_rao(&variant(&folder(), "clean"));
     let tolerance = |i: usize| {
         if name == "clean" {
             1e-6 * TRUTH[i].abs()
@@ -163,7 +167,7 @@ fn run(name: &str, points: &[Point3], starts: &[Vec<f64>]) {
 /// Intervals and accuracy over many draws of the noise.
 fn draws(sigma: f64) {
     let template = TestPart::new(false);
-    let clean = variant("clean").expect("clean");
+    let clean = variant(&folder(), "clean");
     let sd = cramer_rao(&clean);
     let bounds: Vec<_> = LO.iter().zip(HI).map(|(l, h)| Some((*l, h))).collect();
     let (mut inside, mut z, mut mean, mut ratio) = (0, 0.0, [0.0; 12], 0.0);

@@ -1,9 +1,12 @@
-//! Simulated annealing of Goffe, Ferrier and Rogers (1994, J. Econometrics 60:65–99) after Corana et al. (1987), cooled linearly.
+//! Simulated annealing of Goffe, Ferrier and Rogers (1994, J. Econometrics 60:65–99) after Corana
+//! et al. (1987), cooled linearly.
 //!
-//! One coordinate at a time is moved by a uniform random step; uphill moves pass with probability exp(−Δ/T). After 20 rounds
-//! the step of each coordinate is adapted so that about half of its moves pass, and after `adaptations` of those the temperature
-//! falls. The paper cools linearly where Goffe cools geometrically: T runs from its start to 0 in `temperatures` equal steps, in the first
-//! half of the evaluations; the rest stays at T = 0 until nothing moves, since the last linear step is still far above the noise.
+//! One coordinate at a time is moved by a uniform random step; uphill moves pass with probability
+//! exp(−Δ/T). After 20 rounds the step of each coordinate is adapted so that about half of its
+//! moves pass, and after `adaptations` of those the temperature falls. The paper cools linearly
+//! where Goffe cools geometrically: T runs from its start to 0 in `temperatures` equal steps, in
+//! the first half of the evaluations; the rest stays at T = 0 until nothing moves, since the last
+//! linear step is still far above the noise.
 
 use crate::Objective;
 
@@ -60,7 +63,8 @@ pub struct Annealed {
     pub reached: bool,
 }
 
-/// Anneals within finite bounds. `monitor` is asked after each adaptation, with the evaluations and the best value.
+/// Anneals within finite bounds. `monitor` is asked after each adaptation, with the evaluations and
+/// the best value.
 pub fn minimize(
     objective: &mut dyn Objective,
     x: Vec<f64>,

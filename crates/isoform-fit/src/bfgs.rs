@@ -1,7 +1,8 @@
 //! The quasi-Newton method of the paper (BFGS with a line search), within bounds by projection.
 //!
-//! Variables at a bound that the gradient pushes against are held for the step; the line search follows the projected path and
-//! asks for Armijo's decrease; the inverse Hessian is updated where the curvature is positive (Nocedal and Wright 2006, ch. 6).
+//! Variables at a bound that the gradient pushes against are held for the step; the line search
+//! follows the projected path and asks for Armijo's decrease; the inverse Hessian is updated where
+//! the curvature is positive (Nocedal and Wright 2006, ch. 6).
 
 use crate::Objective;
 use crate::lm::{Minimum, Stop};
@@ -27,7 +28,8 @@ impl Default for Options {
     }
 }
 
-/// Minimises within `lo` and `hi` from `x`. `monitor` sees every accepted point and ends the run by returning `false`.
+/// Minimises within `lo` and `hi` from `x`. `monitor` sees every accepted point and ends the run by
+/// returning `false`.
 pub fn minimize(
     objective: &mut dyn Objective,
     mut x: Vec<f64>,

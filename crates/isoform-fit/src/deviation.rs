@@ -1,17 +1,24 @@
-//! Deviation in both directions: of the data from the model, and of the model's surface from the data.
+//! Deviation in both directions: of the data from the model, and of the model's surface from the
+//! data.
 //!
-//! A small residual of the data says nothing about surface that no data support: a template may run away from its scan and still
-//! pass through all points. So the model's own surface is sampled inside a box somewhat larger than the data's: nodes of a grid near
-//! the zero set are drawn to it by Newton steps along the gradient, thinned to one per cell, and each is asked for its nearest datum.
+//! A small residual of the data says nothing about surface that no data support: a template may run
+//! away from its scan and still pass through all points. So the model's own surface is sampled
+//! inside a box somewhat larger than the data's: nodes of a grid near the zero set are drawn to it
+//! by Newton steps along the gradient, thinned to one per cell, and each is asked for its nearest
+//! datum.
 
-use crate::outliers::median;
+use crate::Template;
+use crate::outliers::{Neighbourhood, median};
 use isoform_geom::{Aabb, KdTree, ParamField, Point3, dot};
 
-/// The box is larger than the data's by this share of its diagonal on every side: enough to see surface leave.
+/// The box is larger than the data's by this share of its diagonal on every side: enough to see
+/// surface leave.
 const MARGIN: f64 = 0.08;
-/// Uncovered is a sample farther than this many typical spacings from all data (99.9 % of covered samples are nearer than 3 where
-/// points are spread at random).
-const SPACINGS: f64 = 4.0;
+/// Uncovered is a sample farther than this many spacings of the data there from all data. Where
+/// points are spread at random, one place in 10⁷ is farther than 2.
+const SPACINGS: f64 = 2.5;
+/// Of the samples of the surface: any number does.
+const SEED: u64 = 51;
 /// And by more than this many deviations of the noise, which in dense scans exceeds the spacing.
 const NOISES: f64 = 4.0;
 /// Newton steps towards the surface.
@@ -39,14 +46,20 @@ pub struct ModelToData {
     pub uncovered_from: f64,
     /// Samples of the surface.
     pub samples: usize,
-    /// Share of the samples outside the data's own box (by more than the noise): large where the model runs away.
+    /// Share of the samples outside the data's own box (by more than the noise): large where the
+    /// model runs away.
     pub share_outside: f64,
 }
 
 /// Samples of the surface with the distance to the nearest datum.
 pub(crate) struct Surface {
     pub(crate) points: Vec<Point3>,
-    pub(crate) distances: Vec<f64>,
+    /// Part of the model by sample.
+    pub(crate) parts: Vec<u32>,
+    /// Unit inward normals; empty where the template has no foot points.
+    pub(crate) inward: Vec<Point3>,
+    /// Whether no data are near, by sample.
+    pub(crate) bare: Vec<bool>,
     pub(crate) summary: ModelToData,
 }
 
@@ -75,23 +88,37 @@ fn percentile_index(n: usize) -> usize {
     ((0.95 * n as f64).ceil() as usize).clamp(1, n) - 1
 }
 
-/// Samples the surface of the metric field and measures it against the data.
+/// What the surface is measured against.
+pub(crate) struct Data<'a> {
+    pub(crate) bounds: Aabb,
+    pub(crate) near: &'a Neighbourhood,
+    pub(crate) noise: f64,
+}
+
+/// Samples the surface of the template in a box larger than the data's and measures it against the
+/// data.
 pub(crate) fn model_to_data(
-    field: &dyn ParamField,
+    template: &dyn Template,
     a: &[f64],
-    data: Aabb,
-    tree: &KdTree,
-    spacing: f64,
-    noise: f64,
+    data: &Data<'_>,
     samples: usize,
 ) -> Surface {
-    let (points, cell) = sample(field, a, data, samples);
-    let distances: Vec<f64> = points
-        .iter()
-        .map(|p| tree.nearest(*p).map_or(f64::INFINITY, |(_, d)| d.sqrt()))
-        .collect();
-    // The samples of sparse data are judged by the data's spacing, which a tree over a part of a large cloud overstates at most.
-    let from = (SPACINGS * spacing).max(NOISES * noise).max(0.02 * cell);
+    let (points, parts, inward) = surface_of(template, a, data, samples);
+    let from = (SPACINGS * data.near.spacing).max(NOISES * data.noise);
+    let mut distances = Vec::with_capacity(points.len());
+    let mut bare = Vec::with_capacity(points.len());
+    let mut found = Vec::new();
+    for p in &points {
+        let Some((at, squared)) = data.near.tree.nearest(*p) else {
+            distances.push(f64::INFINITY);
+            bare.push(true);
+            continue;
+        };
+        let d = squared.sqrt();
+        distances.push(d);
+        // Where data are sparse everywhere, more distance is no sign of a gap.
+        bare.push(d > from && d > SPACINGS * data.near.spacing_at(at, &mut found));
+    }
     let mut summary = ModelToData {
         samples: points.len(),
         uncovered_from: from,
@@ -102,20 +129,56 @@ pub(crate) fn model_to_data(
         let mut d = distances.clone();
         let at = percentile_index(d.len());
         summary.p95 = *d.select_nth_unstable_by(at, f64::total_cmp).1;
-        summary.share_uncovered = distances.iter().filter(|d| **d > from).count() as f64 / n;
-        let is_outside =
-            |p: &&Point3| (0..3).any(|i| p[i] < data.lo[i] - from || p[i] > data.hi[i] + from);
+        summary.share_uncovered = bare.iter().filter(|b| **b).count() as f64 / n;
+        let (lo, hi) = (data.bounds.lo, data.bounds.hi);
+        let is_outside = |p: &&Point3| (0..3).any(|i| p[i] < lo[i] - from || p[i] > hi[i] + from);
         summary.share_outside = points.iter().filter(is_outside).count() as f64 / n;
     }
     Surface {
         points,
-        distances,
+        parts,
+        inward,
+        bare,
         summary,
     }
 }
 
-/// Near-uniform points of the zero set of a field that is close to a distance, in a box somewhat larger than `region`; about `wanted`
-/// of them if the surface is like that of the box.
+/// Places of the surface in a box larger than the data's, with the part that each is on and the
+/// inward normal.
+fn surface_of(
+    template: &dyn Template,
+    a: &[f64],
+    data: &Data<'_>,
+    wanted: usize,
+) -> (Vec<Point3>, Vec<u32>, Vec<Point3>) {
+    let Some(distance) = template.distance() else {
+        let points = sample(template.metric(), a, data.bounds, wanted).0;
+        let mut parts = vec![0; points.len()];
+        template.parts(&points, a, &mut parts);
+        return (points, parts, Vec::new());
+    };
+    // In the model's own frame, so that the places are alike in all poses.
+    let frame = template.frame(a);
+    let (lo, hi) = (data.bounds.lo, data.bounds.hi);
+    let is_in = |p: &&Point3| (0..3).all(|i| (lo[i]..=hi[i]).contains(&p[i]));
+    let trusted = data.near.sampled().iter().filter(is_in);
+    let within = trusted.map(|p| frame.within(*p));
+    let mut region = Aabb::of(&within.collect::<Vec<_>>());
+    let margin = MARGIN * region.diagonal();
+    for i in 0..3 {
+        region.lo[i] -= margin;
+        region.hi[i] += margin;
+    }
+    let places = distance.area_samples(a, &frame, region, wanted, SEED);
+    (
+        places.iter().map(|f| f.at).collect(),
+        places.iter().map(|f| f.pieces[0]).collect(),
+        places.iter().map(|f| f.inward).collect(),
+    )
+}
+
+/// Near-uniform points of the zero set of a field that is close to a distance, in a box somewhat
+/// larger than `region`; about `wanted` of them if the surface is like that of the box.
 pub fn surface_samples(
     field: &dyn ParamField,
     a: &[f64],
@@ -125,7 +188,8 @@ pub fn surface_samples(
     sample(field, a, region, wanted).0
 }
 
-/// Near-uniform samples of the zero set in the enlarged box, about as many as asked for, and the size of the cells they come from.
+/// Near-uniform samples of the zero set in the enlarged box, about as many as asked for, and the
+/// size of the cells they come from.
 fn sample(field: &dyn ParamField, a: &[f64], data: Aabb, wanted: usize) -> (Vec<Point3>, f64) {
     let margin = MARGIN * data.diagonal();
     if !(margin > 0.0 && margin.is_finite()) || wanted == 0 {
@@ -204,7 +268,8 @@ fn sample(field: &dyn ParamField, a: &[f64], data: Aabb, wanted: usize) -> (Vec<
     (kept.into_iter().map(|k| k.1).collect(), cell)
 }
 
-/// Correlation of the residuals of sampled points with that of their nearest neighbours: near 0 for noise, near 1 for a bad model.
+/// Correlation of the residuals of sampled points with that of their nearest neighbours: near 0 for
+/// noise, near 1 for a bad model.
 pub(crate) fn neighbour_correlation(
     points: &[Point3],
     residuals: &[f64],

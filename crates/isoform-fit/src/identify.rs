@@ -1,9 +1,10 @@
 //! What the data say about each parameter, and what they leave open.
 //!
-//! The covariance is s² (JᵀJ)⁻¹ of the metric residual, for robust losses the sandwich. That is local, and a face which no point
-//! supports can look determined by the few noisy points of its neighbours' rims that happen to touch it. Therefore each parameter
-//! is also moved by ten of its standard deviations, the others following along the valley: where the sum of squares does not rise
-//! by a fair share of what the quadratic model says, on either side, the parameter is open.
+//! The covariance is s² (JᵀJ)⁻¹ of the metric residual, for robust losses the sandwich. That is
+//! local, and a face which no point supports can look determined by the few noisy points of its
+//! neighbours' rims that happen to touch it. Therefore each parameter is also moved by ten of its
+//! standard deviations, the others following along the valley: where the sum of squares does not
+//! rise by a fair share of what the quadratic model says, on either side, the parameter is open.
 
 use crate::Loss;
 use crate::objective::{normal_equations, sum_of_squares};
@@ -14,21 +15,37 @@ use isoform_num::linalg::{cholesky, cholesky_solve};
 
 /// Standard deviations that a parameter is moved by.
 const MOVE: f64 = 10.0;
-/// Share of the predicted rise that must be seen on both sides. Nonlinear but determined parameters keep above 0.3.
+/// Share of the predicted rise that must be seen on both sides. Nonlinear but determined parameters
+/// keep above 0.3.
 const RISE: f64 = 0.1;
 /// Curvature of a direction below this share of the largest is none: rounding.
 const NO_CURVATURE: f64 = 1e-10;
 /// Share of a direction that makes another open variable part of its group.
 const SHARE: f64 = 0.05;
 
+/// A variable with a smaller deviation, in units of the search, is moved only if there is a reason
+/// to doubt it.
+const SURE: f64 = 2e-3;
+
+/// Points that stand for all.
+struct Tested {
+    points: Vec<Point3>,
+    weights: Vec<f64>,
+    /// Points that each stands for.
+    share: f64,
+    /// Their weighted sum of squares at the fit.
+    base: f64,
+}
+
 /// Uncertainty of the variables.
 pub(crate) struct Knowledge {
-    /// Covariance in the variables, zero rows for open ones.
-    pub(crate) covariance: Vec<f64>,
     /// Open variables: each group lies along one direction.
     pub(crate) open: Vec<Vec<usize>>,
-    /// For each group the variable to hold and the direction, scaled to 1 there, with the sense (±1) in which nothing is lost.
+    /// For each group the variable to hold and the direction, scaled to 1 there, with the sense
+    /// (±1) in which nothing is lost.
     pub(crate) directions: Vec<(usize, Vec<f64>, f64)>,
+    /// The matrix of the normal equations where this was asked.
+    pub(crate) normal: Vec<f64>,
 }
 
 /// The fit at which knowledge is asked for.
@@ -45,6 +62,8 @@ pub(crate) struct At<'a> {
     pub(crate) scale: f64,
     /// Smallest deviation worth the name: below it data are exact.
     pub(crate) least_scale: f64,
+    /// Points that stand for all where a variable is moved: that many, spread over them.
+    pub(crate) tested: usize,
 }
 
 impl At<'_> {
@@ -68,17 +87,33 @@ impl At<'_> {
         weights
     }
 
-    /// Sum of squares (weighted as at x) after a move.
-    fn sum(&self, x: &[f64], weights: &[f64]) -> f64 {
-        let mut a = vec![0.0; self.field.dim()];
-        self.space.parameters_at(x, &mut a);
-        sum_of_squares(self.field, self.points, weights, &a)
+    /// Some of the points with their weights (as at x), and how many each stands for.
+    fn tested(&self, weights: &[f64]) -> Tested {
+        let step = self.points.len().div_ceil(self.tested.max(1)).max(1);
+        let every = |v: &[f64]| v.iter().copied().step_by(step).collect::<Vec<_>>();
+        let points: Vec<Point3> = self.points.iter().copied().step_by(step).collect();
+        let share = self.points.len() as f64 / points.len().max(1) as f64;
+        let mut tested = Tested {
+            points,
+            weights: every(weights),
+            share,
+            base: 0.0,
+        };
+        tested.base = self.sum(self.x, &tested);
+        tested
     }
 
-    /// Open directions and the covariance of what is determined.
-    pub(crate) fn knowledge(&self) -> Knowledge {
+    /// Sum of squares after a move.
+    fn sum(&self, x: &[f64], tested: &Tested) -> f64 {
+        let mut a = vec![0.0; self.field.dim()];
+        self.space.parameters_at(x, &mut a);
+        tested.share * sum_of_squares(self.field, &tested.points, &tested.weights, &a)
+    }
+
+    /// Open directions and the covariance of what is determined. Only variables that `suspect`
+    /// names, or that are weak, are moved: each move costs two sums over the points.
+    pub(crate) fn knowledge(&self, suspect: &dyn Fn(usize) -> bool) -> Knowledge {
         let m = self.space.len();
-        let robust = self.loss.is_robust();
         let s = self.scale.max(self.least_scale);
         let weights = self.masked(|r| weight(self.loss, r / s));
         let h = self.normal(self.points, &weights);
@@ -86,16 +121,20 @@ impl At<'_> {
         let mut held = vec![false; m];
         let mut open: Vec<Vec<usize>> = Vec::new();
         let mut directions = Vec::new();
-        let base = self.sum(self.x, &weights);
+        let tested = self.tested(&weights);
         let mut flat_at_first: Option<Vec<bool>> = None;
         loop {
             let inverse = inverse(&h, m, &held, NO_CURVATURE * largest);
             let tests: Vec<Option<(f64, f64)>> = (0..m)
                 .map(|k| {
-                    if held[k] {
+                    let spread = inverse[k * m + k];
+                    let deviation = s * spread.sqrt();
+                    let is_blind = h[k * m + k] < NO_CURVATURE * largest;
+                    let is_weak = is_blind || deviation.is_nan() || deviation >= SURE;
+                    if held[k] || !(is_weak || suspect(k)) {
                         None
                     } else {
-                        self.flatness(k, &inverse, s, base, &weights)
+                        self.flatness(k, &inverse, s, &tested)
                     }
                 })
                 .collect();
@@ -141,23 +180,16 @@ impl At<'_> {
             }
             directions.push((k, direction, sense));
         }
-        let covariance = self.covariance(&h, &held, robust, s, largest);
         Knowledge {
-            covariance,
             open,
             directions,
+            normal: h,
         }
     }
 
-    /// If moving variable k costs next to nothing: the sense that costs least, and the variable's deviation.
-    fn flatness(
-        &self,
-        k: usize,
-        inverse: &[f64],
-        s: f64,
-        base: f64,
-        weights: &[f64],
-    ) -> Option<(f64, f64)> {
+    /// If moving variable k costs next to nothing: the sense that costs least, and the variable's
+    /// deviation.
+    fn flatness(&self, k: usize, inverse: &[f64], s: f64, tested: &Tested) -> Option<(f64, f64)> {
         let m = self.space.len();
         let spread = inverse[k * m + k];
         if !(spread > 0.0 && spread.is_finite()) {
@@ -166,7 +198,8 @@ impl At<'_> {
         let deviation = s * spread.sqrt();
         let mut worst = (1.0, f64::INFINITY);
         for sense in [1.0, -1.0] {
-            // No farther than half of the range: an open direction is as flat there. A bound in the way shortens the move.
+            // No farther than half of the range: an open direction is as flat there. A bound in the
+            // way shortens the move.
             let mut t: f64 = (MOVE * deviation)
                 .min(0.5 * (self.space.hi[k] - self.space.lo[k]))
                 .min(0.5);
@@ -187,8 +220,9 @@ impl At<'_> {
             let x: Vec<f64> = (0..m)
                 .map(|j| self.x[j] + sense * t * inverse[j * m + k] / spread)
                 .collect();
-            let rise = self.sum(&x, weights) - base;
-            // For next to no curvature the prediction itself is next to nothing; then a fair rise is one of a few deviations.
+            let rise = self.sum(&x, tested) - tested.base;
+            // For next to no curvature the prediction itself is next to nothing; then a fair rise
+            // is one of a few deviations.
             let predicted = (t * t / spread)
                 .max(s * s * MOVE * MOVE * 0.25 * (t / (MOVE * deviation)).min(1.0).powi(2))
                 .max(s * s);
@@ -207,18 +241,36 @@ impl At<'_> {
         (worst.1 < RISE).then_some((worst.0, deviation))
     }
 
-    /// Covariance of the variables that are not held.
-    pub(crate) fn covariance_without(&self, held: &[bool]) -> Vec<f64> {
+    /// Covariance of the variables that are not held, for independent residuals, and the inverse of
+    /// their normal matrix.
+    /// `normal` is the matrix of [`Knowledge`] if that was asked at this very fit.
+    pub(crate) fn covariance_without(
+        &self,
+        held: &[bool],
+        normal: Option<&[f64]>,
+    ) -> (Vec<f64>, Vec<f64>) {
         let m = self.space.len();
         let robust = self.loss.is_robust();
         let s = self.scale.max(self.least_scale);
-        let weights = self.masked(|r| weight(self.loss, r / s));
-        let h = self.normal(self.points, &weights);
+        let h = normal.map_or_else(
+            || {
+                let weights = self.masked(|r| weight(self.loss, r / s));
+                self.normal(self.points, &weights)
+            },
+            <[f64]>::to_vec,
+        );
         let largest = (0..m).map(|i| h[i * m + i]).fold(0.0, f64::max);
         self.covariance(&h, held, robust, s, largest)
     }
 
-    fn covariance(&self, h: &[f64], held: &[bool], robust: bool, s: f64, largest: f64) -> Vec<f64> {
+    fn covariance(
+        &self,
+        h: &[f64],
+        held: &[bool],
+        robust: bool,
+        s: f64,
+        largest: f64,
+    ) -> (Vec<f64>, Vec<f64>) {
         let m = self.space.len();
         let free = held.iter().filter(|v| !**v).count();
         let n = if self.mask.is_empty() {
@@ -235,13 +287,15 @@ impl At<'_> {
                 .enumerate()
                 .filter(|(i, r)| r.is_finite() && self.mask.get(*i) != Some(&0.0));
             let sum: f64 = used.map(|(_, r)| r * r).sum();
-            let mut c = inverse(h, m, held, floor);
-            c.iter_mut().for_each(|v| *v *= sum / degrees);
-            return c;
+            let c = inverse(h, m, held, floor);
+            let variance = (sum / degrees).max(self.least_scale.powi(2));
+            return (c.iter().map(|v| v * variance).collect(), c);
         }
         // The sandwich: A⁻¹ B A⁻¹ with A = Σ ψ′ J Jᵀ and B = Σ ψ² J Jᵀ.
         let slopes = self.masked(|r| slope(self.loss, r / s));
-        let squares = self.masked(|r| (weight(self.loss, r / s) * r).powi(2));
+        // Points that the model meets exactly are still known to rounding only.
+        let least = (s * s - self.scale * self.scale).max(0.0);
+        let squares = self.masked(|r| weight(self.loss, r / s).powi(2) * (r * r + least));
         // Negative weights mean nothing to normal equations that take their roots: two sums.
         let plus: Vec<f64> = slopes.iter().map(|v| v.max(0.0)).collect();
         let minus: Vec<f64> = slopes.iter().map(|v| (-v).max(0.0)).collect();
@@ -250,7 +304,8 @@ impl At<'_> {
             .zip(self.normal(self.points, &minus))
             .for_each(|(p, q)| *p -= q);
         let b = self.normal(self.points, &squares);
-        // Where the slopes do not make a positive matrix (few points, gross misfit), the weights do.
+        // Where the slopes do not make a positive matrix (few points, gross misfit), the weights
+        // do.
         let sound = {
             let mut t = a.clone();
             (0..m).for_each(|i| t[i * m + i] += floor);
@@ -261,7 +316,7 @@ impl At<'_> {
         let mut out = product(&cb, &c, m);
         let share = n as f64 / degrees;
         out.iter_mut().for_each(|v| *v *= share);
-        out
+        (out, c)
     }
 }
 
@@ -295,7 +350,7 @@ pub(crate) fn inverse(h: &[f64], m: usize, held: &[bool], floor: f64) -> Vec<f64
     out
 }
 
-fn product(a: &[f64], b: &[f64], m: usize) -> Vec<f64> {
+pub(crate) fn product(a: &[f64], b: &[f64], m: usize) -> Vec<f64> {
     let mut c = vec![0.0; m * m];
     for i in 0..m {
         for k in 0..m {
@@ -307,7 +362,8 @@ fn product(a: &[f64], b: &[f64], m: usize) -> Vec<f64> {
     c
 }
 
-/// Half width of a 95 % interval in standard deviations: Student's t with the given degrees of freedom.
+/// Half width of a 95 % interval in standard deviations: Student's t with the given degrees of
+/// freedom.
 pub(crate) fn student95(degrees: f64) -> f64 {
     const Z: f64 = 1.959_963_984_540_054;
     let v = degrees.max(1.0);

@@ -4,17 +4,19 @@ use crate::space::Space;
 use isoform_geom::{ParamField, Point3};
 use rayon::prelude::*;
 
-/// Points per piece of a parallel sum. Fixed, so that sums have the same bits for any number of threads; large enough that a
-/// piece (some hundred µs) pays for its dispatch.
+/// Points per piece of a parallel sum. Fixed, so that sums have the same bits for any number of
+/// threads; large enough that a piece (some hundred µs) pays for its dispatch.
 const PIECE: usize = 16_384;
 
-/// A function to be minimised: half of Σ wᵢ rᵢ(x)², or anything that can give a gradient and a positive semidefinite model.
+/// A function to be minimised: half of Σ wᵢ rᵢ(x)², or anything that can give a gradient and a
+/// positive semidefinite model.
 pub trait Objective {
     /// Number of variables.
     fn dim(&self) -> usize;
     /// Twice the cost, i.e. Σ w r²; anything not finite counts as infinitely bad.
     fn value(&mut self, x: &[f64]) -> f64;
-    /// The same with Jᵀ W r and Jᵀ W J (row-major): gradient and Gauss-Newton matrix of half the value.
+    /// The same with Jᵀ W r and Jᵀ W J (row-major): gradient and Gauss-Newton matrix of half the
+    /// value.
     fn model(&mut self, x: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64;
     /// Greatest share of step `p` from `x` that is allowed beside the bounds.
     fn step_limit(&self, _x: &[f64], _p: &[f64]) -> f64 {
@@ -148,24 +150,5 @@ pub(crate) fn values(field: &dyn ParamField, points: &[Point3], a: &[f64], out: 
             .par_chunks(PIECE)
             .zip(out.par_chunks_mut(PIECE))
             .for_each(|(p, o)| field.values(p, a, o));
-    }
-}
-
-/// f(pᵢ, a) and its gradient in space, in parallel.
-pub(crate) fn gradients(
-    field: &dyn ParamField,
-    points: &[Point3],
-    a: &[f64],
-    out: &mut [f64],
-    gradients: &mut [Point3],
-) {
-    if points.len() <= PIECE {
-        field.gradients(points, a, out, gradients);
-    } else {
-        let pieces = points
-            .par_chunks(PIECE)
-            .zip(out.par_chunks_mut(PIECE))
-            .zip(gradients.par_chunks_mut(PIECE));
-        pieces.for_each(|((p, o), g)| field.gradients(p, a, o, g));
     }
 }

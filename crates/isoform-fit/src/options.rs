@@ -16,15 +16,17 @@ pub enum Local {
 /// How the minimum is sought.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Method {
-    /// Seeded restarts of Levenberg-Marquardt on a subsample until the best minimum recurs, confirmation, polish.
+    /// Seeded restarts of Levenberg-Marquardt on a subsample until the best minimum recurs,
+    /// confirmation, polish.
     #[default]
     Default,
     /// The paper's local method, from the start alone, on all points.
     Local(Local),
     /// The paper's simulated annealing on all points.
     Annealing,
-    /// The paper's hybrid: annealing until the mean of |f| falls below `threshold`, then the local method. Without a threshold, the
-    /// paper's 0.04 of the median |f| over starts drawn at random, a rule that needs no knowledge of f's scale.
+    /// The paper's hybrid: annealing until the mean of |f| falls below `threshold`, then the local
+    /// method. Without a threshold, the paper's 0.04 of the median |f| over starts drawn at random,
+    /// a rule that needs no knowledge of f's scale.
     Hybrid {
         /// What follows the annealing.
         local: Local,
@@ -36,7 +38,8 @@ pub enum Method {
 /// The loss of the polish.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Loss {
-    /// Robust where outliers were found, residuals have heavy tails or neighbours are off alike, else least squares.
+    /// Robust where outliers were found, residuals have heavy tails or neighbours are off alike,
+    /// else least squares.
     #[default]
     Auto,
     /// Least squares.
@@ -48,7 +51,8 @@ pub enum Loss {
 }
 
 impl Loss {
-    /// Whether far points count less than their square; `Auto` counts as least squares until it is decided.
+    /// Whether far points count less than their square; `Auto` counts as least squares until it is
+    /// decided.
     pub(crate) fn is_robust(self) -> bool {
         matches!(self, Self::Cauchy | Self::Tukey)
     }
@@ -63,15 +67,18 @@ pub struct Options {
     pub loss: Loss,
     /// Start of the caller; else the template's starts, else the data decide.
     pub start: Option<Vec<f64>>,
-    /// Bounds by parameter, empty or one each; `None` leaves a parameter to the template and the data.
+    /// Bounds by parameter, empty or one each; `None` leaves a parameter to the template and the
+    /// data.
     pub bounds: Vec<Option<(f64, f64)>>,
     /// Of everything random.
     pub seed: u64,
-    /// Points of the search. Fewer make minima of noise, more only cost time (512: 3 to 13 % of informed starts end elsewhere).
+    /// Points of the search. Fewer make minima of noise, more only cost time (512: 3 to 13 % of
+    /// informed starts end elsewhere).
     pub search_points: usize,
     /// Points on which candidates are compared, and the first level of the polish.
     pub confirm_points: usize,
-    /// Fewest starts before the search may stop; with a share q of starts that reach the best minimum, (1 − q)ⁿ of searches miss it.
+    /// Fewest starts before the search may stop; with a share q of starts that reach the best
+    /// minimum, (1 − q)ⁿ of searches miss it.
     pub least_starts: usize,
     /// Most starts.
     pub most_starts: usize,
@@ -79,6 +86,9 @@ pub struct Options {
     pub recurrences: usize,
     /// Bound on the estimated probability that a minimum as wide as the best one was missed.
     pub miss: f64,
+    /// Whether a minimum that is not settled is refined by distances: pieces are thrown elsewhere
+    /// and led back. Off for quick looks at many ways that a template may stand.
+    pub refine: bool,
     /// Whether isolated outliers are filtered before the search.
     pub filter_outliers: bool,
     /// About how many points of the model's surface are compared with the data.
@@ -101,6 +111,7 @@ impl Default for Options {
             most_starts: 64,
             recurrences: 3,
             miss: 1e-3,
+            refine: true,
             filter_outliers: true,
             surface_samples: 2000,
             annealing_evaluations: 400_000,
@@ -158,7 +169,8 @@ pub enum FitError {
         /// Upper bound.
         hi: f64,
     },
-    /// A tie runs in a circle, names a parameter that does not exist, or has a factor that is not finite.
+    /// A tie runs in a circle, names a parameter that does not exist, or has a factor that is not
+    /// finite.
     #[error("{name} is tied in a circle or to a parameter that does not exist")]
     Tie {
         /// Parameter.

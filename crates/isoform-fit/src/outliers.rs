@@ -1,13 +1,15 @@
 //! Isolated outliers, found by the distance to their neighbours.
 //!
-//! A point is isolated when the mean distance d to its [`NEIGHBOURS`] nearest neighbours is far above the median of log d, by
-//! [`DEVIATIONS`] robust deviations. Scans of uneven density have sparse regions that are not outliers: a candidate is kept if its
-//! neighbours lie in a plane with it and are as sparse as itself. Clusters are not isolated; the loss of the polish is for them.
+//! A point is isolated when the mean distance d to its [`NEIGHBOURS`] nearest neighbours is far
+//! above the median of log d, by [`DEVIATIONS`] robust deviations. Scans of uneven density have
+//! sparse regions that are not outliers: a candidate is kept if its neighbours lie in a plane with
+//! it and are as sparse as itself. Clusters are not isolated; the loss of the polish is for them.
 
 use isoform_geom::{KdTree, Point3, dot, sub};
 use isoform_num::linalg::symmetric_eigen;
 
-/// Neighbours whose mean distance is taken. Fewer let pairs of outliers pass, more cut into edges of the scan.
+/// Neighbours whose mean distance is taken. Fewer let pairs of outliers pass, more cut into edges
+/// of the scan.
 const NEIGHBOURS: usize = 8;
 /// Robust standard deviations of log d above its median.
 const DEVIATIONS: f64 = 3.0;
@@ -15,15 +17,20 @@ const DEVIATIONS: f64 = 3.0;
 const LEAST_RATIO: f64 = 1.5;
 /// Share of the variance of a neighbourhood across its plane; 1/3 for a ball, 0 for a plane.
 const FLATNESS: f64 = 0.02;
-/// A sparse but flat neighbourhood is sparse throughout: d no more than this times that of the neighbours.
+/// A sparse but flat neighbourhood is sparse throughout: d no more than this times that of the
+/// neighbours.
 const EVENNESS: f64 = 1.5;
 /// Most points in the tree: the spacing of larger clouds is that of a sample.
 const MOST: usize = 200_000;
 /// Points whose distances give median and deviation.
 const SAMPLE: usize = 1024;
-/// Share of isolated points from which the data count as having outliers; scans without them show next to none.
+/// Points whose neighbours' deviations from planes tell the local noise.
+const PROBES: usize = 150;
+/// Share of isolated points from which the data count as having outliers; scans without them show
+/// next to none.
 pub(crate) const HAS_OUTLIERS: f64 = 0.01;
-/// Off the plane of its neighbours is a point farther from it than this many of their own deviations...
+/// Off the plane of its neighbours is a point farther from it than this many of their own
+/// deviations...
 const OFF_PLANE: f64 = 4.0;
 /// ... and than this share of the spacing, which curved surfaces stay within.
 const OFF_SPACINGS: f64 = 0.3;
@@ -80,6 +87,38 @@ impl Neighbourhood {
         }
     }
 
+    /// Deviation of some points' neighbours from the planes through them, the median and the first
+    /// decile: the noise with, and mostly without, what curvature and edges add at this density.
+    pub(crate) fn local_noise(&self, points: &[Point3], order: &[u32]) -> (f64, f64) {
+        let mut found = Vec::new();
+        let mut off: Vec<f64> = order
+            .iter()
+            .take(PROBES)
+            .filter_map(|&i| {
+                self.tree
+                    .nearest_k(points[i as usize], 2 * NEIGHBOURS, &mut found);
+                let around: Vec<Point3> = found
+                    .iter()
+                    .map(|&(_, i)| self.sample[i as usize])
+                    .collect();
+                plane(&around).map(|(_, _, rms)| rms)
+            })
+            .collect();
+        let typical = median(&mut off);
+        off.sort_unstable_by(f64::total_cmp);
+        (typical, off.get(off.len() / 10).copied().unwrap_or(0.0))
+    }
+
+    /// The points of the tree.
+    pub(crate) fn sampled(&self) -> &[Point3] {
+        &self.sample
+    }
+
+    /// Mean distance of a point of the tree to its neighbours.
+    pub(crate) fn spacing_at(&self, at: usize, found: &mut Vec<(f64, u32)>) -> f64 {
+        mean_distance(&self.tree, self.sample[at], found)
+    }
+
     /// Whether the point, the k-th in the random order, is isolated.
     fn is_isolated(&self, p: Point3, k: usize, found: &mut Vec<(f64, u32)>) -> bool {
         if self.known.get(k).is_some_and(|d| *d <= self.threshold) {
@@ -103,7 +142,8 @@ impl Neighbourhood {
         d > EVENNESS * median(&mut theirs)
     }
 
-    /// The first `want` points in `order` that are not isolated, and the share of isolated ones among those looked at.
+    /// The first `want` points in `order` that are not isolated, and the share of isolated ones
+    /// among those looked at.
     pub(crate) fn keep(&self, points: &[Point3], order: &[u32], want: usize) -> (Vec<Point3>, f64) {
         let (mut kept, mut seen, mut found) = (Vec::with_capacity(want), 0, Vec::new());
         for (k, &i) in order.iter().enumerate() {
@@ -118,15 +158,19 @@ impl Neighbourhood {
         let share = 1.0 - kept.len() as f64 / seen.max(1) as f64;
         if share > HAS_OUTLIERS {
             // With outliers about, sparse regions get no benefit of the doubt.
-            kept.retain(|p| {
-                !self.is_off_plane(*p, &mut found)
-                    && mean_distance(&self.tree, *p, &mut found) <= self.threshold
-            });
+            kept.retain(|p| !self.is_stray(*p, &mut found));
         }
         (kept, share)
     }
 
-    /// Points that lie off a fitted model while their neighbours do not: outliers. Where neighbours are off together, the model is.
+    /// Whether a point is sparse, whatever its neighbours are, or off their plane: an outlier where
+    /// there are many.
+    pub(crate) fn is_stray(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> bool {
+        self.is_off_plane(p, found) || mean_distance(&self.tree, p, found) > self.threshold
+    }
+
+    /// Points that lie off a fitted model while their neighbours do not: outliers. Where neighbours
+    /// are off together, the model is.
     pub(crate) fn drop_lone(
         &self,
         points: &mut Vec<Point3>,
@@ -155,8 +199,8 @@ impl Neighbourhood {
         });
     }
 
-    /// Whether the neighbours lie in a plane and the point does not: an outlier too near the surface to be isolated. At edges
-    /// the neighbours lie in no plane, so that edges stay.
+    /// Whether the neighbours lie in a plane and the point does not: an outlier too near the
+    /// surface to be isolated. At edges the neighbours lie in no plane, so that edges stay.
     fn is_off_plane(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> bool {
         self.tree.nearest_k(p, NEIGHBOURS + 1, found);
         let around: Vec<Point3> = found
@@ -210,8 +254,9 @@ fn scatter(points: &[Point3]) -> (Point3, [f64; 9]) {
     (centre, c)
 }
 
-/// The plane of best fit: a point, the normal and the root of the mean square distance; none for a line or less.
-fn plane(points: &[Point3]) -> Option<(Point3, Point3, f64)> {
+/// The plane of best fit: a point, the normal and the root of the mean square distance; none for a
+/// line or less.
+pub(crate) fn plane(points: &[Point3]) -> Option<(Point3, Point3, f64)> {
     let (centre, c) = scatter(points);
     let (w, v) = symmetric_eigen(&c, 3);
     let is_plane = points.len() > 4 && w[1] > 1e-3 * w[2];

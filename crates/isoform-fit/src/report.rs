@@ -1,6 +1,8 @@
 //! What a fit tells.
 
 use crate::deviation::{DataToModel, ModelToData};
+use crate::evidence::Evidence;
+use crate::judge::{Finding, Verdict};
 use crate::search::Step;
 use crate::{Loss, lm};
 
@@ -9,7 +11,8 @@ use crate::{Loss, lm};
 pub enum Status {
     /// The data fix it.
     Determined,
-    /// The data fix it roughly: its deviation exceeds 2 % of the data's size (a tenth of a radian for an angle).
+    /// The data fix it roughly: its deviation exceeds 2 % of the data's size (a tenth of a radian
+    /// for an angle).
     Weak,
     /// The data leave it open, alone or together with others.
     Undetermined,
@@ -103,8 +106,12 @@ pub struct Fit {
     pub n_points: usize,
     /// Points that are not outliers.
     pub n_used: usize,
+    /// Points that settled the parameters: all, or some where more would not change the intervals.
+    pub n_fitted: usize,
     /// Outliers.
     pub n_outliers: usize,
+    /// Points that were left out as clutter, beside the outliers.
+    pub n_left_out: usize,
     /// Share of points found isolated before the search, and left out of it.
     pub isolated: f64,
     /// Typical distance of neighbouring points.
@@ -125,9 +132,13 @@ pub struct Fit {
     pub undetermined: Vec<Open>,
     /// Sentences that a reader should know.
     pub warnings: Vec<String>,
-    /// Whether the template fits.
+    /// Whether to trust the fit.
+    pub verdict: Verdict,
+    /// What speaks against it.
+    pub findings: Vec<Finding>,
+    /// Whether the verdict is [`Verdict::Accepted`].
     pub acceptable: bool,
-    /// Why not, one sentence each.
+    /// The findings, one sentence each.
     pub reasons: Vec<String>,
     /// Loss that the polish ended with.
     pub loss: Loss,
@@ -143,8 +154,20 @@ pub struct Fit {
     pub part_statistics: Vec<PartStatistics>,
     /// Covariance of the parameters, row-major.
     pub covariance: Vec<f64>,
-    /// Correlation of neighbouring residuals: near 0 for noise, near 1 where the model is systematically off.
+    /// Correlation of neighbouring residuals: near 0 for noise, near 1 where the model is
+    /// systematically off.
     pub neighbour_correlation: f64,
+    /// Correlation of neighbouring residuals that widened the intervals; 0 for none.
+    pub correlation: f64,
+    /// What the verdict rests on.
+    pub evidence: Evidence,
+    /// Whether the search found its best minimum again and again.
+    pub certain: bool,
+    /// Root of the mean square over all points of outliers that lie on a surface of their own: a
+    /// shape that the template lacks. It widened the intervals.
+    pub misfit: f64,
+    /// What was added to the parameters against the bias of noise; empty for nothing.
+    pub correction: Vec<f64>,
     /// How sums fell.
     pub history: Vec<Step>,
     /// Why the method ended, for the local ones.
@@ -159,5 +182,9 @@ impl Fit {
     /// The parameter vector.
     pub fn values(&self) -> Vec<f64> {
         self.parameters.iter().map(|p| p.value).collect()
+    }
+    /// Counts the time of a fit that was dropped as this one's.
+    pub fn add_seconds(&mut self, dropped: &Self) {
+        crate::fit::add_all_seconds(&mut self.seconds, &dropped.seconds);
     }
 }

@@ -1,12 +1,15 @@
-//! The global search: Levenberg-Marquardt from many starts on a few hundred points, until the best minimum recurs.
+//! The global search: Levenberg-Marquardt from many starts on a few hundred points, until the best
+//! minimum recurs.
 //!
-//! The algebraic residual is searched with, because its basins are wide. Start 0 is the caller's; further ones are drawn, in seeded
-//! Latin hypercubes, from where the data suggest and (every fourth) from the whole bounds. Once the best minimum has recurred,
-//! single primitives are thrown elsewhere, those first that explain the fewest points: the typical false minimum has one piece
+//! The algebraic residual is searched with, because its basins are wide. Start 0 is the caller's;
+//! further ones are drawn, in seeded Latin hypercubes, from where the data suggest and (every
+//! fourth) from the whole bounds. Once the best minimum has recurred, single primitives are thrown
+//! elsewhere, those first that explain the fewest points: the typical false minimum has one piece
 //! astray. Candidates of near-equal sums are then compared on more points, by the metric residual.
 //!
-//! Starts are run in batches of fixed size whose runs see only what earlier batches found, and results are read in the order of
-//! starts. So the outcome does not depend on the number of threads.
+//! Starts are run in batches of fixed size whose runs see only what earlier batches found, and
+//! results are read in the order of starts. So the outcome does not depend on the number of
+//! threads.
 
 use crate::objective::Residuals;
 use crate::space::Space;
@@ -14,12 +17,14 @@ use crate::{Control, Options, Template, lm};
 use isoform_geom::Point3;
 use rayon::prelude::*;
 
-/// Runs that may go side by side. Larger batches feed more threads, but a lone thread learns later when to stop a hopeless run.
+/// Runs that may go side by side. Larger batches feed more threads, but a lone thread learns later
+/// when to stop a hopeless run.
 const BATCH: usize = 4;
 /// Starts of one Latin hypercube.
 const CUBE: usize = 16;
-/// Two sums are the same minimum when they differ by less than this share: converged runs agree to 1e-6, distinct minima of the
-/// noise differ by more than 2 % on 512 points, and the near-equal ones of nested R-functions (1e-4) are meant to count as one.
+/// Two sums are the same minimum when they differ by less than this share: converged runs agree to
+/// 1e-6, distinct minima of the noise differ by more than 2 % on 512 points, and the near-equal
+/// ones of nested R-functions (1e-4) are meant to count as one.
 const SAME: f64 = 5e-3;
 /// Sums below this share of the typical first one are all nought (clean data).
 const NOUGHT: f64 = 1e-10;
@@ -31,7 +36,8 @@ const CANDIDATES: usize = 4;
 const THROWS: usize = 4;
 /// Most throws before further starts.
 const MOST_THROWS: usize = 12;
-/// A run this near to the best minimum (in units) with a sum below [`NEAR_SUM`] times its own is taken to have arrived.
+/// A run this near to the best minimum (in units) with a sum below [`NEAR_SUM`] times its own is
+/// taken to have arrived.
 const NEAR: f64 = 0.01;
 /// See [`NEAR`].
 const NEAR_SUM: f64 = 1.5;
@@ -132,7 +138,8 @@ impl Search<'_> {
             let starts: Vec<Vec<f64>> = (k..k + size)
                 .map(|i| match (&first, i, out.minima.first()) {
                     (Some(x), 0, _) => x.clone(),
-                    // After two batches without agreement half of the starts keep part of the best minimum.
+                    // After two batches without agreement half of the starts keep part of the best
+                    // minimum.
                     (_, i, Some(best)) if i > 2 * BATCH && i % 2 == 0 => self.mixed(&best.x, i),
                     _ => self.drawn(i + offset - 1),
                 })
@@ -187,8 +194,9 @@ impl Search<'_> {
                 .is_some_and(|m| m.hits >= self.options.recurrences)
     }
 
-    /// Throws single primitives of the best minimum elsewhere. True when that keeps leading back and the rate of return, starts
-    /// included, promises that a minimum as wide was not missed; false to go on with starts.
+    /// Throws single primitives of the best minimum elsewhere. True when that keeps leading back
+    /// and the rate of return, starts included, promises that a minimum as wide was not missed;
+    /// false to go on with starts.
     fn throw(&self, out: &mut Outcome, firsts: &[f64]) -> bool {
         let mut random =
             fastrand::Rng::with_seed(self.options.seed ^ 0x7_4120 ^ ((out.starts as u64) << 32));
@@ -229,7 +237,8 @@ impl Search<'_> {
         groups.is_empty()
     }
 
-    /// Free variables by primitive, those of the pieces with the fewest points first: the variables that a piece's points move.
+    /// Free variables by primitive, those of the pieces with the fewest points first: the variables
+    /// that a piece's points move.
     pub(crate) fn groups(&self, x: &[f64]) -> Vec<Vec<usize>> {
         let names = self.template.part_names().len();
         let n = self.template.parameters().len();
@@ -258,16 +267,20 @@ impl Search<'_> {
                 moved[p * m + k] |= d.abs() > 1e-6;
             }
         }
+        // Variables that move most pieces (a pose) belong to none of them.
+        let present = (0..names).filter(|&p| count[p] > 0).count();
+        let moves = |k: usize| (0..names).filter(|&p| moved[p * m + k]).count();
+        let common: Vec<bool> = (0..m)
+            .map(|k| present > 2 && 3 * moves(k) > 2 * present)
+            .collect();
         let mut order: Vec<usize> = (0..names).filter(|&p| count[p] > 0).collect();
         order.sort_by_key(|&p| count[p]);
         let mut groups: Vec<Vec<usize>> = Vec::new();
         // Variables that no point moves come first of all: their piece lies away from the data.
-        let orphans: Vec<usize> = (0..m)
-            .filter(|k| (0..names).all(|p| !moved[p * m + k]))
-            .collect();
+        let orphans: Vec<usize> = (0..m).filter(|&k| moves(k) == 0).collect();
         groups.extend(Some(orphans).filter(|o| !o.is_empty()));
         for p in order {
-            let group: Vec<usize> = (0..m).filter(|k| moved[p * m + k]).collect();
+            let group: Vec<usize> = (0..m).filter(|&k| moved[p * m + k] && !common[k]).collect();
             if !group.is_empty() && !groups.contains(&group) {
                 groups.push(group);
             }
@@ -307,7 +320,8 @@ impl Search<'_> {
                     let is_low = value < NEAR_SUM * known.value
                         || (known.value <= nought && value < 1e-4 * first);
                     arrived = is_low && known.x.iter().zip(x).all(|(u, v)| (u - v).abs() < NEAR);
-                    // A run far above the best minimum that has all but stopped falling is not awaited.
+                    // A run far above the best minimum that has all but stopped falling is not
+                    // awaited.
                     if arrived
                         || (k > 10
                             && window[k - 11] - value < 0.02 * value
@@ -316,7 +330,7 @@ impl Search<'_> {
                         return false;
                     }
                 }
-                value > nought && !(iteration % 16 == 0 && self.control.stops())
+                value > nought && !self.control.stops()
             },
         );
         if let Some(known) = known.filter(|_| arrived) {
@@ -331,7 +345,8 @@ impl Search<'_> {
         }
     }
 
-    /// Start i of the seeded Latin hypercubes: three of four where the data are, one anywhere within bounds.
+    /// Start i of the seeded Latin hypercubes: three of four where the data are, one anywhere
+    /// within bounds.
     pub(crate) fn drawn(&self, i: usize) -> Vec<f64> {
         let (cube, row) = (i / CUBE, i % CUBE);
         let mut random = fastrand::Rng::with_seed(self.options.seed.wrapping_add(cube as u64));

@@ -1,8 +1,9 @@
 //! From a template's parameters to the free, scaled variables that the solvers see: a = base + B x.
 //!
-//! Fixed, tied and linearly related parameters are eliminated, not penalised. Each free variable is measured in a unit of its
-//! own: a length or a position in data scales, an angle in radians, a ratio in ones. A unit step of any variable then moves the
-//! surface by something of the order of the data's size, and the identity is a meaningful damping matrix.
+//! Fixed, tied and linearly related parameters are eliminated, not penalised. Each free variable is
+//! measured in a unit of its own: a length or a position in data scales, an angle in radians, a
+//! ratio in ones. A unit step of any variable then moves the surface by something of the order of
+//! the data's size, and the identity is a meaningful damping matrix.
 
 use crate::{FitError, Kind, Parameter};
 use isoform_geom::Aabb;
@@ -11,7 +12,8 @@ use isoform_geom::Aabb;
 const BOX_FACTOR: f64 = 3.0;
 /// Lengths are at most this many diagonals of the data's box.
 const LENGTH_FACTOR: f64 = 2.0;
-/// Least length, in diagonals, when nobody said otherwise: keeps radii and sizes off zero, where primitives degenerate.
+/// Least length, in diagonals, when nobody said otherwise: keeps radii and sizes off zero, where
+/// primitives degenerate.
 const LEAST_LENGTH: f64 = 1e-6;
 
 /// A parameter as a constant and terms (index, factor) of free parameters.
@@ -36,22 +38,26 @@ pub struct Space {
     pub start_hi: Vec<f64>,
     /// Bounds of the parameters (infinite where there are none).
     pub bounds: Vec<(f64, f64)>,
-    /// Rows for tied parameters with bounds and several sources: (parameter, variables with factors).
+    /// Rows for tied parameters with bounds and several sources: (parameter, variables with
+    /// factors).
     rows: Vec<(usize, Vec<(usize, f64)>)>,
 }
 
 impl Space {
-    /// Resolves ties and bounds. `bounds` (empty or one per parameter) come from the user and win over the template's.
+    /// Resolves ties and bounds. `bounds` (empty or one per parameter) come from the user and win
+    /// over the template's.
     ///
     /// # Errors
-    /// Ties that run in circles or point nowhere, bounds in the wrong order or not finite, nothing left to fit.
+    /// Ties that run in circles or point nowhere, bounds in the wrong order or not finite, nothing
+    /// left to fit.
     pub fn new(
         parameters: &[Parameter],
         bounds: &[Option<(f64, f64)>],
         data: Aabb,
     ) -> Result<Self, FitError> {
         let n = parameters.len();
-        // A fixed parameter stays fixed whatever it is named in; a tie is followed through other ties.
+        // A fixed parameter stays fixed whatever it is named in; a tie is followed through other
+        // ties.
         let mut rows: Vec<Option<Row>> = vec![None; n];
         for i in 0..n {
             resolve(parameters, i, &mut rows, 0)?;
@@ -127,7 +133,8 @@ impl Space {
         Ok(space)
     }
 
-    /// Bounds of a tied parameter: on its one variable directly, else kept as a row that steps must respect.
+    /// Bounds of a tied parameter: on its one variable directly, else kept as a row that steps must
+    /// respect.
     fn limit_tied(
         &mut self,
         i: usize,
@@ -205,7 +212,16 @@ impl Space {
         x
     }
 
-    /// Moves x inside the bounds by at least `share` of the range (or of a unit, where the range is infinite).
+    /// Whether variable k is as good as at a bound: nearer than `within`, which counts from a
+    /// hundred-thousandth of the range (or of a unit) to a hundredth.
+    pub(crate) fn is_at_bound(&self, x: &[f64], k: usize, within: f64) -> bool {
+        let range = (self.hi[k] - self.lo[k]).min(1.0);
+        let gap = (x[k] - self.lo[k]).min(self.hi[k] - x[k]);
+        gap < within.max(1e-5 * range).min(1e-2 * range)
+    }
+
+    /// Moves x inside the bounds by at least `share` of the range (or of a unit, where the range is
+    /// infinite).
     pub fn into_interior(&self, x: &mut [f64], share: f64) {
         for (k, v) in x.iter_mut().enumerate() {
             let gap = share * (self.hi[k] - self.lo[k]).min(1.0);
@@ -330,7 +346,8 @@ fn resolve(
     Ok(())
 }
 
-/// Bounds of a parameter: the user's, else the template's, else what the data's box suggests (free parameters only).
+/// Bounds of a parameter: the user's, else the template's, else what the data's box suggests (free
+/// parameters only).
 fn limits(
     p: &Parameter,
     said: Option<(f64, f64)>,
@@ -402,7 +419,8 @@ fn limits(
     Ok((lo.unwrap_or(a), hi.unwrap_or(b)))
 }
 
-/// Where starts informed by the data are drawn from: positions in the data's box, lengths up to its size.
+/// Where starts informed by the data are drawn from: positions in the data's box, lengths up to its
+/// size.
 fn informed(p: &Parameter, lo: f64, hi: f64, data: Aabb) -> (f64, f64) {
     // The template's author knows better: around the start, a quarter of the range to each side.
     if let Some(start) = p

@@ -1,8 +1,9 @@
 //! What a fit asks of a template: named parameters and three readings of one function.
 
-use isoform_geom::{ParamField, Point3};
+use isoform_geom::{DistanceField, Frame, ParamField, Point3};
 
-/// What a parameter measures. It sets the parameter's unit in the search and where starts and bounds come from.
+/// What a parameter measures. It sets the parameter's unit in the search and where starts and
+/// bounds come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
     /// A position along x.
@@ -50,6 +51,8 @@ pub struct Parameter {
     pub tie: Option<Tie>,
     /// Unit for people; the fit does not use it.
     pub unit: Option<String>,
+    /// Whether it moves the whole template and is none of its dimensions.
+    pub is_pose: bool,
 }
 
 impl Parameter {
@@ -71,6 +74,16 @@ pub trait Template: Send + Sync {
     fn algebraic(&self) -> &dyn ParamField;
     /// Close to a signed distance. It is measured with, and the result polished.
     fn metric(&self) -> &dyn ParamField;
+    /// The signed distance to the surface, with foot points: what the fit ends with. None where the
+    /// template knows no better than [`Template::metric`].
+    fn distance(&self) -> Option<&dyn DistanceField> {
+        None
+    }
+    /// The frame that the template's shape stands in: what is random is made there, so that it is
+    /// alike in all poses.
+    fn frame(&self, _a: &[f64]) -> Frame {
+        Frame::SPACE
+    }
     /// Names of the smooth pieces of the surface.
     fn part_names(&self) -> &[String];
     /// The piece (index into [`Template::part_names`]) that decides the function at each point.

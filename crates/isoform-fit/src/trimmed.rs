@@ -1,8 +1,10 @@
-//! The search again when a good part of the points fits nothing: clustered outliers, which no filter of isolated points sees.
+//! The search again when a good part of the points fits nothing: clustered outliers, which no
+//! filter of isolated points sees.
 //!
-//! Least trimmed squares by concentration (Rousseeuw and Van Driessen 2006, Data Min. Knowl. Disc. 12:29–45): from each start the
-//! algebraic sum is minimised, then again over the [`KEPT`] share of the points with the smallest metric residuals, and so on. The
-//! results are compared by truncated sums, which do not care how far off an outlier is.
+//! Least trimmed squares by concentration (Rousseeuw and Van Driessen 2006, Data Min. Knowl. Disc.
+//! 12:29–45): from each start the algebraic sum is minimised, then again over the [`KEPT`] share of
+//! the points with the smallest metric residuals, and so on. The results are compared by truncated
+//! sums, which do not care how far off an outlier is.
 
 use crate::lm;
 use crate::objective::{Residuals, values};
@@ -28,7 +30,8 @@ struct Trimmed {
 }
 
 impl Search<'_> {
-    /// The best results of trimmed fits, from `firsts` and from informed starts; and the evaluations spent.
+    /// The best results of trimmed fits, from `firsts` and from informed starts; and the
+    /// evaluations spent.
     pub(crate) fn trimmed(&self, firsts: &[Vec<f64>], spacing: f64) -> (Vec<Vec<f64>>, usize) {
         let starts: Vec<Vec<f64>> = firsts
             .iter()

@@ -31,32 +31,6 @@ impl ParamField for Ball {
             row[3] = if self.metric { 1.0 } else { 2.0 * a[3] };
         }
     }
-    fn normal_equations(
-        &self,
-        points: &[Point3],
-        weights: &[f64],
-        a: &[f64],
-        gradient: &mut [f64],
-        hessian: &mut [f64],
-    ) -> f64 {
-        let n = self.dim;
-        let (mut f, mut jac) = (vec![0.0; points.len()], vec![0.0; points.len() * n]);
-        self.jacobian(points, a, &mut f, &mut jac);
-        gradient.fill(0.0);
-        hessian.fill(0.0);
-        let mut sum = 0.0;
-        for (k, (f, row)) in f.iter().zip(jac.chunks_exact(n)).enumerate() {
-            let w = weights.get(k).copied().unwrap_or(1.0);
-            sum += w * f * f;
-            for i in 0..n {
-                gradient[i] += w * f * row[i];
-                for j in 0..n {
-                    hessian[i * n + j] += w * row[i] * row[j];
-                }
-            }
-        }
-        sum
-    }
     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {
         for ((p, f), g) in points.iter().zip(out).zip(gradients) {
             let d = sub(*p, [a[0], a[1], a[2]]);
@@ -71,14 +45,6 @@ impl ParamField for Ball {
                 *f = f64::NAN;
             }
         }
-    }
-    fn sum_of_squares(&self, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
-        let mut f = vec![0.0; points.len()];
-        self.values(points, a, &mut f);
-        f.iter()
-            .enumerate()
-            .map(|(k, f)| weights.get(k).copied().unwrap_or(1.0) * f * f)
-            .sum()
     }
 }
 

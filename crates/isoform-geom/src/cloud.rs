@@ -13,7 +13,8 @@ pub struct Column {
 
 /// Points in f64 about an origin, with whatever the file gave beside them.
 ///
-/// Coordinates of the file are `origin + points[i]`: geographic coordinates keep all their digits that way, and what works on
+/// Coordinates of the file are `origin + points[i]`: geographic coordinates keep all their digits
+/// that way, and what works on
 /// `points` works near zero. Every per-point array is empty or as long as `points`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointCloud {

@@ -29,8 +29,8 @@ pub trait Field: Send + Sync {
     fn jet3(&self, _p: Point3) -> Option<Jet3> {
         None
     }
-    /// What can be proved of f near a point: intervals for its derivatives there, and for the third ones in the whole region,
-    /// which holds the point. Nothing by default.
+    /// What can be proved of f near a point: intervals for its derivatives there, and for the third
+    /// ones in the whole region, which holds the point. Nothing by default.
     fn expansion(&self, _at: Point3, _region: Aabb) -> Option<Expansion> {
         None
     }
@@ -40,8 +40,8 @@ pub trait Field: Send + Sync {
     }
 }
 
-/// Intervals for a function's derivatives: those to order 2 at a point, those of order 3 in a region about it. By Taylor's theorem
-/// they enclose f in the region.
+/// Intervals for a function's derivatives: those to order 2 at a point, those of order 3 in a
+/// region about it. By Taylor's theorem they enclose f in the region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expansion {
     /// f at the point.
@@ -60,10 +60,13 @@ pub trait ParamField: Send + Sync {
     fn dim(&self) -> usize;
     /// f(pᵢ, a) for all points.
     fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]);
-    /// f(pᵢ, a) and its derivatives by the parameters, point by point: `jac[i * dim + j]` = ∂f(pᵢ)/∂aⱼ.
+    /// f(pᵢ, a) and its derivatives by the parameters, point by point: `jac[i * dim + j]` =
+    /// ∂f(pᵢ)/∂aⱼ.
     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]);
-    /// Weighted normal equations: Σ wᵢ fᵢ², Jᵀ W f into `gradient` (dim) and Jᵀ W J into `hessian` (dim × dim, full symmetric).
-    /// `weights` empty means all 1. The sums run in a fixed order: the same bits each time.
+    /// Weighted normal equations: Σ wᵢ fᵢ², Jᵀ W f into `gradient` (dim) and Jᵀ W J into `hessian`
+    /// (dim × dim, full symmetric).
+    /// `weights` empty means all 1; where one is 0 nothing is added, whatever f is there. The sums
+    /// run in a fixed order: the same bits each time. Override to go fast.
     fn normal_equations(
         &self,
         points: &[Point3],
@@ -71,9 +74,200 @@ pub trait ParamField: Send + Sync {
         a: &[f64],
         gradient: &mut [f64],
         hessian: &mut [f64],
-    ) -> f64;
+    ) -> f64 {
+        let m = self.dim();
+        let (mut f, mut jac) = (vec![0.0; points.len()], vec![0.0; points.len() * m]);
+        self.jacobian(points, a, &mut f, &mut jac);
+        gradient[..m].fill(0.0);
+        hessian[..m * m].fill(0.0);
+        let mut sum = 0.0;
+        // By columns of some points at a time: products of whole columns are fast.
+        let mut columns = vec![[0.0; COLUMN]; m + 1];
+        let mut weighted = columns.clone();
+        for (c, f) in f.chunks(COLUMN).enumerate() {
+            let first = c * COLUMN;
+            columns.iter_mut().for_each(|c| c.fill(0.0));
+            weighted.iter_mut().for_each(|c| c.fill(0.0));
+            for (l, f) in f.iter().enumerate() {
+                let w = weights.get(first + l).copied().unwrap_or(1.0);
+                if w == 0.0 {
+                    continue;
+                }
+                let row = &jac[(first + l) * m..(first + l + 1) * m];
+                for (j, v) in row.iter().chain([f]).enumerate() {
+                    (columns[j][l], weighted[j][l]) = (*v, w * v);
+                }
+            }
+            sum += product(&weighted[m], &columns[m]);
+            for j in 0..m {
+                gradient[j] += product(&weighted[j], &columns[m]);
+                for k in 0..=j {
+                    hessian[j * m + k] += product(&weighted[j], &columns[k]);
+                }
+            }
+        }
+        for j in 0..m {
+            for k in 0..j {
+                hessian[k * m + j] = hessian[j * m + k];
+            }
+        }
+        sum
+    }
     /// f(pᵢ, a) and its gradient in space, point by point.
     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]);
     /// Σ wᵢ fᵢ², in the same order of summation as [`ParamField::normal_equations`].
-    fn sum_of_squares(&self, points: &[Point3], weights: &[f64], a: &[f64]) -> f64;
+    /// Override to go fast.
+    fn sum_of_squares(&self, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
+        let mut f = vec![0.0; points.len()];
+        self.values(points, a, &mut f);
+        let terms = f.iter().enumerate().map(|(i, f)| match weights.get(i) {
+            Some(0.0) => 0.0,
+            Some(w) => w * f * f,
+            None => f * f,
+        });
+        terms.sum()
+    }
+}
+
+/// Points whose rows are multiplied together: a few registers' worth, within the cache for dozens
+/// of parameters.
+const COLUMN: usize = 32;
+
+/// Σ aₗ bₗ, in an order that vector units like.
+fn product(a: &[f64; COLUMN], b: &[f64; COLUMN]) -> f64 {
+    let mut sums = [0.0; 8];
+    for (a, b) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
+        for l in 0..8 {
+            sums[l] += a[l] * b[l];
+        }
+    }
+    sums.iter().sum()
+}
+
+/// Where a point's nearest place of a surface is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Foot {
+    /// Signed distance, positive inside.
+    pub distance: f64,
+    /// The nearest point of the surface.
+    pub at: Point3,
+    /// Unit inward direction: the gradient of the distance.
+    pub inward: Point3,
+    /// Pieces that meet there; the first `order` count.
+    pub pieces: [u32; 3],
+    /// 1 on a face, 2 on an edge, 3 at a corner; 0 where no foot point was found and the distance
+    /// is of first order.
+    pub order: u8,
+    /// Shares of the pieces' inward normals in the direction.
+    pub shares: [f64; 3],
+}
+
+impl Foot {
+    /// Nothing known yet.
+    pub const NONE: Self = Self {
+        distance: f64::NAN,
+        at: [f64::NAN; 3],
+        inward: [0.0; 3],
+        pieces: [0; 3],
+        order: 0,
+        shares: [0.0; 3],
+    };
+}
+
+/// What of a surface is near one of its places, on the scale of a noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Nearby {
+    /// Only the face that the place is on.
+    Face,
+    /// An edge that no third face is near: two half planes, on this scale.
+    Edge(Edge),
+    /// More: corners, thin walls, faces that touch.
+    Much,
+}
+
+/// The place of an edge nearest to a place on one of its faces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Edge {
+    /// On the edge.
+    pub at: Point3,
+    /// The face that the place is on, and the other.
+    pub pieces: [u32; 2],
+    /// Their unit inward normals.
+    pub inward: [Point3; 2],
+    /// Up to this distance from the edge there are its two faces, and the place nearest to those on
+    /// them is on this edge.
+    pub width: f64,
+    /// Whether a face other than its own is within reach of the place.
+    pub is_near: bool,
+    /// Angle between the faces through the material: less than π where it is convex.
+    pub angle: f64,
+}
+
+impl Edge {
+    /// The least width, in units of the reach.
+    pub const LEAST: f64 = 0.75;
+}
+
+/// A rigid frame: a place p of it is at `translation` + `rotation` p in space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// Rotation matrix by rows.
+    pub rotation: [Point3; 3],
+    /// Where its origin is.
+    pub translation: Point3,
+}
+
+impl Frame {
+    /// The frame of space itself.
+    pub const SPACE: Self = Self {
+        rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        translation: [0.0; 3],
+    };
+    /// A place of the frame, in space.
+    pub fn out(&self, p: Point3) -> Point3 {
+        let turned = self.turned(p);
+        std::array::from_fn(|i| self.translation[i] + turned[i])
+    }
+    /// A direction of the frame, in space.
+    pub fn turned(&self, v: Point3) -> Point3 {
+        self.rotation.map(|row| crate::dot(row, v))
+    }
+    /// A place of space, in the frame.
+    pub fn within(&self, p: Point3) -> Point3 {
+        let d = crate::sub(p, self.translation);
+        std::array::from_fn(|j| (0..3).map(|i| self.rotation[i][j] * d[i]).sum())
+    }
+}
+
+/// A signed distance to the surface of a solid with parameters, positive inside, that knows where
+/// the nearest places are.
+pub trait DistanceField: ParamField {
+    /// The nearest place of the surface to each point.
+    ///
+    /// # Panics
+    /// If `out` is shorter than `points` or `a` than the parameters.
+    fn feet(&self, points: &[Point3], a: &[f64], out: &mut [Foot]);
+    /// The derivatives of the distance by the parameters where its feet are known, row by row as
+    /// [`ParamField::jacobian`] gives them. What is used of a foot: its place, pieces and shares.
+    ///
+    /// # Panics
+    /// If `jac` is shorter than the feet times the parameters.
+    fn jacobian_of(&self, feet: &[Foot], a: &[f64], jac: &mut [f64]);
+    /// What is near each place of the surface. Other faces count within `reach` of the place, and
+    /// disturb an edge within twice [`Edge::LEAST`] of that. Edges are met up to `strip` away.
+    fn nearby(&self, places: &[Foot], a: &[f64], reach: f64, strip: f64) -> Vec<Nearby>;
+    /// The Laplacian of the distance to the face of each place, at the place: its two curvatures'
+    /// sum, positive where the solid is hollow. From differences over `step`.
+    fn bends(&self, places: &[Foot], a: &[f64], step: f64) -> Vec<f64>;
+    /// Random places of the surface in a region of a frame, on its faces, spread evenly by area:
+    /// about as many as wanted, or fewer where there is little surface. A solid that moves with the
+    /// frame gets the places moved along.
+    fn area_samples(
+        &self,
+        a: &[f64],
+        frame: &Frame,
+        region: Aabb,
+        wanted: usize,
+        seed: u64,
+    ) -> Vec<Foot>;
 }

@@ -5,7 +5,8 @@ use crate::{Point3, distance_squared};
 /// Points per leaf; 8 to 32 differ by less than a tenth in query time.
 const LEAF: usize = 12;
 
-/// A balanced kd-tree over points, immutable. Building is deterministic; ties go to the lower index.
+/// A balanced kd-tree over points, immutable. Building is deterministic; ties go to the lower
+/// index.
 #[derive(Clone, Debug)]
 pub struct KdTree {
     points: Vec<Point3>,
@@ -67,7 +68,8 @@ impl KdTree {
         }
     }
 
-    /// Shows the points within a distance of `q` to `visit`, with their squared distance and index, the nearer halves of the tree first.
+    /// Shows the points within a distance of `q` to `visit`, with their squared distance and index,
+    /// the nearer halves of the tree first.
     /// `visit` returns the square of the distance that matters from then on.
     pub fn near(&self, q: Point3, squared: f64, visit: &mut impl FnMut(f64, u32) -> f64) {
         self.near_in(q, squared, 0, self.points.len(), [0.0; 3], visit);
@@ -113,7 +115,8 @@ impl KdTree {
         reach
     }
 
-    /// Visits the nearer half first; `off` holds the distance of `q` to the cell by axis, so that the bound is the true one.
+    /// Visits the nearer half first; `off` holds the distance of `q` to the cell by axis, so that
+    /// the bound is the true one.
     fn search(
         &self,
         q: Point3,

@@ -1,6 +1,7 @@
 //! The vocabulary of shapes that all stages share.
 //!
-//! Points are `[f64; 3]` in model units; angles are radians; inside is f ≥ 0 and the outward normal is −∇f/|∇f|.
+//! Points are `[f64; 3]` in model units; angles are radians; inside is f ≥ 0 and the outward normal
+//! is −∇f/|∇f|.
 #![forbid(unsafe_code)]
 
 mod cloud;
@@ -14,11 +15,13 @@ mod quadric;
 mod solid;
 
 pub use cloud::{Column, PointCloud};
-pub use field::{Expansion, Field, ParamField};
+pub use field::{DistanceField, Edge, Expansion, Field, Foot, Frame, Nearby, ParamField};
 pub use kdtree::KdTree;
 pub use mesh::{Curve, Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
 pub use parts::{Parts, SmoothPart};
 pub use patch::{PatchError, RationalPatch, Tangents, bernstein};
-pub use point::{Aabb, Point3, cross, distance_squared, distance_to_segment, dot, norm, sub};
+pub use point::{
+    Aabb, Point3, across, cross, distance_squared, distance_to_segment, dot, norm, sub,
+};
 pub use quadric::Quadric;
 pub use solid::{Csg, OnePiece, Solid};

@@ -2,7 +2,8 @@
 
 use crate::{Aabb, Column, Point3};
 
-/// Pairs of corners that the mid-edge nodes 4 to 9 of a ten-node tetrahedron belong to (the order of VTK and CalculiX).
+/// Pairs of corners that the mid-edge nodes 4 to 9 of a ten-node tetrahedron belong to (the order
+/// of VTK and CalculiX).
 pub const TET_EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
 /// Corners of the face opposite to each corner, outward for a positive tetrahedron.
 pub const TET_FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
@@ -11,8 +12,9 @@ pub const TRIANGLE_EDGES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
 
 /// A surface mesh, or a volume mesh with its boundary, linear or of second order.
 ///
-/// Element arrays hold indices into `points`. Label arrays are as long as their elements or empty (no labels); labels are indices into
-/// the list of names beside them. Arrays of mid nodes are as long as their elements in a mesh of second order, else empty.
+/// Element arrays hold indices into `points`. Label arrays are as long as their elements or empty
+/// (no labels); labels are indices into the list of names beside them. Arrays of mid nodes are as
+/// long as their elements in a mesh of second order, else empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Nodes.
@@ -43,8 +45,8 @@ pub struct Mesh {
     pub curves: Vec<Curve>,
     /// Nodes at corners of the solid.
     pub corners: Vec<u32>,
-    /// Further numbers per node, each list as long as `points`. Those called `u` and `v` are parameters on the surface: formats with
-    /// textures take them as texture coordinates.
+    /// Further numbers per node, each list as long as `points`. Those called `u` and `v` are
+    /// parameters on the surface: formats with textures take them as texture coordinates.
     pub columns: Vec<Column>,
 }
 

@@ -1,4 +1,5 @@
-//! A surface as smooth parts: functions that are smooth wherever they are used, and how they are joined.
+//! A surface as smooth parts: functions that are smooth wherever they are used, and how they are
+//! joined.
 
 use crate::{Csg, Field};
 use std::fmt;
@@ -11,10 +12,12 @@ pub struct SmoothPart {
     pub piece: u32,
     /// Its function. It is smooth also beyond the part.
     pub field: Arc<dyn Field>,
-    /// The function is that of the piece where none of these is negative. The parts of a piece join smoothly there.
+    /// The function is that of the piece where none of these is negative. The parts of a piece join
+    /// smoothly there.
     pub limits: Vec<Arc<dyn Field>>,
-    /// The first part that seems to have the same function, so that the surface goes on smoothly from one to the other. No proof may rely
-    /// on it: functions have been compared at some places only.
+    /// The first part that seems to have the same function, so that the surface goes on smoothly
+    /// from one to the other. No proof may rely on it: functions have been compared at some places
+    /// only.
     pub function: usize,
 }
 
@@ -27,13 +30,16 @@ impl fmt::Debug for SmoothPart {
     }
 }
 
-/// A surface whose function is joined from smooth ones: by minima and maxima at sharp edges, and from parts that join smoothly.
+/// A surface whose function is joined from smooth ones: by minima and maxima at sharp edges, and
+/// from parts that join smoothly.
 ///
-/// The surface is where the tree's value vanishes; its sign, not its value, is what counts, so that pieces may be scaled.
+/// The surface is where the tree's value vanishes; its sign, not its value, is what counts, so that
+/// pieces may be scaled.
 #[derive(Clone, Debug)]
 pub struct Parts {
     /// How the pieces are joined.
     pub tree: Csg,
-    /// The parts of all pieces; at every place those of a piece that are not beyond their limits have the same value.
+    /// The parts of all pieces; at every place those of a piece that are not beyond their limits
+    /// have the same value.
     pub parts: Vec<SmoothPart>,
 }

@@ -2,8 +2,9 @@
 
 use crate::{Aabb, Point3, cross};
 
-/// A rational patch p = (x/w, y/w, z/w) over \[0, 1\]²: p*(u, v) = Σ Bᵢᵐ(u) Bⱼⁿ(v) cᵢⱼ with homogeneous control points cᵢⱼ ∈ ℝ⁴, whose
-/// first three coordinates are multiplied by the weight (Wurm, Jüttler and Kim 2003, section 2.1).
+/// A rational patch p = (x/w, y/w, z/w) over \[0, 1\]²: p*(u, v) = Σ Bᵢᵐ(u) Bⱼⁿ(v) cᵢⱼ with
+/// homogeneous control points cᵢⱼ ∈ ℝ⁴, whose first three coordinates are multiplied by the weight
+/// (Wurm, Jüttler and Kim 2003, section 2.1).
 ///
 /// ```
 /// use isoform_geom::RationalPatch;
@@ -98,7 +99,8 @@ fn basis(t: f64, b: &mut [f64], d: &mut [f64]) {
     }
 }
 
-/// Replaces Bézier points over \[0, 1\] by those over \[a, b\], which may reach beyond: the k-th is the blossom at (a, …, a, b, …, b).
+/// Replaces Bézier points over \[0, 1\] by those over \[a, b\], which may reach beyond: the k-th is
+/// the blossom at (a, …, a, b, …, b).
 fn reparameterize(points: &mut [[f64; 4]], a: f64, b: f64) {
     let n = points.len() - 1;
     let blossom = |k: usize| {
@@ -312,7 +314,8 @@ impl RationalPatch {
                 (lo.min(c[3]), hi.max(c[3]))
             })
     }
-    /// Whether w > 0 on \[0, 1\]² follows from the control weights of at most `depth`-fold halved parts.
+    /// Whether w > 0 on \[0, 1\]² follows from the control weights of at most `depth`-fold halved
+    /// parts.
     pub fn weight_is_positive(&self, depth: usize) -> bool {
         let (lo, hi) = self.control_weights();
         // Two ulps of the largest for each halving bound what rounding adds.
@@ -428,7 +431,8 @@ mod tests {
 
     #[test]
     fn weights_are_proved_positive_where_they_are() {
-        // w(u) = 1 − 4 c u(1 − u) with the middle coefficient 1 − 2c: positive for c < 1, although the coefficient is not from 1/2 on.
+        // w(u) = 1 − 4 c u(1 − u) with the middle coefficient 1 − 2c: positive for c < 1, although
+        // the coefficient is not from 1/2 on.
         let patch = |c: f64| {
             let row = |w: f64| [[0.0, 0.0, 0.0, w], [0.0, w, 0.0, w]];
             RationalPatch::new((2, 1), [row(1.0), row(1.0 - 2.0 * c), row(1.0)].concat())

@@ -17,6 +17,18 @@ pub fn cross(a: Point3, b: Point3) -> Point3 {
     ]
 }
 
+/// Two unit directions across a unit vector n, and to each other.
+pub fn across(n: Point3) -> [Point3; 2] {
+    let axis = (0..3)
+        .min_by(|a, b| n[*a].abs().total_cmp(&n[*b].abs()))
+        .unwrap_or(0);
+    let mut e = [0.0; 3];
+    e[axis] = 1.0;
+    let e1 = cross(n, e);
+    let e1 = e1.map(|v| v / norm(e1));
+    [e1, cross(n, e1)]
+}
+
 /// a − b.
 pub fn sub(a: Point3, b: Point3) -> Point3 {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]

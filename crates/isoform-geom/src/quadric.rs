@@ -37,7 +37,8 @@ pub enum Quadric {
         /// The angle, in radians.
         half_angle: f64,
     },
-    /// All points at a distance from a circle: of degree 4, but a name of CAD systems like the others.
+    /// All points at a distance from a circle: of degree 4, but a name of CAD systems like the
+    /// others.
     Torus {
         /// The middle of the circle.
         center: Point3,
@@ -48,7 +49,8 @@ pub enum Quadric {
         /// The distance.
         minor: f64,
     },
-    /// Another quadric Σ aᵢ mᵢ = 0 with the monomials x², y², z², xy, yz, zx, x, y, z, 1 in coordinates about `center`, in units of `scale`.
+    /// Another quadric Σ aᵢ mᵢ = 0 with the monomials x², y², z², xy, yz, zx, x, y, z, 1 in
+    /// coordinates about `center`, in units of `scale`.
     Other {
         /// Where the coordinates begin.
         center: Point3,

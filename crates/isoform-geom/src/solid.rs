@@ -74,14 +74,16 @@ impl Csg {
 
 /// A solid whose surface consists of smooth pieces: inside is where the tree's value is ≥ 0.
 ///
-/// The value of a piece is positive on the side where it does not cut anything away and is smooth (C¹) near its zero set, with a
-/// gradient that does not vanish there; it need not be a distance. The outward normal is −∇g/|∇g|.
+/// The value of a piece is positive on the side where it does not cut anything away and is smooth
+/// (C¹) near its zero set, with a gradient that does not vanish there; it need not be a distance.
+/// The outward normal is −∇g/|∇g|.
 pub trait Solid: Send + Sync {
     /// Names of the pieces, all different.
     fn names(&self) -> &[String];
     /// How they are joined.
     fn tree(&self) -> &Csg;
-    /// Values of some pieces at many points: `out[k * points.len() + i]` is piece `which[k]` at `points[i]`.
+    /// Values of some pieces at many points: `out[k * points.len() + i]` is piece `which[k]` at
+    /// `points[i]`.
     fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]);
     /// A piece's value and gradient.
     fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3);
@@ -89,7 +91,8 @@ pub trait Solid: Send + Sync {
     fn jet(&self, piece: u32, p: Point3) -> Jet2;
     /// Intervals that hold the pieces `which` over the whole region.
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]);
-    /// The solid's own function at many points, for checks: has the sign of the tree, need not be a distance.
+    /// The solid's own function at many points, for checks: has the sign of the tree, need not be a
+    /// distance.
     fn sign_values(&self, points: &[Point3], out: &mut [f64]);
 }
 

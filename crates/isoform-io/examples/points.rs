@@ -1,4 +1,5 @@
-//! What is in a point file: `cargo run --release -p isoform-io --example points -- FILE [MAX_POINTS]`.
+//! What is in a point file: `cargo run --release -p isoform-io --example points -- FILE
+//! [MAX_POINTS]`.
 
 use isoform_io::{ReadOptions, Source, inspect, read};
 use std::path::Path;

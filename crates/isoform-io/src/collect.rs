@@ -1,16 +1,20 @@
-//! From rows of a file to a [`PointCloud`]: sampling while streaming, dropping what is not finite, recentring.
+//! From rows of a file to a [`PointCloud`]: sampling while streaming, dropping what is not finite,
+//! recentring.
 
 use crate::input::{Input, Result};
 use crate::{At, ErrorKind, MeshPoints, Place, ReadError, ReadOptions, ReadReport};
 use isoform_geom::{Aabb, Column, Point3, PointCloud, dot};
 
-/// A cloud whose centre is further from the origin than this many of its diagonals is moved there. Squared distances in f64 then still
-/// have 2⁵³/1000² ≈ 10¹⁰ steps per diagonal. Smaller would move scans that merely stand beside their origin, and surprise; larger would
-/// let geographic coordinates eat the digits of a fit.
+/// A cloud whose centre is further from the origin than this many of its diagonals is moved there.
+/// Squared distances in f64 then still have 2⁵³/1000² ≈ 10¹⁰ steps per diagonal. Smaller would move
+/// scans that merely stand beside their origin, and surprise; larger would let geographic
+/// coordinates eat the digits of a fit.
 const FAR_IN_DIAGONALS: f64 = 1000.0;
-/// An axis is moved only if its centre is this far out; below, the subtraction would not be exact (see [`recenter`]).
+/// An axis is moved only if its centre is this far out; below, the subtraction would not be exact
+/// (see [`recenter`]).
 const AXIS_FAR_IN_DIAGONALS: f64 = 10.0;
-/// Normals whose length is off by more than this are scaled to 1; single precision writes stay as they are.
+/// Normals whose length is off by more than this are scaled to 1; single precision writes stay as
+/// they are.
 const NORMAL_SLACK: f64 = 1e-3;
 
 /// What the numbers of a colour mean.
@@ -100,8 +104,8 @@ impl Collector {
             }));
     }
 
-    /// Takes a row; the slot to fill with its other values if it is kept. Reservoir sampling (Vitter 1985, Algorithm R): after i rows
-    /// each of them is held with the same probability.
+    /// Takes a row; the slot to fill with its other values if it is kept. Reservoir sampling
+    /// (Vitter 1985, Algorithm R): after i rows each of them is held with the same probability.
     #[inline]
     pub(crate) fn offer(&mut self, p: Point3) -> Option<usize> {
         let row = self.rows;
@@ -164,7 +168,8 @@ impl Collector {
         self.parts.names.push(name.to_owned());
         self.parts.names.len() as u32 - 1
     }
-    /// The part of the triangles to come. Those that came before without one get a part of their own.
+    /// The part of the triangles to come. Those that came before without one get a part of their
+    /// own.
     pub(crate) fn set_part(&mut self, part: u32) {
         if self.part.replace(part).is_none() && !self.cloud.triangles.is_empty() {
             let unnamed = self.add_part("default");
@@ -296,7 +301,8 @@ impl Collector {
         }
     }
 
-    /// Rows to points: an index goes down by the number of dropped rows before it. The number of triangles that lost a corner.
+    /// Rows to points: an index goes down by the number of dropped rows before it. The number of
+    /// triangles that lost a corner.
     fn renumber(&mut self) -> u64 {
         let gone = &self.dropped_rows;
         let before = self.cloud.triangles.len();
@@ -399,8 +405,8 @@ fn far_center(bounds: &Aabb) -> Point3 {
     })
 }
 
-/// Subtracts the origin. Exact by Sterbenz's lemma: on an axis that is moved |p − origin| is at most 1.5 diagonals and |origin| over 9,
-/// so that p lies between origin/2 and 2·origin.
+/// Subtracts the origin. Exact by Sterbenz's lemma: on an axis that is moved |p − origin| is at
+/// most 1.5 diagonals and |origin| over 9, so that p lies between origin/2 and 2·origin.
 fn recenter(points: &mut [Point3], origin: Point3) {
     if origin != [0.0; 3] {
         for p in points {

@@ -1,6 +1,7 @@
 //! Colours for deviations.
 
-/// ColorBrewer's RdBu in eleven classes, turned round (Brewer, colorbrewer2.org, marked there as safe for colour-blind readers).
+/// ColorBrewer's RdBu in eleven classes, turned round (Brewer, colorbrewer2.org, marked there as
+/// safe for colour-blind readers).
 const BLUE_TO_RED: [[u8; 3]; 11] = [
     [5, 48, 97],
     [33, 102, 172],

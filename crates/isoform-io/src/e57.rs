@@ -1,7 +1,9 @@
-//! E57 (ASTM E2807) through the crate `e57` (feature `e57`): all scans of the file in one frame, their poses applied.
+//! E57 (ASTM E2807) through the crate `e57` (feature `e57`): all scans of the file in one frame,
+//! their poses applied.
 //!
-//! E57 is in metres by definition. What the crate leaves open is closed here: a file whose fields all have no bits would give points
-//! without end, and a panic in it is caught and reported as damage.
+//! E57 is in metres by definition. What the crate leaves open is closed here: a file whose fields
+//! all have no bits would give points without end, and a panic in it is caught and reported as
+//! damage.
 
 use crate::input::{Input, Result};
 use crate::registry::Sniff;

@@ -104,11 +104,15 @@ impl ReadError {
     }
 }
 
+/// The code of a mesh that does not hold together: a fault of whoever made it.
+pub const BAD_MESH: &str = "bad-mesh";
+
 /// Why a file could not be written.
 #[derive(Debug, thiserror::Error)]
 #[error("{file}: {what}: {why}")]
 pub struct WriteError {
-    /// A short text that will not change: `disk-full`, `not-writable`, `format-unknown`, `bad-mesh`, `write-failed`.
+    /// A short text that will not change: `disk-full`, `not-writable`, `format-unknown`,
+    /// `bad-mesh`, `write-failed`.
     pub code: &'static str,
     /// What failed.
     pub what: &'static str,

@@ -4,7 +4,8 @@ use crate::{At, ErrorKind, Place, ReadError};
 use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Longest line that is taken: long enough for a polygon with a million corners, short enough for memory.
+/// Longest line that is taken: long enough for a polygon with a million corners, short enough for
+/// memory.
 const MAX_LINE: usize = 16 << 20;
 /// Bytes that are read at a time.
 const BLOCK: usize = 1 << 18;
@@ -17,7 +18,8 @@ pub(crate) type Result<T> = std::result::Result<T, ReadError>;
 pub enum Source<'a> {
     /// A file; it is streamed, not held.
     Path(&'a Path),
-    /// Bytes in memory (standard input, an archive member) with a name for messages and for the format by its ending.
+    /// Bytes in memory (standard input, an archive member) with a name for messages and for the
+    /// format by its ending.
     Bytes {
         /// Name for messages, such as `-`.
         name: &'a str,
@@ -200,7 +202,8 @@ impl<'a> Input<'a> {
         Ok(())
     }
 
-    /// Reads a line without its end into `text`; false at the end of the file. Bytes that are not UTF-8 become U+FFFD.
+    /// Reads a line without its end into `text`; false at the end of the file. Bytes that are not
+    /// UTF-8 become U+FFFD.
     pub(crate) fn read_line(&mut self, text: &mut String, bytes: &mut Vec<u8>) -> Result<bool> {
         bytes.clear();
         text.clear();
@@ -219,7 +222,8 @@ impl<'a> Input<'a> {
             if self.lone_cr.is_none()
                 && let Some(at) = block.iter().position(|&b| b == b'\n' || b == b'\r')
             {
-                // The last byte of a block cannot tell; the next call then decides, at worst by one odd line.
+                // The last byte of a block cannot tell; the next call then decides, at worst by one
+                // odd line.
                 self.lone_cr = match (block[at], block.get(at + 1)) {
                     (b'\n', _) | (_, Some(b'\n')) => Some(false),
                     (_, None) if (self.offset + at as u64 + 1) < self.size => None,

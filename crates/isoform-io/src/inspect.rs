@@ -3,7 +3,8 @@
 use crate::ReadReport;
 use isoform_geom::{Aabb, KdTree, PointCloud};
 
-/// Points whose nearest neighbour is sought: the median of so many is within 3 % of the true rank (binomial, 99 %).
+/// Points whose nearest neighbour is sought: the median of so many is within 3 % of the true rank
+/// (binomial, 99 %).
 const QUERIES: usize = 2000;
 
 /// Name and range of a per-point value.
@@ -51,7 +52,8 @@ pub struct Inspection {
     pub origin: [f64; 3],
     /// Diagonal of the box.
     pub diagonal: f64,
-    /// Median distance to the nearest other point that is not equal, of a sample of points; `None` without two different points.
+    /// Median distance to the nearest other point that is not equal, of a sample of points; `None`
+    /// without two different points.
     pub spacing: Option<f64>,
     /// Whether there are normals.
     pub has_normals: bool,
@@ -89,14 +91,14 @@ pub fn inspect(cloud: &PointCloud, report: &ReadReport) -> Inspection {
         has_colors: !cloud.colors.is_empty(),
         triangles: cloud.triangles.len(),
         columns: cloud.columns.iter().map(column_range).collect(),
-        unit: guess_unit(&bounds, report),
+        unit: guess_unit(cloud, &bounds, report),
         warnings: report.warnings.clone(),
     }
 }
 
 /// The unit of length alone, which costs next to nothing.
 pub fn inspect_unit(cloud: &PointCloud, report: &ReadReport) -> UnitGuess {
-    guess_unit(&cloud.bounds(), report)
+    guess_unit(cloud, &cloud.bounds(), report)
 }
 
 fn duplicates(cloud: &PointCloud) -> usize {
@@ -136,7 +138,15 @@ fn column_range(column: &isoform_geom::Column) -> ColumnRange {
     }
 }
 
-fn guess_unit(bounds: &Aabb, report: &ReadReport) -> UnitGuess {
+/// Extents of parts that are drawn in inches; others are not looked at for it.
+const INCHES: std::ops::Range<f64> = 0.2..120.0;
+/// Vertices of a mesh that lie at one level, as those of a face that is flat do; fewer are chance.
+const LEVEL_VERTICES: usize = 6;
+/// Levels at odd fractions of an inch that settle it; among CAD files in millimetres and metres
+/// none was seen to have one.
+const INCH_LEVELS: usize = 3;
+
+fn guess_unit(cloud: &PointCloud, bounds: &Aabb, report: &ReadReport) -> UnitGuess {
     if let Some(unit) = &report.units {
         return UnitGuess {
             unit: unit.clone(),
@@ -150,14 +160,23 @@ fn guess_unit(bounds: &Aabb, report: &ReadReport) -> UnitGuess {
         is_stated: false,
         reason,
     };
+    if INCHES.contains(&extent)
+        && let Some(reason) = inches(cloud, bounds)
+    {
+        return guess("in", reason);
+    }
     match extent {
         _ if bounds.is_empty() || extent == 0.0 => guess(
             "",
             "without an extent there is nothing to guess from".into(),
         ),
-        0.01..5.0 => guess(
+        0.01..2.0 => guess(
             "m",
             format!("a guess: the extent of {extent:.4} would be a usual part in metres"),
+        ),
+        2.0..5.0 => guess(
+            "",
+            format!("the extent of {extent:.4} may be metres, inches or millimetres"),
         ),
         5.0..5000.0 => guess(
             "mm",
@@ -172,6 +191,57 @@ fn guess_unit(bounds: &Aabb, report: &ReadReport) -> UnitGuess {
             format!("the extent of {extent:.4e} is too small to guess from"),
         ),
     }
+}
+
+/// Whether the flat faces of a mesh lie at fractions of an inch: 32nds that are no multiples of
+/// 0.05, which a draughtsman in millimetres or metres has no use for. Points of a scan tell
+/// nothing.
+fn inches(cloud: &PointCloud, bounds: &Aabb) -> Option<String> {
+    let mut is_vertex = vec![false; cloud.points.len()];
+    for i in cloud.triangles.as_flattened() {
+        *is_vertex.get_mut(*i as usize)? = true;
+    }
+    let mut odd: Vec<f64> = Vec::new();
+    for axis in 0..3 {
+        let vertices = (0..cloud.points.len()).filter(|i| is_vertex[*i]);
+        let levels = levels(vertices.map(|i| cloud.absolute(i)[axis]).collect());
+        let thirty_seconds: Vec<f64> = levels
+            .into_iter()
+            .filter(|v| is_multiple(*v, 32.0))
+            .collect();
+        // The layers of a grid of 32nds are no faces that someone has drawn.
+        if thirty_seconds.len() as f64 <= 0.5 * (32.0 * bounds.size()[axis] + 1.0) {
+            let found = thirty_seconds
+                .into_iter()
+                .filter(|v| !is_multiple(*v, 20.0));
+            odd.extend(found.map(f64::abs));
+        }
+    }
+    odd.sort_by(f64::total_cmp);
+    odd.dedup_by(|a, b| (*a - *b).abs() < 1e-3);
+    (odd.len() >= INCH_LEVELS).then(|| {
+        let few: Vec<String> = odd.iter().take(3).map(f64::to_string).collect();
+        format!(
+            "a guess: {} flat faces lie at 32nds of an inch, such as {}",
+            odd.len(),
+            few.join(", ")
+        )
+    })
+}
+
+/// Coordinates that many of the values share.
+fn levels(mut values: Vec<f64>) -> Vec<f64> {
+    values.sort_by(f64::total_cmp);
+    values
+        .chunk_by(|a, b| b - a < 1e-6)
+        .filter(|level| level.len() >= LEVEL_VERTICES)
+        .map(|level| level[0])
+        .collect()
+}
+
+/// Whether a coordinate of a file with six digits is a whole number of such parts.
+fn is_multiple(v: f64, per_unit: f64) -> bool {
+    (v * per_unit - (v * per_unit).round()).abs() < 2e-6 * per_unit
 }
 
 #[cfg(test)]
@@ -208,11 +278,51 @@ mod tests {
             ),
             (2.0, 2.0, 100)
         );
-        assert!(
-            seen.unit.unit == "m" && !seen.unit.is_stated && seen.unit.reason.contains("guess")
-        );
+        assert!(seen.unit.unit.is_empty() && seen.unit.reason.contains("inches"));
         report.units = Some("in".into());
         assert!(inspect(&cloud, &report).unit.is_stated);
+    }
+
+    /// Boxes with one corner at the origin, six times each vertex, as a mesh.
+    fn boxes(sizes: &[[f64; 3]]) -> PointCloud {
+        let corners = sizes.iter().flat_map(|s| {
+            (0..48).map(move |i| std::array::from_fn(|k| if i >> k & 1 == 1 { s[k] } else { 0.0 }))
+        });
+        let points: Vec<[f64; 3]> = corners.collect();
+        let triangles = (0..points.len() as u32 / 3)
+            .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+            .collect();
+        PointCloud {
+            points,
+            triangles,
+            ..PointCloud::default()
+        }
+    }
+
+    #[test]
+    fn units_by_size_and_by_fractions() {
+        let unit =
+            |cloud: &PointCloud| inspect_unit(cloud, &ReadReport::new("stl", "t.stl".into())).unit;
+        let inch = boxes(&[[5.0, 2.4375, 1.375], [0.8125, 0.625, 1.0]]);
+        let said = inspect_unit(&inch, &ReadReport::new("stl", "t.stl".into()));
+        assert!(
+            said.unit == "in" && !said.is_stated && said.reason.contains("0.625, 0.8125, 1.375"),
+            "{said:?}"
+        );
+        // Those points without triangles are a scan, which tells nothing.
+        let mut scan = inch.clone();
+        scan.triangles.clear();
+        assert_eq!(unit(&scan), "mm");
+        // Quarters and halves are as usual in millimetres; so are few odd fractions.
+        assert_eq!(unit(&boxes(&[[10.0, 2.5, 1.25], [0.75, 5.5, 1.0]])), "mm");
+        assert_eq!(
+            unit(&boxes(&[[10.0, 2.0625, 1.375], [3.0, 5.5, 1.0]])),
+            "mm"
+        );
+        // The layers of a grid.
+        let layers: Vec<[f64; 3]> = (1..=32).map(|i| [f64::from(i) / 32.0; 3]).collect();
+        assert_eq!(unit(&boxes(&layers)), "m");
+        assert_eq!(unit(&boxes(&[[3.0, 1.0, 1.0]])), "");
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! LAS 1.0 to 1.4 (ASPRS), streamed; LAZ through the crate `laz` (feature `laz`).
 //!
-//! The header and the records are read here, because every size in them is checked against the length of the file first, and because
-//! a header costs less than the four crates that come with one.
+//! The header and the records are read here, because every size in them is checked against the
+//! length of the file first, and because a header costs less than the four crates that come with
+//! one.
 
 #[cfg(feature = "laz")]
 mod compressed;

@@ -1,18 +1,23 @@
 //! Points and meshes from files, and back.
 //!
-//! [`read()`] takes PLY, XYZ and CSV text, OBJ, OFF, STL, PCD, LAS, LAZ and E57, from a path or from bytes, by name or by content, and gives a
-//! [`PointCloud`](isoform_geom::PointCloud) with a [`ReadReport`]; or a [`ReadError`] that says what, where, why and what to try.
-//! Files are streamed: a seeded uniform sample of a file that does not fit in memory is one option away ([`ReadOptions::max_points`]).
-//! [`write_path`] gives PLY, XYZ and CSV that read back bit by bit. [`inspect()`] says what is in a cloud.
+//! [`read()`] takes PLY, XYZ and CSV text, OBJ, OFF, STL, PCD, LAS, LAZ and E57, from a path or
+//! from bytes, by name or by content, and gives a [`PointCloud`](isoform_geom::PointCloud) with a
+//! [`ReadReport`]; or a [`ReadError`] that says what, where, why and what to try. Files are
+//! streamed: a seeded uniform sample of a file that does not fit in memory is one option away
+//! ([`ReadOptions::max_points`]). [`write_path`] gives PLY, XYZ and CSV that read back bit by bit.
+//! [`inspect()`] says what is in a cloud.
 //!
-//! [`write_mesh_path`] and [`read_mesh`] do the same for a [`Mesh`](isoform_geom::Mesh) with its parts, curves and regions, volume or surface:
-//! Gmsh, VTK, Abaqus/CalculiX, Nastran, STL, OBJ, PLY, OFF, 3MF and glTF ([`mesh_formats`]).
+//! [`write_mesh_path`] and [`read_mesh`] do the same for a [`Mesh`](isoform_geom::Mesh) with its
+//! parts, curves and regions, volume or surface: Gmsh, VTK, Abaqus/CalculiX, Nastran, STL, OBJ,
+//! PLY, OFF, 3MF and glTF ([`mesh_formats`]).
 //!
 //! [`write_step_path`] gives rational patches to CAD systems as faces of a STEP file (AP242).
 //!
-//! No size that a file announces is believed before the bytes are there, and NaN ends here: points with one are dropped and counted.
+//! No size that a file announces is believed before the bytes are there, and NaN ends here: points
+//! with one are dropped and counted.
 //!
-//! A new format is one file with `sniff` and `read` (and `write`), and one line in `registry.rs`; for meshes in `mesh/`.
+//! A new format is one file with `sniff` and `read` (and `write`), and one line in `registry.rs`;
+//! for meshes in `mesh/`.
 //!
 //! ```
 //! use isoform_io::{ReadOptions, Source, WriteOptions, inspect, read, write};
@@ -51,7 +56,7 @@ mod text;
 mod write;
 
 pub use color::deviation_colors;
-pub use error::{At, ErrorKind, Place, ReadError, WriteError};
+pub use error::{At, BAD_MESH, ErrorKind, Place, ReadError, WriteError};
 pub use input::Source;
 pub use inspect::{ColumnRange, Inspection, UnitGuess, inspect, inspect_unit};
 pub use mesh::{

@@ -1,8 +1,10 @@
 //! Meshes with groups, to files and back.
 //!
-//! [`write_mesh`] and [`read_mesh`] do for a [`Mesh`] what [`write()`](crate::write()) and [`read()`](crate::read()) do for points. Parts are
-//! groups of triangles, curves groups of edges, regions groups of tetrahedra; each format carries of them what it can, and the
-//! [`WriteReport`] says what it cannot. Tags of groups count from 1 in the order of the mesh's lists, 0 is no group.
+//! [`write_mesh`] and [`read_mesh`] do for a [`Mesh`] what [`write()`](crate::write()) and
+//! [`read()`](crate::read()) do for points. Parts are groups of triangles, curves groups of edges,
+//! regions groups of tetrahedra; each format carries of them what it can, and the [`WriteReport`]
+//! says what it cannot. Tags of groups count from 1 in the order of the mesh's lists, 0 is no
+//! group.
 //!
 //! A new format is one file in `mesh/` with `write` or `read`, and one line in `mesh/registry.rs`.
 
@@ -41,7 +43,8 @@ use std::path::Path;
 /// How to write a mesh.
 #[derive(Clone, Debug, Default)]
 pub struct MeshWriteOptions {
-    /// Text or binary where the format has both; else, and by default, what is usual: text for .msh, binary for .vtu, .stl and .ply.
+    /// Text or binary where the format has both; else, and by default, what is usual: text for
+    /// .msh, binary for .vtu, .stl and .ply.
     pub ascii: Option<bool>,
     /// Unit of length of the coordinates, `mm`, `m`, `in`, …, to state where the format can.
     pub units: Option<String>,
@@ -62,8 +65,9 @@ impl Default for MeshReadOptions {
 
 /// Writes a mesh to any sink.
 ///
-/// `format` is a name or an ending out of [`mesh_formats`]; `-ascii` or `-binary` behind it (`msh-binary`, `stl-ascii`) says more than the
-/// options. The mesh is checked first: labels and indices that point nowhere are refused.
+/// `format` is a name or an ending out of [`mesh_formats`]; `-ascii` or `-binary` behind it
+/// (`msh-binary`, `stl-ascii`) says more than the options. The mesh is checked first: labels and
+/// indices that point nowhere are refused.
 ///
 /// ```
 /// use isoform_geom::Mesh;
@@ -93,7 +97,8 @@ pub fn write_mesh(
     Ok(report(mesh, format, &options))
 }
 
-/// Writes a file, whole or not at all (see [`write_atomic`]); the format by `format` or the ending of the name.
+/// Writes a file, whole or not at all (see [`write_atomic`]); the format by `format` or the ending
+/// of the name.
 pub fn write_mesh_path(
     mesh: &Mesh,
     path: &Path,
@@ -188,8 +193,9 @@ fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> Write
 
 /// Reads a mesh.
 ///
-/// `format` is a name or an ending out of [`mesh_formats`] and overrides the guess by content and name. Polygons become fans of triangles.
-/// Groups come back with their names where the format has them. Coordinates are those of the file.
+/// `format` is a name or an ending out of [`mesh_formats`] and overrides the guess by content and
+/// name. Polygons become fans of triangles. Groups come back with their names where the format has
+/// them. Coordinates are those of the file.
 pub fn read_mesh(
     source: Source<'_>,
     format: Option<&str>,

@@ -1,4 +1,5 @@
-//! OBJ (Wavefront): vertices with colours, vertex normals, faces. Texture coordinates, lines and free-form surfaces are passed over.
+//! OBJ (Wavefront): vertices with colours, vertex normals, faces. Texture coordinates, lines and
+//! free-form surfaces are passed over.
 
 use crate::collect::{Collector, ColorScale, Parts};
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};

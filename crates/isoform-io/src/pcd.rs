@@ -1,4 +1,5 @@
-//! PCD (Point Cloud Library): ASCII, binary (streamed) and binary_compressed (LZF, held), versions 0.5 to 0.7.
+//! PCD (Point Cloud Library): ASCII, binary (streamed) and binary_compressed (LZF, held), versions
+//! 0.5 to 0.7.
 
 use crate::collect::{Collector, ColorScale};
 use crate::input::{Input, Result, Words, shorten};
@@ -337,7 +338,8 @@ impl Reader {
                     let v = words.number(input, missing)?;
                     match self.parts[f] {
                         Part::Values => self.row.push(v),
-                        // Integers as such, or the float whose bits they are (then it is tiny, or not a whole number).
+                        // Integers as such, or the float whose bits they are (then it is tiny, or
+                        // not a whole number).
                         Part::Packed
                             if field.kind == b'F'
                                 && !(v >= 1.0 && v.fract() == 0.0 && v <= f64::from(u32::MAX)) =>
@@ -459,8 +461,9 @@ impl Reader {
     }
 }
 
-/// Unpacks LZF (Marc Lehmann's LibLZF): a control byte below 32 starts a run of that many bytes and one; else its three high bits are
-/// the length less two of a copy (7: one more byte of length) from up to 8192 bytes back. `None` unless exactly `size` bytes come out.
+/// Unpacks LZF (Marc Lehmann's LibLZF): a control byte below 32 starts a run of that many bytes and
+/// one; else its three high bits are the length less two of a copy (7: one more byte of length)
+/// from up to 8192 bytes back. `None` unless exactly `size` bytes come out.
 fn lzf_unpack(packed: &[u8], size: usize) -> Option<Vec<u8>> {
     // A copy of three bytes gives 264 at most, so that a small input cannot ask for much memory.
     if size / 264 > packed.len() {

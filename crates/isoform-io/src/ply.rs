@@ -1,7 +1,8 @@
 //! PLY, the Stanford polygon format (Turk 1994): ASCII and binary of both byte orders, streamed.
 //!
-//! Elements may come in any order and have any properties: of the vertices every scalar becomes a position, a normal, a colour or a
-//! column; of the faces `vertex_indices` becomes triangles (fans); of `tristrips` too; everything else is passed over.
+//! Elements may come in any order and have any properties: of the vertices every scalar becomes a
+//! position, a normal, a colour or a column; of the faces `vertex_indices` becomes triangles
+//! (fans); of `tristrips` too; everything else is passed over.
 
 use crate::collect::{Collector, ColorScale, Parts};
 use crate::input::{Input, Result, Words, shorten, stated_unit};
@@ -319,7 +320,8 @@ fn header(
                     format!("incomplete line \"{}\"", shorten(&text)),
                 ));
             }
-            // Seen in the wild: "remark" for "comment". What is no declaration cannot change the layout.
+            // Seen in the wild: "remark" for "comment". What is no declaration cannot change the
+            // layout.
             [word, ..] => report.warn(format!(
                 "line {}: unknown header word \"{}\" was passed over",
                 input.line,
@@ -596,7 +598,8 @@ fn strip(collector: &mut Collector, strip: &[u64], at: At) {
     }
 }
 
-/// Writes everything a cloud has; coordinates are absolute. Binary little endian, or ASCII with shortest round-trip numbers.
+/// Writes everything a cloud has; coordinates are absolute. Binary little endian, or ASCII with
+/// shortest round-trip numbers.
 pub(crate) fn write(
     cloud: &PointCloud,
     out: &mut dyn Write,

@@ -10,20 +10,23 @@ pub enum MeshPoints {
     /// The vertices, with the triangles.
     #[default]
     Vertices,
-    /// That many random points on the triangles, uniform by area. A file without triangles gives its points.
+    /// That many random points on the triangles, uniform by area. A file without triangles gives
+    /// its points.
     Samples(usize),
 }
 
 /// How to read.
 #[derive(Clone, Debug)]
 pub struct ReadOptions {
-    /// Keep at most that many points: a uniform random sample, drawn while reading, in the order of the file.
+    /// Keep at most that many points: a uniform random sample, drawn while reading, in the order of
+    /// the file.
     pub max_points: Option<usize>,
     /// Seed of all randomness; the same seed gives the same points.
     pub seed: u64,
     /// Vertices or samples of meshes.
     pub mesh: MeshPoints,
-    /// Move clouds that are further than 1000 diagonals from the origin to a rounded centre ([`PointCloud::origin`]). Nothing is rounded.
+    /// Move clouds that are further than 1000 diagonals from the origin to a rounded centre
+    /// ([`PointCloud::origin`]). Nothing is rounded.
     pub recenter: bool,
 }
 
@@ -53,7 +56,8 @@ pub struct ReadReport {
     pub dropped_points: u64,
     /// Triangles that were dropped because they use such a point.
     pub dropped_triangles: u64,
-    /// Whether the cloud is a random part of what the file holds, or random points on its triangles.
+    /// Whether the cloud is a random part of what the file holds, or random points on its
+    /// triangles.
     pub subsampled: bool,
     /// Unit of length, if the file states one: `m`, `mm`, `in`, `ft`, …
     pub units: Option<String>,
@@ -86,7 +90,8 @@ impl ReadReport {
 
 /// Reads points or a mesh.
 ///
-/// `format` is a name or an ending out of [`formats`](crate::formats) and overrides the guess by the file's name and content.
+/// `format` is a name or an ending out of [`formats`](crate::formats) and overrides the guess by
+/// the file's name and content.
 ///
 /// ```
 /// use isoform_io::{ReadOptions, Source, read};

@@ -30,7 +30,8 @@ pub struct Format {
     pub(crate) sniff: fn(&[u8]) -> Sniff,
     pub(crate) read: ReadFn,
     pub(crate) write: Option<WriteFn>,
-    /// Whether triangles, normals and colours survive writing; for the warnings of [`write_path`](crate::write_path).
+    /// Whether triangles, normals and colours survive writing; for the warnings of
+    /// [`write_path`](crate::write_path).
     pub(crate) keeps_triangles: bool,
 }
 
@@ -114,7 +115,8 @@ fn readable() -> String {
         .join("; ")
 }
 
-/// The format asked for, else the one the content states, else the one the name states, else the likeliest.
+/// The format asked for, else the one the content states, else the one the name states, else the
+/// likeliest.
 pub(crate) fn choose(
     input: &mut Input<'_>,
     asked: Option<&str>,

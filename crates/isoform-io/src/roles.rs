@@ -79,7 +79,8 @@ impl Layout {
             .find(|&k| !self.has(Role::Position(k)))
             .map(|k| ["x", "y", "z"][k])
     }
-    /// Tells the collector what will come. Incomplete triples are no normals and no colours and are ignored.
+    /// Tells the collector what will come. Incomplete triples are no normals and no colours and are
+    /// ignored.
     pub(crate) fn announce(&mut self, collector: &mut Collector) {
         self.normals = (0..3).all(|k| self.has(Role::Normal(k)));
         self.colors = (0..3).all(|k| self.has(Role::Color(k)));

@@ -3,8 +3,9 @@
 use crate::ReadReport;
 use isoform_geom::{Point3, PointCloud, cross, norm, sub};
 
-/// Uniform points on the triangles: a triangle by its share of the area, then p = (1−√r)a + √r(1−s)b + √r·s·c with r and s uniform
-/// between 0 and 1 (Turk 1990). Normals are those of the triangles; colours are interpolated; columns are left out.
+/// Uniform points on the triangles: a triangle by its share of the area, then p = (1−√r)a +
+/// √r(1−s)b + √r·s·c with r and s uniform between 0 and 1 (Turk 1990). Normals are those of the
+/// triangles; colours are interpolated; columns are left out.
 pub(crate) fn surface_samples(
     mesh: &PointCloud,
     n: usize,
@@ -78,7 +79,8 @@ mod tests {
 
     #[test]
     fn moments_are_those_of_the_triangles() {
-        // Two triangles of areas 1 : 3 in different planes. Of a triangle: mean = centroid; E|p|² = (|a|²+|b|²+|c|²+ab+bc+ca)/6.
+        // Two triangles of areas 1 : 3 in different planes. Of a triangle: mean = centroid; E|p|² =
+        // (|a|²+|b|²+|c|²+ab+bc+ca)/6.
         let points = vec![
             [0.0, 0.0, 0.0],
             [2.0, 0.0, 0.0],

@@ -1,8 +1,10 @@
 //! STEP (ISO 10303-21, AP242): rational patches as faces of CAD.
 //!
-//! Each patch is an ADVANCED_FACE in an open shell of its own, bounded by its four borders as rational B-spline curves. Its surface is the
-//! patch itself as a rational B-spline with clamped knots, or the plane, sphere, cylinder, cone or torus that it lies on. CAD systems drop faces
-//! that have a control weight of 0 or less without a word: knots are inserted until all are positive, which changes no point of the surface.
+//! Each patch is an ADVANCED_FACE in an open shell of its own, bounded by its four borders as
+//! rational B-spline curves. Its surface is the patch itself as a rational B-spline with clamped
+//! knots, or the plane, sphere, cylinder, cone or torus that it lies on. CAD systems drop faces
+//! that have a control weight of 0 or less without a word: knots are inserted until all are
+//! positive, which changes no point of the surface.
 //!
 //! The same patches give the same bytes: the time stamp is a fixed one unless another is given.
 
@@ -43,7 +45,8 @@ pub struct StepOptions {
     pub units: Option<String>,
     /// Name of the product.
     pub name: String,
-    /// Time stamp, such as `2026-01-31T12:00:00`; without one a fixed one, so that the same patches give the same bytes.
+    /// Time stamp, such as `2026-01-31T12:00:00`; without one a fixed one, so that the same patches
+    /// give the same bytes.
     pub time: Option<String>,
 }
 
@@ -147,7 +150,8 @@ fn compose(faces: &[StepFace], options: &StepOptions, file: &str) -> Result<Stri
     Ok(doc.file(&options.name, options.time.as_deref().unwrap_or(EPOCH)))
 }
 
-/// What every file of a part says: the product, its units, and where the origin is. Gives back the shape, the context and the origin.
+/// What every file of a part says: the product, its units, and where the origin is. Gives back the
+/// shape, the context and the origin.
 fn product(doc: &mut Document, options: &StepOptions, unit: &str) -> (usize, usize, usize) {
     let id = part21::id;
     let name = part21::text(if options.name.is_empty() {
@@ -240,7 +244,8 @@ fn product(doc: &mut Document, options: &StepOptions, unit: &str) -> (usize, usi
 /// A face with its surface, borders and corners.
 fn write_face(doc: &mut Document, face: &StepFace, spline: &Spline, same: f64) -> usize {
     let (m, n) = spline.last();
-    // Around the face, its outside above: the control points of each border, and whether they run along the loop.
+    // Around the face, its outside above: the control points of each border, and whether they run
+    // along the loop.
     let sides: [(Vec<[f64; 4]>, bool, bool); 4] = [
         ((0..=m).map(|i| spline.at(i, 0)).collect(), true, true),
         ((0..=n).map(|j| spline.at(m, j)).collect(), false, true),

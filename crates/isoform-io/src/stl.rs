@@ -1,7 +1,8 @@
 //! STL: binary and ASCII (any number of solids), welded into a mesh.
 //!
-//! STL repeats every corner in every facet. Corners with the same coordinates, bit by bit (0 and −0 are the same), become one vertex;
-//! nothing is merged by distance. Facet normals are left out: the order of the corners says the same, and is what other programs use.
+//! STL repeats every corner in every facet. Corners with the same coordinates, bit by bit (0 and −0
+//! are the same), become one vertex; nothing is merged by distance. Facet normals are left out: the
+//! order of the corners says the same, and is what other programs use.
 
 use crate::collect::{Collector, Parts};
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};

@@ -1,9 +1,11 @@
 //! Points as lines of numbers: XYZ, TXT, ASC, PTS, CSV and their kin, streamed.
 //!
-//! Separators are blanks, tabs, commas or semicolons (then a comma is a decimal comma, as it is where blanks separate "1,5 2,5 3,5");
-//! `#`, `//` and `%` start comments. A line of names before the numbers, or in the last comment before them, says what the columns are.
-//! Without names the first three are coordinates and the values of the first [`PROBE`] rows tell the rest: triples of whole numbers
-//! from 0 to 255 are colours, triples of length 1 are normals.
+//! Separators are blanks, tabs, commas or semicolons (then a comma is a decimal comma, as it is
+//! where blanks separate "1,5 2,5 3,5");
+//! `#`, `//` and `%` start comments. A line of names before the numbers, or in the last comment
+//! before them, says what the columns are. Without names the first three are coordinates and the
+//! values of the first [`PROBE`] rows tell the rest: triples of whole numbers from 0 to 255 are
+//! colours, triples of length 1 are normals.
 
 use crate::collect::Collector;
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
@@ -13,7 +15,8 @@ use crate::{ErrorKind, ReadOptions, ReadReport, WriteOptions};
 use isoform_geom::PointCloud;
 use std::io::{self, Write};
 
-/// Rows that decide what columns without names are: enough that chance does not make whole numbers of measurements.
+/// Rows that decide what columns without names are: enough that chance does not make whole numbers
+/// of measurements.
 const PROBE: usize = 1000;
 /// More columns are not points.
 const MAX_COLUMNS: usize = 1000;
@@ -493,7 +496,8 @@ fn by_values(rows: &[Vec<f64>], is_pts: bool, report: &mut ReadReport) -> Layout
     while names.len() < width {
         let c = names.len();
         let left = width - c;
-        // x y z intensity r g b is PTS; elsewhere four bytes are r g b a if the last is constant, else also intensity first.
+        // x y z intensity r g b is PTS; elsewhere four bytes are r g b a if the last is constant,
+        // else also intensity first.
         let intensity_first = left == 4 && !colors && is_byte(c) && (is_pts || !is_constant(c + 3));
         if left >= 3
             && !colors

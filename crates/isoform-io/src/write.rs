@@ -27,7 +27,8 @@ pub struct WriteReport {
     pub warnings: Vec<String>,
 }
 
-/// Writes to any sink in the format of that name or ending. Coordinates are absolute (origin added).
+/// Writes to any sink in the format of that name or ending. Coordinates are absolute (origin
+/// added).
 pub fn write(
     cloud: &PointCloud,
     out: &mut dyn Write,
@@ -90,8 +91,9 @@ fn report(cloud: &PointCloud, format: &registry::Format) -> WriteReport {
     }
 }
 
-/// Writes a file through a temporary one beside it and a rename: whoever looks sees the old file or the whole new one, and an error
-/// leaves the old one. What is no regular file (a pipe, `/dev/stdout`) is written directly.
+/// Writes a file through a temporary one beside it and a rename: whoever looks sees the old file or
+/// the whole new one, and an error leaves the old one. What is no regular file (a pipe,
+/// `/dev/stdout`) is written directly.
 pub fn write_atomic(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -138,7 +140,8 @@ pub fn write_atomic(
         .and_then(|()| out.get_ref().sync_all())
         .and_then(|()| fs::rename(&temporary, &target));
     done.map_err(|e| {
-        // The first error is the one to tell; a temporary file that cannot be removed is litter at worst.
+        // The first error is the one to tell; a temporary file that cannot be removed is litter at
+        // worst.
         let _ = fs::remove_file(&temporary);
         fail("cannot write the file", &e)
     })
@@ -186,7 +189,8 @@ impl Names {
     }
 }
 
-/// Names for a header: blanks and separators become `_`; a name that is taken, or would be read as something else, gets a `_` behind it.
+/// Names for a header: blanks and separators become `_`; a name that is taken, or would be read as
+/// something else, gets a `_` behind it.
 pub(crate) fn column_names(cloud: &PointCloud) -> Names {
     let mut columns: Vec<String> = Vec::new();
     for column in &cloud.columns {
@@ -236,7 +240,8 @@ pub(crate) fn row(
         if !line.is_empty() {
             line.push(separator);
         }
-        // Plain digits where they are short, an exponent otherwise; both are the shortest that read back the same.
+        // Plain digits where they are short, an exponent otherwise; both are the shortest that read
+        // back the same.
         let plain = v == 0.0 || !v.is_finite() || (1e-5..1e16).contains(&v.abs());
         if plain {
             write!(line, "{v}")

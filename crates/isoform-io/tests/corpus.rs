@@ -1,4 +1,5 @@
-//! The seeds of the fuzz targets `read_points` and `read_meshes`: every fixture, the first byte being the number of its format.
+//! The seeds of the fuzz targets `read_points` and `read_meshes`: every fixture, the first byte
+//! being the number of its format.
 
 mod common;
 
@@ -43,20 +44,21 @@ fn write_mesh_seeds() {
     }
 }
 
-/// Calls with the first byte and the rest of every file that fuzzing has kept.
+/// Calls with the first byte and the rest of every file that fuzzing has kept; the repository holds
+/// some.
 fn for_corpus(target: &str, visit: impl Fn(u8, &[u8])) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../fuzz/corpus")
         .join(target);
-    let Ok(entries) = std::fs::read_dir(folder) else {
-        return println!("skipped: no corpus");
-    };
-    for entry in entries {
+    let mut visited = 0;
+    for entry in std::fs::read_dir(folder).expect("the corpus") {
         let bytes = std::fs::read(entry.expect("readable").path()).expect("readable");
         if let Some((&first, rest)) = bytes.split_first() {
             visit(first, rest);
+            visited += 1;
         }
     }
+    assert!(visited > 0, "the corpus of {target} is empty");
 }
 
 /// All of it still reads, or is refused.

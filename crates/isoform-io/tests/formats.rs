@@ -1,4 +1,5 @@
-//! Every format, by small files made here and by the shared collection where it is at hand.
+//! Every format, by small files made here, by files of other programs in tests/data/formats, and by
+//! scans where they are at hand.
 
 mod common;
 
@@ -217,35 +218,21 @@ fn meshes_become_samples() {
     );
 }
 
-/// The collection holds files of every format.
+/// Files of other programs, of every format.
 #[cfg(all(feature = "laz", feature = "e57"))]
-mod shared_collection {
-    use isoform_io::{ReadError, ReadOptions, Source, read};
-    use std::path::{Path, PathBuf};
+mod foreign {
+    use isoform_geom::PointCloud;
+    use isoform_io::{ReadError, ReadOptions, ReadReport, Source, read};
+    use isoform_testdata::{data, shared_data};
+    use std::path::Path;
 
-    fn shared() -> Option<PathBuf> {
-        let root = std::env::var_os("ISOFORM_SHARED").map_or_else(
-            || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
-            PathBuf::from,
-        );
-        let data = root.join("data");
-        if data.is_dir() {
-            return Some(data);
-        }
-        assert!(
-            std::env::var_os("CI").is_none(),
-            "the shared test data is missing: set ISOFORM_SHARED"
-        );
-        println!(
-            "skipped: no shared test data at {}; set ISOFORM_SHARED",
-            data.display()
-        );
-        None
+    fn load(path: &Path) -> (PointCloud, ReadReport) {
+        read(Source::Path(path), None, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
     }
 
     /// File, points (or the code of the refusal), triangles.
 #[rustfmt::skip]
-const SHARED: &[(&str, Result<usize, &str>, usize)] = &[
+const FOREIGN: &[(&str, Result<usize, &str>, usize)] = &[
     ("cube-e57-1.0-unmodified-valid.e57", Ok(8), 0),
     ("cube-e57-1.0-version_modified-invalid.e57", Err("file-corrupt"), 0),
     ("minimal-e57-1.0-unmodified-valid.e57", Ok(0), 0),
@@ -277,19 +264,16 @@ const SHARED: &[(&str, Result<usize, &str>, usize)] = &[
     ("tm_negative_indices.obj", Ok(8), 12),
     ("tm_comments.off", Ok(8), 12),
     ("tm_nancolor.obj", Ok(8), 12),
-    ("tm_busted.STL", Ok(1941), 3878),
     ("tm_two_objects_mixed_case_names.stl", Ok(16), 24),
-    ("tm_counterX.3MF", Err("format-unsupported"), 0),
     ("tm_insulated.msh", Err("format-unsupported"), 0),
     ("tm_P_XPM_0331_01.3mf", Err("format-unsupported"), 0),
 ];
 
     #[test]
-    fn the_shared_collection() {
-        let Some(data) = shared() else { return };
+    fn files_of_other_programs() {
         let mut wrong = Vec::new();
         let mut files = 0;
-        for entry in std::fs::read_dir(data.join("formats")).expect("a folder") {
+        for entry in std::fs::read_dir(data("formats")).expect("a folder") {
             let path = entry.expect("readable").path();
             let name = path
                 .file_name()
@@ -297,7 +281,7 @@ const SHARED: &[(&str, Result<usize, &str>, usize)] = &[
                 .expect("a name")
                 .to_owned();
             files += 1;
-            let Some((_, want, triangles)) = SHARED.iter().find(|s| s.0 == name) else {
+            let Some((_, want, triangles)) = FOREIGN.iter().find(|s| s.0 == name) else {
                 wrong.push(format!("{name} is not in the list"));
                 continue;
             };
@@ -321,56 +305,54 @@ const SHARED: &[(&str, Result<usize, &str>, usize)] = &[
             }
         }
         assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-        assert_eq!(files, SHARED.len());
+        assert_eq!(files, FOREIGN.len());
     }
 
     #[test]
-    fn details_of_the_shared_collection() {
-        let Some(data) = shared() else { return };
-        let load = |name: &str| {
-            read(
-                Source::Path(&data.join(name)),
-                None,
-                &ReadOptions::default(),
-            )
-            .unwrap_or_else(|e| panic!("{e}"))
-        };
-        let (agisoft, _) = load("formats/tm_points_agisoft.xyz");
+    fn details_of_files_of_other_programs() {
+        let load = |name: &str| load(&data("formats").join(name));
+        let (agisoft, _) = load("tm_points_agisoft.xyz");
         assert_eq!(
             agisoft.absolute(0),
             [665_187.522077, 5_648_349.895035, 241.767693]
         );
         assert_eq!(agisoft.colors[0], [117, 73, 49]);
         assert!(agisoft.points.iter().flatten().all(|v| v.abs() < 300.0));
-        let (compare, _) = load("formats/tm_points_cloudcompare.xyz");
+        let (compare, _) = load("tm_points_cloudcompare.xyz");
         assert_eq!(
             (compare.colors[0], compare.columns[0].name.as_str()),
             ([117, 73, 49], "alpha")
         );
-        let (date, report) = load("formats/cube-las-1.2-creation_date_and_crs_invalid-invalid.las");
+        let (date, report) = load("cube-las-1.2-creation_date_and_crs_invalid-invalid.las");
         assert!(
             date.points.len() == 8 && report.warnings.iter().any(|w| w.contains("1980")),
             "{:?}",
             report.warnings
         );
         assert_eq!(
-            load("formats/cube-las-1.2-creation_date_and_crs_modified-valid.las")
+            load("cube-las-1.2-creation_date_and_crs_modified-valid.las")
                 .1
                 .units
                 .as_deref(),
             Some("m")
         );
-        let (_, report) = load("formats/cube-ply-1.0_ascii-comment_renamed_to_remark-invalid.ply");
+        let (_, report) = load("cube-ply-1.0_ascii-comment_renamed_to_remark-invalid.ply");
         assert!(report.warnings.iter().any(|w| w.contains("remark")));
-        let (e57, _) = load("formats/cube-e57-1.0-unmodified-valid.e57");
+        let (e57, _) = load("cube-e57-1.0-unmodified-valid.e57");
         assert_eq!(e57.normals.len(), 8);
-        let (las, laz) = (
-            load("formats/pynt_simple.las").0,
-            load("formats/pynt_simple.laz").0,
-        );
+        let (las, laz) = (load("pynt_simple.las").0, load("pynt_simple.laz").0);
         assert_eq!(las, laz);
-        let (bool, _) = load("formats/pynt_diamond_with_bool.ply");
+        let (bool, _) = load("pynt_diamond_with_bool.ply");
         assert_eq!(bool.columns[0].name, "is_green");
+    }
+
+    /// What is too large for the repository.
+    #[test]
+    fn scans() {
+        let Some(folder) = shared_data("data") else {
+            return;
+        };
+        let load = |name: &str| load(&folder.join(name));
         let (mug, report) = load("scan/pcl_table_scene_mug_stereo.pcd");
         assert_eq!(
             (mug.points.len(), report.dropped_points),
@@ -388,6 +370,7 @@ const SHARED: &[(&str, Result<usize, &str>, usize)] = &[
             ("scan/ycb_019_pitcher_base.ply", 8192, 16384),
             ("scan/gso_frypan.obj", 5086, 9320),
             ("cad/tm_plate_holes.STL", 618, 1252),
+            ("formats/tm_busted.STL", 1941, 3878),
             ("cad/berger_anchor.off", 49200, 98412),
             ("cad/newell_teapot.obj", 3644, 6320),
             ("derived/osd_learn33_cylinders_obj2.xyz", 15305, 0),
@@ -400,12 +383,10 @@ const SHARED: &[(&str, Result<usize, &str>, usize)] = &[
                 report.warnings
             );
         }
-        let e = read(
-            Source::Path(&data.join("cad/tm_featuretype.STEP")),
-            None,
-            &ReadOptions::default(),
-        )
-        .expect_err("no points");
-        assert_eq!(e.code(), "format-unsupported");
+        for name in ["cad/tm_featuretype.STEP", "formats/tm_counterX.3MF"] {
+            let path = folder.join(name);
+            let e = read(Source::Path(&path), None, &ReadOptions::default());
+            assert_eq!(e.expect_err("no points").code(), "format-unsupported");
+        }
     }
 }

@@ -104,7 +104,8 @@ fn every_byte_of_the_binary_headers() {
             .iter()
             .any(|e| f.0.ends_with(e))
     }) {
-        // The decoder of LAZ takes milliseconds to start: there only the header and its records, by two values.
+        // The decoder of LAZ takes milliseconds to start: there only the header and its records, by
+        // two values.
         let is_laz = name.ends_with("laz");
         for at in 0..bytes.len().min(if is_laz { 340 } else { 700 }) {
             for value in if is_laz {
@@ -150,7 +151,8 @@ fn e57_without_bits_and_with_deep_xml() {
         let mut logical = vec![0; 48];
         logical[..8].copy_from_slice(b"ASTM-E57");
         logical[8] = 1;
-        // A compressed vector section at 48 whose data starts at 80: one packet with one empty stream.
+        // A compressed vector section at 48 whose data starts at 80: one packet with one empty
+        // stream.
         logical.extend([1, 0, 0, 0, 0, 0, 0, 0]);
         for v in [48_u64, 80, 0] {
             logical.extend(v.to_le_bytes());
@@ -198,7 +200,8 @@ fn e57_without_bits_and_with_deep_xml() {
     survive("deep.e57", None, &file(&deep));
 }
 
-/// A LAZ file whose second point switches between its series of GPS times half a million times: `laz` recurses for each.
+/// A LAZ file whose second point switches between its series of GPS times half a million times:
+/// `laz` recurses for each.
 #[cfg(feature = "laz")]
 #[test]
 fn laz_that_recurses_without_end() {
@@ -227,7 +230,8 @@ fn laz_that_recurses_without_end() {
     let table = (bytes.len() as u64).to_le_bytes();
     bytes[start..start + 8].copy_from_slice(&table);
     bytes.extend([0; 8]);
-    // Whether it recurses is the compiler's choice (the call is a tail call): an error if so, two points if not, an abort never.
+    // Whether it recurses is the compiler's choice (the call is a tail call): an error if so, two
+    // points if not, an abort never.
     match read(
         Source::Bytes {
             name: "a.laz",

@@ -1,4 +1,5 @@
-//! Meshes come back from every format as they went in, as far as it can hold them; damaged files are refused.
+//! Meshes come back from every format as they went in, as far as it can hold them; damaged files
+//! are refused.
 
 mod common;
 
@@ -126,7 +127,8 @@ fn abaqus_keeps_elements_surfaces_and_names_in_capitals() {
     }
 }
 
-/// Every mid node of the bent block lies nearer to the middle of its edge than to that of any other edge of the element.
+/// Every mid node of the bent block lies nearer to the middle of its edge than to that of any other
+/// edge of the element.
 fn mids_sit_right(mesh: &Mesh, format: &str) {
     let distance = |mid: u32, a: u32, b: u32| {
         let p = |n: u32| mesh.points[n as usize];
@@ -659,7 +661,8 @@ fn every_byte_of_binary_files() {
     }
 }
 
-/// Sets of millions of numbers named again and again: neither expanded nor walked over more often than there are faces.
+/// Sets of millions of numbers named again and again: neither expanded nor walked over more often
+/// than there are faces.
 #[test]
 fn abaqus_sets_are_not_expanded() {
     let mut text = String::from(

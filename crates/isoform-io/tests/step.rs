@@ -1,4 +1,5 @@
-//! STEP as text: whole, numbered, exact. That CAD systems take it is for the acceptance checks to say, with OpenCASCADE.
+//! STEP as text: whole, numbered, exact. That CAD systems take it is for the acceptance checks to
+//! say, with OpenCASCADE.
 
 use isoform_geom::RationalPatch;
 use isoform_io::{StepFace, StepOptions, step, write_step_path};

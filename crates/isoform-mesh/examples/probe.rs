@@ -1,4 +1,5 @@
-//! Meshes a HyperFun program and writes bare numbers, for looking at: `probe MODEL.hf SIZE [OUT.tet [ORDER [GRADE]]]`.
+//! Meshes a HyperFun program and writes bare numbers, for looking at: `probe MODEL.hf SIZE [OUT.tet
+//! [ORDER [GRADE]]]`.
 use isoform_field::Pieces;
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_mesh::{Control, Options, mesh};

@@ -1,8 +1,8 @@
 //! A given mesh made better on the solid that it stands for.
 //!
-//! The faces of its surface are given to the pieces of the solid that they lie on, with edges along those of the solid, and its vertices
-//! brought onto them. Then tetrahedra are optimised like those of the mesher's own lattice, and bare triangles by splits, collapses, flips
-//! and moves.
+//! The faces of its surface are given to the pieces of the solid that they lie on, with edges along
+//! those of the solid, and its vertices brought onto them. Then tetrahedra are optimised like those
+//! of the mesher's own lattice, and bare triangles by splits, collapses, flips and moves.
 
 mod align;
 mod remesh;
@@ -11,7 +11,7 @@ mod skin;
 use crate::check::{self, Certificate};
 use crate::complex::{BOUNDARY, Complex, Ring};
 use crate::cut::Inside;
-use crate::features::{ExtentError, FeatureOptions, Features, extent, find};
+use crate::features::{ExtentError, FeatureOptions, Features, extent_within, find};
 use crate::lattice::{IN, Lattice, OUT};
 use crate::measure::biased_sine;
 use crate::mesher::{
@@ -30,7 +30,8 @@ use std::collections::HashMap;
 const OFF: f64 = 0.15;
 /// Least share of the vertices that must be near the model.
 const NEAR: f64 = 0.75;
-/// Worst biased sine that a vertex of the surface moved onto a curve may leave to a tetrahedron; less where it was less before.
+/// Worst biased sine that a vertex of the surface moved onto a curve may leave to a tetrahedron;
+/// less where it was less before.
 const LEAST: f64 = 0.04;
 
 fn wrong(why: impl Into<String>) -> MeshError {
@@ -41,15 +42,18 @@ fn place([x, y, z]: Point3) -> String {
     format!("({x}, {y}, {z})")
 }
 
-/// Improves a mesh on a solid near its surface: its vertices are moved onto the parts, edges of the surface laid along those of the solid,
-/// elements optimised, and edges split where they leave the surface too far. Mid nodes and labels of the mesh given are dropped.
+/// Improves a mesh on a solid near its surface: its vertices are moved onto the parts, edges of the
+/// surface laid along those of the solid, elements optimised, and edges split where they leave the
+/// surface too far. Mid nodes and labels of the mesh given are dropped.
 ///
-/// Tetrahedra keep their size; `options.size` should be near it, and [`mean_edge`] gives it. The triangles of a bare surface are split and
-/// collapsed towards `options.size` and `options.sizes`; [`own_sizes`] gives those that they have.
+/// Tetrahedra keep their size; `options.size` should be near it, and [`mean_edge`] gives it. The
+/// triangles of a bare surface are split and collapsed towards `options.size` and `options.sizes`;
+/// [`own_sizes`] gives those that they have.
 ///
 /// # Errors
-/// As of [`mesh`](crate::mesh), and if the mesh is not a conforming volume mesh or a closed surface without self-intersections, if its
-/// surface is nowhere near the solid's, or if its edges cannot be made to follow those of the solid.
+/// As of [`mesh`](crate::mesh), and if the mesh is not a conforming volume mesh or a closed surface
+/// without self-intersections, if its surface is nowhere near the solid's, or if its edges cannot
+/// be made to follow those of the solid.
 pub fn adapt(
     mesh: &Mesh,
     solid: &dyn Solid,
@@ -65,10 +69,11 @@ pub fn adapt(
     let certificate = check::certify(&bare, None, &check::Options::default(), control);
     check_given(&bare, &certificate)?;
     control.phase("lattice")?;
-    let found = extent(solid, bare.bounds(), options.size).map_err(|e| match e {
-        ExtentError::Empty { .. } => wrong("has nothing of the model near it"),
-        e => MeshError::Extent(e),
-    })?;
+    let found =
+        extent_within(solid, bare.bounds(), options.size, control).map_err(|e| match e {
+            ExtentError::Empty { .. } => wrong("has nothing of the model near it"),
+            e => e.into(),
+        })?;
     let cell = (CELL * options.size).max(2.0 * distance(&bare, solid, found.bounds.diagonal())?);
     let needed = (Lattice::cells(found.bounds, cell) * 12.0) as u64;
     if needed > options.memory {
@@ -78,11 +83,12 @@ pub fn adapt(
             allowed: options.memory >> 20,
         });
     }
-    let lattice = Lattice::new(solid, found.bounds, cell);
+    let lattice = Lattice::new(solid, found.bounds, cell, control);
     let surface = Surface {
         solid,
         lattice: &lattice,
         zero: 1e-13 * found.bounds.diagonal(),
+        control,
     };
     control.phase("features")?;
     let features = find(
@@ -116,7 +122,8 @@ pub fn adapt(
     })
 }
 
-/// The mesh without mid nodes, labels and unused nodes, nodes in the same place made one: files of triangles repeat them.
+/// The mesh without mid nodes, labels and unused nodes, nodes in the same place made one: files of
+/// triangles repeat them.
 fn welded(mesh: &Mesh) -> Mesh {
     let mut known: HashMap<[u64; 3], u32> = HashMap::new();
     let mut points = Vec::new();
@@ -201,7 +208,8 @@ fn check_given(mesh: &Mesh, certificate: &Certificate) -> Result<(), MeshError> 
     }
 }
 
-/// The farthest that any vertex of a surface, or middle of a face, is from the solid; an error if most are far away.
+/// The farthest that any vertex of a surface, or middle of a face, is from the solid; an error if
+/// most are far away.
 fn distance(mesh: &Mesh, solid: &dyn Solid, diagonal: f64) -> Result<f64, MeshError> {
     let tree = solid.tree();
     let value = |p: Point3| tree.value(&|i| first_order_at(solid, i, p)).abs();
@@ -353,7 +361,7 @@ fn of_tetrahedra(
     let mut optimiser = Optimiser::new(surface, inside, options.size, control);
     improve(&mut optimiser, options, warnings);
     control.phase("assembly")?;
-    let (mut mesh, pieces) = assemble(optimiser, &number, n, Vec::new(), Vec::new(), options);
+    let (mut mesh, pieces) = assemble(optimiser, &number, n, Vec::new(), Vec::new(), options)?;
     raise_order(&mut mesh, surface, &pieces, options, control, warnings)?;
     Ok(mesh)
 }
@@ -509,8 +517,8 @@ impl Cuttable for Boundary {
     }
 }
 
-/// A place of the solid's surface that the mesh does not reach, if there is one: in a cell with surface there is a vertex no farther than
-/// an edge is long.
+/// A place of the solid's surface that the mesh does not reach, if there is one: in a cell with
+/// surface there is a vertex no farther than an edge is long.
 fn left_out(mesh: &Mesh, surface: &Surface<'_>) -> Option<Point3> {
     let tree = KdTree::new(&mesh.points);
     let longest = edges_of(&mesh.triangles)
@@ -546,7 +554,8 @@ fn left_out(mesh: &Mesh, surface: &Surface<'_>) -> Option<Point3> {
 /// By how much sizes may grow per length, where those that a surface has are kept.
 const GROWTH: f64 = 0.4;
 
-/// The edge lengths that a surface has, by place: at each vertex the geometric mean of its edges, growing slowly away from it.
+/// The edge lengths that a surface has, by place: at each vertex the geometric mean of its edges,
+/// growing slowly away from it.
 pub fn own_sizes(mesh: &Mesh) -> Sizes {
     let mut sums = vec![(0.0, 0usize); mesh.points.len()];
     for e in edges_of(&mesh.triangles) {
@@ -567,7 +576,8 @@ pub fn own_sizes(mesh: &Mesh) -> Sizes {
     Sizes::nearest(&samples, GROWTH)
 }
 
-/// Mean length of the edges of a mesh's tetrahedra, of its triangles where it has none; 0 if there are neither.
+/// Mean length of the edges of a mesh's tetrahedra, of its triangles where it has none; 0 if there
+/// are neither.
 pub fn mean_edge(mesh: &Mesh) -> f64 {
     let length = |a: u32, b: u32| norm(sub(mesh.points[a as usize], mesh.points[b as usize]));
     if mesh.tets.is_empty() {

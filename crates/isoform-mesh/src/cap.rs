@@ -3,7 +3,8 @@
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::{Interval, Jet2};
 
-/// The intersection of a solid with a box, whose sides are six more pieces named `cap.x_min` to `cap.z_max`.
+/// The intersection of a solid with a box, whose sides are six more pieces named `cap.x_min` to
+/// `cap.z_max`.
 pub(crate) struct Capped<'s> {
     solid: &'s dyn Solid,
     region: Aabb,
@@ -88,7 +89,8 @@ impl Solid for Capped<'_> {
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
         for (&piece, out) in which.iter().zip(out) {
             match self.side(piece) {
-                // A difference of two numbers is off by half a unit in the last place: a step outward on each side holds it.
+                // A difference of two numbers is off by half a unit in the last place: a step
+                // outward on each side holds it.
                 Some((axis, sign, at)) => {
                     let (a, b) = (sign * (region.lo[axis] - at), sign * (region.hi[axis] - at));
                     *out = Interval::new(a.min(b).next_down(), a.max(b).next_up());

@@ -1,8 +1,10 @@
 //! The tetrahedra under work: a complex with neighbours, changed by replacing cavities.
 //!
-//! Every operation of the mesher (splitting an edge, removing one, a flip, a collapse) takes some tetrahedra out and puts others into
-//! the same cavity: [`Complex::replace`] is the only place where neighbours are written, so they cannot get out of step.
+//! Every operation of the mesher (splitting an edge, removing one, a flip, a collapse) takes some
+//! tetrahedra out and puts others into the same cavity: [`Complex::replace`] is the only place
+//! where neighbours are written, so they cannot get out of step.
 
+use crate::mesher::Control;
 use isoform_geom::{Point3, TET_FACES, TRIANGLE_EDGES};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
@@ -17,7 +19,8 @@ pub(crate) const OPEN: u32 = BOUNDARY | (BOUNDARY - 2);
 /// The label of a face of the solid's surface that lies on no single piece.
 pub(crate) const STRAY: u32 = BOUNDARY - 3;
 
-/// Tetrahedra with neighbours. Slots are reused; a tetrahedron whose first vertex is [`NONE`] is not there.
+/// Tetrahedra with neighbours. Slots are reused; a tetrahedron whose first vertex is [`NONE`] is
+/// not there.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Complex {
     pub(crate) points: Vec<Point3>,
@@ -32,14 +35,19 @@ pub(crate) struct Complex {
     /// Outer faces of the cavity: sorted vertices, neighbour.
     outer: Vec<([u32; 3], u32)>,
     inner: Vec<([u32; 3], u32)>,
-    /// Slots of tetrahedra that were put in or got other faces on the boundary, where that is kept: some may be empty again.
+    /// Slots of tetrahedra that were put in or got other faces on the boundary, where that is kept:
+    /// some may be empty again.
     pub(crate) log: Option<Vec<u32>>,
 }
+
+/// Vertices between two looks at the clock, where neighbours are sought: some milliseconds.
+const LOOK: usize = 1 << 12;
 
 /// The edges of a tetrahedron, by the places of their ends.
 pub(crate) const EDGES: [(usize, usize); 6] = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
 
-/// The edges of labelled triangles, lower vertex first, each with its triangle's label; sorted, so that those of one edge stand together.
+/// The edges of labelled triangles, lower vertex first, each with its triangle's label; sorted, so
+/// that those of one edge stand together.
 pub(crate) fn labelled_edges(faces: impl Iterator<Item = ([u32; 3], u32)>) -> Vec<([u32; 2], u32)> {
     let edge = |a: u32, b: u32| [a.min(b), a.max(b)];
     let mut edges: Vec<_> = faces
@@ -68,7 +76,13 @@ pub(crate) struct Ring {
 impl Complex {
     /// From vertices and positive tetrahedra; boundary faces are [`OPEN`].
     pub(crate) fn new(points: Vec<Point3>, tets: Vec<[u32; 4]>) -> Self {
-        // Faces by their lowest vertex: few have the same one, so that partners are found by comparing them all.
+        Self::within(points, tets, &Control::default())
+    }
+
+    /// The same. On a stop by `control` neighbours are missing.
+    pub(crate) fn within(points: Vec<Point3>, tets: Vec<[u32; 4]>, control: &Control<'_>) -> Self {
+        // Faces by their lowest vertex: few have the same one, so that partners are found by
+        // comparing them all.
         let mut from = vec![0u32; points.len() + 1];
         let key = |t: usize, i: usize| sorted(TET_FACES[i].map(|k| tets[t][k]));
         for v in &tets {
@@ -90,7 +104,10 @@ impl Complex {
             }
         }
         let mut adjacent = vec![[OPEN; 4]; tets.len()];
-        for w in from.windows(2) {
+        for (lowest, w) in from.windows(2).enumerate() {
+            if lowest.is_multiple_of(LOOK) && control.is_stopped() {
+                break;
+            }
             let same = &mut faces[w[0] as usize..w[1] as usize];
             if same.len() > 200 {
                 same.sort_unstable();
@@ -128,9 +145,10 @@ impl Complex {
         }
     }
 
-    /// Gives every further fan of tetrahedra at a vertex of the boundary (they share the vertex, and no chain of faces joins them) a vertex
-    /// of its own, except where faces are open: there the rest of the lattice joins them. Returns the vertices that were copied, in the order
-    /// of the copies.
+    /// Gives every further fan of tetrahedra at a vertex of the boundary (they share the vertex,
+    /// and no chain of faces joins them) a vertex of its own, except where faces are open: there
+    /// the rest of the lattice joins them. Returns the vertices that were copied, in the order of
+    /// the copies.
     pub(crate) fn separate(&mut self) -> Vec<u32> {
         let (mut on_boundary, mut on_open) = (
             vec![false; self.points.len()],
@@ -258,7 +276,8 @@ impl Complex {
         });
     }
 
-    /// Goes from tetrahedron to tetrahedron around the vertex, to those that `is_new` says have not been met.
+    /// Goes from tetrahedron to tetrahedron around the vertex, to those that `is_new` says have not
+    /// been met.
     fn spread(&self, v: u32, out: &mut Vec<u32>, mut is_new: impl FnMut(u32, &[u32]) -> bool) {
         out.clear();
         let first = self.tet_of[v as usize];
@@ -291,7 +310,8 @@ impl Complex {
             others.next().expect("four vertices"),
             others.next().expect("four vertices"),
         );
-        // Forward over d: leave each tetrahedron through the face opposite to the vertex that was entered last.
+        // Forward over d: leave each tetrahedron through the face opposite to the vertex that was
+        // entered last.
         ring.tets.push(t);
         ring.link.extend([c, d]);
         if self.walk(t, a, b, c, d, ring) {
@@ -324,7 +344,8 @@ impl Complex {
         found.is_some()
     }
 
-    /// Walks from `t` across the face opposite to `from`, over `over`; true when it comes back to `t`.
+    /// Walks from `t` across the face opposite to `from`, over `over`; true when it comes back to
+    /// `t`.
     fn walk(&self, t: u32, a: u32, b: u32, from: u32, over: u32, ring: &mut Ring) -> bool {
         let (mut at, mut from, mut over) = (t, from, over);
         loop {
@@ -346,8 +367,9 @@ impl Complex {
         }
     }
 
-    /// Puts the tetrahedra `new` in the place of `old`, which fill the same cavity (or one that differs by boundary faces). The new
-    /// boundary faces get the label that `label` gives for their vertices (sorted). Slots of the new ones go to `made`.
+    /// Puts the tetrahedra `new` in the place of `old`, which fill the same cavity (or one that
+    /// differs by boundary faces). The new boundary faces get the label that `label` gives for
+    /// their vertices (sorted). Slots of the new ones go to `made`.
     pub(crate) fn replace(
         &mut self,
         old: &[u32],
@@ -373,7 +395,8 @@ impl Complex {
                 }
             }
         }
-        // Neighbours of boundary labels are found by their faces; those of tetrahedra are turned to the new ones below.
+        // Neighbours of boundary labels are found by their faces; those of tetrahedra are turned to
+        // the new ones below.
         for &t in old {
             for k in self.tets[t as usize] {
                 self.tet_of[k as usize] = NONE;
@@ -442,7 +465,8 @@ impl Complex {
         for &(key, place) in &inner {
             self.adjacent[place as usize / 4][place as usize % 4] = label(key) | BOUNDARY;
         }
-        // Boundary faces that vanish leave nothing behind; a neighbour left behind is an opened boundary.
+        // Boundary faces that vanish leave nothing behind; a neighbour left behind is an opened
+        // boundary.
         for &(key, n) in &outer {
             if n < BOUNDARY {
                 let back = (0..4)
@@ -469,7 +493,8 @@ impl Complex {
         self.inner = inner;
     }
 
-    /// Splits the edge from `a` to `b` of the ring at vertex `m`: every tetrahedron of the ring becomes two.
+    /// Splits the edge from `a` to `b` of the ring at vertex `m`: every tetrahedron of the ring
+    /// becomes two.
     pub(crate) fn split(&mut self, ring: &Ring, a: u32, b: u32, m: u32, made: &mut Vec<u32>) {
         let mut new = Vec::with_capacity(2 * ring.tets.len());
         let mut labels: Vec<([u32; 3], u32)> = Vec::new();

@@ -3,8 +3,8 @@
 use crate::features::Features;
 use isoform_geom::{KdTree, Point3, distance_squared, norm, sub};
 
-/// Edges per distance between two corners: lattice points are moved by up to 0.56 cells, so that two corners must be more than two
-/// cells apart to stay off each other's neighbours.
+/// Edges per distance between two corners: lattice points are moved by up to 0.56 cells, so that
+/// two corners must be more than two cells apart to stay off each other's neighbours.
 const CORNERS: f64 = 2.2;
 /// The same between curves.
 const CURVES: f64 = 1.0;
@@ -99,8 +99,10 @@ impl Crowd {
         self.sizes.is_empty()
     }
 
-    /// Edge length wanted at a point; infinite away from crowded places. Sizes grow as fast as the distance to a place does.
-    /// `last` keeps the place that decided: those asked for one after the other are near each other, as a rule.
+    /// Edge length wanted at a point; infinite away from crowded places. Sizes grow as fast as the
+    /// distance to a place does.
+    /// `last` keeps the place that decided: those asked for one after the other are near each
+    /// other, as a rule.
     pub(crate) fn size_at(&self, p: Point3, last: &mut Vec<(f64, u32)>) -> f64 {
         let size = |d: f64, i: u32| self.sizes[i as usize].max(d.sqrt());
         let mut wanted = f64::INFINITY;

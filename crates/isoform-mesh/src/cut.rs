@@ -1,10 +1,12 @@
-//! From the lattice to tetrahedra that conform to the solid: vertices are snapped to corners, curves and the surface, then what still
-//! crosses is cut.
+//! From the lattice to tetrahedra that conform to the solid: vertices are snapped to corners,
+//! curves and the surface, then what still crosses is cut.
 //!
-//! Cutting splits one edge at a time where a piece vanishes, which keeps the complex conforming whatever the order. It goes on until
-//! in every tetrahedron the signs of the pieces at the vertices decide whether it is inside: faces between inside and outside then lie
-//! on one piece each, edges of the solid on two, corners on three. Snapping (the warp of Labelle and Shewchuk, 2007, extended to
-//! curves and corners) only saves cuts that would leave short edges; it is refused where a tetrahedron would suffer.
+//! Cutting splits one edge at a time where a piece vanishes, which keeps the complex conforming
+//! whatever the order. It goes on until in every tetrahedron the signs of the pieces at the
+//! vertices decide whether it is inside: faces between inside and outside then lie on one piece
+//! each, edges of the solid on two, corners on three. Snapping (the warp of Labelle and Shewchuk,
+//! 2007, extended to curves and corners) only saves cuts that would leave short edges; it is
+//! refused where a tetrahedron would suffer.
 
 use crate::complex::{BOUNDARY, Complex, EDGES, NONE, Ring, STRAY};
 use crate::lattice::{IN, Lattice, OUT};
@@ -15,25 +17,31 @@ use isoform_geom::{Csg, Point3, dot, norm, sub};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
-/// Worst measure that a snap to a corner, a curve, the surface may leave. Higher: more cuts and short edges; lower: flat tetrahedra
-/// that only the optimiser can mend.
+/// Worst measure that a snap to a corner, a curve, the surface may leave. Higher: more cuts and
+/// short edges; lower: flat tetrahedra that only the optimiser can mend.
 const SNAP_QUALITY: [f64; 3] = [0.01, 0.04, 0.1];
 /// Farthest snap to a curve or corner, in cells. Voronoi cells of the lattice reach 0.559.
 const SNAP_REACH: f64 = 0.56;
-/// Share of an edge next to a vertex within which the vertex is moved instead of cutting: long and short edges of the lattice
-/// (Labelle and Shewchuk, table 1).
+/// Share of an edge next to a vertex within which the vertex is moved instead of cutting: long and
+/// short edges of the lattice (Labelle and Shewchuk, table 1).
 const WARP: [f64; 2] = [0.25, 0.41];
 
-/// Depth, in lengths of the edge to be cut, below which an end that cannot be moved counts as lying on the surface all the same: cuts closer
-/// than that would go on for ever where pieces touch, and where three meet along a curve.
+/// Depth, in lengths of the edge to be cut, below which an end that cannot be moved counts as lying
+/// on the surface all the same: cuts closer than that would go on for ever where pieces touch, and
+/// where three meet along a curve.
 const SHALLOW: f64 = 1e-2;
-/// Pieces near a vertex beyond which corners are left to the cutting: their number grows with the third power.
+/// Pieces near a vertex beyond which corners are left to the cutting: their number grows with the
+/// third power.
 const CROWDED: usize = 6;
 /// Tetrahedra of the lattice per cut allowed; ordinary solids need a cut for every ten or more.
 const BUDGET: usize = 2;
 
-/// Cuts of edges at one vertex after which the lattice is too coarse there; regular ones see a few dozen.
+/// Cuts of edges at one vertex after which the lattice is too coarse there; regular ones see a few
+/// dozen.
 const TIRED: u16 = 200;
+
+/// Vertices snapped, or edges cut, between two looks at the clock: some milliseconds.
+const LOOK: usize = 64;
 
 /// The complex while it is cut.
 pub(crate) struct Cutter<'s> {
@@ -54,7 +62,8 @@ pub(crate) struct Cutter<'s> {
     made: Vec<u32>,
     /// How often edges at each vertex were cut.
     cuts: Vec<u16>,
-    /// Tetrahedra left undecided, because edges at one of their vertices were cut too often or the budget of cuts ran out.
+    /// Tetrahedra left undecided, because edges at one of their vertices were cut too often or the
+    /// budget of cuts ran out.
     pub(crate) undecided: Vec<Point3>,
 }
 
@@ -178,7 +187,7 @@ impl<'s> Cutter<'s> {
         let candidates: Vec<Vec<(f64, u32, On, Point3)>> = (0..self.complex.points.len() as u32)
             .into_par_iter()
             .map(|v| {
-                if self.frozen[v as usize] {
+                if self.frozen[v as usize] || self.control.is_stopped() {
                     Vec::new()
                 } else {
                     self.features_near(v, SNAP_REACH * self.cell[v as usize])
@@ -193,7 +202,10 @@ impl<'s> Cutter<'s> {
                 .then(a.1.cmp(&b.1))
         });
         let mut corners: Vec<Point3> = Vec::new();
-        for (_, v, on, p) in candidates {
+        for (k, (_, v, on, p)) in candidates.into_iter().enumerate() {
+            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+                return;
+            }
             if !self.on[v as usize].is_empty() {
                 continue;
             }
@@ -284,7 +296,10 @@ impl<'s> Cutter<'s> {
                 .total_cmp(&self.value[v as usize].abs())
                 .then(u.cmp(&v))
         });
-        for v in near {
+        for (k, v) in near.into_iter().enumerate() {
+            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+                return;
+            }
             let (f, a) = (self.value[v as usize], self.cell[v as usize]);
             let mut least: Option<(f64, u32)> = None;
             for w in self.neighbours(v) {
@@ -353,7 +368,7 @@ impl<'s> Cutter<'s> {
             if !self.complex.is_there(t) {
                 continue;
             }
-            if budget == 0 || (budget.is_multiple_of(1024) && self.control.is_stopped()) {
+            if budget == 0 || (budget.is_multiple_of(LOOK) && self.control.is_stopped()) {
                 queue.push_front(t);
                 self.undecided.extend(
                     queue
@@ -378,8 +393,9 @@ impl<'s> Cutter<'s> {
         }
     }
 
-    /// The longest edge of a tetrahedron that the surface crosses, or that a piece crosses which leaves it undecided. Where an edge may run
-    /// through a thin sheet from outside to outside both kinds compete: cutting only the shorter ones around it would go on for ever.
+    /// The longest edge of a tetrahedron that the surface crosses, or that a piece crosses which
+    /// leaves it undecided. Where an edge may run through a thin sheet from outside to outside both
+    /// kinds compete: cutting only the shorter ones around it would go on for ever.
     fn crossing(&mut self, t: u32) -> Option<(u32, u32, Option<u32>)> {
         let v = self.complex.tets[t as usize];
         let edges = EDGES.map(|(i, j)| (v[i].min(v[j]), v[i].max(v[j])));
@@ -421,7 +437,8 @@ impl<'s> Cutter<'s> {
         best.map(|(_, a, b)| (a, b, which))
     }
 
-    /// Cuts the edge where the surface (or one piece) crosses it, or moves an end there. Returns the tetrahedra that changed.
+    /// Cuts the edge where the surface (or one piece) crosses it, or moves an end there. Returns
+    /// the tetrahedra that changed.
     fn cut_edge(
         &mut self,
         t: u32,
@@ -489,7 +506,8 @@ impl<'s> Cutter<'s> {
         match target {
             Some(q) if on.len() < 2 || self.worst_if(m, q) > 1e-3 => self.place(m, q, on),
             _ => {
-                // Left on the chord, a little off the pieces: the optimiser brings it there when there is room.
+                // Left on the chord, a little off the pieces: the optimiser brings it there when
+                // there is room.
                 self.place(m, at, on);
                 self.value[m as usize] = if on.is_empty() {
                     self.value[m as usize]
@@ -503,8 +521,9 @@ impl<'s> Cutter<'s> {
         changed
     }
 
-    /// Lets the end of an edge that is nearer to the surface (or to a piece alone) count as lying on it, if it is so near that a cut would only
-    /// leave a short edge or a flat tetrahedron. The optimiser brings it there.
+    /// Lets the end of an edge that is nearer to the surface (or to a piece alone) count as lying
+    /// on it, if it is so near that a cut would only leave a short edge or a flat tetrahedron. The
+    /// optimiser brings it there.
     fn touch(&mut self, u: u32, w: u32, asked: Option<u32>, found: u32) -> Option<Vec<u32>> {
         let depth = |s: &mut Self, v: u32| match asked {
             None => s.value[v as usize].abs(),
@@ -582,7 +601,8 @@ impl<'s> Cutter<'s> {
         inside
     }
 
-    /// The piece that a face on the surface lies on: all three vertices vanish on it, and its normal is the face's as nearly as possible.
+    /// The piece that a face on the surface lies on: all three vertices vanish on it, and its
+    /// normal is the face's as nearly as possible.
     pub(crate) fn piece_of(&mut self, f: [u32; 3]) -> Option<u32> {
         let p = f.map(|v| self.complex.points[v as usize]);
         let normal = isoform_geom::cross(sub(p[1], p[0]), sub(p[2], p[0]));
@@ -640,8 +660,8 @@ fn local_cells(complex: &Complex) -> Vec<f64> {
             }
         }
     }
-    // Counted by tetrahedra: four of six edges are short ones (√3/2), two long ones. In the lattice each vertex sees its short edges
-    // six times and its long ones four times.
+    // Counted by tetrahedra: four of six edges are short ones (√3/2), two long ones. In the lattice
+    // each vertex sees its short edges six times and its long ones four times.
     let mean = (8.0 * 6.0 * 0.75f64.sqrt() + 6.0 * 4.0) / (8.0 * 6.0 + 6.0 * 4.0);
     sum.into_iter()
         .map(|(s, n)| if n > 0.0 { s / n / mean } else { 0.0 })
@@ -696,18 +716,26 @@ fn side(tree: &Csg, ranges: &[(u32, f64, f64)]) -> Side {
 pub(crate) struct Band {
     pub(crate) complex: Complex,
     pub(crate) frozen: Vec<bool>,
-    /// Tetrahedra of the lattice beyond the band; vertices below the number in the band are those of the band.
+    /// Tetrahedra of the lattice beyond the band; vertices below the number in the band are those
+    /// of the band.
     pub(crate) core: Vec<[u32; 4]>,
     /// Vertices of the core that are not in the band; numbered after the band's own.
     pub(crate) core_points: Vec<Point3>,
 }
 
-/// Cells of the lattice around the surface that the optimiser may work in, beyond those that the surface can meet.
+/// Cells of the lattice around the surface that the optimiser may work in, beyond those that the
+/// surface can meet.
 const LAYERS: usize = 1;
 
 impl Band {
-    /// With `all` there is no core: everything may change.
-    pub(crate) fn new(lattice: &Lattice, with_core: bool, all: bool) -> Self {
+    /// With `all` there is no core: everything may change. On a stop by `control` cells are left
+    /// out.
+    pub(crate) fn new(
+        lattice: &Lattice,
+        with_core: bool,
+        all: bool,
+        control: &Control<'_>,
+    ) -> Self {
         let n = lattice.n;
         let deep = if all {
             vec![false; lattice.state.len()]
@@ -742,6 +770,9 @@ impl Band {
         };
         let faces = |wanted: &mut dyn FnMut([usize; 3], usize, bool)| {
             for k in 0..n[2] {
+                if control.is_stopped() {
+                    return;
+                }
                 for j in 0..n[1] {
                     for i in 0..n[0] {
                         for axis in 0..3 {
@@ -794,7 +825,7 @@ impl Band {
         }
         let core_points = points.split_off(band);
         Self {
-            complex: Complex::new(points, tets),
+            complex: Complex::within(points, tets, control),
             frozen,
             core,
             core_points: if with_core { core_points } else { Vec::new() },
@@ -844,7 +875,8 @@ impl Cutter<'_> {
             .live()
             .filter(|&t| inside[t as usize])
             .collect();
-        // Vertices keep their order: those shared with the core keep their places in the list of the frozen.
+        // Vertices keep their order: those shared with the core keep their places in the list of
+        // the frozen.
         let mut used = vec![false; self.complex.points.len()];
         for &t in &live {
             for v in self.complex.tets[t as usize] {

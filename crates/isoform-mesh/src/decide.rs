@@ -1,18 +1,21 @@
 //! Which pieces of a solid can decide its sign in a region.
 //!
-//! Where a minimum has a child that is negative all over the region, it is negative, and its other children do not matter; a child that
-//! is positive all over matters to a minimum no more. With the rôles of the signs exchanged the same holds for maxima. What is left are
-//! the pieces whose change can change the sign; where none is left the sign is certain. A piece that occurs more than once in the tree
-//! is taken as if its occurrences were independent: then a piece can be named that does not matter, never the other way round.
+//! Where a minimum has a child that is negative all over the region, it is negative, and its other
+//! children do not matter; a child that is positive all over matters to a minimum no more. With the
+//! rôles of the signs exchanged the same holds for maxima. What is left are the pieces whose change
+//! can change the sign; where none is left the sign is certain. A piece that occurs more than once
+//! in the tree is taken as if its occurrences were independent: then a piece can be named that does
+//! not matter, never the other way round.
 
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::Interval;
 use std::sync::Arc;
 
-/// A range of the tree's value where the pieces have the ranges `ranges`; the pieces that can decide its sign are added to `out`, each once,
-/// in the order of the tree.
+/// A range of the tree's value where the pieces have the ranges `ranges`; the pieces that can
+/// decide its sign are added to `out`, each once, in the order of the tree.
 ///
-/// None is added if and only if the range has one sign (inside is ≥ 0: \[0, 1\] is certain, \[−1, 0\] is not).
+/// None is added if and only if the range has one sign (inside is ≥ 0: \[0, 1\] is certain, \[−1,
+/// 0\] is not).
 pub fn decisive(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32>) -> Interval {
     let (lo, hi) = collect(tree, ranges, out, 0);
     Interval::new(lo, hi)
@@ -135,7 +138,8 @@ pub(crate) struct Scratch {
 
 impl Scratch {
     pub(crate) fn new(solid: &dyn Solid) -> Self {
-        // Pieces of the tree beyond the list of names would be a broken solid; the arrays hold them all the same.
+        // Pieces of the tree beyond the list of names would be a broken solid; the arrays hold them
+        // all the same.
         let n = solid
             .tree()
             .pieces()
@@ -235,7 +239,8 @@ mod tests {
     }
 
     proptest! {
-        /// The pieces left out cannot change the sign, the reduced tree has the sign of the whole, and its pieces are the decisive ones.
+        /// The pieces left out cannot change the sign, the reduced tree has the sign of the whole,
+        /// and its pieces are the decisive ones.
         #[test]
         fn what_is_left_out_does_not_matter(
             tree in tree(),

@@ -1,10 +1,12 @@
 //! Feature curves and corners of a solid, and its box.
 //!
-//! A feature curve is where two pieces vanish together, both bound the solid, and their normals differ. [`find`] looks for them in three
-//! steps. Cells of an octree are dropped where intervals prove that fewer than two pieces can decide the sign (`octree`), so that the
-//! cost grows with the curves' length and not with the volume. In the cells that are left Newton's method finds corners, where three
-//! pieces or two curves meet, and points of curves (`newton`); what they are is read off the tree with the pieces made linear
-//! (`junction`). From corner to corner, and from points that no curve has come by yet, curves are followed (`trace`).
+//! A feature curve is where two pieces vanish together, both bound the solid, and their normals
+//! differ. [`find`] looks for them in three steps. Cells of an octree are dropped where intervals
+//! prove that fewer than two pieces can decide the sign (`octree`), so that the cost grows with the
+//! curves' length and not with the volume. In the cells that are left Newton's method finds
+//! corners, where three pieces or two curves meet, and points of curves (`newton`); what they are
+//! is read off the tree with the pieces made linear (`junction`). From corner to corner, and from
+//! points that no curve has come by yet, curves are followed (`trace`).
 
 mod apex;
 mod extent;
@@ -13,7 +15,7 @@ mod newton;
 mod octree;
 mod trace;
 
-pub use extent::{Extent, ExtentError, START, extent};
+pub use extent::{Extent, ExtentError, START, extent, extent_within};
 
 use crate::decide::{Local, Narrowed, Scratch};
 use crate::mesher::Control;
@@ -84,9 +86,11 @@ pub struct FeatureCurve {
     pub points: Vec<Point3>,
     /// Whether it ends where it began.
     pub closed: bool,
-    /// The corners at its ends: none of a closed curve without a corner and where it leaves the region.
+    /// The corners at its ends: none of a closed curve without a corner and where it leaves the
+    /// region.
     pub corners: [Option<u32>; 2],
-    /// Least and greatest angle between the pieces' normals (radians): 0 is smooth, π a knife's edge or a slit.
+    /// Least and greatest angle between the pieces' normals (radians): 0 is smooth, π a knife's
+    /// edge or a slit.
     pub angles: [f64; 2],
 }
 
@@ -97,13 +101,14 @@ pub struct Features {
     pub corners: Vec<Corner>,
     /// The curves.
     pub curves: Vec<FeatureCurve>,
-    /// Whether intervals prove that there is no feature farther than one and a half sizes from those found. It does not prove that no
-    /// two curves run closer together than that, and pieces that coincide at samples count as one.
+    /// Whether intervals prove that there is no feature farther than one and a half sizes from
+    /// those found. It does not prove that no two curves run closer together than that, and pieces
+    /// that coincide at samples count as one.
     pub certified: bool,
     /// Cells where the proof is missing.
     pub uncertified: Vec<Aabb>,
-    /// Cells where the proof is missing because two pieces run along each other, as at the seams of blends. At samples they meet without
-    /// an angle; intervals of values cannot tell.
+    /// Cells where the proof is missing because two pieces run along each other, as at the seams of
+    /// blends. At samples they meet without an angle; intervals of values cannot tell.
     pub tangential: Vec<Aabb>,
     /// Whether the search came to its end: not stopped, the budget not spent, no curve given up.
     pub complete: bool,
@@ -135,7 +140,8 @@ impl Search<'_> {
 
 /// All feature curves and corners of a solid in a region.
 ///
-/// Features much smaller than size/32 can be missed within a cell that intervals do not decide; see [`Features::certified`].
+/// Features much smaller than size/32 can be missed within a cell that intervals do not decide; see
+/// [`Features::certified`].
 pub fn find(
     solid: &dyn Solid,
     region: Aabb,
@@ -149,7 +155,8 @@ pub fn find(
     {
         return Features::default();
     }
-    // Off the round numbers that solids like: a face of the solid is not to lie on the cells' faces.
+    // Off the round numbers that solids like: a face of the solid is not to lie on the cells'
+    // faces.
     let region = Aabb {
         lo: region.lo.map(|v| v - 0.0137 * size),
         hi: region.hi.map(|v| v + 0.0211 * size),
@@ -178,15 +185,24 @@ pub fn find(
         .map(|leaf| search.corners_in(leaf))
         .collect();
     for (p, kind) in candidates.into_iter().flatten() {
+        if control.is_stopped() {
+            break;
+        }
         tracer.add_corner(p, kind);
     }
     for (p, piece) in search
         .octree
         .coarse
         .par_iter()
-        .flat_map_iter(|(cell, local)| search.apexes_in(*cell, local))
+        .flat_map_iter(|(cell, local)| match control.is_stopped() {
+            true => Vec::new(),
+            false => search.apexes_in(*cell, local),
+        })
         .collect::<Vec<_>>()
     {
+        if control.is_stopped() {
+            break;
+        }
         tracer.add_apex(p, piece);
     }
     tracer.trace_corners();
@@ -241,13 +257,17 @@ pub fn find(
 }
 
 impl Search<'_> {
-    /// Where corners may be: common points of three surfaces, and points where two have a common normal.
+    /// Where corners may be: common points of three surfaces, and points where two have a common
+    /// normal.
     fn corners_in(&self, leaf: &Leaf) -> Vec<(Point3, CornerKind)> {
         let mut found = Vec::new();
         let (center, reach) = (leaf.cell.center(), 1.5 * leaf.cell.diagonal());
         let s = &leaf.surfaces;
         for x in 0..s.len() {
             for y in x + 1..s.len() {
+                if self.control.is_stopped() {
+                    return Vec::new();
+                }
                 for z in y + 1..s.len() {
                     let Some((p, det)) = onto_three(self.solid, [s[x], s[y], s[z]], center, reach)
                     else {
@@ -293,6 +313,9 @@ impl Search<'_> {
         for x in 0..s.len() {
             for y in x + 1..s.len() {
                 let pair = [s[x], s[y]];
+                if self.control.is_stopped() {
+                    return;
+                }
                 if leaf.simple && tracer.passes(center, 0.5 * side, Some(pair)) {
                     continue;
                 }
@@ -344,7 +367,8 @@ impl Search<'_> {
         })
     }
 
-    /// Cells away from all features in which intervals prove nothing, and whether surfaces run along each other there.
+    /// Cells away from all features in which intervals prove nothing, and whether surfaces run
+    /// along each other there.
     fn unproved(&self, tracer: &Tracer<'_>) -> Vec<(Aabb, bool)> {
         let reach = self.size();
         let is_known = |cell: &Aabb| {
@@ -352,7 +376,7 @@ impl Search<'_> {
             tracer.passes(c, reach, None) || tracer.corner_at(c, reach).is_some()
         };
         let proof = |scratch: &mut Scratch, leaf: &Leaf| {
-            if leaf.surfaces.len() < 2 || is_known(&leaf.cell) {
+            if self.control.is_stopped() || leaf.surfaces.len() < 2 || is_known(&leaf.cell) {
                 return None;
             }
             if self.runs_along(&leaf.surfaces, leaf.cell, &octree::PROBES, 0.2) {
@@ -360,6 +384,9 @@ impl Search<'_> {
             }
             let mut open = vec![(leaf.cell, leaf.local.clone(), 0)];
             while let Some((cell, local, depth)) = open.pop() {
+                if self.control.is_stopped() {
+                    return Some((leaf.cell, false));
+                }
                 for part in octree::split(cell) {
                     let Narrowed::Mixed(local) =
                         local.narrow(self.solid, octree::slack(part), scratch)

@@ -1,10 +1,13 @@
-//! The body-centred cubic lattice over a solid, with the part of the tree that matters in each cell.
+//! The body-centred cubic lattice over a solid, with the part of the tree that matters in each
+//! cell.
 //!
-//! Cells are decided by intervals from large boxes down: inside, outside, or a reduced tree of the pieces that can still decide the
-//! sign there. Only cells of the third kind see the surface; the others are never evaluated at all (Labelle and Shewchuk,
-//! Isosurface stuffing, 2007, use the same lattice; the pruning is that of Duff, Interval arithmetic and recursive subdivision, 1992).
+//! Cells are decided by intervals from large boxes down: inside, outside, or a reduced tree of the
+//! pieces that can still decide the sign there. Only cells of the third kind see the surface; the
+//! others are never evaluated at all (Labelle and Shewchuk, Isosurface stuffing, 2007, use the same
+//! lattice; the pruning is that of Duff, Interval arithmetic and recursive subdivision, 1992).
 
 use crate::decide::{Sign, reduced};
+use crate::mesher::Control;
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::Interval;
 use rayon::prelude::*;
@@ -14,7 +17,8 @@ use std::collections::HashMap;
 pub(crate) const IN: u32 = 0;
 /// Cell surely outside.
 pub(crate) const OUT: u32 = 1;
-/// Cells are looked at with this margin (in cells) around them, so that what is found for a cell also holds for vertices moved there.
+/// Cells are looked at with this margin (in cells) around them, so that what is found for a cell
+/// also holds for vertices moved there.
 const MARGIN: f64 = 0.75;
 /// Cells per side of the blocks that are shared among threads.
 const BLOCK: usize = 16;
@@ -33,9 +37,11 @@ pub(crate) struct Lattice {
 }
 
 impl Lattice {
-    /// The lattice with cells of edge `a` over the region, which must hold the solid.
-    pub(crate) fn new(solid: &dyn Solid, region: Aabb, a: f64) -> Self {
-        // Off the round numbers that models are full of: lattice planes on faces of the solid leave every tie to rounding.
+    /// The lattice with cells of edge `a` over the region, which must hold the solid. On a stop by
+    /// `control` cells are left undecided, and the lattice must not be used.
+    pub(crate) fn new(solid: &dyn Solid, region: Aabb, a: f64, control: &Control<'_>) -> Self {
+        // Off the round numbers that models are full of: lattice planes on faces of the solid leave
+        // every tie to rounding.
         let offset = [0.618, 0.414, 0.732].map(|o| (1.0 + o) * a);
         let origin: Point3 = std::array::from_fn(|i| region.lo[i] - offset[i]);
         let n: [usize; 3] = std::array::from_fn(|i| {
@@ -68,6 +74,9 @@ impl Lattice {
             .par_iter()
             .map(|b| {
                 let mut found = Vec::new();
+                if control.is_stopped() {
+                    return found;
+                }
                 lattice.decide(solid, *b, solid.tree(), &all, &mut found);
                 found
             })
@@ -157,11 +166,13 @@ impl Lattice {
             ((p[i] - self.origin[i]) / self.a).floor() as isize
         }))
     }
-    /// Position of a lattice point in half cells: even coordinates are corners of cells, odd ones centres.
+    /// Position of a lattice point in half cells: even coordinates are corners of cells, odd ones
+    /// centres.
     pub(crate) fn point(&self, half: [usize; 3]) -> Point3 {
         std::array::from_fn(|i| self.origin[i] + 0.5 * self.a * half[i] as f64)
     }
-    /// The four tetrahedra around the face between cell `c` and the next one along `axis`, by lattice points in half cells.
+    /// The four tetrahedra around the face between cell `c` and the next one along `axis`, by
+    /// lattice points in half cells.
     pub(crate) fn tets(c: [usize; 3], axis: usize) -> [[[usize; 3]; 4]; 4] {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let centre = c.map(|i| 2 * i + 1);

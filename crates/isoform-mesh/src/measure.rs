@@ -1,7 +1,8 @@
 //! The measure that meshes are optimised for: the biased minimum sine of the dihedral angles.
 //!
-//! sin θ for acute angles, 0.7 sin θ for obtuse ones (Klingner and Shewchuk, Aggressive tetrahedral mesh improvement, 2007): one
-//! number that falls to 0 for every kind of bad tetrahedron, and holds 20° and 150° equally bad.
+//! sin θ for acute angles, 0.7 sin θ for obtuse ones (Klingner and Shewchuk, Aggressive tetrahedral
+//! mesh improvement, 2007): one number that falls to 0 for every kind of bad tetrahedron, and holds
+//! 20° and 150° equally bad.
 
 use crate::quality::OBTUSE_WEIGHT;
 use isoform_geom::{Point3, cross, dot, norm, sub};
@@ -16,7 +17,8 @@ const EDGES: [[usize; 4]; 6] = [
     [2, 3, 0, 1],
 ];
 
-/// Outward area vectors (twice the area) of the faces opposite to each vertex, and six times the volume.
+/// Outward area vectors (twice the area) of the faces opposite to each vertex, and six times the
+/// volume.
 fn faces(p: [Point3; 4]) -> ([Point3; 4], f64) {
     let (u, v, w) = (sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0]));
     let (n1, n2, n3) = (cross(w, v), cross(u, w), cross(v, u));
@@ -33,7 +35,8 @@ pub(crate) fn biased_sine(p: [Point3; 4]) -> f64 {
     Opposite::of([p[1], p[2], p[3]]).biased_sine(p[0])
 }
 
-/// The square of [`OBTUSE_WEIGHT`] for outward normals at less than a right angle: the dihedral angle is obtuse.
+/// The square of [`OBTUSE_WEIGHT`] for outward normals at less than a right angle: the dihedral
+/// angle is obtuse.
 fn weight(normals: f64) -> f64 {
     if normals > 0.0 {
         OBTUSE_WEIGHT * OBTUSE_WEIGHT
@@ -42,7 +45,8 @@ fn weight(normals: f64) -> f64 {
     }
 }
 
-/// The face of a tetrahedron opposite to the vertex that is to be placed, with all that does not depend on the place.
+/// The face of a tetrahedron opposite to the vertex that is to be placed, with all that does not
+/// depend on the place.
 #[derive(Clone, Copy, Debug)]
 struct Opposite {
     q: [Point3; 3],
@@ -68,8 +72,8 @@ impl Opposite {
 
     /// The smallest biased sine, squared, with the sign of the volume; −1 where it is no number.
     ///
-    /// Squares need no roots, and with the common denominator of the six only one division: sin²θ = V² |e|²/(a_k a_l), where a are
-    /// the squared areas.
+    /// Squares need no roots, and with the common denominator of the six only one division: sin²θ =
+    /// V² |e|²/(a_k a_l), where a are the squared areas.
     fn square(&self, p: Point3) -> f64 {
         let [u, v, w] = self.q.map(|q| sub(q, p));
         let volume = dot(u, self.n);
@@ -77,7 +81,8 @@ impl Opposite {
         let (a0, a1, a2, a3) = (self.area, dot(n1, n1), dot(n2, n2), dot(n3, n3));
         let least = |a: f64, b: f64| if a < b { a } else { b };
         let (a01, a02, a03, a12, a13, a23) = (a0 * a1, a0 * a2, a0 * a3, a1 * a2, a1 * a3, a2 * a3);
-        // Edges at the vertex lie between two of its faces, the others between one and the opposite face.
+        // Edges at the vertex lie between two of its faces, the others between one and the opposite
+        // face.
         let x = weight(dot(n2, n3)) * dot(u, u) * a01;
         let y = weight(dot(n1, n3)) * dot(v, v) * a02;
         let z = weight(dot(n1, n2)) * dot(w, w) * a03;
@@ -139,8 +144,9 @@ impl Around {
         self.faces.push(others);
     }
 
-    /// The mean of the tetrahedra's centres, weighted by their volumes: where the vertex stands best in the sense of Chen's optimal
-    /// Delaunay triangulations, but for centres of mass in the place of circumcentres, which do not run off in flat tetrahedra.
+    /// The mean of the tetrahedra's centres, weighted by their volumes: where the vertex stands
+    /// best in the sense of Chen's optimal Delaunay triangulations, but for centres of mass in the
+    /// place of circumcentres, which do not run off in flat tetrahedra.
     pub(crate) fn centre(&self, p: Point3) -> Point3 {
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for t in &self.tets {
@@ -176,8 +182,9 @@ impl Around {
         worst
     }
 
-    /// The direction in which the worst terms all grow (the shortest vector in the hull of their gradients), and a length to try. Gradients are
-    /// projected by `tangent` onto the directions in which the vertex may move.
+    /// The direction in which the worst terms all grow (the shortest vector in the hull of their
+    /// gradients), and a length to try. Gradients are projected by `tangent` onto the directions in
+    /// which the vertex may move.
     pub(crate) fn direction(
         &mut self,
         p: Point3,
@@ -237,7 +244,8 @@ impl Around {
     }
 }
 
-/// The shortest vector in the convex hull of the gradients: along it all of them grow. Gilbert's iteration; a rough answer will do.
+/// The shortest vector in the convex hull of the gradients: along it all of them grow. Gilbert's
+/// iteration; a rough answer will do.
 fn shortest_in_hull(gradients: &[Point3]) -> Point3 {
     let mut d: Point3 = [0.0; 3];
     let mut least = f64::INFINITY;
@@ -312,7 +320,8 @@ pub(crate) fn smallest_sine(p: [Point3; 3]) -> f64 {
 
 /// The same with its derivative by the first vertex.
 pub(crate) fn smallest_sine_and_derivative(p: [Point3; 3]) -> (f64, Point3) {
-    // The smallest angle is opposite to the shortest edge: its sine is twice the area over the product of the other two.
+    // The smallest angle is opposite to the shortest edge: its sine is twice the area over the
+    // product of the other two.
     let n = cross(sub(p[1], p[0]), sub(p[2], p[0]));
     let area = norm(n);
     let e = [sub(p[2], p[1]), sub(p[0], p[2]), sub(p[1], p[0])];

@@ -4,7 +4,7 @@ use crate::cap::Capped;
 use crate::complex::{NONE, labelled_edges};
 use crate::crowd::Crowd;
 use crate::cut::{Band, Cutter};
-use crate::features::{ExtentError, FeatureOptions, Features, START, extent, find};
+use crate::features::{ExtentError, FeatureOptions, Features, START, extent_within, find};
 use crate::lattice::Lattice;
 use crate::optimise::Optimiser;
 use crate::refine::{bisect, bisect_near, follow, resolve};
@@ -26,7 +26,8 @@ const FINER: usize = 3;
 pub struct Options {
     /// Edge length wanted, the largest one where sizes vary.
     pub size: f64,
-    /// Smaller edges where a face would leave the surface by more than this (chordal error, model units).
+    /// Smaller edges where a face would leave the surface by more than this (chordal error, model
+    /// units).
     pub grade: Option<f64>,
     /// Smaller edges where this says so, by place.
     pub sizes: Option<Sizes>,
@@ -34,9 +35,11 @@ pub struct Options {
     pub order: u32,
     /// Only the surface.
     pub surface_only: bool,
-    /// The box to mesh in: what sticks out is cut off, the cuts are parts named `cap.x_min` and so on. The solid's own box if not given.
+    /// The box to mesh in: what sticks out is cut off, the cuts are parts named `cap.x_min` and so
+    /// on. The solid's own box if not given.
     pub region: Option<Aabb>,
-    /// Tetrahedra are optimised until their angles lie within these bounds (degrees), or nothing helps any more.
+    /// Tetrahedra are optimised until their angles lie within these bounds (degrees), or nothing
+    /// helps any more.
     pub angles: [f64; 2],
     /// Bytes that the mesher may use at most, by its own estimate.
     pub memory: u64,
@@ -57,7 +60,8 @@ impl Default for Options {
     }
 }
 
-/// Edge lengths wanted by place, in model units. What is not positive or no number counts as no wish.
+/// Edge lengths wanted by place, in model units. What is not positive or no number counts as no
+/// wish.
 #[derive(Clone)]
 pub struct Sizes(pub Arc<dyn Fn(Point3) -> f64 + Send + Sync>);
 
@@ -68,7 +72,8 @@ impl std::fmt::Debug for Sizes {
 }
 
 impl Sizes {
-    /// From samples: the size of the nearest one, growing with the distance to it by no more than `growth` per length.
+    /// From samples: the size of the nearest one, growing with the distance to it by no more than
+    /// `growth` per length.
     pub fn nearest(samples: &[(Point3, f64)], growth: f64) -> Self {
         let tree = KdTree::new(&samples.iter().map(|s| s.0).collect::<Vec<_>>());
         let sizes: Vec<f64> = samples.iter().map(|s| s.1).collect();
@@ -112,6 +117,10 @@ impl Control<'_> {
         if let Some(progress) = self.progress {
             progress(name);
         }
+        self.check()
+    }
+    /// An error once it is to stop.
+    pub(crate) fn check(&self) -> Result<(), MeshError> {
         if self.is_stopped() {
             Err(MeshError::Stopped)
         } else {
@@ -125,7 +134,7 @@ impl Control<'_> {
 pub enum MeshError {
     /// The solid has no box.
     #[error(transparent)]
-    Extent(#[from] ExtentError),
+    Extent(ExtentError),
     /// An option has no meaning.
     #[error("{name} must be {wanted}, not {value}")]
     Option {
@@ -164,9 +173,25 @@ pub enum MeshError {
         /// What is wrong with it.
         why: String,
     },
+    /// A fault of the mesher.
+    #[error("the mesher made an error of its own: {what}")]
+    Internal {
+        /// What it left.
+        what: String,
+    },
     /// Stopped from outside or by time.
     #[error("stopped")]
     Stopped,
+}
+
+impl From<ExtentError> for MeshError {
+    fn from(error: ExtentError) -> Self {
+        match error {
+            ExtentError::Stopped => Self::Stopped,
+            ExtentError::NotANumber { at } => Self::NotANumber { at },
+            error => Self::Extent(error),
+        }
+    }
 }
 
 /// A mesh and how it came about.
@@ -198,7 +223,8 @@ pub struct Warning {
 /// Meshes a solid: tetrahedra with the labelled surface, or the surface alone.
 ///
 /// # Errors
-/// If the solid is empty, unbounded or not a number, if an option has no meaning, the memory does not suffice, or on a stop.
+/// If the solid is empty, unbounded or not a number, if an option has no meaning, the memory does
+/// not suffice, or on a stop.
 pub fn mesh(
     solid: &dyn Solid,
     options: &Options,
@@ -211,16 +237,17 @@ pub fn mesh(
     let (solid, region, region_certified): (&dyn Solid, Aabb, bool) = match options.region {
         Some(region) => {
             capped = Capped::new(solid, region);
-            let extent = extent(&capped, start, options.size)?;
+            let extent = extent_within(&capped, start, options.size, control)?;
             (&capped, extent.bounds, extent.certified)
         }
         None => {
-            let extent = extent(solid, start, options.size)?;
+            let extent = extent_within(solid, start, options.size, control)?;
             (solid, extent.bounds, extent.certified)
         }
     };
     let cell = CELL * options.size;
-    // Some 12 bytes per cell of the lattice and 400 per tetrahedron near the surface, 60 for others.
+    // Some 12 bytes per cell of the lattice and 400 per tetrahedron near the surface, 60 for
+    // others.
     let needed = (Lattice::cells(region, cell) * 12.0 * 60.0) as u64;
     if needed > options.memory {
         return Err(MeshError::Memory {
@@ -230,19 +257,25 @@ pub fn mesh(
         });
     }
     control.phase("lattice")?;
-    let lattice = Lattice::new(solid, region, cell);
+    let lattice = Lattice::new(solid, region, cell, control);
+    control.check()?;
     let surface = Surface {
         solid,
         lattice: &lattice,
         zero: 1e-13 * region.diagonal(),
+        control,
     };
+    if let Some(at) = surface.not_a_number() {
+        return Err(MeshError::NotANumber { at });
+    }
+    control.check()?;
     let graded = options.grade.is_some() || options.sizes.is_some();
     let Band {
         mut complex,
         mut frozen,
         core,
         core_points,
-    } = Band::new(&lattice, !options.surface_only, graded);
+    } = Band::new(&lattice, !options.surface_only, graded, control);
     let band_points = complex.points.len();
     let mut warnings = Vec::new();
     let limit = (options.memory / 400) as usize;
@@ -259,7 +292,7 @@ pub fn mesh(
     let crowd = Crowd::new(&features, options.size);
     if !crowd.is_empty() {
         let mut found = Vec::new();
-        bisect(&mut complex, &mut frozen, limit, |complex, t| {
+        bisect(control, &mut complex, &mut frozen, limit, |complex, t| {
             CELL * crowd.size_at(complex.middle(t), &mut found)
         });
     }
@@ -277,10 +310,12 @@ pub fn mesh(
         message: "the surface is finer than the mesh can resolve here".into(),
         at: Some(at),
     }));
+    control.check()?;
     let mut cutter = Cutter::new(&surface, complex.clone(), frozen.clone(), control);
     if let Some(at) = cutter.not_a_number() {
         return Err(MeshError::NotANumber { at });
     }
+    control.check()?;
     cutter.run();
     for _ in 0..FINER {
         if cutter.undecided.is_empty() || control.is_stopped() {
@@ -288,10 +323,11 @@ pub fn mesh(
         }
         // Too coarse there: halved, and cut again.
         let places = KdTree::new(&cutter.undecided);
-        bisect_near(&mut complex, &mut frozen, limit, &places);
+        bisect_near(control, &mut complex, &mut frozen, limit, &places);
         cutter = Cutter::new(&surface, complex.clone(), frozen.clone(), control);
         cutter.run();
     }
+    control.check()?;
     if let Some(&at) = cutter.undecided.first() {
         let message = format!(
             "{} tetrahedra could not be cut to the end: pieces touch too often for this size",
@@ -317,7 +353,7 @@ pub fn mesh(
     let mut optimiser = Optimiser::new(&surface, inside, options.size, control);
     improve(&mut optimiser, options, &mut warnings);
     control.phase("assembly")?;
-    let (mut mesh, pieces) = assemble(optimiser, &number, band_points, core, core_points, options);
+    let (mut mesh, pieces) = assemble(optimiser, &number, band_points, core, core_points, options)?;
     raise_order(
         &mut mesh,
         &surface,
@@ -415,7 +451,7 @@ pub(crate) fn assemble(
     core: Vec<[u32; 4]>,
     core_points: Vec<Point3>,
     options: &Options,
-) -> (Mesh, Vec<u32>) {
+) -> Result<(Mesh, Vec<u32>), MeshError> {
     let faces = optimiser.faces();
     let (surface, complex) = (optimiser.surface, &optimiser.complex);
     let mut new = vec![NONE; complex.points.len()];
@@ -454,11 +490,21 @@ pub(crate) fn assemble(
         mesh.tet_regions = vec![0; mesh.tets.len()];
         mesh.regions = vec!["solid".to_owned()];
     }
+    if let Some(at) = faces
+        .iter()
+        .flat_map(|(f, _)| f)
+        .find(|&&v| new[v as usize] == NONE)
+    {
+        let [x, y, z] = complex.points[*at as usize];
+        let what = format!("a vertex of the surface at ({x}, {y}, {z}) lost its tetrahedra");
+        return Err(MeshError::Internal { what });
+    }
     let pieces = group(surface, &faces, &new, &mut mesh);
-    (mesh, pieces)
+    Ok((mesh, pieces))
 }
 
-/// Gives a mesh its labelled triangles, parts, curves and corners; `new` are the numbers of the vertices in it. Returns the pieces of its parts.
+/// Gives a mesh its labelled triangles, parts, curves and corners; `new` are the numbers of the
+/// vertices in it. Returns the pieces of its parts.
 pub(crate) fn group(
     surface: &Surface<'_>,
     faces: &[([u32; 3], u32)],
@@ -490,7 +536,8 @@ pub(crate) fn group(
     used
 }
 
-/// Edges between faces of two parts that meet at an angle, where the ends lie on both: seams of parts that touch are none.
+/// Edges between faces of two parts that meet at an angle, where the ends lie on both: seams of
+/// parts that touch are none.
 fn feature_edges(surface: &Surface<'_>, pieces: &[u32], mesh: &mut Mesh) {
     let edges = labelled_edges(
         mesh.triangles

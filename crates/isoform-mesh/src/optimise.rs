@@ -1,8 +1,10 @@
-//! Better tetrahedra: constrained moves, flips, collapses and insertions, each kept only where the worst of what it touches improves.
+//! Better tetrahedra: constrained moves, flips, collapses and insertions, each kept only where the
+//! worst of what it touches improves.
 //!
-//! After Freitag and Ollivier-Gooch (Tetrahedral mesh improvement using swapping and smoothing, 1997) and Klingner and Shewchuk
-//! (Aggressive tetrahedral mesh improvement, 2007). What is ours: vertices on the surface and on curves move too, by projection onto
-//! their pieces, so that they stay exact; and the measure looks at the angles of the surface triangles as well.
+//! After Freitag and Ollivier-Gooch (Tetrahedral mesh improvement using swapping and smoothing,
+//! 1997) and Klingner and Shewchuk (Aggressive tetrahedral mesh improvement, 2007). What is ours:
+//! vertices on the surface and on curves move too, by projection onto their pieces, so that they
+//! stay exact; and the measure looks at the angles of the surface triangles as well.
 
 use crate::complex::{BOUNDARY, Complex, EDGES, NONE, OPEN, Ring, STRAY, labelled_edges};
 use crate::cut::Inside;
@@ -24,12 +26,15 @@ pub(crate) enum Hold {
 
 /// Least share of an improvement that counts.
 const GAIN: f64 = 1e-4;
-/// Vertices around which no tetrahedron is worse than this factor times the goal are left where they are, and moves that get there end:
-/// the worst tetrahedra count, and most of the others are good from the start.
+/// Vertices around which no tetrahedron is worse than this factor times the goal are left where
+/// they are, and moves that get there end: the worst tetrahedra count, and most of the others are
+/// good from the start.
 const ENOUGH: f64 = 1.25;
-/// Least cosine between a face of the surface and its piece; a face that was worse may stay but not get worse.
+/// Least cosine between a face of the surface and its piece; a face that was worse may stay but not
+/// get worse.
 const FACING: f64 = 0.5;
-/// Largest sagitta of an edge of the surface, as a share of its length: an arc of 37 degrees. Coarser ones make poor curved elements.
+/// Largest sagitta of an edge of the surface, as a share of its length: an arc of 37 degrees.
+/// Coarser ones make poor curved elements.
 const TURN: f64 = 0.08;
 /// Largest sagitta of an edge on a feature curve, as a share of the size asked for.
 const CURVE: f64 = 0.08;
@@ -37,11 +42,14 @@ const CURVE: f64 = 0.08;
 const MANY: usize = 200;
 /// Vertices off the surface that are tried in every round.
 const FEW: usize = 16;
+/// Operations on single tetrahedra between two looks at the clock: each takes up to a millisecond.
+const LOOK: usize = 16;
 /// Steps of a move.
 const ROUNDS: usize = 4;
 /// Round from which vertices are inserted: flips and collapses come first.
 const INSERT_FROM: usize = 3;
-/// Edges shorter than this share of the size asked for are collapsed without asking for better angles.
+/// Edges shorter than this share of the size asked for are collapsed without asking for better
+/// angles.
 const MICRO: f64 = 0.004;
 /// Longest ring whose edge is removed; longer ones never improved a mesh in our trials.
 const RING: usize = 9;
@@ -51,20 +59,22 @@ pub(crate) struct Optimiser<'s> {
     control: &'s Control<'s>,
     pub(crate) complex: Complex,
     pub(crate) hold: Vec<Hold>,
-    /// Labels of the faces at each vertex of the surface, where they are more than the pieces that hold it.
+    /// Labels of the faces at each vertex of the surface, where they are more than the pieces that
+    /// hold it.
     labels: Vec<On>,
     /// Edge length wanted.
     size: f64,
     /// Chordal error wanted.
     error: f64,
-    /// When each vertex was last moved or given other tetrahedra, and when each tetrahedron was last tried in vain: what has not changed
-    /// since need not be tried again.
+    /// When each vertex was last moved or given other tetrahedra, and when each tetrahedron was
+    /// last tried in vain: what has not changed since need not be tried again.
     touched: Vec<u32>,
     tried: Vec<u32>,
     clock: u32,
     /// A measure from which nothing is moved any more, see [`ENOUGH`].
     enough: f64,
-    /// Tetrahedra that may be below the goal, together with those that the complex has logged since.
+    /// Tetrahedra that may be below the goal, together with those that the complex has logged
+    /// since.
     suspects: Vec<u32>,
     /// Vertices that were off the surface in the beginning.
     first_off: Vec<u32>,
@@ -280,7 +290,8 @@ impl<'s> Optimiser<'s> {
             let (mut s, mut bound) = (step, worst + GAIN);
             for _ in 0..6 {
                 let raw = std::array::from_fn(|i| at[i] + s * direction[i]);
-                // One step of Newton's method does to judge a place by; the one that is taken is brought to the surface to rounding.
+                // One step of Newton's method does to judge a place by; the one that is taken is
+                // brought to the surface to rounding.
                 let place = if on.is_empty() {
                     Some(raw)
                 } else {
@@ -311,7 +322,8 @@ impl<'s> Optimiser<'s> {
         })
     }
 
-    /// Whether a vertex is off the surface at `p`: off what holds it, or off the solid where more pieces meet there.
+    /// Whether a vertex is off the surface at `p`: off what holds it, or off the solid where more
+    /// pieces meet there.
     fn is_off(&self, v: u32, p: Point3) -> bool {
         let labels = self.labels[v as usize];
         match self.hold[v as usize] {
@@ -328,7 +340,8 @@ impl<'s> Optimiser<'s> {
         }
     }
 
-    /// Whether a vertex on one piece has slipped past where that is the surface, over a seam with a piece that it touches tangentially.
+    /// Whether a vertex on one piece has slipped past where that is the surface, over a seam with a
+    /// piece that it touches tangentially.
     fn is_hidden(&self, v: u32) -> bool {
         matches!(self.hold[v as usize], Hold::On(on) if on.len() == 1 && !self.surface.is_alone(on.slice()[0], self.complex.points[v as usize]))
             && self.surface.distance(SKIN, self.complex.points[v as usize]) != 0.0
@@ -339,7 +352,8 @@ impl<'s> Optimiser<'s> {
         matches!(self.hold[v as usize], Hold::On(on) if on.contains(SKIN))
     }
 
-    /// The piece to project a point of a face on: its label, or the solid next to a seam between pieces that touch tangentially.
+    /// The piece to project a point of a face on: its label, or the solid next to a seam between
+    /// pieces that touch tangentially.
     fn piece_at(&self, vertices: &[u32], label: u32) -> u32 {
         if vertices.iter().any(|&v| self.is_skin(v)) {
             SKIN
@@ -348,7 +362,8 @@ impl<'s> Optimiser<'s> {
         }
     }
 
-    /// Whether a vertex of the surface may stand at `p`: all that holds it vanishes there and its faces look outward.
+    /// Whether a vertex of the surface may stand at `p`: all that holds it vanishes there and its
+    /// faces look outward.
     fn may_stand(&self, v: u32, p: Point3, faces: &[Face]) -> bool {
         if self.is_off(v, p) {
             return false;
@@ -409,10 +424,12 @@ impl<'s> Optimiser<'s> {
         }
     }
 
-    /// Moves the vertices given, each where that improves the worst tetrahedron at it. Returns how many moved.
+    /// Moves the vertices given, each where that improves the worst tetrahedron at it. Returns how
+    /// many moved.
     pub(crate) fn smooth(&mut self, vertices: &[u32]) -> usize {
-        /// Batches: proposals are made together within a batch, so that the result does not depend on threads. Neighbours seldom
-        /// share a batch of eight, and where they do the second one is looked at again.
+        /// Batches: proposals are made together within a batch, so that the result does not depend
+        /// on threads. Neighbours seldom share a batch of eight, and where they do the second one
+        /// is looked at again.
         const BATCHES: u32 = 8;
         let mut moved = 0;
         for batch in 0..BATCHES {
@@ -424,7 +441,12 @@ impl<'s> Optimiser<'s> {
             let places: Vec<Option<Point3>> = these
                 .par_iter()
                 .with_min_len(64)
-                .map_init(Move::default, |moving, &v| self.better_place(v, moving))
+                .map_init(Move::default, |moving, &v| {
+                    match self.control.is_stopped() {
+                        true => None,
+                        false => self.better_place(v, moving),
+                    }
+                })
                 .collect();
             let mut star = std::mem::take(&mut self.scratch.star);
             for (&v, place) in these.iter().zip(&places) {
@@ -446,7 +468,8 @@ impl<'s> Optimiser<'s> {
 
     // ---- flips
 
-    /// Removes the edge from `a` to `b` of tetrahedron `t` if that improves the worst of its ring by more than `least`.
+    /// Removes the edge from `a` to `b` of tetrahedron `t` if that improves the worst of its ring
+    /// by more than `least`.
     fn remove_edge(&mut self, t: u32, a: u32, b: u32, apply: bool) -> Option<f64> {
         let mut ring = std::mem::take(&mut self.scratch.ring);
         self.complex.ring(t, a, b, &mut ring);
@@ -541,7 +564,8 @@ impl<'s> Optimiser<'s> {
         Some(after)
     }
 
-    /// The value after a flip, with the faces of the surface around the cavity that stay as they are (they cannot improve).
+    /// The value after a flip, with the faces of the surface around the cavity that stay as they
+    /// are (they cannot improve).
     fn with_faces(&self, after: f64, ring: &Ring, before: f64) -> f64 {
         let mut worst = after;
         for &t in &ring.tets {
@@ -550,7 +574,8 @@ impl<'s> Optimiser<'s> {
                 if n >= BOUNDARY && n != OPEN {
                     let f = self.complex.face(t, i);
                     let s = smallest_sine(f.map(|k| self.complex.points[k as usize]));
-                    // Faces at the edge itself go away; of the others only those that hold back the gain matter.
+                    // Faces at the edge itself go away; of the others only those that hold back the
+                    // gain matter.
                     if s <= before + GAIN && !self.goes_away(ring, f) {
                         worst = worst.min(s);
                     }
@@ -612,7 +637,8 @@ impl<'s> Optimiser<'s> {
             .iter()
             .map(|f| smallest_sine(f.map(p)))
             .fold(f64::INFINITY, f64::min);
-        // Dropping a good tetrahedron would change the solid; a flat one lies within the chordal error anyway.
+        // Dropping a good tetrahedron would change the solid; a flat one lies within the chordal
+        // error anyway.
         if after <= before + GAIN || biased_sine(self.complex.corners(t)) > 0.3 {
             return None;
         }
@@ -631,7 +657,8 @@ impl<'s> Optimiser<'s> {
             .any(|&t| self.complex.tets[t as usize].contains(&b))
     }
 
-    /// Puts an edge in the place of the face opposite to vertex `i`, if that improves the worst of the two.
+    /// Puts an edge in the place of the face opposite to vertex `i`, if that improves the worst of
+    /// the two.
     fn remove_face(&mut self, t: u32, i: usize, apply: bool) -> Option<f64> {
         let n = self.complex.adjacent[t as usize][i];
         if n >= BOUNDARY {
@@ -683,7 +710,8 @@ impl<'s> Optimiser<'s> {
         };
         let labels = self.labels[u as usize];
         if labels.is_empty() {
-            // A free vertex: onto anything, but not across the solid from one side of the surface to the other.
+            // A free vertex: onto anything, but not across the solid from one side of the surface
+            // to the other.
             return true;
         }
         if ring.closed {
@@ -723,7 +751,8 @@ impl<'s> Optimiser<'s> {
         (n >= BOUNDARY && n != OPEN).then_some(n & !BOUNDARY)
     }
 
-    /// Pulls `u` onto `w` if the worst around `u` improves, or at least stays above `least` where that is given.
+    /// Pulls `u` onto `w` if the worst around `u` improves, or at least stays above `least` where
+    /// that is given.
     fn collapse(&mut self, t: u32, u: u32, w: u32, least: Option<f64>, apply: bool) -> Option<f64> {
         let mut ring = std::mem::take(&mut self.scratch.ring);
         self.complex.ring(t, u, w, &mut ring);
@@ -766,29 +795,13 @@ impl<'s> Optimiser<'s> {
             key.sort_unstable();
             labels.push((key, *label));
         }
-        // Link condition: what both see is what sees their edge.
-        let seen = |star: &[u32], complex: &Complex, not: u32| {
-            let mut v: Vec<u32> = star
-                .iter()
-                .flat_map(|&t| complex.tets[t as usize])
-                .filter(|&k| k != not)
-                .collect();
-            v.sort_unstable();
-            v.dedup();
-            v
-        };
-        let mine = seen(&star, &self.complex, u);
         let mut other = Vec::new();
         self.complex.star(w, &mut other);
-        let theirs = seen(&other, &self.complex, w);
-        let common = mine
-            .iter()
-            .filter(|k| theirs.binary_search(k).is_ok())
-            .count();
-        if common != self.scratch.ring.link.len() {
+        if !keeps_topology(&self.complex, [(u, &star), (w, &other)], &self.scratch.ring) {
             return None;
         }
-        // A free vertex between two sheets: pulled onto one it must not join them in an edge or face of the surface.
+        // A free vertex between two sheets: pulled onto one it must not join them in an edge or
+        // face of the surface.
         if self.labels[u as usize].is_empty()
             && !self.labels[w as usize].is_empty()
             && new
@@ -820,7 +833,8 @@ impl<'s> Optimiser<'s> {
         if leaves && least.is_none() {
             return None;
         }
-        // Open faces of the band (towards the lattice beyond) stay: their vertices are fixed, so u is on none.
+        // Open faces of the band (towards the lattice beyond) stay: their vertices are fixed, so u
+        // is on none.
         if apply {
             let mut made = std::mem::take(&mut self.scratch.made);
             self.complex.replace(
@@ -844,7 +858,8 @@ impl<'s> Optimiser<'s> {
         Some(after)
     }
 
-    /// Splits the edge from `a` to `b` in the middle and moves the new vertex to its best place; undone if the worst does not improve.
+    /// Splits the edge from `a` to `b` in the middle and moves the new vertex to its best place;
+    /// undone if the worst does not improve.
     fn insert(&mut self, a: u32, b: u32) -> bool {
         let mut ring = Ring::default();
         if !self.complex.ring_of(a, b, &mut ring) {
@@ -996,18 +1011,25 @@ impl<'s> Optimiser<'s> {
             .collect()
     }
 
-    /// Brings vertices that the cutting had to leave off their pieces onto them, making room by mending. Returns those left.
+    /// Brings vertices that the cutting had to leave off their pieces onto them, making room by
+    /// mending. Returns those left.
     pub(crate) fn settle(&mut self, goal: f64) -> Vec<Point3> {
         let (mut left, mut fewest): (Vec<u32>, usize) =
             (std::mem::take(&mut self.first_off), usize::MAX);
         let mut since = 0;
         for round in 0..6 {
+            if self.control.is_stopped() {
+                break;
+            }
             let off =
                 self.off(|v| self.touched[v as usize] > since || left.binary_search(&v).is_ok());
             since = self.clock;
             left.clear();
             let mut star = Vec::new();
-            for v in off {
+            for (k, v) in off.into_iter().enumerate() {
+                if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+                    break;
+                }
                 let p = self.complex.points[v as usize];
                 if self.is_hidden(v) {
                     self.hold[v as usize] = Hold::On(On::of(&[SKIN]));
@@ -1022,7 +1044,8 @@ impl<'s> Optimiser<'s> {
                 };
                 self.complex.star(v, &mut star);
                 let faces = self.faces_at(&star, v);
-                // As far as the tetrahedra allow, the whole way if possible; less is asked of them from round to round.
+                // As far as the tetrahedra allow, the whole way if possible; less is asked of them
+                // from round to round.
                 let least = 0.05 * 0.5f64.powi(round);
                 let way = [1.0, 0.5, 0.25].into_iter().find(|t| {
                     let at = std::array::from_fn(|i| p[i] + t * (q[i] - p[i]));
@@ -1041,7 +1064,8 @@ impl<'s> Optimiser<'s> {
                     left.push(v);
                 }
             }
-            // Many that do not get fewer are a solid too fine for the size; a few are worth every round.
+            // Many that do not get fewer are a solid too fine for the size; a few are worth every
+            // round.
             if (left.is_empty() && round > 0) || left.len() > FEW.max(fewest - fewest / 10) {
                 break;
             }
@@ -1057,7 +1081,8 @@ impl<'s> Optimiser<'s> {
             .collect()
     }
 
-    /// Moves the vertices around those given as far as it helps, also where they are good enough otherwise.
+    /// Moves the vertices around those given as far as it helps, also where they are good enough
+    /// otherwise.
     fn make_room(&mut self, vertices: &[u32]) {
         let (mut near, mut star) = (Vec::new(), Vec::new());
         for &v in vertices {
@@ -1072,8 +1097,9 @@ impl<'s> Optimiser<'s> {
         self.enough = enough;
     }
 
-    /// Frees a vertex whose labels have no edge or corner of the solid in common near it, as where pieces touch tangentially: it is held on the
-    /// solid alone, and the faces around it are labelled anew, as the solid is at their middles.
+    /// Frees a vertex whose labels have no edge or corner of the solid in common near it, as where
+    /// pieces touch tangentially: it is held on the solid alone, and the faces around it are
+    /// labelled anew, as the solid is at their middles.
     fn free(&mut self, v: u32) {
         let p = self.complex.points[v as usize];
         let on = self.holding(v);
@@ -1131,11 +1157,15 @@ impl<'s> Optimiser<'s> {
         }
     }
 
-    /// Splits edges of the surface whose middles are farther from it than `error`, or that turn too far, until there are none.
+    /// Splits edges of the surface whose middles are farther from it than `error`, or that turn too
+    /// far, until there are none.
     pub(crate) fn refine_surface(&mut self, error: f64, goal: f64) {
         self.error = error;
         let mut fewest = usize::MAX;
         for _ in 0..8 {
+            if self.control.is_stopped() {
+                return;
+            }
             let faces = self.faces();
             let edges = labelled_edges(faces.iter().copied());
             let mut wanted: Vec<(f64, [u32; 2])> = edges
@@ -1171,7 +1201,10 @@ impl<'s> Optimiser<'s> {
             fewest = wanted.len();
             wanted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             let (mut ring, mut done) = (Ring::default(), 0);
-            for (_, [a, b]) in &wanted {
+            for (k, (_, [a, b])) in wanted.iter().enumerate() {
+                if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+                    return;
+                }
                 if self.complex.ring_of(*a, *b, &mut ring) && !ring.closed {
                     done += usize::from(self.insert_in(&ring, *a, *b, 0.02));
                 }
@@ -1202,7 +1235,8 @@ impl<'s> Optimiser<'s> {
         } else {
             f64::INFINITY
         });
-        // The first step of Newton's method tells of most edges that they are well within what they may.
+        // The first step of Newton's method tells of most edges that they are well within what they
+        // may.
         if norm(sub(self.surface.nearer(on.slice(), middle)?, middle)) < 0.6 * most {
             return None;
         }
@@ -1210,7 +1244,8 @@ impl<'s> Optimiser<'s> {
         (off > most && off < 0.4 * length).then_some(off / most)
     }
 
-    /// Collapses edges that are far shorter than any wanted, as cuts leave them where pieces nearly touch.
+    /// Collapses edges that are far shorter than any wanted, as cuts leave them where pieces nearly
+    /// touch.
     fn collapse_micro(&mut self) {
         let micro = MICRO * self.size;
         let mut short: Vec<(f64, u32, u32)> = Vec::new();
@@ -1226,7 +1261,10 @@ impl<'s> Optimiser<'s> {
         short.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         short.dedup();
         let mut ring = Ring::default();
-        for (_, a, b) in short {
+        for (k, (_, a, b)) in short.into_iter().enumerate() {
+            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+                return;
+            }
             for (u, w) in [(a, b), (b, a)] {
                 if self.complex.tet_of[u as usize] == NONE
                     || self.complex.tet_of[w as usize] == NONE
@@ -1279,8 +1317,9 @@ impl<'s> Optimiser<'s> {
         self.mend_all(goal, 30);
     }
 
-    /// Splits faces of the surface whose corners all lie on one curve, at their edge that is no piece of it: three points do not say on
-    /// which side of the curve such a face is, and there is room for a better one.
+    /// Splits faces of the surface whose corners all lie on one curve, at their edge that is no
+    /// piece of it: three points do not say on which side of the curve such a face is, and there is
+    /// room for a better one.
     pub(crate) fn split_ears(&mut self, least: f64) {
         let mut ears = Vec::new();
         let mut ring = Ring::default();
@@ -1306,7 +1345,10 @@ impl<'s> Optimiser<'s> {
         }
         ears.sort_unstable();
         ears.dedup();
-        for (a, b) in ears {
+        for (k, (a, b)) in ears.into_iter().enumerate() {
+            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+                return;
+            }
             if self.complex.ring_of(a, b, &mut ring) {
                 let before = self.worst(&ring.tets);
                 self.insert_in(&ring, a, b, least.min(0.9 * before));
@@ -1350,7 +1392,10 @@ impl<'s> Optimiser<'s> {
             if round == INSERT_FROM {
                 self.tried.fill(0);
             }
-            for &(_, t) in &bad {
+            for (k, &(_, t)) in bad.iter().enumerate() {
+                if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+                    return;
+                }
                 if !self.complex.is_there(t) || self.measure(t) >= goal {
                     continue;
                 }
@@ -1399,5 +1444,74 @@ impl<'s> Optimiser<'s> {
                 return;
             }
         }
+    }
+}
+
+/// Stands for all that lies beyond the boundary: a vertex joined to each of its faces.
+const BEYOND: u32 = NONE;
+
+/// Whether pulling one vertex onto the other leaves the complex a manifold: the link condition
+/// (Dey, Edelsbrunner, Guha and Nekhayev, Topology preserving edge contraction, 1999). What the
+/// links of both have in common must be the link of their edge.
+///
+/// Vertices alone do not tell: where the solid is thin, three vertices of the surface may have
+/// edges on it and yet an inner face, and its collapse would leave two sheets that meet in an edge.
+fn keeps_topology(complex: &Complex, ends: [(u32, &[u32]); 2], ring: &Ring) -> bool {
+    let [mine, theirs] = ends.map(|(v, star)| Link::of(complex, v, star));
+    let sorted = |a: u32, b: u32| [a.min(b), a.max(b)];
+    let mut vertices = ring.link.clone();
+    let mut edges: Vec<[u32; 2]> = ring.link.windows(2).map(|l| sorted(l[0], l[1])).collect();
+    let (first, last) = (ring.link[0], ring.link[ring.link.len() - 1]);
+    if ring.closed {
+        edges.push(sorted(first, last));
+    } else {
+        vertices.push(BEYOND);
+        edges.extend([[first, BEYOND], [last, BEYOND]]);
+    }
+    vertices.sort_unstable();
+    edges.sort_unstable();
+    common(&mine.vertices, &theirs.vertices).eq(vertices.iter())
+        && common(&mine.edges, &theirs.edges).eq(edges.iter())
+        && common(&mine.triangles, &theirs.triangles).next().is_none()
+}
+
+/// What two sorted lists have in common.
+fn common<'l, T: Ord>(a: &'l [T], b: &'l [T]) -> impl Iterator<Item = &'l T> {
+    a.iter().filter(|x| b.binary_search(x).is_ok())
+}
+
+/// What lies opposite to a vertex in the simplices at it, sorted.
+#[derive(Default)]
+struct Link {
+    vertices: Vec<u32>,
+    edges: Vec<[u32; 2]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Link {
+    fn of(complex: &Complex, v: u32, star: &[u32]) -> Self {
+        let mut link = Self::default();
+        for &t in star {
+            let place = complex.place(t, v);
+            link.triangles.push(complex.face(t, place));
+            for i in (0..4).filter(|&i| i != place) {
+                if complex.adjacent[t as usize][i] >= BOUNDARY {
+                    link.triangles
+                        .push(complex.face(t, i).map(|k| if k == v { BEYOND } else { k }));
+                }
+            }
+        }
+        for f in &mut link.triangles {
+            f.sort_unstable();
+            let [a, b, c] = *f;
+            link.edges.extend([[a, b], [a, c], [b, c]]);
+            link.vertices.extend([a, b, c]);
+        }
+        link.triangles.sort_unstable();
+        link.edges.sort_unstable();
+        link.edges.dedup();
+        link.vertices.sort_unstable();
+        link.vertices.dedup();
+        link
     }
 }

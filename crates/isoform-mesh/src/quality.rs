@@ -1,15 +1,19 @@
 //! Measures of one tetrahedron or triangle, without branches: angles, volumes, shape.
 //!
-//! With the area vectors nᵢ (outward, twice the area) of the faces opposite to the corners, the dihedral angle θ between the faces i
-//! and j has cos θ = −nᵢ·nⱼ/(|nᵢ||nⱼ|) and sin θ = 6V|e|/(|nᵢ||nⱼ|), where e is the edge that they share. Flat and inverted
-//! tetrahedra give no special case: their sines are ≤ 0. Lengths whose squares leave the range of doubles are not looked after.
+//! With the area vectors nᵢ (outward, twice the area) of the faces opposite to the corners, the
+//! dihedral angle θ between the faces i and j has cos θ = −nᵢ·nⱼ/(|nᵢ||nⱼ|) and sin θ =
+//! 6V|e|/(|nᵢ||nⱼ|), where e is the edge that they share. Flat and inverted tetrahedra give no
+//! special case: their sines are ≤ 0. Lengths whose squares leave the range of doubles are not
+//! looked after.
 
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// The two faces, by the corners opposite to them, of each of the six dihedral angles; their edge joins the other two corners.
+/// The two faces, by the corners opposite to them, of each of the six dihedral angles; their edge
+/// joins the other two corners.
 pub const DIHEDRALS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
-/// What an obtuse angle's sine is multiplied by in the biased minimum sine (Klingner and Shewchuk, 2008, "Aggressive Tetrahedral Mesh
-/// Improvement"): large angles harm the interpolation, small ones only the condition number.
+/// What an obtuse angle's sine is multiplied by in the biased minimum sine (Klingner and Shewchuk,
+/// 2008, "Aggressive Tetrahedral Mesh Improvement"): large angles harm the interpolation, small
+/// ones only the condition number.
 pub const OBTUSE_WEIGHT: f64 = 0.7;
 
 /// Six times the signed volume: (b − a) · ((c − a) × (d − a)), rounded.
@@ -17,7 +21,8 @@ pub fn six_volume([a, b, c, d]: [Point3; 4]) -> f64 {
     dot(sub(b, a), cross(sub(c, a), sub(d, a)))
 }
 
-/// Area vectors of the faces opposite to the corners, outward for a positive tetrahedron, twice the area long.
+/// Area vectors of the faces opposite to the corners, outward for a positive tetrahedron, twice the
+/// area long.
 pub fn face_normals([a, b, c, d]: [Point3; 4]) -> [Point3; 4] {
     [
         cross(sub(c, b), sub(d, b)),
@@ -60,7 +65,8 @@ pub struct Shape {
     pub edges: [f64; 6],
     /// Six times the volume.
     pub six_volume: f64,
-    /// Six times the volume times the distance from the first corner to the centre of the circumscribed sphere, twice.
+    /// Six times the volume times the distance from the first corner to the centre of the
+    /// circumscribed sphere, twice.
     circum: f64,
 }
 
@@ -83,22 +89,24 @@ impl Shape {
         }
     }
 
-    /// Three times the radius of the inscribed sphere over that of the circumscribed one: 1 for a regular tetrahedron, ≤ 0 for a flat
-    /// or an inverted one.
+    /// Three times the radius of the inscribed sphere over that of the circumscribed one: 1 for a
+    /// regular tetrahedron, ≤ 0 for a flat or an inverted one.
     pub fn radius_ratio(&self) -> f64 {
         // r = V₆/Σ|n|, R = |circum|/(2 V₆)
         let sum: f64 = self.areas.iter().sum();
         6.0 * self.six_volume * self.six_volume.abs() / (sum * self.circum).max(f64::MIN_POSITIVE)
     }
 
-    /// Longest edge over 2√6 times the radius of the inscribed sphere: 1 for a regular tetrahedron, large for a flat one.
+    /// Longest edge over 2√6 times the radius of the inscribed sphere: 1 for a regular tetrahedron,
+    /// large for a flat one.
     pub fn aspect(&self) -> f64 {
         let longest = self.edges.iter().fold(0.0, |a: f64, &b| a.max(b));
         let sum: f64 = self.areas.iter().sum();
         longest * sum / (2.0 * 6f64.sqrt() * self.six_volume.abs().max(f64::MIN_POSITIVE))
     }
 
-    /// Smallest sine of the dihedral angles, obtuse ones times [`OBTUSE_WEIGHT`]; √8/3 = 0.943 for a regular tetrahedron.
+    /// Smallest sine of the dihedral angles, obtuse ones times [`OBTUSE_WEIGHT`]; √8/3 = 0.943 for
+    /// a regular tetrahedron.
     pub fn biased_minimum_sine(&self) -> f64 {
         let (c, s) = (cosines(self), sines(self));
         (0..6).fold(f64::INFINITY, |worst, k| {

@@ -1,20 +1,23 @@
-//! Meshes of second order: nodes in the middles of edges, on the true surface and on the feature curves.
+//! Meshes of second order: nodes in the middles of edges, on the true surface and on the feature
+//! curves.
 
 use crate::surface::{SKIN, Surface};
 use isoform_geom::{Mesh, Point3, TET_EDGES, TRIANGLE_EDGES, norm, sub};
 use rayon::prelude::*;
 
-/// Share of an edge's length that its middle may move to reach the surface. Farther points are another sheet or a failed iteration.
+/// Share of an edge's length that its middle may move to reach the surface. Farther points are
+/// another sheet or a failed iteration.
 const REACH: f64 = 0.3;
-/// Scaled Jacobian below which a tetrahedron's curved edges are drawn back or its inner ones follow.
+/// Scaled Jacobian below which a tetrahedron's curved edges are drawn back or its inner ones
+/// follow.
 const JACOBIAN: f64 = 0.35;
 
 fn key(a: u32, b: u32) -> u64 {
     u64::from(a.min(b)) << 32 | u64::from(a.max(b))
 }
 
-/// Puts a node into the middle of every edge. `pieces` are the pieces of the mesh's parts. Returns the middles of edges that could not be
-/// brought onto the surface.
+/// Puts a node into the middle of every edge. `pieces` are the pieces of the mesh's parts. Returns
+/// the middles of edges that could not be brought onto the surface.
 pub(crate) fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]) -> Vec<Point3> {
     let mut edges: Vec<u64> = Vec::with_capacity(6 * mesh.tets.len() + 3 * mesh.triangles.len());
     for t in &mesh.tets {
@@ -214,7 +217,8 @@ const SAMPLES: [[f64; 4]; 11] = [
 ];
 
 fn jacobian(x: &[Point3; 10], l: [f64; 4]) -> f64 {
-    // Derivative of the position by each barycentric coordinate; the Jacobian is that by the last three against the first.
+    // Derivative of the position by each barycentric coordinate; the Jacobian is that by the last
+    // three against the first.
     let mut d = [[0.0; 3]; 4];
     for i in 0..4 {
         for c in 0..3 {
@@ -249,7 +253,8 @@ mod tests {
         });
         assert!((jacobian(&x, [0.25; 4]) - 8.0).abs() < 1e-12);
         assert!((scaled_jacobian(&x) - 1.0).abs() < 1e-12);
-        // The middle of the edge along x moved along it by d: dx/dr at its ends is 2 ± 4 d, and J is 4 times that.
+        // The middle of the edge along x moved along it by d: dx/dr at its ends is 2 ± 4 d, and J
+        // is 4 times that.
         x[4][0] += 0.1;
         assert!((jacobian(&x, SAMPLES[0]) - 4.0 * 2.4).abs() < 1e-12);
         assert!((jacobian(&x, SAMPLES[1]) - 4.0 * 1.6).abs() < 1e-12);

@@ -1,7 +1,10 @@
-//! Vertices on pieces: values near the surface, projections onto one, two or three pieces, and what bounds the solid there.
+//! Vertices on pieces: values near the surface, projections onto one, two or three pieces, and what
+//! bounds the solid there.
 
 use crate::lattice::{IN, Lattice, OUT};
+use crate::mesher::Control;
 use isoform_geom::{Point3, Solid, cross, dot, norm};
+use rayon::prelude::*;
 
 /// The pieces that a vertex is held on, at most three.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -54,13 +57,14 @@ impl On {
     }
 }
 
-/// Stands for the solid itself where pieces that touch tangentially make one smooth surface: whichever of them decides.
+/// Stands for the solid itself where pieces that touch tangentially make one smooth surface:
+/// whichever of them decides.
 pub(crate) const SKIN: u32 = u32::MAX - 1;
 
 /// Whether two pieces meet at an angle at the nearest point that lies on both.
 ///
-/// Newton's method gets to a transversal intersection in a few steps. Towards a tangential one it only halves the distance each time, and
-/// the angle with it, until that is less than [`TANGENT`].
+/// Newton's method gets to a transversal intersection in a few steps. Towards a tangential one it
+/// only halves the distance each time, and the angle with it, until that is less than [`TANGENT`].
 pub(crate) fn meet_at_an_angle(solid: &dyn Solid, pieces: [u32; 2], p: Point3) -> bool {
     let angle = |p| {
         let [a, b] = pieces.map(|i| solid.gradient(i, p).1);
@@ -94,6 +98,7 @@ pub(crate) struct Surface<'s> {
     pub(crate) lattice: &'s Lattice,
     /// Below this distance a value is 0: rounding, and pieces that coincide.
     pub(crate) zero: f64,
+    pub(crate) control: &'s Control<'s>,
 }
 
 /// g/|∇g|: the distance to first order.
@@ -133,6 +138,28 @@ impl Surface<'_> {
                 .0
                 .value_and_piece(&|i| self.distance(i, p)),
         }
+    }
+
+    /// The middle of a cell where the function is not a number.
+    ///
+    /// Asked before anything is made of the cells: intervals decide nothing where it is none, so
+    /// that all of space would be cut up in search of features.
+    pub(crate) fn not_a_number(&self) -> Option<Point3> {
+        let n = self.lattice.n;
+        let middle = |c: usize| {
+            let at = [c % n[0], c / n[0] % n[1], c / (n[0] * n[1])];
+            self.lattice.point(at.map(|i| 2 * i + 1))
+        };
+        let is_none = |c: &usize| {
+            self.lattice.state[*c] >= 2
+                && !self.control.is_stopped()
+                && self.value(middle(*c)).0.is_nan()
+        };
+        (0..self.lattice.state.len())
+            .into_par_iter()
+            .with_min_len(1024)
+            .find_first(is_none)
+            .map(middle)
     }
 
     /// Whether no other piece can decide the solid's sign around the point.
@@ -176,8 +203,8 @@ impl Surface<'_> {
         (last <= self.zero).then_some(p)
     }
 
-    /// Where the solid's value changes sign between `a` and `b` (values `fa`, `fb` of different signs): the share of the way and the
-    /// piece that vanishes there.
+    /// Where the solid's value changes sign between `a` and `b` (values `fa`, `fb` of different
+    /// signs): the share of the way and the piece that vanishes there.
     pub(crate) fn root(&self, a: Point3, fa: f64, b: Point3, fb: f64) -> Option<(f64, u32)> {
         root(a, fa, b, fb, self.zero, |p| self.value(p))
     }
@@ -197,8 +224,8 @@ impl Surface<'_> {
         .map(|r| r.0)
     }
 
-    /// Whether the two pieces meet at `p` in an edge of the solid: the sign in the four quadrants between them depends on both, and
-    /// they meet at an angle.
+    /// Whether the two pieces meet at `p` in an edge of the solid: the sign in the four quadrants
+    /// between them depends on both, and they meet at an angle.
     pub(crate) fn is_edge(&self, pair: [u32; 2], p: Point3) -> bool {
         let k = self.lattice.state_at(p);
         if k < 2 {
@@ -239,7 +266,8 @@ impl Surface<'_> {
         (a != b || c != d) && (a != c || b != d)
     }
 
-    /// Whether the three pieces meet at `p` in a corner of the solid: the sign in the eight octants between them depends on each.
+    /// Whether the three pieces meet at `p` in a corner of the solid: the sign in the eight octants
+    /// between them depends on each.
     pub(crate) fn is_corner(&self, on: &[u32], p: Point3) -> bool {
         let k = self.lattice.state_at(p);
         if k < 2 {
@@ -261,8 +289,9 @@ impl Surface<'_> {
         (0..3).all(|at| (0..8usize).any(|bits| inside(bits) != inside(bits ^ 1 << at)))
     }
 
-    /// Whether a piece that vanishes at `p` is the surface somewhere around: in some direction within it, its sign decides the solid's when the
-    /// other pieces that vanish there go with their gradients, and those tangential to it with it.
+    /// Whether a piece that vanishes at `p` is the surface somewhere around: in some direction
+    /// within it, its sign decides the solid's when the other pieces that vanish there go with
+    /// their gradients, and those tangential to it with it.
     pub(crate) fn is_face(&self, piece: u32, p: Point3) -> bool {
         let k = self.lattice.state_at(p);
         if k < 2 {
@@ -290,7 +319,8 @@ impl Surface<'_> {
         e[axis] = 1.0;
         let a = cross(n, e);
         let b = cross(n, a);
-        // Directions in no simple ratio to each other, so that none lies in another piece by design.
+        // Directions in no simple ratio to each other, so that none lies in another piece by
+        // design.
         (0..16).any(|k| {
             let (s, c) = (0.4 * f64::from(k) + 0.123).sin_cos();
             let along: Point3 = std::array::from_fn(|i| c * a[i] + s * b[i]);
@@ -363,7 +393,8 @@ fn newton(
     Some((step, off))
 }
 
-/// Sine of the angle below which two pieces count as one smooth surface: two degrees, as in [`crate::FeatureOptions`].
+/// Sine of the angle below which two pieces count as one smooth surface: two degrees, as in
+/// [`crate::FeatureOptions`].
 pub(crate) const TANGENT: f64 = 0.0349;
 
 fn root(

@@ -27,7 +27,8 @@ fn features(solid: &Made, half: f64, size: f64) -> Features {
     found
 }
 
-/// What holds of all features: points on both pieces, curves from corner to corner, dense, none twice.
+/// What holds of all features: points on both pieces, curves from corner to corner, dense, none
+/// twice.
 fn sound(solid: &Made, found: &Features, size: f64) {
     for curve in &found.curves {
         for p in &curve.points {
@@ -113,7 +114,8 @@ fn part_has_20_curves_and_12_corners() {
     assert_corners(&found, &corners);
     assert_eq!(found.curves.len(), 20);
     assert_eq!(found.curves.iter().filter(|c| c.closed).count(), 2);
-    // Twelve edges of the box, the notch's chords left out, its two arcs and two edges, and the rims of the hole.
+    // Twelve edges of the box, the notch's chords left out, its two arcs and two edges, and the
+    // rims of the hole.
     let notch = 1.5 * (PI + 2.0 * (0.5_f64 / 1.5).asin());
     let want = 4.0 * (10.0 + 5.0 + 4.0) - 4.0 * half + 2.0 * notch + 8.0 + 2.0 * TAU * 1.25;
     near(total(&found), want, 1e-4 * want);
@@ -127,7 +129,8 @@ fn part_has_20_curves_and_12_corners() {
 fn gyroid_has_144_curves() {
     let found = features(&gyroid(), 1.0, 0.05);
     assert!(found.certified);
-    // 90 points where a sheet's face crosses an edge of the cube, and six corners of the cube inside the sheet.
+    // 90 points where a sheet's face crosses an edge of the cube, and six corners of the cube
+    // inside the sheet.
     assert_eq!((found.curves.len(), found.corners.len()), (144, 96));
     assert!(found.corners.iter().all(|c| c.kind == CornerKind::Meeting));
     for corner in 0..96 {
@@ -195,7 +198,8 @@ fn capped_cylinder_has_two_circles() {
 
 #[test]
 fn coplanar_faces_are_one() {
-    // Two blocks with their tops in one plane, the smaller one sticking out in front; its top is written with another factor.
+    // Two blocks with their tops in one plane, the smaller one sticking out in front; its top is
+    // written with another factor.
     let mut small = planes_of_block([-0.4, 0.3, -0.2], [0.5, 1.7, 1.0]);
     small[5] = plane([0.0, 0.0, -3.0], 3.0);
     let solid = made(Node::Max(vec![
@@ -208,7 +212,8 @@ fn coplanar_faces_are_one() {
         corners.extend([[x, 1.0, -0.2], [x, 1.0, 1.0], [x, 1.7, -0.2], [x, 1.7, 1.0]]);
     }
     assert_corners(&found, &corners);
-    // 12 and the top front edge in two; of the small one four across, and at its front four, at its foot three.
+    // 12 and the top front edge in two; of the small one four across, and at its front four, at its
+    // foot three.
     assert_eq!(found.curves.len(), 13 + 4 + 4 + 3);
     near(
         total(&found),

@@ -1,4 +1,5 @@
-//! Whole meshes: valid by the certificate, exact on the function, converging as theory says, the same for any number of threads.
+//! Whole meshes: valid by the certificate, exact on the function, converging as theory says, the
+//! same for any number of threads.
 
 use isoform_field::Pieces;
 use isoform_field::hyperfun::{Mode, Model};
@@ -12,7 +13,8 @@ const PART: &str = "m(x[3], a[1]) {
     c = [-5, -4, -2]; d = [-2, -1.5, 0]; e = [3, 0.5, 0];
     m = (hfBlock(x, c, 10, 5, 4) \\ hfCylinderZ(x, d, 1.25)) \\ hfCylinderZ(x, e, 1.5);
 }";
-/// Block minus 5 by 4 by z cylinders: 200 − 4 (π 1.25² + the area of the circle of radius 1.5 below y = 1, half a unit above its centre).
+/// Block minus 5 by 4 by z cylinders: 200 − 4 (π 1.25² + the area of the circle of radius 1.5 below
+/// y = 1, half a unit above its centre).
 fn part_volume() -> f64 {
     let (r, h) = (1.5f64, 0.5f64);
     let cap = r * r * (h / r).acos() - h * (r * r - h * h).sqrt();

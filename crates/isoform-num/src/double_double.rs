@@ -2,8 +2,9 @@
 
 use std::ops::{Add, Mul};
 
-/// The unevaluated sum of two doubles, some 31 decimal digits (T. J. Dekker, Numer. Math. 18, 1971, pages 224–242). Exponents are those of doubles:
-/// products of what is far below 1e-290 or above 1e290 are not to be had.
+/// The unevaluated sum of two doubles, some 31 decimal digits (T. J. Dekker, Numer. Math. 18, 1971,
+/// pages 224–242). Exponents are those of doubles: products of what is far below 1e-290 or above
+/// 1e290 are not to be had.
 ///
 /// ```
 /// use isoform_num::DoubleDouble;
@@ -84,7 +85,8 @@ impl Mul for DoubleDouble {
 mod tests {
     use super::*;
 
-    /// (1 + x)⁸ − 1 by the binomial theorem, whose terms of x = 1e-9 are known: plain doubles lose nine digits of it.
+    /// (1 + x)⁸ − 1 by the binomial theorem, whose terms of x = 1e-9 are known: plain doubles lose
+    /// nine digits of it.
     #[test]
     fn cancellation() {
         let x = 1e-9;

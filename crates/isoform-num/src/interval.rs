@@ -1,22 +1,25 @@
 //! Closed intervals with outward rounding.
 //!
-//! Every operation returns an interval that contains all results over its arguments: sums and products are widened by one unit
-//! in the last place on each side (round-to-nearest is off by half a unit at most), library functions by four, since the
-//! platform's `libm` is trusted to two. Where the true range is unbounded or the function undefined on part of the argument,
-//! the result is the hull of what is defined, or everything.
+//! Every operation returns an interval that contains all results over its arguments: sums and
+//! products are widened by one unit in the last place on each side (round-to-nearest is off by half
+//! a unit at most), library functions by four, since the platform's `libm` is trusted to two. Where
+//! the true range is unbounded or the function undefined on part of the argument, the result is the
+//! hull of what is defined, or everything.
 
 use crate::Real;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A closed interval \[lo, hi\] of real numbers; NaN bounds never occur, "nothing known" is \[−∞, ∞\].
+/// A closed interval \[lo, hi\] of real numbers; NaN bounds never occur, "nothing known" is \[−∞,
+/// ∞\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     lo: f64,
     hi: f64,
 }
 
-/// Units in the last place by which results of `libm` are widened; glibc, musl and Apple state errors below 2.
+/// Units in the last place by which results of `libm` are widened; glibc, musl and Apple state
+/// errors below 2.
 const LIBM_ULPS: u32 = 4;
 
 impl Interval {
@@ -89,7 +92,8 @@ impl Interval {
         if !(self.lo.abs() < 1e9 && self.hi.abs() < 1e9) || self.width() >= 2.0 * PI {
             return full;
         }
-        // Bounds on the multiples of π inside, widened so that an extreme near an end counts as inside.
+        // Bounds on the multiples of π inside, widened so that an extreme near an end counts as
+        // inside.
         let slack = 1e-6;
         let (k0, k1) = (
             ((self.lo - slack) / PI).ceil(),
@@ -142,7 +146,8 @@ impl Neg for Interval {
     }
 }
 
-/// Product of bounds, with 0·∞ = 0: an infinite bound stands for "arbitrarily large", not for a value.
+/// Product of bounds, with 0·∞ = 0: an infinite bound stands for "arbitrarily large", not for a
+/// value.
 fn times(a: f64, b: f64) -> f64 {
     if a == 0.0 || b == 0.0 { 0.0 } else { a * b }
 }
@@ -254,8 +259,8 @@ impl Real for Interval {
             .unwrap_or(Self::ALL)
     }
     fn sin(&self) -> Self {
-        // The shift by π/2 is itself rounded; `cosine` widens the search for extremes by far more, and near an end
-        // the value moves by at most the shift's error.
+        // The shift by π/2 is itself rounded; `cosine` widens the search for extremes by far more,
+        // and near an end the value moves by at most the shift's error.
         let c = (*self
             - Self {
                 lo: FRAC_PI_2.next_down(),
@@ -328,7 +333,8 @@ impl Real for Interval {
         if n == 0 {
             return Self::constant(1.0);
         }
-        // A power by multiplications loses at most half a unit per product, and there are fewer than 64 of them.
+        // A power by multiplications loses at most half a unit per product, and there are fewer
+        // than 64 of them.
         let k = n.unsigned_abs();
         let base = if k.is_multiple_of(2) {
             self.abs()
@@ -461,7 +467,8 @@ impl Real for Interval {
 }
 
 impl Interval {
-    /// Widens by the rounding of an R-function, whose intermediate sums can be larger than the result.
+    /// Widens by the rounding of an R-function, whose intermediate sums can be larger than the
+    /// result.
     fn out_r(lo: f64, hi: f64, u: &Self, v: &Self) -> Self {
         let m = |a: f64, b: f64| 4.0 * f64::EPSILON * (a.abs() + b.abs()) + f64::MIN_POSITIVE;
         Self::out(lo - m(u.lo, v.lo), hi + m(u.hi, v.hi), 1)

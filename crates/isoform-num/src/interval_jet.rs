@@ -1,7 +1,9 @@
-//! Taylor expansions with interval coefficients: enclosures of all derivatives to order 3 over a box.
+//! Taylor expansions with interval coefficients: enclosures of all derivatives to order 3 over a
+//! box.
 //!
-//! Where a kink (of a minimum, maximum or absolute value) may lie in the box, the gradient is the hull of both sides, which is
-//! Clarke's generalised gradient or more, and nothing is claimed of higher derivatives.
+//! Where a kink (of a minimum, maximum or absolute value) may lie in the box, the gradient is the
+//! hull of both sides, which is Clarke's generalised gradient or more, and nothing is claimed of
+//! higher derivatives.
 
 use crate::jet::{AT2, PAIRS, TRIPLES};
 use crate::{Interval, Real};
@@ -27,7 +29,8 @@ fn c(v: f64) -> Interval {
 fn is_zero(v: Interval) -> bool {
     v.lo() == 0.0 && v.hi() == 0.0
 }
-/// a b. Most derivatives are 0, and products with 0 are exact; widened, they would be slow subnormal numbers.
+/// a b. Most derivatives are 0, and products with 0 are exact; widened, they would be slow
+/// subnormal numbers.
 fn times(a: Interval, b: Interval) -> Interval {
     if is_zero(a) || is_zero(b) {
         c(0.0)

@@ -1,7 +1,8 @@
 //! Forward-mode derivatives: truncated Taylor expansions.
 //!
-//! A function h(u) composes by Faà di Bruno's formula; products by Leibniz' rule. [`Jet1`] carries N first derivatives,
-//! [`Jet2`] and [`Jet3`] all derivatives in x, y, z to order 2 and 3 (symmetric ones stored once).
+//! A function h(u) composes by Faà di Bruno's formula; products by Leibniz' rule. [`Jet1`] carries
+//! N first derivatives, [`Jet2`] and [`Jet3`] all derivatives in x, y, z to order 2 and 3
+//! (symmetric ones stored once).
 
 use crate::Real;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -267,7 +268,8 @@ macro_rules! jet_is_real {
             fn value(&self) -> f64 { self.v }
             fn sqrt(&self) -> Self {
                 let s = self.v.sqrt();
-                // At 0 the derivative is unbounded; 0 is the choice of a subgradient that keeps descent finite.
+                // At 0 the derivative is unbounded; 0 is the choice of a subgradient that keeps
+                // descent finite.
                 if s == 0.0 { return Self::flat(0.0); }
                 let d = 0.5 / s;
                 self.chain([s, d, -0.5 * d / self.v, 0.75 * d / (self.v * self.v)])
@@ -359,7 +361,8 @@ mod tests {
 
     const AT: [f64; 3] = [0.7, -0.4, 0.9];
 
-    /// Each order against central differences of the order below: the error must fall with the square of the step.
+    /// Each order against central differences of the order below: the error must fall with the
+    /// square of the step.
     #[test]
     fn derivatives_agree_with_differences() {
         let jet = |p: [f64; 3]| {

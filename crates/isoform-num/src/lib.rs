@@ -1,6 +1,7 @@
 //! Numbers that Isoform computes with, beyond plain `f64`.
 //!
-//! - [`Real`]: what a function must know of its number type, so that one formula serves values, jets and intervals.
+//! - [`Real`]: what a function must know of its number type, so that one formula serves values,
+//!   jets and intervals.
 //! - [`Interval`]: outward rounded, so that a bound is a proof.
 //! - [`Jet1`], [`Jet2`], [`Jet3`]: a value with its derivatives to order 1, 2 or 3 (forward mode).
 //! - [`IntervalJet`]: intervals for all derivatives to order 3 over a box.

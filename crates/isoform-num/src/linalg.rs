@@ -1,7 +1,7 @@
 //! Small dense symmetric systems, row-major, n up to a few dozen.
 
-/// Cholesky factor L (lower, row-major n × n, A = L Lᵀ) in place of A; `false` where A is not positive definite to working
-/// precision (A is then half overwritten).
+/// Cholesky factor L (lower, row-major n × n, A = L Lᵀ) in place of A; `false` where A is not
+/// positive definite to working precision (A is then half overwritten).
 pub fn cholesky(a: &mut [f64], n: usize) -> bool {
     // Lᵀ takes the place of the upper triangle meanwhile: rows along memory.
     transpose(a, n);
@@ -51,15 +51,17 @@ pub fn cholesky_solve(l: &[f64], n: usize, b: &mut [f64]) {
     }
 }
 
-/// Eigenvalues (rising) and eigenvectors (row k of the second result belongs to eigenvalue k) of a symmetric matrix, by cyclic
-/// Jacobi rotations: slow for large n, but accurate to the last digits also for tiny eigenvalues of graded matrices.
+/// Eigenvalues (rising) and eigenvectors (row k of the second result belongs to eigenvalue k) of a
+/// symmetric matrix, by cyclic Jacobi rotations: slow for large n, but accurate to the last digits
+/// also for tiny eigenvalues of graded matrices.
 pub fn symmetric_eigen(a: &[f64], n: usize) -> (Vec<f64>, Vec<f64>) {
     let mut a = a.to_vec();
     let mut v = vec![0.0; n * n];
     for i in 0..n {
         v[i * n + i] = 1.0;
     }
-    // Convergence is quadratic once the off-diagonal is small; 60 sweeps are never reached for sane input.
+    // Convergence is quadratic once the off-diagonal is small; 60 sweeps are never reached for sane
+    // input.
     for _ in 0..60 {
         let off: f64 = (0..n)
             .flat_map(|i| (0..i).map(move |j| (i, j)))

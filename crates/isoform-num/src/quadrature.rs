@@ -3,10 +3,11 @@
 /// Steps of Newton's method per node; four suffice from the asymptotic start.
 const STEPS: usize = 20;
 
-/// Nodes and weights of the rule with `n` nodes on \[0, 1\], in rising order: exact for polynomials up to degree 2n − 1.
+/// Nodes and weights of the rule with `n` nodes on \[0, 1\], in rising order: exact for polynomials
+/// up to degree 2n − 1.
 ///
-/// The nodes are the zeros of the Legendre polynomial Pₙ, found by Newton's method from cos(π(k − 1/4)/(n + 1/2)); the weight at
-/// x ∈ \[−1, 1\] is 2/((1 − x²) Pₙ′(x)²).
+/// The nodes are the zeros of the Legendre polynomial Pₙ, found by Newton's method from cos(π(k −
+/// 1/4)/(n + 1/2)); the weight at x ∈ \[−1, 1\] is 2/((1 − x²) Pₙ′(x)²).
 ///
 /// ```
 /// let (x, w) = isoform_num::gauss_legendre(3);

@@ -5,8 +5,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A number type that formulas can be evaluated in: `f64`, [`crate::Interval`], jets.
 ///
-/// Branches are taken through [`Real::select`] and the comparisons, which return 1 or 0 (an interval may return \[0, 1\]),
-/// so that one formula serves all types.
+/// Branches are taken through [`Real::select`] and the comparisons, which return 1 or 0 (an
+/// interval may return \[0, 1\]), so that one formula serves all types.
 pub trait Real:
     Clone
     + Debug
@@ -138,7 +138,8 @@ impl Real for f64 {
         *self * *self
     }
     fn powi(&self, n: i32) -> Self {
-        // By repeated multiplication in a fixed order: the same bits on every platform and in every evaluator.
+        // By repeated multiplication in a fixed order: the same bits on every platform and in every
+        // evaluator.
         let mut r = 1.0;
         let mut base = *self;
         let mut k = n.unsigned_abs();

@@ -1,6 +1,8 @@
-//! How many patches become exact, and are named: `cargo run --release -p isoform-patch --example exact [-- SEEDS [SURFACE]]`.
+//! How many patches become exact, and are named: `cargo run --release -p isoform-patch --example
+//! exact [-- SEEDS [SURFACE]]`.
 //!
-//! Each row is a surface and a degree; all with the paper's settings, from the first SEEDS seeds (20 unless told). The table is in Markdown.
+//! Each row is a surface and a degree; all with the paper's settings, from the first SEEDS seeds
+//! (20 unless told). The table is in Markdown.
 
 use isoform_field::Polynomial;
 use isoform_geom::Aabb;

@@ -1,14 +1,17 @@
-//! F∘p for a polynomial F: w^d F(x/w, y/w, z/w) is a polynomial of degree (d m, d n) whose Bernstein coefficients bound it.
+//! F∘p for a polynomial F: w^d F(x/w, y/w, z/w) is a polynomial of degree (d m, d n) whose
+//! Bernstein coefficients bound it.
 //!
-//! On patches that lie on the surface to rounding this bound is of the order of rounding, which no expansion about points comes to
-//! unless F is a quadric.
+//! On patches that lie on the surface to rounding this bound is of the order of rounding, which no
+//! expansion about points comes to unless F is a quadric.
 
 use isoform_geom::RationalPatch;
 
-/// Compositions of higher degrees than this are not looked at: they cost much, and rounding grows with the degree.
+/// Compositions of higher degrees than this are not looked at: they cost much, and rounding grows
+/// with the degree.
 const MOST_DEGREE: usize = 32;
 
-/// Scaled Bernstein coefficients (multiplied by binomials, so that products are convolutions) of degree (m, n).
+/// Scaled Bernstein coefficients (multiplied by binomials, so that products are convolutions) of
+/// degree (m, n).
 #[derive(Clone)]
 struct Scaled {
     degree: (usize, usize),
@@ -62,7 +65,8 @@ fn binomial(n: usize, k: usize) -> f64 {
     (0..k).fold(1.0, |b, i| b * (n - i) as f64 / (i + 1) as f64)
 }
 
-/// A bound on |F| over a patch for F = Σ c xⁱyʲzᵏ, rounding included; none for too high a degree or a control weight that is not positive.
+/// A bound on |F| over a patch for F = Σ c xⁱyʲzᵏ, rounding included; none for too high a degree or
+/// a control weight that is not positive.
 pub(crate) fn largest(terms: &[([u16; 3], f64)], patch: &RationalPatch) -> Option<f64> {
     let d = terms
         .iter()
@@ -112,7 +116,8 @@ pub(crate) fn largest(terms: &[([u16; 3], f64)], patch: &RationalPatch) -> Optio
 mod tests {
     use super::*;
 
-    /// z − c on a plane z = h is h − c; x y² on the same square of side 1 is at most 1, and its coefficients show it.
+    /// z − c on a plane z = h is h − c; x y² on the same square of side 1 is at most 1, and its
+    /// coefficients show it.
     #[test]
     fn bounds_of_compositions() {
         let mut patch =

@@ -1,7 +1,9 @@
-//! Covering: patches until all of the surface in the region lies on one (the future work of Wurm, Jüttler and Kim 2003, section 5).
+//! Covering: patches until all of the surface in the region lies on one (the future work of Wurm,
+//! Jüttler and Kim 2003, section 5).
 //!
-//! The surface is known by samples: random places of the region, projected. Each round starts a few patches at uncovered samples far
-//! from what is covered and from one another, grown side by side; in the end, patches that others make superfluous are left out.
+//! The surface is known by samples: random places of the region, projected. Each round starts a few
+//! patches at uncovered samples far from what is covered and from one another, grown side by side;
+//! in the end, patches that others make superfluous are left out.
 
 use crate::surface::{Random, contains, project};
 use crate::whole::Whole;
@@ -13,7 +15,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const PLACES: usize = 30_000;
 /// The same for all parts of a surface together.
 const MOST_PLACES: usize = 150_000;
-/// Patches that are grown side by side; fixed, so that the result does not depend on the number of threads.
+/// Patches that are grown side by side; fixed, so that the result does not depend on the number of
+/// threads.
 const ROUND: usize = 4;
 /// Sets of samples that are covered in turn,
 const MOST_ROUNDS: usize = 4;
@@ -39,8 +42,8 @@ pub struct Cover {
 
 /// Covers the surface in the region with patches that keep the tolerance.
 ///
-/// `most` bounds their number, `stop` is asked between rounds, and `threads` work side by side; the result depends on neither of
-/// the latter unless it is stopped.
+/// `most` bounds their number, `stop` is asked between rounds, and `threads` work side by side; the
+/// result depends on neither of the latter unless it is stopped.
 pub fn cover(
     field: &dyn Field,
     options: &Options,
@@ -135,7 +138,8 @@ fn cover_whole(
                     for (i, c) in covers.iter().enumerate() {
                         open[i] &= !c;
                     }
-                    // Its own sample is done with, even if rounding says that it is not quite reached.
+                    // Its own sample is done with, even if rounding says that it is not quite
+                    // reached.
                     open[*seed] = false;
                     patches.push((patch, covers));
                 }
@@ -259,7 +263,8 @@ fn side_by_side<T: Send>(jobs: usize, threads: usize, job: &(dyn Fn(usize) -> T 
     all.into_iter().map(|r| r.1).collect()
 }
 
-/// Which points lie within `tolerance` of a patch: the foot is sought by Newton's method from the nearest of a grid of points.
+/// Which points lie within `tolerance` of a patch: the foot is sought by Newton's method from the
+/// nearest of a grid of points.
 pub fn reached(patch: &RationalPatch, points: &[Point3], tolerance: f64) -> Vec<bool> {
     let at = |i: usize| i as f64 / (GRID - 1) as f64;
     let grid: Vec<Point3> = (0..GRID * GRID)

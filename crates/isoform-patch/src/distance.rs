@@ -1,19 +1,24 @@
 //! Distances of a patch from the surface, sampled and proved.
 //!
-//! The proof goes cell by cell. About a point c near a cell, F = F(c) + ∇F·δ + δᵀHδ/2 up to a remainder that third derivatives bound;
-//! with the homogeneous patch put in for δ, times w², the first part is a Bézier polynomial, and the quotients of its coefficients by
-//! those of w² bound it. Where n·∇F ≥ G > 0 for a unit vector n in a neighbourhood of the cell that is wider by M/G than the cell
-//! itself, and |F| ≤ M on the cell, the surface is at most M/G away along ±n. Where no such n exists (at self-intersections) cells
-//! are divided until they are small against the bound; then it suffices that F changes its sign between c and a point nearby.
+//! The proof goes cell by cell. About a point c near a cell, F = F(c) + ∇F·δ + δᵀHδ/2 up to a
+//! remainder that third derivatives bound; with the homogeneous patch put in for δ, times w², the
+//! first part is a Bézier polynomial, and the quotients of its coefficients by those of w² bound
+//! it. Where n·∇F ≥ G > 0 for a unit vector n in a neighbourhood of the cell that is wider by M/G
+//! than the cell itself, and |F| ≤ M on the cell, the surface is at most M/G away along ±n. Where
+//! no such n exists (at self-intersections) cells are divided until they are small against the
+//! bound; then it suffices that F changes its sign between c and a point nearby.
 //!
-//! On patches that lie on the surface to rounding, M is that of F∘p where F is a polynomial. At a self-intersection there are unit
-//! vectors e and f with eᵀHe ≥ λ and fᵀHf ≤ −λ about the cell: along ±e, whichever way F does not fall, it has grown by λt²/2 after t, along f
-//! fallen by as much, so that the surface is at most √(2M/λ) away.
+//! On patches that lie on the surface to rounding, M is that of F∘p where F is a polynomial. At a
+//! self-intersection there are unit vectors e and f with eᵀHe ≥ λ and fᵀHf ≤ −λ about the cell:
+//! along ±e, whichever way F does not fall, it has grown by λt²/2 after t, along f fallen by as
+//! much, so that the surface is at most √(2M/λ) away.
 //!
-//! Minima and maxima of parts keep both arguments: n·∇F is at least the least of the parts' that matter, and the tree carries bounds of
-//! the parts over to one of F. As only signs count, each piece is first divided by its gradient's length at c. Where a piece changes from
-//! one part to another, as where a blend begins, each is bounded where none of its limits is negative: there λ + ρ ≥ 0 for the linear part
-//! λ of a limit that is off by up to ρ, and F ± b (max λ − λ)(λ + ρ), b ≥ 0, bounds F.
+//! Minima and maxima of parts keep both arguments: n·∇F is at least the least of the parts' that
+//! matter, and the tree carries bounds of the parts over to one of F. As only signs count, each
+//! piece is first divided by its gradient's length at c. Where a piece changes from one part to
+//! another, as where a blend begins, each is bounded where none of its limits is negative: there
+//! λ + ρ ≥ 0 for the linear part λ of a limit that is off by up to ρ, and with b ≥ 0 the function
+//! F ± b (max λ − λ)(λ + ρ) bounds F.
 
 use crate::compose::largest;
 use crate::surface::ON_SURFACE;
@@ -39,9 +44,11 @@ const ENOUGH: f64 = 2.5;
 const ROUNDING: f64 = 1e-13;
 /// Flat faces come to less, with few cells.
 const LEAST_REFINED: f64 = 3e-14;
-/// A patch this near to the surface, in units of the largest coordinate, lies on it to rounding. Of such a one
+/// A patch this near to the surface, in units of the largest coordinate, lies on it to rounding. Of
+/// such a one
 const EXACT: f64 = 1e-12;
-/// these bounds are tried in turn, with so many cells: what is left of rounding; at self-intersections its root; and what expansions come to.
+/// these bounds are tried in turn, with so many cells: what is left of rounding; at
+/// self-intersections its root; and what expansions come to.
 const EXACT_TARGETS: [(f64, usize); 3] = [(1e-13, 2000), (1e-12, 2000), (1e-6, 60_000)];
 /// Compositions are worth their cost for bounds below this share of the largest coordinate.
 const COMPOSED: f64 = 1e-5;
@@ -53,8 +60,8 @@ const MOST_CELLS_AT_EDGES: usize = 6000;
 const MOST_REFINED: usize = 16_000;
 /// Newton steps to a foot point about which the sign is looked at.
 const FOOT_STEPS: usize = 8;
-/// At self-intersections the bound is about the root of the distance times the size of a cell: it is tried for cells up to so many times as large
-/// as what is to be proved.
+/// At self-intersections the bound is about the root of the distance times the size of a cell: it
+/// is tried for cells up to so many times as large as what is to be proved.
 const CROSSING: f64 = 4.0;
 /// Divisions of the patch.
 const MOST_DEPTH: u32 = 24;
@@ -62,12 +69,14 @@ const MOST_DEPTH: u32 = 24;
 const MOST_HALVINGS: u32 = 40;
 /// A cell that is longer by this factor in one direction is divided there only.
 const LONGER: f64 = 1.6;
-/// Halves in one direction whose bounds are less than so many times as large as those in the other are no better:
+/// Halves in one direction whose bounds are less than so many times as large as those in the other
+/// are no better:
 const ALIKE: f64 = 1.2;
 /// then, and where a cell is so many times as long as wide, the longer direction is halved.
 const NARROW: f64 = 200.0;
-/// The error of subdivision, per level of de Casteljau's algorithm, in the largest homogeneous coordinate of the whole patch: half a unit,
-/// for points three coordinates of which are so far off.
+/// The error of subdivision, per level of de Casteljau's algorithm, in the largest homogeneous
+/// coordinate of the whole patch: half a unit, for points three coordinates of which are so far
+/// off.
 const SUBDIVISION: f64 = 0.5 * 1.8 * f64::EPSILON;
 /// So many levels stand for what is rounded besides.
 const OTHER_LEVELS: f64 = 16.0;
@@ -83,8 +92,8 @@ pub struct Distances {
     pub rms: f64,
 }
 
-/// Samples the distance of a patch from the surface in a square grid of so many samples (at least 2) in each direction: the largest,
-/// and the root mean square over the area.
+/// Samples the distance of a patch from the surface in a square grid of so many samples (at least
+/// 2) in each direction: the largest, and the root mean square over the area.
 pub fn sampled(field: &dyn Field, patch: &RationalPatch, samples: usize) -> (f64, f64) {
     sampled_by(patch, samples, &|points| foot_distances(field, points))
 }
@@ -131,7 +140,8 @@ fn sampled_by(
     (most, (sum / area).sqrt())
 }
 
-/// Distances of points from the surface, by foot points: exact where these converge to the nearest one, too large elsewhere.
+/// Distances of points from the surface, by foot points: exact where these converge to the nearest
+/// one, too large elsewhere.
 pub fn foot_distances(field: &dyn Field, points: &[Point3]) -> Vec<f64> {
     let mut feet = points.to_vec();
     let mut jets = project_all(field, &mut feet);
@@ -192,15 +202,16 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
     jets
 }
 
-/// Measures and proves: the bound is at least what is sampled, and aims at no more than 1.8 times that (2.7 times where that
-/// cannot be proved)
-/// and, if that is not less than what is sampled, at no more than the tolerance.
+/// Measures and proves: the bound is at least what is sampled, and aims at no more than 1.8 times
+/// that (2.7 times where that cannot be proved) and, if that is not less than what is sampled, at
+/// no more than the tolerance.
 pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
     distances_on(&Whole::of_field(field), patch, tolerance, None, None).0
 }
 
-/// The same from a whole surface; at edges a bound that is proved already is made no better than 2.7 times what is sampled. After the
-/// deadline nothing more is proved. Also where a bound that is larger than that comes from.
+/// The same from a whole surface; at edges a bound that is proved already is made no better than
+/// 2.7 times what is sampled. After the deadline nothing more is proved. Also where a bound that is
+/// larger than that comes from.
 pub(crate) fn distances_on(
     whole: &Whole<'_>,
     patch: &RationalPatch,
@@ -286,7 +297,8 @@ fn largest_coordinate(patch: &RationalPatch) -> f64 {
     all.fold(0.0, |m, v| m.max(v.abs()))
 }
 
-/// The largest of |X|, |Y| and |Z| of the control points (x, y and z multiplied by the weight), and of their weights.
+/// The largest of |X|, |Y| and |Z| of the control points (x, y and z multiplied by the weight), and
+/// of their weights.
 fn largest_homogeneous(patch: &RationalPatch) -> (f64, f64) {
     patch.control().iter().fold((0.0, 0.0), |(x, w), c| {
         (
@@ -296,8 +308,8 @@ fn largest_homogeneous(patch: &RationalPatch) -> (f64, f64) {
     })
 }
 
-/// A bound on the distance of all points of a patch from the surface that is at most `target`, if such a one can be proved with so
-/// many cells.
+/// A bound on the distance of all points of a patch from the surface that is at most `target`, if
+/// such a one can be proved with so many cells.
 pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
     prove_on(
         &Whole::of_field(field),
@@ -379,7 +391,8 @@ pub(crate) fn proof(
     Ok(worst)
 }
 
-/// A cell with what is proved of it; the greatest has the largest bound, and came first among equals.
+/// A cell with what is proved of it; the greatest has the largest bound, and came first among
+/// equals.
 struct Bounded {
     bound: f64,
     number: usize,
@@ -407,8 +420,8 @@ impl PartialEq for Bounded {
 }
 impl Eq for Bounded {}
 
-/// Makes a proved bound better: the cells with the largest bounds are divided until all are at most `goal`, or the effort is spent. Then
-/// also the middle of the one with the largest.
+/// Makes a proved bound better: the cells with the largest bounds are divided until all are at most
+/// `goal`, or the effort is spent. Then also the middle of the one with the largest.
 fn refined(
     whole: &Whole<'_>,
     patch: &RationalPatch,
@@ -474,7 +487,8 @@ fn refined(
         };
         let (in_u, in_v) = (halved(true), halved(false));
         let (along_u, along_v) = lengths(&worst.cell);
-        // Edges that run askew gain a little from ever narrower cells, and much from shorter ones later.
+        // Edges that run askew gain a little from ever narrower cells, and much from shorter ones
+        // later.
         let alike = in_u.0.max(in_v.0) <= ALIKE * in_u.0.min(in_v.0)
             || along_u.max(along_v) > NARROW * along_u.min(along_v);
         let is_in_u = if alike {
@@ -497,7 +511,8 @@ fn levels(patch: &RationalPatch, place: Place) -> f64 {
     OTHER_LEVELS + m as f64 * halvings(place[0]) + n as f64 * halvings(place[1])
 }
 
-/// The halves of a patch that is longer in one direction, the quarters of another one; each with its place.
+/// The halves of a patch that is longer in one direction, the quarters of another one; each with
+/// its place.
 fn divided(patch: &RationalPatch, place: Place) -> Vec<(RationalPatch, Place)> {
     let (along_u, along_v) = lengths(patch);
     parts(
@@ -556,10 +571,12 @@ fn parts(
         .collect()
 }
 
-/// Replaces the Bézier points at `first`, `first + step`, … of degree n by those of the lower or the upper half.
+/// Replaces the Bézier points at `first`, `first + step`, … of degree n by those of the lower or
+/// the upper half.
 fn halve(control: &mut [[f64; 4]], first: usize, step: usize, n: usize, upper: bool) {
     for level in 1..=n {
-        // In place: from the far end for the lower half, so that point k keeps its value of level k.
+        // In place: from the far end for the lower half, so that point k keeps its value of level
+        // k.
         for i in level..=n {
             let k = if upper { i - level } else { n - (i - level) };
             let next = if upper { k + 1 } else { k - 1 };
@@ -583,7 +600,8 @@ fn magnitude(i: &Interval) -> f64 {
     i.lo().abs().max(i.hi().abs())
 }
 
-/// A bound on the distance of a cell from the surface, if one of at most `target` is found; of a single function F, |F| is known to be at most
+/// A bound on the distance of a cell from the surface, if one of at most `target` is found; of a
+/// single function F, |F| is known to be at most
 /// `known` on it.
 fn bound_of_cell(
     whole: &Whole<'_>,
@@ -623,7 +641,8 @@ fn bound_of_cell(
     let rounding =
         SUBDIVISION * levels * (whole_size.0 + largest * whole_size.1) / least * (1.0 + 1e-9);
     let reach = norm(r);
-    // How far beyond the cell the surface is sought: as far as it seems to be, not as far as it may be.
+    // How far beyond the cell the surface is sought: as far as it seems to be, not as far as it may
+    // be.
     let beyond = (2.0 * whole.first_order(c).0.abs() + 0.125 * reach).min(target);
     let beyond = if beyond.is_nan() { target } else { beyond };
     if let Some(b) = smooth_bound(
@@ -656,7 +675,8 @@ fn bound_of_cell(
             return Some(b + rounding);
         }
     }
-    // Small against the bound: any sign change nearby will do, if the functions are such of which something can be proved.
+    // Small against the bound: any sign change nearby will do, if the functions are such of which
+    // something can be proved.
     if reach > 0.85 * target {
         return None;
     }
@@ -680,13 +700,15 @@ fn about(c: Point3, r: Point3, by: f64) -> Aabb {
     }
 }
 
-/// √(2M/λ), where second derivatives have both signs by λ or more within `wide` of the point of expansion.
+/// √(2M/λ), where second derivatives have both signs by λ or more within `wide` of the point of
+/// expansion.
 fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f64> {
     let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
     let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
     let (values, vectors) =
         symmetric_eigen(&[h[0], h[1], h[2], h[1], h[3], h[4], h[2], h[4], h[5]], 3);
-    // A lower bound of |eᵀHe| for an eigenvector e: from the value, what third derivatives, radii and rounding may take away.
+    // A lower bound of |eᵀHe| for an eigenvector e: from the value, what third derivatives, radii
+    // and rounding may take away.
     let least = |k: usize| {
         let n: Point3 = std::array::from_fn(|i| vectors[3 * k + i].abs());
         let mut lost = 1e-14 * h.iter().map(|v| v.abs()).sum::<f64>();
@@ -772,8 +794,8 @@ fn smooth_bound(
         each.fold(f64::INFINITY, |m, s| if s > 0.0 { m.min(s) } else { 0.0 }) * (1.0 - 1e-12)
     };
     let slope = slope_of(&|_| true);
-    // Where a minimum is positive it comes to 0 as soon as one of its pieces does, which may be the one that it is; so with a
-    // negative maximum.
+    // Where a minimum is positive it comes to 0 as soon as one of its pieces does, which may be the
+    // one that it is; so with a negative maximum.
     let own = || {
         tree.pieces()
             .iter()
@@ -821,10 +843,12 @@ fn smooth_bound(
                 }
             }
         }
-        // On flat faces along the axes intervals know more: that a square is nowhere negative, as where a blend begins.
+        // On flat faces along the axes intervals know more: that a square is nowhere negative, as
+        // where a blend begins.
         let known = boxed.map_or(Interval::ALL, |b| whole.field(parts[k]).bounds(b));
         Some(if lo <= hi && known.lo() <= known.hi() {
-            // Rounding of the cell's points may set the two apart, by less than is added for it: then what lies between.
+            // Rounding of the cell's points may set the two apart, by less than is added for it:
+            // then what lies between.
             let (lo, hi) = (lo.max(known.lo()), hi.min(known.hi()));
             Interval::new(lo.min(hi) / unit, lo.max(hi) / unit)
         } else {
@@ -940,7 +964,8 @@ impl Taylor {
         }
     }
 
-    /// Plus b (m − λ)(λ + ρ), which is nowhere negative where the limit is not, for b ≥ 0, and nowhere positive for b ≤ 0.
+    /// Plus b (m − λ)(λ + ρ), which is nowhere negative where the limit is not, for b ≥ 0, and
+    /// nowhere positive for b ≤ 0.
     fn bent(&self, l: &Limit, b: f64, r: Point3) -> Self {
         let (above, below) = (l.most - l.value, l.value + l.off);
         let slope = b * (above - below);
@@ -965,7 +990,8 @@ impl Taylor {
     }
 }
 
-/// A limit of a part on a cell: where the part counts, the linear function λ = value + g·δ is at least −off.
+/// A limit of a part on a cell: where the part counts, the linear function λ = value + g·δ is at
+/// least −off.
 struct Limit {
     value: f64,
     g: Point3,
@@ -1001,8 +1027,8 @@ impl Limit {
         })
     }
 
-    /// What part and neighbour differ by across the limit, as a multiple of the limit's square: with that bent, what the part's function is
-    /// where it does not count is not seen.
+    /// What part and neighbour differ by across the limit, as a multiple of the limit's square:
+    /// with that bent, what the part's function is where it does not count is not seen.
     fn bend(&self, own: &Expansion, other: &Expansion) -> f64 {
         let n = slopes(own);
         let nn = n.iter().map(|v| v * v).sum::<f64>();
@@ -1041,14 +1067,16 @@ fn range(taylor: &Taylor, d: &[[f64; 4]], r: Point3, products: &Products) -> (f6
     products.of(d, &rights, |q, w2| {
         (lo, hi) = (lo.min(q / w2), hi.max(q / w2))
     });
-    // What the coefficients leave out: rounding of the sums, radii of the derivatives, the remainder.
+    // What the coefficients leave out: rounding of the sums, radii of the derivatives, the
+    // remainder.
     let size = value.abs()
         + (0..3)
             .map(|k| {
                 g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()
             })
             .sum::<f64>();
-    // Half a unit for each operation of the terms of a coefficient and of their sum, the same for those of w².
+    // Half a unit for each operation of the terms of a coefficient and of their sum, the same for
+    // those of w².
     let (m, n) = products.degree;
     let most = (18 + (m + 1) * (n + 1)) as f64 * f64::EPSILON * size + off;
     (lo - most, hi + most)
@@ -1096,8 +1124,9 @@ const DIRECTIONS: [[f64; 3]; 13] = [
     [-0.57, 0.57, 0.57],
 ];
 
-/// Whether F certainly vanishes within t of c: it has both signs in that ball, which is connected. Points are tried about c, and about
-/// where Newton's method leads to from there, as the sectors between two sheets that cross may be narrow.
+/// Whether F certainly vanishes within t of c: it has both signs in that ball, which is connected.
+/// Points are tried about c, and about where Newton's method leads to from there, as the sectors
+/// between two sheets that cross may be narrow.
 fn changes_sign(whole: &Whole<'_>, c: Point3, t: f64) -> bool {
     let sign = |i: &Interval| i32::from(i.lo() > 0.0) - i32::from(i.hi() < 0.0);
     let here = sign(&whole.range_at(c));

@@ -1,17 +1,20 @@
 //! From near the surface onto it, for `exact`.
 //!
-//! On a quadric (and other rational surfaces of low degree) there are patches with I = 0, and more of them than unknowns less
-//! equations: the system F∘p = 0 is singular at its solutions, which form a manifold. Gauss-Newton steps with damping that falls with
-//! the squared residual (Yamashita and Fukushima 2001) still converge quadratically there, to a nearby solution: directions along the
-//! manifold, whose singular values are of the order of the error, are left alone. Normal equations would square the small singular
-//! values that matter, so that steps come from a QR factorisation.
+//! On a quadric (and other rational surfaces of low degree) there are patches with I = 0, and more
+//! of them than unknowns less equations: the system F∘p = 0 is singular at its solutions, which
+//! form a manifold. Gauss-Newton steps with damping that falls with the squared residual (Yamashita
+//! and Fukushima 2001) still converge quadratically there, to a nearby solution: directions along
+//! the manifold, whose singular values are of the order of the error, are left alone. Normal
+//! equations would square the small singular values that matter, so that steps come from a QR
+//! factorisation.
 
 use crate::grow::{Growth, LEAST_WEIGHT, MOST_GROWTH, area, longer};
 use crate::objective::{Evaluated, Objective, Targets};
 use crate::surface::ON_SURFACE;
 use isoform_geom::{Point3, RationalPatch, dot};
 
-/// Steps; where there is a solution some twenty are needed, as convergence is linear until the error is small.
+/// Steps; where there is a solution some twenty are needed, as convergence is linear until the
+/// error is small.
 const STEPS: usize = 80;
 /// A step that leaves less than this share of the best value makes progress.
 const PROGRESS: f64 = 0.9;
@@ -22,7 +25,8 @@ const PATIENCE: usize = 5;
 /// Below this, relative to the largest coordinate, there is only rounding.
 const ENOUGH: f64 = 3e-16;
 
-/// By how much, at each side, a patch is made shorter in turn until there is an exact one nearby: I of the middle is far smaller.
+/// By how much, at each side, a patch is made shorter in turn until there is an exact one nearby: I
+/// of the middle is far smaller.
 const SHORTER: [f64; 3] = [0.0, 0.2, 0.35];
 /// Bisections of the extrapolation of an exact patch.
 const BISECTIONS: usize = 10;
@@ -30,18 +34,20 @@ const BISECTIONS: usize = 10;
 const EXTRAPOLATIONS: usize = 12;
 /// Samples in each direction at which normals are looked at.
 const NORMALS: usize = 13;
-/// The most degree of other patches from which exact ones are sought, in turn, and their share of the bound on S; below 1 with the shape terms
-/// of the paper also where a tolerance is asked for.
+/// The most degree of other patches from which exact ones are sought, in turn, and their share of
+/// the bound on S; below 1 with the shape terms of the paper also where a tolerance is asked for.
 const OTHERS: [(usize, f64); 5] = [(3, 1.0), (2, 1.0), (2, 0.5), (2, 1e-3), (2, 1e-6)];
-/// The cosine of the largest angle between a normal and that in the middle: the faces of STEP's own entities have to keep away from poles
-/// and seams.
+/// The cosine of the largest angle between a normal and that in the middle: the faces of STEP's own
+/// entities have to keep away from poles and seams.
 const LEAST_TURN: f64 = 0.175;
-/// An exact patch with this share of the area that it had before is large enough; one with less than that share is none: patches that are small
-/// enough are near any surface.
+/// An exact patch with this share of the area that it had before is large enough; one with less
+/// than that share is none: patches that are small enough are near any surface.
 const LEAST_AREA: [f64; 2] = [0.3, 0.05];
-/// The root of I, in units of the region, that is left by rounding; steps that converge slowly end above it.
+/// The root of I, in units of the region, that is left by rounding; steps that converge slowly end
+/// above it.
 const RESOLVED: f64 = 5e-15;
-/// The share of the bound on S up to which an exact patch is extrapolated: polishing changes S a little.
+/// The share of the bound on S up to which an exact patch is extrapolated: polishing changes S a
+/// little.
 const AIM: f64 = 0.998;
 /// The least area element, as a share of the largest.
 const LEAST_ELEMENT: f64 = 1e-3;
@@ -49,11 +55,13 @@ const LEAST_ELEMENT: f64 = 1e-3;
 /// A patch with its targets and its value.
 pub(crate) type Fitting = (RationalPatch, Targets, Evaluated);
 
-/// Brings a grown patch onto the surface to rounding, if that succeeds, and extrapolates it, which then costs nothing of I, as far as
-/// the bound on S and positive control weights admit. Whether it succeeded.
+/// Brings a grown patch onto the surface to rounding, if that succeeds, and extrapolates it, which
+/// then costs nothing of I, as far as the bound on S and positive control weights admit. Whether it
+/// succeeded.
 ///
-/// Where there is no exact patch nearby, or only a small one, `grow` makes patches of lower degrees in turn, in the end small ones. They are
-/// brought there, raised to the degree asked for and extrapolated: a large patch is not near an exact one where its angles are not right.
+/// Where there is no exact patch nearby, or only a small one, `grow` makes patches of lower degrees
+/// in turn, in the end small ones. They are brought there, raised to the degree asked for and
+/// extrapolated: a large patch is not near an exact one where its angles are not right.
 pub(crate) fn make_exact<'f>(
     growth: &mut Growth<'f>,
     grow: impl Fn((usize, usize), f64) -> Option<Growth<'f>>,
@@ -94,7 +102,8 @@ pub(crate) fn make_exact<'f>(
 }
 
 impl Growth<'_> {
-    /// The exact patch that steps from the present one lead to, made shorter by a share at each side.
+    /// The exact patch that steps from the present one lead to, made shorter by a share at each
+    /// side.
     fn exact_nearby(&self, share: f64) -> Option<RationalPatch> {
         let (patch, root) = onto(&self.objective, &self.longer([-share; 4]));
         (root <= RESOLVED * self.unit && patch.control_weights().0 > 0.0 && is_regular(&patch))
@@ -237,7 +246,8 @@ fn onto(objective: &Objective<'_>, patch: &RationalPatch) -> (RationalPatch, f64
     best
 }
 
-/// The x with the least |A x − b|² + d² |x|², for A given by its rows of `n` numbers: Householder's QR of A above d times the identity.
+/// The x with the least |A x − b|² + d² |x|², for A given by its rows of `n` numbers: Householder's
+/// QR of A above d times the identity.
 pub(crate) fn damped_least_squares(
     rows: Vec<f64>,
     b: &[f64],

@@ -1,11 +1,15 @@
-//! Patch growing (Wurm, Jüttler and Kim 2003, section 3.2): from a small patch on the tangent plane, Newton steps and extrapolations
-//! in turn, until the bound on S is reached.
+//! Patch growing (Wurm, Jüttler and Kim 2003, section 3.2): from a small patch on the tangent
+//! plane, Newton steps and extrapolations in turn, until the bound on S is reached.
 //!
 //! Departures from the paper, which leaves these things open:
-//! - Corners are put back along the normal of the patch, not along ∇F: at a self-intersection ∇F turns and leads to the wrong branch.
-//! - The bound is approached from what S was at the sizes before: S is nearly a power of the size, so that few extrapolations fail.
-//! - Where a direction is shortened more by Newton steps, the next extrapolation leaves it so: patches take the proportions that suit them.
-//! - After an extrapolation that proves too large the patch is shortened, which counts as an extrapolation and is seen in the trace.
+//! - Corners are put back along the normal of the patch, not along ∇F: at a self-intersection ∇F
+//!   turns and leads to the wrong branch.
+//! - The bound is approached from what S was at the sizes before: S is nearly a power of the size,
+//!   so that few extrapolations fail.
+//! - Where a direction is shortened more by Newton steps, the next extrapolation leaves it so:
+//!   patches take the proportions that suit them.
+//! - After an extrapolation that proves too large the patch is shortened, which counts as an
+//!   extrapolation and is seen in the trace.
 
 mod edges;
 
@@ -35,7 +39,8 @@ pub(crate) const MOST_GROWTH: f64 = 0.16;
 const MOST_EXCESS: f64 = 30.0;
 /// The load of a patch that is folded over.
 const FOLDED: f64 = 1e6;
-/// A patch that is longer by this factor has come near a pole. On a plane its distance would not show it.
+/// A patch that is longer by this factor has come near a pole. On a plane its distance would not
+/// show it.
 const MOST_LONGER: f64 = 2.5;
 /// Secant steps towards the size that an extrapolation aims at.
 const SECANTS: usize = 4;
@@ -49,7 +54,8 @@ const FULL: f64 = 0.985;
 const SHORTENINGS: usize = 4;
 /// Patches in a row that keep the bound and are no larger than another one before them.
 const STALE: usize = 6;
-/// With a tolerance, a root mean square distance below this share of it is no reason to let go of the patch's shape.
+/// With a tolerance, a root mean square distance below this share of it is no reason to let go of
+/// the patch's shape.
 const LITTLE: f64 = 0.05;
 /// Times that J gets more weight after an extrapolation, for control weights,
 const RAISES: usize = 8;
@@ -61,7 +67,8 @@ const WITHIN: f64 = 0.93;
 const WITHIN_PART: f64 = 0.6;
 /// Samples of the distance in each direction while a patch grows.
 const GROWING_SAMPLES: usize = 17;
-/// The least control weight of a patch: CAD systems drop faces with negative ones without a word, and quotients of small ones are large.
+/// The least control weight of a patch: CAD systems drop faces with negative ones without a word,
+/// and quotients of small ones are large.
 pub(crate) const LEAST_WEIGHT: f64 = 0.02;
 /// Times that a patch is made shorter for the proof of its tolerance.
 const SHORTER: usize = 12;
@@ -149,7 +156,8 @@ pub(crate) struct Pace {
     steps: (Stop, Stop),
     /// The largest extrapolation at one side, in edges of the patch.
     most_growth: f64,
-    /// With a tolerance distances count more towards the border, by (4u(1 − u)) to this power, negative, in each direction.
+    /// With a tolerance distances count more towards the border, by (4u(1 − u)) to this power,
+    /// negative, in each direction.
     border: f64,
 }
 
@@ -169,8 +177,9 @@ impl Pace {
         most_growth: MOST_GROWTH,
         border: 0.0,
     };
-    /// For a tolerance: distances are small against the patch and rise faster with its size, and the shape terms are so small that steps have
-    /// far to go along the valleys that parameterizations make.
+    /// For a tolerance: distances are small against the patch and rise faster with its size, and
+    /// the shape terms are so small that steps have far to go along the valleys that
+    /// parameterizations make.
     pub(crate) const STEADY: Self = Self {
         steps: (
             Self::QUICK.steps.0,
@@ -182,7 +191,8 @@ impl Pace {
         most_growth: 0.08,
         border: 0.0,
     };
-    /// The same with weights for which least squares come near the least maximum, as Chebyshev's do.
+    /// The same with weights for which least squares come near the least maximum, as Chebyshev's
+    /// do.
     pub(crate) const EVEN: Self = Self {
         border: 0.5,
         ..Self::STEADY
@@ -231,7 +241,8 @@ pub(crate) struct State<'f> {
 }
 
 impl<'f> Growth<'f> {
-    /// The start patch about a seed; with `edge`, the seed lies on an edge where that vanishes, and the patch to the left of it.
+    /// The start patch about a seed; with `edge`, the seed lies on an edge where that vanishes, and
+    /// the patch to the left of it.
     pub(crate) fn start(
         objective: Objective<'f>,
         on: On<'f>,
@@ -303,7 +314,8 @@ impl<'f> Growth<'f> {
         self.sum() <= self.limit()
     }
 
-    /// How much of what is allowed the patch makes use of: of S, or of the distance from the surface.
+    /// How much of what is allowed the patch makes use of: of S, or of the distance from the
+    /// surface.
     fn load(&self) -> f64 {
         match self.options.tolerance {
             Some(t) if self.on.whole.is_single() => {
@@ -359,7 +371,8 @@ impl<'f> Growth<'f> {
         }
     }
 
-    /// Lengths and corners for a patch (section 3.3), and its value with them; none where a corner has no foot nearby.
+    /// Lengths and corners for a patch (section 3.3), and its value with them; none where a corner
+    /// has no foot nearby.
     pub(crate) fn retargeted(&self, patch: &RationalPatch) -> Option<(Targets, Evaluated)> {
         let at = self.objective.evaluate(patch)?;
         let (l1, l2) = self.objective.mean_lengths(&at);
@@ -423,7 +436,8 @@ impl<'f> Growth<'f> {
         }
     }
 
-    /// Which sides (u = 0, u = 1, v = 0, v = 1) of a patch still lie in the region for the most part, and nowhere far from it.
+    /// Which sides (u = 0, u = 1, v = 0, v = 1) of a patch still lie in the region for the most
+    /// part, and nowhere far from it.
     pub(crate) fn sides_inside(&self, patch: &RationalPatch) -> [bool; 4] {
         const SAMPLES: usize = 9;
         let (region, far) = (
@@ -533,8 +547,9 @@ impl<'f> Growth<'f> {
             let factor = (AIM / load)
                 .powf(1.0 / power)
                 .clamp(0.8, 1.0 + 2.0 * self.pace.most_growth * caution);
-            // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the present patch; but its proportions are
-            // those of the present one, as the steps shorten that direction more in which length costs more.
+            // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the
+            // present patch; but its proportions are those of the present one, as the steps shorten
+            // that direction more in which length costs more.
             let reached = self.edges();
             let shift = ((reached[1] * aims[0]) / (reached[0] * aims[1])).sqrt();
             if !self.extrapolate([aims[0] * factor / shift, aims[1] * factor * shift]) {
@@ -574,8 +589,8 @@ impl<'f> Growth<'f> {
         true
     }
 
-    /// Chooses more quadrature nodes where integrals are off by too much, as they are where integrands have kinks: across
-    /// self-intersections and at tight blends. Whether it did.
+    /// Chooses more quadrature nodes where integrals are off by too much, as they are where
+    /// integrands have kinks: across self-intersections and at tight blends. Whether it did.
     fn refine(&mut self) -> bool {
         let nodes = self.objective.nodes_per_direction();
         if self.options.nodes.is_some() || self.options.tolerance.is_some() || nodes >= ENOUGH_NODES
@@ -620,7 +635,8 @@ impl<'f> Growth<'f> {
         true
     }
 
-    /// Shortens the patch until its distance from the surface is proved to keep the tolerance; the bound, none where that fails.
+    /// Shortens the patch until its distance from the surface is proved to keep the tolerance; the
+    /// bound, none where that fails.
     pub(crate) fn keep_tolerance(&mut self) -> Option<f64> {
         let tolerance = self.options.tolerance?;
         let is_single = self.on.whole.is_single();
@@ -675,7 +691,8 @@ impl<'f> Growth<'f> {
         }
     }
 
-    /// Shortens the patch by a share at each side, without Newton steps; false where that is no patch.
+    /// Shortens the patch by a share at each side, without Newton steps; false where that is no
+    /// patch.
     pub(crate) fn retreat(&mut self, share: f64) -> bool {
         // What lies on an edge is to stay near it.
         let little = 0.5 * self.overlap();
@@ -694,8 +711,8 @@ impl<'f> Growth<'f> {
         true
     }
 
-    /// Shortens the patch by a share at each side, and at one so that a place is no longer on it: near a singular point nothing may be
-    /// provable. False where that is no patch.
+    /// Shortens the patch by a share at each side, and at one so that a place is no longer on it:
+    /// near a singular point nothing may be provable. False where that is no patch.
     fn leave(&mut self, (u, v): (f64, f64), share: f64) -> bool {
         let lost = [u, 1.0 - u, v, 1.0 - v];
         let side = (0..4)
@@ -711,8 +728,9 @@ impl<'f> Growth<'f> {
         true
     }
 
-    /// Extrapolates (or shortens) at the sides that lie in the region until √l₁ and √l₂ are the given edges; by less where the result is
-    /// no start for Newton's method. False where nothing is gained.
+    /// Extrapolates (or shortens) at the sides that lie in the region until √l₁ and √l₂ are the
+    /// given edges; by less where the result is no start for Newton's method. False where nothing
+    /// is gained.
     fn extrapolate(&mut self, edges: [f64; 2]) -> bool {
         let present = self.edges();
         let inside = self.sides_inside(&self.patch);
@@ -798,7 +816,8 @@ pub(crate) fn longer(patch: &RationalPatch, by: [f64; 4]) -> RationalPatch {
     balanced(patch.part((-by[0], 1.0 + by[1]), (-by[2], 1.0 + by[3])))
 }
 
-/// The same surface with control points scaled so that the least and the largest weight are as far from 1, where J is least or nearly so.
+/// The same surface with control points scaled so that the least and the largest weight are as far
+/// from 1, where J is least or nearly so.
 fn balanced(mut patch: RationalPatch) -> RationalPatch {
     const N: usize = 6;
     let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);

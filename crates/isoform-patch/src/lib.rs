@@ -1,8 +1,9 @@
 //! Approximate rational parameterization of implicit surfaces.
 //!
-//! E. Wurm, B. Jüttler, M.-S. Kim: Approximate Rational Parameterization of Implicitly Defined Surfaces (2003). A rational
-//! tensor-product Bézier patch is fitted to a surface F = 0 by minimising S = I + ω_J J + ω_L L + ω_R R + ω_E E, and grown from a small
-//! piece of a tangent plane until S reaches a bound. Any [`isoform_geom::Field`] with derivatives will do.
+//! E. Wurm, B. Jüttler, M.-S. Kim: Approximate Rational Parameterization of Implicitly Defined
+//! Surfaces (2003). A rational tensor-product Bézier patch is fitted to a surface F = 0 by
+//! minimising S = I + ω_J J + ω_L L + ω_R R + ω_E E, and grown from a small piece of a tangent
+//! plane until S reaches a bound. Any [`isoform_geom::Field`] with derivatives will do.
 #![forbid(unsafe_code)]
 
 mod compose;

@@ -1,6 +1,7 @@
 //! The integrands of the objective as functions of z = (p*, p*ᵤ, p*ᵥ) ∈ ℝ¹² at one node.
 //!
-//! With N the first three coordinates of p* and w its last: p = N/w and pᵤ = (Nᵤ − p wᵤ)/w, the same for v.
+//! With N the first three coordinates of p* and w its last: p = N/w and pᵤ = (Nᵤ − p wᵤ)/w, the
+//! same for v.
 
 use crate::objective::{K, Method, Objective, Targets};
 use isoform_geom::{Point3, dot};
@@ -62,7 +63,8 @@ impl Node {
         [d[0] / w, d[1] / w, d[2] / w, -dot(d, self.point) / w]
     }
 
-    /// The places in z that pᵤ,ₖ (or pᵥ,ₖ) depends on: Nₖ, w, N_{k,u}, wᵤ; and its derivatives by them.
+    /// The places in z that pᵤ,ₖ (or pᵥ,ₖ) depends on: Nₖ, w, N_{k,u}, wᵤ; and its derivatives by
+    /// them.
     fn tangent(&self, which: usize, k: usize) -> ([usize; 4], [f64; 4]) {
         let (w, offset) = (self.z[3], 4 + 4 * which);
         let (wu, p, pu) = (self.z[offset + 3], self.point[k], self.tangents[which][k]);
@@ -143,7 +145,8 @@ impl Local {
         local
     }
 
-    /// Adds a residual with value, gradient and, where it counts, second derivatives: s r² with 2 s (∇r ∇rᵀ + r ∇²r).
+    /// Adds a residual with value, gradient and, where it counts, second derivatives: s r² with 2 s
+    /// (∇r ∇rᵀ + r ∇²r).
     fn square<const N: usize>(
         &mut self,
         places: &[usize; N],

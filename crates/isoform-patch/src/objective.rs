@@ -1,18 +1,21 @@
-//! The objective S = I + ω_J J + ω_L L + ω_R R + ω_E E (Wurm, Jüttler and Kim 2003, equation (1)) with its derivatives.
+//! The objective S = I + ω_J J + ω_L L + ω_R R + ω_E E (Wurm, Jüttler and Kim 2003, equation (1))
+//! with its derivatives.
 //!
 //! - I = ∬ F²/|∇F|² du dv, the mean squared Sampson distance (3)
 //! - J = ∬ (w − 1)ᴷ du dv with K = 8, section 2.3
 //! - L = ∬ (g₁₁ − l₁)² + (g₂₂ − l₂)² du dv and R = ∬ g₁₂² du dv, section 2.4
 //! - E = Σ |p(uᵢ, vᵢ) − Pᵢ|² over the four corners, section 2.5
 //!
-//! Remark 1's functional (5), a choice, is ∫ (|D(φ)|² − 1)² dφ for the tangent vectors D(φ) = cos φ pᵤ/√l₁ + sin φ pᵥ/√l₂, unit vectors where
-//! p is an isometric rectangle; the paper prints l₂ and l₁ in place of 1/l₁ and 1/l₂, with which they are not, and loses a plus sign. With
-//! a = g₁₁/l₁ − 1 and b = g₂₂/l₂ − 1 it is π (a²/2 + b²/2 + (a + b)²/4 + g₁₂²/(l₁l₂)). Times l₁l₂/π the last term is R's integrand: the others
-//! take the place of L's.
+//! Remark 1's functional (5), a choice, is ∫ (|D(φ)|² − 1)² dφ for the tangent vectors D(φ) = cos φ
+//! pᵤ/√l₁ + sin φ pᵥ/√l₂, unit vectors where p is an isometric rectangle; the paper prints l₂ and
+//! l₁ in place of 1/l₁ and 1/l₂, with which they are not, and loses a plus sign. With a = g₁₁/l₁ −
+//! 1 and b = g₂₂/l₂ − 1 it is π (a²/2 + b²/2 + (a + b)²/4 + g₁₂²/(l₁l₂)). Times l₁l₂/π the last
+//! term is R's integrand: the others take the place of L's.
 //!
-//! Every integrand is a function of the twelve numbers z = (p*, p*ᵤ, p*ᵥ) at a node, so that its derivatives by the control points are
-//! those by z, 12 and 12 × 12 of them, carried over by the Bernstein basis. That last step uses the tensor product: first over the
-//! nodes in v, then over those in u, which costs a quarter of summing node by node.
+//! Every integrand is a function of the twelve numbers z = (p*, p*ᵤ, p*ᵥ) at a node, so that its
+//! derivatives by the control points are those by z, 12 and 12 × 12 of them, carried over by the
+//! Bernstein basis. That last step uses the tensor product: first over the nodes in v, then over
+//! those in u, which costs a quarter of summing node by node.
 
 use crate::local::{Local, Node};
 use isoform_geom::{Field, Point3, RationalPatch, bernstein, cross, distance_squared, dot, sub};
@@ -25,7 +28,8 @@ const KINDS: usize = 3;
 /// The corner parameters (uᵢ, vᵢ) of E, in the order of [`Targets::corners`].
 pub(crate) const CORNERS: [(f64, f64); 4] = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
 
-/// Calls a function with the number of control points in a row as a constant, which lets its loops be unrolled.
+/// Calls a function with the number of control points in a row as a constant, which lets its loops
+/// be unrolled.
 macro_rules! sized {
     ($n:expr, $f:ident($($argument:expr),*)) => {
         match $n {
@@ -121,12 +125,14 @@ pub enum Inner {
     /// (g₁₁ − l₁)² + (g₂₂ − l₂)², section 2.4.
     #[default]
     Lengths,
-    /// Remark 1: tangents in all directions; with a = g₁₁/l₁ − 1 and b = g₂₂/l₂ − 1, l₁l₂ (a²/2 + b²/2 + (a + b)²/4).
+    /// Remark 1: tangents in all directions; with a = g₁₁/l₁ − 1 and b = g₂₂/l₂ − 1, l₁l₂ (a²/2 +
+    /// b²/2 + (a + b)²/4).
     Tangents,
 }
 
 impl Inner {
-    /// L's integrand as a sum of three squares for x = g₁₁ − l₁ and y = g₂₂ − l₂: the factors of x², y² and (x/l₁ + y/l₂)².
+    /// L's integrand as a sum of three squares for x = g₁₁ − l₁ and y = g₂₂ − l₂: the factors of
+    /// x², y² and (x/l₁ + y/l₂)².
     pub(crate) fn factors(self, t: &Targets) -> [f64; 3] {
         match self {
             Self::Lengths => [1.0, 1.0, 0.0],
@@ -199,7 +205,8 @@ pub struct Evaluated {
     jets: Vec<Jet2>,
 }
 
-/// Gradient and symmetric second derivatives (row-major) of S by the unknowns, in the order x of all control points, then y, z, w.
+/// Gradient and symmetric second derivatives (row-major) of S by the unknowns, in the order x of
+/// all control points, then y, z, w.
 #[derive(Clone, Debug, Default)]
 pub struct Derivatives {
     /// ∂S/∂α.
@@ -218,7 +225,8 @@ impl std::fmt::Debug for Objective<'_> {
 }
 
 impl<'f> Objective<'f> {
-    /// For patches of degree (m, n) from 1 to [`crate::MOST_DEGREE`], with `nodes` quadrature nodes in each direction; none: as many as make J exact, K max(m, n)/2 + 1.
+    /// For patches of degree (m, n) from 1 to [`crate::MOST_DEGREE`], with `nodes` quadrature nodes
+    /// in each direction; none: as many as make J exact, K max(m, n)/2 + 1.
     ///
     /// # Panics
     /// If a degree is out of its range.
@@ -423,7 +431,8 @@ impl<'f> Objective<'f> {
         self.importance.get(node).copied().unwrap_or(1.0)
     }
 
-    /// Lets distances count more towards the border: by (4u(1 − u))^−power in each direction, 1 in the mean.
+    /// Lets distances count more towards the border: by (4u(1 − u))^−power in each direction, 1 in
+    /// the mean.
     pub(crate) fn weigh_border(&mut self, power: f64) {
         let of = |x: &f64| (4.0 * x * (1.0 - x)).powf(-power);
         let (u, v) = (
@@ -484,7 +493,8 @@ impl<'f> Objective<'f> {
         Some(nodes)
     }
 
-    /// Gradient and second derivatives of S. None if Newton's method is asked of a field without third derivatives.
+    /// Gradient and second derivatives of S. None if Newton's method is asked of a field without
+    /// third derivatives.
     pub fn derivatives(&self, patch: &RationalPatch, at: &Evaluated) -> Option<Derivatives> {
         let (m, n) = self.degree;
         let count = (m + 1) * (n + 1);
@@ -530,7 +540,8 @@ impl<'f> Objective<'f> {
         Some(d)
     }
 
-    /// The residuals √weight F/|∇F| at all nodes and their derivatives by the unknowns with |∇F| taken as constant, row by row.
+    /// The residuals √weight F/|∇F| at all nodes and their derivatives by the unknowns with |∇F|
+    /// taken as constant, row by row.
     pub(crate) fn distance_rows(&self, at: &Evaluated) -> (Vec<f64>, Vec<f64>) {
         let (m, n) = self.degree;
         let count = (m + 1) * (n + 1);
@@ -674,11 +685,12 @@ impl<'f> Objective<'f> {
     }
 }
 
-/// The derivative in u and in v that a kind of numbers is made with: p* has (0, 0), p*ᵤ (1, 0), p*ᵥ (0, 1).
+/// The derivative in u and in v that a kind of numbers is made with: p* has (0, 0), p*ᵤ (1, 0), p*ᵥ
+/// (0, 1).
 const ORDERS: [(usize, usize); KINDS] = [(0, 0), (1, 0), (0, 1)];
 
-/// The sums over v at one u. `inner` holds, by the orders (a, a′) in u and the coordinates (k, l), an N × N matrix; `side` by a and k a
-/// vector.
+/// The sums over v at one u. `inner` holds, by the orders (a, a′) in u and the coordinates (k, l),
+/// an N × N matrix; `side` by a and k a vector.
 fn over_v<const N: usize>(
     locals: &[Local],
     basis: &[[Vec<f64>; 2]],

@@ -30,7 +30,8 @@ pub struct Options {
     pub floor: Weights,
     /// The largest S, for lengths in units of the largest edge of the region.
     pub limit: f64,
-    /// The largest distance of the patch from the surface, proved; it takes the place of the limit on S.
+    /// The largest distance of the patch from the surface, proved; it takes the place of the limit
+    /// on S.
     pub tolerance: Option<f64>,
     /// Afterwards bring the patch onto the surface to rounding, where its degree admits that.
     pub exact: bool,
@@ -66,7 +67,8 @@ impl Options {
 }
 
 impl Options {
-    /// With a tolerance D the shape terms may not weigh more than errors of its size do: their thresholds fall with D².
+    /// With a tolerance D the shape terms may not weigh more than errors of its size do: their
+    /// thresholds fall with D².
     pub(crate) fn relaxed(&self) -> Self {
         let Some(tolerance) = self.tolerance else {
             return *self;
@@ -87,7 +89,8 @@ impl Options {
 
 /// The thresholds of the factors for a tolerance D, in those for S ≤ D²;
 const RELAXED: f64 = 0.1;
-/// and of that of J, which counts control weights then, in these. Growing raises it where they get too small.
+/// and of that of J, which counts control weights then, in these. Growing raises it where they get
+/// too small.
 const BARRIER: f64 = 1e-4;
 
 /// With a tolerance there may be so many times as many Newton steps.

@@ -15,7 +15,8 @@ const SWEEPS: usize = 40;
 /// Two eigenvalues of a quadric's matrix that differ by less than this are the same.
 const SAME: f64 = 1e-8;
 
-/// The quadric on which a patch lies to rounding, if it lies on one and on one only, else the torus.
+/// The quadric on which a patch lies to rounding, if it lies on one and on one only, else the
+/// torus.
 pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
     let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
     let samples: Vec<Tangents> = (0..SAMPLES * SAMPLES)
@@ -138,11 +139,12 @@ pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
     Some(other)
 }
 
-/// The unit vector a with a·m = 0 for all rows m, if there is one, and whether it is the only one; singular values below the share `zero` of
-/// the largest are 0.
+/// The unit vector a with a·m = 0 for all rows m, if there is one, and whether it is the only one;
+/// singular values below the share `zero` of the largest are 0.
 ///
-/// By Hestenes' one-sided Jacobi method: rotations of the columns of the matrix until they are orthogonal. Moments would
-/// square the small singular values, and half of the digits would be lost.
+/// By Hestenes' one-sided Jacobi method: rotations of the columns of the matrix until they are
+/// orthogonal. Moments would square the small singular values, and half of the digits would be
+/// lost.
 pub(crate) fn null<const N: usize>(mut rows: Vec<[f64; N]>, zero: f64) -> (Option<[f64; N]>, bool) {
     let mut v: [[f64; N]; N] =
         std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));

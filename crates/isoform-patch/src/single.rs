@@ -14,9 +14,11 @@ use isoform_geom::{Field, Parts, Point3, Quadric, norm, sub};
 use std::f64::consts::FRAC_PI_4;
 use std::time::Instant;
 
-/// A patch whose samples are this near to the surface, in diagonals of the region, is exact to rounding,
+/// A patch whose samples are this near to the surface, in diagonals of the region, is exact to
+/// rounding,
 const EXACT: f64 = 1e-12;
-/// if it is proved to be this near everywhere: where it passes a self-intersection, or the function is no polynomial, proofs end here.
+/// if it is proved to be this near everywhere: where it passes a self-intersection, or the function
+/// is no polynomial, proofs end here.
 const PROVED: f64 = 1e-6;
 /// Seeds of its own that the tool tries until one admits a patch.
 const OTHER_SEEDS: u64 = 8;
@@ -53,9 +55,11 @@ pub struct Parameterized {
 
 /// Edges nearer than this, in edges of the region, are where patches start.
 const AT_EDGE: f64 = 0.01;
-/// Along an edge nearer than this, in radii of curvature, patches start also where they do not start at it.
+/// Along an edge nearer than this, in radii of curvature, patches start also where they do not
+/// start at it.
 const NEAR_EDGE: f64 = 0.3;
-/// Places of a part among which the one farthest from its edges is chosen to start at, and places tried for them.
+/// Places of a part among which the one farthest from its edges is chosen to start at, and places
+/// tried for them.
 const CHOICE: (usize, usize) = (8, 4000);
 
 /// Grows one patch on the surface `field` = 0, and proves how far from it the patch is.
@@ -89,11 +93,13 @@ pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterize
     made
 }
 
-/// Only one that is so many times as large is larger: where directions are alike, rounding is not to decide.
+/// Only one that is so many times as large is larger: where directions are alike, rounding is not
+/// to decide.
 const CLEARLY: f64 = 1.01;
 
-/// Grows a patch; with a tolerance along the lines of curvature, between them, and along the seed's own directions, and at other paces, and
-/// takes the largest: which of them it is depends on the place.
+/// Grows a patch; with a tolerance along the lines of curvature, between them, and along the seed's
+/// own directions, and at other paces, and takes the largest: which of them it is depends on the
+/// place.
 fn turned(on: On<'_>, seed: Seed, options: &Options, clock: Clock) -> Result<Parameterized, Error> {
     let Some(tolerance) = options.tolerance.filter(|_| !options.exact) else {
         return grown(on, seed, None, (options, Pace::of(options)), clock);
@@ -147,9 +153,11 @@ fn both(a: &[(&'static str, f64)], b: &[(&'static str, f64)]) -> Vec<(&'static s
     a.iter().map(|p| (p.0, p.1 + of(p.0))).collect()
 }
 
-/// Grows one patch on one of the parts of a surface, as far as its edges, and proves how far from the surface it is.
+/// Grows one patch on one of the parts of a surface, as far as its edges, and proves how far from
+/// the surface it is.
 ///
-/// The patch stays on the part on which its seed lies; it reaches beyond the edges of the part by less than the tolerance.
+/// The patch stays on the part on which its seed lies; it reaches beyond the edges of the part by
+/// less than the tolerance.
 pub fn parameterize_part(parts: &Parts, options: &Options) -> Result<Parameterized, Error> {
     check(options)?;
     let whole = Whole::of_parts(parts, &options.region);
@@ -303,7 +311,8 @@ fn grown<'f>(
     if options.method == Method::Newton && field.jet3(seed.point).is_none() {
         return Err(Error::NoThirdDerivatives);
     }
-    // Patches along edges get long: L, which is about squared lengths, would not care for the shorter ones.
+    // Patches along edges get long: L, which is about squared lengths, would not care for the
+    // shorter ones.
     let inner = if whole.is_single() {
         options.inner
     } else {

@@ -1,24 +1,29 @@
-//! Descent on the objective: damped Gauss-Newton steps (Levenberg 1944, Marquardt 1963), or Newton's with the same damping.
+//! Descent on the objective: damped Gauss-Newton steps (Levenberg 1944, Marquardt 1963), or
+//! Newton's with the same damping.
 //!
-//! J has neither gradient nor second derivatives at w = 1, and scaling all control points changes nothing but J: the system is
-//! singular from the start, so that some damping is always there. With the exact Hessian, which is indefinite in up to two thirds of
-//! the steps, the damping also rises until the system is positive definite; each step then descends.
+//! J has neither gradient nor second derivatives at w = 1, and scaling all control points changes
+//! nothing but J: the system is singular from the start, so that some damping is always there. With
+//! the exact Hessian, which is indefinite in up to two thirds of the steps, the damping also rises
+//! until the system is positive definite; each step then descends.
 
 use crate::objective::{Derivatives, Evaluated, Objective, Terms, Weights};
 use isoform_geom::RationalPatch;
 use isoform_num::linalg::{cholesky, cholesky_solve};
 
-/// The damping a phase starts with, relative to the diagonal: small enough for steps of nearly full length from the start.
+/// The damping a phase starts with, relative to the diagonal: small enough for steps of nearly full
+/// length from the start.
 const FIRST_DAMPING: f64 = 1e-4;
-/// Below this, damping no longer changes steps but lets rounding decide along the singular directions.
+/// Below this, damping no longer changes steps but lets rounding decide along the singular
+/// directions.
 const LEAST_DAMPING: f64 = 1e-9;
 /// Beyond this, steps are too short to be of use: the phase ends.
 const MOST_DAMPING: f64 = 1e8;
-/// What the diagonal entries are lifted to, as a share of the mean one, before they are multiplied by the damping.
+/// What the diagonal entries are lifted to, as a share of the mean one, before they are multiplied
+/// by the damping.
 const LEAST_DIAGONAL: f64 = 1e-4;
 
-/// A factor is lowered while its term has more than this share of I. The paper says 1, which leaves terms that are nearly as large as I
-/// where they are, and with them a quarter of the area.
+/// A factor is lowered while its term has more than this share of I. The paper says 1, which leaves
+/// terms that are nearly as large as I where they are, and with them a quarter of the area.
 const MOST_SHARE: f64 = 0.05;
 /// The same of E where there is a tolerance, as a share of that of the others.
 const CORNERS: f64 = 0.02;
@@ -32,10 +37,12 @@ pub(crate) struct Stop {
     pub(crate) decrease: f64,
 }
 
-/// Minimises S from a patch. Factors ω whose term exceeds I are lowered tenfold after each step, down to `floor` (section 3.3).
+/// Minimises S from a patch. Factors ω whose term exceeds I are lowered tenfold after each step,
+/// down to `floor` (section 3.3).
 /// `each` is told of every accepted step.
 ///
-/// The patch must have been evaluated to `at`; gives back its value at the end, and the number of steps. S never rises.
+/// The patch must have been evaluated to `at`; gives back its value at the end, and the number of
+/// steps. S never rises.
 pub(crate) fn minimise(
     objective: &mut Objective<'_>,
     patch: &mut RationalPatch,
@@ -96,11 +103,13 @@ pub(crate) fn first_damping() -> f64 {
     FIRST_DAMPING
 }
 
-/// Lowers factors whose term exceeds I (section 3.3), or `little` where that is more; whether any was.
+/// Lowers factors whose term exceeds I (section 3.3), or `little` where that is more; whether any
+/// was.
 fn lower(w: &mut Weights, t: &Terms, floor: &Weights, little: f64) -> bool {
     let most = MOST_SHARE * t.i.max(little);
     let mut lowered = false;
-    // With a tolerance, corners that hold on to where they were keep a patch from its best proportions.
+    // With a tolerance, corners that hold on to where they were keep a patch from its best
+    // proportions.
     let corners = if little > 0.0 { CORNERS * most } else { most };
     let mut one = |w: &mut f64, term: f64, most: f64, floor: f64| {
         if *w * term > most && *w > floor {

@@ -7,7 +7,8 @@ use isoform_geom::{Aabb, Field, Point3, cross, dot, norm};
 const STEPS: usize = 60;
 /// Distance to the surface that counts as none, in diagonals of the box.
 pub(crate) const ON_SURFACE: f64 = 1e-12;
-/// A gradient below this share of the Hessian times the diagonal is taken for 0: the surface has no tangent plane to start on.
+/// A gradient below this share of the Hessian times the diagonal is taken for 0: the surface has no
+/// tangent plane to start on.
 const SINGULAR: f64 = 1e-7;
 /// Differences of curvatures below this share of their size are taken for 0.
 const UMBILIC: f64 = 1e-3;
@@ -53,7 +54,8 @@ pub(crate) fn contains(region: &Aabb, p: Point3) -> bool {
     (0..3).all(|k| region.lo[k] <= p[k] && p[k] <= region.hi[k])
 }
 
-/// The point that Newton's method along the gradient leads to; none where it does not come to the surface.
+/// The point that Newton's method along the gradient leads to; none where it does not come to the
+/// surface.
 pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Point3> {
     let mut p = from;
     for _ in 0..STEPS {
@@ -67,7 +69,8 @@ pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Poi
         if !length.is_finite() {
             return None;
         }
-        // Far from the surface the linear model is not to be trusted for more than a part of the box.
+        // Far from the surface the linear model is not to be trusted for more than a part of the
+        // box.
         let damped = step * (0.1 * scale / length).min(1.0);
         for k in 0..3 {
             p[k] -= damped * j.g[k];
@@ -79,7 +82,8 @@ pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Poi
     None
 }
 
-/// Where the line p + t d meets the surface near t = 0; none where Newton's method leaves |t| ≤ `reach`.
+/// Where the line p + t d meets the surface near t = 0; none where Newton's method leaves |t| ≤
+/// `reach`.
 pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64) -> Option<Point3> {
     let at = |t: f64| -> Point3 { std::array::from_fn(|k| p[k] + t * d[k]) };
     let mut t = 0.0;
@@ -105,8 +109,9 @@ pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64)
     None
 }
 
-/// The frame of the directions of principal curvature at a point of the surface, turned by an angle; an error where there is no tangent
-/// plane. Lines of curvature are orthogonal also farther away, so that a patch along them has little R.
+/// The frame of the directions of principal curvature at a point of the surface, turned by an
+/// angle; an error where there is no tangent plane. Lines of curvature are orthogonal also farther
+/// away, so that a patch along them has little R.
 pub(crate) fn frame(
     field: &dyn Field,
     point: Point3,
@@ -171,7 +176,8 @@ pub(crate) fn given(field: &dyn Field, near: Point3, region: &Aabb) -> Result<Se
     frame(field, point, 0.0, scale)
 }
 
-/// The k-th seed: of some random points of the surface the one whose surroundings are least curved, at a random angle.
+/// The k-th seed: of some random points of the surface the one whose surroundings are least curved,
+/// at a random angle.
 pub(crate) fn chosen(field: &dyn Field, k: u64, region: &Aabb) -> Result<Seed, Error> {
     let (mut random, scale) = (Random::new(k), region.diagonal());
     let (mut best, mut found): (Option<Seed>, usize) = (None, 0);

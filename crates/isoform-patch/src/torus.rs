@@ -1,8 +1,9 @@
 //! The torus that an exact patch lies on.
 //!
-//! Normals of a surface of revolution all meet its axis: n·(b + a × p) = 0 for the velocity b + a × p of the rotation about it (Pottmann and
-//! Wallner 2001, section 3.1), which is linear in a and b. In the half-plane about the axis the meridian must then be a circle. Normals cost
-//! some digits, which Gauss-Newton steps on the points' distances from the torus bring back.
+//! Normals of a surface of revolution all meet its axis: n·(b + a × p) = 0 for the velocity b + a ×
+//! p of the rotation about it (Pottmann and Wallner 2001, section 3.1), which is linear in a and b.
+//! In the half-plane about the axis the meridian must then be a circle. Normals cost some digits,
+//! which Gauss-Newton steps on the points' distances from the torus bring back.
 
 use crate::exact::damped_least_squares;
 use crate::quadric::null;
@@ -10,12 +11,14 @@ use isoform_geom::{Point3, Quadric, cross, dot, norm, sub};
 
 /// Normals are exact to so much.
 const NORMALS: f64 = 1e-10;
-/// The patch is this near to the torus, in units of its own size: what is left of rounding where control weights differ much.
+/// The patch is this near to the torus, in units of its own size: what is left of rounding where
+/// control weights differ much.
 const ON_TORUS: f64 = 5e-13;
 /// Gauss-Newton steps; they start a few digits away from rounding.
 const STEPS: usize = 4;
 
-/// The torus through points with normals, in whose coordinates it is of size 1; none if there is none or more than one.
+/// The torus through points with normals, in whose coordinates it is of size 1; none if there is
+/// none or more than one.
 pub(crate) fn torus(points: &[Point3], normals: &[Point3]) -> Option<Quadric> {
     let rows = points.iter().zip(normals).map(|(p, n)| {
         let m = cross(*p, *n);

@@ -1,4 +1,5 @@
-//! The whole surface that a patch belongs to: one smooth function, or smooth parts joined by minima and maxima.
+//! The whole surface that a patch belongs to: one smooth function, or smooth parts joined by minima
+//! and maxima.
 
 use isoform_geom::{Aabb, Csg, Field, Parts, Point3, cross, dot, norm, sub};
 use isoform_num::Interval;
@@ -26,7 +27,8 @@ const TANGENTIAL: f64 = 1e-3;
 struct Part<'f> {
     piece: u32,
     field: &'f dyn Field,
-    /// The first part with the same function, as far as is known: the surface goes on smoothly from one to the other.
+    /// The first part with the same function, as far as is known: the surface goes on smoothly from
+    /// one to the other.
     function: usize,
     limits: Vec<&'f dyn Field>,
 }
@@ -192,7 +194,8 @@ impl<'f> Whole<'f> {
         }
     }
 
-    /// What matters in a region, of what matters in one that holds it; none where there is no surface.
+    /// What matters in a region, of what matters in one that holds it; none where there is no
+    /// surface.
     fn narrow(&self, of: &Local, region: Aabb) -> Option<Local> {
         let known: Vec<(u32, Vec<usize>, Interval)> = of
             .pieces
@@ -323,7 +326,8 @@ impl<'f> Whole<'f> {
             && (self.parts[decides].function == self.parts[part].function || is_within())
     }
 
-    /// Where a place on a part is beyond the part's edge; none where it is not, and where it cannot be said.
+    /// Where a place on a part is beyond the part's edge; none where it is not, and where it cannot
+    /// be said.
     pub(crate) fn beyond(&self, part: usize, p: Point3) -> Option<Beyond<'f>> {
         if self.is_single() {
             return None;
@@ -334,7 +338,8 @@ impl<'f> Whole<'f> {
         if other.function == own.function {
             return None;
         }
-        // Beyond a limit of the part that is the least beyond its own; at smooth joins the distance says nothing yet.
+        // Beyond a limit of the part that is the least beyond its own; at smooth joins the distance
+        // says nothing yet.
         let local = self.local(Aabb { lo: p, hi: p });
         let mut least: Option<Option<Beyond<'f>>> = None;
         for same in local
@@ -368,7 +373,8 @@ impl<'f> Whole<'f> {
         }
     }
 
-    /// The nearest point of the part's edge that Newton's method finds from a place on it, with what vanishes there.
+    /// The nearest point of the part's edge that Newton's method finds from a place on it, with
+    /// what vanishes there.
     pub(crate) fn nearest_edge(
         &self,
         part: usize,
@@ -555,7 +561,8 @@ impl<'f> On<'f> {
     pub(crate) fn beyond(&self, p: Point3) -> Option<Beyond<'f>> {
         self.whole.beyond(self.part, p)
     }
-    /// Unit vectors along an edge at a point of it, and from there into the side of the part on which `towards` lies.
+    /// Unit vectors along an edge at a point of it, and from there into the side of the part on
+    /// which `towards` lies.
     pub(crate) fn along(
         &self,
         edge: &dyn Field,

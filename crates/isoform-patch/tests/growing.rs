@@ -3,6 +3,7 @@
 mod common;
 
 use common::{CUBE, quartic, sphere, stereographic, torus, whitney};
+use isoform_algebra::RBig;
 use isoform_geom::{Aabb, Field, Point3, RationalPatch};
 use isoform_num::Jet2;
 use isoform_patch::{
@@ -16,7 +17,8 @@ fn paper(degree: (usize, usize), seed_point: Point3) -> Options {
     }
 }
 
-/// Table 1's first row: 14 extrapolations and 46 Newton steps; the exact stereographic patch with S = 10⁻⁶ has 30.1 % of the area.
+/// Table 1's first row: 14 extrapolations and 46 Newton steps; the exact stereographic patch with S
+/// = 10⁻⁶ has 30.1 % of the area.
 #[test]
 fn the_sphere_of_the_paper() {
     let field = sphere(0.5);
@@ -66,7 +68,8 @@ fn rows_of_the_trace_add_up_and_descend() {
     assert_eq!((last.terms, last.weights), (g.terms, g.weights));
 }
 
-/// x = s y with s² = z + 1/2: a parameter line that passes the double curve x = y = 0 keeps the sign of s, that is of x y.
+/// x = s y with s² = z + 1/2: a parameter line that passes the double curve x = y = 0 keeps the
+/// sign of s, that is of x y.
 #[test]
 fn the_umbrella_is_dived_through_on_its_branch() {
     const N: usize = 60;
@@ -150,7 +153,8 @@ fn bounds_hold_and_are_tight() {
     assert!(exact.bound.expect("a proof") < 1e-13);
 }
 
-/// Across a double curve ∇F vanishes; a plane of F = x y, moved by d, is d away from it all the same.
+/// Across a double curve ∇F vanishes; a plane of F = x y, moved by d, is d away from it all the
+/// same.
 #[test]
 fn bounds_hold_at_self_intersections() {
     let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);
@@ -179,7 +183,8 @@ fn tolerances_are_kept() {
     assert!(made.grown.area(&CUBE) > 0.2 * std::f64::consts::PI);
 }
 
-/// A patch of higher degree is no smaller: on this torus one of degree 2,2 has an area of 0.23 at least.
+/// A patch of higher degree is no smaller: on this torus one of degree 2,2 has an area of 0.23 at
+/// least.
 #[test]
 fn patches_to_a_tolerance_grow_as_large_as_they_can() {
     let text = "my_model(x[3], a[1]) { my_model = 0.15 - sqrt((sqrt(x[1]*x[1] + x[2]*x[2]) - 0.33)^2 + x[3]*x[3]); }";
@@ -201,7 +206,8 @@ fn patches_to_a_tolerance_grow_as_large_as_they_can() {
     }
 }
 
-/// Which pace suits is a matter of the surface: weights towards the border cost a tenth and more of the area here, many small steps do on the sphere.
+/// Which pace suits is a matter of the surface: weights towards the border cost a tenth and more of
+/// the area here, many small steps do on the sphere.
 #[test]
 fn patches_to_a_tolerance_are_grown_at_several_paces() {
     let torus = torus(0.33, 0.15);
@@ -224,7 +230,8 @@ fn patches_to_a_tolerance_are_grown_at_several_paces() {
     }
 }
 
-/// Small tolerances leave narrow valleys: all seeds lead to large patches, where the surface is smooth as well as at a blend.
+/// Small tolerances leave narrow valleys: all seeds lead to large patches, where the surface is
+/// smooth as well as at a blend.
 #[test]
 fn patches_to_a_small_tolerance_are_large_from_all_seeds() {
     let parts = |formula: &str| {
@@ -357,7 +364,8 @@ fn other_quadrics_become_exact_and_are_named() {
     }
 }
 
-/// Where there is no exact patch of the degree nearby, one of lower degree is raised. The parameters are those of the polynomial.
+/// Where there is no exact patch of the degree nearby, one of lower degree is raised. The
+/// parameters are those of the polynomial.
 #[test]
 fn patches_on_tori_become_exact_and_are_named() {
     let field = torus(0.33, 0.15);
@@ -404,7 +412,8 @@ fn patches_on_tori_become_exact_and_are_named() {
     }
 }
 
-/// At the outer equator the patch that has grown is not near an exact one; with a tolerance shape terms weigh little.
+/// At the outer equator the patch that has grown is not near an exact one; with a tolerance shape
+/// terms weigh little.
 #[test]
 fn exact_patches_are_found_from_small_ones() {
     let field = torus(0.33, 0.15);
@@ -422,17 +431,92 @@ fn exact_patches_are_found_from_small_ones() {
             },
         )
         .expect("a patch");
-        assert!(
-            made.is_exact && made.grown.area(&CUBE) > 0.1,
-            "{:?}, {}",
-            made.distances,
-            made.grown.area(&CUBE)
-        );
+        assert!(made.is_exact, "{:?}", made.distances);
         assert_eq!(made.quadric.map(|q| q.name()), Some("torus"));
+        let patch = &made.grown.patch;
+        let off = off_torus(patch, 0.33, 0.15);
+        assert!(off < 1e-14, "{off:e} off the torus");
+        let (said, area) = (made.grown.area(&CUBE), area_of_cells(patch, 100));
+        assert!(
+            area > 0.1 && (said / area - 1.0).abs() < 2e-3,
+            "{said} {area}"
+        );
     }
 }
 
-/// x = s y, z = s² − 1/2: of degree 2 altogether. F's second derivatives have both signs on the double curve, from which the bound comes.
+/// The patch's homogeneous point at rational parameters, in exact arithmetic.
+fn exact_point(patch: &RationalPatch, u: &RBig, v: &RBig) -> [RBig; 4] {
+    let (m, n) = patch.degree();
+    let bernstein = |n: usize, x: &RBig| -> Vec<RBig> {
+        let mut row = vec![RBig::ONE];
+        for _ in 0..n {
+            let mut next = vec![RBig::ZERO; row.len() + 1];
+            for (i, b) in row.iter().enumerate() {
+                next[i] += b * (RBig::ONE - x);
+                next[i + 1] += b * x;
+            }
+            row = next;
+        }
+        row
+    };
+    let (a, b) = (bernstein(m, u), bernstein(n, v));
+    std::array::from_fn(|k| {
+        let mut sum = RBig::ZERO;
+        for i in 0..=m {
+            for j in 0..=n {
+                let c = RBig::try_from(patch.control()[i * (n + 1) + j][k]).expect("finite");
+                sum += &a[i] * &b[j] * c;
+            }
+        }
+        sum
+    })
+}
+
+/// Largest distance of the patch's points from a torus, from exact values of its polynomial
+/// F = (x² + y² + z² + R² − r²)² − 4R² (x² + y²). With q = √(x² + y²) and the distance d from the
+/// middle circle, F is (d² − r²) ((q + R)² + z² − r²).
+fn off_torus(patch: &RationalPatch, major: f64, minor: f64) -> f64 {
+    let exact = |x: f64| RBig::try_from(x).expect("finite");
+    let square = |x: &RBig| x * x;
+    let (r2, c) = (
+        square(&exact(major)),
+        square(&exact(major)) - square(&exact(minor)),
+    );
+    let mut worst: f64 = 0.0;
+    for i in 0..=11 {
+        for j in 0..=11 {
+            let at = |k: u32| RBig::from_parts(k.into(), 11u32.into());
+            let [x, y, z, w] = exact_point(patch, &at(i), &at(j));
+            let [x, y, z] = [x, y, z].map(|c| c / &w);
+            let circle = square(&x) + square(&y);
+            let f = square(&(&circle + square(&z) + &c)) - RBig::from(4) * &r2 * &circle;
+            let (q, z) = (circle.to_f64().value().sqrt(), z.to_f64().value());
+            let distance = (q - major).hypot(z);
+            let other = (q + major).powi(2) + z * z - minor * minor;
+            worst = worst.max((f.to_f64().value() / (other * (distance + minor))).abs());
+        }
+    }
+    worst
+}
+
+/// The area of a patch by that of n × n cells, each the half of its diagonals' product.
+fn area_of_cells(patch: &RationalPatch, n: usize) -> f64 {
+    let at = |i: usize, j: usize| patch.point(i as f64 / n as f64, j as f64 / n as f64);
+    let mut area = 0.0;
+    for i in 0..n {
+        for j in 0..n {
+            let (p, q) = (
+                isoform_geom::sub(at(i + 1, j + 1), at(i, j)),
+                isoform_geom::sub(at(i + 1, j), at(i, j + 1)),
+            );
+            area += 0.5 * isoform_geom::norm(isoform_geom::cross(p, q));
+        }
+    }
+    area
+}
+
+/// x = s y, z = s² − 1/2: of degree 2 altogether. F's second derivatives have both signs on the
+/// double curve, from which the bound comes.
 #[test]
 fn patches_across_a_double_curve_become_exact() {
     let field = whitney();
@@ -466,8 +550,9 @@ fn patches_across_a_double_curve_become_exact() {
     assert_eq!(made.quadric, None);
 }
 
-/// The middle control point of a stereographic patch over (−a, a)² has the weight 1 − 2a²: near a² = 1/2 it is far away, but the patch is
-/// as near to the sphere as others. A bound on the distance from a program that is no polynomial must show that, too.
+/// The middle control point of a stereographic patch over (−a, a)² has the weight 1 − 2a²: near a²
+/// = 1/2 it is far away, but the patch is as near to the sphere as others. A bound on the distance
+/// from a program that is no polynomial must show that, too.
 #[test]
 fn far_control_points_do_not_loosen_bounds() {
     let patch = stereographic(0.5, 0.7);
@@ -486,7 +571,8 @@ fn far_control_points_do_not_loosen_bounds() {
     assert!(bound < 1e-6, "{bound:e}");
 }
 
-/// Two planes that cross: patches on one of them, moved by d, are d away from it, and no bound may be less.
+/// Two planes that cross: patches on one of them, moved by d, are d away from it, and no bound may
+/// be less.
 #[test]
 fn bounds_at_crossings_are_no_less_than_distances() {
     let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);
@@ -649,7 +735,8 @@ fn a_patch_that_is_not_full_grown_in_time_has_a_bound() {
     );
 }
 
-/// Where min(0.3 − |x|, …) has an edge, projections of places outside end on it: from there no patch grows, but from other seeds.
+/// Where min(0.3 − |x|, …) has an edge, projections of places outside end on it: from there no
+/// patch grows, but from other seeds.
 #[test]
 fn seeds_on_edges_are_left_for_others() {
     let text =
@@ -672,7 +759,8 @@ fn seeds_on_edges_are_left_for_others() {
     }
 }
 
-/// Steiner's Roman surface has three double lines that meet in a triple point: where nothing can be proved near these, patches end before.
+/// Steiner's Roman surface has three double lines that meet in a triple point: where nothing can be
+/// proved near these, patches end before.
 #[test]
 fn patches_end_before_what_cannot_be_proved() {
     let terms = [
@@ -701,8 +789,9 @@ fn patches_end_before_what_cannot_be_proved() {
     assert!(made.grown.area(&CUBE) > 0.2, "{}", made.grown.area(&CUBE));
 }
 
-/// A patch parallel to one of two planes at d, through the other one: on a cell of length s about their line |F| is about d s, and second
-/// derivatives are ±1, so that √(d s) bounds the distance; changes of sign would take cells smaller than d.
+/// A patch parallel to one of two planes at d, through the other one: on a cell of length s about
+/// their line |F| is about d s, and second derivatives are ±1, so that √(d s) bounds the distance;
+/// changes of sign would take cells smaller than d.
 #[test]
 fn crossings_take_few_cells() {
     let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);

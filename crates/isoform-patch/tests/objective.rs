@@ -113,7 +113,8 @@ fn integrals_of_flat_patches_are_closed_forms() {
     );
 }
 
-/// Remark 1: L + R is l₁l₂/π times ∫ (|cos φ pᵤ/√l₁ + sin φ pᵥ/√l₂|² − 1)² dφ, here by the trapezoidal rule, which is exact for it.
+/// Remark 1: L + R is l₁l₂/π times ∫ (|cos φ pᵤ/√l₁ + sin φ pᵥ/√l₂|² − 1)² dφ, here by the
+/// trapezoidal rule, which is exact for it.
 #[test]
 fn tangents_in_all_directions_are_measured() {
     let field = sphere(0.5);
@@ -135,7 +136,8 @@ fn tangents_in_all_directions_are_measured() {
     assert!((at.terms.l + at.terms.r - l1 * l2 / std::f64::consts::PI * integral).abs() < 1e-15);
 }
 
-/// The gradient of Gauss-Newton and of Newton, and the Hessian of Newton, by central differences; both symmetric.
+/// The gradient of Gauss-Newton and of Newton, and the Hessian of Newton, by central differences;
+/// both symmetric.
 #[test]
 fn derivatives_agree_with_differences() {
     let fields: [&dyn Field; 3] = [&quartic(), &whitney(), &sphere(0.5)];

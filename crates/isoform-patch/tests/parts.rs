@@ -129,7 +129,8 @@ fn an_octahedron_is_covered() {
         })
         .collect();
     assert!(share(&made.patches, &points) > 0.99);
-    // Planes of the faces; beyond the edges the surface is farther than the planes, but no farther than that.
+    // Planes of the faces; beyond the edges the surface is farther than the planes, but no farther
+    // than that.
     check(&made.patches, &|p| {
         (p.iter().map(|v| v.abs()).sum::<f64>() - 0.45).abs() / 3f64.sqrt()
     });
@@ -153,7 +154,8 @@ fn a_round_hole_is_followed() {
             (z.abs() - 0.1).abs()
         }
     });
-    // A side lies on the circle for a good part of it; a straight one would by 2 √(2 · 0.3 · 1e-3) = 0.05 or 0.16 radians only.
+    // A side lies on the circle for a good part of it; a straight one would by 2 √(2 · 0.3 · 1e-3)
+    // = 0.05 or 0.16 radians only.
     let circle: Vec<Point3> = (0..1000)
         .map(|k| (f64::from(k) * 0.001 * std::f64::consts::TAU).sin_cos())
         .map(|(s, c)| [0.3 * c, 0.3 * s, 0.1])
@@ -183,7 +185,8 @@ fn blends_are_covered_and_proved() {
     );
 }
 
-/// Where blends begin and where faces end at a hole, bounds are not much more than what samples show: flat faces are flat to rounding.
+/// Where blends begin and where faces end at a hole, bounds are not much more than what samples
+/// show: flat faces are flat to rounding.
 #[test]
 fn bounds_near_edges_are_tight() {
     // A plate and a boss joined by a blend, minus a hole.
@@ -203,7 +206,8 @@ fn bounds_near_edges_are_tight() {
         (plate.max(boss) + h * h * 0.1).min(r - 0.5)
     };
     let cases = [
-        // A face with a side that comes over the hole between samples; one below a blend that does not begin yet.
+        // A face with a side that comes over the hole between samples; one below a blend that does
+        // not begin yet.
         ([-2.92, 1.92, -0.5], 1e-3, [3.3, 2.3, 0.8, 2.8]),
         ([0.0, -1.81, -0.5], 1e-3, [3.3, 2.3, 0.8, 2.8]),
         // Where the blend begins on the plate, and on it.
@@ -245,7 +249,8 @@ fn bounds_near_edges_are_tight() {
     }
 }
 
-/// A fillet is reached from within, across its whole width and along a good part of its circle, and proved where its two halves meet.
+/// A fillet is reached from within, across its whole width and along a good part of its circle, and
+/// proved where its two halves meet.
 #[test]
 fn a_round_fillet_is_one_patch_wide() {
     let text = "my_model(x[3], a[1]) { r = sqrt(x[1]*x[1] + x[2]*x[2]); u = 0 - x[3]; v = 0.25 - r;
@@ -276,7 +281,8 @@ fn a_round_fillet_is_one_patch_wide() {
     }
 }
 
-/// Two functions that agree wherever one looks are two functions all the same: a dimple 0.004 wide in a plane.
+/// Two functions that agree wherever one looks are two functions all the same: a dimple 0.004 wide
+/// in a plane.
 #[test]
 fn functions_that_seem_the_same_prove_nothing() {
     let text = "my_model(x[3], a[1]) { d = (x[1] - 0.03)^2 + (x[2] - 0.02)^2;
@@ -290,7 +296,8 @@ fn functions_that_seem_the_same_prove_nothing() {
         ..options()
     };
     let made = parameterize_part(&model, &options).expect("a patch");
-    // The wall of the dimple is where 0.1 exp(−10⁶ d) = −z, so that at the middle of the dimple the surface is farther than this.
+    // The wall of the dimple is where 0.1 exp(−10⁶ d) = −z, so that at the middle of the dimple the
+    // surface is farther than this.
     let hidden = [0.03, 0.02, 0.0];
     let away = (0.1f64 / 0.002).ln().sqrt() * 1e-3;
     assert!(away > 1.9e-3);
@@ -303,8 +310,8 @@ fn functions_that_seem_the_same_prove_nothing() {
     }
 }
 
-/// Where a piece is a constant there is no surface, whatever its other functions would be there: cos(43 z) = −0.42 at z = 0.0995, but
-/// with max(z, 0.1) in place of z from z = 0.1927 on only.
+/// Where a piece is a constant there is no surface, whatever its other functions would be there:
+/// cos(43 z) = −0.42 at z = 0.0995, but with max(z, 0.1) in place of z from z = 0.1927 on only.
 #[test]
 fn nothing_is_proved_of_what_is_constant() {
     let model = parts("cos(43*max(x[3], 0.1)) + 0.42");
@@ -333,8 +340,8 @@ fn nothing_is_proved_of_what_is_constant() {
     assert!(cover_parts(&model, &below, 20, 2, &|| false).is_err());
 }
 
-/// A ball less another one: at the edge, where the pieces meet at an acute angle, and off it bounds are no more than three times what a
-/// grid of closed forms finds.
+/// A ball less another one: at the edge, where the pieces meet at an acute angle, and off it bounds
+/// are no more than three times what a grid of closed forms finds.
 #[test]
 fn bounds_at_edges_are_near_the_distance() {
     let ball = |x: f64, p: Point3| (p[0] - x).hypot(p[1]).hypot(p[2]);
@@ -356,7 +363,8 @@ fn bounds_at_edges_are_near_the_distance() {
     )
     .expect("a patch");
     let bound = made.distances.bound.expect("a proof");
-    // Of the edge's angle only the far side of the edge sees more; there patches reach by less than what is sampled.
+    // Of the edge's angle only the far side of the edge sees more; there patches reach by less than
+    // what is sampled.
     let distance = |k: usize| {
         let p = made
             .grown
@@ -371,7 +379,8 @@ fn bounds_at_edges_are_near_the_distance() {
     );
 }
 
-/// A flat face that ends at the straight edge with a round hole is flat up to there: its bound is rounding.
+/// A flat face that ends at the straight edge with a round hole is flat up to there: its bound is
+/// rounding.
 #[test]
 fn flat_faces_at_edges_are_exact() {
     let model = parts(

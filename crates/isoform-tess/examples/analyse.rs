@@ -1,4 +1,5 @@
-//! Prints what is known exactly about the maps in JSON files {"X": "…", "Y": "…", "Z": "…", "W": "…"}.
+//! Prints what is known exactly about the maps in JSON files {"X": "…", "Y": "…", "Z": "…", "W":
+//! "…"}.
 //!
 //! ```text
 //! cargo run --release -p isoform-tess --example analyse MAP.json …

@@ -13,12 +13,15 @@ use std::time::Instant;
 /// What an analysis may cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
-    /// Largest degree of an implicit equation; beyond it self-intersections are not looked for. With 0 nothing is said of them.
+    /// Largest degree of an implicit equation; beyond it self-intersections are not looked for.
+    /// With 0 nothing is said of them.
     pub implicit_degree: usize,
-    /// Whether the whole plane of parameters is analysed for a surface over a part of it that is proved to hold no pole.
+    /// Whether the whole plane of parameters is analysed for a surface over a part of it that is
+    /// proved to hold no pole.
     pub everywhere: bool,
-    /// Seconds for the implicit equation, again for the singular curves, for points and arcs on them, and for the decomposition of the parameters by
-    /// double curves; what is cut off by them depends on the machine.
+    /// Seconds for the implicit equation, again for the singular curves, for points and arcs on
+    /// them, and for the decomposition of the parameters by double curves; what is cut off by them
+    /// depends on the machine.
     pub seconds: f64,
 }
 
@@ -41,7 +44,8 @@ pub struct Analysis {
     pub implicit: Option<Implicit>,
     /// The real base points.
     pub base_points: Option<Vec<BasePoint>>,
-    /// The factors of W as a form in (s, t, w), irreducible over Q, with multiplicities: the pole curve.
+    /// The factors of W as a form in (s, t, w), irreducible over Q, with multiplicities: the pole
+    /// curve.
     pub pole: Option<Vec<(Poly, usize)>>,
     /// What the real pole curve consists of, the line at infinity included where W vanishes on it.
     pub pole_topology: Option<CurveTopology>,
@@ -53,7 +57,8 @@ pub struct Analysis {
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// Analyses a map. Everything but `seconds` is the same each time, unless `stop` or [`Budget::seconds`] intervenes.
+/// Analyses a map. Everything but `seconds` is the same each time, unless `stop` or
+/// [`Budget::seconds`] intervenes.
 pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis {
     let mut found = Analysis::default();
     let mut clock = Instant::now();
@@ -147,7 +152,8 @@ pub(crate) fn until(limit: f64, stop: &dyn Fn() -> bool) -> impl Fn() -> bool {
     move || stop() || start.elapsed().as_secs_f64() > limit
 }
 
-/// What a domain in which the map is proved to have no pole needs to be known of: contracted curves and cuspidal edges.
+/// What a domain in which the map is proved to have no pole needs to be known of: contracted curves
+/// and cuspidal edges.
 pub(crate) fn analyse_clear(map: &Map, stop: &dyn Fn() -> bool) -> Analysis {
     let mut found = Analysis::default();
     let clock = Instant::now();

@@ -1,12 +1,14 @@
 //! Base points: where X, Y, Z and W vanish together, with the curves to which they are blown up.
 //!
-//! At a base point of multiplicity q, the least order of the four forms, let (X_q : Y_q : Z_q : W_q)(a : b) be their terms of degree q in
-//! local coordinates. Approached in the direction (a : b) the map tends to this point: the seam curve (C. L. Bajaj, A. Royappa,
-//! *Triangulation and display of rational parametric surfaces*, 1994, Theorem 1, there with the slope m = b/a). In a direction where
-//! all four vanish there is no limit: the base point is blown up by (u, v) = (u′, u′v′), or (u′v′, v′) in the direction (0 : 1), the forms are
-//! divided by the exceptional line's q-th power, and there is a base point on that line, infinitely near to the first one, with
-//! a seam curve of its own. The squares of the multiplicities of all of them, complex ones included, add up to n² − (degree of
-//! the map)·(degree of the surface), so this ends.
+//! At a base point of multiplicity q, the least order of the four forms, let (X_q : Y_q : Z_q :
+//! W_q)(a : b) be their terms of degree q in local coordinates. Approached in the direction (a : b)
+//! the map tends to this point: the seam curve (C. L. Bajaj, A. Royappa,
+//! *Triangulation and display of rational parametric surfaces*, 1994, Theorem 1, there with the
+//! slope m = b/a). In a direction where all four vanish there is no limit: the base point is blown
+//! up by (u, v) = (u′, u′v′), or (u′v′, v′) in the direction (0 : 1), the forms are divided by the
+//! exceptional line's q-th power, and there is a base point on that line, infinitely near to the
+//! first one, with a seam curve of its own. The squares of the multiplicities of all of them,
+//! complex ones included, add up to n² − (degree of the map)·(degree of the surface), so this ends.
 
 use crate::field::{Algebraic, Element, NumberField};
 use crate::map::Map;
@@ -55,29 +57,34 @@ pub struct Seam {
     pub multiplicity: usize,
     /// The terms of degree q of X, Y, Z and W in local coordinates (u, v), at (a : b).
     pub leading: [BinaryForm; 4],
-    /// The greatest common divisor of the leading forms; of degree 0 if they have no common zero, real or complex.
+    /// The greatest common divisor of the leading forms; of degree 0 if they have no common zero,
+    /// real or complex.
     pub common: BinaryForm,
-    /// The seam curve: the leading forms divided by `common`. Of degree 0 if it is one point only. (a : b) and (−a : −b) give
-    /// the same point.
+    /// The seam curve: the leading forms divided by `common`. Of degree 0 if it is one point only.
+    /// (a : b) and (−a : −b) give the same point.
     pub curve: [BinaryForm; 4],
-    /// The real directions in which all leading forms vanish, each with the base point that is infinitely near in it.
+    /// The real directions in which all leading forms vanish, each with the base point that is
+    /// infinitely near in it.
     pub near: Vec<Near>,
-    /// All of X, Y, Z and W in the local coordinates (u, v), divided by the exceptional lines as often as they divide all four: terms (i, j)
-    /// of u^i v^j. Empty where no other base points are infinitely near.
+    /// All of X, Y, Z and W in the local coordinates (u, v), divided by the exceptional lines as
+    /// often as they divide all four: terms (i, j) of u^i v^j. Empty where no other base points are
+    /// infinitely near.
     pub forms: [Vec<([usize; 2], Algebraic)>; 4],
 }
 
 /// A base point that is infinitely near to another one.
 #[derive(Clone, Debug)]
 pub struct Near {
-    /// The direction (a : b): (1 : v) with the local coordinates (u, v) = (u′, u′(v + v′)), or (0 : 1) with (u′v′, v′).
+    /// The direction (a : b): (1 : v) with the local coordinates (u, v) = (u′, u′(v + v′)), or (0 :
+    /// 1) with (u′v′, v′).
     pub direction: [Algebraic; 2],
     /// What the forms, divided by u′^q or v′^q, do there in the local coordinates (u′, v′).
     pub seam: Seam,
 }
 
 impl Seam {
-    /// How many blow-ups are needed one after the other beyond the first: 0 if no real direction is common.
+    /// How many blow-ups are needed one after the other beyond the first: 0 if no real direction is
+    /// common.
     pub fn blowups(&self) -> usize {
         self.near
             .iter()
@@ -135,13 +142,15 @@ impl Classes {
         }
         points
     }
-    /// The squares of the multiplicities of all points of the classes, infinitely near ones included, added up.
+    /// The squares of the multiplicities of all points of the classes, infinitely near ones
+    /// included, added up.
     pub(crate) fn multiplicity(&self) -> usize {
         self.0.iter().map(|(_, class)| class.sum_of_squares()).sum()
     }
 }
 
-/// The real base points, each once, by chart and then by field and root; in the chart w = 1, t = 1 on w = 0, or s = 1 on t = w = 0.
+/// The real base points, each once, by chart and then by field and root; in the chart w = 1, t = 1
+/// on w = 0, or s = 1 on t = w = 0.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -149,8 +158,9 @@ pub fn base_points(map: &Map, stop: &dyn Fn() -> bool) -> Result<Vec<BasePoint>,
     Ok(Classes::new(map, true, stop)?.real())
 }
 
-/// The sum of the squares of the multiplicities of all base points, complex and infinitely near ones included: the degree of the map times the
-/// degree of the surface is n² less this number. Proven, and independent of the counting modulo primes of `map_degrees`.
+/// The sum of the squares of the multiplicities of all base points, complex and infinitely near
+/// ones included: the degree of the map times the degree of the surface is n² less this number.
+/// Proven, and independent of the counting modulo primes of `map_degrees`.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -206,7 +216,8 @@ fn class_at(map: &Map, zero: &Zero, real: bool, stop: &dyn Fn() -> bool) -> Resu
     Ok(class)
 }
 
-/// The terms up to degree `room` of a form in the local coordinates of a point, by Horner's rule in each of them.
+/// The terms up to degree `room` of a form in the local coordinates of a point, by Horner's rule in
+/// each of them.
 fn expand(form: &Poly, zero: &Zero, room: usize) -> Local {
     let ([u, v], one) = zero.chart.variables();
     let k = &zero.field;
@@ -265,9 +276,10 @@ fn add_to(p: &mut Vec<Element>, at: usize, c: &Element) {
     p[at] = p[at].add(c);
 }
 
-/// The squares of the multiplicities of this point and of those infinitely near to it add up to `room` at most, all conjugates counted
-/// to `room` times the degree of the field. A term of degree d is one of degree d − q at least in the next blow-up, so terms of a
-/// degree above the sum of multiplicities never reach a leading form and are left out.
+/// The squares of the multiplicities of this point and of those infinitely near to it add up to
+/// `room` at most, all conjugates counted to `room` times the degree of the field. A term of degree
+/// d is one of degree d − q at least in the next blow-up, so terms of a degree above the sum of
+/// multiplicities never reach a leading form and are left out.
 fn blow_up(
     k: &Arc<NumberField>,
     mut local: [Local; 4],

@@ -1,9 +1,11 @@
 //! Seam curves that run through each of their points twice: the pairs of directions with one image.
 //!
-//! A seam curve c(a : b) of degree q, its forms without a common factor, is a map of degree k, a divisor of q, onto its image. Over a general
-//! point (1 : m) the greatest common divisor of the minors of c(x) and c(1 : m) has the degree k; it is more only where the image is
-//! singular, for less than q² values of m. For k = 2 the two directions of a pair are exchanged by an involution
-//! α·y·y′ + β·(y + y′) + γ = 0 of y = b/a, that two pairs determine. Where it leaves a direction fixed the seam turns back: a pinch point.
+//! A seam curve c(a : b) of degree q, its forms without a common factor, is a map of degree k, a
+//! divisor of q, onto its image. Over a general point (1 : m) the greatest common divisor of the
+//! minors of c(x) and c(1 : m) has the degree k; it is more only where the image is singular, for
+//! less than q² values of m. For k = 2 the two directions of a pair are exchanged by an involution
+//! α·y·y′ + β·(y + y′) + γ = 0 of y = b/a, that two pairs determine. Where it leaves a direction
+//! fixed the seam turns back: a pinch point.
 
 use crate::base::BinaryForm;
 use crate::field::{Algebraic, Element};
@@ -153,7 +155,8 @@ mod tests {
         );
     }
 
-    /// z = a²/b² folds at 0 and infinity; z = (a² − b²)/(a·b) nowhere, as (a : b) and (b : −a) are pairs.
+    /// z = a²/b² folds at 0 and infinity; z = (a² − b²)/(a·b) nowhere, as (a : b) and (b : −a) are
+    /// pairs.
     #[test]
     fn special_directions() {
         let found = involution([&[0, 0, 0], &[0, 0, 0], &[1, 0, 0], &[0, 0, 1]]).expect("twice");

@@ -1,4 +1,5 @@
-//! A region of the parameter plane to which a surface is restricted: a simple polygon with rational corners.
+//! A region of the parameter plane to which a surface is restricted: a simple polygon with rational
+//! corners.
 
 use crate::map::Map;
 use dashu_base::Sign;
@@ -71,7 +72,8 @@ fn meet([a, b]: [&Parameters; 2], [c, d]: [&Parameters; 2]) -> bool {
 }
 
 impl Domain {
-    /// A polygon by its corners (s, t), in either direction around it. The first corner may be repeated at the end.
+    /// A polygon by its corners (s, t), in either direction around it. The first corner may be
+    /// repeated at the end.
     ///
     /// # Errors
     /// [`DomainError`].
@@ -301,13 +303,14 @@ fn halve(line: &mut [RBig], second: bool) {
 /// Halvings of each kind with which signs are looked for.
 const HALVINGS: usize = 4;
 
-/// Bounds of the image of a map over a domain, if W is proved to have no zero in the rectangle around it: the least and greatest coordinates.
+/// Bounds of the image of a map over a domain, if W is proved to have no zero in the rectangle
+/// around it: the least and greatest coordinates.
 pub fn bounds_over(map: &Map, domain: &Domain) -> Option<[[RBig; 2]; 3]> {
     image_bounds(map.affine(), &domain.bounds())
 }
 
-/// The least and greatest x/w, y/w and z/w of control points over a rectangle of the parameters, if W is proved to have no zero there: bounds of
-/// the image. Polynomials in s and t.
+/// The least and greatest x/w, y/w and z/w of control points over a rectangle of the parameters, if
+/// W is proved to have no zero there: bounds of the image. Polynomials in s and t.
 pub(crate) fn image_bounds(
     polynomials: &[Poly; 4],
     rectangle: &[[RBig; 2]; 2],

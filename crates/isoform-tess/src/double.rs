@@ -1,16 +1,21 @@
-//! Pinch points, and solitary curves: real points of a surface that only pairs of complex conjugate parameters reach.
+//! Pinch points, and solitary curves: real points of a surface that only pairs of complex conjugate
+//! parameters reach.
 //!
-//! A map of degree 1 takes a non-real parameter p to a real point only where it takes the conjugate of p to the same point: p lies on the
-//! double locus D. Along an irreducible factor f of D that is not contracted, real points are the solutions of f(p) = 0, Im φ(p) = 0,
-//! of which one real equation is left where f = 0 is smooth; where it is not, the second condition alone still has the rank 3 of a curve as
-//! long as the sheets at p and at its conjugate cross. Both together are solved by Gauss–Newton, in the affine chart of the complex
-//! projective plane around the point itself, so that no parameter is at infinity.
+//! A map of degree 1 takes a non-real parameter p to a real point only where it takes the conjugate
+//! of p to the same point: p lies on the double locus D. Along an irreducible factor f of D that is
+//! not contracted, real points are the solutions of f(p) = 0, Im φ(p) = 0, of which one real
+//! equation is left where f = 0 is smooth; where it is not, the second condition alone still has
+//! the rank 3 of a curve as long as the sheets at p and at its conjugate cross. Both together are
+//! solved by Gauss–Newton, in the affine chart of the complex projective plane around the point
+//! itself, so that no parameter is at infinity.
 //!
-//! A real base point is blown up to a line, of which a pair of conjugate directions may reach real points, too (the conoid of Plücker):
-//! its seam curves are traced in the same way, as maps of the line c = 0 in a plane (a : b : c).
+//! A real base point is blown up to a line, of which a pair of conjugate directions may reach real
+//! points, too (the conoid of Plücker): its seam curves are traced in the same way, as maps of the
+//! line c = 0 in a plane (a : b : c).
 //!
-//! Curves are found by sections: the points of f = 0 in a general complex plane of space, from those on lines of the parameter plane by
-//! homotopy, are carried to planes that cut the box into slices, and to its faces.
+//! Curves are found by sections: the points of f = 0 in a general complex plane of space, from
+//! those on lines of the parameter plane by homotopy, are carried to planes that cut the box into
+//! slices, and to its faces.
 
 use crate::base::{BasePoint, Seam, base_points};
 use crate::field::{Algebraic, Element, NumberField};
@@ -22,18 +27,20 @@ use isoform_algebra::{Poly, RBig, map_degrees};
 use isoform_geom::distance_to_segment;
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// Slices of the box in each of three directions, at most and at least; in between about as many points as said are followed from one
-/// plane to the next.
+/// Slices of the box in each of three directions, at most and at least; in between about as many
+/// points as said are followed from one plane to the next.
 const SLICES: [usize; 2] = [17, 7];
 const POINTS: usize = 500;
 
-/// Degree of the forms up to which pinch points are computed as ends of short arcs: 24 conjugates, a fraction of a second.
+/// Degree of the forms up to which pinch points are computed as ends of short arcs: 24 conjugates,
+/// a fraction of a second.
 const PINCH_DEGREE: usize = 6;
 
 /// The real isolated points (s : t : w) where the rank of the Jacobian drops, without base points.
 ///
-/// They are the common zeros of the four signed 3 × 3 minors of the forms' Jacobian, divided by their greatest common divisor. At a general
-/// one of them the surface has a pinch point, where a double curve turns from one with real parameters into a solitary one.
+/// They are the common zeros of the four signed 3 × 3 minors of the forms' Jacobian, divided by
+/// their greatest common divisor. At a general one of them the surface has a pinch point, where a
+/// double curve turns from one with real parameters into a solitary one.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -95,13 +102,16 @@ fn value(field: &NumberField, form: &Poly, at: &[Element; 3]) -> Element {
     sum
 }
 
-/// Solitary curves in the box |x|, |y|, |z| ≤ `half_width`, as polylines whose vertices lie on them up to rounding and whose chords leave them
-/// by at most about `tolerance`, and sentences about what could not be completed; none if all is well.
+/// Solitary curves in the box |x|, |y|, |z| ≤ `half_width`, as polylines whose vertices lie on them
+/// up to rounding and whose chords leave them by at most about `tolerance`, and sentences about
+/// what could not be completed; none if all is well.
 ///
-/// The points of these curves have no real parameter, apart from isolated ones, but a pair of conjugate ones; conjugate directions of
-/// real base points are included. The curves end at pinch points, where the pair becomes real, at faces of the box, and where a real
-/// parameter joins them. The first point of a closed curve is repeated as its last. Curves that lie between two of the planes by which they are
-/// looked for (a seventeenth of the box's diagonal apart), and reach neither a face nor a pinch point, may be missed.
+/// The points of these curves have no real parameter, apart from isolated ones, but a pair of
+/// conjugate ones; conjugate directions of real base points are included. The curves end at pinch
+/// points, where the pair becomes real, at faces of the box, and where a real parameter joins them.
+/// The first point of a closed curve is repeated as its last. Curves that lie between two of the
+/// planes by which they are looked for (a seventeenth of the box's diagonal apart), and reach
+/// neither a face nor a pinch point, may be missed.
 pub fn solitary_arcs(
     map: &Map,
     singular: &Singular,
@@ -186,7 +196,8 @@ impl Fibres {
         let real: Vec<&V> = found.iter().filter(|f| f.2).map(|f| &f.1).collect();
         found.len() > real.len() && real.windows(2).all(|w| distance(w[0], w[1]) < 1e-5)
     }
-    /// Whether all the partners of a real parameter (s : t : w) with a given image were found to be conjugate or in a part of the plane.
+    /// Whether all the partners of a real parameter (s : t : w) with a given image were found to be
+    /// conjugate or in a part of the plane.
     pub(crate) fn is_alone(
         &self,
         p: [f64; 3],
@@ -325,8 +336,8 @@ fn distance(a: &V, b: &V) -> f64 {
         .sqrt()
 }
 
-/// The real line through a point and its conjugate, a vector of length 1/2 at most, whatever the phase of the point; zero for real points, and of
-/// the other sign for the conjugate.
+/// The real line through a point and its conjugate, a vector of length 1/2 at most, whatever the
+/// phase of the point; zero for real points, and of the other sign for the conjugate.
 fn real_line(p: &V) -> [f64; 3] {
     [[1, 2], [2, 0], [0, 1]].map(|[i, j]| p[i].re * p[j].im - p[j].re * p[i].im)
 }
@@ -426,7 +437,8 @@ impl Form {
     }
 }
 
-/// Coefficients of forms, divided by the largest one: in this order the quotients are exact before they are rounded.
+/// Coefficients of forms, divided by the largest one: in this order the quotients are exact before
+/// they are rounded.
 fn rounded<const N: usize>(forms: [&Poly; N]) -> [Vec<([usize; 3], f64)>; N] {
     let size = |p: &Poly| {
         p.terms()
@@ -552,8 +564,8 @@ fn solve2(rows: [[C; 2]; 2], right: [C; 2]) -> Option<[C; 2]> {
     (x.norm() + y.norm()).is_finite().then_some([x, y])
 }
 
-/// A solution at the time 1 from one at the time 0; if the path cannot be followed to its end, as to a singular point, the time and the point up
-/// to which it was.
+/// A solution at the time 1 from one at the time 0; if the path cannot be followed to its end, as
+/// to a singular point, the time and the point up to which it was.
 fn track(source: &Source, path: &Path, start: &V) -> Result<V, (f64, V)> {
     let (mut p, mut time, mut step) = (*start, 0.0, 0.1f64);
     while time < 1.0 {
@@ -581,7 +593,8 @@ fn track(source: &Source, path: &Path, start: &V) -> Result<V, (f64, V)> {
                 .then(|| normalised(&along(&p, &in_frame(&basis, d), 1.0)))
         })();
         match predicted.and_then(|q| newton(source, path, end, &q)) {
-            // Other solutions are further away than the error of the prediction: paths are not confused.
+            // Other solutions are further away than the error of the prediction: paths are not
+            // confused.
             Some((q, error)) if error < 1e-4 => {
                 p = q;
                 time = end;
@@ -667,7 +680,8 @@ fn on_line(curve: &Form, degree: usize, a: &V, b: &V) -> Vec<V> {
 /// A plane of space: the linear form that vanishes on it.
 type Plane = [C; 4];
 
-/// From the section by one plane to that by another, both times a factor, so that the planes in between are complex.
+/// From the section by one plane to that by another, both times a factor, so that the planes in
+/// between are complex.
 fn between<'a>(
     from: &'a Plane,
     to: &'a Plane,
@@ -733,7 +747,8 @@ fn first_section(
         let mut ends = Vec::new();
         let mut lost = false;
         for line in &lines {
-            // Vectors without zeros: with them the only point of a coordinate line may be infinite on this one.
+            // Vectors without zeros: with them the only point of a coordinate line may be infinite
+            // on this one.
             let [a, b] = frame(&conj(line));
             let [a, b] = [
                 [C::new(0.6, 0.3), C::new(0.2, -0.7)],
@@ -798,8 +813,10 @@ fn real_image(g: &[C; 4]) -> Option<([f64; 4], f64)> {
     Some((turned.map(|c| c.re / real), imaginary))
 }
 
-/// Singular values in descending order, with right singular vectors and the products of the left ones with the right-hand side, of a
-/// 5 × 4 matrix: by rotations of its columns (M. R. Hestenes), which finds small values to their own precision.
+/// Singular values in descending order, with right singular vectors and the products of the left
+/// ones with the right-hand side, of a
+/// 5 × 4 matrix: by rotations of its columns (M. R. Hestenes), which finds small values to their
+/// own precision.
 fn singular_values(mut a: [[f64; 5]; 4], right: &[f64; 5]) -> [(f64, [f64; 4], f64); 4] {
     let mut v: [[f64; 4]; 4] = Default::default();
     for (i, row) in v.iter_mut().enumerate() {
@@ -859,7 +876,8 @@ fn settle(source: &Source, start: &V) -> Option<State> {
     for _ in 0..12 {
         let v = source.eval(&p);
         let (image, _) = real_image(&v.g)?;
-        // Reflection that takes the image to ∓ a unit vector; its other columns are orthogonal to the image.
+        // Reflection that takes the image to ∓ a unit vector; its other columns are orthogonal to
+        // the image.
         let m = (0..4)
             .max_by(|&i, &j| image[i].abs().total_cmp(&image[j].abs()))
             .expect("four");
@@ -920,7 +938,8 @@ fn settle(source: &Source, start: &V) -> Option<State> {
             }
         }
         let size = d.iter().map(|x| x * x).sum::<f64>().sqrt();
-        // Near base points steps in the stiff directions come first, and longer ones in the others after them.
+        // Near base points steps in the stiff directions come first, and longer ones in the others
+        // after them.
         if !size.is_finite() || size > 0.3 || size > (2.0 * last).max(1e-3) {
             return None;
         }
@@ -967,7 +986,8 @@ fn trace(source: &Source, start: &State, tolerance: f64) -> (Vec<State>, End) {
                 .sum::<f64>()
                 > 0.0;
             if !same_side {
-                // Beyond a real parameter the curve comes back along the conjugate ones, unless f = 0 has conjugate branches there.
+                // Beyond a real parameter the curve comes back along the conjugate ones, unless f =
+                // 0 has conjugate branches there.
                 let back = blend(&here.p, -1.0);
                 let chord = [0, 1, 2].map(|i| back[i] - here.p[i]);
                 if inner(&here.tangent, &chord).re > 0.9 * inner(&chord, &chord).re.sqrt() {
@@ -1036,9 +1056,11 @@ fn trace(source: &Source, start: &State, tolerance: f64) -> (Vec<State>, End) {
     (nodes, End::Lost)
 }
 
-/// The end of a curve at a real parameter nearby, if there is one: extrapolated, since close to it the equations are all but singular.
+/// The end of a curve at a real parameter nearby, if there is one: extrapolated, since close to it
+/// the equations are all but singular.
 ///
-/// The curve goes on along the conjugate parameters; with a coordinate u on it that changes its sign with conjugation, the image is even in u.
+/// The curve goes on along the conjugate parameters; with a coordinate u on it that changes its
+/// sign with conjugation, the image is even in u.
 fn real_end(source: &Source, here: &State) -> Option<State> {
     let side = real_line(&here.p);
     let coordinate = |p: &V| {
@@ -1070,7 +1092,8 @@ fn real_end(source: &Source, here: &State) -> Option<State> {
             next.push(value);
         }
         row = next;
-        // Half as far from the real parameter, from here and the conjugate, which is at the same distance beyond it.
+        // Half as far from the real parameter, from here and the conjugate, which is at the same
+        // distance beyond it.
         let Some(nearer) = settle(source, &normalised(&blend(&last.p, 0.5))) else {
             break;
         };
@@ -1146,7 +1169,8 @@ fn real_plane(normal: [f64; 3], offset: f64) -> Plane {
     [normal[0], normal[1], normal[2], -offset].map(|x| C::new(x, 0.0))
 }
 
-/// An orthogonal matrix without pattern, so that lines of symmetric surfaces are not parallel to the planes.
+/// An orthogonal matrix without pattern, so that lines of symmetric surfaces are not parallel to
+/// the planes.
 fn directions() -> [[f64; 3]; 3] {
     // The rotation of the quaternion (5, 1, −2, 3).
     let [w, x, y, z] = [5.0, 1.0, -2.0, 3.0];
@@ -1268,7 +1292,8 @@ impl Search {
         }
     }
 
-    /// The section of a source by a plane, from that by the plane before and if need be from the general one.
+    /// The section of a source by a plane, from that by the plane before and if need be from the
+    /// general one.
     fn section(&self, source: usize, before: Option<(&Plane, &[V])>, plane: &Plane) -> Vec<V> {
         let source = &self.sources[source];
         let mut stream = Stream(13);
@@ -1388,7 +1413,8 @@ impl Search {
         Traced { source, nodes }
     }
 
-    /// The solitary arc at a real parameter where the rank of the Jacobian drops, unless it is known.
+    /// The solitary arc at a real parameter where the rank of the Jacobian drops, unless it is
+    /// known.
     fn arc_at_pinch(&mut self, source: usize, p: &V, traced: &[Traced]) -> Option<Traced> {
         let v = self.sources[source].eval(p);
         let gradient = v.df.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
@@ -1399,7 +1425,8 @@ impl Search {
         let along_curve = [[1, 2], [2, 0], [0, 1]].map(|[i, j]| p[i] * v.df[j] - p[j] * v.df[i]);
         let tangent = normalised(&along_curve).map(|c| c * C::new(0.0, 1.0));
         let (image, _) = real_image(&v.g)?;
-        // Far enough for the equations to be regular, near enough for other pinch points not to interfere.
+        // Far enough for the equations to be regular, near enough for other pinch points not to
+        // interfere.
         let (mut start, far) = [1e-3, 1e-4, 1e-5].into_iter().find_map(|far| {
             let predicted = normalised(&along(p, &tangent, far));
             let state = settle(&self.sources[source], &predicted)?;
@@ -1481,7 +1508,8 @@ impl Search {
         let mut part: Vec<[f64; 3]> = Vec::new();
         let mut from = 0;
         for pair in known.windows(2).filter(|pair| pair[0].1 != pair[1].1) {
-            // Real parameters come and go in pairs, at points that are found by bisection: between nodes, and between two of them.
+            // Real parameters come and go in pairs, at points that are found by bisection: between
+            // nodes, and between two of them.
             let before = pair[0].1;
             let (mut lo, mut hi) = (pair[0].0, pair[1].0 + 1);
             while hi - lo > 1 {

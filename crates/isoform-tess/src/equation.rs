@@ -4,7 +4,8 @@ use crate::surface::Point3;
 use isoform_algebra::Implicit;
 use isoform_geom::norm;
 
-/// Gradients shorter than this, per sum of the absolute values of the terms, say nothing: two sheets, or a singular point, are too near.
+/// Gradients shorter than this, per sum of the absolute values of the terms, say nothing: two
+/// sheets, or a singular point, are too near.
 const LEAST_GRADIENT: f64 = 1e-3;
 
 /// F(x, y, z, 1), the greatest coefficient ±1 in absolute value.
@@ -46,7 +47,8 @@ mod tests {
     use super::*;
     use isoform_algebra::{Poly, implicit};
 
-    /// The unit sphere by stereographic projection: F = x² + y² + z² − w² up to a factor, |F| / |∇F| = |r² − 1| / 2 r.
+    /// The unit sphere by stereographic projection: F = x² + y² + z² − w² up to a factor, |F| /
+    /// |∇F| = |r² − 1| / 2 r.
     #[test]
     fn sphere() {
         let map = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"]

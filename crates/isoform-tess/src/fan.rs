@@ -1,13 +1,17 @@
-//! Base points opened: the directions in which a base point is approached, and the points of its seam curves that they lead to.
+//! Base points opened: the directions in which a base point is approached, and the points of its
+//! seam curves that they lead to.
 //!
-//! A direction and its opposite lead to the same point (C. L. Bajaj, A. Royappa, 1994, Theorem 1), so directions are kept up to sign, and
-//! those that bound the region or lie on a curve that is drawn are among them: the tangents there.
+//! A direction and its opposite lead to the same point (C. L. Bajaj, A. Royappa, 1994, Theorem 1),
+//! so directions are kept up to sign, and those that bound the region or lie on a curve that is
+//! drawn are among them: the tangents there.
 //!
-//! Where other base points are infinitely near, each of them is a node of a tree, with directions of its own. A small circle around the base
-//! point, lifted to the blow-ups, walks along all exceptional lines, on both sides of each: along the first line to the direction of a
-//! near point, from there along half of that point's line, and on (`Fan::walk`). The stations of this walk are rays from the base point,
-//! straight in the coordinates of their node; where the walk goes from one exceptional line to the next, it passes the point in which the
-//! two meet: a corner, which belongs to both seams.
+//! Where other base points are infinitely near, each of them is a node of a tree, with directions
+//! of its own. A small circle around the base point, lifted to the blow-ups, walks along all
+//! exceptional lines, on both sides of each: along the first line to the direction of a near point,
+//! from there along half of that point's line, and on (`Fan::walk`). The stations of this walk are
+//! rays from the base point, straight in the coordinates of their node; where the walk goes from
+//! one exceptional line to the next, it passes the point in which the two meet: a corner, which
+//! belongs to both seams.
 
 use crate::base::{BasePoint, BinaryForm, Seam};
 use crate::cover::Involution;
@@ -35,7 +39,8 @@ pub(crate) struct Direction {
     pub(crate) faces: u8,
     /// Factors of the region with this tangent.
     pub(crate) factors: Vec<usize>,
-    /// How the ray bends to the left of the direction: the rest is forward or backward along it, this times the square of the distance beside it.
+    /// How the ray bends to the left of the direction: the rest is forward or backward along it,
+    /// this times the square of the distance beside it.
     bend: f64,
 }
 
@@ -112,11 +117,14 @@ struct Node {
     curve: [Vec<f64>; 4],
     /// Whether the seam is one point only.
     constant: bool,
-    /// The pairs of directions with one image, if the seam runs twice through its points. Partners of directions are directions.
+    /// The pairs of directions with one image, if the seam runs twice through its points. Partners
+    /// of directions are directions.
     cover: Option<Involution>,
-    /// What is in which direction, ascending by angle in [0, π), and whether the seam is in the box between this and the next.
+    /// What is in which direction, ascending by angle in [0, π), and whether the seam is in the box
+    /// between this and the next.
     marks: Vec<(Direction, Mark, bool)>,
-    /// X, Y, Z and W there, without what vanishes on exceptional lines; empty if there is no other node.
+    /// X, Y, Z and W there, without what vanishes on exceptional lines; empty if there is no other
+    /// node.
     forms: [Form; 4],
 }
 
@@ -127,7 +135,8 @@ pub(crate) struct Form {
     pub(crate) order: usize,
 }
 
-/// A seam with the blow-ups that lead to it, the axes that are exceptional lines, and the numbers of the seams near to it.
+/// A seam with the blow-ups that lead to it, the axes that are exceptional lines, and the numbers
+/// of the seams near to it.
 type Found<'a> = (Vec<Step>, [bool; 2], &'a Seam, Vec<usize>);
 
 /// All seams of a base point with the blow-ups that lead to them, parents first.
@@ -148,7 +157,8 @@ fn collect<'a>(seam: &'a Seam, chain: &[Step], exceptional: [bool; 2], found: &m
     }
 }
 
-/// What proves that a polynomial keeps its sign on a triangle, of which the first corner may be the origin.
+/// What proves that a polynomial keeps its sign on a triangle, of which the first corner may be the
+/// origin.
 type Proof<'a> = &'a dyn Fn(&Form, [[f64; 2]; 3], bool) -> bool;
 
 /// Two rays next to each other, counterclockwise in the local coordinates of the base point.
@@ -156,10 +166,11 @@ type Proof<'a> = &'a dyn Fn(&Form, [[f64; 2]; 3], bool) -> bool;
 pub(crate) struct Sector {
     /// Directions, and whether they are backward.
     pub(crate) rays: [(usize, bool); 2],
-    /// The mark after the first ray, and that before the second one, each in the coordinates of the ray's node: the other ray if both have one
-    /// node and nothing is between them.
+    /// The mark after the first ray, and that before the second one, each in the coordinates of the
+    /// ray's node: the other ray if both have one node and nothing is between them.
     marks: [[f64; 2]; 2],
-    /// Where the rays belong to the seams of two nodes: the point that these have in common, as a direction.
+    /// Where the rays belong to the seams of two nodes: the point that these have in common, as a
+    /// direction.
     pub(crate) corner: Option<Direction>,
     /// Whether the seam is in the box there.
     pub(crate) inside: bool,
@@ -263,7 +274,8 @@ enum Event {
 }
 
 impl Fan {
-    /// The directions that matter from the start: of the curves that bound the region or are drawn in it, and of the sides of the unit triangles.
+    /// The directions that matter from the start: of the curves that bound the region or are drawn
+    /// in it, and of the sides of the unit triangles.
     pub(crate) fn new(base: &BasePoint, region: &Region, w_form: &Poly) -> Self {
         let mut all = Vec::new();
         collect(&base.seam, &[], [false; 2], &mut all);
@@ -548,8 +560,9 @@ impl Fan {
         }
     }
 
-    /// From a position of a node to another one, counterclockwise or clockwise: positions count its marks, and then those in the opposite
-    /// directions. Both ends are exceptional lines, of which the walk is on one side; all around the first node they are one and the same.
+    /// From a position of a node to another one, counterclockwise or clockwise: positions count its
+    /// marks, and then those in the opposite directions. Both ends are exceptional lines, of which
+    /// the walk is on one side; all around the first node they are one and the same.
     fn walk(&self, node: usize, start: usize, end: usize, turn: i64, events: &mut Vec<Event>) {
         let marks = &self.nodes[node].marks;
         let n = marks.len();
@@ -594,7 +607,8 @@ impl Fan {
                     };
                     let turn = if sign < 0.0 { -turn } else { turn };
                     let place = |v: [f64; 2]| self.position(child, v);
-                    // Half of the line, or a quarter where an exceptional line of before goes through the near point. The first node has none.
+                    // Half of the line, or a quarter where an exceptional line of before goes
+                    // through the near point. The first node has none.
                     match (node > 0 && is_first, node > 0 && is_last) {
                         (true, _) => self.walk(child, place(middle), place(end), turn, events),
                         (_, true) => self.walk(child, place(start), place(middle), turn, events),
@@ -620,7 +634,8 @@ impl Fan {
         }
     }
 
-    /// Whether a piece of a sector has a corner, and the two vectors between which piece 0 or 1 of it lies, in the coordinates of its ray's node.
+    /// Whether a piece of a sector has a corner, and the two vectors between which piece 0 or 1 of
+    /// it lies, in the coordinates of its ray's node.
     fn piece(&self, sector: &Sector, piece: usize) -> (usize, [[f64; 2]; 2]) {
         let (k, backward) = sector.rays[piece];
         let d = &self.directions[k];
@@ -681,7 +696,8 @@ impl Fan {
         );
         self.directions.push(d);
     }
-    /// The seams that run twice through their points: directions, ascending by angle, and whether the seam is in the box between each and the next.
+    /// The seams that run twice through their points: directions, ascending by angle, and whether
+    /// the seam is in the box between each and the next.
     pub(crate) fn doubled(&self) -> impl Iterator<Item = Vec<(&Direction, bool)>> {
         self.nodes
             .iter()
@@ -758,7 +774,8 @@ impl Fan {
             .filter(|d| self.nodes[d.node].constant)
             .map(|d| self.seam(d))
     }
-    /// Whether the point of the seam in a direction is all of a seam: of the direction's node, or of one that it meets there.
+    /// Whether the point of the seam in a direction is all of a seam: of the direction's node, or
+    /// of one that it meets there.
     pub(crate) fn is_contracted(&self, d: &Direction) -> bool {
         let meets = |s: &Sector| {
             s.corner.as_ref().is_some_and(|c| c.key() == d.key())
@@ -786,8 +803,8 @@ impl Fan {
         let sum: f64 = y.iter().sum();
         Some([y[0] / sum, y[1] / sum])
     }
-    /// A displacement in the coordinates of the base point as one in the unit triangle, up to a positive factor, if it leads into it or along
-    /// its sides.
+    /// A displacement in the coordinates of the base point as one in the unit triangle, up to a
+    /// positive factor, if it leads into it or along its sides.
     fn displaced(&self, quadrant: usize, [a, b]: [f64; 2]) -> Option<[f64; 2]> {
         let sign = self.sign_in(quadrant)?;
         let y = self.signed(quadrant, self.point).map(|y| sign * y);
@@ -807,7 +824,8 @@ impl Fan {
             Some([u, v])
         }
     }
-    /// The direction ± d in the unit triangle of a quadrant, if it leads into it or along its sides. For the base point's own directions.
+    /// The direction ± d in the unit triangle of a quadrant, if it leads into it or along its
+    /// sides. For the base point's own directions.
     pub(crate) fn direction_in(
         &self,
         quadrant: usize,
@@ -816,7 +834,8 @@ impl Fan {
     ) -> Option<[f64; 2]> {
         self.displaced(quadrant, d.signed(backward))
     }
-    /// Where the beginning of a ray is in the unit triangle, if it is in it: a small displacement up to a positive factor.
+    /// Where the beginning of a ray is in the unit triangle, if it is in it: a small displacement
+    /// up to a positive factor.
     pub(crate) fn beginning(
         &self,
         quadrant: usize,
@@ -887,7 +906,8 @@ impl Fan {
         };
         self.nodes[node].forms.each_ref().map(value)
     }
-    /// Bends a ray of a tree, so that its image leaves the seam at a right angle: others sweep along the seam, the faster the deeper in the tree.
+    /// Bends a ray of a tree, so that its image leaves the seam at a right angle: others sweep
+    /// along the seam, the faster the deeper in the tree.
     fn bent(&self, mut d: Direction) -> Direction {
         if !self.is_tree || d.node == 0 || self.nodes[d.node].constant || self.is_side(&d) {
             return d;
@@ -917,8 +937,8 @@ impl Fan {
         d
     }
 
-    /// The image of a point of a ray at a distance in the coordinates of its node, if that is not the only one; or beside it, on a face of the
-    /// box.
+    /// The image of a point of a ray at a distance in the coordinates of its node, if that is not
+    /// the only one; or beside it, on a face of the box.
     pub(crate) fn image_on_ray(
         &self,
         d: &Direction,
@@ -953,7 +973,8 @@ impl Fan {
         }
         p
     }
-    /// The point of a ray at a distance in the coordinates of its node, if it is in the unit triangle.
+    /// The point of a ray at a distance in the coordinates of its node, if it is in the unit
+    /// triangle.
     pub(crate) fn on_ray(
         &self,
         quadrant: usize,
@@ -973,9 +994,10 @@ impl Fan {
         Some([sign * y[0] / sum, sign * y[1] / sum])
     }
 
-    /// Whether W keeps its sign between the two rays of a sector, from the base point to points of the unit triangle: those on the chord
-    /// between the rays, and others that the sector reaches to. In the coordinates of the node farther away from the base point, where W is
-    /// divided by what vanishes on exceptional lines.
+    /// Whether W keeps its sign between the two rays of a sector, from the base point to points of
+    /// the unit triangle: those on the chord between the rays, and others that the sector reaches
+    /// to. In the coordinates of the node farther away from the base point, where W is divided by
+    /// what vanishes on exceptional lines.
     pub(crate) fn keeps_sign(
         &self,
         quadrant: usize,
@@ -1057,7 +1079,8 @@ impl Fan {
     }
 }
 
-/// The multiplicity of a point of a curve, after blow-ups, and the real tangents there: from its terms of least degree, which are known to rounding.
+/// The multiplicity of a point of a curve, after blow-ups, and the real tangents there: from its
+/// terms of least degree, which are known to rounding.
 fn tangents(
     curve: &Poly,
     point: [f64; 3],

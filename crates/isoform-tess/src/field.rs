@@ -1,8 +1,8 @@
 //! Number fields Q(θ) = Q\[x\]/(p) with exact tests for zero, and the real numbers in them.
 //!
-//! A field stands for all conjugates of θ at once: what is decided in it (orders, common divisors) holds at each of them. A real root
-//! of p chooses one; an [`Algebraic`] is an element at a root. The modulus is monic with integer coefficients, so that reducing needs
-//! no division.
+//! A field stands for all conjugates of θ at once: what is decided in it (orders, common divisors)
+//! holds at each of them. A real root of p chooses one; an [`Algebraic`] is an element at a root.
+//! The modulus is monic with integer coefficients, so that reducing needs no division.
 
 use crate::dense;
 use dashu_base::{Gcd, Signed, UnsignedAbs};
@@ -23,12 +23,14 @@ pub struct NumberField {
 pub struct Element {
     /// Coefficients of powers of θ, lowest first, the last one not zero.
     numerator: Vec<IBig>,
-    /// Without common factor with all of them; that of zero, which is `Default`, is 0 and never read.
+    /// Without common factor with all of them; that of zero, which is `Default`, is 0 and never
+    /// read.
     denominator: UBig,
 }
 
 impl Element {
-    /// The sum of coefficients times powers of θ over a denominator; as many as the degree of the field at most.
+    /// The sum of coefficients times powers of θ over a denominator; as many as the degree of the
+    /// field at most.
     pub(crate) fn normalised(mut numerator: Vec<IBig>, mut denominator: UBig) -> Self {
         while numerator.last().is_some_and(IBig::is_zero) {
             numerator.pop();
@@ -68,7 +70,8 @@ impl Element {
     pub fn is_zero(&self) -> bool {
         self.numerator.is_empty()
     }
-    /// The rational number that this is, if it is one: exact, since 1, θ, θ², … are independent over Q.
+    /// The rational number that this is, if it is one: exact, since 1, θ, θ², … are independent
+    /// over Q.
     pub fn as_rational(&self) -> Option<RBig> {
         match &self.numerator[..] {
             [] => Some(RBig::ZERO),
@@ -145,7 +148,8 @@ impl NumberField {
     pub fn rationals() -> Arc<Self> {
         Self::new(&UPoly::from_i64(&[0, 1])).0
     }
-    /// The field of a root x of an irreducible polynomial, and x in it: θ is x times the leading coefficient.
+    /// The field of a root x of an irreducible polynomial, and x in it: θ is x times the leading
+    /// coefficient.
     ///
     /// # Panics
     /// If the polynomial is constant. That it is irreducible is not checked.
@@ -391,7 +395,8 @@ impl Algebraic {
     }
 }
 
-/// Whether a form vanishes at a point whose coordinates belong to one root of one field, or are rational.
+/// Whether a form vanishes at a point whose coordinates belong to one root of one field, or are
+/// rational.
 pub(crate) fn vanishes(form: &Poly, at: &[Algebraic; 3]) -> bool {
     let field = at
         .iter()

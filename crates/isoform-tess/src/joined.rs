@@ -1,8 +1,9 @@
 //! Triangles of several patches as one mesh, joined along the sides that they have in common.
 //!
-//! Sides with the same control points, in either order, are one curve. Its vertices are those of all patches at it: where one patch lacks a vertex
-//! of another, its triangle there is divided. The sides of a domain are straight in the parameters, so that what is proved of a triangle holds
-//! for its parts.
+//! Sides with the same control points, in either order, are one curve. Its vertices are those of
+//! all patches at it: where one patch lacks a vertex of another, its triangle there is divided. The
+//! sides of a domain are straight in the parameters, so that what is proved of a triangle holds for
+//! its parts.
 
 use crate::patch::{ControlPoint, Patch};
 use crate::surface::{Kind, Point3, Surface};
@@ -62,7 +63,8 @@ fn curves(patches: &[Patch]) -> Vec<Vec<Member>> {
     found.into_values().collect()
 }
 
-/// The place of parameters along a side, 0 and 1 at its ends in the order of the sides; all patches lie in the first unit triangle.
+/// The place of parameters along a side, 0 and 1 at its ends in the order of the sides; all patches
+/// lie in the first unit triangle.
 fn place(side: usize, [u, v]: [f64; 2]) -> f64 {
     let w = 1.0 - u - v;
     match side {
@@ -97,8 +99,8 @@ impl Surface {
         list
     }
 
-    /// Divides the triangle at a side between two vertices next to each other in further vertices, given by place and position. False if there is
-    /// none.
+    /// Divides the triangle at a side between two vertices next to each other in further vertices,
+    /// given by place and position. False if there is none.
     fn divide(&mut self, m: Member, [a, b]: [u32; 2], new: &[(f64, Point3)]) -> Option<Vec<u32>> {
         let on = |borders: &[u64; 3], k: usize| borders[k] >> m.side & 1 == 1;
         let (t, k, forward) = self
@@ -160,7 +162,8 @@ impl Surface {
     }
 }
 
-/// One surface of the surfaces of patches over [0, 1]²; `patches` says which each triangle is of. Reports what does not fit.
+/// One surface of the surfaces of patches over [0, 1]²; `patches` says which each triangle is of.
+/// Reports what does not fit.
 pub(crate) fn join(patches: &[Patch], mut surfaces: Vec<Surface>, half_width: f64) -> Surface {
     let mut same: Vec<[(usize, u32); 2]> = Vec::new();
     let mut shared = vec![0u64; patches.len()];

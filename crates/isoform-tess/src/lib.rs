@@ -1,11 +1,16 @@
-//! Rational parametric surfaces (s, t) ↦ (X/W, Y/W, Z/W), analysed exactly for certified triangulation.
+//! Rational parametric surfaces (s, t) ↦ (X/W, Y/W, Z/W), analysed exactly for certified
+//! triangulation.
 //!
-//! - [`Map`]: four polynomials with rational coefficients, checked, as forms of one degree in (s : t : w).
+//! - [`Map`]: four polynomials with rational coefficients, checked, as forms of one degree in (s :
+//!   t : w).
 //! - [`Region`]: the parameters that a map sends into a box; a [`Domain`] restricts them.
 //! - [`Patch`]: rational Bézier patches, and those of NURBS surfaces, as maps over [0, 1]².
-//! - [`base_points`]: where the four vanish together, with the seam curves of every level of blowing up.
-//! - [`singular`]: curves over which the surface crosses itself, has cusps, or to which a point belongs.
-//! - [`analyse`]: all of it, with the degrees, the implicit equation and the pole curve, within a [`Budget`].
+//! - [`base_points`]: where the four vanish together, with the seam curves of every level of
+//!   blowing up.
+//! - [`singular`]: curves over which the surface crosses itself, has cusps, or to which a point
+//!   belongs.
+//! - [`analyse`]: all of it, with the degrees, the implicit equation and the pole curve, within a
+//!   [`Budget`].
 //! - [`NumberField`], [`Element`], [`Algebraic`]: the exact numbers in which all of this is said.
 #![forbid(unsafe_code)]
 

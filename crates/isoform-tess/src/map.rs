@@ -1,4 +1,5 @@
-//! A rational map (s, t) ↦ (X/W, Y/W, Z/W) as four forms of one degree in (s : t : w), read and checked.
+//! A rational map (s, t) ↦ (X/W, Y/W, Z/W) as four forms of one degree in (s : t : w), read and
+//! checked.
 
 use dashu_base::{Gcd, UnsignedAbs};
 use isoform_algebra::{Exponents, ParseError, ParseProblem, Poly, RBig, UBig, image_dimension};
@@ -153,7 +154,8 @@ pub struct Options {
     pub reduce: bool,
 }
 
-/// A rational map onto a surface: four forms of degree n in (s : t : w) with integer coefficients, without common factor.
+/// A rational map onto a surface: four forms of degree n in (s : t : w) with integer coefficients,
+/// without common factor.
 ///
 /// ```
 /// let sphere = isoform_tess::Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default())?;
@@ -173,7 +175,8 @@ impl Map {
     /// The map of four polynomials in s and t (variables 0 and 1).
     ///
     /// # Errors
-    /// [`MapError`]: too high a degree, all zero, zero denominator, image not a surface, common factor, in this order.
+    /// [`MapError`]: too high a degree, all zero, zero denominator, image not a surface, common
+    /// factor, in this order.
     ///
     /// # Panics
     /// If another variable occurs.
@@ -233,7 +236,8 @@ impl Map {
         Self::new(polynomials, options)
     }
 
-    /// The map of terms (exponents of s and t, coefficient); the coefficients are taken as the exact numbers that they are.
+    /// The map of terms (exponents of s and t, coefficient); the coefficients are taken as the
+    /// exact numbers that they are.
     ///
     /// # Errors
     /// [`MapError`].
@@ -248,7 +252,8 @@ impl Map {
         Self::new(polynomials, options)
     }
 
-    /// The map of a JSON text {"X": "…", "Y": "…", "Z": "…", "W": "…"}; numbers may stand for constants, other keys are ignored.
+    /// The map of a JSON text {"X": "…", "Y": "…", "Z": "…", "W": "…"}; numbers may stand for
+    /// constants, other keys are ignored.
     ///
     /// # Errors
     /// [`MapError`].
@@ -321,7 +326,8 @@ fn degree_of(polynomials: &[Poly; 4]) -> usize {
         .unwrap_or(0)
 }
 
-/// The number by which all four are divided so that their coefficients are integers without common factor.
+/// The number by which all four are divided so that their coefficients are integers without common
+/// factor.
 fn joint_content(polynomials: &[Poly; 4]) -> RBig {
     let (mut numerator, mut denominator) = (UBig::ZERO, UBig::ONE);
     for content in polynomials

@@ -1,8 +1,9 @@
-//! From the region to triangles: arcs and sides as polylines on the surface, a constrained Delaunay triangulation of each unit triangle,
-//! and refinement until every triangle is near the surface and W keeps its sign on it.
+//! From the region to triangles: arcs and sides as polylines on the surface, a constrained Delaunay
+//! triangulation of each unit triangle, and refinement until every triangle is near the surface and
+//! W keeps its sign on it.
 //!
-//! Between two walls of an arrangement the polylines of arcs have their vertices over the same u, in the order of the arcs: they cannot
-//! cross, and what they bound is the region up to isotopy.
+//! Between two walls of an arrangement the polylines of arcs have their vertices over the same u,
+//! in the order of the arcs: they cannot cross, and what they bound is the region up to isotopy.
 
 mod border;
 mod chart;
@@ -39,7 +40,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::Ordering;
 use unit::{Joined, Unit};
 
-/// A name that both triangles at a side agree on: the sides s = 0, t = 0, w = 0 by the sign of t, s, s t, the place along them as bits.
+/// A name that both triangles at a side agree on: the sides s = 0, t = 0, w = 0 by the sign of t,
+/// s, s t, the place along them as bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Name {
     Inner,
@@ -49,7 +51,8 @@ enum Name {
     Image(usize),
     /// On the seam of a base point, in a direction.
     Seam(usize, Key),
-    /// On a ray of a base point, in a direction, backward or not: so many vertices after the rectangle.
+    /// On a ray of a base point, in a direction, backward or not: so many vertices after the
+    /// rectangle.
     Ray(usize, Ray, usize),
     /// Where sheets meet.
     Double(usize),
@@ -91,16 +94,18 @@ fn distance(a: Point3, b: Point3) -> f64 {
 
 /// Halvings of a contracted curve because what leaves it turns.
 const TURNS: usize = 10;
-/// Halvings of a stretch of an arc or side: ends with vertical tangents are approached to 2⁻⁴⁰ of the stretch.
+/// Halvings of a stretch of an arc or side: ends with vertical tangents are approached to 2⁻⁴⁰ of
+/// the stretch.
 const HALVINGS: usize = 40;
-/// Halvings, and triangles, where a base point is left open: nothing gets fine enough there, and the result is not certified anyway.
+/// Halvings, and triangles, where a base point is left open: nothing gets fine enough there, and
+/// the result is not certified anyway.
 const OPEN_HALVINGS: usize = 12;
 const OPEN_TRIANGLES: usize = 100_000;
 /// Vertices of a stretch at most: more has one along which the map is not continuous.
 const VERTICES: usize = 1 << 14;
 
-/// Triangulates the part of the surface that is in the box. The region is decomposed by `curves`, too. What could not be opened, joined or
-/// refined is said to be unproven.
+/// Triangulates the part of the surface that is in the box. The region is decomposed by `curves`,
+/// too. What could not be opened, joined or refined is said to be unproven.
 pub(crate) fn mesh(
     map: &Map,
     region: &Region,
@@ -165,7 +170,8 @@ pub(crate) fn mesh(
     })
 }
 
-/// The curves that a region is decomposed by beside those of the box, without the sides of the unit triangles, which are there already.
+/// The curves that a region is decomposed by beside those of the box, without the sides of the unit
+/// triangles, which are there already.
 #[derive(Default)]
 pub(crate) struct Curves {
     contracted: Vec<(Poly, Vec<Point3>)>,
@@ -294,7 +300,8 @@ struct SiteArc {
     /// Whether it lies to the right, or upward if it is a vertical line.
     right: bool,
     curve: usize,
-    /// Slabs and places in them, from the base point to the border of the rectangle; none for a vertical line.
+    /// Slabs and places in them, from the base point to the border of the rectangle; none for a
+    /// vertical line.
     chain: Vec<(usize, usize)>,
     /// On the border of the rectangle, and halfway.
     end: [f64; 2],
@@ -343,7 +350,8 @@ fn in_plane(quadrant: usize, [u, v]: [f64; 2]) -> [f64; 3] {
     [s * u, t * v, 1.0 - u - v]
 }
 
-/// Places along each side, by side and sign, and whether the stretch after each belongs to the region.
+/// Places along each side, by side and sign, and whether the stretch after each belongs to the
+/// region.
 type Sides = BTreeMap<(usize, i64), Vec<(f64, bool)>>;
 
 /// The side and sign of the three sides u = 0, v = 0, u + v = 1 of a unit triangle.
@@ -397,7 +405,8 @@ impl Builder<'_> {
         let mut factors = w.points[point].curves.iter().chain(&w.vertical);
         factors.find_map(|f| self.nearest_image(q, *f, self.place(q, wall, point)))
     }
-    /// The image of a factor that is contracted: the one near to the value of the map at a point of it.
+    /// The image of a factor that is contracted: the one near to the value of the map at a point of
+    /// it.
     fn nearest_image(&self, q: usize, factor: usize, at: [f64; 2]) -> Option<usize> {
         let images = self.on_curve.get(&factor)?;
         let p = self.charts[q].at(at);
@@ -446,7 +455,8 @@ impl Builder<'_> {
         }
     }
 
-    /// The image of a point of a unit triangle, put on the faces of the box that it is known to be on.
+    /// The image of a point of a unit triangle, put on the faces of the box that it is known to be
+    /// on.
     fn image(&self, q: usize, at: [f64; 2], faces: u8) -> Point3 {
         let mut p = self.charts[q].at(at);
         for face in (0..6).filter(|f| faces >> f & 1 == 1) {
@@ -539,7 +549,8 @@ impl Builder<'_> {
                 }
                 let mut stack = vec![(w[0], w[1], 0)];
                 while let Some((a, b, depth)) = stack.pop() {
-                    // A contracted side has one image, but what leaves it there turns, the faster the nearer to base points.
+                    // A contracted side has one image, but what leaves it there turns, the faster
+                    // the nearer to base points.
                     let rough = || match self.on_side[side] {
                         None => !self.is_fine(&at, a, b),
                         Some(_) if based.is_empty() => false,

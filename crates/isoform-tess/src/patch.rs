@@ -1,4 +1,5 @@
-//! Rational Bézier patches, and those that a NURBS surface consists of, as maps over [0, 1]² with exact coefficients.
+//! Rational Bézier patches, and those that a NURBS surface consists of, as maps over [0, 1]² with
+//! exact coefficients.
 
 use crate::domain::image_bounds;
 use crate::map::{MAX_DEGREE, Map, MapError, Options};
@@ -45,9 +46,11 @@ pub fn is_patch_file(json: &Value) -> bool {
         .any(|key| json.get(key).is_some())
 }
 
-/// The patches of a document: {"patches": \[{"degree": \[m, n\], "control": rows}, …\]} as `isoform parameterize` writes it, with control points
-/// \[x·w, y·w, z·w, w\]; or {"nurbs": \[{"degree": \[p, q\], "knots_u": …, "knots_v": …, "points": rows of \[x, y, z\], "weights": rows}, …\]}, or one
-/// such surface alone. Numbers are taken as the exact values of their doubles; other keys are ignored.
+/// The patches of a document: {"patches": \[{"degree": \[m, n\], "control": rows}, …\]} as `isoform
+/// parameterize` writes it, with control points \[x·w, y·w, z·w, w\]; or {"nurbs": \[{"degree":
+/// \[p, q\], "knots_u": …, "knots_v": …, "points": rows of \[x, y, z\], "weights": rows}, …\]}, or
+/// one such surface alone. Numbers are taken as the exact values of their doubles; other keys are
+/// ignored.
 ///
 /// # Errors
 /// [`PatchFileError`].
@@ -270,7 +273,8 @@ fn nurbs(value: &Value, at: &str) -> Result<Vec<Patch>, PatchFileError> {
     Ok(patches)
 }
 
-/// The Bézier points of a B-spline between knot k and the next: the i-th is the polar form at p − i times the one and i times the other.
+/// The Bézier points of a B-spline between knot k and the next: the i-th is the polar form at p − i
+/// times the one and i times the other.
 fn segment(p: usize, knots: &[RBig], points: &[ControlPoint], k: usize) -> Vec<ControlPoint> {
     let at = |i: usize| {
         let mut d: Vec<ControlPoint> = points[k - p..=k].to_vec();
@@ -322,7 +326,8 @@ impl Patch {
             Poly::from_terms(terms.filter(|t| !t.1.is_zero()))
         })
     }
-    /// The control points of a side, in the order of [`crate::Domain::rectangle`]: t = 0, s = 1, t = 1 backward, s = 0 backward.
+    /// The control points of a side, in the order of [`crate::Domain::rectangle`]: t = 0, s = 1, t
+    /// = 1 backward, s = 0 backward.
     pub(crate) fn side(&self, side: usize) -> Vec<&ControlPoint> {
         let [m, n] = self.degree;
         let at = |i: usize, j: usize| &self.control[i * (n + 1) + j];
@@ -335,8 +340,8 @@ impl Patch {
     }
 }
 
-/// A box that holds all patches, if none has a pole: the least and greatest coordinates of control points, of halved patches where weights have
-/// both signs.
+/// A box that holds all patches, if none has a pole: the least and greatest coordinates of control
+/// points, of halved patches where weights have both signs.
 pub fn patch_bounds(patches: &[Patch]) -> Option<[[RBig; 2]; 3]> {
     let unit = [0, 1].map(|_| [RBig::ZERO, RBig::ONE]);
     let mut all: Option<[[RBig; 2]; 3]> = None;
@@ -357,7 +362,8 @@ pub fn patch_bounds(patches: &[Patch]) -> Option<[[RBig; 2]; 3]> {
 
 /// From Bernstein coefficients to those of powers.
 fn to_powers(line: Vec<RBig>) -> Vec<RBig> {
-    // Differences: the k-th power has the k-th difference of the first coefficients, n over k times.
+    // Differences: the k-th power has the k-th difference of the first coefficients, n over k
+    // times.
     let n = line.len() - 1;
     let (mut differences, mut binomial, mut found) = (line, RBig::ONE, Vec::with_capacity(n + 1));
     for k in 0..=n {

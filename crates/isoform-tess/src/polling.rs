@@ -8,7 +8,8 @@ use std::time::Duration;
 /// How often it is asked.
 const POLL: Duration = Duration::from_millis(1);
 
-/// Does some work, which is told by the flag to stop; `stop` is asked by the thread that calls only.
+/// Does some work, which is told by the flag to stop; `stop` is asked by the thread that calls
+/// only.
 ///
 /// # Panics
 /// If the work does.

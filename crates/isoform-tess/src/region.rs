@@ -1,11 +1,13 @@
 //! The part of the parameter plane that a map sends into a box, exactly.
 //!
 //! |X|, |Y|, |Z| ≤ B|W| is bounded by the six curves X ± B W, Y ± B W, Z ± B W. In each of the four unit triangles their
-//! arrangement has finitely many cells, on each of which the map stays inside the box or outside of it. A cell that is inside does not meet
-//! the pole curve: where W vanishes inside, all four forms do, and that is a base point.
+//! arrangement has finitely many cells, on each of which the map stays inside the box or outside of
+//! it. A cell that is inside does not meet the pole curve: where W vanishes inside, all four forms
+//! do, and that is a base point.
 //!
-//! The sides of a region of the parameter plane are lines that enter the same arrangement; cells outside of it are not inside. Curves of the box
-//! that are proved to miss it are left out: where one of them is, no base point is in the region.
+//! The sides of a region of the parameter plane are lines that enter the same arrangement; cells
+//! outside of it are not inside. Curves of the box that are proved to miss it are left out: where
+//! one of them is, no base point is in the region.
 
 use crate::domain::{Domain, image_bounds, parameters};
 use crate::map::Map;
@@ -39,11 +41,13 @@ pub struct Region {
     pub triangles: Vec<Triangle>,
     /// The part of the parameter plane to which it is restricted.
     pub domain: Option<Domain>,
-    /// Whether the map is proved to have no pole in the closed domain and to send it into the open box: then neither was decomposed.
+    /// Whether the map is proved to have no pole in the closed domain and to send it into the open
+    /// box: then neither was decomposed.
     pub is_clear: bool,
 }
 
-/// The topology of a region: of the surface in the box as far as no two parameters have the same image.
+/// The topology of a region: of the surface in the box as far as no two parameters have the same
+/// image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RegionTopology {
     /// Euler characteristic.
@@ -55,7 +59,8 @@ pub struct RegionTopology {
 }
 
 impl Region {
-    /// The parameters that a map sends into the box \[−B, B\]³, with B = `half_width` > 0, decomposed by other curves, too: forms in (s, t, w).
+    /// The parameters that a map sends into the box \[−B, B\]³, with B = `half_width` > 0,
+    /// decomposed by other curves, too: forms in (s, t, w).
     ///
     /// # Errors
     /// [`ArrangementError`], if stopped.
@@ -151,7 +156,8 @@ impl Region {
             is_clear,
         })
     }
-    /// The side of the domain, as a bit, that an arc over a slab lies on: none for what only lies on its line.
+    /// The side of the domain, as a bit, that an arc over a slab lies on: none for what only lies
+    /// on its line.
     pub(crate) fn side_of_arc(&self, quadrant: usize, slab: usize, place: usize) -> u64 {
         let a = &self.triangles[quadrant].arrangement;
         let (u, curve) = (&a.slabs[slab].u, a.slabs[slab].arcs[place].curve);
@@ -178,7 +184,8 @@ impl Region {
         let v = (&w.points[point].hi + &w.points[point + 1].lo) / RBig::from(2);
         self.side_at(quadrant, [&u, &v])
     }
-    /// The same for what a place of a unit triangle's side lies on: it is no point that a curve goes through.
+    /// The same for what a place of a unit triangle's side lies on: it is no point that a curve
+    /// goes through.
     pub(crate) fn side_of_place(&self, quadrant: usize, at: [f64; 2]) -> u64 {
         let [u, v] = at.map(|x| RBig::try_from(x).unwrap_or_default());
         if self.domain.is_none() {
@@ -217,7 +224,8 @@ impl Region {
         bits | before | self.side_of_wall(quadrant, wall, point)
     }
 
-    /// Euler characteristic, components and boundary loops. The region is taken as the closure of its cells.
+    /// Euler characteristic, components and boundary loops. The region is taken as the closure of
+    /// its cells.
     pub fn topology(&self) -> RegionTopology {
         let mut count = Count::default();
         for (quadrant, triangle) in self.triangles.iter().enumerate() {
@@ -249,7 +257,8 @@ impl Triangle {
     pub(crate) fn holds_segment(&self, wall: usize, point: usize) -> bool {
         self.cells_at(wall, point, point + 1).next().is_some()
     }
-    /// Whether the cells on the left and on the right of the wall between a point and the next are inside.
+    /// Whether the cells on the left and on the right of the wall between a point and the next are
+    /// inside.
     pub(crate) fn sides_held(&self, wall: usize, point: usize) -> [bool; 2] {
         let mut held = [false; 2];
         self.cells_at(wall, point, point + 1)
@@ -288,21 +297,24 @@ impl Triangle {
     }
 }
 
-/// Where cells of different triangles meet: the sides s = 0, t = 0, w = 0 by the sign of t, s, s t, and the corners.
+/// Where cells of different triangles meet: the sides s = 0, t = 0, w = 0 by the sign of t, s, s t,
+/// and the corners.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Place {
     /// Slab and place of a cell in a triangle.
     Cell(usize, usize, usize),
     /// Point of a wall inside a triangle.
     Inner(usize, usize, usize),
-    /// A point of a side that a bounding curve goes through, by order; an interval of it after that many points.
+    /// A point of a side that a bounding curve goes through, by order; an interval of it after that
+    /// many points.
     Point(usize, i64, usize),
     Interval(usize, i64, usize),
     /// (0:0:1), (1:0:0), (0:1:0).
     Corner(usize),
 }
 
-/// Sums over the pieces of the region: open cells of the triangles one by one, what lies on sides once for both triangles.
+/// Sums over the pieces of the region: open cells of the triangles one by one, what lies on sides
+/// once for both triangles.
 #[derive(Default)]
 struct Count {
     euler: i64,
@@ -311,7 +323,8 @@ struct Count {
     touching: Vec<(Place, Place)>,
     /// Pieces of the boundary and their ends.
     bounding: Vec<(Place, Place)>,
-    /// How many triangles with the region next to it an interval of a side that is itself a bounding curve has.
+    /// How many triangles with the region next to it an interval of a side that is itself a
+    /// bounding curve has.
     cells: Vec<Place>,
     side_cells: BTreeMap<Place, usize>,
     side_ends: BTreeMap<Place, (Place, Place)>,
@@ -322,7 +335,8 @@ impl Count {
         let walls = &t.arrangement.walls;
         let last = walls.len() - 1;
         let n = t.arrangement.lower();
-        // Names of all points of walls. Points on sides that only this triangle's decomposition knows belong to the interval around.
+        // Names of all points of walls. Points on sides that only this triangle's decomposition
+        // knows belong to the interval around.
         let [s, r] = QUADRANTS[q];
         let mut names: BTreeMap<(usize, usize), Place> = BTreeMap::new();
         let mut seen = [0usize; 3];
@@ -580,18 +594,8 @@ mod tests {
     /// Maps without real base points, whose regions were counted elsewhere.
     #[test]
     fn regions_of_the_zoo() {
-        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/zoo");
-        let Ok(files) = std::fs::read_dir(&folder) else {
-            println!("skip  {} is not there", folder.display());
-            return;
-        };
-        let mut files: Vec<_> = files
-            .filter_map(|f| f.ok().map(|f| f.path()))
-            .filter(|p| p.extension().is_some_and(|e| e == "json"))
-            .collect();
-        files.sort();
         let mut compared = 0;
-        for file in files {
+        for file in isoform_testdata::files("zoo", "json") {
             let text = std::fs::read_to_string(&file).expect("readable");
             let known: serde_json::Value = serde_json::from_str(&text).expect("JSON");
             let counted = &known["box_topology_normalised"];

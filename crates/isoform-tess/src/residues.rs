@@ -1,8 +1,10 @@
 //! Greatest common divisors over a number field by way of residues modulo primes.
 //!
-//! Modulo a prime Q(θ) becomes F_p\[x\]/(p), in which Euclid's algorithm is cheap; the monic divisor comes back by Chinese remainders and
-//! rational reconstruction (L. Langemyr, S. McCallum, J. Symbolic Comput. 8, 1989). Where the modulus stays squarefree and a leading
-//! coefficient stays invertible, the degree modulo the prime is not too low; a candidate of that degree that divides is proven.
+//! Modulo a prime Q(θ) becomes F_p\[x\]/(p), in which Euclid's algorithm is cheap; the monic
+//! divisor comes back by Chinese remainders and rational reconstruction (L. Langemyr, S. McCallum,
+//! J. Symbolic Comput. 8, 1989). Where the modulus stays squarefree and a leading coefficient stays
+//! invertible, the degree modulo the prime is not too low; a candidate of that degree that divides
+//! is proven.
 
 use crate::field::{Element, NumberField};
 use crate::univariate::{Coefficients, Stopped, check, divide};

@@ -1,12 +1,16 @@
-//! Curves of the parameter plane over which a rational surface is not an embedded smooth one: double, cuspidal and contracted curves.
+//! Curves of the parameter plane over which a rational surface is not an embedded smooth one:
+//! double, cuspidal and contracted curves.
 //!
-//! With the implicit equation F of degree m, D(s, t, w) is the greatest common divisor of the four partial derivatives of F pulled back
-//! through the map: its zeros are the parameters of singular points of the surface, apart from finitely many. The pulled back
-//! gradient and the vector M of signed 3 × 3 minors of the forms' Jacobian both give the tangent plane, so they are proportional: with
-//! J the greatest common divisor of the minors, ∇F∘φ = D·M/J, and D comes from one derivative by exact division.
+//! With the implicit equation F of degree m, D(s, t, w) is the greatest common divisor of the four
+//! partial derivatives of F pulled back through the map: its zeros are the parameters of singular
+//! points of the surface, apart from finitely many. The pulled back gradient and the vector M of
+//! signed 3 × 3 minors of the forms' Jacobian both give the tangent plane, so they are
+//! proportional: with J the greatest common divisor of the minors, ∇F∘φ = D·M/J, and D comes from
+//! one derivative by exact division.
 //!
-//! An irreducible factor of D or J is *contracted* if the map is constant on it (then it divides J, not always D), otherwise *ramified* if it
-//! divides J (the surface has a cuspidal edge there), otherwise *double*: smooth sheets cross, or touch, in its image.
+//! An irreducible factor of D or J is *contracted* if the map is constant on it (then it divides J,
+//! not always D), otherwise *ramified* if it divides J (the surface has a cuspidal edge there),
+//! otherwise *double*: smooth sheets cross, or touch, in its image.
 
 use crate::field::{Algebraic, Element, NumberField};
 use crate::map::Map;
@@ -15,7 +19,8 @@ use crate::zeros::common_zeros;
 use isoform_algebra::{IBig, Implicit, Poly, RBig, UBig, UPoly, discriminant, real_roots};
 use std::sync::Arc;
 
-/// A curve of the parameter plane, irreducible over Q, with singular points of the surface or of the map over it.
+/// A curve of the parameter plane, irreducible over Q, with singular points of the surface or of
+/// the map over it.
 #[derive(Clone, Debug)]
 pub struct SingularCurve {
     /// A primitive form in (s, t, w), irreducible over Q.
@@ -46,7 +51,8 @@ pub enum CurveKind {
 pub struct Contraction {
     /// The field of their coordinates.
     pub field: Arc<NumberField>,
-    /// (X : Y : Z : W) with W = 1, or at infinity with the last one that differs from zero equal to 1.
+    /// (X : Y : Z : W) with W = 1, or at infinity with the last one that differs from zero equal to
+    /// 1.
     pub image: [Element; 4],
 }
 
@@ -75,11 +81,13 @@ pub enum RealPart {
     Curve,
     /// Only isolated points (s : t : w), or none.
     Points(Vec<[Algebraic; 3]>),
-    /// Only isolated points, or none: the degree is above [`POINTS_DEGREE`], and they were not looked for.
+    /// Only isolated points, or none: the degree is above [`POINTS_DEGREE`], and they were not
+    /// looked for.
     NoArc,
 }
 
-/// Largest degree of a curve of whose isolated points the coordinates are computed: up to 49 conjugates, about a second.
+/// Largest degree of a curve of whose isolated points the coordinates are computed: up to 49
+/// conjugates, about a second.
 pub const POINTS_DEGREE: usize = 8;
 
 /// The singular curves of a map.
@@ -207,7 +215,8 @@ fn kind_of_critical(
         .rev()
         .find(|&i| !forms[i].is_multiple_of(curve))
         .expect("no common factor");
-    // A tangent vector ∇C × e, not a multiple of the point itself as long as e·(s, t, w) is no multiple of C.
+    // A tangent vector ∇C × e, not a multiple of the point itself as long as e·(s, t, w) is no
+    // multiple of C.
     let tangent = if curve.is_associate(&Poly::var(2)) {
         [Poly::zero(), Poly::one(), Poly::zero()]
     } else {

@@ -22,7 +22,8 @@ use std::time::Instant;
 /// Whether sheets that cross are joined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// They are not: two vertices may share a position on the double curve, and every edge has one or two triangles.
+    /// They are not: two vertices may share a position on the double curve, and every edge has one
+    /// or two triangles.
     Normalised,
     /// They are cut and joined along the double curve, whose edges have four triangles or more.
     Glued,
@@ -44,7 +45,8 @@ pub struct MeshOptions {
 pub struct TriangulateOptions {
     /// Half the width of the box around the origin.
     pub half_width: RBig,
-    /// The part of the parameter plane to which the surface is restricted: all of it if there is none.
+    /// The part of the parameter plane to which the surface is restricted: all of it if there is
+    /// none.
     pub domain: Option<Domain>,
     /// Whether sheets that cross are joined.
     pub mode: Mode,
@@ -110,11 +112,13 @@ pub struct Surface {
     pub(crate) double: Vec<bool>,
 }
 
-/// Edges from the lesser vertex to the greater: how many triangles they have, and whether they lie on a side of the domain in one of them.
+/// Edges from the lesser vertex to the greater: how many triangles they have, and whether they lie
+/// on a side of the domain in one of them.
 pub(crate) type Edges = BTreeMap<[u32; 2], (usize, bool)>;
 
 impl Surface {
-    /// Its edges; `borders` has the sides of the domain that count for the corners of each triangle, as bits.
+    /// Its edges; `borders` has the sides of the domain that count for the corners of each
+    /// triangle, as bits.
     pub(crate) fn edges(&self, borders: &[[u64; 3]]) -> Edges {
         let mut edges = Edges::new();
         for (t, bits) in self.triangles.iter().zip(borders) {
@@ -126,7 +130,8 @@ impl Surface {
         }
         edges
     }
-    /// How many edges have one triangle, and lie neither in a face of the box nor on a side of the domain.
+    /// How many edges have one triangle, and lie neither in a face of the box nor on a side of the
+    /// domain.
     pub(crate) fn open_edges(&self, edges: &Edges) -> usize {
         let same_face = |e: &[u32; 2]| self.faces[e[0] as usize] & self.faces[e[1] as usize] != 0;
         edges
@@ -285,8 +290,9 @@ impl<'a> Prepared<'a> {
         surface
     }
 
-    /// Boxes of triangles that are too far from the surface, as its implicit equation says to first order, if that is known. They are near enough to
-    /// the sheet that they stand for; but where sheets touch, what looks at the equation alone finds them farther away.
+    /// Boxes of triangles that are too far from the surface, as its implicit equation says to first
+    /// order, if that is known. They are near enough to the sheet that they stand for; but where
+    /// sheets touch, what looks at the equation alone finds them farther away.
     pub fn far(&self, surface: &Surface) -> Vec<[Point3; 2]> {
         let Some(implicit) = &self.analysis.implicit else {
             return Vec::new();
@@ -309,15 +315,17 @@ impl<'a> Prepared<'a> {
             .collect()
     }
 
-    /// Divides the tolerance by four in and around boxes, given by their least and greatest coordinates: for the next [`Prepared::surface`].
+    /// Divides the tolerance by four in and around boxes, given by their least and greatest
+    /// coordinates: for the next [`Prepared::surface`].
     pub fn refine(&mut self, boxes: &[[Point3; 2]]) {
         self.fineness
             .refine(boxes, self.options.half_width.to_f64().value());
     }
 }
 
-/// Analyses a map and triangulates its surface in a box. The analysis says in `seconds` how long the triangulation took, too; the surface
-/// repeats in `unproven` what the analysis could not prove.
+/// Analyses a map and triangulates its surface in a box. The analysis says in `seconds` how long
+/// the triangulation took, too; the surface repeats in `unproven` what the analysis could not
+/// prove.
 ///
 /// # Errors
 /// [`Stopped`], if not even the region of parameters was found in time.
@@ -331,7 +339,8 @@ pub fn triangulate(
     Ok((surface, prepared.analysis))
 }
 
-/// One surface of the surfaces of patches, each over [0, 1]² and in the same box: joined along sides with the same control points.
+/// One surface of the surfaces of patches, each over [0, 1]² and in the same box: joined along
+/// sides with the same control points.
 ///
 /// # Panics
 /// If there are not as many surfaces as patches.

@@ -1,7 +1,8 @@
 //! Univariate polynomials over a number field, and fields over fields.
 //!
-//! Coefficients lowest first, the last one not zero; the zero polynomial is empty. Extensions by B. M. Trager (SYMSAC 1976): the norm
-//! of a squarefree polynomial is squarefree after a shift by a multiple of the generator, and its factors over Q are the fields.
+//! Coefficients lowest first, the last one not zero; the zero polynomial is empty. Extensions by B.
+//! M. Trager (SYMSAC 1976): the norm of a squarefree polynomial is squarefree after a shift by a
+//! multiple of the generator, and its factors over Q are the fields.
 
 use crate::field::{Element, NumberField};
 use crate::residues;
@@ -147,8 +148,8 @@ pub(crate) struct Extension {
     pub(crate) root: Element,
 }
 
-/// The fields of the roots of a squarefree polynomial, one for each class of roots that are conjugate over Q; if asked for, only
-/// those with a real root and a real image of the generator.
+/// The fields of the roots of a squarefree polynomial, one for each class of roots that are
+/// conjugate over Q; if asked for, only those with a real root and a real image of the generator.
 pub(crate) fn roots(
     k: &Arc<NumberField>,
     p: &Coefficients,

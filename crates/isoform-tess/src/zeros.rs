@@ -1,8 +1,10 @@
 //! Common zeros of forms in (s : t : w) that have no common factor, exactly.
 //!
-//! The plane is sheared until no zero at infinity lies in the direction of t, so that two combinations of the forms have a resultant in
-//! θ = s + k·t that loses no common point. Its irreducible factors are the fields that may hold a zero; over each of them the
-//! greatest common divisor of the forms on the line decides, and a shear under which two zeros share a θ is given up.
+//! The plane is sheared until no zero at infinity lies in the direction of t, so that two
+//! combinations of the forms have a resultant in θ = s + k·t that loses no common point. Its
+//! irreducible factors are the fields that may hold a zero; over each of them the greatest common
+//! divisor of the forms on the line decides, and a shear under which two zeros share a θ is given
+//! up.
 
 use crate::field::{Algebraic, Element, NumberField};
 use crate::univariate::{self, Coefficients, Stopped, check};
@@ -10,7 +12,8 @@ use isoform_algebra::{Poly, RBig, UPoly, resultant};
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// The affine chart of the projective plane that a point is given in: the first of them that holds it.
+/// The affine chart of the projective plane that a point is given in: the first of them that holds
+/// it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Chart {
     /// w = 1, coordinates (s, t).
@@ -63,7 +66,8 @@ impl Zero {
     }
 }
 
-/// Coefficients of the combinations of which resultants are taken; any that have no common factor will do.
+/// Coefficients of the combinations of which resultants are taken; any that have no common factor
+/// will do.
 fn combination(forms: &[Poly], index: u64) -> Poly {
     let mut state = index;
     forms.iter().enumerate().fold(Poly::zero(), |sum, (i, f)| {
@@ -80,7 +84,8 @@ fn combination(forms: &[Poly], index: u64) -> Poly {
     })
 }
 
-/// The common zeros, one [`Zero`] for each class; if asked for, only classes with real points. Ordered by chart, then by field.
+/// The common zeros, one [`Zero`] for each class; if asked for, only classes with real points.
+/// Ordered by chart, then by field.
 ///
 /// The forms are of one degree and have no common factor.
 pub(crate) fn common_zeros(
@@ -163,7 +168,8 @@ fn zeros_in_shear(
     real: bool,
     stop: &dyn Fn() -> bool,
 ) -> Result<Option<Vec<Zero>>, Stopped> {
-    // At least one of each pair keeps its degree in t, so that a common point is a zero of the resultant.
+    // At least one of each pair keeps its degree in t, so that a common point is a zero of the
+    // resultant.
     let full = |f: &Poly| f.degree(1) == degree;
     let mut indices = 0..;
     let first = indices
@@ -185,12 +191,14 @@ fn zeros_in_shear(
             common = common.gcd(&r.to_upoly(0).expect("t was eliminated"));
             used += 1;
         }
-        // Two resultants usually have the zeros in common and nothing else; more only make the factors fewer.
+        // Two resultants usually have the zeros in common and nothing else; more only make the
+        // factors fewer.
         if common.degree() == 0 && used > 0 || used >= 2 && index as usize + 1 >= forms.len() {
             break;
         }
         if index > 3 * forms.len() as u64 && used == 0 {
-            // The first one contains a factor of all the others that were tried: take another first one.
+            // The first one contains a factor of all the others that were tried: take another first
+            // one.
             return zeros_with_first(forms, shift, degree, real, stop);
         }
     }

@@ -208,7 +208,8 @@ fn a_cuspidal_edge_is_ramified() {
 
 #[test]
 fn equal_tangents_are_blown_up_again() {
-    // At (0 : 1 : 0) in (s, w): (s w², w², s³ − 3s, w³) has the leading forms (0, 0, −3a, 0), so w = b grows alone: then (1, 1, …).
+    // At (0 : 1 : 0) in (s, w): (s w², w², s³ − 3s, w³) has the leading forms (0, 0, −3a, 0), so w
+    // = b grows alone: then (1, 1, …).
     let points = base_points(&map(MONKEY_SADDLE), &go).expect("nobody stops");
     assert_eq!(points.len(), 3);
     for p in &points {
@@ -239,8 +240,9 @@ fn angle(a: [f64; 4], b: [f64; 4]) -> f64 {
     (cross / (dot(a, a) * dot(b, b))).sqrt()
 }
 
-/// Compares the seam with images at a distance of about 2^−40 in rational directions (a : b); `path` gives the local
-/// coordinates (u, v) of a point whose last blow-up has the coordinates (τa, τb).
+/// Compares the seam with images at a distance of about 2^−40 in rational directions (a : b);
+/// `path` gives the local coordinates (u, v) of a point whose last blow-up has the coordinates (τa,
+/// τb).
 fn check_seam(
     map: &Map,
     base: &BasePoint,
@@ -411,7 +413,7 @@ fn a_change_of_the_parameter_frame_changes_no_count() {
 #[test]
 fn random_maps_are_analysed_or_refused() {
     let mut random = fastrand::Rng::with_seed(5);
-    let mut analysed = 0;
+    let (mut analysed, mut implicit) = (0, 0);
     for round in 0..300 {
         let n = 2 + round % 3;
         let density = random.f64();
@@ -443,9 +445,43 @@ fn random_maps_are_analysed_or_refused() {
                 map.affine()
             );
         }
+        let equations = facts_hold(&map, &found, &mut random);
+        implicit += usize::from(equations);
         analysed += 1;
     }
     assert!(analysed > 150, "{analysed}");
+    assert!(implicit > 100, "{implicit} implicit equations");
+}
+
+/// What must hold of any map: Bézout's theorem, with the base points' multiplicities found one by
+/// one; the factors of the pole make up W; the implicit equation has its degree and is zero, in
+/// exact arithmetic, at points of the surface. Returns whether there is an equation.
+fn facts_hold(map: &Map, found: &Analysis, random: &mut fastrand::Rng) -> bool {
+    let degrees = found.degrees.as_ref().expect("counted");
+    let met = degrees.map_degree * degrees.implicit_degree;
+    assert_eq!(
+        base_multiplicity(map, &go),
+        Ok(degrees.degree * degrees.degree - met),
+        "{:?}",
+        map.affine()
+    );
+    let pole = found.pole.as_ref().expect("factored");
+    let product = pole
+        .iter()
+        .fold(Poly::one(), |p, (f, n)| p * f.pow(*n as u32));
+    assert!(product.is_associate(&map.forms()[3]), "{:?}", map.affine());
+    let Some(implicit) = &found.implicit else {
+        return false;
+    };
+    assert_eq!(implicit.equation.total_degree(), degrees.implicit_degree);
+    for _ in 0..4 {
+        let mut number = || RBig::from_parts(random.i64(-99..=99).into(), random.u8(1..99).into());
+        let at = [number(), number()];
+        let point = map.affine().each_ref().map(|f| f.eval(&at));
+        let value = implicit.equation.eval(&point);
+        assert_eq!(value, RBig::ZERO, "{:?} at {at:?}", map.affine());
+    }
+    true
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! Surfaces over a part of the parameter plane: closed forms, topology, and what is said where something is left open.
+//! Surfaces over a part of the parameter plane: closed forms, topology, and what is said where
+//! something is left open.
 
 use isoform_algebra::{Poly, RBig};
 use isoform_tess::{
@@ -148,7 +149,8 @@ fn the_area_of_a_piece_of_a_sphere_converges() {
     }
 }
 
-/// Over polygons, a plane is exact, and so are a lifted polygon's area and the paraboloid's integral of it.
+/// Over polygons, a plane is exact, and so are a lifted polygon's area and the paraboloid's
+/// integral of it.
 #[test]
 fn polygons_have_their_area() {
     for (text, exact) in [
@@ -300,7 +302,8 @@ fn base_points_inside_and_on_sides() {
     }
 }
 
-/// The sphere's parameters at infinity are one point; here a curve in the plane: s = 0 is contracted to the apex of a cone.
+/// The sphere's parameters at infinity are one point; here a curve in the plane: s = 0 is
+/// contracted to the apex of a cone.
 #[test]
 fn contracted_sides() {
     let cone = ["s*(1 - t^2)", "2*s*t", "s*(1 + t^2)", "1 + t^2"];

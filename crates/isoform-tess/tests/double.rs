@@ -1,4 +1,5 @@
-//! Pinch points and solitary curves: against facts about a collection of surfaces, and against what is known by hand.
+//! Pinch points and solitary curves: against facts about a collection of surfaces, and against what
+//! is known by hand.
 mod common;
 
 use common::zoo;
@@ -90,7 +91,8 @@ fn check_vertices(name: &str, equation: &Poly, arcs: &Arcs, half_width: f64) {
             x.iter().all(|v| v.abs() <= half_width * (1.0 + 1e-12)),
             "{name}: {x:?} outside of the box"
         );
-        // Close to the origin all terms are small: compare with those at the distance of a hundredth of the box, too.
+        // Close to the origin all terms are small: compare with those at the distance of a
+        // hundredth of the box, too.
         let reach = x.map(|v| v.abs().max(1e-2 * half_width));
         for f in [equation].into_iter().chain(&derivatives) {
             let ((v, _), (_, size)) = (value(f, *x), value(f, reach));
@@ -157,7 +159,7 @@ fn solitary_curves_of_the_zoo() {
             "{name}"
         );
     }
-    println!("{compared} points compared");
+    assert_eq!(compared, 35, "points compared");
 }
 
 /// Ends of straight arcs, ordered.
@@ -234,7 +236,8 @@ fn half_axes() {
     );
 }
 
-/// Several pairs with one image, and real parameters on a part of it only: the line s = 0, with z = q(t).
+/// Several pairs with one image, and real parameters on a part of it only: the line s = 0, with z =
+/// q(t).
 #[test]
 fn real_parameters_on_a_part() {
     // For z < −1/4 two pairs, then real ones; for z > 0 a pair and real ones.
@@ -345,7 +348,12 @@ fn projectivities_of_the_parameters() {
         "base_mult2",
         "pole_4ovals",
     ];
-    for (name, facts, map) in zoo().into_iter().filter(|z| names.contains(&&*z.0)) {
+    let named: Vec<_> = zoo()
+        .into_iter()
+        .filter(|z| names.contains(&&*z.0))
+        .collect();
+    assert_eq!(named.len(), names.len());
+    for (name, facts, map) in named {
         let b = facts["box"].as_f64().expect("a number");
         let (first, _) = arcs(&map, b, 1e-3 * b);
         assert!(!first.is_empty(), "{name}");
@@ -411,7 +419,8 @@ fn what_cannot_be_done() {
     );
 }
 
-/// Random maps of degree 2 and 3: singular points only, and the same ones in other coordinates of the parameter plane.
+/// Random maps of degree 2 and 3: singular points only, and the same ones in other coordinates of
+/// the parameter plane.
 #[test]
 fn random_maps() {
     let mut rng = fastrand::Rng::with_seed(5);

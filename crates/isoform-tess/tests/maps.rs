@@ -2,7 +2,8 @@
 
 use isoform_tess::{Map, MapError, Options};
 
-/// The invalid files of the acceptance check, each with the code and the polynomial that must be named.
+/// The invalid files of the acceptance check, each with the code and the polynomial that must be
+/// named.
 const INVALID: [(&str, &str, Option<&str>); 12] = [
     (
         r#"{"X":"s","Y":"s^2","Z":"s^3","W":"1"}"#,

@@ -1,4 +1,4 @@
-//! The facts of the collection of rational surfaces in `../shared/zoo`, where it is present.
+//! The facts of the collection of rational surfaces in tests/data/zoo.
 
 mod common;
 
@@ -174,7 +174,8 @@ fn singular_curves_of_the_zoo() {
                     continue;
                 };
                 if key == "ramified_curves" {
-                    // Curves without real points were listed as ramified unseen; some are contracted to complex points.
+                    // Curves without real points were listed as ramified unseen; some are
+                    // contracted to complex points.
                     assert!(
                         fact["real_1dim"] == false && image.points().is_empty(),
                         "{name}: {fact}"

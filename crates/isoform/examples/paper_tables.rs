@@ -1,9 +1,11 @@
-//! Tables 2 to 4 of Fayolle, Pasko, Kartasheva, Mirenkov: Shape recovery using functionally represented constructive models (2004),
-//! redone with the paper's methods and with ours: `cargo run --release -p isoform --example paper_tables`.
+//! Tables 2 to 4 of Fayolle, Pasko, Kartasheva, Mirenkov: Shape recovery using functionally
+//! represented constructive models (2004), redone with the paper's methods and with ours: `cargo
+//! run --release -p isoform --example paper_tables`.
 //!
-//! The paper's point sets are not published. Ours are the crossings of a lattice's edges with the surface (what a polygonizer puts
-//! out), moved onto it, as many as in the paper, with Gaussian noise of 0.0038 for the part, which gives its sum of squares, and
-//! none for the pot. The scale of times is another (a personal computer of 2004).
+//! The paper's point sets are not published. Ours are the crossings of a lattice's edges with the
+//! surface (what a polygonizer puts out), moved onto it, as many as in the paper, with Gaussian
+//! noise of 0.0038 for the part, which gives its sum of squares, and none for the pot. The scale of
+//! times is another (a personal computer of 2004).
 
 use isoform::FrepTemplate;
 use isoform::field::hyperfun::{Mode, Model, Pose};
@@ -28,7 +30,8 @@ fn template(text: &str) -> FrepTemplate {
     FrepTemplate::with_pose(&model, Pose::None, &[]).expect("a template")
 }
 
-/// Where the edges of a lattice cross the surface f(x; a) = 0, `n` of them in a random order, moved along the edge onto it.
+/// Where the edges of a lattice cross the surface f(x; a) = 0, `n` of them in a random order, moved
+/// along the edge onto it.
 fn crossings(
     field: &dyn ParamField,
     a: &[f64],

@@ -1,15 +1,17 @@
 //! Two-sided deviation between any two of points, meshes and models.
 //!
-//! Points ask for the nearest point; of a mesh the nearest triangle (those of the nearest samples are measured exactly); of a model the
-//! metric reading, which is the distance to first order; points of meshes, which lie near, are brought to the model's surface by Newton's
-//! method on that reading and asked how far they went. Meshes and models are sampled evenly.
+//! Points ask for the nearest point; of a mesh the nearest triangle (those of the nearest samples
+//! are measured exactly); of a model the metric reading, which is the distance to first order;
+//! points of meshes, which lie near, are brought to the model's surface by Newton's method on that
+//! reading and asked how far they went. Meshes and models are sampled evenly.
 
 use crate::FrepTemplate;
 use crate::facets::on_triangle;
 use isoform_fit::{Template, surface_samples};
 use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
 
-/// Samples of a mesh whose triangles are measured: the nearest triangle is nearly always among them.
+/// Samples of a mesh whose triangles are measured: the nearest triangle is nearly always among
+/// them.
 const NEAREST: usize = 32;
 
 /// Fewest samples of a triangle.
@@ -52,8 +54,9 @@ pub enum CompareError {
     Empty(&'static str),
 }
 
-/// Distances from the first to the second, and from the second to the first. Models are looked at in `region`, by default the box of
-/// the other side (somewhat enlarged); coordinates are those of the files.
+/// Distances from the first to the second, and from the second to the first. Models are looked at
+/// in `region`, by default the box of the other side (somewhat enlarged); coordinates are those of
+/// the files.
 pub fn compare(
     a: Side,
     b: Side,
@@ -116,7 +119,8 @@ fn sampled(side: &Side, region: Option<Aabb>, wanted: usize) -> Result<Sampled, 
             let total: f64 = out.triangles.iter().map(area).sum();
             let mut owed = 0.0;
             for (i, t) in out.triangles.iter().enumerate().filter(|_| total > 0.0) {
-                // Every triangle has some, so that none is overlooked where nearest ones are sought.
+                // Every triangle has some, so that none is overlooked where nearest ones are
+                // sought.
                 owed += (area(t) / total * wanted as f64).max(LEAST);
                 while owed >= 1.0 {
                     owed -= 1.0;
@@ -163,7 +167,8 @@ fn distances(points: &[Point3], to: &Side, sampled: &Sampled, exactly: bool) -> 
 /// Steps of Newton's method: each doubles the digits, and the first ones begin at a mesh.
 const STEPS: usize = 6;
 
-/// How far each point is from its foot on the zero set, where Newton's method along gradients leads; by the value alone where it leads away.
+/// How far each point is from its foot on the zero set, where Newton's method along gradients
+/// leads; by the value alone where it leads away.
 fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
     let mut at = points.to_vec();
     let (mut f, mut g) = (vec![0.0; at.len()], vec![[0.0; 3]; at.len()]);
@@ -193,7 +198,8 @@ fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Distance of a point from a triangle: to the plane where the foot lies inside, else to the nearest edge.
+/// Distance of a point from a triangle: to the plane where the foot lies inside, else to the
+/// nearest edge.
 fn to_triangle(p: Point3, t: &[Point3; 3]) -> f64 {
     let n = cross(sub(t[1], t[0]), sub(t[2], t[0]));
     let is_inside = (0..3).all(|k| dot(cross(sub(t[(k + 1) % 3], t[k]), sub(p, t[k])), n) >= 0.0);

@@ -1,20 +1,24 @@
 //! Points that lie on the surface that a faceted CAD model stands for.
 //!
-//! Vertices of such a mesh lie on the true surface, but there are few of them on flat faces; points inside the facets of a curved
-//! face lie off it, by the sagitta. So flat faces are sampled by area, and straight lines of cylinders and cones (edges whose ends see
-//! the same two facets and sharp edges only) by length. A scanned mesh has neither, and stays as it is.
+//! Vertices of such a mesh lie on the true surface, but there are few of them on flat faces; points
+//! inside the facets of a curved face lie off it, by the sagitta. So flat faces are sampled by
+//! area, and straight lines of cylinders and cones (edges whose ends see the same two facets and
+//! sharp edges only) by length. A scanned mesh has neither, and stays as it is.
 
 use isoform_geom::{Point3, PointCloud, cross, dot, norm, sub};
 use std::collections::BTreeMap;
 
-/// Facets whose normals differ by less are one plane (CAD exports have rounding of 1e-4; scans have a degree and more).
+/// Facets whose normals differ by less are one plane (CAD exports have rounding of 1e-4; scans have
+/// a degree and more).
 const FLAT: f64 = 0.05_f64.to_radians();
-/// Facets whose normals differ by more meet in an edge of the object, not within a curved face (a circle of 11 sides has 33°).
+/// Facets whose normals differ by more meet in an edge of the object, not within a curved face (a
+/// circle of 11 sides has 33°).
 const SHARP: f64 = 35.0_f64.to_radians();
 /// A mesh with a smaller share of flat faces and facets along straight lines is no CAD model.
 const LEAST_EXACT: f64 = 0.2;
 
-/// The points of the mesh, with about `wanted` further ones on flat faces and straight lines; and how many were added.
+/// The points of the mesh, with about `wanted` further ones on flat faces and straight lines; and
+/// how many were added.
 pub fn points_on_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) {
     let faces = Faces::new(mesh);
     let total: f64 = faces.area.iter().sum();
@@ -55,7 +59,8 @@ pub fn points_on_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) 
         while owed >= 1.0 {
             owed -= 1.0;
             k += 1;
-            // A low-discrepancy pair (Roberts, the plastic number), then the square root map onto the triangle.
+            // A low-discrepancy pair (Roberts, the plastic number), then the square root map onto
+            // the triangle.
             let (r, s) = (
                 (0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(),
                 (0.5 + 0.569_840_290_998_053 * f64::from(k)).fract(),
@@ -86,7 +91,8 @@ pub fn points_on_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) 
     (cloud, added)
 }
 
-/// Point k of an even sequence on a triangle: a low-discrepancy pair (Roberts, the plastic number) and the square root map.
+/// Point k of an even sequence on a triangle: a low-discrepancy pair (Roberts, the plastic number)
+/// and the square root map.
 pub(crate) fn on_triangle(k: u32, corners: [Point3; 3]) -> Point3 {
     let (r, s) = (
         (0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(),

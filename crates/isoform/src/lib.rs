@@ -1,7 +1,8 @@
 //! Isoform: one shape, many forms.
 //!
-//! This crate gathers the others under one name and holds what joins them: [`FrepTemplate`] turns a HyperFun program into a
-//! template that [`fit`](mod@fit) fits to points. [`topology`] counts what a mesh of any triangles consists of.
+//! This crate gathers the others under one name and holds what joins them: [`FrepTemplate`] turns a
+//! HyperFun program into a template that [`fit`](mod@fit) fits to points. [`topology`] counts what
+//! a mesh of any triangles consists of.
 //!
 //! ```
 //! use isoform::FrepTemplate;
@@ -46,7 +47,9 @@ pub use isoform_mesh as mesh;
 pub use isoform_num as num;
 pub use isoform_patch as patch;
 pub use isoform_tess as tess;
-pub use meshing::{certified_adaptation, certified_mesh, default_size, solid_of, surface_of};
+pub use meshing::{
+    certified_adaptation, certified_mesh, default_size, default_size_within, solid_of, surface_of,
+};
 pub use patches::{COORDINATES, field_of, parts_of, patch_mesh, polynomial, step_faces};
 pub use rational::{PatchesError, rational_patches, rational_surface};
 pub use template::{FrepTemplate, TemplateError};

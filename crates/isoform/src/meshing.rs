@@ -4,7 +4,7 @@ use isoform_field::hyperfun::Model;
 use isoform_field::{Pieces, RunField, SolidError};
 use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, PointCloud, Solid};
 use isoform_mesh::check::{self, Certificate, Limits, certify};
-use isoform_mesh::features::{Corner, CornerKind, ExtentError, START, extent};
+use isoform_mesh::features::{Corner, CornerKind, ExtentError, START, extent_within};
 use isoform_mesh::{Control, MeshError, Meshed, Options, adapt, mesh};
 
 /// Part of the diagonal that an element takes by default: some ten thousand tetrahedra in a ball.
@@ -14,7 +14,8 @@ const UNKNOWN: f64 = 0.25;
 /// Times that it is sought again, each time finer: to a solid of some 1e-6.
 const TIMES: usize = 6;
 
-/// A model with the values `a` of its parameters as a solid, and whether its program must be run statement by statement for that.
+/// A model with the values `a` of its parameters as a solid, and whether its program must be run
+/// statement by statement for that.
 ///
 /// Such a solid has one part, named after the model: no edges are known of it, and no intervals.
 pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), SolidError> {
@@ -28,7 +29,8 @@ pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), Soli
     }
 }
 
-/// A length of edges that suits a solid about which nothing else is known: a fortieth of the diagonal of its box, with two digits.
+/// A length of edges that suits a solid about which nothing else is known: a fortieth of the
+/// diagonal of its box, with two digits.
 ///
 /// ```
 /// use isoform::field::hyperfun::{Mode, Model};
@@ -38,12 +40,24 @@ pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), Soli
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn default_size(solid: &dyn Solid, region: Option<Aabb>) -> Result<f64, ExtentError> {
+    default_size_within(solid, region, &Control::default())
+}
+
+/// The same, as long as `control` lets it.
+pub fn default_size_within(
+    solid: &dyn Solid,
+    region: Option<Aabb>,
+    control: &Control<'_>,
+) -> Result<f64, ExtentError> {
     if let Some(region) = region {
         return Ok(two_digits(region.diagonal() / ELEMENTS));
     }
     let mut tolerance = UNKNOWN;
     for _ in 0..TIMES {
-        let size = extent(solid, START, tolerance)?.bounds.diagonal() / ELEMENTS;
+        let size = extent_within(solid, START, tolerance, control)?
+            .bounds
+            .diagonal()
+            / ELEMENTS;
         if size >= tolerance {
             return Ok(two_digits(size));
         }
@@ -83,7 +97,8 @@ pub fn surface_of(mesh: &Mesh) -> PointCloud {
 /// How far from a corner of the solid its node may be, as a share of the diagonal.
 const AT_CORNER: f64 = 1e-9;
 
-/// Meshes a solid and certifies the mesh: topology, shape, distances to the solid, and its feature curves and corners.
+/// Meshes a solid and certifies the mesh: topology, shape, distances to the solid, and its feature
+/// curves and corners.
 pub fn certified_mesh(
     solid: &dyn Solid,
     options: &Options,
@@ -94,7 +109,8 @@ pub fn certified_mesh(
     Ok(certified(meshed, solid, options, limits, control))
 }
 
-/// Improves a volume mesh given from elsewhere on the solid that it stands for, and certifies it like one of our own.
+/// Improves a volume mesh given from elsewhere on the solid that it stands for, and certifies it
+/// like one of our own.
 pub fn certified_adaptation(
     given: &Mesh,
     solid: &dyn Solid,
@@ -141,7 +157,8 @@ fn certified(
     (meshed, certificate)
 }
 
-/// Whether a mesh must have a node there: not where a curve fades out, or goes on with another piece in the same direction.
+/// Whether a mesh must have a node there: not where a curve fades out, or goes on with another
+/// piece in the same direction.
 fn is_corner(corner: &Corner) -> bool {
     !matches!(corner.kind, CornerKind::Fading | CornerKind::Seam)
 }

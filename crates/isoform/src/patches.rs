@@ -1,4 +1,5 @@
-//! Surfaces to parameterize, of programs and of polynomials as text; and their patches for CAD and as triangles.
+//! Surfaces to parameterize, of programs and of polynomials as text; and their patches for CAD and
+//! as triangles.
 
 use isoform_algebra::{ParseError, Poly};
 use isoform_field::hyperfun::Model;
@@ -10,10 +11,12 @@ use isoform_patch::{Parameterized, foot_distances};
 /// The names of the coordinates in polynomials.
 pub const COORDINATES: [&str; 3] = ["x", "y", "z"];
 
-/// A model with the values `a` of its parameters as a function of space, as the program says it (the algebraic reading); and whether
-/// its program must be run statement by statement for that, when nothing is proved of it.
+/// A model with the values `a` of its parameters as a function of space, as the program says it
+/// (the algebraic reading); and whether its program must be run statement by statement for that,
+/// when nothing is proved of it.
 pub fn field_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Field>, bool), SolidError> {
-    // Also finds what no evaluation could do with: another dimension than 3, another number of values.
+    // Also finds what no evaluation could do with: another dimension than 3, another number of
+    // values.
     let run = RunField::new(model, a)?;
     let mut graph = Graph::new();
     match model.compile(&mut graph) {
@@ -25,8 +28,9 @@ pub fn field_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Field>, bool), Soli
     }
 }
 
-/// The smooth parts of a model with the values `a` of its parameters, for patches that end at its edges; none where its program is no
-/// expression, where it has no parts that differ, and where there are too many.
+/// The smooth parts of a model with the values `a` of its parameters, for patches that end at its
+/// edges; none where its program is no expression, where it has no parts that differ, and where
+/// there are too many.
 pub fn parts_of(model: &Model, a: &[f64]) -> Option<Parts> {
     isoform_field::parts_of(model, a)
         .ok()
@@ -36,9 +40,10 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Option<Parts> {
 /// Polynomials with smaller coefficients, and larger ones than its inverse, are scaled.
 const LEAST_SCALE: f64 = 1.0 / (1u128 << 100) as f64;
 
-/// A polynomial in x, y and z with rational coefficients, rounded to nearest; none where a coefficient is beyond the largest double or
-/// the polynomial is constant. One with a largest coefficient above 2¹⁰⁰ or below 2⁻¹⁰⁰ is divided by that before rounding: its surface is
-/// the same, and multiples of one polynomial become one.
+/// A polynomial in x, y and z with rational coefficients, rounded to nearest; none where a
+/// coefficient is beyond the largest double or the polynomial is constant. One with a largest
+/// coefficient above 2¹⁰⁰ or below 2⁻¹⁰⁰ is divided by that before rounding: its surface is the
+/// same, and multiples of one polynomial become one.
 ///
 /// ```
 /// use isoform::geom::Field;
@@ -69,7 +74,8 @@ pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
     Ok(usable.then(|| Polynomial::new(terms)))
 }
 
-/// Patches as faces for STEP, their outside up: that is where the function falls. Patches that are exact are on the surface they lie on.
+/// Patches as faces for STEP, their outside up: that is where the function falls. Patches that are
+/// exact are on the surface they lie on.
 pub fn step_faces(field: &dyn Field, patches: &[Parameterized]) -> Vec<StepFace> {
     let face = |(i, p): (usize, &Parameterized)| {
         let patch = if is_outward(field, &p.grown.patch) {
@@ -86,8 +92,9 @@ pub fn step_faces(field: &dyn Field, patches: &[Parameterized]) -> Vec<StepFace>
     patches.iter().enumerate().map(face).collect()
 }
 
-/// Patches as triangles, two for each of `squares`² squares of the domain, a part for each patch; with the parameters u and v and the
-/// distance from the surface at every node. Counterclockwise from outside, where the function falls.
+/// Patches as triangles, two for each of `squares`² squares of the domain, a part for each patch;
+/// with the parameters u and v and the distance from the surface at every node. Counterclockwise
+/// from outside, where the function falls.
 ///
 /// # Panics
 /// If there are no squares.

@@ -20,8 +20,9 @@ const IN_VAIN: usize = 2;
 /// More pairs of triangles that cross than this are no accident of sheets that are close together.
 const MOST: usize = 2000;
 
-/// [`isoform_tess::triangulate`]; where sheets are joined, triangles that cross all the same are found exactly. The surface is made again with a
-/// finer tolerance around them; those that are left are said to be unproven.
+/// [`isoform_tess::triangulate`]; where sheets are joined, triangles that cross all the same are
+/// found exactly. The surface is made again with a finer tolerance around them; those that are left
+/// are said to be unproven.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -53,7 +54,8 @@ pub fn rational_surface(
             found
         };
         let mut found = look(&surface);
-        // The places of all rounds so far are finer in the next, whatever came of them: what is kept is the best.
+        // The places of all rounds so far are finer in the next, whatever came of them: what is
+        // kept is the best.
         let mut last: Option<(Surface, Intersections)> = None;
         let mut in_vain = 0;
         for _ in 0..ROUNDS {
@@ -119,8 +121,9 @@ pub enum PatchesError {
     Stopped,
 }
 
-/// Patches, each over [0, 1]², as one mesh: joined along the sides that they have in common. The domain of the options is not looked at. Of a
-/// patch that is proved to have no pole and to lie in the box only contracted curves are looked for, unless its sheets are to be joined.
+/// Patches, each over [0, 1]², as one mesh: joined along the sides that they have in common. The
+/// domain of the options is not looked at. Of a patch that is proved to have no pole and to lie in
+/// the box only contracted curves are looked for, unless its sheets are to be joined.
 ///
 /// # Errors
 /// [`PatchesError`].

@@ -1,11 +1,12 @@
-//! A HyperFun program as a template for fitting, with a pose of its own where the program or the caller asks for one.
+//! A HyperFun program as a template for fitting, with a pose of its own where the program or the
+//! caller asks for one.
 
 use isoform_field::hyperfun::{
     Amount, Fixed, Kind as ProgramKind, Model, ParamInfo, Placement, Pose,
 };
-use isoform_field::{Graph, Interpreted, NodeId, Ops, Residual, Shape, Tape};
+use isoform_field::{Distance, Graph, Interpreted, NodeId, Ops, Residual, Shape, Tape};
 use isoform_fit::{Kind, Parameter, Template, Tie};
-use isoform_geom::{Aabb, ParamField, Point3};
+use isoform_geom::{Aabb, DistanceField, Frame, ParamField, Point3};
 use isoform_num::linalg::symmetric_eigen;
 
 /// Why a program is no template.
@@ -24,25 +25,31 @@ type Rotation = [[f64; 3]; 3];
 
 const IDENTITY: Rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// A compiled HyperFun program: its own function to search with, the metric reading to measure with, and its parts.
+/// A compiled HyperFun program: its own function to search with, the metric reading to measure
+/// with, and its parts.
 ///
-/// With a pose, the point x of space becomes the model's point p = C(r)ᵀ R₀ᵀ (x − t) / scale: R₀ is a fixed base rotation, C(r) the
-/// Cayley rotation of the Rodrigues vector r (tan of half the angle along the axis), smooth everywhere below 180°. t, r and the
-/// scale are parameters behind the program's own.
+/// With a pose, the point x of space becomes the model's point p = C(r)ᵀ R₀ᵀ (x − t) / scale: R₀ is
+/// a fixed base rotation, C(r) the Cayley rotation of the Rodrigues vector r (tan of half the angle
+/// along the axis), smooth everywhere below 180°. t, r and the scale are parameters behind the
+/// program's own.
 pub struct FrepTemplate {
     model: Model,
     pose: Pose,
     base: Rotation,
+    /// By parameter of the program, factors on bounds that are shares of the box.
+    slack: Vec<(f64, f64)>,
     parameters: Vec<Parameter>,
     algebraic: Box<dyn ParamField>,
     metric: Box<dyn ParamField>,
+    distance: Option<Distance>,
     /// Index of the active piece; none where there is one piece only.
     part: Option<Residual>,
     part_names: Vec<String>,
 }
 
 impl FrepTemplate {
-    /// Compiles the model with the pose that the program asks for (`-- @pose`), none by default. The points give the base rotation.
+    /// Compiles the model with the pose that the program asks for (`-- @pose`), none by default.
+    /// The points give the base rotation.
     pub fn new(model: &Model, points: &[Point3]) -> Result<Self, TemplateError> {
         Self::with_pose(model, model.info().pose.unwrap_or(Pose::None), points)
     }
@@ -63,6 +70,17 @@ impl FrepTemplate {
         base: Rotation,
         points: &[Point3],
     ) -> Result<Self, TemplateError> {
+        let slack = vec![(1.0, 1.0); model.n_params()];
+        Self::with_base_and_slack(model, pose, base, points, &slack)
+    }
+
+    fn with_base_and_slack(
+        model: &Model,
+        pose: Pose,
+        base: Rotation,
+        points: &[Point3],
+        slack: &[(f64, f64)],
+    ) -> Result<Self, TemplateError> {
         if model.dimension() != 3 {
             return Err(TemplateError::Dimension {
                 found: model.dimension(),
@@ -73,7 +91,8 @@ impl FrepTemplate {
         let mut parameters: Vec<Parameter> = model
             .params()
             .iter()
-            .map(|info| own_parameter(info, extents))
+            .zip(slack)
+            .map(|(info, slack)| own_parameter(info, extents, *slack))
             .collect();
         parameters.extend(pose_parameters(pose, extents, center));
         let n = parameters.len();
@@ -85,35 +104,43 @@ impl FrepTemplate {
             return Ok(Self {
                 algebraic: Box::new(Interpreted::new(model.clone(), point.clone(), false)),
                 metric: Box::new(Interpreted::new(model.clone(), point, true)),
+                distance: None,
                 part: None,
                 part_names: vec![model.name().to_owned()],
                 model: model.clone(),
                 pose,
                 base,
+                slack: slack.to_vec(),
                 parameters,
             });
         };
         let shape = Shape::new(&mut graph, root);
         let a: Vec<NodeId> = (0..own).map(|i| posed.param(i)).collect();
-        let mut place = |id: NodeId| graph.rewrite(id, &mut posed, &point, &a, |_, _, _| {});
-        let (f, distance, part) = (place(root), place(shape.distance), place(shape.part));
+        let place =
+            |posed: &mut Graph, id: NodeId| graph.rewrite(id, posed, &point, &a, |_, _, _| {});
+        let f = place(&mut posed, root);
+        let distance = place(&mut posed, shape.distance);
+        let part = place(&mut posed, shape.part);
+        let exact = Distance::new(&shape, &mut posed, n, place);
         let distance = scale.map_or(distance, |s| posed.mul(&distance, &s));
         let compile = |root: NodeId| Residual::new(Tape::new(&posed, &[root], 3, n));
         Ok(Self {
             model: model.clone(),
             pose,
             base,
+            slack: slack.to_vec(),
             algebraic: Box::new(compile(f)),
             metric: Box::new(compile(distance)),
+            distance: exact,
             part: Some(compile(part)),
             part_names: shape.parts.into_iter().map(|p| p.name).collect(),
             parameters,
         })
     }
 
-    /// The same template about other base rotations, for scans that do not stand upright: the model's z axis along each principal axis
-    /// of the points, both ways, and (where the pose turns about it) four quarters about that. Those within 20° of this one's base are
-    /// left out.
+    /// The same template about other base rotations, for scans that do not stand upright: the
+    /// model's z axis along each principal axis of the points, both ways, and (where the pose turns
+    /// about it) four quarters about that. Those within 20° of this one's base are left out.
     pub fn turned(&self, points: &[Point3]) -> Vec<Self> {
         let spins = match self.pose {
             Pose::None | Pose::Translate => return Vec::new(),
@@ -164,6 +191,48 @@ impl FrepTemplate {
             .collect()
     }
 
+    /// How far the fitted pose is turned from the base: the length of its Rodrigues vector.
+    pub fn askew(&self, values: &[f64]) -> f64 {
+        let q = &values[self.model.n_params()..];
+        let r = match self.pose {
+            Pose::None | Pose::Translate => return 0.0,
+            Pose::Axis => &q[3..5],
+            Pose::Rigid | Pose::Similarity => &q[3..6],
+        };
+        r.iter().map(|v| v * v).sum::<f64>().sqrt()
+    }
+
+    /// The template with its fitted pose as the base: the box of the points, whose shares bounds
+    /// and starts are, is measured along the template's own axes.
+    pub fn aligned(&self, values: &[f64], points: &[Point3]) -> Self {
+        let base = self.placement(values).map_or(self.base, |p| p.rotation);
+        Self::with_base_and_slack(&self.model, self.pose, base, points, &self.slack)
+            .expect("the model was compiled before")
+    }
+
+    /// The template with wider bounds where values have reached bounds that are shares of the box:
+    /// those presume that the scan shows the whole part. None where no value did.
+    pub fn widened(&self, values: &[f64], points: &[Point3]) -> Option<Self> {
+        let mut slack = self.slack.clone();
+        let mut is_wider = false;
+        for (i, info) in self.model.params().iter().enumerate() {
+            let p = &self.parameters[i];
+            let range = p.max.unwrap_or(f64::INFINITY) - p.min.unwrap_or(f64::NEG_INFINITY);
+            let gap = (AT_BOUND * range).max(0.0);
+            let is_share = |amount: Option<Amount>| amount.is_some_and(Amount::is_share);
+            if is_share(info.max) && p.max.is_some_and(|max| values[i] > max - gap) {
+                (slack[i].1, is_wider) = (slack[i].1 * SLACK, true);
+            }
+            if is_share(info.min) && p.min.is_some_and(|min| values[i] < min + gap) {
+                (slack[i].0, is_wider) = (slack[i].0 / SLACK, true);
+            }
+        }
+        is_wider.then(|| {
+            Self::with_base_and_slack(&self.model, self.pose, self.base, points, &slack)
+                .expect("the model was compiled before")
+        })
+    }
+
     /// The program.
     pub fn model(&self) -> &Model {
         &self.model
@@ -197,7 +266,8 @@ impl FrepTemplate {
         })
     }
 
-    /// The program with the values: plain HyperFun in the coordinates of the file whose points were fitted relative to `origin`.
+    /// The program with the values: plain HyperFun in the coordinates of the file whose points were
+    /// fitted relative to `origin`.
     pub fn fitted_program(&self, values: &[f64], origin: Point3) -> String {
         let placement = match self.placement(values) {
             Some(p) => Some(p),
@@ -236,6 +306,15 @@ impl Template for FrepTemplate {
     fn metric(&self) -> &dyn ParamField {
         self.metric.as_ref()
     }
+    fn distance(&self) -> Option<&dyn DistanceField> {
+        self.distance.as_ref().map(|d| d as &dyn DistanceField)
+    }
+    fn frame(&self, a: &[f64]) -> Frame {
+        self.placement(a).map_or(Frame::SPACE, |p| Frame {
+            rotation: p.rotation,
+            translation: p.translation,
+        })
+    }
     fn part_names(&self) -> &[String] {
         &self.part_names
     }
@@ -250,8 +329,17 @@ impl Template for FrepTemplate {
     }
 }
 
-fn own_parameter(info: &ParamInfo, extents: Point3) -> Parameter {
+fn own_parameter(info: &ParamInfo, extents: Point3, slack: (f64, f64)) -> Parameter {
     let amount = |v: Option<Amount>| v.map(|v| v.resolve(extents));
+    // A factor below 1 lowers a positive bound and must lower a negative one, too.
+    let slackened = |v: Option<Amount>, factor: f64| {
+        let bound = amount(v)?;
+        let factor = if bound < 0.0 { 1.0 / factor } else { factor };
+        Some(match v {
+            Some(v) if v.is_share() => factor * bound,
+            _ => bound,
+        })
+    };
     Parameter {
         name: info.name.clone(),
         kind: match info.kind {
@@ -263,8 +351,8 @@ fn own_parameter(info: &ParamInfo, extents: Point3) -> Parameter {
             ProgramKind::Ratio => Kind::Ratio,
             ProgramKind::Number => Kind::Number,
         },
-        min: amount(info.min),
-        max: amount(info.max),
+        min: slackened(info.min, slack.0),
+        max: slackened(info.max, slack.1),
         start: amount(info.start),
         fixed: info.fixed.and_then(|f| match f {
             Fixed::At(v) => Some(v),
@@ -275,13 +363,20 @@ fn own_parameter(info: &ParamInfo, extents: Point3) -> Parameter {
             terms: t.terms.clone(),
         }),
         unit: info.unit.clone(),
+        is_pose: false,
     }
 }
 
-/// Rodrigues vectors are sought within this about the base rotation: 53° about each axis. The base is at most 45° off for shapes whose
-/// axes the points tell apart, and scans of others mostly stand upright.
+/// A value this near to a bound, as a share of the range, has reached it.
+const AT_BOUND: f64 = 0.005;
+/// Factor on a bound that gave way. A quarter of a round part shows half of its box: two steps do.
+const SLACK: f64 = 2.0;
+/// Rodrigues vectors are sought within this about the base rotation: 53° about each axis. The base
+/// is at most 45° off for shapes whose axes the points tell apart, and scans of others mostly stand
+/// upright.
 const WIDEST_TURN: f64 = 0.5;
-/// The model's origin is sought within the data's box, enlarged by this on each side: templates keep their origin inside the shape.
+/// The model's origin is sought within the data's box, enlarged by this on each side: templates
+/// keep their origin inside the shape.
 const POSITION_MARGIN: f64 = 0.25;
 
 fn pose_parameters(pose: Pose, extents: Point3, center: Point3) -> Vec<Parameter> {
@@ -301,6 +396,7 @@ fn pose_parameters(pose: Pose, extents: Point3, center: Point3) -> Vec<Parameter
         min: (lo < hi).then_some(lo),
         max: (lo < hi).then_some(hi),
         start: Some(start),
+        is_pose: true,
         ..Parameter::new(name, kind)
     };
     let place = |i: usize| {
@@ -341,7 +437,8 @@ fn extents_along(base: &Rotation, points: &[Point3]) -> (Point3, Point3) {
     )
 }
 
-/// The model's point as expressions of space and the pose's parameters (from index `first`), and the scale if there is one.
+/// The model's point as expressions of space and the pose's parameters (from index `first`), and
+/// the scale if there is one.
 fn posed_point(
     g: &mut Graph,
     pose: Pose,
@@ -437,8 +534,9 @@ fn cayley(r: Point3) -> Rotation {
     })
 }
 
-/// The principal axes of the points as a rotation, with axes and signs chosen so that it turns as little as possible: scans mostly
-/// stand upright. Axes that the points hardly tell apart (moments within a tenth) are left where they are.
+/// The principal axes of the points as a rotation, with axes and signs chosen so that it turns as
+/// little as possible: scans mostly stand upright. Axes that the points hardly tell apart (moments
+/// within a tenth) are left where they are.
 fn upright_axes(points: &[Point3]) -> Rotation {
     let Some((values, axes)) = principal_axes(points) else {
         return IDENTITY;
@@ -447,13 +545,15 @@ fn upright_axes(points: &[Point3]) -> Rotation {
     match (alike(0, 1), alike(1, 2)) {
         (true, true) => IDENTITY,
         (false, false) => nearest_frame(&axes),
-        // Two alike: only the third axis is known; turn the coordinate axis nearest to it into it, and nothing else.
+        // Two alike: only the third axis is known; turn the coordinate axis nearest to it into it,
+        // and nothing else.
         (true, false) => shortest_turn(axes[2]),
         (false, true) => shortest_turn(axes[0]),
     }
 }
 
-/// Moments (rising) and principal axes of the points, a right-handed frame; none for fewer than four points.
+/// Moments (rising) and principal axes of the points, a right-handed frame; none for fewer than
+/// four points.
 fn principal_axes(points: &[Point3]) -> Option<([f64; 3], [Point3; 3])> {
     if points.len() < 4 {
         return None;
@@ -579,7 +679,8 @@ my_model(x[3], a[3]) { array v[3]; v[1] = 0-a[1]/2; v[2] = 0-a[2]/2; v[3] = 0-a[
 
     #[test]
     fn programs_that_are_no_expression_are_fitted_too() {
-        // The loop's end depends on a parameter, so this is run statement by statement: a ball of radius a[1] + 1, as three halves.
+        // The loop's end depends on a parameter, so this is run statement by statement: a ball of
+        // radius a[1] + 1, as three halves.
         let text = "my_model(x[3], a[4]) { array c[3]; c[1] = a[2]; c[2] = a[3]; c[3] = a[4]; r = 0; i = 0;
             while i < abs(a[1])*0 + 2 loop r = r + a[1]/2 + 0.5; i = i + 1; endloop; my_model = hfSphere(x, c, r); }";
         let model = Model::parse(text, Mode::Default).expect("a program");

@@ -9,7 +9,8 @@ pub struct Topology {
     pub euler: i64,
     /// Parts that share no vertex.
     pub components: usize,
-    /// Parts of the boundary that share no vertex; the boundary is made of the edges of one triangle.
+    /// Parts of the boundary that share no vertex; the boundary is made of the edges of one
+    /// triangle.
     pub boundary_loops: usize,
     /// Edges of more than two triangles.
     pub crowded_edges: usize,
@@ -79,7 +80,8 @@ mod tests {
     #[test]
     fn open_and_crossing_sheets() {
         assert_eq!(topology(&[]), Topology::default());
-        // Two squares that cross in an edge: four triangles at it, and one boundary, as its curves meet at the ends of the edge.
+        // Two squares that cross in an edge: four triangles at it, and one boundary, as its curves
+        // meet at the ends of the edge.
         let crossing = [[0, 1, 2], [0, 3, 1], [0, 1, 4], [0, 5, 1]];
         assert_eq!(
             topology(&crossing),

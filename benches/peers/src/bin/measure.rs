@@ -1,4 +1,5 @@
-//! Measures a mesh: `measure MESH.raw` writes one JSON object. Angles are in degrees; of no elements they are null.
+//! Measures a mesh: `measure MESH.raw` writes one JSON object. Angles are in degrees; of no
+//! elements they are null.
 
 use peers::Raw;
 
@@ -9,7 +10,11 @@ fn sub(a: Vector, b: Vector) -> Vector {
 }
 
 fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 fn dot(a: Vector, b: Vector) -> f64 {
@@ -22,9 +27,18 @@ fn angle(a: Vector, b: Vector) -> f64 {
     dot(c, c).sqrt().atan2(dot(a, b)).to_degrees()
 }
 
-/// The six angles between the faces of a tetrahedron: at each edge the angle between the parts of two other edges across it.
+/// The six angles between the faces of a tetrahedron: at each edge the angle between the parts of
+/// two other edges across it.
 fn dihedral_angles(p: [Vector; 4]) -> [f64; 6] {
-    [[0, 1, 2, 3], [0, 2, 1, 3], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 0, 2], [2, 3, 0, 1]].map(|[i, j, k, l]| {
+    [
+        [0, 1, 2, 3],
+        [0, 2, 1, 3],
+        [0, 3, 1, 2],
+        [1, 2, 0, 3],
+        [1, 3, 0, 2],
+        [2, 3, 0, 1],
+    ]
+    .map(|[i, j, k, l]| {
         let edge = sub(p[j], p[i]);
         angle(cross(edge, sub(p[k], p[i])), cross(edge, sub(p[l], p[i])))
     })
@@ -37,16 +51,37 @@ fn angles(p: [Vector; 3]) -> [f64; 3] {
 
 /// The smallest and the largest.
 fn extremes(all: impl Iterator<Item = f64>) -> String {
-    let (lo, hi) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), a| (lo.min(a), hi.max(a)));
-    if lo <= hi { format!("[{lo:.3}, {hi:.3}]") } else { "null".to_owned() }
+    let (lo, hi) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), a| {
+        (lo.min(a), hi.max(a))
+    });
+    if lo <= hi {
+        format!("[{lo:.3}, {hi:.3}]")
+    } else {
+        "null".to_owned()
+    }
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("measure MESH.raw")?;
-    let Raw { points, triangles, tets } = Raw::read(&path)?;
-    let dihedral = extremes(tets.iter().flat_map(|t| dihedral_angles(t.map(|v| points[v as usize]))));
-    let angle = extremes(triangles.iter().flat_map(|t| angles(t.map(|v| points[v as usize]))));
-    let volume: f64 = triangles.iter().map(|t| t.map(|v| points[v as usize])).map(|[a, b, c]| dot(a, cross(b, c)) / 6.0).sum();
+    let Raw {
+        points,
+        triangles,
+        tets,
+    } = Raw::read(&path)?;
+    let dihedral = extremes(
+        tets.iter()
+            .flat_map(|t| dihedral_angles(t.map(|v| points[v as usize]))),
+    );
+    let angle = extremes(
+        triangles
+            .iter()
+            .flat_map(|t| angles(t.map(|v| points[v as usize]))),
+    );
+    let volume: f64 = triangles
+        .iter()
+        .map(|t| t.map(|v| points[v as usize]))
+        .map(|[a, b, c]| dot(a, cross(b, c)) / 6.0)
+        .sum();
     println!(
         "{{\"points\": {}, \"triangles\": {}, \"tets\": {}, \"dihedral\": {dihedral}, \"angle\": {angle}, \"volume\": {}}}",
         points.len(),

@@ -4,7 +4,8 @@ use super::job::Job;
 use isoform::fit::{Loss, Method};
 use serde_json::{Map, Value, json};
 
-/// Everything that the fit found, in the file's coordinates and unit. All but `seconds` is the same each time.
+/// Everything that the fit found, in the file's coordinates and unit. All but `seconds` is the same
+/// each time.
 pub(crate) fn document(job: &Job, verb: &str) -> Value {
     let fit = &job.fit;
     let shift = &job.template.shift;
@@ -58,8 +59,22 @@ pub(crate) fn document(job: &Job, verb: &str) -> Value {
         "template": {"name": job.template_name, "title": job.template.frep.model().info().title, "fits": job.template.frep.model().info().fits},
         "units": unit,
         "units_source": job.unit.reason,
+        "verdict": fit.verdict.as_str(),
         "acceptable": fit.acceptable,
         "reasons": fit.reasons,
+        "evidence": {
+            "size": fit.evidence.size,
+            "rms_of_all": fit.evidence.rms_of_all,
+            "systematic": fit.evidence.systematic,
+            "systematic_z": fit.evidence.systematic_z,
+            "local_noise": fit.evidence.local_noise,
+            "thickness": finite(fit.evidence.thickness),
+            "detail": finite(fit.evidence.detail),
+            "bare": fit.evidence.bare,
+            "overlooked": fit.evidence.overlooked,
+            "clustered": fit.evidence.clustered,
+            "certain": fit.certain,
+        },
         "complete": fit.complete,
         "parameters": parameters,
         "pose": pose,
@@ -69,7 +84,9 @@ pub(crate) fn document(job: &Job, verb: &str) -> Value {
         "noise": fit.noise,
         "n_points": fit.n_points,
         "n_used": fit.n_used,
+        "n_fitted": fit.n_fitted,
         "n_outliers": fit.n_outliers,
+        "n_left_out": fit.n_left_out,
         "two_sided": {
             "data_to_model": {"rms": fit.data_to_model.rms, "p95": fit.data_to_model.p95, "max": fit.data_to_model.max},
             "model_to_data": {

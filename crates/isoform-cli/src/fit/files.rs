@@ -4,6 +4,7 @@ use super::document;
 use super::job::Job;
 use crate::mesh::files::is_mesh;
 use crate::output::{self, Context, Failure};
+use crate::watchdog::Writing;
 use crate::{report, scan};
 use isoform::geom::{Column, PointCloud};
 use isoform::io::{WriteOptions, deviation_colors, write_path};
@@ -61,42 +62,57 @@ pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes all files and notes the time; gives back what was written.
+/// Writes all files and notes the time; gives back what was written. Where one fails the others
+/// are written all the same.
 pub(crate) fn write(
     job: &mut Job,
     paths: &[PathBuf],
     context: &Context,
 ) -> Result<Vec<PathBuf>, Failure> {
+    let _writing = Writing::new();
     let started = Instant::now();
-    for path in paths {
-        match kind(path)? {
-            Kind::Program => output::write_file(path, job.program().as_bytes())?,
-            Kind::Points => {
-                let options = WriteOptions {
-                    units: Some(job.unit.unit.clone()).filter(|u| !u.is_empty()),
-                    ..WriteOptions::default()
-                };
-                let report = write_path(&deviations(job), path, None, &options)
-                    .map_err(|e| scan::unwritable(&e))?;
-                report
-                    .warnings
-                    .iter()
-                    .for_each(|w| context.note(format_args!("{}: {w}", path.display())));
-            }
-            Kind::Report => output::write_file(path, report::page(job).as_bytes())?,
-            Kind::Document => {
-                let fields = document::document(job, "fit");
-                output::write_file(path, &output::document(true, fields))?;
-            }
-        }
-    }
+    let failures: Vec<Failure> = paths
+        .iter()
+        .filter_map(|path| {
+            let name = format!("file {}", path.display());
+            output::stage(&name, || write_one(job, path, context)).err()
+        })
+        .collect();
     if !paths.is_empty() {
         job.seconds.push(("write", started.elapsed().as_secs_f64()));
     }
-    Ok(paths.to_vec())
+    match failures.into_iter().next() {
+        Some(failure) => Err(failure),
+        None => Ok(paths.to_vec()),
+    }
 }
 
-/// The points with deviation, part and whether they are outliers, coloured by deviation; grey are the outliers.
+fn write_one(job: &Job, path: &Path, context: &Context) -> Result<(), Failure> {
+    match kind(path)? {
+        Kind::Program => output::write_file(path, job.program().as_bytes()),
+        Kind::Points => {
+            let options = WriteOptions {
+                units: Some(job.unit.unit.clone()).filter(|u| !u.is_empty()),
+                ..WriteOptions::default()
+            };
+            let report = write_path(&deviations(job), path, None, &options)
+                .map_err(|e| scan::unwritable(&e))?;
+            report
+                .warnings
+                .iter()
+                .for_each(|w| context.note(format_args!("{}: {w}", path.display())));
+            Ok(())
+        }
+        Kind::Report => output::write_file(path, report::page(job, context.is_late()).as_bytes()),
+        Kind::Document => {
+            let fields = document::document(job, "fit");
+            output::write_file(path, &output::document(true, fields))
+        }
+    }
+}
+
+/// The points with deviation, part and whether they are outliers, coloured by deviation; grey are
+/// the outliers.
 fn deviations(job: &Job) -> PointCloud {
     let fit = &job.fit;
     let deviation = job.deviation();

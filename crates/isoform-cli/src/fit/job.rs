@@ -6,8 +6,10 @@ use crate::output::{Context, DONE, Failure, NO_RESULT, PARTIAL};
 use crate::progress::Progress;
 use crate::{gallery, interrupt, scan};
 use isoform::field::hyperfun::{Model, Pose};
-use isoform::fit::{Control, Fit, FitError, Kind, Loss, Method, Options, fit};
-use isoform::geom::PointCloud;
+use isoform::fit::{
+    Beside, Control, Finding, Fit, FitError, Kind, Loss, Method, Options, fit, search, settle,
+};
+use isoform::geom::{Point3, PointCloud};
 use isoform::io::{MeshPoints, ReadReport, UnitGuess, inspect_unit};
 use isoform::{FrepTemplate, points_on_faces};
 use std::path::{Path, PathBuf};
@@ -25,6 +27,8 @@ pub(crate) struct Request {
     pub(crate) fixed: Vec<(String, f64)>,
     pub(crate) pose: Option<Pose>,
     pub(crate) filter_outliers: bool,
+    /// Clutter of these kinds is fitted like the rest.
+    pub(crate) keep: Vec<Beside>,
     pub(crate) units: Option<String>,
 }
 
@@ -161,21 +165,21 @@ pub(crate) fn run_model(
                 .hint("isoform inspect shows what is in the file"),
         );
     }
-    let make = |cloud: &PointCloud| {
+    let make = |points: &[Point3]| {
         match request.pose {
-            None => FrepTemplate::new(model, &cloud.points),
-            Some(pose) => FrepTemplate::with_pose(model, pose, &cloud.points),
+            None => FrepTemplate::new(model, points),
+            Some(pose) => FrepTemplate::with_pose(model, pose, points),
         }
         .map_err(|e| Failure::input("template", format!("{}: {e}", request.template.display())))
     };
-    let mut template = Adjusted::new(make(&cloud)?, cloud.origin);
+    let mut template = Adjusted::new(make(&cloud.points)?, cloud.origin);
     if cloud.origin != [0.0; 3] && !template.moves() {
         // The template's own coordinates are the file's.
         cloud.points = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
         cloud.origin = [0.0; 3];
         warnings
             .push("the points lie far from the origin and the template cannot be moved: digits are lost; try --pose translate".to_owned());
-        template = Adjusted::new(make(&cloud)?, cloud.origin);
+        template = Adjusted::new(make(&cloud.points)?, cloud.origin);
     }
     template.hold(&request.fixed)?;
     let unit = match &request.units {
@@ -184,7 +188,11 @@ pub(crate) fn run_model(
             is_stated: true,
             reason: "the command line says so".to_owned(),
         },
-        None => inspect_unit(&cloud, &read),
+        None => believed(
+            inspect_unit(&cloud, &read),
+            model.info().unit.as_deref(),
+            &request.template,
+        ),
     };
     if let Some(said) = &model.info().unit
         && !unit.unit.is_empty()
@@ -215,14 +223,14 @@ pub(crate) fn run_model(
         deadline: context.deadline,
         progress: Some(&show),
     };
-    let mut fit =
-        fit(&cloud.points, &template, &options, &control).map_err(|e| failure(&e, &name))?;
-    if !matches!(request.start, Some(Start::Values(_)))
-        && request.bounds.is_none()
-        && request.method == Method::Default
-    {
-        turn_until_it_fits(&cloud, &mut template, &mut fit, request, &options, &control)?;
-    }
+    let task = Task {
+        request,
+        options: &options,
+        control: &control,
+        origin: cloud.origin,
+        scan: &name,
+    };
+    let fit = task.fit_beside_clutter(&cloud.points, &mut template, &make)?;
     drop(progress);
     warnings.extend(fit.warnings.iter().cloned());
     let mut all = vec![("read", seconds), ("template", prepared)];
@@ -244,67 +252,198 @@ pub(crate) fn run_model(
     })
 }
 
-/// A misfit below this share of the size settles how the scan stands; above, other ways are tried.
-const SETTLED: f64 = 4e-3;
-/// Starts of each other way: enough to tell whether it is the right one.
-const STARTS_PER_TURN: usize = 8;
-
-/// Scans come in any pose: where the template does not fit well as the scan stands, the other ways to stand it are tried, and the best
-/// is kept. In the order of the ways, so that the result does not depend on threads.
-fn turn_until_it_fits(
-    cloud: &PointCloud,
-    template: &mut Adjusted,
-    best: &mut Fit,
-    request: &Request,
-    options: &Options,
-    control: &Control<'_>,
-) -> Result<(), Failure> {
-    let size = cloud.bounds().diagonal();
-    let misfit = |f: &Fit| {
-        f.rms * (1.0 + f.model_to_data.share_uncovered) + if f.acceptable { 0.0 } else { size }
-    };
-    let settled = |f: &Fit| misfit(f) < SETTLED * size;
-    if settled(best) {
-        return Ok(());
+/// The template's unit in place of a guess: its bounds and starts are numbers of that unit, and a
+/// scan in another one would not meet them.
+fn believed(seen: UnitGuess, template: Option<&str>, name: &Path) -> UnitGuess {
+    match template {
+        Some(unit) if !seen.is_stated => UnitGuess {
+            unit: unit.to_owned(),
+            is_stated: true,
+            reason: format!("the template {} says so", name.display()),
+        },
+        _ => seen,
     }
-    let quick = Options {
-        most_starts: STARTS_PER_TURN,
-        ..options.clone()
-    };
-    let mut chosen = None;
-    for frep in template.frep.turned(&cloud.points) {
-        if control.stops() {
-            break;
-        }
-        let mut turned = Adjusted::new(frep, cloud.origin);
-        turned.hold(&request.fixed)?;
-        let Ok(mut found) = fit(&cloud.points, &turned, &quick, control) else {
-            continue;
-        };
-        if misfit(&found) < 0.7 * misfit(best) {
-            std::mem::swap(best, &mut found);
-            add_seconds(best, &found);
-            chosen = Some(turned);
-        } else {
-            add_seconds(best, &found);
-        }
-        if settled(best) {
-            break;
-        }
-    }
-    if let Some(turned) = chosen {
-        *template = turned;
-    }
-    Ok(())
 }
 
-/// Adds the seconds of an attempt that was dropped.
-fn add_seconds(kept: &mut Fit, dropped: &Fit) {
-    for (phase, seconds) in &dropped.seconds {
-        match kept.seconds.iter_mut().find(|(p, _)| p == phase) {
-            Some((_, s)) => *s += seconds,
-            None => kept.seconds.push((phase, *seconds)),
+/// Starts of each other way to stand: enough to tell whether it is the right one.
+const STARTS_PER_TURN: usize = 8;
+/// Another way must be better by this factor: alike ones (the symmetries of a part) are one.
+const BETTER: f64 = 0.97;
+/// A scan that stands askew by more than this (as a Rodrigues vector: 0.6 degrees) is looked at
+/// along the template's axes again, since shares of its box change with the frame.
+const ASKEW: f64 = 5e-3;
+/// Makes the seed of the second search, which must come to the place of the first.
+const OTHER_SEED: u64 = 0x5EED;
+/// Two searches agree when their misfits differ by less than this share.
+const AGREE: f64 = 0.03;
+/// Rounds in which bounds that are shares of the box give way.
+const WIDENINGS: usize = 2;
+
+/// Most of the points that may be left out as clutter, as a share: with more gone, what is left
+/// need not be the part.
+const MOST_LEFT_OUT: f64 = 0.6;
+
+/// What all stages of a fit share.
+struct Task<'a> {
+    request: &'a Request,
+    options: &'a Options,
+    control: &'a Control<'a>,
+    /// What is added to the points to get the file's coordinates.
+    origin: Point3,
+    /// Name of the scan.
+    scan: &'a str,
+}
+
+impl Task<'_> {
+    /// The fit; where it is in doubt, and planes or other objects beside the part are seen, the fit
+    /// without them if that is better.
+    fn fit_beside_clutter(
+        &self,
+        points: &[Point3],
+        template: &mut Adjusted,
+        make: &dyn Fn(&[Point3]) -> Result<FrepTemplate, Failure>,
+    ) -> Result<Fit, Failure> {
+        let mut whole = self.fit_in_pose(points, template)?;
+        let is_clutter = |f: &Finding| {
+            matches!(
+                f,
+                Finding::Apart { .. } | Finding::Table { .. } | Finding::Stray { .. }
+            )
+        };
+        if !whole.findings.iter().any(is_clutter) || self.control.stops() {
+            return Ok(whole);
         }
+        let started = Instant::now();
+        let scan = isoform::fit::Scan::new(points, self.options, self.control)
+            .map_err(|e| failure(&e, self.scan))?;
+        let clutter = scan.clutter();
+        let beside: Vec<Option<Beside>> = points
+            .iter()
+            .map(|p| clutter.of(*p).filter(|b| !self.request.keep.contains(b)))
+            .collect();
+        let kept = points.iter().zip(&beside).filter(|(_, b)| b.is_none());
+        let kept: Vec<Point3> = kept.map(|(p, _)| *p).collect();
+        whole
+            .seconds
+            .push(("clutter", started.elapsed().as_secs_f64()));
+        let is_most = kept.len() as f64 >= (1.0 - MOST_LEFT_OUT) * points.len() as f64;
+        if kept.len() == points.len() || !is_most {
+            return Ok(whole);
+        }
+        let mut alone = self.adjusted(make(&kept)?)?;
+        // Too few points, say: the fit of all stands.
+        let Ok(mut part) = self.fit_in_pose(&kept, &mut alone) else {
+            return Ok(whole);
+        };
+        if part.verdict >= whole.verdict {
+            whole.add_seconds(&part);
+            return Ok(whole);
+        }
+        part.add_seconds(&whole);
+        *template = alone;
+        let mut part = part.with_left_out(template, points, &beside);
+        for (kind, what, option) in [
+            (Beside::Plane, "on a plane beyond the part", "--keep-planes"),
+            (Beside::Apart, "apart from the part", "--keep-apart"),
+            (Beside::Stray, "astray", "--no-outlier-filter"),
+        ] {
+            let count = beside.iter().filter(|b| **b == Some(kind)).count();
+            if count > 0 {
+                let share = 100.0 * count as f64 / points.len() as f64;
+                part.warnings.push(format!(
+                    "{count} points ({share:.1} %) lie {what} and were left out; {option} fits them, too"
+                ));
+            }
+        }
+        Ok(part)
+    }
+
+    /// The fit, in whatever pose the scan comes: where the template does not fit as the scan
+    /// stands, the other ways are tried; then the box is measured along the template's own axes;
+    /// then bounds that presume a whole part give way where the fit ran into them.
+    fn fit_in_pose(&self, points: &[Point3], template: &mut Adjusted) -> Result<Fit, Failure> {
+        let (request, options, control) = (self.request, self.options, self.control);
+        let failed = |e: FitError| failure(&e, self.scan);
+        let is_free = !matches!(request.start, Some(Start::Values(_)))
+            && request.bounds.is_none()
+            && request.method == Method::Default;
+        if !is_free {
+            return fit(points, template, options, control).map_err(failed);
+        }
+        let scan = isoform::fit::Scan::new(points, options, control).map_err(failed)?;
+        let quick = Options {
+            most_starts: STARTS_PER_TURN,
+            refine: false,
+            ..options.clone()
+        };
+        let mut best = search(&scan, template, options, control).map_err(failed)?;
+        if !best.is_at_noise() {
+            let turned = template.frep.turned(points);
+            for frep in turned {
+                if control.stops() {
+                    break;
+                }
+                let turned = self.adjusted(frep)?;
+                let Ok(mut found) = search(&scan, &turned, &quick, control) else {
+                    continue;
+                };
+                if found.misfit < BETTER * best.misfit {
+                    std::mem::swap(&mut best, &mut found);
+                    *template = turned;
+                }
+                best.add_seconds(&found);
+                if best.is_at_noise() {
+                    break;
+                }
+            }
+        }
+        let is_askew = template.frep.askew(best.values()) > ASKEW;
+        if (is_askew || !best.is_at_noise() || !best.is_certain()) && !control.stops() {
+            let frep = template.frep.aligned(best.values(), points);
+            let aligned = self.adjusted(frep)?;
+            let other = Options {
+                seed: options.seed ^ OTHER_SEED,
+                ..options.clone()
+            };
+            if let Ok(mut found) = search(&scan, &aligned, &other, control) {
+                if (found.misfit / best.misfit - 1.0).abs() < AGREE {
+                    found.confirm();
+                    best.confirm();
+                }
+                if found.misfit < best.misfit / BETTER {
+                    std::mem::swap(&mut best, &mut found);
+                    *template = aligned;
+                }
+                best.add_seconds(&found);
+            }
+        }
+        let mut result = settle(&scan, template, options, control, best).map_err(failed)?;
+        for _ in 0..WIDENINGS {
+            let values = result.values();
+            let Some(frep) = template.frep.widened(&values, points) else {
+                break;
+            };
+            let wider = self.adjusted(frep)?;
+            let Ok(found) = search(&scan, &wider, options, control) else {
+                break;
+            };
+            let mut again = settle(&scan, &wider, options, control, found).map_err(failed)?;
+            let cost = |f: &Fit| f.rms * (1.0 + f.n_outliers as f64 / f.n_points as f64);
+            if cost(&again) > cost(&result) / BETTER {
+                result.add_seconds(&again);
+                break;
+            }
+            again.add_seconds(&result);
+            (result, *template) = (again, wider);
+        }
+        Ok(result)
+    }
+
+    /// The template with what the command line holds.
+    fn adjusted(&self, frep: FrepTemplate) -> Result<Adjusted, Failure> {
+        let mut adjusted = Adjusted::new(frep, self.origin);
+        adjusted.hold(&self.request.fixed)?;
+        Ok(adjusted)
     }
 }
 

@@ -10,7 +10,7 @@ use crate::gallery;
 use crate::model::Language;
 use crate::output::{Context, Failure, Outcome};
 use isoform::field::hyperfun::Pose;
-use isoform::fit::{Local, Loss, Method};
+use isoform::fit::{Beside, Local, Loss, Method};
 use job::Request;
 use settings::Start;
 use std::path::{Path, PathBuf};
@@ -49,7 +49,8 @@ pub(crate) struct Args {
     /// Take at most that many points, a seeded random sample
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     max_points: Option<u64>,
-    /// Write a file; by its ending: .hf (fitted program), .ply .xyz .csv (points with deviations), .html (report), .json
+    /// Write a file; by its ending: .hf (fitted program), .ply .xyz .csv (points with deviations),
+    /// .html (report), .json
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
 }
@@ -77,9 +78,15 @@ pub(crate) struct Settings {
     /// Motion of the whole template as further parameters [default: as the template says]
     #[arg(long, value_enum)]
     pose: Option<PoseName>,
-    /// Keep isolated points in the search
+    /// Keep isolated points
     #[arg(long)]
     no_outlier_filter: bool,
+    /// Fit tables and walls, too: where a fit is in doubt, planes beyond the part are left out
+    #[arg(long)]
+    keep_planes: bool,
+    /// Fit other objects, too: where a fit is in doubt, points apart from the part are left out
+    #[arg(long)]
+    keep_apart: bool,
     /// Unit of the scan's numbers [default: as the file says, else guessed from the size]
     #[arg(long, value_enum)]
     units: Option<UnitName>,
@@ -162,6 +169,15 @@ impl Settings {
             fixed: self.fix.clone(),
             pose,
             filter_outliers: !self.no_outlier_filter,
+            keep: [
+                (self.keep_planes, Beside::Plane),
+                (self.keep_apart, Beside::Apart),
+                (self.no_outlier_filter, Beside::Stray),
+            ]
+            .into_iter()
+            .filter(|k| k.0)
+            .map(|k| k.1)
+            .collect(),
             units: self.units.map(|u| unit(u).to_owned()),
         }
     }

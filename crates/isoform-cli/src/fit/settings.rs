@@ -3,7 +3,7 @@
 use crate::output::{self, Failure};
 use isoform::FrepTemplate;
 use isoform::fit::{Parameter, Template};
-use isoform::geom::{ParamField, Point3};
+use isoform::geom::{DistanceField, Frame, ParamField, Point3};
 use serde_json::Value;
 use std::path::Path;
 
@@ -42,7 +42,8 @@ pub(crate) fn fix(text: &str) -> Result<(String, f64), String> {
 pub(crate) struct Adjusted {
     pub(crate) frep: FrepTemplate,
     parameters: Vec<Parameter>,
-    /// Per parameter, what is added to a relative value to get the file's: the origin, for the translations of a pose.
+    /// Per parameter, what is added to a relative value to get the file's: the origin, for the
+    /// translations of a pose.
     pub(crate) shift: Vec<f64>,
 }
 
@@ -55,6 +56,12 @@ impl Template for Adjusted {
     }
     fn metric(&self) -> &dyn ParamField {
         self.frep.metric()
+    }
+    fn distance(&self) -> Option<&dyn DistanceField> {
+        self.frep.distance()
+    }
+    fn frame(&self, a: &[f64]) -> Frame {
+        self.frep.frame(a)
     }
     fn part_names(&self) -> &[String] {
         self.frep.part_names()

@@ -118,7 +118,8 @@ pub(crate) fn certificate(c: &Certificate) -> Value {
     })
 }
 
-/// Distances of the mesh from the function: of nodes, of mid nodes, of nodes on curves, and of points within faces.
+/// Distances of the mesh from the function: of nodes, of mid nodes, of nodes on curves, and of
+/// points within faces.
 fn deviation(d: &Deviation) -> Value {
     let distances = |d: &Distances| json!({"count": d.count, "max": d.max, "rms": d.rms, "at": d.worst.as_ref().map(|p| p.at)});
     json!({

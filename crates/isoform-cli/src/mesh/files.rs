@@ -3,6 +3,7 @@
 use super::work::Made;
 use crate::output::{self, Context, Failure};
 use crate::scan;
+use crate::watchdog::Writing;
 use isoform::geom::Mesh;
 use isoform::io::{MeshWriteOptions, mesh_format_named, mesh_formats, write_mesh, write_mesh_path};
 use std::path::{Path, PathBuf};
@@ -100,6 +101,7 @@ pub(crate) fn write_mesh_files(
         units: unit.map(str::to_owned),
         ..MeshWriteOptions::default()
     };
+    let _writing = Writing::new();
     let (mut written, mut stdout) = (Vec::new(), Vec::new());
     for Target { path, format } in targets {
         let report = if path == Path::new("-") {
@@ -112,7 +114,7 @@ pub(crate) fn write_mesh_files(
         } else {
             write_mesh_path(mesh, path, format.as_deref(), &options)
         };
-        let report = report.map_err(|e| scan::unwritable(&e))?;
+        let report = report.map_err(|e| scan::unwritable_mesh(&e))?;
         written.push(Written {
             path: path.display().to_string(),
             format: report.format,

@@ -37,8 +37,9 @@ pub(crate) struct Args {
     params: Option<eval::Parameters>,
     #[command(flatten)]
     settings: Settings,
-    /// Improve this mesh on the model instead of making a new one: tetrahedra (msh, vtu, inp), or a surface (stl, obj, ply, off, msh),
-    /// whose triangles are made as long as --size says, or as they were
+    /// Improve this mesh on the model instead of making a new one: tetrahedra (msh, vtu, inp), or a
+    /// surface (stl, obj, ply, off, msh), whose triangles are made as long as --size says, or as
+    /// they were
     #[arg(long, value_name = "FILE", conflicts_with = "region")]
     adapt: Option<PathBuf>,
     /// Write a file; its ending names the format (- for stdout, with --to); may be repeated
@@ -61,7 +62,8 @@ pub(crate) struct Settings {
     /// Smaller edges where a face would leave the surface by more than this
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     pub(crate) grade: Option<f64>,
-    /// Smaller edges by place: a table x,y,z,length (of a refinement, or from an error estimate), or a HyperFun program of the length
+    /// Smaller edges by place: a table x,y,z,length (of a refinement, or from an error estimate),
+    /// or a HyperFun program of the length
     #[arg(long, value_name = "FILE")]
     pub(crate) sizes: Option<PathBuf>,
     /// 2 for elements with nodes in the middles of their edges, on the true surface
@@ -70,10 +72,12 @@ pub(crate) struct Settings {
     /// Only the surface, as triangles
     #[arg(long)]
     pub(crate) surface_only: bool,
-    /// Mesh what lies in this box: x,y,z of the lower and of the upper corner; the cuts are parts named cap.x_min ...
+    /// Mesh what lies in this box: x,y,z of the lower and of the upper corner; the cuts are parts
+    /// named cap.x_min ...
     #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = output::region)]
     pub(crate) region: Option<Aabb>,
-    /// Bounds of the dihedral angles, degrees: worked towards, and required in the certificate [default: 21,149, not required]
+    /// Bounds of the dihedral angles, degrees: worked towards, and required in the certificate
+    /// [default: 21,149, not required]
     #[arg(long, value_name = "MIN,MAX", value_parser = angles)]
     pub(crate) angles: Option<Angles>,
     /// Refuse a mesh that takes more memory than this many GiB, by estimate [default: 16]

@@ -12,7 +12,8 @@ use std::sync::Arc;
 /// By how much lengths may grow per length of way from a sample.
 const GROWTH: f64 = 0.5;
 
-/// Reads the file: a HyperFun program if it ends in .hf, else a table of x, y, z and the length there.
+/// Reads the file: a HyperFun program if it ends in .hf, else a table of x, y, z and the length
+/// there.
 pub(crate) fn read(path: &Path, context: &Context) -> Result<Sizes, Failure> {
     if path.extension().is_some_and(|e| e == "hf") {
         let model = model::read(path, &Language::default(), context)?;

@@ -150,7 +150,14 @@ pub(crate) fn make(
             .why("a loop or an index depends on the point")
             .hint("--box=-1,-1,-1,1,1,1 around it"));
     }
-    let mut options = options(solid, settings, given).map_err(|e| failure(&e, name, None))?;
+    let show = |phase: &str| phases.enter(phase);
+    let control = Control {
+        cancelled: Some(interrupt::watch()),
+        deadline: context.deadline,
+        progress: Some(&show),
+    };
+    let mut options =
+        options(solid, settings, given, &control).map_err(|e| failure(&e, name, None))?;
     options.sizes = settings
         .sizes
         .as_deref()
@@ -162,12 +169,6 @@ pub(crate) fn make(
         // A surface keeps its smaller triangles where it has them.
         options.sizes = Some(own_sizes(mesh));
     }
-    let show = |phase: &str| phases.enter(phase);
-    let control = Control {
-        cancelled: Some(interrupt::watch()),
-        deadline: context.deadline,
-        progress: Some(&show),
-    };
     let limits = settings.angles.map_or(Limits::default(), |a| Limits {
         dihedral_min: a.0[0],
         dihedral_max: a.0[1],
@@ -179,7 +180,7 @@ pub(crate) fn make(
     };
     let (meshed, certificate) = made.map_err(|e| failure(&e, name, Some(&options)))?;
     let warnings = warnings(&meshed, is_run);
-    let notes = notes(&meshed);
+    let notes = notes(&meshed, &certificate);
     Ok(Made {
         name: name.clone(),
         object: subject.model.name().to_owned(),
@@ -195,13 +196,15 @@ pub(crate) fn make(
     })
 }
 
-/// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD systems do not stay.
+/// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD
+/// systems do not stay.
 const LONGEST: f64 = 1.5;
 
 fn options(
     solid: &dyn Solid,
     settings: &Settings,
     given: Option<&Mesh>,
+    control: &Control<'_>,
 ) -> Result<Options, MeshError> {
     let usual = Options::default();
     Ok(Options {
@@ -209,7 +212,7 @@ fn options(
             (Some(size), _) => size,
             (None, Some(mesh)) if mesh.tets.is_empty() => LONGEST * mean_edge(mesh),
             (None, Some(mesh)) => mean_edge(mesh),
-            (None, None) => isoform::default_size(solid, settings.region)?,
+            (None, None) => isoform::default_size_within(solid, settings.region, control)?,
         },
         grade: settings.grade,
         sizes: None,
@@ -236,8 +239,15 @@ fn warnings(meshed: &Meshed, is_run: bool) -> Vec<Warning> {
     warnings
 }
 
-fn notes(meshed: &Meshed) -> Vec<&'static str> {
+fn notes(meshed: &Meshed, certificate: &Certificate) -> Vec<&'static str> {
     let mut notes = Vec::new();
+    let is_pinched = certificate
+        .surface
+        .as_ref()
+        .is_some_and(|s| !s.pinched_nodes.is_empty() || !s.crowded_edges.is_empty());
+    if is_pinched {
+        notes.push("bodies touch without crossing: the solid has no surface there that a mesh could follow; move them apart, or into each other");
+    }
     if !meshed.caps.is_empty() {
         notes.push("the box cuts the solid: the cuts are parts named cap");
     }
@@ -304,16 +314,21 @@ fn failure(error: &MeshError, name: &str, options: Option<&Options>) -> Failure 
             let fits = size * (*needed as f64 / (*allowed).max(1) as f64).cbrt();
             none("memory").hint(format!("--size {fits:.2}, or --memory with more GiB"))
         }
-        MeshError::NotANumber { at } => none("not-a-number")
-            .somewhere(*at)
-            .hint("--box around the part where it is one"),
+        MeshError::NotANumber { at } | MeshError::Extent(ExtentError::NotANumber { at }) => {
+            none("not-a-number")
+                .somewhere(*at)
+                .hint("--box around the part where it is one")
+        }
         MeshError::TooCoarse { .. } => none("too-coarse").hint(finer(options)),
         MeshError::Input { .. } => Failure::input("mesh", format!("{name}: {error}"))
             .hint("tetrahedra, or a closed surface of triangles, near the model"),
-        MeshError::Stopped if interrupt::happened() => {
+        MeshError::Internal { what } => Failure::internal("mesh").why(what),
+        MeshError::Stopped | MeshError::Extent(ExtentError::Stopped) if interrupt::happened() => {
             Failure::new(interrupt::INTERRUPTED, "interrupted", error.to_string())
         }
-        MeshError::Stopped => none("time-limit").hint("a longer --time-limit, or a larger --size"),
+        MeshError::Stopped | MeshError::Extent(ExtentError::Stopped) => none("time-limit")
+            .why("the time limit was over before there was a mesh")
+            .hint("a longer --time-limit, or a larger --size"),
     }
 }
 

@@ -1,5 +1,5 @@
-//! A picture of one patch: S, I and E over the steps, and the squared Sampson distance over the domain (figures 2 and 3 of Wurm, Jüttler
-//! and Kim 2003).
+//! A picture of one patch: S, I and E over the steps, and the squared Sampson distance over the
+//! domain (figures 2 and 3 of Wurm, Jüttler and Kim 2003).
 
 use crate::report::svg::escaped;
 use isoform::geom::{Field, RationalPatch, dot};
@@ -16,7 +16,8 @@ const DOMAIN: [f64; 4] = [540.0, 1020.0, 40.0, 370.0];
 const DECADES: f64 = 10.0;
 /// Quadrangles in each direction.
 const GRID: usize = 40;
-/// Where the sides of the domain run to in the picture, and the height of the graph above it: askew, so that no corner hides another.
+/// Where the sides of the domain run to in the picture, and the height of the graph above it:
+/// askew, so that no corner hides another.
 const ALONG: [[f64; 2]; 2] = [[225.0, 52.0], [105.0, -88.0]];
 const RISE: f64 = 170.0;
 /// Where the middle of the domain is drawn.

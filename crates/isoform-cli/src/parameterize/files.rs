@@ -4,6 +4,7 @@ use super::{Args, Made, document};
 use crate::mesh::files as meshes;
 use crate::output::{self, Failure};
 use crate::scan;
+use crate::watchdog::Writing;
 use isoform::geom::Field;
 use isoform::io::{MeshWriteOptions, StepOptions, write_mesh_path, write_step_path};
 use isoform::{patch_mesh, step_faces};
@@ -60,6 +61,7 @@ pub(super) fn write(
     targets: &[Target<'_>],
     args: &Args,
 ) -> Result<Vec<u8>, Failure> {
+    let _writing = Writing::new();
     let (mut stdout, mut mesh) = (Vec::new(), None);
     for target in targets {
         let path = match target {
@@ -95,7 +97,7 @@ pub(super) fn write(
                     ..MeshWriteOptions::default()
                 };
                 let report = write_mesh_path(mesh, path, None, &options)
-                    .map_err(|e| scan::unwritable(&e))?;
+                    .map_err(|e| scan::unwritable_mesh(&e))?;
                 let told = report
                     .warnings
                     .into_iter()

@@ -52,14 +52,15 @@ pub(crate) struct Args {
     /// The degrees of the patch in u and in v
     #[arg(long, value_name = "M,N", default_value = "3,3", value_parser = degree)]
     degree: (usize, usize),
-    /// Where surface is wanted: half the width of a box around the origin, or x,y,z of its lower and of its upper corner
-    /// [default: 0.5]
+    /// Where surface is wanted: half the width of a box around the origin, or x,y,z of its lower
+    /// and of its upper corner [default: 0.5]
     #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = region)]
     region: Option<Aabb>,
     /// Start at the point of the surface near this one, instead of one chosen by --seed
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
     seed_point: Option<Point3>,
-    /// The paper's settings: factors and thresholds of its Table 2, S <= 1e-6 (the default; takes no other bound)
+    /// The paper's settings: factors and thresholds of its Table 2, S <= 1e-6 (the default; takes
+    /// no other bound)
     #[arg(long, conflicts_with = "tol")]
     paper: bool,
     /// Afterwards bring the patch onto the surface to rounding, where its degree admits that
@@ -86,7 +87,8 @@ pub(crate) struct Args {
     /// The values of the parameters a, in their order; missing ones are as annotated, else 0
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
     params: Option<eval::Parameters>,
-    /// Write the patches: .json (- for stdout), .step or .stp for CAD, or triangles as .obj, .ply, .glb, ...; may be repeated
+    /// Write the patches: .json (- for stdout), .step or .stp for CAD, or triangles as .obj, .ply,
+    /// .glb, ...; may be repeated
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
     /// Unit of length that files state [default: mm in STEP, none in others]
@@ -247,7 +249,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         seconds.push(("cover", clock.elapsed().as_secs_f64()));
         (made.patches, Some((made.covered, made.samples)))
     } else {
-        // The bound on S is of the whole function; a distance is from the surface, whatever its parts are.
+        // The bound on S is of the whole function; a distance is from the surface, whatever its
+        // parts are.
         let made = match subject
             .parts
             .as_ref()

@@ -1,10 +1,11 @@
 //! The HTML report of a fit: one file that needs nothing else.
 
+mod drawing;
 pub(crate) mod svg;
 
 use crate::fit::document;
 use crate::fit::job::Job;
-use crate::fit::table::{self, brief, millimetres, rounded, verdict, with_unit};
+use crate::fit::table::{self, brief, counted, millimetres, rounded, starts_found, with_unit};
 use isoform::fit::{Fit, PartStatistics, Step, Template};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -57,8 +58,8 @@ impl Lengths {
     }
 }
 
-/// The page.
-pub(crate) fn page(job: &Job) -> String {
+/// The page; without a drawing where the time is up.
+pub(crate) fn page(job: &Job, is_late: bool) -> String {
     let info = job.template.frep.model().info();
     let title = info
         .title
@@ -77,16 +78,20 @@ pub(crate) fn page(job: &Job) -> String {
         } else {
             format!(
                 ", in {} ({})",
-                escaped(&job.unit.unit),
+                escaped(in_words(&job.unit.unit)),
                 escaped(&job.unit.reason)
             )
         },
     );
-    html += &verdict_box(job);
-    html += &figures(job, &lengths);
+    html += &verdict_box(&verdict(job, &lengths));
+    let sheets = (!is_late)
+        .then(|| drawing::sheets(job, color_limit(&job.fit)))
+        .flatten();
+    html += &model(sheets.as_ref().map(|s| s[0].as_str()), is_late);
     html += &parameters(job);
+    html += &figures(job, &lengths);
     html += &notes(job);
-    html += &maps(job, &lengths);
+    html += &maps(job, &lengths, sheets.as_ref().map(|s| s[1].as_str()));
     html += &deviations(job, &lengths);
     html += &parts(job, &lengths);
     html += &convergence(job);
@@ -97,20 +102,90 @@ pub(crate) fn page(job: &Job) -> String {
     html
 }
 
-fn verdict_box(job: &Job) -> String {
-    let fit = &job.fit;
-    let (class, word) = match (fit.acceptable, fit.complete) {
-        (true, true) => ("", "Accepted"),
-        (true, false) => (" bad", "Incomplete"),
-        (false, _) => (" bad", "Refused"),
-    };
-    let mut sentence = verdict(job);
-    if let Some(first) = sentence.get(..1) {
-        sentence = first.to_uppercase() + &sentence[1..];
+/// Units whose symbol is a word of its own.
+fn in_words(unit: &str) -> &str {
+    match unit {
+        "in" => "inches",
+        "ft" => "feet",
+        unit => unit,
     }
+}
+
+/// What is concluded, and from what.
+struct Verdict {
+    word: Word,
+    /// One sentence each, the weightiest first.
+    evidence: Vec<String>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Word {
+    Accepted,
+    Doubtful,
+    Refused,
+}
+
+impl Word {
+    fn text(self) -> &'static str {
+        match self {
+            Self::Accepted => "Accepted",
+            Self::Doubtful => "Doubtful",
+            Self::Refused => "Refused",
+        }
+    }
+    fn class(self) -> &'static str {
+        match self {
+            Self::Accepted => "accepted",
+            Self::Doubtful => "doubtful",
+            Self::Refused => "refused",
+        }
+    }
+}
+
+fn verdict(job: &Job, lengths: &Lengths) -> Verdict {
+    let fit = &job.fit;
+    let word = match (fit.verdict, fit.complete) {
+        (isoform::fit::Verdict::Accepted, true) => Word::Accepted,
+        (isoform::fit::Verdict::Refused, _) => Word::Refused,
+        _ => Word::Doubtful,
+    };
+    let mut evidence = fit.reasons.clone();
+    if !fit.complete {
+        evidence.push("the search was stopped early; this is the best so far".to_owned());
+    }
+    evidence.push(format!(
+        "the points lie {} off the model (rms); 95 % of them lie within {}",
+        lengths.text(fit.rms),
+        lengths.text(fit.data_to_model.p95)
+    ));
+    evidence.push(format!(
+        "{:.1} % of the model's surface is without data; {} of {} points are outliers",
+        100.0 * fit.model_to_data.share_uncovered,
+        fit.n_outliers,
+        fit.n_points
+    ));
+    evidence.push(starts_found(fit.hits, fit.starts));
+    evidence.extend(fit.undetermined.iter().map(|o| o.why.clone()));
+    Verdict { word, evidence }
+}
+
+fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().map(char::to_uppercase);
+    let all: String = first.into_iter().flatten().chain(letters).collect();
+    escaped(all.trim_end_matches('.')) + "."
+}
+
+fn verdict_box(verdict: &Verdict) -> String {
+    let items: String = verdict
+        .evidence
+        .iter()
+        .map(|e| format!("<li>{}</li>", sentence(e)))
+        .collect();
     format!(
-        "<section class=\"verdict{class}\"><b>{word}</b><span>{}.</span></section>\n",
-        escaped(&sentence)
+        "<section class=\"verdict {}\"><b>{}</b><ul>{items}</ul></section>\n",
+        verdict.word.class(),
+        verdict.word.text()
     )
 }
 
@@ -148,29 +223,38 @@ fn figures(job: &Job, lengths: &Lengths) -> String {
     .concat()
 }
 
+/// The drawing, or why there is none.
+fn model(sheet: Option<&str>, is_late: bool) -> String {
+    let sheet = sheet.unwrap_or(if is_late {
+        "<p>The time limit left no time to draw the model.</p>"
+    } else {
+        "<p>The model has no surface near the points.</p>"
+    });
+    format!("<section class=\"drawing\"><h2>The fitted model</h2>{sheet}</section>\n")
+}
+
 fn parameters(job: &Job) -> String {
     let rows = table::rows(job);
     let infos = job.template.frep.model().params();
     let has_mm = rows.iter().any(|r| !r.mm.is_empty());
-    let has_text = infos.iter().any(|i| !i.description.is_empty());
     let mut html = String::from(
-        "<section><h2>Parameters</h2><div class=\"wide\"><table><tr><th>parameter</th><th class=\"n\">value</th><th class=\"n\">± 95 %</th>",
+        "<section><h2>Parameters</h2><div class=\"wide\"><table><tr><th>parameter</th><th class=\"n\">value</th><th class=\"n\">± 95 %</th><th class=\"n\">95 % interval</th>",
     );
     if has_mm {
         html += "<th class=\"n\">in mm</th>";
     }
     html += "<th>status</th><th>bounds</th>";
-    if has_text {
-        html += "<th></th>";
-    }
     html += "</tr>\n";
     for (i, r) in rows.iter().enumerate() {
+        let text = infos.get(i).map_or("", |p| p.description.as_str());
         let _ = write!(
             html,
-            "<tr><td><b>{}</b></td><td class=\"n\">{}</td><td class=\"n\">{}</td>",
+            "<tr><td><b>{}</b><small>{}</small></td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>",
             escaped(&r.name),
+            escaped(text),
             escaped(&r.value),
-            r.error
+            r.error,
+            r.interval
         );
         if has_mm {
             let _ = write!(html, "<td class=\"n\">{}</td>", r.mm);
@@ -180,15 +264,6 @@ fn parameters(job: &Job) -> String {
             "<td><span class=\"status {0}\">{0}</span></td><td class=\"b\">{1}</td>",
             r.status, r.bounds
         );
-        if has_text {
-            let _ = write!(
-                html,
-                "<td>{}</td>",
-                infos
-                    .get(i)
-                    .map_or(String::new(), |p| escaped(&p.description))
-            );
-        }
         html += "</tr>\n";
     }
     html + "</table></div></section>\n"
@@ -200,8 +275,10 @@ fn notes(job: &Job) -> String {
     let mut items: Vec<String> = fit.undetermined.iter().map(|o| o.why.clone()).collect();
     items.extend(job.warnings.iter().cloned());
     let mut dropped = format!(
-        "{} of {} points were used; {} are outliers",
-        fit.n_used, fit.n_points, fit.n_outliers
+        "{} of {} points were used; {}",
+        fit.n_used,
+        fit.n_points,
+        counted(fit.n_outliers, "is an outlier", "are outliers").replace("no are", "none are")
     );
     if job.read.dropped_points > 0 {
         let _ = write!(
@@ -225,37 +302,20 @@ fn notes(job: &Job) -> String {
     format!("<section><h2>What to know</h2><ul>{items}</ul></section>\n")
 }
 
-fn maps(job: &Job, lengths: &Lengths) -> String {
-    let fit = &job.fit;
-    let limit = color_limit(fit);
-    let shown: Vec<f64> = job
-        .deviation()
-        .iter()
-        .zip(&fit.outliers)
-        .map(|(d, out)| if *out { f64::NAN } else { *d })
-        .collect();
-    let views = [
-        (0, 2, "front: x across, z up"),
-        (1, 2, "side: y across, z up"),
-        (0, 1, "top: x across, y up"),
-    ];
-    let figures: String = views
-        .iter()
-        .map(|(u, v, text)| {
-            format!(
-                "<figure>{}<figcaption>{text}</figcaption></figure>",
-                svg::view(&job.cloud.points, &shown, limit, *u, *v)
-            )
-        })
-        .collect();
-    let note = if fit.n_outliers > 0 {
+fn maps(job: &Job, lengths: &Lengths, sheet: Option<&str>) -> String {
+    let Some(sheet) = sheet else {
+        return String::new();
+    };
+    let limit = color_limit(&job.fit);
+    let note = if job.fit.n_outliers > 0 {
         " Outliers are dark grey."
     } else {
         ""
     };
     format!(
-        "<section><h2>Deviation map</h2><div class=\"views\">{figures}</div>{}\
-         <p class=\"lead\" style=\"margin:6px 0 0\">Signed distance of the points from the model: red lies outside, blue inside.{note}</p></section>\n",
+        "<section class=\"drawing\"><h2>Deviation map</h2>{sheet}{}\
+         <p class=\"lead\" style=\"margin:6px 0 0\">Signed distance of the points from the model: red lies outside, blue inside. \
+         Points that a part of the model or a nearer point hides are not drawn.{note}</p></section>\n",
         svg::color_bar(limit * lengths.scale, &lengths.unit)
     )
 }
@@ -273,10 +333,10 @@ fn deviations(job: &Job, lengths: &Lengths) -> String {
     let limit = if limit > 0.0 { limit } else { 1.0 };
     let beyond = used.iter().filter(|v| v.abs() > limit).count();
     let (d, m) = (&fit.data_to_model, &fit.model_to_data);
-    let far = if beyond > 0 {
-        format!(" {beyond} points lie beyond the axis.")
-    } else {
-        String::new()
+    let far = match beyond {
+        0 => String::new(),
+        1 => " 1 point lies beyond the axis.".to_owned(),
+        n => format!(" {n} points lie beyond the axis."),
     };
     format!(
         "<section class=\"two\"><div><h2>Residuals</h2>{}<p class=\"lead\" style=\"margin:4px 0 0\">The curve is the normal law of the noise, {}.{far}</p></div>\
@@ -368,8 +428,8 @@ fn convergence(job: &Job) -> String {
         .map(|r| *r.0);
     let search = svg::convergence("Convergence of the search", &runs, best, "rms of f");
     let mut html = format!(
-        "<section><h2>Convergence</h2><div class=\"two\"><div><h3>search, the model's own function, {} starts</h3>{search}</div>",
-        job.fit.starts
+        "<section><h2>Convergence</h2><div class=\"two\"><div><h3>search, the model's own function, {}</h3>{search}</div>",
+        counted(job.fit.starts, "start", "starts")
     );
     if let Some((k, _)) = polish.first_key_value() {
         let unit = if job.unit.unit.is_empty() {
@@ -385,8 +445,8 @@ fn convergence(job: &Job) -> String {
     }
     let _ = writeln!(
         html,
-        "</div><p>{} of {} starts reached the best minimum.</p></section>",
-        job.fit.hits, job.fit.starts
+        "</div><p>{}</p></section>",
+        sentence(&starts_found(job.fit.hits, job.fit.starts))
     );
     html
 }

@@ -1,7 +1,6 @@
 //! The plots: plain SVG, coloured by the page's style.
 
 use isoform::fit::Step;
-use isoform::geom::{Aabb, Point3};
 use isoform::io::deviation_colors;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -12,8 +11,6 @@ const HEIGHT: f64 = 230.0;
 const MARGIN: [f64; 4] = [58.0, 12.0, 10.0, 36.0];
 /// Colours of a deviation map; more cannot be told apart.
 const SHADES: usize = 21;
-/// Points drawn per view: a page stays below a megabyte.
-const MOST_DOTS: usize = 6000;
 
 /// Text that is safe between tags and in attributes.
 pub(crate) fn escaped(text: &str) -> String {
@@ -118,7 +115,8 @@ fn x_axis(svg: &mut String, x: Scale, name: &str) {
     );
 }
 
-/// Root mean squares over evaluations, one line per run, the vertical axis logarithmic; the run `best` is drawn strong.
+/// Root mean squares over evaluations, one line per run, the vertical axis logarithmic; the run
+/// `best` is drawn strong.
 pub(crate) fn convergence(
     title: &str,
     runs: &BTreeMap<usize, Vec<&Step>>,
@@ -303,72 +301,6 @@ pub(crate) fn histogram(values: &[f64], noise: f64, limit: f64, unit: &str) -> S
         ),
     );
     frame("Histogram of deviations", &svg)
-}
-
-/// The points seen along one axis, coloured by deviation; `NaN` is an outlier. Axes are the indices across and up.
-pub(crate) fn view(
-    points: &[Point3],
-    deviation: &[f64],
-    limit: f64,
-    across: usize,
-    up: usize,
-) -> String {
-    const SIZE: f64 = 300.0;
-    let data = Aabb::of(
-        points
-            .iter()
-            .zip(deviation)
-            .filter(|(_, d)| !d.is_nan())
-            .map(|(p, _)| p),
-    );
-    let (center, size) = (data.center(), data.size());
-    let scale = 0.9 * SIZE / size[across].max(size[up]).max(f64::MIN_POSITIVE);
-    // All three views show the same scale when the largest side decides.
-    let scale = scale.min(0.9 * SIZE / size.iter().copied().fold(f64::MIN_POSITIVE, f64::max));
-    let stride = points.len().div_ceil(MOST_DOTS).max(1);
-    let shown: Vec<usize> = (0..points.len()).step_by(stride).collect();
-    let mut shades = vec![String::new(); SHADES + 1];
-    for &i in &shown {
-        let (u, v) = (
-            0.5 * SIZE + scale * (points[i][across] - center[across]),
-            0.5 * SIZE - scale * (points[i][up] - center[up]),
-        );
-        if !(0.0..=SIZE).contains(&u) || !(0.0..=SIZE).contains(&v) {
-            continue;
-        }
-        let shade = if deviation[i].is_nan() {
-            SHADES
-        } else {
-            ((deviation[i] / limit).clamp(-1.0, 1.0) * 0.5 + 0.5).mul_add((SHADES - 1) as f64, 0.5)
-                as usize
-        };
-        let _ = write!(shades[shade.min(SHADES)], "M{u:.1} {v:.1}h0");
-    }
-    let middle: Vec<f64> = (0..SHADES)
-        .map(|k| limit * (2.0 * k as f64 / (SHADES - 1) as f64 - 1.0))
-        .chain([f64::NAN])
-        .collect();
-    let colors = deviation_colors(&middle, limit);
-    let mut order: Vec<usize> = (0..SHADES).collect();
-    // The worst on top, outliers at the bottom.
-    order.sort_by_key(|k| k.abs_diff(SHADES / 2));
-    order.insert(0, SHADES);
-    let mut svg = format!("<rect class=\"panel\" width=\"{SIZE}\" height=\"{SIZE}\" rx=\"8\"/>");
-    let dot = if shown.len() > 3000 { 2.2 } else { 3.0 };
-    for k in order.into_iter().filter(|k| !shades[*k].is_empty()) {
-        let [r, g, b] = if k == SHADES { [40, 44, 50] } else { colors[k] };
-        let _ = write!(
-            svg,
-            "<path class=\"dot\" stroke=\"#{r:02x}{g:02x}{b:02x}\" stroke-width=\"{dot}\" d=\"{}\"/>",
-            shades[k]
-        );
-    }
-    let name = |k: usize| ["x", "y", "z"][k];
-    format!(
-        "<svg viewBox=\"0 0 {SIZE} {SIZE}\" role=\"img\" aria-label=\"deviation seen in {} and {}\">{svg}</svg>",
-        name(across),
-        name(up)
-    )
 }
 
 /// The bar of colours from −limit to +limit.

@@ -104,7 +104,8 @@ fn double_arc(arc: &DoubleArc) -> Value {
     json!({"points": arc.points, "sheets": arc.sheets})
 }
 
-/// Real curves of the parameter plane that are contracted, each with one of the points; nothing for a point at infinity.
+/// Real curves of the parameter plane that are contracted, each with one of the points; nothing for
+/// a point at infinity.
 pub(super) fn contracted(analysis: &Analysis) -> Vec<(String, Option<[f64; 3]>)> {
     let mut list = Vec::new();
     for c in analysis.singular.iter().flat_map(|s| &s.curves) {

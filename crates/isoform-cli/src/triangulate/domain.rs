@@ -1,4 +1,5 @@
-//! A picture of the parameters: the projective plane as a square whose opposite sides are one line, that at infinity.
+//! A picture of the parameters: the projective plane as a square whose opposite sides are one line,
+//! that at infinity.
 
 use super::Made;
 use crate::report::svg::escaped;
@@ -36,7 +37,8 @@ fn pair([x, y]: [f64; 2]) -> String {
     format!("{} {}", round(x), round(y))
 }
 
-/// The triangles in the plane of parameters, with the edges that have one triangle or more than two, and the real base points.
+/// The triangles in the plane of parameters, with the edges that have one triangle or more than
+/// two, and the real base points.
 pub(super) fn svg(made: &Made) -> String {
     let surface = &made.surface;
     let mut triangles = [const { String::new() }; 4];

@@ -25,7 +25,8 @@ const TOLERANCE: f64 = 5e-4;
 const LONGEST: f64 = 0.25;
 /// Number of triangles at which refinement stops unless another is given.
 const MOST_TRIANGLES: usize = 400_000;
-/// The share of a time limit that each phase named in [`Budget::seconds`] may take: triangles come after them.
+/// The share of a time limit that each phase named in [`Budget::seconds`] may take: triangles come
+/// after them.
 const EXACT_SHARE: f64 = 0.18;
 
 /// Triangulates a rational parametric surface in a box
@@ -49,9 +50,11 @@ said, see docs/rational.md.
 Exit code: 0 when everything is proved, 3 when something is not (files are written all the same), 2 for an invalid map, 4 without
 triangles, 130 after Ctrl-C.")]
 pub(crate) struct Args {
-    /// The map: a JSON file with X, Y, Z and W, polynomials in s and t with rational coefficients, or a file of patches (- for stdin)
+    /// The map: a JSON file with X, Y, Z and W, polynomials in s and t with rational coefficients,
+    /// or a file of patches (- for stdin)
     map: PathBuf,
-    /// Half the width of the box around the origin, taken as exactly this number: 2, 0.1, 1/3; patches and regions without poles need none
+    /// Half the width of the box around the origin, taken as exactly this number: 2, 0.1, 1/3;
+    /// patches and regions without poles need none
     #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = half_width)]
     half_width: Option<HalfWidth>,
     /// Draw only parameters with S0 <= s <= S1 and T0 <= t <= T1, taken as exactly these numbers
@@ -60,7 +63,8 @@ pub(crate) struct Args {
     /// Draw only parameters in a polygon with these corners: "0,0 2,0 1,3/2"
     #[arg(long, value_name = "S,T S,T ...", allow_hyphen_values = true, value_parser = polygon)]
     polygon: Option<Domain>,
-    /// Largest distance of the middles of triangles and edges from the surface; without --box, B is half its width here [default: 5e-4 B]
+    /// Largest distance of the middles of triangles and edges from the surface; without --box, B is
+    /// half its width here [default: 5e-4 B]
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     tol: Option<f64>,
     /// Largest length of edges; without --box, B is half the surface's width here [default: 0.25 B]
@@ -81,7 +85,8 @@ pub(crate) struct Args {
     /// Format of the output, where its name does not tell it
     #[arg(long, value_name = "FORMAT")]
     to: Option<String>,
-    /// Write what is known of the surface as JSON: base points, pole, double curve, what is not proved
+    /// Write what is known of the surface as JSON: base points, pole, double curve, what is not
+    /// proved
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// Write the parameters of every triangle's corners and the kind of every vertex as JSON
@@ -295,7 +300,8 @@ fn read(path: &Path, reduce: bool) -> Result<Subject, Failure> {
         .map_err(|e| invalid(&e, path, &text))
 }
 
-/// The box: as asked for, or, where the surface is proved to have bounds, around it; half the largest width of the surface in the box then.
+/// The box: as asked for, or, where the surface is proved to have bounds, around it; half the
+/// largest width of the surface in the box then.
 fn find_box(args: &Args, subject: &Subject) -> Result<(HalfWidth, f64, bool), Failure> {
     if let Some(given) = &args.half_width {
         return Ok((given.clone(), given.near, false));

@@ -1,6 +1,8 @@
-//! Structured comments: what a program says of its parameters and of itself, invisible to other HyperFun readers.
+//! Structured comments: what a program says of its parameters and of itself, invisible to other
+//! HyperFun readers.
 //!
-//! `-- @param a[3] radius length min=0.1 max=50 start=5 unit=mm : of the hole`; see docs/hyperfun.md.
+//! `-- @param a[3] radius length min=0.1 max=50 start=5 unit=mm : of the hole`; see
+//! docs/hyperfun.md.
 
 use super::ast::Object;
 use super::source::{Source, SyntaxError, Warning};
@@ -77,8 +79,8 @@ pub struct Tie {
     pub terms: Vec<(usize, f64)>,
 }
 
-/// A number as written, or a share of the data's size (`25%`: of the diagonal of the data's box; `100%z`: of its extent along the
-/// model's z axis). Shares keep a template free of units.
+/// A number as written, or a share of the data's size (`25%`: of the diagonal of the data's box;
+/// `100%z`: of its extent along the model's z axis). Shares keep a template free of units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amount {
     /// A number.
@@ -90,6 +92,10 @@ pub enum Amount {
 }
 
 impl Amount {
+    /// Whether it depends on the box of the data.
+    pub fn is_share(self) -> bool {
+        !matches!(self, Self::Value(_))
+    }
     /// The number, for a box with these extents along the model's axes.
     pub fn resolve(self, extents: [f64; 3]) -> f64 {
         match self {
@@ -504,7 +510,8 @@ fn number(source: &Source, word: Piece<'_>) -> Read<f64> {
     }
 }
 
-// ---- ties -----------------------------------------------------------------------------------------------------------------
+// ---- ties
+// -----------------------------------------------------------------------------------------------------------------
 
 fn resolve_ties(
     source: &Source,

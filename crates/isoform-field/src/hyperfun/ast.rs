@@ -1,6 +1,7 @@
 //! The checked program: names are resolved to places in the object's memory.
 
-/// A binary operator. A chain of operators of one level is one node, so that long sums nest nothing.
+/// A binary operator. A chain of operators of one level is one node, so that long sums nest
+/// nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Operator {
     Add,
@@ -91,7 +92,8 @@ impl Operator {
     }
 }
 
-/// An array in the object's memory: items `start .. start + len`; `id` is its place in [`Object::arrays`].
+/// An array in the object's memory: items `start .. start + len`; `id` is its place in
+/// [`Object::arrays`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ArrayRef {
     pub(crate) id: u32,

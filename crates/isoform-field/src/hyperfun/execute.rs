@@ -69,7 +69,8 @@ impl<'p, M: Machine> Executor<'p, M> {
         self.program.mode == Mode::Strict
     }
 
-    /// f at x with parameters a; `s` goes in and comes out. The slices must have the sizes of the object's head.
+    /// f at x with parameters a; `s` goes in and comes out. The slices must have the sizes of the
+    /// object's head.
     pub(crate) fn run(
         &mut self,
         object: usize,
@@ -124,7 +125,8 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
-    // ---- statements -------------------------------------------------------------------------------------------------------
+    // ---- statements
+    // -------------------------------------------------------------------------------------------------------
 
     fn block(&mut self, object: &'p Object, statements: &'p [Statement]) -> Outcome<()> {
         for statement in statements {
@@ -233,7 +235,8 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(self.m().truth(&v))
     }
 
-    // ---- expressions ------------------------------------------------------------------------------------------------------
+    // ---- expressions
+    // ------------------------------------------------------------------------------------------------------
 
     /// Where an item lies in memory.
     fn item(&mut self, object: &'p Object, array: ArrayRef, index: &'p Expr) -> Outcome<usize> {
@@ -320,8 +323,8 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
-    /// Operands from the last to the first, as the reference does (it matters for functions that change their arguments),
-    /// then the operators from left to right.
+    /// Operands from the last to the first, as the reference does (it matters for functions that
+    /// change their arguments), then the operators from left to right.
     fn chain(&mut self, object: &'p Object, first: &'p Expr, rest: &'p [Link]) -> Outcome<M::V> {
         if let [link] = rest {
             let right = self.eval(object, &link.operand)?;
@@ -566,14 +569,15 @@ impl<'p, M: Machine> Executor<'p, M> {
     }
 }
 
-/// What an array item that goes to a function counts against the limit of expressions: about the nodes that it makes, the
-/// largest are triangles with 150 nodes for 9 items.
+/// What an array item that goes to a function counts against the limit of expressions: about the
+/// nodes that it makes, the largest are triangles with 150 nodes for 9 items.
 const ITEM_COST: usize = 16;
 
 /// What the reference returns for bad arguments.
 pub(crate) const SENTINEL: f64 = -1111111111111.0;
 
-/// The name of an inline primitive: its centre's if that is a local array, else the function's without "hf".
+/// The name of an inline primitive: its centre's if that is a local array, else the function's
+/// without "hf".
 fn part_name(object: &Object, function: &str, arguments: &[Argument]) -> String {
     match arguments.get(1) {
         Some(Argument::Array(_, array)) if array.id >= 3 => {
@@ -586,7 +590,8 @@ fn part_name(object: &Object, function: &str, arguments: &[Argument]) -> String 
     }
 }
 
-/// u ^ v: an integer power where v − ⌊v⌋ < EPS, else exp(v ln u). Strictly, u counts as 0 where |u| < EPS.
+/// u ^ v: an integer power where v − ⌊v⌋ < EPS, else exp(v ln u). Strictly, u counts as 0 where |u|
+/// < EPS.
 fn power<M: Machine>(
     m: &mut M,
     at: u32,
@@ -640,7 +645,8 @@ fn power<M: Machine>(
     Ok(flattened(m, u, &p))
 }
 
-/// p + p ln u (v − its value): the value p, with the derivative by an exponent that happens to be an integer.
+/// p + p ln u (v − its value): the value p, with the derivative by an exponent that happens to be
+/// an integer.
 fn with_slope<M: Machine>(m: &mut M, u: &M::V, v: &M::V, value: f64, p: &M::V) -> M::V {
     let (ln, value) = (m.unary(Unary::Ln, u), m.constant(value));
     let change = m.sub(v, &value);
@@ -656,7 +662,8 @@ fn flattened<M: Machine>(m: &mut M, u: &M::V, p: &M::V) -> M::V {
     m.select(&c, &zero, p)
 }
 
-/// u ^ v for an exponent that is not known: u^v for u > 0; else ±|u|^v for an integer v, NaN for another.
+/// u ^ v for an exponent that is not known: u^v for u > 0; else ±|u|^v for an integer v, NaN for
+/// another.
 fn open_power<M: Machine>(m: &mut M, strict: bool, u: &M::V, v: &M::V) -> M::V {
     let (zero, one, nan, eps) = (
         m.constant(0.0),

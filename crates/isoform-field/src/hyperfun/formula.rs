@@ -1,4 +1,5 @@
-//! Formulas with ordinary operators: [`E`] is a value together with the machine that computes with it.
+//! Formulas with ordinary operators: [`E`] is a value together with the machine that computes with
+//! it.
 
 use super::machine::Machine;
 use crate::library::{Library, Native};

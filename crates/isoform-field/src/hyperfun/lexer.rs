@@ -1,4 +1,5 @@
-//! Tokens. Letters fold to lower case; two minus signs start a comment that runs to the end of the line.
+//! Tokens. Letters fold to lower case; two minus signs start a comment that runs to the end of the
+//! line.
 
 use super::source::Source;
 
@@ -69,7 +70,8 @@ pub(crate) struct Token {
     pub(crate) end: u32,
 }
 
-/// The tokens of a program, closed by `End`, and the byte ranges of its comments (without the two dashes).
+/// The tokens of a program, closed by `End`, and the byte ranges of its comments (without the two
+/// dashes).
 pub(crate) fn tokens(source: &Source) -> (Vec<Token>, Vec<(u32, u32)>) {
     let text = source.text();
     let bytes = text.as_bytes();

@@ -1,4 +1,5 @@
-//! What runs a program: numbers at once ([`Direct`]), or the construction of its expression ([`Symbolic`]).
+//! What runs a program: numbers at once ([`Direct`]), or the construction of its expression
+//! ([`Symbolic`]).
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::{Library, Native};
@@ -74,7 +75,8 @@ impl Machine for Symbolic {
         self.booleans.contains(v)
     }
     fn assigned(&mut self, v: &NodeId, name: &str) {
-        // Arithmetic too: a plane or a tapered wall is a piece of the surface as well as a primitive.
+        // Arithmetic too: a plane or a tapered wall is a piece of the surface as well as a
+        // primitive.
         if !matches!(
             self.graph.node(*v),
             Node::Constant(_) | Node::X(_) | Node::Param(_)

@@ -1,6 +1,7 @@
-//! The HyperFun language: programs that define f ≥ 0 inside (Adzhiev, Cartwright, Fausett, Ossipov, Pasko, Savchenko: HyperFun
-//! project: a framework for collaborative multidimensional F-rep modeling, 1999). What we read and how it differs from the
-//! documentation and from the reference implementation stands in docs/hyperfun.md.
+//! The HyperFun language: programs that define f ≥ 0 inside (Adzhiev, Cartwright, Fausett, Ossipov,
+//! Pasko, Savchenko: HyperFun project: a framework for collaborative multidimensional F-rep
+//! modeling, 1999). What we read and how it differs from the documentation and from the reference
+//! implementation stands in docs/hyperfun.md.
 //!
 //! ```
 //! use isoform_field::hyperfun::{Mode, Model};
@@ -41,8 +42,8 @@ use machine::Symbolic;
 use source::Source;
 use std::fmt;
 
-/// How deep expressions, statements and calls of objects may nest together. The executor recurses as deep; this fits a thread
-/// with 2 MiB of stack, and is far more than programs need.
+/// How deep expressions, statements and calls of objects may nest together. The executor recurses
+/// as deep; this fits a thread with 2 MiB of stack, and is far more than programs need.
 pub(crate) const MAX_DEPTH: u32 = 200;
 
 /// How many items the arrays of a program may have in all: 16 MB of memory for an evaluation.
@@ -51,8 +52,8 @@ pub(crate) const MAX_ITEMS: u64 = 1_000_000;
 /// The largest program.
 const MAX_SOURCE: usize = 1 << 26;
 
-/// Steps (operations and statements) after which an evaluation is stopped, unless [`Model::set_step_limit`] says otherwise:
-/// less than a second.
+/// Steps (operations and statements) after which an evaluation is stopped, unless
+/// [`Model::set_step_limit`] says otherwise: less than a second.
 pub const STEP_LIMIT: u64 = 50_000_000;
 
 /// Steps after which compiling is given up: larger expressions are slower than the interpreter.
@@ -61,7 +62,8 @@ const COMPILE_LIMIT: u64 = 2_000_000;
 /// The object that is evaluated when no other is named.
 pub const DEFAULT_OBJECT: &str = "my_model";
 
-/// Which meaning programs have where the reference implementation is at odds with its documentation or with reason.
+/// Which meaning programs have where the reference implementation is at odds with its documentation
+/// or with reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
     /// What is documented and useful.
@@ -74,7 +76,8 @@ pub enum Mode {
 /// How set operators bind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precedence {
-    /// As + and −, from left to right: what the reference implementation does, with which models were made.
+    /// As + and −, from left to right: what the reference implementation does, with which models
+    /// were made.
     #[default]
     Flat,
     /// Below + and −, as the documentation says.
@@ -167,7 +170,8 @@ impl fmt::Display for UnknownObject {
 impl std::error::Error for UnknownObject {}
 
 impl Model {
-    /// Reads and checks a program. The model is its object `my_model`, else its first one; [`Model::object`] chooses another.
+    /// Reads and checks a program. The model is its object `my_model`, else its first one;
+    /// [`Model::object`] chooses another.
     pub fn parse(text: &str, mode: Mode) -> Result<Self, SyntaxError> {
         Self::parse_with(text, mode, Precedence::Flat)
     }
@@ -204,7 +208,8 @@ impl Model {
         Ok(model)
     }
 
-    /// The same program with another of its objects as the model; letters fold. `None` leaves the choice as it is.
+    /// The same program with another of its objects as the model; letters fold. `None` leaves the
+    /// choice as it is.
     pub fn object(mut self, name: Option<&str>) -> Result<Self, UnknownObject> {
         let Some(name) = name else { return Ok(self) };
         let Some(object) = self
@@ -232,7 +237,8 @@ impl Model {
         &self.program.objects[self.object]
     }
 
-    /// Stops evaluations, and the construction of expressions, after so many steps (operations and statements).
+    /// Stops evaluations, and the construction of expressions, after so many steps (operations and
+    /// statements).
     pub fn set_step_limit(&mut self, steps: u64) {
         self.step_limit = steps;
     }
@@ -312,8 +318,9 @@ impl Model {
         self.evaluator().eval(x, a, &[])
     }
 
-    /// Builds f as an expression of x and a; attributes start as 0. The expression has no run-time errors: where the program
-    /// would stop with one, its value is NaN or, where a limit of the language is not one of the formula, that of the formula.
+    /// Builds f as an expression of x and a; attributes start as 0. The expression has no run-time
+    /// errors: where the program would stop with one, its value is NaN or, where a limit of the
+    /// language is not one of the formula, that of the formula.
     pub fn compile(&self, graph: &mut Graph) -> Result<NodeId, NotCompilable> {
         let (nx, na, ns) = (self.dimension(), self.n_params(), self.chosen().n_s());
         let x: Vec<NodeId> = (0..nx).map(|i| graph.x(i)).collect();
@@ -331,11 +338,13 @@ impl Model {
         })
     }
 
-    /// The program with the values fixed: the text as it is, comments and all, and a further object that calls the model with
-    /// `values` for a\[\] and, if there is a placement, with the point moved back. See [`Placement`].
+    /// The program with the values fixed: the text as it is, comments and all, and a further object
+    /// that calls the model with
+    /// `values` for a\[\] and, if there is a placement, with the point moved back. See
+    /// [`Placement`].
     ///
-    /// The new object takes the model's name and the model becomes `NAME_template`; if the program has no `my_model`, the new
-    /// object is `my_model` and nothing is renamed.
+    /// The new object takes the model's name and the model becomes `NAME_template`; if the program
+    /// has no `my_model`, the new object is `my_model` and nothing is renamed.
     pub fn print_fitted(&self, values: &[f64], placement: Option<&Placement>) -> String {
         print::fitted(&self.program, self.object, values, placement)
     }

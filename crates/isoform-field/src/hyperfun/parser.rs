@@ -1,5 +1,6 @@
-//! Recursive descent over the tokens; names are checked and resolved on the way, so that the first error in text order is
-//! the one reported, at the token where the reference implementation reports it.
+//! Recursive descent over the tokens; names are checked and resolved on the way, so that the first
+//! error in text order is the one reported, at the token where the reference implementation reports
+//! it.
 
 use super::ast::{
     Argument, Array, ArrayRef, Expr, HEAD_ARRAYS, Level, Link, Object, Operator, Statement,
@@ -157,7 +158,8 @@ impl Parser<'_> {
         Ok(())
     }
 
-    // ---- objects ----------------------------------------------------------------------------------------------------------
+    // ---- objects
+    // ----------------------------------------------------------------------------------------------------------
 
     fn object(&mut self) -> Parsed<Object> {
         let start = self.start();
@@ -316,7 +318,8 @@ impl Parser<'_> {
         }
     }
 
-    // ---- statements -------------------------------------------------------------------------------------------------------
+    // ---- statements
+    // -------------------------------------------------------------------------------------------------------
 
     fn block(&mut self) -> Parsed<Vec<Statement>> {
         let mut statements = Vec::new();
@@ -449,7 +452,8 @@ impl Parser<'_> {
         Ok(values)
     }
 
-    // ---- expressions ------------------------------------------------------------------------------------------------------
+    // ---- expressions
+    // ------------------------------------------------------------------------------------------------------
 
     /// The operator that stands here, if it is one of those.
     fn operator(&self, those: impl Fn(Operator) -> bool) -> Option<Operator> {
@@ -488,8 +492,8 @@ impl Parser<'_> {
         })
     }
 
-    /// A condition; tells also whether it is a plain expression. A parenthesis that turns out to hold a plain expression
-    /// becomes the beginning of one: `(x[1]+1)*2 > 3`.
+    /// A condition; tells also whether it is a plain expression. A parenthesis that turns out to
+    /// hold a plain expression becomes the beginning of one: `(x[1]+1)*2 > 3`.
     fn condition(&mut self) -> Parsed<(Expr, bool)> {
         let (first, plain) = self.comparison()?;
         let plain = plain && self.operator(|o| o.level() == Level::Logic).is_none();
@@ -550,7 +554,8 @@ impl Parser<'_> {
         self.warn_of_precedence(&first);
         Ok(first)
     }
-    /// A sum of products; set operators stand on the same level unless the documented precedence is asked for.
+    /// A sum of products; set operators stand on the same level unless the documented precedence is
+    /// asked for.
     fn sum(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
         let first = self.product(begun)?;
         let only_sums = self.precedence == Precedence::Documented;
@@ -740,7 +745,8 @@ impl Parser<'_> {
         })
     }
 
-    /// HyperFun's documentation puts set operators below + and −, its implementation on the same level.
+    /// HyperFun's documentation puts set operators below + and −, its implementation on the same
+    /// level.
     fn warn_of_precedence(&mut self, sum: &Expr) {
         let Expr::Chain { rest, .. } = sum else {
             return;

@@ -6,7 +6,8 @@ use super::lexer::{self, Kind};
 use super::{DEFAULT_OBJECT, Program};
 use std::fmt::Write;
 
-/// A similarity that moves a model: the model's point is p = Rᵀ(x − t)/scale. Values are not rescaled.
+/// A similarity that moves a model: the model's point is p = Rᵀ(x − t)/scale. Values are not
+/// rescaled.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placement {
     /// R, by rows.

@@ -1,10 +1,10 @@
-//! The paper's test part (a block less two cylinders along z) written by hand: a template whose two readings are known in
-//! closed form, fast enough that times of a fit mean something.
+//! The paper's test part (a block less two cylinders along z) written by hand: a template whose two
+//! readings are known in closed form, fast enough that times of a fit mean something.
 #![allow(dead_code)]
 
 use isoform_fit::{Kind, Parameter, Template};
 use isoform_geom::{ParamField, Point3};
-use std::path::PathBuf;
+use std::path::Path;
 
 const LANES: usize = 8;
 const N: usize = 12;
@@ -409,18 +409,9 @@ impl ParamField for Part {
     }
 }
 
-/// The folder of shared test data, if this checkout has one.
-pub(crate) fn shared() -> Option<PathBuf> {
-    let path = std::env::var_os("ISOFORM_SHARED").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")),
-        PathBuf::from,
-    );
-    path.join("fitting/starts100.txt").exists().then_some(path)
-}
-
 /// Rows of numbers.
-pub(crate) fn rows_of(path: &std::path::Path) -> Vec<Vec<f64>> {
-    let text = std::fs::read_to_string(path).unwrap_or_default();
+pub(crate) fn rows_of(path: &Path) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     text.lines()
         .filter(|l| !l.starts_with('#') && !l.trim().is_empty())
         .map(|l| {
@@ -432,13 +423,14 @@ pub(crate) fn rows_of(path: &std::path::Path) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Points of a variant of the test part.
-pub(crate) fn variant(name: &str) -> Option<Vec<Point3>> {
-    let rows = rows_of(&shared()?.join(format!("fitting/testpart_{name}.xyz")));
-    Some(rows.iter().map(|r| [r[0], r[1], r[2]]).collect())
+/// Points of a variant of the test part, from the folder that holds the variants.
+pub(crate) fn variant(folder: &Path, name: &str) -> Vec<Point3> {
+    let rows = rows_of(&folder.join(format!("testpart_{name}.xyz")));
+    rows.iter().map(|r| [r[0], r[1], r[2]]).collect()
 }
 
-/// About `count` points of the part's own surface, uniform by area, with Gaussian noise of deviation `sigma`.
+/// About `count` points of the part's own surface, uniform by area, with Gaussian noise of
+/// deviation `sigma`.
 pub(crate) fn sample(count: usize, sigma: f64, seed: u64) -> Vec<Point3> {
     let mut random = fastrand::Rng::with_seed(seed);
     let a = TRUTH;

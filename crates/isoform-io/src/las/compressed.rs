@@ -1,8 +1,9 @@
 //! LAZ: the checks that make `laz` safe on any bytes, and the loop around it.
 //!
-//! `laz` trusts the file: it reserves memory for as many chunks as are announced, for layers of any announced size, and panics on
-//! item lists that contradict themselves. So the item list, the chunk table's length and all layer sizes are compared with the length of
-//! the file before it is called. What may still panic in its arithmetic decoder is caught and reported as damage.
+//! `laz` trusts the file: it reserves memory for as many chunks as are announced, for layers of any
+//! announced size, and panics on item lists that contradict themselves. So the item list, the chunk
+//! table's length and all layer sizes are compared with the length of the file before it is called.
+//! What may still panic in its arithmetic decoder is caught and reported as damage.
 
 use super::{Header, corrupt, u32_at};
 use crate::input::{Input, Result};
@@ -12,8 +13,8 @@ use laz::{DecompressionSelection, LasZipDecompressor, LazItem, LazItemType, LazV
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Points that one byte of LAZ can stand for. Real files have at most a few; a run of equal points may have some hundred. More would let
-/// a small file announce points without end.
+/// Points that one byte of LAZ can stand for. Real files have at most a few; a run of equal points
+/// may have some hundred. More would let a small file announce points without end.
 const POINTS_PER_BYTE: u64 = 1000;
 /// Stack of the thread; it takes memory only as far as it is used.
 const STACK: usize = 256 << 20;
@@ -141,7 +142,8 @@ fn unpack_here(
         why: e.to_string(),
         is_end: e.kind() == io::ErrorKind::UnexpectedEof,
     };
-    // The layers of the newer formats are unpacked from memory, where no guard can stand: the time, which recurses, stays packed there.
+    // The layers of the newer formats are unpacked from memory, where no guard can stand: the time,
+    // which recurses, stays packed there.
     let fields = DecompressionSelection::all().skip_gps_time();
     let mut decoder = LasZipDecompressor::selective(stream, vlr, fields).map_err(|e| Failure {
         done: 0,

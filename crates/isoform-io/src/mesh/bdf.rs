@@ -1,7 +1,8 @@
-//! Nastran bulk data: GRID* with 16 characters a number, CTETRA and CTRIA3 or CTRIA6 in fields of eight.
+//! Nastran bulk data: GRID* with 16 characters a number, CTETRA and CTRIA3 or CTRIA6 in fields of
+//! eight.
 //!
-//! The property of an element is the tag of its part; regions follow behind the parts. Their names are comments. Triangles are numbered
-//! before the tetrahedra.
+//! The property of an element is the tag of its part; regions follow behind the parts. Their names
+//! are comments. Triangles are numbered before the tetrahedra.
 
 use super::MeshWriteOptions;
 use super::group::{tet, triangle};

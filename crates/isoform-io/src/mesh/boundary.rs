@@ -1,4 +1,5 @@
-//! What lies on what: triangles on faces of tetrahedra, curves on parts, and the boundary of tetrahedra alone.
+//! What lies on what: triangles on faces of tetrahedra, curves on parts, and the boundary of
+//! tetrahedra alone.
 
 use isoform_geom::{Mesh, TET_EDGES, TET_FACES};
 use std::collections::HashMap;
@@ -79,7 +80,8 @@ pub(super) fn parts_of_regions(mesh: &Mesh) -> Vec<Vec<u32>> {
     parts
 }
 
-/// Calls with every pair of a triangle and a face of the same corners, and whether both turn the same way.
+/// Calls with every pair of a triangle and a face of the same corners, and whether both turn the
+/// same way.
 fn for_triangles_on_tets(mesh: &Mesh, mut visit: impl FnMut(usize, Face, bool)) {
     let mut on_surface = vec![false; mesh.points.len()];
     let mut known: HashMap<[u32; 3], u32> = HashMap::with_capacity(mesh.triangles.len());

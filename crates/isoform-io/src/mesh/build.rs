@@ -7,10 +7,11 @@ use isoform_geom::{Curve, Mesh, Point3, cross, dot, sub};
 use std::collections::BTreeMap;
 
 const WHAT: &str = "cannot put the mesh together";
-/// Tetrahedra with less than minus this share of the cube of their longest edge are turned. Smaller would turn flat ones by rounding, larger
-/// leave thin ones inside out.
+/// Tetrahedra with less than minus this share of the cube of their longest edge are turned. Smaller
+/// would turn flat ones by rounding, larger leave thin ones inside out.
 const INVERTED: f64 = 1e-12;
-/// A table of all numbers is made if they are at most this many times as many as the nodes; else they are searched.
+/// A table of all numbers is made if they are at most this many times as many as the nodes; else
+/// they are searched.
 const SPARSE: usize = 4;
 
 /// Elements of one kind with C corners and M mid nodes.
@@ -277,7 +278,8 @@ impl Builder {
     }
 }
 
-/// Tags to places in a list of names, in the order of the tags; elements of no group come last. No labels if there is nothing to tell apart.
+/// Tags to places in a list of names, in the order of the tags; elements of no group come last. No
+/// labels if there is nothing to tell apart.
 fn labels(mut tags: Vec<i64>, names: BTreeMap<i64, String>, what: &str) -> (Vec<u32>, Vec<String>) {
     let some = tags.iter().any(|t| *t > 0);
     if !some {

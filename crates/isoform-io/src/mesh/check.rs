@@ -1,18 +1,19 @@
 //! Whether a mesh keeps what its fields promise.
 
-use crate::WriteError;
+use crate::{BAD_MESH, WriteError};
 use isoform_geom::Mesh;
 
-/// Refuses lengths that do not match, indices that point nowhere, and coordinates that are not finite. Writers rely on it.
+/// Refuses lengths that do not match, indices that point nowhere, and coordinates that are not
+/// finite. Writers rely on it.
 pub(super) fn check(mesh: &Mesh, file: &str) -> Result<(), WriteError> {
     match complaint(mesh) {
         None => Ok(()),
         Some(why) => Err(WriteError {
-            code: "bad-mesh",
+            code: BAD_MESH,
             what: "cannot write the mesh",
             file: file.into(),
             why,
-            hint: "this is a fault of the program that made the mesh; tell its authors",
+            hint: "isoform inspect, or another file of the mesh: this one does not hold together",
         }),
     }
 }

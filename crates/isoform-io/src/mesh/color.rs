@@ -1,6 +1,7 @@
 //! Colours that tell parts apart.
 
-/// Red, green and blue from 0 to 1 for a part: hues a golden angle apart, so that neighbours in the list differ, whatever their number.
+/// Red, green and blue from 0 to 1 for a part: hues a golden angle apart, so that neighbours in the
+/// list differ, whatever their number.
 pub(super) fn part_color(part: usize) -> [f64; 3] {
     // 0.618… of the circle, from blue; pale enough for shading to be seen.
     let hue = (0.58 + 0.618_033_988_75 * part as f64).fract();

@@ -1,9 +1,10 @@
 //! glTF 2.0 as one binary file (Khronos, "glTF 2.0 Specification"): for viewers, in 32 bits.
 //!
-//! Coordinates are relative to the centre of the box, which a node puts back; so that 32 bits suffice for shapes far from the origin.
-//! Each part is a primitive with a material of its own colour and the part's name. Our z is up, glTF's y: a node turns it. Lengths are
-//! metres there: a node scales, if the unit is known. A mesh with parameters gets a chequered texture along them; its other numbers per node
-//! are attributes such as `_DISTANCE`.
+//! Coordinates are relative to the centre of the box, which a node puts back; so that 32 bits
+//! suffice for shapes far from the origin. Each part is a primitive with a material of its own
+//! colour and the part's name. Our z is up, glTF's y: a node turns it. Lengths are metres there: a
+//! node scales, if the unit is known. A mesh with parameters gets a chequered texture along them;
+//! its other numbers per node are attributes such as `_DISTANCE`.
 
 use super::MeshWriteOptions;
 use super::chequer;

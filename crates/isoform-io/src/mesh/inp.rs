@@ -1,8 +1,10 @@
 //! Abaqus and CalculiX .inp: nodes, elements, sets and surfaces, no step; both ways.
 //!
-//! Tetrahedra are C3D4 or C3D10 with a set of elements per region; each part is a set of nodes and a surface of element faces of the same
-//! name; each curve a set of nodes. A mesh without tetrahedra becomes shells, S3 or S6, with a set of elements per part. Names are in
-//! capitals, of letters, digits and `_`, at most 80; numbers have at most 20 characters, of which CalculiX reads no more.
+//! Tetrahedra are C3D4 or C3D10 with a set of elements per region; each part is a set of nodes and
+//! a surface of element faces of the same name; each curve a set of nodes. A mesh without
+//! tetrahedra becomes shells, S3 or S6, with a set of elements per part. Names are in capitals, of
+//! letters, digits and `_`, at most 80; numbers have at most 20 characters, of which CalculiX reads
+//! no more.
 
 mod read;
 

@@ -1,7 +1,9 @@
-//! Gmsh .msh: 4.1 as text and binary, 2.2 as text, both ways (Gmsh reference manual, "File formats").
+//! Gmsh .msh: 4.1 as text and binary, 2.2 as text, both ways (Gmsh reference manual, "File
+//! formats").
 //!
-//! Parts, curves and regions are entities and physical groups of dimension 2, 1 and 3 with the same tag, from 1; corners are points in one
-//! physical group. Nodes and elements are numbered in the order of the mesh, so that reading gives the same order again.
+//! Parts, curves and regions are entities and physical groups of dimension 2, 1 and 3 with the same
+//! tag, from 1; corners are points in one physical group. Nodes and elements are numbered in the
+//! order of the mesh, so that reading gives the same order again.
 
 mod read;
 mod write2;
@@ -21,7 +23,8 @@ use std::io;
 const LONGEST_NAME: usize = 127;
 /// Name of the physical group of the corners.
 const CORNERS: &str = "corners";
-/// Gmsh swaps the last two mid nodes of a tetrahedron: place of our node in its order, and the other way round.
+/// Gmsh swaps the last two mid nodes of a tetrahedron: place of our node in its order, and the
+/// other way round.
 const TET10: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
 
 pub(super) fn sniff(head: &[u8]) -> Sniff {

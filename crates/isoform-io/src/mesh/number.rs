@@ -5,7 +5,8 @@ use std::io::{self, Write};
 /// Bytes that are gathered before they go out.
 const BLOCK: usize = 1 << 16;
 
-/// A sink for lines of text or rows of bytes. What is put in is gathered; [`Out::end`] passes full blocks on.
+/// A sink for lines of text or rows of bytes. What is put in is gathered; [`Out::end`] passes full
+/// blocks on.
 pub(super) struct Out<'o> {
     out: &'o mut dyn Write,
     buffer: Vec<u8>,
@@ -72,9 +73,11 @@ impl<'o> Out<'o> {
     }
 }
 
-/// A number in at most `width` ≥ 12 characters, always with a point: the shortest text that reads back the same if it fits, else rounded.
+/// A number in at most `width` ≥ 12 characters, always with a point: the shortest text that reads
+/// back the same if it fits, else rounded.
 ///
-/// A leading zero before the point goes first: it is no digit, and Fortran and C read the number without it.
+/// A leading zero before the point goes first: it is no digit, and Fortran and C read the number
+/// without it.
 pub(super) fn narrow(v: f64, width: usize, text: &mut Vec<u8>) {
     let start = text.len();
     text.extend_from_slice(zmij::Buffer::new().format(v).as_bytes());
@@ -84,7 +87,8 @@ pub(super) fn narrow(v: f64, width: usize, text: &mut Vec<u8>) {
     }
     let exponent = v.abs().log10().floor() as i32;
     let plain = (-2..width as i32 - 3).contains(&exponent);
-    // What sign, digits before the point, point and exponent leave, and one more for a floor that rounding has put too low.
+    // What sign, digits before the point, point and exponent leave, and one more for a floor that
+    // rounding has put too low.
     let mut digits = width - 1 - if plain { exponent.max(0) as usize } else { 3 };
     while text.len() - start > width {
         text.truncate(start);

@@ -1,4 +1,5 @@
-//! PLY: corners of 64 bits, triangles with the tag of their part as the face property `part`, names in comments `part 1 name`, all numbers per node.
+//! PLY: corners of 64 bits, triangles with the tag of their part as the face property `part`, names
+//! in comments `part 1 name`, all numbers per node.
 
 use super::MeshWriteOptions;
 use super::number::Out;

@@ -99,7 +99,8 @@ pub(super) fn encoding(name: &str) -> (&str, Option<bool>) {
     (name, None)
 }
 
-/// The format asked for, else the one the content states, else the one the name states, else the likeliest.
+/// The format asked for, else the one the content states, else the one the name states, else the
+/// likeliest.
 pub(super) fn choose(
     input: &mut Input<'_>,
     asked: Option<&str>,

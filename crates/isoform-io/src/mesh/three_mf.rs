@@ -1,4 +1,5 @@
-//! 3MF (3MF Consortium, "3D Manufacturing Format core specification" 1.3): one object, a material of its own colour and name per part.
+//! 3MF (3MF Consortium, "3D Manufacturing Format core specification" 1.3): one object, a material
+//! of its own colour and name per part.
 
 use super::MeshWriteOptions;
 use super::color::part_color;

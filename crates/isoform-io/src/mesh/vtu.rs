@@ -1,9 +1,10 @@
 //! VTK's .vtu, an unstructured grid in XML (VTK file formats, "XML file formats"), both ways.
 //!
-//! Cells are triangles, tetrahedra, lines of curves and vertices at corners, in this order; of second order they are VTK's quadratic ones. Three
-//! integer cell arrays hold the tags of the groups, from 1, and 0 where a cell is none of that kind: `part` of triangles, `region` of
-//! tetrahedra, `curve` of lines. The names stand in a comment before the grid, one per line, since VTK's arrays of strings are
-//! not read by others.
+//! Cells are triangles, tetrahedra, lines of curves and vertices at corners, in this order; of
+//! second order they are VTK's quadratic ones. Three integer cell arrays hold the tags of the
+//! groups, from 1, and 0 where a cell is none of that kind: `part` of triangles, `region` of
+//! tetrahedra, `curve` of lines. The names stand in a comment before the grid, one per line, since
+//! VTK's arrays of strings are not read by others.
 
 mod array;
 mod read;
@@ -201,7 +202,8 @@ pub(super) fn write(
     values.out.flush()
 }
 
-/// The names of the groups as a comment: `part 1 name`. Two hyphens would end it, so that they are escaped.
+/// The names of the groups as a comment: `part 1 name`. Two hyphens would end it, so that they are
+/// escaped.
 fn write_names(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     let curves: Vec<&String> = mesh.curves.iter().map(|c| &c.name).collect();
     let lists: [Vec<&String>; 3] = [

@@ -1,4 +1,5 @@
-//! As much XML as mesh files need: tags with attributes, comments, and what lies between them, in bytes that need not all be text.
+//! As much XML as mesh files need: tags with attributes, comments, and what lies between them, in
+//! bytes that need not all be text.
 
 /// Text with the characters replaced that XML keeps for itself.
 pub(super) fn escape(text: &str) -> String {

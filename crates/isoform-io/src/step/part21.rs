@@ -164,7 +164,8 @@ pub(super) fn flag(is: bool) -> &'static str {
     if is { ".T." } else { ".F." }
 }
 
-/// The shortest real that reads back as the same double: always with a point, the exponent as a capital E.
+/// The shortest real that reads back as the same double: always with a point, the exponent as a
+/// capital E.
 pub(super) fn real(v: f64) -> String {
     let mut buffer = zmij::Buffer::new();
     let short = buffer.format(v);

@@ -26,8 +26,8 @@ pub(super) struct Placed {
     pub(super) agrees: bool,
 }
 
-/// The surface about the patch; none where the patch comes near a pole, an apex or the seam, wherever these are put, and for quadrics without
-/// an entity.
+/// The surface about the patch; none where the patch comes near a pole, an apex or the seam,
+/// wherever these are put, and for quadrics without an entity.
 pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> {
     let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
     let points: Vec<Point3> = (0..SAMPLES * SAMPLES)
@@ -124,7 +124,8 @@ pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> 
             major,
             minor,
         } => {
-            // Only about the axis can the seam be put opposite to the patch; along the tube it is the outer equator.
+            // Only about the axis can the seam be put opposite to the patch; along the tube it is
+            // the outer equator.
             let out = unit(across(sub(middle.point, center), axis))?;
             let x = out.map(|v| -v);
             let tube = |p: Point3| -> Option<Point3> {
@@ -164,7 +165,8 @@ fn away(d: Point3, seam: Point3) -> bool {
 fn across(d: Point3, n: Point3) -> Point3 {
     let along = dot(d, n);
     let flat: Point3 = std::array::from_fn(|k| d[k] - along * n[k]);
-    // Exactly at right angles matters to readers: once more, against what the first difference has left.
+    // Exactly at right angles matters to readers: once more, against what the first difference has
+    // left.
     let left = dot(flat, n);
     std::array::from_fn(|k| flat[k] - left * n[k])
 }

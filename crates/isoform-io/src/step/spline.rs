@@ -3,7 +3,8 @@
 use super::part21::Knots;
 use isoform_geom::{Point3, RationalPatch};
 
-/// Control weights must be above this share of the largest: smaller ones are as good as 0 to those who divide by them.
+/// Control weights must be above this share of the largest: smaller ones are as good as 0 to those
+/// who divide by them.
 const LEAST: f64 = 1e-6;
 /// Spans that a patch may be cut into in each direction.
 const MOST_SPANS: usize = 64;
@@ -21,7 +22,8 @@ pub(super) fn affine(c: &[f64; 4]) -> Point3 {
 }
 
 impl Spline {
-    /// The patch itself if its control weights are positive, else with as few knots inserted as make them so, if some do.
+    /// The patch itself if its control weights are positive, else with as few knots inserted as
+    /// make them so, if some do.
     pub(super) fn positive(patch: &RationalPatch) -> Option<Self> {
         let mut best = Self::of(patch, 1, 1);
         while !best.is_positive() {
@@ -99,7 +101,8 @@ impl Spline {
     }
 }
 
-/// The control points of a Bézier curve over finer knots: the i-th is the blossom at the knots i + 1, …, i + degree.
+/// The control points of a Bézier curve over finer knots: the i-th is the blossom at the knots i +
+/// 1, …, i + degree.
 fn insert(bezier: &[[f64; 4]], knots: &Knots) -> Vec<[f64; 4]> {
     let (degree, all) = (knots.degree, knots.all());
     let blossom = |at: &[f64]| {

@@ -3,8 +3,9 @@
 use isoform_geom::{Curve, Mesh, Point3, TET_EDGES, TRIANGLE_EDGES};
 use std::collections::HashMap;
 
-/// A block of n × n × n cells of six tetrahedra each, bent: two regions (left, right), two parts (the top, the rest), the curve between
-/// them, and its four corners. In the second order mid nodes lie on the bent block, off the chords.
+/// A block of n × n × n cells of six tetrahedra each, bent: two regions (left, right), two parts
+/// (the top, the rest), the curve between them, and its four corners. In the second order mid nodes
+/// lie on the bent block, off the chords.
 pub(crate) fn block(n: usize, order: u32) -> Mesh {
     let steps = n + 1;
     let number = |i: usize, j: usize, k: usize| (i + steps * (j + steps * k)) as u32;

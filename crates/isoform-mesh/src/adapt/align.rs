@@ -1,9 +1,11 @@
 //! Edges of a given mesh brought onto those of a solid.
 //!
-//! Every vertex of the surface is given the pieces that it lies on: those of a corner or curve of the solid if one is near enough to move it
-//! there, else those at its nearest point. An edge between vertices without a common piece crosses a curve of the solid and is split there,
-//! until there is none; then the vertices of every face have a piece in common, which is its label (the idea of Kobbelt, Botsch,
-//! Schwanecke and Seidel, Feature sensitive surface extraction from volume data, 2001, on a mesh that is already there).
+//! Every vertex of the surface is given the pieces that it lies on: those of a corner or curve of
+//! the solid if one is near enough to move it there, else those at its nearest point. An edge
+//! between vertices without a common piece crosses a curve of the solid and is split there, until
+//! there is none; then the vertices of every face have a piece in common, which is its label (the
+//! idea of Kobbelt, Botsch, Schwanecke and Seidel, Feature sensitive surface extraction from volume
+//! data, 2001, on a mesh that is already there).
 
 use crate::features::{CornerKind, Features};
 use crate::lattice::unique;
@@ -38,8 +40,8 @@ pub(super) struct Aligned {
     pub(super) missed: (Vec<Point3>, usize),
 }
 
-/// Farthest that a vertex is moved to a corner or a curve of the solid, as a share of the shortest edge of the surface at it. More makes
-/// poor triangles, less leaves short edges beside the curve.
+/// Farthest that a vertex is moved to a corner or a curve of the solid, as a share of the shortest
+/// edge of the surface at it. More makes poor triangles, less leaves short edges beside the curve.
 const REACH: [f64; 2] = [0.45, 0.3];
 /// Farthest that a vertex is moved to the surface, in lengths of the longest edge at it.
 const FAR: f64 = 3.0;
@@ -240,7 +242,8 @@ impl<M: Cuttable> Aligner<'_, M> {
                 self.corners[k].2 = true;
             }
         }
-        // Curves: the nearest vertices first, so that of two on both sides of one the better takes it.
+        // Curves: the nearest vertices first, so that of two on both sides of one the better takes
+        // it.
         let mut onto: Vec<(f64, u32, Point3)> = vertices
             .iter()
             .filter(|&&v| self.on[v as usize].is_empty())
@@ -405,7 +408,8 @@ impl<M: Cuttable> Aligner<'_, M> {
         }
     }
 
-    /// Splits faces that hold a corner of the solid: their vertices have a piece in common two by two, but not all three.
+    /// Splits faces that hold a corner of the solid: their vertices have a piece in common two by
+    /// two, but not all three.
     fn split_faces(&mut self) -> usize {
         let mut done = 0;
         for f in self.mesh.faces() {
@@ -462,7 +466,8 @@ impl<M: Cuttable> Aligner<'_, M> {
         done
     }
 
-    /// The piece of each face: one that all its vertices lie on, where several do the one that bounds the solid at its middle.
+    /// The piece of each face: one that all its vertices lie on, where several do the one that
+    /// bounds the solid at its middle.
     fn labels(&mut self) -> Vec<([u32; 3], u32)> {
         let mut labels = Vec::new();
         for f in self.mesh.faces() {

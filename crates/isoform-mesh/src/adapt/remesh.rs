@@ -1,7 +1,9 @@
-//! Better triangles on a solid: splits, collapses, flips and moves that keep every vertex on what holds it.
+//! Better triangles on a solid: splits, collapses, flips and moves that keep every vertex on what
+//! holds it.
 //!
-//! First towards the edge lengths wanted, in rounds of splitting long edges, collapsing short ones, flipping and moving (Botsch and Kobbelt,
-//! A remeshing approach to multiresolution modeling, 2004); then only what makes the smallest angle it touches larger.
+//! First towards the edge lengths wanted, in rounds of splitting long edges, collapsing short ones,
+//! flipping and moving (Botsch and Kobbelt, A remeshing approach to multiresolution modeling,
+//! 2004); then only what makes the smallest angle it touches larger.
 
 use super::skin::Skin;
 use crate::lattice::unique;
@@ -10,8 +12,9 @@ use crate::mesher::{Control, Options};
 use crate::surface::{On, SKIN, Surface, meet_at_an_angle};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// Edges longer or shorter than these shares of the length wanted are split and collapsed: 4/3 and 4/5 make as many long as short ones
-/// (Botsch and Kobbelt); a little apart, so that edges are not split and collapsed in turn.
+/// Edges longer or shorter than these shares of the length wanted are split and collapsed: 4/3 and
+/// 4/5 make as many long as short ones (Botsch and Kobbelt); a little apart, so that edges are not
+/// split and collapsed in turn.
 const BAND: [f64; 2] = [1.4, 0.7];
 /// Rounds towards the lengths wanted.
 const ROUNDS: usize = 12;
@@ -19,13 +22,15 @@ const ROUNDS: usize = 12;
 const MENDING: usize = 25;
 /// Angle below which triangles are mended, degrees.
 const GOAL: f64 = 35.0;
-/// Smallest sine that a collapse or a move towards the lengths wanted may leave; less where it was less before.
+/// Smallest sine that a collapse or a move towards the lengths wanted may leave; less where it was
+/// less before.
 const FAIR: f64 = 0.35;
 /// Smallest sine at a vertex from which on it stays where it is.
 const GOOD: f64 = 0.62;
 /// Least cosine between a face and its piece; a face that was worse may stay but not get worse.
 const FACING: f64 = 0.5;
-/// Largest sagitta of an edge as a share of its length, and of one on a curve as a share of the size: as in the optimiser of tetrahedra.
+/// Largest sagitta of an edge as a share of its length, and of one on a curve as a share of the
+/// size: as in the optimiser of tetrahedra.
 const TURN: f64 = 0.08;
 /// Least gain of a step of mending, as a sine.
 const GAIN: f64 = 1e-4;
@@ -66,7 +71,8 @@ impl<'s> Remesher<'s> {
         this
     }
 
-    /// What holds a vertex, from the faces around it: the two pieces of the curve that runs through it, or its piece.
+    /// What holds a vertex, from the faces around it: the two pieces of the curve that runs through
+    /// it, or its piece.
     fn holding(&self, v: u32) -> Hold {
         let labels = unique(
             self.skin.around[v as usize]
@@ -271,7 +277,8 @@ impl<'s> Remesher<'s> {
         done
     }
 
-    /// Moves all of vertex `u` into `w`, if what holds it and the shape of the faces allow it; where `better` only if the worst angle grows.
+    /// Moves all of vertex `u` into `w`, if what holds it and the shape of the faces allow it;
+    /// where `better` only if the worst angle grows.
     fn collapse(&mut self, u: u32, w: u32, better: bool) -> bool {
         let Hold::On(on) = self.hold[u as usize] else {
             return false;
@@ -282,7 +289,8 @@ impl<'s> Remesher<'s> {
         if on.len() == 2 && self.sharp(u, w).is_none_or(|pieces| On::of(&pieces) != on) {
             return false;
         }
-        // Vertices that are neighbours of both must be those of the two faces, else the surface would close upon itself.
+        // Vertices that are neighbours of both must be those of the two faces, else the surface
+        // would close upon itself.
         let others = self.skin.neighbours(w);
         let common = self
             .skin
@@ -444,7 +452,8 @@ impl<'s> Remesher<'s> {
         true
     }
 
-    /// Moves every vertex towards the middle of its neighbours, within what holds it. `freely` also where angles suffer.
+    /// Moves every vertex towards the middle of its neighbours, within what holds it. `freely` also
+    /// where angles suffer.
     fn relax(&mut self, freely: bool) {
         for _ in 0..if freely { 3 } else { 2 } {
             for v in 0..self.skin.points.len() as u32 {
@@ -485,7 +494,8 @@ impl<'s> Remesher<'s> {
         }
     }
 
-    /// Moves a vertex to the point of what holds it next to `target`, if all around stays right and no sine falls below `least`.
+    /// Moves a vertex to the point of what holds it next to `target`, if all around stays right and
+    /// no sine falls below `least`.
     fn try_place(&mut self, v: u32, on: On, target: Point3, least: f64) -> bool {
         let Some(q) = self.surface.project(on.slice(), target) else {
             return false;
@@ -566,7 +576,8 @@ impl<'s> Remesher<'s> {
         insertions && self.insert(edges[0])
     }
 
-    /// Looks around a vertex for a better place: along its curve, or in eight directions, in ever shorter steps.
+    /// Looks around a vertex for a better place: along its curve, or in eight directions, in ever
+    /// shorter steps.
     fn nudge(&mut self, v: u32) -> bool {
         let Hold::On(on) = self.hold[v as usize] else {
             return false;

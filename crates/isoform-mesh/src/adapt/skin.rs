@@ -5,12 +5,14 @@ use crate::complex::NONE;
 use crate::measure::smallest_sine;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// Least sine of a triangle's angle that a vertex moved onto a curve may leave; less where it was less before.
+/// Least sine of a triangle's angle that a vertex moved onto a curve may leave; less where it was
+/// less before.
 const LEAST: f64 = 0.08;
 /// Least cosine between a face before and after a vertex of it moved.
 const TURN: f64 = 0.3;
 
-/// Triangles with the faces around each vertex. Slots are reused; a face whose first vertex is [`NONE`] is not there.
+/// Triangles with the faces around each vertex. Slots are reused; a face whose first vertex is
+/// [`NONE`] is not there.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Skin {
     pub(super) points: Vec<Point3>,

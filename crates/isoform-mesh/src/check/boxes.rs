@@ -1,7 +1,8 @@
 //! A tree of boxes: which boxes meet a given one, and which meet each other.
 //!
-//! The boxes are sorted along the Morton curve of their centres; a complete binary tree stands over runs of [`LEAF`] of them. Building
-//! is one sort, the shape of the tree depends on nothing but the number of boxes, and no pointers are kept.
+//! The boxes are sorted along the Morton curve of their centres; a complete binary tree stands over
+//! runs of [`LEAF`] of them. Building is one sort, the shape of the tree depends on nothing but the
+//! number of boxes, and no pointers are kept.
 
 use isoform_geom::{Aabb, Point3};
 use rayon::prelude::*;
@@ -49,7 +50,8 @@ fn spread(v: u64) -> u64 {
 }
 
 impl BoxTree {
-    /// Over these boxes, fewer than 2³² and none with coordinates that are no numbers; empty ones are met by nothing.
+    /// Over these boxes, fewer than 2³² and none with coordinates that are no numbers; empty ones
+    /// are met by nothing.
     pub(super) fn new(boxes: &[Aabb]) -> Self {
         let centers: Vec<Point3> = boxes.par_iter().map(Aabb::center).collect();
         let all = Aabb::of(&centers);
@@ -135,7 +137,8 @@ impl BoxTree {
         self.boxes.len().div_ceil(LEAF)
     }
 
-    /// Visits the pairs of boxes that meet, one of them in this leaf and the other there or in a later one.
+    /// Visits the pairs of boxes that meet, one of them in this leaf and the other there or in a
+    /// later one.
     pub(super) fn pairs_of_leaf(&self, leaf: usize, mut visit: impl FnMut(u32, u32)) {
         let own = self.run(leaf);
         self.leaves_meeting(&self.nodes[self.leaves + leaf], leaf, |other| {

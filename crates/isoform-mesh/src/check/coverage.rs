@@ -2,11 +2,13 @@
 
 use super::boxes::BoxTree;
 use super::{Defects, Options, Place};
+use crate::mesher::Control;
 use isoform_geom::{Aabb, KdTree, Mesh, Point3, distance_squared, dot, norm, sub};
 use rayon::prelude::*;
 
-/// How far from a curve, as a share of the size of the elements, an edge still counts as along it: more than the chord error of edges on
-/// the curve, less than the distance of the next edges beside it.
+/// How far from a curve, as a share of the size of the elements, an edge still counts as along it:
+/// more than the chord error of edges on the curve, less than the distance of the next edges beside
+/// it.
 const NEAR: f64 = 0.15;
 
 /// How much of the features a mesh has.
@@ -14,7 +16,8 @@ const NEAR: f64 = 0.15;
 pub struct Coverage {
     /// Length of the curves.
     pub length: f64,
-    /// The share of it that has a feature edge of the mesh within [`Self::tolerance`]; 1 if there is no curve.
+    /// The share of it that has a feature edge of the mesh within [`Self::tolerance`]; 1 if there
+    /// is no curve.
     pub covered: f64,
     /// How near edges must be.
     pub tolerance: f64,
@@ -22,18 +25,21 @@ pub struct Coverage {
     pub uncovered: Defects,
     /// Number of corners.
     pub corners: usize,
-    /// The largest distance of a corner to the next corner node of the mesh, or node of the surface if the mesh lists no corners.
+    /// The largest distance of a corner to the next corner node of the mesh, or node of the surface
+    /// if the mesh lists no corners.
     pub corner_max: f64,
     /// Corners without a node as near as the limit; the value is the distance.
     pub missed_corners: Defects,
 }
 
-/// Compares the feature edges and corner nodes of the mesh with the curves and corners of the options.
+/// Compares the feature edges and corner nodes of the mesh with the curves and corners of the
+/// options. On a stop by `control` some are left out.
 pub(super) fn measure(
     mesh: &Mesh,
     triangles: &[[u32; 3]],
     size: f64,
     options: &Options<'_>,
+    control: &Control<'_>,
 ) -> Coverage {
     let room = options.places;
     let mut out = Coverage {
@@ -46,6 +52,7 @@ pub(super) fn measure(
     let stretches: Vec<Stretches> = options
         .curves
         .par_iter()
+        .filter(|_| !control.is_stopped())
         .map(|curve| edges.compare(curve, out.tolerance, room))
         .collect();
     let mut found = 0.0;
@@ -131,14 +138,16 @@ impl Edges {
         near
     }
 
-    /// Walks along a curve in steps no longer than the tolerance; each step counts for half by each of its ends.
+    /// Walks along a curve in steps no longer than the tolerance; each step counts for half by each
+    /// of its ends.
     fn compare(&self, curve: &[Point3], tolerance: f64, room: usize) -> Stretches {
         let mut out = Stretches {
             length: 0.0,
             found: 0.0,
             uncovered: Defects::default(),
         };
-        // The present stretch without edges: its points, and the length of the steps with such an end.
+        // The present stretch without edges: its points, and the length of the steps with such an
+        // end.
         let (mut bare, mut bare_length): (Vec<Point3>, f64) = (Vec::new(), 0.0);
         let mut close = |bare: &mut Vec<Point3>, length: &mut f64| {
             if let Some(&at) = bare.get(bare.len() / 2) {

@@ -20,7 +20,8 @@ pub struct Place {
 pub struct Defects {
     /// How many there are.
     pub count: usize,
-    /// Places of some of them, no more than [`Options::places`](super::Options::places); in the order of the mesh.
+    /// Places of some of them, no more than [`Options::places`](super::Options::places); in the
+    /// order of the mesh.
     pub places: Vec<Place>,
 }
 

@@ -1,19 +1,23 @@
 //! How truly a mesh follows a solid.
 //!
-//! The distance of a point to the surface of a piece g is the length of two Newton steps p ← p − g ∇g/|∇g|² (the first order distance,
-//! iterated twice). Over the faces the steps go along the gradient at the centre of the face, the second one with the slope that the
-//! first has met: one gradient and two rounds of values in blocks for all samples of a face, and what is measured is still the distance
-//! to a point of the surface, never less than the true one by more than the error of the iteration (relatively of the order of the
-//! angle that a face subtends to the power of four).
+//! The distance of a point to the surface of a piece g is the length of two Newton steps p ← p − g
+//! ∇g/|∇g|² (the first order distance, iterated twice). Over the faces the steps go along the
+//! gradient at the centre of the face, the second one with the slope that the first has met: one
+//! gradient and two rounds of values in blocks for all samples of a face, and what is measured is
+//! still the distance to a point of the surface, never less than the true one by more than the
+//! error of the iteration (relatively of the order of the angle that a face subtends to the power
+//! of four).
 
 use super::stars::blocks;
 use super::{Defects, Limits, Options, Place};
+use crate::mesher::Control;
 use isoform_geom::{Csg, Mesh, Point3, Solid, TRIANGLE_EDGES, cross, dot, norm, sub};
 use rayon::prelude::*;
 
 /// Nodes or triangles per task.
 const TASK: usize = 256;
-/// Where faces are sampled, by barycentric coordinates times 3: the centre, the middles of the edges, and between.
+/// Where faces are sampled, by barycentric coordinates times 3: the centre, the middles of the
+/// edges, and between.
 const SAMPLES: [Point3; 7] = [
     [1.0, 1.0, 1.0],
     [1.5, 1.5, 0.0],
@@ -31,17 +35,20 @@ const UNKNOWN: u32 = u32::MAX;
 pub struct Deviation {
     /// Diagonal of the mesh, which the limits of distances are shares of.
     pub diagonal: f64,
-    /// Nodes of the surface from all the parts that their triangles are labelled with; next to a smooth seam from the solid's surface.
+    /// Nodes of the surface from all the parts that their triangles are labelled with; next to a
+    /// smooth seam from the solid's surface.
     pub nodes: Distances,
     /// Mid nodes of the surface likewise; of a mesh of second order.
     pub mids: Distances,
     /// Nodes and mid nodes of feature edges from both parts of their curves.
     pub curves: Distances,
-    /// Points of the faces (curved ones, of a mesh of second order): the chord error. The mean is taken by area.
+    /// Points of the faces (curved ones, of a mesh of second order): the chord error. The mean is
+    /// taken by area.
     pub faces: Distances,
     /// The same by parts, in the order of the mesh's labels.
     pub parts: Vec<PartDeviation>,
-    /// Nodes on parts that are not the solid's surface there; the value is that of the tree, by distances.
+    /// Nodes on parts that are not the solid's surface there; the value is that of the tree, by
+    /// distances.
     pub misclassified: Defects,
     /// Labels of triangles or curves that the solid does not know.
     pub unknown_parts: Vec<String>,
@@ -124,19 +131,20 @@ impl Sums {
     }
 }
 
-/// Distances of the surface's triangles to the solid.
+/// Distances of the surface's triangles to the solid. On a stop by `control` some are left out.
 pub(super) fn measure(
     mesh: &Mesh,
     triangles: &[[u32; 3]],
     solid: &dyn Solid,
     options: &Options<'_>,
+    control: &Control<'_>,
 ) -> Deviation {
     let diagonal = mesh.bounds().diagonal();
     let mut out = Deviation {
         diagonal,
         ..Deviation::default()
     };
-    let labels = Labels::new(mesh, triangles, solid);
+    let labels = Labels::new(mesh, triangles, solid, control);
     out.unknown_parts.clone_from(&labels.unknown);
     let mut parts: Vec<PartDeviation> = labels
         .names
@@ -187,31 +195,40 @@ pub(super) fn measure(
         diagonal,
         &options.limits,
         options.places,
+        control,
     );
     out
 }
 
 /// The labels of the triangles, and the pieces of the solid that they mean.
-struct Labels {
+struct Labels<'c> {
     names: Vec<String>,
     /// The piece of each label, or [`UNKNOWN`].
     pieces: Vec<u32>,
     of_triangles: Vec<u32>,
     unknown: Vec<String>,
+    control: &'c Control<'c>,
 }
 
-impl Labels {
-    /// Those of the mesh, found among the solid's by name. Without labels, the piece that decides at the centre of each triangle.
-    fn new(mesh: &Mesh, triangles: &[[u32; 3]], solid: &dyn Solid) -> Self {
+impl<'c> Labels<'c> {
+    /// Those of the mesh, found among the solid's by name. Without labels, the piece that decides
+    /// at the centre of each triangle.
+    fn new(
+        mesh: &Mesh,
+        triangles: &[[u32; 3]],
+        solid: &dyn Solid,
+        control: &'c Control<'c>,
+    ) -> Self {
         if mesh.triangle_parts.len() != triangles.len() {
             let names = solid.names().to_vec();
             let pieces = (0..names.len() as u32).collect();
-            let of_triangles = deciding(mesh, triangles, solid);
+            let of_triangles = deciding(mesh, triangles, solid, control);
             return Self {
                 names,
                 pieces,
                 of_triangles,
                 unknown: Vec::new(),
+                control,
             };
         }
         let piece = |name: &String| {
@@ -239,6 +256,7 @@ impl Labels {
             pieces,
             of_triangles: mesh.triangle_parts.clone(),
             unknown,
+            control,
         }
     }
 }
@@ -252,13 +270,21 @@ fn all_values(solid: &dyn Solid, points: &[Point3]) -> Vec<f64> {
 }
 
 /// The piece that decides, by distances, at the centre of each triangle.
-fn deciding(mesh: &Mesh, triangles: &[[u32; 3]], solid: &dyn Solid) -> Vec<u32> {
+fn deciding(
+    mesh: &Mesh,
+    triangles: &[[u32; 3]],
+    solid: &dyn Solid,
+    control: &Control<'_>,
+) -> Vec<u32> {
     let center = |t: &[u32; 3]| -> Point3 {
         std::array::from_fn(|i| t.iter().map(|&k| mesh.points[k as usize][i]).sum::<f64>() / 3.0)
     };
     triangles
         .par_iter()
         .map(|t| {
+            if control.is_stopped() {
+                return 0;
+            }
             solid
                 .tree()
                 .value_and_piece(&|k| signed_distance(solid, k, center(t)))
@@ -273,7 +299,8 @@ fn signed_distance(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     if v == 0.0 { 0.0 } else { v / norm(g) }
 }
 
-/// All different pairs of label and node, sorted; `nodes` are those of triangles, corners or mid nodes.
+/// All different pairs of label and node, sorted; `nodes` are those of triangles, corners or mid
+/// nodes.
 fn labelled_nodes(nodes: &[[u32; 3]], labels: &[u32]) -> Vec<(u32, u32)> {
     let mut pairs: Vec<(u32, u32)> = nodes
         .iter()
@@ -324,11 +351,13 @@ fn distance(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     if d.is_nan() { f64::INFINITY } else { d }
 }
 
-/// Cosine of the largest angle between pieces at a node that count as one smooth surface: next to the seam of pieces that touch
-/// tangentially a node of a face may lie on the neighbouring piece. At half an edge from the seam that is the angle an edge may turn.
+/// Cosine of the largest angle between pieces at a node that count as one smooth surface: next to
+/// the seam of pieces that touch tangentially a node of a face may lie on the neighbouring piece.
+/// At half an edge from the seam that is the angle an edge may turn.
 const SMOOTH: f64 = 0.94;
 
-/// Distance of a node to a piece, or to the one that is the solid's surface there if both make one smooth surface.
+/// Distance of a node to a piece, or to the one that is the solid's surface there if both make one
+/// smooth surface.
 fn node_distance(solid: &dyn Solid, piece: u32, p: Point3, enough: f64) -> f64 {
     let d = distance(solid, piece, p);
     if d <= enough {
@@ -345,11 +374,12 @@ fn node_distance(solid: &dyn Solid, piece: u32, p: Point3, enough: f64) -> f64 {
     }
 }
 
-/// Distances of nodes to the parts they are labelled with, by labels. The pairs are sorted; those with unknown labels are left out.
+/// Distances of nodes to the parts they are labelled with, by labels. The pairs are sorted; those
+/// with unknown labels are left out.
 fn node_distances(
     mesh: &Mesh,
     solid: &dyn Solid,
-    labels: &Labels,
+    labels: &Labels<'_>,
     pairs: &[(u32, u32)],
     enough: f64,
 ) -> Vec<(u32, Sums)> {
@@ -376,7 +406,7 @@ fn node_distances(
 fn by_label<T: Sync>(
     items: &[T],
     label: impl Fn(&T) -> u32,
-    labels: &Labels,
+    labels: &Labels<'_>,
     work: impl Fn(u32, &[T]) -> Sums + Sync,
 ) -> Vec<(u32, Sums)> {
     let tasks: Vec<(u32, &[T])> = items
@@ -386,7 +416,10 @@ fn by_label<T: Sync>(
         .collect();
     let done: Vec<(u32, Sums)> = tasks
         .into_par_iter()
-        .map(|(label, chunk)| (label, work(labels.pieces[label as usize], chunk)))
+        .map(|(label, chunk)| match labels.control.is_stopped() {
+            true => (label, Sums::default()),
+            false => (label, work(labels.pieces[label as usize], chunk)),
+        })
         .collect();
     let mut out: Vec<(u32, Sums)> = Vec::new();
     for (label, sums) in done {
@@ -403,7 +436,7 @@ fn face_distances(
     mesh: &Mesh,
     triangles: &[[u32; 3]],
     solid: &dyn Solid,
-    labels: &Labels,
+    labels: &Labels<'_>,
 ) -> Vec<(u32, Sums)> {
     let mut order: Vec<(u32, u32)> = labels
         .of_triangles
@@ -440,7 +473,8 @@ fn face_distances(
             let mut sums = Sums::default();
             for (i, &p) in samples.iter().enumerate() {
                 let (v, w) = (first[i], second[i]);
-                // By the secant through both values; where the first step has not got near, by gradients of its own.
+                // By the secant through both values; where the first step has not got near, by
+                // gradients of its own.
                 let d = if v == 0.0 {
                     0.0
                 } else if w.abs() < 0.5 * v.abs() {
@@ -488,8 +522,9 @@ fn samples(mesh: &Mesh, triangles: &[[u32; 3]], k: usize) -> [Point3; 7] {
 
 /// Surface nodes where the tree, by distances, is farther from zero than the limit.
 ///
-/// The values of the pieces need not be distances, so the piece that decides by values is asked for its distance first; only where that
-/// is too much are the distances of all pieces put into the tree.
+/// The values of the pieces need not be distances, so the piece that decides by values is asked for
+/// its distance first; only where that is too much are the distances of all pieces put into the
+/// tree.
 fn misclassified(
     mesh: &Mesh,
     pairs: &[(u32, u32)],
@@ -497,6 +532,7 @@ fn misclassified(
     diagonal: f64,
     limits: &Limits,
     room: usize,
+    control: &Control<'_>,
 ) -> Defects {
     let mut nodes: Vec<u32> = pairs.iter().map(|pair| pair.1).collect();
     nodes.par_sort_unstable();
@@ -506,6 +542,9 @@ fn misclassified(
         .into_par_iter()
         .map(|range| {
             let mut defects = Defects::default();
+            if control.is_stopped() {
+                return defects;
+            }
             let points: Vec<Point3> = nodes[range.clone()]
                 .iter()
                 .map(|&i| mesh.points[i as usize])

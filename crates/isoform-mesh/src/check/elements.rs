@@ -9,10 +9,12 @@ use rayon::prelude::*;
 
 /// Elements per task.
 const TASK: usize = 4096;
-/// A mid node is in the middle of its edge if it is nearer to it than this share of the edge. It only saves time: a straight
-/// tetrahedron's Jacobian is constant, and so it is within the same share for those taken to be straight.
+/// A mid node is in the middle of its edge if it is nearer to it than this share of the edge. It
+/// only saves time: a straight tetrahedron's Jacobian is constant, and so it is within the same
+/// share for those taken to be straight.
 const STRAIGHT: f64 = 1e-12;
-/// Where the Jacobian is sampled: (λ₁, λ₂, λ₃) of the corners, the middles of the edges, and the centre.
+/// Where the Jacobian is sampled: (λ₁, λ₂, λ₃) of the corners, the middles of the edges, and the
+/// centre.
 #[rustfmt::skip]
 const SAMPLES: [Point3; 11] = [
     [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0],
@@ -38,7 +40,8 @@ pub struct TriangleQuality {
     pub angle_min: f64,
     /// Largest angle, in degrees.
     pub angle_max: f64,
-    /// Longest edge times half the perimeter over 2√3 times the area, at worst: 1 for a regular triangle.
+    /// Longest edge times half the perimeter over 2√3 times the area, at worst: 1 for a regular
+    /// triangle.
     pub aspect_max: f64,
     /// Edge lengths.
     pub edges: Lengths,
@@ -73,7 +76,8 @@ pub struct TetQuality {
 
 /// The Jacobian of tetrahedra with mid nodes.
 ///
-/// It is a cubic polynomial; scaled means over its largest absolute value at the eleven samples (corners, middles of edges, centre).
+/// It is a cubic polynomial; scaled means over its largest absolute value at the eleven samples
+/// (corners, middles of edges, centre).
 #[derive(Clone, Debug, PartialEq)]
 pub struct CurvedQuality {
     /// Number of tetrahedra that are not straight.
@@ -82,8 +86,9 @@ pub struct CurvedQuality {
     pub scaled_jacobian_min: f64,
     /// Tetrahedra with a Jacobian ≤ 0 at a sample; the value is the scaled Jacobian.
     pub negative: Defects,
-    /// Tetrahedra positive at all samples, but with a coefficient ≤ 0 in the Bernstein form of the Jacobian: not proved to be positive
-    /// everywhere (Johnen, Remacle and Geuzaine, 2013, "Geometrical Validity of Curvilinear Finite Elements").
+    /// Tetrahedra positive at all samples, but with a coefficient ≤ 0 in the Bernstein form of the
+    /// Jacobian: not proved to be positive everywhere (Johnen, Remacle and Geuzaine, 2013,
+    /// "Geometrical Validity of Curvilinear Finite Elements").
     pub unproved: Defects,
     /// The tetrahedra with the smallest scaled Jacobians; the value is that.
     pub worst: Vec<Place>,
@@ -268,8 +273,8 @@ pub(super) fn tets(
 
 /// The Jacobian's columns at the corners; between them they are linear.
 ///
-/// With X = Σ λᵢ(2λᵢ − 1)Pᵢ + 4 Σ λₐλᵦMₐᵦ, the derivative by λᵢ at corner c is 3P꜀ for i = c and 4Mᵢ꜀ − Pᵢ else; the columns are the
-/// differences from that by λ₀.
+/// With X = Σ λᵢ(2λᵢ − 1)Pᵢ + 4 Σ λₐλᵦMₐᵦ, the derivative by λᵢ at corner c is 3P꜀ for i = c and
+/// 4Mᵢ꜀ − Pᵢ else; the columns are the differences from that by λ₀.
 fn columns(p: [Point3; 4], m: [Point3; 6]) -> [[Point3; 3]; 4] {
     let o = p[0];
     let (p, m) = (p.map(|x| sub(x, o)), m.map(|x| sub(x, o)));
@@ -302,8 +307,9 @@ fn sampled(columns: &[[Point3; 3]; 4]) -> (f64, f64) {
     (least, size)
 }
 
-/// Smallest Bernstein coefficient of the Jacobian: det Σ λ… is trilinear in the corners of its columns, so that each coefficient is the
-/// mean of the determinants over the orders of its three corners.
+/// Smallest Bernstein coefficient of the Jacobian: det Σ λ… is trilinear in the corners of its
+/// columns, so that each coefficient is the mean of the determinants over the orders of its three
+/// corners.
 fn bernstein_min(columns: &[[Point3; 3]; 4]) -> f64 {
     let det =
         |i: usize, j: usize, k: usize| determinant([columns[i][0], columns[j][1], columns[k][2]]);
@@ -412,7 +418,8 @@ mod tests {
         TET_EDGES.map(|[a, b]| middle([p[a], p[b]]))
     }
 
-    /// With the mid node of edge 0–1 moved by (d, 0, 0), X = x + 4 λ₀λ₁ d and J = 1 + 4 d (1 − 2r − s − t): linear, with the values
+    /// With the mid node of edge 0–1 moved by (d, 0, 0), X = x + 4 λ₀λ₁ d and J = 1 + 4 d (1 − 2r −
+    /// s − t): linear, with the values
     /// 1 + 4d, 1 − 4d, 1, 1 at the corners.
     #[test]
     fn jacobian_of_a_tetrahedron_with_one_node_moved() {

@@ -1,7 +1,8 @@
 //! Exact questions about points, and whether two triangles meet.
 //!
-//! Signs are those of exact arithmetic (crate `robust`, after Shewchuk 1997, "Adaptive Precision Floating-Point Arithmetic and Fast
-//! Robust Geometric Predicates"), as long as no product of three differences leaves the range of doubles.
+//! Signs are those of exact arithmetic (crate `robust`, after Shewchuk 1997, "Adaptive Precision
+//! Floating-Point Arithmetic and Fast Robust Geometric Predicates"), as long as no product of three
+//! differences leaves the range of doubles.
 
 use isoform_geom::{Point3, cross, dot, sub};
 use robust::{Coord, Coord3D};
@@ -53,10 +54,12 @@ pub(super) fn is_flat(t: [Point3; 3]) -> bool {
 
 /// Whether two triangles meet elsewhere than in the corners and edges that they share by index.
 ///
-/// This is the definition of CGAL's and libigl's `remesh_self_intersections`, but for coincident nodes with different indices: those
-/// are contact here. (libigl's `detect_only` misses folds, pairs with a common edge in one plane, where the plane is not along the axes;
-/// rational arithmetic confirms those found here.) Triangles with the same three corners and triangles without area (see [`is_flat`]) are other defects; the first
-/// give `false` here, the second must not be asked about.
+/// This is the definition of CGAL's and libigl's `remesh_self_intersections`, but for coincident
+/// nodes with different indices: those are contact here. (libigl's `detect_only` misses folds,
+/// pairs with a common edge in one plane, where the plane is not along the axes; rational
+/// arithmetic confirms those found here.) Triangles with the same three corners and triangles
+/// without area (see [`is_flat`]) are other defects; the first give `false` here, the second must
+/// not be asked about.
 pub(super) fn triangles_meet(points: &[Point3], a: [u32; 3], b: [u32; 3]) -> bool {
     let turned = |t: [u32; 3], k: usize| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]];
     let at = |t: [u32; 3]| t.map(|i| points[i as usize]);
@@ -77,12 +80,14 @@ pub(super) fn triangles_meet(points: &[Point3], a: [u32; 3], b: [u32; 3]) -> boo
     }
 }
 
-/// Two triangles with a common edge: `a`, whose first corner is the one not shared, and the other one's free corner `q`.
+/// Two triangles with a common edge: `a`, whose first corner is the one not shared, and the other
+/// one's free corner `q`.
 ///
-/// Beyond the edge they meet only if they lie in one plane, on the same side of the edge: in different planes all that is common lies
-/// on the planes' line, which holds the edge; in one plane, each triangle fills its side of the edge next to the edge. Seen along an
-/// axis, points of a plane on the same side stay on the same side (or all fall on a line), so that opposite sides along any axis are
-/// an answer already.
+/// Beyond the edge they meet only if they lie in one plane, on the same side of the edge: in
+/// different planes all that is common lies on the planes' line, which holds the edge; in one
+/// plane, each triangle fills its side of the edge next to the edge. Seen along an axis, points of
+/// a plane on the same side stay on the same side (or all fall on a line), so that opposite sides
+/// along any axis are an answer already.
 fn edge_meet([p, e, f]: [Point3; 3], q: Point3) -> bool {
     let n = cross(sub(e, p), sub(f, p)).map(f64::abs);
     let first = if n[0] >= n[1] && n[0] >= n[2] {
@@ -100,11 +105,12 @@ fn edge_meet([p, e, f]: [Point3; 3], q: Point3) -> bool {
 
 /// Two triangles with one common corner, the first of each.
 ///
-/// If they have another point x in common, the ray from the corner through x leaves one of the triangles first, through the side
-/// opposite to the corner, and is still in the other: that side meets the other triangle. So two questions suffice: whether the side of
-/// `a` meets `b`, and that of `b` meets `a`. A side wholly on one side of the other's plane does not meet it; then the two triangles
-/// have only the corner in common, as the rest of the first is on that side, too. A side within the plane of the other means one plane
-/// for both.
+/// If they have another point x in common, the ray from the corner through x leaves one of the
+/// triangles first, through the side opposite to the corner, and is still in the other: that side
+/// meets the other triangle. So two questions suffice: whether the side of
+/// `a` meets `b`, and that of `b` meets `a`. A side wholly on one side of the other's plane does
+/// not meet it; then the two triangles have only the corner in common, as the rest of the first is
+/// on that side, too. A side within the plane of the other means one plane for both.
 fn corner_meet(a: [Point3; 3], b: [Point3; 3]) -> bool {
     if corner_apart(a, b) {
         return false;
@@ -125,11 +131,13 @@ fn corner_meet(a: [Point3; 3], b: [Point3; 3]) -> bool {
 
 /// Two triangles without a common corner.
 ///
-/// Corners all strictly on one side of the other's plane: no contact. All six in one plane: an edge of `a` meets `b`, or else `b` lies
-/// within `a` if they meet at all, and then so does its first corner. Otherwise the planes meet in a line, each triangle has a segment
-/// (or a point) of it, and if these two meet, then one of them has an end in the other. Such an end lies on an edge that is not within
-/// the other's plane: it is inside an edge that crosses the line, or it is a corner, and of the two edges at a corner on the line one
-/// at least leaves it. So only edges that are not within the other's plane are asked.
+/// Corners all strictly on one side of the other's plane: no contact. All six in one plane: an edge
+/// of `a` meets `b`, or else `b` lies within `a` if they meet at all, and then so does its first
+/// corner. Otherwise the planes meet in a line, each triangle has a segment (or a point) of it, and
+/// if these two meet, then one of them has an end in the other. Such an end lies on an edge that is
+/// not within the other's plane: it is inside an edge that crosses the line, or it is a corner, and
+/// of the two edges at a corner on the line one at least leaves it. So only edges that are not
+/// within the other's plane are asked.
 fn disjoint_meet(a: [Point3; 3], b: [Point3; 3]) -> bool {
     if apart(a, b) {
         return false;
@@ -158,22 +166,26 @@ fn disjoint_meet(a: [Point3; 3], b: [Point3; 3]) -> bool {
     edges(sa, a, b) || edges(sb, b, a)
 }
 
-/// Whether a segment, not within the plane of `t` and with ends on different sides of it or one end on it, meets the triangle.
+/// Whether a segment, not within the plane of `t` and with ends on different sides of it or one end
+/// on it, meets the triangle.
 ///
-/// The signs of the volumes over the edges are the sides, all seen in the sense of the segment, on which the edges pass the point where
-/// it meets the plane; that point is in the closed triangle if no two are opposite.
+/// The signs of the volumes over the edges are the sides, all seen in the sense of the segment, on
+/// which the edges pass the point where it meets the plane; that point is in the closed triangle if
+/// no two are opposite.
 fn pierces([p, q]: [Point3; 2], t: [Point3; 3]) -> bool {
     let s = [0, 1, 2].map(|k| volume_sign(p, q, t[k], t[(k + 1) % 3]));
     !(s.contains(&1) && s.contains(&-1))
 }
 
-/// Whether a point of the triangle's plane is in the closed triangle, which is seen along the axis with an area.
+/// Whether a point of the triangle's plane is in the closed triangle, which is seen along the axis
+/// with an area.
 fn flat_inside(axis: usize, p: Point3, t: [Point3; 3]) -> bool {
     let s = [0, 1, 2].map(|k| area_sign(axis, t[k], t[(k + 1) % 3], p));
     !(s.contains(&1) && s.contains(&-1))
 }
 
-/// Whether a segment of the triangle's plane meets the closed triangle: it begins inside, or meets an edge.
+/// Whether a segment of the triangle's plane meets the closed triangle: it begins inside, or meets
+/// an edge.
 fn flat_segment_meets(axis: usize, s: [Point3; 2], t: [Point3; 3]) -> bool {
     flat_inside(axis, s[0], t)
         || (0..3).any(|k| flat_segments_meet(axis, s, [t[k], t[(k + 1) % 3]]))
@@ -181,8 +193,9 @@ fn flat_segment_meets(axis: usize, s: [Point3; 2], t: [Point3; 3]) -> bool {
 
 /// Whether two closed segments of a plane meet, seen along an axis.
 ///
-/// Ends strictly on one side of the other's line: no. On one line: if their ranges of both coordinates meet. Else the lines cross in
-/// one point (parallel ones have given "no" already), which is in both.
+/// Ends strictly on one side of the other's line: no. On one line: if their ranges of both
+/// coordinates meet. Else the lines cross in one point (parallel ones have given "no" already),
+/// which is in both.
 fn flat_segments_meet(axis: usize, [p, q]: [Point3; 2], [r, s]: [Point3; 2]) -> bool {
     let (r_side, s_side) = (area_sign(axis, p, q, r), area_sign(axis, p, q, s));
     let (p_side, q_side) = (area_sign(axis, r, s, p), area_sign(axis, r, s, q));
@@ -197,11 +210,13 @@ fn flat_segments_meet(axis: usize, [p, q]: [Point3; 2], [r, s]: [Point3; 2]) -> 
         .all(|i| p[i].min(q[i]) <= r[i].max(s[i]) && r[i].min(s[i]) <= p[i].max(q[i]))
 }
 
-/// Bound of the error of a sum of three products, relative to the sum of their absolute values: two roundings of each difference and
-/// product and two of the sum are 4 ε/2; twice that, for the rounding of the bound itself.
+/// Bound of the error of a sum of three products, relative to the sum of their absolute values: two
+/// roundings of each difference and product and two of the sum are 4 ε/2; twice that, for the
+/// rounding of the bound itself.
 const DOT_ERROR: f64 = 4.0 * f64::EPSILON;
 
-/// A lower and an upper bound of d · x, where the components of x are rounded differences of doubles.
+/// A lower and an upper bound of d · x, where the components of x are rounded differences of
+/// doubles.
 fn dot_bounds(d: Point3, x: Point3) -> (f64, f64) {
     let v = dot(d, x);
     let error = DOT_ERROR * ((d[0] * x[0]).abs() + (d[1] * x[1]).abs() + (d[2] * x[2]).abs())
@@ -209,8 +224,9 @@ fn dot_bounds(d: Point3, x: Point3) -> (f64, f64) {
     (v - error, v + error)
 }
 
-/// Whether a plane between two triangles with the common first corner is found by a few quick guesses. Any direction will do as a guess,
-/// however it was rounded: only the signs must be certain.
+/// Whether a plane between two triangles with the common first corner is found by a few quick
+/// guesses. Any direction will do as a guess, however it was rounded: only the signs must be
+/// certain.
 fn corner_apart(a: [Point3; 3], b: [Point3; 3]) -> bool {
     let (a1, a2, b1, b2) = (
         sub(a[1], a[0]),
@@ -246,7 +262,8 @@ fn corner_apart(a: [Point3; 3], b: [Point3; 3]) -> bool {
     false
 }
 
-/// Whether a plane between two triangles is found by quick guesses: along the normals, and across the edges within the planes.
+/// Whether a plane between two triangles is found by quick guesses: along the normals, and across
+/// the edges within the planes.
 fn apart(a: [Point3; 3], b: [Point3; 3]) -> bool {
     let o = a[0];
     let (ra, rb) = (a.map(|p| sub(p, o)), b.map(|p| sub(p, o)));

@@ -1,4 +1,5 @@
-//! Against a reference in rational arithmetic: one triangle clipped by the other, in another way than the code under test.
+//! Against a reference in rational arithmetic: one triangle clipped by the other, in another way
+//! than the code under test.
 
 use super::*;
 use proptest::prelude::*;
@@ -38,7 +39,8 @@ fn clip(polygon: &[Rational], n: [i128; 3], o: [i128; 3]) -> Vec<Rational> {
             out.push(*p);
         }
         if s.signum() * t.signum() < 0 {
-            // p/w₀ and q/w₁ with the heights s/w₀ and t/w₁: the point of height 0 is (t p − s q)/(t w₀ − s w₁).
+            // p/w₀ and q/w₁ with the heights s/w₀ and t/w₁: the point of height 0 is (t p − s q)/(t
+            // w₀ − s w₁).
             out.push(lowest(std::array::from_fn(|k| t * p[k] - s * q[k])));
         }
     }
@@ -80,7 +82,8 @@ fn doubles(points: &[[i128; 3]]) -> Vec<Point3> {
     points.iter().map(|p| p.map(|v| v as f64)).collect()
 }
 
-/// Six nodes on a small grid, and two triangles over them with none, one or two corners in common, in any order.
+/// Six nodes on a small grid, and two triangles over them with none, one or two corners in common,
+/// in any order.
 fn two_triangles(size: i128) -> impl Strategy<Value = (Vec<[i128; 3]>, [u32; 3], [u32; 3])> {
     let second = prop::sample::select(vec![[3u32, 4, 5], [0, 3, 4], [0, 1, 3]]);
     let order = || Just([0usize, 1, 2]).prop_shuffle();
@@ -149,7 +152,8 @@ fn one_within_the_other() {
     }
 }
 
-/// The same where rounding would decide: grids moved to coordinates whose differences are tiny beside them.
+/// The same where rounding would decide: grids moved to coordinates whose differences are tiny
+/// beside them.
 #[test]
 fn far_from_the_origin() {
     let mut random = 1u64;

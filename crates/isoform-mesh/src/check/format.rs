@@ -1,4 +1,5 @@
-//! Whether a mesh is one at all: indices in range, arrays of the right length, coordinates that are numbers.
+//! Whether a mesh is one at all: indices in range, arrays of the right length, coordinates that are
+//! numbers.
 
 use isoform_geom::Mesh;
 

@@ -1,6 +1,7 @@
 //! Self-intersections of the surface, found exactly.
 //!
-//! Boxes around the triangles give the pairs to ask about ([`BoxTree`]); each pair is decided by exact signs ([`exact`](super::exact)).
+//! Boxes around the triangles give the pairs to ask about ([`BoxTree`]); each pair is decided by
+//! exact signs ([`exact`](super::exact)).
 
 use super::boxes::BoxTree;
 use super::exact::triangles_meet;
@@ -19,11 +20,13 @@ const LOOKS: usize = 256;
 /// Where the surface meets itself.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Intersections {
-    /// Pairs of triangles that meet elsewhere than in the nodes and edges they share, with a point between them.
+    /// Pairs of triangles that meet elsewhere than in the nodes and edges they share, with a point
+    /// between them.
     pub pairs: Defects,
     /// How many triangles are in such a pair.
     pub triangles: usize,
-    /// Whether all pairs were looked at: not if more than [`Options::pairs`] were found, then the counts are of those looked at.
+    /// Whether all pairs were looked at: not if more than [`Options::pairs`] were found, then the
+    /// counts are of those looked at.
     pub complete: bool,
 }
 

@@ -1,9 +1,11 @@
 //! The certificate of a mesh: everything that could be wrong with it, looked for.
 //!
-//! [`certify`] decides topology by indices and geometry by exact signs, never by a tolerance: a mesh without [`failures`] has a surface
-//! that is closed, oriented, manifold and free of self-intersections, and tetrahedra that fill its inside exactly once (the argument is
-//! in the module of [`Volume`]). Shape and distances are measured in doubles. Places are kept of everything that is found, up to
-//! [`Options::places`] of each kind; counts are always full. The same mesh gives the same certificate for any number of threads.
+//! [`certify`] decides topology by indices and geometry by exact signs, never by a tolerance: a
+//! mesh without [`failures`] has a surface that is closed, oriented, manifold and free of
+//! self-intersections, and tetrahedra that fill its inside exactly once (the argument is in the
+//! module of [`Volume`]). Shape and distances are measured in doubles. Places are kept of
+//! everything that is found, up to [`Options::places`] of each kind; counts are always full. The
+//! same mesh gives the same certificate for any number of threads.
 //!
 //! ```
 //! use isoform_geom::Mesh;
@@ -53,17 +55,18 @@ use isoform_geom::{Aabb, Mesh, Point3, Solid};
 pub struct Options<'a> {
     /// How many places are kept of each kind of finding.
     pub places: usize,
-    /// The search for self-intersections ends when more pairs than this were found: a surface that lies on itself has a number of them
-    /// that grows with the square of its size.
+    /// The search for self-intersections ends when more pairs than this were found: a surface that
+    /// lies on itself has a number of them that grows with the square of its size.
     pub pairs: usize,
     /// Feature curves that the mesh must have edges along, as polylines.
     pub curves: &'a [Vec<Point3>],
     /// Corners that the mesh must have nodes at.
     pub corners: &'a [Point3],
-    /// The size of elements that was asked for, which tells how near edges must be to feature curves; the mean edge length of the
-    /// surface if not given.
+    /// The size of elements that was asked for, which tells how near edges must be to feature
+    /// curves; the mean edge length of the surface if not given.
     pub size: Option<f64>,
-    /// The box that the solid was cut off at, if it was: see the mesher's [`Options::region`](crate::Options::region).
+    /// The box that the solid was cut off at, if it was: see the mesher's
+    /// [`Options::region`](crate::Options::region).
     pub region: Option<Aabb>,
     /// What is acceptable.
     pub limits: Limits,
@@ -83,7 +86,8 @@ impl Default for Options<'_> {
     }
 }
 
-/// What is acceptable. Topology, orientation and self-intersections know no measure: there any finding is a failure.
+/// What is acceptable. Topology, orientation and self-intersections know no measure: there any
+/// finding is a failure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Smallest acceptable dihedral angle of tetrahedra, in degrees; 0 accepts all positive ones.
@@ -92,15 +96,18 @@ pub struct Limits {
     pub dihedral_max: f64,
     /// Smallest acceptable angle of triangles, in degrees.
     pub angle_min: f64,
-    /// Smallest acceptable scaled Jacobian of tetrahedra with mid nodes; only positive ones are ever accepted.
+    /// Smallest acceptable scaled Jacobian of tetrahedra with mid nodes; only positive ones are
+    /// ever accepted.
     pub scaled_jacobian_min: f64,
-    /// Largest acceptable distance of nodes to the surface, and of nodes on curves to both surfaces, as a share of the diagonal.
+    /// Largest acceptable distance of nodes to the surface, and of nodes on curves to both
+    /// surfaces, as a share of the diagonal.
     pub node_distance: f64,
     /// Largest acceptable distance of faces to the surface, in the units of the model.
     pub chord: f64,
     /// Smallest acceptable share of the feature curves that has edges.
     pub covered: f64,
-    /// Largest acceptable distance of corners of the solid to nodes at corners, as a share of the diagonal.
+    /// Largest acceptable distance of corners of the solid to nodes at corners, as a share of the
+    /// diagonal.
     pub corner_distance: f64,
 }
 
@@ -125,7 +132,8 @@ impl Default for Limits {
 pub struct Certificate {
     /// Why the mesh cannot be looked at; then there is nothing else.
     pub malformed: Vec<Malformed>,
-    /// Topology and measure of the surface: of the mesh's triangles, or of the boundary of the tetrahedra if it has none.
+    /// Topology and measure of the surface: of the mesh's triangles, or of the boundary of the
+    /// tetrahedra if it has none.
     pub surface: Option<Surface>,
     /// Topology and measure of the tetrahedra.
     pub volume: Option<Volume>,
@@ -160,7 +168,8 @@ impl Certificate {
     }
 }
 
-/// Looks for everything that could be wrong with a mesh; with a solid, also whether the mesh follows its surface.
+/// Looks for everything that could be wrong with a mesh; with a solid, also whether the mesh
+/// follows its surface.
 ///
 /// On a stop by `control` the certificate lacks what was not yet looked at, and is not complete.
 pub fn certify(
@@ -229,7 +238,9 @@ fn examine(
         control.phase("measuring distances").ok()?;
         let capped = options.region.map(|region| Capped::new(solid, region));
         let solid = capped.as_ref().map_or(solid, |c| c);
-        certificate.deviation = Some(deviation::measure(mesh, triangles, solid, options));
+        let deviation = deviation::measure(mesh, triangles, solid, options, control);
+        control.check().ok()?;
+        certificate.deviation = Some(deviation);
     }
     if !options.curves.is_empty() || !options.corners.is_empty() {
         control.phase("looking for features").ok()?;
@@ -237,7 +248,9 @@ fn examine(
             .size
             .or_else(|| certificate.triangles.as_ref().map(|t| t.edges.mean))
             .unwrap_or(0.0);
-        certificate.coverage = Some(coverage::measure(mesh, triangles, size, options));
+        let coverage = coverage::measure(mesh, triangles, size, options, control);
+        control.check().ok()?;
+        certificate.coverage = Some(coverage);
     }
     Some(())
 }

@@ -9,7 +9,8 @@ pub(super) struct Stars {
 }
 
 impl Stars {
-    /// Of elements with `N` corners. Indices must be below `nodes`, and there must be fewer than 2³² corners.
+    /// Of elements with `N` corners. Indices must be below `nodes`, and there must be fewer than
+    /// 2³² corners.
     pub(super) fn new<const N: usize>(nodes: usize, elements: &[[u32; N]]) -> Self {
         let mut offsets = vec![0u32; nodes + 1];
         for i in elements.iter().flatten() {
@@ -41,7 +42,8 @@ impl Stars {
     }
 }
 
-/// Ranges of `0..n` for tasks of about `size` each. The ranges, and so the order of sums, depend on nothing else.
+/// Ranges of `0..n` for tasks of about `size` each. The ranges, and so the order of sums, depend on
+/// nothing else.
 pub(super) fn blocks(n: usize, size: usize) -> Vec<std::ops::Range<usize>> {
     (0..n)
         .step_by(size)

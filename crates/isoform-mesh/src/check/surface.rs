@@ -1,7 +1,8 @@
 //! Topology of the surface: exact, by indices only.
 //!
-//! Everything is read off the triangles around each node: an edge belongs to the node with its lower index, and a node's fans are the
-//! parts of its triangles that hang together across edges of exactly two triangles.
+//! Everything is read off the triangles around each node: an edge belongs to the node with its
+//! lower index, and a node's fans are the parts of its triangles that hang together across edges of
+//! exactly two triangles.
 
 use super::boxes::BoxTree;
 use super::exact::{is_flat, volume_sign};
@@ -44,11 +45,13 @@ pub struct Surface {
     pub euler: i64,
     /// Number of shells: parts that hang together by nodes.
     pub shells: usize,
-    /// Number of shells that enclose a positive volume: the components of the solid. The others bound cavities.
+    /// Number of shells that enclose a positive volume: the components of the solid. The others
+    /// bound cavities.
     pub components: usize,
-    /// Shells whose orientation contradicts where they lie: a component that is not in the open, or a cavity that is not in exactly
-    /// one component more than it leaves. The value is the number of times that the other shells wind around them. Only looked for on
-    /// closed surfaces that are manifold.
+    /// Shells whose orientation contradicts where they lie: a component that is not in the open, or
+    /// a cavity that is not in exactly one component more than it leaves. The value is the number
+    /// of times that the other shells wind around them. Only looked for on closed surfaces that are
+    /// manifold.
     pub misplaced_shells: Defects,
     /// The shells with the largest area, no more than [`Options::places`].
     pub largest: Vec<Shell>,
@@ -76,7 +79,8 @@ pub struct Shell {
 }
 
 impl Surface {
-    /// Whether it is a closed and consistently oriented manifold without repeated or degenerate triangles.
+    /// Whether it is a closed and consistently oriented manifold without repeated or degenerate
+    /// triangles.
     pub fn is_closed_manifold(&self) -> bool {
         [
             &self.open_edges,
@@ -106,7 +110,8 @@ struct Run {
     broken: Vec<u32>,
 }
 
-/// An edge at a node as a triangle has it: other end, triangle, whether the triangle runs from the node to the other end.
+/// An edge at a node as a triangle has it: other end, triangle, whether the triangle runs from the
+/// node to the other end.
 type Spoke = (u32, u32, bool);
 
 fn is_degenerate(t: &[u32; 3]) -> bool {
@@ -121,7 +126,8 @@ pub(super) fn without_area(points: &[Point3], triangles: &[[u32; 3]]) -> Vec<boo
         .collect()
 }
 
-/// Topology and measure of a surface with feature edges; `flat` is [`without_area`] of it, and the tree that of its triangles.
+/// Topology and measure of a surface with feature edges; `flat` is [`without_area`] of it, and the
+/// tree that of its triangles.
 pub(super) fn examine(
     points: &[Point3],
     triangles: &[[u32; 3]],
@@ -336,7 +342,8 @@ fn middle(a: Point3, b: Point3) -> Point3 {
 
 /// Which nodes hang together.
 struct Shells {
-    /// Number of the shell of each node that is in a triangle with three corners; shells are numbered by their lowest nodes.
+    /// Number of the shell of each node that is in a triangle with three corners; shells are
+    /// numbered by their lowest nodes.
     of: Vec<u32>,
     /// Lowest node of each shell.
     lowest: Vec<u32>,
@@ -409,10 +416,12 @@ impl Shells {
     }
 }
 
-/// Shells that the others wind around another number of times than their orientation wants: 0 for a component, 1 for a cavity.
+/// Shells that the others wind around another number of times than their orientation wants: 0 for a
+/// component, 1 for a cavity.
 ///
-/// The number is counted along a ray, each passage with its sign, exactly; a ray that meets an edge is given up for another one.
-/// A shell that touches others has no such number; touching is an intersection, and reported as one.
+/// The number is counted along a ray, each passage with its sign, exactly; a ray that meets an edge
+/// is given up for another one. A shell that touches others has no such number; touching is an
+/// intersection, and reported as one.
 fn misplaced(
     points: &[Point3],
     triangles: &[[u32; 3]],
@@ -453,10 +462,12 @@ fn misplaced(
     defects
 }
 
-/// A point beyond the bounds, nearly along +x so that the ray's box is thin; another one for each k.
+/// A point beyond the bounds, nearly along +x so that the ray's box is thin; another one for each
+/// k.
 fn ray_end(from: Point3, bounds: &Aabb, k: u32) -> Point3 {
     let reach = bounds.diagonal();
-    // Two sequences of low discrepancy (golden ratio and √2), as far from rational slopes as numbers get.
+    // Two sequences of low discrepancy (golden ratio and √2), as far from rational slopes as
+    // numbers get.
     let (s, t) = (
         f64::from(k + 1) * 0.618_033_988_749_894_9,
         f64::from(k + 1) * 0.414_213_562_373_095_03,
@@ -469,7 +480,8 @@ fn ray_end(from: Point3, bounds: &Aabb, k: u32) -> Point3 {
     ]
 }
 
-/// How many times the other shells wind around a node; `None` if the segment to the outside meets one of their edges.
+/// How many times the other shells wind around a node; `None` if the segment to the outside meets
+/// one of their edges.
 fn winding(
     points: &[Point3],
     triangles: &[[u32; 3]],

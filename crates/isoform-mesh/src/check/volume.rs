@@ -1,9 +1,11 @@
 //! Topology of the tetrahedra: exact, by indices and the signs of volumes.
 //!
-//! If all tetrahedra are positive, inner faces belong to two tetrahedra on different sides, and the other faces form a surface that is
-//! closed, embedded and oriented outward with no component inside another one, then the tetrahedra fill the inside of the surface
-//! exactly once. For the number of tetrahedra over a point changes only across faces of one tetrahedron, there by the sense of the face;
-//! so it is the number of times that the surface winds around the point, 1 inside and 0 outside. No geometric test of overlap is needed.
+//! If all tetrahedra are positive, inner faces belong to two tetrahedra on different sides, and the
+//! other faces form a surface that is closed, embedded and oriented outward with no component
+//! inside another one, then the tetrahedra fill the inside of the surface exactly once. For the
+//! number of tetrahedra over a point changes only across faces of one tetrahedron, there by the
+//! sense of the face; so it is the number of times that the surface winds around the point, 1
+//! inside and 0 outside. No geometric test of overlap is needed.
 
 use super::exact::volume_sign;
 use super::stars::{Stars, blocks};
@@ -36,7 +38,8 @@ pub struct Volume {
     pub folded_faces: Defects,
     /// Whether the mesh has triangles of its own; if not, the surface is taken from the tetrahedra.
     pub has_surface: bool,
-    /// Faces of one tetrahedron that are no triangle of the surface. None are looked for without [`Self::has_surface`].
+    /// Faces of one tetrahedron that are no triangle of the surface. None are looked for without
+    /// [`Self::has_surface`].
     pub uncovered_faces: Defects,
     /// Triangles of the surface that are the face of one tetrahedron, but turned inward.
     pub inward_triangles: Defects,
@@ -44,17 +47,20 @@ pub struct Volume {
     pub inner_triangles: Defects,
     /// Triangles of the surface that are no face of a tetrahedron.
     pub loose_triangles: Defects,
-    /// Edges whose elements do not agree on their mid node, and edges that share one; of a mesh of second order.
+    /// Edges whose elements do not agree on their mid node, and edges that share one; of a mesh of
+    /// second order.
     pub mid_nodes: Defects,
     /// Volume: the sum over the tetrahedra.
     pub volume: f64,
-    /// The ratio (above 1) of the mean edge lengths of two tetrahedra that share a face which 999 of 1000 do not exceed; 1 without
-    /// inner faces. Linear interpolation between the two nearest, as numpy's `quantile`.
+    /// The ratio (above 1) of the mean edge lengths of two tetrahedra that share a face which 999
+    /// of 1000 do not exceed; 1 without inner faces. Linear interpolation between the two nearest,
+    /// as numpy's `quantile`.
     pub size_ratio: f64,
 }
 
 impl Volume {
-    /// Whether all tetrahedra are positive, all faces conform, and the triangles of the mesh are exactly the boundary.
+    /// Whether all tetrahedra are positive, all faces conform, and the triangles of the mesh are
+    /// exactly the boundary.
     pub fn is_conforming(&self) -> bool {
         [
             &self.inverted,
@@ -87,7 +93,8 @@ struct Face {
     /// Tetrahedron or triangle.
     element: u32,
     is_triangle: bool,
-    /// Whether it runs from the lowest corner to the lower of the others, seen from outside of its tetrahedron.
+    /// Whether it runs from the lowest corner to the lower of the others, seen from outside of its
+    /// tetrahedron.
     ascending: bool,
 }
 
@@ -312,7 +319,8 @@ fn at_node(
             }
         }
     }
-    // Equal keys only occur if an element has a face twice; then it has a corner twice, and its face is none.
+    // Equal keys only occur if an element has a face twice; then it has a corner twice, and its
+    // face is none.
     faces.sort_unstable_by_key(Face::key);
     for group in faces.chunk_by(|a, b| a.others == b.others) {
         at_face(mesh, lengths, u, group, room, run);
@@ -369,7 +377,8 @@ fn at_face(mesh: &Mesh, lengths: &[f64], lowest: u32, group: &[Face], room: usiz
     }
 }
 
-/// Edges that share a mid node, and those whose mid node is a corner; only called if there are some.
+/// Edges that share a mid node, and those whose mid node is a corner; only called if there are
+/// some.
 fn shared_mids(points: &[Point3], runs: &[Run], mesh: &Mesh, room: usize, defects: &mut Defects) {
     let mut mids: Vec<(u32, [u32; 2])> = runs
         .iter()

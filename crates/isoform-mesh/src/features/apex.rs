@@ -1,8 +1,9 @@
 //! Tips of cones: points of a surface where its gradient vanishes or jumps.
 //!
-//! Near the tip a of a cone a function is homogeneous of some degree m about a: m g(q) = ∇g(q) · (q − a). So n · a + m d = n · q for the
-//! distances d and normals n at several points q, which is linear in (a, m). Where the surface is smooth the normals about the
-//! solution agree; about a tip they differ as much at a small distance as at a large one.
+//! Near the tip a of a cone a function is homogeneous of some degree m about a: m g(q) = ∇g(q) · (q
+//! − a). So n · a + m d = n · q for the distances d and normals n at several points q, which is
+//! linear in (a, m). Where the surface is smooth the normals about the solution agree; about a tip
+//! they differ as much at a small distance as at a large one.
 
 use super::Search;
 use super::newton::{along, normalised};
@@ -15,7 +16,8 @@ const SPREAD: f64 = 0.9;
 /// Each look at a tip is from this part of the distance of the one before.
 const NEARER: f64 = 0.125;
 const LOOKS: usize = 4;
-/// Directions from a cell's centre in which its normals are compared, the corners of a cube turned off the axes.
+/// Directions from a cell's centre in which its normals are compared, the corners of a cube turned
+/// off the axes.
 const AROUND: [Point3; 8] = [
     [0.93, 0.31, 0.19],
     [-0.93, -0.31, -0.19],
@@ -35,7 +37,8 @@ impl Search<'_> {
         let mut last = None;
         for _ in 0..LOOKS {
             let (spread, next) = self.look(piece, tip, reach)?;
-            // A smooth surface looks flatter from nearer: its normals differ by a quarter of the angle or less.
+            // A smooth surface looks flatter from nearer: its normals differ by a quarter of the
+            // angle or less.
             if spread > SPREAD
                 || last.is_some_and(|l: f64| spread.acos() < 0.6 * l.acos())
                 || norm(sub(next, tip)) > 1.2 * reach

@@ -1,11 +1,13 @@
 //! The box of a solid, proved by intervals.
 //!
-//! Boxes that are not proved empty are split; points of the solid met on the way span a hull, and what lies within the hull, widened by
-//! the tolerance, need not be looked at. Boxes are cut where the hull's faces pass through them, so that a flat face of the solid costs
-//! as much as a corner, whatever the tolerance.
+//! Boxes that are not proved empty are split; points of the solid met on the way span a hull, and
+//! what lies within the hull, widened by the tolerance, need not be looked at. Boxes are cut where
+//! the hull's faces pass through them, so that a flat face of the solid costs as much as a corner,
+//! whatever the tolerance.
 
 use crate::decide::{Local, Narrowed, Scratch};
-use isoform_geom::{Aabb, Solid};
+use crate::mesher::Control;
+use isoform_geom::{Aabb, Point3, Solid};
 
 /// Where the search ends, in model units.
 const LIMIT: f64 = 1e6;
@@ -14,15 +16,19 @@ pub const START: Aabb = Aabb {
     lo: [-10.0; 3],
     hi: [10.0; 3],
 };
-/// Boxes that one search may look at. A cube takes about a hundred, a gyroid some thousands; at the end of the budget the boxes left are
-/// taken as if the solid filled them.
+/// Boxes that one search may look at. A cube takes about a hundred, a gyroid some thousands; at the
+/// end of the budget the boxes left are taken as if the solid filled them.
 const BUDGET: usize = 400_000;
 /// The same for each side of a shell farther out.
 const SHELL_BUDGET: usize = 1000;
 /// Outside of the start box the solid is searched to this part of the box's size first.
 const COARSE: f64 = 1.0 / 64.0;
 
-/// How thin slabs over a face of the solid may get. Larger suits flat faces along the axes, smaller suits oblique ones.
+/// Boxes between two looks at the clock: one takes up to a tenth of a millisecond.
+const LOOK: usize = 64;
+
+/// How thin slabs over a face of the solid may get. Larger suits flat faces along the axes, smaller
+/// suits oblique ones.
 const OUTWARD: f64 = 16.0;
 
 /// The box of a solid.
@@ -30,8 +36,8 @@ const OUTWARD: f64 = 16.0;
 pub struct Extent {
     /// Holds the solid.
     pub bounds: Aabb,
-    /// Whether intervals prove that the solid is empty everywhere else, as far out as 10⁶. Else they do for the start box (or the one
-    /// it was enlarged to), and nothing was found beyond.
+    /// Whether intervals prove that the solid is empty everywhere else, as far out as 10⁶. Else
+    /// they do for the start box (or the one it was enlarged to), and nothing was found beyond.
     pub certified: bool,
 }
 
@@ -50,6 +56,15 @@ pub enum ExtentError {
         /// How far out the search went.
         limit: f64,
     },
+    /// The function is not a number where the box was sought, and intervals prove nothing there.
+    #[error("the function is not a number at ({}, {}, {})", .at[0], .at[1], .at[2])]
+    NotANumber {
+        /// A place where it is none.
+        at: Point3,
+    },
+    /// Stopped from outside or by time.
+    #[error("stopped")]
+    Stopped,
     /// The start box is empty or not finite, or the size not positive.
     #[error("cannot search the box {start:?} at size {size}")]
     Start {
@@ -62,9 +77,34 @@ pub enum ExtentError {
 
 /// The smallest box outside of which intervals prove the solid empty, to about size/2.
 ///
-/// The search begins in `start` ([`START`] where nothing better is known) and goes on in boxes twice as large while the solid touches
-/// their border, then looks for parts of the solid farther out.
+/// The search begins in `start` ([`START`] where nothing better is known) and goes on in boxes
+/// twice as large while the solid touches their border, then looks for parts of the solid farther
+/// out.
 pub fn extent(solid: &dyn Solid, start: Aabb, size: f64) -> Result<Extent, ExtentError> {
+    extent_within(solid, start, size, &Control::default())
+}
+
+/// The same, as long as `control` lets it.
+pub fn extent_within(
+    solid: &dyn Solid,
+    start: Aabb,
+    size: f64,
+    control: &Control<'_>,
+) -> Result<Extent, ExtentError> {
+    let found = found(solid, start, size, control);
+    if control.is_stopped() {
+        // Boxes were left out.
+        return Err(ExtentError::Stopped);
+    }
+    found
+}
+
+fn found(
+    solid: &dyn Solid,
+    start: Aabb,
+    size: f64,
+    control: &Control<'_>,
+) -> Result<Extent, ExtentError> {
     let sane = |v: f64| v.is_finite() && v.abs() <= LIMIT;
     if start.is_empty()
         || !start.lo.into_iter().chain(start.hi).all(sane)
@@ -77,14 +117,20 @@ pub fn extent(solid: &dyn Solid, start: Aabb, size: f64) -> Result<Extent, Exten
         scratch: Scratch::new(solid),
         everything: Local::everywhere(solid),
         inside: Aabb::EMPTY,
+        control,
+        not_a_number: None,
     };
     let mut region = start;
     let mut certified;
-    // How often points of the solid were met at the border: a thin solid without an end is lost sight of in the largest boxes.
+    // How often points of the solid were met at the border: a thin solid without an end is lost
+    // sight of in the largest boxes.
     let mut reached = 0;
     let mut out = loop {
         let found = search.run(region, coarse(region, size), BUDGET, false);
         certified = found.complete;
+        if let Some(at) = search.not_a_number.filter(|_| !certified) {
+            return Err(ExtentError::NotANumber { at });
+        }
         if !touches(found.bounds, region) {
             break found.bounds;
         }
@@ -96,7 +142,8 @@ pub fn extent(solid: &dyn Solid, start: Aabb, size: f64) -> Result<Extent, Exten
             if reached > 2 {
                 return Err(ExtentError::Unbounded { limit: LIMIT });
             }
-            // Nothing can be proved far out: the solid as it is in the start box and where it was met.
+            // Nothing can be proved far out: the solid as it is in the start box and where it was
+            // met.
             certified = false;
             region = union(start, search.inside);
             break region;
@@ -177,10 +224,14 @@ struct Search<'a> {
     everything: Local,
     /// Hull of the points known to be inside.
     inside: Aabb,
+    control: &'a Control<'a>,
+    /// Where the function was met not to be a number.
+    not_a_number: Option<Point3>,
 }
 
 impl Search<'_> {
-    /// The solid in a region, to a tolerance. With `separate`, the hull of what is known inside elsewhere does not count.
+    /// The solid in a region, to a tolerance. With `separate`, the hull of what is known inside
+    /// elsewhere does not count.
     fn run(&mut self, region: Aabb, tolerance: f64, budget: usize, separate: bool) -> Found {
         let mut unproved = Aabb::EMPTY;
         let mut hull = if separate {
@@ -208,6 +259,9 @@ impl Search<'_> {
                     continue;
                 }
                 left -= 1;
+                if left.is_multiple_of(LOOK) && self.control.is_stopped() {
+                    left = 0;
+                }
                 let local = match local.narrow(self.solid, cell, &mut self.scratch) {
                     Narrowed::Outside => continue,
                     Narrowed::Inside => {
@@ -218,9 +272,13 @@ impl Search<'_> {
                     Narrowed::Mixed(local) => local,
                 };
                 let center = cell.center();
-                if local.value(self.solid, center, &mut self.scratch) >= 0.0 {
+                let value = local.value(self.solid, center, &mut self.scratch);
+                if value >= 0.0 {
                     hull.add(center);
                     met = true;
+                }
+                if value.is_nan() {
+                    self.not_a_number.get_or_insert(center);
                 }
                 let sides = cell.size();
                 if sides.iter().all(|s| *s <= tolerance) {
@@ -249,8 +307,9 @@ impl Search<'_> {
     }
 }
 
-/// Two parts of a cell, cut where a face of `known` passes well through it, else in the middle of the longest side. Sides that stick out
-/// count [`OUTWARD`] times: thin slabs over a face of the solid are halved outwards before they are cut up along it.
+/// Two parts of a cell, cut where a face of `known` passes well through it, else in the middle of
+/// the longest side. Sides that stick out count [`OUTWARD`] times: thin slabs over a face of the
+/// solid are halved outwards before they are cut up along it.
 fn split(cell: Aabb, known: Aabb) -> (Aabb, Aabb) {
     let size = cell.size();
     let weight = |i: usize| {

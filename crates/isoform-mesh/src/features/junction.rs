@@ -1,13 +1,15 @@
 //! What a solid looks like about a point, to first order.
 //!
-//! The pieces that vanish at the point are planes through it there; those with parallel normals form one sheet. The tree, with the sheets'
-//! signs in a direction and the others' signs at the point, says whether that direction leads inside. Around a line in which sheets meet
-//! the solid consists of sectors, and the line is a feature where the sign changes at the faces of two different sheets.
+//! The pieces that vanish at the point are planes through it there; those with parallel normals
+//! form one sheet. The tree, with the sheets' signs in a direction and the others' signs at the
+//! point, says whether that direction leads inside. Around a line in which sheets meet the solid
+//! consists of sectors, and the line is a feature where the sign changes at the faces of two
+//! different sheets.
 
 use super::Search;
-use super::newton::{across, along, branch, normalised, onto_two, unit};
+use super::newton::{along, branch, normalised, onto_two, unit};
 use crate::decide::{Local, decisive};
-use isoform_geom::{Point3, cross, dot, norm, sub};
+use isoform_geom::{Point3, across, cross, dot, norm, sub};
 use isoform_num::Interval;
 use std::f64::consts::{PI, TAU};
 
@@ -126,7 +128,8 @@ impl Search<'_> {
         })
     }
 
-    /// What the curve of the pieces `pair` is at a point of it, seen in the direction `t` of travel; none if it is no feature.
+    /// What the curve of the pieces `pair` is at a point of it, seen in the direction `t` of
+    /// travel; none if it is no feature.
     pub(crate) fn state(&self, p: Point3, pair: [u32; 2], t: Point3) -> Option<State> {
         let touch = self.touch(p)?;
         let (a, b) = (touch.sheet_of(pair[0])?, touch.sheet_of(pair[1])?);
@@ -158,7 +161,8 @@ impl Search<'_> {
         }
     }
 
-    /// The same where sheets consist of several pieces, which may part: by looking a little way along every curve.
+    /// The same where sheets consist of several pieces, which may part: by looking a little way
+    /// along every curve.
     fn probed_lines(&self, q: Point3, touch: &Touch<'_>) -> Vec<HalfLine> {
         let delta = PROBE * self.options.size;
         let mut lines: Vec<HalfLine> = Vec::new();

@@ -1,8 +1,9 @@
 //! Newton's method onto one, two and three pieces at once.
 //!
-//! Pieces count by their distance to first order, d = g/|∇g|; steps are the shortest ones that make all linearised distances zero.
+//! Pieces count by their distance to first order, d = g/|∇g|; steps are the shortest ones that make
+//! all linearised distances zero.
 
-use isoform_geom::{Point3, Solid, cross, dot, norm, sub};
+use isoform_geom::{Point3, Solid, across, cross, dot, norm, sub};
 
 const STEPS: usize = 40;
 
@@ -90,9 +91,11 @@ pub(crate) fn onto_two(
     None
 }
 
-/// A common point of three pieces near `p`, at most `reach` away, and the determinant of their normals there.
+/// A common point of three pieces near `p`, at most `reach` away, and the determinant of their
+/// normals there.
 ///
-/// Where the pieces touch each other the determinant is about 0 and the point good to half the digits.
+/// Where the pieces touch each other the determinant is about 0 and the point good to half the
+/// digits.
 pub(crate) fn onto_three(
     solid: &dyn Solid,
     [i, j, k]: [u32; 3],
@@ -133,7 +136,8 @@ pub(crate) fn onto_three(
     None
 }
 
-/// Where a piece `k` touches the curve of `i` and `j`: there its distance along the curve has an extremum that is 0. None if it is not.
+/// Where a piece `k` touches the curve of `i` and `j`: there its distance along the curve has an
+/// extremum that is 0. None if it is not.
 pub(crate) fn onto_touching(
     solid: &dyn Solid,
     pair: [u32; 2],
@@ -169,10 +173,12 @@ pub(crate) fn onto_touching(
     (normalised(solid, k, q1)?.d.abs() <= 1e-9 * reach).then_some(q1)
 }
 
-/// A point where two pieces vanish and their normals are parallel, and the directions in which their common curves leave it.
+/// A point where two pieces vanish and their normals are parallel, and the directions in which
+/// their common curves leave it.
 ///
-/// Gauss–Newton on (dᵢ, dⱼ, e₁·(nᵢ ∓ nⱼ), e₂·(nᵢ ∓ nⱼ)) with e₁, e₂ across nᵢ. Near the point the pieces differ by the quadratic form of their
-/// relative curvature; where it is indefinite two curves cross, in the directions where it is zero.
+/// Gauss–Newton on (dᵢ, dⱼ, e₁·(nᵢ ∓ nⱼ), e₂·(nᵢ ∓ nⱼ)) with e₁, e₂ across nᵢ. Near the point the
+/// pieces differ by the quadratic form of their relative curvature; where it is indefinite two
+/// curves cross, in the directions where it is zero.
 pub(crate) fn branch(
     solid: &dyn Solid,
     [i, j]: [u32; 2],
@@ -261,17 +267,6 @@ fn shape(solid: &dyn Solid, piece: u32, p: Point3) -> Option<Shape> {
         n: j.g.map(|v| v / length),
         h,
     })
-}
-
-/// Two directions across a unit vector.
-pub(crate) fn across(n: Point3) -> [Point3; 2] {
-    let axis = (0..3)
-        .min_by(|a, b| n[*a].abs().total_cmp(&n[*b].abs()))
-        .unwrap_or(0);
-    let mut e = [0.0; 3];
-    e[axis] = 1.0;
-    let e1 = unit(cross(n, e));
-    [e1, cross(n, e1)]
 }
 
 /// The x with the least Σ (rᵢ·x + fᵢ)²; none where the rows do not determine it.

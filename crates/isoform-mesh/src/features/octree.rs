@@ -6,17 +6,20 @@ use crate::mesher::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm};
 use rayon::prelude::*;
 
-/// Cells are widened by this part of their size when they are bounded, so that a feature on a face belongs to the cells on both sides.
+/// Cells are widened by this part of their size when they are bounded, so that a feature on a face
+/// belongs to the cells on both sides.
 const SLACK: f64 = 1e-5;
 /// Where cells are gone over for apexes, in sizes.
 const COARSE: f64 = 4.0;
 /// Levels below size/2 for cells in which three surfaces may meet.
 const CORNER_LEVELS: u32 = 2;
-/// Levels below size/2 for cells in which a surface turns by more than [`TURN`]: features of size/32 are still found.
+/// Levels below size/2 for cells in which a surface turns by more than [`TURN`]: features of
+/// size/32 are still found.
 const CURVED_LEVELS: u32 = 4;
 /// Cosine of the angle by which normals may turn within a simple cell, 35 degrees.
 const TURN: f64 = 0.82;
-/// Where in a cell surfaces are compared, in its own coordinates from −1 to 1: no two on a line with the centre.
+/// Where in a cell surfaces are compared, in its own coordinates from −1 to 1: no two on a line
+/// with the centre.
 pub(crate) const PROBES: [Point3; 4] = [
     [0.71, 0.37, -0.53],
     [-0.43, 0.67, 0.59],
@@ -42,7 +45,8 @@ pub(crate) struct Leaf {
     pub(crate) local: Local,
     /// Pieces of different surfaces; of coinciding ones the first.
     pub(crate) surfaces: Vec<u32>,
-    /// Whether the surfaces are nearly flat here: two of them then have one curve in common at most.
+    /// Whether the surfaces are nearly flat here: two of them then have one curve in common at
+    /// most.
     pub(crate) simple: bool,
 }
 
@@ -50,7 +54,8 @@ pub(crate) struct Leaf {
 pub(crate) struct Octree {
     nodes: Vec<Node>,
     pub(crate) leaves: Vec<Leaf>,
-    /// Cells of [`COARSE`] times the size, or larger where a single piece matters, with the pieces that do.
+    /// Cells of [`COARSE`] times the size, or larger where a single piece matters, with the pieces
+    /// that do.
     pub(crate) coarse: Vec<(Aabb, Local)>,
     /// Cells that were not looked at: the budget was spent.
     pub(crate) skipped: Vec<Aabb>,
@@ -103,9 +108,17 @@ impl Octree {
                 .with_min_len(32)
                 .map_init(
                     || Scratch::new(solid),
-                    |scratch, node| fate(solid, node, size, scratch),
+                    |scratch, node| match control.is_stopped() {
+                        true => Fate::Split(Vec::new()),
+                        false => fate(solid, node, size, scratch),
+                    },
                 )
                 .collect();
+            if control.is_stopped() {
+                tree.skipped
+                    .extend(tree.nodes[level.clone()].iter().map(|n| n.cell));
+                break;
+            }
             let first = tree.nodes.len();
             for (i, fate) in level.clone().zip(fates) {
                 let is_coarse = longest(&tree.nodes[i].cell) > COARSE * size;
@@ -123,7 +136,8 @@ impl Octree {
                             }
                         }
                         tree.nodes[i].children = start..tree.nodes.len() as u32;
-                        // An inner node all of whose children were dropped holds no feature: it must not look like a leaf.
+                        // An inner node all of whose children were dropped holds no feature: it
+                        // must not look like a leaf.
                         if tree.nodes[i].children.is_empty() {
                             tree.nodes[i].local = Local {
                                 tree: tree.nodes[i].local.tree.clone(),
@@ -231,8 +245,8 @@ fn fate(solid: &dyn Solid, node: &Node, size: f64, scratch: &mut Scratch) -> Fat
     })
 }
 
-/// Whether pieces have the same range and the same values in a cell: where blends are not at work, the pieces they distribute over are
-/// one and the same function.
+/// Whether pieces have the same range and the same values in a cell: where blends are not at work,
+/// the pieces they distribute over are one and the same function.
 pub(crate) fn is_one_function(
     solid: &dyn Solid,
     pieces: &[u32],

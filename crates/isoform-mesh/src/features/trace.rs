@@ -1,7 +1,8 @@
 //! Feature curves from corner to corner.
 //!
-//! A curve is followed by steps along n₁ × n₂, each corrected onto both pieces. It ends at a corner: one that is known already and lies
-//! ahead, or one that is found because the solid about the curve has changed on a step.
+//! A curve is followed by steps along n₁ × n₂, each corrected onto both pieces. It ends at a
+//! corner: one that is known already and lies ahead, or one that is found because the solid about
+//! the curve has changed on a step.
 
 use super::junction::{HalfLine, State};
 use super::newton::{along, branch, normalised, onto_three, onto_touching, onto_two, unit};
@@ -15,11 +16,13 @@ const TURN: f64 = 0.985;
 const MISS: f64 = 0.3;
 /// Steps are not made shorter than this part of the size.
 const SHORTEST: f64 = 1e-3;
-/// A point ahead is where the curve is going if the direction to it differs by no more than 15 degrees.
+/// A point ahead is where the curve is going if the direction to it differs by no more than 15
+/// degrees.
 const AHEAD: f64 = 0.966;
 /// Corners nearer than this part of the size are one.
 const SAME: f64 = 1e-7;
-/// Steps of one curve; at size/2 each that is far more than a solid of the largest allowed extent has.
+/// Steps of one curve; at size/2 each that is far more than a solid of the largest allowed extent
+/// has.
 const STEPS: usize = 200_000;
 /// Curves of one solid; beyond, the search is given up.
 const CURVES: usize = 1_000_000;
@@ -163,7 +166,8 @@ impl<'a> Tracer<'a> {
         self.corners.len() - 1
     }
 
-    /// Whether a curve passes within `reach` of `p` (at most the size); of any pieces, or with one of each given sheet.
+    /// Whether a curve passes within `reach` of `p` (at most the size); of any pieces, or with one
+    /// of each given sheet.
     pub(crate) fn passes(&self, p: Point3, reach: f64, pair: Option<[u32; 2]>) -> bool {
         self.around(p)
             .filter_map(|b| self.near.get(&b))
@@ -313,7 +317,7 @@ impl<'a> Tracer<'a> {
         let size = search.size();
         let mut step = 0.25 * size;
         for n in 0..STEPS {
-            if n % 64 == 63 && search.control.is_stopped() {
+            if n % 8 == 7 && search.control.is_stopped() {
                 break;
             }
             if let Some(c) = self.corner_ahead(&walk, 1.5 * step, None) {
@@ -405,7 +409,8 @@ impl<'a> Tracer<'a> {
         })
     }
 
-    /// Whether the curve goes straight to `target`, at most `reach` ahead. It may fade out on the way if it `may_fade`.
+    /// Whether the curve goes straight to `target`, at most `reach` ahead. It may fade out on the
+    /// way if it `may_fade`.
     fn leads_to(&self, walk: &Walk, target: Point3, reach: f64, may_fade: bool) -> bool {
         let way = sub(target, walk.p);
         let length = norm(way);
@@ -687,8 +692,8 @@ impl Search<'_> {
         Some(norm(cross(a, b)).atan2(dot(a, b)))
     }
 
-    /// The curve with points so near to one another that chords miss it by no more than asked for, and the least and greatest angle of
-    /// its faces' normals.
+    /// The curve with points so near to one another that chords miss it by no more than asked for,
+    /// and the least and greatest angle of its faces' normals.
     fn dense(&self, points: &[Point3], pair: [u32; 2]) -> (Vec<Point3>, [f64; 2]) {
         let tolerance = self.options.chord * self.size();
         let mut angles = [f64::INFINITY, 0.0];

@@ -1,7 +1,8 @@
 //! Growing up to the edges of a part.
 //!
-//! A patch grows on the smooth function of its part, which goes on beyond the part's edges; where a side comes to an edge it is put onto
-//! it, if the whole side comes to the same edge nearby, and is then held there by a term of the objective. Else it stops.
+//! A patch grows on the smooth function of its part, which goes on beyond the part's edges; where a
+//! side comes to an edge it is put onto it, if the whole side comes to the same edge nearby, and is
+//! then held there by a term of the objective. Else it stops.
 
 use super::{Growth, balanced};
 use crate::whole::{Beyond, On};
@@ -36,7 +37,8 @@ const CLOSE_SAMPLES: usize = 161;
 const CLOSE: f64 = 1.0 / 120.0;
 /// Newton steps to where a parameter line meets an edge.
 const STEPS: usize = 12;
-/// How far in, and beyond an extrapolation, an edge may be that a side is put onto, in the patch's lengths.
+/// How far in, and beyond an extrapolation, an edge may be that a side is put onto, in the patch's
+/// lengths.
 const REACH: (f64, f64) = (-0.6, 0.6);
 /// Bisections towards an edge.
 const BISECTIONS: usize = 12;
@@ -132,8 +134,8 @@ impl<'f> Growth<'f> {
         })
     }
 
-    /// Where a side lies farthest beyond an edge. Near its ends it may lie beyond those that its neighbours `held` are held on: Newton
-    /// steps see to them.
+    /// Where a side lies farthest beyond an edge. Near its ends it may lie beyond those that its
+    /// neighbours `held` are held on: Newton steps see to them.
     fn farthest(
         on: On<'f>,
         patch: &RationalPatch,
@@ -168,7 +170,8 @@ impl<'f> Growth<'f> {
         );
     }
 
-    /// Takes back what lies beyond edges by more than that between samples, too, above all near a place where that seems to be.
+    /// Takes back what lies beyond edges by more than that between samples, too, above all near a
+    /// place where that seems to be.
     pub(crate) fn trim_finely(&mut self, allowed: f64, near: Option<(f64, f64)>) {
         let samples = |side: usize| {
             let mut samples = evenly(FINE_SAMPLES);
@@ -184,8 +187,8 @@ impl<'f> Growth<'f> {
         self.trim_to(allowed, &std::array::from_fn(samples), true);
     }
 
-    /// The same with samples for each side; with `held`, where that fails, what lies beyond edges that the neighbours are held on does
-    /// not count.
+    /// The same with samples for each side; with `held`, where that fails, what lies beyond edges
+    /// that the neighbours are held on does not count.
     fn trim_to(&mut self, allowed: f64, samples: &[Vec<f64>; 4], held: bool) {
         if self.on.whole.is_single() {
             return;
@@ -237,7 +240,8 @@ impl<'f> Growth<'f> {
         }
     }
 
-    /// The patch longer by shares of its edges at its four sides, but no longer than the part; and what its sides do then.
+    /// The patch longer by shares of its edges at its four sides, but no longer than the part; and
+    /// what its sides do then.
     pub(crate) fn within_edges(
         &self,
         on: On<'f>,
@@ -327,7 +331,8 @@ impl<'f> Growth<'f> {
         let moved: Vec<f64> = (0..=count)
             .map(|k| meets(k as f64 / count as f64))
             .collect::<Option<_>>()?;
-        // Interpolated where the old patch is at new parameters: first along v for each u, then along u.
+        // Interpolated where the old patch is at new parameters: first along v for each u, then
+        // along u.
         let value = |i: usize, j: usize| {
             let (s, t) = (i as f64 / m as f64, j as f64 / n as f64);
             let (u, v) = match side {

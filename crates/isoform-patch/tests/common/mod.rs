@@ -48,7 +48,8 @@ pub(crate) fn quartic() -> Polynomial {
     ])
 }
 
-/// The stereographic patch on the sphere of radius r: (2s, 2t, s² + t² − 1, s² + t² + 1) for s, t in [−a, a], from below.
+/// The stereographic patch on the sphere of radius r: (2s, 2t, s² + t² − 1, s² + t² + 1) for s, t
+/// in [−a, a], from below.
 pub(crate) fn stereographic(r: f64, a: f64) -> RationalPatch {
     // Bernstein coefficients of 1, s and s² on [−a, a].
     let (one, s, s2) = ([1.0; 3], [-a, 0.0, a], [a * a, -a * a, a * a]);

@@ -1,7 +1,9 @@
-//! Sides of a domain: straight in the parameters, split at places that are the same whichever map the side belongs to.
+//! Sides of a domain: straight in the parameters, split at places that are the same whichever map
+//! the side belongs to.
 //!
-//! Patches that have a side in common are split alike along it, so that their triangles fit: places are numbers of few binary digits along the
-//! side, and whether they are enough is asked of the curve in space alone.
+//! Patches that have a side in common are split alike along it, so that their triangles fit: places
+//! are numbers of few binary digits along the side, and whether they are enough is asked of the
+//! curve in space alone.
 
 use super::{Builder, VERTICES, distance};
 use crate::surface::Point3;
@@ -50,7 +52,8 @@ impl Builder<'_> {
         let [a, b] = [s * at(0), t * at(1)].map(|x| x.max(0.0));
         [a / (a + b + 1.0), b / (a + b + 1.0)]
     }
-    /// The vertices of a piece of the side that a bit stands for, from end to end; none of them if it is not one.
+    /// The vertices of a piece of the side that a bit stands for, from end to end; none of them if
+    /// it is not one.
     pub(super) fn border_line(
         &self,
         q: usize,

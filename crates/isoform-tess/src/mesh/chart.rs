@@ -22,11 +22,12 @@ pub(super) struct Chart {
     w: Vec<f64>,
 }
 
-/// Least cosine of the angle between directions that count as near, and the length of the step in the parameters, if there is room, that they are
-/// those of.
+/// Least cosine of the angle between directions that count as near, and the length of the step in
+/// the parameters, if there is room, that they are those of.
 const TURN: f64 = 0.97;
 const LEAVING: f64 = 1e-3;
-/// Rounding errors of values, in units of the box, from which on they are computed with more digits.
+/// Rounding errors of values, in units of the box, from which on they are computed with more
+/// digits.
 const PRECISION: f64 = 1e-13;
 /// What is rounding on a contracted curve, in these.
 const ON_CURVE: f64 = 1e-3;
@@ -155,7 +156,8 @@ impl Chart {
         let tangent = |d: [f64; 4]| [0, 1, 2].map(|k| (d[k] - p[k] / p[3] * d[3]) / p[3]);
         [[0, 1, 2].map(|k| p[k] / p[3]), tangent(by_u), tangent(by_v)]
     }
-    /// The step that brings the image nearest to a point, to first order: one of Gauss and Newton. None where the tangents are parallel.
+    /// The step that brings the image nearest to a point, to first order: one of Gauss and Newton.
+    /// None where the tangents are parallel.
     pub(super) fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
         let [p, x, y] = self.tangents(at);
         let off = sub(to, p);
@@ -163,14 +165,16 @@ impl Chart {
         let det = xx * yy - xy * xy;
         (det > 1e-12 * xx * yy).then(|| [(yy * x - xy * y) / det, (xx * y - xy * x) / det])
     }
-    /// The point on the perpendicular bisector of a chord with an image that is the whole of a curve's, by Newton's method. None if there is none near.
+    /// The point on the perpendicular bisector of a chord with an image that is the whole of a
+    /// curve's, by Newton's method. None if there is none near.
     pub(super) fn beside_chord(&self, [a, b]: [[f64; 2]; 2], image: Point3) -> Option<[f64; 2]> {
         let across = [a[1] - b[1], b[0] - a[0]];
         let mut off = 0.0f64;
         for _ in 0..8 {
             let at = [0, 1].map(|k| 0.5 * (a[k] + b[k]) + off * across[k]);
             let [p, x, y] = self.tangents(at);
-            // On the curve to rounding. Where derivatives vanish all along it, steps from there would lead anywhere.
+            // On the curve to rounding. Where derivatives vanish all along it, steps from there
+            // would lead anywhere.
             if norm(sub(image, p)) <= ON_CURVE * self.precision {
                 return Some(at);
             }
@@ -186,7 +190,8 @@ impl Chart {
         }
         None
     }
-    /// Whether the surface leaves the one image of a contracted curve in directions that are far from each other at three places of it.
+    /// Whether the surface leaves the one image of a contracted curve in directions that are far
+    /// from each other at three places of it.
     pub(super) fn turns(&self, [a, m, b]: [[f64; 2]; 3]) -> bool {
         let length = (a[0] - b[0]).hypot(a[1] - b[1]);
         let share = LEAVING.min(length) / length;
@@ -199,8 +204,8 @@ impl Chart {
         let [p, q, r] = [a, m, b].map(leaving);
         dot(p, q) < TURN || dot(q, r) < TURN
     }
-    /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding, those left out that vanish because W has a zero of
-    /// that multiplicity in the first corner.
+    /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding, those
+    /// left out that vanish because W has a zero of that multiplicity in the first corner.
     pub(super) fn keeps_sign(&self, at: [[f64; 2]; 3], multiplicity: usize) -> bool {
         let corners = at.map(|[u, v]| [self.signs[0] * u, self.signs[1] * v, 1.0 - (u + v)]);
         let (lo, hi, error) = bernstein_range(&self.w, self.degree, corners, multiplicity);
@@ -229,8 +234,9 @@ fn bernstein_base(form: &Poly) -> Vec<f64> {
     out
 }
 
-/// Least and greatest Bernstein coefficient on the triangle with the corners given, and a bound of their rounding errors: by the polar
-/// form, one argument at a time. Those that vanish because the first corner is a zero of that multiplicity are left out.
+/// Least and greatest Bernstein coefficient on the triangle with the corners given, and a bound of
+/// their rounding errors: by the polar form, one argument at a time. Those that vanish because the
+/// first corner is a zero of that multiplicity are left out.
 fn bernstein_range(
     base: &[f64],
     n: usize,
@@ -272,8 +278,8 @@ fn bernstein_range(
     (lo, hi, 4.0 * f64::EPSILON * (n + 2) as f64 * size)
 }
 
-/// Whether a polynomial in two variables is proved to keep its sign on a triangle, by bisection; with a zero of its order in the first
-/// corner, which is the origin.
+/// Whether a polynomial in two variables is proved to keep its sign on a triangle, by bisection;
+/// with a zero of its order in the first corner, which is the origin.
 pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool) -> bool {
     let n = form
         .terms

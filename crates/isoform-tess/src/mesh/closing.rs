@@ -8,7 +8,8 @@ use std::collections::BTreeSet;
 /// How far beyond the box vertices may be for rounding, per half its width.
 const OUTSIDE: f64 = 1e-9;
 
-/// Looks whether the surface stays in the box and ends on its faces only, and no edge but those of the double curve has more than two triangles.
+/// Looks whether the surface stays in the box and ends on its faces only, and no edge but those of
+/// the double curve has more than two triangles.
 fn check(s: &mut Surface, half_width: f64, glued: bool) {
     let uses = s.edges(&s.borders);
     let open = s.open_edges(&uses);

@@ -1,4 +1,5 @@
-//! What bounds and crosses the region in a unit triangle, as a constrained Delaunay triangulation of the parameters.
+//! What bounds and crosses the region in a unit triangle, as a constrained Delaunay triangulation
+//! of the parameters.
 
 use super::in_chart::InChart;
 use super::plane::{Measure, Plane, is_turned};
@@ -18,8 +19,9 @@ impl HasPosition for Node {
     }
 }
 
-/// Rounds in which vertices are put into triangles that do not look like the surface, the number of triangles that is enough, and the length of edges
-/// in the parameters below which they are left to be split in space.
+/// Rounds in which vertices are put into triangles that do not look like the surface, the number of
+/// triangles that is enough, and the length of edges in the parameters below which they are left to
+/// be split in space.
 const SPREADS: usize = 12;
 const SPREAD: usize = 20_000;
 const SPREAD_LENGTH: f64 = 0.03;
@@ -67,7 +69,8 @@ impl Drawing<'_> {
 }
 
 impl Builder<'_> {
-    /// The part of the region in a unit triangle, drawn and triangulated, to be refined. None if there is none.
+    /// The part of the region in a unit triangle, drawn and triangulated, to be refined. None if
+    /// there is none.
     pub(super) fn drawn_unit(&self, q: usize, sides: &Sides) -> Option<Unit> {
         let t = &self.region.triangles[q];
         if !t.inside.iter().flatten().any(|inside| *inside) {
@@ -173,8 +176,9 @@ impl Builder<'_> {
         })
     }
 
-    /// Puts vertices into large triangles that do not face the way the surface does, or have another area: flips and splits by what triangles are in
-    /// space are of use only where they look like the surface.
+    /// Puts vertices into large triangles that do not face the way the surface does, or have
+    /// another area: flips and splits by what triangles are in space are of use only where they
+    /// look like the surface.
     fn spread(&self, drawing: &mut Drawing<'_>, measure: &InChart<'_, '_>) {
         let mut images = Vec::new();
         let mut known = BTreeSet::new();
@@ -201,7 +205,8 @@ impl Builder<'_> {
                     (at[i][0] - at[(i + 1) % 3][0]).hypot(at[i][1] - at[(i + 1) % 3][1])
                         > SPREAD_LENGTH
                 });
-                // Next to contracted curves what is large in the parameters may be nothing in space.
+                // Next to contracted curves what is large in the parameters may be nothing in
+                // space.
                 let there = measure.at(center(at));
                 let is_apart = [p.0, q.0, r.0]
                     .iter()
@@ -258,7 +263,8 @@ impl Builder<'_> {
         }
     }
 
-    /// Points of walls in the region, with the faces that they are on; those on sides are there already.
+    /// Points of walls in the region, with the faces that they are on; those on sides are there
+    /// already.
     fn draw_points(&self, q: usize, drawing: &mut Drawing<'_>) {
         let t = &self.region.triangles[q];
         let passed: Vec<(usize, usize)> = self
@@ -471,7 +477,8 @@ impl Builder<'_> {
         }
     }
 
-    /// A drawn stretch of a wall after a point, from rectangle to rectangle around base points, and its vertices.
+    /// A drawn stretch of a wall after a point, from rectangle to rectangle around base points, and
+    /// its vertices.
     pub(super) fn upright(&self, q: usize, wall: usize, point: usize) -> (Stretch, Vec<[f64; 2]>) {
         let mut ends = [point, point + 1].map(|p| self.place(q, wall, p));
         let mut rays = [None; 2];
@@ -527,7 +534,8 @@ impl Builder<'_> {
             || self.double.contains(&factor)
             || self.creased.contains(&factor)
     }
-    /// The arcs of a slab that are drawn: those that have the region on one side, or on both and are contracted, double or cuspidal.
+    /// The arcs of a slab that are drawn: those that have the region on one side, or on both and
+    /// are contracted, double or cuspidal.
     pub(super) fn drawn(&self, q: usize, slab: usize) -> Vec<usize> {
         let t = &self.region.triangles[q];
         let inside = &t.inside[slab];
@@ -538,7 +546,8 @@ impl Builder<'_> {
     }
 }
 
-/// Whether a triangle, counterclockwise, lies beyond the side u + v = 1, whose points are on that line but for rounding.
+/// Whether a triangle, counterclockwise, lies beyond the side u + v = 1, whose points are on that
+/// line but for rounding.
 fn is_sliver(nodes: [Node; 3]) -> bool {
     let on_line = |n: &Node| matches!(n.name, Name::Side(2, ..) | Name::Corner(1 | 2));
     nodes.iter().all(on_line) && {

@@ -1,7 +1,9 @@
-//! Where triangles have to be finer than elsewhere: cells of space in which the tolerance is divided by four once or more.
+//! Where triangles have to be finer than elsewhere: cells of space in which the tolerance is
+//! divided by four once or more.
 //!
-//! Whether sheets that are close together cross is not decided by the tolerance that was asked for. Where their triangles do, the surface is
-//! triangulated again, and all that depends on the tolerance there is the finer: curves, seams and triangles of all sheets.
+//! Whether sheets that are close together cross is not decided by the tolerance that was asked for.
+//! Where their triangles do, the surface is triangulated again, and all that depends on the
+//! tolerance there is the finer: curves, seams and triangles of all sheets.
 
 use crate::surface::Point3;
 use std::collections::BTreeMap;

@@ -1,8 +1,9 @@
-//! Where sheets that cross are joined: every vertex on the double curve gets vertices at all its partners, the other parameters with the same
-//! image.
+//! Where sheets that cross are joined: every vertex on the double curve gets vertices at all its
+//! partners, the other parameters with the same image.
 //!
-//! The curve is walked through piece by piece: arcs over slabs, stretches of walls, sides of the unit triangles. What is special there (points
-//! of walls, rectangles around base points, pinch points) comes first, so that its partners are vertices, too; then the rest.
+//! The curve is walked through piece by piece: arcs over slabs, stretches of walls, sides of the
+//! unit triangles. What is special there (points of walls, rectangles around base points, pinch
+//! points) comes first, so that its partners are vertices, too; then the rest.
 
 use super::stretch::{Columns, Stretch};
 use super::{Builder, Name, Ray, Sides, distance, in_plane, on_side, sides_of};
@@ -106,7 +107,8 @@ impl Gluing {
 }
 
 impl Builder<'_> {
-    /// Finds the vertices of the double curve and their partners. Sides of the unit triangles that are double get their places.
+    /// Finds the vertices of the double curve and their partners. Sides of the unit triangles that
+    /// are double get their places.
     pub(super) fn glue(
         &self,
         sides: &mut Sides,
@@ -140,7 +142,8 @@ impl Builder<'_> {
         gluing
     }
 
-    /// Isolated real points of singular curves, and images of contracted ones: those with one image become one vertex.
+    /// Isolated real points of singular curves, and images of contracted ones: those with one image
+    /// become one vertex.
     fn join_isolated(&self, gluing: &mut Gluing, isolated: &[[f64; 3]], sides: &mut Sides) {
         let close = 1e-9 * self.half_width;
         let mut points: Vec<(usize, [f64; 2], Point3, Name)> = Vec::new();
@@ -204,7 +207,8 @@ impl Builder<'_> {
                 gluing.points.push((q, at));
             }
         }
-        // Contracted curves with one image are one vertex already; a double curve may go through it.
+        // Contracted curves with one image are one vertex already; a double curve may go through
+        // it.
         for (k, &p) in self.images.iter().enumerate() {
             for name in gluing.classes.values_mut() {
                 if matches!(name, Name::Double(c) if distance(gluing.images[*c], p) < close) {
@@ -393,7 +397,8 @@ impl Builder<'_> {
                         .flatten()
                 };
                 let ends = [run[0], run[run.len() - 1]];
-                // From the base point along the side: to larger places at the beginning, to smaller ones at the end.
+                // From the base point along the side: to larger places at the beginning, to smaller
+                // ones at the end.
                 let rays = [(ends[0], run[1]), (ends[1], run[run.len() - 2])].map(|(base, to)| {
                     let (fan, at) = base_of(base)?;
                     Some((
@@ -448,7 +453,8 @@ impl Builder<'_> {
             .find(|(key, site)| both.contains(&key.0) && distance2(site.at, at) < 1e-12)
             .map(|(_, site)| (site.fan, at))
     }
-    /// Whether a place of a side is a point of a wall that a curve goes through, or a vertex of a rectangle.
+    /// Whether a place of a side is a point of a wall that a curve goes through, or a vertex of a
+    /// rectangle.
     fn is_hard(&self, side: usize, both: &[usize], x: f64) -> bool {
         self.places_on(side, both).iter().any(|b| b.1.contains(&x))
             || self.wall_points_on(side, both).iter().any(|p| p.0 == x)
@@ -536,7 +542,8 @@ impl Builder<'_> {
         pieces[k].knots[j].class = Some(class);
         let close = 1e-9 * self.half_width;
         for piece in pieces.iter_mut() {
-            // Vertices that are there already, other ends of pieces that meet in the same parameter among them.
+            // Vertices that are there already, other ends of pieces that meet in the same parameter
+            // among them.
             for knot in piece
                 .knots
                 .iter_mut()
@@ -640,7 +647,8 @@ impl Builder<'_> {
         }
     }
 
-    /// Puts a partner between two vertices of a piece, or moves one of them there that is not needed where it is.
+    /// Puts a partner between two vertices of a piece, or moves one of them there that is not
+    /// needed where it is.
     fn insert(&self, piece: &mut Piece, i: usize, at: [f64; 2], image: Point3, class: usize) {
         let name = self.piece_name(piece, at);
         let length = distance(piece.knots[i - 1].image, piece.knots[i].image);
@@ -690,7 +698,8 @@ impl Builder<'_> {
                 }
             }
         }
-        // Two sheets at least meet in each piece, if they do not belong to the same one that a pinch point folds, or the other one is not real.
+        // Two sheets at least meet in each piece, if they do not belong to the same one that a
+        // pinch point folds, or the other one is not real.
         let mut single = 0;
         for piece in &pieces {
             let alone = |w: &&[Knot]| match [w[0].class, w[1].class] {

@@ -1,6 +1,8 @@
-//! Where base points are opened: rectangles around them whose vertices lie in the directions of their fans.
+//! Where base points are opened: rectangles around them whose vertices lie in the directions of
+//! their fans.
 //!
-//! A triangle with a base point as corner becomes a quadrilateral, whose fourth side is a piece of the seam curve.
+//! A triangle with a base point as corner becomes a quadrilateral, whose fourth side is a piece of
+//! the seam curve.
 
 use super::chart::keeps_sign_on;
 use super::{Builder, Curves, Name, OPEN_HALVINGS, Ray, Site, SiteArc, distance, middle};
@@ -16,18 +18,22 @@ use std::collections::{BTreeMap, BTreeSet};
 const WIDTH: f64 = 1.0 / 16.0;
 const ROUNDS: usize = 60;
 const DIRECTIONS: usize = 2000;
-/// Where base points are infinitely near, rays differ in high powers of the width: it has to be large for them to be told apart.
+/// Where base points are infinitely near, rays differ in high powers of the width: it has to be
+/// large for them to be told apart.
 const NEAR_WIDTH: f64 = 1.0 / 4.0;
 const NEAR_ROUNDS: usize = 40;
-/// How far from the middle of an edge of such a rectangle what is in the middle of its parameters may be, per length.
+/// How far from the middle of an edge of such a rectangle what is in the middle of its parameters
+/// may be, per length.
 const UNEVEN: f64 = 0.15;
 
-/// How far a seam may bulge beyond its chord, per width of the strip, and the shortest chords, per longest allowed, that are divided for it.
+/// How far a seam may bulge beyond its chord, per width of the strip, and the shortest chords, per
+/// longest allowed, that are divided for it.
 const ROOM: f64 = 1.0;
 const SHORT: f64 = 0.003;
 
-/// Arcs that rise more than this, per half width of a rectangle, leave it at the top or the bottom, and steps to the place where. How often an arc
-/// that does not reach the side is looked at nearer to the base point.
+/// Arcs that rise more than this, per half width of a rectangle, leave it at the top or the bottom,
+/// and steps to the place where. How often an arc that does not reach the side is looked at nearer
+/// to the base point.
 const STEEP: f64 = 4.0;
 const SECANTS: usize = 12;
 const SHORTENED: i32 = 6;
@@ -159,8 +165,8 @@ impl Builder<'_> {
         self.surface.unproven.extend(problems);
     }
 
-    /// The rays to which the drawn arcs at base points are tangent. Both are known in their order around the base point, on either side of its
-    /// wall: there is one way to match them.
+    /// The rays to which the drawn arcs at base points are tangent. Both are known in their order
+    /// around the base point, on either side of its wall: there is one way to match them.
     fn match_arcs(&mut self, problems: &mut Vec<String>) {
         let mut count: BTreeMap<(usize, Ray), usize> = BTreeMap::new();
         let keys: Vec<(usize, usize, usize)> = self.sites.keys().copied().collect();
@@ -319,8 +325,8 @@ impl Builder<'_> {
         }
     }
 
-    /// Heights of the rectangles for their widths, and the arcs followed to their sides. Returns the base points whose rectangles hold more than
-    /// what ends in them.
+    /// Heights of the rectangles for their widths, and the arcs followed to their sides. Returns
+    /// the base points whose rectangles hold more than what ends in them.
     fn fit_rectangles(&mut self) -> Vec<usize> {
         let mut too_large: Vec<usize> = Vec::new();
         let mut sites = std::mem::take(&mut self.sites);
@@ -395,7 +401,8 @@ impl Builder<'_> {
         too_large
     }
 
-    /// Follows an arc from a base point to the side of its rectangle, over walls on which nothing happens to it. False if it does not get there.
+    /// Follows an arc from a base point to the side of its rectangle, over walls on which nothing
+    /// happens to it. False if it does not get there.
     fn follow(&self, q: usize, at: [f64; 2], h: f64, arc: &mut SiteArc) -> bool {
         let a = &self.region.triangles[q].arrangement;
         let to = if arc.right { at[0] + h } else { at[0] - h };
@@ -517,8 +524,9 @@ impl Builder<'_> {
         true
     }
 
-    /// The vertices of the rectangle in a direction, if that leads into the unit triangle, counterclockwise: the ends of the arcs that
-    /// have this tangent, what keeps double ones apart, and the place on a side along it.
+    /// The vertices of the rectangle in a direction, if that leads into the unit triangle,
+    /// counterclockwise: the ends of the arcs that have this tangent, what keeps double ones apart,
+    /// and the place on a side along it.
     pub(super) fn ring(
         &self,
         q: usize,
@@ -540,7 +548,8 @@ impl Builder<'_> {
             let [x, y] = [a, b].map(|p| [p[0] - site.at[0], p[1] - site.at[1]]);
             0.0f64.total_cmp(&(x[0] * y[1] - x[1] * y[0]))
         });
-        // Between two arcs of the double curve with one tangent no edge may lead from one to the other: another sheet may have it, too.
+        // Between two arcs of the double curve with one tangent no edge may lead from one to the
+        // other: another sheet may have it, too.
         let is_double = |at: [f64; 2]| {
             site.arcs
                 .iter()
@@ -638,8 +647,9 @@ impl Builder<'_> {
             .and_then(|r| fan.on_ray(q, d, backward, 0.5 * r))
             .unwrap_or(straight)
     }
-    /// Points of the surface between a vertex of the rectangle and the seam, from the rectangle on, where base points are infinitely near: there
-    /// is no room for rectangles that are small in space.
+    /// Points of the surface between a vertex of the rectangle and the seam, from the rectangle on,
+    /// where base points are infinitely near: there is no room for rectangles that are small in
+    /// space.
     pub(super) fn points_on_ray(
         &self,
         q: usize,
@@ -708,9 +718,11 @@ impl Builder<'_> {
         Some([*ends.0?, *ends.1?])
     }
 
-    /// Vertices on larger and larger rectangles around base points, in all their directions: the map turns along the seam as fast as ever on
-    /// small circles, and triangles that lead straight from there to far vertices would be too thin. With the places to which edges lead from
-    /// them: those next to them on their own ring and on the one before, along the rays. Nearest ones are beside the rays on a long rectangle.
+    /// Vertices on larger and larger rectangles around base points, in all their directions: the
+    /// map turns along the seam as fast as ever on small circles, and triangles that lead straight
+    /// from there to far vertices would be too thin. With the places to which edges lead from them:
+    /// those next to them on their own ring and on the one before, along the rays. Nearest ones are
+    /// beside the rays on a long rectangle.
     pub(super) fn rings_around(&self, q: usize) -> Vec<([f64; 2], Vec<[f64; 2]>)> {
         let mut found = Vec::new();
         let here: Vec<&Site> = self
@@ -734,7 +746,8 @@ impl Builder<'_> {
             // By sectors, those of the ring before; none on the rectangle itself.
             let mut inner: Option<BTreeMap<usize, [f64; 2]>> = None;
             let mut scale = 1.0;
-            // Every other ring lies between the directions: vertices on one line would leave no room for flips.
+            // Every other ring lies between the directions: vertices on one line would leave no
+            // room for flips.
             let mut is_between = false;
             while scale * site.height < 0.4 * nearest {
                 let mut ring = Vec::new();
@@ -766,7 +779,8 @@ impl Builder<'_> {
                         ring.push((s, at, self.charts[q].at(at)));
                     }
                 }
-                // A ring as near to the last one as its vertices are to each other, in space, makes triangles that are round; nearer ones do not.
+                // A ring as near to the last one as its vertices are to each other, in space, makes
+                // triangles that are round; nearer ones do not.
                 let median = |mut x: Vec<f64>| {
                     x.sort_by(f64::total_cmp);
                     x.get(x.len() / 2).copied()
@@ -823,8 +837,8 @@ impl Builder<'_> {
         found
     }
 
-    /// More directions, until seams and rectangles are near the surface and W keeps its sign. Returns the base points whose rectangles are too
-    /// large for that.
+    /// More directions, until seams and rectangles are near the surface and W keeps its sign.
+    /// Returns the base points whose rectangles are too large for that.
     fn refine_directions(&mut self) -> Vec<usize> {
         let mut too_large = Vec::new();
         for f in 0..self.fans.len() {
@@ -885,7 +899,8 @@ impl Builder<'_> {
         for (piece, ends) in pieces.iter().enumerate() {
             rough.push(!self.is_near_chord(fan.seam(&fan.between(sector, piece).0), *ends));
         }
-        // Between two arcs of the double curve the strip needs vertices that are on none: another sheet may have edges from one to the other, too.
+        // Between two arcs of the double curve the strip needs vertices that are on none: another
+        // sheet may have edges from one to the other, too.
         let is_end = |k: usize| {
             let d = &fan.directions[k];
             fan.is_fold(d) || d.factors.iter().any(|f| self.double.contains(f))
@@ -916,7 +931,8 @@ impl Builder<'_> {
                     .arcs
                     .iter()
                     .find(|x| x.ray == (fan.directions[k].key(), backward) && x.end == at);
-                // Halfway on an arc, not on its chord: it is the arc that bounds the surface. In trees strips have vertices in between.
+                // Halfway on an arc, not on its chord: it is the arc that bounds the surface. In
+                // trees strips have vertices in between.
                 let halfway = arc.map_or_else(
                     || self.halfway(q, site, &fan.directions[k], backward, at),
                     |x| x.middle,
@@ -939,7 +955,8 @@ impl Builder<'_> {
             }
             let chord = [image(a), image(b)];
             let on = image(half(a, b));
-            // Beyond the chord of the seam, others at the rectangle would lie on the wrong side of it.
+            // Beyond the chord of the seam, others at the rectangle would lie on the wrong side of
+            // it.
             if let [[p, r]] = pieces[..] {
                 let seam = fan.seam(&fan.between(sector, 0).0);
                 let bulge = distance_to_segment(seam, [p, r]);
@@ -954,11 +971,13 @@ impl Builder<'_> {
             points
                 .extend((1..8).map(|i| [0, 1].map(|k| a[k] + f64::from(i) / 8.0 * (b[k] - a[k]))));
             let is_signed = self.charts[q].keeps_sign([site.at, a, b], fan.multiplicity)
-                // The parameters inside are in a cell of the region, in which W has no zero; what is left are edges of the rectangle that leave it.
+                // The parameters inside are in a cell of the region, in which W has no zero; what
+                // is left are edges of the rectangle that leave it.
                 || fan.is_tree()
                     && self.charts[q].keeps_sign([a, b, a], 0)
                     && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
-            // In trees, where the map is far from even, the point may slide along the chord, but not so far that triangles beside it were uneven.
+            // In trees, where the map is far from even, the point may slide along the chord, but
+            // not so far that triangles beside it were uneven.
             let off = distance(on, middle(chord[0], chord[1]));
             let is_even =
                 off <= UNEVEN * distance(chord[0], chord[1]) || off <= 0.5 * self.tolerance_at(on);
@@ -997,7 +1016,8 @@ impl Builder<'_> {
             false if longest < least * self.tolerance_at(ends[0]) => Look::TooLarge,
             false if !fan.is_tree() => Look::Split(fan.between(sector, 0).0),
             false => {
-                // Rays of two nodes, and arcs, have their order next to the base point, but not everywhere.
+                // Rays of two nodes, and arcs, have their order next to the base point, but not
+                // everywhere.
                 let is_between = |(d, backward): &(Direction, bool)| {
                     sites.iter().all(|&(q, site)| {
                         let Some([a, b]) = self.sector_ends(q, site, fan, sector) else {
@@ -1039,8 +1059,9 @@ impl Builder<'_> {
         }
     }
 
-    /// Whether a point of a curve is near to a straight piece that stands for it and that is not divided any more, and the piece short. It may be
-    /// anywhere along it: where arcs touch faces of the box, a curve leaves its end like a square root.
+    /// Whether a point of a curve is near to a straight piece that stands for it and that is not
+    /// divided any more, and the piece short. It may be anywhere along it: where arcs touch faces
+    /// of the box, a curve leaves its end like a square root.
     fn is_near_chord(&self, on: Point3, [p, q]: [Point3; 2]) -> bool {
         distance_to_segment(on, [p, q]) <= 0.5 * self.tolerance_at(on)
             && distance(p, q) <= self.options.longest
@@ -1051,7 +1072,8 @@ impl Builder<'_> {
             && distance(ends[0], ends[1]) <= self.options.longest
     }
 
-    /// The vertex of a seam: its name, position and faces, and whether it is the image of a contracted curve.
+    /// The vertex of a seam: its name, position and faces, and whether it is the image of a
+    /// contracted curve.
     pub(super) fn seam_vertex(&self, fan: usize, d: &Direction) -> (Name, Point3, u8) {
         let f = &self.fans[fan];
         let p = f.seam(d);
@@ -1073,7 +1095,8 @@ impl Builder<'_> {
         }
     }
 
-    /// The places of rectangles on a side that base points are on: the place of the base point, and those of the vertices.
+    /// The places of rectangles on a side that base points are on: the place of the base point, and
+    /// those of the vertices.
     pub(super) fn places_on(&self, side: usize, quadrants: &[usize]) -> Vec<(f64, [f64; 2])> {
         let mut places: Vec<(f64, [f64; 2])> = Vec::new();
         for (&(q, _, _), site) in &self.sites {
@@ -1098,7 +1121,8 @@ enum Look {
     TooLarge,
 }
 
-/// The rays, in their order, of arcs in theirs: each ray says whether it may have fewer arcs than so many, and which curves they may belong to.
+/// The rays, in their order, of arcs in theirs: each ray says whether it may have fewer arcs than
+/// so many, and which curves they may belong to.
 fn in_turn(curves: &[usize], rays: &[(bool, usize, &[usize])]) -> Option<Vec<usize>> {
     let Some((&(optional, most, factors), rest)) = rays.split_first() else {
         return curves.is_empty().then(Vec::new);

@@ -1,7 +1,9 @@
-//! A triangulation of a part of the parameter plane, refined and flipped by what its triangles are in space.
+//! A triangulation of a part of the parameter plane, refined and flipped by what its triangles are
+//! in space.
 //!
-//! A Delaunay triangulation of the parameters is of no use where the map stretches directions differently, as it does around base points
-//! without bound: triangles have to be long in the parameters to be round in space.
+//! A Delaunay triangulation of the parameters is of no use where the map stretches directions
+//! differently, as it does around base points without bound: triangles have to be long in the
+//! parameters to be round in space.
 
 use super::{Name, Node, distance, middle};
 use crate::surface::Point3;
@@ -24,7 +26,8 @@ pub(super) trait Measure {
     fn at(&self, at: [f64; 2]) -> Point3;
     /// The point of a contracted curve beside the middle of a chord of it, with this image.
     fn beside_chord(&self, chord: [[f64; 2]; 2], image: usize) -> Option<[f64; 2]>;
-    /// Whether the surface leaves a contracted curve in directions that are far from each other at three places of it.
+    /// Whether the surface leaves a contracted curve in directions that are far from each other at
+    /// three places of it.
     fn turns(&self, at: [[f64; 2]; 3]) -> bool;
     /// The step in the parameters that brings the image nearest to a point, to first order.
     fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]>;
@@ -72,7 +75,8 @@ pub(super) struct Plane {
     looks: Vec<Cell<Option<Look>>>,
     /// Whether the pole curve is proved to miss them.
     sound: Vec<bool>,
-    /// Edges beyond which triangles are made at the end, from the lesser vertex to the greater, and the vertices that they were split in.
+    /// Edges beyond which triangles are made at the end, from the lesser vertex to the greater, and
+    /// the vertices that they were split in.
     rim: BTreeMap<[u32; 2], Option<u32>>,
     queued: Vec<bool>,
     queue: VecDeque<u32>,
@@ -83,11 +87,14 @@ pub(super) struct Plane {
 #[derive(Clone, Copy, Debug)]
 struct Look {
     corners: [u32; 3],
-    /// The sine of its smallest angle; below zero if it does not face the way the surface does, or has another area.
+    /// The sine of its smallest angle; below zero if it does not face the way the surface does, or
+    /// has another area.
     worth: f64,
-    /// Whether the parameters are even on it: what is in the middle there is about in the middle in space.
+    /// Whether the parameters are even on it: what is in the middle there is about in the middle in
+    /// space.
     is_even: bool,
-    /// The cosine of the angle between the normals of the triangle and of the surface in its middle.
+    /// The cosine of the angle between the normals of the triangle and of the surface in its
+    /// middle.
     facing: f64,
 }
 
@@ -121,8 +128,8 @@ fn least_sine([p, q, r]: [Point3; 3]) -> f64 {
     }
 }
 
-/// The cosine of the angle between the normals of a triangle and of the surface in its middle, and the share of the smaller of their areas in the
-/// larger; 1 where the surface has no normal.
+/// The cosine of the angle between the normals of a triangle and of the surface in its middle, and
+/// the share of the smaller of their areas in the larger; 1 where the surface has no normal.
 fn facing([a, b, c]: [[f64; 2]; 3], [p, q, r]: [Point3; 3], measure: &dyn Measure) -> [f64; 2] {
     let [x, y] = measure.tangents([0, 1].map(|i| (a[i] + b[i] + c[i]) / 3.0));
     let normal = cross(x, y);
@@ -148,7 +155,8 @@ fn shares(z: [f64; 2], [a, b, c]: [[f64; 2]; 3]) -> [f64; 3] {
     [area(b, c, z), area(c, a, z), area(a, b, z)].map(|x| x / whole)
 }
 
-/// From given parameters, others in `within` with an image that is nearer to a point, if that is farther than the tolerance; and the distance.
+/// From given parameters, others in `within` with an image that is nearer to a point, if that is
+/// farther than the tolerance; and the distance.
 fn nearest(
     mut at: [f64; 2],
     to: Point3,
@@ -178,7 +186,8 @@ fn nearest(
     (at, error)
 }
 
-/// Steps towards the nearest parameters, and how far they stay from the ends of an edge or the corners of a triangle, in shares.
+/// Steps towards the nearest parameters, and how far they stay from the ends of an edge or the
+/// corners of a triangle, in shares.
 const NEARER: usize = 3;
 const MARGIN: f64 = 0.25;
 /// How near to the corners beside it an edge is not split, per length.
@@ -187,15 +196,18 @@ const CROWDED: f64 = 0.25;
 const IMPROVEMENTS: usize = 4;
 /// Rounds in which edges are split that fall together in space.
 const CLASHES: usize = 12;
-/// How much an edge wants to be split whose ends, or the corners opposite to it, have one image: the surface would be closed up there.
+/// How much an edge wants to be split whose ends, or the corners opposite to it, have one image:
+/// the surface would be closed up there.
 const PINCHED: f64 = 1.5;
 /// Least area of flipped triangles in the parameters, per square of their longest edge.
 const THIN: f64 = 1e-11;
-/// Least cosine between the normals of a triangle and of the surface, and the shortest edges, per longest allowed, of triangles that are split
-/// for it: where the surface has a cusp no size is small enough.
+/// Least cosine between the normals of a triangle and of the surface, and the shortest edges, per
+/// longest allowed, of triangles that are split for it: where the surface has a cusp no size is
+/// small enough.
 const FACING: f64 = 0.3;
-/// Least share of the smaller of the areas of a triangle and of what it stands for in the larger: points of the parameters that lie nearly on a line
-/// may be a fine triangle in space, but one that stands for nothing.
+/// Least share of the smaller of the areas of a triangle and of what it stands for in the larger:
+/// points of the parameters that lie nearly on a line may be a fine triangle in space, but one that
+/// stands for nothing.
 const SHARE: f64 = 0.2;
 /// That above which the parameters are even on it.
 const EVEN: f64 = 0.5;
@@ -203,17 +215,21 @@ const EVEN: f64 = 0.5;
 const EMPTY: f64 = 0.02;
 const NOTHING: f64 = -2.0;
 const LEAST: f64 = 0.01;
-/// Least area in the parameters, per square of the longest edge, of triangles that are split because they face a wrong way.
+/// Least area in the parameters, per square of the longest edge, of triangles that are split
+/// because they face a wrong way.
 const TURNED: f64 = 1e-6;
-/// How far from an edge towards the larger triangle beside it it is split: points on one line would leave no room for flips.
+/// How far from an edge towards the larger triangle beside it it is split: points on one line would
+/// leave no room for flips.
 const ASIDE: [f64; 2] = [0.1, 0.02];
-/// How far contracted curves may bulge beyond their chords, per height of the triangles beside them.
+/// How far contracted curves may bulge beyond their chords, per height of the triangles beside
+/// them.
 const BULGE: f64 = 0.2;
 /// An edge wants to be split when its number is above 1.
 const SPLIT: f64 = 1.0;
 
 impl Plane {
-    /// From counterclockwise triangles; edges that only one of them has, and those in `fixed`, stay, but those of the rim may be split.
+    /// From counterclockwise triangles; edges that only one of them has, and those in `fixed`,
+    /// stay, but those of the rim may be split.
     pub(super) fn new(
         nodes: Vec<Node>,
         triangles: Vec<[u32; 3]>,
@@ -325,8 +341,9 @@ impl Plane {
             self.queue.push_back(t);
         }
     }
-    /// How much the edge between two vertices wants to be split, and where: in the middle of its parameters, or, if they are even, at those of the
-    /// triangles beside it whose image is nearest to the middle of the edge.
+    /// How much the edge between two vertices wants to be split, and where: in the middle of its
+    /// parameters, or, if they are even, at those of the triangles beside it whose image is nearest
+    /// to the middle of the edge.
     fn excess(
         &self,
         [a, b]: [u32; 2],
@@ -375,8 +392,9 @@ impl Plane {
     fn have_one_image(&self, [a, b]: [u32; 2]) -> bool {
         self.shared[a as usize].is_some() && self.shared[a as usize] == self.shared[b as usize]
     }
-    /// Whether both ends are on the double curve, or one has a shared image and the other is on a side of the unit triangle: another sheet, or
-    /// the unit triangle beyond the side, may have such an edge, too.
+    /// Whether both ends are on the double curve, or one has a shared image and the other is on a
+    /// side of the unit triangle: another sheet, or the unit triangle beyond the side, may have
+    /// such an edge, too.
     fn is_ambiguous(&self, [a, b]: [u32; 2]) -> bool {
         let is_double = |v: u32| matches!(self.shared[v as usize], Some(Shared::Double(_)));
         let is_side = |v: u32| {
@@ -385,8 +403,9 @@ impl Plane {
         let is_shared = |v: u32| self.shared[v as usize].is_some();
         is_double(a) && is_double(b) || is_side(a) && is_shared(b) || is_side(b) && is_shared(a)
     }
-    /// Where the edge opposite to corner i is to be split, because it is a chord of a contracted curve that leaves the triangle too little room:
-    /// what lies between the chord and the curve is turned over.
+    /// Where the edge opposite to corner i is to be split, because it is a chord of a contracted
+    /// curve that leaves the triangle too little room: what lies between the chord and the curve is
+    /// turned over.
     fn bulge(&self, t: u32, i: usize, measure: &dyn Measure) -> Option<([f64; 2], usize)> {
         let v = self.triangles[t as usize];
         let (a, b) = (v[(i + 1) % 3], v[(i + 2) % 3]);
@@ -415,7 +434,8 @@ impl Plane {
             .expect("neighbours know each other")
     }
 
-    /// Splits edges until all triangles are near the surface and W keeps its sign on them, or there are too many: then some are left waiting.
+    /// Splits edges until all triangles are near the surface and W keeps its sign on them, or there
+    /// are too many: then some are left waiting.
     pub(super) fn begin(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) {
         self.thin_contracted(measure);
         self.legalise_all(measure);
@@ -425,7 +445,8 @@ impl Plane {
     pub(super) fn is_waiting(&self) -> bool {
         !self.queue.is_empty()
     }
-    /// Goes on with what was begun, with more triangles, makes them rounder, and tells edges apart that fall together.
+    /// Goes on with what was begun, with more triangles, makes them rounder, and tells edges apart
+    /// that fall together.
     pub(super) fn refine(
         &mut self,
         most: usize,
@@ -518,15 +539,18 @@ impl Plane {
         true
     }
 
-    /// Edges from a vertex to two others that have one image, which would be one edge with four triangles in space.
+    /// Edges from a vertex to two others that have one image, which would be one edge with four
+    /// triangles in space.
     fn clashes(&self) -> Vec<[u32; 2]> {
-        // The neighbours of each vertex with a shared image, and those that the edge between them and the next around the vertex joins.
+        // The neighbours of each vertex with a shared image, and those that the edge between them
+        // and the next around the vertex joins.
         let mut around: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         let mut beside: BTreeMap<u32, Vec<[u32; 2]>> = BTreeMap::new();
         for t in &self.triangles {
             for i in 0..3 {
                 let (c, a, b) = (t[i], t[(i + 1) % 3], t[(i + 2) % 3]);
-                // Between points of the double curve, edges of it may do so, and others are split anyway.
+                // Between points of the double curve, edges of it may do so, and others are split
+                // anyway.
                 if matches!(self.shared[c as usize], Some(Shared::Double(_))) {
                     continue;
                 }
@@ -626,7 +650,8 @@ impl Plane {
                 if worst.is_none_or(|w| excess > w.0) {
                     worst = Some((excess, i));
                 }
-                // Splitting that edge would leave two that are as bad: one that leads to the corner.
+                // Splitting that edge would leave two that are as bad: one that leads to the
+                // corner.
                 let beside = [(i + 1) % 3, (i + 2) % 3]
                     .into_iter()
                     .filter(|&k| !self.fixed[t as usize][k]);
@@ -761,7 +786,8 @@ impl Plane {
         }
     }
 
-    /// Proves that the pole curve misses new triangles: they lie where old ones were, and the first of either have the same numbers.
+    /// Proves that the pole curve misses new triangles: they lie where old ones were, and the first
+    /// of either have the same numbers.
     fn prove<const N: usize, const M: usize>(
         &mut self,
         old: [u32; N],
@@ -776,7 +802,8 @@ impl Plane {
         }
     }
 
-    /// Splits the edge opposite to corner i, in the middle if there is room. False if rounding leaves no room.
+    /// Splits the edge opposite to corner i, in the middle if there is room. False if rounding
+    /// leaves no room.
     fn split_edge(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
         let Quad {
             corners: [c, a, d, b],
@@ -828,7 +855,8 @@ impl Plane {
         fitting.is_some_and(|at| self.split_at(t, i, Node::inner(at, 0), measure))
     }
 
-    /// Splits the edge opposite to corner i in a new vertex; what was fixed stays so. False if that leaves no room.
+    /// Splits the edge opposite to corner i in a new vertex; what was fixed stays so. False if that
+    /// leaves no room.
     fn split_at(&mut self, t: u32, i: usize, node: Node, measure: &dyn Measure) -> bool {
         let along = self.fixed[t as usize][i];
         let Quad {
@@ -882,7 +910,8 @@ impl Plane {
         true
     }
 
-    /// Flips edges where that makes the triangles rounder in space, first those opposite to given corners.
+    /// Flips edges where that makes the triangles rounder in space, first those opposite to given
+    /// corners.
     fn legalise(&mut self, mut stack: Vec<(u32, u32)>, measure: &dyn Measure) {
         let mut left = 100 + 2 * stack.len();
         while let Some((t, corner)) = stack.pop() {
@@ -905,7 +934,8 @@ impl Plane {
         }
     }
 
-    /// Whether the smallest angle of two triangles grows when their edge is flipped, by the derivatives in the middle.
+    /// Whether the smallest angle of two triangles grows when their edge is flipped, by the
+    /// derivatives in the middle.
     fn is_rounder(&self, old: [u32; 2], made: [[u32; 3]; 2], measure: &dyn Measure) -> bool {
         let corners = [made[0][0], made[0][1], made[0][2], made[1][2]];
         let center = [0, 1].map(|i| {
@@ -937,7 +967,8 @@ impl Plane {
             outer: [ca, ad, db, bc],
         } = self.quad(t, i);
         let made = [[c, a, d], [c, d, b]];
-        // Room for further vertices is needed: three parameters on a line but for rounding are no triangle.
+        // Room for further vertices is needed: three parameters on a line but for rounding are no
+        // triangle.
         if !made
             .iter()
             .all(|&t| self.is_counterclockwise(t) && self.is_thick(t, THIN))
@@ -949,8 +980,8 @@ impl Plane {
         }
         let were = [t, n].map(|t| self.look(t, measure));
         let before = were[0].worth.min(were[1].worth);
-        // Ones that stand for nothing have the areas that chords and what bulges beyond them have between them: what counts is what they are to
-        // first order.
+        // Ones that stand for nothing have the areas that chords and what bulges beyond them have
+        // between them: what counts is what they are to first order.
         let is_flat = before <= NOTHING
             && ![[c, a], [a, d], [d, b], [b, c]]
                 .iter()

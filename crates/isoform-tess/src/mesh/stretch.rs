@@ -66,7 +66,8 @@ pub(super) fn height(line: &[[f64; 2]], u: f64) -> f64 {
 }
 
 impl Builder<'_> {
-    /// What of an arc over a slab is to be drawn: without the pieces in rectangles around base points.
+    /// What of an arc over a slab is to be drawn: without the pieces in rectangles around base
+    /// points.
     pub(super) fn stretch(&self, q: usize, slab: usize, i: usize) -> Stretch {
         let a = &self.region.triangles[q].arrangement;
         let arc = a.slabs[slab].arcs[i];
@@ -107,7 +108,8 @@ impl Builder<'_> {
         s
     }
 
-    /// A polyline for an arc; `in_order` is cleared where rounding does not keep it in the triangle.
+    /// A polyline for an arc; `in_order` is cleared where rounding does not keep it in the
+    /// triangle.
     pub(super) fn polyline(
         &self,
         q: usize,

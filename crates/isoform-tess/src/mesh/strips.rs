@@ -6,8 +6,9 @@ use isoform_geom::{cross, dot, norm, sub};
 /// A vertex and its parameters.
 pub(super) type PathVertex = (u32, [f64; 2]);
 
-/// Triangles between an edge from `a` to `b` and a way of three vertices or more beside it: with `a` up to one of those in between, then with `b`,
-/// so that none is turned against the others if that is possible.
+/// Triangles between an edge from `a` to `b` and a way of three vertices or more beside it: with
+/// `a` up to one of those in between, then with `b`, so that none is turned against the others if
+/// that is possible.
 pub(super) fn around(
     points: &[Point3],
     a: PathVertex,
@@ -40,8 +41,9 @@ pub(super) fn around(
     made(best.expect("three vertices or more"))
 }
 
-/// Triangles of the least area between two paths, from an edge between their first vertices to one between their last: shorter diagonals lead
-/// beyond paths that are bent, as rays of infinitely near points are.
+/// Triangles of the least area between two paths, from an edge between their first vertices to one
+/// between their last: shorter diagonals lead beyond paths that are bent, as rays of infinitely
+/// near points are.
 pub(super) fn between(
     points: &[Point3],
     first: &[PathVertex],
@@ -51,7 +53,8 @@ pub(super) fn between(
         let [p, q, r] = t.map(|v| points[v.0 as usize]);
         norm(cross(sub(q, p), sub(r, p)))
     };
-    // The least area up to an edge from one to the other, and whether the last step was on the second.
+    // The least area up to an edge from one to the other, and whether the last step was on the
+    // second.
     let mut least = vec![vec![(0.0, false); second.len()]; first.len()];
     for i in 0..first.len() {
         for j in 0..second.len() {
@@ -93,8 +96,9 @@ pub(super) fn between(
 mod tests {
     use super::*;
 
-    /// Between the parabola y = −z² / 3 and an axis that it touches: shorter diagonals would lead beyond the parabola. The triangles have the area
-    /// between the paths, by the shoelace formula, and so do not overlap.
+    /// Between the parabola y = −z² / 3 and an axis that it touches: shorter diagonals would lead
+    /// beyond the parabola. The triangles have the area between the paths, by the shoelace formula,
+    /// and so do not overlap.
     #[test]
     fn strips_beside_bent_paths() {
         let heights = [0.4, 0.3, 0.2, 0.1, 0.0];

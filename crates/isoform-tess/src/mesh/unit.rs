@@ -31,7 +31,8 @@ struct Strip {
     way: Vec<PathVertex>,
 }
 
-/// The surface as far as it is made, and its vertices by name; those that no other unit triangle has by the quadrant and their place in it, too.
+/// The surface as far as it is made, and its vertices by name; those that no other unit triangle
+/// has by the quadrant and their place in it, too.
 pub(super) struct Joined {
     pub(super) surface: Surface,
     vertices: BTreeMap<(Name, usize, usize), u32>,
@@ -263,7 +264,8 @@ impl Builder<'_> {
         {
             first.push(seam_end(joined, corner, apex));
         }
-        // What lies between two rays need not lie in the straight triangle: then the strip has no parameters but those of the base point.
+        // What lies between two rays need not lie in the straight triangle: then the strip has no
+        // parameters but those of the base point.
         let is_straight =
             !f.is_tree() || self.charts[q].keeps_sign([apex, ends[0].1, ends[1].1], f.multiplicity);
         let folds = |ray: Ray| {
@@ -282,7 +284,8 @@ impl Builder<'_> {
         };
         let (mut i, mut j) = (0, 0);
         if !way.is_empty() {
-            // Those on the way that bounds the triangles outside have no other edges to vertices that are shared.
+            // Those on the way that bounds the triangles outside have no other edges to vertices
+            // that are shared.
             for t in around(
                 &joined.surface.points,
                 first[1],
@@ -300,7 +303,8 @@ impl Builder<'_> {
             return made;
         }
         while i + 1 < first.len() || j + 1 < second.len() {
-            // Edges from the seam's end of a double curve to the rectangle: the other diagonals would be there twice where the curve is folded.
+            // Edges from the seam's end of a double curve to the rectangle: the other diagonals
+            // would be there twice where the curve is folded.
             let on_second = i + 1 == first.len() || (j + 1 < second.len() && !first_is_double);
             push([
                 first[i],

@@ -119,8 +119,8 @@ pub(super) fn smooth_step<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M>
     Ok(cubic(&w.clamp(0.0, 1.0)))
 }
 
-/// Row i for entryᵢ ≤ t < entryᵢ₊₁, the last one from the last entry on; `smooth` mixes rows i and i + 1. Below the first
-/// entry: the first row (the reference: the last).
+/// Row i for entryᵢ ≤ t < entryᵢ₊₁, the last one from the last entry on; `smooth` mixes rows i and
+/// i + 1. Below the first entry: the first row (the reference: the last).
 pub(super) fn look_up<'c, M: Machine>(c: &mut Call<'c, M>, smooth: bool) -> Outcome<'c, M> {
     let (t, width, rows) = (c.n(0), c.len(1), table_rows(c, 1, 2, 3)?);
     let outside = if c.strict { rows - 1 } else { 0 };
@@ -160,8 +160,8 @@ fn table_rows<M: Machine>(
     Ok(rows)
 }
 
-/// Catmull-Rom through the rows of knots but the first and last, w = (t − t0)/(t1 − t0) (K − 3). Outside \[t0, t1\] the curve
-/// stays at its ends (the reference jumps to the first and last row).
+/// Catmull-Rom through the rows of knots but the first and last, w = (t − t0)/(t1 − t0) (K − 3).
+/// Outside \[t0, t1\] the curve stays at its ends (the reference jumps to the first and last row).
 pub(super) fn spline<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (width, knots) = (c.len(0), c.len(1) / c.len(0));
     if knots < 4 {

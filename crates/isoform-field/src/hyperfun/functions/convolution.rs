@@ -1,5 +1,6 @@
-//! Convolution surfaces with the Cauchy kernel k(r) = 1/(1 + S²r²)² (McCormack, Sherstyuk: Creating and rendering convolution
-//! surfaces, Computer Graphics Forum 17, 1998). Each value is the sum of the elements' integrals minus T.
+//! Convolution surfaces with the Cauchy kernel k(r) = 1/(1 + S²r²)² (McCormack, Sherstyuk: Creating
+//! and rendering convolution surfaces, Computer Graphics Forum 17, 1998). Each value is the sum of
+//! the elements' integrals minus T.
 
 use super::{Call, Outcome};
 use crate::hyperfun::formula::{E, E3, cross, dot, minus, norm2};
@@ -35,8 +36,8 @@ pub(super) fn curve<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
 }
 
 /// ∫ k along a segment of length L; h is the projection of x − begin on its direction:
-/// h/(2p²(p²+S²h²)) + (L−h)/(2p²q²) + (atan(Sh/p) + atan(S(L−h)/p))/(2Sp³) with p² = 1 + S²(R²−h²), q² = 1 + S²(R²+L²−2Lh).
-/// A segment of length 0 gives 0.
+/// h/(2p²(p²+S²h²)) + (L−h)/(2p²q²) + (atan(Sh/p) + atan(S(L−h)/p))/(2Sp³) with p² = 1 + S²(R²−h²),
+/// q² = 1 + S²(R²+L²−2Lh). A segment of length 0 gives 0.
 fn segment<'c, M: Machine>(
     x: &E3<'c, M>,
     begin: &E3<'c, M>,
@@ -102,8 +103,9 @@ pub(super) fn mesh<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
 /// S³ times ∫ k over a triangle (the factor is the reference's; models are made with it).
 ///
 /// In polar coordinates about the foot of x the inner integral is elementary, and each edge gives
-/// d/(2 c² S w) (atan(S l₁/w) − atan(S l₀/w)): d the distance of the foot to the edge's line (positive on the inner side), l₀
-/// and l₁ the ends along it, z the distance to the plane, c² = 1 + S²z², w² = c² + S²d². No case is singular but area 0.
+/// d/(2 c² S w) (atan(S l₁/w) − atan(S l₀/w)): d the distance of the foot to the edge's line
+/// (positive on the inner side), l₀ and l₁ the ends along it, z the distance to the plane, c² = 1 +
+/// S²z², w² = c² + S²d². No case is singular but area 0.
 fn surface<'c, M: Machine>(x: &E3<'c, M>, corners: &[E3<'c, M>; 3], s: &E<'c, M>) -> E<'c, M> {
     let [a, b, d] = corners;
     let normal = cross(&minus(b, a), &minus(d, a));
@@ -134,8 +136,9 @@ fn surface<'c, M: Machine>(x: &E3<'c, M>, corners: &[E3<'c, M>; 3], s: &E<'c, M>
 
 /// ∫ k over the angle of an arc, in radians (not over its length: the reference's measure).
 ///
-/// In the arc's frame 1 + S²r² = A − C(φ) with A = 1 + S²(|u|² + R²), C = 2S²R(u₁ cos φ + u₂ sin φ), and with D = −dC/dφ and
-/// Δ² = A² − C² − D² the integral is D/((A−C)Δ²) + A/Δ³ (φ + 2 atan(D/(A + Δ − C))), continuous for all φ.
+/// In the arc's frame 1 + S²r² = A − C(φ) with A = 1 + S²(|u|² + R²), C = 2S²R(u₁ cos φ + u₂ sin
+/// φ), and with D = −dC/dφ and Δ² = A² − C² − D² the integral is D/((A−C)Δ²) + A/Δ³ (φ + 2
+/// atan(D/(A + Δ − C))), continuous for all φ.
 pub(super) fn arc<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let x = c.point(0);
     let mut sum = -c.n(7);
@@ -181,8 +184,8 @@ fn turned_back<'c, M: Machine>(u: &E3<'c, M>, axis: &E3<'c, M>, angle: &E<'c, M>
     std::array::from_fn(|i| &u[i] * &cos - &side[i] * &sin + &k[i] * &along)
 }
 
-/// S = 1/R for R < 1, else 1; the sum is held at 1 after each segment; T is the field at the distance R beside the end of the
-/// last one.
+/// S = 1/R for R < 1, else 1; the sum is held at 1 after each segment; T is the field at the
+/// distance R beside the end of the last one.
 pub(super) fn line_r<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (x, r) = (c.point(0), c.n(3));
     let one = c.c(1.0);

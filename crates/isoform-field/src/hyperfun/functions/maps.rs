@@ -1,5 +1,5 @@
-//! Maps of space that change the point in place and return 1. They apply the inverse map to the point, so that the shape
-//! evaluated there is moved forward.
+//! Maps of space that change the point in place and return 1. They apply the inverse map to the
+//! point, so that the shape evaluated there is moved forward.
 
 use super::{Call, Outcome};
 use crate::hyperfun::formula::{E, minus};
@@ -42,8 +42,8 @@ pub(super) fn twist<'c, M: Machine>(c: &mut Call<'c, M>, axis: Axis) -> Outcome<
     Ok(c.c(1.0))
 }
 
-/// The other two coordinates over a scale that is linear in the axis coordinate, constant beyond \[z1, z2\]. A scale near 0
-/// counts as 1.
+/// The other two coordinates over a scale that is linear in the axis coordinate, constant beyond
+/// \[z1, z2\]. A scale near 0 counts as 1.
 pub(super) fn taper<'c, M: Machine>(c: &mut Call<'c, M>, axis: Axis) -> Outcome<'c, M> {
     let (p, q, h) = axis.indices();
     let (z, s1, s2) = (c.item(0, h), c.n(3), c.n(4));
@@ -85,7 +85,8 @@ pub(super) fn space_map_exp<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, 
     space_map(c, |q2| (-q2).exp())
 }
 
-/// For each pair in turn D = target − source and p −= D weight(q), q² = Σ ((pᵢ − targetᵢ)/(bᵢ (1 + |Dᵢ|)))².
+/// For each pair in turn D = target − source and p −= D weight(q), q² = Σ ((pᵢ − targetᵢ)/(bᵢ (1 +
+/// |Dᵢ|)))².
 fn space_map<'c, M: Machine>(
     c: &mut Call<'c, M>,
     weight: impl Fn(E<'c, M>) -> E<'c, M>,

@@ -1,7 +1,9 @@
-//! The library: one row per function in [`Function::TABLE`], with its names, arguments, meaning and a line of help.
+//! The library: one row per function in [`Function::TABLE`], with its names, arguments, meaning and
+//! a line of help.
 //!
-//! First-class primitives and blends stay nodes of the expression ([`crate::Library`]); all others are formulas that any
-//! machine runs, so that they compile too. Array sizes are known, so loops over elements unroll.
+//! First-class primitives and blends stay nodes of the expression ([`crate::Library`]); all others
+//! are formulas that any machine runs, so that they compile too. Array sizes are known, so loops
+//! over elements unroll.
 
 mod attributes;
 mod convolution;
@@ -34,7 +36,8 @@ pub(crate) enum Shape {
     Elements(u32),
     /// An array of at least so many items for each element.
     Each(u32),
-    /// The points between elements: at least 3 (elements + 1) items; its size says how many elements there are.
+    /// The points between elements: at least 3 (elements + 1) items; its size says how many
+    /// elements there are.
     Chain,
 }
 

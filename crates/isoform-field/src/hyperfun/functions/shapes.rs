@@ -71,7 +71,8 @@ pub(super) fn noise<'c, M: Machine>(
 /// The reference's largest number of control values in one direction.
 const MAX_CONTROL: usize = 21;
 
-/// Σ Bᵢ(t₁) Bⱼ(t₃) Bₖ(t₂) w[(i m + j) n + k], R-intersected with the box; m goes with z and n with y.
+/// Σ Bᵢ(t₁) Bⱼ(t₃) Bₖ(t₂) w[(i m + j) n + k], R-intersected with the box; m goes with z and n with
+/// y.
 pub(super) fn bezier_volume<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let mut counts = [0; 3];
     for (i, count) in counts.iter_mut().enumerate() {

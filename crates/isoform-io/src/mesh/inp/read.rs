@@ -1,4 +1,5 @@
-//! The reader: nodes, tetrahedra, triangles and shells, sets of elements as regions or parts, surfaces of element faces as parts.
+//! The reader: nodes, tetrahedra, triangles and shells, sets of elements as regions or parts,
+//! surfaces of element faces as parts.
 
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
 use crate::mesh::boundary::face_with_mids;
@@ -357,7 +358,8 @@ impl Reader<'_, '_> {
             .map(|(row, &number)| (number, row as u32))
             .collect();
         by_number.sort_unstable();
-        // Every face once; and the sets some times over, as many surfaces may name them, but not lines times runs.
+        // Every face once; and the sets some times over, as many surfaces may name them, but not
+        // lines times runs.
         let most = 4 * self.tets.len();
         let work_limit = 1000
             + WORK

@@ -76,7 +76,8 @@ impl Entities {
         if count == [0; 4] {
             count[2] = 1; // nodes lie on an entity
         }
-        // Entities in one row: points, curves, surfaces, volumes. Large ones first, so that smaller ones overwrite.
+        // Entities in one row: points, curves, surfaces, volumes. Large ones first, so that smaller
+        // ones overwrite.
         let first = [
             0,
             count[0],

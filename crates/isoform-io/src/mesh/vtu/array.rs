@@ -105,7 +105,8 @@ fn plain(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The header is the number of blocks, the size of all but the last before deflating, that of the last, and the sizes of the deflated ones.
+/// The header is the number of blocks, the size of all but the last before deflating, that of the
+/// last, and the sizes of the deflated ones.
 fn inflate(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
     let blocks = size(&mut source, coding)?;
     size(&mut source, coding)?;
@@ -132,7 +133,8 @@ fn inflate(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Base64 as it is read: blanks are passed over, and padding in the middle ends a piece, not the stream.
+/// Base64 as it is read: blanks are passed over, and padding in the middle ends a piece, not the
+/// stream.
 pub(super) struct Base64<'b> {
     text: &'b [u8],
     /// Bytes decoded and not taken.

@@ -10,8 +10,9 @@ use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::Mesh;
 
 const WHAT: &str = "cannot read the VTK file";
-/// All arrays together may unpack to this many bytes, and this many for every byte of the file. The largest share is that of zlib (1032) in
-/// one array of constants; beside it lie the connectivity and the points, which do not deflate like that.
+/// All arrays together may unpack to this many bytes, and this many for every byte of the file. The
+/// largest share is that of zlib (1032) in one array of constants; beside it lie the connectivity
+/// and the points, which do not deflate like that.
 const UNPACKED: (u64, u64) = (16 << 20, 256);
 
 /// An array as the file describes it.

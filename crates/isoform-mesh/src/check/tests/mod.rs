@@ -93,7 +93,8 @@ fn torus(n: u32) -> Mesh {
     Mesh::from_triangles((0..n * n).map(point).collect(), quads.collect())
 }
 
-/// An n × n × n grid of cubes of edge 1 cut into six tetrahedra each along the diagonals, with its boundary.
+/// An n × n × n grid of cubes of edge 1 cut into six tetrahedra each along the diagonals, with its
+/// boundary.
 fn block(n: u32) -> Mesh {
     let m = n + 1;
     let at = |p: [u32; 3]| (p[2] * m + p[1]) * m + p[0];
@@ -510,8 +511,8 @@ fn meshes_of_second_order() {
         Some((0, 1.0))
     );
 
-    // The mid node of an edge from the middle node, moved along the edge by d of its length: the scaled Jacobian of the tetrahedra around
-    // is (1 − 4d)/(1 + 4d).
+    // The mid node of an edge from the middle node, moved along the edge by d of its length: the
+    // scaled Jacobian of the tetrahedra around is (1 − 4d)/(1 + 4d).
     let far = |d: f64| {
         let mut mesh = good.clone();
         let t = mesh
@@ -599,7 +600,8 @@ fn intersections_of_a_crumpled_torus() {
     assert_eq!(found.triangles, hit.len());
 }
 
-/// Triangles through one axis, of which all 44,850 pairs cross: no more are looked for than asked for, but for what is on the way.
+/// Triangles through one axis, of which all 44,850 pairs cross: no more are looked for than asked
+/// for, but for what is on the way.
 #[test]
 fn no_more_intersections_than_asked_for() {
     let mut mesh = Mesh::default();

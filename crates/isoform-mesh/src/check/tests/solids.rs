@@ -4,7 +4,8 @@ use super::*;
 use isoform_geom::{Csg, Curve, Field, OnePiece, cross, dot, norm, sub};
 use isoform_num::{Interval, Jet2};
 
-/// (1 − |p|²)/2 times a factor: no distance, but for the factor 1 its first order distance is right to second order.
+/// (1 − |p|²)/2 times a factor: no distance, but for the factor 1 its first order distance is right
+/// to second order.
 struct Ball(f64);
 
 impl Field for Ball {
@@ -86,7 +87,8 @@ pub(super) fn against_everything(mesh: &Mesh) -> Certificate {
     certify(mesh, Some(&Dome::new()), &options, &Control::default())
 }
 
-/// The octahedron, its triangles cut into four `levels` times with the nodes moved to the unit sphere.
+/// The octahedron, its triangles cut into four `levels` times with the nodes moved to the unit
+/// sphere.
 fn sphere(levels: u32) -> Mesh {
     let points = vec![
         [1.0, 0.0, 0.0],
@@ -130,14 +132,15 @@ fn distances(mesh: &Mesh, solid: &dyn Solid) -> (Deviation, Certificate) {
     (c.deviation.clone().expect("a solid"), c)
 }
 
-/// The chord error of a sphere's mesh is at the centres of the circumscribed circles; on the octahedron these are the centroids, 1 − 1/√3
-/// below the sphere.
+/// The chord error of a sphere's mesh is at the centres of the circumscribed circles; on the
+/// octahedron these are the centroids, 1 − 1/√3 below the sphere.
 #[test]
 fn sagitta_of_an_octahedron() {
     let (d, c) = distances(&sphere(0), &OnePiece::new(Ball(1.0), "ball"));
     assert!(c.is_ok(), "{:?}", c.failures());
     assert_eq!((d.nodes.count, d.nodes.max, d.faces.count), (6, 0.0, 8 * 7));
-    // A Newton step leads from the distance ρ to (ρ + 1/ρ)/2. It is 1/√3 for the octahedron, too far for the secant.
+    // A Newton step leads from the distance ρ to (ρ + 1/ρ)/2. It is 1/√3 for the octahedron, too
+    // far for the secant.
     let step = |rho: f64| 0.5 * (rho + 1.0 / rho);
     let rho = 1.0 / 3f64.sqrt();
     assert!(
@@ -154,7 +157,8 @@ fn sagitta_of_an_octahedron() {
     );
 }
 
-/// Against the exact distance 1 − |p| at the samples, for fields of any scale; and the rate of the rms is 2.
+/// Against the exact distance 1 − |p| at the samples, for fields of any scale; and the rate of the
+/// rms is 2.
 #[test]
 fn sagitta_of_a_sphere() {
     let mut last: Option<f64> = None;
@@ -181,7 +185,8 @@ fn sagitta_of_a_sphere() {
             }
         }
         let (rms, size) = ((squares / weight).sqrt(), 1.0 / f64::from(1 << level));
-        // Relative errors of the two steps along one normal per face: of the order of the angle of the face, squared.
+        // Relative errors of the two steps along one normal per face: of the order of the angle of
+        // the face, squared.
         assert!(
             (d.faces.max / max - 1.0).abs() < size * size
                 && (d.faces.rms / rms - 1.0).abs() < size * size,
@@ -285,7 +290,8 @@ fn labels_curves_and_misclassified_nodes() {
         ]
     );
 
-    // The whole sphere is not the dome's surface below the floor, though all of its nodes are on the ball.
+    // The whole sphere is not the dome's surface below the floor, though all of its nodes are on
+    // the ball.
     let whole = Mesh {
         parts: vec!["ball".into()],
         ..sphere(2)

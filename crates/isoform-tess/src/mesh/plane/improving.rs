@@ -5,17 +5,20 @@ use std::collections::BTreeSet;
 
 /// The sine of the smallest angle below which a triangle is too thin.
 const COARSE: f64 = 0.4;
-/// That below which vertices are moved: more of this makes triangles rounder, but also more of them.
+/// That below which vertices are moved: more of this makes triangles rounder, but also more of
+/// them.
 const THIN_IN_SPACE: f64 = 0.03;
-/// How much rounder the thinnest triangle has to get for a vertex to be moved, and the shares of the way that are tried.
+/// How much rounder the thinnest triangle has to get for a vertex to be moved, and the shares of
+/// the way that are tried.
 const BETTER: f64 = 1.1;
 const SHARES: [f64; 3] = [1.0, 0.5, 0.2];
-/// How far contracted curves may bulge beyond their chords, per length of these, for vertices to be taken off them: new vertices come to lie
-/// between the chord and the curve otherwise.
+/// How far contracted curves may bulge beyond their chords, per length of these, for vertices to be
+/// taken off them: new vertices come to lie between the chord and the curve otherwise.
 const STRAIGHT: f64 = 1e-6;
 
 impl Plane {
-    /// Pulls vertices of thin triangles onto their neighbours where nothing gets worse. Returns how many.
+    /// Pulls vertices of thin triangles onto their neighbours where nothing gets worse. Returns how
+    /// many.
     pub(super) fn coarsen(&mut self, measure: &dyn Measure) -> usize {
         let (mut at, free) = self.inner_vertices();
         let mut dead = vec![false; self.triangles.len()];
@@ -68,8 +71,9 @@ impl Plane {
         done
     }
 
-    /// Moves vertices of thin triangles to where the thinnest around them gets better: towards the middle of their neighbours, in space or in the
-    /// parameters. Points that lie nearly on one line leave no room for flips otherwise. Returns how many.
+    /// Moves vertices of thin triangles to where the thinnest around them gets better: towards the
+    /// middle of their neighbours, in space or in the parameters. Points that lie nearly on one
+    /// line leave no room for flips otherwise. Returns how many.
     pub(super) fn smooth(&mut self, measure: &dyn Measure) -> usize {
         let (at, free) = self.inner_vertices();
         let mut done = 0;
@@ -202,8 +206,9 @@ impl Plane {
         (at, free)
     }
 
-    /// The triangles around a vertex, counterclockwise from one of them on, and the vertices on the ring: triangle k has the corners v, ring k and
-    /// ring k + 1. None at borders, and where they are too many.
+    /// The triangles around a vertex, counterclockwise from one of them on, and the vertices on the
+    /// ring: triangle k has the corners v, ring k and ring k + 1. None at borders, and where they
+    /// are too many.
     fn star(&self, from: u32, v: u32) -> Option<(Vec<u32>, Vec<u32>)> {
         let (mut star, mut ring) = (Vec::new(), Vec::new());
         let mut t = from;
@@ -220,7 +225,8 @@ impl Plane {
         Some((star, ring))
     }
 
-    /// Pulls a vertex onto number k of its ring. `at` holds a triangle at every vertex; triangles that are gone are marked in `dead`.
+    /// Pulls a vertex onto number k of its ring. `at` holds a triangle at every vertex; triangles
+    /// that are gone are marked in `dead`.
     fn pull(
         &mut self,
         (v, k): (u32, usize),
@@ -281,8 +287,9 @@ impl Plane {
         }
     }
 
-    /// Takes vertices off contracted curves that are nearer to each other than what leaves the curve there needs: triangles between such vertices and
-    /// a far one have two sides that are the same in space.
+    /// Takes vertices off contracted curves that are nearer to each other than what leaves the
+    /// curve there needs: triangles between such vertices and a far one have two sides that are the
+    /// same in space.
     pub(super) fn thin_contracted(&mut self, measure: &dyn Measure) {
         let mut at: Vec<u32> = vec![NONE; self.nodes.len()];
         let mut along: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
@@ -352,7 +359,8 @@ impl Plane {
         self.queue = (0..self.triangles.len() as u32).collect();
     }
 
-    /// Whether two vertices have an edge, looked for around the first from one of its triangles on, both ways.
+    /// Whether two vertices have an edge, looked for around the first from one of its triangles on,
+    /// both ways.
     fn are_joined(&self, from: u32, w: u32, x: u32) -> bool {
         for step in [1, 2] {
             let mut t = from;

@@ -1,0 +1,142 @@
+//! The files that a run reads, which nothing may be written over without --force.
+//!
+//! Inputs and outputs are found among the arguments by their type, for all verbs at once: an
+//! argument that is a path is an input, unless it is one of [`WRITTEN`]. So a new verb is covered
+//! without a word of its own.
+
+use crate::output::Failure;
+use clap::ArgMatches;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Arguments that name files to write.
+const WRITTEN: [&str; 6] = ["output", "trace", "figure", "report", "sidecar", "domain"];
+
+/// A file as the system knows it, whatever it was called by.
+#[derive(Debug, PartialEq, Eq)]
+struct Identity {
+    path: PathBuf,
+    /// Device and number of the file: those of hard links are equal, though their paths differ.
+    number: Option<(u64, u64)>,
+}
+
+impl Identity {
+    /// None where there is no such file yet, and of devices and pipes, which nothing overwrites.
+    fn of(path: &Path) -> Option<Self> {
+        let about = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
+        Some(Self {
+            path: fs::canonicalize(path).ok()?,
+            number: number(&about),
+        })
+    }
+    fn is(&self, other: &Self) -> bool {
+        self.path == other.path || (self.number.is_some() && self.number == other.number)
+    }
+}
+
+#[cfg(unix)]
+fn number(about: &fs::Metadata) -> Option<(u64, u64)> {
+    use std::os::unix::fs::MetadataExt;
+    Some((about.dev(), about.ino()))
+}
+
+#[cfg(not(unix))]
+fn number(_: &fs::Metadata) -> Option<(u64, u64)> {
+    None
+}
+
+/// What a run reads, and whether it may be written over.
+#[derive(Debug, Default)]
+pub(crate) struct Inputs {
+    files: Vec<(PathBuf, Identity)>,
+    force: bool,
+}
+
+impl Inputs {
+    /// Those of a verb. Fails where an output is one of them.
+    pub(crate) fn of(verb: &ArgMatches, force: bool) -> Result<Self, Failure> {
+        let (outputs, files): (Vec<_>, Vec<_>) =
+            paths(verb).partition(|(argument, _)| WRITTEN.contains(argument));
+        let files = files.into_iter().filter_map(|(_, path)| {
+            let identity = Identity::of(&path)?;
+            Some((path, identity))
+        });
+        let inputs = Self {
+            files: files.collect(),
+            force,
+        };
+        outputs
+            .iter()
+            .try_for_each(|(_, output)| inputs.allow(output))?;
+        Ok(inputs)
+    }
+
+    /// Whether a file may be written. Outputs that are no arguments must ask before the work.
+    pub(crate) fn allow(&self, output: &Path) -> Result<(), Failure> {
+        let Some(written) = Identity::of(output).filter(|_| !self.force) else {
+            return Ok(());
+        };
+        let Some((input, _)) = self.files.iter().find(|(_, read)| read.is(&written)) else {
+            return Ok(());
+        };
+        let message = format!("{} would be overwritten", output.display());
+        let mut failure = Failure::new(crate::output::USAGE, "overwrites-input", message);
+        failure.place.file = Some(output.to_owned());
+        let why = if input == output {
+            "it is an input of this run".to_owned()
+        } else {
+            format!("it is {}, an input of this run", input.display())
+        };
+        Err(failure
+            .why(why)
+            .hint("-o with another name, or --force to overwrite it"))
+    }
+}
+
+/// The arguments of a verb that are paths, with their names.
+fn paths(verb: &ArgMatches) -> impl Iterator<Item = (&str, PathBuf)> {
+    verb.ids().flat_map(|id| {
+        // Groups and arguments of other types have no paths.
+        let given = verb.try_get_many::<PathBuf>(id.as_str()).ok().flatten();
+        given
+            .into_iter()
+            .flatten()
+            .map(|path| (id.as_str(), path.clone()))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    /// Arguments that name files to read.
+    const READ: [&str; 11] = [
+        "scan", "template", "bounds", "model", "points", "sizes", "adapt", "map", "file", "first",
+        "second",
+    ];
+
+    #[test]
+    fn every_path_of_every_verb_is_read_or_written() {
+        let command = crate::Cli::command();
+        let mut seen = Vec::new();
+        for verb in command.get_subcommands() {
+            for argument in verb.get_arguments() {
+                let id = argument.get_id().as_str();
+                if argument.get_value_parser().type_id() != std::any::TypeId::of::<PathBuf>() {
+                    continue;
+                }
+                seen.push(id);
+                assert!(
+                    READ.contains(&id) != WRITTEN.contains(&id),
+                    "isoform {}: is the file of `{id}` read, or written (see WRITTEN)?",
+                    verb.get_name()
+                );
+            }
+        }
+        // Had the types changed, nothing would have been looked at.
+        for id in READ.iter().chain(&WRITTEN) {
+            assert!(seen.contains(id), "no verb has `{id}` any more");
+        }
+    }
+}

@@ -1,0 +1,471 @@
+//! The lines of a picture: where neighbouring rays meet different faces, found by halving between
+//! them, and joined across the cells of the pixels (marching squares with labels).
+
+use super::picture::{Hit, Picture, Tracer};
+use isoform::geom::dot;
+use std::collections::BTreeMap;
+
+/// What a line stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Kind {
+    /// The model against the background, or a part before another one.
+    Outline,
+    /// An edge of two faces that are both seen.
+    Edge,
+    /// Two pieces of the model that meet without an edge.
+    Border,
+}
+
+/// A line on the paper.
+#[derive(Clone, Debug)]
+pub(super) struct Line {
+    pub(super) kind: Kind,
+    pub(super) points: Vec<[f64; 2]>,
+}
+
+/// Neighbouring rays whose normals differ by more than this are looked at: the cosine of 14°.
+/// Smooth faces turn as much from pixel to pixel where they are small, which halving finds out.
+const TURN: f64 = 0.97;
+/// Rays 1/32 of a pixel apart lie on both sides of an edge if their normals differ by more than
+/// this: the cosine of 10°. Larger angles lose flat edges, smaller ones draw small rounds as edges.
+const EDGE: f64 = 0.985;
+/// Halvings between neighbouring rays: lines lie within 1/32 of a pixel.
+const HALVINGS: usize = 5;
+/// Slopes to the viewer above this are taken for it: steeper faces are hardly seen, and steps in
+/// depth beside them are looked at.
+const STEEPEST: f64 = 8.0;
+/// Points nearer to a straight line than this share of a pixel are left out of it.
+const STRAIGHT: f64 = 0.06;
+
+/// Between two pixels: to the right (0) or down (1) of one.
+type Between = (usize, usize, u8);
+/// A point of a line: between two pixels, or (2) amid four.
+type Node = (usize, usize, u8);
+
+fn slope(h: &Hit) -> f64 {
+    steepness(h).min(STEEPEST)
+}
+
+fn steepness(h: &Hit) -> f64 {
+    let across = (1.0 - h.normal[2] * h.normal[2]).max(0.0).sqrt();
+    across / h.normal[2].abs().max(1e-9)
+}
+
+/// Whether the faces that two rays met at this distance may be different ones.
+fn differ(a: Option<Hit>, b: Option<Hit>, apart: f64) -> bool {
+    match (a, b) {
+        (None, None) => false,
+        (Some(a), Some(b)) => {
+            a.part != b.part || dot(a.normal, b.normal) < TURN || is_jump(&a, &b, apart)
+        }
+        _ => true,
+    }
+}
+
+fn is_jump(a: &Hit, b: &Hit, apart: f64) -> bool {
+    (a.depth - b.depth).abs() > apart * (1.5 + 2.0 * slope(a).max(slope(b)))
+}
+
+/// How unlike the faces are that two rays met; for comparison only.
+fn unlike(a: Option<Hit>, b: Option<Hit>, pixel: f64) -> f64 {
+    match (a, b) {
+        (None, None) => 0.0,
+        (Some(a), Some(b)) => {
+            let turn = (1.0 - dot(a.normal, b.normal)).max(0.0).sqrt();
+            let part = if a.part == b.part { 0.0 } else { 0.5 };
+            turn + part + 0.1 * ((a.depth - b.depth).abs() / pixel).min(20.0)
+        }
+        _ => 10.0,
+    }
+}
+
+/// Which of two rays the one between them takes the place of: the one whose face it meets. Where it
+/// meets a third face, the border of the face that is nearest to the viewer is kept, so that two
+/// lines within a pixel do not take turns.
+fn side([a, b]: [Option<Hit>; 2], hit: Option<Hit>, pixel: f64) -> usize {
+    let part = |h: Option<Hit>| h.map(|h| h.part);
+    if part(hit) != part(a) && part(hit) != part(b) {
+        let depth = |h: Option<Hit>| h.map_or(f64::NEG_INFINITY, |h| h.depth);
+        return usize::from(depth(a) > depth(b));
+    }
+    usize::from(unlike(a, hit, pixel) > unlike(b, hit, pixel))
+}
+
+/// The lines of a picture.
+pub(super) fn lines(picture: &Picture, tracer: &Tracer<'_>) -> Vec<Line> {
+    let nodes = crossings(picture, tracer);
+    let mut lines = Vec::new();
+    for kinds in [&[Kind::Border][..], &[Kind::Edge, Kind::Outline]] {
+        for chain in chains(&segments(picture, &nodes, kinds)) {
+            for (kind, run) in runs(&chain, &nodes) {
+                let points = run.iter().map(|n| position(*n, &nodes, picture));
+                let points = sharpened(points.collect(), picture.pixel);
+                lines.push(Line {
+                    kind,
+                    points: simplified(&points, STRAIGHT * picture.pixel),
+                });
+            }
+        }
+    }
+    lines
+}
+
+/// Nodes to either side that have a say in the kind of a line: beside walls that are hardly seen,
+/// single pixels take an edge for an outline.
+const NEIGHBOURS: usize = 8;
+
+/// The stretches of a chain that are of one kind.
+fn runs(chain: &[Node], nodes: &BTreeMap<Between, (Kind, [f64; 2])>) -> Vec<(Kind, Vec<Node>)> {
+    let own: Vec<Option<Kind>> = chain.iter().map(|n| nodes.get(n).map(|n| n.0)).collect();
+    let kind = |i: usize| {
+        let near = &own[i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(own.len())];
+        let known = || near.iter().flatten();
+        // More thick lines than thin ones, or thin ones.
+        let thick = known().filter(|k| **k == Kind::Outline).count();
+        if 2 * thick > known().count() {
+            Kind::Outline
+        } else {
+            known()
+                .copied()
+                .min_by_key(|k| *k == Kind::Outline)
+                .unwrap_or(Kind::Edge)
+        }
+    };
+    let mut runs: Vec<(Kind, Vec<Node>)> = Vec::new();
+    for (i, node) in chain.iter().enumerate() {
+        let kind = kind(i);
+        match runs.last_mut() {
+            Some((last, run)) if *last == kind => run.push(*node),
+            last => {
+                let joint = last.and_then(|(_, run)| run.last().copied());
+                runs.push((kind, joint.into_iter().chain([*node]).collect()));
+            }
+        }
+    }
+    runs
+}
+
+/// Where lines pass between pixels.
+fn crossings(picture: &Picture, tracer: &Tracer<'_>) -> BTreeMap<Between, (Kind, [f64; 2])> {
+    let w = picture.width;
+    let mut found: Vec<Crossing> = Vec::new();
+    for row in 0..picture.height {
+        for column in 0..w {
+            let a = picture.hits[row * w + column];
+            for (side, c, r) in [(0, column + 1, row), (1, column, row + 1)] {
+                if c >= w || r >= picture.height {
+                    continue;
+                }
+                let b = picture.hits[r * w + c];
+                if differ(a, b, picture.pixel) {
+                    found.push(Crossing {
+                        between: (column, row, side),
+                        is_step: is_step(a, b, picture.pixel),
+                        ends: [picture.place(column, row), picture.place(c, r)],
+                        hits: [a, b],
+                    });
+                }
+            }
+        }
+    }
+    for _ in 0..HALVINGS {
+        let middles: Vec<[f64; 2]> = found.iter().map(|f| middle(f.ends)).collect();
+        for (f, hit) in found.iter_mut().zip(tracer.trace(&middles)) {
+            let m = middle(f.ends);
+            let k = side(f.hits, hit, picture.pixel);
+            (f.ends[k], f.hits[k]) = (m, hit);
+        }
+    }
+    let apart = picture.pixel / f64::from(1 << HALVINGS);
+    found
+        .into_iter()
+        .filter_map(|f| Some((f.between, (kind(&f, apart)?, middle(f.ends)))))
+        .collect()
+}
+
+/// A place where a line passes between two pixels, between two rays that come nearer and nearer.
+struct Crossing {
+    between: Between,
+    /// Whether the pixels see faces at different depths, or one sees none. The rays at the end may
+    /// meet a face edge-on between the two, which says nothing.
+    is_step: bool,
+    ends: [[f64; 2]; 2],
+    hits: [Option<Hit>; 2],
+}
+
+fn is_step(a: Option<Hit>, b: Option<Hit>, pixel: f64) -> bool {
+    match (a, b) {
+        // A steep wall that is seen makes no step to the floor at its foot.
+        (Some(a), Some(b)) => {
+            let wall = steepness(&a).max(steepness(&b));
+            (a.depth - b.depth).abs() > pixel * (1.5 + 2.0 * wall)
+        }
+        (None, None) => false,
+        _ => true,
+    }
+}
+
+fn middle([a, b]: [[f64; 2]; 2]) -> [f64; 2] {
+    [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
+}
+
+/// What passes between two rays that are very near to each other.
+fn kind(crossing: &Crossing, apart: f64) -> Option<Kind> {
+    let found = match crossing.hits {
+        [None, None] => None,
+        [Some(a), Some(b)] => {
+            // A step of twenty such distances is more than a steep face makes.
+            let step = 20.0 * apart * (1.0 + slope(&a).min(slope(&b)));
+            if (a.depth - b.depth).abs() > step {
+                Some(Kind::Outline)
+            } else if dot(a.normal, b.normal) < EDGE {
+                Some(Kind::Edge)
+            } else {
+                (a.part != b.part).then_some(Kind::Border)
+            }
+        }
+        _ => Some(Kind::Outline),
+    };
+    match found {
+        Some(Kind::Edge) if crossing.is_step => Some(Kind::Outline),
+        found => found,
+    }
+}
+
+/// Joins the points of each cell between four pixels.
+fn segments(
+    picture: &Picture,
+    nodes: &BTreeMap<Between, (Kind, [f64; 2])>,
+    kinds: &[Kind],
+) -> Vec<[Node; 2]> {
+    let mut segments = Vec::new();
+    for row in 0..picture.height.saturating_sub(1) {
+        for column in 0..picture.width.saturating_sub(1) {
+            let around = [
+                (column, row, 0),
+                (column + 1, row, 1),
+                (column, row + 1, 0),
+                (column, row, 1),
+            ];
+            let all: Vec<Node> = around
+                .into_iter()
+                .filter(|k| nodes.contains_key(k))
+                .collect();
+            let own: Vec<Node> = all
+                .iter()
+                .copied()
+                .filter(|k| kinds.contains(&nodes[k].0))
+                .collect();
+            match (own.as_slice(), all.len()) {
+                ([a, b], 2) => segments.push([*a, *b]),
+                // Lines that end or meet here meet amid the points.
+                (own, 2..) => segments.extend(own.iter().map(|n| [*n, (column, row, 2)])),
+                _ => {}
+            }
+        }
+    }
+    segments
+}
+
+fn position(
+    node: Node,
+    nodes: &BTreeMap<Between, (Kind, [f64; 2])>,
+    picture: &Picture,
+) -> [f64; 2] {
+    if let Some((_, at)) = nodes.get(&node) {
+        return *at;
+    }
+    let (column, row, _) = node;
+    let around = [
+        (column, row, 0),
+        (column + 1, row, 1),
+        (column, row + 1, 0),
+        (column, row, 1),
+    ];
+    let points: Vec<[f64; 2]> = around
+        .iter()
+        .filter_map(|k| nodes.get(k).map(|n| n.1))
+        .collect();
+    if let Some(corner) = corner(&points, picture.pixel) {
+        return corner;
+    }
+    let n = points.len().max(1) as f64;
+    [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / n)
+}
+
+/// Three lines that meet: two of the points mostly lie on one straight line, along a side of the
+/// paper, and the third line meets it.
+fn corner(points: &[[f64; 2]], pixel: f64) -> Option<[f64; 2]> {
+    let [a, b, c] = points else { return None };
+    for (p, q, r) in [(a, b, c), (a, c, b), (b, c, a)] {
+        for k in 0..2 {
+            if (p[k] - q[k]).abs() < 0.05 * pixel {
+                let mut at = *r;
+                at[k] = 0.5 * (p[k] + q[k]);
+                return Some(at);
+            }
+        }
+    }
+    None
+}
+
+/// Chains of segments, open ones first, each as long as it goes without a fork.
+fn chains(segments: &[[Node; 2]]) -> Vec<Vec<Node>> {
+    let mut at: BTreeMap<Node, Vec<usize>> = BTreeMap::new();
+    for (i, segment) in segments.iter().enumerate() {
+        for node in segment {
+            at.entry(*node).or_default().push(i);
+        }
+    }
+    let mut used = vec![false; segments.len()];
+    let ends = at.iter().filter(|(_, s)| s.len() != 2).map(|(n, _)| *n);
+    let starts: Vec<Node> = ends.chain(at.keys().copied()).collect();
+    let mut chains = Vec::new();
+    for start in starts {
+        while let Some(first) = at[&start].iter().copied().find(|s| !used[*s]) {
+            let (mut chain, mut node, mut segment) = (vec![start], start, first);
+            loop {
+                used[segment] = true;
+                let [a, b] = segments[segment];
+                node = if a == node { b } else { a };
+                chain.push(node);
+                let next = at[&node].iter().copied().find(|s| !used[*s]);
+                match next {
+                    Some(next) if at[&node].len() == 2 => segment = next,
+                    _ => break,
+                }
+            }
+            chains.push(chain);
+        }
+    }
+    chains
+}
+
+/// Where two straight runs meet within a cell the chain cuts the corner: the corner is put in its
+/// place.
+fn sharpened(points: Vec<[f64; 2]>, pixel: f64) -> Vec<[f64; 2]> {
+    let n = points.len();
+    let is_closed = n > 8 && points[0] == points[n - 1];
+    let get = |i: isize| -> Option<[f64; 2]> {
+        if is_closed {
+            Some(points[i.rem_euclid(n as isize - 1) as usize])
+        } else {
+            usize::try_from(i).ok().and_then(|i| points.get(i)).copied()
+        }
+    };
+    let mut out = Vec::with_capacity(n + 8);
+    for i in 0..n {
+        out.push(points[i]);
+        if i + 1 == n {
+            break;
+        }
+        let i = i as isize;
+        // Two segments before and two behind, each pair straight.
+        let (Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)) = (
+            get(i - 2),
+            get(i - 1),
+            get(i),
+            get(i + 1),
+            get(i + 2),
+            get(i + 3),
+        ) else {
+            continue;
+        };
+        if is_straight(a, b, c)
+            && is_straight(d, e, f)
+            && let Some(corner) = meeting([a, c], [f, d])
+            && distance(corner, c).max(distance(corner, d)) < 1.5 * pixel
+        {
+            out.push(corner);
+        }
+    }
+    out
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+fn is_straight(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> bool {
+    let cross = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let length = distance(a, c);
+    length > 0.0 && cross.abs() < 0.03 * length * length
+}
+
+/// Where the lines through two pairs of points meet, ahead of both; none if they run nearly alike.
+fn meeting([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> Option<[f64; 2]> {
+    let (u, v) = ([b[0] - a[0], b[1] - a[1]], [d[0] - c[0], d[1] - c[1]]);
+    let cross = u[0] * v[1] - u[1] * v[0];
+    let sizes = u[0].hypot(u[1]) * v[0].hypot(v[1]);
+    if cross.abs() < 0.3 * sizes {
+        return None;
+    }
+    let t = ((c[0] - a[0]) * v[1] - (c[1] - a[1]) * v[0]) / cross;
+    let s = ((c[0] - a[0]) * u[1] - (c[1] - a[1]) * u[0]) / cross;
+    (t >= 1.0 && s >= 1.0).then(|| [a[0] + t * u[0], a[1] + t * u[1]])
+}
+
+/// Points that a line needs (Douglas and Peucker 1973), without recursion.
+fn simplified(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
+    let n = points.len();
+    if n < 3 {
+        return points.to_vec();
+    }
+    let mut keep = vec![false; n];
+    keep[0] = true;
+    keep[n - 1] = true;
+    // A closed line has no chord; it is split in the middle.
+    let mut open = if distance(points[0], points[n - 1]) < tolerance {
+        keep[n / 2] = true;
+        vec![(0, n / 2), (n / 2, n - 1)]
+    } else {
+        vec![(0, n - 1)]
+    };
+    while let Some((i, j)) = open.pop() {
+        let off = |k: usize| {
+            isoform::geom::distance_to_segment(
+                [points[k][0], points[k][1], 0.0],
+                [
+                    [points[i][0], points[i][1], 0.0],
+                    [points[j][0], points[j][1], 0.0],
+                ],
+            )
+        };
+        let far = (i + 1..j).max_by(|a, b| off(*a).total_cmp(&off(*b)));
+        if let Some(k) = far.filter(|k| off(*k) > tolerance) {
+            keep[k] = true;
+            open.extend([(i, k), (k, j)]);
+        }
+    }
+    (0..n).filter(|i| keep[*i]).map(|i| points[i]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_corner_that_is_cut_is_put_back() {
+        let mut cut: Vec<[f64; 2]> = (0..5).map(|i| [f64::from(i), 0.0]).collect();
+        cut.extend((0..5).map(|i| [4.5, 0.5 + f64::from(i)]));
+        let sharp = sharpened(cut, 1.0);
+        assert!(sharp.contains(&[4.5, 0.0]), "{sharp:?}");
+        assert_eq!(
+            simplified(&sharp, 0.01),
+            [[0.0, 0.0], [4.5, 0.0], [4.5, 4.5]]
+        );
+    }
+
+    #[test]
+    fn a_closed_line_stays_closed() {
+        let ring: Vec<[f64; 2]> = (0..=40)
+            .map(|i| f64::from(i % 40) * std::f64::consts::TAU / 40.0)
+            .map(|t| [t.cos(), t.sin()])
+            .collect();
+        let few = simplified(&ring, 0.02);
+        assert!(
+            few.len() > 8 && few.len() < 40 && few[0] == few[few.len() - 1],
+            "{few:?}"
+        );
+    }
+}

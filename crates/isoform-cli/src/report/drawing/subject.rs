@@ -1,0 +1,340 @@
+//! The fitted model in its own frame: values, normals, motion under its parameters, and its extent.
+
+use crate::fit::job::Job;
+use isoform::field::Graph;
+use isoform::field::hyperfun::Placement;
+use isoform::fit::Template;
+use isoform::geom::{Aabb, Point3, dot, norm};
+
+/// The model with its fitted values.
+pub(super) struct Subject<'a> {
+    job: &'a Job,
+    values: Vec<f64>,
+    place: Placement,
+    /// Whether the program runs line by line for each point, some hundred times slower.
+    pub(super) is_slow: bool,
+}
+
+/// A point of the surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sample {
+    pub(super) at: Point3,
+    /// Outward, of length 1.
+    pub(super) normal: Point3,
+}
+
+/// The cells that the surface may pass.
+pub(super) struct Shell {
+    pub(super) region: Aabb,
+    pub(super) cell: f64,
+    dims: [usize; 3],
+    is_near: Vec<bool>,
+    /// Blocks of cells that hold such a cell, so that rays cross empty space fast.
+    blocks: Vec<bool>,
+    /// Middles of the cells that lie at the surface, with the function there.
+    near: Vec<(Point3, f64)>,
+}
+
+/// Cells of the shell along the longest side: walls thinner than 1/4 of a cell may be missed. More
+/// cells cost their square.
+const CELLS: f64 = 64.0;
+/// Cells along the side of a block.
+const BLOCK: usize = 8;
+/// Cells of the look around for how far the model reaches.
+const FEW_CELLS: f64 = 24.0;
+/// The model is looked for this far about the data, as a share of their longest side. What reaches
+/// farther is cut off near the data.
+const AROUND: f64 = 0.7;
+/// Points of the surface whose motion is looked at; fewer miss small features.
+const SAMPLES: usize = 8000;
+
+impl<'a> Subject<'a> {
+    pub(super) fn of(job: &'a Job) -> Self {
+        let values = job.relative();
+        let identity = Placement {
+            rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            translation: [0.0; 3],
+            scale: 1.0,
+        };
+        let frep = &job.template.frep;
+        Self {
+            job,
+            place: frep.placement(&values).unwrap_or(identity),
+            is_slow: frep.model().compile(&mut Graph::new()).is_err(),
+            values,
+        }
+    }
+
+    fn world(&self, p: Point3) -> Point3 {
+        let Placement {
+            rotation: r,
+            translation: t,
+            scale,
+        } = &self.place;
+        std::array::from_fn(|i| t[i] + scale * dot(r[i], p))
+    }
+
+    /// A point of the scan in the model's frame.
+    pub(super) fn framed(&self, x: Point3) -> Point3 {
+        let moved: Point3 = std::array::from_fn(|i| x[i] - self.place.translation[i]);
+        self.turned_back(moved).map(|v| v / self.place.scale)
+    }
+
+    fn turned_back(&self, x: Point3) -> Point3 {
+        let r = &self.place.rotation;
+        std::array::from_fn(|j| (0..3).map(|i| r[i][j] * x[i]).sum())
+    }
+
+    /// The distance from inside, in the model's lengths; what is not a number lies just outside.
+    pub(super) fn distances(&self, points: &[Point3]) -> Vec<f64> {
+        let x: Vec<Point3> = points.iter().map(|p| self.world(*p)).collect();
+        let mut out = vec![0.0; x.len()];
+        let field = self.job.template.metric();
+        field.values(&x, &self.values, &mut out);
+        for v in &mut out {
+            *v = if v.is_nan() {
+                -f64::MIN_POSITIVE
+            } else {
+                *v / self.place.scale
+            };
+        }
+        out
+    }
+
+    /// Distances with their gradients, which point inwards.
+    pub(super) fn gradients(&self, points: &[Point3]) -> (Vec<f64>, Vec<Point3>) {
+        let x: Vec<Point3> = points.iter().map(|p| self.world(*p)).collect();
+        let (mut out, mut rows) = (vec![0.0; x.len()], vec![[0.0; 3]; x.len()]);
+        let field = self.job.template.metric();
+        field.gradients(&x, &self.values, &mut out, &mut rows);
+        for (v, g) in out.iter_mut().zip(&mut rows) {
+            *v /= self.place.scale;
+            *g = self.turned_back(*g);
+        }
+        (out, rows)
+    }
+
+    pub(super) fn parts(&self, points: &[Point3]) -> Vec<u32> {
+        let x: Vec<Point3> = points.iter().map(|p| self.world(*p)).collect();
+        let mut out = vec![0; x.len()];
+        self.job.template.parts(&x, &self.values, &mut out);
+        out
+    }
+
+    /// By sample and parameter, how fast the surface moves outward as the parameter grows. On the
+    /// surface d(x, a) = 0 this is ∂d/∂a / |∇d|.
+    pub(super) fn motions(&self, samples: &[Sample]) -> Vec<Vec<f64>> {
+        let field = self.job.template.metric();
+        let dim = field.dim();
+        let x: Vec<Point3> = samples.iter().map(|s| self.world(s.at)).collect();
+        let (mut out, mut rows) = (vec![0.0; x.len()], vec![[0.0; 3]; x.len()]);
+        field.gradients(&x, &self.values, &mut out, &mut rows);
+        let mut jac = vec![0.0; x.len() * dim];
+        field.jacobian(&x, &self.values, &mut out, &mut jac);
+        let speed = |i: usize, g: &Point3, k: usize| {
+            let v = jac[i * dim + k] / (norm(*g).max(1e-12) * self.place.scale);
+            if v.is_finite() { v } else { 0.0 }
+        };
+        rows.iter()
+            .enumerate()
+            .map(|(i, g)| (0..dim).map(|k| speed(i, g, k)).collect())
+            .collect()
+    }
+
+    /// The box to draw, in the model's frame, and the cells of it that the surface may pass; none
+    /// where there is no surface near the data.
+    pub(super) fn shell(&self) -> Option<Shell> {
+        let job = self.job;
+        let used = job.cloud.points.iter().zip(&job.fit.outliers);
+        let points: Vec<Point3> = used
+            .filter(|(_, out)| !**out)
+            .map(|(p, _)| self.framed(*p))
+            .collect();
+        let data = Aabb::of(&points);
+        let longest = longest(&data);
+        if !(longest > 0.0 && longest.is_finite()) {
+            return None;
+        }
+        let region = grown(&data, AROUND * longest);
+        let coarse = self.cells(region, longest * (1.0 + 2.0 * AROUND) / FEW_CELLS);
+        let seen = Aabb::of(
+            &self
+                .project(&coarse)
+                .iter()
+                .map(|s| s.at)
+                .collect::<Vec<_>>(),
+        );
+        if seen.is_empty() {
+            return None;
+        }
+        // What goes on to the end of the region is cut off a little beyond the data.
+        let mut tight = grown(&seen, 0.5 * coarse.cell);
+        for k in 0..3 {
+            if seen.lo[k] < region.lo[k] + 1.5 * coarse.cell {
+                tight.lo[k] = data.lo[k] - 0.05 * longest;
+            }
+            if seen.hi[k] > region.hi[k] - 1.5 * coarse.cell {
+                tight.hi[k] = data.hi[k] + 0.05 * longest;
+            }
+        }
+        let cells = if self.is_slow { FEW_CELLS } else { CELLS };
+        let size = self::longest(&tight);
+        (size > 0.0).then(|| self.cells(tight, size / cells))
+    }
+
+    fn cells(&self, region: Aabb, cell: f64) -> Shell {
+        let dims = region.size().map(|v| ((v / cell).ceil() as usize).max(1));
+        let mut shell = Shell {
+            region,
+            cell,
+            dims,
+            is_near: vec![false; dims.iter().product()],
+            blocks: vec![false; dims.map(|n| n.div_ceil(BLOCK)).iter().product()],
+            near: Vec::new(),
+        };
+        // The distance is first order only, so that a cell is dropped when it is three half
+        // diagonals away, eight cells at a time, and two for single ones.
+        let half = 0.5 * 3_f64.sqrt() * cell;
+        let blocks = dims.map(|n| n.div_ceil(2));
+        let middles: Vec<([usize; 3], Point3)> = indices(blocks)
+            .map(|b| (b, shell.at(b.map(|i| 2.0 * i as f64 + 1.0))))
+            .collect();
+        let values = self.distances(&middles.iter().map(|m| m.1).collect::<Vec<_>>());
+        let small: Vec<[usize; 3]> = middles
+            .iter()
+            .zip(values)
+            .filter(|(_, v)| v.abs() < 6.0 * half)
+            .flat_map(|((b, _), _)| {
+                let b = b.map(|i| 2 * i);
+                indices([2; 3]).map(move |c| std::array::from_fn(|k| b[k] + c[k]))
+            })
+            .filter(|c: &[usize; 3]| (0..3).all(|k| c[k] < dims[k]))
+            .collect();
+        let points: Vec<Point3> = small
+            .iter()
+            .map(|c| shell.at(c.map(|i| i as f64 + 0.5)))
+            .collect();
+        for ((c, p), v) in small.iter().zip(&points).zip(self.distances(&points)) {
+            if v.abs() < 2.0 * half {
+                let (i, block) = (shell.index(*c), shell.block(*c));
+                shell.is_near[i] = true;
+                shell.blocks[block] = true;
+            }
+            if v.abs() < 0.6 * cell {
+                shell.near.push((*p, v));
+            }
+        }
+        shell
+    }
+
+    /// Points of the surface, spread evenly.
+    pub(super) fn project(&self, shell: &Shell) -> Vec<Sample> {
+        let stride = shell.near.len().div_ceil(SAMPLES).max(1);
+        let from: Vec<Point3> = shell.near.iter().step_by(stride).map(|n| n.0).collect();
+        let mut points = from.clone();
+        for _ in 0..3 {
+            let (values, rows) = self.gradients(&points);
+            for ((p, v), g) in points.iter_mut().zip(values).zip(rows) {
+                let by = v / dot(g, g).max(1e-12);
+                *p = std::array::from_fn(|k| p[k] - by * g[k]);
+            }
+        }
+        let (values, rows) = self.gradients(&points);
+        let near = |i: &usize| {
+            let moved = isoform::geom::distance_squared(points[*i], from[*i]).sqrt();
+            values[*i].abs() < 0.02 * shell.cell && moved < 1.5 * shell.cell
+        };
+        (0..points.len())
+            .filter(near)
+            .map(|i| Sample {
+                at: points[i],
+                normal: outward(rows[i]),
+            })
+            .collect()
+    }
+}
+
+/// The unit normal that leads out, from a gradient that leads in.
+pub(super) fn outward(gradient: Point3) -> Point3 {
+    let length = norm(gradient);
+    if length > 0.0 && length.is_finite() {
+        gradient.map(|v| -v / length)
+    } else {
+        [0.0, 0.0, 1.0]
+    }
+}
+
+fn longest(region: &Aabb) -> f64 {
+    region.size().into_iter().fold(0.0, f64::max)
+}
+
+pub(super) fn grown(region: &Aabb, by: f64) -> Aabb {
+    Aabb {
+        lo: region.lo.map(|v| v - by),
+        hi: region.hi.map(|v| v + by),
+    }
+}
+
+fn indices(dims: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
+    let [nx, ny, nz] = dims;
+    (0..nz).flat_map(move |k| (0..ny).flat_map(move |j| (0..nx).map(move |i| [i, j, k])))
+}
+
+impl Shell {
+    /// A point by its coordinates in cells.
+    fn at(&self, c: [f64; 3]) -> Point3 {
+        std::array::from_fn(|k| self.region.lo[k] + self.cell * c[k])
+    }
+    fn index(&self, c: [usize; 3]) -> usize {
+        (c[2] * self.dims[1] + c[1]) * self.dims[0] + c[0]
+    }
+    fn block(&self, c: [usize; 3]) -> usize {
+        let [nx, ny, _] = self.dims.map(|n| n.div_ceil(BLOCK));
+        (c[2] / BLOCK * ny + c[1] / BLOCK) * nx + c[0] / BLOCK
+    }
+    /// How many cells around a point, given in cells, the surface does not pass: none, the cell of
+    /// the point, or its block.
+    fn empty(&self, p: [f64; 3]) -> f64 {
+        let is_within = |k: usize| (0.0..self.dims[k] as f64).contains(&p[k]);
+        if !(0..3).all(is_within) {
+            return 1.0;
+        }
+        let c = p.map(|v| v as usize);
+        if !self.blocks[self.block(c)] {
+            BLOCK as f64
+        } else if !self.is_near[self.index(c)] {
+            1.0
+        } else {
+            0.0
+        }
+    }
+    /// Where the ray from `p` along `d` next meets a cell that the surface may pass, from `t` on
+    /// and before `end`.
+    pub(super) fn next(&self, p: Point3, d: Point3, mut t: f64, end: f64) -> Option<f64> {
+        // On a border between cells the one ahead counts.
+        let ahead = 1e-6 * self.cell;
+        // A ray passes at most three cells per cell of its way.
+        for _ in 0..4 * self.dims.iter().sum::<usize>() {
+            if t >= end {
+                return None;
+            }
+            let at: [f64; 3] = std::array::from_fn(|k| {
+                (p[k] + (t + ahead) * d[k] - self.region.lo[k]) / self.cell
+            });
+            let size = self.empty(at);
+            if size == 0.0 {
+                return Some(t);
+            }
+            let leave = (0..3).map(|k| {
+                let c = at[k] / size;
+                match d[k] {
+                    v if v > 0.0 => (c.floor() + 1.0 - c) / v,
+                    v if v < 0.0 => (c.ceil() - 1.0 - c) / v,
+                    _ => f64::INFINITY,
+                }
+            });
+            t += size * self.cell * leave.fold(f64::INFINITY, f64::min).max(0.0) + ahead;
+        }
+        None
+    }
+}

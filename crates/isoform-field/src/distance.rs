@@ -1,0 +1,743 @@
+//! The signed distance to the surface of a solid, by foot points.
+//!
+//! A solid is a tree of minima and maxima over smooth pieces g ≥ 0 ([`Shape`]). The point q of its
+//! surface nearest to a point p lies on one piece, on an edge (two pieces) or at a corner (three):
+//! q is the limit of the point of the tangent planes' common flat that is nearest to p,
+//!
+//! q ← p + Gᵀ (G Gᵀ)⁻¹ (G (q − p) − g(q)),  G = rows ∇gᵢ(q),
+//!
+//! which converges at the rate of distance times curvature. Whether q lies on the surface is told
+//! by the tree over the pieces' first-order distances a small step away from q in every sector
+//! between the pieces. The derivative by the parameters is that of the envelope theorem (the foot
+//! point moves along the surface only): ∂d/∂a = Σ λᵢ (∂gᵢ/∂a)(q)/|∇gᵢ(q)|, where the unit vector
+//! (p − q)/d is Σ λᵢ ∇gᵢ/|∇gᵢ|.
+//!
+//! After Ahn, Rauh, Cho, Warnecke (2002), *Orthogonal distance fitting of implicit curves and
+//! surfaces*, IEEE PAMI 24:620–638, who treat smooth surfaces; edges and corners are ours.
+
+mod blocks;
+mod nearby;
+
+use self::blocks::Nearest;
+use crate::block::{Block, LANES, Lane, Plan, Row, Wanted};
+use crate::graph::Graph;
+use crate::shape::{Join, Shape};
+use crate::tape::Tape;
+use isoform_geom::{
+    Aabb, DistanceField, Foot, Frame, Nearby, ParamField, Point3, distance_squared, dot, sub,
+};
+use rayon::prelude::*;
+
+/// Solids of more pieces have no foot points.
+const MOST_PIECES: usize = 256;
+/// Points whose feet are sought together, for few pieces. More fill the blocks better, fewer keep
+/// the tables of all pieces' distances in the cache.
+const PIECE: usize = 2048;
+/// Numbers in such a table at most: bounds the memory of solids with many pieces.
+const TABLE: usize = 1 << 17;
+/// Steps towards a foot point. Each gains the factor distance × curvature: at a tenth, eight
+/// reach rounding.
+const STEPS: usize = 12;
+/// A foot point has settled when the last step is below this share of the distance...
+const SETTLED: f64 = 1e-6;
+/// ... or of the coordinates' size, which is rounding.
+const ROUNDING: f64 = 1e-14;
+/// A foot point that did not settle is still taken when its last step is below this share of the
+/// distance: the distance is then good to the square of it.
+const NEARLY: f64 = 1e-2;
+/// A foot point farther than this many first-order distances is not believed, nor are those of
+/// points where the first-order distance means nothing (near an axis).
+const STRAYED: f64 = 4.0;
+/// A face is the nearest one beyond doubt when all others are farther by this factor. Less than 2
+/// could let the foot point lie beyond an edge; more only sends more points the long way.
+const CLEARLY: f64 = 2.5;
+/// Pieces near a point that are combined to edges and corners. Corners of more faces are met at
+/// the nearest of their triples.
+const NEAR: usize = 5;
+/// The step from a foot point that tells whether it lies on the surface, as a share of the
+/// coordinates' size: above the rounding of foot points, below any detail.
+const ASIDE: f64 = 1e-8;
+/// Half thickness of the shell about a piece that random points are drawn to the piece from, as a
+/// share of the region's diagonal. Thicker finds more samples a round, thinner makes them more
+/// uniform on curved pieces.
+const SHELL: f64 = 0.02;
+/// The root of x⁴ = x + 1. Steps of its powers spread points evenly in a box (Roberts).
+const SPREAD: f64 = 1.220_744_084_605_759_5;
+/// Rounds of random points: ends the search for a surface that is hardly there.
+const MOST_ROUNDS: usize = 200;
+/// Normals with a determinant below this are parallel: they make no edge.
+const PARALLEL: f64 = 1e-6;
+
+/// A smooth piece, compiled.
+#[derive(Clone, Debug)]
+struct Sheet {
+    tape: Tape,
+    by_space: Plan,
+    by_all: Plan,
+}
+
+/// The signed distance to a compiled solid, positive inside, exact near the surface to what its
+/// curvature allows; farther off, where no foot point is found, the first-order distance of
+/// [`Shape::distance`].
+#[derive(Clone, Debug)]
+pub struct Distance {
+    sheets: Vec<Sheet>,
+    tree: Vec<Join>,
+    n_params: usize,
+}
+
+impl Distance {
+    /// The distance to the solid that `shape` reads from the graph, placed by `place`, which maps
+    /// each piece's expression into `posed`, with `n_params` parameters. None for solids of more
+    /// than `MOST_PIECES`: every piece is asked at every point.
+    pub fn new(
+        shape: &Shape,
+        posed: &mut Graph,
+        n_params: usize,
+        mut place: impl FnMut(&mut Graph, crate::NodeId) -> crate::NodeId,
+    ) -> Option<Self> {
+        if shape.pieces.len() > MOST_PIECES {
+            return None;
+        }
+        let sheets = shape
+            .pieces
+            .iter()
+            .map(|&piece| {
+                let root = place(posed, piece);
+                let tape = Tape::new(posed, &[root], 3, n_params);
+                Sheet {
+                    by_space: Plan::new(&tape, Wanted::Space),
+                    by_all: Plan::new(&tape, Wanted::All),
+                    tape,
+                }
+            })
+            .collect();
+        Some(Self {
+            sheets,
+            tree: shape.tree.clone(),
+            n_params,
+        })
+    }
+
+    /// The tree's value where the pieces have the values `v`.
+    fn value(&self, stack: &mut Vec<f64>, v: impl Fn(u32) -> f64) -> f64 {
+        self.fold(stack, v, f64::min, f64::max)
+    }
+
+    /// The lanes that are inside where the pieces are positive in the lanes `leaves`.
+    fn is_inside(&self, stack: &mut Vec<u32>, leaves: &[u32]) -> u32 {
+        self.fold(stack, |k| leaves[k as usize], |u, v| u & v, |u, v| u | v)
+    }
+
+    /// Computes the tree over leaves of any kind.
+    fn fold<T: Copy>(
+        &self,
+        stack: &mut Vec<T>,
+        leaf: impl Fn(u32) -> T,
+        min: impl Fn(T, T) -> T,
+        max: impl Fn(T, T) -> T,
+    ) -> T {
+        stack.clear();
+        for join in &self.tree {
+            if let Join::Part(k) = join {
+                stack.push(leaf(*k));
+                continue;
+            }
+            let second = stack.pop().expect("a join has two inputs");
+            let first = stack.pop().expect("a join has two inputs");
+            stack.push(match join {
+                Join::Min => min(first, second),
+                _ => max(first, second),
+            });
+        }
+        stack.pop().expect("a tree has a root")
+    }
+
+    /// Points per piece of work.
+    fn piece(&self) -> usize {
+        (TABLE / (4 * self.sheets.len().max(1))).clamp(LANES, PIECE)
+    }
+}
+
+impl DistanceField for Distance {
+    fn feet(&self, points: &[Point3], a: &[f64], out: &mut [Foot]) {
+        let piece = self.piece();
+        let out = &mut out[..points.len()];
+        let work = |(points, out): (&[Point3], &mut [Foot])| {
+            Finder::new(self, a).feet(points, out);
+        };
+        if points.len() <= piece {
+            work((points, out));
+        } else {
+            points
+                .par_chunks(piece)
+                .zip(out.par_chunks_mut(piece))
+                .for_each(work);
+        }
+    }
+
+    fn jacobian_of(&self, feet: &[Foot], a: &[f64], jac: &mut [f64]) {
+        let (piece, m) = (self.piece(), self.n_params);
+        let jac = &mut jac[..feet.len() * m];
+        if m == 0 {
+            return;
+        }
+        feet.par_chunks(piece)
+            .zip(jac.par_chunks_mut(piece * m))
+            .for_each(|(feet, jac)| Finder::new(self, a).by_params(feet, jac));
+    }
+
+    fn nearby(&self, places: &[Foot], a: &[f64], reach: f64, strip: f64) -> Vec<Nearby> {
+        let mut out = vec![Nearby::Much; places.len()];
+        let piece = self.piece();
+        places
+            .par_chunks(piece)
+            .zip(out.par_chunks_mut(piece))
+            .for_each(|(places, out)| Finder::new(self, a).nearby(places, reach, strip, out));
+        out
+    }
+
+    fn bends(&self, places: &[Foot], a: &[f64], step: f64) -> Vec<f64> {
+        let mut out = vec![0.0; places.len()];
+        let piece = self.piece();
+        places
+            .par_chunks(piece)
+            .zip(out.par_chunks_mut(piece))
+            .for_each(|(places, out)| Finder::new(self, a).bends(places, step, out));
+        out
+    }
+
+    /// Random points near each piece are drawn to it, and kept where it belongs to the surface:
+    /// uniform on a smooth piece to the square of `SHELL` times its curvature, up to its edges.
+    fn area_samples(
+        &self,
+        a: &[f64],
+        frame: &Frame,
+        region: Aabb,
+        wanted: usize,
+        seed: u64,
+    ) -> Vec<Foot> {
+        let mut random = fastrand::Rng::with_seed(seed);
+        // A sequence of Kronecker: as random points for any face, and more even.
+        let mut even: Point3 = std::array::from_fn(|_| random.f64());
+        let mut finder = Finder::new(self, a);
+        let shell = SHELL * region.diagonal();
+        let size = region.size();
+        let mut found = Vec::with_capacity(wanted);
+        if !(shell > 0.0 && shell.is_finite()) {
+            return found;
+        }
+        let mut points = vec![[0.0; 3]; self.piece()];
+        for _ in 0..MOST_ROUNDS {
+            for p in &mut points {
+                let mut step = 1.0;
+                for v in &mut even {
+                    step /= SPREAD;
+                    *v = (*v + step).fract();
+                }
+                let at = std::array::from_fn(|i| region.lo[i] + even[i] * size[i]);
+                *p = frame.out(at);
+            }
+            finder.area_samples(&points, shell, &mut found);
+            if found.len() >= wanted {
+                break;
+            }
+        }
+        found
+    }
+}
+
+impl ParamField for Distance {
+    fn dim(&self) -> usize {
+        self.n_params
+    }
+
+    fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]) {
+        let mut feet = vec![Foot::NONE; points.len()];
+        self.feet(points, a, &mut feet);
+        out.iter_mut().zip(&feet).for_each(|(o, f)| *o = f.distance);
+    }
+
+    fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
+        let (piece, m) = (self.piece(), self.n_params);
+        if points.is_empty() {
+            return;
+        }
+        let (out, jac) = (&mut out[..points.len()], &mut jac[..points.len() * m]);
+        let work = |((points, out), jac): ((&[Point3], &mut [f64]), &mut [f64])| {
+            let mut finder = Finder::new(self, a);
+            let mut feet = vec![Foot::NONE; points.len()];
+            finder.feet(points, &mut feet);
+            out.iter_mut().zip(&feet).for_each(|(o, f)| *o = f.distance);
+            finder.by_params(&feet, jac);
+        };
+        if points.len() <= piece || m == 0 {
+            work(((points, out), jac));
+        } else {
+            points
+                .par_chunks(piece)
+                .zip(out.par_chunks_mut(piece))
+                .zip(jac.par_chunks_mut(piece * m))
+                .for_each(work);
+        }
+    }
+
+    fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {
+        let mut feet = vec![Foot::NONE; points.len()];
+        self.feet(points, a, &mut feet);
+        for ((o, g), f) in out.iter_mut().zip(gradients).zip(&feet) {
+            (*o, *g) = (f.distance, f.inward);
+        }
+    }
+}
+
+/// The pieces that a foot point is sought on, and how far the search is.
+#[derive(Clone, Copy, Debug)]
+struct Try {
+    /// Index of the point.
+    point: u32,
+    pieces: [u32; 3],
+    order: u8,
+    q: Point3,
+    /// A foot point farther than this is of no use.
+    most: f64,
+    /// Values and gradients of the pieces at q.
+    g: [f64; 3],
+    grad: [Point3; 3],
+    done: bool,
+    good: bool,
+}
+
+/// A point with several pieces near.
+struct Crowd {
+    point: usize,
+    /// The nearest pieces, nearest first; the first `first` are asked.
+    near: Vec<u32>,
+    first: usize,
+    /// Distance to the best place found on the surface.
+    best: f64,
+}
+
+/// Evaluates the pieces at given parameters, and finds foot points with them.
+struct Finder<'t> {
+    solid: &'t Distance,
+    a: &'t [f64],
+    stack: Vec<f64>,
+    blocks: Vec<Option<Block<'t>>>,
+    /// First-order distances of a block of points from each piece.
+    off: Vec<Row>,
+    nearest: Vec<Nearest>,
+}
+
+impl<'t> Finder<'t> {
+    fn new(solid: &'t Distance, a: &'t [f64]) -> Self {
+        Self {
+            solid,
+            a,
+            stack: Vec::new(),
+            blocks: solid.sheets.iter().map(|_| None).collect(),
+            off: vec![Lane([0.0; LANES]); solid.sheets.len()],
+            nearest: Vec::new(),
+        }
+    }
+
+    /// The evaluator of piece k.
+    fn block(&mut self, k: usize) -> &mut Block<'t> {
+        let (sheet, a) = (&self.solid.sheets[k], self.a);
+        self.blocks[k].get_or_insert_with(|| {
+            let mut block = Block::gradients(&sheet.tape, &sheet.by_space);
+            block.bind(a);
+            block
+        })
+    }
+
+    /// g and ∇g of piece k at the points.
+    fn evaluate(&mut self, k: usize, points: &[Point3], mut each: impl FnMut(usize, f64, Point3)) {
+        let block = self.block(k);
+        for (c, chunk) in points.chunks(LANES).enumerate() {
+            block.load(chunk);
+            let value = *block.forward();
+            block.reverse();
+            let rows = block.by_space();
+            for l in 0..chunk.len() {
+                each(
+                    c * LANES + l,
+                    value[l],
+                    [rows[0].0[l], rows[1].0[l], rows[2].0[l]],
+                );
+            }
+        }
+    }
+
+    fn feet(&mut self, points: &[Point3], out: &mut [Foot]) {
+        let (n, count) = (points.len(), self.solid.sheets.len());
+        let mut d = vec![0.0; n * count];
+        // Faces first: where the nearest one is near beyond doubt, nothing else is asked.
+        let mut lone: Vec<Vec<u32>> = vec![Vec::new(); count];
+        let mut crowded = Vec::new();
+        for (c, chunk) in points.chunks(LANES).enumerate() {
+            let first = c * LANES;
+            self.first_order(chunk);
+            let (nearest, alone) = self.nearest_faces(chunk);
+            for k in 0..count {
+                let at = k * n + first;
+                d[at..at + chunk.len()].copy_from_slice(&self.off[k].0[..chunk.len()]);
+            }
+            for (l, p) in chunk.iter().enumerate() {
+                let piece = nearest.piece[l];
+                out[first + l] = self.first_order_foot(piece, l, *p);
+                if alone[l] {
+                    lone[piece as usize].push((first + l) as u32);
+                } else {
+                    crowded.push(first + l);
+                }
+            }
+        }
+        for (k, wanted) in lone.iter().enumerate() {
+            for wanted in wanted.chunks(LANES) {
+                self.feet_on_face(k, wanted, points, out);
+            }
+        }
+        if !crowded.is_empty() {
+            self.crowded(points, &crowded, &d, out);
+        }
+    }
+
+    /// Appends the places of the surface that points within the shell about a piece are drawn to.
+    fn area_samples(&mut self, points: &[Point3], shell: f64, found: &mut Vec<Foot>) {
+        let mut near: Vec<Vec<Foot>> = vec![Vec::new(); self.solid.sheets.len()];
+        let mut from: Vec<Vec<Point3>> = vec![Vec::new(); self.solid.sheets.len()];
+        for chunk in points.chunks(LANES) {
+            self.first_order(chunk);
+            for (k, (near, from)) in near.iter_mut().zip(&mut from).enumerate() {
+                for (l, p) in chunk.iter().enumerate() {
+                    if self.off[k].0[l].abs() < 2.0 * shell {
+                        near.push(self.first_order_foot(k as u32, l, *p));
+                        from.push(*p);
+                    }
+                }
+            }
+        }
+        for (k, (mut near, from)) in near.into_iter().zip(from).enumerate() {
+            let all: Vec<u32> = (0..near.len() as u32).collect();
+            for wanted in all.chunks(LANES) {
+                self.feet_on_face(k, wanted, &from, &mut near);
+            }
+            near.retain(|f| f.order == 1 && f.distance.abs() < shell);
+            let tries: Vec<Try> = near.iter().map(Try::met).collect();
+            let sound = self.on_surface(&tries);
+            for (foot, _) in near.iter().zip(&sound).filter(|(_, s)| **s) {
+                found.push(Foot {
+                    distance: 0.0,
+                    ..*foot
+                });
+            }
+        }
+    }
+
+    /// Foot points where several pieces are near. Those within [`CLEARLY`] first-order distances
+    /// are asked first: no farther piece can matter unless none of them is met.
+    fn crowded(&mut self, points: &[Point3], crowded: &[usize], d: &[f64], out: &mut [Foot]) {
+        let n = points.len();
+        let count = self.solid.sheets.len() as u32;
+        let mut cases: Vec<Crowd> = crowded
+            .iter()
+            .map(|&i| {
+                let off = |k: u32| d[k as usize * n + i].abs();
+                let mut near: Vec<u32> = (0..count).collect();
+                near.sort_by(|j, k| off(*j).total_cmp(&off(*k)));
+                near.truncate(NEAR);
+                let reach = CLEARLY * out[i].distance.abs() + aside(points[i]);
+                Crowd {
+                    point: i,
+                    first: near.iter().filter(|k| off(**k) <= reach).count(),
+                    near,
+                    best: f64::INFINITY,
+                }
+            })
+            .collect();
+        self.combine(points, &mut cases, d, out);
+        cases.retain(|c| c.best.is_infinite() && c.first < c.near.len());
+        for case in &mut cases {
+            case.first = case.near.len();
+        }
+        self.combine(points, &mut cases, d, out);
+    }
+
+    /// Faces, nearest first, then edges, then corners of the first pieces of each case, as long as
+    /// a nearer place than the best so far is possible.
+    fn combine(&mut self, points: &[Point3], cases: &mut [Crowd], d: &[f64], out: &mut [Foot]) {
+        for face in 0..NEAR {
+            self.combine_some(points, cases, d, out, |near, each| {
+                if let Some(&k) = near.get(face) {
+                    each([k; 3], 1);
+                }
+            });
+        }
+        for order in 2..=3 {
+            self.combine_some(points, cases, d, out, |near, each| {
+                combinations(near, order, &mut |pieces| each(pieces, order));
+            });
+        }
+    }
+
+    /// The combinations that `choose` makes of the first pieces of each case.
+    fn combine_some(
+        &mut self,
+        points: &[Point3],
+        cases: &mut [Crowd],
+        d: &[f64],
+        out: &mut [Foot],
+        choose: impl Fn(&[u32], &mut dyn FnMut([u32; 3], usize)),
+    ) {
+        let n = points.len();
+        let (mut tries, mut whose) = (Vec::new(), Vec::new());
+        for (c, case) in cases.iter().enumerate() {
+            let p = points[case.point];
+            let off = |k: u32| d[k as usize * n + case.point].abs();
+            choose(&case.near[..case.first], &mut |pieces, order| {
+                // No place of the combination is nearer than its farthest piece.
+                let least = pieces[..order].iter().map(|&k| off(k)).fold(0.0, f64::max);
+                if least < case.best {
+                    let most = case.best.min(STRAYED * least + aside(p));
+                    tries.push(Try {
+                        most,
+                        ..Try::new(case.point, pieces, order as u8, p)
+                    });
+                    whose.push(c);
+                }
+            });
+        }
+        self.descend(points, &mut tries);
+        let sound = self.on_surface(&tries);
+        for ((t, &c), sound) in tries.iter().zip(&whose).zip(&sound) {
+            let away = distance_squared(points[t.point as usize], t.q).sqrt();
+            if *sound && away < cases[c].best {
+                cases[c].best = away;
+                t.settle(points, out);
+            }
+        }
+    }
+
+    /// Draws all tries to their foot points, in blocks by piece.
+    fn descend(&mut self, points: &[Point3], tries: &mut [Try]) {
+        let count = self.solid.sheets.len();
+        let mut by_piece: Vec<Vec<(u32, u8)>> = vec![Vec::new(); count];
+        let mut at = Vec::new();
+        for _ in 0..STEPS {
+            by_piece.iter_mut().for_each(Vec::clear);
+            for (t, one) in tries.iter().enumerate().filter(|(_, t)| !t.done) {
+                for c in 0..one.order {
+                    by_piece[one.pieces[c as usize] as usize].push((t as u32, c));
+                }
+            }
+            if by_piece.iter().all(Vec::is_empty) {
+                break;
+            }
+            for (k, wanted) in by_piece.iter().enumerate().filter(|(_, w)| !w.is_empty()) {
+                at.clear();
+                at.extend(wanted.iter().map(|w| tries[w.0 as usize].q));
+                self.evaluate(k, &at, |i, g, grad| {
+                    let (t, c) = wanted[i];
+                    let one = &mut tries[t as usize];
+                    (one.g[c as usize], one.grad[c as usize]) = (g, grad);
+                });
+            }
+            for t in tries.iter_mut().filter(|t| !t.done) {
+                t.step(points[t.point as usize]);
+            }
+        }
+    }
+
+    /// ∂d/∂a by the envelope theorem, one row per foot.
+    fn by_params(&mut self, feet: &[Foot], jac: &mut [f64]) {
+        let (solid, m) = (self.solid, self.solid.n_params);
+        jac.fill(0.0);
+        let mut wanted: Vec<Vec<(u32, u8)>> = vec![Vec::new(); solid.sheets.len()];
+        for (i, foot) in feet.iter().enumerate() {
+            for c in 0..foot.order.max(1) {
+                wanted[foot.pieces[c as usize] as usize].push((i as u32, c));
+            }
+        }
+        for (k, wanted) in wanted.iter().enumerate().filter(|(_, w)| !w.is_empty()) {
+            let sheet = &solid.sheets[k];
+            let at: Vec<Point3> = wanted.iter().map(|w| feet[w.0 as usize].at).collect();
+            let mut block = Block::gradients(&sheet.tape, &sheet.by_all);
+            block.bind(self.a);
+            for (chunk, wanted) in at.chunks(LANES).zip(wanted.chunks(LANES)) {
+                block.load(chunk);
+                block.forward();
+                block.reverse();
+                let by_space = block.by_space();
+                for (l, (i, s)) in wanted.iter().enumerate() {
+                    let gradient: Point3 = std::array::from_fn(|x| by_space[x].0[l]);
+                    let length = dot(gradient, gradient).sqrt();
+                    let share = feet[*i as usize].shares[*s as usize] / length.max(1e-300);
+                    let row = &mut jac[*i as usize * m..(*i as usize + 1) * m];
+                    for (v, by) in row.iter_mut().zip(block.by_params()) {
+                        *v += share * by.0[l];
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Try {
+    fn new(point: usize, pieces: [u32; 3], order: u8, q: Point3) -> Self {
+        Self {
+            point: point as u32,
+            pieces,
+            order,
+            q,
+            most: f64::INFINITY,
+            g: [0.0; 3],
+            grad: [[0.0; 3]; 3],
+            done: false,
+            good: false,
+        }
+    }
+
+    /// A foot point that was found on one face.
+    fn met(foot: &Foot) -> Self {
+        Self {
+            good: true,
+            ..Self::new(0, foot.pieces, 1, foot.at)
+        }
+    }
+
+    /// One step towards the foot point of p, from values and gradients at q.
+    fn step(&mut self, p: Point3) {
+        let order = self.order as usize;
+        let away = sub(self.q, p);
+        let wanted: [f64; 3] = std::array::from_fn(|c| {
+            if c < order {
+                dot(self.grad[c], away) - self.g[c]
+            } else {
+                0.0
+            }
+        });
+        let Some(shares) = solve(&self.grad[..order], &wanted) else {
+            (self.done, self.good) = (true, false);
+            return;
+        };
+        let q: Point3 = std::array::from_fn(|x| {
+            p[x] + (0..order).map(|c| shares[c] * self.grad[c][x]).sum::<f64>()
+        });
+        let moved = distance_squared(q, self.q).sqrt();
+        let far = distance_squared(q, p).sqrt();
+        let size = p.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
+        self.q = q;
+        // The last evaluation was at the place before; a settled step makes them one.
+        // Away on the way back, too: twice what is of use is given up.
+        let is_lost = !far.is_finite() || far > 2.0 * self.most;
+        self.done = moved <= SETTLED * far + ROUNDING * size || is_lost;
+        self.good = !is_lost && moved <= NEARLY * far + 1e3 * ROUNDING * size;
+    }
+
+    /// Writes what was found, if it is to be believed.
+    fn settle(&self, points: &[Point3], out: &mut [Foot]) {
+        let i = self.point as usize;
+        let (p, foot) = (points[i], &mut out[i]);
+        let normals: [Point3; 3] = std::array::from_fn(|c| first_order(1.0, self.grad[c]).1);
+        let away = sub(p, self.q);
+        let far = dot(away, away).sqrt();
+        if !self.good {
+            return;
+        }
+        let sign = if foot.distance < 0.0 { -1.0 } else { 1.0 };
+        let order = self.order as usize;
+        if order == 1 {
+            foot.distance = if foot.order == 0 && foot.pieces[0] == self.pieces[0] {
+                dot(away, normals[0])
+            } else {
+                sign * far
+            };
+            (foot.inward, foot.shares) = (normals[0], [1.0, 0.0, 0.0]);
+        } else {
+            foot.distance = sign * far;
+            if far > aside(p) {
+                foot.inward = away.map(|v| v / foot.distance);
+                foot.shares = shares_of(foot.inward, &normals[..order]);
+            } else {
+                (foot.inward, foot.shares) = (normals[0], [1.0, 0.0, 0.0]);
+            }
+        }
+        (foot.at, foot.pieces, foot.order) = (self.q, self.pieces, self.order);
+    }
+}
+
+/// Shares of the unit normals in a direction that lies in their span.
+fn shares_of(direction: Point3, normals: &[Point3]) -> [f64; 3] {
+    let wanted: [f64; 3] =
+        std::array::from_fn(|c| normals.get(c).map_or(0.0, |n| dot(*n, direction)));
+    solve(normals, &wanted).unwrap_or([1.0, 0.0, 0.0])
+}
+
+/// The step that tells sides apart, at coordinates of this size.
+fn aside(p: Point3) -> f64 {
+    ASIDE * p.iter().fold(1e-300, |s: f64, v| s.max(v.abs()))
+}
+
+/// g/|∇g| and ∇g/|∇g|; where the gradient vanishes or is none, a distance far off.
+fn first_order(g: f64, grad: Point3) -> (f64, Point3) {
+    let length = dot(grad, grad).sqrt();
+    if length > 0.0 && length.is_finite() && g.is_finite() {
+        let d = g / length;
+        (d.clamp(-1e150, 1e150), grad.map(|v| v / length))
+    } else {
+        (if g < 0.0 { -1e150 } else { 1e150 }, [0.0; 3])
+    }
+}
+
+/// Calls `each` with every choice of two or three of the pieces.
+fn combinations(near: &[u32], order: usize, each: &mut impl FnMut([u32; 3])) {
+    for (i, &u) in near.iter().enumerate() {
+        if order == 1 {
+            each([u; 3]);
+            continue;
+        }
+        for (j, &v) in near.iter().enumerate().skip(i + 1) {
+            if order == 2 {
+                each([u, v, v]);
+                continue;
+            }
+            for &w in &near[j + 1..] {
+                each([u, v, w]);
+            }
+        }
+    }
+}
+
+/// x with G Gᵀ x = b for one to three rows G; none where they are nearly parallel.
+fn solve(rows: &[Point3], b: &[f64; 3]) -> Option<[f64; 3]> {
+    match *rows {
+        [u] => {
+            let uu = dot(u, u);
+            (uu > 0.0).then(|| [b[0] / uu, 0.0, 0.0])
+        }
+        [u, v] => {
+            let (uu, uv, vv) = (dot(u, u), dot(u, v), dot(v, v));
+            let det = uu * vv - uv * uv;
+            (det > PARALLEL * uu * vv).then(|| {
+                [
+                    (b[0] * vv - b[1] * uv) / det,
+                    (b[1] * uu - b[0] * uv) / det,
+                    0.0,
+                ]
+            })
+        }
+        [u, v, w] => {
+            // x = G⁻ᵀ G⁻¹ b by the reciprocal basis.
+            let cross = isoform_geom::cross;
+            let det = dot(u, cross(v, w));
+            let sizes = dot(u, u) * dot(v, v) * dot(w, w);
+            (det * det > PARALLEL * sizes).then(|| {
+                let dual = [cross(v, w), cross(w, u), cross(u, v)].map(|c| c.map(|x| x / det));
+                let y: Point3 = std::array::from_fn(|x| (0..3).map(|c| b[c] * dual[c][x]).sum());
+                std::array::from_fn(|c| dot(dual[c], y))
+            })
+        }
+        _ => None,
+    }
+}

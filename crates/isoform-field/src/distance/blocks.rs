@@ -1,0 +1,341 @@
+//! What is asked of all pieces, or of one face, for a block of points at a time.
+
+use super::{
+    CLEARLY, Finder, NEARLY, ROUNDING, SETTLED, STEPS, STRAYED, Try, aside, first_order, solve,
+};
+use crate::block::{LANES, Lane, Row, dispatch};
+use crate::shape::Join;
+use isoform_geom::{Foot, Point3, dot, sub};
+
+/// A piece farther from a foot point than this many steps aside keeps its sign in all sectors:
+/// those reach some steps where pieces meet at sharp angles (see [`super::PARALLEL`]).
+const CLEAR: f64 = 2e3;
+const ZERO: Row = Lane([0.0; LANES]);
+
+/// The tree's value by lane, and the piece that decides it; of equal ones the first.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Nearest {
+    pub(super) value: Row,
+    pub(super) piece: [u32; LANES],
+}
+
+/// Points on their way to foot points on one face.
+struct Walk {
+    p: [Row; 3],
+    q: [Row; 3],
+    /// Unit normals at the last places but one.
+    normal: [Row; 3],
+    /// Length of the last step.
+    moved: Row,
+    /// 1 for points that have settled.
+    done: Row,
+}
+
+impl Finder<'_> {
+    /// First-order distances of up to [`LANES`] points from all pieces, into `off`.
+    pub(super) fn first_order(&mut self, points: &[Point3]) {
+        let mut rows = [ZERO; 3];
+        for l in 0..LANES {
+            let p = points[l.min(points.len() - 1)];
+            (0..3).for_each(|x| rows[x].0[l] = p[x]);
+        }
+        let mut off = std::mem::take(&mut self.off);
+        for (k, off) in off.iter_mut().enumerate() {
+            let block = self.block(k);
+            block.load_rows(&rows);
+            block.forward();
+            block.reverse();
+            first_order_rows(block.result(0), block.by_space(), &mut off.0);
+        }
+        self.off = off;
+    }
+
+    /// The piece whose distance in `off` is the tree's value, and whether all others are farther
+    /// beyond doubt.
+    pub(super) fn nearest_faces(&mut self, points: &[Point3]) -> (Nearest, [bool; LANES]) {
+        let mut stack = std::mem::take(&mut self.nearest);
+        stack.clear();
+        let mut steps = self.solid.tree.iter().peekable();
+        while let Some(step) = steps.next() {
+            match step {
+                Join::Part(k) => {
+                    let off = &self.off[*k as usize];
+                    let joined = steps.next_if(|next| !matches!(next, Join::Part(_)));
+                    if let (Some(join), Some(first)) = (joined, stack.last_mut()) {
+                        choose(first, off, &[*k; LANES], sign(join));
+                    } else {
+                        stack.push(Nearest {
+                            value: *off,
+                            piece: [*k; LANES],
+                        });
+                    }
+                }
+                join => {
+                    let second = stack.pop().expect("a join has two inputs");
+                    let first = stack.last_mut().expect("a join has two inputs");
+                    choose(first, &second.value, &second.piece, sign(join));
+                }
+            }
+        }
+        let nearest = stack.pop().expect("a tree has a root");
+        self.nearest = stack;
+        let mut reach = ZERO;
+        for l in 0..LANES {
+            let p = points[l.min(points.len() - 1)];
+            reach.0[l] = CLEARLY * nearest.value.0[l].abs() + aside(p);
+        }
+        let mut near = [0; LANES];
+        for off in &self.off {
+            count_near(off, &reach, &mut near);
+        }
+        // The nearest one itself is within its own reach.
+        (nearest, near.map(|count| count <= 1))
+    }
+
+    /// The first-order foot on piece k of point p, lane l of the block that
+    /// [`Finder::first_order`] was asked for last.
+    pub(super) fn first_order_foot(&mut self, k: u32, l: usize, p: Point3) -> Foot {
+        Foot {
+            distance: self.off[k as usize].0[l],
+            at: p,
+            inward: self.normal(k as usize, l),
+            pieces: [k; 3],
+            order: 0,
+            shares: [1.0, 0.0, 0.0],
+        }
+    }
+
+    /// The unit normal of piece k in lane l of the block that was asked last.
+    pub(super) fn normal(&mut self, k: usize, l: usize) -> Point3 {
+        let rows = self.block(k).by_space();
+        first_order(1.0, [rows[0].0[l], rows[1].0[l], rows[2].0[l]]).1
+    }
+
+    /// Which tries ended on the surface of the solid: the tree takes both signs in the sectors that
+    /// their pieces make around the foot point.
+    pub(super) fn on_surface(&mut self, tries: &[Try]) -> Vec<bool> {
+        let good: Vec<usize> = (0..tries.len()).filter(|&t| tries[t].good).collect();
+        let mut sound = vec![false; tries.len()];
+        for good in good.chunks(LANES) {
+            let at: Vec<Point3> = good.iter().map(|&t| tries[t].q).collect();
+            self.first_order(&at);
+            let (positive, close) = self.signs(&at);
+            let own: Vec<&Try> = good.iter().map(|&t| &tries[t]).collect();
+            let is_on = self.has_both_signs(&own, &positive);
+            for (l, &t) in good.iter().enumerate() {
+                // Pieces that are as close as the step can change their sign on the way.
+                let lone = close[l] <= u64::from(tries[t].order);
+                sound[t] = if lone {
+                    is_on >> l & 1 == 1
+                } else {
+                    self.is_boundary(&tries[t], l)
+                };
+            }
+        }
+        sound
+    }
+
+    /// The lanes where each piece's value in `off` is positive, and how many pieces are close.
+    fn signs(&self, at: &[Point3]) -> (Vec<u32>, [u64; LANES]) {
+        let (mut reach, mut close) = (ZERO, [0; LANES]);
+        for l in 0..LANES {
+            reach.0[l] = CLEAR * aside(at[l.min(at.len() - 1)]);
+        }
+        let positive = self.off.iter().map(|off| {
+            count_near(off, &reach, &mut close);
+            let bits = off.0.iter().enumerate();
+            bits.fold(0, |mask, (l, d)| mask | u32::from(*d > 0.0) << l)
+        });
+        (positive.collect(), close)
+    }
+
+    /// The lanes whose tree takes both signs when their own pieces take all combinations of signs,
+    /// the others theirs.
+    fn has_both_signs(&mut self, own: &[&Try], positive: &[u32]) -> u32 {
+        let most = own.iter().map(|t| t.order).max().unwrap_or(0);
+        let (mut inside, mut outside) = (0, 0);
+        let mut stack = Vec::new();
+        for sector in 0..1_u32 << most {
+            let mut leaves = positive.to_vec();
+            for (l, t) in own.iter().enumerate() {
+                for c in 0..usize::from(t.order) {
+                    let leaf = &mut leaves[t.pieces[c] as usize];
+                    *leaf = *leaf & !(1 << l) | (sector >> c & 1) << l;
+                }
+            }
+            let value = self.solid.is_inside(&mut stack, &leaves);
+            inside |= value;
+            outside |= !value;
+        }
+        inside & outside
+    }
+
+    /// As [`Finder::has_both_signs`] for lane l, a step away from its foot point.
+    fn is_boundary(&mut self, t: &Try, l: usize) -> bool {
+        let count = self.solid.sheets.len();
+        let m: Vec<Point3> = (0..count).map(|k| self.normal(k, l)).collect();
+        let pieces = &t.pieces[..t.order as usize];
+        let normals: Vec<Point3> = pieces.iter().map(|&k| m[k as usize]).collect();
+        let step = aside(t.q);
+        let (mut inside, mut outside) = (false, false);
+        for signs in 0..1_u32 << t.order {
+            let wanted: [f64; 3] =
+                std::array::from_fn(|c| if signs >> c & 1 == 1 { step } else { -step });
+            let Some(shares) = solve(&normals, &wanted) else {
+                return false;
+            };
+            let by: Point3 =
+                std::array::from_fn(|x| normals.iter().zip(shares).map(|(m, s)| s * m[x]).sum());
+            let off = &self.off;
+            let value = self.solid.value(&mut self.stack, |k| {
+                let own = if pieces.contains(&k) {
+                    0.0
+                } else {
+                    off[k as usize].0[l]
+                };
+                own + dot(m[k as usize], by)
+            });
+            inside |= value > 0.0;
+            outside |= value < 0.0;
+        }
+        inside && outside
+    }
+
+    /// Foot points on face k of the points in `wanted`, whose first-order distance and normal `out`
+    /// holds.
+    pub(super) fn feet_on_face(
+        &mut self,
+        k: usize,
+        wanted: &[u32],
+        points: &[Point3],
+        out: &mut [Foot],
+    ) {
+        let mut walk = Walk {
+            p: [ZERO; 3],
+            q: [ZERO; 3],
+            normal: [ZERO; 3],
+            moved: ZERO,
+            done: ZERO,
+        };
+        for l in 0..LANES {
+            let i = wanted[l.min(wanted.len() - 1)] as usize;
+            let foot = &out[i];
+            for x in 0..3 {
+                walk.p[x].0[l] = points[i][x];
+                walk.q[x].0[l] = points[i][x] - foot.distance * foot.inward[x];
+            }
+        }
+        let block = self.block(k);
+        for _ in 1..STEPS {
+            block.load_rows(&walk.q);
+            block.forward();
+            block.reverse();
+            step(&mut walk, block.result(0), block.by_space());
+            if walk.done.0.iter().all(|d| *d == 1.0) {
+                break;
+            }
+        }
+        for (l, i) in wanted.iter().enumerate() {
+            let (p, foot) = (points[*i as usize], &mut out[*i as usize]);
+            let q: Point3 = std::array::from_fn(|x| walk.q[x].0[l]);
+            let normal: Point3 = std::array::from_fn(|x| walk.normal[x].0[l]);
+            let away = sub(p, q);
+            let far = dot(away, away).sqrt();
+            let size = p.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
+            let has_met = walk.moved.0[l] <= NEARLY * far + 1e3 * ROUNDING * size;
+            // The first-order distance is off by more only where it means nothing.
+            if has_met && far <= STRAYED * foot.distance.abs() + aside(p) {
+                foot.distance = dot(away, normal);
+                (foot.at, foot.inward, foot.order) = (q, normal, 1);
+            }
+        }
+    }
+}
+
+dispatch! {
+    /// g/|∇g| by lane; a distance far off where the gradient vanishes or is none.
+    fn first_order_rows(value: &[f64; LANES], gradient: &[Row], out: &mut [f64; LANES]) = first_order_rows_body
+}
+
+#[inline(always)]
+fn first_order_rows_body(value: &[f64; LANES], gradient: &[Row], out: &mut [f64; LANES]) {
+    let (x, y, z) = (&gradient[0].0, &gradient[1].0, &gradient[2].0);
+    for l in 0..LANES {
+        let g = value[l];
+        let length = (x[l] * x[l] + y[l] * y[l] + z[l] * z[l]).sqrt();
+        let d = (g / length).clamp(-1e150, 1e150);
+        let is_sound = length > 0.0 && length.is_finite() && g.is_finite();
+        let none = if g < 0.0 { -1e150 } else { 1e150 };
+        out[l] = if is_sound { d } else { none };
+    }
+}
+
+dispatch! {
+    /// Takes the second one where it is less, with `sign` −1 where it is greater.
+    fn choose(first: &mut Nearest, value: &Row, piece: &[u32; LANES], sign: f64) = choose_body
+}
+
+#[inline(always)]
+fn choose_body(first: &mut Nearest, value: &Row, piece: &[u32; LANES], sign: f64) {
+    for l in 0..LANES {
+        if sign * value.0[l] < sign * first.value.0[l] {
+            first.value.0[l] = value.0[l];
+            first.piece[l] = piece[l];
+        }
+    }
+}
+
+/// 1 for a minimum, −1 for a maximum.
+fn sign(join: &Join) -> f64 {
+    if *join == Join::Max { -1.0 } else { 1.0 }
+}
+
+dispatch! {
+    /// Counts, by lane, pieces within reach.
+    fn count_near(off: &Row, reach: &Row, near: &mut [u64; LANES]) = count_near_body
+}
+
+#[inline(always)]
+fn count_near_body(off: &Row, reach: &Row, near: &mut [u64; LANES]) {
+    for l in 0..LANES {
+        near[l] += u64::from(off.0[l].abs() <= reach.0[l]);
+    }
+}
+
+dispatch! {
+    /// One step towards the foot points, from values and gradients at q.
+    fn step(walk: &mut Walk, value: &[f64; LANES], gradient: &[Row]) = step_body
+}
+
+#[inline(always)]
+fn step_body(walk: &mut Walk, value: &[f64; LANES], gradient: &[Row]) {
+    let (gx, gy, gz) = (&gradient[0].0, &gradient[1].0, &gradient[2].0);
+    for l in 0..LANES {
+        let p: Point3 = [walk.p[0].0[l], walk.p[1].0[l], walk.p[2].0[l]];
+        let q: Point3 = [walk.q[0].0[l], walk.q[1].0[l], walk.q[2].0[l]];
+        let g: Point3 = [gx[l], gy[l], gz[l]];
+        let squared = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
+        let length = squared.sqrt();
+        let along = g[0] * (q[0] - p[0]) + g[1] * (q[1] - p[1]) + g[2] * (q[2] - p[2]);
+        let share = (along - value[l]) / squared;
+        let to: Point3 = [
+            p[0] + share * g[0],
+            p[1] + share * g[1],
+            p[2] + share * g[2],
+        ];
+        let (u, v, w) = (to[0] - q[0], to[1] - q[1], to[2] - q[2]);
+        let moved = (u * u + v * v + w * w).sqrt();
+        let far = (share * share * squared).sqrt();
+        let size = p[0].abs().max(p[1].abs()).max(p[2].abs());
+        // Not a number: nothing is met, and a step that does not end says so.
+        let has_settled = moved <= SETTLED * far + ROUNDING * size || moved.is_nan();
+        let is_done = walk.done.0[l] == 1.0;
+        let keep = |old: f64, new: f64| if is_done { old } else { new };
+        for x in 0..3 {
+            walk.q[x].0[l] = keep(q[x], to[x]);
+            walk.normal[x].0[l] = keep(walk.normal[x].0[l], g[x] / length);
+        }
+        walk.moved.0[l] = keep(walk.moved.0[l], moved);
+        walk.done.0[l] = if is_done || has_settled { 1.0 } else { 0.0 };
+    }
+}

@@ -1,0 +1,172 @@
+//! The points of a fit, with what is known of them before any template.
+
+use crate::clutter::Clutter;
+use crate::outliers::{HAS_OUTLIERS, MOST_DROPPED, Neighbourhood};
+use crate::report::Fit;
+use crate::{Control, FitError, Options};
+use isoform_geom::{Aabb, Point3};
+use std::borrow::Cow;
+use std::time::Instant;
+
+/// Isolated points above this share are clutter: of those near the surface nobody knows whether
+/// they are part of it. Scans without stray points have less than a tenth of it.
+pub(crate) const MANY_STRAYS: f64 = 0.04;
+/// Most points each of which is asked whether it is stray: some 20 s on one core for a million.
+const MOST_ASKED: usize = 1 << 18;
+
+/// A scan made ready: equal points once, neighbours, isolated points, box. One scan serves any
+/// number of templates.
+pub struct Scan<'a> {
+    points: Cow<'a, [Point3]>,
+    /// By point as given, its index among the distinct ones; none where all are distinct.
+    index: Option<Vec<u32>>,
+    /// A seeded random order of the distinct points.
+    pub(crate) order: Vec<u32>,
+    pub(crate) near: Neighbourhood,
+    /// Some points, in that order, without isolated ones.
+    pub(crate) kept: Vec<Point3>,
+    /// How many of them were asked for.
+    pub(crate) wanted: usize,
+    /// Share of isolated ones among those looked at.
+    pub(crate) isolated: f64,
+    /// The box of the points, or of those kept where outliers would stretch it.
+    pub(crate) data: Aabb,
+    /// Median deviation of points from the planes through their neighbours.
+    pub(crate) local_noise: f64,
+    /// The first decile of these deviations: on flat faces, noise alone.
+    pub(crate) least_noise: f64,
+    /// Time that all this took.
+    pub(crate) seconds: f64,
+}
+
+impl<'a> Scan<'a> {
+    /// Looks at the points.
+    ///
+    /// # Errors
+    /// [`FitError::NotFinite`], or no point at all.
+    pub fn new(
+        points: &'a [Point3],
+        options: &Options,
+        control: &Control,
+    ) -> Result<Self, FitError> {
+        let started = Instant::now();
+        if let Some(index) = points.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
+            return Err(FitError::NotFinite {
+                what: "a point",
+                index,
+            });
+        }
+        if points.is_empty() {
+            return Err(FitError::TooFewPoints { found: 0, free: 1 });
+        }
+        control.report("outliers", 0.0);
+        let (points, index) = distinct(points);
+        let mut order: Vec<u32> = (0..points.len() as u32).collect();
+        fastrand::Rng::with_seed(options.seed).shuffle(&mut order);
+        let near = Neighbourhood::new(&points, &order);
+        let wanted = (options.confirm_points / 2).max(options.search_points);
+        let (mut kept, isolated) = if options.filter_outliers {
+            near.keep(&points, &order, wanted)
+        } else {
+            (Vec::new(), 0.0)
+        };
+        if !options.filter_outliers || isolated > MOST_DROPPED {
+            let some = order.iter().take(wanted);
+            kept = some.map(|&i| points[i as usize]).collect();
+        }
+        let (local_noise, least_noise) = near.local_noise(&points, &order);
+        Ok(Self {
+            data: trusted_box(&points, &kept, isolated, near.spacing),
+            local_noise,
+            least_noise,
+            points,
+            index,
+            order,
+            near,
+            kept,
+            wanted,
+            isolated,
+            seconds: started.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// The distinct points, in the order of their first occurrence.
+    pub fn points(&self) -> &[Point3] {
+        &self.points
+    }
+
+    /// What lies beside the part, as far as the points themselves tell.
+    pub fn clutter(&self) -> Clutter<'_> {
+        let has_strays = self.isolated > MANY_STRAYS && self.points.len() <= MOST_ASKED;
+        Clutter::find(&self.points, &self.order, &self.near, has_strays)
+    }
+
+    /// The report of a fit to the distinct points as one of all points.
+    pub(crate) fn expand(&self, mut fit: Fit) -> Fit {
+        let Some(index) = &self.index else {
+            return fit;
+        };
+        fn each<T: Copy>(index: &[u32], v: &mut Vec<T>) {
+            *v = index.iter().map(|&i| v[i as usize]).collect();
+        }
+        each(index, &mut fit.residuals);
+        each(index, &mut fit.weights);
+        each(index, &mut fit.outliers);
+        each(index, &mut fit.parts);
+        fit.n_points = index.len();
+        fit.n_outliers = fit.outliers.iter().filter(|o| **o).count();
+        fit.n_used = fit.n_points - fit.n_outliers;
+        fit.warnings.push(format!(
+            "{} of {} points repeat another one exactly and count once",
+            index.len() - self.points.len(),
+            index.len()
+        ));
+        fit
+    }
+}
+
+/// The distinct points in the order of their first occurrence, and each point's index among them.
+fn distinct(points: &[Point3]) -> (Cow<'_, [Point3]>, Option<Vec<u32>>) {
+    // Both zeros are one.
+    let keyed = points.iter().zip(0_u32..);
+    let mut sorted: Vec<([u64; 3], u32)> = keyed
+        .map(|(p, i)| (p.map(|v| (v + 0.0).to_bits()), i))
+        .collect();
+    sorted.sort_unstable();
+    let mut first: Vec<u32> = (0..points.len() as u32).collect();
+    let mut repeats = false;
+    for pair in sorted.windows(2) {
+        let ((before, i), (at, j)) = (pair[0], pair[1]);
+        if before == at {
+            first[j as usize] = first[i as usize];
+            repeats = true;
+        }
+    }
+    if !repeats {
+        return (Cow::Borrowed(points), None);
+    }
+    let mut place = vec![0; points.len()];
+    let mut kept = Vec::new();
+    let mut index = Vec::with_capacity(points.len());
+    for (i, &f) in first.iter().enumerate() {
+        if f as usize == i {
+            place[i] = kept.len() as u32;
+            kept.push(points[i]);
+        }
+        index.push(place[f as usize]);
+    }
+    (Cow::Owned(kept), Some(index))
+}
+
+/// The box of the data: of all points, or of those kept where outliers would stretch it.
+fn trusted_box(points: &[Point3], kept: &[Point3], isolated: f64, spacing: f64) -> Aabb {
+    let (all, mut some) = (Aabb::of(points), Aabb::of(kept));
+    if isolated <= HAS_OUTLIERS && all.diagonal() < 1.5 * some.diagonal() {
+        return all;
+    }
+    for i in 0..3 {
+        some.lo[i] = (some.lo[i] - spacing).max(all.lo[i]);
+        some.hi[i] = (some.hi[i] + spacing).min(all.hi[i]);
+    }
+    some
+}
