@@ -28,6 +28,9 @@ pub(crate) const INTERNAL: u8 = 5;
 
 /// Seed of everything random unless another is given.
 const DEFAULT_SEED: u64 = 1;
+/// Bytes of stack of a thread: those that Linux gives to a program's first one. Trees of deeply
+/// nested models are walked by recursion.
+const STACK: usize = 8 << 20;
 
 #[derive(clap::Args)]
 pub(crate) struct Global {
@@ -90,12 +93,12 @@ impl Context {
         if let Some(limit) = global.time_limit {
             watchdog::watch(limit, global.json);
         }
-        if let Some(n) = global.threads {
-            // Fails only if a pool exists already, and nothing has made one yet.
-            let _ = rayon::ThreadPoolBuilder::new()
-                .num_threads(usize::from(n))
-                .build_global();
-        }
+        // Fails only if a pool exists already, and nothing has made one yet. 0 threads: as many as
+        // there are cores.
+        let _ = rayon::ThreadPoolBuilder::new()
+            .num_threads(global.threads.map_or(0, usize::from))
+            .stack_size(STACK)
+            .build_global();
         Self {
             global,
             deadline,

@@ -24,7 +24,8 @@ use crate::graph::Graph;
 use crate::shape::{Join, Shape};
 use crate::tape::Tape;
 use isoform_geom::{
-    Aabb, DistanceField, Foot, Frame, Nearby, ParamField, Point3, distance_squared, dot, sub,
+    Aabb, DistanceField, Foot, Frame, Nearby, ParamField, Point3, distance_squared, dot,
+    normal_equations_of, sub,
 };
 use rayon::prelude::*;
 
@@ -253,9 +254,16 @@ impl ParamField for Distance {
     }
 
     fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]) {
-        let mut feet = vec![Foot::NONE; points.len()];
-        self.feet(points, a, &mut feet);
-        out.iter_mut().zip(&feet).for_each(|(o, f)| *o = f.distance);
+        let piece = self.piece();
+        let work = |(points, out): (&[Point3], &mut [f64])| {
+            let mut feet = vec![Foot::NONE; points.len()];
+            Finder::new(self, a).feet(points, &mut feet);
+            out.iter_mut().zip(&feet).for_each(|(o, f)| *o = f.distance);
+        };
+        points
+            .par_chunks(piece)
+            .zip(out[..points.len()].par_chunks_mut(piece))
+            .for_each(work);
     }
 
     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
@@ -280,6 +288,41 @@ impl ParamField for Distance {
                 .zip(jac.par_chunks_mut(piece * m))
                 .for_each(work);
         }
+    }
+
+    fn normal_equations(
+        &self,
+        points: &[Point3],
+        weights: &[f64],
+        a: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut [f64],
+    ) -> f64 {
+        let (piece, m) = (self.piece(), self.n_params);
+        let sums = |(k, points): (usize, &[Point3])| {
+            let mut finder = Finder::new(self, a);
+            let mut feet = vec![Foot::NONE; points.len()];
+            finder.feet(points, &mut feet);
+            let mut jac = vec![0.0; points.len() * m];
+            finder.by_params(&feet, &mut jac);
+            let f: Vec<f64> = feet.iter().map(|foot| foot.distance).collect();
+            let weights = weights.get(k * piece..).unwrap_or_default();
+            let (mut g, mut h) = (vec![0.0; m], vec![0.0; m * m]);
+            let sum = normal_equations_of(&f, &jac, weights, &mut g, &mut h);
+            (sum, g, h)
+        };
+        // Added in the order of the pieces, whoever computed them.
+        let pieces: Vec<_> = points.par_chunks(piece).enumerate().map(sums).collect();
+        let (gradient, hessian) = (&mut gradient[..m], &mut hessian[..m * m]);
+        gradient.fill(0.0);
+        hessian.fill(0.0);
+        let mut sum = 0.0;
+        for (s, g, h) in pieces {
+            sum += s;
+            gradient.iter_mut().zip(g).for_each(|(sum, v)| *sum += v);
+            hessian.iter_mut().zip(h).for_each(|(sum, v)| *sum += v);
+        }
+        sum
     }
 
     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {

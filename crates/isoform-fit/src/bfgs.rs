@@ -46,6 +46,7 @@ pub fn minimize(
         return Minimum {
             x,
             value: f64::INFINITY,
+            normal: Vec::new(),
             iterations,
             stop: Stop::NotFinite,
         };
@@ -157,6 +158,7 @@ pub fn minimize(
     Minimum {
         x,
         value,
+        normal: Vec::new(),
         iterations,
         stop,
     }

@@ -27,9 +27,11 @@ const ROUNDING: f64 = 1e-11;
 pub(crate) struct Polished {
     pub(crate) x: Vec<f64>,
     pub(crate) weights: Vec<f64>,
-    /// Robust standard deviation of the residuals.
+    /// Robust standard deviation of the residuals; 0 after least squares.
     pub(crate) scale: f64,
     pub(crate) loss: Loss,
+    /// The matrix Jᵀ J there; empty after rounds of other weights.
+    pub(crate) normal: Vec<f64>,
     pub(crate) evaluations: usize,
     pub(crate) history: Vec<Step>,
 }
@@ -123,9 +125,7 @@ impl Polish<'_> {
         if loss.is_robust() {
             return self.reweighted(points, mask, x, loss, rounds);
         }
-        let mut p = self.descend(points, mask, x, 12);
-        p.scale = Self::scale(&self.residuals(points, &p.x));
-        p
+        self.descend(points, mask, x, 12)
     }
 
     /// At most `most` evaluations with given weights.
@@ -163,6 +163,7 @@ impl Polish<'_> {
             weights: weights.to_vec(),
             scale: 0.0,
             loss: Loss::Squares,
+            normal: m.normal,
             evaluations: m.iterations,
             history,
         }
@@ -181,6 +182,7 @@ impl Polish<'_> {
             weights: Vec::new(),
             scale: 0.0,
             loss,
+            normal: Vec::new(),
             evaluations: 0,
             history: Vec::new(),
         };

@@ -114,16 +114,20 @@ impl Task<'_> {
     pub(crate) fn settle(&self, mut found: Found, clock: &mut Clock) -> Fitted {
         let points = self.settling();
         let mut exact = self.polish_with(self.measure(), found.outcome.starts + 1);
-        self.descend(&exact, &points, &[], &mut found);
+        let mut normal = self.descend(&exact, &points, &[], &mut found);
         clock.lap("polish");
         self.control.report("report", 0.0);
         let mut state = self.state(&points, &found);
         if !state.mask.is_empty() {
             // Points on the rims of a part that has none of its own would hold it.
-            self.descend(&exact, &points, &state.mask, &mut found);
+            normal = self.descend(&exact, &points, &state.mask, &mut found);
+            let mask = std::mem::take(&mut state.mask);
             state = self.state(&points, &found);
+            if state.mask != mask {
+                normal.clear();
+            }
         }
-        let knowledge = self.knowledge(&points, &found, &state);
+        let knowledge = self.knowledge(&points, &found, &state, normal);
         if !knowledge.directions.is_empty() {
             // Off the data first: an open face that touches noisy points of its neighbours would
             // pull at those.
@@ -151,7 +155,7 @@ impl Task<'_> {
     pub(crate) fn ask(&self, found: Found) -> Fitted {
         let points = self.settling();
         let state = self.state(&points, &found);
-        let knowledge = self.knowledge(&points, &found, &state);
+        let knowledge = self.knowledge(&points, &found, &state, Vec::new());
         let held = vec![false; self.space.len()];
         let normal = Some(&knowledge.normal[..]);
         let spread = self.spread(&points, &found, &state, &held, normal);
@@ -283,8 +287,15 @@ impl Task<'_> {
         }
     }
 
-    /// Minimises from where `found` is; never ends at a worse place.
-    fn descend(&self, exact: &Polish<'_>, points: &[Point3], mask: &[f64], found: &mut Found) {
+    /// Minimises from where `found` is; never ends at a worse place. Gives the matrix of the normal
+    /// equations where it ends, or nothing where that has yet to be made.
+    fn descend(
+        &self,
+        exact: &Polish<'_>,
+        points: &[Point3],
+        mask: &[f64],
+        found: &mut Found,
+    ) -> Vec<f64> {
         let from = found.x.clone();
         let rounds = if found.loss.is_robust() { 8 } else { 1 };
         let mut fine = exact.fine(points, mask, from, found.loss, rounds);
@@ -296,10 +307,11 @@ impl Task<'_> {
             let after = exact.residuals(points, &fine.x);
             let scale = Polish::scale(&after).max(Polish::scale(&before));
             if robust_sum(&after, mask, scale) > robust_sum(&before, mask, scale) {
-                return;
+                return Vec::new();
             }
         }
         found.x = fine.x;
+        fine.normal
     }
 
     /// Noise, supported parts and the mask at a minimum.
@@ -382,7 +394,14 @@ impl Task<'_> {
         measured(self.template, points, &a)
     }
 
-    fn knowledge(&self, points: &[Point3], found: &Found, state: &State) -> Knowledge {
+    /// `normal` is the matrix of the normal equations, or empty.
+    fn knowledge(
+        &self,
+        points: &[Point3],
+        found: &Found,
+        state: &State,
+        normal: Vec<f64>,
+    ) -> Knowledge {
         // Variables that move parts with bare surface are asked whether anything holds them.
         let mut bare = vec![false; self.template.part_names().len()];
         for (part, is_bare) in state.surface.parts.iter().zip(&state.surface.bare) {
@@ -391,7 +410,8 @@ impl Task<'_> {
             }
         }
         let moved = self.moves(found, &state.surface, &bare);
-        self.at(points, found, state).knowledge(&|k| moved[k])
+        self.at(points, found, state)
+            .knowledge(&|k| moved[k], normal)
     }
 
     /// Whether each variable moves a place of the surface on one of the flagged parts.

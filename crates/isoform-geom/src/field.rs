@@ -78,40 +78,7 @@ pub trait ParamField: Send + Sync {
         let m = self.dim();
         let (mut f, mut jac) = (vec![0.0; points.len()], vec![0.0; points.len() * m]);
         self.jacobian(points, a, &mut f, &mut jac);
-        gradient[..m].fill(0.0);
-        hessian[..m * m].fill(0.0);
-        let mut sum = 0.0;
-        // By columns of some points at a time: products of whole columns are fast.
-        let mut columns = vec![[0.0; COLUMN]; m + 1];
-        let mut weighted = columns.clone();
-        for (c, f) in f.chunks(COLUMN).enumerate() {
-            let first = c * COLUMN;
-            columns.iter_mut().for_each(|c| c.fill(0.0));
-            weighted.iter_mut().for_each(|c| c.fill(0.0));
-            for (l, f) in f.iter().enumerate() {
-                let w = weights.get(first + l).copied().unwrap_or(1.0);
-                if w == 0.0 {
-                    continue;
-                }
-                let row = &jac[(first + l) * m..(first + l + 1) * m];
-                for (j, v) in row.iter().chain([f]).enumerate() {
-                    (columns[j][l], weighted[j][l]) = (*v, w * v);
-                }
-            }
-            sum += product(&weighted[m], &columns[m]);
-            for j in 0..m {
-                gradient[j] += product(&weighted[j], &columns[m]);
-                for k in 0..=j {
-                    hessian[j * m + k] += product(&weighted[j], &columns[k]);
-                }
-            }
-        }
-        for j in 0..m {
-            for k in 0..j {
-                hessian[k * m + j] = hessian[j * m + k];
-            }
-        }
-        sum
+        normal_equations_of(&f, &jac, weights, gradient, hessian)
     }
     /// f(pᵢ, a) and its gradient in space, point by point.
     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]);
@@ -127,6 +94,51 @@ pub trait ParamField: Send + Sync {
         });
         terms.sum()
     }
+}
+
+/// The sums of [`ParamField::normal_equations`], from values and derivatives of all points.
+pub fn normal_equations_of(
+    f: &[f64],
+    jac: &[f64],
+    weights: &[f64],
+    gradient: &mut [f64],
+    hessian: &mut [f64],
+) -> f64 {
+    let m = gradient.len();
+    gradient.fill(0.0);
+    hessian.fill(0.0);
+    let mut sum = 0.0;
+    // By columns of some points at a time: products of whole columns are fast.
+    let mut columns = vec![[0.0; COLUMN]; m + 1];
+    let mut weighted = columns.clone();
+    for (c, f) in f.chunks(COLUMN).enumerate() {
+        let first = c * COLUMN;
+        if f.len() < COLUMN {
+            columns.iter_mut().for_each(|c| c.fill(0.0));
+            weighted.iter_mut().for_each(|c| c.fill(0.0));
+        }
+        for (l, f) in f.iter().enumerate() {
+            let w = weights.get(first + l).copied().unwrap_or(1.0);
+            let row = &jac[(first + l) * m..(first + l + 1) * m];
+            for (j, v) in row.iter().chain([f]).enumerate() {
+                // Where the weight is 0 the value may be NaN.
+                (columns[j][l], weighted[j][l]) = if w == 0.0 { (0.0, 0.0) } else { (*v, w * v) };
+            }
+        }
+        sum += product(&weighted[m], &columns[m]);
+        for j in 0..m {
+            gradient[j] += product(&weighted[j], &columns[m]);
+            for k in 0..=j {
+                hessian[j * m + k] += product(&weighted[j], &columns[k]);
+            }
+        }
+    }
+    for j in 0..m {
+        for k in 0..j {
+            hessian[k * m + j] = hessian[j * m + k];
+        }
+    }
+    sum
 }
 
 /// Points whose rows are multiplied together: a few registers' worth, within the cache for dozens

@@ -29,11 +29,12 @@ impl KdTree {
             points.iter().flatten().all(|v| v.is_finite()),
             "coordinates must be finite"
         );
-        let mut index: Vec<u32> = (0..points.len() as u32).collect();
+        let mut items: Vec<(Point3, u32)> = points.iter().copied().zip(0..).collect();
         let mut axis = vec![0; points.len()];
-        build(points, &mut index, &mut axis);
+        build(&mut items, &mut axis);
+        let (points, index) = items.into_iter().unzip();
         Self {
-            points: index.iter().map(|&i| points[i as usize]).collect(),
+            points,
             index,
             axis,
         }
@@ -63,8 +64,9 @@ impl KdTree {
     /// The `k` nearest points into `found` as (squared distance, index), nearest first.
     pub fn nearest_k(&self, q: Point3, k: usize, found: &mut Vec<(f64, u32)>) {
         found.clear();
-        if k > 0 {
-            self.search(q, k, 0, self.points.len(), [0.0; 3], found);
+        found.resize(k.min(self.points.len()), (f64::INFINITY, u32::MAX));
+        if !found.is_empty() {
+            self.search(q, 0, self.points.len(), [0.0; 3], found);
         }
     }
 
@@ -117,22 +119,10 @@ impl KdTree {
 
     /// Visits the nearer half first; `off` holds the distance of `q` to the cell by axis, so that
     /// the bound is the true one.
-    fn search(
-        &self,
-        q: Point3,
-        k: usize,
-        from: usize,
-        to: usize,
-        off: Point3,
-        found: &mut Vec<(f64, u32)>,
-    ) {
+    fn search(&self, q: Point3, from: usize, to: usize, off: Point3, found: &mut [(f64, u32)]) {
         if to - from <= LEAF {
-            for at in from..to {
-                insert(
-                    found,
-                    k,
-                    (distance_squared(q, self.points[at]), self.index[at]),
-                );
+            for (p, i) in self.points[from..to].iter().zip(&self.index[from..to]) {
+                insert(found, (distance_squared(q, *p), *i));
             }
             return;
         }
@@ -141,7 +131,6 @@ impl KdTree {
         let gap = q[axis] - self.points[mid][axis];
         insert(
             found,
-            k,
             (distance_squared(q, self.points[mid]), self.index[mid]),
         );
         let mut far = off;
@@ -151,42 +140,52 @@ impl KdTree {
         } else {
             [(mid + 1, to), (from, mid)]
         };
-        self.search(q, k, halves[0].0, halves[0].1, off, found);
+        self.search(q, halves[0].0, halves[0].1, off, found);
         let bound = far[0] * far[0] + far[1] * far[1] + far[2] * far[2];
-        if found.len() < k || bound <= found[found.len() - 1].0 {
-            self.search(q, k, halves[1].0, halves[1].1, far, found);
+        if bound <= found[found.len() - 1].0 {
+            self.search(q, halves[1].0, halves[1].1, far, found);
         }
     }
 }
 
-fn insert(found: &mut Vec<(f64, u32)>, k: usize, item: (f64, u32)) {
-    if found.len() == k && item >= found[k - 1] {
+/// Puts an item to its place among the least ones, of which the greatest is dropped.
+fn insert(found: &mut [(f64, u32)], item: (f64, u32)) {
+    let is_before = |other: (f64, u32)| item.0 < other.0 || (item.0 == other.0 && item.1 < other.1);
+    let mut at = found.len() - 1;
+    if !is_before(found[at]) {
         return;
     }
-    let at = found.partition_point(|f| *f < item);
-    if found.len() == k {
-        found.pop();
+    while at > 0 && is_before(found[at - 1]) {
+        found[at] = found[at - 1];
+        at -= 1;
     }
-    found.insert(at, item);
+    found[at] = item;
 }
 
-fn build(points: &[Point3], index: &mut [u32], split: &mut [u8]) {
-    if index.len() <= LEAF {
+fn build(items: &mut [(Point3, u32)], split: &mut [u8]) {
+    if items.len() <= LEAF {
         return;
     }
-    let size = crate::Aabb::of(index.iter().map(|&i| &points[i as usize])).size();
+    let size = crate::Aabb::of(items.iter().map(|item| &item.0)).size();
     let axis = (0..3).fold(0, |best, i| if size[i] > size[best] { i } else { best });
-    let mid = index.len() / 2;
-    index.select_nth_unstable_by(mid, |&i, &j| {
-        points[i as usize][axis]
-            .total_cmp(&points[j as usize][axis])
-            .then(i.cmp(&j))
-    });
+    let mid = items.len() / 2;
+    match axis {
+        0 => halve::<0>(items, mid),
+        1 => halve::<1>(items, mid),
+        _ => halve::<2>(items, mid),
+    }
     split[mid] = axis as u8;
-    let (low, high) = index.split_at_mut(mid);
+    let (low, high) = items.split_at_mut(mid);
     let (low_split, high_split) = split.split_at_mut(mid);
-    build(points, low, low_split);
-    build(points, &mut high[1..], &mut high_split[1..]);
+    build(low, low_split);
+    build(&mut high[1..], &mut high_split[1..]);
+}
+
+/// Moves the items before the middle one along an axis to before it.
+fn halve<const AXIS: usize>(items: &mut [(Point3, u32)], mid: usize) {
+    items.select_nth_unstable_by(mid, |a, b| {
+        a.0[AXIS].total_cmp(&b.0[AXIS]).then(a.1.cmp(&b.1))
+    });
 }
 
 #[cfg(test)]

@@ -15,7 +15,9 @@ mod quadric;
 mod solid;
 
 pub use cloud::{Column, PointCloud};
-pub use field::{DistanceField, Edge, Expansion, Field, Foot, Frame, Nearby, ParamField};
+pub use field::{
+    DistanceField, Edge, Expansion, Field, Foot, Frame, Nearby, ParamField, normal_equations_of,
+};
 pub use kdtree::KdTree;
 pub use mesh::{Curve, Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
 pub use parts::{Parts, SmoothPart};
