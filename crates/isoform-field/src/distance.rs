@@ -188,6 +188,38 @@ impl DistanceField for Distance {
             .for_each(|(feet, jac)| Finder::new(self, a).by_params(feet, jac));
     }
 
+    fn normal_equations_at(
+        &self,
+        feet: &[Foot],
+        weights: &[f64],
+        a: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut [f64],
+    ) -> f64 {
+        let (piece, m) = (self.piece(), self.n_params);
+        let sums = |(k, feet): (usize, &[Foot])| {
+            let mut jac = vec![0.0; feet.len() * m];
+            Finder::new(self, a).by_params(feet, &mut jac);
+            let f: Vec<f64> = feet.iter().map(|foot| foot.distance).collect();
+            let weights = weights.get(k * piece..).unwrap_or_default();
+            let (mut g, mut h) = (vec![0.0; m], vec![0.0; m * m]);
+            let sum = normal_equations_of(&f, &jac, weights, &mut g, &mut h);
+            (sum, g, h)
+        };
+        // Added in the order of the pieces, whoever computed them.
+        let pieces: Vec<_> = feet.par_chunks(piece).enumerate().map(sums).collect();
+        let (gradient, hessian) = (&mut gradient[..m], &mut hessian[..m * m]);
+        gradient.fill(0.0);
+        hessian.fill(0.0);
+        let mut sum = 0.0;
+        for (s, g, h) in pieces {
+            sum += s;
+            gradient.iter_mut().zip(g).for_each(|(sum, v)| *sum += v);
+            hessian.iter_mut().zip(h).for_each(|(sum, v)| *sum += v);
+        }
+        sum
+    }
+
     fn nearby(&self, places: &[Foot], a: &[f64], reach: f64, strip: f64) -> Vec<Nearby> {
         let mut out = vec![Nearby::Much; places.len()];
         let piece = self.piece();
@@ -298,31 +330,9 @@ impl ParamField for Distance {
         gradient: &mut [f64],
         hessian: &mut [f64],
     ) -> f64 {
-        let (piece, m) = (self.piece(), self.n_params);
-        let sums = |(k, points): (usize, &[Point3])| {
-            let mut finder = Finder::new(self, a);
-            let mut feet = vec![Foot::NONE; points.len()];
-            finder.feet(points, &mut feet);
-            let mut jac = vec![0.0; points.len() * m];
-            finder.by_params(&feet, &mut jac);
-            let f: Vec<f64> = feet.iter().map(|foot| foot.distance).collect();
-            let weights = weights.get(k * piece..).unwrap_or_default();
-            let (mut g, mut h) = (vec![0.0; m], vec![0.0; m * m]);
-            let sum = normal_equations_of(&f, &jac, weights, &mut g, &mut h);
-            (sum, g, h)
-        };
-        // Added in the order of the pieces, whoever computed them.
-        let pieces: Vec<_> = points.par_chunks(piece).enumerate().map(sums).collect();
-        let (gradient, hessian) = (&mut gradient[..m], &mut hessian[..m * m]);
-        gradient.fill(0.0);
-        hessian.fill(0.0);
-        let mut sum = 0.0;
-        for (s, g, h) in pieces {
-            sum += s;
-            gradient.iter_mut().zip(g).for_each(|(sum, v)| *sum += v);
-            hessian.iter_mut().zip(h).for_each(|(sum, v)| *sum += v);
-        }
-        sum
+        let mut feet = vec![Foot::NONE; points.len()];
+        self.feet(points, a, &mut feet);
+        self.normal_equations_at(&feet, weights, a, gradient, hessian)
     }
 
     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {

@@ -1,5 +1,6 @@
 //! What lies beside a part: other objects, and the tables and walls that it stands at.
 
+use crate::feet::KeptFeet;
 use crate::outliers::Neighbourhood;
 use crate::report::Fit;
 use crate::{Template, settle};
@@ -148,7 +149,8 @@ impl Fit {
             .filter(|(_, b)| b.is_some())
             .map(|(p, _)| *p)
             .collect();
-        let measured = settle::measured(template, &left_out, &self.values());
+        let distance = template.distance().map(KeptFeet::new);
+        let measured = settle::measured(template, distance.as_ref(), &left_out, &self.values());
         fn merged<T: Copy>(beside: &[Option<Beside>], kept: &[T], left_out: &[T]) -> Vec<T> {
             let (mut kept, mut left_out) = (kept.iter(), left_out.iter());
             let of = |b: &Option<Beside>| match b {

@@ -2,7 +2,10 @@
 
 use crate::deviation::Surface;
 use crate::fit::{EXACT, Task};
+use crate::judge::Finding;
+use crate::polish::Polish;
 use crate::report::PartStatistics;
+use crate::scan::MANY_STRAYS;
 use isoform_geom::{DistanceField, Foot, KdTree, Point3, dot, sub};
 
 /// Points whose neighbours are asked whether they are off alike.
@@ -35,6 +38,14 @@ const FEWEST: usize = 12;
 const OFF_RMS: f64 = 1.5;
 /// ... and that is beyond chance by this many deviations.
 const OFF_SURE: f64 = 5.0;
+/// A point is far off the model from this many robust deviations on: one of 16,000 by noise alone.
+const FAR: f64 = 4.0;
+/// Neighbours to its side that are as far make it one of a group...
+const ALIKE: usize = 2;
+/// ... and this many such points a feature: chance makes none, and dust has fewer.
+const TOGETHER: usize = 9;
+/// Deviations by which one side must outnumber the other, were they equally likely.
+const ONE_SIDED: f64 = 3.0;
 /// Samples that each bare one is compared with.
 const COMPARED: usize = 400;
 /// Cosine of the angle within which normals face the same way: 37 degrees, so that a view that sees
@@ -172,7 +183,7 @@ impl Task<'_> {
         parts: &[u32],
         statistics: &[PartStatistics],
         noise: f64,
-    ) -> Option<(String, f64)> {
+    ) -> Option<Finding> {
         if noise <= EXACT * self.data.diagonal() {
             return None;
         }
@@ -199,7 +210,55 @@ impl Task<'_> {
             })
             .collect();
         let is_noise = self.shared(&rest, at).1 < OFF_SURE;
-        is_noise.then(|| (worst.name.clone(), ratio))
+        is_noise.then(|| Finding::Misplaced {
+            piece: worst.name.clone(),
+            ratio,
+        })
+    }
+
+    /// Points far off the model to one side that lie together, where all others show nothing but
+    /// noise: a feature that the template lacks, or has where there is none.
+    pub(crate) fn together(&self, residuals: &[f64], at: &[Point3]) -> Option<Finding> {
+        let noise = Polish::scale(residuals);
+        let limit = FAR * noise;
+        let is_far = |i: usize| residuals[i].abs() > limit || !residuals[i].is_finite();
+        let far: Vec<usize> = (0..residuals.len()).filter(|i| is_far(*i)).collect();
+        let is_exact = noise <= EXACT * self.data.diagonal();
+        if is_exact || far.len() < TOGETHER || self.scan.isolated > MANY_STRAYS {
+            return None;
+        }
+        let tree = KdTree::new(&far.iter().map(|i| self.points[*i]).collect::<Vec<_>>());
+        let reach = (DENSE * self.near.spacing).powi(2);
+        let (mut inside, mut outside) = (0_usize, 0_usize);
+        let mut rest = residuals.to_vec();
+        let mut found = Vec::new();
+        for &i in &far {
+            rest[i] = 0.0;
+            // Its four nearest neighbours of all points, two of which at least are far.
+            self.near
+                .tree
+                .nearest_k(self.points[i], NEIGHBOURS + 1, &mut found);
+            let most = found.last().map_or(0.0, |f| f.0).min(reach);
+            let mut alike = 0;
+            tree.near(self.points[i], most, &mut |_, j| {
+                let j = far[j as usize];
+                alike += usize::from(j != i && residuals[i] * residuals[j] > 0.0);
+                most
+            });
+            if alike >= ALIKE {
+                let side = if residuals[i] > 0.0 {
+                    &mut inside
+                } else {
+                    &mut outside
+                };
+                *side += 1;
+            }
+        }
+        let count = inside + outside;
+        // Noise that is larger in places goes to both sides.
+        let is_one_sided = inside.abs_diff(outside) as f64 > ONE_SIDED * (count as f64).sqrt();
+        let is_found = count >= TOGETHER && is_one_sided;
+        (is_found && self.shared(&rest, at).1 < OFF_SURE).then_some(Finding::Together { count })
     }
 
     /// Looks for outliers that lie as densely as the surface does, among others alike: a shape that

@@ -1,6 +1,7 @@
 //! The one way through: outliers, search, comparison of candidates, polish, report.
 
 use crate::deviation::{self, Data};
+use crate::feet::KeptFeet;
 use crate::objective::Residuals;
 use crate::outliers::{HAS_OUTLIERS, Neighbourhood};
 use crate::polish::{Polish, Polished};
@@ -209,6 +210,8 @@ pub(crate) struct Task<'a> {
     pub(crate) options: &'a Options,
     pub(crate) control: &'a Control<'a>,
     pub(crate) space: Space,
+    /// The template's distance, if it has one.
+    pub(crate) kept: Option<KeptFeet<'a>>,
 }
 
 /// What came of refining a minimum.
@@ -283,6 +286,7 @@ impl<'a> Task<'a> {
             options,
             control,
             space,
+            kept: template.distance().map(KeptFeet::new),
         })
     }
 

@@ -123,6 +123,11 @@ pub enum Finding {
         /// Root mean square of its points' distances, in deviations of the noise.
         ratio: f64,
     },
+    /// Points together and off the model to one side, while the others show nothing but noise.
+    Together {
+        /// Points.
+        count: usize,
+    },
     /// The points are much nearer to each other's planes than to the model.
     AboveNoise {
         /// Root mean square distance from the model.
@@ -261,6 +266,12 @@ impl fmt::Display for Finding {
                 "the points of {piece} lie off it by {ratio:.1} times the noise, those of other \
                  pieces do not: it has another size, place or shape"
             ),
+            Self::Together { count } => write!(
+                f,
+                "{count} points lie together, off the model by more than four times the noise, and \
+                 the others show nothing but noise: a feature that the template lacks, or has too \
+                 much"
+            ),
             Self::AboveNoise { rms, noise } => write!(
                 f,
                 "the points lie {} off the model (rms), but only {} off planes through their \
@@ -351,12 +362,11 @@ fn short(v: f64) -> String {
 
 impl Task<'_> {
     /// The verdict, its findings, and warnings.
-    pub(crate) fn judge(&self, fit: &mut Fit, misplaced: Option<(String, f64)>) {
+    /// `local` is what was found at places.
+    pub(crate) fn judge(&self, fit: &mut Fit, local: impl Iterator<Item = Finding>) {
         self.warn(fit);
         fit.findings = self.findings(fit);
-        if let Some((piece, ratio)) = misplaced {
-            fit.findings.push(Finding::Misplaced { piece, ratio });
-        }
+        fit.findings.extend(local);
         let worst = fit.findings.iter().map(Finding::verdict).max();
         fit.verdict = worst.unwrap_or(Verdict::Accepted);
         fit.acceptable = fit.verdict == Verdict::Accepted;

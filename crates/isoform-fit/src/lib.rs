@@ -25,6 +25,7 @@ mod clutter;
 mod correlation;
 mod deviation;
 mod evidence;
+mod feet;
 mod fit;
 mod identify;
 mod judge;

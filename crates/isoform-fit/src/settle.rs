@@ -4,13 +4,14 @@
 use crate::bias::{Bias, Biased};
 use crate::correlation::Correlation;
 use crate::deviation::{self, Data, Surface};
+use crate::feet::KeptFeet;
 use crate::fit::{Clock, EXACT, Found, OUTLIER_DEVIATIONS, Task};
 use crate::identify::{At, Knowledge, product};
 use crate::objective::values;
 use crate::polish::{Polish, weight};
 use crate::rims::rims;
 use crate::{Loss, Template};
-use isoform_geom::{Foot, ParamField, Point3};
+use isoform_geom::{Foot, Nearby, ParamField, Point3};
 
 /// Points that settle the minimum and its intervals at first. More are taken where they would
 /// shrink an interval (see [`GAIN`]).
@@ -30,6 +31,12 @@ const OWN_DATA: f64 = 0.12;
 const BARE: f64 = 0.2;
 /// Fewest samples of a part that say anything of it.
 const FEWEST: usize = 6;
+/// Points off edges that a part may have by accident, at most: noise of its neighbours, strays.
+const ACCIDENTAL: usize = 2;
+/// Least probability of so few points on a part for which chance is believed.
+const CHANCE: f64 = 1e-4;
+/// Deviations of the noise within which points on an edge are taken for those of either face.
+const RIM: f64 = 3.0;
 /// A bias above this many standard deviations is asked for again after it was taken away.
 const LARGE: f64 = 0.5;
 /// Share of the bias that stays in the intervals as its own uncertainty.
@@ -94,8 +101,8 @@ impl Measured {
 impl Task<'_> {
     /// The distance itself; the metric reading where the template has none.
     pub(crate) fn measure(&self) -> &dyn ParamField {
-        match self.template.distance() {
-            Some(d) => d,
+        match &self.kept {
+            Some(kept) => kept,
             None => self.template.metric(),
         }
     }
@@ -334,7 +341,7 @@ impl Task<'_> {
         };
         let surface =
             deviation::model_to_data(self.template, &a, &data, self.options.surface_samples);
-        let open_parts = self.open_parts(&measured, noise, &surface);
+        let open_parts = self.open_parts(&measured, &a, noise, &surface);
         let mut mask = measured.mask(&open_parts);
         if mask.is_empty() && self.template.distance().is_none() {
             // Minima and maxima see points beyond a rim from the wrong piece.
@@ -353,8 +360,15 @@ impl Task<'_> {
     }
 
     /// Parts without data of their own: few points on them for their area, and either much of it
-    /// bare or most of the points near them off them.
-    fn open_parts(&self, measured: &Measured, noise: f64, surface: &Surface) -> Vec<bool> {
+    /// bare or most of the points near them off them; or no points but those of their neighbours'
+    /// rims.
+    fn open_parts(
+        &self,
+        measured: &Measured,
+        a: &[f64],
+        noise: f64,
+        surface: &Surface,
+    ) -> Vec<bool> {
         let names = self.template.part_names().len();
         let (mut samples, mut bare) = (vec![0_usize; names], vec![0_usize; names]);
         for (part, is_bare) in surface.parts.iter().zip(&surface.bare) {
@@ -380,18 +394,72 @@ impl Task<'_> {
                 // A part with all its points beside it is at a wrong place, not unseen.
                 let near = on[k] + off[k];
                 let is_shunned = off[k] > on[k] && (near as f64) < 0.5 * expected;
-                samples[k] >= FEWEST
+                let is_open = samples[k] >= FEWEST
                     && (on[k] as f64) < OWN_DATA * expected
-                    && (is_bare || is_shunned)
+                    && (is_bare || is_shunned);
+                is_open
+                    || (2.0 * (on[k] as f64) < expected
+                        && self.is_empty_off_edges(k, measured, a, noise, surface, density))
             })
             .collect()
+    }
+
+    /// Whether a part has points beside its edges only, where chance does not explain that: a hole
+    /// between the points of a face, which is no larger than their distances. `density` is that of
+    /// points among the samples of the surface.
+    fn is_empty_off_edges(
+        &self,
+        part: usize,
+        measured: &Measured,
+        a: &[f64],
+        noise: f64,
+        surface: &Surface,
+        density: f64,
+    ) -> bool {
+        let Some(distance) = self.template.distance() else {
+            return false;
+        };
+        let is_on = |parts: &[u32; 3]| parts[0] as usize == part;
+        let count_off_edges = |places: &[Foot]| {
+            let reach = RIM * noise;
+            let around = distance.nearby(places, a, reach, reach);
+            around.iter().filter(|n| **n == Nearby::Face).count()
+        };
+        let samples = surface
+            .points
+            .iter()
+            .zip(&surface.inward)
+            .zip(&surface.parts);
+        let samples: Vec<Foot> = samples
+            .filter(|(_, p)| **p as usize == part)
+            .map(|((at, inward), p)| on_face(*at, *inward, *p))
+            .collect();
+        let least = |count: usize| density * (count as f64 - (count as f64).sqrt());
+        if chance_of_few(0, least(samples.len())) > CHANCE {
+            return false;
+        }
+        let limit = OUTLIER_DEVIATIONS * noise.max(EXACT * self.data.diagonal());
+        let near = measured
+            .pieces
+            .iter()
+            .zip(&measured.residuals)
+            .zip(&measured.at);
+        let near: Vec<Point3> = near
+            .filter(|((met, r), _)| is_on(met) && r.abs() <= limit)
+            .map(|(_, at)| *at)
+            .collect();
+        let mut feet = vec![Foot::NONE; near.len()];
+        distance.feet(&near, a, &mut feet);
+        feet.retain(|foot| foot.order == 1 && is_on(&foot.pieces));
+        let count = count_off_edges(&feet);
+        count <= ACCIDENTAL && chance_of_few(count, least(count_off_edges(&samples))) <= CHANCE
     }
 
     /// Distances and parts of points.
     pub(crate) fn measured(&self, points: &[Point3], x: &[f64]) -> Measured {
         let mut a = vec![0.0; self.template.parameters().len()];
         self.space.parameters_at(x, &mut a);
-        measured(self.template, points, &a)
+        measured(self.template, self.kept.as_ref(), points, &a)
     }
 
     /// `normal` is the matrix of the normal equations, or empty.
@@ -528,28 +596,61 @@ impl Task<'_> {
     }
 }
 
-/// Distances and parts of points.
-pub(crate) fn measured(template: &dyn Template, points: &[Point3], a: &[f64]) -> Measured {
-    let mut out = Measured::default();
-    let Some(distance) = template.distance() else {
-        out.residuals = vec![0.0; points.len()];
-        values(template.metric(), points, a, &mut out.residuals);
-        let mut parts = vec![0; points.len()];
-        template.parts(points, a, &mut parts);
-        out.pieces = parts.into_iter().map(|part| [part; 3]).collect();
-        out.at = points.to_vec();
-        return out;
+/// A place on a face.
+fn on_face(at: Point3, inward: Point3, part: u32) -> Foot {
+    Foot {
+        distance: 0.0,
+        at,
+        inward,
+        pieces: [part; 3],
+        order: 1,
+        shares: [1.0, 0.0, 0.0],
+    }
+}
+
+/// The probability of no more than some points where another number is expected (Poisson).
+fn chance_of_few(points: usize, expected: f64) -> f64 {
+    let mut term = (-expected.max(0.0)).exp();
+    let mut sum = term;
+    for k in 1..=points {
+        term *= expected / k as f64;
+        sum += term;
+    }
+    sum
+}
+
+/// Distances and parts of points, by the template's own distance if it has one.
+pub(crate) fn measured(
+    template: &dyn Template,
+    distance: Option<&KeptFeet<'_>>,
+    points: &[Point3],
+    a: &[f64],
+) -> Measured {
+    let Some(distance) = distance else {
+        return by_metric(template, points, a);
     };
-    let mut feet = vec![Foot::NONE; points.len().min(BATCH)];
+    let mut out = Measured::default();
     for batch in points.chunks(BATCH) {
-        distance.feet(batch, a, &mut feet);
-        for foot in &feet[..batch.len()] {
+        for foot in &distance.at(batch, a).feet {
             out.residuals.push(foot.distance);
             out.pieces.push(foot.pieces);
             out.at.push(foot.at);
         }
     }
     out
+}
+
+/// Metric residuals and parts of points, which stand for their nearest places.
+fn by_metric(template: &dyn Template, points: &[Point3], a: &[f64]) -> Measured {
+    let mut residuals = vec![0.0; points.len()];
+    values(template.metric(), points, a, &mut residuals);
+    let mut parts = vec![0; points.len()];
+    template.parts(points, a, &mut parts);
+    Measured {
+        residuals,
+        pieces: parts.into_iter().map(|part| [part; 3]).collect(),
+        at: points.to_vec(),
+    }
 }
 
 /// What is known at a minimum.

@@ -82,7 +82,10 @@ impl Task<'_> {
             clustered: clusters.share,
             ..self.evidence(&a, &residuals, &at, &outliers, &surface, &open_parts)
         };
-        let misplaced = self.misplaced(&residuals, &outliers, &at, &parts, &part_statistics, noise);
+        let local = [
+            self.misplaced(&residuals, &outliers, &at, &parts, &part_statistics, noise),
+            self.together(&residuals, &at),
+        ];
         let other_minima = self.others(&found.outcome, &found.x, &used, &outliers);
         let mut fit = Fit {
             parameters,
@@ -126,7 +129,7 @@ impl Task<'_> {
             seconds: Vec::new(),
             complete: found.complete,
         };
-        self.judge(&mut fit, misplaced);
+        self.judge(&mut fit, local.into_iter().flatten());
         clock.lap("report");
         clock.seconds.insert(0, ("outliers", self.scan.seconds));
         fit.seconds = clock.seconds;

@@ -265,6 +265,18 @@ pub trait DistanceField: ParamField {
     /// # Panics
     /// If `jac` is shorter than the feet times the parameters.
     fn jacobian_of(&self, feet: &[Foot], a: &[f64], jac: &mut [f64]);
+    /// [`ParamField::normal_equations`] where the feet of the points are known.
+    ///
+    /// # Panics
+    /// If `gradient` or `hessian` is too short.
+    fn normal_equations_at(
+        &self,
+        feet: &[Foot],
+        weights: &[f64],
+        a: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut [f64],
+    ) -> f64;
     /// What is near each place of the surface. Other faces count within `reach` of the place, and
     /// disturb an edge within twice [`Edge::LEAST`] of that. Edges are met up to `strip` away.
     fn nearby(&self, places: &[Foot], a: &[f64], reach: f64, strip: f64) -> Vec<Nearby>;

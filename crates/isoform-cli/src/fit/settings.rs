@@ -135,10 +135,18 @@ impl Adjusted {
 
     /// Holds parameters.
     pub(crate) fn hold(&mut self, fixed: &[(String, f64)]) -> Result<(), Failure> {
+        let mut held = Vec::new();
         for (name, value) in fixed {
             let i = self
                 .index(name)
                 .map_err(|why| Failure::usage(format!("--fix {name}: {why}")))?;
+            if held.contains(&i) {
+                return Err(Failure::usage(format!(
+                    "--fix {name}: {} is held twice",
+                    self.parameters[i].name
+                )));
+            }
+            held.push(i);
             let p = &mut self.parameters[i];
             p.fixed = Some(value - self.shift[i]);
             p.tie = None;

@@ -1,0 +1,79 @@
+//! The distance with the nearest places that were found last: the stages after a minimum ask once
+//! more for those that its last evaluation found.
+
+use isoform_geom::{DistanceField, Foot, ParamField, Point3};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A distance that keeps the feet of its last evaluation.
+pub(crate) struct KeptFeet<'a> {
+    distance: &'a dyn DistanceField,
+    last: Mutex<Option<Arc<Feet>>>,
+}
+
+/// Feet, and what they were asked for.
+#[derive(Default)]
+pub(crate) struct Feet {
+    points: Vec<Point3>,
+    a: Vec<f64>,
+    pub(crate) feet: Vec<Foot>,
+}
+
+impl<'a> KeptFeet<'a> {
+    pub(crate) fn new(distance: &'a dyn DistanceField) -> Self {
+        Self {
+            distance,
+            last: Mutex::new(None),
+        }
+    }
+
+    /// The feet of points at parameters `a`.
+    pub(crate) fn at(&self, points: &[Point3], a: &[f64]) -> Arc<Feet> {
+        let is_asked = |last: &Arc<Feet>| last.a == a && last.points == points;
+        let mut last = self.lock();
+        if let Some(known) = last.clone().filter(is_asked) {
+            return known;
+        }
+        // Its memory serves again: a million fresh bytes cost as much as a tenth of the feet.
+        let mut found = last.take().and_then(Arc::into_inner).unwrap_or_default();
+        drop(last);
+        found.points.clear();
+        found.points.extend_from_slice(points);
+        a.clone_into(&mut found.a);
+        found.feet.resize(points.len(), Foot::NONE);
+        self.distance.feet(points, a, &mut found.feet);
+        let found = Arc::new(found);
+        *self.lock() = Some(Arc::clone(&found));
+        found
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Option<Arc<Feet>>> {
+        self.last.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl ParamField for KeptFeet<'_> {
+    fn dim(&self) -> usize {
+        self.distance.dim()
+    }
+    fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]) {
+        self.distance.values(points, a, out);
+    }
+    fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
+        self.distance.jacobian(points, a, out, jac);
+    }
+    fn normal_equations(
+        &self,
+        points: &[Point3],
+        weights: &[f64],
+        a: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut [f64],
+    ) -> f64 {
+        let found = self.at(points, a);
+        self.distance
+            .normal_equations_at(&found.feet, weights, a, gradient, hessian)
+    }
+    fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]) {
+        self.distance.gradients(points, a, out, gradients);
+    }
+}
