@@ -1,7 +1,10 @@
 //! What lies beside a part: other objects, and the tables and walls that it stands at.
 
+use crate::evidence::FAR;
 use crate::feet::KeptFeet;
+use crate::judge::Finding;
 use crate::outliers::Neighbourhood;
+use crate::polish::Polish;
 use crate::report::Fit;
 use crate::{Template, settle};
 use isoform_geom::{KdTree, Point3, across, cross, dot, sub};
@@ -124,6 +127,18 @@ impl<'a> Clutter<'a> {
     }
 }
 
+impl Clutter<'_> {
+    /// What is left of the planes beside the part, within its outline: which of the points that were
+    /// fitted lie on such a plane and far off the model.
+    pub fn fringe(&self, fit: &Fit, points: &[Point3]) -> Vec<bool> {
+        let limit = FAR * Polish::scale(&fit.residuals);
+        let is_level = |p: &Point3| self.planes.iter().any(|plane| plane.is_level(*p));
+        let all = points.iter().zip(&fit.residuals);
+        all.map(|(p, r)| (r.is_nan() || r.abs() > limit) && is_level(p))
+            .collect()
+    }
+}
+
 impl std::fmt::Debug for Clutter<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Clutter")
@@ -172,6 +187,10 @@ impl Fit {
         self.n_points = points.len();
         self.n_outliers += strays;
         self.n_left_out = n - strays;
+        if strays > 0 {
+            // Those that remain near the part may lie together by chance.
+            self.drop_findings(|f| matches!(f, Finding::Together { .. }));
+        }
         self
     }
 }
@@ -275,9 +294,14 @@ impl Plane {
         self.axes.map(|axis| dot(sub(p, self.at), axis))
     }
 
+    /// Whether a point is on the plane.
+    fn is_level(&self, p: Point3) -> bool {
+        dot(sub(p, self.at), self.normal).abs() <= self.thick
+    }
+
     /// Whether a point is on the plane, beyond the outline.
     fn holds(&self, p: Point3) -> bool {
-        if dot(sub(p, self.at), self.normal).abs() > self.thick {
+        if !self.is_level(p) {
             return false;
         }
         let q = self.flat(p);

@@ -39,11 +39,11 @@ const OFF_RMS: f64 = 1.5;
 /// ... and that is beyond chance by this many deviations.
 const OFF_SURE: f64 = 5.0;
 /// A point is far off the model from this many robust deviations on: one of 16,000 by noise alone.
-const FAR: f64 = 4.0;
+pub(crate) const FAR: f64 = 4.0;
 /// Neighbours to its side that are as far make it one of a group...
 const ALIKE: usize = 2;
 /// ... and this many such points a feature: chance makes none, and dust has fewer.
-const TOGETHER: usize = 9;
+const LEAST_TOGETHER: usize = 9;
 /// Deviations by which one side must outnumber the other, were they equally likely.
 const ONE_SIDED: f64 = 3.0;
 /// Samples that each bare one is compared with.
@@ -224,7 +224,7 @@ impl Task<'_> {
         let is_far = |i: usize| residuals[i].abs() > limit || !residuals[i].is_finite();
         let far: Vec<usize> = (0..residuals.len()).filter(|i| is_far(*i)).collect();
         let is_exact = noise <= EXACT * self.data.diagonal();
-        if is_exact || far.len() < TOGETHER || self.scan.isolated > MANY_STRAYS {
+        if is_exact || far.len() < LEAST_TOGETHER || self.scan.isolated > MANY_STRAYS {
             return None;
         }
         let tree = KdTree::new(&far.iter().map(|i| self.points[*i]).collect::<Vec<_>>());
@@ -257,7 +257,7 @@ impl Task<'_> {
         let count = inside + outside;
         // Noise that is larger in places goes to both sides.
         let is_one_sided = inside.abs_diff(outside) as f64 > ONE_SIDED * (count as f64).sqrt();
-        let is_found = count >= TOGETHER && is_one_sided;
+        let is_found = count >= LEAST_TOGETHER && is_one_sided;
         (is_found && self.shared(&rest, at).1 < OFF_SURE).then_some(Finding::Together { count })
     }
 

@@ -269,8 +269,8 @@ impl fmt::Display for Finding {
             Self::Together { count } => write!(
                 f,
                 "{count} points lie together, off the model by more than four times the noise, and \
-                 the others show nothing but noise: a feature that the template lacks, or has too \
-                 much"
+                 the others show nothing but noise: clutter, or a feature that the template lacks \
+                 or has too much"
             ),
             Self::AboveNoise { rms, noise } => write!(
                 f,
@@ -360,21 +360,33 @@ fn short(v: f64) -> String {
     format!("{v:.digits$}")
 }
 
+impl Fit {
+    /// The verdict that the findings make.
+    fn decide(&mut self) {
+        let worst = self.findings.iter().map(Finding::verdict).max();
+        self.verdict = worst.unwrap_or(Verdict::Accepted);
+        self.acceptable = self.verdict == Verdict::Accepted;
+        self.reasons = self.findings.iter().map(ToString::to_string).collect();
+    }
+
+    /// Takes findings back.
+    pub(crate) fn drop_findings(&mut self, is_dropped: impl Fn(&Finding) -> bool) {
+        self.findings.retain(|f| !is_dropped(f));
+        self.decide();
+    }
+}
+
 impl Task<'_> {
     /// The verdict, its findings, and warnings.
     /// `local` is what was found at places.
     pub(crate) fn judge(&self, fit: &mut Fit, local: impl Iterator<Item = Finding>) {
         self.warn(fit);
-        fit.findings = self.findings(fit);
-        fit.findings.extend(local);
-        let worst = fit.findings.iter().map(Finding::verdict).max();
-        fit.verdict = worst.unwrap_or(Verdict::Accepted);
-        fit.acceptable = fit.verdict == Verdict::Accepted;
-        fit.reasons = fit.findings.iter().map(ToString::to_string).collect();
+        fit.findings = self.findings(fit, local.collect());
+        fit.decide();
     }
 
-    fn findings(&self, fit: &Fit) -> Vec<Finding> {
-        let mut out = Vec::new();
+    fn findings(&self, fit: &Fit, local: Vec<Finding>) -> Vec<Finding> {
+        let mut out = local;
         self.misfit_findings(fit, &mut out);
         self.outlier_findings(fit, &mut out);
         let bare = fit.evidence.bare;

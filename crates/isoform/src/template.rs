@@ -211,14 +211,15 @@ impl FrepTemplate {
     }
 
     /// The template with wider bounds where values have reached bounds that are shares of the box:
-    /// those presume that the scan shows the whole part. None where no value did.
-    pub fn widened(&self, values: &[f64], points: &[Point3]) -> Option<Self> {
+    /// those presume that the scan shows the whole part. A value reached a bound if it is within a
+    /// share `near` of the range of it. None where no value did.
+    pub fn widened(&self, values: &[f64], points: &[Point3], near: f64) -> Option<Self> {
         let mut slack = self.slack.clone();
         let mut is_wider = false;
         for (i, info) in self.model.params().iter().enumerate() {
             let p = &self.parameters[i];
             let range = p.max.unwrap_or(f64::INFINITY) - p.min.unwrap_or(f64::NEG_INFINITY);
-            let gap = (AT_BOUND * range).max(0.0);
+            let gap = (near * range).max(0.0);
             let is_share = |amount: Option<Amount>| amount.is_some_and(Amount::is_share);
             if is_share(info.max) && p.max.is_some_and(|max| values[i] > max - gap) {
                 (slack[i].1, is_wider) = (slack[i].1 * SLACK, true);
@@ -367,8 +368,6 @@ fn own_parameter(info: &ParamInfo, extents: Point3, slack: (f64, f64)) -> Parame
     }
 }
 
-/// A value this near to a bound, as a share of the range, has reached it.
-const AT_BOUND: f64 = 0.005;
 /// Factor on a bound that gave way. A quarter of a round part shows half of its box: two steps do.
 const SLACK: f64 = 2.0;
 /// Rodrigues vectors are sought within this about the base rotation: 53° about each axis. The base

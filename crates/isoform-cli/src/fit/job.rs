@@ -276,6 +276,11 @@ const ASKEW: f64 = 5e-3;
 const OTHER_SEED: u64 = 0x5EED;
 /// Two searches agree when their misfits differ by less than this share.
 const AGREE: f64 = 0.03;
+/// A value this near to a bound, as a share of the range, has reached it.
+const AT_BOUND: f64 = 0.005;
+/// The same for a fit that is not accepted: one that a bound keeps from its place may end beside
+/// the bound, too.
+const BESIDE_BOUND: f64 = 0.05;
 /// Rounds in which bounds that are shares of the box give way.
 const WIDENINGS: usize = 2;
 
@@ -317,12 +322,15 @@ impl Task<'_> {
         let scan = isoform::fit::Scan::new(points, self.options, self.control)
             .map_err(|e| failure(&e, self.scan))?;
         let clutter = scan.clutter();
-        let beside: Vec<Option<Beside>> = points
+        let mut beside: Vec<Option<Beside>> = points
             .iter()
             .map(|p| clutter.of(*p).filter(|b| !self.request.keep.contains(b)))
             .collect();
-        let kept = points.iter().zip(&beside).filter(|(_, b)| b.is_none());
-        let kept: Vec<Point3> = kept.map(|(p, _)| *p).collect();
+        let kept_of = |beside: &[Option<Beside>]| -> Vec<Point3> {
+            let kept = points.iter().zip(beside).filter(|(_, b)| b.is_none());
+            kept.map(|(p, _)| *p).collect()
+        };
+        let mut kept = kept_of(&beside);
         whole
             .seconds
             .push(("clutter", started.elapsed().as_secs_f64()));
@@ -335,13 +343,27 @@ impl Task<'_> {
         let Ok(mut part) = self.fit_in_pose(&kept, &mut alone) else {
             return Ok(whole);
         };
+        let fringe = clutter.fringe(&part, &kept);
+        if fringe.contains(&true) && !self.request.keep.contains(&Beside::Plane) {
+            let mut of_kept = fringe.iter();
+            for b in beside.iter_mut().filter(|b| b.is_none()) {
+                *b = of_kept.next().filter(|f| **f).map(|_| Beside::Plane);
+            }
+            kept = kept_of(&beside);
+            let mut again = self.adjusted(make(&kept)?)?;
+            let Ok(mut found) = self.fit_in_pose(&kept, &mut again) else {
+                return Ok(whole);
+            };
+            found.add_seconds(&part);
+            (part, alone) = (found, again);
+        }
+        part = part.with_left_out(&alone, points, &beside);
         if part.verdict >= whole.verdict {
             whole.add_seconds(&part);
             return Ok(whole);
         }
         part.add_seconds(&whole);
         *template = alone;
-        let mut part = part.with_left_out(template, points, &beside);
         for (kind, what, option) in [
             (Beside::Plane, "on a plane beyond the part", "--keep-planes"),
             (Beside::Apart, "apart from the part", "--keep-apart"),
@@ -420,7 +442,12 @@ impl Task<'_> {
         let mut result = settle(&scan, template, options, control, best).map_err(failed)?;
         for _ in 0..WIDENINGS {
             let values = result.values();
-            let Some(frep) = template.frep.widened(&values, points) else {
+            let near = if result.acceptable {
+                AT_BOUND
+            } else {
+                BESIDE_BOUND
+            };
+            let Some(frep) = template.frep.widened(&values, points, near) else {
                 break;
             };
             let wider = self.adjusted(frep)?;
