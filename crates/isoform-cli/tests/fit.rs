@@ -198,6 +198,16 @@ fn bounds_starts_and_fixed_values() {
     let o = isoform(&["fit", &scan, "-t", &hf, "--json", "--start", "1,2"]);
     assert_eq!(code(&o), 1);
     assert!(stdout(&o).contains("2 values for 4") && stdout(&o).contains("cx, cy, cz, radius"));
+    let twice = [
+        "fit", &scan, "-t", &hf, "--fix", "radius=1", "--fix", "a[4]=2",
+    ];
+    let o = isoform(&twice);
+    assert_eq!(code(&o), 1);
+    assert!(
+        stderr(&o).contains("radius is held twice"),
+        "{}",
+        stderr(&o)
+    );
     let o = isoform(&["fit", &scan, "-t", &hf, "--json", "--fix", "size=1"]);
     assert_eq!(
         (code(&o), document(&o)["error"]["code"].as_str()),

@@ -75,6 +75,31 @@ fn a_block_of_products_has_its_exact_distance_and_derivatives() {
 }
 
 #[test]
+fn normal_equations_are_the_sums_of_rows() {
+    let d = distance(product_block, 3);
+    let a = [7.0, 4.0, 2.0];
+    // Several pieces of work, the last one not full.
+    let points = random_points(5003, [4.5, 3.0, 2.0], 5);
+    let weights: Vec<f64> = (0..points.len()).map(|i| (i % 4) as f64).collect();
+    let (mut f, mut jac) = (vec![0.0; points.len()], vec![0.0; 3 * points.len()]);
+    d.jacobian(&points, &a, &mut f, &mut jac);
+    let sum_of = |term: &dyn Fn(usize) -> f64| (0..points.len()).map(term).sum::<f64>();
+    let (mut gradient, mut hessian) = ([1.0; 3], [1.0; 9]);
+    let sum = d.normal_equations(&points, &weights, &a, &mut gradient, &mut hessian);
+    let is_near = |found: f64, wanted: f64| (found - wanted).abs() < 1e-9 * (1.0 + wanted.abs());
+    assert!(is_near(sum, sum_of(&|i| weights[i] * f[i] * f[i])));
+    for j in 0..3 {
+        let wanted = sum_of(&|i| weights[i] * f[i] * jac[3 * i + j]);
+        assert!(is_near(gradient[j], wanted), "{} {wanted}", gradient[j]);
+        for k in 0..3 {
+            let wanted = sum_of(&|i| weights[i] * jac[3 * i + j] * jac[3 * i + k]);
+            let found = hessian[3 * j + k];
+            assert!(is_near(found, wanted), "{found} {wanted}");
+        }
+    }
+}
+
+#[test]
 fn a_seam_between_stacked_cylinders_is_no_surface() {
     // Radius 2 for z in [0, 1], radius 1 for z in [1, 2].
     let d = distance(

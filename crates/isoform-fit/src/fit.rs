@@ -34,8 +34,9 @@ const NOISY: f64 = 1.3;
 const TAIL: f64 = 1.1;
 /// Distances beyond this share of the diagonal do not make a candidate worse.
 const CUT: f64 = 0.05;
-/// A correlation of neighbouring residuals below this is none that a wrong model would show.
-const ALIKE: f64 = 0.2;
+/// A correlation of neighbouring residuals below this is none that a wrong model would show: two
+/// of its deviations by chance. With 0.2 a flange with its six holes at a wrong place passed.
+const ALIKE: f64 = 0.1;
 /// Throws of pieces when a minimum is refined by distances: at least, at most, side by side.
 const LEAST_REFINED: usize = 16;
 const MOST_REFINED: usize = 80;
@@ -471,8 +472,7 @@ impl<'a> Task<'a> {
         })
     }
 
-    /// Whether what is left of the points' distances is as low as the noise between neighbours, or
-    /// neighbours do not share it.
+    /// Whether what is left of the points' distances is not shared by neighbours.
     fn looks_like_noise(&self, x: &[f64]) -> bool {
         let r = self.polish(0).residuals(self.points, x);
         if Polish::scale(&r) < EXACT * self.data.diagonal() {
@@ -484,7 +484,7 @@ impl<'a> Task<'a> {
         if rms > TAIL * Polish::scale(&r) {
             return false;
         }
-        rms < NOISY * self.scan.local_noise || self.correlation(&r) < ALIKE
+        self.correlation(&r) < ALIKE
     }
 
     /// Correlation of the residuals of neighbours.

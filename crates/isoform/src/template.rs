@@ -677,6 +677,21 @@ my_model(x[3], a[3]) { array v[3]; v[1] = 0-a[1]/2; v[2] = 0-a[2]/2; v[3] = 0-a[
     }
 
     #[test]
+    fn bounds_give_way_where_values_come_near_them() {
+        let text = "-- @pose translate\n-- @param a[1] r length min=10%x max=60%x\n\
+            my_model(x[3], a[1]) { my_model = a[1]^2 - x[1]^2 - x[2]^2 - x[3]^2; }";
+        let model = Model::parse(text, Mode::Default).expect("a program");
+        let points = [[0.0; 3], [10.0, 0.0, 0.0], [5.0, 5.0, 5.0]];
+        let template = FrepTemplate::new(&model, &points).expect("a template");
+        let top = template.parameters()[0].max.expect("a bound");
+        let range = top - template.parameters()[0].min.expect("a bound");
+        let values = [top - 0.03 * range, 0.0, 0.0, 0.0];
+        assert!(template.widened(&values, &points, 0.005).is_none());
+        let wider = template.widened(&values, &points, 0.05).expect("near");
+        assert!(wider.parameters()[0].max.expect("a bound") > 1.9 * top);
+    }
+
+    #[test]
     fn programs_that_are_no_expression_are_fitted_too() {
         // The loop's end depends on a parameter, so this is run statement by statement: a ball of
         // radius a[1] + 1, as three halves.
