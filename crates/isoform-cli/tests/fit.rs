@@ -82,6 +82,21 @@ fn a_ball_is_found_and_told_of() {
 }
 
 #[test]
+fn one_stray_point_does_not_count() {
+    let dir = Folder::new("stray");
+    let template = dir.file("ball.hf", BALL);
+    dir.ball(0.0);
+    for stray in ["8 2 3\n", "1e4 2 3\n", "1e308 2 3\n"] {
+        let scan = dir.file("stray.xyz", dir.text("ball.xyz") + stray);
+        let o = isoform(&["fit", &scan, "--template", &template, "--json"]);
+        let j = document(&o);
+        assert_eq!(code(&o), 0, "{j}");
+        assert!((value(&j, 3) - 2.0).abs() < 1e-3, "{j}");
+        assert_eq!(j["n_outliers"].as_u64(), Some(1), "{j}");
+    }
+}
+
+#[test]
 fn a_table_is_left_out_unless_it_is_to_be_kept() {
     let dir = Folder::new("table");
     let template = dir.file("ball.hf", BALL);

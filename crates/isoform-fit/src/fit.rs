@@ -32,6 +32,11 @@ const NOISY: f64 = 1.3;
 /// Root mean square over robust deviation from which distances have a tail: noise of some thousand
 /// points shows up to 1.05, a hole of one per cent of the points astray 1.2.
 const TAIL: f64 = 1.1;
+/// Noise has no point farther off than this many robust deviations: one of 10¹⁵...
+const STRAY: f64 = 8.0;
+/// ... and the squares of points that are come to this share of all others' before they are given
+/// less weight: a tenth of them in one point moves the values by a third of their deviations.
+const RULING: f64 = 0.1;
 /// Distances beyond this share of the diagonal do not make a candidate worse.
 const CUT: f64 = 0.05;
 /// A correlation of neighbouring residuals below this is none that a wrong model would show: two
@@ -309,20 +314,35 @@ impl<'a> Task<'a> {
     /// Whether residuals are no noise but a shape that the template lacks (rounded edges, a bulge):
     /// neighbours are off alike. Least squares would spread the misfit over all dimensions; a
     /// robust loss leaves it where it is.
-    fn is_systematic(&self, polish: &Polish<'_>, x: &[f64]) -> bool {
+    fn is_systematic(&self, r: &[f64], scale: f64) -> bool {
         const PROBES: usize = 250;
-        let r = polish.residuals(self.points, x);
-        if Polish::scale(&r) <= EXACT * self.data.diagonal() {
+        if scale <= EXACT * self.data.diagonal() {
             return false;
         }
         let order = &self.order[..PROBES.min(self.order.len())];
         deviation::neighbour_correlation(
             self.points,
-            &r,
+            r,
             &vec![false; r.len()],
             &self.near.tree,
             order,
         ) > CORRELATED
+    }
+
+    /// Whether few points far off, fewer than make tails, would rule a sum of squares: one stray
+    /// point among three hundred.
+    fn has_strays(&self, r: &[f64], scale: f64) -> bool {
+        let limit = STRAY * scale.max(EXACT * self.data.diagonal());
+        let (mut strays, mut others) = (0.0, 0.0);
+        for r in r.iter().filter(|r| !r.is_nan()) {
+            let sum = if r.abs() > limit {
+                &mut strays
+            } else {
+                &mut others
+            };
+            *sum += r * r;
+        }
+        strays > RULING * others
     }
 
     pub(crate) fn some(&self, count: usize) -> Vec<Point3> {
@@ -426,8 +446,11 @@ impl<'a> Task<'a> {
         history.extend(rough.history.iter().cloned());
         control.report("polish", 0.3);
         let loss = match options.loss {
-            Loss::Auto if rough.loss == Loss::Squares && self.is_systematic(&polish, &rough.x) => {
-                Loss::Tukey
+            Loss::Auto if rough.loss == Loss::Squares => {
+                let r = polish.residuals(self.points, &rough.x);
+                let scale = Polish::scale(&r);
+                let is_noise = !self.has_strays(&r, scale) && !self.is_systematic(&r, scale);
+                if is_noise { Loss::Squares } else { Loss::Tukey }
             }
             Loss::Auto => rough.loss,
             said => said,

@@ -153,12 +153,6 @@ pub(crate) fn run_model(
         seconds,
     } = scan;
     let mut warnings = read.warnings.clone();
-    if read.dropped_points > 0 {
-        warnings.push(format!(
-            "{} points are not finite and were left out",
-            read.dropped_points
-        ));
-    }
     if cloud.points.is_empty() {
         return Err(
             Failure::input("no-points", format!("{name}: there is no point to fit to"))
@@ -486,7 +480,7 @@ fn failure(error: &FitError, scan: &str) -> Failure {
         FitError::NothingFree => Failure::usage(message).hint("fewer --fix"),
         FitError::NotFinite { .. } | FitError::Length { .. } => Failure::usage(message),
         FitError::TooFewPoints { .. } => Failure::input("few-points", format!("{scan}: {message}"))
-            .hint("--fix some parameters, or a denser scan"),
+            .hint("--fix some parameters, a denser scan, or a larger --max-points"),
         FitError::NoFiniteStart { .. } => Failure::new(NO_RESULT, "no-finite-value", message)
             .hint("--start or --bounds within the template's domain"),
         FitError::Stopped if interrupt::happened() => {
