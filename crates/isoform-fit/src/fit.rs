@@ -332,7 +332,11 @@ impl<'a> Task<'a> {
     /// Whether few points far off, fewer than make tails, would rule a sum of squares: one stray
     /// point among three hundred.
     fn has_strays(&self, r: &[f64], scale: f64) -> bool {
-        let limit = STRAY * scale.max(EXACT * self.data.diagonal());
+        if scale <= EXACT * self.data.diagonal() {
+            // What is off exact points is a shape, and weighs as such.
+            return false;
+        }
+        let limit = STRAY * scale;
         let (mut strays, mut others) = (0.0, 0.0);
         for r in r.iter().filter(|r| !r.is_nan()) {
             let sum = if r.abs() > limit {
