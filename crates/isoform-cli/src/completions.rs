@@ -49,6 +49,7 @@ fn with_names(shell: Shell, text: &str) -> String {
 /// Names, programs, and folders on the way to them.
 fn bash(names: &str) -> String {
     format!(
-        "                    COMPREPLY=($(compgen -W \"{names}\" -- \"${{cur}}\") $(compgen -f -X '!*.hf' -- \"${{cur}}\") $(compgen -d -S / -- \"${{cur}}\"))"
+        "                    COMPREPLY=($(compgen -W \"{names}\" -- \"${{cur}}\") \
+         $(compgen -f -X '!*.hf' -- \"${{cur}}\") $(compgen -d -S / -- \"${{cur}}\"))"
     )
 }

@@ -24,8 +24,8 @@ use crate::graph::Graph;
 use crate::shape::{Join, Shape};
 use crate::tape::Tape;
 use isoform_geom::{
-    Aabb, DistanceField, Foot, Frame, Nearby, ParamField, Point3, distance_squared, dot,
-    normal_equations_of, sub,
+    Aabb, DistanceField, Foot, Frame, Nearby, ParamField, Point3, add_normal_equations,
+    distance_squared, dot, normal_equations_of, sub,
 };
 use rayon::prelude::*;
 
@@ -206,18 +206,8 @@ impl DistanceField for Distance {
             let sum = normal_equations_of(&f, &jac, weights, &mut g, &mut h);
             (sum, g, h)
         };
-        // Added in the order of the pieces, whoever computed them.
         let pieces: Vec<_> = feet.par_chunks(piece).enumerate().map(sums).collect();
-        let (gradient, hessian) = (&mut gradient[..m], &mut hessian[..m * m]);
-        gradient.fill(0.0);
-        hessian.fill(0.0);
-        let mut sum = 0.0;
-        for (s, g, h) in pieces {
-            sum += s;
-            gradient.iter_mut().zip(g).for_each(|(sum, v)| *sum += v);
-            hessian.iter_mut().zip(h).for_each(|(sum, v)| *sum += v);
-        }
-        sum
+        add_normal_equations(pieces, &mut gradient[..m], &mut hessian[..m * m])
     }
 
     fn nearby(&self, places: &[Foot], a: &[f64], reach: f64, strip: f64) -> Vec<Nearby> {

@@ -46,7 +46,7 @@ pub fn minimize(
         return Minimum {
             x,
             value: f64::INFINITY,
-            normal: Vec::new(),
+            normal: None,
             iterations,
             stop: Stop::NotFinite,
         };
@@ -158,7 +158,7 @@ pub fn minimize(
     Minimum {
         x,
         value,
-        normal: Vec::new(),
+        normal: None,
         iterations,
         stop,
     }

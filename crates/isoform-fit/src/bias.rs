@@ -410,14 +410,7 @@ impl Biased<'_> {
 
 /// The place of an edge as one on either of its faces.
 fn faces(edge: &Edge) -> [Foot; 2] {
-    [0, 1].map(|side| Foot {
-        distance: 0.0,
-        at: edge.at,
-        inward: edge.inward[side],
-        pieces: [edge.pieces[side]; 3],
-        order: 1,
-        shares: [1.0, 0.0, 0.0],
-    })
+    [0, 1].map(|side| Foot::on_face(edge.at, edge.inward[side], edge.pieces[side]))
 }
 
 /// Sums over a piece of the simulated points.

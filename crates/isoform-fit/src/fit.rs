@@ -217,7 +217,7 @@ pub(crate) struct Task<'a> {
     pub(crate) control: &'a Control<'a>,
     pub(crate) space: Space,
     /// The template's distance, if it has one.
-    pub(crate) kept: Option<KeptFeet<'a>>,
+    pub(crate) distance: Option<KeptFeet<'a>>,
 }
 
 /// What came of refining a minimum.
@@ -292,7 +292,7 @@ impl<'a> Task<'a> {
             options,
             control,
             space,
-            kept: template.distance().map(KeptFeet::new),
+            distance: template.distance().map(KeptFeet::new),
         })
     }
 
@@ -314,39 +314,9 @@ impl<'a> Task<'a> {
     /// Whether residuals are no noise but a shape that the template lacks (rounded edges, a bulge):
     /// neighbours are off alike. Least squares would spread the misfit over all dimensions; a
     /// robust loss leaves it where it is.
-    fn is_systematic(&self, r: &[f64], scale: f64) -> bool {
+    fn is_systematic(&self, r: &[f64]) -> bool {
         const PROBES: usize = 250;
-        if scale <= EXACT * self.data.diagonal() {
-            return false;
-        }
-        let order = &self.order[..PROBES.min(self.order.len())];
-        deviation::neighbour_correlation(
-            self.points,
-            r,
-            &vec![false; r.len()],
-            &self.near.tree,
-            order,
-        ) > CORRELATED
-    }
-
-    /// Whether few points far off, fewer than make tails, would rule a sum of squares: one stray
-    /// point among three hundred.
-    fn has_strays(&self, r: &[f64], scale: f64) -> bool {
-        if scale <= EXACT * self.data.diagonal() {
-            // What is off exact points is a shape, and weighs as such.
-            return false;
-        }
-        let limit = STRAY * scale;
-        let (mut strays, mut others) = (0.0, 0.0);
-        for r in r.iter().filter(|r| !r.is_nan()) {
-            let sum = if r.abs() > limit {
-                &mut strays
-            } else {
-                &mut others
-            };
-            *sum += r * r;
-        }
-        strays > RULING * others
+        self.correlation(r, &self.order[..PROBES.min(self.order.len())]) > CORRELATED
     }
 
     pub(crate) fn some(&self, count: usize) -> Vec<Point3> {
@@ -453,8 +423,13 @@ impl<'a> Task<'a> {
             Loss::Auto if rough.loss == Loss::Squares => {
                 let r = polish.residuals(self.points, &rough.x);
                 let scale = Polish::scale(&r);
-                let is_noise = !self.has_strays(&r, scale) && !self.is_systematic(&r, scale);
-                if is_noise { Loss::Squares } else { Loss::Tukey }
+                // What is off exact points is a shape, and weighs as such.
+                let is_exact = scale <= EXACT * self.data.diagonal();
+                if is_exact || !(has_strays(&r, scale) || self.is_systematic(&r)) {
+                    Loss::Squares
+                } else {
+                    Loss::Tukey
+                }
             }
             Loss::Auto => rough.loss,
             said => said,
@@ -511,13 +486,13 @@ impl<'a> Task<'a> {
         if rms > TAIL * Polish::scale(&r) {
             return false;
         }
-        self.correlation(&r) < ALIKE
+        self.correlation(&r, self.order) < ALIKE
     }
 
-    /// Correlation of the residuals of neighbours.
-    fn correlation(&self, r: &[f64]) -> f64 {
+    /// Correlation of the residuals of neighbours, from the first points of an order.
+    fn correlation(&self, r: &[f64], order: &[u32]) -> f64 {
         let none = vec![false; r.len()];
-        deviation::neighbour_correlation(self.points, r, &none, &self.near.tree, self.order)
+        deviation::neighbour_correlation(self.points, r, &none, &self.near.tree, order)
     }
 
     /// The search once more, by distances: the pieces of the minimum are thrown elsewhere one by
@@ -754,4 +729,20 @@ impl<'a> Task<'a> {
             }
         })
     }
+}
+
+/// Whether few points far off, fewer than make tails, would rule a sum of squares: one stray point
+/// among three hundred.
+fn has_strays(r: &[f64], scale: f64) -> bool {
+    let limit = STRAY * scale;
+    let (mut strays, mut others) = (0.0, 0.0);
+    for r in r.iter().filter(|r| !r.is_nan()) {
+        let sum = if r.abs() > limit {
+            &mut strays
+        } else {
+            &mut others
+        };
+        *sum += r * r;
+    }
+    strays > RULING * others
 }

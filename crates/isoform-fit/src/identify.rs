@@ -112,16 +112,16 @@ impl At<'_> {
 
     /// Open directions and the covariance of what is determined. Only variables that `suspect`
     /// names, or that are weak, are moved: each move costs two sums over the points.
-    /// `normal` is the matrix of the normal equations; empty where it has yet to be made.
-    pub(crate) fn knowledge(&self, suspect: &dyn Fn(usize) -> bool, normal: Vec<f64>) -> Knowledge {
+    /// `normal` is the matrix of the normal equations, if it is known.
+    pub(crate) fn knowledge(
+        &self,
+        suspect: &dyn Fn(usize) -> bool,
+        normal: Option<Vec<f64>>,
+    ) -> Knowledge {
         let m = self.space.len();
         let s = self.scale.max(self.least_scale);
         let weights = self.masked(|r| weight(self.loss, r / s));
-        let h = if normal.is_empty() {
-            self.normal(self.points, &weights)
-        } else {
-            normal
-        };
+        let h = normal.unwrap_or_else(|| self.normal(self.points, &weights));
         let largest = (0..m).map(|i| h[i * m + i]).fold(0.0, f64::max);
         let mut held = vec![false; m];
         let mut open: Vec<Vec<usize>> = Vec::new();

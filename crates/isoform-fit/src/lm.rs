@@ -82,8 +82,8 @@ pub struct Minimum {
     pub x: Vec<f64>,
     /// Σ w r² there.
     pub value: f64,
-    /// The Gauss-Newton matrix Jᵀ W J there, row-major; empty from solvers without one.
-    pub normal: Vec<f64>,
+    /// The Gauss-Newton matrix Jᵀ W J there, row-major; none from solvers without one.
+    pub normal: Option<Vec<f64>>,
     /// Evaluations.
     pub iterations: usize,
     /// Why it stopped.
@@ -122,7 +122,7 @@ pub fn minimize(
         return Minimum {
             x,
             value: f64::INFINITY,
-            normal: Vec::new(),
+            normal: None,
             iterations,
             stop: Stop::NotFinite,
         };
@@ -199,7 +199,7 @@ pub fn minimize(
     Minimum {
         x,
         value,
-        normal: h,
+        normal: Some(h),
         iterations,
         stop,
     }

@@ -1,7 +1,7 @@
 //! Sums of squared residuals over points, as functions of the free variables.
 
 use crate::space::Space;
-use isoform_geom::{ParamField, Point3};
+use isoform_geom::{NormalEquations, ParamField, Point3, add_normal_equations};
 use rayon::prelude::*;
 
 /// Points per piece of a parallel sum. Fixed, so that sums have the same bits for any number of
@@ -121,7 +121,7 @@ pub(crate) fn normal_equations(
         return field.normal_equations(points, weights, a, gradient, hessian);
     }
     let n = field.dim();
-    let parts: Vec<(f64, Vec<f64>, Vec<f64>)> = points
+    let parts: Vec<NormalEquations> = points
         .par_chunks(PIECE)
         .enumerate()
         .map(|(k, p)| {
@@ -130,15 +130,7 @@ pub(crate) fn normal_equations(
             (f, g, h)
         })
         .collect();
-    gradient.fill(0.0);
-    hessian.fill(0.0);
-    let mut sum = 0.0;
-    for (f, g, h) in &parts {
-        sum += f;
-        gradient.iter_mut().zip(g).for_each(|(s, v)| *s += v);
-        hessian.iter_mut().zip(h).for_each(|(s, v)| *s += v);
-    }
-    sum
+    add_normal_equations(parts, gradient, hessian)
 }
 
 /// f(pᵢ, a), in parallel.

@@ -30,8 +30,8 @@ pub(crate) struct Polished {
     /// Robust standard deviation of the residuals; 0 after least squares.
     pub(crate) scale: f64,
     pub(crate) loss: Loss,
-    /// The matrix Jᵀ J there; empty after rounds of other weights.
-    pub(crate) normal: Vec<f64>,
+    /// The matrix Jᵀ W J there; none after rounds of other weights.
+    pub(crate) normal: Option<Vec<f64>>,
     pub(crate) evaluations: usize,
     pub(crate) history: Vec<Step>,
 }
@@ -182,7 +182,7 @@ impl Polish<'_> {
             weights: Vec::new(),
             scale: 0.0,
             loss,
-            normal: Vec::new(),
+            normal: None,
             evaluations: 0,
             history: Vec::new(),
         };

@@ -101,8 +101,8 @@ impl Measured {
 impl Task<'_> {
     /// The distance itself; the metric reading where the template has none.
     pub(crate) fn measure(&self) -> &dyn ParamField {
-        match &self.kept {
-            Some(kept) => kept,
+        match &self.distance {
+            Some(distance) => distance,
             None => self.template.metric(),
         }
     }
@@ -130,9 +130,7 @@ impl Task<'_> {
             normal = self.descend(&exact, &points, &state.mask, &mut found);
             let mask = std::mem::take(&mut state.mask);
             state = self.state(&points, &found);
-            if state.mask != mask {
-                normal.clear();
-            }
+            normal = normal.filter(|_| state.mask == mask);
         }
         let knowledge = self.knowledge(&points, &found, &state, normal);
         if !knowledge.directions.is_empty() {
@@ -162,7 +160,7 @@ impl Task<'_> {
     pub(crate) fn ask(&self, found: Found) -> Fitted {
         let points = self.settling();
         let state = self.state(&points, &found);
-        let knowledge = self.knowledge(&points, &found, &state, Vec::new());
+        let knowledge = self.knowledge(&points, &found, &state, None);
         let held = vec![false; self.space.len()];
         let normal = Some(&knowledge.normal[..]);
         let spread = self.spread(&points, &found, &state, &held, normal);
@@ -295,14 +293,14 @@ impl Task<'_> {
     }
 
     /// Minimises from where `found` is; never ends at a worse place. Gives the matrix of the normal
-    /// equations where it ends, or nothing where that has yet to be made.
+    /// equations where it ends, if that is known.
     fn descend(
         &self,
         exact: &Polish<'_>,
         points: &[Point3],
         mask: &[f64],
         found: &mut Found,
-    ) -> Vec<f64> {
+    ) -> Option<Vec<f64>> {
         let from = found.x.clone();
         let rounds = if found.loss.is_robust() { 8 } else { 1 };
         let mut fine = exact.fine(points, mask, from, found.loss, rounds);
@@ -314,7 +312,7 @@ impl Task<'_> {
             let after = exact.residuals(points, &fine.x);
             let scale = Polish::scale(&after).max(Polish::scale(&before));
             if robust_sum(&after, mask, scale) > robust_sum(&before, mask, scale) {
-                return Vec::new();
+                return None;
             }
         }
         found.x = fine.x;
@@ -432,7 +430,7 @@ impl Task<'_> {
             .zip(&surface.parts);
         let samples: Vec<Foot> = samples
             .filter(|(_, p)| **p as usize == part)
-            .map(|((at, inward), p)| on_face(*at, *inward, *p))
+            .map(|((at, inward), p)| Foot::on_face(*at, *inward, *p))
             .collect();
         let least = |count: usize| density * (count as f64 - (count as f64).sqrt());
         if chance_of_few(0, least(samples.len())) > CHANCE {
@@ -459,16 +457,16 @@ impl Task<'_> {
     pub(crate) fn measured(&self, points: &[Point3], x: &[f64]) -> Measured {
         let mut a = vec![0.0; self.template.parameters().len()];
         self.space.parameters_at(x, &mut a);
-        measured(self.template, self.kept.as_ref(), points, &a)
+        measured(self.template, self.distance.as_ref(), points, &a)
     }
 
-    /// `normal` is the matrix of the normal equations, or empty.
+    /// `normal` is the matrix of the normal equations, if it is known.
     fn knowledge(
         &self,
         points: &[Point3],
         found: &Found,
         state: &State,
-        normal: Vec<f64>,
+        normal: Option<Vec<f64>>,
     ) -> Knowledge {
         // Variables that move parts with bare surface are asked whether anything holds them.
         let mut bare = vec![false; self.template.part_names().len()];
@@ -593,18 +591,6 @@ impl Task<'_> {
             x[j] += sense * t * direction[j];
         }
         self.space.into_interior(x, 1e-9);
-    }
-}
-
-/// A place on a face.
-fn on_face(at: Point3, inward: Point3, part: u32) -> Foot {
-    Foot {
-        distance: 0.0,
-        at,
-        inward,
-        pieces: [part; 3],
-        order: 1,
-        shares: [1.0, 0.0, 0.0],
     }
 }
 

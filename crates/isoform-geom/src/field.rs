@@ -141,6 +141,26 @@ pub fn normal_equations_of(
     sum
 }
 
+/// Normal equations of some points: Σ w f², Jᵀ W f and Jᵀ W J.
+pub type NormalEquations = (f64, Vec<f64>, Vec<f64>);
+
+/// Adds the normal equations of pieces of the points, in their order, whoever computed them.
+pub fn add_normal_equations(
+    pieces: impl IntoIterator<Item = NormalEquations>,
+    gradient: &mut [f64],
+    hessian: &mut [f64],
+) -> f64 {
+    gradient.fill(0.0);
+    hessian.fill(0.0);
+    let mut sum = 0.0;
+    for (s, g, h) in pieces {
+        sum += s;
+        gradient.iter_mut().zip(g).for_each(|(sum, v)| *sum += v);
+        hessian.iter_mut().zip(h).for_each(|(sum, v)| *sum += v);
+    }
+    sum
+}
+
 /// Points whose rows are multiplied together: a few registers' worth, within the cache for dozens
 /// of parameters.
 const COLUMN: usize = 32;
@@ -175,6 +195,18 @@ pub struct Foot {
 }
 
 impl Foot {
+    /// A place on a face.
+    pub fn on_face(at: Point3, inward: Point3, piece: u32) -> Self {
+        Self {
+            distance: 0.0,
+            at,
+            inward,
+            pieces: [piece; 3],
+            order: 1,
+            shares: [1.0, 0.0, 0.0],
+        }
+    }
+
     /// Nothing known yet.
     pub const NONE: Self = Self {
         distance: f64::NAN,

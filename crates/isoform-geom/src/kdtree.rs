@@ -66,7 +66,7 @@ impl KdTree {
         found.clear();
         found.resize(k.min(self.points.len()), (f64::INFINITY, u32::MAX));
         if !found.is_empty() {
-            self.search(q, 0, self.points.len(), [0.0; 3], found);
+            self.near(q, f64::INFINITY, &mut |d, i| insert(found, (d, i)));
         }
     }
 
@@ -77,6 +77,8 @@ impl KdTree {
         self.near_in(q, squared, 0, self.points.len(), [0.0; 3], visit);
     }
 
+    /// Visits the nearer half first; `off` holds the distance of `q` to the cell by axis, so that
+    /// the bound is the true one.
     fn near_in(
         &self,
         q: Point3,
@@ -116,50 +118,22 @@ impl KdTree {
         }
         reach
     }
-
-    /// Visits the nearer half first; `off` holds the distance of `q` to the cell by axis, so that
-    /// the bound is the true one.
-    fn search(&self, q: Point3, from: usize, to: usize, off: Point3, found: &mut [(f64, u32)]) {
-        if to - from <= LEAF {
-            for (p, i) in self.points[from..to].iter().zip(&self.index[from..to]) {
-                insert(found, (distance_squared(q, *p), *i));
-            }
-            return;
-        }
-        let mid = from + (to - from) / 2;
-        let axis = usize::from(self.axis[mid]);
-        let gap = q[axis] - self.points[mid][axis];
-        insert(
-            found,
-            (distance_squared(q, self.points[mid]), self.index[mid]),
-        );
-        let mut far = off;
-        far[axis] = gap;
-        let halves = if gap < 0.0 {
-            [(from, mid), (mid + 1, to)]
-        } else {
-            [(mid + 1, to), (from, mid)]
-        };
-        self.search(q, halves[0].0, halves[0].1, off, found);
-        let bound = far[0] * far[0] + far[1] * far[1] + far[2] * far[2];
-        if bound <= found[found.len() - 1].0 {
-            self.search(q, halves[1].0, halves[1].1, far, found);
-        }
-    }
 }
 
-/// Puts an item to its place among the least ones, of which the greatest is dropped.
-fn insert(found: &mut [(f64, u32)], item: (f64, u32)) {
+/// Puts an item to its place among the least ones, of which the greatest is dropped; the distance of
+/// the greatest one left.
+fn insert(found: &mut [(f64, u32)], item: (f64, u32)) -> f64 {
     let is_before = |other: (f64, u32)| item.0 < other.0 || (item.0 == other.0 && item.1 < other.1);
-    let mut at = found.len() - 1;
-    if !is_before(found[at]) {
-        return;
+    let last = found.len() - 1;
+    if is_before(found[last]) {
+        let mut at = last;
+        while at > 0 && is_before(found[at - 1]) {
+            found[at] = found[at - 1];
+            at -= 1;
+        }
+        found[at] = item;
     }
-    while at > 0 && is_before(found[at - 1]) {
-        found[at] = found[at - 1];
-        at -= 1;
-    }
-    found[at] = item;
+    found[last].0
 }
 
 fn build(items: &mut [(Point3, u32)], split: &mut [u8]) {

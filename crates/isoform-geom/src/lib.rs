@@ -16,7 +16,8 @@ mod solid;
 
 pub use cloud::{Column, PointCloud};
 pub use field::{
-    DistanceField, Edge, Expansion, Field, Foot, Frame, Nearby, ParamField, normal_equations_of,
+    DistanceField, Edge, Expansion, Field, Foot, Frame, Nearby, NormalEquations, ParamField,
+    add_normal_equations, normal_equations_of,
 };
 pub use kdtree::KdTree;
 pub use mesh::{Curve, Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};

@@ -1,14 +1,12 @@
 //! The bias of noise that fits take away is that which closed forms and simulation say.
 
+mod support;
+
 use isoform::FrepTemplate;
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::fit::{Control, Fit, Options, fit};
 use isoform::geom::Point3;
-
-fn normal(random: &mut fastrand::Rng) -> f64 {
-    let radius = (-2.0 * (1.0 - random.f64()).ln()).sqrt();
-    radius * (std::f64::consts::TAU * random.f64()).cos()
-}
+use support::normal;
 
 fn noisy(p: Point3, noise: f64, random: &mut fastrand::Rng) -> Point3 {
     p.map(|v| v + noise * normal(random))

@@ -1,20 +1,18 @@
 //! Features that are small beside the part: fits that lack one, or have one too many, say so.
 
+mod support;
+
 use isoform::FrepTemplate;
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::fit::{Control, Finding, Fit, Options, Status, Verdict, fit};
 use isoform::geom::Point3;
 use std::f64::consts::TAU;
+use support::normal;
 
 /// Half sizes of a plate, and the centre and radius of its hole.
 const HALF: Point3 = [50.0, 30.0, 4.0];
 const HOLE: [f64; 3] = [20.0, 10.0, 3.0];
 const NOISE: f64 = 0.05;
-
-fn normal(random: &mut fastrand::Rng) -> f64 {
-    let radius = (-2.0 * (1.0 - random.f64()).ln()).sqrt();
-    radius * (TAU * random.f64()).cos()
-}
 
 fn is_in_hole(p: &Point3) -> bool {
     (p[0] - HOLE[0]).hypot(p[1] - HOLE[1]) < HOLE[2]

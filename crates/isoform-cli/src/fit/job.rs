@@ -320,11 +320,7 @@ impl Task<'_> {
             .iter()
             .map(|p| clutter.of(*p).filter(|b| !self.request.keep.contains(b)))
             .collect();
-        let kept_of = |beside: &[Option<Beside>]| -> Vec<Point3> {
-            let kept = points.iter().zip(beside).filter(|(_, b)| b.is_none());
-            kept.map(|(p, _)| *p).collect()
-        };
-        let mut kept = kept_of(&beside);
+        let mut kept = kept_of(points, &beside);
         whole
             .seconds
             .push(("clutter", started.elapsed().as_secs_f64()));
@@ -332,9 +328,13 @@ impl Task<'_> {
         if kept.len() == points.len() || !is_most {
             return Ok(whole);
         }
-        let mut alone = self.adjusted(make(&kept)?)?;
-        // Too few points, say: the fit of all stands.
-        let Ok(mut part) = self.fit_in_pose(&kept, &mut alone) else {
+        let fit_kept = |kept: &[Point3]| -> Result<Option<(Fit, Adjusted)>, Failure> {
+            let mut alone = self.adjusted(make(kept)?)?;
+            // Too few points, say: the fit of all stands.
+            let part = self.fit_in_pose(kept, &mut alone).ok();
+            Ok(part.map(|part| (part, alone)))
+        };
+        let Some((mut part, mut alone)) = fit_kept(&kept)? else {
             return Ok(whole);
         };
         let fringe = clutter.fringe(&part, &kept);
@@ -343,9 +343,8 @@ impl Task<'_> {
             for b in beside.iter_mut().filter(|b| b.is_none()) {
                 *b = of_kept.next().filter(|f| **f).map(|_| Beside::Plane);
             }
-            kept = kept_of(&beside);
-            let mut again = self.adjusted(make(&kept)?)?;
-            let Ok(mut found) = self.fit_in_pose(&kept, &mut again) else {
+            kept = kept_of(points, &beside);
+            let Some((mut found, again)) = fit_kept(&kept)? else {
                 return Ok(whole);
             };
             found.add_seconds(&part);
@@ -358,19 +357,7 @@ impl Task<'_> {
         }
         part.add_seconds(&whole);
         *template = alone;
-        for (kind, what, option) in [
-            (Beside::Plane, "on a plane beyond the part", "--keep-planes"),
-            (Beside::Apart, "apart from the part", "--keep-apart"),
-            (Beside::Stray, "astray", "--no-outlier-filter"),
-        ] {
-            let count = beside.iter().filter(|b| **b == Some(kind)).count();
-            if count > 0 {
-                let share = 100.0 * count as f64 / points.len() as f64;
-                part.warnings.push(format!(
-                    "{count} points ({share:.1} %) lie {what} and were left out; {option} fits them, too"
-                ));
-            }
-        }
+        part.warnings.extend(told_of(&beside));
         Ok(part)
     }
 
@@ -491,4 +478,29 @@ fn failure(error: &FitError, scan: &str) -> Failure {
         }
         _ => Failure::new(NO_RESULT, "fit", message),
     }
+}
+
+/// The points that nothing is beside the part for.
+fn kept_of(points: &[Point3], beside: &[Option<Beside>]) -> Vec<Point3> {
+    let kept = points.iter().zip(beside).filter(|(_, b)| b.is_none());
+    kept.map(|(p, _)| *p).collect()
+}
+
+/// A warning for each kind of points that were left out.
+fn told_of(beside: &[Option<Beside>]) -> impl Iterator<Item = String> {
+    let kinds = [
+        (Beside::Plane, "on a plane beyond the part", "--keep-planes"),
+        (Beside::Apart, "apart from the part", "--keep-apart"),
+        (Beside::Stray, "astray", "--no-outlier-filter"),
+    ];
+    kinds.into_iter().filter_map(|(kind, what, option)| {
+        let count = beside.iter().filter(|b| **b == Some(kind)).count();
+        let share = 100.0 * count as f64 / beside.len() as f64;
+        (count > 0).then(|| {
+            format!(
+                "{count} points ({share:.1} %) lie {what} and were left out; \
+                 {option} fits them, too"
+            )
+        })
+    })
 }

@@ -246,7 +246,10 @@ fn notes(meshed: &Meshed, certificate: &Certificate) -> Vec<&'static str> {
         .as_ref()
         .is_some_and(|s| !s.pinched_nodes.is_empty() || !s.crowded_edges.is_empty());
     if is_pinched {
-        notes.push("bodies touch without crossing: the solid has no surface there that a mesh could follow; move them apart, or into each other");
+        notes.push(
+            "bodies touch without crossing: the solid has no surface there that a mesh could \
+             follow; move them apart, or into each other",
+        );
     }
     if !meshed.caps.is_empty() {
         notes.push("the box cuts the solid: the cuts are parts named cap");

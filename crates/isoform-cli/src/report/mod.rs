@@ -6,7 +6,7 @@ pub(crate) mod svg;
 use crate::fit::document;
 use crate::fit::job::Job;
 use crate::fit::table::{self, brief, counted, millimetres, rounded, starts_found, with_unit};
-use isoform::fit::{Fit, PartStatistics, Step, Template};
+use isoform::fit::{Fit, PartStatistics, Step, Template, Verdict};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use svg::escaped;
@@ -112,42 +112,18 @@ fn in_words(unit: &str) -> &str {
 }
 
 /// What is concluded, and from what.
-struct Verdict {
-    word: Word,
+struct Conclusion {
+    verdict: Verdict,
     /// One sentence each, the weightiest first.
     evidence: Vec<String>,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Word {
-    Accepted,
-    Doubtful,
-    Refused,
-}
-
-impl Word {
-    fn text(self) -> &'static str {
-        match self {
-            Self::Accepted => "Accepted",
-            Self::Doubtful => "Doubtful",
-            Self::Refused => "Refused",
-        }
-    }
-    fn class(self) -> &'static str {
-        match self {
-            Self::Accepted => "accepted",
-            Self::Doubtful => "doubtful",
-            Self::Refused => "refused",
-        }
-    }
-}
-
-fn verdict(job: &Job, lengths: &Lengths) -> Verdict {
+fn verdict(job: &Job, lengths: &Lengths) -> Conclusion {
     let fit = &job.fit;
-    let word = match (fit.verdict, fit.complete) {
-        (isoform::fit::Verdict::Accepted, true) => Word::Accepted,
-        (isoform::fit::Verdict::Refused, _) => Word::Refused,
-        _ => Word::Doubtful,
+    let least = if fit.complete {
+        Verdict::Accepted
+    } else {
+        Verdict::Doubtful
     };
     let mut evidence = fit.reasons.clone();
     if !fit.complete {
@@ -166,26 +142,32 @@ fn verdict(job: &Job, lengths: &Lengths) -> Verdict {
     ));
     evidence.push(starts_found(fit.hits, fit.starts));
     evidence.extend(fit.undetermined.iter().map(|o| o.why.clone()));
-    Verdict { word, evidence }
+    Conclusion {
+        verdict: fit.verdict.max(least),
+        evidence,
+    }
+}
+
+fn capitalized(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().map(char::to_uppercase);
+    first.into_iter().flatten().chain(letters).collect()
 }
 
 fn sentence(text: &str) -> String {
-    let mut letters = text.chars();
-    let first = letters.next().map(char::to_uppercase);
-    let all: String = first.into_iter().flatten().chain(letters).collect();
-    escaped(all.trim_end_matches('.')) + "."
+    escaped(capitalized(text).trim_end_matches('.')) + "."
 }
 
-fn verdict_box(verdict: &Verdict) -> String {
-    let items: String = verdict
+fn verdict_box(conclusion: &Conclusion) -> String {
+    let items: String = conclusion
         .evidence
         .iter()
         .map(|e| format!("<li>{}</li>", sentence(e)))
         .collect();
     format!(
         "<section class=\"verdict {}\"><b>{}</b><ul>{items}</ul></section>\n",
-        verdict.word.class(),
-        verdict.word.text()
+        conclusion.verdict.as_str(),
+        capitalized(conclusion.verdict.as_str())
     )
 }
 
