@@ -615,7 +615,11 @@ pub(crate) fn measured(
     let Some(distance) = distance else {
         return by_metric(template, points, a);
     };
-    let mut out = Measured::default();
+    let mut out = Measured {
+        residuals: Vec::with_capacity(points.len()),
+        pieces: Vec::with_capacity(points.len()),
+        at: Vec::with_capacity(points.len()),
+    };
     for batch in points.chunks(BATCH) {
         for foot in &distance.at(batch, a).feet {
             out.residuals.push(foot.distance);
