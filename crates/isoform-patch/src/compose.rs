@@ -61,7 +61,8 @@ impl Scaled {
     }
 }
 
-fn binomial(n: usize, k: usize) -> f64 {
+/// n over k.
+pub(crate) fn binomial(n: usize, k: usize) -> f64 {
     (0..k).fold(1.0, |b, i| b * (n - i) as f64 / (i + 1) as f64)
 }
 

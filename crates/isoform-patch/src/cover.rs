@@ -132,7 +132,8 @@ fn cover_whole(
         for (seed, made) in seeds.iter().zip(made) {
             match made {
                 Ok((patch, covers))
-                    if patch.distances.bound.is_some_and(|b| b <= tolerance)
+                    if patch.is_unfolded
+                        && patch.distances.bound.is_some_and(|b| b <= tolerance)
                         && covers.contains(&true) =>
                 {
                     for (i, c) in covers.iter().enumerate() {

@@ -20,7 +20,8 @@
 //! λ + ρ ≥ 0 for the linear part λ of a limit that is off by up to ρ, and with b ≥ 0 the function
 //! F ± b (max λ − λ)(λ + ρ) bounds F.
 
-use crate::compose::largest;
+use crate::cells::{Place, divided, lengths, middle_of, parts};
+use crate::compose::{binomial, largest};
 use crate::surface::ON_SURFACE;
 use crate::whole::{Whole, Within};
 use isoform_geom::{Aabb, Csg, Expansion, Field, Point3, RationalPatch, norm, sub};
@@ -67,8 +68,6 @@ const CROSSING: f64 = 4.0;
 const MOST_DEPTH: u32 = 24;
 /// The same where cells are halved in one direction at a time.
 const MOST_HALVINGS: u32 = 40;
-/// A cell that is longer by this factor in one direction is divided there only.
-const LONGER: f64 = 1.6;
 /// Halves in one direction whose bounds are less than so many times as large as those in the other
 /// are no better:
 const ALIKE: f64 = 1.2;
@@ -361,15 +360,9 @@ pub(crate) fn proof(
     let mut pending = vec![(patch.clone(), [(0.0, 1.0); 2], 0u32)];
     let (mut worst, mut looked_at) = (0.0f64, 0);
     while let Some((cell, place, depth)) = pending.pop() {
-        let middle = || {
-            (
-                0.5 * (place[0].0 + place[0].1),
-                0.5 * (place[1].0 + place[1].1),
-            )
-        };
         looked_at += 1;
         if looked_at > effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d) {
-            return Err(middle());
+            return Err(middle_of(place));
         }
         match bound_of_cell(
             whole,
@@ -380,7 +373,7 @@ pub(crate) fn proof(
             &products,
         ) {
             Some(b) => worst = worst.max(b),
-            None if depth == MOST_DEPTH => return Err(middle()),
+            None if depth == MOST_DEPTH => return Err(middle_of(place)),
             None => pending.extend(
                 divided(&cell, place)
                     .into_iter()
@@ -461,8 +454,8 @@ fn refined(
         let is_over =
             looked_at >= effort.cells || effort.deadline.is_some_and(|d| Instant::now() >= d);
         if worst.bound <= goal || worst.depth == MOST_HALVINGS || is_over {
-            let at = worst.place.map(|(a, b)| 0.5 * (a + b));
-            return (worst.bound, (worst.bound > goal).then_some((at[0], at[1])));
+            let at = middle_of(worst.place);
+            return (worst.bound, (worst.bound > goal).then_some(at));
         }
         // In the direction in which more is gained: along an edge cells may stay long.
         let depth = worst.depth + 1;
@@ -501,91 +494,11 @@ fn refined(
     (proved, None)
 }
 
-/// Ranges of u and of v.
-type Place = [(f64, f64); 2];
-
 /// Levels of de Casteljau's algorithm that lead to a part of a patch.
 fn levels(patch: &RationalPatch, place: Place) -> f64 {
     let (m, n) = patch.degree();
     let halvings = |(a, b): (f64, f64)| -(b - a).log2();
     OTHER_LEVELS + m as f64 * halvings(place[0]) + n as f64 * halvings(place[1])
-}
-
-/// The halves of a patch that is longer in one direction, the quarters of another one; each with
-/// its place.
-fn divided(patch: &RationalPatch, place: Place) -> Vec<(RationalPatch, Place)> {
-    let (along_u, along_v) = lengths(patch);
-    parts(
-        patch,
-        place,
-        along_v <= LONGER * along_u,
-        along_u <= LONGER * along_v,
-    )
-}
-
-/// Lengths along u and v, by the corners.
-fn lengths(patch: &RationalPatch) -> (f64, f64) {
-    let c = patch.control();
-    let (n, last) = (patch.degree().1, c.len() - 1);
-    let length = |a: usize, b: usize| {
-        let [p, q] = [c[a], c[b]].map(|c| [c[0] / c[3], c[1] / c[3], c[2] / c[3]]);
-        norm(sub(p, q))
-    };
-    (
-        length(0, last - n).max(length(n, last)),
-        length(0, n).max(length(last - n, last)),
-    )
-}
-
-/// The parts of a patch, by de Casteljau's algorithm at 1/2, in u, in v or both.
-fn parts(
-    patch: &RationalPatch,
-    place: Place,
-    in_u: bool,
-    in_v: bool,
-) -> Vec<(RationalPatch, Place)> {
-    let (m, n) = patch.degree();
-    let of = |upper_u: bool, upper_v: bool| {
-        let mut part = patch.clone();
-        let control = part.control_mut();
-        if in_v {
-            (0..=m).for_each(|i| halve(control, i * (n + 1), 1, n, upper_v));
-        }
-        if in_u {
-            (0..=n).for_each(|j| halve(control, j, n + 1, m, upper_u));
-        }
-        let half = |(a, b): (f64, f64), divided: bool, upper: bool| match (divided, upper) {
-            (false, _) => (a, b),
-            (true, false) => (a, 0.5 * (a + b)),
-            (true, true) => (0.5 * (a + b), b),
-        };
-        (
-            part,
-            [half(place[0], in_u, upper_u), half(place[1], in_v, upper_v)],
-        )
-    };
-    let all = [(false, false), (false, true), (true, false), (true, true)];
-    all.into_iter()
-        .filter(|(u, v)| (in_u || !u) && (in_v || !v))
-        .map(|(u, v)| of(u, v))
-        .collect()
-}
-
-/// Replaces the Bézier points at `first`, `first + step`, … of degree n by those of the lower or
-/// the upper half.
-fn halve(control: &mut [[f64; 4]], first: usize, step: usize, n: usize, upper: bool) {
-    for level in 1..=n {
-        // In place: from the far end for the lower half, so that point k keeps its value of level
-        // k.
-        for i in level..=n {
-            let k = if upper { i - level } else { n - (i - level) };
-            let next = if upper { k + 1 } else { k - 1 };
-            for d in 0..4 {
-                control[first + k * step][d] =
-                    0.5 * (control[first + k * step][d] + control[first + next * step][d]);
-            }
-        }
-    }
 }
 
 fn middle(i: &Interval) -> f64 {
@@ -714,10 +627,10 @@ fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f64> {
         let mut lost = 1e-14 * h.iter().map(|v| v.abs()).sum::<f64>();
         for i in 0..3 {
             for j in 0..3 {
-                let along = |l: usize| t[PLACE[i][j][l]] * wide[l];
+                let along = |l: usize| t[Expansion::THIRD[i][j][l]] * wide[l];
                 lost += n[i]
                     * n[j]
-                    * (radius(&e.hessian[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j]])
+                    * (radius(&e.hessian[Expansion::SECOND[i][j]])
                         + (0..3).map(along).sum::<f64>());
             }
         }
@@ -908,7 +821,7 @@ impl Along<'_> {
         let g = slopes(e);
         let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
         let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
-        let at = |i: usize, j: usize| [[0, 1, 2], [1, 3, 4], [2, 4, 5]][i][j];
+        let at = |i: usize, j: usize| Expansion::SECOND[i][j];
         let mut lost = 0.0;
         for i in 0..3 {
             lost += n[i].abs() * radius(&e.gradient[i]);
@@ -934,9 +847,6 @@ impl Along<'_> {
     }
 }
 
-/// The place of ∂²F/∂xᵢ∂xⱼ among the six second derivatives.
-const SECOND: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
-
 /// F about c: its Taylor polynomial of order 2, and how far F may be off it on a cell.
 #[derive(Clone, Copy)]
 struct Taylor {
@@ -953,7 +863,7 @@ impl Taylor {
         for i in 0..3 {
             off += radius(&e.gradient[i]) * r[i];
             for j in 0..3 {
-                off += 0.5 * radius(&e.hessian[SECOND[i][j]]) * r[i] * r[j];
+                off += 0.5 * radius(&e.hessian[Expansion::SECOND[i][j]]) * r[i] * r[j];
             }
         }
         Self {
@@ -973,7 +883,7 @@ impl Taylor {
         let mut h = self.h;
         for i in 0..3 {
             for j in i..3 {
-                h[SECOND[i][j]] -= 2.0 * b * l.g[i] * l.g[j];
+                h[Expansion::SECOND[i][j]] -= 2.0 * b * l.g[i] * l.g[j];
             }
         }
         let rounding = 16.0
@@ -1008,7 +918,7 @@ impl Limit {
         for i in 0..3 {
             off += g[i].abs() * (cell.rounding + 4.0 * f64::EPSILON * r[i]);
             for j in 0..3 {
-                off += 0.5 * taylor.h[SECOND[i][j]].abs() * r[i] * r[j];
+                off += 0.5 * taylor.h[Expansion::SECOND[i][j]].abs() * r[i] * r[j];
             }
         }
         let off = (off + 4.0 * f64::EPSILON * taylor.value.abs()) * (1.0 + 1e-12);
@@ -1039,7 +949,8 @@ impl Limit {
         for i in 0..3 {
             for j in 0..3 {
                 difference += t[i]
-                    * (middle(&own.hessian[SECOND[i][j]]) - middle(&other.hessian[SECOND[i][j]]))
+                    * (middle(&own.hessian[Expansion::SECOND[i][j]])
+                        - middle(&other.hessian[Expansion::SECOND[i][j]]))
                     * t[j];
             }
         }
@@ -1051,7 +962,7 @@ impl Limit {
 /// Bounds of F on a cell.
 fn range(taylor: &Taylor, d: &[[f64; 4]], r: Point3, products: &Products) -> (f64, f64) {
     let Taylor { value, g, h, off } = *taylor;
-    let at = |i: usize, j: usize| h[SECOND[i][j]];
+    let at = |i: usize, j: usize| h[Expansion::SECOND[i][j]];
     // w² (F(c) + ∇F·δ + δᵀHδ/2) as a scalar product of (w δ, w) with (H w δ/2, F(c) w + ∇F·w δ).
     let right = |p: &[f64; 4]| {
         let h = |k: usize| 0.5 * (at(k, 0) * p[0] + at(k, 1) * p[1] + at(k, 2) * p[2]);
@@ -1082,13 +993,6 @@ fn range(taylor: &Taylor, d: &[[f64; 4]], r: Point3, products: &Products) -> (f6
     (lo - most, hi + most)
 }
 
-/// Where ∂³F/∂xᵢ∂xⱼ∂xₖ is among the ten third derivatives.
-const PLACE: [[[usize; 3]; 3]; 3] = [
-    [[0, 1, 2], [1, 3, 4], [2, 4, 5]],
-    [[1, 3, 4], [3, 6, 7], [4, 7, 8]],
-    [[2, 4, 5], [4, 7, 8], [5, 8, 9]],
-];
-
 /// Σ t_ijk r_i r_j r_k over all i, j, k; with `n`, Σ t_ijk n_i r_j r_k.
 fn cubic(t: &[f64; 10], r: Point3, n: Option<Point3>) -> f64 {
     let first = n.unwrap_or(r);
@@ -1099,7 +1003,7 @@ fn cubic(t: &[f64; 10], r: Point3, n: Option<Point3>) -> f64 {
                 let f = first[i] * r[j] * r[k];
                 // 0 · ∞ is nothing here.
                 if f > 0.0 {
-                    sum += t[PLACE[i][j][k]] * f;
+                    sum += t[Expansion::THIRD[i][j][k]] * f;
                 }
             }
         }
@@ -1173,10 +1077,6 @@ struct Products {
     v: Vec<Vec<f64>>,
 }
 
-fn binomial(n: usize, k: usize) -> f64 {
-    (0..k).fold(1.0, |b, i| b * (n - i) as f64 / (i + 1) as f64)
-}
-
 impl Products {
     fn new(degree: (usize, usize)) -> Self {
         let table = |n: usize| {
@@ -1227,37 +1127,6 @@ impl Products {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn quarters_are_parts() {
-        let control = (0..12)
-            .map(f64::from)
-            .map(|i| [i.sin(), i.cos(), 0.3 * i, 1.0 + 0.1 * (3.0 * i).sin()])
-            .collect();
-        let patch = RationalPatch::new((2, 3), control).expect("a patch");
-        let (lower, upper) = ((0.0, 0.5), (0.5, 1.0));
-        let parts = [
-            (lower, lower),
-            (lower, upper),
-            (upper, lower),
-            (upper, upper),
-        ]
-        .map(|(u, v)| patch.part(u, v));
-        for ((a, [u, v]), b) in super::parts(&patch, [(0.0, 1.0); 2], true, true)
-            .iter()
-            .zip(&parts)
-        {
-            assert_eq!(*b, patch.part(*u, *v));
-            for (a, b) in a
-                .control()
-                .as_flattened()
-                .iter()
-                .zip(b.control().as_flattened())
-            {
-                assert!((a - b).abs() < 1e-15);
-            }
-        }
-    }
 
     #[test]
     fn products_are_products() {

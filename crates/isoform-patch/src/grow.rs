@@ -16,6 +16,7 @@ mod edges;
 pub(crate) use edges::Side;
 
 use crate::distance::{Effort, proof, sampled, sampled_on};
+use crate::fold;
 use crate::objective::{CORNERS, Evaluated, Method, Objective, Targets, Terms, Weights};
 use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
@@ -317,11 +318,13 @@ impl<'f> Growth<'f> {
     /// How much of what is allowed the patch makes use of: of S, or of the distance from the
     /// surface.
     fn load(&self) -> f64 {
+        if fold::is_seen(&self.patch) {
+            return FOLDED;
+        }
         match self.options.tolerance {
             Some(t) if self.on.whole.is_single() => {
                 sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0 / (WITHIN * t)
             }
-            Some(_) if self.objective.is_folded(&self.at) => FOLDED,
             Some(t) => {
                 let distance = sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0;
                 let whole = sampled_on(self.on.whole, &self.patch, GROWING_SAMPLES).0;
@@ -635,8 +638,13 @@ impl<'f> Growth<'f> {
         true
     }
 
-    /// Shortens the patch until its distance from the surface is proved to keep the tolerance; the
-    /// bound, none where that fails.
+    /// Proves that the patch does not fold over; if that fails, a place where it may.
+    pub(crate) fn prove_unfolded(&self) -> Result<(), (f64, f64)> {
+        fold::prove_none(self.on.field(), &self.patch)
+    }
+
+    /// Shortens the patch until it is proved not to fold over, and its distance from the surface to
+    /// keep the tolerance; the bound, none where that fails.
     pub(crate) fn keep_tolerance(&mut self) -> Option<f64> {
         let tolerance = self.options.tolerance?;
         let is_single = self.on.whole.is_single();
@@ -662,7 +670,9 @@ impl<'f> Growth<'f> {
             let proved = if is_hopeless {
                 Err(None)
             } else {
-                proof(self.on.whole, &self.patch, tolerance, effort).map_err(Some)
+                proof(self.on.whole, &self.patch, tolerance, effort)
+                    .and_then(|bound| self.prove_unfolded().map(|()| bound))
+                    .map_err(Some)
             };
             let left = match proved {
                 Ok(bound) => return Some(bound),
@@ -713,7 +723,7 @@ impl<'f> Growth<'f> {
 
     /// Shortens the patch by a share at each side, and at one so that a place is no longer on it:
     /// near a singular point nothing may be provable. False where that is no patch.
-    fn leave(&mut self, (u, v): (f64, f64), share: f64) -> bool {
+    pub(crate) fn leave(&mut self, (u, v): (f64, f64), share: f64) -> bool {
         let lost = [u, 1.0 - u, v, 1.0 - v];
         let side = (0..4)
             .min_by(|&a, &b| lost[a].total_cmp(&lost[b]))

@@ -6,10 +6,12 @@
 //! plane until S reaches a bound. Any [`isoform_geom::Field`] with derivatives will do.
 #![forbid(unsafe_code)]
 
+mod cells;
 mod compose;
 mod cover;
 mod distance;
 mod exact;
+mod fold;
 mod grow;
 mod local;
 mod objective;

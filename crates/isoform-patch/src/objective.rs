@@ -350,15 +350,6 @@ impl<'f> Objective<'f> {
         }
         sum
     }
-    /// Whether the patch shows both sides to where F grows.
-    pub(crate) fn is_folded(&self, at: &Evaluated) -> bool {
-        let up = |(node, jet): (&Node, &Jet2)| {
-            dot(cross(node.tangents[0], node.tangents[1]), jet.g) > 0.0
-        };
-        let mut sides = at.nodes.iter().zip(&at.jets).map(up);
-        let first = sides.next();
-        sides.any(|side| Some(side) != first)
-    }
     fn mean(&self, nodes: &[Node]) -> (f64, f64) {
         let mut nodes = nodes.iter();
         let (mut l1, mut l2) = (0.0, 0.0);

@@ -137,6 +137,12 @@ pub enum Error {
     /// The exact Hessian needs third derivatives of the function.
     #[error("the function has no third derivatives, which Newton's method needs")]
     NoThirdDerivatives,
+    /// Every patch that was tried folds over.
+    #[error("every patch about ({}, {}, {}) folds over", at[0], at[1], at[2])]
+    Folded {
+        /// The seed.
+        at: Point3,
+    },
     /// Not even the smallest start patch keeps the limit.
     #[error("even the smallest patch about ({}, {}, {}) exceeds the limit", at[0], at[1], at[2])]
     NoPatch {

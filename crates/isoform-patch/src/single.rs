@@ -3,6 +3,7 @@
 use crate::cover::reached;
 use crate::distance::{Distances, distances_on};
 use crate::exact::make_exact;
+use crate::fold;
 use crate::grow::{Grown, Growth, Pace};
 use crate::objective::{Inner, Method, Objective};
 use crate::options::{Error, Options};
@@ -41,6 +42,9 @@ pub struct Parameterized {
     pub grown: Grown,
     /// How far it is from the surface.
     pub distances: Distances,
+    /// Whether it is proved not to fold over: that it shows one side to where F grows, except
+    /// across self-intersections, where its normals turn little.
+    pub is_unfolded: bool,
     /// Whether S keeps its bound.
     pub is_within_limit: bool,
     /// Whether the time was over before the patch was as large as it gets.
@@ -109,7 +113,7 @@ fn turned(on: On<'_>, seed: Seed, options: &Options, clock: Clock) -> Result<Par
     // What is proved counts first.
     let worth = |p: &Parameterized| {
         (
-            p.distances.bound.is_some_and(|b| b <= tolerance),
+            p.is_unfolded && p.distances.bound.is_some_and(|b| b <= tolerance),
             p.grown.area(&options.region),
         )
     };
@@ -250,9 +254,10 @@ pub(crate) fn at(
     clock.phase("seed");
     let made = grown(on, seed, from, (options, Pace::of(options)), clock);
     let keeps = |p: &Parameterized| {
-        p.distances
-            .bound
-            .is_some_and(|b| options.tolerance.is_none_or(|t| b <= t))
+        p.is_unfolded
+            && p.distances
+                .bound
+                .is_some_and(|b| options.tolerance.is_none_or(|t| b <= t))
     };
     let serves = |p: &Parameterized| {
         keeps(p)
@@ -376,7 +381,15 @@ fn grown<'f>(
     );
     // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
-        if known.bound.is_some() || growth.is_over() || !growth.retreat(share) {
+        let folded = growth.prove_unfolded().err();
+        if (known.bound.is_some() && folded.is_none()) || growth.is_over() {
+            break;
+        }
+        let left = match folded {
+            Some(place) => growth.leave(place, share),
+            None => growth.retreat(share),
+        };
+        if !left {
             break;
         }
         (known, place) = distances_on(
@@ -420,6 +433,10 @@ fn grown<'f>(
         }
         (known, place) = (trimmed, its_place);
     }
+    let is_unfolded = growth.prove_unfolded().is_ok();
+    if !is_unfolded && fold::is_seen(&growth.patch) {
+        return Err(Error::Folded { at: seed.point });
+    }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();
     let diagonal = options.region.diagonal();
@@ -437,6 +454,7 @@ fn grown<'f>(
         is_late: growth.is_late,
         grown: growth.finish(),
         distances: known,
+        is_unfolded,
         is_within_limit,
         is_exact,
         seconds: clock.seconds,

@@ -26,7 +26,7 @@ fn patch(p: &Parameterized) -> Value {
         "control": rows,
         // Without a proof the largest sampled distance, and `certified` says so.
         "max_distance": p.distances.bound.unwrap_or(p.distances.sampled),
-        "certified": p.distances.bound.is_some(),
+        "certified": p.distances.bound.is_some() && p.is_unfolded,
         "rms_distance": p.distances.rms,
         "seed_point": p.grown.seed_point,
     })
@@ -113,6 +113,7 @@ fn report(p: &Parameterized, made: &Made) -> Value {
         "max_distance": p.distances.bound,
         "sampled_distance": p.distances.sampled,
         "rms_distance": p.distances.rms,
+        "unfolded": p.is_unfolded,
         "control_weights": [least, most],
         "weight_is_positive": g.patch.weight_is_positive(8),
         "area": g.area(&made.options.region),

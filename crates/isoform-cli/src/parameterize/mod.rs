@@ -197,6 +197,12 @@ impl Made {
                 }
                 Some(_) => {}
             }
+            if !p.is_unfolded {
+                list.push(format!(
+                    "patch {}: it could not be proved that it does not fold over",
+                    i + 1
+                ));
+            }
             if self.options.tolerance.is_none() && !p.is_within_limit {
                 list.push(format!(
                     "patch {}: S is {:e}, above the bound",
@@ -363,6 +369,10 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
             .somewhere(at)
             .hint("a --seed-point and a --box around the part where it is one"),
         Error::NoThirdDerivatives => none("derivatives").hint("--method gauss-newton"),
+        Error::Folded { at } => none("folded")
+            .somewhere(at)
+            .why("the surface turns more sharply there than a patch of this degree follows")
+            .hint("another --seed-point, or a smaller --tol"),
         Error::NoPatch { at } => none("no-patch")
             .somewhere(at)
             .why("the surface is too curved, or not smooth, there")

@@ -1,0 +1,406 @@
+//! Folds: places where a patch turns back along the surface, so that it shows its other side.
+//!
+//! A patch that is nowhere farther from the surface than a tolerance may still fold over: its
+//! normal n = pᵤ × pᵥ then turns against ∇F while its points stay near. The proof goes cell by
+//! cell. With the homogeneous patch (X, w), n w³ is the polynomial
+//! w Xᵤ × Xᵥ − wᵥ Xᵤ × X − wᵤ X × Xᵥ of degree (3m − 1, 3n − 1). Its Bernstein coefficients are
+//! computed once, as intervals, and halved with the cells. On a cell, every normal is a positive
+//! combination of them; so n·∇F has one sign where their products with a box around the gradient
+//! have.
+//!
+//! Where ∇F may vanish, as along a self-intersection, n·∇F may change its sign without a fold.
+//! There all normals of the cell have to lie within 45° of one direction.
+
+use crate::cells::{Place, halve, middle_of};
+use crate::compose::binomial;
+use isoform_geom::{Aabb, Expansion, Field, Point3, RationalPatch, dot, norm};
+use isoform_num::Interval;
+
+/// Normals on a grid of this many places in each direction are compared: enough for folds wider
+/// than a sixteenth of the patch; narrower ones are left to the proof.
+const SAMPLES: usize = 17;
+/// Halvings of a cell before its place counts as a fold: cells of a thousandth of the patch in
+/// each direction. Fewer would blame curved places, more only take time on folds.
+const MOST_HALVINGS: u32 = 20;
+/// Cells that may be looked at: a hundred times what a patch on a smooth surface takes.
+const MOST_CELLS: usize = 20_000;
+/// The cosine of the angle within which normals of a cell lie where ∇F may vanish: two of them
+/// are then less than a right angle apart, so that the cell cannot turn back.
+const COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// A part of a patch with its normals.
+struct Cell {
+    /// Control points (X, Y, Z, w), X about the middle of the patch.
+    control: Vec<[Interval; 4]>,
+    /// Bernstein coefficients of n w³.
+    normals: Vec<[Interval; 3]>,
+    place: Place,
+    depth: u32,
+}
+
+/// Whether normals at neighbouring samples of a patch point against one another: then it folds
+/// over.
+pub(crate) fn is_seen(patch: &RationalPatch) -> bool {
+    let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
+    let normals: Vec<Point3> = (0..SAMPLES * SAMPLES)
+        .map(|k| patch.tangents(at(k / SAMPLES), at(k % SAMPLES)).normal())
+        .collect();
+    let turns = |a: usize, b: usize| dot(normals[a], normals[b]) < 0.0;
+    (0..SAMPLES * SAMPLES).any(|k| {
+        (k % SAMPLES + 1 < SAMPLES && turns(k, k + 1))
+            || (k + SAMPLES < normals.len() && turns(k, k + SAMPLES))
+    })
+}
+
+/// Proves that a patch goes along the surface `field` = 0 without folding over; if that fails, the
+/// parameters of a place where it may.
+pub(crate) fn prove_none(field: &dyn Field, patch: &RationalPatch) -> Result<(), (f64, f64)> {
+    let degree = patch.degree();
+    let origin = patch.point(0.5, 0.5);
+    let control = about(patch, origin);
+    let mut pending = vec![Cell {
+        normals: normals(&control, degree),
+        control,
+        place: [(0.0, 1.0); 2],
+        depth: 0,
+    }];
+    let mut looked_at = 0;
+    while let Some(cell) = pending.pop() {
+        looked_at += 1;
+        if is_unfolded(field, &cell, origin) {
+            continue;
+        }
+        if cell.depth == MOST_HALVINGS || looked_at == MOST_CELLS {
+            return Err(middle_of(cell.place));
+        }
+        pending.extend(cell.halves(degree));
+    }
+    Ok(())
+}
+
+/// Control points with X less `origin` times w: what is far from 0 would lose digits in products.
+fn about(patch: &RationalPatch, origin: Point3) -> Vec<[Interval; 4]> {
+    let exact = |v: f64| Interval::new(v, v);
+    let moved = |c: &[f64; 4]| {
+        std::array::from_fn(|k| match k {
+            3 => exact(c[3]),
+            _ => exact(c[k]) - exact(origin[k]) * exact(c[3]),
+        })
+    };
+    patch.control().iter().map(moved).collect()
+}
+
+/// Whether a cell shows one side to where F grows, or its normals are alike where ∇F may vanish.
+fn is_unfolded(field: &dyn Field, cell: &Cell, origin: Point3) -> bool {
+    let Some(gradient) = gradient(field, cell, origin) else {
+        return false;
+    };
+    let along = |n: &[Interval; 3]| n[0] * gradient[0] + n[1] * gradient[1] + n[2] * gradient[2];
+    let mut signs = (true, true);
+    for n in &cell.normals {
+        let product = along(n);
+        signs = (signs.0 && product.lo() > 0.0, signs.1 && product.hi() < 0.0);
+        if signs == (false, false) {
+            break;
+        }
+    }
+    if signs != (false, false) {
+        return true;
+    }
+    gradient.iter().all(|g| g.contains(0.0)) && are_alike(&cell.normals)
+}
+
+/// Whether all normals lie within 45° of one direction.
+fn are_alike(normals: &[[Interval; 3]]) -> bool {
+    let mean = normals.iter().fold([0.0; 3], |sum, n| {
+        std::array::from_fn(|k| sum[k] + 0.5 * (n[k].lo() + n[k].hi()))
+    });
+    let length = norm(mean);
+    if !(length > 0.0 && length.is_finite()) {
+        return false;
+    }
+    let axis = mean.map(|v| Interval::new(v / length, v / length));
+    normals.iter().all(|n| {
+        let along = n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2];
+        let size = |v: &Interval| v.lo().abs().max(v.hi().abs());
+        let long = norm([size(&n[0]), size(&n[1]), size(&n[2])]);
+        // The axis and the length are rounded: a few units in the last place.
+        along.lo() > COSINE * long * (1.0 + 1e-12)
+    })
+}
+
+/// A box around ∇F on a cell; none where nothing is proved of F, or w may vanish.
+fn gradient(field: &dyn Field, cell: &Cell, origin: Point3) -> Option<[Interval; 3]> {
+    let region = cell.region(origin)?;
+    let at: Point3 = std::array::from_fn(|k| 0.5 * region.lo[k] + 0.5 * region.hi[k]);
+    let Expansion {
+        gradient,
+        hessian,
+        third,
+        ..
+    } = field.expansion(at, region)?;
+    let exact = |v: f64| Interval::new(v, v);
+    let d: [Interval; 3] =
+        std::array::from_fn(|k| Interval::new(region.lo[k], region.hi[k]) - exact(at[k]));
+    Some(std::array::from_fn(|i| {
+        let mut sum = gradient[i];
+        for j in 0..3 {
+            let mut slope = hessian[Expansion::SECOND[i][j]];
+            for k in 0..3 {
+                slope = slope + exact(0.5) * third[Expansion::THIRD[i][j][k]] * d[k];
+            }
+            sum = sum + slope * d[j];
+        }
+        sum
+    }))
+}
+
+impl Cell {
+    /// A box around the cell.
+    fn region(&self, origin: Point3) -> Option<Aabb> {
+        let mut region = Aabb::EMPTY;
+        for c in &self.control {
+            if c[3].lo() <= 0.0 {
+                return None;
+            }
+            let p: [Interval; 3] =
+                std::array::from_fn(|k| c[k] / c[3] + Interval::new(origin[k], origin[k]));
+            region.add(p.map(|v| v.lo()));
+            region.add(p.map(|v| v.hi()));
+        }
+        Some(region)
+    }
+
+    /// The halves in the direction in which it is longer.
+    fn halves(&self, (m, n): (usize, usize)) -> [Self; 2] {
+        let point = |i: usize| {
+            let c = &self.control[i];
+            [c[0], c[1], c[2]].map(|v| v.lo() / c[3].lo())
+        };
+        let last = self.control.len() - 1;
+        let far = |a: usize, b: usize| isoform_geom::distance_squared(point(a), point(b));
+        let in_u = far(0, last - n).max(far(n, last)) >= far(0, n).max(far(last - n, last));
+        [false, true].map(|upper| {
+            let (mut control, mut normals) = (self.control.clone(), self.normals.clone());
+            half(&mut control, (m, n), in_u, upper);
+            half(&mut normals, (3 * m - 1, 3 * n - 1), in_u, upper);
+            let mut place = self.place;
+            let range = &mut place[usize::from(!in_u)];
+            let middle = 0.5 * (range.0 + range.1);
+            *(if upper { &mut range.0 } else { &mut range.1 }) = middle;
+            Self {
+                control,
+                normals,
+                place,
+                depth: self.depth + 1,
+            }
+        })
+    }
+}
+
+/// Replaces a net of degree (m, n) by that of its lower or upper half in u or v.
+fn half<const K: usize>(
+    net: &mut [[Interval; K]],
+    (m, n): (usize, usize),
+    in_u: bool,
+    upper: bool,
+) {
+    let half = Interval::new(0.5, 0.5);
+    let mean = |a: [Interval; K], b: [Interval; K]| std::array::from_fn(|k| half * (a[k] + b[k]));
+    if in_u {
+        (0..=n).for_each(|j| halve(net, j, (n + 1, m), upper, mean));
+    } else {
+        (0..=m).for_each(|i| halve(net, i * (n + 1), (1, n), upper, mean));
+    }
+}
+
+/// Bernstein coefficients of w Xᵤ × Xᵥ − wᵥ Xᵤ × X − wᵤ X × Xᵥ.
+fn normals(control: &[[Interval; 4]], (m, n): (usize, usize)) -> Vec<[Interval; 3]> {
+    let coordinate = |k: usize| Bernstein {
+        degree: (m, n),
+        values: control.iter().map(|c| c[k]).collect(),
+    };
+    let x: [Bernstein; 4] = std::array::from_fn(coordinate);
+    let xu = [0, 1, 2, 3].map(|k| x[k].derivative_u());
+    let xv = [0, 1, 2, 3].map(|k| x[k].derivative_v());
+    let minor = |i: usize, j: usize| {
+        // One coordinate of the cross product of (a, b) is aᵢ bⱼ − aⱼ bᵢ.
+        let of =
+            |a: &[Bernstein; 4], b: &[Bernstein; 4]| a[i].times(&b[j]).minus(&a[j].times(&b[i]));
+        let whole = x[3].times(&of(&xu, &xv));
+        whole
+            .minus(&xv[3].times(&of(&xu, &x)))
+            .minus(&xu[3].times(&of(&x, &xv)))
+    };
+    let [a, b, c] = [minor(1, 2), minor(2, 0), minor(0, 1)];
+    (0..a.values.len())
+        .map(|k| [a.values[k], b.values[k], c.values[k]])
+        .collect()
+}
+
+/// A polynomial of degree (m, n) by its Bernstein coefficients.
+struct Bernstein {
+    degree: (usize, usize),
+    values: Vec<Interval>,
+}
+
+impl Bernstein {
+    fn derivative_u(&self) -> Self {
+        let (m, n) = self.degree;
+        let factor = Interval::new(m as f64, m as f64);
+        let step = |k: usize| factor * (self.values[k + n + 1] - self.values[k]);
+        Self {
+            degree: (m - 1, n),
+            values: (0..m * (n + 1)).map(step).collect(),
+        }
+    }
+    fn derivative_v(&self) -> Self {
+        let (m, n) = self.degree;
+        let factor = Interval::new(n as f64, n as f64);
+        let values = self.values.chunks(n + 1).flat_map(|row| {
+            row.windows(2)
+                .map(|pair| factor * (pair[1] - pair[0]))
+                .collect::<Vec<_>>()
+        });
+        Self {
+            degree: (m, n - 1),
+            values: values.collect(),
+        }
+    }
+    fn minus(&self, other: &Self) -> Self {
+        let values = self.values.iter().zip(&other.values).map(|(a, b)| *a - *b);
+        Self {
+            degree: self.degree,
+            values: values.collect(),
+        }
+    }
+    fn times(&self, other: &Self) -> Self {
+        let ((m, n), (k, l)) = (self.degree, other.degree);
+        let share = |m: usize, k: usize| -> Vec<Vec<Interval>> {
+            let row = |i: usize| {
+                // Binomials of degrees up to 24 are exact, their quotient is rounded.
+                let of = |j: usize| {
+                    let product = binomial(m, i) * binomial(k, j);
+                    let whole = binomial(m + k, i + j);
+                    Interval::new(product, product) / Interval::new(whole, whole)
+                };
+                (0..=k).map(of).collect()
+            };
+            (0..=m).map(row).collect()
+        };
+        let (in_u, in_v) = (share(m, k), share(n, l));
+        let zero = Interval::new(0.0, 0.0);
+        let mut values = vec![zero; (m + k + 1) * (n + l + 1)];
+        for (a, i) in self.values.iter().zip(0..) {
+            for (b, j) in other.values.iter().zip(0..) {
+                let ((iu, iv), (ju, jv)) = ((i / (n + 1), i % (n + 1)), (j / (l + 1), j % (l + 1)));
+                let out = &mut values[(iu + ju) * (n + l + 1) + iv + jv];
+                *out = *out + in_u[iu][ju] * in_v[iv][jv] * *a * *b;
+            }
+        }
+        Self {
+            degree: (m + k, n + l),
+            values,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_field::Polynomial;
+
+    fn plane() -> Polynomial {
+        Polynomial::new([([0, 0, 1], 1.0)])
+    }
+
+    /// A patch of the plane z = 0 in which x is the function of u with these Bézier points.
+    fn flat(x: [f64; 4]) -> RationalPatch {
+        let row = |x: f64| [0.0, 0.5, 1.0].map(|y| [x, y, 0.0, 1.0]);
+        RationalPatch::new((3, 2), x.map(row).concat()).expect("a patch")
+    }
+
+    /// x′ ∝ (1 − u)² b₀ + 2u(1 − u) b₁ + u² b₂ with b = (1, 2t − 1, 1) vanishes for t ≤ 0 only: at
+    /// t = 0 in the middle, below on both sides of it.
+    #[test]
+    fn a_patch_folds_where_its_derivative_changes_sign() {
+        let of = |t: f64| flat([0.0, 1.0, 2.0 * t, 1.0 + 2.0 * t]);
+        for t in [1e-3, 0.1, 0.5] {
+            assert_eq!(prove_none(&plane(), &of(t)), Ok(()), "{t}");
+            assert!(!is_seen(&of(t)));
+        }
+        for t in [0.0, -1e-6, -0.1] {
+            let (u, _) = prove_none(&plane(), &of(t)).expect_err("a fold");
+            let root = 0.5 - 0.5 * (-t / (1.0 - t)).sqrt();
+            assert!(
+                (u - root).abs().min((1.0 - u - root).abs()) < 0.01,
+                "{t}: {u}"
+            );
+        }
+        assert!(is_seen(&of(-0.1)));
+    }
+
+    /// A thin S in the plane x z: its points are within 1e-6 of z = 0 and its tangent vanishes
+    /// nowhere, so that only the plane's side shows the fold.
+    #[test]
+    fn a_fold_within_the_tolerance_is_one() {
+        let mut patch = flat([0.0, 1.0, -0.2, 0.8]);
+        for (i, c) in patch.control_mut().iter_mut().enumerate() {
+            c[2] = 1e-6 * [0.0, 1.0, 0.0, 1.0][i / 3];
+        }
+        assert!(prove_none(&plane(), &patch).is_err());
+    }
+
+    /// On x y = 0 the plane x = 0 crosses another one along the z axis, where ∇F vanishes.
+    #[test]
+    fn a_self_intersection_is_no_fold() {
+        let planes = Polynomial::new([([1, 1, 0], 1.0)]);
+        let across = |bend: f64| {
+            let mut patch =
+                RationalPatch::planar((3, 2), [0.0, -0.4, -0.3], [0.0, 0.7, 0.0], [0.0, 0.1, 0.6]);
+            for (i, c) in patch.control_mut().iter_mut().enumerate() {
+                c[1] += [0.0, bend, -bend, 0.0][i / 3];
+            }
+            patch
+        };
+        assert_eq!(prove_none(&planes, &across(0.05)), Ok(()));
+        assert!(prove_none(&planes, &across(1.5)).is_err());
+    }
+
+    /// The coefficients hold n w³ of rational patches near and far from the origin, in all parts.
+    #[test]
+    fn coefficients_are_those_of_normals() {
+        for seed in 0..200u32 {
+            let wave = |k: u32| f64::from(seed * 37 + k * 101).sin();
+            let degree = (1 + seed as usize % 4, 1 + seed as usize / 4 % 3);
+            let count = ((degree.0 + 1) * (degree.1 + 1)) as u32;
+            let far = [0.0, 1e3][seed as usize % 2];
+            let control = (0..count).map(|k| {
+                let w = 1.0 + 0.5 * wave(4 * k);
+                [wave(4 * k + 1) + far, wave(4 * k + 2), wave(4 * k + 3), 1.0].map(|v| v * w)
+            });
+            let patch = RationalPatch::new(degree, control.collect()).expect("a patch");
+            let origin = patch.point(0.5, 0.5);
+            let control = about(&patch, origin);
+            let mut cell = Cell {
+                normals: normals(&control, degree),
+                control,
+                place: [(0.0, 1.0); 2],
+                depth: 0,
+            };
+            for step in 0..6 {
+                let corner = patch.tangents(cell.place[0].0, cell.place[1].0);
+                let w3 = corner.weight.powi(3);
+                for (held, n) in cell.normals[0].iter().zip(corner.normal()) {
+                    let near = 1e-12 * (1.0 + far) * (1.0 + norm(corner.normal()));
+                    assert!(
+                        held.lo() - near <= n * w3 && n * w3 <= held.hi() + near,
+                        "{seed}: {held:?} {n}"
+                    );
+                }
+                let [lower, upper] = cell.halves(degree);
+                cell = if step % 2 == 0 { upper } else { lower };
+            }
+        }
+    }
+}
