@@ -38,18 +38,22 @@ struct Cell {
     depth: u32,
 }
 
-/// Whether normals at neighbouring samples of a patch point against one another: then it folds
-/// over.
-pub(crate) fn is_seen(patch: &RationalPatch) -> bool {
+/// Where normals at neighbouring samples of a patch point against one another, so that it folds
+/// over: the parameters of such a place nearest to the border, where folds come from.
+pub(crate) fn seen(patch: &RationalPatch) -> Option<(f64, f64)> {
     let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
     let normals: Vec<Point3> = (0..SAMPLES * SAMPLES)
         .map(|k| patch.tangents(at(k / SAMPLES), at(k % SAMPLES)).normal())
         .collect();
     let turns = |a: usize, b: usize| dot(normals[a], normals[b]) < 0.0;
-    (0..SAMPLES * SAMPLES).any(|k| {
-        (k % SAMPLES + 1 < SAMPLES && turns(k, k + 1))
-            || (k + SAMPLES < normals.len() && turns(k, k + SAMPLES))
-    })
+    let inside = |i: usize| i.min(SAMPLES - 1 - i);
+    (0..SAMPLES * SAMPLES)
+        .filter(|&k| {
+            (k % SAMPLES + 1 < SAMPLES && turns(k, k + 1))
+                || (k + SAMPLES < normals.len() && turns(k, k + SAMPLES))
+        })
+        .min_by_key(|&k| inside(k / SAMPLES).min(inside(k % SAMPLES)))
+        .map(|k| (at(k / SAMPLES), at(k % SAMPLES)))
 }
 
 /// Proves that a patch goes along the surface `field` = 0 without folding over; if that fails, the
@@ -327,7 +331,7 @@ mod tests {
         let of = |t: f64| flat([0.0, 1.0, 2.0 * t, 1.0 + 2.0 * t]);
         for t in [1e-3, 0.1, 0.5] {
             assert_eq!(prove_none(&plane(), &of(t)), Ok(()), "{t}");
-            assert!(!is_seen(&of(t)));
+            assert_eq!(seen(&of(t)), None);
         }
         for t in [0.0, -1e-6, -0.1] {
             let (u, _) = prove_none(&plane(), &of(t)).expect_err("a fold");
@@ -337,7 +341,7 @@ mod tests {
                 "{t}: {u}"
             );
         }
-        assert!(is_seen(&of(-0.1)));
+        assert!(seen(&of(-0.1)).is_some());
     }
 
     /// A thin S in the plane x z: its points are within 1e-6 of z = 0 and its tangent vanishes

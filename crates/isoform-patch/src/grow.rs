@@ -318,7 +318,7 @@ impl<'f> Growth<'f> {
     /// How much of what is allowed the patch makes use of: of S, or of the distance from the
     /// surface.
     fn load(&self) -> f64 {
-        if fold::is_seen(&self.patch) {
+        if fold::seen(&self.patch).is_some() {
             return FOLDED;
         }
         match self.options.tolerance {
@@ -535,8 +535,13 @@ impl<'f> Growth<'f> {
                 if load > MOST_EXCESS
                     && let Some(good) = self.good.clone()
                 {
+                    let fold = fold::seen(&self.patch);
                     self.settle(good);
-                    (load, caution) = (self.load(), 0.5 * caution);
+                    load = self.load();
+                    match fold {
+                        Some(place) => self.sides[nearest_side(place)] = Side::Stopped,
+                        None => caution *= 0.5,
+                    }
                     history.clear();
                 }
             }
@@ -724,10 +729,7 @@ impl<'f> Growth<'f> {
     /// Shortens the patch by a share at each side, and at one so that a place is no longer on it:
     /// near a singular point nothing may be provable. False where that is no patch.
     pub(crate) fn leave(&mut self, (u, v): (f64, f64), share: f64) -> bool {
-        let lost = [u, 1.0 - u, v, 1.0 - v];
-        let side = (0..4)
-            .min_by(|&a, &b| lost[a].total_cmp(&lost[b]))
-            .unwrap_or(0);
+        let (lost, side) = ([u, 1.0 - u, v, 1.0 - v], nearest_side((u, v)));
         let shorter = self.longer(std::array::from_fn(|k| {
             if k == side { -lost[k] - share } else { -share }
         }));
@@ -819,6 +821,14 @@ impl<'f> Growth<'f> {
             trace: self.trace,
         }
     }
+}
+
+/// The side, of u = 0, u = 1, v = 0 and v = 1, that a place is nearest to.
+fn nearest_side((u, v): (f64, f64)) -> usize {
+    let far = [u, 1.0 - u, v, 1.0 - v];
+    (0..4)
+        .min_by(|&a, &b| far[a].total_cmp(&far[b]))
+        .unwrap_or(0)
 }
 
 /// A patch longer by shares of its edges at its four sides.

@@ -434,7 +434,7 @@ fn grown<'f>(
         (known, place) = (trimmed, its_place);
     }
     let is_unfolded = growth.prove_unfolded().is_ok();
-    if !is_unfolded && fold::is_seen(&growth.patch) {
+    if !is_unfolded && fold::seen(&growth.patch).is_some() {
         return Err(Error::Folded { at: seed.point });
     }
     clock.phase("certify");

@@ -786,7 +786,8 @@ fn patches_end_before_what_cannot_be_proved() {
         "{:?}",
         made.distances
     );
-    assert!(made.grown.area(&CUBE) > 0.2, "{}", made.grown.area(&CUBE));
+    assert!(made.is_unfolded);
+    assert!(made.grown.area(&CUBE) > 0.1, "{}", made.grown.area(&CUBE));
 }
 
 /// A patch parallel to one of two planes at d, through the other one: on a cell of length s about
