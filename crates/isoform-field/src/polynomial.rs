@@ -1,6 +1,6 @@
 //! Polynomials in x, y, z with floating-point coefficients.
 
-use isoform_geom::{Aabb, Expansion, Field, Point3};
+use isoform_geom::{Aabb, Expansion, Field, Point3, Terms};
 use isoform_num::{Interval, Jet2, Jet3, Real};
 
 /// Index triples of third derivatives, in the order of jets.
@@ -225,8 +225,12 @@ impl Polynomial {
 }
 
 impl Field for Polynomial {
-    fn terms(&self) -> Option<&[([u16; 3], f64)]> {
-        Some(&self.terms)
+    fn terms(&self) -> Option<Terms<'_>> {
+        Some(Terms {
+            list: &self.terms,
+            origin: [0.0; 3],
+            unit: 1.0,
+        })
     }
     fn value(&self, p: Point3) -> f64 {
         Powers::new(p, self.degrees).sum(&self.terms, [0; 3])

@@ -34,10 +34,21 @@ pub trait Field: Send + Sync {
     fn expansion(&self, _at: Point3, _region: Aabb) -> Option<Expansion> {
         None
     }
-    /// The terms c xⁱyʲzᵏ, as ([i, j, k], c), of an f that is their sum; nothing by default.
-    fn terms(&self) -> Option<&[([u16; 3], f64)]> {
+    /// The terms of an f that is a polynomial; nothing by default.
+    fn terms(&self) -> Option<Terms<'_>> {
         None
     }
+}
+
+/// A polynomial of (x, y, z) = `origin` + `unit` p as a function of p.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Terms<'a> {
+    /// Terms c xⁱyʲzᵏ, as ([i, j, k], c).
+    pub list: &'a [([u16; 3], f64)],
+    /// Where p = 0 is.
+    pub origin: Point3,
+    /// The unit of length of p.
+    pub unit: f64,
 }
 
 /// Intervals for a function's derivatives: those to order 2 at a point, those of order 3 in a
@@ -55,6 +66,44 @@ pub struct Expansion {
 }
 
 impl Expansion {
+    /// The same about a place nearby, in the same region: by Taylor's theorem with the third
+    /// derivatives that hold there.
+    #[must_use]
+    pub fn moved(&self, by: [Interval; 3]) -> Self {
+        let share = |v: f64| Interval::new(v, v);
+        let third = |i: usize, j: usize| {
+            (0..3).fold(share(0.0), |sum, k| {
+                sum + self.third[Self::THIRD[i][j][k]] * by[k]
+            })
+        };
+        let second = |i: usize, factor: f64| {
+            (0..3).fold(share(0.0), |sum, j| {
+                let slope = self.hessian[Self::SECOND[i][j]] + share(factor) * third(i, j);
+                sum + slope * by[j]
+            })
+        };
+        // δᵀHδ/2 + Tδδδ/6 is half of δ times (H + Tδ/3)δ; a third is no number.
+        let sixth = Interval::new((1.0f64 / 3.0).next_down(), (1.0f64 / 3.0).next_up());
+        let value = (0..3).fold(self.value, |sum, i| {
+            let bent = (0..3).fold(share(0.0), |sum, j| {
+                sum + (self.hessian[Self::SECOND[i][j]] + sixth * third(i, j)) * by[j]
+            });
+            sum + (self.gradient[i] + share(0.5) * bent) * by[i]
+        });
+        let mut hessian = self.hessian;
+        for (i, row) in Self::SECOND.iter().enumerate() {
+            for (j, place) in row.iter().enumerate().skip(i) {
+                hessian[*place] = self.hessian[*place] + third(i, j);
+            }
+        }
+        Self {
+            value,
+            gradient: std::array::from_fn(|i| self.gradient[i] + second(i, 0.5)),
+            hessian,
+            third: self.third,
+        }
+    }
+
     /// Where ∂²f/∂xᵢ∂xⱼ is among the six second derivatives.
     pub const SECOND: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
     /// Where ∂³f/∂xᵢ∂xⱼ∂xₖ is among the ten third derivatives.

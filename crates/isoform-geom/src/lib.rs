@@ -16,7 +16,7 @@ mod solid;
 
 pub use cloud::{Column, PointCloud};
 pub use field::{
-    DistanceField, Edge, Expansion, Field, Foot, Frame, Nearby, NormalEquations, ParamField,
+    DistanceField, Edge, Expansion, Field, Foot, Frame, Nearby, NormalEquations, ParamField, Terms,
     add_normal_equations, normal_equations_of,
 };
 pub use kdtree::KdTree;

@@ -4,7 +4,7 @@
 //! On patches that lie on the surface to rounding this bound is of the order of rounding, which no
 //! expansion about points comes to unless F is a quadric.
 
-use isoform_geom::RationalPatch;
+use isoform_geom::{RationalPatch, Terms};
 
 /// Compositions of higher degrees than this are not looked at: they cost much, and rounding grows
 /// with the degree.
@@ -29,16 +29,24 @@ impl Scaled {
             roundings: 0,
         }
     }
-    fn coordinate(patch: &RationalPatch, k: usize) -> Self {
+    /// X, Y, Z or w of a patch, in the coordinates of the polynomial.
+    fn coordinate(patch: &RationalPatch, k: usize, terms: &Terms<'_>) -> Self {
         let (m, n) = patch.degree();
         let at = |i: usize| {
-            let v = patch.control()[i][k] * binomial(m, i / (n + 1)) * binomial(n, i % (n + 1));
-            [v, v.abs()]
+            let c = &patch.control()[i];
+            let (factor, shift) = if k == 3 {
+                (1.0, 0.0)
+            } else {
+                (terms.unit, terms.origin[k])
+            };
+            let (a, b) = (factor * c[k], shift * c[3]);
+            let share = binomial(m, i / (n + 1)) * binomial(n, i % (n + 1));
+            [(a + b) * share, (a.abs() + b.abs()) * share]
         };
         Self {
             degree: (m, n),
             values: (0..(m + 1) * (n + 1)).map(at).collect(),
-            roundings: 2,
+            roundings: 4,
         }
     }
     fn times(&self, other: &Self) -> Self {
@@ -68,8 +76,9 @@ pub(crate) fn binomial(n: usize, k: usize) -> f64 {
 
 /// A bound on |F| over a patch for F = Σ c xⁱyʲzᵏ, rounding included; none for too high a degree or
 /// a control weight that is not positive.
-pub(crate) fn largest(terms: &[([u16; 3], f64)], patch: &RationalPatch) -> Option<f64> {
+pub(crate) fn largest(terms: &Terms<'_>, patch: &RationalPatch) -> Option<f64> {
     let d = terms
+        .list
         .iter()
         .map(|(e, _)| e.iter().map(|v| usize::from(*v)).sum())
         .max()?;
@@ -78,7 +87,7 @@ pub(crate) fn largest(terms: &[([u16; 3], f64)], patch: &RationalPatch) -> Optio
         return None;
     }
     let powers: [Vec<Scaled>; 4] = std::array::from_fn(|k| {
-        let base = Scaled::coordinate(patch, k);
+        let base = Scaled::coordinate(patch, k, terms);
         let mut list = vec![Scaled::one()];
         for i in 0..d {
             list.push(list[i].times(&base));
@@ -87,7 +96,7 @@ pub(crate) fn largest(terms: &[([u16; 3], f64)], patch: &RationalPatch) -> Optio
     });
     let mut sums = vec![[0.0; 2]; (d * m + 1) * (d * n + 1)];
     let mut roundings = 0;
-    for (e, c) in terms {
+    for (e, c) in terms.list {
         let [i, j, k] = e.map(usize::from);
         let product = powers[0][i]
             .times(&powers[1][j])
@@ -100,7 +109,7 @@ pub(crate) fn largest(terms: &[([u16; 3], f64)], patch: &RationalPatch) -> Optio
         roundings = roundings.max(product.roundings);
     }
     let whole = &powers[3][d];
-    let rounding = (roundings.max(whole.roundings) + terms.len() + 2) as f64 * f64::EPSILON;
+    let rounding = (roundings.max(whole.roundings) + terms.list.len() + 2) as f64 * f64::EPSILON;
     let quotient = |(sum, w): (&[f64; 2], &[f64; 2])| {
         (sum[0].abs() + rounding * sum[1]) / (w[0] * (1.0 - rounding))
     };
@@ -128,11 +137,15 @@ mod tests {
             .control_mut()
             .iter_mut()
             .for_each(|c| *c = c.map(|v| 1.7 * v));
-        let at = |terms: &[([u16; 3], f64)]| largest(terms, &patch).expect("a bound");
+        let of = |list, origin, unit| largest(&Terms { list, origin, unit }, &patch);
+        let at = |list: &[([u16; 3], f64)]| of(list, [0.0; 3], 1.0).expect("a bound");
         assert!((at(&[([0, 0, 1], 1.0), ([0, 0, 0], -0.2)]) - 0.05).abs() < 1e-12);
         assert!((at(&[([1, 2, 0], -3.0)]) - 3.0).abs() < 1e-11);
         let zero = at(&[([0, 0, 2], 1.0), ([0, 0, 0], -0.0625)]);
         assert!(zero > 0.0 && zero < 1e-13, "{zero}");
-        assert_eq!(largest(&[([40, 0, 0], 1.0)], &patch), None);
+        assert_eq!(of(&[([40, 0, 0], 1.0)], [0.0; 3], 1.0), None);
+        // x y² about (3, 2, 1) in units of 2, at the far corner: (3 + 2)(2 + 2)².
+        let moved = of(&[([1, 2, 0], 1.0)], [3.0, 2.0, 1.0], 2.0).expect("a bound");
+        assert!((moved - 80.0).abs() < 1e-9, "{moved}");
     }
 }

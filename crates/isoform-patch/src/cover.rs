@@ -6,6 +6,7 @@
 //! in the end, patches that others make superfluous are left out.
 
 use crate::surface::{Random, contains, project};
+use crate::unit::UnitBox;
 use crate::whole::Whole;
 use crate::{Error, Options, Parameterized, single};
 use isoform_geom::{Field, Parts, Point3, RationalPatch, distance_squared, dot, sub};
@@ -40,6 +41,20 @@ pub struct Cover {
     pub covered: usize,
 }
 
+impl Cover {
+    /// A cover made in the unit box, in space; `field` gives the functions of parts.
+    fn out<'f>(self, unit: &UnitBox, field: &dyn Fn(usize) -> &'f dyn Field) -> Self {
+        let out = |made: Parameterized| {
+            let part = field(made.part);
+            unit.made_out(made, part)
+        };
+        Self {
+            patches: self.patches.into_iter().map(out).collect(),
+            ..self
+        }
+    }
+}
+
 /// Covers the surface in the region with patches that keep the tolerance.
 ///
 /// `most` bounds their number, `stop` is asked between rounds, and `threads` work side by side; the
@@ -51,7 +66,12 @@ pub fn cover(
     threads: usize,
     stop: &dyn Fn() -> bool,
 ) -> Result<Cover, Error> {
-    cover_whole(&Whole::of_field(field), options, most, threads, stop)
+    single::check(options)?;
+    let unit = UnitBox::of(&options.region);
+    let (inside, options) = (unit.field(field), unit.options(options));
+    cover_whole(&Whole::of_field(&inside), &options, most, threads, stop)
+        .map(|cover| cover.out(&unit, &|_| field))
+        .map_err(|error| unit.error_out(error))
 }
 
 /// The same of a surface of parts: each patch stays on one, and ends at its edges.
@@ -63,13 +83,17 @@ pub fn cover_parts(
     stop: &dyn Fn() -> bool,
 ) -> Result<Cover, Error> {
     single::check(options)?;
+    let unit = UnitBox::of(&options.region);
+    let (inside, options) = (unit.parts(parts), unit.options(options));
     cover_whole(
-        &Whole::of_parts(parts, &options.region),
-        options,
+        &Whole::of_parts(&inside, &options.region),
+        &options,
         most,
         threads,
         stop,
     )
+    .map(|cover| cover.out(&unit, &|part| parts.parts[part].field.as_ref()))
+    .map_err(|error| unit.error_out(error))
 }
 
 fn cover_whole(
@@ -79,7 +103,6 @@ fn cover_whole(
     threads: usize,
     stop: &dyn Fn() -> bool,
 ) -> Result<Cover, Error> {
-    single::check(options)?;
     let tolerance = options.tolerance.ok_or(Error::Option {
         name: "the tolerance",
         value: f64::NAN,

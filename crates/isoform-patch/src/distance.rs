@@ -355,7 +355,7 @@ pub(crate) fn proof(
         None
     };
     let known = terms
-        .and_then(|t| largest(t, patch))
+        .and_then(|t| largest(&t, patch))
         .unwrap_or(f64::INFINITY);
     let mut pending = vec![(patch.clone(), [(0.0, 1.0); 2], 0u32)];
     let (mut worst, mut looked_at) = (0.0f64, 0);

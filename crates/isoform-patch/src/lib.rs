@@ -21,6 +21,7 @@ mod single;
 mod solver;
 mod surface;
 mod torus;
+mod unit;
 mod whole;
 
 pub use cover::{Cover, cover, cover_parts, reached};

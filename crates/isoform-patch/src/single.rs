@@ -7,8 +7,8 @@ use crate::fold;
 use crate::grow::{Grown, Growth, Pace};
 use crate::objective::{Inner, Method, Objective};
 use crate::options::{Error, Options};
-use crate::quadric::quadric;
 use crate::surface::Seed;
+use crate::unit::UnitBox;
 use crate::whole::{On, Whole};
 use crate::{MOST_DEGREE, surface};
 use isoform_geom::{Field, Parts, Point3, Quadric, norm, sub};
@@ -40,6 +40,8 @@ const ROUNDING: f64 = 1e-13;
 pub struct Parameterized {
     /// The patch and the way to it.
     pub grown: Grown,
+    /// The part of the surface it lies on; 0 where that is one function.
+    pub part: usize,
     /// How far it is from the surface.
     pub distances: Distances,
     /// Whether it is proved not to fold over: that it shows one side to where F grows, except
@@ -69,6 +71,13 @@ const CHOICE: (usize, usize) = (8, 4000);
 /// Grows one patch on the surface `field` = 0, and proves how far from it the patch is.
 pub fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterized, Error> {
     check(options)?;
+    let unit = UnitBox::of(&options.region);
+    parameterize_in_unit_box(&unit.field(field), &unit.options(options))
+        .map(|made| unit.made_out(made, field))
+        .map_err(|error| unit.error_out(error))
+}
+
+fn parameterize_in_unit_box(field: &dyn Field, options: &Options) -> Result<Parameterized, Error> {
     let whole = Whole::of_field(field);
     let on = On {
         whole: &whole,
@@ -164,6 +173,17 @@ fn both(a: &[(&'static str, f64)], b: &[(&'static str, f64)]) -> Vec<(&'static s
 /// less than the tolerance.
 pub fn parameterize_part(parts: &Parts, options: &Options) -> Result<Parameterized, Error> {
     check(options)?;
+    let unit = UnitBox::of(&options.region);
+    let inside = unit.options(options);
+    parameterize_part_in_unit_box(&unit.parts(parts), &inside)
+        .map(|made| {
+            let part = made.part;
+            unit.made_out(made, parts.parts[part].field.as_ref())
+        })
+        .map_err(|error| unit.error_out(error))
+}
+
+fn parameterize_part_in_unit_box(parts: &Parts, options: &Options) -> Result<Parameterized, Error> {
     let whole = Whole::of_parts(parts, &options.region);
     let (part, point) = match options.seed_point {
         Some(p) => nearest(&whole, p, options).ok_or(Error::FarSeed { at: p })?,
@@ -444,13 +464,9 @@ fn grown<'f>(
     let proved = if whole.is_single() { PROVED } else { EXACT };
     let is_exact =
         known.sampled <= EXACT * diagonal && known.bound.is_some_and(|b| b <= proved * diagonal);
-    let quadric = if is_exact {
-        quadric(&growth.patch)
-    } else {
-        None
-    };
     Ok(Parameterized {
-        quadric,
+        part: on.part,
+        quadric: None,
         is_late: growth.is_late,
         grown: growth.finish(),
         distances: known,

@@ -1,0 +1,241 @@
+//! The unit box: every patch is grown about the origin in units of the region's largest edge, so
+//! that neither the unit of length nor the place of a model matters.
+//!
+//! The weights of S (Wurm, Jüttler and Kim 2003, Table 2) are those of a unit cube, and control
+//! points (x w, y w, z w, w) of patches far from the origin are no variables for Newton's method.
+
+use crate::fold;
+use crate::quadric::quadric;
+use crate::{Distances, Error, Grown, Options, Parameterized};
+use isoform_geom::{Aabb, Expansion, Field, Parts, Point3, RationalPatch, SmoothPart, Terms, norm};
+use isoform_num::{Interval, Jet2, Jet3};
+use std::ops::Deref;
+use std::sync::Arc;
+
+/// Roundings of a coordinate on its way out of the unit box, in units of the largest one: so much
+/// of a tolerance is left for them. Twice what is rounded.
+const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
+
+/// A place p of the unit box is at `center` + `edge` p in space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct UnitBox {
+    center: Point3,
+    edge: f64,
+}
+
+impl UnitBox {
+    pub(crate) fn of(region: &Aabb) -> Self {
+        Self {
+            center: std::array::from_fn(|k| 0.5 * region.lo[k] + 0.5 * region.hi[k]),
+            edge: region.size().into_iter().fold(0.0, f64::max),
+        }
+    }
+
+    /// A place in space.
+    fn out(&self, p: Point3) -> Point3 {
+        std::array::from_fn(|k| self.center[k] + self.edge * p[k])
+    }
+    /// A place in the unit box.
+    fn within(&self, p: Point3) -> Point3 {
+        std::array::from_fn(|k| (p[k] - self.center[k]) / self.edge)
+    }
+    /// Intervals that hold a box in space.
+    fn all_out(&self, region: &Aabb) -> [Interval; 3] {
+        std::array::from_fn(|k| {
+            let at = Interval::new(region.lo[k], region.hi[k]);
+            exact(self.center[k]) + exact(self.edge) * at
+        })
+    }
+
+    /// A function of space as one of the unit box.
+    pub(crate) fn field<F>(&self, field: F) -> InUnitBox<F> {
+        InUnitBox { field, unit: *self }
+    }
+
+    /// The parts of a surface as those in the unit box.
+    pub(crate) fn parts(&self, parts: &Parts) -> Parts {
+        // Parts are compared by the addresses of their functions.
+        let mut known: Vec<(Arc<dyn Field>, Arc<dyn Field>)> = Vec::new();
+        let mut moved = |field: &Arc<dyn Field>| -> Arc<dyn Field> {
+            if let Some(k) = known.iter().find(|k| Arc::ptr_eq(&k.0, field)) {
+                return k.1.clone();
+            }
+            let inside: Arc<dyn Field> = Arc::new(self.field(field.clone()));
+            known.push((field.clone(), inside.clone()));
+            inside
+        };
+        let part = |p: &SmoothPart| SmoothPart {
+            piece: p.piece,
+            field: moved(&p.field),
+            limits: p.limits.iter().map(&mut moved).collect(),
+            function: p.function,
+        };
+        Parts {
+            tree: parts.tree.clone(),
+            parts: parts.parts.iter().map(part).collect(),
+        }
+    }
+
+    /// What is asked for in the unit box.
+    pub(crate) fn options(&self, options: &Options) -> Options {
+        let far = norm(self.center) + self.edge;
+        let tolerance = |t: f64| ((1.0 - 1e-12) * t - ROUNDINGS * far).max(0.5 * t) / self.edge;
+        Options {
+            region: Aabb {
+                lo: self.within(options.region.lo),
+                hi: self.within(options.region.hi),
+            },
+            seed_point: options.seed_point.map(|p| self.within(p)),
+            tolerance: options.tolerance.map(tolerance),
+            ..*options
+        }
+    }
+
+    /// A patch in space, and how far rounding may have moved its points; infinitely far where a
+    /// control weight is not positive.
+    fn patch_out(&self, patch: &RationalPatch) -> (RationalPatch, f64) {
+        let (mut out, mut moved) = (patch.clone(), 0.0f64);
+        for c in out.control_mut() {
+            let w = c[3];
+            let mut off = [0.0; 3];
+            for k in 0..3 {
+                let x = exact(self.edge) * exact(c[k]) + exact(self.center[k]) * exact(w);
+                c[k] = self.edge * c[k] + self.center[k] * w;
+                off[k] = (x.hi() - c[k]).max(c[k] - x.lo());
+            }
+            moved = moved.max(if w > 0.0 {
+                norm(off) / w * (1.0 + 1e-12)
+            } else {
+                f64::INFINITY
+            });
+        }
+        (out, moved)
+    }
+
+    /// A patch made in the unit box, in space. That it does not fold over is proved again there,
+    /// of the function of its part.
+    pub(crate) fn made_out(&self, made: Parameterized, part: &dyn Field) -> Parameterized {
+        let (patch, moved) = self.patch_out(&made.grown.patch);
+        let length = |v: f64| self.edge * v;
+        let d = made.distances;
+        let sampled = length(d.sampled);
+        let bound = d.bound.map(|b| (length(b) + moved) * (1.0 + 1e-12));
+        Parameterized {
+            distances: Distances {
+                bound: bound.filter(|b| b.is_finite()).map(|b| b.max(sampled)),
+                sampled,
+                rms: length(d.rms),
+            },
+            is_unfolded: made.is_unfolded && fold::prove_none(part, &patch).is_ok(),
+            quadric: if made.is_exact { quadric(&patch) } else { None },
+            grown: Grown {
+                patch,
+                seed_point: self.out(made.grown.seed_point),
+                ..made.grown
+            },
+            ..made
+        }
+    }
+
+    /// An error with its place in space.
+    pub(crate) fn error_out(&self, error: Error) -> Error {
+        let at = |at: Point3| self.out(at);
+        match error {
+            Error::FarSeed { at: p } => Error::FarSeed { at: at(p) },
+            Error::Singular { at: p } => Error::Singular { at: at(p) },
+            Error::NotFinite { at: p } => Error::NotFinite { at: at(p) },
+            Error::NoPatch { at: p } => Error::NoPatch { at: at(p) },
+            Error::Folded { at: p } => Error::Folded { at: at(p) },
+            Error::Degree(..)
+            | Error::Option { .. }
+            | Error::Region
+            | Error::NoSurface
+            | Error::NoThirdDerivatives => error,
+        }
+    }
+}
+
+fn exact(v: f64) -> Interval {
+    Interval::new(v, v)
+}
+
+/// A function of space as one of the unit box.
+pub(crate) struct InUnitBox<F> {
+    field: F,
+    unit: UnitBox,
+}
+
+impl<F> InUnitBox<F> {
+    fn jet_of(&self, j: Jet2) -> Jet2 {
+        let s = self.unit.edge;
+        Jet2 {
+            v: j.v,
+            g: j.g.map(|g| s * g),
+            h: j.h.map(|h| s * s * h),
+        }
+    }
+}
+
+impl<F: Deref<Target: Field> + Send + Sync> Field for InUnitBox<F> {
+    fn value(&self, p: Point3) -> f64 {
+        self.field.value(self.unit.out(p))
+    }
+    fn jet(&self, p: Point3) -> Jet2 {
+        self.jet_of(self.field.jet(self.unit.out(p)))
+    }
+    fn bounds(&self, region: Aabb) -> Interval {
+        self.field.bounds(hull(self.unit.all_out(&region)))
+    }
+    fn values(&self, points: &[Point3], out: &mut [f64]) {
+        let points: Vec<Point3> = points.iter().map(|p| self.unit.out(*p)).collect();
+        self.field.values(&points, out);
+    }
+    fn jets(&self, points: &[Point3], out: &mut [Jet2]) {
+        let points: Vec<Point3> = points.iter().map(|p| self.unit.out(*p)).collect();
+        self.field.jets(&points, out);
+        out.iter_mut().for_each(|j| *j = self.jet_of(*j));
+    }
+    fn jet3(&self, p: Point3) -> Option<Jet3> {
+        let (j, s) = (self.field.jet3(self.unit.out(p))?, self.unit.edge);
+        Some(Jet3 {
+            v: j.v,
+            g: j.g.map(|g| s * g),
+            h: j.h.map(|h| s * s * h),
+            t: j.t.map(|t| s * s * s * t),
+        })
+    }
+    fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
+        // The place in space is no number; the expansion about one nearby is carried over to it.
+        let place = self.unit.all_out(&Aabb { lo: at, hi: at });
+        let near = self.unit.out(at);
+        let space = hull(self.unit.all_out(&region));
+        let e = self
+            .field
+            .expansion(near, space)?
+            .moved(std::array::from_fn(|k| place[k] - exact(near[k])));
+        let s = exact(self.unit.edge);
+        Some(Expansion {
+            value: e.value,
+            gradient: e.gradient.map(|g| s * g),
+            hessian: e.hessian.map(|h| s * s * h),
+            third: e.third.map(|t| s * s * s * t),
+        })
+    }
+    fn terms(&self) -> Option<Terms<'_>> {
+        let terms = self.field.terms()?;
+        // Once about an origin is enough: boxes lie in no boxes.
+        (terms.origin == [0.0; 3] && terms.unit == 1.0).then_some(Terms {
+            origin: self.unit.center,
+            unit: self.unit.edge,
+            ..terms
+        })
+    }
+}
+
+/// The box that three intervals span.
+fn hull(sides: [Interval; 3]) -> Aabb {
+    Aabb {
+        lo: sides.map(|s| s.lo()),
+        hi: sides.map(|s| s.hi()),
+    }
+}
