@@ -137,8 +137,11 @@ mod tests {
             .control_mut()
             .iter_mut()
             .for_each(|c| *c = c.map(|v| 1.7 * v));
-        let of = |list, origin, unit| largest(&Terms { list, origin, unit }, &patch);
-        let at = |list: &[([u16; 3], f64)]| of(list, [0.0; 3], 1.0).expect("a bound");
+        type List<'a> = &'a [([u16; 3], f64)];
+        let of = |list: List<'_>, origin: [f64; 3], unit: f64| {
+            largest(&Terms { list, origin, unit }, &patch)
+        };
+        let at = |list: List<'_>| of(list, [0.0; 3], 1.0).expect("a bound");
         assert!((at(&[([0, 0, 1], 1.0), ([0, 0, 0], -0.2)]) - 0.05).abs() < 1e-12);
         assert!((at(&[([1, 2, 0], -3.0)]) - 3.0).abs() < 1e-11);
         let zero = at(&[([0, 0, 2], 1.0), ([0, 0, 0], -0.0625)]);

@@ -5,11 +5,12 @@
 //! patches at uncovered samples far from what is covered and from one another, grown side by side;
 //! in the end, patches that others make superfluous are left out.
 
+use crate::cells::{Place, middle_of};
 use crate::surface::{Random, contains, project};
 use crate::unit::UnitBox;
 use crate::whole::Whole;
 use crate::{Error, Options, Parameterized, single};
-use isoform_geom::{Field, Parts, Point3, RationalPatch, distance_squared, dot, sub};
+use isoform_geom::{Field, Parts, Point3, RationalPatch, distance_squared, dot, norm, sub};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Random places that are projected to samples of a part.
@@ -23,8 +24,12 @@ const ROUND: usize = 4;
 const MOST_ROUNDS: usize = 4;
 /// unless no more than this share of a set is not covered already.
 const ENOUGH: f64 = 3e-4;
-/// Samples of a patch in each direction, from which feet of samples are sought.
-const GRID: usize = 33;
+/// Cells of a patch in each direction, from whose middles feet of samples are sought,
+const GRID: usize = 32;
+/// and from those of their quarters, so often in turn, where
+const MOST_QUARTERINGS: u32 = 4;
+/// normals at corners differ by more than 30°: round sharp ridges Newton's method takes near starts.
+const ALIKE: f64 = 0.87;
 /// Newton steps towards the foot of a sample on a patch.
 const STEPS: usize = 12;
 /// Samples at which no patch may be had are given up after so many failures altogether.
@@ -288,49 +293,78 @@ fn side_by_side<T: Send>(jobs: usize, threads: usize, job: &(dyn Fn(usize) -> T 
 }
 
 /// Which points lie within `tolerance` of a patch: the foot is sought by Newton's method from the
-/// nearest of a grid of points.
+/// nearest of some places, which are closer together where the patch is more curved.
 pub fn reached(patch: &RationalPatch, points: &[Point3], tolerance: f64) -> Vec<bool> {
-    let at = |i: usize| i as f64 / (GRID - 1) as f64;
-    let grid: Vec<Point3> = (0..GRID * GRID)
-        .map(|k| patch.point(at(k / GRID), at(k % GRID)))
-        .collect();
-    let mut step = 0.0f64;
+    let mut starts = Starts::default();
+    let at = |i: usize| i as f64 / GRID as f64;
     for k in 0..GRID * GRID {
-        for n in [
-            (k % GRID + 1 < GRID).then_some(k + 1),
-            (k + GRID < GRID * GRID).then_some(k + GRID),
-        ]
-        .into_iter()
-        .flatten()
-        {
-            step = step.max(distance_squared(grid[k], grid[n]));
-        }
+        let (i, j) = (k / GRID, k % GRID);
+        starts.add(patch, [(at(i), at(i + 1)), (at(j), at(j + 1))], 0);
     }
-    let near = tolerance + step.sqrt();
-    let tree = isoform_geom::KdTree::new(&grid);
+    let near = tolerance + starts.reach;
+    let tree = isoform_geom::KdTree::new(&starts.points);
     let reaches = |p: Point3| {
         let Some((k, d2)) = tree.nearest(p).map(|n| (n.0, n.1)) else {
             return false;
         };
-        if d2 > near * near {
-            return false;
-        }
-        let (mut u, mut v) = (at(k / GRID), at(k % GRID));
-        for _ in 0..STEPS {
-            let t = patch.tangents(u, v);
-            let r = sub(p, t.point);
-            if dot(r, r) <= tolerance * tolerance {
-                return true;
-            }
-            let (a, b, c) = (dot(t.u, t.u), dot(t.u, t.v), dot(t.v, t.v));
-            let (e, f) = (dot(t.u, r), dot(t.v, r));
-            let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
-            u = (u + (c * e - b * f) / determinant).clamp(0.0, 1.0);
-            v = (v + (a * f - b * e) / determinant).clamp(0.0, 1.0);
-        }
-        false
+        d2 <= near * near && comes_to(patch, p, starts.parameters[k], tolerance)
     };
     points.iter().map(|p| reaches(*p)).collect()
+}
+
+/// Places of a patch from which feet are sought.
+#[derive(Default)]
+struct Starts {
+    parameters: Vec<(f64, f64)>,
+    points: Vec<Point3>,
+    /// No point of the patch should be farther from one of them.
+    reach: f64,
+}
+
+impl Starts {
+    /// The middle of a cell, or of its quarters where its normals differ much.
+    fn add(&mut self, patch: &RationalPatch, cell: Place, depth: u32) {
+        let [(u0, u1), (v0, v1)] = cell;
+        let corners = [(u0, v0), (u0, v1), (u1, v0), (u1, v1)].map(|(u, v)| patch.tangents(u, v));
+        let normals = corners.map(|t| {
+            let n = t.normal();
+            n.map(|v| v / norm(n))
+        });
+        let turns = (1..4).any(|k| dot(normals[0], normals[k]) < ALIKE);
+        let (u, v) = middle_of(cell);
+        if turns && depth < MOST_QUARTERINGS {
+            for side in [(u0, u), (u, u1)] {
+                for other in [(v0, v), (v, v1)] {
+                    self.add(patch, [side, other], depth + 1);
+                }
+            }
+            return;
+        }
+        let point = patch.point(u, v);
+        for corner in corners {
+            self.reach = self.reach.max(norm(sub(corner.point, point)));
+        }
+        self.parameters.push((u, v));
+        self.points.push(point);
+    }
+}
+
+/// Whether Newton's method for the foot of a point comes within `tolerance` of it.
+fn comes_to(patch: &RationalPatch, p: Point3, from: (f64, f64), tolerance: f64) -> bool {
+    let (mut u, mut v) = from;
+    for _ in 0..STEPS {
+        let t = patch.tangents(u, v);
+        let r = sub(p, t.point);
+        if dot(r, r) <= tolerance * tolerance {
+            return true;
+        }
+        let (a, b, c) = (dot(t.u, t.u), dot(t.u, t.v), dot(t.v, t.v));
+        let (e, f) = (dot(t.u, r), dot(t.v, r));
+        let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
+        u = (u + (c * e - b * f) / determinant).clamp(0.0, 1.0);
+        v = (v + (a * f - b * e) / determinant).clamp(0.0, 1.0);
+    }
+    false
 }
 
 /// A part of the patches that covers as much: greedily the one that covers most of what is open.

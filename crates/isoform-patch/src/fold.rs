@@ -39,21 +39,27 @@ struct Cell {
 }
 
 /// Where normals at neighbouring samples of a patch point against one another, so that it folds
-/// over: the parameters of such a place nearest to the border, where folds come from.
-pub(crate) fn seen(patch: &RationalPatch) -> Option<(f64, f64)> {
+/// over: the side, of u = 0, u = 1, v = 0 and v = 1, towards which the first of such folds lies.
+pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
     let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
     let normals: Vec<Point3> = (0..SAMPLES * SAMPLES)
         .map(|k| patch.tangents(at(k / SAMPLES), at(k % SAMPLES)).normal())
         .collect();
-    let turns = |a: usize, b: usize| dot(normals[a], normals[b]) < 0.0;
-    let inside = |i: usize| i.min(SAMPLES - 1 - i);
-    (0..SAMPLES * SAMPLES)
-        .filter(|&k| {
-            (k % SAMPLES + 1 < SAMPLES && turns(k, k + 1))
-                || (k + SAMPLES < normals.len() && turns(k, k + SAMPLES))
-        })
-        .min_by_key(|&k| inside(k / SAMPLES).min(inside(k % SAMPLES)))
-        .map(|k| (at(k / SAMPLES), at(k % SAMPLES)))
+    let mut first: Option<(usize, usize)> = None;
+    for k in 0..SAMPLES * SAMPLES {
+        let steps = [(k / SAMPLES, SAMPLES), (k % SAMPLES, 1)];
+        for (direction, (i, step)) in steps.into_iter().enumerate() {
+            if i + 1 == SAMPLES || dot(normals[k], normals[k + step]) >= 0.0 {
+                continue;
+            }
+            // So many steps from the nearer side.
+            let (far, upper) = (i.min(SAMPLES - 2 - i), i >= SAMPLES / 2);
+            if first.is_none_or(|f| far < f.0) {
+                first = Some((far, 2 * direction + usize::from(upper)));
+            }
+        }
+    }
+    first.map(|f| f.1)
 }
 
 /// Proves that a patch goes along the surface `field` = 0 without folding over; if that fails, the

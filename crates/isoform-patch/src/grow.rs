@@ -58,6 +58,10 @@ const STALE: usize = 6;
 /// With a tolerance, a root mean square distance below this share of it is no reason to let go of
 /// the patch's shape.
 const LITTLE: f64 = 0.05;
+/// Before a side stops for a fold, L and R get more weight so often,
+const EVENINGS: usize = 3;
+/// each time by this factor: a fold takes away what they cost.
+const MORE_EVEN: f64 = 30.0;
 /// Times that J gets more weight after an extrapolation, for control weights,
 const RAISES: usize = 8;
 /// unless the patch exceeds what is allowed by this factor anyway.
@@ -479,7 +483,7 @@ impl<'f> Growth<'f> {
     pub(crate) fn grow_to_limit(&mut self) {
         self.descend(self.pace.steps.0);
         let mut history: Vec<(f64, f64)> = Vec::new();
-        let (mut shortened, mut stale, mut caution) = (0, 0, 1.0);
+        let (mut shortened, mut evened, mut stale, mut caution) = (0, 0, 0, 1.0);
         for _ in 0..self.options.most_extrapolations {
             if self.late() {
                 break;
@@ -539,7 +543,12 @@ impl<'f> Growth<'f> {
                     self.settle(good);
                     load = self.load();
                     match fold {
-                        Some(place) => self.sides[nearest_side(place)] = Side::Stopped,
+                        Some(_) if self.options.tolerance.is_some() && evened < EVENINGS => {
+                            evened += 1;
+                            self.even();
+                            load = self.load();
+                        }
+                        Some(side) => self.stop(side),
                         None => caution *= 0.5,
                     }
                     history.clear();
@@ -567,6 +576,29 @@ impl<'f> Growth<'f> {
         }
         if let Some(best) = self.good.take() {
             self.settle(best);
+        }
+    }
+
+    /// Gives the terms of shape more weight, so that parameter lines do not crowd before a patch
+    /// folds over.
+    fn even(&mut self) {
+        let (floor, weights) = (&mut self.options.floor, &mut self.objective.weights);
+        let raised = |w: f64| (MORE_EVEN * w).min(1.0);
+        (floor.l, floor.r) = (raised(weights.l), raised(weights.r));
+        (weights.l, weights.r) = (floor.l, floor.r);
+        let Some((targets, at)) = self.retargeted(&self.patch) else {
+            return;
+        };
+        self.take(self.patch.clone(), targets, at);
+        self.descend(self.pace.steps.1);
+        self.trim();
+    }
+
+    /// Stops a side, that of the last good patch, too.
+    fn stop(&mut self, side: usize) {
+        self.sides[side] = Side::Stopped;
+        if let Some(good) = &mut self.good {
+            good.sides[side] = Side::Stopped;
         }
     }
 

@@ -271,6 +271,12 @@ pub(crate) fn at(
             };
         }
     }
+    let ridge = (whole.is_single())
+        .then(|| surface::ridge(on.field(), point, scale))
+        .flatten();
+    if let Some(ridge) = ridge {
+        seed = surface::frame(on.field(), ridge, 0.0, scale)?;
+    }
     clock.phase("seed");
     let made = grown(on, seed, from, (options, Pace::of(options)), clock);
     let keeps = |p: &Parameterized| {
@@ -285,8 +291,18 @@ pub(crate) fn at(
                 .tolerance
                 .is_none_or(|t| reached(&p.grown.patch, &[point], t)[0])
     };
-    if from.is_none() || made.as_ref().is_ok_and(serves) {
+    if (from.is_none() && ridge.is_none()) || made.as_ref().is_ok_and(serves) {
         return made;
+    }
+    if ridge.is_some() {
+        let own = surface::frame(on.field(), point, 0.0, scale)?;
+        return grown(
+            on,
+            own,
+            None,
+            (options, Pace::of(options)),
+            Clock::default(),
+        );
     }
     // Where nothing fits at the edge, or does not come as far as the point: about the point itself.
     let again = grown(

@@ -7,6 +7,28 @@ use isoform_geom::{Aabb, Field, Point3, cross, dot, norm};
 const STEPS: usize = 60;
 /// Distance to the surface that counts as none, in diagonals of the box.
 pub(crate) const ON_SURFACE: f64 = 1e-12;
+/// Steps towards a ridge, in radii of curvature or in diagonals of the box, whichever is less:
+/// longer ones could pass over it.
+const RIDGE_STEP: f64 = 0.25;
+/// Most steps: what is farther is not near.
+const RIDGE_STEPS: usize = 60;
+/// A ridge is found to this share of its radius, which is little against a patch.
+const RIDGE_FOUND: f64 = 1e-4;
+/// On a ridge the surface is curved by at least this factor more than beside it; a little more does
+/// not hinder a patch,
+const RIDGE_MORE: f64 = 2.0;
+/// unless it is so sharp, in curvatures times the diagonal, that a patch has to lie on both sides
+/// alike to go round it at all.
+const RIDGE_SHARP: f64 = 100.0;
+/// A ridge farther away than so many of its radii does not matter to a patch.
+const RIDGE_FAR: f64 = 20.0;
+/// Newton steps below this, in diagonals of the box, that no longer get shorter are rounding's, as
+/// in a box far from the origin. A larger value would end before the surface, a smaller one miss
+/// boxes a million times as far away as they are large.
+const STALLED: f64 = 1e-8;
+/// Steps no longer get shorter from this share of the one before on: at self-intersections they
+/// halve.
+const SHORTER: f64 = 0.9;
 /// A gradient below this share of the Hessian times the diagonal is taken for 0: the surface has no
 /// tangent plane to start on.
 const SINGULAR: f64 = 1e-7;
@@ -57,7 +79,7 @@ pub(crate) fn contains(region: &Aabb, p: Point3) -> bool {
 /// The point that Newton's method along the gradient leads to; none where it does not come to the
 /// surface.
 pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Point3> {
-    let mut p = from;
+    let (mut p, mut last) = (from, f64::INFINITY);
     for _ in 0..STEPS {
         let j = field.jet(p);
         let g2 = dot(j.g, j.g);
@@ -75,18 +97,24 @@ pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Poi
         for k in 0..3 {
             p[k] -= damped * j.g[k];
         }
-        if length <= ON_SURFACE * scale {
+        if length <= ON_SURFACE * scale || has_stalled(length, last, scale) {
             return Some(p);
         }
+        last = length;
     }
     None
+}
+
+/// Whether a step is as short as rounding lets it be.
+fn has_stalled(step: f64, last: f64, scale: f64) -> bool {
+    step <= STALLED * scale && step >= SHORTER * last
 }
 
 /// Where the line p + t d meets the surface near t = 0; none where Newton's method leaves |t| ≤
 /// `reach`.
 pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64) -> Option<Point3> {
     let at = |t: f64| -> Point3 { std::array::from_fn(|k| p[k] + t * d[k]) };
-    let mut t = 0.0;
+    let (mut t, mut last) = (0.0, f64::INFINITY);
     for _ in 0..STEPS {
         let j = field.jet(at(t));
         if j.v == 0.0 {
@@ -102,9 +130,10 @@ pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64)
         if t.abs() > reach {
             return None;
         }
-        if step.abs() <= ON_SURFACE * reach {
+        if step.abs() <= ON_SURFACE * reach || has_stalled(step.abs(), last, reach) {
             return Some(at(t));
         }
+        last = step.abs();
     }
     None
 }
@@ -161,6 +190,46 @@ pub(crate) fn frame(
         tangents: [first, cross(n, first)],
         curvature: h / g,
     })
+}
+
+/// The largest normal curvature along the tangents of a seed, and its direction.
+fn most_curved(field: &dyn Field, seed: &Seed) -> (f64, Point3) {
+    let j = field.jet(seed.point);
+    let along = |t: Point3| {
+        let second = |i: usize| (0..3).map(|k| j.second(i, k) * t[k]).sum::<f64>();
+        (0..3).map(|i| t[i] * second(i)).sum::<f64>().abs() / norm(j.g)
+    };
+    let [a, b] = seed.tangents.map(|t| (along(t), t));
+    if a.0 >= b.0 { a } else { b }
+}
+
+/// The place of a ridge near a point of the surface: where the largest curvature is largest along
+/// its own direction, if that is much more than at the point and not far from it.
+///
+/// A patch of a ridge is to lie on both sides of it alike: from beside it, it could not go round.
+pub(crate) fn ridge(field: &dyn Field, point: Point3, scale: f64) -> Option<Point3> {
+    let curved = |p: Point3| {
+        let seed = frame(field, p, 0.0, scale).ok()?;
+        let (curvature, along) = most_curved(field, &seed);
+        Some((p, curvature, along))
+    };
+    let start = curved(point)?;
+    let (mut at, mut share) = (start, RIDGE_STEP);
+    for _ in 0..RIDGE_STEPS {
+        let step = (share / at.1).min(RIDGE_STEP * scale);
+        let next = [-step, step].into_iter().find_map(|s| {
+            let p = std::array::from_fn(|k| at.0[k] + s * at.2[k]);
+            curved(project(field, p, scale)?).filter(|n| n.1 > at.1)
+        });
+        match next {
+            Some(next) => at = next,
+            None if share < RIDGE_FOUND => break,
+            None => share *= 0.5,
+        }
+    }
+    let far = norm([0, 1, 2].map(|k| at.0[k] - point[k]));
+    let is_sharp = at.1 > RIDGE_MORE * start.1 || at.1 * scale > RIDGE_SHARP;
+    (is_sharp && far > 0.0 && far * at.1 < RIDGE_FAR).then_some(at.0)
 }
 
 /// The seed at the point of the surface that a given point leads to.
