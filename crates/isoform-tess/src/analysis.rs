@@ -1,6 +1,7 @@
 //! Everything that is known exactly about a map before it is triangulated.
 
 use crate::base::{BasePoint, Classes};
+use crate::complex_seams::{SeamLine, seam_lines};
 use crate::map::Map;
 use crate::singular::{Singular, singular};
 use crate::univariate::Stopped;
@@ -35,6 +36,10 @@ impl Default for Budget {
     }
 }
 
+/// Said where a complex seam is real, and no line.
+const UNTRACED: &str = "solitary curves: complex base points are blown up to a real curve, or may \
+     be, and such curves are traced only where they are lines with rational coordinates";
+
 /// Exact facts about a map; a part that was not to be had is `None`, and `unproven` says so.
 #[derive(Clone, Debug, Default)]
 pub struct Analysis {
@@ -51,6 +56,8 @@ pub struct Analysis {
     pub pole_topology: Option<CurveTopology>,
     /// Double, ramified and contracted curves.
     pub singular: Option<Singular>,
+    /// Real lines that conjugate base points are blown up to.
+    pub seam_lines: Vec<SeamLine>,
     /// What could not be proven, in sentences; empty if everything was.
     pub unproven: Vec<String>,
     /// Seconds that the phases took, in their order.
@@ -70,7 +77,20 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     // Complex ones too: their multiplicities prove the degrees.
     let classes = Classes::new(map, false, stop);
     match &classes {
-        Ok(classes) => found.base_points = Some(classes.real()),
+        Ok(classes) => {
+            found.base_points = Some(classes.real());
+            match seam_lines(classes, stop) {
+                Ok((lines, others)) => {
+                    found.seam_lines = lines;
+                    if others {
+                        found.unproven.push(UNTRACED.to_owned());
+                    }
+                }
+                Err(Stopped) => found
+                    .unproven
+                    .push("seams of complex base points: stopped".to_owned()),
+            }
+        }
         Err(Stopped) => found.unproven.push("base points: stopped".to_owned()),
     }
     lap(&mut found, "base points");

@@ -142,6 +142,10 @@ impl Classes {
         }
         points
     }
+    /// All of them.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &Class> {
+        self.0.iter().map(|(_, class)| class)
+    }
     /// The squares of the multiplicities of all points of the classes, infinitely near ones
     /// included, added up.
     pub(crate) fn multiplicity(&self) -> usize {
@@ -172,7 +176,7 @@ pub fn base_multiplicity(map: &Map, stop: &dyn Fn() -> bool) -> Result<usize, St
 type Local = BTreeMap<[usize; 2], Element>;
 
 /// A blow-up for a whole class of conjugate points.
-struct Class {
+pub(crate) struct Class {
     field: Arc<NumberField>,
     multiplicity: usize,
     leading: [Coefficients; 4],
@@ -413,6 +417,19 @@ fn across(f: &Local, q: usize) -> Local {
 }
 
 impl Class {
+    /// The field over which the points are.
+    pub(crate) fn field(&self) -> &NumberField {
+        &self.field
+    }
+    /// The seam curve, by the coefficients of aᵈ, aᵈ⁻¹b, ….
+    pub(crate) fn curve(&self) -> &[Coefficients; 4] {
+        &self.curve
+    }
+    /// Those infinitely near to it.
+    pub(crate) fn near(&self) -> impl Iterator<Item = &Self> {
+        self.near.iter().map(|near| &near.class)
+    }
+
     /// Takes all terms along.
     fn lift(&mut self, forms: [Local; 4], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
         check(stop)?;

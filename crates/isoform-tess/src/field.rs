@@ -285,6 +285,58 @@ impl NumberField {
         };
         Element::normalised(y, determinant.unsigned_abs())
     }
+    /// The powers 1, a, a², … that are independent over Q, and the coefficients with which they add
+    /// up to the next one.
+    pub(crate) fn powers(&self, a: &Element) -> (Vec<Element>, Vec<RBig>) {
+        let mut powers = vec![Element::rational(&RBig::ONE)];
+        loop {
+            let next = self.mul(powers.last().expect("at least 1"), a);
+            if let Some(relation) = self.combination(&powers, &next) {
+                return (powers, relation);
+            }
+            powers.push(next);
+        }
+    }
+    /// The minimal polynomial of an element over Q, up to a factor.
+    pub(crate) fn minimal_polynomial(&self, a: &Element) -> UPoly {
+        monic(&self.powers(a).1)
+    }
+    /// Rational coefficients with which independent elements add up to another one, if there are any.
+    pub(crate) fn combination(
+        &self,
+        independent: &[Element],
+        target: &Element,
+    ) -> Option<Vec<RBig>> {
+        let degree = self.degree();
+        let n = independent.len();
+        let columns = independent.iter().chain([target]);
+        let columns: Vec<Vec<RBig>> = columns
+            .map(|e| (0..degree).map(|i| e.coefficient(i)).collect())
+            .collect();
+        let mut rows: Vec<Vec<RBig>> = (0..degree)
+            .map(|i| columns.iter().map(|c| c[i].clone()).collect())
+            .collect();
+        for k in 0..n {
+            let pivot = (k..degree).find(|&i| rows[i][k] != RBig::ZERO)?;
+            rows.swap(k, pivot);
+            let inverse = RBig::ONE / &rows[k][k];
+            let top: Vec<RBig> = rows[k].iter().map(|c| c * &inverse).collect();
+            for (i, row) in rows.iter_mut().enumerate() {
+                if i != k && row[k] != RBig::ZERO {
+                    let factor = row[k].clone();
+                    for j in k..=n {
+                        row[j] -= &factor * &top[j];
+                    }
+                }
+            }
+            rows[k] = top;
+        }
+        rows[n..]
+            .iter()
+            .all(|row| row[n] == RBig::ZERO)
+            .then(|| rows[..n].iter().map(|row| row[n].clone()).collect())
+    }
+
     /// a/b.
     ///
     /// # Panics
@@ -292,6 +344,18 @@ impl NumberField {
     pub fn div(&self, a: &Element, b: &Element) -> Element {
         self.mul(a, &self.inverse(b))
     }
+}
+
+/// The monic polynomial xⁿ − cₙ₋₁xⁿ⁻¹ − … − c₀, times its denominator.
+pub(crate) fn monic(c: &[RBig]) -> UPoly {
+    let terms = c
+        .iter()
+        .enumerate()
+        .map(|(i, c)| ([i as u16, 0, 0, 0], -c.clone()));
+    let lead = [([c.len() as u16, 0, 0, 0], RBig::ONE)];
+    Poly::from_terms(terms.chain(lead))
+        .to_upoly(0)
+        .expect("one variable")
 }
 
 /// A real algebraic number: an element of a number field at a real root of the field's modulus.

@@ -16,6 +16,7 @@
 
 mod analysis;
 mod base;
+mod complex_seams;
 mod cover;
 mod dense;
 mod domain;
@@ -37,6 +38,7 @@ mod zeros;
 
 pub use analysis::{Analysis, Budget, analyse};
 pub use base::{BasePoint, BinaryForm, Near, Seam, base_multiplicity, base_points};
+pub use complex_seams::SeamLine;
 pub use domain::{Domain, DomainError, MAX_CORNERS, Parameters, bounds_over};
 pub use double::{pinch_points, solitary_arcs};
 pub use field::{Algebraic, Element, NumberField};

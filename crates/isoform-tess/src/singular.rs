@@ -12,7 +12,7 @@
 //! not always D), otherwise *ramified* if it divides J (the surface has a cuspidal edge there),
 //! otherwise *double*: smooth sheets cross, or touch, in its image.
 
-use crate::field::{Algebraic, Element, NumberField};
+use crate::field::{Algebraic, Element, NumberField, monic};
 use crate::map::Map;
 use crate::univariate::{Stopped, check};
 use crate::zeros::common_zeros;
@@ -295,30 +295,17 @@ fn least_field(field: &NumberField, numbers: &[Element; 4]) -> Contraction {
             .iter()
             .zip(&weights)
             .fold(Element::zero(), |sum, (e, c)| sum.add(&e.scaled(c)));
-        let mut powers = vec![Element::rational(&RBig::ONE)];
-        let relation = loop {
-            let next = field.mul(powers.last().expect("at least 1"), &lambda);
-            if let Some(relation) = combination(field.degree(), &powers, &next) {
-                break relation;
-            }
-            powers.push(next);
-        };
+        let (powers, relation) = field.powers(&lambda);
         let Some(coordinates) = numbers
             .each_ref()
-            .map(|e| combination(field.degree(), &powers, e))
+            .map(|e| field.combination(&powers, e))
             .into_iter()
             .collect::<Option<Vec<_>>>()
         else {
             // The combination lies in a smaller field.
             continue;
         };
-        let degree = relation.len();
-        let terms = relation
-            .iter()
-            .enumerate()
-            .map(|(i, c)| ([i as u16, 0, 0, 0], -c.clone()));
-        let minimal = Poly::from_terms(terms.chain([([degree as u16, 0, 0, 0], RBig::ONE)]));
-        let (small, root) = NumberField::new(&minimal.to_upoly(0).expect("one variable"));
+        let (small, root) = NumberField::new(&monic(&relation));
         let image = coordinates.iter().map(|c| {
             c.iter().rev().fold(Element::zero(), |value, c| {
                 small.mul(&value, &root).add(&Element::rational(c))
@@ -330,37 +317,6 @@ fn least_field(field: &NumberField, numbers: &[Element; 4]) -> Contraction {
         };
     }
     unreachable!("all but finitely many combinations generate the field")
-}
-
-/// Rational coefficients with which independent elements add up to another one, if there are any.
-fn combination(degree: usize, independent: &[Element], target: &Element) -> Option<Vec<RBig>> {
-    let n = independent.len();
-    let columns = independent.iter().chain([target]);
-    let columns: Vec<Vec<RBig>> = columns
-        .map(|e| (0..degree).map(|i| e.coefficient(i)).collect())
-        .collect();
-    let mut rows: Vec<Vec<RBig>> = (0..degree)
-        .map(|i| columns.iter().map(|c| c[i].clone()).collect())
-        .collect();
-    for k in 0..n {
-        let pivot = (k..degree).find(|&i| rows[i][k] != RBig::ZERO)?;
-        rows.swap(k, pivot);
-        let inverse = RBig::ONE / &rows[k][k];
-        let top: Vec<RBig> = rows[k].iter().map(|c| c * &inverse).collect();
-        for (i, row) in rows.iter_mut().enumerate() {
-            if i != k && row[k] != RBig::ZERO {
-                let factor = row[k].clone();
-                for j in k..=n {
-                    row[j] -= &factor * &top[j];
-                }
-            }
-        }
-        rows[k] = top;
-    }
-    rows[n..]
-        .iter()
-        .all(|row| row[n] == RBig::ZERO)
-        .then(|| rows[..n].iter().map(|row| row[n].clone()).collect())
 }
 
 /// The real points of a form in (s, t, w) that is irreducible over Q.

@@ -148,6 +148,10 @@ impl Surface {
 /// How far triangles may be from the surface by its implicit equation, in tolerances.
 const FAR: f64 = 1.5;
 
+/// Said where a seam of complex base points is the image of real parameters, too.
+const MET: &str = "solitary curves: complex base points are blown up to a line that real parameters \
+     are sent to, too; which part is solitary is not decided";
+
 /// A map analysed, and the parameters that it sends into a box: all but the triangles.
 pub struct Prepared<'a> {
     map: &'a Map,
@@ -212,6 +216,13 @@ impl<'a> Prepared<'a> {
                     solitary_arcs(map, singular, b, options.mesh.tolerance, &enough);
                 solitary = arcs;
                 unproven.extend(problems);
+                for line in &analysis.seam_lines {
+                    if line.is_met(map, singular) {
+                        unproven.push(MET.to_owned());
+                    } else {
+                        solitary.extend(line.within(b).map(Vec::from));
+                    }
+                }
             }
         }
         if glued && analysis.degrees.is_some_and(|d| d.map_degree > 1) {

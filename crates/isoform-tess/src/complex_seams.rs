@@ -1,0 +1,257 @@
+//! Seams of complex base points that are curves of real space: double curves of the surface that
+//! no curve of parameters is sent to.
+//!
+//! A base point that is not real is blown up to a complex curve. As complex conjugation takes it
+//! to that of the conjugate base point, it has more than finitely many real points only if the two
+//! are one curve: two conjugate sheets cross there, as along the axis of Cartan's umbrella
+//! z(x² + y²) = x³. Whether they are one is decided by the Chow form of the curve, the resultant of
+//! two planes on it: of conjugate curves it has conjugate values.
+
+use crate::base::{Class, Classes};
+use crate::field::{Element, NumberField};
+use crate::map::Map;
+use crate::singular::{CurveKind, RealPart, Singular};
+use crate::surface::Point3;
+use crate::univariate::{Coefficients, Stopped, check};
+use isoform_algebra::{Poly, RBig};
+
+/// Planes with the coefficients 1, x, x², x³ for these x, in pairs: general ones, no two alike.
+const PLANES: [[i64; 2]; 2] = [[2, -3], [5, -7]];
+
+/// A real line of space that a pair of conjugate base points is blown up to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeamLine {
+    /// Two of its points (X : Y : Z : W).
+    pub points: [[RBig; 4]; 2],
+}
+
+/// The real lines that conjugate base points are blown up to, and whether there may be other real
+/// curves of that kind, which are not traced.
+pub(crate) fn seam_lines(
+    classes: &Classes,
+    stop: &dyn Fn() -> bool,
+) -> Result<(Vec<SeamLine>, bool), Stopped> {
+    let (mut lines, mut others) = (Vec::new(), false);
+    let mut pending: Vec<&Class> = classes.all().collect();
+    while let Some(class) = pending.pop() {
+        check(stop)?;
+        pending.extend(class.near());
+        let (field, curve) = (class.field(), class.curve());
+        // A point, or all at infinity.
+        let is_nothing = curve[3].len() == 1 || curve[3].iter().all(Element::is_zero);
+        if is_nothing || !may_be_real(field, curve) {
+            continue;
+        }
+        match line(field, curve) {
+            Some(line) => {
+                if !lines.contains(&line) {
+                    lines.push(line);
+                }
+            }
+            None => others = true,
+        }
+    }
+    Ok((lines, others))
+}
+
+/// Whether the curve at a complex root may be one with its conjugate.
+fn may_be_real(field: &NumberField, curve: &[Coefficients; 4]) -> bool {
+    let (roots, real) = (field.degree(), field.real_roots().len());
+    if roots == real {
+        return false;
+    }
+    let [a, b] = PLANES.map(|[p, q]| {
+        let [p, q] = [p, q].map(|x| on_plane(curve, [1, x, x * x, x * x * x]));
+        resultant(field, &p, &q)
+    });
+    if a.is_zero() || b.is_zero() {
+        return true;
+    }
+    let ratio = field.div(&a, &b);
+    let minimal = field.minimal_polynomial(&ratio);
+    // Each of its real roots is the ratio at as many roots of the modulus; real ones have real
+    // ratios.
+    let with_real_ratio = isoform_algebra::real_roots(&minimal).len() * (roots / minimal.degree());
+    with_real_ratio > real
+}
+
+/// A plane's linear form on a curve.
+fn on_plane(curve: &[Coefficients; 4], plane: [i64; 4]) -> Coefficients {
+    let term = |i: usize, k: usize| curve[i][k].scaled(&RBig::from(plane[i]));
+    (0..curve[0].len())
+        .map(|k| (0..4).fold(Element::zero(), |sum, i| sum.add(&term(i, k))))
+        .collect()
+}
+
+/// The resultant of two binary forms of one degree: the determinant of Sylvester's matrix, by
+/// elimination.
+fn resultant(field: &NumberField, p: &Coefficients, q: &Coefficients) -> Element {
+    let d = p.len() - 1;
+    let row = |f: &Coefficients, shift: usize| -> Vec<Element> {
+        (0..2 * d)
+            .map(|k| {
+                k.checked_sub(shift)
+                    .and_then(|k| f.get(k))
+                    .cloned()
+                    .unwrap_or_default()
+            })
+            .collect()
+    };
+    let mut rows: Vec<Vec<Element>> = (0..d)
+        .map(|s| row(p, s))
+        .chain((0..d).map(|s| row(q, s)))
+        .collect();
+    let mut determinant = Element::rational(&RBig::ONE);
+    for k in 0..2 * d {
+        let Some(pivot) = (k..2 * d).find(|&i| !rows[i][k].is_zero()) else {
+            return Element::zero();
+        };
+        if pivot != k {
+            rows.swap(pivot, k);
+            determinant = determinant.negated();
+        }
+        determinant = field.mul(&determinant, &rows[k][k]);
+        let inverse = field.inverse(&rows[k][k]);
+        let top = rows[k].clone();
+        for row in &mut rows[k + 1..] {
+            let factor = field.mul(&row[k], &inverse);
+            for (c, t) in row.iter_mut().zip(&top).skip(k) {
+                *c = c.sub(&field.mul(&factor, t));
+            }
+        }
+    }
+    determinant
+}
+
+/// The line, if the curve is one with rational Plücker coordinates.
+fn line(field: &NumberField, curve: &[Coefficients; 4]) -> Option<SeamLine> {
+    if curve[0].len() != 2 {
+        return None;
+    }
+    let minor = |i: usize, j: usize| {
+        field
+            .mul(&curve[i][0], &curve[j][1])
+            .sub(&field.mul(&curve[i][1], &curve[j][0]))
+    };
+    let pivot = (0..4)
+        .flat_map(|i| (i + 1..4).map(move |j| minor(i, j)))
+        .find(|m| !m.is_zero())?;
+    // Row i of the matrix of Plücker coordinates is where the line meets the plane xᵢ = 0.
+    let mut points = Vec::new();
+    for i in 0..4 {
+        let mut point: [RBig; 4] = Default::default();
+        for (j, c) in point.iter_mut().enumerate() {
+            *c = field.div(&minor(i, j), &pivot).as_rational()?;
+        }
+        points.push(point);
+    }
+    let is_zero = |p: &[RBig; 4]| p.iter().all(|c| *c == RBig::ZERO);
+    let first = points.iter().position(|p| !is_zero(p))?;
+    let independent = |p: &[RBig; 4]| {
+        let q = &points[first];
+        (0..4).any(|i| (i + 1..4).any(|j| &p[i] * &q[j] != &p[j] * &q[i]))
+    };
+    let second = points.iter().position(independent)?;
+    Some(SeamLine {
+        points: [points[first].clone(), points[second].clone()],
+    })
+}
+
+impl SeamLine {
+    /// Whether a curve of real parameters is sent to more than a point of it.
+    pub(crate) fn is_met(&self, map: &Map, singular: &Singular) -> bool {
+        let planes = self.planes();
+        let on_line = |curve: &Poly| {
+            planes.iter().all(|plane| {
+                let form = map
+                    .forms()
+                    .iter()
+                    .zip(plane)
+                    .fold(Poly::zero(), |sum, (f, c)| sum + f.scale(c));
+                form.is_multiple_of(curve)
+            })
+        };
+        singular
+            .curves
+            .iter()
+            .filter(|c| !matches!(c.kind, CurveKind::Contracted(_)))
+            .any(|c| matches!(c.real, RealPart::Curve) && on_line(&c.curve))
+    }
+
+    /// Four planes through it, of which two are independent: the minors of its points with unit
+    /// vectors.
+    fn planes(&self) -> [[RBig; 4]; 4] {
+        let [p, q] = &self.points;
+        let minor = |i: usize, j: usize| &p[i] * &q[j] - &p[j] * &q[i];
+        std::array::from_fn(|k| {
+            // The plane through both points and the k-th unit vector.
+            let rest: Vec<usize> = (0..4).filter(|&i| i != k).collect();
+            let mut plane: [RBig; 4] = Default::default();
+            plane[rest[0]] = minor(rest[1], rest[2]);
+            plane[rest[1]] = minor(rest[2], rest[0]);
+            plane[rest[2]] = minor(rest[0], rest[1]);
+            plane
+        })
+    }
+
+    /// The segment of it in the box |x|, |y|, |z| ≤ `half_width`.
+    pub(crate) fn within(&self, half_width: f64) -> Option<[Point3; 2]> {
+        let [p, q] = &self.points;
+        // A point with W = 1 and a direction with W = 0.
+        let (at, other) = if p[3] == RBig::ZERO { (q, p) } else { (p, q) };
+        if at[3] == RBig::ZERO {
+            return None;
+        }
+        let affine = |i: usize| (&at[i] / &at[3]).to_f64().value();
+        let along = |i: usize| (&other[i] - &other[3] * &at[i] / &at[3]).to_f64().value();
+        let (at, along): (Point3, Point3) =
+            (std::array::from_fn(affine), std::array::from_fn(along));
+        let (mut lo, mut hi) = (f64::NEG_INFINITY, f64::INFINITY);
+        for k in 0..3 {
+            if along[k] == 0.0 {
+                if at[k].abs() > half_width {
+                    return None;
+                }
+                continue;
+            }
+            let ends = [-half_width, half_width].map(|face| (face - at[k]) / along[k]);
+            lo = lo.max(ends[0].min(ends[1]));
+            hi = hi.min(ends[0].max(ends[1]));
+        }
+        let end =
+            |t: f64| std::array::from_fn(|k| (at[k] + t * along[k]).clamp(-half_width, half_width));
+        (lo < hi).then(|| [end(lo), end(hi)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines(forms: [&str; 4]) -> (Vec<SeamLine>, bool) {
+        let map = Map::parse(forms, crate::Options::default()).expect("a map");
+        let classes = Classes::new(&map, false, &|| false).expect("in time");
+        seam_lines(&classes, &|| false).expect("in time")
+    }
+
+    /// z(x² + y²) = x³: two conjugate sheets cross in the z axis.
+    #[test]
+    fn the_axis_of_cartans_umbrella() {
+        let (found, others) = lines(["s*t^2 + s", "s*t^3 + s*t", "s", "t^2 + 1"]);
+        assert!(!others);
+        let [line] = &found[..] else {
+            panic!("{found:?}");
+        };
+        let mut ends = line.within(1.5).expect("a segment");
+        ends.sort_by(|a, b| a[2].total_cmp(&b[2]));
+        assert_eq!(ends, [[0.0, 0.0, -1.5], [0.0, 0.0, 1.5]]);
+    }
+
+    /// The lines that the conjugate base points of a stereographic projection are blown up to meet
+    /// in its centre only.
+    #[test]
+    fn a_sphere_has_none() {
+        let sphere = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"];
+        assert_eq!(lines(sphere), (Vec::new(), false));
+    }
+}
