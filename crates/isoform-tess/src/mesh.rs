@@ -8,6 +8,7 @@
 mod border;
 mod chart;
 mod closing;
+mod contraction;
 mod drawing;
 pub(crate) mod fineness;
 mod gluing;
@@ -166,7 +167,9 @@ pub(crate) fn mesh(
         let mut surface = joined.surface;
         surface.double_curve = std::mem::take(&mut builder.gluing.arcs);
         surface.unproven.append(&mut builder.gluing.unproven);
-        finish(surface, builder.half_width, curves.glued)
+        finish(surface, builder.half_width, curves.glued, &|p| {
+            builder.tolerance_at(p)
+        })
     })
 }
 

@@ -1,5 +1,6 @@
 //! A last look at the triangles, by their indices and positions alone.
 
+use super::contraction::contract_flat;
 use super::distance;
 use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, norm, sub};
@@ -7,6 +8,22 @@ use std::collections::BTreeSet;
 
 /// How far beyond the box vertices may be for rounding, per half its width.
 const OUTSIDE: f64 = 1e-9;
+
+/// Twice the area below which a triangle has none, per squared half width of the box: rounding of
+/// its corners makes as much of a triangle of no area.
+const FLAT: f64 = 2e-14;
+/// Vertices nearer than this, per half width, lie upon each other.
+pub(super) const UPON: f64 = 4e-9;
+
+pub(super) fn corners(s: &Surface, t: &[u32; 3]) -> [Point3; 3] {
+    t.map(|v| s.points[v as usize])
+}
+pub(super) fn normal([p, q, r]: [Point3; 3]) -> Point3 {
+    cross(sub(q, p), sub(r, p))
+}
+pub(super) fn is_flat(at: [Point3; 3], half_width: f64) -> bool {
+    norm(normal(at)) < FLAT * half_width * half_width
+}
 
 /// Looks whether the surface stays in the box and ends on its faces only, and no edge but those of
 /// the double curve has more than two triangles.
@@ -17,14 +34,10 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
         .iter()
         .filter(|(e, (n, _))| *n > 2 && !(s.is_double(e) && *n % 2 == 0))
         .count();
-    let size = |t: &[u32; 3]| {
-        let [p, q, r] = t.map(|v| s.points[v as usize]);
-        norm(cross(sub(q, p), sub(r, p)))
-    };
     let flat = s
         .triangles
         .iter()
-        .filter(|t| size(t) < 2e-14 * half_width * half_width)
+        .filter(|t| is_flat(corners(s, t), half_width))
         .count();
     if glued {
         // Sorted along one axis, points that are near to each other are near in the order.
@@ -37,7 +50,7 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
             .map(|&v| s.points[v as usize])
             .collect();
         used.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let close = 4e-9 * half_width;
+        let close = UPON * half_width;
         let near = |i: usize| {
             let after = used[i + 1..]
                 .iter()
@@ -74,7 +87,7 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
 }
 
 /// Leaves out all triangles but some, and what belongs to them.
-fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> bool) {
+pub(super) fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> bool) {
     let kept: Vec<usize> = (0..s.triangles.len())
         .filter(|&k| is_kept(s, &s.triangles[k]))
         .collect();
@@ -87,22 +100,28 @@ fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> bool) {
 /// Leaves out vertices without a position, and the triangles at them, which is said to be unproven.
 fn leave_out_lost(s: &mut Surface) {
     let is_lost = |s: &Surface, v: u32| !s.points[v as usize].iter().all(|x| x.is_finite());
-    let vertices: Vec<u32> = (0..s.points.len() as u32)
-        .filter(|&v| !is_lost(s, v))
-        .collect();
-    if vertices.len() == s.points.len() {
+    let lost: Vec<bool> = (0..s.points.len() as u32).map(|v| is_lost(s, v)).collect();
+    let count = lost.iter().filter(|l| **l).count();
+    if count == 0 {
         return;
     }
     s.unproven.push(format!(
-        "{} vertices have no position; the triangles at them are left out",
-        s.points.len() - vertices.len()
+        "{count} vertices have no position; the triangles at them are left out"
     ));
+    keep(s, |s, t| !t.iter().any(|&v| is_lost(s, v)));
+    leave_out(s, &lost);
+}
+
+/// Leaves out vertices that no triangle has.
+pub(super) fn leave_out(s: &mut Surface, left_out: &[bool]) {
+    let vertices: Vec<u32> = (0..s.points.len() as u32)
+        .filter(|&v| !left_out[v as usize])
+        .collect();
     let mut new = vec![0; s.points.len()];
     vertices
         .iter()
         .enumerate()
         .for_each(|(n, &v)| new[v as usize] = n as u32);
-    keep(s, |s, t| !t.iter().any(|&v| is_lost(s, v)));
     s.triangles
         .iter_mut()
         .flatten()
@@ -114,10 +133,17 @@ fn leave_out_lost(s: &mut Surface) {
     s.double = vertices.iter().map(|v| s.double[of(v)]).collect();
 }
 
-/// Without the triangles that contracted curves have closed up.
-pub(super) fn finish(mut s: Surface, half_width: f64, glued: bool) -> Surface {
+/// Without the triangles that contracted curves have closed up, and those of no area, as far as
+/// their short edges may be contracted. `tolerance` is that of the surface at a point.
+pub(super) fn finish(
+    mut s: Surface,
+    half_width: f64,
+    glued: bool,
+    tolerance: &dyn Fn(Point3) -> f64,
+) -> Surface {
     keep(&mut s, |_, t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0]);
     leave_out_lost(&mut s);
+    contract_flat(&mut s, half_width, tolerance);
     check(&mut s, half_width, glued);
     s.unproven.sort();
     s.unproven.dedup();

@@ -1,0 +1,160 @@
+//! Triangles of no area: what is left where vertices of curves and of their surroundings fall on
+//! one line, or upon each other.
+//!
+//! An edge that is short against the tolerance is contracted: an ordinary vertex moves onto its
+//! neighbour. All triangles keep their parameters, so that what is proved of W on them holds as
+//! before; their corners move by no more than the edge is long. The surface stays what it is up
+//! to homeomorphism where the neighbours that the two vertices share are the corners opposite of
+//! the edge (T. K. Dey and others, *Topology preserving edge contraction*, 1999).
+
+use super::closing::{UPON, corners, is_flat, keep, leave_out, normal};
+use super::distance;
+use crate::surface::{Kind, Point3, Surface};
+use isoform_geom::dot;
+use std::collections::BTreeSet;
+
+/// The longest edge that is contracted, in tolerances: so little that nothing else is to be proved
+/// again.
+const SHORT: f64 = 0.02;
+/// Rounds over the flat triangles: contracting one edge may leave another triangle flat.
+const ROUNDS: usize = 4;
+
+/// Contracts short edges of triangles that have no area.
+pub(super) fn contract_flat(s: &mut Surface, half_width: f64, tolerance: &dyn Fn(Point3) -> f64) {
+    let mut gone = vec![false; s.points.len()];
+    for _ in 0..ROUNDS {
+        let flat: Vec<usize> = (0..s.triangles.len())
+            .filter(|&k| is_narrow(corners(s, &s.triangles[k]), half_width))
+            .collect();
+        if flat.is_empty() {
+            break;
+        }
+        let mut star = Stars::new(s);
+        let mut dead = BTreeSet::new();
+        for k in flat {
+            if !dead.contains(&k) {
+                contract_one(s, k, &mut star, &mut dead, (half_width, tolerance));
+            }
+        }
+        if dead.is_empty() {
+            break;
+        }
+        for (v, is_gone) in star.gone.iter().enumerate() {
+            gone[v] |= is_gone;
+        }
+        for k in &dead {
+            // Marked by a corner that occurs twice.
+            s.triangles[*k][1] = s.triangles[*k][0];
+        }
+        keep(s, |_, t| t[0] != t[1]);
+    }
+    if gone.contains(&true) {
+        leave_out(s, &gone);
+    }
+}
+
+/// Whether a triangle has no area, or two of its corners lie upon each other.
+fn is_narrow(at: [Point3; 3], half_width: f64) -> bool {
+    let [p, q, r] = at;
+    let near = |a: Point3, b: Point3| distance(a, b) < UPON * half_width;
+    is_flat(at, half_width) || near(p, q) || near(q, r) || near(r, p)
+}
+
+/// The triangles at each vertex.
+struct Stars {
+    of: Vec<Vec<usize>>,
+    gone: Vec<bool>,
+}
+
+impl Stars {
+    fn new(s: &Surface) -> Self {
+        let mut of = vec![Vec::new(); s.points.len()];
+        for (k, t) in s.triangles.iter().enumerate() {
+            t.iter().for_each(|&v| of[v as usize].push(k));
+        }
+        Self {
+            of,
+            gone: vec![false; s.points.len()],
+        }
+    }
+    fn neighbours(&self, s: &Surface, v: u32) -> BTreeSet<u32> {
+        let all = self.of[v as usize].iter().flat_map(|&k| s.triangles[k]);
+        all.filter(|&w| w != v).collect()
+    }
+}
+
+/// Contracts the shortest edge of a triangle that may be.
+fn contract_one(
+    s: &mut Surface,
+    k: usize,
+    stars: &mut Stars,
+    dead: &mut BTreeSet<usize>,
+    limits: (f64, &dyn Fn(Point3) -> f64),
+) {
+    let t = s.triangles[k];
+    let at = |v: u32| s.points[v as usize];
+    let mut edges = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| (t[i], t[j]));
+    edges.sort_by(|a, b| distance(at(a.0), at(a.1)).total_cmp(&distance(at(b.0), at(b.1))));
+    let ways = edges.iter().flat_map(|&(a, b)| [(a, b), (b, a)]);
+    let Some((from, to)) = ways
+        .into_iter()
+        .find(|&(from, to)| may_move(s, stars, from, to, limits))
+    else {
+        return;
+    };
+    let moved = std::mem::take(&mut stars.of[from as usize]);
+    for k in moved {
+        if s.triangles[k].contains(&to) {
+            dead.insert(k);
+            for v in s.triangles[k] {
+                stars.of[v as usize].retain(|&other| other != k);
+            }
+        } else {
+            s.triangles[k] = s.triangles[k].map(|v| if v == from { to } else { v });
+            stars.of[to as usize].push(k);
+        }
+    }
+    stars.gone[from as usize] = true;
+}
+
+/// Whether a vertex may be moved onto a neighbour.
+fn may_move(
+    s: &Surface,
+    stars: &Stars,
+    from: u32,
+    to: u32,
+    (half_width, tolerance): (f64, &dyn Fn(Point3) -> f64),
+) -> bool {
+    let target = s.points[to as usize];
+    if s.kinds[from as usize] != Kind::Ordinary
+        || s.double[from as usize]
+        || distance(s.points[from as usize], target) > SHORT * tolerance(target)
+    {
+        return false;
+    }
+    let around = &stars.of[from as usize];
+    let opposite: BTreeSet<u32> = around
+        .iter()
+        .map(|&k| s.triangles[k])
+        .filter(|t| t.contains(&to))
+        .flatten()
+        .filter(|&v| v != from && v != to)
+        .collect();
+    let shared: BTreeSet<u32> = stars
+        .neighbours(s, from)
+        .intersection(&stars.neighbours(s, to))
+        .copied()
+        .collect();
+    // A disc around the vertex, two triangles at the edge.
+    if opposite.len() != 2 || shared != opposite || stars.neighbours(s, from).len() != around.len()
+    {
+        return false;
+    }
+    around.iter().map(|&k| s.triangles[k]).all(|t| {
+        let before = corners(s, &t);
+        let after = [0, 1, 2].map(|i| if t[i] == from { target } else { before[i] });
+        t.contains(&to)
+            || !is_flat(after, half_width)
+                && (is_flat(before, half_width) || dot(normal(before), normal(after)) > 0.0)
+    })
+}
