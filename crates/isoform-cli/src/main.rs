@@ -91,12 +91,19 @@ fn main() -> ExitCode {
         Err(error) => return output::usage(&error),
     };
     let mut context = Context::new(cli.global);
-    // A thread of the pool does all of the work: each parallel loop of another one would wait for
-    // the pool to wake up, some 30 µs.
-    rayon::scope(|_| {
+    let is_fit = matches!(cli.verb, Verb::Fit(_));
+    let work = || {
         output::finish(&mut context, |context| {
             context.inputs = inputs?;
             run(cli.verb, context)
         })
-    })
+    };
+    // A fit has many short parallel loops: a thread of the pool does all of its work, as each loop
+    // of another thread would wait for the pool to wake up, some 30 µs. Verbs with long loops leave
+    // the pool to them: a thread that took part could not ask whether the time is over.
+    if is_fit {
+        rayon::scope(|_| work())
+    } else {
+        work()
+    }
 }

@@ -20,9 +20,9 @@ pub struct Budget {
     /// Whether the whole plane of parameters is analysed for a surface over a part of it that is
     /// proved to hold no pole.
     pub everywhere: bool,
-    /// Seconds for the implicit equation, again for the singular curves, for points and arcs on
-    /// them, and for the decomposition of the parameters by double curves; what is cut off by them
-    /// depends on the machine.
+    /// Seconds from the start for the implicit equation, the singular curves, points and arcs on
+    /// them, and the decomposition of the parameters by double curves, together: a certificate
+    /// needs all of them. What is cut off depends on the machine.
     pub seconds: f64,
 }
 
@@ -68,6 +68,7 @@ pub struct Analysis {
 /// [`Budget::seconds`] intervenes.
 pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis {
     let mut found = Analysis::default();
+    let enough = until(budget.seconds, stop);
     let mut clock = Instant::now();
     let mut lap = |found: &mut Analysis, phase: &'static str| {
         found.seconds.push((phase, clock.elapsed().as_secs_f64()));
@@ -125,11 +126,7 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     match found.degrees {
         _ if budget.implicit_degree == 0 => {}
         Some(degrees) if degrees.implicit_degree <= budget.implicit_degree => {
-            match implicit(
-                map.affine(),
-                budget.implicit_degree,
-                &until(budget.seconds, stop),
-            ) {
+            match implicit(map.affine(), budget.implicit_degree, &enough) {
                 Ok(equation) => found.implicit = equation,
                 Err(error) => found.unproven.push(format!(
                     "self-intersections: the implicit equation: {error}"
@@ -156,7 +153,7 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     }
     lap(&mut found, "implicit equation");
 
-    match singular(map, found.implicit.as_ref(), &until(budget.seconds, stop)) {
+    match singular(map, found.implicit.as_ref(), &enough) {
         Ok(curves) => found.singular = Some(curves),
         Err(Stopped) => found
             .unproven

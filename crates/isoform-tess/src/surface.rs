@@ -175,6 +175,7 @@ impl<'a> Prepared<'a> {
         options: &'a TriangulateOptions,
         stop: &dyn Fn() -> bool,
     ) -> Result<Self, Stopped> {
+        let enough = until(options.budget.seconds, stop);
         let domain = options.domain.as_ref();
         let is_local = options.mode == Mode::Normalised
             && !options.budget.everywhere
@@ -191,7 +192,6 @@ impl<'a> Prepared<'a> {
         let mut pinches = Vec::new();
         let mut fibres = None;
         let mut solitary = Vec::new();
-        let enough = until(options.budget.seconds, stop);
         if let Some(singular) = &analysis.singular {
             if glued
                 && singular
@@ -236,17 +236,7 @@ impl<'a> Prepared<'a> {
         let within = |curves: &Curves, stop: &dyn Fn() -> bool| {
             Region::within(map, &options.half_width, domain, &curves.forms(), stop)
         };
-        let region = match within(
-            &curves,
-            &until(
-                if glued {
-                    options.budget.seconds
-                } else {
-                    f64::INFINITY
-                },
-                stop,
-            ),
-        ) {
+        let region = match within(&curves, if glued { &enough } else { stop }) {
             Ok(region) => region,
             // Better sheets that cross than nothing.
             Err(_) if glued => {

@@ -64,7 +64,7 @@ impl Cost {
     /// Seconds for each map; what is certified depends on the machine.
     fn seconds(seconds: f64) -> Self {
         let budget = Budget {
-            seconds: 0.18 * seconds,
+            seconds: 0.5 * seconds,
             ..Budget::default()
         };
         Self {

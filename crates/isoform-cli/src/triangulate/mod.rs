@@ -25,9 +25,9 @@ const TOLERANCE: f64 = 5e-4;
 const LONGEST: f64 = 0.25;
 /// Number of triangles at which refinement stops unless another is given.
 const MOST_TRIANGLES: usize = 400_000;
-/// The share of a time limit that each phase named in [`Budget::seconds`] may take: triangles come
-/// after them.
-const EXACT_SHARE: f64 = 0.18;
+/// The share of a time limit that the phases named in [`Budget::seconds`] may take: triangles come
+/// after them, and take less.
+const EXACT_SHARE: f64 = 0.5;
 
 /// Triangulates a rational parametric surface in a box
 #[derive(clap::Args)]
