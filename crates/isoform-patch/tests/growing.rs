@@ -801,3 +801,51 @@ fn crossings_take_few_cells() {
     let bound = prove(&planes, &patch, 1e-2, 400).expect("a proof with few cells");
     assert!((d..=1e-2).contains(&bound), "{bound}");
 }
+
+/// A torus about a point, of a size: the patch of one is that of another, scaled and moved, up to
+/// rounding, of the paper's bound as of a tolerance.
+#[test]
+fn patches_do_not_depend_on_the_unit() {
+    let torus = |size: f64| {
+        let (major, minor) = (0.33 * size, 0.15 * size);
+        // (x² + y² + z² + c)² − 4 R² (x² + y²) with c = R² − r².
+        let c = major * major - minor * minor;
+        let square = [[2u16, 0, 0], [0, 2, 0], [0, 0, 2]];
+        let mut terms = vec![([0, 0, 0], c * c)];
+        for (i, a) in square.iter().enumerate() {
+            let turned = if i < 2 { 4.0 * major * major } else { 0.0 };
+            terms.push((*a, 2.0 * c - turned));
+            for b in square {
+                terms.push((std::array::from_fn(|k| a[k] + b[k]), 1.0));
+            }
+        }
+        isoform_field::Polynomial::new(terms)
+    };
+    let made = |size: f64, tolerance: Option<f64>| {
+        let region = isoform_geom::Aabb {
+            lo: [-0.5 * size; 3],
+            hi: [0.5 * size; 3],
+        };
+        let options = Options {
+            seed: 2,
+            tolerance: tolerance.map(|t| t * size),
+            ..Options::paper((3, 3), region)
+        };
+        parameterize(&torus(size), &options).expect("a patch")
+    };
+    let one = made(1.0, None);
+    for size in [1e-6, 1e6] {
+        let other = made(size, None);
+        let control = |p: &isoform_patch::Parameterized| p.grown.patch.control().to_vec();
+        for (a, b) in control(&one).iter().zip(control(&other)) {
+            for k in 0..4 {
+                let unit = if k < 3 { size } else { 1.0 };
+                assert!((a[k] - b[k] / unit).abs() < 1e-6, "{size}: {a:?} {b:?}");
+            }
+        }
+        let bounded = made(size, Some(1e-5));
+        let bound = bounded.distances.bound.expect("a bound");
+        assert!(bounded.is_unfolded && bound <= 1e-5 * size);
+        assert!(bounded.grown.patch.control_weights().0 > 0.0);
+    }
+}

@@ -158,3 +158,77 @@ fn may_move(
                 && (is_flat(before, half_width) || dot(normal(before), normal(after)) > 0.0)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The square [0, 1]² as a fan about a point in it, and another point on the segment from there
+    /// to a corner, at a distance: two triangles have no area.
+    fn fan(distance: f64, kind: Kind) -> Surface {
+        let d = 0.5 - distance * std::f64::consts::FRAC_1_SQRT_2;
+        let points = vec![
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [1.0, 1.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.5, 0.5, 0.0],
+            [d, d, 0.0],
+            // Just off the segment, and next to the point on it.
+            [d, d, 1e-15],
+        ];
+        let triangles = vec![
+            [4, 0, 1],
+            [4, 1, 2],
+            [4, 2, 3],
+            [4, 3, 5],
+            [5, 3, 0],
+            [4, 5, 6],
+            [5, 0, 6],
+            [4, 6, 0],
+        ];
+        let (n, count) = (points.len(), triangles.len());
+        Surface {
+            kinds: (0..n)
+                .map(|v| if v < 5 { Kind::Box } else { kind })
+                .collect(),
+            faces: vec![0; n],
+            double: vec![false; n],
+            charts: vec![0; count],
+            corners: vec![[[0.0; 2]; 3]; count],
+            borders: vec![[0; 3]; count],
+            points,
+            triangles,
+            ..Surface::default()
+        }
+    }
+    fn euler(s: &Surface) -> i64 {
+        let used: BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
+        let edges = s.edges(&s.borders).len();
+        used.len() as i64 - edges as i64 + s.triangles.len() as i64
+    }
+    fn flat(s: &Surface) -> usize {
+        let is = |t: &&[u32; 3]| is_flat(corners(s, t), 1.0);
+        s.triangles.iter().filter(is).count()
+    }
+
+    #[test]
+    fn short_edges_of_flat_triangles_are_contracted() {
+        let mut s = fan(1e-6, Kind::Ordinary);
+        assert_eq!((flat(&s), euler(&s)), (3, 1));
+        contract_flat(&mut s, 1.0, &|_| 1e-3);
+        assert_eq!((flat(&s), euler(&s)), (0, 1));
+        assert_eq!((s.points.len(), s.triangles.len()), (5, 4));
+    }
+
+    /// An edge that is long against the tolerance stays, and so does a vertex of a curve.
+    #[test]
+    fn nothing_is_moved_far_and_no_vertex_of_a_curve() {
+        for (distance, kind) in [(0.1, Kind::Ordinary), (1e-6, Kind::Double)] {
+            let mut s = fan(distance, kind);
+            contract_flat(&mut s, 1.0, &|_| 1e-3);
+            assert!(flat(&s) > 0, "{kind:?}");
+            assert_eq!(euler(&s), 1);
+        }
+    }
+}
