@@ -822,7 +822,7 @@ fn patches_do_not_depend_on_the_unit() {
         isoform_field::Polynomial::new(terms)
     };
     let made = |size: f64, tolerance: Option<f64>| {
-        let region = isoform_geom::Aabb {
+        let region = Aabb {
             lo: [-0.5 * size; 3],
             hi: [0.5 * size; 3],
         };

@@ -123,19 +123,39 @@ fn resultant(field: &NumberField, p: &Coefficients, q: &Coefficients) -> Element
     determinant
 }
 
-/// The line, if the curve is one with rational Plücker coordinates.
+/// The line, if the curve is one with rational Plücker coordinates; it may be covered several times.
 fn line(field: &NumberField, curve: &[Coefficients; 4]) -> Option<SeamLine> {
-    if curve[0].len() != 2 {
+    let minor = |[k, l]: [usize; 2], i: usize, j: usize| {
+        field
+            .mul(&curve[i][k], &curve[j][l])
+            .sub(&field.mul(&curve[i][l], &curve[j][k]))
+    };
+    // Two coefficients that span a line, on which all others have to lie.
+    let count = curve[0].len();
+    let (pair, pivot) = (0..count)
+        .flat_map(|k| (k + 1..count).map(move |l| [k, l]))
+        .find_map(|pair| {
+            (0..4)
+                .flat_map(|i| (i + 1..4).map(move |j| minor(pair, i, j)))
+                .find(|m| !m.is_zero())
+                .map(|m| (pair, m))
+        })?;
+    let is_on_line = |other: usize| {
+        [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]
+            .iter()
+            .all(|&[a, b, c]| {
+                let term =
+                    |i: usize, j: usize, k: usize| field.mul(&curve[i][other], &minor(pair, j, k));
+                term(a, b, c)
+                    .add(&term(b, c, a))
+                    .add(&term(c, a, b))
+                    .is_zero()
+            })
+    };
+    if !(0..count).all(is_on_line) {
         return None;
     }
-    let minor = |i: usize, j: usize| {
-        field
-            .mul(&curve[i][0], &curve[j][1])
-            .sub(&field.mul(&curve[i][1], &curve[j][0]))
-    };
-    let pivot = (0..4)
-        .flat_map(|i| (i + 1..4).map(move |j| minor(i, j)))
-        .find(|m| !m.is_zero())?;
+    let minor = |i: usize, j: usize| minor(pair, i, j);
     // Row i of the matrix of Plücker coordinates is where the line meets the plane xᵢ = 0.
     let mut points = Vec::new();
     for i in 0..4 {
@@ -245,6 +265,21 @@ mod tests {
         let mut ends = line.within(1.5).expect("a segment");
         ends.sort_by(|a, b| a[2].total_cmp(&b[2]));
         assert_eq!(ends, [[0.0, 0.0, -1.5], [0.0, 0.0, 1.5]]);
+    }
+
+    /// The z axis once more, covered twice: W is a square with zeros in the circular points.
+    #[test]
+    fn a_line_may_be_covered_twice() {
+        let (found, others) = lines(["s", "t", "s^2 + 1", "(s^2 + t^2 - 1)^2"]);
+        assert!(!others);
+        let [line] = &found[..] else {
+            panic!("{found:?}");
+        };
+        let ends = line.within(1.0).expect("a segment");
+        assert!(
+            ends.iter()
+                .all(|p| p[0] == 0.0 && p[1] == 0.0 && p[2].abs() == 1.0)
+        );
     }
 
     /// The lines that the conjugate base points of a stereographic projection are blown up to meet
