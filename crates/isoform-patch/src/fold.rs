@@ -15,6 +15,7 @@ use crate::cells::{Place, halve, middle_of};
 use crate::compose::binomial;
 use isoform_geom::{Aabb, Expansion, Field, Point3, RationalPatch, dot, norm};
 use isoform_num::Interval;
+use std::time::Instant;
 
 /// Normals on a grid of this many places in each direction are compared: enough for folds wider
 /// than a sixteenth of the patch; narrower ones are left to the proof.
@@ -24,6 +25,8 @@ const SAMPLES: usize = 17;
 const MOST_HALVINGS: u32 = 20;
 /// Cells that may be looked at: a hundred times what a patch on a smooth surface takes.
 const MOST_CELLS: usize = 20_000;
+/// After so many cells, which are enough for most patches, a deadline ends the proof.
+const CELLS_AT_LEAST: usize = 500;
 /// The cosine of the angle within which normals of a cell lie where ∇F may vanish: two of them
 /// are then less than a right angle apart, so that the cell cannot turn back.
 const COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -64,7 +67,11 @@ pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
 
 /// Proves that a patch goes along the surface `field` = 0 without folding over; if that fails, the
 /// parameters of a place where it may.
-pub(crate) fn prove_none(field: &dyn Field, patch: &RationalPatch) -> Result<(), (f64, f64)> {
+pub(crate) fn prove_none(
+    field: &dyn Field,
+    patch: &RationalPatch,
+    deadline: Option<Instant>,
+) -> Result<(), (f64, f64)> {
     let degree = patch.degree();
     let origin = patch.point(0.5, 0.5);
     let control = about(patch, origin);
@@ -80,7 +87,8 @@ pub(crate) fn prove_none(field: &dyn Field, patch: &RationalPatch) -> Result<(),
         if is_unfolded(field, &cell, origin) {
             continue;
         }
-        if cell.depth == MOST_HALVINGS || looked_at == MOST_CELLS {
+        let is_late = looked_at >= CELLS_AT_LEAST && deadline.is_some_and(|d| Instant::now() >= d);
+        if cell.depth == MOST_HALVINGS || looked_at == MOST_CELLS || is_late {
             return Err(middle_of(cell.place));
         }
         pending.extend(cell.halves(degree));
@@ -336,11 +344,11 @@ mod tests {
     fn a_patch_folds_where_its_derivative_changes_sign() {
         let of = |t: f64| flat([0.0, 1.0, 2.0 * t, 1.0 + 2.0 * t]);
         for t in [1e-3, 0.1, 0.5] {
-            assert_eq!(prove_none(&plane(), &of(t)), Ok(()), "{t}");
+            assert_eq!(prove_none(&plane(), &of(t), None), Ok(()), "{t}");
             assert_eq!(seen(&of(t)), None);
         }
         for t in [0.0, -1e-6, -0.1] {
-            let (u, _) = prove_none(&plane(), &of(t)).expect_err("a fold");
+            let (u, _) = prove_none(&plane(), &of(t), None).expect_err("a fold");
             let root = 0.5 - 0.5 * (-t / (1.0 - t)).sqrt();
             assert!(
                 (u - root).abs().min((1.0 - u - root).abs()) < 0.01,
@@ -358,7 +366,7 @@ mod tests {
         for (i, c) in patch.control_mut().iter_mut().enumerate() {
             c[2] = 1e-6 * [0.0, 1.0, 0.0, 1.0][i / 3];
         }
-        assert!(prove_none(&plane(), &patch).is_err());
+        assert!(prove_none(&plane(), &patch, None).is_err());
     }
 
     /// On x y = 0 the plane x = 0 crosses another one along the z axis, where ∇F vanishes.
@@ -373,8 +381,8 @@ mod tests {
             }
             patch
         };
-        assert_eq!(prove_none(&planes, &across(0.05)), Ok(()));
-        assert!(prove_none(&planes, &across(1.5)).is_err());
+        assert_eq!(prove_none(&planes, &across(0.05), None), Ok(()));
+        assert!(prove_none(&planes, &across(1.5), None).is_err());
     }
 
     /// The coefficients hold n w³ of rational patches near and far from the origin, in all parts.

@@ -677,7 +677,7 @@ impl<'f> Growth<'f> {
 
     /// Proves that the patch does not fold over; if that fails, a place where it may.
     pub(crate) fn prove_unfolded(&self) -> Result<(), (f64, f64)> {
-        fold::prove_none(self.on.field(), &self.patch)
+        fold::prove_none(self.on.field(), &self.patch, self.options.deadline)
     }
 
     /// Shortens the patch until it is proved not to fold over, and its distance from the surface to

@@ -126,7 +126,7 @@ impl UnitBox {
                 sampled,
                 rms: length(d.rms),
             },
-            is_unfolded: made.is_unfolded && fold::prove_none(part, &patch).is_ok(),
+            is_unfolded: made.is_unfolded && fold::prove_none(part, &patch, None).is_ok(),
             quadric: if made.is_exact { quadric(&patch) } else { None },
             grown: Grown {
                 patch,
