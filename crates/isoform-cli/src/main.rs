@@ -91,7 +91,7 @@ fn main() -> ExitCode {
         Err(error) => return output::usage(&error),
     };
     let mut context = Context::new(cli.global);
-    let is_fit = matches!(cli.verb, Verb::Fit(_));
+    let is_fit = matches!(cli.verb, Verb::Fit(_) | Verb::Recover(_));
     let work = || {
         output::finish(&mut context, |context| {
             context.inputs = inputs?;

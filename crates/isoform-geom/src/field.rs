@@ -1,7 +1,7 @@
 //! What a stage asks of an implicit function.
 
 use crate::{Aabb, Point3};
-use isoform_num::{Interval, Jet2, Jet3};
+use isoform_num::{Interval, Jet2, Jet3, Real};
 
 /// A function of space; inside is `value ≥ 0`, the outward normal is −∇f/|∇f|.
 pub trait Field: Send + Sync {
@@ -70,38 +70,45 @@ impl Expansion {
     /// derivatives that hold there.
     #[must_use]
     pub fn moved(&self, by: [Interval; 3]) -> Self {
-        let share = |v: f64| Interval::new(v, v);
-        let third = |i: usize, j: usize| {
-            (0..3).fold(share(0.0), |sum, k| {
-                sum + self.third[Self::THIRD[i][j][k]] * by[k]
-            })
-        };
-        let second = |i: usize, factor: f64| {
-            (0..3).fold(share(0.0), |sum, j| {
-                let slope = self.hessian[Self::SECOND[i][j]] + share(factor) * third(i, j);
-                sum + slope * by[j]
-            })
-        };
         // δᵀHδ/2 + Tδδδ/6 is half of δ times (H + Tδ/3)δ; a third is no number.
-        let sixth = Interval::new((1.0f64 / 3.0).next_down(), (1.0f64 / 3.0).next_up());
+        let share = Interval::new((1.0f64 / 3.0).next_down(), (1.0f64 / 3.0).next_up());
         let value = (0..3).fold(self.value, |sum, i| {
-            let bent = (0..3).fold(share(0.0), |sum, j| {
-                sum + (self.hessian[Self::SECOND[i][j]] + sixth * third(i, j)) * by[j]
+            let bent = (0..3).fold(Interval::constant(0.0), |sum, j| {
+                let slope = self.hessian[Self::SECOND[i][j]] + share * self.third_along(i, j, by);
+                sum + slope * by[j]
             });
-            sum + (self.gradient[i] + share(0.5) * bent) * by[i]
+            sum + (self.gradient[i] + Interval::constant(0.5) * bent) * by[i]
         });
         let mut hessian = self.hessian;
         for (i, row) in Self::SECOND.iter().enumerate() {
             for (j, place) in row.iter().enumerate().skip(i) {
-                hessian[*place] = self.hessian[*place] + third(i, j);
+                hessian[*place] = self.hessian[*place] + self.third_along(i, j, by);
             }
         }
         Self {
             value,
-            gradient: std::array::from_fn(|i| self.gradient[i] + second(i, 0.5)),
+            gradient: self.gradient_at(by),
             hessian,
             third: self.third,
         }
+    }
+
+    /// ∇f at places of the region that are so far from the point.
+    pub fn gradient_at(&self, by: [Interval; 3]) -> [Interval; 3] {
+        std::array::from_fn(|i| {
+            self.gradient[i]
+                + (0..3).fold(Interval::constant(0.0), |sum, j| {
+                    let half = Interval::constant(0.5) * self.third_along(i, j, by);
+                    sum + (self.hessian[Self::SECOND[i][j]] + half) * by[j]
+                })
+        })
+    }
+
+    /// Σₖ ∂³f/∂xᵢ∂xⱼ∂xₖ δₖ.
+    fn third_along(&self, i: usize, j: usize, by: [Interval; 3]) -> Interval {
+        (0..3).fold(Interval::constant(0.0), |sum, k| {
+            sum + self.third[Self::THIRD[i][j][k]] * by[k]
+        })
     }
 
     /// Where ∂²f/∂xᵢ∂xⱼ is among the six second derivatives.

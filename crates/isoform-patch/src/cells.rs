@@ -1,6 +1,6 @@
 //! Cells: parts of a patch by halving, on which proofs go.
 
-use isoform_geom::{RationalPatch, norm, sub};
+use isoform_geom::{Point3, RationalPatch, norm, sub};
 
 /// A cell that is longer by this factor in one direction is divided there only.
 const LONGER: f64 = 1.6;
@@ -28,15 +28,21 @@ pub(crate) fn divided(patch: &RationalPatch, place: Place) -> Vec<(RationalPatch
 
 /// Lengths along u and v, by the corners.
 pub(crate) fn lengths(patch: &RationalPatch) -> (f64, f64) {
-    let c = patch.control();
-    let (n, last) = (patch.degree().1, c.len() - 1);
-    let length = |a: usize, b: usize| {
-        let [p, q] = [c[a], c[b]].map(|c| [c[0] / c[3], c[1] / c[3], c[2] / c[3]]);
-        norm(sub(p, q))
-    };
+    let corners = corners_of(patch.control(), patch.degree());
+    lengths_between(corners.map(|c| [c[0] / c[3], c[1] / c[3], c[2] / c[3]]))
+}
+
+/// The corners (0, 0), (0, 1), (1, 0), (1, 1) of a net of degree (m, n).
+pub(crate) fn corners_of<T: Copy>(net: &[T], (m, n): (usize, usize)) -> [T; 4] {
+    [0, n, m * (n + 1), m * (n + 1) + n].map(|i| net[i])
+}
+
+/// The longer ones of opposite sides between these corners, along u and along v.
+pub(crate) fn lengths_between(corners: [Point3; 4]) -> (f64, f64) {
+    let length = |a: usize, b: usize| norm(sub(corners[a], corners[b]));
     (
-        length(0, last - n).max(length(n, last)),
-        length(0, n).max(length(last - n, last)),
+        length(0, 2).max(length(1, 3)),
+        length(0, 1).max(length(2, 3)),
     )
 }
 
@@ -47,26 +53,20 @@ pub(crate) fn parts(
     in_u: bool,
     in_v: bool,
 ) -> Vec<(RationalPatch, Place)> {
-    let (m, n) = patch.degree();
+    let degree = patch.degree();
     let mean = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|d| 0.5 * (a[d] + b[d]));
     let of = |upper_u: bool, upper_v: bool| {
         let mut part = patch.clone();
-        let control = part.control_mut();
+        let mut place = place;
         if in_v {
-            (0..=m).for_each(|i| halve(control, i * (n + 1), (1, n), upper_v, mean));
+            halve_net(part.control_mut(), degree, false, upper_v, mean);
+            place[1] = half_of(place[1], upper_v);
         }
         if in_u {
-            (0..=n).for_each(|j| halve(control, j, (n + 1, m), upper_u, mean));
+            halve_net(part.control_mut(), degree, true, upper_u, mean);
+            place[0] = half_of(place[0], upper_u);
         }
-        let half = |(a, b): (f64, f64), divided: bool, upper: bool| match (divided, upper) {
-            (false, _) => (a, b),
-            (true, false) => (a, 0.5 * (a + b)),
-            (true, true) => (0.5 * (a + b), b),
-        };
-        (
-            part,
-            [half(place[0], in_u, upper_u), half(place[1], in_v, upper_v)],
-        )
+        (part, place)
     };
     let all = [(false, false), (false, true), (true, false), (true, true)];
     all.into_iter()
@@ -75,9 +75,30 @@ pub(crate) fn parts(
         .collect()
 }
 
+/// The lower or upper half of a range.
+pub(crate) fn half_of((a, b): (f64, f64), upper: bool) -> (f64, f64) {
+    let middle = 0.5 * (a + b);
+    if upper { (middle, b) } else { (a, middle) }
+}
+
+/// Replaces a net of degree (m, n) by that of its lower or upper half in u or v, by means of two.
+pub(crate) fn halve_net<T: Copy>(
+    net: &mut [T],
+    (m, n): (usize, usize),
+    in_u: bool,
+    upper: bool,
+    mean: impl Fn(T, T) -> T,
+) {
+    if in_u {
+        (0..=n).for_each(|j| halve(net, j, (n + 1, m), upper, &mean));
+    } else {
+        (0..=m).for_each(|i| halve(net, i * (n + 1), (1, n), upper, &mean));
+    }
+}
+
 /// Replaces the Bézier points at `first`, `first + step`, … of degree n by those of the lower or
 /// the upper half, by means of two.
-pub(crate) fn halve<T: Copy>(
+fn halve<T: Copy>(
     net: &mut [T],
     first: usize,
     (step, n): (usize, usize),

@@ -28,7 +28,8 @@ const ENOUGH: f64 = 3e-4;
 const GRID: usize = 32;
 /// and from those of their quarters, so often in turn, where
 const MOST_QUARTERINGS: u32 = 4;
-/// normals at corners differ by more than 30°: round sharp ridges Newton's method takes near starts.
+/// normals at corners differ by more than 30°: round sharp ridges Newton's method needs near
+/// starts.
 const ALIKE: f64 = 0.87;
 /// Newton steps towards the foot of a sample on a patch.
 const STEPS: usize = 12;

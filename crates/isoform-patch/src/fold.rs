@@ -11,10 +11,10 @@
 //! Where ∇F may vanish, as along a self-intersection, n·∇F may change its sign without a fold.
 //! There all normals of the cell have to lie within 45° of one direction.
 
-use crate::cells::{Place, halve, middle_of};
+use crate::cells::{Place, corners_of, half_of, halve_net, lengths_between, middle_of};
 use crate::compose::binomial;
-use isoform_geom::{Aabb, Expansion, Field, Point3, RationalPatch, dot, norm};
-use isoform_num::Interval;
+use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
+use isoform_num::{Interval, Real};
 use std::time::Instant;
 
 /// Normals on a grid of this many places in each direction are compared: enough for folds wider
@@ -98,7 +98,7 @@ pub(crate) fn prove_none(
 
 /// Control points with X less `origin` times w: what is far from 0 would lose digits in products.
 fn about(patch: &RationalPatch, origin: Point3) -> Vec<[Interval; 4]> {
-    let exact = |v: f64| Interval::new(v, v);
+    let exact = Interval::constant;
     let moved = |c: &[f64; 4]| {
         std::array::from_fn(|k| match k {
             3 => exact(c[3]),
@@ -137,7 +137,7 @@ fn are_alike(normals: &[[Interval; 3]]) -> bool {
     if !(length > 0.0 && length.is_finite()) {
         return false;
     }
-    let axis = mean.map(|v| Interval::new(v / length, v / length));
+    let axis = mean.map(|v| Interval::constant(v / length));
     normals.iter().all(|n| {
         let along = n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2];
         let size = |v: &Interval| v.lo().abs().max(v.hi().abs());
@@ -151,26 +151,9 @@ fn are_alike(normals: &[[Interval; 3]]) -> bool {
 fn gradient(field: &dyn Field, cell: &Cell, origin: Point3) -> Option<[Interval; 3]> {
     let region = cell.region(origin)?;
     let at: Point3 = std::array::from_fn(|k| 0.5 * region.lo[k] + 0.5 * region.hi[k]);
-    let Expansion {
-        gradient,
-        hessian,
-        third,
-        ..
-    } = field.expansion(at, region)?;
-    let exact = |v: f64| Interval::new(v, v);
-    let d: [Interval; 3] =
-        std::array::from_fn(|k| Interval::new(region.lo[k], region.hi[k]) - exact(at[k]));
-    Some(std::array::from_fn(|i| {
-        let mut sum = gradient[i];
-        for j in 0..3 {
-            let mut slope = hessian[Expansion::SECOND[i][j]];
-            for k in 0..3 {
-                slope = slope + exact(0.5) * third[Expansion::THIRD[i][j][k]] * d[k];
-            }
-            sum = sum + slope * d[j];
-        }
-        sum
-    }))
+    let reach = |k: usize| Interval::new(region.lo[k], region.hi[k]) - Interval::constant(at[k]);
+    let expansion = field.expansion(at, region)?;
+    Some(expansion.gradient_at(std::array::from_fn(reach)))
 }
 
 impl Cell {
@@ -182,7 +165,7 @@ impl Cell {
                 return None;
             }
             let p: [Interval; 3] =
-                std::array::from_fn(|k| c[k] / c[3] + Interval::new(origin[k], origin[k]));
+                std::array::from_fn(|k| c[k] / c[3] + Interval::constant(origin[k]));
             region.add(p.map(|v| v.lo()));
             region.add(p.map(|v| v.hi()));
         }
@@ -191,21 +174,17 @@ impl Cell {
 
     /// The halves in the direction in which it is longer.
     fn halves(&self, (m, n): (usize, usize)) -> [Self; 2] {
-        let point = |i: usize| {
-            let c = &self.control[i];
-            [c[0], c[1], c[2]].map(|v| v.lo() / c[3].lo())
-        };
-        let last = self.control.len() - 1;
-        let far = |a: usize, b: usize| isoform_geom::distance_squared(point(a), point(b));
-        let in_u = far(0, last - n).max(far(n, last)) >= far(0, n).max(far(last - n, last));
+        let corners = corners_of(&self.control, (m, n))
+            .map(|c| [c[0], c[1], c[2]].map(|v| v.lo() / c[3].lo()));
+        let (along_u, along_v) = lengths_between(corners);
+        let in_u = along_u >= along_v;
         [false, true].map(|upper| {
             let (mut control, mut normals) = (self.control.clone(), self.normals.clone());
-            half(&mut control, (m, n), in_u, upper);
-            half(&mut normals, (3 * m - 1, 3 * n - 1), in_u, upper);
+            halve_net(&mut control, (m, n), in_u, upper, mean);
+            halve_net(&mut normals, (3 * m - 1, 3 * n - 1), in_u, upper, mean);
             let mut place = self.place;
             let range = &mut place[usize::from(!in_u)];
-            let middle = 0.5 * (range.0 + range.1);
-            *(if upper { &mut range.0 } else { &mut range.1 }) = middle;
+            *range = half_of(*range, upper);
             Self {
                 control,
                 normals,
@@ -216,20 +195,8 @@ impl Cell {
     }
 }
 
-/// Replaces a net of degree (m, n) by that of its lower or upper half in u or v.
-fn half<const K: usize>(
-    net: &mut [[Interval; K]],
-    (m, n): (usize, usize),
-    in_u: bool,
-    upper: bool,
-) {
-    let half = Interval::new(0.5, 0.5);
-    let mean = |a: [Interval; K], b: [Interval; K]| std::array::from_fn(|k| half * (a[k] + b[k]));
-    if in_u {
-        (0..=n).for_each(|j| halve(net, j, (n + 1, m), upper, mean));
-    } else {
-        (0..=m).for_each(|i| halve(net, i * (n + 1), (1, n), upper, mean));
-    }
+fn mean<const K: usize>(a: [Interval; K], b: [Interval; K]) -> [Interval; K] {
+    std::array::from_fn(|k| Interval::constant(0.5) * (a[k] + b[k]))
 }
 
 /// Bernstein coefficients of w Xᵤ × Xᵥ − wᵥ Xᵤ × X − wᵤ X × Xᵥ.
@@ -265,7 +232,7 @@ struct Bernstein {
 impl Bernstein {
     fn derivative_u(&self) -> Self {
         let (m, n) = self.degree;
-        let factor = Interval::new(m as f64, m as f64);
+        let factor = Interval::constant(m as f64);
         let step = |k: usize| factor * (self.values[k + n + 1] - self.values[k]);
         Self {
             degree: (m - 1, n),
@@ -274,7 +241,7 @@ impl Bernstein {
     }
     fn derivative_v(&self) -> Self {
         let (m, n) = self.degree;
-        let factor = Interval::new(n as f64, n as f64);
+        let factor = Interval::constant(n as f64);
         let values = self.values.chunks(n + 1).flat_map(|row| {
             row.windows(2)
                 .map(|pair| factor * (pair[1] - pair[0]))
@@ -300,15 +267,14 @@ impl Bernstein {
                 let of = |j: usize| {
                     let product = binomial(m, i) * binomial(k, j);
                     let whole = binomial(m + k, i + j);
-                    Interval::new(product, product) / Interval::new(whole, whole)
+                    Interval::constant(product) / Interval::constant(whole)
                 };
                 (0..=k).map(of).collect()
             };
             (0..=m).map(row).collect()
         };
         let (in_u, in_v) = (share(m, k), share(n, l));
-        let zero = Interval::new(0.0, 0.0);
-        let mut values = vec![zero; (m + k + 1) * (n + l + 1)];
+        let mut values = vec![Interval::constant(0.0); (m + k + 1) * (n + l + 1)];
         for (a, i) in self.values.iter().zip(0..) {
             for (b, j) in other.values.iter().zip(0..) {
                 let ((iu, iv), (ju, jv)) = ((i / (n + 1), i % (n + 1)), (j / (l + 1), j % (l + 1)));

@@ -761,7 +761,10 @@ impl<'f> Growth<'f> {
     /// Shortens the patch by a share at each side, and at one so that a place is no longer on it:
     /// near a singular point nothing may be provable. False where that is no patch.
     pub(crate) fn leave(&mut self, (u, v): (f64, f64), share: f64) -> bool {
-        let (lost, side) = ([u, 1.0 - u, v, 1.0 - v], nearest_side((u, v)));
+        let lost = [u, 1.0 - u, v, 1.0 - v];
+        let side = (0..4)
+            .min_by(|&a, &b| lost[a].total_cmp(&lost[b]))
+            .unwrap_or(0);
         let shorter = self.longer(std::array::from_fn(|k| {
             if k == side { -lost[k] - share } else { -share }
         }));
@@ -853,14 +856,6 @@ impl<'f> Growth<'f> {
             trace: self.trace,
         }
     }
-}
-
-/// The side, of u = 0, u = 1, v = 0 and v = 1, that a place is nearest to.
-fn nearest_side((u, v): (f64, f64)) -> usize {
-    let far = [u, 1.0 - u, v, 1.0 - v];
-    (0..4)
-        .min_by(|&a, &b| far[a].total_cmp(&far[b]))
-        .unwrap_or(0)
 }
 
 /// A patch longer by shares of its edges at its four sides.

@@ -249,8 +249,8 @@ pub(crate) fn at(
         options.region.diagonal(),
         options.region.size().into_iter().fold(0.0, f64::max),
     );
-    let mut seed = surface::frame(on.field(), point, 0.0, scale)?;
-    let mut from = None;
+    let own = surface::frame(on.field(), point, 0.0, scale)?;
+    let (mut seed, mut from) = (own, None);
     if let Some((foot, edge)) = (!whole.is_single())
         .then(|| whole.nearest_edge(part, point, scale))
         .flatten()
@@ -294,29 +294,22 @@ pub(crate) fn at(
     if (from.is_none() && ridge.is_none()) || made.as_ref().is_ok_and(serves) {
         return made;
     }
-    if ridge.is_some() {
-        let own = surface::frame(on.field(), point, 0.0, scale)?;
-        return grown(
-            on,
-            own,
-            None,
-            (options, Pace::of(options)),
-            Clock::default(),
-        );
-    }
-    // Where nothing fits at the edge, or does not come as far as the point: about the point itself.
+    // Where nothing fits at the edge or ridge, or does not come as far as the point: about the
+    // point itself.
+    let start = if ridge.is_some() {
+        own
+    } else {
+        let tangents = in_plane(seed.tangents, on.field().jet(point).g);
+        Seed { tangents, ..own }
+    };
     let again = grown(
         on,
-        Seed {
-            point,
-            tangents: in_plane(seed.tangents, on.field().jet(point).g),
-            ..seed
-        },
+        start,
         None,
         (options, Pace::of(options)),
         Clock::default(),
     );
-    if again.as_ref().is_ok_and(keeps) || made.is_err() {
+    if ridge.is_some() || again.as_ref().is_ok_and(keeps) || made.is_err() {
         again
     } else {
         made
@@ -415,13 +408,17 @@ fn grown<'f>(
         proved,
         options.deadline,
     );
+    // A patch that keeps the tolerance is proved not to fold over, too.
+    let mut fold = proved
+        .is_none()
+        .then(|| growth.prove_unfolded().err())
+        .flatten();
     // Where nothing can be proved, of a smaller patch it may be.
     for share in RETREATS {
-        let folded = growth.prove_unfolded().err();
-        if (known.bound.is_some() && folded.is_none()) || growth.is_over() {
+        if (known.bound.is_some() && fold.is_none()) || growth.is_over() {
             break;
         }
-        let left = match folded {
+        let left = match fold {
             Some(place) => growth.leave(place, share),
             None => growth.retreat(share),
         };
@@ -435,6 +432,7 @@ fn grown<'f>(
             None,
             options.deadline,
         );
+        fold = growth.prove_unfolded().err();
     }
     // A side that comes over an edge between samples makes a bound that these do not show.
     let is_loose = |d: &Distances| {
@@ -468,9 +466,9 @@ fn grown<'f>(
             break;
         }
         (known, place) = (trimmed, its_place);
+        fold = growth.prove_unfolded().err();
     }
-    let is_unfolded = growth.prove_unfolded().is_ok();
-    if !is_unfolded && fold::seen(&growth.patch).is_some() {
+    if fold.is_some() && fold::seen(&growth.patch).is_some() {
         return Err(Error::Folded { at: seed.point });
     }
     clock.phase("certify");
@@ -486,7 +484,7 @@ fn grown<'f>(
         is_late: growth.is_late,
         grown: growth.finish(),
         distances: known,
-        is_unfolded,
+        is_unfolded: fold.is_none(),
         is_within_limit,
         is_exact,
         seconds: clock.seconds,

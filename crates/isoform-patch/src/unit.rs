@@ -8,7 +8,7 @@ use crate::fold;
 use crate::quadric::quadric;
 use crate::{Distances, Error, Grown, Options, Parameterized};
 use isoform_geom::{Aabb, Expansion, Field, Parts, Point3, RationalPatch, SmoothPart, Terms, norm};
-use isoform_num::{Interval, Jet2, Jet3};
+use isoform_num::{Interval, Jet2, Jet3, Real};
 use std::ops::Deref;
 use std::sync::Arc;
 
@@ -43,7 +43,7 @@ impl UnitBox {
     fn all_out(&self, region: &Aabb) -> [Interval; 3] {
         std::array::from_fn(|k| {
             let at = Interval::new(region.lo[k], region.hi[k]);
-            exact(self.center[k]) + exact(self.edge) * at
+            Interval::constant(self.center[k]) + Interval::constant(self.edge) * at
         })
     }
 
@@ -99,7 +99,8 @@ impl UnitBox {
             let w = c[3];
             let mut off = [0.0; 3];
             for k in 0..3 {
-                let x = exact(self.edge) * exact(c[k]) + exact(self.center[k]) * exact(w);
+                let x = Interval::constant(self.edge) * Interval::constant(c[k])
+                    + Interval::constant(self.center[k]) * Interval::constant(w);
                 c[k] = self.edge * c[k] + self.center[k] * w;
                 off[k] = (x.hi() - c[k]).max(c[k] - x.lo());
             }
@@ -138,25 +139,17 @@ impl UnitBox {
     }
 
     /// An error with its place in space.
-    pub(crate) fn error_out(&self, error: Error) -> Error {
-        let at = |at: Point3| self.out(at);
-        match error {
-            Error::FarSeed { at: p } => Error::FarSeed { at: at(p) },
-            Error::Singular { at: p } => Error::Singular { at: at(p) },
-            Error::NotFinite { at: p } => Error::NotFinite { at: at(p) },
-            Error::NoPatch { at: p } => Error::NoPatch { at: at(p) },
-            Error::Folded { at: p } => Error::Folded { at: at(p) },
-            Error::Degree(..)
-            | Error::Option { .. }
-            | Error::Region
-            | Error::NoSurface
-            | Error::NoThirdDerivatives => error,
+    pub(crate) fn error_out(&self, mut error: Error) -> Error {
+        if let Error::FarSeed { at }
+        | Error::Singular { at }
+        | Error::NotFinite { at }
+        | Error::NoPatch { at }
+        | Error::Folded { at } = &mut error
+        {
+            *at = self.out(*at);
         }
+        error
     }
-}
-
-fn exact(v: f64) -> Interval {
-    Interval::new(v, v)
 }
 
 /// A function of space as one of the unit box.
@@ -212,8 +205,10 @@ impl<F: Deref<Target: Field> + Send + Sync> Field for InUnitBox<F> {
         let e = self
             .field
             .expansion(near, space)?
-            .moved(std::array::from_fn(|k| place[k] - exact(near[k])));
-        let s = exact(self.unit.edge);
+            .moved(std::array::from_fn(|k| {
+                place[k] - Interval::constant(near[k])
+            }));
+        let s = Interval::constant(self.unit.edge);
         Some(Expansion {
             value: e.value,
             gradient: e.gradient.map(|g| s * g),

@@ -123,7 +123,7 @@ fn resultant(field: &NumberField, p: &Coefficients, q: &Coefficients) -> Element
     determinant
 }
 
-/// The line, if the curve is one with rational Plücker coordinates; it may be covered several times.
+/// The line, if the curve is one with rational Plücker coordinates, covered once or several times.
 fn line(field: &NumberField, curve: &[Coefficients; 4]) -> Option<SeamLine> {
     let minor = |[k, l]: [usize; 2], i: usize, j: usize| {
         field

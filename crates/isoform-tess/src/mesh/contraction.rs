@@ -32,15 +32,15 @@ pub(super) fn contract_flat(s: &mut Surface, half_width: f64, tolerance: &dyn Fn
         let mut star = Stars::new(s);
         let mut dead = BTreeSet::new();
         for k in flat {
-            if !dead.contains(&k) {
-                contract_one(s, k, &mut star, &mut dead, (half_width, tolerance));
+            if dead.contains(&k) {
+                continue;
+            }
+            if let Some(v) = contract_one(s, k, &mut star, &mut dead, (half_width, tolerance)) {
+                gone[v as usize] = true;
             }
         }
         if dead.is_empty() {
             break;
-        }
-        for (v, is_gone) in star.gone.iter().enumerate() {
-            gone[v] |= is_gone;
         }
         for k in &dead {
             // Marked by a corner that occurs twice.
@@ -63,7 +63,6 @@ fn is_narrow(at: [Point3; 3], half_width: f64) -> bool {
 /// The triangles at each vertex.
 struct Stars {
     of: Vec<Vec<usize>>,
-    gone: Vec<bool>,
 }
 
 impl Stars {
@@ -72,10 +71,7 @@ impl Stars {
         for (k, t) in s.triangles.iter().enumerate() {
             t.iter().for_each(|&v| of[v as usize].push(k));
         }
-        Self {
-            of,
-            gone: vec![false; s.points.len()],
-        }
+        Self { of }
     }
     fn neighbours(&self, s: &Surface, v: u32) -> BTreeSet<u32> {
         let all = self.of[v as usize].iter().flat_map(|&k| s.triangles[k]);
@@ -83,25 +79,22 @@ impl Stars {
     }
 }
 
-/// Contracts the shortest edge of a triangle that may be.
+/// Contracts the shortest edge of a triangle that may be; the vertex that is gone.
 fn contract_one(
     s: &mut Surface,
     k: usize,
     stars: &mut Stars,
     dead: &mut BTreeSet<usize>,
     limits: (f64, &dyn Fn(Point3) -> f64),
-) {
+) -> Option<u32> {
     let t = s.triangles[k];
     let at = |v: u32| s.points[v as usize];
     let mut edges = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| (t[i], t[j]));
     edges.sort_by(|a, b| distance(at(a.0), at(a.1)).total_cmp(&distance(at(b.0), at(b.1))));
     let ways = edges.iter().flat_map(|&(a, b)| [(a, b), (b, a)]);
-    let Some((from, to)) = ways
+    let (from, to) = ways
         .into_iter()
-        .find(|&(from, to)| may_move(s, stars, from, to, limits))
-    else {
-        return;
-    };
+        .find(|&(from, to)| may_move(s, stars, from, to, limits))?;
     let moved = std::mem::take(&mut stars.of[from as usize]);
     for k in moved {
         if s.triangles[k].contains(&to) {
@@ -114,7 +107,7 @@ fn contract_one(
             stars.of[to as usize].push(k);
         }
     }
-    stars.gone[from as usize] = true;
+    Some(from)
 }
 
 /// Whether a vertex may be moved onto a neighbour.
