@@ -133,7 +133,7 @@ fn roots() {
             Fibres::new(&f, 1, &go)
         })
         .expect("two variables");
-        let critical = &fibres.subresultants().expect("degree").principal[0];
+        let critical = &fibres.subresultants().expect("degree").resultant;
         let critical = timed("  critical points", || real_roots(critical));
         let n = critical.len();
         timed(&format!("  {n} fibres"), || {

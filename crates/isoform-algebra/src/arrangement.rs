@@ -11,14 +11,16 @@
 //!
 //! Four triangles, one per quadrant of (s, t), make up the projective plane.
 
-use crate::fibre::{FIRST_BITS, Fibre, FibreError, Fibres};
-use crate::float_roots::proved_roots;
+use crate::fibre::{FIRST_BITS, FIRST_FIBRE_BITS, Fibre, FibreError, Fibres};
+use crate::float_roots::{Bounded, Wide, proved_roots};
+use crate::modular::bits;
 use crate::poly::Poly;
 use crate::resultant::{ResultantError, Subresultants, resultant};
 use crate::roots::{RealRoot, real_roots, simplest_between};
 use crate::upoly::UPoly;
+use dashu_int::UBig;
 use dashu_ratio::RBig;
-use isoform_num::Interval;
+use isoform_num::{DoubleDouble, Interval};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -90,8 +92,9 @@ pub struct Slab {
 /// The decomposition of the unit triangle by curves.
 pub struct Arrangement {
     curves: Vec<Poly>,
-    /// Their terms with coefficients known to rounding.
-    terms: Vec<Vec<([usize; 2], Interval)>>,
+    /// Their terms with coefficients known to rounding, and to twice as many digits.
+    terms: Vec<Terms<Interval>>,
+    wide: Vec<Terms<Wide>>,
     /// Which curves contain the sides u = 0, v = 0, u + v = 1.
     pub sides: Vec<[bool; 3]>,
     /// From u = 0 to u = 1, both included.
@@ -110,9 +113,18 @@ struct Curve {
     /// On v = 0 and on u + v = 1.
     on_lower: UPoly,
     on_upper: UPoly,
-    /// For quick tests: terms with coefficients known to rounding.
-    terms: Vec<([usize; 2], Interval)>,
+    /// For quick tests: terms with coefficients known to rounding, and to twice as many digits;
+    /// those of both are multiplied by a power of two.
+    terms: Terms<Interval>,
+    wide: Terms<Wide>,
 }
+
+/// Exponents of u and v, and coefficients.
+type Terms<T> = Vec<([usize; 2], T)>;
+
+/// Bits of coefficients that are kept in floating point: above them powers of two are taken out.
+/// Half of what a double's exponent holds leaves room for sums of products.
+const COEFFICIENT_BITS: usize = 500;
 
 /// Where a number of the fibre comes from.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -184,10 +196,17 @@ impl Arrangement {
                 .collect();
             slabs.push(Slab { u, arcs, between });
         }
-        let (curves, terms) = work.curves.into_iter().map(|c| (c.rest, c.terms)).unzip();
+        let mut curves = Vec::new();
+        let (mut terms, mut wide) = (Vec::new(), Vec::new());
+        for c in work.curves {
+            curves.push(c.rest);
+            terms.push(c.terms);
+            wide.push(c.wide);
+        }
         Ok(Self {
             curves,
             terms,
+            wide,
             sides,
             walls,
             slabs,
@@ -239,32 +258,40 @@ impl Arrangement {
             .map(|r| r.to_f64())
             .collect()
     }
-    /// The same in floating point, if that proves them.
+    /// The roots in floating point, if that proves them: with the digits of doubles where they are
+    /// enough, and with twice as many for curves of high degree.
     fn near_roots(&self, curve: usize, u: &RBig, top: &RBig, count: usize) -> Option<Vec<f64>> {
         let (x, top) = (u.to_f64().value(), top.to_f64().value());
-        let around = Interval::new(x.next_down(), x.next_up());
         // Values of u that are doubles are met exactly.
-        let x = if RBig::try_from(x).is_ok_and(|x| x == *u) {
-            Interval::new(x, x)
-        } else {
-            around
+        let is_double = RBig::try_from(x).is_ok_and(|x| x == *u);
+        let around = match is_double {
+            true => Interval::new(x, x),
+            false => Interval::new(x.next_down(), x.next_up()),
         };
-        let terms = &self.terms[curve];
-        let mut coefficients =
-            vec![Interval::new(0.0, 0.0); 1 + terms.iter().map(|t| t.0[1]).max()?];
-        let mut powers = vec![Interval::new(1.0, 1.0)];
-        for &([i, j], c) in terms {
-            while powers.len() <= i {
-                powers.push(powers[powers.len() - 1] * x);
-            }
-            coefficients[j] = coefficients[j] + c * powers[i];
-        }
-        proved_roots(&coefficients, top, count)
+        let near = over(&self.terms[curve], around);
+        proved_roots(&near, top, count).or_else(|| {
+            let wide = || over(&self.wide[curve], Wide::exact(x));
+            is_double.then(|| proved_roots(&wide(), top, count))?
+        })
     }
     /// The polynomial of a curve, squarefree, without sides and vertical lines.
     pub fn curve(&self, k: usize) -> &Poly {
         &self.curves[k]
     }
+}
+
+/// The coefficients of powers of v over u; one at least.
+fn over<T: Bounded>(terms: &Terms<T>, u: T) -> Vec<T> {
+    let degree = terms.iter().map(|t| t.0[1]).max().unwrap_or(0);
+    let mut coefficients = vec![T::exact(0.0); 1 + degree];
+    let mut powers = vec![T::exact(1.0)];
+    for &([i, j], c) in terms {
+        while powers.len() <= i {
+            powers.push(powers[powers.len() - 1] * u);
+        }
+        coefficients[j] = coefficients[j] + c * powers[i];
+    }
+    coefficients
 }
 
 impl Curve {
@@ -279,18 +306,20 @@ impl Curve {
         };
         let on = |by: &Poly| rest.substitute(V, by).to_upoly(U).unwrap_or_default();
         let (on_lower, on_upper) = (on(&Poly::zero()), on(&(Poly::one() - Poly::var(U))));
-        let terms = rest
-            .terms()
-            .iter()
-            .map(|(e, c)| {
-                let c = RBig::from(c.clone());
-                let near = c.to_f64().value();
-                (
-                    [usize::from(e[U]), usize::from(e[V])],
-                    Interval::new(near.next_down(), near.next_up()),
-                )
-            })
-            .collect();
+        let size = rest.terms().iter().map(|(_, c)| bits(c)).max();
+        let excess = size.unwrap_or(0).saturating_sub(COEFFICIENT_BITS);
+        let (mut terms, mut wide) = (Terms::new(), Terms::new());
+        for (e, c) in rest.terms() {
+            let c = RBig::from_parts(c.clone(), UBig::ONE << excess);
+            let exponents = [usize::from(e[U]), usize::from(e[V])];
+            let near = c.to_f64().value();
+            terms.push((exponents, Interval::new(near.next_down(), near.next_up())));
+            let left = RBig::try_from(near).map(|near| (c - near).to_f64().value());
+            let middle = DoubleDouble::new(near, left.unwrap_or(f64::NAN));
+            // The second double is rounded, or below the smallest one.
+            let radius = left.map_or(f64::NAN, |l| l.abs() * f64::EPSILON + f64::MIN_POSITIVE);
+            wide.push((exponents, Wide::new(middle, radius)));
+        }
         Ok(Self {
             rest,
             vertical,
@@ -298,6 +327,7 @@ impl Curve {
             on_lower,
             on_upper,
             terms,
+            wide,
         })
     }
 
@@ -323,7 +353,7 @@ fn critical_values(
         found.push(c.on_lower.clone());
         found.push(c.on_upper.clone());
         if let Some(chain) = c.fibres.as_ref().and_then(Fibres::subresultants) {
-            found.push(chain.principal[0].clone());
+            found.push(chain.resultant.clone());
         }
         for (j, other) in curves.iter().enumerate().take(k) {
             if c.fibres.is_none() || other.fibres.is_none() {
@@ -438,7 +468,7 @@ impl Work {
             }
         }
         common[n][n + 1] = usize::from(u.cmp_rational(&RBig::ONE).is_eq());
-        let mut bits = 72;
+        let mut bits = FIRST_FIBRE_BITS;
         let (ranges, groups) = loop {
             u.refine(bits);
             let mut ranges = Vec::with_capacity(all.len());
@@ -594,12 +624,16 @@ impl Work {
             made = Subresultants::new(&f, &g, V, stop)?;
             &made
         };
-        let divisor = match chain.principal.iter().position(|c| u.sign_of(c).is_ne()) {
-            Some(0) => return Ok(0),
+        let mut degree = 0;
+        while degree < chain.count() && u.sign_of(&chain.principal(degree, stop)?).is_eq() {
+            degree += 1;
+        }
+        let divisor = match degree {
+            0 => return Ok(0),
             // A real divisor of odd degree one has one root.
-            Some(1) => return Ok(1),
-            Some(d) => chain.polynomial(d, stop)?,
-            None => g,
+            1 if chain.count() > 1 => return Ok(1),
+            d if d < chain.count() => chain.polynomial(d, stop)?,
+            _ => g,
         };
         match Fibres::new(&divisor, V, stop)?.at(u, stop) {
             Ok(fibre) => Ok(fibre.roots.len()),

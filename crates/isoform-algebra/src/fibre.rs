@@ -13,6 +13,7 @@ use crate::poly::Poly;
 use crate::resultant::{ResultantError, Subresultants};
 use crate::roots::RealRoot;
 use crate::upoly::UPoly;
+use dashu_base::BitTest;
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
 use std::cmp::Ordering;
@@ -86,6 +87,9 @@ const GUARD: usize = 4;
 /// To how many bits fibres ask for α first.
 pub(crate) const FIRST_BITS: usize = FIRST_PRECISION + GUARD;
 
+/// To how many bits roots are asked for first: as many as need no higher precision.
+pub(crate) const FIRST_FIBRE_BITS: usize = FIRST_PRECISION / 2;
+
 /// Bits of the ends between which bisection begins: enough to keep its points off numbers that
 /// people write.
 const GRAIN: usize = 64;
@@ -147,16 +151,22 @@ impl Fibres {
         let mut divisor = Vec::new();
         let mut repeated = 0;
         if let Some(chain) = &self.chain {
-            let first = chain
-                .principal
-                .iter()
-                .position(|c| alpha.sign_of(c).is_ne());
-            repeated = first.unwrap_or(degree - 1);
-            divisor = match first {
-                Some(0) => Vec::new(),
-                Some(k) => self.subresultant(chain, k, stop)?,
-                None => coefficients_in(&self.f.derivative(self.var), self.var, self.other),
-            };
+            if alpha.sign_of(&chain.resultant).is_eq() {
+                repeated = 1;
+                divisor = loop {
+                    if repeated == chain.count() {
+                        break coefficients_in(&self.f.derivative(self.var), self.var, self.other);
+                    }
+                    let whole = self.subresultant(chain, repeated, stop)?;
+                    if whole
+                        .get(repeated)
+                        .is_some_and(|c| alpha.sign_of(c).is_ne())
+                    {
+                        break whole;
+                    }
+                    repeated += 1;
+                };
+            }
         }
         let mut fibre = Fibre {
             alpha: alpha.clone(),
@@ -198,16 +208,25 @@ impl Fibres {
 
     /// The number of real roots over a point where the leading coefficient does not vanish, by the
     /// signs of the principal subresultants alone (Sturm–Habicht); `None` where it vanishes.
-    pub fn count_at(&self, alpha: &RealRoot) -> Option<usize> {
-        let lead = alpha.sign_of(self.coefficients.last()?);
-        if lead.is_eq() {
-            return None;
-        }
-        let Some(chain) = &self.chain else {
-            return Some(self.coefficients.len() - 1);
+    ///
+    /// # Errors
+    /// [`ResultantError::Stopped`].
+    pub fn count_at(
+        &self,
+        alpha: &RealRoot,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<usize>, ResultantError> {
+        let lead = self.coefficients.last().map(|c| alpha.sign_of(c));
+        let Some(lead) = lead.filter(|s| s.is_ne()) else {
+            return Ok(None);
         };
-        let signs: Vec<Ordering> = chain.principal.iter().map(|c| alpha.sign_of(c)).collect();
-        Some(count_by_signs(lead, &signs))
+        let Some(chain) = &self.chain else {
+            return Ok(Some(self.coefficients.len() - 1));
+        };
+        let signs: Result<Vec<Ordering>, _> = (0..chain.count())
+            .map(|j| Ok(alpha.sign_of(&chain.principal(j, stop)?)))
+            .collect();
+        Ok(Some(count_by_signs(lead, &signs?)))
     }
 }
 
@@ -506,32 +525,92 @@ fn variations_in_unit(q: &[Ball]) -> Option<usize> {
 
 /// The part of an interval with a sign change that is at most 2^−bits wide and has one too; nothing
 /// if a sign is uncertain.
+///
+/// Bisection, and where chords predict well the cells of finer and finer grids (J. Abbott's
+/// quadratic interval refinement).
 fn narrow(
     p: &[Ball],
     (mut lo, mut hi): (IBig, IBig),
     bits: usize,
     precision: usize,
 ) -> Option<(IBig, IBig)> {
-    let at = |x: &IBig| ball::eval(p, &Ball::exact(x.clone()), precision).sign();
-    let left = at(&lo)?;
-    if left.is_eq() || at(&hi)? != left.reverse() {
+    let value = |x: &IBig| ball::eval(p, &Ball::exact(x.clone()), precision);
+    let (mut at_lo, mut at_hi) = (value(&lo), value(&hi));
+    let left = at_lo.sign()?;
+    if left.is_eq() || at_hi.sign()? != left.reverse() {
         return None;
     }
+    let mut gear = 1usize;
     while (&hi - &lo) << bits > IBig::ONE << precision {
+        if gear > 1 {
+            match predicted((&lo, &at_lo), (&hi, &at_hi), gear, &value) {
+                Some([a, b]) => {
+                    ((lo, at_lo), (hi, at_hi)) = (a, b);
+                    gear = (2 * gear).min(precision);
+                }
+                None => gear /= 2,
+            }
+            continue;
+        }
         // A root may be the middle itself: try other places of the inner half then.
         let width = &hi - &lo;
         let inner = [8, 7, 9, 6, 10]
             .into_iter()
             .map(|k| &lo + ((&width * k) >> 4usize));
-        let (point, s) = inner
-            .filter_map(|x| at(&x).filter(|s| s.is_ne()).map(|s| (x, s)))
-            .next()?;
+        let (point, at, s) = inner
+            .map(|x| (value(&x), x))
+            .find_map(|(at, x)| at.sign().filter(|s| s.is_ne()).map(|s| (x, at, s)))?;
         if point <= lo || point >= hi {
             return None;
         }
-        if s == left { lo = point } else { hi = point }
+        if s == left {
+            (lo, at_lo) = (point, at);
+        } else {
+            (hi, at_hi) = (point, at);
+        }
+        gear = 2;
     }
     Some((lo, hi))
+}
+
+/// A place and the value there.
+type At = (IBig, Ball);
+
+/// The cell of a grid of 2^gear cells in which the chord vanishes, if signs at its ends prove that
+/// it holds the zero.
+fn predicted(
+    (lo, at_lo): (&IBig, &Ball),
+    (hi, at_hi): (&IBig, &Ball),
+    gear: usize,
+    value: &dyn Fn(&IBig) -> Ball,
+) -> Option<[At; 2]> {
+    let width = hi - lo;
+    let slope = &at_lo.middle - &at_hi.middle;
+    if width.bit_len() <= gear + 1 || slope.is_zero() {
+        return None;
+    }
+    let parts = IBig::ONE << gear;
+    let guess = ((&at_lo.middle << gear) / slope).clamp(IBig::ONE, &parts - IBig::ONE);
+    let place = |k: &IBig| lo + ((&width * k) >> gear);
+    let point = place(&guess);
+    let at = value(&point);
+    let (left, s) = (at_lo.sign()?, at.sign().filter(|s| s.is_ne())?);
+    let next = if s == left {
+        guess + IBig::ONE
+    } else {
+        guess - IBig::ONE
+    };
+    let other = place(&next);
+    let at_other = value(&other);
+    if at_other.sign()? != s.reverse() {
+        return None;
+    }
+    let (point, other) = ((point, at), (other, at_other));
+    Some(if s == left {
+        [point, other]
+    } else {
+        [other, point]
+    })
 }
 
 /// The number of roots of f in a disk that holds the interval and exactly one root of the

@@ -1,12 +1,116 @@
 //! Real roots in floating point, proved by sign changes: where it is known how many there are, many
 //! samples of a curve need no exact arithmetic.
 
-use isoform_num::Interval;
+use isoform_num::{DoubleDouble, Interval};
+use std::ops::{Add, Mul};
 
 /// Halvings of the range in search of roots, and how wide a bracket that proves one may be, per
 /// size of the root.
 const HALVINGS: usize = 40;
 const WIDTH: f64 = 1e-13;
+
+/// A number to search with.
+pub(crate) trait Approximate:
+    Copy + From<f64> + Add<Output = Self> + Mul<Output = Self>
+{
+    /// Rounded to a double.
+    fn rounded(self) -> f64;
+}
+
+impl Approximate for f64 {
+    fn rounded(self) -> f64 {
+        self
+    }
+}
+
+impl Approximate for DoubleDouble {
+    fn rounded(self) -> f64 {
+        self.value()
+    }
+}
+
+/// A number that is known within bounds.
+pub(crate) trait Bounded: Copy + Add<Output = Self> + Mul<Output = Self> {
+    /// What it is searched with.
+    type Middle: Approximate;
+    /// A double, exactly.
+    fn exact(x: f64) -> Self;
+    /// A number within the bounds.
+    fn middle(self) -> Self::Middle;
+    /// −1 or 1 if all numbers within the bounds have that sign, otherwise 0.
+    fn sign(self) -> i8;
+}
+
+impl Bounded for Interval {
+    type Middle = f64;
+    fn exact(x: f64) -> Self {
+        Self::new(x, x)
+    }
+    fn middle(self) -> f64 {
+        0.5 * (self.lo() + self.hi())
+    }
+    fn sign(self) -> i8 {
+        i8::from(self.lo() > 0.0) - i8::from(self.hi() < 0.0)
+    }
+}
+
+/// The numbers within `radius` of a sum of two doubles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wide {
+    middle: DoubleDouble,
+    radius: f64,
+}
+
+/// Bounds the error of a sum or product of two sums of doubles, per size of the result: the
+/// algorithms used are within 3 and 7 times 2^−106 (M. Joldes, J.-M. Muller, V. Popescu, ACM Trans.
+/// Math. Softw. 44, 2017, theorems 3.1 and 5.1), and the rest covers what the radii lose.
+const WIDE_ERROR: f64 = f64::EPSILON * f64::EPSILON * 16.0;
+
+impl Wide {
+    /// The numbers within `radius` of `middle`.
+    pub(crate) fn new(middle: DoubleDouble, radius: f64) -> Self {
+        Self { middle, radius }
+    }
+    /// A bound on the radius of a result of that size, which underflow is not to shrink.
+    fn around(middle: DoubleDouble, size: f64, radius: f64) -> Self {
+        let radius = radius * (1.0 + 8.0 * f64::EPSILON) + size * WIDE_ERROR + f64::MIN_POSITIVE;
+        Self { middle, radius }
+    }
+}
+
+impl Add for Wide {
+    type Output = Self;
+    fn add(self, o: Self) -> Self {
+        let size = self.middle.value().abs() + o.middle.value().abs();
+        Self::around(self.middle + o.middle, size, self.radius + o.radius)
+    }
+}
+
+impl Mul for Wide {
+    type Output = Self;
+    fn mul(self, o: Self) -> Self {
+        let [a, b] = [self, o].map(|x| x.middle.value().abs());
+        // Middles exceed their first doubles by less than one part in 2^52.
+        let radius = a * o.radius + b * self.radius + self.radius * o.radius;
+        Self::around(self.middle * o.middle, a * b, radius)
+    }
+}
+
+impl Bounded for Wide {
+    type Middle = DoubleDouble;
+    fn exact(x: f64) -> Self {
+        Self::new(x.into(), 0.0)
+    }
+    fn middle(self) -> DoubleDouble {
+        self.middle
+    }
+    fn sign(self) -> i8 {
+        let at = self.middle.value();
+        // The second double of the sum is below one part in 2^52 of the first.
+        let beyond = self.radius + 2.0 * f64::EPSILON * at.abs();
+        i8::from(at > beyond) - i8::from(at < -beyond)
+    }
+}
 
 /// The roots in (0, `top`) of a polynomial with coefficients c₀, c₁, … that are known to rounding,
 /// if there are `count` of them, each simple.
@@ -14,28 +118,29 @@ const WIDTH: f64 = 1e-13;
 /// As many disjoint brackets with certain sign changes as there are roots hold one each, so that
 /// the search itself (Descartes' rule on Bernstein coefficients) needs no proof. None where
 /// rounding leaves a doubt.
-pub(crate) fn proved_roots(coefficients: &[Interval], top: f64, count: usize) -> Option<Vec<f64>> {
+pub(crate) fn proved_roots<T: Bounded>(
+    coefficients: &[T],
+    top: f64,
+    count: usize,
+) -> Option<Vec<f64>> {
     if count == 0 {
         return Some(Vec::new());
     }
-    let near: Vec<f64> = coefficients
-        .iter()
-        .map(|c| 0.5 * (c.lo() + c.hi()))
-        .collect();
-    let value = |v: f64| near.iter().rev().fold(0.0, |sum, c| sum * v + c);
+    let near: Vec<T::Middle> = coefficients.iter().map(|c| c.middle()).collect();
+    let value = |v: f64| {
+        let v = T::Middle::from(v);
+        near.iter()
+            .rev()
+            .fold(T::Middle::from(0.0), |sum, &c| sum * v + c)
+            .rounded()
+    };
     let sign = |v: f64| {
-        let v = Interval::new(v, v);
-        let at = coefficients
+        let v = T::exact(v);
+        coefficients
             .iter()
             .rev()
-            .fold(Interval::new(0.0, 0.0), |sum, &c| sum * v + c);
-        if at.lo() > 0.0 {
-            1
-        } else if at.hi() < 0.0 {
-            -1
-        } else {
-            0
-        }
+            .fold(T::exact(0.0), |sum, &c| sum * v + c)
+            .sign()
     };
     let mut roots = Vec::new();
     let mut last = 0.0;
@@ -64,40 +169,44 @@ pub(crate) fn proved_roots(coefficients: &[Interval], top: f64, count: usize) ->
 
 /// Intervals in (0, `top`) with one sign variation of the Bernstein coefficients each, ascending;
 /// None if they are not `count`.
-fn isolate(near: &[f64], top: f64, count: usize) -> Option<Vec<(f64, f64)>> {
+fn isolate<T: Approximate>(near: &[T], top: f64, count: usize) -> Option<Vec<(f64, f64)>> {
     let n = near.len() - 1;
     // From powers of v / top: b_j is the sum of C(j, m) / C(n, m) a_m.
-    let mut bernstein = vec![0.0; n + 1];
-    let mut scale = 1.0;
-    for (m, c) in near.iter().enumerate() {
-        let mut share = (1..=m).fold(1.0, |p, k| p * k as f64 / (n + 1 - k) as f64);
+    let mut bernstein = vec![T::from(0.0); n + 1];
+    let mut scale = T::from(1.0);
+    for (m, &c) in near.iter().enumerate() {
+        // Whole numbers up to degree 56, so that nothing is lost.
+        let all = (0..m).fold(1.0, |p, k| p * (n - k) as f64 / (k + 1) as f64);
+        let part = c * scale * reciprocal::<T>(all);
+        let mut ways = 1.0;
         for (j, b) in bernstein.iter_mut().enumerate().skip(m) {
             if j > m {
-                share *= j as f64 / (j - m) as f64;
+                ways = ways * j as f64 / (j - m) as f64;
             }
-            *b += share * c * scale;
+            *b = *b + part * T::from(ways);
         }
-        scale *= top;
+        scale = scale * T::from(top);
     }
-    let variations = |b: &[f64]| {
+    let variations = |b: &[T]| {
         b.windows(2)
-            .filter(|w| (w[0] < 0.0) != (w[1] < 0.0))
+            .filter(|w| (w[0].rounded() < 0.0) != (w[1].rounded() < 0.0))
             .count()
     };
+    let half = T::from(0.5);
     let mut found = Vec::new();
     let mut stack = vec![(0.0, top, bernstein, 0)];
     while let Some((lo, hi, b, depth)) = stack.pop() {
         match variations(&b) {
             0 => {}
             1 => found.push((lo, hi)),
-            _ if depth == HALVINGS || b.iter().any(|x| x.is_nan()) => return None,
+            _ if depth == HALVINGS || b.iter().any(|x| x.rounded().is_nan()) => return None,
             _ => {
                 // Both halves by de Casteljau.
                 let (mut left, mut right) = (Vec::with_capacity(n + 1), b);
                 for k in 0..=n {
                     left.push(right[0]);
                     for i in 0..n - k {
-                        right[i] = 0.5 * (right[i] + right[i + 1]);
+                        right[i] = half * (right[i] + right[i + 1]);
                     }
                 }
                 let middle = 0.5 * (lo + hi);
@@ -107,6 +216,12 @@ fn isolate(near: &[f64], top: f64, count: usize) -> Option<Vec<(f64, f64)>> {
         }
     }
     (found.len() == count).then_some(found)
+}
+
+/// 1/x, by one step of Newton's iteration from the rounded quotient.
+fn reciprocal<T: Approximate>(x: f64) -> T {
+    let near = T::from(1.0 / x);
+    near * (T::from(2.0) + T::from(-x) * near)
 }
 
 /// A zero between two places with different signs: by halving, and by chords where they do better.

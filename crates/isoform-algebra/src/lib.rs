@@ -20,7 +20,7 @@
 //! let folium = Poly::parse("x^3 + y^3 - 3*x*y", &["x", "y"])?;
 //! let go = || false;
 //! let fibres = Fibres::new(&folium, 1, &go)?;
-//! let discriminant = &fibres.subresultants().expect("degree 3").principal[0];
+//! let discriminant = &fibres.subresultants().expect("degree 3").resultant;
 //! let found: Vec<(f64, Vec<usize>)> = real_roots(discriminant)
 //!     .iter()
 //!     .map(|x| (x.to_f64(), fibres.at(x, &go).expect("no vertical line").roots.iter().map(|y| y.multiplicity).collect()))

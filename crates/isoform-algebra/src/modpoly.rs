@@ -150,13 +150,41 @@ pub(crate) fn pow_mod(f: &Fp, base: &[u64], mut n: u64, modulus: &[u64]) -> Vec<
     result
 }
 
+/// a becomes the remainder by b of its product with a power of the leading coefficient of b; the
+/// exponent is returned. There is no inverse to compute, which costs as much as some hundred
+/// products.
+fn pseudo_rem(f: &Fp, a: &mut Vec<u64>, b: &[u64]) -> u64 {
+    let n = b.len() - 1;
+    let lead = b[n];
+    let mut exponent = 0;
+    while a.len() > n {
+        let q = a[a.len() - 1];
+        a.pop();
+        if q == 0 {
+            continue;
+        }
+        exponent += 1;
+        let (low, high) = {
+            let at = a.len() - n;
+            a.split_at_mut(at)
+        };
+        low.iter_mut().for_each(|x| *x = f.mul(*x, lead));
+        for (x, &v) in high.iter_mut().zip(b) {
+            *x = f.sub(f.mul(*x, lead), f.mul(q, v));
+        }
+    }
+    trim(a);
+    exponent
+}
+
 /// Res(a, b) of two polynomials by Euclid's algorithm; zero if one of them is zero.
 pub(crate) fn resultant(f: &Fp, a: &[u64], b: &[u64]) -> u64 {
     if a.is_empty() || b.is_empty() {
         return 0;
     }
     let (mut a, mut b) = (a.to_vec(), b.to_vec());
-    let mut result = f.one();
+    // The result is the resultant of the current pair times the one, divided by the other.
+    let (mut factor, mut divisor) = (f.one(), f.one());
     let mut negative = false;
     if a.len() < b.len() {
         std::mem::swap(&mut a, &mut b);
@@ -164,19 +192,25 @@ pub(crate) fn resultant(f: &Fp, a: &[u64], b: &[u64]) -> u64 {
     }
     loop {
         // Res(a, b) = (−1)^(nm) Res(b, a) = (−1)^(nm) lc(b)^(n − k) Res(b, r) for r = a mod b of
-        // degree k.
+        // degree k; and Res(b, c r) = c^m Res(b, r).
         let (n, m) = (a.len() - 1, b.len() - 1);
         if m == 0 {
-            let r = f.mul(result, f.pow(b[0], n as u64));
+            let r = f.mul(factor, f.pow(b[0], n as u64));
+            let r = f.div(r, divisor);
             return if negative { f.neg(r) } else { r };
         }
         let lead = b[m];
-        div_rem(f, &mut a, &b);
+        let exponent = pseudo_rem(f, &mut a, &b) * m as u64;
         if a.is_empty() {
             return 0;
         }
         negative ^= n & m & 1 == 1;
-        result = f.mul(result, f.pow(lead, (n + 1 - a.len()) as u64));
+        let gained = (n + 1 - a.len()) as u64;
+        if gained > exponent {
+            factor = f.mul(factor, f.pow(lead, gained - exponent));
+        } else {
+            divisor = f.mul(divisor, f.pow(lead, exponent - gained));
+        }
         std::mem::swap(&mut a, &mut b);
     }
 }

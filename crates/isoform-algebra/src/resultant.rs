@@ -22,6 +22,9 @@ use crate::upoly::UPoly;
 use dashu_base::UnsignedAbs;
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+use std::sync::{Mutex, PoisonError};
 
 /// Points between two looks whether to stop.
 const LOOKS: usize = 64;
@@ -346,11 +349,13 @@ impl Pair {
 /// The subresultants of two polynomials in y with coefficients in x, taken as their integer
 /// multiples by the (positive) denominators, so that signs are kept.
 pub struct Subresultants {
-    /// Coefficient of yʲ in Sⱼ at index j, as polynomials in x; as many as the lower degree in y.
-    pub principal: Vec<UPoly>,
-    /// Coefficient of y^(j−1) in Sⱼ at index j; 0 at index 0. Where Sₖ is the common divisor and
-    /// has a single root, that root is −next\[k\]/(k·principal\[k\]).
-    pub next: Vec<UPoly>,
+    /// S₀, as a polynomial in x.
+    pub resultant: UPoly,
+    /// Principal coefficients that were asked for. Most chains are asked for S₀ alone, and all the
+    /// others cost ten times as much together.
+    principal: Mutex<BTreeMap<usize, UPoly>>,
+    /// How many there are: the lower degree in y.
+    count: usize,
     pair: Pair,
     var: usize,
     other: usize,
@@ -373,27 +378,46 @@ impl Subresultants {
         let (other, pair) = Pair::new(f, g, var)?;
         let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
         assert!(n >= m && m >= 1, "subresultants of degrees {n} and {m}");
-        let wanted: Vec<(usize, usize)> = (0..m)
-            .map(|j| (j, j))
-            .chain((1..m).map(|j| (j, j - 1)))
-            .collect();
-        let columns = pair.lift(&wanted, true, stop, |field, a, b| {
-            let chain = subresultants_at(field, a, b);
-            wanted
-                .iter()
-                .map(|&(j, i)| chain[j].get(i).copied().unwrap_or(0))
-                .collect()
+        let mut values = pair.lift(&[(0, 0)], false, stop, |field, a, b| {
+            vec![resultant_at(field, a, b)]
         })?;
-        let mut columns = columns.into_iter();
-        let principal = columns.by_ref().take(m).collect();
-        let next = std::iter::once(UPoly::default()).chain(columns).collect();
         Ok(Self {
-            principal,
-            next,
+            resultant: values.swap_remove(0),
+            principal: Mutex::default(),
+            count: m,
             pair,
             var,
             other,
         })
+    }
+    /// How many subresultants there are: S₀ … Sₘ₋₁ for the lower degree m.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The coefficient of yʲ in Sⱼ, as a polynomial in x.
+    ///
+    /// # Errors
+    /// [`ResultantError::Stopped`].
+    ///
+    /// # Panics
+    /// If j is not below the lower degree.
+    pub fn principal(&self, j: usize, stop: &dyn Fn() -> bool) -> Result<UPoly, ResultantError> {
+        assert!(j < self.count, "there is no subresultant of index {j}");
+        if j == 0 {
+            return Ok(self.resultant.clone());
+        }
+        let known = || {
+            self.principal
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+        };
+        if let Some(c) = known().get(&j) {
+            return Ok(c.clone());
+        }
+        let made = self.coefficients(j, j..=j, stop)?.swap_remove(0);
+        known().insert(j, made.clone());
+        Ok(made)
     }
 
     /// The whole polynomial Sⱼ.
@@ -404,20 +428,27 @@ impl Subresultants {
     /// # Panics
     /// If j is not below the lower degree.
     pub fn polynomial(&self, j: usize, stop: &dyn Fn() -> bool) -> Result<Poly, ResultantError> {
-        assert!(
-            j < self.principal.len(),
-            "there is no subresultant of index {j}"
-        );
-        let wanted: Vec<(usize, usize)> = (0..=j).map(|i| (j, i)).collect();
-        let columns = self.pair.lift(&wanted, true, stop, |field, a, b| {
-            let mut s = subresultants_at(field, a, b).swap_remove(j);
-            s.resize(j + 1, 0);
-            s
-        })?;
+        assert!(j < self.count, "there is no subresultant of index {j}");
+        let columns = self.coefficients(j, 0..=j, stop)?;
         let powers = columns
             .iter()
             .enumerate()
             .map(|(i, c)| Poly::from_upoly(c, self.other) * Poly::var(self.var).pow(i as u32));
         Ok(powers.fold(Poly::zero(), |sum, t| sum + t))
+    }
+
+    /// Coefficients of powers of y in Sⱼ.
+    fn coefficients(
+        &self,
+        j: usize,
+        powers: RangeInclusive<usize>,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Vec<UPoly>, ResultantError> {
+        let wanted: Vec<(usize, usize)> = powers.map(|i| (j, i)).collect();
+        self.pair.lift(&wanted, true, stop, |field, a, b| {
+            let s = subresultants_at(field, a, b).swap_remove(j);
+            let at = |&(_, i): &(usize, usize)| s.get(i).copied().unwrap_or(0);
+            wanted.iter().map(at).collect()
+        })
     }
 }

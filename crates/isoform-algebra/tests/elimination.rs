@@ -137,12 +137,9 @@ proptest! {
         let (f, g) = if f.degree(1) >= g.degree(1) { (f, g) } else { (g, f) };
         prop_assume!(g.degree(1) > 0);
         let chain = Subresultants::new(&f, &g, 1, &go).expect("two variables");
-        prop_assert_eq!(chain.principal.len(), g.degree(1));
+        prop_assert_eq!(chain.count(), g.degree(1));
         for j in 0..g.degree(1) {
-            prop_assert_eq!(Poly::from_upoly(&chain.principal[j], 0), minor(&f, &g, j, j));
-            if j > 0 {
-                prop_assert_eq!(Poly::from_upoly(&chain.next[j], 0), minor(&f, &g, j, j - 1));
-            }
+            prop_assert_eq!(Poly::from_upoly(&chain.principal(j, &go).expect("not stopped"), 0), minor(&f, &g, j, j));
             let whole = chain.polynomial(j, &go).expect("not stopped");
             for i in 0..=j {
                 prop_assert_eq!(whole.coefficients_in(1).get(i).cloned().unwrap_or_default(), minor(&f, &g, j, i));
@@ -175,16 +172,25 @@ fn closed_forms() {
     let f = p("(y^2 - x^4)*(y - 3)");
     let chain = Subresultants::new(&f, &f.derivative(1), 1, &go).expect("two variables");
     assert_eq!(
-        chain.principal[0]
+        chain
+            .resultant
             .squarefree()
             .last()
             .map(|(q, n)| (q.clone(), *n)),
         Some((UPoly::from_i64(&[0, 1]), 4))
     );
-    let root_at =
-        |x: i64| -chain.next[1].eval(&RBig::from(x)) / chain.principal[1].eval(&RBig::from(x));
-    assert_eq!(root_at(0), RBig::ZERO);
-    let difference = &chain.next[1] + &chain.principal[1].scale(&IBig::from(3));
+    let divisor = chain.polynomial(1, &go).expect("not stopped");
+    let rows = divisor.coefficients_in(1);
+    let at = |c: &Poly, x: i64| {
+        c.set(0, &RBig::from(x))
+            .as_constant()
+            .expect("no variables")
+    };
+    assert_eq!(at(&rows[0], 0), RBig::ZERO);
+    assert_ne!(at(&rows[1], 0), RBig::ZERO);
+    let difference = (&rows[0] + rows[1].scale(&RBig::from(3)))
+        .to_upoly(0)
+        .expect("a polynomial in x");
     assert!(
         difference
             .div_exact(&UPoly::from_i64(&[-3, 0, 1]))
