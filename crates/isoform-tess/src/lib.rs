@@ -50,7 +50,7 @@ pub use singular::{
     Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular,
 };
 pub use surface::{
-    DoubleArc, Kind, MeshOptions, Mode, Point3, Prepared, Surface, TriangulateOptions,
+    Crossing, DoubleArc, Kind, MeshOptions, Mode, Point3, Prepared, Surface, TriangulateOptions,
     join_patches, triangulate,
 };
 pub use univariate::Stopped;

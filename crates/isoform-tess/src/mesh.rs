@@ -13,6 +13,7 @@ mod drawing;
 pub(crate) mod fineness;
 mod gluing;
 mod in_chart;
+pub(crate) mod matching;
 mod opening;
 mod plane;
 mod stretch;
@@ -34,6 +35,7 @@ use fineness::Fineness;
 use gluing::{Gluing, Track, key};
 use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
 use isoform_geom::{norm, sub};
+use matching::Place;
 use rayon::iter::{
     IndexedParallelIterator, IntoParallelIterator, IntoParallelRefMutIterator, ParallelIterator,
 };
@@ -114,6 +116,7 @@ pub(crate) fn mesh(
     curves: &Curves,
     options: &MeshOptions,
     fineness: &Fineness,
+    matched: &[Place],
     stop: &dyn Fn() -> bool,
 ) -> Surface {
     polled(stop, |stopped| {
@@ -161,6 +164,7 @@ pub(crate) fn mesh(
             .filter_map(|q| builder.drawn_unit(q, &sides))
             .collect();
         builder.refine(&mut units);
+        builder.put(matched, &mut units);
         for unit in units {
             builder.add(unit, &mut joined);
         }

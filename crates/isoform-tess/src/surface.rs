@@ -8,6 +8,8 @@ use crate::field::Algebraic;
 use crate::joined::join;
 use crate::map::Map;
 use crate::mesh::fineness::Fineness;
+pub use crate::mesh::matching::Crossing;
+use crate::mesh::matching::{Place, matching};
 use crate::mesh::{Curves, mesh};
 use crate::patch::Patch;
 use crate::region::{Region, is_clear};
@@ -163,6 +165,8 @@ pub struct Prepared<'a> {
     solitary: Vec<Vec<Point3>>,
     unproven: Vec<String>,
     fineness: Fineness,
+    /// Places for further vertices.
+    matched: Vec<Place>,
 }
 
 impl<'a> Prepared<'a> {
@@ -261,6 +265,7 @@ impl<'a> Prepared<'a> {
             solitary,
             unproven,
             fineness: Fineness::default(),
+            matched: Vec::new(),
         })
     }
 
@@ -274,6 +279,7 @@ impl<'a> Prepared<'a> {
             &self.curves,
             &self.options.mesh,
             &self.fineness,
+            &self.matched,
             stop,
         );
         let seconds = clock.elapsed().as_secs_f64();
@@ -321,6 +327,15 @@ impl<'a> Prepared<'a> {
     pub fn refine(&mut self, boxes: &[[Point3; 2]]) {
         self.fineness
             .refine(boxes, self.options.half_width.to_f64().value());
+        self.matched.clear();
+    }
+
+    /// Gives the sheets of triangles that cross each other's vertices, in the next
+    /// [`Prepared::surface`], up to a change of tolerance. Pairs of triangles of `surface`.
+    pub fn match_sheets(&mut self, surface: &Surface, pairs: &[Crossing]) {
+        let half_width = self.options.half_width.to_f64().value();
+        self.matched
+            .extend(matching(self.map, half_width, surface, pairs));
     }
 }
 

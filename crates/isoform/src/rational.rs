@@ -3,10 +3,10 @@
 use isoform_algebra::RBig;
 use isoform_geom::{Aabb, Mesh};
 use isoform_mesh::Control;
-use isoform_mesh::check::{self, Intersections, certify};
+use isoform_mesh::check::{self, Intersections, Place, certify};
 use isoform_tess::{
-    Analysis, Budget, Domain, Map, MapError, Mode, Patch, Point3, Prepared, Stopped, Surface,
-    TriangulateOptions, join_patches, polled,
+    Analysis, Budget, Crossing, Domain, Map, MapError, Mode, Patch, Point3, Prepared, Stopped,
+    Surface, TriangulateOptions, join_patches, polled,
 };
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -14,15 +14,38 @@ use std::time::Instant;
 /// How often the surface is made again, finer where its implicit equation finds triangles far away.
 const NEARER: usize = 2;
 /// How often it is made again, finer where triangles cross.
-const ROUNDS: usize = 6;
-/// How many of these rounds may be no better than the ones before.
+const ROUNDS: usize = 12;
+/// How many times a finer tolerance may be no better than what was there before.
 const IN_VAIN: usize = 2;
 /// More pairs of triangles that cross than this are no accident of sheets that are close together.
 const MOST: usize = 2000;
 
+/// What is changed where triangles cross.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Change {
+    /// Both sheets get the corners of the other's triangles.
+    Corners,
+    /// And what lies between them.
+    Places,
+    /// The tolerance is divided.
+    Finer,
+}
+
+impl Change {
+    /// What comes after it, if fewer triangles crossed, or not.
+    fn next(self, is_fewer: bool) -> Self {
+        match self {
+            _ if is_fewer => Self::Corners,
+            Self::Finer => Self::Corners,
+            Self::Corners => Self::Places,
+            Self::Places => Self::Finer,
+        }
+    }
+}
+
 /// [`isoform_tess::triangulate`]; where sheets are joined, triangles that cross all the same are
-/// found exactly. The surface is made again with a finer tolerance around them; those that are left
-/// are said to be unproven.
+/// found exactly. The surface is made again with the vertices of both sheets in both of them, or with
+/// a finer tolerance there; pairs that are left are said to be unproven.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -54,17 +77,16 @@ pub fn rational_surface(
             found
         };
         let mut found = look(&surface);
-        // The places of all rounds so far are finer in the next, whatever came of them: what is
+        // What was changed so far is changed in the next round, too, whatever came of it: what is
         // kept is the best.
         let mut last: Option<(Surface, Intersections)> = None;
+        let mut change = Change::Corners;
         let mut in_vain = 0;
         for _ in 0..ROUNDS {
-            let (tried, i) = match &last {
-                Some((tried, i)) => (tried, i),
-                None => {
-                    let Some(i) = &found else { break };
-                    (&surface, i)
-                }
+            let (tried, i) = match (&last, &found) {
+                (Some((tried, i)), _) => (tried, i),
+                (None, Some(i)) => (&surface, i),
+                (None, None) => break,
             };
             // What is open for other reasons is not mended by this.
             let is_hopeless =
@@ -72,18 +94,23 @@ pub fn rational_surface(
             if i.pairs.is_empty() || !i.complete || is_hopeless || in_vain == IN_VAIN || stop() {
                 break;
             }
-            prepared.refine(&boxes(tried, i));
+            match change {
+                Change::Finer => prepared.refine(&boxes(tried, i)),
+                _ => prepared.match_sheets(tried, &pairs(i, change == Change::Places)),
+            }
             let next = prepared.surface(stop);
             let Some(crossing) = look(&next) else { break };
+            let is_fewer = crossing.pairs.count < i.pairs.count;
             let is_better = next.unproven.is_empty()
                 && found
                     .as_ref()
                     .is_none_or(|f| crossing.pairs.count < f.pairs.count);
+            in_vain += usize::from(change == Change::Finer && !is_better);
+            change = change.next(is_fewer);
             if is_better {
                 surface = next.clone();
                 found = Some(crossing.clone());
-            } else {
-                in_vain += 1;
+                in_vain = 0;
             }
             last = Some((next, crossing));
         }
@@ -198,6 +225,18 @@ fn crossings(surface: &Surface, stop: &dyn Fn() -> bool) -> Option<Intersections
             .intersections
             .filter(|_| !stopped.load(Ordering::Relaxed))
     })
+}
+
+/// The triangles that cross, with points where they do if `deep`.
+fn pairs(found: &Intersections, deep: bool) -> Vec<Crossing> {
+    let pair = |p: &Place| {
+        let triangles = <[u32; 2]>::try_from(p.elements.as_slice()).ok()?;
+        Some(Crossing {
+            triangles,
+            point: deep.then_some(p.at),
+        })
+    };
+    found.pairs.places.iter().filter_map(pair).collect()
 }
 
 /// Around the triangles that cross.

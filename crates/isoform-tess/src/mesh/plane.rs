@@ -192,6 +192,8 @@ const NEARER: usize = 3;
 const MARGIN: f64 = 0.25;
 /// How near to the corners beside it an edge is not split, per length.
 const CROWDED: f64 = 0.25;
+/// How near to a corner of a triangle no further vertex is put, per longest edge.
+const BESIDE: f64 = 0.005;
 /// Rounds of improvement.
 const IMPROVEMENTS: usize = 4;
 /// Rounds in which edges are split that fall together in space.
@@ -887,11 +889,111 @@ impl Plane {
     /// Puts a vertex into the middle of a triangle.
     fn split_triangle(&mut self, t: u32, measure: &dyn Measure) -> bool {
         let at = self.corners(t);
+        let middle = [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0);
+        self.put_into(t, middle, measure)
+    }
+
+    /// Puts vertices at places, unless there are some beside them, and flips edges around them until
+    /// the triangles are those of Delaunay in space: sheets beside each other with the vertices in
+    /// common have the edges in common then, too.
+    pub(super) fn insert(&mut self, places: &[[f64; 2]], measure: &dyn Measure) {
+        for &at in places {
+            self.insert_one(at, measure);
+        }
+        let near = |t: u32| {
+            let at = self.corners(t);
+            let [x, y] = [0, 1].map(|i| at.map(|p| p[i]));
+            let lo = [x, y].map(|x| x.into_iter().fold(f64::INFINITY, f64::min));
+            let hi = [x, y].map(|x| x.into_iter().fold(f64::NEG_INFINITY, f64::max));
+            places
+                .iter()
+                .any(|p| (0..2).all(|i| lo[i] <= p[i] && p[i] <= hi[i]))
+        };
+        let around = |t: u32| self.adjacent[t as usize].into_iter().filter(|&n| n != NONE);
+        let all = 0..self.triangles.len() as u32;
+        let mut stack: Vec<u32> = all
+            .filter(|&t| near(t))
+            .flat_map(|t| around(t).chain([t]))
+            .collect();
+        let mut left = 20 * stack.len() + 100;
+        while let Some(t) = stack.pop() {
+            for i in 0..3 {
+                let n = self.adjacent[t as usize][i];
+                if left > 0 && !self.fixed[t as usize][i] && self.make_delaunay(t, i, measure) {
+                    left -= 1;
+                    stack.extend([t, n]);
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Flips the edge opposite to corner i if the angles opposite to it are more than two right ones
+    /// together.
+    fn make_delaunay(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
+        let Quad {
+            corners: [c, a, d, b],
+            n,
+            outer: [ca, ad, db, bc],
+        } = self.quad(t, i);
+        let made = [[c, a, d], [c, d, b]];
+        let fits = made
+            .iter()
+            .all(|&t| self.is_counterclockwise(t) && self.is_thick(t, THIN));
+        if !fits
+            || self.have_one_image([c, d])
+            || self.have_one_image([a, b])
+            || self.is_ambiguous([c, d])
+        {
+            return false;
+        }
+        let [p, q, r, s] = [c, a, d, b].map(|v| self.images[v as usize]);
+        let angle = |at: Point3, x: Point3, y: Point3| {
+            let (x, y) = (sub(x, at), sub(y, at));
+            norm(cross(x, y)).atan2(dot(x, y))
+        };
+        if angle(p, q, s) + angle(r, q, s) <= std::f64::consts::PI * (1.0 + 1e-9) {
+            return false;
+        }
+        let sound = made.map(|t| measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
+        let before = [t, n].map(|t| self.look(t, measure).worth);
+        let worst = before[0].min(before[1]).min(0.0);
+        if sound != [true; 2] || made.iter().any(|&t| self.look_at(t, measure).worth < worst) {
+            return false;
+        }
+        self.set(t, made[0], [ad.0, n, ca.0], [ad.1, false, ca.1]);
+        self.set(n, made[1], [db.0, bc.0, t], [db.1, bc.1, false]);
+        (self.sound[t as usize], self.sound[n as usize]) = (true, true);
+        true
+    }
+
+    /// Puts a vertex at a place, unless there is one beside it, or no triangle around it.
+    fn insert_one(&mut self, at: [f64; 2], measure: &dyn Measure) {
+        let holds = |t: &u32| {
+            let [a, b, c] = self.corners(*t).map(|[x, y]| Coord { x, y });
+            let p = Coord { x: at[0], y: at[1] };
+            [(a, b), (b, c), (c, a)]
+                .iter()
+                .all(|&(a, b)| orient2d(a, b, p) > 0.0)
+        };
+        let Some(t) = (0..self.triangles.len() as u32).find(holds) else {
+            return;
+        };
+        let (image, [p, q, r]) = (measure.at(at), self.images_of(t));
+        let long = distance(p, q).max(distance(q, r)).max(distance(r, p));
+        let near = [p, q, r]
+            .map(|x| distance(x, image))
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
+        if near > BESIDE * long {
+            self.put_into(t, at, measure);
+        }
+    }
+
+    /// Puts a vertex into a triangle. False if rounding leaves no room.
+    fn put_into(&mut self, t: u32, at: [f64; 2], measure: &dyn Measure) -> bool {
         let [a, b, c] = self.triangles[t as usize];
-        let m = self.add(
-            [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0),
-            measure,
-        );
+        let m = self.add(at, measure);
         let made = [[m, b, c], [m, c, a], [m, a, b]];
         if !made.iter().all(|&t| self.is_counterclockwise(t)) {
             self.drop_last();

@@ -122,6 +122,18 @@ impl Builder<'_> {
         }
     }
 
+    /// Puts further vertices into unit triangles.
+    pub(super) fn put(&self, places: &[Place], units: &mut [Unit]) {
+        units.par_iter_mut().for_each(|u| {
+            let q = u.quadrant;
+            let measure = InChart { builder: self, q };
+            let here: Vec<[f64; 2]> = places.iter().filter(|p| p.0 == q).map(|p| p.1).collect();
+            if !here.is_empty() {
+                u.plane.insert(&here, &measure);
+            }
+        });
+    }
+
     /// Adds the vertices and triangles of a unit triangle to the surface.
     pub(super) fn add(&self, unit: Unit, joined: &mut Joined) {
         let (q, plane) = (unit.quadrant, &unit.plane);
