@@ -66,6 +66,10 @@ impl Piece {
     }
 }
 
+/// How far from the end of an arc, in the parameters, a place that rounding puts onto the wall there
+/// may be: what is on an arc with a vertical tangent is half the digits from its end.
+const AT_END: f64 = 1e-7;
+
 /// A vertex between a rectangle and a seam: its class and parameters.
 type SpokeVertex = (usize, [f64; 2]);
 
@@ -630,8 +634,13 @@ impl Builder<'_> {
     fn is_on(&self, piece: &Piece, at: [f64; 2]) -> bool {
         match piece.track {
             Track::Arc(q, slab, i) => {
-                let v = Columns::new(&self.region.triangles[q].arrangement, slab).at(at[0], i);
-                v.is_none_or(|v| (v - at[1]).abs() < 1e-8)
+                match Columns::new(&self.region.triangles[q].arrangement, slab).at(at[0], i) {
+                    Some(v) => (v - at[1]).abs() < 1e-8,
+                    // On a wall but for rounding, where other arcs may end, too.
+                    None => [0, piece.knots.len() - 1]
+                        .iter()
+                        .any(|&k| distance2(piece.knots[k].at, at) < AT_END),
+                }
             }
             Track::Wall(..) => (piece.knots[0].at[0] - at[0]).abs() < 1e-8,
             Track::Side(side, ..) => distance2(on_side(side, piece.along(at)), at) < 1e-8,
