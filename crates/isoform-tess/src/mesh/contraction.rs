@@ -146,9 +146,10 @@ fn may_move(
     around.iter().map(|&k| s.triangles[k]).all(|t| {
         let before = corners(s, &t);
         let after = [0, 1, 2].map(|i| if t[i] == from { target } else { before[i] });
+        // One that was flat may stay so: several vertices may lie upon each other.
         t.contains(&to)
-            || !is_flat(after, half_width)
-                && (is_flat(before, half_width) || dot(normal(before), normal(after)) > 0.0)
+            || is_flat(before, half_width)
+            || !is_flat(after, half_width) && dot(normal(before), normal(after)) > 0.0
     })
 }
 

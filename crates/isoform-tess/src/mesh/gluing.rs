@@ -5,6 +5,7 @@
 //! unit triangles. What is special there (points of walls, rectangles around base points, pinch
 //! points) comes first, so that its partners are vertices, too; then the rest.
 
+use super::closing::UPON;
 use super::stretch::{Columns, Stretch};
 use super::{Builder, Name, Ray, Sides, distance, in_plane, on_side, sides_of};
 use crate::double::Fibres;
@@ -65,6 +66,10 @@ impl Piece {
         }
     }
 }
+
+/// How near to its neighbours on a piece a vertex is left out, per distance at which vertices lie
+/// upon each other.
+const CROWDED: f64 = 8.0;
 
 /// How far from the end of an arc, in the parameters, a place that rounding puts onto the wall there
 /// may be: what is on an arc with a vertical tangent is half the digits from its end.
@@ -129,6 +134,10 @@ impl Builder<'_> {
                 while j < pieces[k].knots.len() {
                     let knot = &pieces[k].knots[j];
                     if knot.class.is_none() && knot.fixed == fixed {
+                        if !fixed && self.is_crowded(&pieces[k], j) {
+                            pieces[k].knots.remove(j);
+                            continue;
+                        }
                         let image = knot.image;
                         self.join(&mut pieces, k, j, gluing.images.len());
                         gluing.images.push(image);
@@ -144,6 +153,16 @@ impl Builder<'_> {
         self.settle(&mut gluing, pieces, sides, fibres);
         self.join_isolated(&mut gluing, isolated, sides);
         gluing
+    }
+
+    /// Whether a vertex lies upon one of those next to it, so that it is better left out.
+    fn is_crowded(&self, piece: &Piece, j: usize) -> bool {
+        let near = |k: usize| {
+            piece.knots.get(k).is_some_and(|other| {
+                distance(other.image, piece.knots[j].image) < CROWDED * UPON * self.half_width
+            })
+        };
+        near(j.wrapping_sub(1)) || near(j + 1)
     }
 
     /// Isolated real points of singular curves, and images of contracted ones: those with one image

@@ -4,21 +4,30 @@
 //! other.
 
 use super::chart::Chart;
+use super::closing::UPON;
 use super::{distance, in_plane, place_in};
 use crate::map::Map;
 use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, dot, sub};
 
-/// A place in a unit triangle, by its quadrant.
-pub(crate) type Place = (usize, [f64; 2]);
+/// Where a further vertex is to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    /// The unit triangle.
+    pub(super) quadrant: usize,
+    /// The parameters in it.
+    pub(super) at: [f64; 2],
+    /// The face of the box that the vertex is on, as a bit; 0 for none.
+    pub(super) faces: u8,
+}
 
 /// How far from each other the sheets may be, per longest edge of the triangles that cross: what is
 /// farther apart is not parallel, and vertices of one sheet say nothing about the other.
 const CLOSE: f64 = 0.2;
-/// Steps towards the foot of a perpendicular, each of which gains digits, and where in shares of
-/// the step before they end.
+/// Steps towards the foot of a perpendicular, each of which gains digits, and the length in the
+/// parameters of the last one: vertices need not be where the foot is to rounding.
 const STEPS: usize = 8;
-const STILL: f64 = 1e-3;
+const STILL: f64 = 1e-9;
 
 /// Two triangles that cross.
 #[derive(Clone, Copy, Debug)]
@@ -37,64 +46,127 @@ pub(crate) fn matching(
     surface: &Surface,
     pairs: &[Crossing],
 ) -> Vec<Place> {
-    let charts: [Chart; 4] = std::array::from_fn(|q| Chart::new(map, q, half_width));
-    let mut found = Vec::new();
+    let sheets = Sheets {
+        charts: std::array::from_fn(|q| Chart::new(map, q, half_width)),
+        half_width,
+        surface,
+    };
+    let mut found: Vec<(Place, Point3)> = Vec::new();
     for &Crossing {
         triangles: [a, b],
         point,
     } in pairs
     {
         for t in [a, b] {
-            found.extend(point.and_then(|x| foot(&charts, surface, t as usize, x)));
+            found.extend(point.and_then(|x| sheets.foot(t as usize, x, 0)));
         }
         for (of, onto) in [(a, b), (b, a)] {
-            let corners = surface.triangles[of as usize];
             let beside = &surface.triangles[onto as usize];
-            for v in corners.into_iter().filter(|v| !beside.contains(v)) {
-                let x = surface.points[v as usize];
-                found.extend(foot(&charts, surface, onto as usize, x));
+            for v in surface.triangles[of as usize] {
+                let (x, faces) = (surface.points[v as usize], surface.faces[v as usize]);
+                if !beside.contains(&v) {
+                    found.extend(sheets.foot(onto as usize, x, faces));
+                }
             }
         }
     }
-    found.sort_by(|a: &Place, b| {
-        a.0.cmp(&b.0)
-            .then(a.1[0].total_cmp(&b.1[0]))
-            .then(a.1[1].total_cmp(&b.1[1]))
-    });
-    found.dedup();
-    found
+    // One vertex of those that lie upon each other.
+    let mut places: Vec<(Place, Point3)> = Vec::new();
+    for (place, image) in found {
+        if places.iter().all(|p| sheets.are_apart(p.1, image)) {
+            places.push((place, image));
+        }
+    }
+    places.into_iter().map(|p| p.0).collect()
 }
 
-/// The place of the sheet of a triangle that is nearest to a point, if it is close.
-fn foot(charts: &[Chart; 4], surface: &Surface, triangle: usize, x: Point3) -> Option<Place> {
-    let [p, q, r] = surface.triangles[triangle].map(|v| surface.points[v as usize]);
-    let corners = surface.corners[triangle];
-    let normal = cross(sub(q, p), sub(r, p));
-    let size = dot(normal, normal);
-    let share = |a: Point3, b: Point3| dot(cross(sub(a, x), sub(b, x)), normal) / size;
-    let shares = [share(q, r), share(r, p), share(p, q)];
-    let long = [(p, q), (q, r), (r, p)].map(|(a, b)| distance(a, b));
-    let close = CLOSE * long.into_iter().fold(0.0, f64::max);
-    let quadrant = usize::from(surface.charts[triangle]);
-    let mut at = [0, 1].map(|i| (0..3).map(|k| shares[k] * corners[k][i]).sum::<f64>());
-    let mut last = f64::INFINITY;
-    for _ in 0..STEPS {
-        let step = charts[quadrant].step(at, x)?;
-        let length = step[0].hypot(step[1]);
-        at = [at[0] + step[0], at[1] + step[1]];
-        if length.is_nan() || length > 2.0 * last {
-            return None;
+struct Sheets<'a> {
+    charts: [Chart; 4],
+    half_width: f64,
+    surface: &'a Surface,
+}
+
+impl Sheets<'_> {
+    /// The place of the sheet of a triangle that is nearest to a point, if it is close; on the same
+    /// face of the box if the point is on one.
+    fn foot(&self, triangle: usize, x: Point3, faces: u8) -> Option<(Place, Point3)> {
+        let surface = self.surface;
+        let corners = surface.triangles[triangle].map(|v| surface.points[v as usize]);
+        let quadrant = usize::from(surface.charts[triangle]);
+        let mut at = [0, 1].map(|i| {
+            let shares = shares(corners, x);
+            (0..3)
+                .map(|k| shares[k] * surface.corners[triangle][k][i])
+                .sum::<f64>()
+        });
+        let mut last = f64::INFINITY;
+        for _ in 0..STEPS {
+            let step = self.step(quadrant, at, x, faces)?;
+            let length = step[0].hypot(step[1]);
+            if length.is_nan() || length > 2.0 * last {
+                return None;
+            }
+            at = [at[0] + step[0], at[1] + step[1]];
+            if length <= STILL {
+                break;
+            }
+            last = length;
         }
-        if length <= STILL * last.min(1.0) * 1e-3 {
-            break;
-        }
-        last = length;
+        let there = in_plane(quadrant, at);
+        let (quadrant, at) = (0..4)
+            .map(|k| (quadrant + k) % 4)
+            .find_map(|q| Some((q, place_in(q, there)?)))?;
+        let image = self.charts[quadrant].at(at);
+        let is_inside = at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0;
+        let is_in_box = faces > 0 || image.iter().all(|x| x.abs() < self.half_width);
+        let close = CLOSE * longest(corners);
+        let fits = is_inside
+            && is_in_box
+            && distance(image, x) <= close
+            && surface.points.iter().all(|&p| self.are_apart(image, p));
+        let place = Place {
+            quadrant,
+            at,
+            faces,
+        };
+        fits.then_some((place, image))
     }
-    let [own, there] = [quadrant; 2].map(|q| (q, in_plane(q, at)));
-    let place = (0..4)
-        .map(|k| (own.0 + k) % 4)
-        .find_map(|q| Some((q, place_in(q, there.1)?)))?;
-    let is_inside = place.1[0] > 0.0 && place.1[1] > 0.0 && place.1[0] + place.1[1] < 1.0;
-    let image = charts[place.0].at(place.1);
-    (is_inside && distance(image, x) <= close).then_some(place)
+    /// Whether two points are no vertices upon each other, which would be worse than triangles that
+    /// cross.
+    fn are_apart(&self, a: Point3, b: Point3) -> bool {
+        distance(a, b) > 2.0 * UPON * self.half_width
+    }
+
+    /// A step of Gauss and Newton towards the place that is nearest to a point; along the face of
+    /// the box that it is on, if it is on one. None for edges of the box.
+    fn step(&self, quadrant: usize, at: [f64; 2], x: Point3, faces: u8) -> Option<[f64; 2]> {
+        let chart = &self.charts[quadrant];
+        if faces == 0 {
+            return chart.step(at, x);
+        }
+        let axis = (faces.count_ones() == 1).then(|| faces.trailing_zeros() as usize / 2)?;
+        let [p, by_u, by_v] = chart.tangents(at);
+        let image =
+            |d: [f64; 2]| -> Point3 { std::array::from_fn(|k| d[0] * by_u[k] + d[1] * by_v[k]) };
+        // Onto the face, and along it.
+        let [g, h] = [by_u[axis], by_v[axis]];
+        let off = sub(x, p);
+        let onto = [g, h].map(|g_i| g_i * off[axis] / (g * g + h * h));
+        let along = [-h, g];
+        let way = image(along);
+        let share = dot(way, sub(off, image(onto))) / dot(way, way);
+        Some([0, 1].map(|i| onto[i] + share * along[i]))
+    }
+}
+
+fn longest([p, q, r]: [Point3; 3]) -> f64 {
+    distance(p, q).max(distance(q, r)).max(distance(r, p))
+}
+
+/// The shares of the corners of a triangle in the foot of the perpendicular from a point.
+fn shares([p, q, r]: [Point3; 3], x: Point3) -> [f64; 3] {
+    let normal = cross(sub(q, p), sub(r, p));
+    let share =
+        |a: Point3, b: Point3| dot(cross(sub(a, x), sub(b, x)), normal) / dot(normal, normal);
+    [share(q, r), share(r, p), share(p, q)]
 }

@@ -5,6 +5,7 @@
 //! differently, as it does around base points without bound: triangles have to be long in the
 //! parameters to be round in space.
 
+use super::matching::Place;
 use super::{Name, Node, distance, middle};
 use crate::surface::Point3;
 use isoform_geom::{cross, dot, norm, sub};
@@ -155,6 +156,12 @@ fn shares(z: [f64; 2], [a, b, c]: [[f64; 2]; 3]) -> [f64; 3] {
     [area(b, c, z), area(c, a, z), area(a, b, z)].map(|x| x / whole)
 }
 
+/// Whether an edge lies on a side of the unit triangle.
+fn is_on_side([a, b]: [[f64; 2]; 2]) -> bool {
+    let sides = [a, b].map(|[u, v]| [u == 0.0, v == 0.0, v == 1.0 - u]);
+    (0..3).any(|k| sides[0][k] && sides[1][k])
+}
+
 /// From given parameters, others in `within` with an image that is nearer to a point, if that is
 /// farther than the tolerance; and the distance.
 fn nearest(
@@ -194,6 +201,8 @@ const MARGIN: f64 = 0.25;
 const CROWDED: f64 = 0.25;
 /// How near to a corner of a triangle no further vertex is put, per longest edge.
 const BESIDE: f64 = 0.005;
+/// How far from the chord of a border in a face of the box a vertex on it may be, per length.
+const BOW: f64 = 0.1;
 /// Rounds of improvement.
 const IMPROVEMENTS: usize = 4;
 /// Rounds in which edges are split that fall together in space.
@@ -511,15 +520,28 @@ impl Plane {
     /// Splits an edge of the rim opposite to corner i. False if rounding leaves no room.
     fn split_rim(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
         let v = self.triangles[t as usize];
-        let [c, a, b] = [v[i], v[(i + 1) % 3], v[(i + 2) % 3]];
+        let [a, b] = [v[(i + 1) % 3], v[(i + 2) % 3]];
         let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
-        let m = self.add([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])], measure);
+        let middle = Node::inner([0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])], 0);
+        let Some(m) = self.split_border(t, i, middle, measure) else {
+            return false;
+        };
+        self.rim.insert([a.min(b), a.max(b)], Some(m));
+        self.rim.extend([[a, m], [b, m]].map(|e| (e, None)));
+        true
+    }
+    /// Splits an edge that only one triangle has, opposite to corner i, in a new vertex, which is
+    /// returned. None if that leaves no room.
+    fn split_border(&mut self, t: u32, i: usize, node: Node, measure: &dyn Measure) -> Option<u32> {
+        let v = self.triangles[t as usize];
+        let [c, a, b] = [v[i], v[(i + 1) % 3], v[(i + 2) % 3]];
+        let m = self.add_node(node, measure);
         if ![[c, a, m], [c, m, b]]
             .iter()
             .all(|&t| self.is_counterclockwise(t))
         {
             self.drop_last();
-            return false;
+            return None;
         }
         let beyond = |k: usize| {
             (
@@ -531,14 +553,12 @@ impl Plane {
         let t2 = self.new_triangle();
         self.set(t, [c, a, m], [NONE, t2, ca.0], [true, false, ca.1]);
         self.set(t2, [c, m, b], [NONE, bc.0, t], [true, bc.1, false]);
-        self.rim.insert([a.min(b), a.max(b)], Some(m));
-        self.rim.extend([[a, m], [b, m]].map(|e| (e, None)));
         self.prove([t], [t, t2], measure);
         for k in [t, t2] {
             self.push(k);
         }
         self.legalise([t, t2].map(|k| (k, m)).to_vec(), measure);
-        true
+        Some(m)
     }
 
     /// Edges from a vertex to two others that have one image, which would be one edge with four
@@ -896,9 +916,9 @@ impl Plane {
     /// Puts vertices at places, unless there are some beside them, and flips edges around them until
     /// the triangles are those of Delaunay in space: sheets beside each other with the vertices in
     /// common have the edges in common then, too.
-    pub(super) fn insert(&mut self, places: &[[f64; 2]], measure: &dyn Measure) {
-        for &at in places {
-            self.insert_one(at, measure);
+    pub(super) fn insert(&mut self, places: &[Place], measure: &dyn Measure) {
+        for place in places {
+            self.insert_one(place, measure);
         }
         let near = |t: u32| {
             let at = self.corners(t);
@@ -907,7 +927,7 @@ impl Plane {
             let hi = [x, y].map(|x| x.into_iter().fold(f64::NEG_INFINITY, f64::max));
             places
                 .iter()
-                .any(|p| (0..2).all(|i| lo[i] <= p[i] && p[i] <= hi[i]))
+                .any(|p| (0..2).all(|i| lo[i] <= p.at[i] && p.at[i] <= hi[i]))
         };
         let around = |t: u32| self.adjacent[t as usize].into_iter().filter(|&n| n != NONE);
         let all = 0..self.triangles.len() as u32;
@@ -968,26 +988,55 @@ impl Plane {
     }
 
     /// Puts a vertex at a place, unless there is one beside it, or no triangle around it.
-    fn insert_one(&mut self, at: [f64; 2], measure: &dyn Measure) {
-        let holds = |t: &u32| {
-            let [a, b, c] = self.corners(*t).map(|[x, y]| Coord { x, y });
-            let p = Coord { x: at[0], y: at[1] };
-            [(a, b), (b, c), (c, a)]
-                .iter()
-                .all(|&(a, b)| orient2d(a, b, p) > 0.0)
+    fn insert_one(&mut self, place: &Place, measure: &dyn Measure) {
+        let node = Node::inner(place.at, place.faces);
+        let all = 0..self.triangles.len() as u32;
+        let found = match place.faces {
+            0 => all
+                .map(|t| (t, None))
+                .find(|&(t, _)| self.holds(t, place.at)),
+            faces => {
+                let edges = all.flat_map(|t| [0, 1, 2].map(|i| (t, Some(i))));
+                edges
+                    .filter_map(|(t, i)| {
+                        Some(((t, i), self.beside_border(t, i?, place.at, faces)?))
+                    })
+                    .min_by(|a, b| a.1.total_cmp(&b.1))
+                    .map(|e| e.0)
+            }
         };
-        let Some(t) = (0..self.triangles.len() as u32).find(holds) else {
-            return;
-        };
-        let (image, [p, q, r]) = (measure.at(at), self.images_of(t));
+        let Some((t, edge)) = found else { return };
+        let (image, [p, q, r]) = (measure.image(&node), self.images_of(t));
         let long = distance(p, q).max(distance(q, r)).max(distance(r, p));
-        let near = [p, q, r]
-            .map(|x| distance(x, image))
-            .into_iter()
-            .fold(f64::INFINITY, f64::min);
-        if near > BESIDE * long {
-            self.put_into(t, at, measure);
+        let near = [p, q, r].map(|x| distance(x, image));
+        if near.into_iter().fold(f64::INFINITY, f64::min) > BESIDE * long {
+            match edge {
+                None => self.put_into(t, place.at, measure),
+                Some(i) => self.split_border(t, i, node, measure).is_some(),
+            };
         }
+    }
+    /// Whether a place is inside of a triangle.
+    fn holds(&self, t: u32, at: [f64; 2]) -> bool {
+        let [a, b, c] = self.corners(t).map(|[x, y]| Coord { x, y });
+        let p = Coord { x: at[0], y: at[1] };
+        [(a, b), (b, c), (c, a)]
+            .iter()
+            .all(|&(a, b)| orient2d(a, b, p) > 0.0)
+    }
+    /// How far from the edge opposite to corner i a place is, if the edge is a border in a face of
+    /// the box and the place is beside its inside.
+    fn beside_border(&self, t: u32, i: usize, at: [f64; 2], faces: u8) -> Option<f64> {
+        let v = self.triangles[t as usize];
+        let ends = [v[(i + 1) % 3], v[(i + 2) % 3]].map(|v| &self.nodes[v as usize]);
+        let is_border =
+            self.adjacent[t as usize][i] == NONE && ends.iter().all(|n| n.faces & faces != 0);
+        let [x, y] = ends.map(|n| n.at);
+        let (d, p) = ([y[0] - x[0], y[1] - x[1]], [at[0] - x[0], at[1] - x[1]]);
+        let size = d[0] * d[0] + d[1] * d[1];
+        let share = (d[0] * p[0] + d[1] * p[1]) / size;
+        let off = (d[0] * p[1] - d[1] * p[0]).abs() / size.sqrt();
+        (is_border && share > 0.0 && share < 1.0 && off < BOW * size.sqrt()).then_some(off)
     }
 
     /// Puts a vertex into a triangle. False if rounding leaves no room.

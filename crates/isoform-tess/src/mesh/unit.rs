@@ -127,7 +127,7 @@ impl Builder<'_> {
         units.par_iter_mut().for_each(|u| {
             let q = u.quadrant;
             let measure = InChart { builder: self, q };
-            let here: Vec<[f64; 2]> = places.iter().filter(|p| p.0 == q).map(|p| p.1).collect();
+            let here: Vec<Place> = places.iter().filter(|p| p.quadrant == q).copied().collect();
             if !here.is_empty() {
                 u.plane.insert(&here, &measure);
             }
