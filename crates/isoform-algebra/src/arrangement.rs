@@ -12,7 +12,7 @@
 //! Four triangles, one per quadrant of (s, t), make up the projective plane.
 
 use crate::fibre::{FIRST_BITS, FIRST_FIBRE_BITS, Fibre, FibreError, Fibres};
-use crate::float_roots::{Bounded, Wide, proved_roots};
+use crate::float_roots::{Bounded, Wide, all_roots, in_bernstein, proved_roots};
 use crate::modular::bits;
 use crate::poly::Poly;
 use crate::resultant::{ResultantError, Subresultants, resultant};
@@ -268,9 +268,9 @@ impl Arrangement {
             true => Interval::new(x, x),
             false => Interval::new(x.next_down(), x.next_up()),
         };
-        let near = over(&self.terms[curve], around);
+        let near = over(&self.terms[curve], U, around);
         proved_roots(&near, top, count).or_else(|| {
-            let wide = || over(&self.wide[curve], Wide::exact(x));
+            let wide = || over(&self.wide[curve], U, Wide::exact(x));
             is_double.then(|| proved_roots(&wide(), top, count))?
         })
     }
@@ -280,16 +280,33 @@ impl Arrangement {
     }
 }
 
-/// The coefficients of powers of v over u; one at least.
-fn over<T: Bounded>(terms: &Terms<T>, u: T) -> Vec<T> {
-    let degree = terms.iter().map(|t| t.0[1]).max().unwrap_or(0);
+/// A number between two others, with its bounds.
+fn wide(lo: &RBig, hi: &RBig) -> Wide {
+    let near = lo.to_f64().value();
+    let Ok(exact) = RBig::try_from(near) else {
+        return Wide::new(near.into(), f64::NAN);
+    };
+    let (below, above) = (
+        (lo - &exact).to_f64().value(),
+        (hi - exact).to_f64().value(),
+    );
+    // Both are rounded.
+    let radius = (above - below) + (below.abs() + above.abs()) * f64::EPSILON + f64::MIN_POSITIVE;
+    Wide::new(DoubleDouble::new(near, below), radius)
+}
+
+/// The coefficients of powers of one variable where the other one, of index `fixed`, has a value;
+/// one at least.
+fn over<T: Bounded>(terms: &Terms<T>, fixed: usize, value: T) -> Vec<T> {
+    let degree = terms.iter().map(|t| t.0[1 - fixed]).max().unwrap_or(0);
     let mut coefficients = vec![T::exact(0.0); 1 + degree];
     let mut powers = vec![T::exact(1.0)];
-    for &([i, j], c) in terms {
+    for (exponents, c) in terms {
+        let (i, j) = (exponents[fixed], exponents[1 - fixed]);
         while powers.len() <= i {
-            powers.push(powers[powers.len() - 1] * u);
+            powers.push(powers[powers.len() - 1] * value);
         }
-        coefficients[j] = coefficients[j] + c * powers[i];
+        coefficients[j] = coefficients[j] + *c * powers[i];
     }
     coefficients
 }
@@ -331,14 +348,80 @@ impl Curve {
         })
     }
 
-    /// A range of the polynomial over a box, outward rounded.
-    fn range(&self, u: Interval, v: Interval) -> Interval {
-        let power = |x: Interval, n: usize| (0..n).fold(Interval::new(1.0, 1.0), |p, _| p * x);
-        self.terms
-            .iter()
-            .fold(Interval::new(0.0, 0.0), |sum, &([i, j], c)| {
-                sum + c * power(u, i) * power(v, j)
+    /// The roots between the sides over a u that is known within bounds, if floating point proves
+    /// them: all of them, each simple, in disjoint intervals.
+    fn roots_over(&self, u: Wide) -> Option<Vec<[RBig; 2]>> {
+        let top = Wide::exact(1.0) + Wide::exact(-1.0) * u;
+        let mut scale = Wide::exact(1.0);
+        let mut coefficients = over(&self.wide, U, u);
+        for c in &mut coefficients {
+            *c = *c * scale;
+            scale = scale * top;
+        }
+        // From shares of the height to heights.
+        let top = top.bounds();
+        let height = |x: f64, top: f64, outward: fn(f64) -> f64| RBig::try_from(outward(x * top));
+        all_roots(&coefficients)?
+            .into_iter()
+            .map(|[lo, hi]| {
+                let lo = height(lo, top[0], f64::next_down).ok()?;
+                let hi = height(hi, top[1], f64::next_up).ok()?;
+                Some([lo, hi])
             })
+            .collect()
+    }
+
+    /// Whether the polynomial is proved to have no zero on v = c for u from one number to another.
+    fn misses(&self, [from, to]: [&RBig; 2], c: &RBig) -> bool {
+        let (from, length) = (wide(from, from), wide(&(to - from), &(to - from)));
+        let mut coefficients = over(&self.wide, V, wide(c, c));
+        // In shares of the way.
+        let n = coefficients.len();
+        for i in 0..n {
+            for j in (i..n - 1).rev() {
+                coefficients[j] = coefficients[j] + coefficients[j + 1] * from;
+            }
+        }
+        let mut scale = Wide::exact(1.0);
+        for c in &mut coefficients {
+            *c = *c * scale;
+            scale = scale * length;
+        }
+        let mut signs = in_bernstein(&coefficients).into_iter().map(Wide::sign);
+        let first = signs.next();
+        first != Some(0) && signs.all(|s| Some(s) == first)
+    }
+}
+
+/// What happens at a critical value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Event {
+    /// A curve has a vertical tangent or a singular point, goes to infinity, or meets the side v =
+    /// 0 or u + v = 1.
+    Alone(usize),
+    /// Two curves meet, or go to infinity together.
+    Pair(usize, usize),
+    /// An end of the range, or a vertical line.
+    Other,
+}
+
+/// A critical value, and all that happens there.
+struct Critical {
+    u: RealRoot,
+    events: Vec<Event>,
+}
+
+impl Critical {
+    /// Whether a curve is not just crossed there by the line over u.
+    fn is_special(&self, curve: usize) -> bool {
+        self.events.iter().any(|e| match *e {
+            Event::Alone(k) => k == curve,
+            Event::Pair(j, k) => j == curve || k == curve,
+            Event::Other => false,
+        })
+    }
+    fn has(&self, event: Event) -> bool {
+        self.events.contains(&event)
     }
 }
 
@@ -346,14 +429,20 @@ impl Curve {
 fn critical_values(
     curves: &[Curve],
     stop: &dyn Fn() -> bool,
-) -> Result<Vec<RealRoot>, ArrangementError> {
-    let mut found: Vec<UPoly> = vec![UPoly::from_i64(&[0, 1]), UPoly::from_i64(&[-1, 1])];
+) -> Result<Vec<Critical>, ArrangementError> {
+    let mut found: Vec<(UPoly, Event)> = vec![
+        (UPoly::from_i64(&[0, 1]), Event::Other),
+        (UPoly::from_i64(&[-1, 1]), Event::Other),
+    ];
     for (k, c) in curves.iter().enumerate() {
-        found.push(c.vertical.clone());
-        found.push(c.on_lower.clone());
-        found.push(c.on_upper.clone());
+        found.push((c.vertical.clone(), Event::Other));
+        found.push((c.on_lower.clone(), Event::Alone(k)));
+        found.push((c.on_upper.clone(), Event::Alone(k)));
+        if let Some(fibres) = &c.fibres {
+            found.push((fibres.leading().clone(), Event::Alone(k)));
+        }
         if let Some(chain) = c.fibres.as_ref().and_then(Fibres::subresultants) {
-            found.push(chain.resultant.clone());
+            found.push((chain.resultant.clone(), Event::Alone(k)));
         }
         for (j, other) in curves.iter().enumerate().take(k) {
             if c.fibres.is_none() || other.fibres.is_none() {
@@ -364,13 +453,13 @@ fn critical_values(
             if r.is_zero() {
                 return Err(ArrangementError::CommonComponent(j, k));
             }
-            found.push(r);
+            found.push((r, Event::Pair(j, k)));
         }
     }
     // Pairwise coprime polynomials with the same roots: then no two roots are equal, and signs at
     // them are cheap.
-    let mut base: Vec<UPoly> = Vec::new();
-    for p in found {
+    let mut base: Vec<(UPoly, Vec<Event>)> = Vec::new();
+    for (p, event) in found {
         if stop() {
             return Err(ResultantError::Stopped.into());
         }
@@ -379,35 +468,46 @@ fn critical_values(
         }
         let mut rest = p.squarefree_part();
         let mut next = Vec::new();
-        for b in base {
+        for (b, events) in base {
             let g = if rest.degree() > 0 {
                 b.gcd(&rest)
             } else {
                 UPoly::one()
             };
             if g.degree() == 0 {
-                next.push(b);
+                next.push((b, events));
                 continue;
             }
             let without = b.div_exact(&g).unwrap_or_else(UPoly::one);
             rest = rest.div_exact(&g).unwrap_or_else(UPoly::one);
-            next.extend([without, g].into_iter().filter(|p| p.degree() > 0));
+            let both = events.iter().copied().chain([event]).collect();
+            next.extend(
+                [(without, events), (g, both)]
+                    .into_iter()
+                    .filter(|p| p.0.degree() > 0),
+            );
         }
         if rest.degree() > 0 {
-            next.push(rest);
+            next.push((rest, vec![event]));
         }
         base = next;
     }
     let within =
         |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_ge() && r.cmp_rational(&RBig::ONE).is_le();
-    let mut roots: Vec<RealRoot> = base.iter().flat_map(real_roots).filter(within).collect();
+    let mut roots: Vec<Critical> = Vec::new();
+    for (p, events) in &base {
+        roots.extend(real_roots(p).into_iter().filter(within).map(|u| Critical {
+            u,
+            events: events.clone(),
+        }));
+    }
     // They differ: refined until apart, which spares the test for equality.
     let mut bits = 24;
     loop {
-        roots.iter_mut().for_each(|r| r.refine(bits));
-        roots.sort_by(|a, b| a.interval().0.cmp(&b.interval().0));
+        roots.iter_mut().for_each(|r| r.u.refine(bits));
+        roots.sort_by(|a, b| a.u.interval().0.cmp(&b.u.interval().0));
         let apart = roots.windows(2).all(|w| {
-            let (a, b) = (w[0].interval().1, w[1].interval().0);
+            let (a, b) = (w[0].u.interval().1, w[1].u.interval().0);
             a < b
         });
         if apart {
@@ -423,67 +523,124 @@ struct Work {
     pairs: BTreeMap<(usize, usize), Subresultants>,
 }
 
-/// Rational numbers below, between and above the points of a wall, one more than these.
+/// Rational numbers between the points of a wall, one fewer than these.
 type Separators = Vec<RBig>;
 
+/// The roots of a curve over a critical value.
+enum Roots {
+    /// The curve has none, as it does not depend on v.
+    None,
+    /// Those between the sides, proved in floating point: all of them are simple.
+    Near(Vec<[RBig; 2]>),
+    /// All real ones.
+    Exact(Fibre),
+}
+
+impl Roots {
+    fn count(&self) -> usize {
+        match self {
+            Self::None => 0,
+            Self::Near(ranges) => ranges.len(),
+            Self::Exact(fibre) => fibre.roots.len(),
+        }
+    }
+    /// Where a root is, to so many bits if that is to be had.
+    fn range(&mut self, index: usize, bits: usize) -> (RBig, RBig) {
+        match self {
+            Self::None => unreachable!("roots belong to fibres"),
+            Self::Near(ranges) => ranges[index].clone().into(),
+            Self::Exact(fibre) => {
+                fibre.refine(index, bits);
+                (fibre.roots[index].lo.clone(), fibre.roots[index].hi.clone())
+            }
+        }
+    }
+    fn is_multiple(&self, index: usize) -> bool {
+        match self {
+            Self::Exact(fibre) => fibre.roots[index].multiplicity > 1,
+            _ => false,
+        }
+    }
+}
+
 impl Work {
+    /// The roots of the curves over a critical value; those of curves that are just crossed there
+    /// in floating point, unless `exact`.
+    fn roots_at(
+        &self,
+        critical: &Critical,
+        exact: bool,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Vec<Roots>, ArrangementError> {
+        let (lo, hi) = critical.u.interval();
+        let u = wide(&lo, &hi);
+        let roots = |(k, c): (usize, &Curve)| {
+            let Some(fibres) = &c.fibres else {
+                return Ok(Roots::None);
+            };
+            let near = (!exact && !critical.is_special(k)).then(|| c.roots_over(u));
+            if let Some(ranges) = near.flatten() {
+                return Ok(Roots::Near(ranges));
+            }
+            match fibres.at(&critical.u, stop) {
+                Ok(fibre) => Ok(Roots::Exact(fibre)),
+                Err(FibreError::Resultant(e)) => Err(e.into()),
+                Err(FibreError::Vertical) => unreachable!("vertical lines were split off"),
+            }
+        };
+        self.curves.iter().enumerate().map(roots).collect()
+    }
+
     /// The points over a critical value, the numbers between them, and whether a curve touches the
     /// wall in one of them.
     fn wall(
         &mut self,
-        mut u: RealRoot,
+        mut critical: Critical,
         stop: &dyn Fn() -> bool,
     ) -> Result<(Wall, (Separators, bool)), ArrangementError> {
         let n = self.curves.len();
         // What all fibres begin with, found once.
-        u.refine(FIRST_BITS);
-        let mut fibres: Vec<Option<Fibre>> = Vec::with_capacity(n);
-        for c in &self.curves {
-            fibres.push(match &c.fibres {
-                Some(f) => match f.at(&u, stop) {
-                    Ok(fibre) => Some(fibre),
-                    Err(FibreError::Resultant(e)) => return Err(e.into()),
-                    Err(FibreError::Vertical) => unreachable!("vertical lines were split off"),
-                },
-                None => None,
-            });
-        }
-        let mut all = vec![Origin::Lower, Origin::Upper];
-        for (curve, f) in fibres.iter().enumerate() {
-            all.extend(
-                (0..f.as_ref().map_or(0, |f| f.roots.len()))
-                    .map(|index| Origin::Root { curve, index }),
-            );
-        }
+        critical.u.refine(FIRST_BITS);
+        let mut exact = false;
+        let mut fibres = self.roots_at(&critical, exact, stop)?;
+        let origins = |fibres: &[Roots]| {
+            let mut all = vec![Origin::Lower, Origin::Upper];
+            for (curve, f) in fibres.iter().enumerate() {
+                all.extend((0..f.count()).map(|index| Origin::Root { curve, index }));
+            }
+            all
+        };
+        let mut all = origins(&fibres);
         // How many numbers each pair of origins has in common.
         let mut common = vec![vec![0usize; n + 2]; n + 2];
         for k in 0..n {
-            if fibres[k].is_none() {
+            if matches!(fibres[k], Roots::None) {
                 continue;
             }
-            common[k][n] = usize::from(u.sign_of(&self.curves[k].on_lower).is_eq());
-            common[k][n + 1] = usize::from(u.sign_of(&self.curves[k].on_upper).is_eq());
+            if critical.has(Event::Alone(k)) {
+                let [lower, upper] = [&self.curves[k].on_lower, &self.curves[k].on_upper]
+                    .map(|on| usize::from(critical.u.sign_of(on).is_eq()));
+                (common[k][n], common[k][n + 1]) = (lower, upper);
+            }
             for j in 0..k {
-                common[j][k] = self.common_roots(j, k, &u, stop)?;
+                if critical.has(Event::Pair(j, k)) {
+                    common[j][k] = self.common_roots(j, k, &critical.u, stop)?;
+                }
             }
         }
-        common[n][n + 1] = usize::from(u.cmp_rational(&RBig::ONE).is_eq());
+        common[n][n + 1] = usize::from(critical.u.cmp_rational(&RBig::ONE).is_eq());
         let mut bits = FIRST_FIBRE_BITS;
         let (ranges, groups) = loop {
-            u.refine(bits);
+            critical.u.refine(bits);
             let mut ranges = Vec::with_capacity(all.len());
             for o in &all {
                 ranges.push(match *o {
                     Origin::Lower => (RBig::ZERO, RBig::ZERO),
                     Origin::Upper => {
-                        let (lo, hi) = u.interval();
+                        let (lo, hi) = critical.u.interval();
                         (RBig::ONE - hi, RBig::ONE - lo)
                     }
-                    Origin::Root { curve, index } => {
-                        let f = fibres[curve].as_mut().expect("roots belong to fibres");
-                        f.refine(index, bits);
-                        (f.roots[index].lo.clone(), f.roots[index].hi.clone())
-                    }
+                    Origin::Root { curve, index } => fibres[curve].range(index, bits),
                 });
             }
             let which = |o: &Origin| match *o {
@@ -511,7 +668,14 @@ impl Work {
             if meetings == common {
                 break (ranges, group);
             }
-            bits *= 2;
+            if exact {
+                bits *= 2;
+            } else {
+                // Too near to each other for floating point.
+                exact = true;
+                fibres = self.roots_at(&critical, exact, stop)?;
+                all = origins(&fibres);
+            }
         };
         let mut points: Vec<(WallPoint, bool)> = Vec::new();
         let mut done = vec![false; all.len()];
@@ -530,9 +694,7 @@ impl Work {
                 hi = hi.min(ranges[m].1.clone());
                 curves.push(match all[m] {
                     Origin::Root { curve, index } => {
-                        touches |= fibres[curve]
-                            .as_ref()
-                            .is_some_and(|f| f.roots[index].multiplicity > 1);
+                        touches |= fibres[curve].is_multiple(index);
                         curve
                     }
                     Origin::Lower => n,
@@ -551,26 +713,21 @@ impl Work {
             .iter()
             .position(|p| p.0.curves.contains(&(n + 1)))
             .expect("the upper side is there");
-        let mut separators = Vec::with_capacity(to - from + 2);
-        for k in from..=to + 1 {
-            separators.push(if k == 0 {
-                &points[0].0.lo - RBig::ONE
-            } else if k == points.len() {
-                &points[k - 1].0.hi + RBig::ONE
-            } else {
-                simplest_between(&points[k - 1].0.hi, &points[k].0.lo)
-            });
-        }
+        let separators = points[from..=to]
+            .windows(2)
+            .map(|w| simplest_between(&w[0].0.hi, &w[1].0.lo))
+            .collect();
         let touches = points[from..=to].iter().any(|p| p.1);
         let points = points.drain(from..=to).map(|p| p.0).collect();
         let vertical = (0..n)
             .filter(|&k| {
-                self.curves[k].vertical.degree() > 0 && u.sign_of(&self.curves[k].vertical).is_eq()
+                let vertical = &self.curves[k].vertical;
+                vertical.degree() > 0 && critical.u.sign_of(vertical).is_eq()
             })
             .collect();
         Ok((
             Wall {
-                u,
+                u: critical.u,
                 points,
                 vertical,
             },
@@ -647,37 +804,59 @@ impl Work {
     fn arcs_at(&self, u: &RBig) -> (Vec<usize>, Vec<RBig>) {
         let n = self.curves.len();
         let top = RBig::ONE - u;
-        let mut found: Vec<(RealRoot, usize)> = vec![
-            (RealRoot::from_rational(&RBig::ZERO), n),
-            (RealRoot::from_rational(&top), n + 1),
-        ];
+        let at = wide(u, u);
+        let near = self.curves.iter().enumerate().map(|(k, c)| {
+            let roots = match c.fibres {
+                Some(_) => c.roots_over(at)?,
+                None => Vec::new(),
+            };
+            Some(roots.into_iter().map(move |[lo, hi]| (lo, hi, k)).collect())
+        });
+        let near: Option<Vec<Vec<(RBig, RBig, usize)>>> = near.collect();
+        let sides = [(RBig::ZERO, n), (top.clone(), n + 1)];
+        let with_sides = |found: Vec<(RBig, RBig, usize)>| {
+            let sides = sides.iter().map(|(v, k)| (v.clone(), v.clone(), *k));
+            let mut found: Vec<_> = found.into_iter().chain(sides).collect();
+            found.sort_by(|a, b| a.0.cmp(&b.0));
+            found
+        };
+        let are_apart = |found: &[(RBig, RBig, usize)]| found.windows(2).all(|w| w[0].1 < w[1].0);
+        let near = near.map(|near| with_sides(near.concat()));
+        let found = near.filter(|near| are_apart(near)).unwrap_or_else(|| {
+            let mut roots = self.exact_roots_at(u, &top);
+            let mut bits = 32;
+            // All differ, as u is not critical.
+            loop {
+                let ranges = |(r, k): &mut (RealRoot, usize)| {
+                    r.refine(bits);
+                    let (lo, hi) = r.interval();
+                    (lo, hi, *k)
+                };
+                let found = with_sides(roots.iter_mut().map(ranges).collect());
+                if are_apart(&found) {
+                    break found;
+                }
+                bits *= 2;
+            }
+        });
+        let between = found
+            .windows(2)
+            .map(|w| simplest_between(&w[0].1, &w[1].0))
+            .collect();
+        (found.into_iter().map(|f| f.2).collect(), between)
+    }
+    /// The roots of the curves between the sides over a rational u, by curves.
+    fn exact_roots_at(&self, u: &RBig, top: &RBig) -> Vec<(RealRoot, usize)> {
+        let inside =
+            |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(top).is_lt();
+        let mut found = Vec::new();
         for (k, c) in self.curves.iter().enumerate() {
             if c.fibres.is_some() {
                 let g = c.rest.set(U, u).to_upoly(V).unwrap_or_default();
-                let inside = |r: &RealRoot| {
-                    r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(&top).is_lt()
-                };
                 found.extend(real_roots(&g).into_iter().filter(inside).map(|r| (r, k)));
             }
         }
-        // All differ, as u is not critical.
-        let mut bits = 32;
-        loop {
-            found.iter_mut().for_each(|f| f.0.refine(bits));
-            found.sort_by_key(|f| f.0.interval());
-            if found
-                .windows(2)
-                .all(|w| w[0].0.interval().1 < w[1].0.interval().0)
-            {
-                break;
-            }
-            bits *= 2;
-        }
-        let between = found
-            .windows(2)
-            .map(|w| simplest_between(&w[0].0.interval().1, &w[1].0.interval().0))
-            .collect();
-        (found.into_iter().map(|f| f.1).collect(), between)
+        found
     }
 
     /// The points of the wall in which the arcs on one side of it end: on the right side if `side`
@@ -708,22 +887,15 @@ impl Work {
                 simplest_between(&(&near + step), &near)
             };
         }
-        let top = RBig::ONE - &at;
-        let mut found: Vec<(usize, RealRoot)> = Vec::new();
-        for c in self.curves.iter().filter(|c| c.fibres.is_some()) {
-            let g = c.rest.set(U, &at).to_upoly(V).unwrap_or_default();
-            for r in real_roots(&g) {
-                if r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(&top).is_lt() {
-                    let point = separators[1..separators.len() - 1]
-                        .iter()
-                        .filter(|s| r.cmp_rational(s).is_gt())
-                        .count();
-                    found.push((point, r));
-                }
-            }
-        }
+        let mut points = self.near_gaps(&at, separators).unwrap_or_else(|| {
+            let below = |r: &RealRoot| {
+                let is_above = |s: &&RBig| r.cmp_rational(s).is_gt();
+                separators.iter().filter(is_above).count()
+            };
+            let roots = self.exact_roots_at(&at, &(RBig::ONE - &at));
+            roots.iter().map(|(r, _)| below(r)).collect()
+        });
         // The order of the arcs is that of the slab, and points ascend with them.
-        let mut points: Vec<usize> = found.into_iter().map(|f| f.0).collect();
         points.sort_unstable();
         let mut ends = vec![0];
         ends.extend(points);
@@ -731,15 +903,23 @@ impl Work {
         ends
     }
 
+    /// Of each root between the sides over u the number of separators below it, if floating point
+    /// tells.
+    fn near_gaps(&self, u: &RBig, separators: &Separators) -> Option<Vec<usize>> {
+        let at = wide(u, u);
+        let mut found = Vec::new();
+        for c in self.curves.iter().filter(|c| c.fibres.is_some()) {
+            for [lo, hi] in c.roots_over(at)? {
+                let below = separators.partition_point(|s| *s < lo);
+                found.push((separators.partition_point(|s| *s < hi) == below).then_some(below)?);
+            }
+        }
+        Some(found)
+    }
+
     /// Whether no curve crosses the line v = c from the wall as far as `at`. Without `exact` a
     /// false answer may only mean too rough a look.
     fn is_clear(&self, u: &RealRoot, at: &RBig, c: &RBig, exact: bool) -> bool {
-        let outward = |lo: &RBig, hi: &RBig| {
-            Interval::new(
-                lo.to_f64().value().next_down(),
-                hi.to_f64().value().next_up(),
-            )
-        };
         let (lo, hi) = u.interval();
         let (lo, hi) = (lo.min(at.clone()), hi.max(at.clone()));
         // The upper side: u = 1 − c.
@@ -747,21 +927,17 @@ impl Work {
         if crossing >= lo && crossing <= hi {
             return false;
         }
-        let (us, vs) = (outward(&lo, &hi), outward(c, c));
         self.curves.iter().filter(|f| f.fibres.is_some()).all(|f| {
-            let range = f.range(us, vs);
-            if range.lo() > 0.0 || range.hi() < 0.0 {
-                return true;
-            }
-            exact && {
-                let g = f.rest.set(V, c).to_upoly(U).unwrap_or_default();
-                g.degree() == 0
-                    || real_roots(&g).iter().all(|r| {
-                        let (from, to) = (r.cmp(u), r.cmp_rational(at));
-                        // On the same side of both, the wall itself excluded by the choice of c.
-                        from == to && to.is_ne()
-                    })
-            }
+            f.misses([&lo, &hi], c)
+                || exact && {
+                    let g = f.rest.set(V, c).to_upoly(U).unwrap_or_default();
+                    g.degree() == 0
+                        || real_roots(&g).iter().all(|r| {
+                            let (from, to) = (r.cmp(u), r.cmp_rational(at));
+                            // On the same side of both, the wall itself excluded by the choice of c.
+                            from == to && to.is_ne()
+                        })
+                }
         })
     }
 }

@@ -58,10 +58,10 @@ pub struct FibreRoot {
 /// The real roots of f(α, y).
 pub struct Fibre {
     alpha: RealRoot,
-    /// Coefficients in y of f without those that vanish at α at the top, and of the common divisor
+    /// Coefficients in y of f without those that vanish at α at the top, and the common divisor
     /// with the derivative.
     coefficients: Vec<UPoly>,
-    divisor: Vec<UPoly>,
+    divisor: Divisor,
     /// Both at α, as last asked for.
     near: Option<Near>,
     /// The real roots in ascending order.
@@ -70,6 +70,16 @@ pub struct Fibre {
     pub distinct_complex: usize,
     /// The degree of f(α, y); less than that of f if a root went to infinity.
     pub degree: usize,
+}
+
+/// The common divisor of f(α, y) and its derivative.
+enum Divisor {
+    /// 1: all roots are simple.
+    None,
+    /// It is linear: Euclid's algorithm gives it to any precision.
+    Linear,
+    /// Its coefficients in y as polynomials in x.
+    Whole(Vec<UPoly>),
 }
 
 /// Coefficients in y at α to a precision.
@@ -82,6 +92,10 @@ struct Near {
 
 /// Number of bits to begin with; doubled until everything is decided.
 const FIRST_PRECISION: usize = 128;
+/// Bits per degree that Euclid's algorithm begins with beyond those that are asked for, and how
+/// often they are doubled: random curves of degree 18 lose some 10 of them.
+const EUCLID: usize = 16;
+const EUCLID_TRIES: usize = 3;
 /// Bits of α beyond the precision of what is computed with it.
 const GUARD: usize = 4;
 /// To how many bits fibres ask for α first.
@@ -120,6 +134,10 @@ impl Fibres {
             whole: Mutex::default(),
         })
     }
+    /// The coefficient of the highest power of y, as a polynomial in x.
+    pub(crate) fn leading(&self) -> &UPoly {
+        &self.coefficients[self.coefficients.len() - 1]
+    }
     /// The subresultants of f and its derivative, if the degree is at least two.
     pub fn subresultants(&self) -> Option<&Subresultants> {
         self.chain.as_ref()
@@ -148,35 +166,27 @@ impl Fibres {
             });
             return Self::new(&truncated, self.var, stop)?.at(alpha, stop);
         }
-        let mut divisor = Vec::new();
-        let mut repeated = 0;
-        if let Some(chain) = &self.chain {
-            if alpha.sign_of(&chain.resultant).is_eq() {
-                repeated = 1;
-                divisor = loop {
-                    if repeated == chain.count() {
-                        break coefficients_in(&self.f.derivative(self.var), self.var, self.other);
-                    }
-                    let whole = self.subresultant(chain, repeated, stop)?;
-                    if whole
-                        .get(repeated)
-                        .is_some_and(|c| alpha.sign_of(c).is_ne())
-                    {
-                        break whole;
-                    }
-                    repeated += 1;
-                };
-            }
-        }
         let mut fibre = Fibre {
             alpha: alpha.clone(),
             coefficients: self.coefficients.clone(),
-            divisor,
+            divisor: Divisor::None,
             near: None,
             roots: Vec::new(),
-            distinct_complex: degree - repeated,
+            distinct_complex: degree,
             degree,
         };
+        if let Some(chain) = self
+            .chain
+            .as_ref()
+            .filter(|c| alpha.sign_of(&c.resultant).is_eq())
+        {
+            let (divisor, repeated) = match fibre.linear_divisor(FIRST_PRECISION) {
+                Some(_) => (Divisor::Linear, 1),
+                None => self.divisor(chain, alpha, stop)?,
+            };
+            fibre.divisor = divisor;
+            fibre.distinct_complex -= repeated;
+        }
         let mut precision = FIRST_PRECISION;
         for attempt in 0.. {
             if stop() {
@@ -189,6 +199,23 @@ impl Fibres {
             precision *= 2;
         }
         Ok(fibre)
+    }
+
+    /// The common divisor over a point where the resultant vanishes, and its degree.
+    fn divisor(
+        &self,
+        chain: &Subresultants,
+        alpha: &RealRoot,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(Divisor, usize), ResultantError> {
+        for k in 1..chain.count() {
+            let whole = self.subresultant(chain, k, stop)?;
+            if whole.get(k).is_some_and(|c| alpha.sign_of(c).is_ne()) {
+                return Ok((Divisor::Whole(whole), k));
+            }
+        }
+        let derivative = coefficients_in(&self.f.derivative(self.var), self.var, self.other);
+        Ok((Divisor::Whole(derivative), chain.count()))
     }
 
     fn subresultant(
@@ -315,13 +342,33 @@ impl Fibre {
             .as_ref()
             .is_none_or(|near| near.precision != precision)
         {
+            // Kept, so that it is refined once.
             self.alpha.refine(precision + GUARD);
             self.near = self.at_precision(precision);
         }
         self.near.is_some()
     }
     fn at_precision(&self, precision: usize) -> Option<Near> {
-        let (lo, hi) = self.alpha.interval();
+        let f = self.specialised(&self.coefficients, precision);
+        let simple = match &self.divisor {
+            Divisor::None => f.clone(),
+            Divisor::Linear => divide(&f, &self.linear_divisor(precision)?, precision)?,
+            Divisor::Whole(divisor) => {
+                divide(&f, &self.specialised(divisor, precision), precision)?
+            }
+        };
+        simple.last()?.sign().filter(|s| s.is_ne())?;
+        Some(Near {
+            precision,
+            f,
+            simple,
+        })
+    }
+    /// Polynomials in x at α.
+    fn specialised(&self, polynomials: &[UPoly], precision: usize) -> Vec<Ball> {
+        let mut alpha = self.alpha.clone();
+        alpha.refine(precision + GUARD);
+        let (lo, hi) = alpha.interval();
         let middle = to_fixed(&((&lo + &hi) / RBig::from(2)), precision);
         let x = if lo == hi && from_fixed(&middle, precision) == lo {
             Ball::exact(middle)
@@ -339,22 +386,31 @@ impl Fibre {
                 .collect();
             ball::eval(&coefficients, &x, precision)
         };
-        let f: Vec<Ball> = self.coefficients.iter().map(specialise).collect();
-        let simple = if self.divisor.is_empty() {
-            f.clone()
-        } else {
-            divide(
-                &f,
-                &self.divisor.iter().map(specialise).collect::<Vec<_>>(),
-                precision,
-            )?
-        };
-        simple.last()?.sign().filter(|s| s.is_ne())?;
-        Some(Near {
-            precision,
-            f,
-            simple,
-        })
+        polynomials.iter().map(specialise).collect()
+    }
+    /// The divisor y − y₀ of f(α, y) and its derivative, whose resultant is known to vanish, if it
+    /// is of degree 1: Euclid's algorithm, in which no leading coefficient but the last one can
+    /// vanish then. It loses digits at each step, and begins with more.
+    fn linear_divisor(&self, precision: usize) -> Option<Vec<Ball>> {
+        let n = self.coefficients.len() - 1;
+        let mut working = 2 * precision + EUCLID * n;
+        for _ in 0..EUCLID_TRIES {
+            let f = self.specialised(&self.coefficients, working);
+            let y0 = euclid(&f, working).filter(|y0| {
+                // So little that as many bits are left as were asked for.
+                y0[0].radius <= IBig::ONE << (working - precision)
+            });
+            if let Some(divisor) = y0 {
+                let shift = working - precision;
+                let cut = |c: &Ball| Ball {
+                    middle: &c.middle >> shift,
+                    radius: (&c.radius >> shift) + 2,
+                };
+                return Some(divisor.iter().map(cut).collect());
+            }
+            working *= 2;
+        }
+        None
     }
 
     /// Everything at one precision, or nothing if that does not decide.
@@ -368,7 +424,7 @@ impl Fibre {
         for (lo, hi) in isolate_simple(simple, precision, attempt)? {
             let (mut lo, mut hi) = (lo, hi);
             let mut multiplicity = 1;
-            if !self.divisor.is_empty() {
+            if !matches!(self.divisor, Divisor::None) {
                 let mut bits = 4;
                 multiplicity = loop {
                     if 3 * bits > precision {
@@ -397,6 +453,52 @@ fn to_fixed(r: &RBig, precision: usize) -> IBig {
 
 fn from_fixed(n: &IBig, precision: usize) -> RBig {
     RBig::from_parts(n.clone(), UBig::ONE << precision)
+}
+
+/// The last remainder but the one that is known to vanish of a polynomial and its derivative, made
+/// monic; nothing if its degree may be other than 1.
+fn euclid(f: &[Ball], precision: usize) -> Option<Vec<Ball>> {
+    let derivative = f.iter().enumerate().skip(1).map(|(i, c)| Ball {
+        middle: &c.middle * IBig::from(i),
+        radius: &c.radius * IBig::from(i),
+    });
+    let (mut a, mut b) = (
+        f.to_vec(),
+        monic(&derivative.collect::<Vec<_>>(), precision)?,
+    );
+    while b.len() > 2 {
+        let r = remainder(a, &b, precision);
+        a = std::mem::replace(&mut b, monic(&r, precision)?);
+    }
+    Some(b)
+}
+
+/// A polynomial divided by its leading coefficient; nothing if that may vanish.
+fn monic(p: &[Ball], precision: usize) -> Option<Vec<Ball>> {
+    let lead = p.last()?;
+    let rest: Option<Vec<Ball>> = p[..p.len() - 1]
+        .iter()
+        .map(|c| c.div(lead, precision))
+        .collect();
+    Some(
+        rest?
+            .into_iter()
+            .chain([Ball::exact(IBig::ONE << precision)])
+            .collect(),
+    )
+}
+
+/// The remainder by a monic polynomial, of one degree less than that has.
+fn remainder(mut a: Vec<Ball>, b: &[Ball], precision: usize) -> Vec<Ball> {
+    let n = b.len() - 1;
+    while a.len() > n {
+        let q = a.pop().expect("longer than the divisor");
+        let at = a.len() - n;
+        for (x, c) in a[at..].iter_mut().zip(b) {
+            *x = x.sub(&q.mul(c, precision));
+        }
+    }
+    a
 }
 
 /// The quotient of a polynomial by a divisor whose leading coefficient is certain, made monic

@@ -39,6 +39,8 @@ pub(crate) trait Bounded: Copy + Add<Output = Self> + Mul<Output = Self> {
     fn middle(self) -> Self::Middle;
     /// −1 or 1 if all numbers within the bounds have that sign, otherwise 0.
     fn sign(self) -> i8;
+    /// 1/x of a double that is not 0.
+    fn reciprocal(x: f64) -> Self;
 }
 
 impl Bounded for Interval {
@@ -51,6 +53,9 @@ impl Bounded for Interval {
     }
     fn sign(self) -> i8 {
         i8::from(self.lo() > 0.0) - i8::from(self.hi() < 0.0)
+    }
+    fn reciprocal(x: f64) -> Self {
+        Self::new((1.0 / x).next_down(), (1.0 / x).next_up())
     }
 }
 
@@ -70,6 +75,12 @@ impl Wide {
     /// The numbers within `radius` of `middle`.
     pub(crate) fn new(middle: DoubleDouble, radius: f64) -> Self {
         Self { middle, radius }
+    }
+    /// Doubles below and above all of the numbers.
+    pub(crate) fn bounds(self) -> [f64; 2] {
+        let at = self.middle.value();
+        let beyond = (self.radius + 2.0 * f64::EPSILON * at.abs()).next_up();
+        [(at - beyond).next_down(), (at + beyond).next_up()]
     }
     /// A bound on the radius of a result of that size, which underflow is not to shrink.
     fn around(middle: DoubleDouble, size: f64, radius: f64) -> Self {
@@ -110,6 +121,11 @@ impl Bounded for Wide {
         let beyond = self.radius + 2.0 * f64::EPSILON * at.abs();
         i8::from(at > beyond) - i8::from(at < -beyond)
     }
+    fn reciprocal(x: f64) -> Self {
+        let middle: DoubleDouble = reciprocal(x);
+        // The iteration squares the error of a double, and rounds three times.
+        Self::around(middle, 4.0 * middle.value().abs(), 0.0)
+    }
 }
 
 /// The roots in (0, `top`) of a polynomial with coefficients c₀, c₁, … that are known to rounding,
@@ -127,11 +143,26 @@ pub(crate) fn proved_roots<T: Bounded>(
         return Some(Vec::new());
     }
     let near: Vec<T::Middle> = coefficients.iter().map(|c| c.middle()).collect();
+    let mut roots = Vec::new();
+    let mut last = 0.0;
+    for cell in isolate(&near, top, count)? {
+        let (v, width) = bracket(coefficients, cell)?;
+        if v - width <= last || v + width >= top {
+            return None;
+        }
+        last = v + width;
+        roots.push(v);
+    }
+    Some(roots)
+}
+
+/// Where a root in a cell is, and how far to both sides of it the signs differ.
+fn bracket<T: Bounded>(coefficients: &[T], (lo, hi): (f64, f64)) -> Option<(f64, f64)> {
     let value = |v: f64| {
         let v = T::Middle::from(v);
-        near.iter()
-            .rev()
-            .fold(T::Middle::from(0.0), |sum, &c| sum * v + c)
+        let middles = coefficients.iter().rev().map(|c| c.middle());
+        middles
+            .fold(T::Middle::from(0.0), |sum, c| sum * v + c)
             .rounded()
     };
     let sign = |v: f64| {
@@ -142,29 +173,110 @@ pub(crate) fn proved_roots<T: Bounded>(
             .fold(T::exact(0.0), |sum, &c| sum * v + c)
             .sign()
     };
-    let mut roots = Vec::new();
-    let mut last = 0.0;
-    for (lo, hi) in isolate(&near, top, count)? {
-        let v = refine(&value, lo, hi);
-        let mut width = 4.0 * f64::EPSILON * v;
-        let bracket = loop {
-            let (a, b) = (v - width, v + width);
-            if sign(a) * sign(b) < 0 {
-                break (a, b);
-            }
-            width *= 4.0;
-            // Next to zero no width is left, and what is not a number has none.
-            if !(width > 0.0 && width <= WIDTH * v) {
-                return None;
-            }
-        };
-        if bracket.0 <= last || bracket.1 >= top {
+    let v = refine(&value, lo, hi);
+    let mut width = 4.0 * f64::EPSILON * v;
+    loop {
+        if sign(v - width) * sign(v + width) < 0 {
+            return Some((v, width));
+        }
+        width *= 4.0;
+        // Next to zero no width is left, and what is not a number has none.
+        if !(width > 0.0 && width <= WIDTH * v) {
             return None;
         }
-        last = bracket.1;
-        roots.push(v);
     }
-    Some(roots)
+}
+
+/// All roots in (0, 1) of a polynomial with coefficients c₀, c₁, … that are known within bounds, as
+/// disjoint open intervals in ascending order. None where the bounds leave a doubt: there are no
+/// roots at 0 and 1 then, and those between are simple.
+///
+/// Descartes' rule on Bernstein coefficients whose signs are certain (after A. Eigenwillig and
+/// others, CASC 2005).
+pub(crate) fn all_roots<T: Bounded>(coefficients: &[T]) -> Option<Vec<[f64; 2]>> {
+    let mut found = Vec::new();
+    let mut last = 0.0;
+    let mut stack = vec![(0.0, 1.0, in_bernstein(coefficients), 0)];
+    while let Some((lo, hi, b, depth)) = stack.pop() {
+        let ends = [b[0].sign(), b[b.len() - 1].sign()];
+        if ends.contains(&0) {
+            return None;
+        }
+        match variations(&b) {
+            Some(0) => {}
+            Some(1) => {
+                let (v, width) = bracket(coefficients, (lo, hi))?;
+                if v - width <= last || v + width >= 1.0 {
+                    return None;
+                }
+                last = v + width;
+                found.push([v - width, v + width]);
+            }
+            _ if depth == HALVINGS => return None,
+            _ => {
+                let middle = 0.5 * (lo + hi);
+                let (left, right) = halves(b);
+                stack.push((middle, hi, right, depth + 1));
+                stack.push((lo, middle, left, depth + 1));
+            }
+        }
+    }
+    Some(found)
+}
+
+/// The Bernstein coefficients on \[0, 1\]: b_j is the sum of C(j, m)/C(n, m) c_m.
+pub(crate) fn in_bernstein<T: Bounded>(coefficients: &[T]) -> Vec<T> {
+    let n = coefficients.len() - 1;
+    let mut bernstein = vec![T::exact(0.0); n + 1];
+    for (m, &c) in coefficients.iter().enumerate() {
+        // Whole numbers below 2⁵³ up to degree 56; above it there is no certainty to be had.
+        let all = (0..m).fold(1.0, |p, k| p * (n - k) as f64 / (k + 1) as f64);
+        let part = c * T::reciprocal(if n <= 56 { all } else { f64::NAN });
+        let mut ways = 1.0;
+        for (j, b) in bernstein.iter_mut().enumerate().skip(m) {
+            if j > m {
+                ways = ways * j as f64 / (j - m) as f64;
+            }
+            *b = *b + part * T::exact(ways);
+        }
+    }
+    bernstein
+}
+
+/// The number of sign changes, if the coefficients whose signs are not certain leave no choice, or
+/// it is two at least.
+fn variations<T: Bounded>(b: &[T]) -> Option<usize> {
+    let (mut changes, mut last, mut is_open) = (0, 0, false);
+    for sign in b.iter().map(|x| x.sign()) {
+        match sign {
+            0 => is_open = true,
+            s if s == last => {
+                // Between two of one sign there may be two changes, or none.
+                if is_open {
+                    return None;
+                }
+            }
+            s => {
+                changes += usize::from(last != 0);
+                (last, is_open) = (s, false);
+            }
+        }
+    }
+    Some(changes)
+}
+
+/// The coefficients on both halves, by de Casteljau.
+fn halves<T: Bounded>(b: Vec<T>) -> (Vec<T>, Vec<T>) {
+    let half = T::exact(0.5);
+    let n = b.len() - 1;
+    let (mut left, mut right) = (Vec::with_capacity(n + 1), b);
+    for k in 0..=n {
+        left.push(right[0]);
+        for i in 0..n - k {
+            right[i] = half * (right[i] + right[i + 1]);
+        }
+    }
+    (left, right)
 }
 
 /// Intervals in (0, `top`) with one sign variation of the Bernstein coefficients each, ascending;

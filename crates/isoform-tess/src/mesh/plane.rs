@@ -1029,8 +1029,11 @@ impl Plane {
     fn beside_border(&self, t: u32, i: usize, at: [f64; 2], faces: u8) -> Option<f64> {
         let v = self.triangles[t as usize];
         let ends = [v[(i + 1) % 3], v[(i + 2) % 3]].map(|v| &self.nodes[v as usize]);
-        let is_border =
-            self.adjacent[t as usize][i] == NONE && ends.iter().all(|n| n.faces & faces != 0);
+        // Those on sides of the unit triangle have another unit triangle beyond them.
+        let is_border = self.adjacent[t as usize][i] == NONE
+            && !self.is_rim(t, i)
+            && !is_on_side(ends.map(|n| n.at))
+            && ends.iter().all(|n| n.faces & faces != 0);
         let [x, y] = ends.map(|n| n.at);
         let (d, p) = ([y[0] - x[0], y[1] - x[1]], [at[0] - x[0], at[1] - x[1]]);
         let size = d[0] * d[0] + d[1] * d[1];
