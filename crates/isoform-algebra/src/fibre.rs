@@ -208,6 +208,14 @@ impl Fibres {
         alpha: &RealRoot,
         stop: &dyn Fn() -> bool,
     ) -> Result<(Divisor, usize), ResultantError> {
+        if let Some(x) = known(alpha) {
+            let over = self.f.set(self.other, &x).to_upoly(self.var);
+            let over = over.expect("one variable is left");
+            let common = over.gcd(&over.derivative());
+            let coefficients = common.coefficients().iter();
+            let divisor = coefficients.map(|c| UPoly::new(vec![c.clone()])).collect();
+            return Ok((Divisor::Whole(divisor), common.degree()));
+        }
         for k in 1..chain.count() {
             let whole = self.subresultant(chain, k, stop)?;
             if whole.get(k).is_some_and(|c| alpha.sign_of(c).is_ne()) {
@@ -445,6 +453,15 @@ impl Fibre {
         }
         Some(roots)
     }
+}
+
+/// The rational number that a root obviously is.
+fn known(alpha: &RealRoot) -> Option<RBig> {
+    let (lo, hi) = alpha.interval();
+    if lo == hi {
+        return Some(lo);
+    }
+    (alpha.poly().degree() == 1).then(|| alpha.to_rational())?
 }
 
 fn to_fixed(r: &RBig, precision: usize) -> IBig {
