@@ -99,6 +99,11 @@ pub fn rational_surface(
                 _ => prepared.match_sheets(tried, &pairs(i, change == Change::Places)),
             }
             let next = prepared.surface(stop);
+            if !next.unproven.is_empty() && change != Change::Finer {
+                // Other vertices did harm.
+                change = Change::Finer;
+                continue;
+            }
             let Some(crossing) = look(&next) else { break };
             let is_fewer = crossing.pairs.count < i.pairs.count;
             let is_better = next.unproven.is_empty()

@@ -27,7 +27,7 @@ const LONGEST: f64 = 0.25;
 const MOST_TRIANGLES: usize = 400_000;
 /// The share of a time limit that the phases named in [`Budget::seconds`] may take: triangles come
 /// after them, and take less.
-const EXACT_SHARE: f64 = 0.5;
+const EXACT_SHARE: f64 = 0.6;
 
 /// Triangulates a rational parametric surface in a box
 #[derive(clap::Args)]

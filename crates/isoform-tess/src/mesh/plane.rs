@@ -477,22 +477,26 @@ impl Plane {
             if clashes.is_empty() || self.ended != Ended::default() {
                 break;
             }
-            for [a, b] in clashes {
-                let edge = (0..self.triangles.len() as u32).find_map(|t| {
-                    let v = self.triangles[t as usize];
-                    (0..3)
-                        .find(|&i| [v[(i + 1) % 3], v[(i + 2) % 3]] == [a, b])
-                        .map(|i| (t, i))
-                });
-                if let Some((t, i)) = edge.filter(|&(t, i)| !self.fixed[t as usize][i]) {
-                    self.split_edge(t, i, measure);
-                }
-            }
+            self.split_all(clashes, measure);
             self.work_off(most, false, measure, stop);
         }
         Ended {
             clashes: self.clashes().len(),
             ..self.ended
+        }
+    }
+    /// Splits edges by their ends, in the order of a triangle that has them.
+    fn split_all(&mut self, edges: Vec<[u32; 2]>, measure: &dyn Measure) {
+        for [a, b] in edges {
+            let edge = (0..self.triangles.len() as u32).find_map(|t| {
+                let v = self.triangles[t as usize];
+                (0..3)
+                    .find(|&i| [v[(i + 1) % 3], v[(i + 2) % 3]] == [a, b])
+                    .map(|i| (t, i))
+            });
+            if let Some((t, i)) = edge.filter(|&(t, i)| !self.fixed[t as usize][i]) {
+                self.split_edge(t, i, measure);
+            }
         }
     }
     fn legalise_all(&mut self, measure: &dyn Measure) {
@@ -945,6 +949,13 @@ impl Plane {
                     break;
                 }
             }
+        }
+        for _ in 0..CLASHES {
+            let clashes = self.clashes();
+            if clashes.is_empty() {
+                break;
+            }
+            self.split_all(clashes, measure);
         }
     }
 
