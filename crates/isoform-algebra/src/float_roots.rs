@@ -367,6 +367,7 @@ fn refine(value: &dyn Fn(f64) -> f64, mut lo: f64, mut hi: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dashu_ratio::RBig;
 
     fn exact(c: &[f64]) -> Vec<Interval> {
         c.iter().map(|&c| Interval::new(c, c)).collect()
@@ -404,5 +405,77 @@ mod tests {
             proved_roots(&exact(&[0.25 * (1.0 + 2e-15), -1.0 - 1e-15, 1.0]), 1.0, 2),
             None
         );
+    }
+
+    /// The product of v − k/(n + 1), k = 1 … n, with coefficients rounded to sums of two doubles.
+    fn comb(n: i64) -> (Vec<RBig>, Vec<Wide>) {
+        let mut exact = vec![RBig::ONE];
+        for k in 1..=n {
+            let root = RBig::from(k) / RBig::from(n + 1);
+            exact.insert(0, RBig::ZERO);
+            for i in 0..exact.len() - 1 {
+                let next = &exact[i + 1] * &root;
+                exact[i] -= next;
+            }
+        }
+        let wide = |c: &RBig| {
+            let near = c.to_f64().value();
+            let left = (c - RBig::try_from(near).expect("finite")).to_f64().value();
+            Wide::new(DoubleDouble::new(near, left), left.abs() * f64::EPSILON)
+        };
+        let near = exact.iter().map(wide).collect();
+        (exact, near)
+    }
+
+    #[test]
+    fn all_roots_are_found_or_doubt_is_said() {
+        let (_, near) = comb(20);
+        let found = all_roots(&near).expect("twenty simple roots");
+        assert_eq!(found.len(), 20);
+        for (k, [lo, hi]) in found.into_iter().enumerate() {
+            let root = (k + 1) as f64 / 21.0;
+            assert!(
+                lo < root && root < hi && hi - lo < 1e-12,
+                "{lo} {root} {hi}"
+            );
+        }
+        // In doubles these coefficients determine no sign between the roots in the middle.
+        let doubles: Vec<Interval> = near
+            .iter()
+            .map(|c| Interval::new(c.bounds()[0], c.bounds()[1]))
+            .collect();
+        assert_eq!(all_roots(&doubles), None);
+        // None in (0, 1), two of them complex; one at an end; a double one.
+        let roots = |c: &[f64]| all_roots(&exact(c));
+        assert_eq!(roots(&[5.0, -4.0, 1.0]), Some(vec![]));
+        assert_eq!(roots(&[0.0, 1.0]), None);
+        assert_eq!(roots(&[0.1, -0.6, 0.9]), None);
+    }
+
+    /// Sums, products and reciprocals against exact arithmetic: what is exact is within the bounds.
+    #[test]
+    fn bounds_hold() {
+        let mut rng = fastrand::Rng::with_seed(7);
+        let exactly = |x: f64| RBig::try_from(x).expect("finite");
+        for _ in 0..20_000 {
+            let mut draw = || {
+                let size = 2f64.powi(rng.i32(-40..40));
+                (rng.f64() - 0.5) * size
+            };
+            let (a, b, c) = (draw(), draw(), draw());
+            let [x, y, z] = [a, b, c].map(exactly);
+            let sum = Wide::exact(a) * Wide::exact(b) + Wide::exact(c);
+            let product = sum * sum * Wide::exact(a) + Wide::reciprocal(b);
+            let total = &x * &y + &z;
+            let value = &total * &total * &x + RBig::ONE / &y;
+            let [lo, hi] = product.bounds().map(exactly);
+            assert!(lo <= value && value <= hi, "{a} {b} {c}");
+            // The middle is a sum of two doubles: what is left is far below the last place.
+            let left = value - exactly(product.middle.value());
+            let second = (product.middle + DoubleDouble::from(-product.middle.value())).value();
+            let off = left - exactly(second);
+            let within = exactly(product.radius + second.abs() * f64::EPSILON);
+            assert!(off <= within && -off <= within, "{a} {b} {c}");
+        }
     }
 }

@@ -119,6 +119,53 @@ fn walls_closer_than_rounding() {
     assert!(!surface.triangles.is_empty());
 }
 
+/// What a map with these polynomials is certified as; its faults are none.
+fn certified(texts: [&str; 4]) -> Surface {
+    let map = Map::parse(texts, Default::default()).expect("a map");
+    let (surface, _) = rational_surface(&map, &options(Mode::Glued, Budget::default()), &|| false)
+        .expect("a surface");
+    assert!(
+        surface.unproven.is_empty(),
+        "{texts:?}: {:?}",
+        surface.unproven
+    );
+    let found = faults(surface.clone(), Mode::Glued);
+    assert!(found.is_empty(), "{texts:?}: {found:?}");
+    surface
+}
+
+/// Sheets with one tangent plane all along a double curve, next to which triangles of any size
+/// cross: inside of the box, next to pinch points and at its faces. Without the vertices of both
+/// sheets in both of them, 25, 140, 33 and 66 pairs of triangles crossed.
+#[test]
+fn sheets_that_touch_along_a_curve() {
+    for texts in [
+        ["3*s^2", "1", "-2*s-s*t+2*s^2", "-t^2"],
+        ["3+t+3*t^2+3*s^2", "t^2-s^2", "-2+2*t^2-2*s^2", "3*s-3*s^2"],
+        ["-3*t^3+s^2*t", "2*s-s^2", "-2*s*t^2+3*s^2*t", "1"],
+        [
+            "3*t^2+3*s-s*t+3*s^2+2*s^2*t",
+            "3-2*t^2",
+            "-1-2*t-3*s*t^2+s^2*t",
+            "1",
+        ],
+    ] {
+        assert!(!certified(texts).double_curve.is_empty());
+    }
+}
+
+/// Two points of the double curve lie on one wall: a partner on that wall was taken for a vertex of
+/// an arc that ends in the other point.
+#[test]
+fn points_of_the_double_curve_on_one_wall() {
+    certified([
+        "2*t^2-s*t+2*s*t^2+2*s^2*t+2*s^3",
+        "2+t^3-s+s*t^2",
+        "3*t+3*t^2+2*t^3-2*s+3*s^2",
+        "-2*t^2+s*t-2*s*t^2+2*s^3",
+    ]);
+}
+
 /// Next to a base point that others are infinitely near to, a rectangle's edge was split beyond the
 /// arc on a face of the box, and certified.
 #[test]

@@ -215,6 +215,20 @@ mod tests {
         assert_eq!((s.points.len(), s.triangles.len()), (5, 4));
     }
 
+    /// Four vertices upon each other: each contraction but the last leaves flat triangles.
+    #[test]
+    fn vertices_upon_each_other_become_one() {
+        let mut s = fan(1e-6, Kind::Ordinary);
+        let near = s.points[4];
+        for v in [5, 6] {
+            s.points[v] = [near[0] + 1e-15 * v as f64, near[1], near[2]];
+        }
+        assert_eq!((flat(&s), euler(&s)), (4, 1));
+        contract_flat(&mut s, 1.0, &|_| 1e-3);
+        assert_eq!((flat(&s), euler(&s)), (0, 1));
+        assert_eq!(s.triangles.len(), 4);
+    }
+
     /// An edge that is long against the tolerance stays, and so does a vertex of a curve.
     #[test]
     fn nothing_is_moved_far_and_no_vertex_of_a_curve() {
