@@ -290,7 +290,11 @@ fn weld(
             unite(first, offsets[k] + v);
         }
     }
-    let mut joined = Surface::default();
+    let mut joined = Surface {
+        is_double_curve_known: surfaces.iter().all(|s| s.is_double_curve_known),
+        is_outside: surfaces.iter().all(|s| s.is_outside),
+        ..Surface::default()
+    };
     let mut number: BTreeMap<u32, u32> = BTreeMap::new();
     let mut unshared: Vec<[u64; 3]> = Vec::new();
     for (k, s) in surfaces.into_iter().enumerate() {

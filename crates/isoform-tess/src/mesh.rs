@@ -107,6 +107,14 @@ const OPEN_TRIANGLES: usize = 100_000;
 /// Vertices of a stretch at most: more has one along which the map is not continuous.
 const VERTICES: usize = 1 << 14;
 
+/// What is made another way than at first, where triangles crossed.
+#[derive(Default)]
+pub(crate) struct Changes {
+    pub(crate) fineness: Fineness,
+    /// Further vertices.
+    pub(crate) matched: Vec<Place>,
+}
+
 /// Triangulates the part of the surface that is in the box. The region is decomposed by `curves`,
 /// too. What could not be opened, joined or refined is said to be unproven.
 pub(crate) fn mesh(
@@ -115,8 +123,7 @@ pub(crate) fn mesh(
     analysis: &Analysis,
     curves: &Curves,
     options: &MeshOptions,
-    fineness: &Fineness,
-    matched: &[Place],
+    changes: &Changes,
     stop: &dyn Fn() -> bool,
 ) -> Surface {
     polled(stop, |stopped| {
@@ -125,7 +132,7 @@ pub(crate) fn mesh(
         let mut builder = Builder {
             region,
             options,
-            fineness,
+            fineness: &changes.fineness,
             stop,
             charts: std::array::from_fn(|q| Chart::new(map, q, half_width)),
             half_width,
@@ -164,7 +171,7 @@ pub(crate) fn mesh(
             .filter_map(|q| builder.drawn_unit(q, &sides))
             .collect();
         builder.refine(&mut units);
-        builder.put(matched, &mut units);
+        builder.put(&changes.matched, &mut units);
         for unit in units {
             builder.add(unit, &mut joined);
         }

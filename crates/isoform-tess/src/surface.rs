@@ -7,12 +7,11 @@ use crate::equation::Equation;
 use crate::field::Algebraic;
 use crate::joined::join;
 use crate::map::Map;
-use crate::mesh::fineness::Fineness;
 pub use crate::mesh::matching::Crossing;
-use crate::mesh::matching::{Place, matching};
-use crate::mesh::{Curves, mesh};
+use crate::mesh::matching::matching;
+use crate::mesh::{Changes, Curves, mesh};
 use crate::patch::Patch;
-use crate::region::{Region, is_clear};
+use crate::region::{Region, Triangle, is_clear};
 use crate::singular::CurveKind;
 use crate::univariate::Stopped;
 use isoform_algebra::RBig;
@@ -107,6 +106,11 @@ pub struct Surface {
     pub solitary_arcs: Vec<Vec<Point3>>,
     /// What is not proved; empty if everything is.
     pub unproven: Vec<String>,
+    /// Whether the double curve was looked for to the end, as sheets that are to be joined need it.
+    pub is_double_curve_known: bool,
+    /// Whether it is certain that the map sends no parameters into the box: then there are no
+    /// triangles to be had.
+    pub is_outside: bool,
     /// The faces of the box that each vertex is on, as bits, and whether sheets meet there.
     pub(crate) faces: Vec<u8>,
     /// The sides of the domain that the corners of the triangles are on, as bits.
@@ -164,9 +168,8 @@ pub struct Prepared<'a> {
     region: Region,
     solitary: Vec<Vec<Point3>>,
     unproven: Vec<String>,
-    fineness: Fineness,
-    /// Places for further vertices.
-    matched: Vec<Place>,
+    is_double_curve_known: bool,
+    changes: Changes,
 }
 
 impl<'a> Prepared<'a> {
@@ -236,6 +239,11 @@ impl<'a> Prepared<'a> {
             .seconds
             .push(("double curve", clock.elapsed().as_secs_f64()));
         let clock = Instant::now();
+        let mut is_double_curve_known = glued
+            && analysis
+                .singular
+                .as_ref()
+                .is_some_and(|s| s.double.is_some());
         let mut curves = Curves::new(&analysis, glued, pinches, fibres);
         let within = |curves: &Curves, stop: &dyn Fn() -> bool| {
             Region::within(map, &options.half_width, domain, &curves.forms(), stop)
@@ -248,6 +256,7 @@ impl<'a> Prepared<'a> {
                     "the parameters of the double curve: stopped; sheets that cross are not joined"
                         .to_owned(),
                 );
+                is_double_curve_known = false;
                 curves = Curves::new(&analysis, false, Vec::new(), None);
                 within(&curves, stop).map_err(|_| Stopped)?
             }
@@ -264,8 +273,8 @@ impl<'a> Prepared<'a> {
             region,
             solitary,
             unproven,
-            fineness: Fineness::default(),
-            matched: Vec::new(),
+            is_double_curve_known,
+            changes: Changes::default(),
         })
     }
 
@@ -278,8 +287,7 @@ impl<'a> Prepared<'a> {
             &self.analysis,
             &self.curves,
             &self.options.mesh,
-            &self.fineness,
-            &self.matched,
+            &self.changes,
             stop,
         );
         let seconds = clock.elapsed().as_secs_f64();
@@ -293,6 +301,9 @@ impl<'a> Prepared<'a> {
             None => self.analysis.seconds.push(("triangles", seconds)),
         }
         surface.solitary_arcs.clone_from(&self.solitary);
+        surface.is_double_curve_known = self.is_double_curve_known;
+        let is_inside = |t: &Triangle| t.inside.iter().flatten().any(|inside| *inside);
+        surface.is_outside = !self.region.triangles.iter().any(is_inside);
         surface.unproven.extend(self.unproven.iter().cloned());
         surface
     }
@@ -325,16 +336,18 @@ impl<'a> Prepared<'a> {
     /// Divides the tolerance by four in and around boxes, given by their least and greatest
     /// coordinates: for the next [`Prepared::surface`].
     pub fn refine(&mut self, boxes: &[[Point3; 2]]) {
-        self.fineness
+        self.changes
+            .fineness
             .refine(boxes, self.options.half_width.to_f64().value());
-        self.matched.clear();
+        self.changes.matched.clear();
     }
 
     /// Gives the sheets of triangles that cross each other's vertices, in the next
     /// [`Prepared::surface`], up to a change of tolerance. Pairs of triangles of `surface`.
     pub fn match_sheets(&mut self, surface: &Surface, pairs: &[Crossing]) {
         let half_width = self.options.half_width.to_f64().value();
-        self.matched
+        self.changes
+            .matched
             .extend(matching(self.map, half_width, surface, pairs));
     }
 }

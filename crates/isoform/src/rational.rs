@@ -68,7 +68,7 @@ pub fn rational_surface(
         }
         surface = next;
     }
-    if options.mode == Mode::Glued {
+    if options.mode == Mode::Glued && !surface.triangles.is_empty() {
         let mut seconds = 0.0;
         let mut look = |surface: &Surface| {
             let clock = Instant::now();

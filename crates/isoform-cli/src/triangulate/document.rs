@@ -83,6 +83,7 @@ fn report(made: &Made) -> Value {
     let rest = json!({
         "base_points": all().filter_map(|a| a.base_points.as_ref()).flatten().map(base_point).collect::<Vec<_>>(),
         "pole_components": pole_components(&pole),
+        "double_curve_complete": surface.is_double_curve_known,
         "double_curve": surface.double_curve.iter().map(double_arc).collect::<Vec<_>>(),
         "contracted": all().flat_map(contracted).map(|(curve, at)| json!({"curve": curve, "point": at})).collect::<Vec<_>>(),
         "solitary_arcs": surface.solitary_arcs,

@@ -420,7 +420,7 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
     let (surface, known) = match subject {
         Subject::Map(map) => {
             let found = isoform::rational_surface(&map, &options, &stop)
-                .map_err(|_| nothing(&name, &[], context))?;
+                .map_err(|_| nothing(&name, None, context))?;
             (found.0, vec![(*map, found.1)])
         }
         Subject::Patches(list) => {
@@ -430,13 +430,13 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
                     Failure::input(error.code(), format!("{name}: {which}: {error}"))
                         .hint(error.hint())
                 }
-                PatchesError::Stopped => nothing(&name, &[], context),
+                PatchesError::Stopped => nothing(&name, None, context),
             })?
         }
     };
     drop(progress);
     if surface.triangles.is_empty() {
-        return Err(nothing(&name, &surface.unproven, context));
+        return Err(nothing(&name, Some(&surface), context));
     }
     let topology = topology(&surface.triangles);
     let mut seconds: Vec<(&'static str, f64)> = Vec::new();
@@ -463,8 +463,8 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
     })
 }
 
-/// Why there is no triangle.
-fn nothing(name: &str, unproven: &[String], context: &Context) -> Failure {
+/// Why there is no triangle; of a surface, if the analysis came to its end.
+fn nothing(name: &str, surface: Option<&Surface>, context: &Context) -> Failure {
     if interrupt::happened() {
         return Failure::new(
             interrupt::INTERRUPTED,
@@ -480,18 +480,22 @@ fn nothing(name: &str, unproven: &[String], context: &Context) -> Failure {
         );
         return failure.hint("a longer --time-limit");
     }
-    let why = if unproven.is_empty() {
-        "its poles and the faces of the box were found exactly".to_owned()
-    } else {
-        unproven.join("; ")
+    let is_outside = surface.is_none_or(|s| s.is_outside);
+    let (what, why) = match surface.filter(|_| !is_outside) {
+        None => (
+            "no triangle of the surface lies in the box",
+            "its poles and the faces of the box were found exactly".to_owned(),
+        ),
+        Some(surface) => (
+            "no triangle could be made of the surface in the box",
+            surface.unproven.join("; "),
+        ),
     };
-    Failure::new(
-        NO_RESULT,
-        "empty",
-        format!("{name}: no triangle of the surface lies in the box"),
-    )
-    .why(why)
-    .hint("a larger --box")
+    let failure = Failure::new(NO_RESULT, "empty", format!("{name}: {what}")).why(why);
+    match is_outside {
+        true => failure.hint("a larger --box"),
+        false => failure.hint("another --box, or --mode normalised"),
+    }
 }
 
 #[cfg(test)]

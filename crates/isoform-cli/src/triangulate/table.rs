@@ -4,7 +4,7 @@ use super::{Made, document};
 use crate::fit::table::brief;
 use crate::mesh::table::{line, wrote};
 use isoform::algebra::CurveTopology;
-use isoform::tess::BasePoint;
+use isoform::tess::{BasePoint, Mode};
 use std::path::PathBuf;
 
 /// The surface, its mesh, what is proved, and where it went.
@@ -184,7 +184,12 @@ fn double_curve(made: &Made) -> String {
         made.surface.double_curve.len(),
         made.surface.solitary_arcs.len(),
     );
+    let is_glued = made.options.mode == Mode::Glued;
+    if is_glued && !made.surface.is_double_curve_known {
+        return "not looked for to the end".to_owned();
+    }
     match (double, solitary) {
+        (0, 0) if !is_glued => "not asked for".to_owned(),
         (0, 0) => "none in the box".to_owned(),
         (n, 0) => count(n, "arc"),
         (n, k) => format!(
