@@ -472,6 +472,10 @@ impl Plane {
             self.legalise_all(measure);
             self.work_off(most, false, measure, stop);
         }
+        self.tell_apart(most, measure, stop)
+    }
+    /// Splits edges that fall together in space.
+    fn tell_apart(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
         for _ in 0..CLASHES {
             let clashes = self.clashes();
             if clashes.is_empty() || self.ended != Ended::default() {
@@ -920,7 +924,13 @@ impl Plane {
     /// Puts vertices at places, unless there are some beside them, and flips edges around them until
     /// the triangles are those of Delaunay in space: sheets beside each other with the vertices in
     /// common have the edges in common then, too.
-    pub(super) fn insert(&mut self, places: &[Place], measure: &dyn Measure) {
+    pub(super) fn insert(
+        &mut self,
+        places: &[Place],
+        most: usize,
+        measure: &dyn Measure,
+        stop: &dyn Fn() -> bool,
+    ) -> Ended {
         for place in places {
             self.insert_one(place, measure);
         }
@@ -950,13 +960,9 @@ impl Plane {
                 }
             }
         }
-        for _ in 0..CLASHES {
-            let clashes = self.clashes();
-            if clashes.is_empty() {
-                break;
-            }
-            self.split_all(clashes, measure);
-        }
+        // What was made has to be as near to the surface as everything else.
+        self.work_off(most, false, measure, stop);
+        self.tell_apart(most, measure, stop)
     }
 
     /// Flips the edge opposite to corner i if the angles opposite to it are more than two right ones
@@ -987,14 +993,25 @@ impl Plane {
             return false;
         }
         let sound = made.map(|t| measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
-        let before = [t, n].map(|t| self.look(t, measure).worth);
-        let worst = before[0].min(before[1]).min(0.0);
-        if sound != [true; 2] || made.iter().any(|&t| self.look_at(t, measure).worth < worst) {
+        let were = [t, n].map(|t| self.look(t, measure));
+        let will_be = made.map(|t| self.look_at(t, measure));
+        let worst = were[0].worth.min(were[1].worth).min(0.0);
+        if sound != [true; 2] || will_be.iter().any(|look| look.worth < worst) {
+            return false;
+        }
+        // Not away from the surface, though what is made is looked at again.
+        let excess = self.excess([c, d], will_be, measure).0;
+        let is_off = |look: &Look| self.off(look, measure) > SPLIT;
+        if excess > SPLIT && excess > self.excess([a, b], were, measure).0
+            || will_be.iter().any(is_off)
+        {
             return false;
         }
         self.set(t, made[0], [ad.0, n, ca.0], [ad.1, false, ca.1]);
         self.set(n, made[1], [db.0, bc.0, t], [db.1, bc.1, false]);
         (self.sound[t as usize], self.sound[n as usize]) = (true, true);
+        self.push(t);
+        self.push(n);
         true
     }
 

@@ -1,7 +1,7 @@
 //! A unit triangle's part of the surface: refined, and joined with those of the others.
 
 use super::in_chart::InChart;
-use super::plane::{Measure, Plane};
+use super::plane::{Ended, Measure, Plane};
 use super::strips::{PathVertex, around, between};
 use super::*;
 
@@ -66,6 +66,25 @@ impl Joined {
     }
 }
 
+/// What is not proved of triangles, by how their refinement ended.
+fn complaints(ended: Ended) -> impl Iterator<Item = String> {
+    let all = [
+        (
+            ended.unsound,
+            "W is not proved to keep its sign on every triangle",
+        ),
+        (
+            ended.clashes,
+            "edges fall together next to double or contracted curves",
+        ),
+        (
+            ended.coarse,
+            "the triangles are not everywhere as near to the surface as asked for",
+        ),
+    ];
+    all.into_iter().filter(|c| c.0 > 0).map(|c| c.1.to_owned())
+}
+
 impl Builder<'_> {
     /// Refines unit triangles side by side, to a limit for all of them.
     pub(super) fn refine(&self, units: &mut [Unit]) {
@@ -104,32 +123,21 @@ impl Builder<'_> {
                         },
                         self.stop,
                     );
-                    if ended.unsound > 0 {
-                        u.unproven
-                            .push("W is not proved to keep its sign on every triangle".into());
-                    }
-                    if ended.clashes > 0 {
-                        u.unproven
-                            .push("edges fall together next to double or contracted curves".into());
-                    }
-                    if ended.coarse > 0 {
-                        u.unproven.push(
-                            "the triangles are not everywhere as near to the surface as asked for"
-                                .into(),
-                        );
-                    }
+                    u.unproven.extend(complaints(ended));
                 });
         }
     }
 
     /// Puts further vertices into unit triangles.
     pub(super) fn put(&self, places: &[Place], units: &mut [Unit]) {
+        let most = self.options.triangles;
         units.par_iter_mut().for_each(|u| {
             let q = u.quadrant;
             let measure = InChart { builder: self, q };
             let here: Vec<Place> = places.iter().filter(|p| p.quadrant == q).copied().collect();
             if !here.is_empty() {
-                u.plane.insert(&here, &measure);
+                let ended = u.plane.insert(&here, most, &measure, self.stop);
+                u.unproven.extend(complaints(ended));
             }
         });
     }
