@@ -5,7 +5,7 @@
 
 use isoform::rational_surface;
 use isoform_algebra::RBig;
-use isoform_geom::Mesh;
+use isoform_geom::{Mesh, Point3, cross, distance_to_segment, dot, norm, sub};
 use isoform_mesh::Control;
 use isoform_mesh::check::{Options, certify};
 use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions};
@@ -119,11 +119,13 @@ fn walls_closer_than_rounding() {
     assert!(!surface.triangles.is_empty());
 }
 
-/// What a map with these polynomials is certified as; its faults are none.
+/// What a map with these polynomials is certified as, to the tolerance and with the edges that the
+/// program has by default; its faults are none.
 fn certified(texts: [&str; 4]) -> Surface {
     let map = Map::parse(texts, Default::default()).expect("a map");
-    let (surface, _) = rational_surface(&map, &options(Mode::Glued, Budget::default()), &|| false)
-        .expect("a surface");
+    let mut options = options(Mode::Glued, Budget::default());
+    (options.mesh.tolerance, options.mesh.longest) = (FINE, 0.25 * HALF_WIDTH);
+    let (surface, _) = rational_surface(&map, &options, &|| false).expect("a surface");
     assert!(
         surface.unproven.is_empty(),
         "{texts:?}: {:?}",
@@ -132,6 +134,58 @@ fn certified(texts: [&str; 4]) -> Surface {
     let found = faults(surface.clone(), Mode::Glued);
     assert!(found.is_empty(), "{texts:?}: {found:?}");
     surface
+}
+
+/// The program's tolerance in that box.
+const FINE: f64 = 5e-4 * HALF_WIDTH;
+
+/// The distance of a point from a triangle: its foot, or the nearest point of its edges.
+fn distance_to(p: Point3, [a, b, c]: [Point3; 3]) -> f64 {
+    let to_edge = |a: Point3, b: Point3| distance_to_segment(p, [a, b]);
+    let beside = to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a));
+    let normal = cross(sub(b, a), sub(c, a));
+    let is_inside = [(a, b), (b, c), (c, a)]
+        .iter()
+        .all(|&(a, b)| dot(cross(sub(b, a), sub(p, a)), normal) >= 0.0);
+    match is_inside {
+        true => (dot(sub(p, a), normal) / norm(normal)).abs(),
+        false => beside,
+    }
+}
+
+/// Vertices that sheets get from each other keep the tolerance: once, points of the first of these
+/// surfaces were 18 tolerances from triangles that were certified, and those of the second 11.
+/// Between the middles of edges and triangles, which `tolerance` is about, a surface may leave them
+/// by half as much again.
+#[test]
+fn matched_vertices_keep_the_tolerance() {
+    type Chart = fn(f64, f64) -> [f64; 4];
+    let maps: [([&str; 4], Chart); 2] = [
+        (["t", "s^2-4*t^2", "-s*t^2+t^2-3", "1+t^2"], |s, t| {
+            [t, s * s - 4.0 * t * t, t * t * (1.0 - s) - 3.0, 1.0 + t * t]
+        }),
+        (["-t^2", "-t+s^2", "s", "-1+t-s^2"], |s, t| {
+            [-t * t, s * s - t, s, t - 1.0 - s * s]
+        }),
+    ];
+    for (texts, chart) in maps {
+        let surface = certified(texts);
+        let mut looked = 0;
+        for (i, j) in (0..60).flat_map(|i| (0..60).map(move |j| (i, j))) {
+            let [s, t] = [i, j].map(|k| (f64::from(k) * 0.052 - 1.55).tan());
+            let [x, y, z, w] = chart(s, t);
+            let p = [x / w, y / w, z / w];
+            if p.iter().any(|x| x.abs() >= HALF_WIDTH) {
+                continue;
+            }
+            looked += 1;
+            let corners = |t: &[u32; 3]| t.map(|v| surface.points[v as usize]);
+            let off = surface.triangles.iter().map(|t| distance_to(p, corners(t)));
+            let off = off.fold(f64::INFINITY, f64::min);
+            assert!(off < 1.6 * FINE, "{texts:?}: {off} at {s}, {t}");
+        }
+        assert!(looked > 500, "{looked} points in the box");
+    }
 }
 
 /// Sheets with one tangent plane all along a double curve, next to which triangles of any size
