@@ -147,6 +147,7 @@ fn a_sphere_is_certified() {
         "map_degree",
         "base_points",
         "pole_components",
+        "double_curve_complete",
         "double_curve",
         "contracted",
         "solitary_arcs",
