@@ -9,6 +9,10 @@ use std::ops::{Add, Mul};
 const HALVINGS: usize = 40;
 const WIDTH: f64 = 1e-13;
 
+/// The degree up to which products on the way to binomial coefficients are below 2⁵³, so that these
+/// are exact; above it no sign is certain.
+const WHOLE: usize = 51;
+
 /// A number to search with.
 pub(crate) trait Approximate:
     Copy + From<f64> + Add<Output = Self> + Mul<Output = Self>
@@ -229,9 +233,8 @@ pub(crate) fn in_bernstein<T: Bounded>(coefficients: &[T]) -> Vec<T> {
     let n = coefficients.len() - 1;
     let mut bernstein = vec![T::exact(0.0); n + 1];
     for (m, &c) in coefficients.iter().enumerate() {
-        // Whole numbers below 2⁵³ up to degree 56; above it there is no certainty to be had.
         let all = (0..m).fold(1.0, |p, k| p * (n - k) as f64 / (k + 1) as f64);
-        let part = c * T::reciprocal(if n <= 56 { all } else { f64::NAN });
+        let part = c * T::reciprocal(if n <= WHOLE { all } else { f64::NAN });
         let mut ways = 1.0;
         for (j, b) in bernstein.iter_mut().enumerate().skip(m) {
             if j > m {
@@ -246,21 +249,19 @@ pub(crate) fn in_bernstein<T: Bounded>(coefficients: &[T]) -> Vec<T> {
 /// The number of sign changes, if the coefficients whose signs are not certain leave no choice, or
 /// it is two at least.
 fn variations<T: Bounded>(b: &[T]) -> Option<usize> {
-    let (mut changes, mut last, mut is_open) = (0, 0, false);
+    let (mut changes, mut last, mut open) = (0, 0, 0);
     for sign in b.iter().map(|x| x.sign()) {
-        match sign {
-            0 => is_open = true,
-            s if s == last => {
-                // Between two of one sign there may be two changes, or none.
-                if is_open {
-                    return None;
-                }
-            }
-            s => {
-                changes += usize::from(last != 0);
-                (last, is_open) = (s, false);
-            }
+        if sign == 0 {
+            open += 1;
+            continue;
         }
+        // Between two of one sign there may be two changes more, and between two of different signs
+        // if there is room for as many.
+        if open > usize::from(sign != last) {
+            return None;
+        }
+        changes += usize::from(sign == -last);
+        (last, open) = (sign, 0);
     }
     Some(changes)
 }
@@ -287,7 +288,6 @@ fn isolate<T: Approximate>(near: &[T], top: f64, count: usize) -> Option<Vec<(f6
     let mut bernstein = vec![T::from(0.0); n + 1];
     let mut scale = T::from(1.0);
     for (m, &c) in near.iter().enumerate() {
-        // Whole numbers up to degree 56, so that nothing is lost.
         let all = (0..m).fold(1.0, |p, k| p * (n - k) as f64 / (k + 1) as f64);
         let part = c * scale * reciprocal::<T>(all);
         let mut ways = 1.0;
@@ -450,6 +450,51 @@ mod tests {
         assert_eq!(roots(&[5.0, -4.0, 1.0]), Some(vec![]));
         assert_eq!(roots(&[0.0, 1.0]), None);
         assert_eq!(roots(&[0.1, -0.6, 0.9]), None);
+    }
+
+    /// What is not certain counts as whatever it may be: one coefficient between different signs has
+    /// no choice, two may add two changes.
+    #[test]
+    fn changes_of_sign() {
+        let of = |signs: &str| {
+            let one = |c| match c {
+                '+' => Interval::new(1.0, 2.0),
+                '-' => Interval::new(-2.0, -1.0),
+                _ => Interval::new(-1.0, 1.0),
+            };
+            variations(&signs.chars().map(one).collect::<Vec<_>>())
+        };
+        assert_eq!(
+            [of("+++"), of("++--"), of("+-+")],
+            [Some(0), Some(1), Some(2)]
+        );
+        assert_eq!([of("+?-"), of("+?+"), of("+??-")], [Some(1), None, None]);
+    }
+
+    /// C(n, m) by the same products is what Pascal's triangle says, as far as is claimed.
+    #[test]
+    fn binomial_coefficients_are_exact() {
+        let mut row = vec![1u128];
+        for n in 1..=WHOLE {
+            row = (0..=n)
+                .map(|m| {
+                    [m.wrapping_sub(1), m]
+                        .iter()
+                        .filter_map(|&k| row.get(k))
+                        .sum()
+                })
+                .collect();
+            for (m, &exact) in row.iter().enumerate() {
+                let all = (0..m).fold(1.0, |p, k| p * (n - k) as f64 / (k + 1) as f64);
+                let ways = (m + 1..=n).fold(1.0, |p, j| p * j as f64 / (j - m) as f64);
+                assert_eq!([all as u128, ways as u128], [exact; 2], "{n} {m}");
+            }
+        }
+        assert!(
+            in_bernstein(&exact(&vec![1.0; WHOLE + 2]))
+                .iter()
+                .all(|b| b.sign() == 0)
+        );
     }
 
     /// Sums, products and reciprocals against exact arithmetic: what is exact is within the bounds.
