@@ -127,8 +127,10 @@ pub fn solitary_arcs(
     match map_degrees(map.affine(), stop) {
         Ok(degrees) if degrees.map_degree == 1 => {}
         Ok(_) => {
-            problems
-                .push("solitary curves: several parameters lead to a general point, and solitary regions are not looked for".to_owned());
+            problems.push(
+                "solitary curves: not looked for where several parameters lead to a general point"
+                    .to_owned(),
+            );
             return (Vec::new(), problems);
         }
         Err(error) => {

@@ -182,7 +182,7 @@ pub(crate) struct Fan {
     /// Why it cannot be opened.
     pub(crate) problem: Option<String>,
     /// Homogeneous coordinates (s, t, w).
-    point: [f64; 3],
+    pub(crate) point: [f64; 3],
     variables: [usize; 2],
     one: usize,
     pub(crate) multiplicity: usize,

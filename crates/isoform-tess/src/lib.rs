@@ -18,6 +18,7 @@ mod analysis;
 mod base;
 mod complex_seams;
 mod cover;
+mod deck;
 mod dense;
 mod domain;
 mod double;

@@ -21,6 +21,7 @@ mod strips;
 mod unit;
 
 use crate::analysis::Analysis;
+use crate::deck::Deck;
 use crate::double::Fibres;
 use crate::fan::{Direction, Fan, Key};
 use crate::field::{Algebraic, vanishes};
@@ -141,7 +142,10 @@ pub(crate) fn mesh(
             on_side: [None; 3],
             double: BTreeSet::new(),
             creased: BTreeSet::new(),
+            seams: BTreeSet::new(),
             double_sides: curves.double_sides,
+            glued: curves.glued,
+            deck: curves.deck.as_ref(),
             gluing: Gluing::default(),
             fans: Vec::new(),
             sites: BTreeMap::new(),
@@ -157,7 +161,7 @@ pub(crate) fn mesh(
             );
         }
         let mut sides = builder.sides();
-        if curves.glued {
+        if curves.is_joined() {
             builder.gluing = builder.glue(
                 &mut sides,
                 &curves.pinches,
@@ -165,7 +169,10 @@ pub(crate) fn mesh(
                 curves.fibres.as_ref(),
             );
         }
-        let mut joined = Joined::new(std::mem::take(&mut builder.surface));
+        let mut joined = Joined::new(
+            std::mem::take(&mut builder.surface),
+            builder.gluing.meeting.clone(),
+        );
         let mut units: Vec<Unit> = (0..4)
             .into_par_iter()
             .filter_map(|q| builder.drawn_unit(q, &sides))
@@ -195,6 +202,8 @@ pub(crate) struct Curves {
     double_sides: [bool; 3],
     /// Whether sheets that cross are joined.
     glued: bool,
+    /// The fundamental domain of deck transformations: its border is joined with itself.
+    deck: Option<Deck>,
     pinches: Vec<[f64; 3]>,
     /// Isolated real points of singular curves.
     isolated: Vec<[f64; 3]>,
@@ -207,9 +216,11 @@ impl Curves {
     pub(crate) fn new(
         analysis: &Analysis,
         glued: bool,
+        deck: Option<Deck>,
         pinches: Vec<[f64; 3]>,
         fibres: Option<Fibres>,
     ) -> Self {
+        let is_fold = |c: &Poly| deck.as_ref().is_some_and(|d| d.folds.contains(c));
         let mut found = Self {
             glued,
             pinches,
@@ -252,13 +263,29 @@ impl Curves {
                         None => found.double.push(c.curve.clone()),
                     }
                 }
-                (CurveKind::Ramified, None) if glued && matches!(c.real, RealPart::Curve) => {
+                (CurveKind::Ramified, None)
+                    if glued && matches!(c.real, RealPart::Curve) && !is_fold(&c.curve) =>
+                {
                     found.creased.push(c.curve.clone())
                 }
                 _ => {}
             }
         }
+        for seam in deck.iter().flat_map(|d| &d.seams) {
+            if let Some(side) = (0..3).find(|&k| seam.is_associate(&Poly::var(k))) {
+                found.double_sides[side] = true;
+            }
+        }
+        found.deck = deck;
         found
+    }
+    /// The curves along which the border of a fundamental domain is joined with itself.
+    fn seams(&self) -> &[Poly] {
+        self.deck.as_ref().map_or(&[], |d| &d.seams)
+    }
+    /// Whether there are vertices with several parameters.
+    fn is_joined(&self) -> bool {
+        self.glued || !self.seams().is_empty()
     }
     /// Forms in (s, t, w).
     pub(crate) fn forms(&self) -> Vec<Poly> {
@@ -266,6 +293,7 @@ impl Curves {
         contracted
             .chain(&self.double)
             .chain(&self.creased)
+            .chain(self.seams())
             .cloned()
             .collect()
     }
@@ -286,7 +314,12 @@ struct Builder<'a> {
     /// Factors of the region that are double curves, and cuspidal edges.
     double: BTreeSet<usize>,
     creased: BTreeSet<usize>,
+    /// Those on the border of a fundamental domain, which are double curves to what joins them.
+    seams: BTreeSet<usize>,
     double_sides: [bool; 3],
+    /// Whether sheets that cross are joined.
+    glued: bool,
+    deck: Option<&'a Deck>,
     gluing: Gluing,
     /// Base points, opened.
     fans: Vec<Fan>,

@@ -9,13 +9,14 @@
 //! outside of it are not inside. Curves of the box that are proved to miss it are left out: where
 //! one of them is, no base point is in the region.
 
+use crate::deck::Deck;
 use crate::domain::{Domain, image_bounds, parameters};
 use crate::map::Map;
 use crate::polling::in_quadrants;
 use isoform_algebra::{
     Arrangement, ArrangementError, Poly, QUADRANTS, RBig, coprime_base, in_triangle,
 };
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The region in one of the unit triangles.
 pub struct Triangle {
@@ -35,6 +36,8 @@ pub struct Region {
     pub faces: Vec<Vec<usize>>,
     /// The sides of the domain whose lines each factor is, as bits.
     pub(crate) lines: Vec<u64>,
+    /// The factors that the surface is folded along.
+    folds: BTreeSet<usize>,
     /// Of each of the other curves the factors that it consists of.
     pub extra: Vec<Vec<usize>>,
     /// By quadrants, as in [`QUADRANTS`].
@@ -70,16 +73,18 @@ impl Region {
         extra: &[Poly],
         stop: &dyn Fn() -> bool,
     ) -> Result<Self, ArrangementError> {
-        Self::within(map, half_width, None, extra, stop)
+        Self::within(map, half_width, None, None, extra, stop)
     }
-    /// Those of them that are in a domain.
+    /// Those of them that are in a domain, and in the fundamental domain of deck transformations,
+    /// whose seams are among the other curves.
     ///
     /// # Errors
     /// [`ArrangementError`], if stopped.
-    pub fn within(
+    pub(crate) fn within(
         map: &Map,
         half_width: &RBig,
         domain: Option<&Domain>,
+        deck: Option<&Deck>,
         extra: &[Poly],
         stop: &dyn Fn() -> bool,
     ) -> Result<Self, ArrangementError> {
@@ -93,9 +98,13 @@ impl Region {
                 .collect(),
         };
         let lines = domain.map(Domain::lines).unwrap_or_default();
-        let all: Vec<Poly> = bounds.iter().chain(&lines).chain(extra).cloned().collect();
+        let folds = deck.map_or(&[][..], |d| &d.folds);
+        let borders = bounds.iter().chain(&lines).chain(folds);
+        let all: Vec<Poly> = borders.chain(extra).cloned().collect();
         let (factors, divisors) = coprime_base(&all);
-        let extra = divisors[bounds.len() + lines.len()..].to_vec();
+        let mut rest = divisors[bounds.len() + lines.len()..].to_vec();
+        let extra = rest.split_off(folds.len());
+        let folds = rest.into_iter().flatten().collect();
         let faces = (0..factors.len())
             .map(|f| {
                 (0..bounds.len())
@@ -127,9 +136,10 @@ impl Region {
                         })
                     };
                     let in_domain = |v: &RBig| {
+                        let at = [&slab.u, v];
                         domain.is_none_or(|d| {
-                            parameters(quadrant, [&slab.u, v]).is_some_and(|p| d.contains(&p))
-                        })
+                            parameters(quadrant, at).is_some_and(|p| d.contains(&p))
+                        }) && deck.is_none_or(|d| d.holds(&homogeneous(quadrant, at)))
                     };
                     slab.between
                         .iter()
@@ -150,17 +160,35 @@ impl Region {
             factors,
             faces,
             lines,
+            folds,
             extra,
             triangles,
             domain: domain.cloned(),
             is_clear,
         })
     }
+    /// Whether the surface ends elsewhere than in the box's faces.
+    fn has_borders(&self) -> bool {
+        self.domain.is_some() || !self.folds.is_empty()
+    }
+    /// Whether the surface is folded along a side of a unit triangle.
+    fn is_fold(&self, quadrant: usize, side: usize) -> bool {
+        let sides = &self.triangles[quadrant].arrangement.sides;
+        self.folds.iter().any(|&f| sides[f][side])
+    }
     /// The side of the domain, as a bit, that an arc over a slab lies on: none for what only lies
-    /// on its line.
+    /// on its line. A curve along which the surface is folded counts as the first side.
     pub(crate) fn side_of_arc(&self, quadrant: usize, slab: usize, place: usize) -> u64 {
         let a = &self.triangles[quadrant].arrangement;
         let (u, curve) = (&a.slabs[slab].u, a.slabs[slab].arcs[place].curve);
+        let is_fold = match curve {
+            c if c == a.lower() => self.is_fold(quadrant, 1),
+            c if c == a.upper() => self.is_fold(quadrant, 2),
+            c => self.folds.contains(&c),
+        };
+        if is_fold {
+            return FOLD;
+        }
         let v = match curve {
             c if c == a.lower() => Some(RBig::ZERO),
             c if c == a.upper() => Some(RBig::ONE - u),
@@ -172,6 +200,12 @@ impl Region {
     /// The same for the wall between a point and the next.
     pub(crate) fn side_of_wall(&self, quadrant: usize, wall: usize, point: usize) -> u64 {
         let w = &self.triangles[quadrant].arrangement.walls[wall];
+        if point + 1 < w.points.len()
+            && (wall == 0 && self.is_fold(quadrant, 0)
+                || w.vertical.iter().any(|f| self.folds.contains(f)))
+        {
+            return FOLD;
+        }
         // The side u = 0, or an upright line.
         let is_line = point + 1 < w.points.len()
             && (wall == 0 || w.vertical.iter().any(|&f| self.lines[f] != 0));
@@ -187,6 +221,10 @@ impl Region {
     /// The same for what a place of a unit triangle's side lies on: it is no point that a curve
     /// goes through.
     pub(crate) fn side_of_place(&self, quadrant: usize, at: [f64; 2]) -> u64 {
+        let side = at.iter().position(|x| *x == 0.0).unwrap_or(2);
+        if self.is_fold(quadrant, side) {
+            return FOLD;
+        }
         let [u, v] = at.map(|x| RBig::try_from(x).unwrap_or_default());
         if self.domain.is_none() {
             0
@@ -200,7 +238,7 @@ impl Region {
     }
     /// All sides that end in a point of a wall, or that it is on.
     pub(crate) fn sides_of_point(&self, quadrant: usize, wall: usize, point: usize) -> u64 {
-        if self.domain.is_none() {
+        if !self.has_borders() {
             return 0;
         }
         let a = &self.triangles[quadrant].arrangement;
@@ -233,6 +271,15 @@ impl Region {
         }
         count.finish()
     }
+}
+
+/// The bit of the curves that the surface is folded along: maps over a domain have none.
+const FOLD: u64 = 1;
+
+/// (s : t : w) of a point of a unit triangle.
+fn homogeneous(quadrant: usize, [u, v]: [&RBig; 2]) -> [RBig; 3] {
+    let [s, t] = QUADRANTS[quadrant].map(RBig::from);
+    [s * u, t * v, RBig::ONE - u - v]
 }
 
 /// Whether the map is proved to have no pole in a closed domain and to send it into the open box.

@@ -1,6 +1,7 @@
 //! The whole way from a map to the triangles of its surface in a box.
 
 use crate::analysis::{Analysis, Budget, analyse, analyse_clear, until};
+use crate::deck::Deck;
 use crate::domain::Domain;
 use crate::double::{Fibres, pinch_points, solitary_arcs};
 use crate::equation::Equation;
@@ -151,6 +152,13 @@ impl Surface {
     }
 }
 
+/// The deck transformations of an improper map.
+fn deck(map: &Map, analysis: &Analysis, stop: &dyn Fn() -> bool) -> Result<Option<Deck>, Stopped> {
+    let points = analysis.base_points.as_deref().unwrap_or_default();
+    let points: Vec<[Algebraic; 3]> = points.iter().map(|p| p.point.clone()).collect();
+    Deck::new(map, &points, stop)
+}
+
 /// How far triangles may be from the surface by its implicit equation, in tolerances.
 const FAR: f64 = 1.5;
 
@@ -193,6 +201,12 @@ impl<'a> Prepared<'a> {
             analyse(map, &options.budget, stop)
         };
         let mut unproven = analysis.unproven.clone();
+        let map_degree = analysis.degrees.map_or(1, |d| d.map_degree);
+        let deck = if map_degree > 1 && domain.is_none() {
+            deck(map, &analysis, stop)?
+        } else {
+            None
+        };
         let clock = Instant::now();
         let b = options.half_width.to_f64().value();
         let glued = options.mode == Mode::Glued;
@@ -217,8 +231,10 @@ impl<'a> Prepared<'a> {
                 }
                 fibres = Fibres::new(map, singular, b, &enough).ok();
             }
-            // No parameters of a domain lead to solitary arcs.
-            if domain.is_none() {
+            // No parameters of a domain lead to solitary arcs, and planes and quadrics have none. Of
+            // an improper map the parameters alone are drawn.
+            let is_smooth = analysis.degrees.is_some_and(|d| d.implicit_degree <= 2);
+            if domain.is_none() && !(map_degree > 1 && (is_smooth || !glued)) {
                 let (arcs, problems) =
                     solitary_arcs(map, singular, b, options.mesh.tolerance, &enough);
                 solitary = arcs;
@@ -232,7 +248,7 @@ impl<'a> Prepared<'a> {
                 }
             }
         }
-        if glued && analysis.degrees.is_some_and(|d| d.map_degree > 1) {
+        if glued && deck.as_ref().map_or(1, Deck::order) < map_degree {
             unproven.push("several parameters have the same image everywhere: sheets that lie upon each other are not joined".to_owned());
         }
         analysis
@@ -244,9 +260,17 @@ impl<'a> Prepared<'a> {
                 .singular
                 .as_ref()
                 .is_some_and(|s| s.double.is_some());
-        let mut curves = Curves::new(&analysis, glued, pinches, fibres);
+        let mut curves = Curves::new(&analysis, glued, deck.clone(), pinches, fibres);
         let within = |curves: &Curves, stop: &dyn Fn() -> bool| {
-            Region::within(map, &options.half_width, domain, &curves.forms(), stop)
+            let forms = curves.forms();
+            Region::within(
+                map,
+                &options.half_width,
+                domain,
+                deck.as_ref(),
+                &forms,
+                stop,
+            )
         };
         let region = match within(&curves, if glued { &enough } else { stop }) {
             Ok(region) => region,
@@ -257,7 +281,7 @@ impl<'a> Prepared<'a> {
                         .to_owned(),
                 );
                 is_double_curve_known = false;
-                curves = Curves::new(&analysis, false, Vec::new(), None);
+                curves = Curves::new(&analysis, false, deck.clone(), Vec::new(), None);
                 within(&curves, stop).map_err(|_| Stopped)?
             }
             Err(_) => return Err(Stopped),

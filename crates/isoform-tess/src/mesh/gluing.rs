@@ -10,7 +10,8 @@ use super::stretch::{Columns, Stretch};
 use super::{Builder, Name, Ray, Sides, distance, in_plane, on_side, sides_of};
 use crate::double::Fibres;
 use crate::surface::{DoubleArc, Point3};
-use std::collections::BTreeMap;
+use isoform_geom::{cross, norm};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A name of a vertex, with the unit triangle and the place in it for those that have none.
 pub(super) type Key = (Name, usize, [u64; 2]);
@@ -26,6 +27,8 @@ pub(super) fn key(name: Name, q: usize, at: [f64; 2]) -> Key {
 #[derive(Clone, Debug)]
 struct Knot {
     at: [f64; 2],
+    /// Its parameter (s : t : w), a base point for what is on a seam.
+    parameter: [f64; 3],
     key: Key,
     image: Point3,
     /// Stays where it is.
@@ -84,6 +87,8 @@ pub(super) struct Gluing {
     /// The class of each vertex on the double curve.
     classes: BTreeMap<Key, Name>,
     images: Vec<Point3>,
+    /// The classes in which sheets meet: others join the border of a fundamental domain.
+    pub(super) meeting: BTreeSet<usize>,
     /// Vertices of arcs and walls between their ends, and of sides.
     lines: BTreeMap<Track, Vec<[f64; 2]>>,
     /// Vertices between rectangles and seams, from the rectangle on.
@@ -104,6 +109,10 @@ impl Gluing {
     }
     pub(super) fn image(&self, class: usize) -> Point3 {
         self.images[class]
+    }
+    /// Whether sheets meet in a class.
+    pub(super) fn is_double(&self, class: usize) -> bool {
+        self.meeting.contains(&class)
     }
     pub(super) fn line(&self, track: Track) -> Option<&Vec<[f64; 2]>> {
         self.lines.get(&track)
@@ -223,6 +232,7 @@ impl Builder<'_> {
             }
             let shared = contracted.or(double).unwrap_or_else(|| {
                 gluing.images.push(image);
+                gluing.meeting.insert(gluing.images.len() - 1);
                 Name::Double(gluing.images.len() - 1)
             });
             gluing.classes.insert(key(name, q, at), shared);
@@ -244,6 +254,7 @@ impl Builder<'_> {
     fn knot(&self, q: usize, at: [f64; 2], name: Name, faces: u8, fixed: bool) -> Knot {
         Knot {
             at,
+            parameter: in_plane(q, at),
             key: key(name, q, at),
             image: self.image(q, at, faces),
             fixed,
@@ -258,6 +269,7 @@ impl Builder<'_> {
         let (name, image, _) = self.seam_vertex(fan, d);
         Some(Knot {
             at,
+            parameter: self.fans[fan].point,
             key: key(name, 0, at),
             image,
             fixed: true,
@@ -308,7 +320,10 @@ impl Builder<'_> {
         for (&(side, sign), places) in sides.iter().filter(|s| self.double_sides[s.0.0]) {
             self.side_pieces(side, sign, places, &mut pieces);
         }
-        for fan in (0..self.fans.len()).filter(|&f| self.sites.values().any(|s| s.fan == f)) {
+        // Deck transformations take such a seam to itself, and the fundamental domain has one of
+        // the two points.
+        let is_used = |f: &usize| self.deck.is_none() && self.sites.values().any(|s| s.fan == *f);
+        for fan in (0..self.fans.len()).filter(is_used) {
             self.seam_pieces(fan, &mut pieces);
         }
         pieces
@@ -332,6 +347,7 @@ impl Builder<'_> {
                 let (name, image, _) = self.seam_vertex(fan, d);
                 Knot {
                     at: d.at,
+                    parameter: f.point,
                     key: key(name, 0, d.at),
                     image,
                     fixed: true,
@@ -562,6 +578,7 @@ impl Builder<'_> {
     fn join(&self, pieces: &mut [Piece], k: usize, j: usize, class: usize) {
         let image = pieces[k].knots[j].image;
         let own = pieces[k].knots[j].key;
+        let parameter = pieces[k].knots[j].parameter;
         pieces[k].knots[j].class = Some(class);
         let close = 1e-9 * self.half_width;
         for piece in pieces.iter_mut() {
@@ -572,7 +589,10 @@ impl Builder<'_> {
                 .iter_mut()
                 .filter(|x| x.fixed || x.class.is_some() || x.key == own)
             {
-                if knot.class.is_none_or(|c| c == class) && distance(knot.image, image) < close {
+                if knot.class.is_none_or(|c| c == class)
+                    && distance(knot.image, image) < close
+                    && self.may_share(parameter, knot.parameter)
+                {
                     knot.class = Some(class);
                 }
             }
@@ -584,7 +604,10 @@ impl Builder<'_> {
             while i < piece.knots.len() {
                 let (a, b) = (&piece.knots[i - 1], &piece.knots[i]);
                 let skip = a.class == Some(class) || b.class == Some(class);
-                if !skip && let Some(at) = self.partner(piece, i, image) {
+                if !skip
+                    && let Some(at) = self.partner(piece, i, image)
+                    && self.may_share(parameter, in_plane(piece.q, at))
+                {
                     self.insert(piece, i, at, image, class);
                 }
                 i += 1;
@@ -592,6 +615,12 @@ impl Builder<'_> {
         }
     }
 
+    /// Whether parameters with one image have one vertex: where sheets that cross are not joined,
+    /// only those that deck transformations exchange.
+    fn may_share(&self, p: [f64; 3], q: [f64; 3]) -> bool {
+        let is_one = norm(cross(p, q)) <= 1e-9 * norm(p) * norm(q);
+        self.glued || is_one || self.deck.is_some_and(|d| d.may_exchange(p, q))
+    }
     /// The parameter near to a segment of a piece with a given image, if there is one.
     fn partner(&self, piece: &Piece, i: usize, image: Point3) -> Option<[f64; 2]> {
         let (a, b) = (&piece.knots[i - 1], &piece.knots[i]);
@@ -690,6 +719,7 @@ impl Builder<'_> {
             if !knot.fixed && knot.class.is_none() && distance(knot.image, image) < 0.35 * length {
                 *knot = Knot {
                     at,
+                    parameter: in_plane(piece.q, at),
                     key: key(name, piece.q, at),
                     image,
                     fixed: false,
@@ -702,6 +732,7 @@ impl Builder<'_> {
             i,
             Knot {
                 at,
+                parameter: in_plane(piece.q, at),
                 key: key(name, piece.q, at),
                 image,
                 fixed: false,
@@ -769,9 +800,13 @@ impl Builder<'_> {
                 "{single} edges of the double curve have no partner that was found"
             ));
         }
-        let mut done = std::collections::BTreeSet::new();
+        let mut done = BTreeSet::new();
         for mut piece in pieces {
-            let classes: Vec<usize> = piece.knots.iter().filter_map(|k| k.class).collect();
+            let mut classes: Vec<usize> = piece.knots.iter().filter_map(|k| k.class).collect();
+            if self.is_border(&piece) {
+                classes.clear();
+            }
+            gluing.meeting.extend(&classes);
             let mut run: Vec<usize> = Vec::new();
             let mut sheets = 0;
             for w in classes.windows(2) {
@@ -843,6 +878,25 @@ impl Builder<'_> {
                         .insert(track, piece.knots.iter().map(|k| k.at).collect());
                 }
             }
+        }
+    }
+    /// Whether a piece is on the border of a fundamental domain.
+    fn is_border(&self, piece: &Piece) -> bool {
+        let arrangement = |q: usize| &self.region.triangles[q].arrangement;
+        match piece.track {
+            Track::Arc(q, slab, i) => {
+                let curve = arrangement(q).slabs[slab].arcs[i].curve;
+                self.seams.contains(&curve)
+            }
+            Track::Wall(q, wall, _) => {
+                let mut lines = arrangement(q).walls[wall].vertical.iter();
+                lines.any(|f| self.seams.contains(f))
+            }
+            Track::Side(side, ..) => {
+                let sides = &arrangement(piece.q).sides;
+                self.seams.iter().any(|&f| sides[f][side])
+            }
+            Track::Seam(..) => false,
         }
     }
     /// The point of a piece over, or beside, one of its chords.

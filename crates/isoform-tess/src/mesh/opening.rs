@@ -58,8 +58,18 @@ impl Builder<'_> {
                 self.on_curve.entry(f).or_default().extend(&images);
             }
         }
-        let mut factors = |n: usize| extra.by_ref().take(n).flatten().copied().collect();
-        (self.double, self.creased) = (factors(curves.double.len()), factors(curves.creased.len()));
+        let mut factors = |n: usize| {
+            extra
+                .by_ref()
+                .take(n)
+                .flatten()
+                .copied()
+                .collect::<BTreeSet<usize>>()
+        };
+        self.double = factors(curves.double.len());
+        self.creased = factors(curves.creased.len());
+        self.seams = factors(curves.seams().len());
+        self.double.extend(&self.seams);
     }
     /// The number of an image.
     fn image_of(&mut self, p: Point3) -> usize {

@@ -35,13 +35,16 @@ struct Strip {
 /// has by the quadrant and their place in it, too.
 pub(super) struct Joined {
     pub(super) surface: Surface,
+    /// The classes of vertices in which sheets meet.
+    meeting: BTreeSet<usize>,
     vertices: BTreeMap<(Name, usize, usize), u32>,
 }
 
 impl Joined {
-    pub(super) fn new(surface: Surface) -> Self {
+    pub(super) fn new(surface: Surface, meeting: BTreeSet<usize>) -> Self {
         Self {
             surface,
+            meeting,
             vertices: BTreeMap::new(),
         }
     }
@@ -55,7 +58,9 @@ impl Joined {
             let (point, faces, kind) = make();
             surface.points.push(point);
             surface.faces.push(faces);
-            surface.double.push(matches!(key.0, Name::Double(_)));
+            surface
+                .double
+                .push(matches!(key.0, Name::Double(k) if self.meeting.contains(&k)));
             surface.kinds.push(kind);
             surface.points.len() as u32 - 1
         })
@@ -160,7 +165,7 @@ impl Builder<'_> {
                 let kind = match key.0 {
                     Name::Image(_) => Kind::Contracted,
                     _ if node.faces > 0 => Kind::Box,
-                    Name::Double(_) => Kind::Double,
+                    Name::Double(k) if self.gluing.is_double(k) => Kind::Double,
                     _ if node.borders > 0 => Kind::Border,
                     _ => Kind::Ordinary,
                 };
@@ -235,7 +240,7 @@ impl Builder<'_> {
             let kind = match (name, faces) {
                 (Name::Image(_), _) => Kind::Contracted,
                 (_, 1..) => Kind::Box,
-                (Name::Double(_), _) => Kind::Double,
+                (Name::Double(k), _) if self.gluing.is_double(k) => Kind::Double,
                 _ => Kind::Seam,
             };
             let point = match name {
@@ -249,15 +254,12 @@ impl Builder<'_> {
             let (ray, (vertex, at)) = (rays[i], ends[i]);
             let mut path = vec![ends[i]];
             for &(class, at) in self.gluing.spoke(fan, ray, at) {
-                path.push((
-                    joined.shared(
-                        Name::Double(class),
-                        self.gluing.image(class),
-                        0,
-                        Kind::Double,
-                    ),
-                    at,
-                ));
+                let kind = match self.gluing.is_double(class) {
+                    true => Kind::Double,
+                    false => Kind::Ordinary,
+                };
+                let image = self.gluing.image(class);
+                path.push((joined.shared(Name::Double(class), image, 0, kind), at));
             }
             let d = f
                 .directions

@@ -1,0 +1,607 @@
+//! Improper maps: their deck transformations, and a part of the plane that has one of all
+//! parameters that these exchange.
+//!
+//! A deck transformation of φ is a birational map σ of the parameter plane with φ∘σ = φ. Those with
+//! rational coefficients take a general rational point to a rational point of its fibre, one for
+//! each such point at most. From there σ is continued as a power series along lines, by Newton's
+//! method modulo primes; forms of the least degree that agree with all series come from a linear
+//! system, by Chinese remainders and rational reconstruction. φ∘σ = φ proves them.
+//!
+//! With a rational function r = l/m of the parameters that no σ leaves as it is, the points with
+//! r > r∘σ for every σ are a fundamental domain. Its border consists of curves on which r = r∘σ,
+//! or r or r∘σ has a pole. σ takes it to itself: the surface goes on there, or it is a fold, a
+//! curve all of whose points stay where they are.
+
+use crate::field::{Algebraic, vanishes};
+use crate::map::Map;
+use crate::univariate::{Stopped, check};
+use crate::zeros::common_zeros;
+use isoform_algebra::modular::{Crt, Fp, primes};
+use isoform_algebra::{Poly, RBig};
+use isoform_geom::{cross, norm};
+use std::collections::BTreeMap;
+
+/// Largest degree of the forms of a deck transformation that is looked for. Those of maps that
+/// people write have degree 1 or 2; the next degree costs twice the time of all before.
+const MOST: usize = 4;
+/// Lines through a point along which a transformation is continued, and terms of each power series:
+/// three forms of degree n have 3(n + 1) coefficients on a line, of which each term settles two;
+/// n + 1 lines settle all. More of them refute forms that only happen to agree.
+const LINES: usize = MOST + 3;
+const TERMS: usize = 2 * MOST + 4;
+/// Primes of 62 bits at most: a transformation has coefficients of some ten digits.
+const PRIMES: usize = 12;
+
+/// Sines of angles between points (s : t : w) as vectors that are taken for one another: partners
+/// on a border are found to some ten digits, half of them next to folds; what has one image by
+/// chance is farther apart.
+const NEAR: f64 = 1e-5;
+
+/// Three forms in (s, t, w), of one degree and without a common factor.
+type Transformation = [Poly; 3];
+type Point = [RBig; 3];
+
+/// The deck transformations of a map, and a fundamental domain.
+#[derive(Clone, Debug)]
+pub(crate) struct Deck {
+    /// All but the identity.
+    transformations: Vec<Transformation>,
+    /// l and m, whose quotient is compared.
+    ratio: [Poly; 2],
+    /// Irreducible curves on the border of the fundamental domain, but folds.
+    pub(crate) seams: Vec<Poly>,
+    /// Irreducible curves all of whose points a transformation leaves where they are.
+    pub(crate) folds: Vec<Poly>,
+}
+
+impl Deck {
+    /// Nothing, if there is no transformation but the identity among those that are looked for, or
+    /// no fundamental domain of which no real base point is blown up to a part of the border.
+    pub(crate) fn new(
+        map: &Map,
+        base_points: &[[Algebraic; 3]],
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, Stopped> {
+        let transformations = transformations(map, stop)?;
+        if transformations.is_empty() {
+            return Ok(None);
+        }
+        let mut best: Option<(usize, Self)> = None;
+        for [l, m] in ratios(base_points) {
+            check(stop)?;
+            let ratio = [&l, &m];
+            if transformations
+                .iter()
+                .any(|t| !is_tame(t, ratio, base_points))
+            {
+                continue;
+            }
+            let Some([seams, folds]) = border(&transformations, ratio, stop)? else {
+                continue;
+            };
+            let degree = seams.iter().chain(&folds).map(Poly::total_degree).sum();
+            if best.as_ref().is_none_or(|b| degree < b.0) {
+                let deck = Self {
+                    transformations: transformations.clone(),
+                    ratio: [l, m],
+                    seams,
+                    folds,
+                };
+                best = Some((degree, deck));
+            }
+        }
+        if std::env::var("DECK").is_ok() {
+            eprintln!(
+                "{:?} {:?}",
+                transformations
+                    .iter()
+                    .map(|t| t
+                        .each_ref()
+                        .map(|f| f.display(&["s", "t", "w"]).to_string()))
+                    .collect::<Vec<_>>(),
+                best.as_ref().map(|b| (
+                    b.1.ratio.each_ref().map(ToString::to_string),
+                    b.1.seams
+                        .iter()
+                        .map(ToString::to_string)
+                        .collect::<Vec<_>>(),
+                    b.1.folds
+                        .iter()
+                        .map(ToString::to_string)
+                        .collect::<Vec<_>>()
+                ))
+            );
+        }
+        Ok(best.map(|b| b.1))
+    }
+    /// How many parameters are exchanged.
+    pub(crate) fn order(&self) -> usize {
+        self.transformations.len() + 1
+    }
+    /// Whether a transformation takes one of two points (s : t : w) near to the other one, or has no
+    /// value at both.
+    pub(crate) fn may_exchange(&self, p: [f64; 3], q: [f64; 3]) -> bool {
+        let is_near = |a, b| norm(cross(a, b)) <= NEAR * norm(a) * norm(b);
+        self.transformations
+            .iter()
+            .any(|t| match (image(t, p), image(t, q)) {
+                (Some(other), _) => is_near(other, q),
+                (None, Some(other)) => is_near(other, p),
+                (None, None) => true,
+            })
+    }
+    /// Whether a point (s : t : w) that is on no curve of the border is in the fundamental domain.
+    pub(crate) fn holds(&self, p: &Point) -> bool {
+        let value = |p: &Point| {
+            let [l, m] = self.ratio.each_ref().map(|f| f.eval(p));
+            (!m.is_zero()).then(|| l / m)
+        };
+        let own = value(p);
+        self.transformations.iter().all(|t| {
+            let other = value(&t.each_ref().map(|f| f.eval(p)));
+            matches!((&own, &other), (Some(a), Some(b)) if a > b)
+        })
+    }
+}
+
+/// Quotients of linear forms.
+fn ratios(base_points: &[[Algebraic; 3]]) -> Vec<[Poly; 2]> {
+    /// Simple ones, and some in no special place.
+    const LINEAR: [[i64; 3]; 9] = [
+        [1, 0, 0],
+        [0, 1, 0],
+        [0, 0, 1],
+        [1, 2, 0],
+        [2, -1, 0],
+        [1, 0, -2],
+        [0, 1, 3],
+        [1, 3, -2],
+        [3, -2, 7],
+    ];
+    /// Directions of lines through rational base points.
+    const THROUGH: [[i64; 3]; 3] = [[1, 2, -1], [3, -1, 2], [-2, 1, 5]];
+    let mut forms: Vec<[RBig; 3]> = LINEAR.map(|c| c.map(RBig::from)).to_vec();
+    for p in base_points {
+        if let [Some(s), Some(t), Some(w)] = p.each_ref().map(Algebraic::as_rational) {
+            let line = |d: [i64; 3]| {
+                let [a, b, c] = d.map(RBig::from);
+                [&b * &w - &c * &t, &c * &s - &a * &w, &a * &t - &b * &s]
+            };
+            forms.extend(THROUGH.map(line));
+        }
+    }
+    let form = |c: &[RBig; 3]| (0..3).fold(Poly::zero(), |sum, v| sum + Poly::var(v).scale(&c[v]));
+    let forms: Vec<Poly> = forms.iter().map(form).collect();
+    let pairs = |m: usize| {
+        (0..forms.len())
+            .filter(move |&l| l != m)
+            .map(move |l| [l, m])
+    };
+    let all = (0..forms.len()).flat_map(pairs);
+    all.map(|pair| pair.map(|k| forms[k].clone())).collect()
+}
+
+/// l m∘σ − m l∘σ, m and m∘σ: where r − r∘σ may change its sign.
+fn comparison(t: &Transformation, [l, m]: [&Poly; 2]) -> [Poly; 3] {
+    let [moved_l, moved_m] = [l, m].map(|f| f.compose(t));
+    [l * &moved_m - m * &moved_l, m.clone(), moved_m]
+}
+
+/// Whether r − r∘σ keeps its sign across the curves that base points are blown up to: whether it
+/// vanishes there to an even order.
+fn is_tame(t: &Transformation, ratio: [&Poly; 2], base_points: &[[Algebraic; 3]]) -> bool {
+    let parts = comparison(t, ratio);
+    base_points
+        .iter()
+        .all(|p| parts.iter().map(|f| order_at(f, p)).sum::<usize>() % 2 == 0)
+}
+
+/// The order to which a form vanishes at a point.
+fn order_at(form: &Poly, p: &[Algebraic; 3]) -> usize {
+    let mut derivatives = vec![form.clone()];
+    let mut order = 0;
+    while !form.is_zero() && derivatives.iter().all(|d| vanishes(d, p)) {
+        let all = derivatives
+            .iter()
+            .flat_map(|d| [0, 1, 2].map(|v| d.derivative(v)));
+        derivatives = all.collect();
+        order += 1;
+    }
+    order
+}
+
+/// The irreducible curves across which r > r∘σ turns into r < r∘σ for one of the transformations,
+/// and those of them that are folds; nothing if r = r∘σ everywhere.
+fn border(
+    transformations: &[Transformation],
+    ratio: [&Poly; 2],
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<[Vec<Poly>; 2]>, Stopped> {
+    let mut curves: BTreeMap<_, (Poly, bool)> = BTreeMap::new();
+    for t in transformations {
+        check(stop)?;
+        let parts = comparison(t, ratio);
+        if parts[0].is_zero() {
+            return Ok(None);
+        }
+        let mut orders: Vec<(Poly, usize)> = Vec::new();
+        for form in parts {
+            for (f, n) in form.factor(stop)? {
+                match orders.iter_mut().find(|o| o.0 == f) {
+                    Some(known) => known.1 += n,
+                    None => orders.push((f, n)),
+                }
+            }
+        }
+        for (f, _) in orders.into_iter().filter(|o| o.1 % 2 == 1) {
+            let is_fold = is_fixed(t, &f);
+            let known = curves
+                .entry((f.total_degree(), f.terms().to_vec()))
+                .or_insert((f, false));
+            known.1 |= is_fold;
+        }
+    }
+    let (folds, seams): (Vec<_>, Vec<_>) = curves.into_values().partition(|c| c.1);
+    Ok(Some(
+        [seams, folds].map(|list| list.into_iter().map(|c| c.0).collect()),
+    ))
+}
+
+/// Whether a transformation leaves all points of a curve where they are.
+fn is_fixed(t: &Transformation, curve: &Poly) -> bool {
+    [[0, 1], [1, 2], [2, 0]]
+        .into_iter()
+        .all(|[i, j]| (&t[i] * Poly::var(j) - &t[j] * Poly::var(i)).is_multiple_of(curve))
+}
+
+/// Where a transformation takes a point, if it has a value there.
+fn image(t: &Transformation, p: [f64; 3]) -> Option<[f64; 3]> {
+    let mut is_lost = true;
+    let at = t.each_ref().map(|form| {
+        let term = |e: &[u16; 4]| (0..3).map(|v| p[v].powi(i32::from(e[v]))).product::<f64>();
+        let terms: Vec<f64> = form.to_f64().iter().map(|(e, c)| c * term(e)).collect();
+        let value: f64 = terms.iter().sum();
+        is_lost &= value.abs() <= NEAR * terms.iter().map(|x| x.abs()).sum::<f64>();
+        value
+    });
+    (!is_lost).then_some(at)
+}
+
+/// The deck transformations with rational coefficients, but the identity.
+fn transformations(map: &Map, stop: &dyn Fn() -> bool) -> Result<Vec<Transformation>, Stopped> {
+    /// Rational points, in no special place of maps that people write.
+    const POINTS: [[i64; 2]; 6] = [[2, 3], [-3, 5], [5, -7], [7, 4], [-11, 6], [13, -9]];
+    let mut found = Vec::new();
+    for at in POINTS {
+        let at = [at[0].into(), at[1].into(), RBig::ONE];
+        if let Some(others) = rational_fibre(map, &at, stop)? {
+            for other in others {
+                found.extend(transformation(map, &at, &other, stop)?);
+            }
+            break;
+        }
+    }
+    Ok(found)
+}
+
+/// The other rational points with the image of a rational point; nothing if it is a base point or
+/// on a contracted curve.
+fn rational_fibre(
+    map: &Map,
+    at: &Point,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Vec<Point>>, Stopped> {
+    let forms = map.forms();
+    let image = forms.each_ref().map(|f| f.eval(at));
+    let Some(pivot) = image.iter().position(|x| !x.is_zero()) else {
+        return Ok(None);
+    };
+    let planes: Vec<Poly> = (0..4)
+        .filter(|&i| i != pivot)
+        .map(|i| forms[i].scale(&image[pivot]) - forms[pivot].scale(&image[i]))
+        .filter(|f| !f.is_zero())
+        .collect();
+    if !planes
+        .iter()
+        .fold(Poly::zero(), |g, p| g.gcd(p))
+        .is_constant()
+    {
+        return Ok(None);
+    }
+    let mut points = Vec::new();
+    for zero in common_zeros(&planes, true, stop)? {
+        let rational = zero.homogeneous().each_ref().map(|e| e.as_rational());
+        let [Some(s), Some(t), Some(w)] = rational else {
+            continue;
+        };
+        let p = [s, t, w];
+        let is_at = (0..3).all(|i| (0..i).all(|j| &p[i] * &at[j] == &p[j] * &at[i]));
+        if !is_at && !forms[pivot].eval(&p).is_zero() {
+            points.push(p);
+        }
+    }
+    Ok(Some(points))
+}
+
+/// The deck transformation of one point to another one of its fibre, if there is one.
+fn transformation(
+    map: &Map,
+    from: &Point,
+    to: &Point,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Transformation>, Stopped> {
+    let mut degree = 1;
+    // Of the coefficients of the three forms the first one that is not zero is 1.
+    let mut known: Option<(usize, Crt)> = None;
+    for field in primes().take(PRIMES) {
+        check(stop)?;
+        let Some(lines) = continued(&field, map, from, to) else {
+            continue;
+        };
+        let solution = (degree..=MOST).find_map(|n| Some((n, agreeing(&field, &lines, n)?)));
+        let Some((n, values)) = solution else {
+            return Ok(None);
+        };
+        let Some(first) = values.iter().position(|v| *v != 0) else {
+            continue;
+        };
+        if n > degree {
+            // The primes before were special.
+            (degree, known) = (n, None);
+        }
+        let crt = match &mut known {
+            Some((place, crt)) if *place == first => crt,
+            Some(_) => continue,
+            None => &mut known.insert((first, Crt::new(values.len()))).1,
+        };
+        crt.push(&field, &values);
+        if let Some((numerators, denominator)) = crt.rational() {
+            let list = monomials(degree);
+            let coefficients: Vec<RBig> = numerators
+                .into_iter()
+                .map(|n| RBig::from_parts(n, denominator.clone()))
+                .collect();
+            let form = |k: usize| {
+                let part = &coefficients[k * list.len()..][..list.len()];
+                Poly::from_terms(
+                    list.iter()
+                        .map(|e| [e[0], e[1], e[2], 0])
+                        .zip(part.iter().cloned()),
+                )
+            };
+            let candidate = [0, 1, 2].map(form);
+            if is_deck(map, &candidate) {
+                return Ok(Some(candidate));
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// Whether φ∘σ = φ.
+fn is_deck(map: &Map, t: &Transformation) -> bool {
+    let [forms @ .., w] = map.forms();
+    let moved = w.compose(t);
+    !moved.is_zero() && forms.iter().all(|f| f.compose(t) * w == &moved * f)
+}
+
+/// The exponents of the monomials of a degree.
+fn monomials(degree: usize) -> Vec<[u16; 3]> {
+    let n = degree as u16;
+    let row = |i: u16| (0..=n - i).map(move |j| [i, j, n - i - j]);
+    (0..=n).flat_map(row).collect()
+}
+
+/// A power series modulo a prime, [`TERMS`] terms.
+type Series = [u64; TERMS];
+
+fn product(f: &Fp, a: &Series, b: &Series) -> Series {
+    let mut c = [0; TERMS];
+    for (i, &x) in a.iter().enumerate().filter(|(_, x)| **x != 0) {
+        for (y, sum) in b.iter().zip(&mut c[i..]) {
+            *sum = f.add(*sum, f.mul(x, *y));
+        }
+    }
+    c
+}
+
+/// The powers of three series up to a degree.
+fn powers(f: &Fp, at: &[Series; 3], degree: usize) -> [Vec<Series>; 3] {
+    at.each_ref().map(|x| {
+        let mut one = [0; TERMS];
+        one[0] = f.one();
+        let mut list = vec![one];
+        for k in 0..degree {
+            list.push(product(f, &list[k], x));
+        }
+        list
+    })
+}
+
+/// Forms modulo a prime.
+struct Forms {
+    degree: usize,
+    terms: [Vec<([u16; 3], u64)>; 4],
+}
+
+impl Forms {
+    /// Nothing if the prime divides a denominator.
+    fn new(f: &Fp, map: &Map) -> Option<Self> {
+        let mut terms: [Vec<([u16; 3], u64)>; 4] = Default::default();
+        for (list, form) in terms.iter_mut().zip(map.forms()) {
+            let d = f.of_ubig(form.denominator());
+            if d == 0 {
+                return None;
+            }
+            let inverse = f.inv(d);
+            let of = |c| f.mul(f.of_ibig(c), inverse);
+            *list = form
+                .terms()
+                .iter()
+                .map(|(e, c)| ([e[0], e[1], e[2]], of(c)))
+                .collect();
+        }
+        Some(Self {
+            degree: map.degree(),
+            terms,
+        })
+    }
+    fn at(&self, f: &Fp, point: &[Series; 3]) -> [Series; 4] {
+        let powers = powers(f, point, self.degree);
+        self.terms.each_ref().map(|terms| {
+            let mut sum = [0; TERMS];
+            for (e, c) in terms {
+                let [x, y, z] = [0, 1, 2].map(|v| &powers[v][usize::from(e[v])]);
+                let term = product(f, &product(f, x, y), z);
+                (0..TERMS).for_each(|k| sum[k] = f.add(sum[k], f.mul(*c, term[k])));
+            }
+            sum
+        })
+    }
+}
+
+/// Points on lines through a point, and the points of their fibres that continue another one:
+/// nothing where the prime, or the point, is special.
+fn continued(f: &Fp, map: &Map, from: &Point, to: &Point) -> Option<Vec<[[Series; 3]; 2]>> {
+    let forms = Forms::new(f, map)?;
+    let residues = |p: &Point| {
+        let [a, b, c] = p.each_ref().map(|x| f.of_rbig(x));
+        Some([a?, b?, c?])
+    };
+    let (from, to) = (residues(from)?, residues(to)?);
+    let constant = |x: u64| {
+        let mut series = [0; TERMS];
+        series[0] = x;
+        series
+    };
+    let along = |k: usize| {
+        let mut p = from.map(constant);
+        (p[0][1], p[1][1]) = (f.one(), f.of_u64(k as u64));
+        let source = forms.at(f, &p);
+        Some([p, lifted(f, &forms, &source, to.map(constant))?])
+    };
+    (0..LINES).map(along).collect()
+}
+
+/// The series of which the forms are proportional to given ones, from its first term.
+fn lifted(f: &Fp, forms: &Forms, source: &[Series; 4], mut q: [Series; 3]) -> Option<[Series; 3]> {
+    let pivot = (0..4).find(|&i| source[i][0] != 0)?;
+    let fixed = (0..3).find(|&v| q[v][0] != 0)?;
+    let free: Vec<usize> = (0..3).filter(|&v| v != fixed).collect();
+    let rows: Vec<usize> = (0..4).filter(|&i| i != pivot).collect();
+    let residual = |q: &[Series; 3], order: usize| {
+        let values = forms.at(f, q);
+        rows.iter()
+            .map(|&i| {
+                let [a, b] = [
+                    product(f, &values[i], &source[pivot]),
+                    product(f, &values[pivot], &source[i]),
+                ];
+                f.sub(a[order], b[order])
+            })
+            .collect::<Vec<u64>>()
+    };
+    // The derivatives by the two free coordinates, read off the first order.
+    let mut slopes: Vec<Vec<u64>> = Vec::new();
+    let at_rest = residual(&q, 1);
+    for &v in &free {
+        let mut moved = q;
+        moved[v][1] = f.one();
+        let by = residual(&moved, 1);
+        slopes.push(
+            by.iter()
+                .zip(&at_rest)
+                .map(|(a, b)| f.sub(*a, *b))
+                .collect(),
+        );
+    }
+    let determinant = |i: usize, j: usize| {
+        f.sub(
+            f.mul(slopes[0][i], slopes[1][j]),
+            f.mul(slopes[0][j], slopes[1][i]),
+        )
+    };
+    let (i, j) = [(0, 1), (0, 2), (1, 2)]
+        .into_iter()
+        .find(|&(i, j)| determinant(i, j) != 0)?;
+    let inverse = f.inv(determinant(i, j));
+    for order in 1..TERMS {
+        let r = residual(&q, order);
+        let [by_0, by_1] = [
+            f.sub(f.mul(r[i], slopes[1][j]), f.mul(r[j], slopes[1][i])),
+            f.sub(f.mul(slopes[0][i], r[j]), f.mul(slopes[0][j], r[i])),
+        ];
+        q[free[0]][order] = f.neg(f.mul(by_0, inverse));
+        q[free[1]][order] = f.neg(f.mul(by_1, inverse));
+    }
+    Some(q)
+}
+
+/// The coefficients of three forms of a degree that take all points of lines to those continued, if
+/// there are any; the first one that is not zero is 1.
+fn agreeing(f: &Fp, lines: &[[[Series; 3]; 2]], degree: usize) -> Option<Vec<u64>> {
+    let list = monomials(degree);
+    let n = list.len();
+    let mut rows: Vec<Vec<u64>> = Vec::new();
+    for [p, q] in lines {
+        let powers = powers(f, p, degree);
+        let values: Vec<Series> = list
+            .iter()
+            .map(|e| {
+                let [x, y, z] = [0, 1, 2].map(|v| &powers[v][usize::from(e[v])]);
+                product(f, &product(f, x, y), z)
+            })
+            .collect();
+        for [i, j] in [[0, 1], [1, 2], [2, 0]] {
+            let on_i: Vec<Series> = values.iter().map(|v| product(f, v, &q[j])).collect();
+            let on_j: Vec<Series> = values.iter().map(|v| product(f, v, &q[i])).collect();
+            for k in 0..TERMS {
+                let mut row = vec![0; 3 * n];
+                for c in 0..n {
+                    row[i * n + c] = on_i[c][k];
+                    row[j * n + c] = f.neg(on_j[c][k]);
+                }
+                rows.push(row);
+            }
+        }
+    }
+    kernel(f, rows, 3 * n)
+}
+
+/// A vector that all rows are orthogonal to, if there is one but zero: its first component that is
+/// not zero is 1.
+fn kernel(f: &Fp, rows: Vec<Vec<u64>>, n: usize) -> Option<Vec<u64>> {
+    let mut echelon: Vec<(usize, Vec<u64>)> = Vec::new();
+    for mut row in rows {
+        for (pivot, known) in &echelon {
+            let factor = row[*pivot];
+            if factor != 0 {
+                (0..n).for_each(|k| row[k] = f.sub(row[k], f.mul(factor, known[k])));
+            }
+        }
+        let Some(pivot) = row.iter().position(|x| *x != 0) else {
+            continue;
+        };
+        let inverse = f.inv(row[pivot]);
+        row.iter_mut().for_each(|x| *x = f.mul(*x, inverse));
+        for (_, known) in &mut echelon {
+            let factor = known[pivot];
+            if factor != 0 {
+                (0..n).for_each(|k| known[k] = f.sub(known[k], f.mul(factor, row[k])));
+            }
+        }
+        echelon.push((pivot, row));
+        if echelon.len() == n {
+            return None;
+        }
+    }
+    let free = (0..n).find(|k| !echelon.iter().any(|e| e.0 == *k))?;
+    let mut solution = vec![0; n];
+    solution[free] = f.one();
+    for (pivot, row) in &echelon {
+        solution[*pivot] = f.neg(row[free]);
+    }
+    let first = solution.iter().copied().find(|x| *x != 0)?;
+    let inverse = f.inv(first);
+    Some(solution.into_iter().map(|x| f.mul(x, inverse)).collect())
+}
