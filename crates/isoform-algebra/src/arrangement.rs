@@ -12,7 +12,9 @@
 //! Four triangles, one per quadrant of (s, t), make up the projective plane.
 
 use crate::fibre::{FIRST_BITS, FIRST_FIBRE_BITS, Fibre, FibreError, Fibres};
-use crate::float_roots::{Bounded, Wide, all_roots, in_bernstein, proved_roots};
+use crate::float_roots::{
+    Bounded, Number, Wide, all_roots, certain_bernstein, proved_roots, stretched,
+};
 use crate::modular::bits;
 use crate::poly::Poly;
 use crate::resultant::{ResultantError, Subresultants, resultant};
@@ -352,12 +354,7 @@ impl Curve {
     /// them: all of them, each simple, in disjoint intervals.
     fn roots_over(&self, u: Wide) -> Option<Vec<[RBig; 2]>> {
         let top = Wide::exact(1.0) + Wide::exact(-1.0) * u;
-        let mut scale = Wide::exact(1.0);
-        let mut coefficients = over(&self.wide, U, u);
-        for c in &mut coefficients {
-            *c = *c * scale;
-            scale = scale * top;
-        }
+        let coefficients = stretched(&over(&self.wide, U, u), top);
         // From shares of the height to heights.
         let top = top.bounds();
         let height = |x: f64, top: f64, outward: fn(f64) -> f64| RBig::try_from(outward(x * top));
@@ -382,14 +379,11 @@ impl Curve {
                 coefficients[j] = coefficients[j] + coefficients[j + 1] * from;
             }
         }
-        let mut scale = Wide::exact(1.0);
-        for c in &mut coefficients {
-            *c = *c * scale;
-            scale = scale * length;
-        }
-        let mut signs = in_bernstein(&coefficients).into_iter().map(Wide::sign);
-        let first = signs.next();
-        first != Some(0) && signs.all(|s| Some(s) == first)
+        certain_bernstein(&stretched(&coefficients, length)).is_some_and(|b| {
+            let mut signs = b.into_iter().map(Wide::sign);
+            let first = signs.next();
+            first != Some(0) && signs.all(|s| Some(s) == first)
+        })
     }
 }
 
