@@ -22,7 +22,7 @@ use crate::roots::{RealRoot, real_roots, simplest_between};
 use crate::upoly::UPoly;
 use dashu_int::UBig;
 use dashu_ratio::RBig;
-use isoform_num::{DoubleDouble, Interval};
+use isoform_num::Interval;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -282,21 +282,6 @@ impl Arrangement {
     }
 }
 
-/// A number between two others, with its bounds.
-fn wide(lo: &RBig, hi: &RBig) -> Wide {
-    let near = lo.to_f64().value();
-    let Ok(exact) = RBig::try_from(near) else {
-        return Wide::new(near.into(), f64::NAN);
-    };
-    let (below, above) = (
-        (lo - &exact).to_f64().value(),
-        (hi - exact).to_f64().value(),
-    );
-    // Both are rounded.
-    let radius = (above - below) + (below.abs() + above.abs()) * f64::EPSILON + f64::MIN_POSITIVE;
-    Wide::new(DoubleDouble::new(near, below), radius)
-}
-
 /// The coefficients of powers of one variable where the other one, of index `fixed`, has a value;
 /// one at least.
 fn over<T: Bounded>(terms: &Terms<T>, fixed: usize, value: T) -> Vec<T> {
@@ -333,11 +318,7 @@ impl Curve {
             let exponents = [usize::from(e[U]), usize::from(e[V])];
             let near = c.to_f64().value();
             terms.push((exponents, Interval::new(near.next_down(), near.next_up())));
-            let left = RBig::try_from(near).map(|near| (c - near).to_f64().value());
-            let middle = DoubleDouble::new(near, left.unwrap_or(f64::NAN));
-            // The second double is rounded, or below the smallest one.
-            let radius = left.map_or(f64::NAN, |l| l.abs() * f64::EPSILON + f64::MIN_POSITIVE);
-            wide.push((exponents, Wide::new(middle, radius)));
+            wide.push((exponents, Wide::between(&c, &c)));
         }
         Ok(Self {
             rest,
@@ -370,8 +351,9 @@ impl Curve {
 
     /// Whether the polynomial is proved to have no zero on v = c for u from one number to another.
     fn misses(&self, [from, to]: [&RBig; 2], c: &RBig) -> bool {
-        let (from, length) = (wide(from, from), wide(&(to - from), &(to - from)));
-        let mut coefficients = over(&self.wide, V, wide(c, c));
+        let length = to - from;
+        let (from, length) = (Wide::between(from, from), Wide::between(&length, &length));
+        let mut coefficients = over(&self.wide, V, Wide::between(c, c));
         // In shares of the way.
         let n = coefficients.len();
         for i in 0..n {
@@ -567,7 +549,7 @@ impl Work {
         stop: &dyn Fn() -> bool,
     ) -> Result<Vec<Roots>, ArrangementError> {
         let (lo, hi) = critical.u.interval();
-        let u = wide(&lo, &hi);
+        let u = Wide::between(&lo, &hi);
         let roots = |(k, c): (usize, &Curve)| {
             let Some(fibres) = &c.fibres else {
                 return Ok(Roots::None);
@@ -798,7 +780,7 @@ impl Work {
     fn arcs_at(&self, u: &RBig) -> (Vec<usize>, Vec<RBig>) {
         let n = self.curves.len();
         let top = RBig::ONE - u;
-        let at = wide(u, u);
+        let at = Wide::between(u, u);
         let near = self.curves.iter().enumerate().map(|(k, c)| {
             let roots = match c.fibres {
                 Some(_) => c.roots_over(at)?,
@@ -900,7 +882,7 @@ impl Work {
     /// Of each root between the sides over u the number of separators below it, if floating point
     /// tells.
     fn near_gaps(&self, u: &RBig, separators: &Separators) -> Option<Vec<usize>> {
-        let at = wide(u, u);
+        let at = Wide::between(u, u);
         let mut found = Vec::new();
         for c in self.curves.iter().filter(|c| c.fibres.is_some()) {
             for [lo, hi] in c.roots_over(at)? {

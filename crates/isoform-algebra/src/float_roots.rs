@@ -1,6 +1,7 @@
 //! Real roots in floating point, proved by sign changes: where it is known how many there are, many
 //! samples of a curve need no exact arithmetic.
 
+use dashu_ratio::RBig;
 use isoform_num::{DoubleDouble, Interval};
 use std::ops::{Add, Mul};
 
@@ -105,9 +106,20 @@ pub(crate) struct Wide {
 const WIDE_ERROR: f64 = f64::EPSILON * f64::EPSILON * 16.0;
 
 impl Wide {
-    /// The numbers within `radius` of `middle`.
-    pub(crate) fn new(middle: DoubleDouble, radius: f64) -> Self {
+    fn new(middle: DoubleDouble, radius: f64) -> Self {
         Self { middle, radius }
+    }
+    /// The numbers from one to another.
+    pub(crate) fn between(lo: &RBig, hi: &RBig) -> Self {
+        let near = lo.to_f64().value();
+        let Ok(exact) = RBig::try_from(near) else {
+            return Self::new(near.into(), f64::NAN);
+        };
+        let [below, above] = [lo - &exact, hi - exact].map(|x| x.to_f64().value());
+        // Both are rounded, or below the smallest double.
+        let rounding = (below.abs() + above.abs()) * f64::EPSILON;
+        let radius = (above - below) + rounding + f64::MIN_POSITIVE;
+        Self::new(DoubleDouble::new(near, below), radius)
     }
     /// Doubles below and above all of the numbers.
     pub(crate) fn bounds(self) -> [f64; 2] {
@@ -380,7 +392,6 @@ fn refine(value: &dyn Fn(f64) -> f64, mut lo: f64, mut hi: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dashu_ratio::RBig;
 
     fn exact(c: &[f64]) -> Vec<Interval> {
         c.iter().map(|&c| Interval::new(c, c)).collect()
@@ -431,12 +442,7 @@ mod tests {
                 exact[i] -= next;
             }
         }
-        let wide = |c: &RBig| {
-            let near = c.to_f64().value();
-            let left = (c - RBig::try_from(near).expect("finite")).to_f64().value();
-            Wide::new(DoubleDouble::new(near, left), left.abs() * f64::EPSILON)
-        };
-        let near = exact.iter().map(wide).collect();
+        let near = exact.iter().map(|c| Wide::between(c, c)).collect();
         (exact, near)
     }
 
@@ -505,6 +511,32 @@ mod tests {
         }
         let is_certain = |n: usize| certain_bernstein(&exact(&vec![1.0; n + 1])).is_some();
         assert!(is_certain(WHOLE) && !is_certain(WHOLE + 1));
+    }
+
+    /// Both ends of a range are within the bounds, whatever of them is rounded.
+    #[test]
+    fn ranges_are_within_the_bounds() {
+        let mut rng = fastrand::Rng::with_seed(3);
+        let exactly = |x: f64| RBig::try_from(x).expect("finite");
+        for _ in 0..20_000 {
+            // With digits beyond those of a double, at about so many bits.
+            let mut draw = |bits: i32| {
+                let size = 2f64.powi(-bits);
+                exactly((1.0 + rng.f64()) * size) + exactly(rng.f64() * size * 2f64.powi(-53))
+            };
+            let lo = draw(0) - draw(54);
+            let hi = &lo + draw(52);
+            for [lo, hi] in [[&lo, &lo], [&lo, &hi]] {
+                let wide = Wide::between(lo, hi);
+                let second = (wide.middle + DoubleDouble::from(-wide.middle.value())).value();
+                let middle = exactly(wide.middle.value()) + exactly(second);
+                let radius = exactly(wide.radius);
+                assert!(
+                    &middle - &radius <= *lo && *hi <= middle + radius,
+                    "{lo} {hi}"
+                );
+            }
+        }
     }
 
     /// Sums, products and reciprocals against exact arithmetic: what is exact is within the bounds.
