@@ -94,6 +94,10 @@ fn middle(a: Point3, b: Point3) -> Point3 {
 fn distance(a: Point3, b: Point3) -> f64 {
     norm(sub(a, b))
 }
+/// The length of the longest edge of a triangle.
+fn longest([p, q, r]: [Point3; 3]) -> f64 {
+    distance(p, q).max(distance(q, r)).max(distance(r, p))
+}
 
 /// Halvings of a contracted curve because what leaves it turns.
 const TURNS: usize = 10;
