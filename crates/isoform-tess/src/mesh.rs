@@ -180,6 +180,12 @@ pub(crate) fn mesh(
             builder.add(unit, &mut joined);
         }
         let mut surface = joined.surface;
+        surface.is_double_curve_known = curves.glued
+            && !builder.gluing.is_stopped
+            && analysis
+                .singular
+                .as_ref()
+                .is_some_and(|s| s.double.is_some());
         surface.double_curve = std::mem::take(&mut builder.gluing.arcs);
         surface.unproven.append(&mut builder.gluing.unproven);
         finish(surface, builder.half_width, curves.glued, &|p| {

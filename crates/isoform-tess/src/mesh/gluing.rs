@@ -90,6 +90,8 @@ pub(super) struct Gluing {
     spokes: BTreeMap<(usize, Ray, [u64; 2]), Vec<SpokeVertex>>,
     points: Vec<(usize, [f64; 2])>,
     pub(super) arcs: Vec<DoubleArc>,
+    /// Whether it was given up before there were arcs.
+    pub(super) is_stopped: bool,
     pub(super) unproven: Vec<String>,
 }
 
@@ -144,6 +146,7 @@ impl Builder<'_> {
                     }
                     j += 1;
                     if (self.stop)() {
+                        gluing.is_stopped = true;
                         gluing.unproven.push("the double curve: stopped".into());
                         return gluing;
                     }
