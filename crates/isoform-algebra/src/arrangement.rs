@@ -910,7 +910,7 @@ impl Work {
                     g.degree() == 0
                         || real_roots(&g).iter().all(|r| {
                             let (from, to) = (r.cmp(u), r.cmp_rational(at));
-                            // On the same side of both, the wall itself excluded by the choice of c.
+                            // On the same side of both, and not on the wall, by the choice of c.
                             from == to && to.is_ne()
                         })
                 }

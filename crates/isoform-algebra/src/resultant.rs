@@ -9,7 +9,8 @@
 //! most j
 //!
 //! ```text
-//! Sⱼ = Σᵢ det(Mⱼᵢ) yⁱ,   Mⱼᵢ: rows y^(m−j−1) f, …, f, y^(n−j−1) g, …, g; columns y^(n+m−j−1), …, y^(j+1), yⁱ
+//! Sⱼ = Σᵢ det(Mⱼᵢ) yⁱ,   Mⱼᵢ: rows y^(m−j−1) f, …, f, y^(n−j−1) g, …, g;
+//!                             columns y^(n+m−j−1), …, y^(j+1), yⁱ
 //! ```
 //!
 //! and S₀ is the resultant. Where S₀ … S₍ₖ₋₁₎ lose their principal coefficients (of yʲ) and Sₖ does

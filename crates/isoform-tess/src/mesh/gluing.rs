@@ -71,8 +71,8 @@ impl Piece {
 /// upon each other.
 const CROWDED: f64 = 8.0;
 
-/// How far from the end of an arc, in the parameters, a place that rounding puts onto the wall there
-/// may be: what is on an arc with a vertical tangent is half the digits from its end.
+/// How far from the end of an arc, in the parameters, a place that rounding puts onto the wall
+/// there may be: what is on an arc with a vertical tangent is half the digits from its end.
 const AT_END: f64 = 1e-7;
 
 /// A vertex between a rectangle and a seam: its class and parameters.
