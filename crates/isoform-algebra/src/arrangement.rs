@@ -12,7 +12,9 @@
 //! Four triangles, one per quadrant of (s, t), make up the projective plane.
 
 use crate::fibre::{FIRST_BITS, FIRST_FIBRE_BITS, Fibre, FibreError, Fibres};
-use crate::float_roots::{Bounded, Wide, all_roots, in_bernstein, proved_roots};
+use crate::float_roots::{
+    Bounded, Number, Wide, all_roots, certain_bernstein, proved_roots, stretched,
+};
 use crate::modular::bits;
 use crate::poly::Poly;
 use crate::resultant::{ResultantError, Subresultants, resultant};
@@ -20,7 +22,7 @@ use crate::roots::{RealRoot, real_roots, simplest_between};
 use crate::upoly::UPoly;
 use dashu_int::UBig;
 use dashu_ratio::RBig;
-use isoform_num::{DoubleDouble, Interval};
+use isoform_num::Interval;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -280,21 +282,6 @@ impl Arrangement {
     }
 }
 
-/// A number between two others, with its bounds.
-fn wide(lo: &RBig, hi: &RBig) -> Wide {
-    let near = lo.to_f64().value();
-    let Ok(exact) = RBig::try_from(near) else {
-        return Wide::new(near.into(), f64::NAN);
-    };
-    let (below, above) = (
-        (lo - &exact).to_f64().value(),
-        (hi - exact).to_f64().value(),
-    );
-    // Both are rounded.
-    let radius = (above - below) + (below.abs() + above.abs()) * f64::EPSILON + f64::MIN_POSITIVE;
-    Wide::new(DoubleDouble::new(near, below), radius)
-}
-
 /// The coefficients of powers of one variable where the other one, of index `fixed`, has a value;
 /// one at least.
 fn over<T: Bounded>(terms: &Terms<T>, fixed: usize, value: T) -> Vec<T> {
@@ -331,11 +318,7 @@ impl Curve {
             let exponents = [usize::from(e[U]), usize::from(e[V])];
             let near = c.to_f64().value();
             terms.push((exponents, Interval::new(near.next_down(), near.next_up())));
-            let left = RBig::try_from(near).map(|near| (c - near).to_f64().value());
-            let middle = DoubleDouble::new(near, left.unwrap_or(f64::NAN));
-            // The second double is rounded, or below the smallest one.
-            let radius = left.map_or(f64::NAN, |l| l.abs() * f64::EPSILON + f64::MIN_POSITIVE);
-            wide.push((exponents, Wide::new(middle, radius)));
+            wide.push((exponents, Wide::between(&c, &c)));
         }
         Ok(Self {
             rest,
@@ -352,12 +335,7 @@ impl Curve {
     /// them: all of them, each simple, in disjoint intervals.
     fn roots_over(&self, u: Wide) -> Option<Vec<[RBig; 2]>> {
         let top = Wide::exact(1.0) + Wide::exact(-1.0) * u;
-        let mut scale = Wide::exact(1.0);
-        let mut coefficients = over(&self.wide, U, u);
-        for c in &mut coefficients {
-            *c = *c * scale;
-            scale = scale * top;
-        }
+        let coefficients = stretched(&over(&self.wide, U, u), top);
         // From shares of the height to heights.
         let top = top.bounds();
         let height = |x: f64, top: f64, outward: fn(f64) -> f64| RBig::try_from(outward(x * top));
@@ -373,8 +351,9 @@ impl Curve {
 
     /// Whether the polynomial is proved to have no zero on v = c for u from one number to another.
     fn misses(&self, [from, to]: [&RBig; 2], c: &RBig) -> bool {
-        let (from, length) = (wide(from, from), wide(&(to - from), &(to - from)));
-        let mut coefficients = over(&self.wide, V, wide(c, c));
+        let length = to - from;
+        let (from, length) = (Wide::between(from, from), Wide::between(&length, &length));
+        let mut coefficients = over(&self.wide, V, Wide::between(c, c));
         // In shares of the way.
         let n = coefficients.len();
         for i in 0..n {
@@ -382,14 +361,11 @@ impl Curve {
                 coefficients[j] = coefficients[j] + coefficients[j + 1] * from;
             }
         }
-        let mut scale = Wide::exact(1.0);
-        for c in &mut coefficients {
-            *c = *c * scale;
-            scale = scale * length;
-        }
-        let mut signs = in_bernstein(&coefficients).into_iter().map(Wide::sign);
-        let first = signs.next();
-        first != Some(0) && signs.all(|s| Some(s) == first)
+        certain_bernstein(&stretched(&coefficients, length)).is_some_and(|b| {
+            let mut signs = b.into_iter().map(Wide::sign);
+            let first = signs.next();
+            first != Some(0) && signs.all(|s| Some(s) == first)
+        })
     }
 }
 
@@ -573,7 +549,7 @@ impl Work {
         stop: &dyn Fn() -> bool,
     ) -> Result<Vec<Roots>, ArrangementError> {
         let (lo, hi) = critical.u.interval();
-        let u = wide(&lo, &hi);
+        let u = Wide::between(&lo, &hi);
         let roots = |(k, c): (usize, &Curve)| {
             let Some(fibres) = &c.fibres else {
                 return Ok(Roots::None);
@@ -804,7 +780,7 @@ impl Work {
     fn arcs_at(&self, u: &RBig) -> (Vec<usize>, Vec<RBig>) {
         let n = self.curves.len();
         let top = RBig::ONE - u;
-        let at = wide(u, u);
+        let at = Wide::between(u, u);
         let near = self.curves.iter().enumerate().map(|(k, c)| {
             let roots = match c.fibres {
                 Some(_) => c.roots_over(at)?,
@@ -906,7 +882,7 @@ impl Work {
     /// Of each root between the sides over u the number of separators below it, if floating point
     /// tells.
     fn near_gaps(&self, u: &RBig, separators: &Separators) -> Option<Vec<usize>> {
-        let at = wide(u, u);
+        let at = Wide::between(u, u);
         let mut found = Vec::new();
         for c in self.curves.iter().filter(|c| c.fibres.is_some()) {
             for [lo, hi] in c.roots_over(at)? {
@@ -934,7 +910,7 @@ impl Work {
                     g.degree() == 0
                         || real_roots(&g).iter().all(|r| {
                             let (from, to) = (r.cmp(u), r.cmp_rational(at));
-                            // On the same side of both, the wall itself excluded by the choice of c.
+                            // On the same side of both, and not on the wall, by the choice of c.
                             from == to && to.is_ne()
                         })
                 }

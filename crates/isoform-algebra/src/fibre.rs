@@ -1,12 +1,16 @@
 //! Real roots of f(α, y) for a polynomial f(x, y) over Q and a real algebraic number α.
 //!
-//! Which subresultant of f and ∂f/∂y is the first whose principal coefficient does not vanish at α
-//! is decided exactly; it is the common divisor there, and f divided by it has simple roots only.
-//! These are isolated by Descartes' rule on coefficients known to a growing precision (after A.
-//! Eigenwillig, L. Kettner, W. Krandick, K. Mehlhorn, S. Schmitt, N. Wolpert, CASC 2005), with ends
-//! at which signs are certain. Multiplicities are certain by Pellet's test: if |aₘ| rᵐ exceeds the
-//! sum of the other |aᵢ| rⁱ, the disk of radius r around the centre of expansion holds exactly m
-//! roots. No genericity is assumed.
+//! Where the resultant of f and ∂f/∂y vanishes, which is decided exactly, the two have a common
+//! divisor, and f divided by it has simple roots only. If it is linear, Euclid's algorithm in balls
+//! gives it, in which leading coefficients are proved not to vanish (`linear_divisor`). Otherwise
+//! it is the first subresultant whose principal coefficient does not vanish at α, again exactly; or
+//! Euclid's algorithm over Q gives it, if α is rational.
+//!
+//! The simple roots are isolated by Descartes' rule on coefficients known to a growing precision
+//! (after A. Eigenwillig, L. Kettner, W. Krandick, K. Mehlhorn, S. Schmitt, N. Wolpert, CASC 2005),
+//! with ends at which signs are certain. Multiplicities are certain by Pellet's test: if |aₘ| rᵐ
+//! exceeds the sum of the other |aᵢ| rⁱ, the disk of radius r around the centre of expansion holds
+//! exactly m roots. No genericity is assumed.
 
 use crate::ball::{self, Ball};
 use crate::poly::Poly;

@@ -1,6 +1,7 @@
 //! Real roots in floating point, proved by sign changes: where it is known how many there are, many
 //! samples of a curve need no exact arithmetic.
 
+use dashu_ratio::RBig;
 use isoform_num::{DoubleDouble, Interval};
 use std::ops::{Add, Mul};
 
@@ -13,17 +14,41 @@ const WIDTH: f64 = 1e-13;
 /// are exact; above it no sign is certain.
 const WHOLE: usize = 51;
 
+/// A number that Bernstein coefficients are made of.
+pub(crate) trait Number: Copy + Add<Output = Self> + Mul<Output = Self> {
+    /// A double, exactly.
+    fn exact(x: f64) -> Self;
+    /// 1/x of a double that is not 0.
+    fn reciprocal(x: f64) -> Self;
+}
+
 /// A number to search with.
-pub(crate) trait Approximate:
-    Copy + From<f64> + Add<Output = Self> + Mul<Output = Self>
-{
+pub(crate) trait Approximate: Number {
     /// Rounded to a double.
     fn rounded(self) -> f64;
+}
+
+impl Number for f64 {
+    fn exact(x: f64) -> Self {
+        x
+    }
+    fn reciprocal(x: f64) -> Self {
+        newton_reciprocal(x)
+    }
 }
 
 impl Approximate for f64 {
     fn rounded(self) -> f64 {
         self
+    }
+}
+
+impl Number for DoubleDouble {
+    fn exact(x: f64) -> Self {
+        x.into()
+    }
+    fn reciprocal(x: f64) -> Self {
+        newton_reciprocal(x)
     }
 }
 
@@ -33,33 +58,38 @@ impl Approximate for DoubleDouble {
     }
 }
 
+/// 1/x, by one step of Newton's iteration from the rounded quotient.
+fn newton_reciprocal<T: Number>(x: f64) -> T {
+    let near = T::exact(1.0 / x);
+    near * (T::exact(2.0) + T::exact(-x) * near)
+}
+
 /// A number that is known within bounds.
-pub(crate) trait Bounded: Copy + Add<Output = Self> + Mul<Output = Self> {
+pub(crate) trait Bounded: Number {
     /// What it is searched with.
     type Middle: Approximate;
-    /// A double, exactly.
-    fn exact(x: f64) -> Self;
     /// A number within the bounds.
     fn middle(self) -> Self::Middle;
     /// −1 or 1 if all numbers within the bounds have that sign, otherwise 0.
     fn sign(self) -> i8;
-    /// 1/x of a double that is not 0.
-    fn reciprocal(x: f64) -> Self;
+}
+
+impl Number for Interval {
+    fn exact(x: f64) -> Self {
+        Self::new(x, x)
+    }
+    fn reciprocal(x: f64) -> Self {
+        Self::new((1.0 / x).next_down(), (1.0 / x).next_up())
+    }
 }
 
 impl Bounded for Interval {
     type Middle = f64;
-    fn exact(x: f64) -> Self {
-        Self::new(x, x)
-    }
     fn middle(self) -> f64 {
         0.5 * (self.lo() + self.hi())
     }
     fn sign(self) -> i8 {
         i8::from(self.lo() > 0.0) - i8::from(self.hi() < 0.0)
-    }
-    fn reciprocal(x: f64) -> Self {
-        Self::new((1.0 / x).next_down(), (1.0 / x).next_up())
     }
 }
 
@@ -76,9 +106,20 @@ pub(crate) struct Wide {
 const WIDE_ERROR: f64 = f64::EPSILON * f64::EPSILON * 16.0;
 
 impl Wide {
-    /// The numbers within `radius` of `middle`.
-    pub(crate) fn new(middle: DoubleDouble, radius: f64) -> Self {
+    fn new(middle: DoubleDouble, radius: f64) -> Self {
         Self { middle, radius }
+    }
+    /// The numbers from one to another.
+    pub(crate) fn between(lo: &RBig, hi: &RBig) -> Self {
+        let near = lo.to_f64().value();
+        let Ok(exact) = RBig::try_from(near) else {
+            return Self::new(near.into(), f64::NAN);
+        };
+        let [below, above] = [lo - &exact, hi - exact].map(|x| x.to_f64().value());
+        // Both are rounded, or below the smallest double.
+        let rounding = (below.abs() + above.abs()) * f64::EPSILON;
+        let radius = (above - below) + rounding + f64::MIN_POSITIVE;
+        Self::new(DoubleDouble::new(near, below), radius)
     }
     /// Doubles below and above all of the numbers.
     pub(crate) fn bounds(self) -> [f64; 2] {
@@ -111,11 +152,19 @@ impl Mul for Wide {
     }
 }
 
-impl Bounded for Wide {
-    type Middle = DoubleDouble;
+impl Number for Wide {
     fn exact(x: f64) -> Self {
         Self::new(x.into(), 0.0)
     }
+    fn reciprocal(x: f64) -> Self {
+        let middle = DoubleDouble::reciprocal(x);
+        // The iteration squares the error of a double, and rounds three times.
+        Self::around(middle, 4.0 * middle.value().abs(), 0.0)
+    }
+}
+
+impl Bounded for Wide {
+    type Middle = DoubleDouble;
     fn middle(self) -> DoubleDouble {
         self.middle
     }
@@ -124,11 +173,6 @@ impl Bounded for Wide {
         // The second double of the sum is below one part in 2^52 of the first.
         let beyond = self.radius + 2.0 * f64::EPSILON * at.abs();
         i8::from(at > beyond) - i8::from(at < -beyond)
-    }
-    fn reciprocal(x: f64) -> Self {
-        let middle: DoubleDouble = reciprocal(x);
-        // The iteration squares the error of a double, and rounds three times.
-        Self::around(middle, 4.0 * middle.value().abs(), 0.0)
     }
 }
 
@@ -162,21 +206,9 @@ pub(crate) fn proved_roots<T: Bounded>(
 
 /// Where a root in a cell is, and how far to both sides of it the signs differ.
 fn bracket<T: Bounded>(coefficients: &[T], (lo, hi): (f64, f64)) -> Option<(f64, f64)> {
-    let value = |v: f64| {
-        let v = T::Middle::from(v);
-        let middles = coefficients.iter().rev().map(|c| c.middle());
-        middles
-            .fold(T::Middle::from(0.0), |sum, c| sum * v + c)
-            .rounded()
-    };
-    let sign = |v: f64| {
-        let v = T::exact(v);
-        coefficients
-            .iter()
-            .rev()
-            .fold(T::exact(0.0), |sum, &c| sum * v + c)
-            .sign()
-    };
+    let middles = || coefficients.iter().map(|c| c.middle());
+    let value = |v: f64| value_at(middles(), T::Middle::exact(v)).rounded();
+    let sign = |v: f64| value_at(coefficients.iter().copied(), T::exact(v)).sign();
     let v = refine(&value, lo, hi);
     let mut width = 4.0 * f64::EPSILON * v;
     loop {
@@ -191,6 +223,11 @@ fn bracket<T: Bounded>(coefficients: &[T], (lo, hi): (f64, f64)) -> Option<(f64,
     }
 }
 
+/// The value of a polynomial, by Horner's rule.
+fn value_at<T: Number>(coefficients: impl DoubleEndedIterator<Item = T>, v: T) -> T {
+    coefficients.rev().fold(T::exact(0.0), |sum, c| sum * v + c)
+}
+
 /// All roots in (0, 1) of a polynomial with coefficients c₀, c₁, … that are known within bounds, as
 /// disjoint open intervals in ascending order. None where the bounds leave a doubt: there are no
 /// roots at 0 and 1 then, and those between are simple.
@@ -200,7 +237,7 @@ fn bracket<T: Bounded>(coefficients: &[T], (lo, hi): (f64, f64)) -> Option<(f64,
 pub(crate) fn all_roots<T: Bounded>(coefficients: &[T]) -> Option<Vec<[f64; 2]>> {
     let mut found = Vec::new();
     let mut last = 0.0;
-    let mut stack = vec![(0.0, 1.0, in_bernstein(coefficients), 0)];
+    let mut stack = vec![(0.0, 1.0, certain_bernstein(coefficients)?, 0)];
     while let Some((lo, hi, b, depth)) = stack.pop() {
         let ends = [b[0].sign(), b[b.len() - 1].sign()];
         if ends.contains(&0) {
@@ -228,13 +265,30 @@ pub(crate) fn all_roots<T: Bounded>(coefficients: &[T]) -> Option<Vec<[f64; 2]>>
     Some(found)
 }
 
+/// The coefficients of p(`by` x) of a polynomial p.
+pub(crate) fn stretched<T: Number>(coefficients: &[T], by: T) -> Vec<T> {
+    let mut scale = T::exact(1.0);
+    let stretched = coefficients.iter().map(|&c| {
+        let product = c * scale;
+        scale = scale * by;
+        product
+    });
+    stretched.collect()
+}
+
+/// The Bernstein coefficients on \[0, 1\], whose signs can be trusted; none of a polynomial whose
+/// degree is too high for that.
+pub(crate) fn certain_bernstein<T: Bounded>(coefficients: &[T]) -> Option<Vec<T>> {
+    (coefficients.len() <= WHOLE + 1).then(|| in_bernstein(coefficients))
+}
+
 /// The Bernstein coefficients on \[0, 1\]: b_j is the sum of C(j, m)/C(n, m) c_m.
-pub(crate) fn in_bernstein<T: Bounded>(coefficients: &[T]) -> Vec<T> {
+fn in_bernstein<T: Number>(coefficients: &[T]) -> Vec<T> {
     let n = coefficients.len() - 1;
     let mut bernstein = vec![T::exact(0.0); n + 1];
     for (m, &c) in coefficients.iter().enumerate() {
         let all = (0..m).fold(1.0, |p, k| p * (n - k) as f64 / (k + 1) as f64);
-        let part = c * T::reciprocal(if n <= WHOLE { all } else { f64::NAN });
+        let part = c * T::reciprocal(all);
         let mut ways = 1.0;
         for (j, b) in bernstein.iter_mut().enumerate().skip(m) {
             if j > m {
@@ -267,7 +321,7 @@ fn variations<T: Bounded>(b: &[T]) -> Option<usize> {
 }
 
 /// The coefficients on both halves, by de Casteljau.
-fn halves<T: Bounded>(b: Vec<T>) -> (Vec<T>, Vec<T>) {
+fn halves<T: Number>(b: Vec<T>) -> (Vec<T>, Vec<T>) {
     let half = T::exact(0.5);
     let n = b.len() - 1;
     let (mut left, mut right) = (Vec::with_capacity(n + 1), b);
@@ -283,28 +337,12 @@ fn halves<T: Bounded>(b: Vec<T>) -> (Vec<T>, Vec<T>) {
 /// Intervals in (0, `top`) with one sign variation of the Bernstein coefficients each, ascending;
 /// None if they are not `count`.
 fn isolate<T: Approximate>(near: &[T], top: f64, count: usize) -> Option<Vec<(f64, f64)>> {
-    let n = near.len() - 1;
-    // From powers of v / top: b_j is the sum of C(j, m) / C(n, m) a_m.
-    let mut bernstein = vec![T::from(0.0); n + 1];
-    let mut scale = T::from(1.0);
-    for (m, &c) in near.iter().enumerate() {
-        let all = (0..m).fold(1.0, |p, k| p * (n - k) as f64 / (k + 1) as f64);
-        let part = c * scale * reciprocal::<T>(all);
-        let mut ways = 1.0;
-        for (j, b) in bernstein.iter_mut().enumerate().skip(m) {
-            if j > m {
-                ways = ways * j as f64 / (j - m) as f64;
-            }
-            *b = *b + part * T::from(ways);
-        }
-        scale = scale * T::from(top);
-    }
     let variations = |b: &[T]| {
         b.windows(2)
             .filter(|w| (w[0].rounded() < 0.0) != (w[1].rounded() < 0.0))
             .count()
     };
-    let half = T::from(0.5);
+    let bernstein = in_bernstein(&stretched(near, T::exact(top)));
     let mut found = Vec::new();
     let mut stack = vec![(0.0, top, bernstein, 0)];
     while let Some((lo, hi, b, depth)) = stack.pop() {
@@ -313,27 +351,14 @@ fn isolate<T: Approximate>(near: &[T], top: f64, count: usize) -> Option<Vec<(f6
             1 => found.push((lo, hi)),
             _ if depth == HALVINGS || b.iter().any(|x| x.rounded().is_nan()) => return None,
             _ => {
-                // Both halves by de Casteljau.
-                let (mut left, mut right) = (Vec::with_capacity(n + 1), b);
-                for k in 0..=n {
-                    left.push(right[0]);
-                    for i in 0..n - k {
-                        right[i] = half * (right[i] + right[i + 1]);
-                    }
-                }
                 let middle = 0.5 * (lo + hi);
+                let (left, right) = halves(b);
                 stack.push((middle, hi, right, depth + 1));
                 stack.push((lo, middle, left, depth + 1));
             }
         }
     }
     (found.len() == count).then_some(found)
-}
-
-/// 1/x, by one step of Newton's iteration from the rounded quotient.
-fn reciprocal<T: Approximate>(x: f64) -> T {
-    let near = T::from(1.0 / x);
-    near * (T::from(2.0) + T::from(-x) * near)
 }
 
 /// A zero between two places with different signs: by halving, and by chords where they do better.
@@ -367,7 +392,6 @@ fn refine(value: &dyn Fn(f64) -> f64, mut lo: f64, mut hi: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dashu_ratio::RBig;
 
     fn exact(c: &[f64]) -> Vec<Interval> {
         c.iter().map(|&c| Interval::new(c, c)).collect()
@@ -418,12 +442,7 @@ mod tests {
                 exact[i] -= next;
             }
         }
-        let wide = |c: &RBig| {
-            let near = c.to_f64().value();
-            let left = (c - RBig::try_from(near).expect("finite")).to_f64().value();
-            Wide::new(DoubleDouble::new(near, left), left.abs() * f64::EPSILON)
-        };
-        let near = exact.iter().map(wide).collect();
+        let near = exact.iter().map(|c| Wide::between(c, c)).collect();
         (exact, near)
     }
 
@@ -452,8 +471,8 @@ mod tests {
         assert_eq!(roots(&[0.1, -0.6, 0.9]), None);
     }
 
-    /// What is not certain counts as whatever it may be: one coefficient between different signs has
-    /// no choice, two may add two changes.
+    /// What is not certain counts as whatever it may be: one coefficient between different signs
+    /// has no choice, two may add two changes.
     #[test]
     fn changes_of_sign() {
         let of = |signs: &str| {
@@ -490,11 +509,34 @@ mod tests {
                 assert_eq!([all as u128, ways as u128], [exact; 2], "{n} {m}");
             }
         }
-        assert!(
-            in_bernstein(&exact(&vec![1.0; WHOLE + 2]))
-                .iter()
-                .all(|b| b.sign() == 0)
-        );
+        let is_certain = |n: usize| certain_bernstein(&exact(&vec![1.0; n + 1])).is_some();
+        assert!(is_certain(WHOLE) && !is_certain(WHOLE + 1));
+    }
+
+    /// Both ends of a range are within the bounds, whatever of them is rounded.
+    #[test]
+    fn ranges_are_within_the_bounds() {
+        let mut rng = fastrand::Rng::with_seed(3);
+        let exactly = |x: f64| RBig::try_from(x).expect("finite");
+        for _ in 0..20_000 {
+            // With digits beyond those of a double, at about so many bits.
+            let mut draw = |bits: i32| {
+                let size = 2f64.powi(-bits);
+                exactly((1.0 + rng.f64()) * size) + exactly(rng.f64() * size * 2f64.powi(-53))
+            };
+            let lo = draw(0) - draw(54);
+            let hi = &lo + draw(52);
+            for [lo, hi] in [[&lo, &lo], [&lo, &hi]] {
+                let wide = Wide::between(lo, hi);
+                let second = (wide.middle + DoubleDouble::from(-wide.middle.value())).value();
+                let middle = exactly(wide.middle.value()) + exactly(second);
+                let radius = exactly(wide.radius);
+                assert!(
+                    &middle - &radius <= *lo && *hi <= middle + radius,
+                    "{lo} {hi}"
+                );
+            }
+        }
     }
 
     /// Sums, products and reciprocals against exact arithmetic: what is exact is within the bounds.

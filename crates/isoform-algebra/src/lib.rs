@@ -23,9 +23,13 @@
 //! let discriminant = &fibres.subresultants().expect("degree 3").resultant;
 //! let found: Vec<(f64, Vec<usize>)> = real_roots(discriminant)
 //!     .iter()
-//!     .map(|x| (x.to_f64(), fibres.at(x, &go).expect("no vertical line").roots.iter().map(|y| y.multiplicity).collect()))
+//!     .map(|x| {
+//!         let roots = fibres.at(x, &go).expect("no vertical line").roots;
+//!         (x.to_f64(), roots.iter().map(|y| y.multiplicity).collect())
+//!     })
 //!     .collect();
-//! // The node at the origin, whose branch along the y axis makes the root triple, and the vertical tangent at x³ = 4.
+//! // The node at the origin, whose branch along the y axis makes the root triple, and the vertical
+//! // tangent at x³ = 4.
 //! assert_eq!(found, [(0.0, vec![3]), (4f64.cbrt(), vec![1, 2])]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

@@ -158,16 +158,13 @@ fn pseudo_rem(f: &Fp, a: &mut Vec<u64>, b: &[u64]) -> u64 {
     let lead = b[n];
     let mut exponent = 0;
     while a.len() > n {
-        let q = a[a.len() - 1];
-        a.pop();
+        let q = a.pop().expect("longer than the divisor");
         if q == 0 {
             continue;
         }
         exponent += 1;
-        let (low, high) = {
-            let at = a.len() - n;
-            a.split_at_mut(at)
-        };
+        let at = a.len() - n;
+        let (low, high) = a.split_at_mut(at);
         low.iter_mut().for_each(|x| *x = f.mul(*x, lead));
         for (x, &v) in high.iter_mut().zip(b) {
             *x = f.sub(f.mul(*x, lead), f.mul(q, v));

@@ -9,7 +9,8 @@
 //! most j
 //!
 //! ```text
-//! Sⱼ = Σᵢ det(Mⱼᵢ) yⁱ,   Mⱼᵢ: rows y^(m−j−1) f, …, f, y^(n−j−1) g, …, g; columns y^(n+m−j−1), …, y^(j+1), yⁱ
+//! Sⱼ = Σᵢ det(Mⱼᵢ) yⁱ,   Mⱼᵢ: rows y^(m−j−1) f, …, f, y^(n−j−1) g, …, g;
+//!                             columns y^(n+m−j−1), …, y^(j+1), yⁱ
 //! ```
 //!
 //! and S₀ is the resultant. Where S₀ … S₍ₖ₋₁₎ lose their principal coefficients (of yʲ) and Sₖ does
@@ -63,10 +64,7 @@ pub fn resultant(
         return Ok(Poly::zero());
     }
     let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
-    let mut values = pair.lift(&[(0, 0)], false, stop, |field, a, b| {
-        vec![resultant_at(field, a, b)]
-    })?;
-    let integer = Poly::from_upoly(&values.swap_remove(0), other);
+    let integer = Poly::from_upoly(&pair.resultant(stop)?, other);
     Ok(integer.scale(&RBig::from_parts(
         IBig::ONE,
         f.denominator().pow(m) * g.denominator().pow(n),
@@ -265,6 +263,14 @@ impl Pair {
         )
     }
 
+    /// S₀.
+    fn resultant(&self, stop: &dyn Fn() -> bool) -> Result<UPoly, ResultantError> {
+        let mut values = self.lift(&[(0, 0)], false, stop, |field, a, b| {
+            vec![resultant_at(field, a, b)]
+        })?;
+        Ok(values.swap_remove(0))
+    }
+
     /// The coefficients of yⁱ in Sⱼ for pairs (j, i) as integer polynomials in x, from their values
     /// at points modulo primes, which `at` gives from the values of the coefficients of f and g.
     /// With `exact` points are left out where a leading coefficient vanishes.
@@ -378,11 +384,8 @@ impl Subresultants {
         let (other, pair) = Pair::new(f, g, var)?;
         let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
         assert!(n >= m && m >= 1, "subresultants of degrees {n} and {m}");
-        let mut values = pair.lift(&[(0, 0)], false, stop, |field, a, b| {
-            vec![resultant_at(field, a, b)]
-        })?;
         Ok(Self {
-            resultant: values.swap_remove(0),
+            resultant: pair.resultant(stop)?,
             principal: Mutex::default(),
             count: m,
             pair,

@@ -415,7 +415,8 @@ impl RealRoot {
 
     /// The sign of a polynomial on the interval, if it is proved to have one there.
     fn sign_on_interval(&self, g: &UPoly) -> Option<Ordering> {
-        // |g(x) − g(m)| ≤ (hi − lo)/2 Σ i|gᵢ| R^(i−1) on the interval around its middle m, R the larger absolute end.
+        // |g(x) − g(m)| ≤ (hi − lo)/2 Σ i|gᵢ| R^(i−1) on the interval around its middle m, R the
+        // larger absolute end.
         let shift = self.shift + 1;
         let middle = &self.lo + &self.hi;
         let far = (&self.lo).abs().max((&self.hi).abs()) << 1;

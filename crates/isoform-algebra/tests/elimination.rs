@@ -79,7 +79,9 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn common_factors_are_found(a in poly(4, 2, 5), b in poly(4, 2, 5), c in poly(4, 2, 5), vars in 1usize..4) {
+    fn common_factors_are_found(
+        a in poly(4, 2, 5), b in poly(4, 2, 5), c in poly(4, 2, 5), vars in 1usize..4
+    ) {
         let [a, b, c] = [a, b, c].map(|q| (vars..4).fold(q, |q, v| q.set(v, &RBig::from(3))));
         prop_assume!(!a.is_zero() && !b.is_zero() && !c.is_zero());
         let g = (&a * &c).gcd(&(&b * &c));
@@ -117,7 +119,8 @@ proptest! {
         let (ac, bc) = (&a * &c, &b * &c);
         let [pa, pb] = [&ac, &bc].map(|q| Poly::from_upoly(q, 0));
         prop_assert_eq!(Poly::from_upoly(&ac.gcd(&bc), 0), pa.gcd(&pb));
-        let dense: Vec<_> = (&ac * &b).squarefree().into_iter().map(|(q, n)| (Poly::from_upoly(&q, 0), n)).collect();
+        let dense = (&ac * &b).squarefree().into_iter();
+        let dense: Vec<_> = dense.map(|(q, n)| (Poly::from_upoly(&q, 0), n)).collect();
         prop_assert_eq!(dense, (&pa * Poly::from_upoly(&b, 0)).squarefree());
         let both = [&a, &b].map(|q| Poly::from_upoly(q, 0));
         let r = resultant(&both[0], &both[1], 0, &go).expect("one variable");
@@ -139,10 +142,12 @@ proptest! {
         let chain = Subresultants::new(&f, &g, 1, &go).expect("two variables");
         prop_assert_eq!(chain.count(), g.degree(1));
         for j in 0..g.degree(1) {
-            prop_assert_eq!(Poly::from_upoly(&chain.principal(j, &go).expect("not stopped"), 0), minor(&f, &g, j, j));
-            let whole = chain.polynomial(j, &go).expect("not stopped");
+            let principal = chain.principal(j, &go).expect("not stopped");
+            prop_assert_eq!(Poly::from_upoly(&principal, 0), minor(&f, &g, j, j));
+            let whole = chain.polynomial(j, &go).expect("not stopped").coefficients_in(1);
             for i in 0..=j {
-                prop_assert_eq!(whole.coefficients_in(1).get(i).cloned().unwrap_or_default(), minor(&f, &g, j, i));
+                let coefficient = whole.get(i).cloned().unwrap_or_default();
+                prop_assert_eq!(coefficient, minor(&f, &g, j, i));
             }
         }
     }

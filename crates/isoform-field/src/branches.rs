@@ -1,9 +1,9 @@
 //! The smooth parts of a model: its pieces with every kink inside decided.
 //!
 //! A blend such as max(u, v) + max(k − |u − v|, 0)²/(4k) is one piece, smooth but for its second
-//! derivatives. With its minima, maxima and
-//! |u| decided each way it falls into functions without kinks (here u, v and the fillet between them), each good for a part of space
-//! that is bounded by what the decisions depend on.
+//! derivatives. With its minima, maxima and |u| decided each way it falls into functions without
+//! kinks (here u, v and the fillet between them), each good for a part of space that is bounded by
+//! what the decisions depend on.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::hyperfun::Model;

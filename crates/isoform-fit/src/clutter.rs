@@ -128,8 +128,8 @@ impl<'a> Clutter<'a> {
 }
 
 impl Clutter<'_> {
-    /// What is left of the planes beside the part, within its outline: which of the points that were
-    /// fitted lie on such a plane and far off the model.
+    /// What is left of the planes beside the part, within its outline: which of the points that
+    /// were fitted lie on such a plane and far off the model.
     pub fn fringe(&self, fit: &Fit, points: &[Point3]) -> Vec<bool> {
         let limit = FAR * Polish::scale(&fit.residuals);
         let is_level = |p: &Point3| self.planes.iter().any(|plane| plane.is_level(*p));

@@ -33,8 +33,8 @@ const TOUCHES: f64 = 0.98;
 const FEWEST: usize = 12;
 
 /// A piece is off its points where their root mean square exceeds that of the noise by this factor.
-/// Right models of clean parts show up to 1.2, holes of another size or place 1.7 to 3; real objects
-/// as much as those, but not on clean parts.
+/// Right models of clean parts show up to 1.2, holes of another size or place 1.7 to 3; real
+/// objects as much as those, but not on clean parts.
 const OFF_RMS: f64 = 1.5;
 /// ... and that is beyond chance by this many deviations.
 const OFF_SURE: f64 = 5.0;

@@ -174,7 +174,8 @@ fn blends_are_covered_and_proved() {
             .expect("parts");
     let value = |p: Point3| (-p[0]).max(-p[1]) + (0.2 - (p[1] - p[0]).abs()).max(0.0).powi(2) / 0.8;
     let made = cover_parts(&model, &options(), 100, 2, &|| false).expect("a cover");
-    // |∇F| is between 1/√2 and 1, so that |F| is at most the distance, and the distance at most √2 |F|.
+    // |∇F| is between 1/√2 and 1, so that |F| is at most the distance, and the distance at most
+    // √2 |F|.
     check(&made.patches, &|p| value(p).abs());
     assert!(
         made.covered == made.samples && made.patches.len() <= 4,

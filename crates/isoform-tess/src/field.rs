@@ -301,7 +301,8 @@ impl NumberField {
     pub(crate) fn minimal_polynomial(&self, a: &Element) -> UPoly {
         monic(&self.powers(a).1)
     }
-    /// Rational coefficients with which independent elements add up to another one, if there are any.
+    /// Rational coefficients with which independent elements add up to another one, if there are
+    /// any.
     pub(crate) fn combination(
         &self,
         independent: &[Element],
@@ -431,7 +432,8 @@ impl Algebraic {
         for precision in (bits + 8..).step_by(bits.max(32)) {
             root.refine(precision);
             let (lo, hi) = root.interval();
-            // |g(x) − g(m)| ≤ (hi − lo)/2·Σ i|gᵢ| R^(i−1) around the middle m, R the larger absolute end.
+            // |g(x) − g(m)| ≤ (hi − lo)/2·Σ i|gᵢ| R^(i−1) around the middle m, R the larger
+            // absolute end.
             let middle = (&lo + &hi) / RBig::from(2);
             let far = lo.clone().max(-&lo).max(hi.clone()).max(-&hi);
             let reach = absolute.eval(&far) * (hi - lo) / (RBig::from(2) * &denominator);

@@ -95,6 +95,10 @@ fn middle(a: Point3, b: Point3) -> Point3 {
 fn distance(a: Point3, b: Point3) -> f64 {
     norm(sub(a, b))
 }
+/// The length of the longest edge of a triangle.
+fn longest([p, q, r]: [Point3; 3]) -> f64 {
+    distance(p, q).max(distance(q, r)).max(distance(r, p))
+}
 
 /// Halvings of a contracted curve because what leaves it turns.
 const TURNS: usize = 10;
@@ -183,6 +187,12 @@ pub(crate) fn mesh(
             builder.add(unit, &mut joined);
         }
         let mut surface = joined.surface;
+        surface.is_double_curve_known = curves.glued
+            && !builder.gluing.is_stopped
+            && analysis
+                .singular
+                .as_ref()
+                .is_some_and(|s| s.double.is_some());
         surface.double_curve = std::mem::take(&mut builder.gluing.arcs);
         surface.unproven.append(&mut builder.gluing.unproven);
         finish(surface, builder.half_width, curves.glued, &|p| {

@@ -1,9 +1,9 @@
 //! The part of the parameter plane that a map sends into a box, exactly.
 //!
-//! |X|, |Y|, |Z| ≤ B|W| is bounded by the six curves X ± B W, Y ± B W, Z ± B W. In each of the four unit triangles their
-//! arrangement has finitely many cells, on each of which the map stays inside the box or outside of
-//! it. A cell that is inside does not meet the pole curve: where W vanishes inside, all four forms
-//! do, and that is a base point.
+//! |X|, |Y|, |Z| ≤ B|W| is bounded by the six curves X ± B W, Y ± B W, Z ± B W. In each of the four
+//! unit triangles their arrangement has finitely many cells, on each of which the map stays inside
+//! the box or outside of it. A cell that is inside does not meet the pole curve: where W vanishes
+//! inside, all four forms do, and that is a base point.
 //!
 //! The sides of a region of the parameter plane are lines that enter the same arrangement; cells
 //! outside of it are not inside. Curves of the box that are proved to miss it are left out: where

@@ -107,7 +107,8 @@ pub struct Surface {
     pub solitary_arcs: Vec<Vec<Point3>>,
     /// What is not proved; empty if everything is.
     pub unproven: Vec<String>,
-    /// Whether the double curve was looked for to the end, as sheets that are to be joined need it.
+    /// Whether the double curve was looked for and drawn to the end, as sheets that are to be
+    /// joined need it.
     pub is_double_curve_known: bool,
     /// Whether it is certain that the map sends no parameters into the box: then there are no
     /// triangles to be had.
@@ -176,7 +177,6 @@ pub struct Prepared<'a> {
     region: Region,
     solitary: Vec<Vec<Point3>>,
     unproven: Vec<String>,
-    is_double_curve_known: bool,
     changes: Changes,
 }
 
@@ -255,11 +255,6 @@ impl<'a> Prepared<'a> {
             .seconds
             .push(("double curve", clock.elapsed().as_secs_f64()));
         let clock = Instant::now();
-        let mut is_double_curve_known = glued
-            && analysis
-                .singular
-                .as_ref()
-                .is_some_and(|s| s.double.is_some());
         let mut curves = Curves::new(&analysis, glued, deck.clone(), pinches, fibres);
         let within = |curves: &Curves, stop: &dyn Fn() -> bool| {
             let forms = curves.forms();
@@ -280,7 +275,6 @@ impl<'a> Prepared<'a> {
                     "the parameters of the double curve: stopped; sheets that cross are not joined"
                         .to_owned(),
                 );
-                is_double_curve_known = false;
                 curves = Curves::new(&analysis, false, deck.clone(), Vec::new(), None);
                 within(&curves, stop).map_err(|_| Stopped)?
             }
@@ -297,7 +291,6 @@ impl<'a> Prepared<'a> {
             region,
             solitary,
             unproven,
-            is_double_curve_known,
             changes: Changes::default(),
         })
     }
@@ -325,7 +318,6 @@ impl<'a> Prepared<'a> {
             None => self.analysis.seconds.push(("triangles", seconds)),
         }
         surface.solitary_arcs.clone_from(&self.solitary);
-        surface.is_double_curve_known = self.is_double_curve_known;
         let is_inside = |t: &Triangle| t.inside.iter().flatten().any(|inside| *inside);
         surface.is_outside = !self.region.triangles.iter().any(is_inside);
         surface.unproven.extend(self.unproven.iter().cloned());

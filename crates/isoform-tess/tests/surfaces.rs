@@ -4,7 +4,8 @@ mod common;
 use common::zoo;
 use isoform_algebra::RBig;
 use isoform_tess::{
-    Budget, Domain, Kind, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate,
+    Budget, Domain, Kind, Map, MeshOptions, Mode, Prepared, Surface, TriangulateOptions,
+    triangulate,
 };
 use isoform_testdata::ExpectedFailures;
 use std::collections::BTreeMap;
@@ -339,6 +340,30 @@ fn limit_of_triangles() {
             s.unproven
         );
     }
+}
+
+/// A double curve that was not drawn for want of time is none that is known.
+#[test]
+fn a_double_curve_that_was_given_up() {
+    let map = Map::parse(["s*t", "s", "t^2", "1"], Default::default()).expect("a map");
+    let options = TriangulateOptions {
+        half_width: RBig::from(1),
+        domain: None,
+        mode: Mode::Glued,
+        mesh: options(1.0),
+        budget: Budget::default(),
+    };
+    let mut prepared = Prepared::new(&map, &options, &|| false).expect("not stopped");
+    let whole = prepared.surface(&|| false);
+    assert!(whole.is_double_curve_known && !whole.double_curve.is_empty());
+    let part = prepared.surface(&|| true);
+    assert!(!part.is_double_curve_known, "{:?}", part.unproven);
+    assert!(
+        part.unproven
+            .contains(&"the double curve: stopped".to_owned()),
+        "{:?}",
+        part.unproven
+    );
 }
 
 /// Sheets joined: Euler numbers of the images, by hand. Steiner's surface has three double lines

@@ -13,7 +13,8 @@ use std::time::Instant;
 
 /// How often the surface is made again, finer where its implicit equation finds triangles far away.
 const NEARER: usize = 2;
-/// How often it is made again, finer where triangles cross.
+/// How often it is made again where triangles cross, by all changes together: with other vertices,
+/// or finer.
 const ROUNDS: usize = 12;
 /// How many times a finer tolerance may be no better than what was there before.
 const IN_VAIN: usize = 2;
@@ -44,8 +45,8 @@ impl Change {
 }
 
 /// [`isoform_tess::triangulate`]; where sheets are joined, triangles that cross all the same are
-/// found exactly. The surface is made again with the vertices of both sheets in both of them, or with
-/// a finer tolerance there; pairs that are left are said to be unproven.
+/// found exactly. The surface is made again with the vertices of both sheets in both of them, or
+/// with a finer tolerance there; pairs that are left are said to be unproven.
 ///
 /// # Errors
 /// [`Stopped`].

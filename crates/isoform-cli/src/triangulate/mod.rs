@@ -480,22 +480,21 @@ fn nothing(name: &str, surface: Option<&Surface>, context: &Context) -> Failure 
         );
         return failure.hint("a longer --time-limit");
     }
-    let is_outside = surface.is_none_or(|s| s.is_outside);
-    let (what, why) = match surface.filter(|_| !is_outside) {
+    let (what, why, hint) = match surface.filter(|s| !s.is_outside) {
         None => (
             "no triangle of the surface lies in the box",
             "its poles and the faces of the box were found exactly".to_owned(),
+            "a larger --box",
         ),
         Some(surface) => (
             "no triangle could be made of the surface in the box",
             surface.unproven.join("; "),
+            "another --box, or --mode normalised",
         ),
     };
-    let failure = Failure::new(NO_RESULT, "empty", format!("{name}: {what}")).why(why);
-    match is_outside {
-        true => failure.hint("a larger --box"),
-        false => failure.hint("another --box, or --mode normalised"),
-    }
+    Failure::new(NO_RESULT, "empty", format!("{name}: {what}"))
+        .why(why)
+        .hint(hint)
 }
 
 #[cfg(test)]

@@ -99,8 +99,8 @@ impl Finder<'_> {
     }
 
     /// The pieces within reach of lane l of the block that was asked last, but for `own`, which may
-    /// be of the surface there: those that decide the tree for some signs of all that are near. None
-    /// where too many are near.
+    /// be of the surface there: those that decide the tree for some signs of all that are near.
+    /// None where too many are near.
     fn others(&self, own: &[u32], l: usize, reach: f64) -> Option<Vec<u32>> {
         let is_near = |k: &u32| self.off[*k as usize].0[l].abs() <= reach;
         let count = self.off.len() as u32;

@@ -74,8 +74,8 @@ impl Piece {
 /// upon each other.
 const CROWDED: f64 = 8.0;
 
-/// How far from the end of an arc, in the parameters, a place that rounding puts onto the wall there
-/// may be: what is on an arc with a vertical tangent is half the digits from its end.
+/// How far from the end of an arc, in the parameters, a place that rounding puts onto the wall
+/// there may be: what is on an arc with a vertical tangent is half the digits from its end.
 const AT_END: f64 = 1e-7;
 
 /// A vertex between a rectangle and a seam: its class and parameters.
@@ -95,6 +95,8 @@ pub(super) struct Gluing {
     spokes: BTreeMap<(usize, Ray, [u64; 2]), Vec<SpokeVertex>>,
     points: Vec<(usize, [f64; 2])>,
     pub(super) arcs: Vec<DoubleArc>,
+    /// Whether it was given up before there were arcs.
+    pub(super) is_stopped: bool,
     pub(super) unproven: Vec<String>,
 }
 
@@ -153,6 +155,7 @@ impl Builder<'_> {
                     }
                     j += 1;
                     if (self.stop)() {
+                        gluing.is_stopped = true;
                         gluing.unproven.push("the double curve: stopped".into());
                         return gluing;
                     }

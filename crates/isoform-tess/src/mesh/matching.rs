@@ -5,7 +5,7 @@
 
 use super::chart::Chart;
 use super::closing::UPON;
-use super::{distance, in_plane, place_in};
+use super::{distance, in_plane, longest, place_in};
 use crate::map::Map;
 use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, dot, sub};
@@ -157,10 +157,6 @@ impl Sheets<'_> {
         let share = dot(way, sub(off, image(onto))) / dot(way, way);
         Some([0, 1].map(|i| onto[i] + share * along[i]))
     }
-}
-
-fn longest([p, q, r]: [Point3; 3]) -> f64 {
-    distance(p, q).max(distance(q, r)).max(distance(r, p))
 }
 
 /// The shares of the corners of a triangle in the foot of the perpendicular from a point.

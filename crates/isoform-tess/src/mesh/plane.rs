@@ -5,15 +5,16 @@
 //! differently, as it does around base points without bound: triangles have to be long in the
 //! parameters to be round in space.
 
-use super::matching::Place;
-use super::{Name, Node, distance, middle};
+use super::{Name, Node, distance, longest, middle};
 use crate::surface::Point3;
 use isoform_geom::{cross, dot, norm, sub};
 use robust::{Coord, orient2d};
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
 
+mod flipping;
 mod improving;
+mod inserting;
 
 pub(super) const NONE: u32 = u32::MAX;
 
@@ -156,12 +157,6 @@ fn shares(z: [f64; 2], [a, b, c]: [[f64; 2]; 3]) -> [f64; 3] {
     [area(b, c, z), area(c, a, z), area(a, b, z)].map(|x| x / whole)
 }
 
-/// Whether an edge lies on a side of the unit triangle.
-fn is_on_side([a, b]: [[f64; 2]; 2]) -> bool {
-    let sides = [a, b].map(|[u, v]| [u == 0.0, v == 0.0, v == 1.0 - u]);
-    (0..3).any(|k| sides[0][k] && sides[1][k])
-}
-
 /// From given parameters, others in `within` with an image that is nearer to a point, if that is
 /// farther than the tolerance; and the distance.
 fn nearest(
@@ -199,10 +194,6 @@ const NEARER: usize = 3;
 const MARGIN: f64 = 0.25;
 /// How near to the corners beside it an edge is not split, per length.
 const CROWDED: f64 = 0.25;
-/// How near to a corner of a triangle no further vertex is put, per longest edge.
-const BESIDE: f64 = 0.005;
-/// How far from the chord of a border in a face of the box a vertex on it may be, per length.
-const BOW: f64 = 0.1;
 /// Rounds of improvement.
 const IMPROVEMENTS: usize = 4;
 /// Rounds in which edges are split that fall together in space.
@@ -503,13 +494,6 @@ impl Plane {
             }
         }
     }
-    fn legalise_all(&mut self, measure: &dyn Measure) {
-        let all = (0..self.triangles.len() as u32)
-            .flat_map(|t| self.triangles[t as usize].map(|v| (t, v)))
-            .collect();
-        self.legalise(all, measure);
-    }
-
     /// The vertices that were put between the ends of an edge of the rim.
     pub(super) fn way(&self, [a, b]: [u32; 2]) -> Vec<u32> {
         let Some(&Some(m)) = self.rim.get(&[a.min(b), a.max(b)]) else {
@@ -702,10 +686,7 @@ impl Plane {
                 let off = self.off(&look, measure);
                 let is_far = off > 1.0 || off.is_nan();
                 let is_turned = || {
-                    let long = (0..3)
-                        .map(|i| distance(p[i], p[(i + 1) % 3]))
-                        .fold(0.0, f64::max);
-                    long > LEAST * measure.longest()
+                    longest(p) > LEAST * measure.longest()
                         && self.is_thick(v, TURNED)
                         && look.facing < FACING
                 };
@@ -921,155 +902,6 @@ impl Plane {
         self.put_into(t, middle, measure)
     }
 
-    /// Puts vertices at places, unless there are some beside them, and flips edges around them until
-    /// the triangles are those of Delaunay in space: sheets beside each other with the vertices in
-    /// common have the edges in common then, too.
-    pub(super) fn insert(
-        &mut self,
-        places: &[Place],
-        most: usize,
-        measure: &dyn Measure,
-        stop: &dyn Fn() -> bool,
-    ) -> Ended {
-        for place in places {
-            self.insert_one(place, measure);
-        }
-        let near = |t: u32| {
-            let at = self.corners(t);
-            let [x, y] = [0, 1].map(|i| at.map(|p| p[i]));
-            let lo = [x, y].map(|x| x.into_iter().fold(f64::INFINITY, f64::min));
-            let hi = [x, y].map(|x| x.into_iter().fold(f64::NEG_INFINITY, f64::max));
-            places
-                .iter()
-                .any(|p| (0..2).all(|i| lo[i] <= p.at[i] && p.at[i] <= hi[i]))
-        };
-        let around = |t: u32| self.adjacent[t as usize].into_iter().filter(|&n| n != NONE);
-        let all = 0..self.triangles.len() as u32;
-        let mut stack: Vec<u32> = all
-            .filter(|&t| near(t))
-            .flat_map(|t| around(t).chain([t]))
-            .collect();
-        let mut left = 20 * stack.len() + 100;
-        while let Some(t) = stack.pop() {
-            for i in 0..3 {
-                let n = self.adjacent[t as usize][i];
-                if left > 0 && !self.fixed[t as usize][i] && self.make_delaunay(t, i, measure) {
-                    left -= 1;
-                    stack.extend([t, n]);
-                    break;
-                }
-            }
-        }
-        // What was made has to be as near to the surface as everything else.
-        self.work_off(most, false, measure, stop);
-        self.tell_apart(most, measure, stop)
-    }
-
-    /// Flips the edge opposite to corner i if the angles opposite to it are more than two right ones
-    /// together.
-    fn make_delaunay(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
-        let Quad {
-            corners: [c, a, d, b],
-            n,
-            outer: [ca, ad, db, bc],
-        } = self.quad(t, i);
-        let made = [[c, a, d], [c, d, b]];
-        let fits = made
-            .iter()
-            .all(|&t| self.is_counterclockwise(t) && self.is_thick(t, THIN));
-        if !fits
-            || self.have_one_image([c, d])
-            || self.have_one_image([a, b])
-            || self.is_ambiguous([c, d])
-        {
-            return false;
-        }
-        let [p, q, r, s] = [c, a, d, b].map(|v| self.images[v as usize]);
-        let angle = |at: Point3, x: Point3, y: Point3| {
-            let (x, y) = (sub(x, at), sub(y, at));
-            norm(cross(x, y)).atan2(dot(x, y))
-        };
-        if angle(p, q, s) + angle(r, q, s) <= std::f64::consts::PI * (1.0 + 1e-9) {
-            return false;
-        }
-        let sound = made.map(|t| measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
-        let were = [t, n].map(|t| self.look(t, measure));
-        let will_be = made.map(|t| self.look_at(t, measure));
-        let worst = were[0].worth.min(were[1].worth).min(0.0);
-        if sound != [true; 2] || will_be.iter().any(|look| look.worth < worst) {
-            return false;
-        }
-        // Not away from the surface, though what is made is looked at again.
-        let excess = self.excess([c, d], will_be, measure).0;
-        let is_off = |look: &Look| self.off(look, measure) > SPLIT;
-        if excess > SPLIT && excess > self.excess([a, b], were, measure).0
-            || will_be.iter().any(is_off)
-        {
-            return false;
-        }
-        self.set(t, made[0], [ad.0, n, ca.0], [ad.1, false, ca.1]);
-        self.set(n, made[1], [db.0, bc.0, t], [db.1, bc.1, false]);
-        (self.sound[t as usize], self.sound[n as usize]) = (true, true);
-        self.push(t);
-        self.push(n);
-        true
-    }
-
-    /// Puts a vertex at a place, unless there is one beside it, or no triangle around it.
-    fn insert_one(&mut self, place: &Place, measure: &dyn Measure) {
-        let node = Node::inner(place.at, place.faces);
-        let all = 0..self.triangles.len() as u32;
-        let found = match place.faces {
-            0 => all
-                .map(|t| (t, None))
-                .find(|&(t, _)| self.holds(t, place.at)),
-            faces => {
-                let edges = all.flat_map(|t| [0, 1, 2].map(|i| (t, Some(i))));
-                edges
-                    .filter_map(|(t, i)| {
-                        Some(((t, i), self.beside_border(t, i?, place.at, faces)?))
-                    })
-                    .min_by(|a, b| a.1.total_cmp(&b.1))
-                    .map(|e| e.0)
-            }
-        };
-        let Some((t, edge)) = found else { return };
-        let (image, [p, q, r]) = (measure.image(&node), self.images_of(t));
-        let long = distance(p, q).max(distance(q, r)).max(distance(r, p));
-        let near = [p, q, r].map(|x| distance(x, image));
-        if near.into_iter().fold(f64::INFINITY, f64::min) > BESIDE * long {
-            match edge {
-                None => self.put_into(t, place.at, measure),
-                Some(i) => self.split_border(t, i, node, measure).is_some(),
-            };
-        }
-    }
-    /// Whether a place is inside of a triangle.
-    fn holds(&self, t: u32, at: [f64; 2]) -> bool {
-        let [a, b, c] = self.corners(t).map(|[x, y]| Coord { x, y });
-        let p = Coord { x: at[0], y: at[1] };
-        [(a, b), (b, c), (c, a)]
-            .iter()
-            .all(|&(a, b)| orient2d(a, b, p) > 0.0)
-    }
-    /// How far from the edge opposite to corner i a place is, if the edge is a border in a face of
-    /// the box and the place is beside its inside.
-    fn beside_border(&self, t: u32, i: usize, at: [f64; 2], faces: u8) -> Option<f64> {
-        let v = self.triangles[t as usize];
-        let ends = [v[(i + 1) % 3], v[(i + 2) % 3]].map(|v| &self.nodes[v as usize]);
-        // Those on sides of the unit triangle have another unit triangle beyond them.
-        let is_border = self.adjacent[t as usize][i] == NONE
-            && !self.is_rim(t, i)
-            && !is_on_side(ends.map(|n| n.at))
-            && ends.iter().all(|n| n.faces & faces != 0);
-        let [x, y] = ends.map(|n| n.at);
-        let (d, p) = ([y[0] - x[0], y[1] - x[1]], [at[0] - x[0], at[1] - x[1]]);
-        let size = d[0] * d[0] + d[1] * d[1];
-        let share = (d[0] * p[0] + d[1] * p[1]) / size;
-        let off = (d[0] * p[1] - d[1] * p[0]).abs() / size.sqrt();
-        (is_border && share > 0.0 && share < 1.0 && off < BOW * size.sqrt()).then_some(off)
-    }
-
     /// Puts a vertex into a triangle. False if rounding leaves no room.
     fn put_into(&mut self, t: u32, at: [f64; 2], measure: &dyn Measure) -> bool {
         let [a, b, c] = self.triangles[t as usize];
@@ -1089,121 +921,6 @@ impl Plane {
             self.push(k);
         }
         self.legalise([t, t2, t3].map(|k| (k, m)).to_vec(), measure);
-        true
-    }
-
-    /// Flips edges where that makes the triangles rounder in space, first those opposite to given
-    /// corners.
-    fn legalise(&mut self, mut stack: Vec<(u32, u32)>, measure: &dyn Measure) {
-        let mut left = 100 + 2 * stack.len();
-        while let Some((t, corner)) = stack.pop() {
-            left -= 1;
-            if left == 0 {
-                return;
-            }
-            let Some(i) = self.triangles[t as usize].iter().position(|&v| v == corner) else {
-                continue;
-            };
-            if self.fixed[t as usize][i] {
-                continue;
-            }
-            let n = self.adjacent[t as usize][i];
-            if self.flip(t, i, measure) {
-                for k in [t, n] {
-                    stack.extend(self.triangles[k as usize].map(|v| (k, v)));
-                }
-            }
-        }
-    }
-
-    /// Whether the smallest angle of two triangles grows when their edge is flipped, by the
-    /// derivatives in the middle.
-    fn is_rounder(&self, old: [u32; 2], made: [[u32; 3]; 2], measure: &dyn Measure) -> bool {
-        let corners = [made[0][0], made[0][1], made[0][2], made[1][2]];
-        let center = [0, 1].map(|i| {
-            corners
-                .map(|v| self.nodes[v as usize].at[i])
-                .iter()
-                .sum::<f64>()
-                / 4.0
-        });
-        let tangents = measure.tangents(center);
-        let linear = |v: u32| -> Point3 {
-            let [u, v] = [0, 1].map(|i| self.nodes[v as usize].at[i] - center[i]);
-            std::array::from_fn(|k| u * tangents[0][k] + v * tangents[1][k])
-        };
-        let worst = |triangles: [[u32; 3]; 2]| {
-            triangles
-                .iter()
-                .map(|t| least_sine(t.map(linear)))
-                .fold(f64::INFINITY, f64::min)
-        };
-        worst(made) > 1.1 * worst(old.map(|t| self.triangles[t as usize]))
-    }
-
-    /// Flips the edge opposite to corner i if the smallest angle grows and nothing gets worse.
-    fn flip(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
-        let Quad {
-            corners: [c, a, d, b],
-            n,
-            outer: [ca, ad, db, bc],
-        } = self.quad(t, i);
-        let made = [[c, a, d], [c, d, b]];
-        // Room for further vertices is needed: three parameters on a line but for rounding are no
-        // triangle.
-        if !made
-            .iter()
-            .all(|&t| self.is_counterclockwise(t) && self.is_thick(t, THIN))
-            || self.have_one_image([c, d])
-            || self.have_one_image([a, b])
-            || self.is_ambiguous([c, d])
-        {
-            return false;
-        }
-        let were = [t, n].map(|t| self.look(t, measure));
-        let before = were[0].worth.min(were[1].worth);
-        // Ones that stand for nothing have the areas that chords and what bulges beyond them have
-        // between them: what counts is what they are to first order.
-        let is_flat = before <= NOTHING
-            && ![[c, a], [a, d], [d, b], [b, c]]
-                .iter()
-                .any(|&e| self.have_one_image(e));
-        let is_better = |after: f64| {
-            after > NOTHING
-                && if before > 0.0 {
-                    after > 1.1 * before
-                } else {
-                    after > before + 1e-3
-                }
-        };
-        // Where the triangles face is dearer than their angles.
-        if if is_flat {
-            !self.is_rounder([t, n], made, measure)
-        } else {
-            !made.iter().all(|&t| is_better(self.least_sine(t)))
-        } {
-            return false;
-        }
-        let will_be = made.map(|t| self.look_at(t, measure));
-        if !is_flat && !will_be.iter().all(|look| is_better(look.worth)) {
-            return false;
-        }
-        let excess = self.excess([c, d], will_be, measure).0;
-        if excess > SPLIT && excess > self.excess([a, b], were, measure).0 {
-            return false;
-        }
-        let known = [t, n].map(|t| self.sound[t as usize]);
-        let sound = made
-            .map(|t| known == [true; 2] || measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
-        if known != sound && sound != [true; 2] {
-            return false;
-        }
-        // (c, a, d): opposite c the edge a d, opposite a the new edge, opposite d the edge c a.
-        self.set(t, made[0], [ad.0, n, ca.0], [ad.1, false, ca.1]);
-        self.set(n, made[1], [db.0, bc.0, t], [db.1, bc.1, false]);
-        (self.sound[t as usize], self.sound[n as usize]) = (sound[0], sound[1]);
-        self.push(t);
-        self.push(n);
         true
     }
 }

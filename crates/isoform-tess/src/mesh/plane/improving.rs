@@ -44,10 +44,13 @@ impl Plane {
             order.sort_by(|a, b| far(a).total_cmp(&far(b)));
             let target = order.into_iter().take(4).find(|&k| {
                 let w = ring[k];
-                let made: Vec<[u32; 3]> = (1..n - 1).map(|j| [w, ring[(k + j) % n], ring[(k + j + 1) % n]]).collect();
+                let corners = |j: usize| [w, ring[(k + j) % n], ring[(k + j + 1) % n]];
+                let made: Vec<[u32; 3]> = (1..n - 1).map(corners).collect();
                 let mut looks = Vec::new();
                 let is_better = made.iter().all(|&t| {
-                    let may = self.is_counterclockwise(t) && self.is_thick(t, THIN) && self.least_sine(t) > before;
+                    let may = self.is_counterclockwise(t)
+                        && self.is_thick(t, THIN)
+                        && self.least_sine(t) > before;
                     may && {
                         looks.push(self.look_at(t, measure));
                         looks.last().is_some_and(|look| look.worth > before)
@@ -57,7 +60,8 @@ impl Plane {
                     && (2..n - 1).all(|j| {
                         let x = ring[(k + j) % n];
                         let is_free = !self.have_one_image([w, x]) && !self.is_ambiguous([w, x]);
-                        is_free && self.excess([w, x], [looks[j - 2], looks[j - 1]], measure).0 <= SPLIT
+                        let looks = [looks[j - 2], looks[j - 1]];
+                        is_free && self.excess([w, x], looks, measure).0 <= SPLIT
                     })
                     // w has no other way to a vertex of the ring.
                     && !(2..n - 1).any(|j| self.are_joined(at[w as usize], w, ring[(k + j) % n]))

@@ -1,0 +1,148 @@
+//! Flips: the other diagonal of two triangles, where it is better.
+
+use super::*;
+
+impl Plane {
+    /// Flips edges where that makes the triangles rounder in space, first those opposite to given
+    /// corners.
+    pub(super) fn legalise(&mut self, mut stack: Vec<(u32, u32)>, measure: &dyn Measure) {
+        let mut left = 100 + 2 * stack.len();
+        while let Some((t, corner)) = stack.pop() {
+            left -= 1;
+            if left == 0 {
+                return;
+            }
+            let Some(i) = self.triangles[t as usize].iter().position(|&v| v == corner) else {
+                continue;
+            };
+            if self.fixed[t as usize][i] {
+                continue;
+            }
+            let n = self.adjacent[t as usize][i];
+            if self.flip(t, i, measure) {
+                for k in [t, n] {
+                    stack.extend(self.triangles[k as usize].map(|v| (k, v)));
+                }
+            }
+        }
+    }
+    pub(super) fn legalise_all(&mut self, measure: &dyn Measure) {
+        let all = (0..self.triangles.len() as u32)
+            .flat_map(|t| self.triangles[t as usize].map(|v| (t, v)))
+            .collect();
+        self.legalise(all, measure);
+    }
+
+    /// Whether the smallest angle of two triangles grows when their edge is flipped, by the
+    /// derivatives in the middle.
+    fn is_rounder(&self, old: [u32; 2], made: [[u32; 3]; 2], measure: &dyn Measure) -> bool {
+        let corners = [made[0][0], made[0][1], made[0][2], made[1][2]];
+        let center = [0, 1].map(|i| {
+            corners
+                .map(|v| self.nodes[v as usize].at[i])
+                .iter()
+                .sum::<f64>()
+                / 4.0
+        });
+        let tangents = measure.tangents(center);
+        let linear = |v: u32| -> Point3 {
+            let [u, v] = [0, 1].map(|i| self.nodes[v as usize].at[i] - center[i]);
+            std::array::from_fn(|k| u * tangents[0][k] + v * tangents[1][k])
+        };
+        let worst = |triangles: [[u32; 3]; 2]| {
+            triangles
+                .iter()
+                .map(|t| least_sine(t.map(linear)))
+                .fold(f64::INFINITY, f64::min)
+        };
+        worst(made) > 1.1 * worst(old.map(|t| self.triangles[t as usize]))
+    }
+
+    /// The triangles at the other diagonal, if there is room for them. None, too, where the ends of
+    /// a diagonal have one image, or the other one is ambiguous.
+    pub(super) fn other_diagonal(&self, quad: &Quad) -> Option<[[u32; 3]; 2]> {
+        let [c, a, d, b] = quad.corners;
+        let made = [[c, a, d], [c, d, b]];
+        // Room for further vertices is needed: three parameters on a line but for rounding are no
+        // triangle.
+        let fits = made
+            .iter()
+            .all(|&t| self.is_counterclockwise(t) && self.is_thick(t, THIN))
+            && !self.have_one_image([c, d])
+            && !self.have_one_image([a, b])
+            && !self.is_ambiguous([c, d]);
+        fits.then_some(made)
+    }
+    /// Whether the other diagonal wants to be split, and more so than the edge that is there.
+    pub(super) fn is_coarser(
+        &self,
+        quad: &Quad,
+        were: [Look; 2],
+        will_be: [Look; 2],
+        measure: &dyn Measure,
+    ) -> bool {
+        let [c, a, d, b] = quad.corners;
+        let excess = self.excess([c, d], will_be, measure).0;
+        excess > SPLIT && excess > self.excess([a, b], were, measure).0
+    }
+    /// Puts the triangles at the other diagonal in the place of two; `sound` says whether the pole
+    /// curve is proved to miss them.
+    pub(super) fn turn(&mut self, t: u32, quad: &Quad, made: [[u32; 3]; 2], sound: [bool; 2]) {
+        let n = quad.n;
+        let [ca, ad, db, bc] = quad.outer;
+        // (c, a, d): opposite c the edge a d, opposite a the new edge, opposite d the edge c a.
+        self.set(t, made[0], [ad.0, n, ca.0], [ad.1, false, ca.1]);
+        self.set(n, made[1], [db.0, bc.0, t], [db.1, bc.1, false]);
+        (self.sound[t as usize], self.sound[n as usize]) = (sound[0], sound[1]);
+        self.push(t);
+        self.push(n);
+    }
+
+    /// Flips the edge opposite to corner i if the smallest angle grows and nothing gets worse.
+    fn flip(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
+        let quad = self.quad(t, i);
+        let Some(made) = self.other_diagonal(&quad) else {
+            return false;
+        };
+        let ([c, a, d, b], n) = (quad.corners, quad.n);
+        let were = [t, n].map(|t| self.look(t, measure));
+        let before = were[0].worth.min(were[1].worth);
+        // Ones that stand for nothing have the areas that chords and what bulges beyond them have
+        // between them: what counts is what they are to first order.
+        let is_flat = before <= NOTHING
+            && ![[c, a], [a, d], [d, b], [b, c]]
+                .iter()
+                .any(|&e| self.have_one_image(e));
+        let is_better = |after: f64| {
+            after > NOTHING
+                && if before > 0.0 {
+                    after > 1.1 * before
+                } else {
+                    after > before + 1e-3
+                }
+        };
+        // Where the triangles face is dearer than their angles.
+        if if is_flat {
+            !self.is_rounder([t, n], made, measure)
+        } else {
+            !made.iter().all(|&t| is_better(self.least_sine(t)))
+        } {
+            return false;
+        }
+        let will_be = made.map(|t| self.look_at(t, measure));
+        if !is_flat && !will_be.iter().all(|look| is_better(look.worth)) {
+            return false;
+        }
+        if self.is_coarser(&quad, were, will_be, measure) {
+            return false;
+        }
+        let known = [t, n].map(|t| self.sound[t as usize]);
+        let sound = made
+            .map(|t| known == [true; 2] || measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
+        if known != sound && sound != [true; 2] {
+            return false;
+        }
+        self.turn(t, &quad, made, sound);
+        true
+    }
+}

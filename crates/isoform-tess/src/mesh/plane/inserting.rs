@@ -1,0 +1,146 @@
+//! Further vertices at given places, so that sheets beside each other have them in common.
+
+use super::*;
+use crate::mesh::matching::Place;
+
+/// How near to a corner of a triangle no further vertex is put, per longest edge.
+const BESIDE: f64 = 0.005;
+/// How far from the chord of a border in a face of the box a vertex on it may be, per length.
+const BOW: f64 = 0.1;
+
+/// Whether an edge lies on a side of the unit triangle.
+fn is_on_side([a, b]: [[f64; 2]; 2]) -> bool {
+    let sides = [a, b].map(|[u, v]| [u == 0.0, v == 0.0, v == 1.0 - u]);
+    (0..3).any(|k| sides[0][k] && sides[1][k])
+}
+
+impl Plane {
+    /// Puts vertices at places, unless there are some beside them, and flips edges around them
+    /// until the triangles are those of Delaunay in space: sheets beside each other with the
+    /// vertices in common have the edges in common then, too.
+    pub(in crate::mesh) fn insert(
+        &mut self,
+        places: &[Place],
+        most: usize,
+        measure: &dyn Measure,
+        stop: &dyn Fn() -> bool,
+    ) -> Ended {
+        for place in places {
+            self.insert_one(place, measure);
+        }
+        let near = |t: u32| {
+            let at = self.corners(t);
+            let [x, y] = [0, 1].map(|i| at.map(|p| p[i]));
+            let lo = [x, y].map(|x| x.into_iter().fold(f64::INFINITY, f64::min));
+            let hi = [x, y].map(|x| x.into_iter().fold(f64::NEG_INFINITY, f64::max));
+            places
+                .iter()
+                .any(|p| (0..2).all(|i| lo[i] <= p.at[i] && p.at[i] <= hi[i]))
+        };
+        let around = |t: u32| self.adjacent[t as usize].into_iter().filter(|&n| n != NONE);
+        let all = 0..self.triangles.len() as u32;
+        let mut stack: Vec<u32> = all
+            .filter(|&t| near(t))
+            .flat_map(|t| around(t).chain([t]))
+            .collect();
+        let mut left = 20 * stack.len() + 100;
+        while let Some(t) = stack.pop() {
+            for i in 0..3 {
+                let n = self.adjacent[t as usize][i];
+                if left > 0 && !self.fixed[t as usize][i] && self.make_delaunay(t, i, measure) {
+                    left -= 1;
+                    stack.extend([t, n]);
+                    break;
+                }
+            }
+        }
+        // What was made has to be as near to the surface as everything else.
+        self.work_off(most, false, measure, stop);
+        self.tell_apart(most, measure, stop)
+    }
+
+    /// Flips the edge opposite to corner i if the angles opposite to it are more than two right
+    /// ones together.
+    fn make_delaunay(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
+        let quad = self.quad(t, i);
+        let Some(made) = self.other_diagonal(&quad) else {
+            return false;
+        };
+        let [p, q, r, s] = quad.corners.map(|v| self.images[v as usize]);
+        let angle = |at: Point3, x: Point3, y: Point3| {
+            let (x, y) = (sub(x, at), sub(y, at));
+            norm(cross(x, y)).atan2(dot(x, y))
+        };
+        if angle(p, q, s) + angle(r, q, s) <= std::f64::consts::PI * (1.0 + 1e-9) {
+            return false;
+        }
+        let sound = made.map(|t| measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
+        let were = [t, quad.n].map(|t| self.look(t, measure));
+        let will_be = made.map(|t| self.look_at(t, measure));
+        let worst = were[0].worth.min(were[1].worth).min(0.0);
+        if sound != [true; 2] || will_be.iter().any(|look| look.worth < worst) {
+            return false;
+        }
+        // Not away from the surface, though what is made is looked at again.
+        let is_off = |look: &Look| self.off(look, measure) > SPLIT;
+        if self.is_coarser(&quad, were, will_be, measure) || will_be.iter().any(is_off) {
+            return false;
+        }
+        self.turn(t, &quad, made, sound);
+        true
+    }
+
+    /// Puts a vertex at a place, unless there is one beside it, or no triangle around it.
+    fn insert_one(&mut self, place: &Place, measure: &dyn Measure) {
+        let node = Node::inner(place.at, place.faces);
+        let all = 0..self.triangles.len() as u32;
+        let found = match place.faces {
+            0 => all
+                .map(|t| (t, None))
+                .find(|&(t, _)| self.holds(t, place.at)),
+            faces => {
+                let edges = all.flat_map(|t| [0, 1, 2].map(|i| (t, Some(i))));
+                edges
+                    .filter_map(|(t, i)| {
+                        Some(((t, i), self.beside_border(t, i?, place.at, faces)?))
+                    })
+                    .min_by(|a, b| a.1.total_cmp(&b.1))
+                    .map(|e| e.0)
+            }
+        };
+        let Some((t, edge)) = found else { return };
+        let (image, corners) = (measure.image(&node), self.images_of(t));
+        let near = corners.map(|x| distance(x, image));
+        if near.into_iter().fold(f64::INFINITY, f64::min) > BESIDE * longest(corners) {
+            match edge {
+                None => self.put_into(t, place.at, measure),
+                Some(i) => self.split_border(t, i, node, measure).is_some(),
+            };
+        }
+    }
+    /// Whether a place is inside of a triangle.
+    fn holds(&self, t: u32, at: [f64; 2]) -> bool {
+        let [a, b, c] = self.corners(t).map(|[x, y]| Coord { x, y });
+        let p = Coord { x: at[0], y: at[1] };
+        [(a, b), (b, c), (c, a)]
+            .iter()
+            .all(|&(a, b)| orient2d(a, b, p) > 0.0)
+    }
+    /// How far from the edge opposite to corner i a place is, if the edge is a border in a face of
+    /// the box and the place is beside its inside.
+    fn beside_border(&self, t: u32, i: usize, at: [f64; 2], faces: u8) -> Option<f64> {
+        let v = self.triangles[t as usize];
+        let ends = [v[(i + 1) % 3], v[(i + 2) % 3]].map(|v| &self.nodes[v as usize]);
+        // Those on sides of the unit triangle have another unit triangle beyond them.
+        let is_border = self.adjacent[t as usize][i] == NONE
+            && !self.is_rim(t, i)
+            && !is_on_side(ends.map(|n| n.at))
+            && ends.iter().all(|n| n.faces & faces != 0);
+        let [x, y] = ends.map(|n| n.at);
+        let (d, p) = ([y[0] - x[0], y[1] - x[1]], [at[0] - x[0], at[1] - x[1]]);
+        let size = d[0] * d[0] + d[1] * d[1];
+        let share = (d[0] * p[0] + d[1] * p[1]) / size;
+        let off = (d[0] * p[1] - d[1] * p[0]).abs() / size.sqrt();
+        (is_border && share > 0.0 && share < 1.0 && off < BOW * size.sqrt()).then_some(off)
+    }
+}
