@@ -19,7 +19,7 @@ use crate::zeros::common_zeros;
 use isoform_algebra::modular::{Crt, Fp, primes};
 use isoform_algebra::{Poly, RBig};
 use isoform_geom::{cross, norm};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Largest degree of the forms of a deck transformation that is looked for. Those of maps that
 /// people write have degree 1 or 2; the next degree costs twice the time of all before.
@@ -52,6 +52,9 @@ pub(crate) struct Deck {
     pub(crate) seams: Vec<Poly>,
     /// Irreducible curves all of whose points a transformation leaves where they are.
     pub(crate) folds: Vec<Poly>,
+    /// Which real base points a transformation leaves where they are, and all lines through them:
+    /// the curves that they are blown up to are folds.
+    pub(crate) folded: BTreeSet<usize>,
 }
 
 impl Deck {
@@ -66,34 +69,41 @@ impl Deck {
         if transformations.is_empty() {
             return Ok(None);
         }
+        let is_folded = |p: &[Algebraic; 3]| transformations.iter().any(|t| keeps_lines(t, p));
+        let folded = (0..base_points.len()).filter(|&k| is_folded(&base_points[k]));
+        let mut deck = Self {
+            folded: folded.collect(),
+            transformations,
+            ratio: Default::default(),
+            seams: Vec::new(),
+            folds: Vec::new(),
+        };
+        let around: Vec<Vec<[Point; 2]>> = (0..base_points.len())
+            .filter(|k| !deck.folded.contains(k))
+            .map(|k| across(&base_points[k]))
+            .collect();
         let mut best: Option<(usize, Self)> = None;
-        for [l, m] in ratios(base_points) {
+        for ratio in ratios(base_points) {
             check(stop)?;
-            let ratio = [&l, &m];
-            if transformations
-                .iter()
-                .any(|t| !is_tame(t, ratio, base_points))
-            {
+            deck.ratio = ratio;
+            let is_split = |[p, q]: &[Point; 2]| deck.holds(p) != deck.holds(q);
+            if around.iter().flatten().any(is_split) {
                 continue;
             }
-            let Some([seams, folds]) = border(&transformations, ratio, stop)? else {
+            let [l, m] = &deck.ratio;
+            let Some([seams, folds]) = border(&deck.transformations, [l, m], stop)? else {
                 continue;
             };
             let degree = seams.iter().chain(&folds).map(Poly::total_degree).sum();
             if best.as_ref().is_none_or(|b| degree < b.0) {
-                let deck = Self {
-                    transformations: transformations.clone(),
-                    ratio: [l, m],
-                    seams,
-                    folds,
-                };
-                best = Some((degree, deck));
+                (deck.seams, deck.folds) = (seams, folds);
+                best = Some((degree, deck.clone()));
             }
         }
         if std::env::var("DECK").is_ok() {
             eprintln!(
                 "{:?} {:?}",
-                transformations
+                deck.transformations
                     .iter()
                     .map(|t| t
                         .each_ref()
@@ -108,7 +118,8 @@ impl Deck {
                     b.1.folds
                         .iter()
                         .map(ToString::to_string)
-                        .collect::<Vec<_>>()
+                        .collect::<Vec<_>>(),
+                    &b.1.folded
                 ))
             );
         }
@@ -187,27 +198,51 @@ fn comparison(t: &Transformation, [l, m]: [&Poly; 2]) -> [Poly; 3] {
     [l * &moved_m - m * &moved_l, m.clone(), moved_m]
 }
 
-/// Whether r − r∘σ keeps its sign across the curves that base points are blown up to: whether it
-/// vanishes there to an even order.
-fn is_tame(t: &Transformation, ratio: [&Poly; 2], base_points: &[[Algebraic; 3]]) -> bool {
-    let parts = comparison(t, ratio);
-    base_points
-        .iter()
-        .all(|p| parts.iter().map(|f| order_at(f, p)).sum::<usize>() % 2 == 0)
+/// Pairs of points on both hands of the curve that a base point is blown up to, in several
+/// directions.
+fn across(p: &[Algebraic; 3]) -> Vec<[Point; 2]> {
+    /// How far from the base point: farther than it is rounded, nearer than other curves, or else
+    /// a domain is passed over.
+    const STEP: f64 = 1e-5;
+    const DIRECTIONS: usize = 12;
+    let at = p.each_ref().map(Algebraic::to_f64);
+    // The plane that the largest coordinate is 1 in.
+    let largest = (0..3)
+        .max_by(|&i, &j| at[i].abs().total_cmp(&at[j].abs()))
+        .unwrap_or(0);
+    let step = |angle: f64, sign: f64| {
+        let (sin, cos) = angle.sin_cos();
+        let mut d = [cos, sin].into_iter();
+        let moved = |i: usize| match i == largest {
+            true => 1.0,
+            false => at[i] / at[largest] + sign * STEP * d.next().unwrap_or_default(),
+        };
+        [0, 1, 2]
+            .map(moved)
+            .map(|x| RBig::try_from(x).unwrap_or_default())
+    };
+    let angle = |k: usize| (k as f64 + 0.37) * std::f64::consts::PI / DIRECTIONS as f64;
+    (0..DIRECTIONS)
+        .map(|k| [1.0, -1.0].map(|sign| step(angle(k), sign)))
+        .collect()
 }
 
-/// The order to which a form vanishes at a point.
-fn order_at(form: &Poly, p: &[Algebraic; 3]) -> usize {
-    let mut derivatives = vec![form.clone()];
-    let mut order = 0;
-    while !form.is_zero() && derivatives.iter().all(|d| vanishes(d, p)) {
-        let all = derivatives
-            .iter()
-            .flat_map(|d| [0, 1, 2].map(|v| d.derivative(v)));
-        derivatives = all.collect();
-        order += 1;
+/// Whether a transformation leaves a point where it is, and all lines through it: its derivative
+/// there is a multiple of the identity.
+fn keeps_lines(t: &Transformation, p: &[Algebraic; 3]) -> bool {
+    let Some(one) = (0..3).find(|&k| !p[k].is_zero()) else {
+        return false;
+    };
+    let [i, j] = [(one + 1) % 3, (one + 2) % 3];
+    let is_kept = |k: usize| vanishes(&(&t[k] * Poly::var(one) - &t[one] * Poly::var(k)), p);
+    if vanishes(&t[one], p) || !is_kept(i) || !is_kept(j) {
+        return false;
     }
-    order
+    // Of the quotients of two forms, but for a common factor.
+    let slope = |k: usize, by: usize| t[k].derivative(by) * &t[one] - &t[k] * t[one].derivative(by);
+    [slope(i, j), slope(j, i), slope(i, i) - slope(j, j)]
+        .iter()
+        .all(|f| vanishes(f, p))
 }
 
 /// The irreducible curves across which r > r∘σ turns into r < r∘σ for one of the transformations,

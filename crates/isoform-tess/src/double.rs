@@ -23,7 +23,7 @@ use crate::map::Map;
 use crate::singular::{CurveKind, Singular, SingularCurve, signed_minors};
 use crate::univariate::{Stopped, check};
 use crate::zeros::common_zeros;
-use isoform_algebra::{Poly, RBig, map_degrees};
+use isoform_algebra::{Poly, RBig};
 use isoform_geom::distance_to_segment;
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -123,20 +123,6 @@ pub fn solitary_arcs(
     if singular.double.is_none() {
         problems.push("solitary curves: the double locus is unknown".to_owned());
         return (Vec::new(), problems);
-    }
-    match map_degrees(map.affine(), stop) {
-        Ok(degrees) if degrees.map_degree == 1 => {}
-        Ok(_) => {
-            problems.push(
-                "solitary curves: not looked for where several parameters lead to a general point"
-                    .to_owned(),
-            );
-            return (Vec::new(), problems);
-        }
-        Err(error) => {
-            problems.push(format!("solitary curves: the degree of the map: {error}"));
-            return (Vec::new(), problems);
-        }
     }
     let mut search = Search {
         sources: Vec::new(),

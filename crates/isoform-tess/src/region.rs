@@ -274,7 +274,7 @@ impl Region {
 }
 
 /// The bit of the curves that the surface is folded along: maps over a domain have none.
-const FOLD: u64 = 1;
+pub(crate) const FOLD: u64 = 1;
 
 /// (s : t : w) of a point of a unit triangle.
 fn homogeneous(quadrant: usize, [u, v]: [&RBig; 2]) -> [RBig; 3] {

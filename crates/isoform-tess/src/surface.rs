@@ -176,6 +176,8 @@ pub struct Prepared<'a> {
     curves: Curves,
     region: Region,
     solitary: Vec<Vec<Point3>>,
+    /// How many parameters, complex ones included, lead to a general point of those that are drawn.
+    pub sheets: usize,
     unproven: Vec<String>,
     changes: Changes,
 }
@@ -231,10 +233,8 @@ impl<'a> Prepared<'a> {
                 }
                 fibres = Fibres::new(map, singular, b, &enough).ok();
             }
-            // No parameters of a domain lead to solitary arcs, and planes and quadrics have none. Of
-            // an improper map the parameters alone are drawn.
-            let is_smooth = analysis.degrees.is_some_and(|d| d.implicit_degree <= 2);
-            if domain.is_none() && !(map_degree > 1 && (is_smooth || !glued)) {
+            // No parameters of a domain lead to solitary arcs.
+            if domain.is_none() {
                 let (arcs, problems) =
                     solitary_arcs(map, singular, b, options.mesh.tolerance, &enough);
                 solitary = arcs;
@@ -247,9 +247,6 @@ impl<'a> Prepared<'a> {
                     }
                 }
             }
-        }
-        if glued && deck.as_ref().map_or(1, Deck::order) < map_degree {
-            unproven.push("several parameters have the same image everywhere: sheets that lie upon each other are not joined".to_owned());
         }
         analysis
             .seconds
@@ -290,6 +287,7 @@ impl<'a> Prepared<'a> {
             curves,
             region,
             solitary,
+            sheets: map_degree / deck.as_ref().map_or(1, Deck::order),
             unproven,
             changes: Changes::default(),
         })

@@ -21,6 +21,10 @@ const IN_VAIN: usize = 2;
 /// More pairs of triangles that cross than this are no accident of sheets that are close together.
 const MOST: usize = 2000;
 
+/// Said where triangles cross that may be of sheets with one image.
+const SHEETS: &str = "several parameters have the same image everywhere: sheets that lie upon each \
+     other are not joined";
+
 /// What is changed where triangles cross.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
@@ -120,18 +124,23 @@ pub fn rational_surface(
             }
             last = Some((next, crossing));
         }
-        match found {
+        match &found {
             Some(i) if !i.complete => surface.unproven.push(format!(
                 "more than {} pairs of triangles cross",
                 i.pairs.count.min(MOST)
             )),
             Some(i) if i.pairs.is_empty() => {}
-            Some(i) => surface
-                .unproven
-                .push(format!("{} pairs of triangles cross", i.pairs.count)),
+            Some(i) => {
+                let text = format!("{} pairs of triangles cross", i.pairs.count);
+                surface.unproven.push(text);
+            }
             None => surface
                 .unproven
                 .push("whether triangles cross was not looked for".to_owned()),
+        }
+        let is_embedded = |i: &Intersections| i.complete && i.pairs.is_empty();
+        if prepared.sheets > 1 && !found.as_ref().is_some_and(is_embedded) {
+            surface.unproven.push(SHEETS.to_owned());
         }
         prepared.analysis.seconds.push(("crossings", seconds));
     }

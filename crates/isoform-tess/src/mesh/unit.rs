@@ -4,6 +4,7 @@ use super::in_chart::InChart;
 use super::plane::{Ended, Measure, Plane};
 use super::strips::{PathVertex, around, between};
 use super::*;
+use crate::region::FOLD;
 
 /// The part of the region in a unit triangle.
 pub(super) struct Unit {
@@ -296,12 +297,19 @@ impl Builder<'_> {
                 .any(|d| d.key() == ray.0 && f.is_fold(d))
         };
         let first_is_double = joined.surface.double[first[0].0 as usize] || folds(rays[0]);
+        // The surface ends in a seam along which it is folded.
+        let is_folded = !f.is_tree() && self.deck.is_some_and(|d| d.folded.contains(&fan));
+        let seam = [&first, &second].map(|path| path.last().map(|end| end.0));
+        let border = |v: PathVertex| match is_folded && seam.contains(&Some(v.0)) {
+            true => FOLD,
+            false => 0,
+        };
         let mut made: Vec<Made> = Vec::new();
         let mut push = |t: [PathVertex; 3]| {
             made.push((
                 t.map(|t| t.0),
                 t.map(|t| if is_straight { t.1 } else { apex }),
-                [0; 3],
+                t.map(border),
             ))
         };
         let (mut i, mut j) = (0, 0);
