@@ -48,13 +48,40 @@ pub(crate) struct Deck {
     transformations: Vec<Transformation>,
     /// l and m, whose quotient is compared.
     ratio: [Poly; 2],
-    /// Irreducible curves on the border of the fundamental domain, but folds.
-    pub(crate) seams: Vec<Poly>,
-    /// Irreducible curves all of whose points a transformation leaves where they are.
-    pub(crate) folds: Vec<Poly>,
+    /// The border of the fundamental domain, but folds.
+    pub(crate) seams: Border,
+    /// Curves all of whose points a transformation leaves where they are.
+    pub(crate) folds: Border,
     /// Which real base points a transformation leaves where they are, and all lines through them:
     /// the curves that they are blown up to are folds.
     pub(crate) folded: BTreeSet<usize>,
+}
+
+/// Irreducible curves.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Border {
+    /// All but s = 0, t = 0 and w = 0.
+    pub(crate) curves: Vec<Poly>,
+    /// Which of these three belong to it.
+    pub(crate) sides: [bool; 3],
+}
+
+impl Border {
+    fn new(all: impl IntoIterator<Item = Poly>) -> Self {
+        let mut border = Self::default();
+        for curve in all {
+            match (0..3).find(|&k| curve.is_associate(&Poly::var(k))) {
+                Some(side) => border.sides[side] = true,
+                None => border.curves.push(curve),
+            }
+        }
+        border
+    }
+    /// The sum of the degrees.
+    fn degree(&self) -> usize {
+        let sides = self.sides.iter().filter(|s| **s).count();
+        sides + self.curves.iter().map(Poly::total_degree).sum::<usize>()
+    }
 }
 
 impl Deck {
@@ -75,8 +102,8 @@ impl Deck {
             folded: folded.collect(),
             transformations,
             ratio: Default::default(),
-            seams: Vec::new(),
-            folds: Vec::new(),
+            seams: Border::default(),
+            folds: Border::default(),
         };
         let around: Vec<Vec<[Point; 2]>> = (0..base_points.len())
             .filter(|k| !deck.folded.contains(k))
@@ -94,13 +121,23 @@ impl Deck {
             let Some([seams, folds]) = border(&deck.transformations, [l, m], stop)? else {
                 continue;
             };
-            let degree = seams.iter().chain(&folds).map(Poly::total_degree).sum();
+            let degree = seams.degree() + folds.degree();
             if best.as_ref().is_none_or(|b| degree < b.0) {
                 (deck.seams, deck.folds) = (seams, folds);
                 best = Some((degree, deck.clone()));
             }
         }
         if std::env::var("DECK").is_ok() {
+            let show = |b: &Border| {
+                format!(
+                    "{:?} {:?}",
+                    b.curves
+                        .iter()
+                        .map(|c| c.display(&["s", "t", "w"]).to_string())
+                        .collect::<Vec<_>>(),
+                    b.sides
+                )
+            };
             eprintln!(
                 "{:?} {:?}",
                 deck.transformations
@@ -110,15 +147,11 @@ impl Deck {
                         .map(|f| f.display(&["s", "t", "w"]).to_string()))
                     .collect::<Vec<_>>(),
                 best.as_ref().map(|b| (
-                    b.1.ratio.each_ref().map(ToString::to_string),
-                    b.1.seams
-                        .iter()
-                        .map(ToString::to_string)
-                        .collect::<Vec<_>>(),
-                    b.1.folds
-                        .iter()
-                        .map(ToString::to_string)
-                        .collect::<Vec<_>>(),
+                    b.1.ratio
+                        .each_ref()
+                        .map(|c| c.display(&["s", "t", "w"]).to_string()),
+                    show(&b.1.seams),
+                    show(&b.1.folds),
                     &b.1.folded
                 ))
             );
@@ -251,7 +284,7 @@ fn border(
     transformations: &[Transformation],
     ratio: [&Poly; 2],
     stop: &dyn Fn() -> bool,
-) -> Result<Option<[Vec<Poly>; 2]>, Stopped> {
+) -> Result<Option<[Border; 2]>, Stopped> {
     let mut curves: BTreeMap<_, (Poly, bool)> = BTreeMap::new();
     for t in transformations {
         check(stop)?;
@@ -278,7 +311,7 @@ fn border(
     }
     let (folds, seams): (Vec<_>, Vec<_>) = curves.into_values().partition(|c| c.1);
     Ok(Some(
-        [seams, folds].map(|list| list.into_iter().map(|c| c.0).collect()),
+        [seams, folds].map(|list| Border::new(list.into_iter().map(|c| c.0))),
     ))
 }
 

@@ -336,6 +336,7 @@ impl Fan {
             });
         }
         fan.arrange();
+        fan.leave_out(region);
         let mut open = fan.sectors.iter().filter(|s| s.inside);
         let first = open
             .clone()
@@ -450,6 +451,7 @@ impl Fan {
             .iter()
             .flatten()
             .copied()
+            .chain(region.folds())
             .filter(|&f| region.faces[f].is_empty())
         {
             for at in tangents(
@@ -557,6 +559,22 @@ impl Fan {
             self.problem = Some(format!(
                 "the base point ({s} : {t} : {w}) is left open: two of its seams meet in a face of the box"
             ));
+        }
+    }
+
+    /// Sectors outside of a fundamental domain are not inside.
+    fn leave_out(&mut self, region: &Region) {
+        /// How far from the base point a sector is looked at, in the coordinates of its node:
+        /// farther than rounding, nearer than where what borders it turns.
+        const NEAR: f64 = 1e-5;
+        for k in 0..self.sectors.len() {
+            let sector = &self.sectors[k];
+            let (node, [a, b]) = self.piece(sector, 0);
+            let (d, backward) = directed(node, [a[0] + b[0], a[1] + b[1]]);
+            let off = self.lowered(node, d.at_distance(backward, NEAR, 0.0));
+            let mut p = self.point;
+            (0..2).for_each(|i| p[self.variables[i]] += off[i]);
+            self.sectors[k].inside &= region.is_fundamental(p);
         }
     }
 

@@ -230,7 +230,7 @@ impl Curves {
         pinches: Vec<[f64; 3]>,
         fibres: Option<Fibres>,
     ) -> Self {
-        let is_fold = |c: &Poly| deck.as_ref().is_some_and(|d| d.folds.contains(c));
+        let is_fold = |c: &Poly| deck.as_ref().is_some_and(|d| d.folds.curves.contains(c));
         let mut found = Self {
             glued,
             pinches,
@@ -281,21 +281,19 @@ impl Curves {
                 _ => {}
             }
         }
-        for seam in deck.iter().flat_map(|d| &d.seams) {
-            if let Some(side) = (0..3).find(|&k| seam.is_associate(&Poly::var(k))) {
-                found.double_sides[side] = true;
-            }
+        for border in deck.iter().map(|d| &d.seams) {
+            (0..3).for_each(|k| found.double_sides[k] |= border.sides[k]);
         }
         found.deck = deck;
         found
     }
     /// The curves along which the border of a fundamental domain is joined with itself.
     fn seams(&self) -> &[Poly] {
-        self.deck.as_ref().map_or(&[], |d| &d.seams)
+        self.deck.as_ref().map_or(&[], |d| &d.seams.curves)
     }
     /// Whether there are vertices with several parameters.
     fn is_joined(&self) -> bool {
-        self.glued || !self.seams().is_empty()
+        self.glued || self.deck.is_some()
     }
     /// Forms in (s, t, w).
     pub(crate) fn forms(&self) -> Vec<Poly> {

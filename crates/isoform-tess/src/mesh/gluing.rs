@@ -280,6 +280,10 @@ impl Builder<'_> {
         })
     }
 
+    /// Whether the vertices of a curve have partners: those of a contracted one are one.
+    fn is_glued(&self, factor: usize) -> bool {
+        self.double.contains(&factor) && !self.on_curve.contains_key(&factor)
+    }
     fn pieces(&self, sides: &Sides) -> Vec<Piece> {
         let mut pieces = Vec::new();
         for q in 0..4 {
@@ -289,7 +293,7 @@ impl Builder<'_> {
                 for i in self.drawn(q, slab) {
                     let arc = a.slabs[slab].arcs[i];
                     let stretch = self.stretch(q, slab, i);
-                    if !self.double.contains(&arc.curve) || !stretch.is_open() {
+                    if !self.is_glued(arc.curve) || !stretch.is_open() {
                         continue;
                     }
                     let line = self.polyline(q, &stretch, i, &mut over, &mut true);
@@ -304,10 +308,7 @@ impl Builder<'_> {
             }
             for wall in 1..a.walls.len() - 1 {
                 for p in 0..a.walls[wall].points.len() - 1 {
-                    if self
-                        .drawn_on(q, wall, p)
-                        .is_some_and(|f| self.double.contains(&f))
-                    {
+                    if self.drawn_on(q, wall, p).is_some_and(|f| self.is_glued(f)) {
                         let (stretch, line) = self.upright(q, wall, p);
                         pieces.push(self.piece(
                             Track::Wall(q, wall, p),
@@ -320,7 +321,9 @@ impl Builder<'_> {
                 }
             }
         }
-        for (&(side, sign), places) in sides.iter().filter(|s| self.double_sides[s.0.0]) {
+        // Curves that are contracted have one vertex.
+        let is_double = |side: usize| self.double_sides[side] && self.on_side[side].is_none();
+        for (&(side, sign), places) in sides.iter().filter(|s| is_double(s.0.0)) {
             self.side_pieces(side, sign, places, &mut pieces);
         }
         // Deck transformations take such a seam to itself, and the fundamental domain has one of
@@ -895,10 +898,7 @@ impl Builder<'_> {
                 let mut lines = arrangement(q).walls[wall].vertical.iter();
                 lines.any(|f| self.seams.contains(f))
             }
-            Track::Side(side, ..) => {
-                let sides = &arrangement(piece.q).sides;
-                self.seams.iter().any(|&f| sides[f][side])
-            }
+            Track::Side(side, ..) => self.deck.is_some_and(|d| d.seams.sides[side]),
             Track::Seam(..) => false,
         }
     }

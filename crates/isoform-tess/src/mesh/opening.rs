@@ -103,7 +103,8 @@ impl Builder<'_> {
                         continue;
                     }
                     let at = self.place(q, k, p);
-                    if self.region.sides_of_point(q, k, p) != 0 {
+                    let is_on_side = || self.region.sides_of_point(q, k, p) != 0;
+                    if self.region.domain.is_some() && is_on_side() {
                         problems
                             .push("a base point on a side of the domain is left open".to_owned());
                         continue;

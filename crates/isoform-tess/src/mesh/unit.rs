@@ -297,10 +297,16 @@ impl Builder<'_> {
                 .any(|d| d.key() == ray.0 && f.is_fold(d))
         };
         let first_is_double = joined.surface.double[first[0].0 as usize] || folds(rays[0]);
-        // The surface ends in a seam along which it is folded.
+        // The surface ends in a seam along which it is folded, and in rays along folds.
         let is_folded = !f.is_tree() && self.deck.is_some_and(|d| d.folded.contains(&fan));
         let seam = [&first, &second].map(|path| path.last().map(|end| end.0));
-        let border = |v: PathVertex| match is_folded && seam.contains(&Some(v.0)) {
+        let folded: Vec<u32> = [(&first, rays[0]), (&second, rays[1])]
+            .into_iter()
+            .filter(|(_, ray)| self.is_fold_ray(fan, *ray))
+            .flat_map(|(path, _)| path.iter().map(|v| v.0))
+            .chain(seam.into_iter().flatten().filter(|_| is_folded))
+            .collect();
+        let border = |v: PathVertex| match folded.contains(&v.0) {
             true => FOLD,
             false => 0,
         };
@@ -348,5 +354,15 @@ impl Builder<'_> {
             if on_second { j += 1 } else { i += 1 }
         }
         made
+    }
+
+    /// Whether a fold leaves a base point along a ray.
+    fn is_fold_ray(&self, fan: usize, ray: Ray) -> bool {
+        let f = &self.fans[fan];
+        let mut directions = f.directions.iter().filter(|d| d.key() == ray.0);
+        directions.any(|d| {
+            f.sides_along(d).any(|side| self.region.is_fold_side(side))
+                || self.region.folds().any(|fold| d.factors.contains(&fold))
+        })
     }
 }
