@@ -184,6 +184,10 @@ impl Region {
         let p = p.map(|x| RBig::try_from(x).unwrap_or_default());
         self.deck.as_ref().is_none_or(|d| d.holds(&p))
     }
+    /// Whether the surface is folded along a factor.
+    pub(crate) fn is_fold(&self, factor: usize) -> bool {
+        self.folds.contains(&factor)
+    }
     /// Whether it is folded along a side of the unit triangles.
     pub(crate) fn is_fold_side(&self, side: usize) -> bool {
         self.fold_sides[side]

@@ -4,7 +4,7 @@ use super::contraction::contract_flat;
 use super::distance;
 use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, norm, sub};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// How far beyond the box vertices may be for rounding, per half its width.
 const OUTSIDE: f64 = 1e-9;
@@ -112,6 +112,36 @@ fn leave_out_lost(s: &mut Surface) {
     leave_out(s, &lost);
 }
 
+/// Whether two corners of a triangle are one vertex.
+fn is_closed_up(t: &[u32; 3]) -> bool {
+    t[0] == t[1] || t[1] == t[2] || t[2] == t[0]
+}
+
+/// The triangles beside those that contracted curves have closed up lie on the sides of the domain
+/// that these lie on.
+fn hand_on_borders(s: &mut Surface) {
+    let mut borders: BTreeMap<[u32; 2], u64> = BTreeMap::new();
+    let edges = [[0, 1], [1, 2], [2, 0]];
+    let name = |t: &[u32; 3], [i, j]: [usize; 2]| [t[i].min(t[j]), t[i].max(t[j])];
+    for (t, bits) in s.triangles.iter().zip(&s.borders) {
+        for [i, j] in edges.into_iter().filter(|_| is_closed_up(t)) {
+            if t[i] != t[j] && bits[i] & bits[j] != 0 {
+                *borders.entry(name(t, [i, j])).or_default() |= bits[i] & bits[j];
+            }
+        }
+    }
+    if borders.is_empty() {
+        return;
+    }
+    for (t, bits) in s.triangles.iter().zip(&mut s.borders) {
+        for [i, j] in edges {
+            let side = borders.get(&name(t, [i, j])).copied().unwrap_or(0);
+            bits[i] |= side;
+            bits[j] |= side;
+        }
+    }
+}
+
 /// Leaves out vertices that no triangle has.
 pub(super) fn leave_out(s: &mut Surface, left_out: &[bool]) {
     let vertices: Vec<u32> = (0..s.points.len() as u32)
@@ -141,7 +171,8 @@ pub(super) fn finish(
     glued: bool,
     tolerance: &dyn Fn(Point3) -> f64,
 ) -> Surface {
-    keep(&mut s, |_, t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0]);
+    hand_on_borders(&mut s);
+    keep(&mut s, |_, t| !is_closed_up(t));
     leave_out_lost(&mut s);
     contract_flat(&mut s, half_width, tolerance);
     check(&mut s, half_width, glued);

@@ -96,9 +96,14 @@ fn contract_one(
         .into_iter()
         .find(|&(from, to)| may_move(s, stars, from, to, limits))?;
     let moved = std::mem::take(&mut stars.of[from as usize]);
+    let mut borders: Vec<(u32, u64)> = Vec::new();
     for k in moved {
         if s.triangles[k].contains(&to) {
             dead.insert(k);
+            let (t, bits) = (s.triangles[k], s.borders[k]);
+            let other = (0..3).find(|&i| t[i] != from && t[i] != to);
+            // The sides that it lies on with one of two edges, which become one.
+            borders.extend(other.map(|i| (t[i], edge_bits(bits, i))));
             for v in s.triangles[k] {
                 stars.of[v as usize].retain(|&other| other != k);
             }
@@ -107,7 +112,21 @@ fn contract_one(
             stars.of[to as usize].push(k);
         }
     }
+    for (v, bits) in borders.into_iter().filter(|b| b.1 != 0) {
+        for &k in &stars.of[to as usize] {
+            let t = s.triangles[k];
+            if t.contains(&v) {
+                let on_edge = (0..3).filter(|&i| t[i] == v || t[i] == to);
+                on_edge.for_each(|i| s.borders[k][i] |= bits);
+            }
+        }
+    }
     Some(from)
+}
+
+/// The sides of the domain that a triangle lies on with an edge at a corner.
+fn edge_bits(bits: [u64; 3], corner: usize) -> u64 {
+    bits[corner] & (bits[(corner + 1) % 3] | bits[(corner + 2) % 3])
 }
 
 /// Whether a vertex may be moved onto a neighbour.

@@ -6,7 +6,8 @@ use super::plane::{Measure, Plane, is_turned};
 use super::stretch::{Columns, Stretch, height};
 use super::unit::Unit;
 use super::*;
-use crate::region::Triangle;
+
+use crate::region::{FOLD, Triangle};
 use spade::handles::FixedVertexHandle;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 
@@ -342,9 +343,14 @@ impl Builder<'_> {
                     let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
                     let faces = arc.map_or(0, |x| self.bits(x.curve));
                     let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
+                    let is_fold = match name {
+                        Name::Side(side, ..) => self.region.is_fold_side(side),
+                        _ => arc.is_some_and(|x| self.region.is_fold(x.curve)),
+                    };
                     let v = drawing.vertex(Node {
                         name,
                         image,
+                        borders: if is_fold { FOLD } else { 0 },
                         ..Node::inner(at, faces)
                     })?;
                     drawing.rays.insert((v.index(), site.fan), ray);

@@ -362,7 +362,7 @@ impl Builder<'_> {
         let mut directions = f.directions.iter().filter(|d| d.key() == ray.0);
         directions.any(|d| {
             f.sides_along(d).any(|side| self.region.is_fold_side(side))
-                || self.region.folds().any(|fold| d.factors.contains(&fold))
+                || d.factors.iter().any(|f| self.region.is_fold(*f))
         })
     }
 }
