@@ -18,6 +18,7 @@
 //! slices, and to its faces.
 
 use crate::base::{BasePoint, Seam, base_points};
+use crate::deck::Deck;
 use crate::field::{Algebraic, Element, NumberField};
 use crate::map::Map;
 use crate::singular::{CurveKind, Singular, SingularCurve, signed_minors};
@@ -173,8 +174,9 @@ impl Fibres {
             curves,
         })
     }
-    /// Whether one real parameter and conjugate ones lead to a point, and nothing else.
-    pub(crate) fn is_met_by_conjugates(&self, p: [f64; 3]) -> bool {
+    /// Whether one real parameter and conjugate ones lead to a point, and nothing else. Those that
+    /// deck transformations exchange count as one.
+    pub(crate) fn is_met_by_conjugates(&self, p: [f64; 3], deck: Option<&Deck>) -> bool {
         let found = self.search.fibre(&[
             p[0] / self.half_width,
             p[1] / self.half_width,
@@ -182,7 +184,11 @@ impl Fibres {
             1.0,
         ]);
         let real: Vec<&V> = found.iter().filter(|f| f.2).map(|f| &f.1).collect();
-        found.len() > real.len() && real.windows(2).all(|w| distance(w[0], w[1]) < 1e-5)
+        let is_one = |p: &V, q: &V| {
+            distance(p, q) < 1e-5
+                || deck.is_some_and(|d| d.may_exchange(real_point(p), real_point(q)))
+        };
+        found.len() > real.len() && real.windows(2).all(|w| is_one(w[0], w[1]))
     }
     /// Whether all the partners of a real parameter (s : t : w) with a given image were found to be
     /// conjugate or in a part of the plane.
@@ -199,23 +205,22 @@ impl Fibres {
             1.0,
         ]);
         let own = normalised(&own.map(|x| C::new(x, 0.0)));
-        let real = |v: &V| {
-            let phase = v
-                .iter()
-                .copied()
-                .max_by(|a, b| a.norm2().total_cmp(&b.norm2()))
-                .unwrap_or(C::ONE)
-                .inverse();
-            v.map(|c| (c * phase).re)
-        };
         let is_other = |f: &&(usize, V, bool)| !f.2 || distance(&f.1, &own) > 1e-5;
         found.iter().any(|f| is_other(&f))
             && found
                 .iter()
                 .filter(|f| f.2)
                 .filter(is_other)
-                .all(|(k, v, _)| *k < self.curves && is_elsewhere(real(v)))
+                .all(|(k, v, _)| *k < self.curves && is_elsewhere(real_point(v)))
     }
+}
+
+/// The real coordinates of a real point.
+fn real_point(v: &V) -> [f64; 3] {
+    let largest = v.iter().copied();
+    let largest = largest.max_by(|a, b| a.norm2().total_cmp(&b.norm2()));
+    let phase = largest.unwrap_or(C::ONE).inverse();
+    v.map(|c| (c * phase).re)
 }
 
 /// The curves with images that are curves in space.

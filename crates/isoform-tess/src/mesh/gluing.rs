@@ -10,7 +10,7 @@ use super::stretch::{Columns, Stretch};
 use super::{Builder, Name, Ray, Sides, distance, in_plane, on_side, sides_of};
 use crate::double::Fibres;
 use crate::surface::{DoubleArc, Point3};
-use isoform_geom::{cross, norm};
+use isoform_geom::{cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A name of a vertex, with the unit triangle and the place in it for those that have none.
@@ -646,6 +646,9 @@ impl Builder<'_> {
         if off > 2.0 * self.options.tolerance {
             return None;
         }
+        if self.is_fold(piece) {
+            return self.partner_on_fold(piece, i, image, t);
+        }
         let (from, to) = (piece.along(a.at), piece.along(b.at));
         let s = t.clamp(0.02, 0.98);
         let mut at = [0, 1].map(|k| a.at[k] + s * (b.at[k] - a.at[k]));
@@ -679,6 +682,40 @@ impl Builder<'_> {
             last = residual;
             at = [at[0] + delta[0], at[1] + delta[1]];
             if at.iter().any(|x| !(-0.1..=1.1).contains(x)) {
+                return None;
+            }
+        }
+        None
+    }
+    /// The same along a fold, across which the map has no derivative: from a place between the ends
+    /// of the segment.
+    fn partner_on_fold(
+        &self,
+        piece: &Piece,
+        i: usize,
+        image: Point3,
+        place: f64,
+    ) -> Option<[f64; 2]> {
+        /// Half the step of difference quotients along the segment: they need no more digits for
+        /// each step to gain some.
+        const STEP: f64 = 1e-4;
+        let ends = [i - 1, i].map(|k| piece.knots[k].at);
+        let at = |t: f64| {
+            self.on_curve_of(
+                piece,
+                [0, 1].map(|k| ends[0][k] + t * (ends[1][k] - ends[0][k])),
+            )
+        };
+        let value = |t: f64| self.charts[piece.q].at(at(t));
+        let mut t = place.clamp(0.02, 0.98);
+        for _ in 0..60 {
+            let rest = sub(image, value(t));
+            if norm(rest) < 1e-12 * self.half_width {
+                return (t > 0.0 && t < 1.0).then(|| self.onto(piece, at(t)));
+            }
+            let slope = sub(value(t + STEP), value(t - STEP)).map(|x| x / (2.0 * STEP));
+            t += dot(slope, rest) / dot(slope, slope);
+            if !(-0.1..=1.1).contains(&t) {
                 return None;
             }
         }
@@ -772,6 +809,9 @@ impl Builder<'_> {
                 _ => true,
             };
             let mut lonely: Vec<&[Knot]> = piece.knots.windows(2).filter(alone).collect();
+            if self.is_fold(piece) {
+                continue;
+            }
             // Partners may be outside of the domain on some of its length only.
             if let (Some(_), Some(fibres), false) = (&self.region.domain, fibres, piece.is_seam()) {
                 lonely.retain(|w| {
@@ -796,7 +836,7 @@ impl Builder<'_> {
                     }
                 };
                 let knot = w.iter().find(|k| !k.fixed).map_or_else(middle, |k| k.image);
-                if !fibres.is_some_and(|f| f.is_met_by_conjugates(knot)) {
+                if !fibres.is_some_and(|f| f.is_met_by_conjugates(knot, self.deck)) {
                     single += lonely.len();
                 }
             }
@@ -886,19 +926,31 @@ impl Builder<'_> {
             }
         }
     }
-    /// Whether a piece is on the border of a fundamental domain.
+    /// Whether a piece is on the border of a fundamental domain, and goes on.
     fn is_border(&self, piece: &Piece) -> bool {
+        let is_side = |side: usize| self.deck.is_some_and(|d| d.seams.sides[side]);
+        self.is_of(piece, &|f| self.seams.contains(&f), &is_side)
+    }
+    /// Whether the surface ends in a piece: others may end there, or not.
+    fn is_fold(&self, piece: &Piece) -> bool {
+        let is_side = |side: usize| self.region.is_fold_side(side);
+        self.is_of(piece, &|f| self.region.is_fold(f), &is_side)
+    }
+    /// Whether a piece lies on some factors or sides of unit triangles.
+    fn is_of(
+        &self,
+        piece: &Piece,
+        is_factor: &dyn Fn(usize) -> bool,
+        is_side: &dyn Fn(usize) -> bool,
+    ) -> bool {
         let arrangement = |q: usize| &self.region.triangles[q].arrangement;
         match piece.track {
-            Track::Arc(q, slab, i) => {
-                let curve = arrangement(q).slabs[slab].arcs[i].curve;
-                self.seams.contains(&curve)
-            }
+            Track::Arc(q, slab, i) => is_factor(arrangement(q).slabs[slab].arcs[i].curve),
             Track::Wall(q, wall, _) => {
-                let mut lines = arrangement(q).walls[wall].vertical.iter();
-                lines.any(|f| self.seams.contains(f))
+                let lines = &arrangement(q).walls[wall].vertical;
+                lines.iter().any(|&f| is_factor(f))
             }
-            Track::Side(side, ..) => self.deck.is_some_and(|d| d.seams.sides[side]),
+            Track::Side(side, ..) => is_side(side),
             Track::Seam(..) => false,
         }
     }

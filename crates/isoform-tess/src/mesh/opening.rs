@@ -70,6 +70,11 @@ impl Builder<'_> {
         self.creased = factors(curves.creased.len());
         self.seams = factors(curves.seams().len());
         self.double.extend(&self.seams);
+        // Sheets may end in one curve.
+        if curves.glued {
+            self.double.extend(self.region.folds());
+            (0..3).for_each(|k| self.double_sides[k] |= self.region.is_fold_side(k));
+        }
     }
     /// The number of an image.
     fn image_of(&mut self, p: Point3) -> usize {
