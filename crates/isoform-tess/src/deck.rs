@@ -127,35 +127,6 @@ impl Deck {
                 best = Some((degree, deck.clone()));
             }
         }
-        if std::env::var("DECK").is_ok() {
-            let show = |b: &Border| {
-                format!(
-                    "{:?} {:?}",
-                    b.curves
-                        .iter()
-                        .map(|c| c.display(&["s", "t", "w"]).to_string())
-                        .collect::<Vec<_>>(),
-                    b.sides
-                )
-            };
-            eprintln!(
-                "{:?} {:?}",
-                deck.transformations
-                    .iter()
-                    .map(|t| t
-                        .each_ref()
-                        .map(|f| f.display(&["s", "t", "w"]).to_string()))
-                    .collect::<Vec<_>>(),
-                best.as_ref().map(|b| (
-                    b.1.ratio
-                        .each_ref()
-                        .map(|c| c.display(&["s", "t", "w"]).to_string()),
-                    show(&b.1.seams),
-                    show(&b.1.folds),
-                    &b.1.folded
-                ))
-            );
-        }
         Ok(best.map(|b| b.1))
     }
     /// How many parameters are exchanged.
@@ -672,4 +643,79 @@ fn kernel(f: &Fp, rows: Vec<Vec<u64>>, n: usize) -> Option<Vec<u64>> {
     let first = solution.iter().copied().find(|x| *x != 0)?;
     let inverse = f.inv(first);
     Some(solution.into_iter().map(|x| f.mul(x, inverse)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::base_points;
+
+    fn deck(texts: [&str; 4]) -> Option<Deck> {
+        let map = Map::parse(texts, Default::default()).expect("a map");
+        let points = base_points(&map, &|| false).expect("not stopped");
+        let points: Vec<_> = points.into_iter().map(|p| p.point).collect();
+        Deck::new(&map, &points, &|| false).expect("not stopped")
+    }
+    /// A sphere by longitude and latitude, both of them full turns.
+    const LONGITUDES: [&str; 4] = [
+        "s^2*t^2 - s^2 - t^2 + 1",
+        "-2*s*t^2 + 2*s",
+        "2*s^2*t + 2*t",
+        "s^2*t^2 + s^2 + t^2 + 1",
+    ];
+    /// What (s : t : w) -> (t : w : s) leaves as it is.
+    const CYCLIC: [&str; 4] = ["s^3 + t^3 + 1", "s*t", "s^2*t + t^2 + s", "s*t^2 + t + s^2"];
+    const FOUR: [&str; 4] = ["s^2", "t^2", "s^2*t^2 + s^4", "1"];
+
+    #[test]
+    fn known_groups() {
+        for (texts, order) in [
+            (LONGITUDES, 2),
+            (CYCLIC, 3),
+            (FOUR, 4),
+            (["s + t", "s*t", "s^2*t + s*t^2", "1"], 2),
+            // (s, t) -> (-1/s, t), after a projectivity.
+            (
+                ["s^2 - 2*s*t + t^2 - 1", "2*s - 2*t", "t*(s - t)", "s - t"],
+                2,
+            ),
+        ] {
+            let found = deck(texts).expect("transformations");
+            assert_eq!(found.order(), order, "{texts:?}");
+        }
+        // Proper; three to one, but with one real parameter.
+        assert!(deck(["s", "t", "s*t", "1"]).is_none());
+        assert!(deck(["s^3", "t", "s^6 + t^2", "1"]).is_none());
+    }
+
+    /// Of the parameters that are exchanged one is in the fundamental domain.
+    #[test]
+    fn domains_have_one_of_each() {
+        let mut random = fastrand::Rng::with_seed(1);
+        for texts in [LONGITUDES, CYCLIC, FOUR] {
+            let found = deck(texts).expect("transformations");
+            for _ in 0..100 {
+                let p = [(); 3].map(|()| RBig::from(random.i32(-1000..=1000)));
+                let others = found
+                    .transformations
+                    .iter()
+                    .map(|t| t.each_ref().map(|f| f.eval(&p)));
+                let held = others.chain([p.clone()]).filter(|q| found.holds(q)).count();
+                assert_eq!(held, 1, "{texts:?} {p:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn folds_are_fixed_curves() {
+        let found = deck(FOUR).expect("transformations");
+        assert_eq!(found.folds.sides[..2], [true, true]);
+        let found = deck(["s + t", "s*t", "s^2*t + s*t^2", "1"]).expect("a transformation");
+        let diagonal = Poly::var(0) - Poly::var(1);
+        assert!(found.folds.curves.iter().any(|c| c.is_associate(&diagonal)));
+        let found = deck(LONGITUDES).expect("a transformation");
+        assert!(found.folds.curves.is_empty() && found.folds.sides == [false; 3]);
+        assert!(found.may_exchange([2.0, 3.0, 1.0], [-0.5, 1.0 / 3.0, 1.0]));
+        assert!(!found.may_exchange([2.0, 3.0, 1.0], [-0.5, 1.0 / 2.0, 1.0]));
+    }
 }

@@ -293,6 +293,7 @@ fn weld(
     let mut joined = Surface {
         is_double_curve_known: surfaces.iter().all(|s| s.is_double_curve_known),
         is_outside: surfaces.iter().all(|s| s.is_outside),
+        sheets: surfaces.iter().map(|s| s.sheets).max().unwrap_or(0),
         ..Surface::default()
     };
     let mut number: BTreeMap<u32, u32> = BTreeMap::new();

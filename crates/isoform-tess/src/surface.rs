@@ -113,6 +113,10 @@ pub struct Surface {
     /// Whether it is certain that the map sends no parameters into the box: then there are no
     /// triangles to be had.
     pub is_outside: bool,
+    /// How many of the parameters that are drawn lead to a general point, complex ones included: 1
+    /// for a proper map, and for an improper one of which a fundamental domain is drawn; 0 if it is
+    /// unknown.
+    pub sheets: usize,
     /// The faces of the box that each vertex is on, as bits, and whether sheets meet there.
     pub(crate) faces: Vec<u8>,
     /// The sides of the domain that the corners of the triangles are on, as bits.
@@ -176,8 +180,7 @@ pub struct Prepared<'a> {
     curves: Curves,
     region: Region,
     solitary: Vec<Vec<Point3>>,
-    /// How many parameters, complex ones included, lead to a general point of those that are drawn.
-    pub sheets: usize,
+    sheets: usize,
     unproven: Vec<String>,
     changes: Changes,
 }
@@ -203,7 +206,7 @@ impl<'a> Prepared<'a> {
             analyse(map, &options.budget, stop)
         };
         let mut unproven = analysis.unproven.clone();
-        let map_degree = analysis.degrees.map_or(1, |d| d.map_degree);
+        let map_degree = analysis.degrees.map_or(0, |d| d.map_degree);
         let deck = if map_degree > 1 && domain.is_none() {
             deck(map, &analysis, stop)?
         } else {
@@ -317,6 +320,7 @@ impl<'a> Prepared<'a> {
         }
         surface.solitary_arcs.clone_from(&self.solitary);
         let is_inside = |t: &Triangle| t.inside.iter().flatten().any(|inside| *inside);
+        surface.sheets = self.sheets;
         surface.is_outside = !self.region.triangles.iter().any(is_inside);
         surface.unproven.extend(self.unproven.iter().cloned());
         surface

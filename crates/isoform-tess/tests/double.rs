@@ -403,12 +403,6 @@ fn what_cannot_be_done() {
         "{problems:?}"
     );
     assert_eq!(pinch_points(&map, &|| true).err(), Some(Stopped));
-    // Two parameters for a general point.
-    let (found, problems) = arcs(&parse(["s^2", "t", "s^2*t + s^4", "1"]), 1.0, 1e-2);
-    assert!(
-        found.is_empty() && problems.len() == 1 && problems[0].contains("several parameters"),
-        "{problems:?}"
-    );
     let without = isoform_tess::Singular {
         double: None,
         ..singular

@@ -139,7 +139,7 @@ pub fn rational_surface(
                 .push("whether triangles cross was not looked for".to_owned()),
         }
         let is_embedded = |i: &Intersections| i.complete && i.pairs.is_empty();
-        if prepared.sheets > 1 && !found.as_ref().is_some_and(is_embedded) {
+        if surface.sheets > 1 && !found.as_ref().is_some_and(is_embedded) {
             surface.unproven.push(SHEETS.to_owned());
         }
         prepared.analysis.seconds.push(("crossings", seconds));

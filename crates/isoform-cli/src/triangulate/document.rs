@@ -79,6 +79,7 @@ fn report(made: &Made) -> Value {
     });
     if made.map_degree() > 1 {
         json["improper"] = true.into();
+        json["parameters_drawn"] = surface.sheets.into();
     }
     let rest = json!({
         "base_points": all().filter_map(|a| a.base_points.as_ref()).flatten().map(base_point).collect::<Vec<_>>(),

@@ -120,8 +120,13 @@ fn degrees(made: &Made) -> String {
             d.implicit_degree
         ),
         Some(d) => {
+            let drawn = match made.surface.sheets {
+                1 => ", of which one is drawn",
+                n if n < d.map_degree => ", of which some are drawn",
+                _ => "",
+            };
             format!(
-                "of degree {degree}, improper: {} parameters for each point of a surface of degree {}",
+                "of degree {degree}, improper: {} parameters for each point of a surface of degree {}{drawn}",
                 d.map_degree, d.implicit_degree
             )
         }

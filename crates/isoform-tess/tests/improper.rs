@@ -1,0 +1,147 @@
+//! Maps with several parameters for each point: every point is drawn once.
+
+use isoform_algebra::RBig;
+use isoform_geom::{cross, norm, sub};
+use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate};
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+fn surface(texts: [&str; 4], half_width: i64) -> Surface {
+    let map = Map::parse(texts, Default::default()).expect("a map");
+    let options = TriangulateOptions {
+        half_width: RBig::from(half_width),
+        domain: None,
+        mode: Mode::Normalised,
+        mesh: MeshOptions {
+            tolerance: 2e-3 * half_width as f64,
+            longest: 0.5 * half_width as f64,
+            triangles: 400_000,
+        },
+        budget: Budget::default(),
+    };
+    let found = triangulate(&map, &options, &|| false)
+        .expect("not stopped")
+        .0;
+    assert!(found.unproven.is_empty(), "{texts:?}: {:?}", found.unproven);
+    found
+}
+
+fn area(s: &Surface) -> f64 {
+    let one = |t: &[u32; 3]| {
+        let [p, q, r] = t.map(|v| s.points[v as usize]);
+        0.5 * norm(cross(sub(q, p), sub(r, p)))
+    };
+    s.triangles.iter().map(one).sum()
+}
+
+/// The Euler characteristic, and the number of edges with one triangle.
+fn topology(s: &Surface) -> (i64, usize) {
+    let mut edges: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+    let mut used = vec![false; s.points.len()];
+    for t in &s.triangles {
+        t.iter().for_each(|&v| used[v as usize] = true);
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    let vertices = used.iter().filter(|u| **u).count() as i64;
+    let open = edges.values().filter(|n| **n == 1).count();
+    (
+        vertices - edges.len() as i64 + s.triangles.len() as i64,
+        open,
+    )
+}
+
+/// Planes, of which quadratic maps reach a part only: its area is known.
+#[test]
+fn planes_end_in_folds() {
+    for (texts, half_width, expected, sheets) in [
+        (["s^2", "t^2", "0", "1"], 2, 4.0, 1),
+        (["s^2", "t", "0", "1"], 2, 8.0, 1),
+        // x = s + t and y = s t: x^2 > 4 y.
+        (["s + t", "s*t", "0", "1"], 1, 2.0 + 1.0 / 6.0, 1),
+        // From (s, t) to (-1/s, t): all of it.
+        (["s^2 - 1", "s*t", "0", "s"], 1, 4.0, 1),
+        // The half turn about the origin: nothing is folded. Two more parameters are complex.
+        (["s^2 - t^2", "2*s*t", "0", "1"], 1, 4.0, 2),
+    ] {
+        let s = surface(texts, half_width);
+        assert_eq!(s.sheets, sheets, "{texts:?}");
+        let found = area(&s);
+        assert!(
+            (found - expected).abs() < 3e-3 * expected,
+            "{texts:?}: {found}"
+        );
+        assert_eq!(topology(&s).0, 1, "{texts:?}");
+    }
+}
+
+/// Spheres, tori and bands as people type them first.
+#[test]
+fn closed_surfaces_are_closed() {
+    let sphere = [
+        "s^2*t^2 - s^2 - t^2 + 1",
+        "-2*s*t^2 + 2*s",
+        "2*s^2*t + 2*t",
+        "s^2*t^2 + s^2 + t^2 + 1",
+    ];
+    // The torus with radii 2 and 1, its first angle by (s^2 - 1)/(2 s).
+    let torus = [
+        "-(s^4 - 6*s^2 + 1)*(t^2 + 3)",
+        "4*s*(s^2 - 1)*(t^2 + 3)",
+        "2*t*(s^2 + 1)^2",
+        "(s^2 + 1)^2*(t^2 + 1)",
+    ];
+    for (texts, half_width, expected, euler) in
+        [(sphere, 2, 4.0 * PI, 2), (torus, 4, 8.0 * PI * PI, 0)]
+    {
+        let s = surface(texts, half_width);
+        assert_eq!(topology(&s), (euler, 0), "{texts:?}");
+        let found = area(&s);
+        assert!(
+            (found - expected).abs() < 0.02 * expected,
+            "{texts:?}: {found}"
+        );
+    }
+}
+
+/// Half of a sphere, and of a torus: the fold of the second one is a base point's curve, too.
+#[test]
+fn surfaces_end_in_folds() {
+    let sphere = ["2*s^2", "2*t", "s^4 + t^2 - 1", "s^4 + t^2 + 1"];
+    let torus = [
+        "(1 - s^4)*(t^2 + 3)",
+        "2*s^2*(t^2 + 3)",
+        "2*t*(s^4 + 1)",
+        "(s^4 + 1)*(t^2 + 1)",
+    ];
+    for (texts, half_width, expected, euler) in
+        [(sphere, 2, 2.0 * PI, 1), (torus, 4, 4.0 * PI * PI, 0)]
+    {
+        let s = surface(texts, half_width);
+        let (found, open) = topology(&s);
+        assert_eq!(found, euler, "{texts:?}");
+        assert!(open > 10, "{texts:?}: it ends");
+        let found = area(&s);
+        assert!(
+            (found - expected).abs() < 0.02 * expected,
+            "{texts:?}: {found}"
+        );
+    }
+}
+
+/// A Möbius band by its half angle: one border, which goes around twice.
+#[test]
+fn bands_are_twisted() {
+    // (2 + t cos a) (cos 2 a, sin 2 a), t sin a with s = tan a/2, near to the circle.
+    let s = surface(
+        [
+            "(2*(1 + s^2) + t*(1 - s^2))*((1 - s^2)^2 - 4*s^2)",
+            "(2*(1 + s^2) + t*(1 - s^2))*4*s*(1 - s^2)",
+            "2*s*t*(1 + s^2)^2",
+            "(1 + s^2)^3",
+        ],
+        3,
+    );
+    assert_eq!(topology(&s).0, 0);
+}
