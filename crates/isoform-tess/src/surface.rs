@@ -73,7 +73,7 @@ pub enum Kind {
     Contracted,
     /// On a curve or in a point where the rank of the map drops.
     Cusp,
-    /// On a side of the domain.
+    /// On a side of the domain, or on a fold of an improper map.
     Border,
 }
 
@@ -119,7 +119,8 @@ pub struct Surface {
     pub sheets: usize,
     /// The faces of the box that each vertex is on, as bits, and whether sheets meet there.
     pub(crate) faces: Vec<u8>,
-    /// The sides of the domain that the corners of the triangles are on, as bits.
+    /// The sides of the domain that the corners of the triangles are on, as bits; a fold counts as
+    /// the first side.
     pub(crate) borders: Vec<[u64; 3]>,
     pub(crate) double: Vec<bool>,
 }
