@@ -99,6 +99,9 @@ pub struct Surface {
     pub charts: Vec<u8>,
     /// u and v of its corners there.
     pub corners: Vec<[[f64; 2]; 3]>,
+    /// Rows of the matrix that takes what these stand for to (s, t, w), where parameters were not
+    /// left as they are.
+    pub frame: Option<[[f64; 3]; 3]>,
     /// The patch that each triangle is of, where patches were joined.
     pub patches: Vec<u32>,
     /// Arcs in which real sheets meet.

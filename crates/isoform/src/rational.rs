@@ -5,8 +5,8 @@ use isoform_geom::{Aabb, Mesh};
 use isoform_mesh::Control;
 use isoform_mesh::check::{self, Intersections, Place, certify};
 use isoform_tess::{
-    Analysis, Budget, Crossing, Domain, Map, MapError, Mode, Patch, Point3, Prepared, Stopped,
-    Surface, TriangulateOptions, join_patches, polled,
+    Analysis, Budget, Crossing, Domain, Frame, Map, MapError, Mode, Patch, Point3, Prepared,
+    Stopped, Surface, TriangulateOptions, join_patches, polled,
 };
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -52,9 +52,30 @@ impl Change {
 /// found exactly. The surface is made again with the vertices of both sheets in both of them, or
 /// with a finer tolerance there; pairs that are left are said to be unproven.
 ///
+/// Parameters far from their place are brought there first ([`Frame`]): what is said of them is said
+/// of the map's own, but for the corners of triangles, whose frame the surface names.
+///
 /// # Errors
 /// [`Stopped`].
 pub fn rational_surface(
+    map: &Map,
+    options: &TriangulateOptions,
+    stop: &dyn Fn() -> bool,
+) -> Result<(Surface, Analysis), Stopped> {
+    let Some(frame) = Frame::of(map) else {
+        return surface_in_place(map, options, stop);
+    };
+    let inner = TriangulateOptions {
+        domain: options.domain.as_ref().map(|d| frame.domain(d)),
+        ..options.clone()
+    };
+    let (mut surface, analysis) = surface_in_place(&frame.map(map), &inner, stop)?;
+    surface.frame = Some(frame.matrix());
+    Ok((surface, frame.analysis(analysis)))
+}
+
+/// The surface of a map whose parameters are in their place.
+fn surface_in_place(
     map: &Map,
     options: &TriangulateOptions,
     stop: &dyn Fn() -> bool,
@@ -199,7 +220,7 @@ pub fn rational_patches(
             error,
         })?;
         let (surface, analysis) =
-            rational_surface(&map, &options, stop).map_err(|_: Stopped| PatchesError::Stopped)?;
+            surface_in_place(&map, &options, stop).map_err(|_: Stopped| PatchesError::Stopped)?;
         options.mesh.triangles = options
             .mesh
             .triangles

@@ -127,6 +127,9 @@ pub(super) fn sidecar(surface: &Surface) -> Vec<u8> {
     let kinds: Vec<&str> = surface.kinds.iter().map(|&k| kind(k)).collect();
     let mut json =
         json!({"schema": 1, "chart": surface.charts, "corners": surface.corners, "kind": kinds});
+    if let Some(frame) = surface.frame {
+        json["frame"] = json!(frame);
+    }
     if !surface.patches.is_empty() {
         json["patch"] = json!(surface.patches);
     }

@@ -1,0 +1,413 @@
+//! Parameters in their place: an affine change of parameters after which a map's coefficients are
+//! about as small as they can be.
+//!
+//! Of all maps φ(M·(s, t, w)) with det M = 1 the one of least Bombieri norm is where the moment map
+//! μᵢⱼ = Σ ⟨xⱼ ∂ᵢF, F⟩ is a multiple of the identity (G. Kempf, L. Ness, *The length of vectors in
+//! representation spaces*, 1979); the norm is convex along geodesics, and M ← M·exp(−τ(μ − tr μ/3))
+//! descends to it. A rotation leaves the norm as it is, so M is taken upper triangular: an affine map.
+
+use crate::analysis::Analysis;
+use crate::base::BasePoint;
+use crate::domain::{Domain, Parameters};
+use crate::field::{Algebraic, Element};
+use crate::map::Map;
+use crate::singular::RealPart;
+use crate::zeros::Chart;
+use isoform_algebra::{Poly, RBig};
+
+/// Steps of the descent at most: parameters off by a factor of 10⁶ take about ten. Where there is no
+/// least norm, more steps go farther without end.
+const STEPS: usize = 40;
+/// Doublings of a step, as long as the norm falls.
+const DOUBLINGS: usize = 6;
+/// The largest entry of μ without its trace, per squared norm and degree, at which it ends: a hundred
+/// times less changes nothing of what is drawn.
+const LEVEL: f64 = 0.05;
+/// Length of the shortest step, by the degree: a quarter of what is stable for a single monomial.
+const STEP: f64 = 0.25;
+/// By how much the logarithm of the norm has to fall: a torus with s scaled by 10³ falls by 4.4, maps
+/// as people write them by less than 1.5, and their parameters stay what they are.
+const WORTH: f64 = 4.0;
+
+/// An affine change of the parameters: (s : t : w) = M·(s′ : t′ : w′), M upper triangular.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    matrix: [[RBig; 3]; 3],
+}
+
+type Matrix = [[f64; 3]; 3];
+
+const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+fn times(a: &Matrix, b: &Matrix) -> Matrix {
+    let entry = |i: usize, j: usize| (0..3).map(|k| a[i][k] * b[k][j]).sum();
+    std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
+}
+
+/// exp A by its series, of a quarter of A, squared twice.
+fn exponential(a: &Matrix) -> Matrix {
+    let small = a.map(|row| row.map(|x| 0.25 * x));
+    let (mut sum, mut term) = (IDENTITY, IDENTITY);
+    for k in 1..16 {
+        term = times(&term, &small).map(|row| row.map(|x| x / f64::from(k)));
+        (0..3).for_each(|i| (0..3).for_each(|j| sum[i][j] += term[i][j]));
+    }
+    let half = times(&sum, &sum);
+    times(&half, &half)
+}
+
+/// The upper triangular matrix with positive diagonal that a matrix is but for a rotation from the
+/// right.
+fn triangular(m: &Matrix) -> Matrix {
+    let mut rows = *m;
+    let mut upper = [[0.0; 3]; 3];
+    for i in (0..3).rev() {
+        let length = rows[i].iter().map(|x| x * x).sum::<f64>().sqrt();
+        let axis = rows[i].map(|x| x / length);
+        upper[i][i] = length;
+        for k in 0..i {
+            let along = (0..3).map(|j| rows[k][j] * axis[j]).sum::<f64>();
+            upper[k][i] = along;
+            (0..3).for_each(|j| rows[k][j] -= along * axis[j]);
+        }
+    }
+    upper
+}
+
+fn factorial(n: usize) -> f64 {
+    (1..=n).map(|k| k as f64).product()
+}
+
+/// The squared Bombieri norm of forms, and their moment map, by the squared norm.
+fn moment(forms: &[Poly; 4]) -> (f64, Matrix) {
+    let mut norm = 0.0;
+    let mut moment = [[0.0; 3]; 3];
+    for form in forms {
+        let terms = form.to_f64();
+        let weight = |e: [usize; 3]| e.iter().map(|&n| factorial(n)).product::<f64>();
+        for (e, c) in &terms {
+            let e = [0, 1, 2].map(|v| usize::from(e[v]));
+            norm += c * c * weight(e);
+            for i in (0..3).filter(|&i| e[i] > 0) {
+                for j in 0..3 {
+                    let mut to = e;
+                    to[i] -= 1;
+                    to[j] += 1;
+                    let same = |f: &&([u16; 4], f64)| (0..3).all(|v| usize::from(f.0[v]) == to[v]);
+                    let other = terms.iter().find(same).map_or(0.0, |f| f.1);
+                    moment[i][j] += c * other * e[i] as f64 * weight(to);
+                }
+            }
+        }
+    }
+    (norm, moment.map(|row| row.map(|x| x / norm)))
+}
+
+/// The translation after which the terms of second highest degree of the four polynomials are least:
+/// a + ∂ₛT x + ∂ₜT y for terms T of highest degree, by least squares.
+fn centre(map: &Map) -> Matrix {
+    let mut normal = [[0.0; 2]; 2];
+    let mut right = [0.0; 2];
+    for p in map.affine().iter().filter(|p| p.total_degree() > 0) {
+        let top = p.homogeneous_part(p.total_degree());
+        let next = p.homogeneous_part(p.total_degree() - 1).to_f64();
+        let slopes = [0, 1].map(|v| top.derivative(v).to_f64());
+        let product = |a: &[([u16; 4], f64)], b: &[([u16; 4], f64)]| -> f64 {
+            let other = |e: &[u16; 4]| b.iter().find(|t| t.0 == *e).map_or(0.0, |t| t.1);
+            a.iter().map(|(e, c)| c * other(e)).sum()
+        };
+        let size: f64 = top.to_f64().iter().map(|(_, c)| c * c).sum();
+        for i in 0..2 {
+            (0..2).for_each(|j| normal[i][j] += product(&slopes[i], &slopes[j]) / size);
+            right[i] -= product(&slopes[i], &next) / size;
+        }
+    }
+    let [[a, b], [_, c]] = normal;
+    let det = a * c - b * b;
+    let [x, y] = match det > 1e-9 * a * c {
+        true => [
+            (c * right[0] - b * right[1]) / det,
+            (a * right[1] - b * right[0]) / det,
+        ],
+        // One of them at most is known.
+        false if a >= c && a > 0.0 => [right[0] / a, 0.0],
+        false if c > 0.0 => [0.0, right[1] / c],
+        false => [0.0, 0.0],
+    };
+    [[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]]
+}
+
+/// Rounded to as few binary digits as serve, with the last entry 1: entries of a row to a sixteenth of
+/// what moves a parameter by its size.
+fn rounded(m: &Matrix) -> Option<Frame> {
+    let m = m.map(|row| row.map(|x| x / m[2][2]));
+    let inverse = inverse(&m);
+    let row = |i: usize| {
+        let size = (0..2).map(|l| inverse[l][i].abs()).fold(0.0, f64::max);
+        let unit = (-(16.0 * size).log2().ceil()).exp2();
+        let exact = |x: f64| RBig::try_from((x / unit).round() * unit).ok();
+        let [a, b, c] = m[i].map(exact);
+        Some([a?, b?, c?])
+    };
+    let matrix = [row(0)?, row(1)?, [RBig::ZERO, RBig::ZERO, RBig::ONE]];
+    let is_regular = (0..2).all(|i| !matrix[i][i].is_zero());
+    is_regular.then_some(Frame { matrix })
+}
+
+/// Of an upper triangular matrix.
+fn inverse(m: &Matrix) -> Matrix {
+    let mut x = [[0.0; 3]; 3];
+    for j in 0..3 {
+        for i in (0..=j).rev() {
+            let rest = (i + 1..=j).map(|k| m[i][k] * x[k][j]).sum::<f64>();
+            x[i][j] = (f64::from(u8::from(i == j)) - rest) / m[i][i];
+        }
+    }
+    x
+}
+
+impl Frame {
+    /// The frame in which a map's coefficients are small, if it is worth while.
+    pub fn of(map: &Map) -> Option<Self> {
+        let start = Self::level(map, &IDENTITY)?.0;
+        let centre = centre(map);
+        let centred = Self::level(map, &centre)?;
+        let is_worth = |level: f64| start - level > WORTH;
+        let found = Self::least(map, centre, centred).filter(|found| is_worth(found.0));
+        let moved = || is_worth(centred.0).then_some(centre);
+        found.map(|f| f.1).or_else(moved).and_then(|m| rounded(&m))
+    }
+    /// The level and matrix of the least norm, from one of them, if there is one.
+    fn least(map: &Map, mut matrix: Matrix, mut here: (f64, Matrix)) -> Option<(f64, Matrix)> {
+        let degree = map.degree() as f64;
+        for _ in 0..STEPS {
+            let mut rest = here.1;
+            (0..3).for_each(|i| rest[i][i] -= degree / 3.0);
+            let largest = rest.iter().flatten().fold(0.0, |m: f64, x| m.max(x.abs()));
+            if largest < LEVEL * degree {
+                return Some((here.0, matrix));
+            }
+            let mut best = None;
+            for k in 0..=DOUBLINGS {
+                let length = STEP / degree * f64::from(1 << k);
+                let step = exponential(&rest.map(|row| row.map(|x| -length * x)));
+                let next = triangular(&times(&matrix, &step));
+                let there = Self::level(map, &next)?;
+                if best.as_ref().is_some_and(|b: &(f64, _, _)| b.0 <= there.0) {
+                    break;
+                }
+                best = Some((there.0, there, next));
+            }
+            (_, here, matrix) = best?;
+        }
+        None
+    }
+    /// The logarithm of the norm with a matrix, of determinant 1 but for rounding, and the moment map.
+    fn level(map: &Map, matrix: &Matrix) -> Option<(f64, Matrix)> {
+        let frame = rounded(matrix)?;
+        let (norm, moment) = moment(&frame.forms(map));
+        let diagonal = (0..3).map(|i| frame.matrix[i][i].to_f64().value().abs().ln());
+        let scale = diagonal.sum::<f64>() * map.degree() as f64 / 3.0;
+        let level = 0.5 * norm.ln() - scale;
+        let is_finite = level.is_finite() && moment.iter().flatten().all(|x| x.is_finite());
+        is_finite.then_some((level, moment))
+    }
+    /// Rows of M.
+    pub fn matrix(&self) -> Matrix {
+        self.matrix
+            .each_ref()
+            .map(|row| row.each_ref().map(|x| x.to_f64().value()))
+    }
+    fn rows(matrix: &[[RBig; 3]; 3]) -> [Poly; 3] {
+        let form =
+            |row: &[RBig; 3]| (0..3).fold(Poly::zero(), |sum, v| sum + Poly::var(v).scale(&row[v]));
+        matrix.each_ref().map(form)
+    }
+    fn forms(&self, map: &Map) -> [Poly; 4] {
+        let rows = Self::rows(&self.matrix);
+        map.forms().each_ref().map(|f| f.compose(&rows))
+    }
+    /// The map in the parameters of the frame.
+    pub fn map(&self, map: &Map) -> Map {
+        let affine = self.forms(map).map(|f| f.dehomogenise(2));
+        Map::new(affine, Default::default()).expect("as good a map as before")
+    }
+    /// M⁻¹.
+    fn inverse(&self) -> [[RBig; 3]; 3] {
+        let m = &self.matrix;
+        let mut x: [[RBig; 3]; 3] = Default::default();
+        for j in 0..3 {
+            for i in (0..=j).rev() {
+                let one = if i == j { RBig::ONE } else { RBig::ZERO };
+                let rest = (i + 1..=j).fold(one, |sum, k| sum - &m[i][k] * &x[k][j]);
+                x[i][j] = rest / &m[i][i];
+            }
+        }
+        x
+    }
+    /// A domain in the parameters of the frame.
+    pub fn domain(&self, domain: &Domain) -> Domain {
+        let inverse = self.inverse();
+        let moved = |[s, t]: &Parameters| {
+            let [x, y, w] = inverse
+                .each_ref()
+                .map(|row| &row[0] * s + &row[1] * t + &row[2]);
+            [x / &w, y / w]
+        };
+        let corners = domain.corners().iter().map(moved).collect();
+        Domain::polygon(corners).expect("as simple a polygon as before")
+    }
+    /// What is known in the parameters of the frame, in those of the map; seams of base points keep
+    /// the coordinates of the frame.
+    pub fn analysis(&self, mut found: Analysis) -> Analysis {
+        let back = Self::rows(&self.inverse());
+        let curve = |f: &mut Poly| *f = f.compose(&back).primitive();
+        for p in found.base_points.iter_mut().flatten() {
+            *p = self.base_point(p);
+        }
+        found.pole.iter_mut().flatten().for_each(|(f, _)| curve(f));
+        if let Some(singular) = &mut found.singular {
+            singular.double.iter_mut().for_each(curve);
+            curve(&mut singular.minors);
+            for c in &mut singular.curves {
+                curve(&mut c.curve);
+                if let RealPart::Points(points) = &mut c.real {
+                    points.iter_mut().for_each(|p| *p = self.point(p).1);
+                }
+            }
+        }
+        found
+    }
+    fn base_point(&self, p: &BasePoint) -> BasePoint {
+        let (chart, point) = self.point(&p.point);
+        BasePoint {
+            chart,
+            point,
+            seam: p.seam.clone(),
+        }
+    }
+    /// A point (s′ : t′ : w′) as (s : t : w) in the first chart that holds it.
+    fn point(&self, p: &[Algebraic; 3]) -> (Chart, [Algebraic; 3]) {
+        // One of the coordinates is 1, the others are of one field.
+        let of = p.iter().find(|x| x.field().degree() > 1).unwrap_or(&p[0]);
+        let (field, root) = (of.field().clone(), of.root());
+        let element = |x: &Algebraic| match x.as_rational() {
+            Some(r) => Element::rational(&r),
+            None => x.element().clone(),
+        };
+        let p = p.each_ref().map(element);
+        let moved = self
+            .matrix
+            .each_ref()
+            .map(|row| (0..3).fold(Element::zero(), |sum, v| sum.add(&p[v].scaled(&row[v]))));
+        let charts = [(Chart::Affine, 2), (Chart::Infinite, 1), (Chart::Corner, 0)];
+        let (chart, one) = charts
+            .into_iter()
+            .find(|c| !moved[c.1].is_zero())
+            .expect("a regular matrix");
+        let inverse = field.inverse(&moved[one]);
+        let point = moved
+            .each_ref()
+            .map(|x| Algebraic::new(&field, root, field.mul(x, &inverse)));
+        (chart, point)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::{Budget, analyse};
+
+    const TORUS: [&str; 4] = [
+        "(1 - S^2)*(T^2 + 3)",
+        "2*S*(T^2 + 3)",
+        "2*T*(S^2 + 1)",
+        "(S^2 + 1)*(T^2 + 1)",
+    ];
+    const SPHERE: [&str; 4] = ["2*S", "2*T", "S^2 + T^2 - 1", "S^2 + T^2 + 1"];
+    const WHITNEY: [&str; 4] = ["S*T", "S", "T^2", "1"];
+
+    fn map(texts: [&str; 4], [s, t]: [&str; 2]) -> Map {
+        let put = |x: &str| x.replace('S', s).replace('T', t);
+        let texts = texts.map(put);
+        Map::parse(texts.each_ref().map(String::as_str), Default::default()).expect("a map")
+    }
+
+    /// Parameters that are where people put them stay there.
+    #[test]
+    fn what_is_in_place_stays() {
+        for texts in [TORUS, SPHERE, WHITNEY] {
+            for parameters in [["s", "t"], ["(2*s - t)", "(s + 3)"], ["(10*s)", "(t - 4)"]] {
+                assert_eq!(
+                    Frame::of(&map(texts, parameters)),
+                    None,
+                    "{texts:?} {parameters:?}"
+                );
+            }
+        }
+    }
+
+    /// What is far away comes back to where its coefficients have few digits, and what is known there
+    /// is known of the map.
+    #[test]
+    fn what_is_far_away_comes_back() {
+        for (texts, parameters) in [
+            (SPHERE, ["(s - 100000)", "(t + 100000)"]),
+            (SPHERE, ["(s*1000000)", "(t*1000000)"]),
+            (TORUS, ["(s*1000000)", "t"]),
+            (TORUS, ["(s/1000000 - 700)", "(3*s/1000000 + t)"]),
+            (WHITNEY, ["(s - 123456)", "(t + 99999)"]),
+        ] {
+            let far = map(texts, parameters);
+            let frame = Frame::of(&far).expect("far away");
+            let near = frame.map(&far);
+            let size = |m: &Map| {
+                let terms = m.forms().iter().flat_map(|f| f.to_f64());
+                let sizes: Vec<f64> = terms.map(|(_, c)| c.abs()).collect();
+                let least = sizes.iter().copied().fold(f64::INFINITY, f64::min);
+                sizes.iter().copied().fold(0.0, f64::max) / least
+            };
+            assert!(size(&near) < 1e4, "{parameters:?}: {}", size(&near));
+            let known = |m: &Map| analyse(m, &Budget::default(), &|| false);
+            let (found, expected) = (frame.analysis(known(&near)), known(&far));
+            let points = |a: &Analysis| {
+                let all = a.base_points.iter().flatten();
+                let mut list: Vec<String> = all
+                    .map(|p| {
+                        let at = p.point.each_ref().map(|x| x.as_rational());
+                        format!("{:?} {at:?} {}", p.chart, p.multiplicity())
+                    })
+                    .collect();
+                list.sort();
+                list
+            };
+            assert_eq!(points(&found), points(&expected), "{parameters:?}");
+            let curves = |a: &Analysis| {
+                let singular = a.singular.iter().flat_map(|s| &s.curves).map(|c| &c.curve);
+                let pole = a.pole.iter().flatten().map(|p| &p.0);
+                let mut list: Vec<String> = singular.chain(pole).map(ToString::to_string).collect();
+                list.sort();
+                list
+            };
+            assert_eq!(curves(&found), curves(&expected), "{parameters:?}");
+        }
+    }
+
+    /// A frame takes a domain to the parameters that it takes the map to.
+    #[test]
+    fn domains_move_along() {
+        let far = map(TORUS, ["(s - 100000)", "(t/1000)"]);
+        let frame = Frame::of(&far).expect("far away");
+        let near = frame.map(&far);
+        let corners = [[100_000, 0], [100_002, 0], [100_001, 3000]];
+        let corners: Vec<Parameters> = corners.map(|c| c.map(RBig::from)).to_vec();
+        let domain = Domain::polygon(corners.clone()).expect("a triangle");
+        for (p, q) in corners.iter().zip(frame.domain(&domain).corners()) {
+            let image = |m: &Map, p: &Parameters| {
+                let [x, y, z, w] = m.affine().each_ref().map(|f| f.eval(p));
+                [x / &w, y / &w, z / w]
+            };
+            assert_eq!(image(&far, p), image(&near, q));
+        }
+    }
+}
