@@ -21,6 +21,7 @@ use crate::surface::Point3;
 use isoform_algebra::{Poly, QUADRANTS, RBig, real_roots};
 use isoform_geom::{dot, sub};
 use std::cmp::Ordering;
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
 /// How far from its node the bend of a ray is found, and the largest.
@@ -120,6 +121,8 @@ struct Node {
     /// The pairs of directions with one image, if the seam runs twice through its points. Partners
     /// of directions are directions.
     cover: Option<Involution>,
+    /// Whether two directions have one image everywhere.
+    is_double: bool,
     /// What is in which direction, ascending by angle in [0, π), and whether the seam is in the box
     /// between this and the next.
     marks: Vec<(Direction, Mark, bool)>,
@@ -315,6 +318,7 @@ impl Fan {
                 matches!(marks[k].1, Mark::Near(_))
                     && (marks[k].2 || marks[(k + marks.len() - 1) % marks.len()].2)
             };
+            let is_double = cover.is_some();
             let cover = cover.filter(|_| !(0..marks.len()).any(begins));
             let forms = seam.forms.each_ref().map(|f| {
                 let terms: Vec<([usize; 2], f64)> =
@@ -331,6 +335,7 @@ impl Fan {
                 curve,
                 constant,
                 cover,
+                is_double,
                 marks,
                 forms,
             });
@@ -564,18 +569,55 @@ impl Fan {
 
     /// Sectors outside of a fundamental domain are not inside.
     fn leave_out(&mut self, region: &Region) {
-        /// How far from the base point a sector is looked at, in the coordinates of its node:
-        /// farther than rounding, nearer than where what borders it turns.
+        let is_held = |s: &Sector| region.is_fundamental(&self.beside(s, 0, true));
+        let inside: Vec<bool> = self
+            .sectors
+            .iter()
+            .map(|s| s.inside && is_held(s))
+            .collect();
+        let all = self.sectors.iter_mut().zip(inside);
+        all.for_each(|(s, inside)| s.inside = inside);
+    }
+    /// A parameter (s : t : w) next to the seam, or to one of the two seams, of a sector: in it, or on
+    /// the other hand of the seam.
+    fn beside(&self, sector: &Sector, piece: usize, within: bool) -> [RBig; 3] {
+        /// How far from the seam, in the coordinates of its node: farther than rounding, nearer than
+        /// where what borders the sector turns.
         const NEAR: f64 = 1e-5;
-        for k in 0..self.sectors.len() {
-            let sector = &self.sectors[k];
-            let (node, [a, b]) = self.piece(sector, 0);
-            let (d, backward) = directed(node, [a[0] + b[0], a[1] + b[1]]);
-            let off = self.lowered(node, d.at_distance(backward, NEAR, 0.0));
-            let mut p = self.point;
-            (0..2).for_each(|i| p[self.variables[i]] += off[i]);
-            self.sectors[k].inside &= region.is_fundamental(p);
+        let (node, [a, b]) = self.piece(sector, piece);
+        let (d, backward) = directed(node, [a[0] + b[0], a[1] + b[1]]);
+        let off = self.lowered(node, d.at_distance(backward == within, NEAR, 0.0));
+        let exact = |x: f64| RBig::try_from(x).unwrap_or_default();
+        let mut p = self.point.map(exact);
+        (0..2).for_each(|i| p[self.variables[i]] += exact(off[i]));
+        p
+    }
+    /// The nodes whose seams are on the border of a fundamental domain.
+    pub(crate) fn border_nodes(&self, region: &Region) -> BTreeSet<usize> {
+        let mut found = BTreeSet::new();
+        for sector in self.sectors.iter().filter(|s| s.inside) {
+            for piece in 0..2 {
+                let node = self.piece(sector, piece).0;
+                if !self.nodes[node].constant
+                    && !region.is_fundamental(&self.beside(sector, piece, false))
+                {
+                    found.insert(node);
+                }
+            }
         }
+        found
+    }
+    /// Whether a seam runs twice through its points.
+    pub(crate) fn is_double_seam(&self, node: usize) -> bool {
+        self.nodes[node].is_double
+    }
+    /// Points of the seam of a node.
+    pub(crate) fn seam_points(&self, node: usize, count: usize) -> Vec<Point3> {
+        let direction = |k: usize| {
+            let angle = PI * (k as f64 + 0.31) / count as f64;
+            Direction::new(node, [angle.cos(), angle.sin()])
+        };
+        (0..count).map(|k| self.seam(&direction(k))).collect()
     }
 
     /// From a position of a node to another one, counterclockwise or clockwise: positions count its

@@ -150,6 +150,7 @@ pub(crate) fn mesh(
             double_sides: curves.double_sides,
             glued: curves.glued,
             deck: curves.deck.as_ref(),
+            folded: BTreeSet::new(),
             gluing: Gluing::default(),
             fans: Vec::new(),
             sites: BTreeMap::new(),
@@ -328,6 +329,8 @@ struct Builder<'a> {
     /// Whether sheets that cross are joined.
     glued: bool,
     deck: Option<&'a Deck>,
+    /// Seams, by fan and node, that the surface ends in.
+    folded: BTreeSet<(usize, usize)>,
     gluing: Gluing,
     /// Base points, opened.
     fans: Vec<Fan>,

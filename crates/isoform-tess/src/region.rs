@@ -180,9 +180,8 @@ impl Region {
         self.folds.iter().copied()
     }
     /// Whether a point (s : t : w) is in the fundamental domain, if there is one.
-    pub(crate) fn is_fundamental(&self, p: [f64; 3]) -> bool {
-        let p = p.map(|x| RBig::try_from(x).unwrap_or_default());
-        self.deck.as_ref().is_none_or(|d| d.holds(&p))
+    pub(crate) fn is_fundamental(&self, p: &[RBig; 3]) -> bool {
+        self.deck.as_ref().is_none_or(|d| d.holds(p))
     }
     /// Whether the surface is folded along a factor.
     pub(crate) fn is_fold(&self, factor: usize) -> bool {

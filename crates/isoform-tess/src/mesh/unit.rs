@@ -280,6 +280,11 @@ impl Builder<'_> {
             path.push(seam_end(joined, d, at));
             path
         });
+        let seams: Vec<u32> = [&first, &second]
+            .iter()
+            .filter_map(|path| path.last())
+            .map(|v| v.0)
+            .collect();
         // From one seam to another one.
         if let Some(corner) = f
             .sector_between(rays[0], rays[1])
@@ -297,15 +302,19 @@ impl Builder<'_> {
                 .any(|d| d.key() == ray.0 && f.is_fold(d))
         };
         let first_is_double = joined.surface.double[first[0].0 as usize] || folds(rays[0]);
-        // The surface ends in a seam along which it is folded, and in rays along folds.
-        let is_folded = !f.is_tree() && self.deck.is_some_and(|d| d.folded.contains(&fan));
-        let seam = [&first, &second].map(|path| path.last().map(|end| end.0));
-        let folded: Vec<u32> = [(&first, rays[0]), (&second, rays[1])]
-            .into_iter()
-            .filter(|(_, ray)| self.is_fold_ray(fan, *ray))
-            .flat_map(|(path, _)| path.iter().map(|v| v.0))
-            .chain(seam.into_iter().flatten().filter(|_| is_folded))
-            .collect();
+        // The surface ends in seams and rays along which it is folded.
+        let mut folded: Vec<u32> = Vec::new();
+        for (k, path) in [&first, &second].into_iter().enumerate() {
+            let ray = rays[k];
+            if self.is_fold_ray(fan, ray) {
+                folded.extend(path.iter().map(|v| v.0));
+            }
+            if self.folded.contains(&(fan, ray.0.0)) {
+                // From its end of the seam to the other one, or to the next seam.
+                folded.extend(seams.get(k));
+                folded.extend(first.last().map(|v| v.0));
+            }
+        }
         let border = |v: PathVertex| match folded.contains(&v.0) {
             true => FOLD,
             false => 0,
