@@ -133,6 +133,10 @@ impl Deck {
     pub(crate) fn order(&self) -> usize {
         self.transformations.len() + 1
     }
+    /// Where the transformations take a point (s : t : w); nothing for one that has no value there.
+    pub(crate) fn others(&self, p: [f64; 3]) -> impl Iterator<Item = Option<[f64; 3]>> {
+        self.transformations.iter().map(move |t| image(t, p))
+    }
     /// Whether a transformation takes one of two points (s : t : w) near to the other one, or has no
     /// value at both.
     pub(crate) fn may_exchange(&self, p: [f64; 3], q: [f64; 3]) -> bool {

@@ -240,8 +240,10 @@ impl<'a> Prepared<'a> {
                 }
                 fibres = Fibres::new(map, singular, b, &enough).ok();
             }
-            // No parameters of a domain lead to solitary arcs.
-            if domain.is_none() {
+            // No parameters of a domain lead to solitary arcs, and planes and quadrics have none. Of
+            // an improper map complex parameters reach whole regions, which are not drawn.
+            let is_smooth = analysis.degrees.is_some_and(|d| d.implicit_degree <= 2);
+            if domain.is_none() && !(map_degree > 1 && (is_smooth || !glued)) {
                 let (arcs, problems) =
                     solitary_arcs(map, singular, b, options.mesh.tolerance, &enough);
                 solitary = arcs;

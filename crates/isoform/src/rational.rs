@@ -21,7 +21,7 @@ const IN_VAIN: usize = 2;
 /// More pairs of triangles that cross than this are no accident of sheets that are close together.
 const MOST: usize = 2000;
 
-/// Said where triangles cross that may be of sheets with one image.
+/// Said where sheets may have one image: where triangles cross, or that is not looked for.
 const SHEETS: &str = "several parameters have the same image everywhere: sheets that lie upon each \
      other are not joined";
 
@@ -94,7 +94,8 @@ fn surface_in_place(
         }
         surface = next;
     }
-    if options.mode == Mode::Glued && !surface.triangles.is_empty() {
+    let mut is_embedded = surface.triangles.is_empty();
+    if options.mode == Mode::Glued && !is_embedded {
         let mut seconds = 0.0;
         let mut look = |surface: &Surface| {
             let clock = Instant::now();
@@ -159,11 +160,12 @@ fn surface_in_place(
                 .unproven
                 .push("whether triangles cross was not looked for".to_owned()),
         }
-        let is_embedded = |i: &Intersections| i.complete && i.pairs.is_empty();
-        if surface.sheets > 1 && !found.as_ref().is_some_and(is_embedded) {
-            surface.unproven.push(SHEETS.to_owned());
-        }
+        let embedded = |i: &Intersections| i.complete && i.pairs.is_empty();
+        is_embedded = found.as_ref().is_some_and(embedded);
         prepared.analysis.seconds.push(("crossings", seconds));
+    }
+    if surface.sheets > 1 && !is_embedded {
+        surface.unproven.push(SHEETS.to_owned());
     }
     Ok((surface, prepared.analysis))
 }

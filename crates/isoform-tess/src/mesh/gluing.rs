@@ -10,6 +10,7 @@ use super::stretch::{Columns, Stretch};
 use super::{Builder, Name, Ray, Sides, distance, in_plane, on_side, sides_of};
 use crate::double::Fibres;
 use crate::surface::{DoubleArc, Point3};
+use isoform_algebra::Poly;
 use isoform_geom::{cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -87,6 +88,8 @@ pub(super) struct Gluing {
     /// The class of each vertex on the double curve.
     classes: BTreeMap<Key, Name>,
     images: Vec<Point3>,
+    /// A parameter (s : t : w) of each class.
+    parameters: Vec<[f64; 3]>,
     /// The classes in which sheets meet: others join the border of a fundamental domain.
     pub(super) meeting: BTreeSet<usize>,
     /// Vertices of arcs and walls between their ends, and of sides.
@@ -149,9 +152,10 @@ impl Builder<'_> {
                             pieces[k].knots.remove(j);
                             continue;
                         }
-                        let image = knot.image;
+                        let (image, parameter) = (knot.image, knot.parameter);
                         self.join(&mut pieces, k, j, gluing.images.len());
                         gluing.images.push(image);
+                        gluing.parameters.push(parameter);
                     }
                     j += 1;
                     if (self.stop)() {
@@ -235,6 +239,7 @@ impl Builder<'_> {
             }
             let shared = contracted.or(double).unwrap_or_else(|| {
                 gluing.images.push(image);
+                gluing.parameters.push(in_plane(q, at));
                 gluing.meeting.insert(gluing.images.len() - 1);
                 Name::Double(gluing.images.len() - 1)
             });
@@ -246,8 +251,12 @@ impl Builder<'_> {
         // Contracted curves with one image are one vertex already; a double curve may go through
         // it.
         for (k, &p) in self.images.iter().enumerate() {
+            let is_met = |c: usize| {
+                distance(gluing.images[c], p) < close
+                    && (self.glued || self.leads_to(k, gluing.parameters[c]))
+            };
             for name in gluing.classes.values_mut() {
-                if matches!(name, Name::Double(c) if distance(gluing.images[*c], p) < close) {
+                if matches!(name, Name::Double(c) if is_met(*c)) {
                     *name = Name::Image(k);
                 }
             }
@@ -627,6 +636,26 @@ impl Builder<'_> {
         let is_one = norm(cross(p, q)) <= 1e-9 * norm(p) * norm(q);
         self.glued || is_one || self.deck.is_some_and(|d| d.may_exchange(p, q))
     }
+    /// Whether a parameter lies on a contracted curve, or is exchanged with one on it, or with all of
+    /// it.
+    fn leads_to(&self, image: usize, p: [f64; 3]) -> bool {
+        /// Values of a form, per size of its terms, that are taken for zero.
+        const ZERO: f64 = 1e-7;
+        let is_on = |q: [f64; 3]| {
+            let size = norm(q);
+            let on_side =
+                (0..3).any(|k| self.on_side[k] == Some(image) && q[k].abs() <= ZERO * size);
+            let factors = self.on_curve.iter().filter(|c| c.1.contains(&image));
+            on_side
+                || factors
+                    .into_iter()
+                    .any(|(&f, _)| is_zero(&self.region.factors[f], q, ZERO))
+        };
+        is_on(p)
+            || self
+                .deck
+                .is_some_and(|d| d.others(p).any(|q| q.is_none_or(is_on)))
+    }
     /// The parameter near to a segment of a piece with a given image, if there is one.
     fn partner(&self, piece: &Piece, i: usize, image: Point3) -> Option<[f64; 2]> {
         let (a, b) = (&piece.knots[i - 1], &piece.knots[i]);
@@ -842,9 +871,12 @@ impl Builder<'_> {
             }
         }
         if single > 0 {
-            gluing.unproven.push(format!(
-                "{single} edges of the double curve have no partner that was found"
-            ));
+            let what = match self.glued {
+                true => "double curve",
+                false => "border of the fundamental domain",
+            };
+            let text = format!("{single} edges of the {what} have no partner that was found");
+            gluing.unproven.push(text);
         }
         let mut done = BTreeSet::new();
         for mut piece in pieces {
@@ -981,6 +1013,14 @@ impl Builder<'_> {
         }
         run.clear();
     }
+}
+
+/// Whether a form vanishes but for a share of the sizes of its terms.
+fn is_zero(form: &Poly, p: [f64; 3], share: f64) -> bool {
+    let term = |e: &[u16; 4]| (0..3).map(|v| p[v].powi(i32::from(e[v]))).product::<f64>();
+    let terms: Vec<f64> = form.to_f64().iter().map(|(e, c)| c * term(e)).collect();
+    let size: f64 = terms.iter().map(|x| x.abs()).sum();
+    terms.iter().sum::<f64>().abs() <= share * size
 }
 
 fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
