@@ -272,6 +272,16 @@ fn maps_that_cover_the_surface_twice_say_so() {
         [&j["map_degree"], &j["improper"], &j["parameters_drawn"]],
         [&json!(2), &json!(true), &json!(1)]
     );
+    // Two of the three parameters of a cube are complex, which is not looked for.
+    let cubes = f.file(
+        "cubes.json",
+        r#"{"X": "s^3", "Y": "t", "Z": "t^2", "W": "1"}"#,
+    );
+    let (exit, j) = triangulate(
+        &cubes,
+        &["--box", "1", "--tol", "0.1", "--mode", "normalised"],
+    );
+    assert_eq!((exit, &j["parameters_drawn"]), (3, &json!(3)), "{j}");
     let o = isoform(&["triangulate", &map, "--box", "1", "--tol", "0.1"]);
     assert!(
         stdout(&o).contains("improper: 2 parameters for each point"),

@@ -32,6 +32,11 @@ const TERMS: usize = 2 * MOST + 4;
 /// Primes of 62 bits at most: a transformation has coefficients of some ten digits.
 const PRIMES: usize = 12;
 
+/// Linear forms of whose products quadratic ones are made: 78 of them, and 6000 quotients, take a
+/// fraction of a second.
+const SQUARED: usize = 12;
+/// Quotients of quadratic forms among which the best one is taken.
+const ENOUGH: usize = 5;
 /// Sines of angles between points (s : t : w) as vectors that are taken for one another: partners
 /// on a border are found to some ten digits, half of them next to folds; what has one image by
 /// chance is farther apart.
@@ -98,7 +103,7 @@ impl Deck {
         }
         let is_folded = |p: &[Algebraic; 3]| transformations.iter().any(|t| keeps_lines(t, p));
         let folded = (0..base_points.len()).filter(|&k| is_folded(&base_points[k]));
-        let mut deck = Self {
+        let deck = Self {
             folded: folded.collect(),
             transformations,
             ratio: Default::default(),
@@ -109,10 +114,38 @@ impl Deck {
             .filter(|k| !deck.folded.contains(k))
             .map(|k| across(&base_points[k]))
             .collect();
+        let lines = linear_forms(base_points);
+        // Quadratic forms where linear ones do not serve, as where all base points are on a fold.
+        let squares: Vec<Poly> = (0..lines.len().min(SQUARED))
+            .flat_map(|i| (0..=i).map(move |j| [i, j]))
+            .map(|[i, j]| &lines[i] * &lines[j])
+            .collect();
+        for (forms, most) in [(lines, usize::MAX), (squares, ENOUGH)] {
+            let found = deck.least(&forms, &around, most, stop)?;
+            if found.is_some() {
+                return Ok(found);
+            }
+        }
+        Ok(None)
+    }
+    /// With the quotient of two forms that has the border of least degree, of the first so many that
+    /// no base point is blown up to a part of.
+    fn least(
+        &self,
+        forms: &[Poly],
+        around: &[Vec<[Point; 2]>],
+        most: usize,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, Stopped> {
         let mut best: Option<(usize, Self)> = None;
-        for ratio in ratios(base_points) {
+        let mut count = 0;
+        let mut deck = self.clone();
+        for (m, l) in (0..forms.len()).flat_map(|m| (0..forms.len()).map(move |l| (m, l))) {
             check(stop)?;
-            deck.ratio = ratio;
+            if m == l || count == most {
+                continue;
+            }
+            deck.ratio = [forms[l].clone(), forms[m].clone()];
             let is_split = |[p, q]: &[Point; 2]| deck.holds(p) != deck.holds(q);
             if around.iter().flatten().any(is_split) {
                 continue;
@@ -121,6 +154,7 @@ impl Deck {
             let Some([seams, folds]) = border(&deck.transformations, [l, m], stop)? else {
                 continue;
             };
+            count += 1;
             let degree = seams.degree() + folds.degree();
             if best.as_ref().is_none_or(|b| degree < b.0) {
                 (deck.seams, deck.folds) = (seams, folds);
@@ -163,8 +197,8 @@ impl Deck {
     }
 }
 
-/// Quotients of linear forms.
-fn ratios(base_points: &[[Algebraic; 3]]) -> Vec<[Poly; 2]> {
+/// Linear forms, also of lines through rational base points.
+fn linear_forms(base_points: &[[Algebraic; 3]]) -> Vec<Poly> {
     /// Simple ones, and some in no special place.
     const LINEAR: [[i64; 3]; 9] = [
         [1, 0, 0],
@@ -190,14 +224,7 @@ fn ratios(base_points: &[[Algebraic; 3]]) -> Vec<[Poly; 2]> {
         }
     }
     let form = |c: &[RBig; 3]| (0..3).fold(Poly::zero(), |sum, v| sum + Poly::var(v).scale(&c[v]));
-    let forms: Vec<Poly> = forms.iter().map(form).collect();
-    let pairs = |m: usize| {
-        (0..forms.len())
-            .filter(move |&l| l != m)
-            .map(move |l| [l, m])
-    };
-    let all = (0..forms.len()).flat_map(pairs);
-    all.map(|pair| pair.map(|k| forms[k].clone())).collect()
+    forms.iter().map(form).collect()
 }
 
 /// l m∘σ − m l∘σ, m and m∘σ: where r − r∘σ may change its sign.

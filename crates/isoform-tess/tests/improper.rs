@@ -145,3 +145,32 @@ fn bands_are_twisted() {
     );
     assert_eq!(topology(&s).0, 0);
 }
+
+/// The Roman surface from a sphere: antipodal points have one image, and (0, 0, 0) is that of three
+/// pairs of them, of which a contracted line is one. They are three points of the projective plane.
+#[test]
+fn sheets_that_meet_in_a_contracted_point_stay_apart() {
+    let s = surface(
+        [
+            "8*s*t",
+            "4*s^2*t + 4*t^3 - 4*t",
+            "4*s^3 + 4*s*t^2 - 4*s",
+            "(s^2 + t^2 + 1)^2",
+        ],
+        2,
+    );
+    assert_eq!((topology(&s), s.sheets), ((1, 0), 1));
+}
+
+/// Real base points on the fold w = 0, which a quotient of linear forms does not serve.
+#[test]
+fn half_turns_are_found() {
+    let s = surface(["s^2 - t^2", "s*t", "s^4 - t^4", "1"], 2);
+    assert_eq!((topology(&s).0, s.sheets), (1, 1));
+}
+
+/// Of (s, t) and (s, -t) one is drawn, of three parameters of s^3 all, which is said.
+#[test]
+fn what_is_drawn_is_said() {
+    assert_eq!(surface(["s^3", "t^2", "s^3*t^2", "1"], 1).sheets, 3);
+}

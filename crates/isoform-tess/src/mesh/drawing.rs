@@ -226,9 +226,7 @@ impl Builder<'_> {
             {
                 break;
             }
-            for at in places {
-                drawing.vertex(Node::inner(at, 0));
-            }
+            drawing.cdt = with_more(&drawing.cdt, &places);
         }
     }
 
@@ -550,6 +548,24 @@ impl Builder<'_> {
             .filter(|&i| inside[i - 1] != inside[i] || inside[i] && is_curve(i))
             .collect()
     }
+}
+
+/// A triangulation with more vertices. They come before its constraints: in a constrained
+/// triangulation spade may walk in a circle as it looks for their triangles, and panic.
+fn with_more(cdt: &Cdt, places: &[[f64; 2]]) -> Cdt {
+    let mut next = Cdt::new();
+    let known = cdt.vertices().map(|v| *v.data());
+    for node in known.chain(places.iter().map(|&at| Node::inner(at, 0))) {
+        // Known ones keep their numbers; others without a position are left out.
+        let _ = next.insert(node);
+    }
+    for edge in cdt.undirected_edges().filter(|e| e.is_constraint_edge()) {
+        let [a, b] = edge.vertices().map(|v| v.fix());
+        if next.can_add_constraint(a, b) {
+            next.add_constraint(a, b);
+        }
+    }
+    next
 }
 
 /// Whether a triangle, counterclockwise, lies beyond the side u + v = 1, whose points are on that
