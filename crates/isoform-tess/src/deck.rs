@@ -326,15 +326,17 @@ fn is_fixed(t: &Transformation, curve: &Poly) -> bool {
 
 /// Where a transformation takes a point, if it has a value there.
 fn image(t: &Transformation, p: [f64; 3]) -> Option<[f64; 3]> {
-    let mut is_lost = true;
-    let at = t.each_ref().map(|form| {
-        let term = |e: &[u16; 4]| (0..3).map(|v| p[v].powi(i32::from(e[v]))).product::<f64>();
-        let terms: Vec<f64> = form.to_f64().iter().map(|(e, c)| c * term(e)).collect();
-        let value: f64 = terms.iter().sum();
-        is_lost &= value.abs() <= NEAR * terms.iter().map(|x| x.abs()).sum::<f64>();
-        value
-    });
-    (!is_lost).then_some(at)
+    let at = t.each_ref().map(|form| value(form, p));
+    let is_lost = at.iter().all(|(x, size)| x.abs() <= NEAR * size);
+    (!is_lost).then(|| at.map(|x| x.0))
+}
+
+/// The value of a form, and the sum of the sizes of its terms.
+pub(crate) fn value(form: &Poly, p: [f64; 3]) -> (f64, f64) {
+    let term = |e: &[u16; 4]| (0..3).map(|v| p[v].powi(i32::from(e[v]))).product::<f64>();
+    let terms = form.to_f64();
+    let add = |(sum, size): (f64, f64), x: f64| (sum + x, size + x.abs());
+    terms.iter().map(|(e, c)| c * term(e)).fold((0.0, 0.0), add)
 }
 
 /// The deck transformations with rational coefficients, but the identity.

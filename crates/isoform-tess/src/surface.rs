@@ -211,10 +211,12 @@ impl<'a> Prepared<'a> {
         };
         let mut unproven = analysis.unproven.clone();
         let map_degree = analysis.degrees.map_or(0, |d| d.map_degree);
-        let deck = if map_degree > 1 && domain.is_none() {
-            deck(map, &analysis, stop)?
-        } else {
-            None
+        let deck = match map_degree > 1 && domain.is_none() {
+            true => deck(map, &analysis, &enough).unwrap_or_else(|Stopped| {
+                unproven.push("deck transformations: stopped".to_owned());
+                None
+            }),
+            false => None,
         };
         let clock = Instant::now();
         let b = options.half_width.to_f64().value();

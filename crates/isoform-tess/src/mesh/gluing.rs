@@ -8,9 +8,9 @@
 use super::closing::UPON;
 use super::stretch::{Columns, Stretch};
 use super::{Builder, Name, Ray, Sides, distance, in_plane, on_side, sides_of};
+use crate::deck::value;
 use crate::double::Fibres;
 use crate::surface::{DoubleArc, Point3};
-use isoform_algebra::Poly;
 use isoform_geom::{cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -645,11 +645,12 @@ impl Builder<'_> {
             let size = norm(q);
             let on_side =
                 (0..3).any(|k| self.on_side[k] == Some(image) && q[k].abs() <= ZERO * size);
-            let factors = self.on_curve.iter().filter(|c| c.1.contains(&image));
-            on_side
-                || factors
-                    .into_iter()
-                    .any(|(&f, _)| is_zero(&self.region.factors[f], q, ZERO))
+            let is_zero = |f: usize| {
+                let (x, size) = value(&self.region.factors[f], q);
+                x.abs() <= ZERO * size
+            };
+            let mut factors = self.on_curve.iter().filter(|c| c.1.contains(&image));
+            on_side || factors.any(|c| is_zero(*c.0))
         };
         is_on(p)
             || self
@@ -1013,14 +1014,6 @@ impl Builder<'_> {
         }
         run.clear();
     }
-}
-
-/// Whether a form vanishes but for a share of the sizes of its terms.
-fn is_zero(form: &Poly, p: [f64; 3], share: f64) -> bool {
-    let term = |e: &[u16; 4]| (0..3).map(|v| p[v].powi(i32::from(e[v]))).product::<f64>();
-    let terms: Vec<f64> = form.to_f64().iter().map(|(e, c)| c * term(e)).collect();
-    let size: f64 = terms.iter().map(|x| x.abs()).sum();
-    terms.iter().sum::<f64>().abs() <= share * size
 }
 
 fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
