@@ -196,9 +196,18 @@ pub(crate) fn mesh(
                 .is_some_and(|s| s.double.is_some());
         surface.double_curve = std::mem::take(&mut builder.gluing.arcs);
         surface.unproven.append(&mut builder.gluing.unproven);
-        finish(surface, builder.half_width, curves.glued, &|p| {
-            builder.tolerance_at(p)
-        })
+        let tolerance = |p: Point3| builder.tolerance_at(p);
+        let mut surface = finish(surface, builder.half_width, curves.glued, &tolerance);
+        // Contracted curves with one image are one vertex, and what is joined with them is known by
+        // its image: where sheets are not to be joined, it may be one of another sheet.
+        if curves.deck.is_some() && !curves.glued {
+            let count = closing::pinched(&surface);
+            if count > 0 {
+                let text = format!("{count} vertices may join sheets that are to stay apart");
+                surface.unproven.push(text);
+            }
+        }
+        surface
     })
 }
 

@@ -7,6 +7,11 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 fn surface(texts: [&str; 4], half_width: i64) -> Surface {
+    let found = drawn(texts, half_width);
+    assert!(found.unproven.is_empty(), "{texts:?}: {:?}", found.unproven);
+    found
+}
+fn drawn(texts: [&str; 4], half_width: i64) -> Surface {
     let map = Map::parse(texts, Default::default()).expect("a map");
     let options = TriangulateOptions {
         half_width: RBig::from(half_width),
@@ -19,11 +24,9 @@ fn surface(texts: [&str; 4], half_width: i64) -> Surface {
         },
         budget: Budget::default(),
     };
-    let found = triangulate(&map, &options, &|| false)
+    triangulate(&map, &options, &|| false)
         .expect("not stopped")
-        .0;
-    assert!(found.unproven.is_empty(), "{texts:?}: {:?}", found.unproven);
-    found
+        .0
 }
 
 fn area(s: &Surface) -> f64 {
@@ -160,6 +163,22 @@ fn sheets_that_meet_in_a_contracted_point_stay_apart() {
         2,
     );
     assert_eq!((topology(&s), s.sheets), ((1, 0), 1));
+}
+
+/// In other parameters, where several contracted curves have the image (0, 0, 0), it is one vertex:
+/// that is no projective plane, and said.
+#[test]
+fn what_may_be_of_another_sheet_is_said() {
+    let s = drawn(
+        [
+            "-s^3*t^2 - s^3 + s*t^4 + 2*s*t^2 + s",
+            "-s^3*t^3 - s^3*t + s*t^5 + 2*s*t^3 + s*t",
+            "s^4*t - 2*s^2*t^3 - 2*s^2*t + t^5 + 2*t^3 + t",
+            "s^4*t^2 + s^4 - s^2*t^4 - 2*s^2*t^2 - s^2 + t^6 + 3*t^4 + 3*t^2 + 1",
+        ],
+        1,
+    );
+    assert!(topology(&s) == (1, 0) || !s.unproven.is_empty());
 }
 
 /// Real base points on the fold w = 0, which a quotient of linear forms does not serve.

@@ -86,6 +86,30 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
     }
 }
 
+/// How many vertices have triangles around them that are not connected by edges there: sheets that
+/// do not meet in the parameters.
+pub(super) fn pinched(s: &Surface) -> usize {
+    let mut around: Vec<Vec<[u32; 2]>> = vec![Vec::new(); s.points.len()];
+    for t in &s.triangles {
+        (0..3).for_each(|i| around[t[i] as usize].push([t[(i + 1) % 3], t[(i + 2) % 3]]));
+    }
+    let is_pinched = |link: &&Vec<[u32; 2]>| {
+        let mut left = (*link).clone();
+        let mut reached: Vec<u32> = left.pop().into_iter().flatten().collect();
+        while let Some(v) = reached.pop() {
+            left.retain(|e| match e.iter().position(|&x| x == v) {
+                Some(k) => {
+                    reached.push(e[1 - k]);
+                    false
+                }
+                None => true,
+            });
+        }
+        !left.is_empty()
+    };
+    around.iter().filter(is_pinched).count()
+}
+
 /// Leaves out all triangles but some, and what belongs to them.
 pub(super) fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> bool) {
     let kept: Vec<usize> = (0..s.triangles.len())
@@ -179,4 +203,22 @@ pub(super) fn finish(
     s.unproven.sort();
     s.unproven.dedup();
     s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two fans about one vertex that have no edge in common, and after one more triangle one fan.
+    #[test]
+    fn pinched_vertices_are_counted() {
+        let mut s = Surface {
+            points: vec![[0.0; 3]; 7],
+            triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 0], [0, 5, 6]],
+            ..Surface::default()
+        };
+        assert_eq!(pinched(&s), 1);
+        s.triangles.push([0, 3, 4]);
+        assert_eq!(pinched(&s), 0);
+    }
 }
