@@ -13,7 +13,7 @@
 
 use crate::compose::eval_terms;
 use crate::modpoly;
-use crate::modular::{Crt, Fp, primes};
+use crate::modular::{Crt, Echelon, Fp, primes, residues};
 use crate::poly::{Exponents, MAX_VARS, Poly};
 use crate::resultant::subresultants_at;
 
@@ -100,7 +100,7 @@ pub fn image_dimension(map: &[Poly; 4]) -> Result<usize, MapError> {
                 .collect();
             echelon.insert(&field, row);
         }
-        rank = rank.max(echelon.rank);
+        rank = rank.max(echelon.rank());
         if rank == 3 {
             return Ok(2);
         }
@@ -228,17 +228,6 @@ impl Stream {
         self.0 ^= self.0 << 17;
         f.of_u64(self.0)
     }
-}
-
-/// Terms modulo a prime; a denominator that vanishes gives other residues than the polynomial's,
-/// which proofs do not rest on.
-fn residues(f: &Fp, p: &Poly) -> Vec<(Exponents, u64)> {
-    let d = f.of_ubig(p.denominator());
-    let inverse = if d == 0 { 0 } else { f.inv(d) };
-    p.terms()
-        .iter()
-        .map(|(e, c)| (*e, f.mul(f.of_ibig(c), inverse)))
-        .collect()
 }
 
 fn eval_at(f: &Fp, terms: &[(Exponents, u64)], at: &[u64; 3]) -> u64 {
@@ -601,63 +590,6 @@ fn equation_on_line(
     Some(line)
 }
 
-/// Rows in echelon form modulo a prime, indexed by their pivots, which are 1.
-struct Echelon {
-    rows: Vec<Option<Vec<u64>>>,
-    rank: usize,
-}
-
-impl Echelon {
-    fn new(columns: usize) -> Self {
-        Self {
-            rows: vec![None; columns],
-            rank: 0,
-        }
-    }
-    /// Takes in a row; whether the rank grew.
-    fn insert(&mut self, f: &Fp, mut row: Vec<u64>) -> bool {
-        for c in 0..row.len() {
-            let factor = row[c];
-            if factor == 0 {
-                continue;
-            }
-            let Some(pivot) = &self.rows[c] else {
-                let inverse = f.inv(factor);
-                for v in &mut row[c..] {
-                    *v = f.mul(*v, inverse);
-                }
-                self.rows[c] = Some(row);
-                self.rank += 1;
-                return true;
-            };
-            for (v, &p) in row[c..].iter_mut().zip(&pivot[c..]) {
-                *v = f.sub(*v, f.mul(factor, p));
-            }
-        }
-        false
-    }
-    /// The column without pivot and the kernel's vector with 1 there, if the rank is one less than
-    /// full.
-    fn kernel(&self, f: &Fp) -> Option<(usize, Vec<u64>)> {
-        if self.rank + 1 != self.rows.len() {
-            return None;
-        }
-        let free = self.rows.iter().position(Option::is_none)?;
-        let mut v = vec![0; self.rows.len()];
-        v[free] = f.one();
-        for (c, row) in self.rows.iter().enumerate().rev() {
-            if let Some(row) = row {
-                let sum = row[c + 1..]
-                    .iter()
-                    .zip(&v[c + 1..])
-                    .fold(0, |s, (&a, &b)| f.add(s, f.mul(a, b)));
-                v[c] = f.neg(sum);
-            }
-        }
-        Some((free, v))
-    }
-}
-
 /// Forms of a degree that vanish on a map.
 enum Kernel {
     None,
@@ -708,7 +640,7 @@ fn equation_of_degree(
         }
         let Some((column, vector)) = echelon.kernel(&f) else {
             if crt.is_none() {
-                return Ok(if echelon.rank == support.len() {
+                return Ok(if echelon.rank() == support.len() {
                     Kernel::None
                 } else {
                     Kernel::More

@@ -7,6 +7,7 @@
 //!
 //! The primes are always the same ones, descending from 2⁶²: results do not depend on chance.
 
+use crate::poly::{Exponents, Poly};
 use dashu_base::{Gcd, Sign, UnsignedAbs};
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
@@ -299,6 +300,79 @@ impl Crt {
             numerators.push(n);
         }
         Some((numerators, denominator))
+    }
+}
+
+/// Terms modulo a prime; a denominator that vanishes gives other residues than the polynomial's,
+/// which proofs do not rest on.
+pub fn residues(f: &Fp, p: &Poly) -> Vec<(Exponents, u64)> {
+    let d = f.of_ubig(p.denominator());
+    let inverse = if d == 0 { 0 } else { f.inv(d) };
+    p.terms()
+        .iter()
+        .map(|(e, c)| (*e, f.mul(f.of_ibig(c), inverse)))
+        .collect()
+}
+
+/// Rows in echelon form modulo a prime, indexed by their pivots, which are 1.
+pub struct Echelon {
+    rows: Vec<Option<Vec<u64>>>,
+    rank: usize,
+}
+
+impl Echelon {
+    /// No rows of so many columns.
+    pub fn new(columns: usize) -> Self {
+        Self {
+            rows: vec![None; columns],
+            rank: 0,
+        }
+    }
+    /// Takes in a row; whether the rank grew.
+    pub fn insert(&mut self, f: &Fp, mut row: Vec<u64>) -> bool {
+        for c in 0..row.len() {
+            let factor = row[c];
+            if factor == 0 {
+                continue;
+            }
+            let Some(pivot) = &self.rows[c] else {
+                let inverse = f.inv(factor);
+                for v in &mut row[c..] {
+                    *v = f.mul(*v, inverse);
+                }
+                self.rows[c] = Some(row);
+                self.rank += 1;
+                return true;
+            };
+            for (v, &p) in row[c..].iter_mut().zip(&pivot[c..]) {
+                *v = f.sub(*v, f.mul(factor, p));
+            }
+        }
+        false
+    }
+    /// How many of the rows are independent.
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+    /// The column without pivot and the kernel's vector with 1 there, if the rank is one less than
+    /// full.
+    pub fn kernel(&self, f: &Fp) -> Option<(usize, Vec<u64>)> {
+        if self.rank + 1 != self.rows.len() {
+            return None;
+        }
+        let free = self.rows.iter().position(Option::is_none)?;
+        let mut v = vec![0; self.rows.len()];
+        v[free] = f.one();
+        for (c, row) in self.rows.iter().enumerate().rev() {
+            if let Some(row) = row {
+                let sum = row[c + 1..]
+                    .iter()
+                    .zip(&v[c + 1..])
+                    .fold(0, |s, (&a, &b)| f.add(s, f.mul(a, b)));
+                v[c] = f.neg(sum);
+            }
+        }
+        Some((free, v))
     }
 }
 

@@ -12,12 +12,13 @@
 //! or r or r∘σ has a pole. σ takes it to itself: the surface goes on there, or it is a fold, a
 //! curve all of whose points stay where they are.
 
+use crate::base::BasePoint;
 use crate::field::{Algebraic, vanishes};
 use crate::map::Map;
 use crate::univariate::{Stopped, check};
 use crate::zeros::common_zeros;
-use isoform_algebra::modular::{Crt, Fp, primes};
-use isoform_algebra::{Poly, RBig};
+use isoform_algebra::modular::{Crt, Echelon, Fp, primes, residues};
+use isoform_algebra::{Exponents, Poly, RBig};
 use isoform_geom::{cross, norm};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -94,7 +95,7 @@ impl Deck {
     /// no fundamental domain of which no real base point is blown up to a part of the border.
     pub(crate) fn new(
         map: &Map,
-        base_points: &[[Algebraic; 3]],
+        base_points: &[BasePoint],
         stop: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, Stopped> {
         let transformations = transformations(map, stop)?;
@@ -102,7 +103,7 @@ impl Deck {
             return Ok(None);
         }
         let is_folded = |p: &[Algebraic; 3]| transformations.iter().any(|t| keeps_lines(t, p));
-        let folded = (0..base_points.len()).filter(|&k| is_folded(&base_points[k]));
+        let folded = (0..base_points.len()).filter(|&k| is_folded(&base_points[k].point));
         let deck = Self {
             folded: folded.collect(),
             transformations,
@@ -112,7 +113,7 @@ impl Deck {
         };
         let around: Vec<Vec<[Point; 2]>> = (0..base_points.len())
             .filter(|k| !deck.folded.contains(k))
-            .map(|k| across(&base_points[k]))
+            .map(|k| across(&base_points[k].point))
             .collect();
         let lines = linear_forms(base_points);
         // Quadratic forms where linear ones do not serve, as where all base points are on a fold.
@@ -128,8 +129,8 @@ impl Deck {
         }
         Ok(None)
     }
-    /// With the quotient of two forms that has the border of least degree, of the first so many that
-    /// no base point is blown up to a part of.
+    /// With the quotient of two forms that has the border of least degree, of the first so many
+    /// that no base point is blown up to a part of.
     fn least(
         &self,
         forms: &[Poly],
@@ -171,8 +172,8 @@ impl Deck {
     pub(crate) fn others(&self, p: [f64; 3]) -> impl Iterator<Item = Option<[f64; 3]>> {
         self.transformations.iter().map(move |t| image(t, p))
     }
-    /// Whether a transformation takes one of two points (s : t : w) near to the other one, or has no
-    /// value at both.
+    /// Whether a transformation takes one of two points (s : t : w) near to the other one, or has
+    /// no value at both.
     pub(crate) fn may_exchange(&self, p: [f64; 3], q: [f64; 3]) -> bool {
         let is_near = |a, b| norm(cross(a, b)) <= NEAR * norm(a) * norm(b);
         self.transformations
@@ -198,7 +199,7 @@ impl Deck {
 }
 
 /// Linear forms, also of lines through rational base points.
-fn linear_forms(base_points: &[[Algebraic; 3]]) -> Vec<Poly> {
+fn linear_forms(base_points: &[BasePoint]) -> Vec<Poly> {
     /// Simple ones, and some in no special place.
     const LINEAR: [[i64; 3]; 9] = [
         [1, 0, 0],
@@ -215,7 +216,7 @@ fn linear_forms(base_points: &[[Algebraic; 3]]) -> Vec<Poly> {
     const THROUGH: [[i64; 3]; 3] = [[1, 2, -1], [3, -1, 2], [-2, 1, 5]];
     let mut forms: Vec<[RBig; 3]> = LINEAR.map(|c| c.map(RBig::from)).to_vec();
     for p in base_points {
-        if let [Some(s), Some(t), Some(w)] = p.each_ref().map(Algebraic::as_rational) {
+        if let [Some(s), Some(t), Some(w)] = p.point.each_ref().map(Algebraic::as_rational) {
             let line = |d: [i64; 3]| {
                 let [a, b, c] = d.map(RBig::from);
                 [&b * &w - &c * &t, &c * &s - &a * &w, &a * &t - &b * &s]
@@ -223,8 +224,12 @@ fn linear_forms(base_points: &[[Algebraic; 3]]) -> Vec<Poly> {
             forms.extend(THROUGH.map(line));
         }
     }
-    let form = |c: &[RBig; 3]| (0..3).fold(Poly::zero(), |sum, v| sum + Poly::var(v).scale(&c[v]));
-    forms.iter().map(form).collect()
+    forms.iter().map(linear).collect()
+}
+
+/// The linear form with coefficients of s, t and w.
+pub(crate) fn linear(c: &[RBig; 3]) -> Poly {
+    (0..3).fold(Poly::zero(), |sum, v| sum + Poly::var(v).scale(&c[v]))
 }
 
 /// l m∘σ − m l∘σ, m and m∘σ: where r − r∘σ may change its sign.
@@ -403,7 +408,7 @@ fn transformation(
     stop: &dyn Fn() -> bool,
 ) -> Result<Option<Transformation>, Stopped> {
     let mut degree = 1;
-    // Of the coefficients of the three forms the first one that is not zero is 1.
+    // The coefficient that is 1, and all of them.
     let mut known: Option<(usize, Crt)> = None;
     for field in primes().take(PRIMES) {
         check(stop)?;
@@ -411,20 +416,17 @@ fn transformation(
             continue;
         };
         let solution = (degree..=MOST).find_map(|n| Some((n, agreeing(&field, &lines, n)?)));
-        let Some((n, values)) = solution else {
+        let Some((n, (one, values))) = solution else {
             return Ok(None);
-        };
-        let Some(first) = values.iter().position(|v| *v != 0) else {
-            continue;
         };
         if n > degree {
             // The primes before were special.
             (degree, known) = (n, None);
         }
         let crt = match &mut known {
-            Some((place, crt)) if *place == first => crt,
+            Some((place, crt)) if *place == one => crt,
             Some(_) => continue,
-            None => &mut known.insert((first, Crt::new(values.len()))).1,
+            None => &mut known.insert((one, Crt::new(values.len()))).1,
         };
         crt.push(&field, &values);
         if let Some((numerators, denominator)) = crt.rational() {
@@ -490,41 +492,31 @@ fn powers(f: &Fp, at: &[Series; 3], degree: usize) -> [Vec<Series>; 3] {
     })
 }
 
+/// The monomial with exponents, of powers of three series.
+fn monomial(f: &Fp, powers: &[Vec<Series>; 3], e: [u16; 3]) -> Series {
+    let [x, y, z] = [0, 1, 2].map(|v| &powers[v][usize::from(e[v])]);
+    product(f, &product(f, x, y), z)
+}
+
 /// Forms modulo a prime.
 struct Forms {
     degree: usize,
-    terms: [Vec<([u16; 3], u64)>; 4],
+    terms: [Vec<(Exponents, u64)>; 4],
 }
 
 impl Forms {
-    /// Nothing if the prime divides a denominator.
-    fn new(f: &Fp, map: &Map) -> Option<Self> {
-        let mut terms: [Vec<([u16; 3], u64)>; 4] = Default::default();
-        for (list, form) in terms.iter_mut().zip(map.forms()) {
-            let d = f.of_ubig(form.denominator());
-            if d == 0 {
-                return None;
-            }
-            let inverse = f.inv(d);
-            let of = |c| f.mul(f.of_ibig(c), inverse);
-            *list = form
-                .terms()
-                .iter()
-                .map(|(e, c)| ([e[0], e[1], e[2]], of(c)))
-                .collect();
-        }
-        Some(Self {
+    fn new(f: &Fp, map: &Map) -> Self {
+        Self {
             degree: map.degree(),
-            terms,
-        })
+            terms: map.forms().each_ref().map(|form| residues(f, form)),
+        }
     }
     fn at(&self, f: &Fp, point: &[Series; 3]) -> [Series; 4] {
         let powers = powers(f, point, self.degree);
         self.terms.each_ref().map(|terms| {
             let mut sum = [0; TERMS];
             for (e, c) in terms {
-                let [x, y, z] = [0, 1, 2].map(|v| &powers[v][usize::from(e[v])]);
-                let term = product(f, &product(f, x, y), z);
+                let term = monomial(f, &powers, [e[0], e[1], e[2]]);
                 (0..TERMS).for_each(|k| sum[k] = f.add(sum[k], f.mul(*c, term[k])));
             }
             sum
@@ -535,7 +527,7 @@ impl Forms {
 /// Points on lines through a point, and the points of their fibres that continue another one:
 /// nothing where the prime, or the point, is special.
 fn continued(f: &Fp, map: &Map, from: &Point, to: &Point) -> Option<Vec<[[Series; 3]; 2]>> {
-    let forms = Forms::new(f, map)?;
+    let forms = Forms::new(f, map);
     let residues = |p: &Point| {
         let [a, b, c] = p.each_ref().map(|x| f.of_rbig(x));
         Some([a?, b?, c?])
@@ -609,21 +601,15 @@ fn lifted(f: &Fp, forms: &Forms, source: &[Series; 4], mut q: [Series; 3]) -> Op
     Some(q)
 }
 
-/// The coefficients of three forms of a degree that take all points of lines to those continued, if
-/// there are any; the first one that is not zero is 1.
-fn agreeing(f: &Fp, lines: &[[[Series; 3]; 2]], degree: usize) -> Option<Vec<u64>> {
+/// The coefficients of the three forms of a degree that take all points of lines to those continued,
+/// if there are any, and the place of one that is 1.
+fn agreeing(f: &Fp, lines: &[[[Series; 3]; 2]], degree: usize) -> Option<(usize, Vec<u64>)> {
     let list = monomials(degree);
     let n = list.len();
     let mut rows: Vec<Vec<u64>> = Vec::new();
     for [p, q] in lines {
         let powers = powers(f, p, degree);
-        let values: Vec<Series> = list
-            .iter()
-            .map(|e| {
-                let [x, y, z] = [0, 1, 2].map(|v| &powers[v][usize::from(e[v])]);
-                product(f, &product(f, x, y), z)
-            })
-            .collect();
+        let values: Vec<Series> = list.iter().map(|&e| monomial(f, &powers, e)).collect();
         for [i, j] in [[0, 1], [1, 2], [2, 0]] {
             let on_i: Vec<Series> = values.iter().map(|v| product(f, v, &q[j])).collect();
             let on_j: Vec<Series> = values.iter().map(|v| product(f, v, &q[i])).collect();
@@ -637,45 +623,14 @@ fn agreeing(f: &Fp, lines: &[[[Series; 3]; 2]], degree: usize) -> Option<Vec<u64
             }
         }
     }
-    kernel(f, rows, 3 * n)
-}
-
-/// A vector that all rows are orthogonal to, if there is one but zero: its first component that is
-/// not zero is 1.
-fn kernel(f: &Fp, rows: Vec<Vec<u64>>, n: usize) -> Option<Vec<u64>> {
-    let mut echelon: Vec<(usize, Vec<u64>)> = Vec::new();
-    for mut row in rows {
-        for (pivot, known) in &echelon {
-            let factor = row[*pivot];
-            if factor != 0 {
-                (0..n).for_each(|k| row[k] = f.sub(row[k], f.mul(factor, known[k])));
-            }
-        }
-        let Some(pivot) = row.iter().position(|x| *x != 0) else {
-            continue;
-        };
-        let inverse = f.inv(row[pivot]);
-        row.iter_mut().for_each(|x| *x = f.mul(*x, inverse));
-        for (_, known) in &mut echelon {
-            let factor = known[pivot];
-            if factor != 0 {
-                (0..n).for_each(|k| known[k] = f.sub(known[k], f.mul(factor, row[k])));
-            }
-        }
-        echelon.push((pivot, row));
-        if echelon.len() == n {
+    let mut echelon = Echelon::new(3 * n);
+    for row in rows {
+        echelon.insert(f, row);
+        if echelon.rank() == 3 * n {
             return None;
         }
     }
-    let free = (0..n).find(|k| !echelon.iter().any(|e| e.0 == *k))?;
-    let mut solution = vec![0; n];
-    solution[free] = f.one();
-    for (pivot, row) in &echelon {
-        solution[*pivot] = f.neg(row[free]);
-    }
-    let first = solution.iter().copied().find(|x| *x != 0)?;
-    let inverse = f.inv(first);
-    Some(solution.into_iter().map(|x| f.mul(x, inverse)).collect())
+    echelon.kernel(f)
 }
 
 #[cfg(test)]
@@ -686,7 +641,6 @@ mod tests {
     fn deck(texts: [&str; 4]) -> Option<Deck> {
         let map = Map::parse(texts, Default::default()).expect("a map");
         let points = base_points(&map, &|| false).expect("not stopped");
-        let points: Vec<_> = points.into_iter().map(|p| p.point).collect();
         Deck::new(&map, &points, &|| false).expect("not stopped")
     }
     /// A sphere by longitude and latitude, both of them full turns.

@@ -9,6 +9,9 @@
 //! solved by Gauss–Newton, in the affine chart of the complex projective plane around the point
 //! itself, so that no parameter is at infinity.
 //!
+//! An improper map may take whole regions of non-real parameters to real points, where a deck
+//! transformation gives the conjugate. Of these only what lies on D is found.
+//!
 //! A real base point is blown up to a line, of which a pair of conjugate directions may reach real
 //! points, too (the conoid of Plücker): its seam curves are traced in the same way, as maps of the
 //! line c = 0 in a plane (a : b : c).

@@ -7,7 +7,7 @@
 //! descends to it. A rotation leaves the norm as it is, so M is taken upper triangular: an affine map.
 
 use crate::analysis::Analysis;
-use crate::base::BasePoint;
+use crate::deck::linear;
 use crate::domain::{Domain, Parameters};
 use crate::field::{Algebraic, Element};
 use crate::map::Map;
@@ -103,8 +103,8 @@ fn moment(forms: &[Poly; 4]) -> (f64, Matrix) {
     (norm, moment.map(|row| row.map(|x| x / norm)))
 }
 
-/// The translation after which the terms of second highest degree of the four polynomials are least:
-/// a + ∂ₛT x + ∂ₜT y for terms T of highest degree, by least squares.
+/// The translation after which the terms of second highest degree of the four polynomials are
+/// least: a + ∂ₛT x + ∂ₜT y for terms T of highest degree, by least squares.
 fn centre(map: &Map) -> Matrix {
     let mut normal = [[0.0; 2]; 2];
     let mut right = [0.0; 2];
@@ -137,13 +137,15 @@ fn centre(map: &Map) -> Matrix {
     [[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]]
 }
 
-/// Rounded to as few binary digits as serve, with the last entry 1: entries of a row to a sixteenth of
-/// what moves a parameter by its size.
+/// Rounded to as few binary digits as serve, with the last entry 1: entries of a row to a sixteenth
+/// of what moves a parameter by its size.
 fn rounded(m: &Matrix) -> Option<Frame> {
     let m = m.map(|row| row.map(|x| x / m[2][2]));
-    let inverse = inverse(&m);
+    let [[a, b, _], [_, c, _], _] = m;
+    // The largest entries of the inverse in the first two columns.
+    let sizes = [1.0 / a, (1.0 / c).abs().max((b * (1.0 / c) / a).abs())];
     let row = |i: usize| {
-        let size = (0..2).map(|l| inverse[l][i].abs()).fold(0.0, f64::max);
+        let size = sizes[i].abs();
         let unit = (-(16.0 * size).log2().ceil()).exp2();
         let exact = |x: f64| RBig::try_from((x / unit).round() * unit).ok();
         let [a, b, c] = m[i].map(exact);
@@ -152,18 +154,6 @@ fn rounded(m: &Matrix) -> Option<Frame> {
     let matrix = [row(0)?, row(1)?, [RBig::ZERO, RBig::ZERO, RBig::ONE]];
     let is_regular = (0..2).all(|i| !matrix[i][i].is_zero());
     is_regular.then_some(Frame { matrix })
-}
-
-/// Of an upper triangular matrix.
-fn inverse(m: &Matrix) -> Matrix {
-    let mut x = [[0.0; 3]; 3];
-    for j in 0..3 {
-        for i in (0..=j).rev() {
-            let rest = (i + 1..=j).map(|k| m[i][k] * x[k][j]).sum::<f64>();
-            x[i][j] = (f64::from(u8::from(i == j)) - rest) / m[i][i];
-        }
-    }
-    x
 }
 
 impl Frame {
@@ -187,22 +177,22 @@ impl Frame {
             if largest < LEVEL * degree {
                 return Some((here.0, matrix));
             }
-            let mut best = None;
+            let mut best: Option<((f64, Matrix), Matrix)> = None;
             for k in 0..=DOUBLINGS {
                 let length = STEP / degree * f64::from(1 << k);
                 let step = exponential(&rest.map(|row| row.map(|x| -length * x)));
                 let next = triangular(&times(&matrix, &step));
                 let there = Self::level(map, &next)?;
-                if best.as_ref().is_some_and(|b: &(f64, _, _)| b.0 <= there.0) {
+                if best.as_ref().is_some_and(|b| b.0.0 <= there.0) {
                     break;
                 }
-                best = Some((there.0, there, next));
+                best = Some((there, next));
             }
-            (_, here, matrix) = best?;
+            (here, matrix) = best?;
         }
         None
     }
-    /// The logarithm of the norm with a matrix, of determinant 1 but for rounding, and the moment map.
+    /// The logarithm of the norm with a matrix, scaled to determinant 1, and the moment map.
     fn level(map: &Map, matrix: &Matrix) -> Option<(f64, Matrix)> {
         let frame = rounded(matrix)?;
         let (norm, moment) = moment(&frame.forms(map));
@@ -218,13 +208,8 @@ impl Frame {
             .each_ref()
             .map(|row| row.each_ref().map(|x| x.to_f64().value()))
     }
-    fn rows(matrix: &[[RBig; 3]; 3]) -> [Poly; 3] {
-        let form =
-            |row: &[RBig; 3]| (0..3).fold(Poly::zero(), |sum, v| sum + Poly::var(v).scale(&row[v]));
-        matrix.each_ref().map(form)
-    }
     fn forms(&self, map: &Map) -> [Poly; 4] {
-        let rows = Self::rows(&self.matrix);
+        let rows = self.matrix.each_ref().map(linear);
         map.forms().each_ref().map(|f| f.compose(&rows))
     }
     /// The map in the parameters of the frame.
@@ -260,10 +245,10 @@ impl Frame {
     /// What is known in the parameters of the frame, in those of the map; seams of base points keep
     /// the coordinates of the frame.
     pub fn analysis(&self, mut found: Analysis) -> Analysis {
-        let back = Self::rows(&self.inverse());
+        let back = self.inverse().each_ref().map(linear);
         let curve = |f: &mut Poly| *f = f.compose(&back).primitive();
         for p in found.base_points.iter_mut().flatten() {
-            *p = self.base_point(p);
+            (p.chart, p.point) = self.point(&p.point);
         }
         found.pole.iter_mut().flatten().for_each(|(f, _)| curve(f));
         if let Some(singular) = &mut found.singular {
@@ -277,14 +262,6 @@ impl Frame {
             }
         }
         found
-    }
-    fn base_point(&self, p: &BasePoint) -> BasePoint {
-        let (chart, point) = self.point(&p.point);
-        BasePoint {
-            chart,
-            point,
-            seam: p.seam.clone(),
-        }
     }
     /// A point (s′ : t′ : w′) as (s : t : w) in the first chart that holds it.
     fn point(&self, p: &[Algebraic; 3]) -> (Chart, [Algebraic; 3]) {
@@ -300,11 +277,11 @@ impl Frame {
             .matrix
             .each_ref()
             .map(|row| (0..3).fold(Element::zero(), |sum, v| sum.add(&p[v].scaled(&row[v]))));
-        let charts = [(Chart::Affine, 2), (Chart::Infinite, 1), (Chart::Corner, 0)];
-        let (chart, one) = charts
+        let chart = [Chart::Affine, Chart::Infinite, Chart::Corner]
             .into_iter()
-            .find(|c| !moved[c.1].is_zero())
+            .find(|c| !moved[c.variables().1].is_zero())
             .expect("a regular matrix");
+        let one = chart.variables().1;
         let inverse = field.inverse(&moved[one]);
         let point = moved
             .each_ref()

@@ -11,6 +11,7 @@ mod closing;
 mod contraction;
 mod drawing;
 pub(crate) mod fineness;
+mod folds;
 mod gluing;
 mod in_chart;
 pub(crate) mod matching;
@@ -149,7 +150,6 @@ pub(crate) fn mesh(
             seams: BTreeSet::new(),
             double_sides: curves.double_sides,
             glued: curves.glued,
-            deck: curves.deck.as_ref(),
             folded: BTreeSet::new(),
             gluing: Gluing::default(),
             fans: Vec::new(),
@@ -174,16 +174,14 @@ pub(crate) fn mesh(
                 curves.fibres.as_ref(),
             );
         }
-        let mut joined = Joined::new(
-            std::mem::take(&mut builder.surface),
-            builder.gluing.meeting.clone(),
-        );
+        let surface = std::mem::take(&mut builder.surface);
         let mut units: Vec<Unit> = (0..4)
             .into_par_iter()
             .filter_map(|q| builder.drawn_unit(q, &sides))
             .collect();
         builder.refine(&mut units);
         builder.put(&changes.matched, &mut units);
+        let mut joined = Joined::new(surface, &builder.gluing);
         for unit in units {
             builder.add(unit, &mut joined);
         }
@@ -337,7 +335,6 @@ struct Builder<'a> {
     double_sides: [bool; 3],
     /// Whether sheets that cross are joined.
     glued: bool,
-    deck: Option<&'a Deck>,
     /// Seams, by fan and node, that the surface ends in.
     folded: BTreeSet<(usize, usize)>,
     gluing: Gluing,

@@ -36,10 +36,10 @@ pub struct Region {
     pub faces: Vec<Vec<usize>>,
     /// The sides of the domain whose lines each factor is, as bits.
     pub(crate) lines: Vec<u64>,
-    /// The factors, and the sides of unit triangles, that the surface is folded along.
+    /// The factors that the surface is folded along.
     folds: BTreeSet<usize>,
-    fold_sides: [bool; 3],
-    deck: Option<Deck>,
+    /// The fundamental domain to which it is restricted.
+    pub(crate) deck: Option<Deck>,
     /// Of each of the other curves the factors that it consists of.
     pub extra: Vec<Vec<usize>>,
     /// By quadrants, as in [`QUADRANTS`].
@@ -163,7 +163,6 @@ impl Region {
             faces,
             lines,
             folds,
-            fold_sides: deck.map_or([false; 3], |d| d.folds.sides),
             deck: deck.cloned(),
             extra,
             triangles,
@@ -173,7 +172,9 @@ impl Region {
     }
     /// Whether the surface ends elsewhere than in the box's faces.
     fn has_borders(&self) -> bool {
-        self.domain.is_some() || self.fold_sides.contains(&true) || !self.folds.is_empty()
+        self.domain.is_some()
+            || (0..3).any(|side| self.is_fold_side(side))
+            || !self.folds.is_empty()
     }
     /// The factors that the surface is folded along.
     pub(crate) fn folds(&self) -> impl Iterator<Item = usize> {
@@ -189,7 +190,7 @@ impl Region {
     }
     /// Whether it is folded along a side of the unit triangles.
     pub(crate) fn is_fold_side(&self, side: usize) -> bool {
-        self.fold_sides[side]
+        self.deck.as_ref().is_some_and(|d| d.folds.sides[side])
     }
     /// The side of the domain, as a bit, that an arc over a slab lies on: none for what only lies
     /// on its line. A curve along which the surface is folded counts as the first side.
@@ -197,8 +198,8 @@ impl Region {
         let a = &self.triangles[quadrant].arrangement;
         let (u, curve) = (&a.slabs[slab].u, a.slabs[slab].arcs[place].curve);
         let is_fold = match curve {
-            c if c == a.lower() => self.fold_sides[1],
-            c if c == a.upper() => self.fold_sides[2],
+            c if c == a.lower() => self.is_fold_side(1),
+            c if c == a.upper() => self.is_fold_side(2),
             c => self.folds.contains(&c),
         };
         if is_fold {
@@ -216,7 +217,7 @@ impl Region {
     pub(crate) fn side_of_wall(&self, quadrant: usize, wall: usize, point: usize) -> u64 {
         let w = &self.triangles[quadrant].arrangement.walls[wall];
         if point + 1 < w.points.len()
-            && (wall == 0 && self.fold_sides[0]
+            && (wall == 0 && self.is_fold_side(0)
                 || w.vertical.iter().any(|f| self.folds.contains(f)))
         {
             return FOLD;
@@ -237,7 +238,7 @@ impl Region {
     /// goes through.
     pub(crate) fn side_of_place(&self, quadrant: usize, at: [f64; 2]) -> u64 {
         let side = at.iter().position(|x| *x == 0.0).unwrap_or(2);
-        if self.fold_sides[side] {
+        if self.is_fold_side(side) {
             return FOLD;
         }
         let [u, v] = at.map(|x| RBig::try_from(x).unwrap_or_default());

@@ -161,13 +161,6 @@ impl Surface {
     }
 }
 
-/// The deck transformations of an improper map.
-fn deck(map: &Map, analysis: &Analysis, stop: &dyn Fn() -> bool) -> Result<Option<Deck>, Stopped> {
-    let points = analysis.base_points.as_deref().unwrap_or_default();
-    let points: Vec<[Algebraic; 3]> = points.iter().map(|p| p.point.clone()).collect();
-    Deck::new(map, &points, stop)
-}
-
 /// How far triangles may be from the surface by its implicit equation, in tolerances.
 const FAR: f64 = 1.5;
 
@@ -211,8 +204,9 @@ impl<'a> Prepared<'a> {
         };
         let mut unproven = analysis.unproven.clone();
         let map_degree = analysis.degrees.map_or(0, |d| d.map_degree);
+        let base_points = analysis.base_points.as_deref().unwrap_or_default();
         let deck = match map_degree > 1 && domain.is_none() {
-            true => deck(map, &analysis, &enough).unwrap_or_else(|Stopped| {
+            true => Deck::new(map, base_points, &enough).unwrap_or_else(|Stopped| {
                 unproven.push("deck transformations: stopped".to_owned());
                 None
             }),

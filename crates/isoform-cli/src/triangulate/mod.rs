@@ -246,7 +246,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if !targets.is_empty() || beside.iter().any(|path| path.is_some()) {
         made.seconds.push(("write", clock.elapsed().as_secs_f64()));
     }
-    if made.map_degree() > 1 && made.surface.sheets > 1 {
+    if made.surface.sheets > 1 {
         context.note("the map is improper: its parameters cover the surface more than once");
     }
 

@@ -125,9 +125,10 @@ fn degrees(made: &Made) -> String {
                 n if n < d.map_degree => ", of which some are drawn",
                 _ => "",
             };
+            let [several, onto] = [d.map_degree, d.implicit_degree];
             format!(
-                "of degree {degree}, improper: {} parameters for each point of a surface of degree {}{drawn}",
-                d.map_degree, d.implicit_degree
+                "of degree {degree}, improper: {several} parameters for each point of a surface of \
+                 degree {onto}{drawn}"
             )
         }
     }

@@ -6,7 +6,6 @@ use super::plane::{Measure, Plane, is_turned};
 use super::stretch::{Columns, Stretch, height};
 use super::unit::Unit;
 use super::*;
-
 use crate::region::{FOLD, Triangle};
 use spade::handles::FixedVertexHandle;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};

@@ -91,7 +91,7 @@ pub(super) struct Gluing {
     /// A parameter (s : t : w) of each class.
     parameters: Vec<[f64; 3]>,
     /// The classes in which sheets meet: others join the border of a fundamental domain.
-    pub(super) meeting: BTreeSet<usize>,
+    meeting: BTreeSet<usize>,
     /// Vertices of arcs and walls between their ends, and of sides.
     lines: BTreeMap<Track, Vec<[f64; 2]>>,
     /// Vertices between rectangles and seams, from the rectangle on.
@@ -337,7 +337,8 @@ impl Builder<'_> {
         }
         // Deck transformations take such a seam to itself, and the fundamental domain has one of
         // the two points.
-        let is_used = |f: &usize| self.deck.is_none() && self.sites.values().any(|s| s.fan == *f);
+        let is_used =
+            |f: &usize| self.region.deck.is_none() && self.sites.values().any(|s| s.fan == *f);
         for fan in (0..self.fans.len()).filter(is_used) {
             self.seam_pieces(fan, &mut pieces);
         }
@@ -634,7 +635,13 @@ impl Builder<'_> {
     /// only those that deck transformations exchange.
     fn may_share(&self, p: [f64; 3], q: [f64; 3]) -> bool {
         let is_one = norm(cross(p, q)) <= 1e-9 * norm(p) * norm(q);
-        self.glued || is_one || self.deck.is_some_and(|d| d.may_exchange(p, q))
+        self.glued
+            || is_one
+            || self
+                .region
+                .deck
+                .as_ref()
+                .is_some_and(|d| d.may_exchange(p, q))
     }
     /// Whether a parameter lies on a contracted curve, or is exchanged with one on it, or with all of
     /// it.
@@ -654,7 +661,9 @@ impl Builder<'_> {
         };
         is_on(p)
             || self
+                .region
                 .deck
+                .as_ref()
                 .is_some_and(|d| d.others(p).any(|q| q.is_none_or(is_on)))
     }
     /// The parameter near to a segment of a piece with a given image, if there is one.
@@ -717,8 +726,8 @@ impl Builder<'_> {
         }
         None
     }
-    /// The same along a fold, across which the map has no derivative: from a place between the ends
-    /// of the segment.
+    /// The parameter with a given image on a fold, across which the map has no derivative: along the
+    /// curve alone, from a place between the ends of the segment.
     fn partner_on_fold(
         &self,
         piece: &Piece,
@@ -866,7 +875,8 @@ impl Builder<'_> {
                     }
                 };
                 let knot = w.iter().find(|k| !k.fixed).map_or_else(middle, |k| k.image);
-                if !fibres.is_some_and(|f| f.is_met_by_conjugates(knot, self.deck)) {
+                if !fibres.is_some_and(|f| f.is_met_by_conjugates(knot, self.region.deck.as_ref()))
+                {
                     single += lonely.len();
                 }
             }
@@ -961,7 +971,12 @@ impl Builder<'_> {
     }
     /// Whether a piece is on the border of a fundamental domain, and goes on.
     fn is_border(&self, piece: &Piece) -> bool {
-        let is_side = |side: usize| self.deck.is_some_and(|d| d.seams.sides[side]);
+        let is_side = |side: usize| {
+            self.region
+                .deck
+                .as_ref()
+                .is_some_and(|d| d.seams.sides[side])
+        };
         self.is_of(piece, &|f| self.seams.contains(&f), &is_side)
     }
     /// Whether the surface ends in a piece: others may end there, or not.

@@ -34,18 +34,17 @@ struct Strip {
 
 /// The surface as far as it is made, and its vertices by name; those that no other unit triangle
 /// has by the quadrant and their place in it, too.
-pub(super) struct Joined {
+pub(super) struct Joined<'a> {
     pub(super) surface: Surface,
-    /// The classes of vertices in which sheets meet.
-    meeting: BTreeSet<usize>,
+    gluing: &'a Gluing,
     vertices: BTreeMap<(Name, usize, usize), u32>,
 }
 
-impl Joined {
-    pub(super) fn new(surface: Surface, meeting: BTreeSet<usize>) -> Self {
+impl<'a> Joined<'a> {
+    pub(super) fn new(surface: Surface, gluing: &'a Gluing) -> Self {
         Self {
             surface,
-            meeting,
+            gluing,
             vertices: BTreeMap::new(),
         }
     }
@@ -59,9 +58,8 @@ impl Joined {
             let (point, faces, kind) = make();
             surface.points.push(point);
             surface.faces.push(faces);
-            surface
-                .double
-                .push(matches!(key.0, Name::Double(k) if self.meeting.contains(&k)));
+            let is_double = matches!(key.0, Name::Double(k) if self.gluing.is_double(k));
+            surface.double.push(is_double);
             surface.kinds.push(kind);
             surface.points.len() as u32 - 1
         })
@@ -363,15 +361,5 @@ impl Builder<'_> {
             if on_second { j += 1 } else { i += 1 }
         }
         made
-    }
-
-    /// Whether a fold leaves a base point along a ray.
-    fn is_fold_ray(&self, fan: usize, ray: Ray) -> bool {
-        let f = &self.fans[fan];
-        let mut directions = f.directions.iter().filter(|d| d.key() == ray.0);
-        directions.any(|d| {
-            f.sides_along(d).any(|side| self.region.is_fold_side(side))
-                || d.factors.iter().any(|f| self.region.is_fold(*f))
-        })
     }
 }

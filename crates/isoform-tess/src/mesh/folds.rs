@@ -1,0 +1,62 @@
+//! Where base points are on folds of an improper map: seams and rays in which the surface ends.
+
+use super::{Builder, Ray, distance};
+use crate::surface::Point3;
+use std::collections::BTreeSet;
+
+impl Builder<'_> {
+    /// The seams, by fan and node, along which a transformation of even order folds the surface.
+    ///
+    /// A seam on the border of the fundamental domain is sent to one on the border: to another one,
+    /// to itself, with two directions for each point, or it stays as it is. Curves of parameters
+    /// that are sent to seams lack a partner, which is noticed when they are joined.
+    pub(super) fn folded_seams(&self) -> BTreeSet<(usize, usize)> {
+        /// How far from another seam one of the points of a seam has to be, per half width of the
+        /// box, for the two to be different curves: more than rounding and the distance of the other
+        /// points of the seam.
+        const APART: f64 = 1e-2;
+        const FEW: usize = 7;
+        const MANY: usize = 700;
+        let Some(deck) = self
+            .region
+            .deck
+            .as_ref()
+            .filter(|d| d.order().is_power_of_two())
+        else {
+            return BTreeSet::new();
+        };
+        let borders: Vec<(usize, usize)> = (0..self.fans.len())
+            .flat_map(|f| {
+                self.fans[f]
+                    .border_nodes(self.region)
+                    .into_iter()
+                    .map(move |n| (f, n))
+            })
+            .collect();
+        let points = |(f, n): (usize, usize), count| self.fans[f].seam_points(n, count);
+        let is_apart = |a, b| {
+            let all = points(b, MANY);
+            let far = |p: &Point3| {
+                all.iter()
+                    .all(|q| distance(*p, *q) > APART * self.half_width)
+            };
+            a == b || points(a, FEW).iter().any(far)
+        };
+        // Of what is not infinitely near it is known.
+        let is_known = |a: (usize, usize)| a.1 == 0 && deck.folded.contains(&a.0);
+        let is_folded = |&a: &(usize, usize)| {
+            let is_double = || self.fans[a.0].is_double_seam(a.1);
+            is_known(a) || !is_double() && borders.iter().all(|&b| is_apart(a, b))
+        };
+        borders.iter().copied().filter(is_folded).collect()
+    }
+    /// Whether a fold leaves a base point along a ray.
+    pub(super) fn is_fold_ray(&self, fan: usize, ray: Ray) -> bool {
+        let f = &self.fans[fan];
+        let mut directions = f.directions.iter().filter(|d| d.key() == ray.0);
+        directions.any(|d| {
+            f.sides_along(d).any(|side| self.region.is_fold_side(side))
+                || d.factors.iter().any(|f| self.region.is_fold(*f))
+        })
+    }
+}
