@@ -21,6 +21,10 @@
 //! slices, and to its faces.
 
 use crate::base::{BasePoint, Seam, base_points};
+use crate::complex::{
+    C, Form, Monomials, Stream, V, along, conj, distance, dot, frame, in_frame, inner, length,
+    normalised, real_line, real_point, rounded,
+};
 use crate::deck::Deck;
 use crate::field::{Algebraic, Element, NumberField};
 use crate::map::Map;
@@ -29,7 +33,6 @@ use crate::univariate::{Stopped, check};
 use crate::zeros::common_zeros;
 use isoform_algebra::{Poly, RBig};
 use isoform_geom::distance_to_segment;
-use std::ops::{Add, Mul, Neg, Sub};
 
 /// Slices of the box in each of three directions, at most and at least; in between about as many
 /// points as said are followed from one plane to the next.
@@ -218,245 +221,12 @@ impl Fibres {
     }
 }
 
-/// The real coordinates of a real point.
-fn real_point(v: &V) -> [f64; 3] {
-    let largest = v.iter().copied();
-    let largest = largest.max_by(|a, b| a.norm2().total_cmp(&b.norm2()));
-    let phase = largest.unwrap_or(C::ONE).inverse();
-    v.map(|c| (c * phase).re)
-}
-
 /// The curves with images that are curves in space.
 fn curves_of<'a>(map: &'a Map, singular: &'a Singular) -> impl Iterator<Item = &'a SingularCurve> {
     let is_left_out = |c: &&SingularCurve| {
         matches!(c.kind, CurveKind::Contracted(_)) || map.forms()[3].is_multiple_of(&c.curve)
     };
     singular.curves.iter().filter(move |c| !is_left_out(c))
-}
-
-/// A complex number.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct C {
-    re: f64,
-    im: f64,
-}
-
-impl C {
-    const ZERO: Self = Self { re: 0.0, im: 0.0 };
-    const ONE: Self = Self { re: 1.0, im: 0.0 };
-
-    const fn new(re: f64, im: f64) -> Self {
-        Self { re, im }
-    }
-    fn conj(self) -> Self {
-        Self::new(self.re, -self.im)
-    }
-    fn norm2(self) -> f64 {
-        self.re * self.re + self.im * self.im
-    }
-    fn norm(self) -> f64 {
-        self.norm2().sqrt()
-    }
-    fn times(self, r: f64) -> Self {
-        Self::new(self.re * r, self.im * r)
-    }
-    fn inverse(self) -> Self {
-        self.conj().times(1.0 / self.norm2())
-    }
-}
-
-impl Add for C {
-    type Output = Self;
-    fn add(self, o: Self) -> Self {
-        Self::new(self.re + o.re, self.im + o.im)
-    }
-}
-
-impl Sub for C {
-    type Output = Self;
-    fn sub(self, o: Self) -> Self {
-        Self::new(self.re - o.re, self.im - o.im)
-    }
-}
-
-impl Neg for C {
-    type Output = Self;
-    fn neg(self) -> Self {
-        Self::new(-self.re, -self.im)
-    }
-}
-
-impl Mul for C {
-    type Output = Self;
-    fn mul(self, o: Self) -> Self {
-        Self::new(
-            self.re * o.re - self.im * o.im,
-            self.re * o.im + self.im * o.re,
-        )
-    }
-}
-
-/// A point of the complex projective plane, of norm 1, or a vector at one.
-type V = [C; 3];
-
-/// The bilinear product.
-fn dot<const N: usize>(a: &[C; N], b: &[C; N]) -> C {
-    (0..N).fold(C::ZERO, |sum, i| sum + a[i] * b[i])
-}
-
-/// The Hermitian product, conjugate linear in the first vector.
-fn inner(a: &V, b: &V) -> C {
-    dot(&conj(a), b)
-}
-
-fn conj(a: &V) -> V {
-    a.map(C::conj)
-}
-
-fn along(p: &V, d: &V, h: f64) -> V {
-    [0, 1, 2].map(|i| p[i] + d[i].times(h))
-}
-
-fn normalised(a: &V) -> V {
-    let length = a.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
-    a.map(|c| c.times(1.0 / length))
-}
-
-/// The sine of the angle of two points.
-fn distance(a: &V, b: &V) -> f64 {
-    // |b − ⟨a, b⟩a| rather than √(1 − |⟨a, b⟩|²), which loses half of the digits.
-    let c = inner(a, b);
-    (0..3)
-        .map(|i| (b[i] - c * a[i]).norm2())
-        .sum::<f64>()
-        .sqrt()
-}
-
-/// The real line through a point and its conjugate, a vector of length 1/2 at most, whatever the
-/// phase of the point; zero for real points, and of the other sign for the conjugate.
-fn real_line(p: &V) -> [f64; 3] {
-    [[1, 2], [2, 0], [0, 1]].map(|[i, j]| p[i].re * p[j].im - p[j].re * p[i].im)
-}
-
-fn length(v: &[f64; 3]) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-/// Two vectors that complete a unit vector to a unitary basis.
-fn frame(p: &V) -> [V; 2] {
-    let least = (0..3)
-        .min_by(|&i, &j| p[i].norm2().total_cmp(&p[j].norm2()))
-        .expect("three");
-    let mut first: V = [0, 1, 2].map(|i| -(p[least].conj() * p[i]));
-    first[least] = first[least] + C::ONE;
-    let first = normalised(&first);
-    let second = [[1, 2], [2, 0], [0, 1]].map(|[i, j]| (p[i] * first[j] - p[j] * first[i]).conj());
-    [first, second]
-}
-
-fn in_frame(frame: &[V; 2], d: [C; 2]) -> V {
-    [0, 1, 2].map(|i| frame[0][i] * d[0] + frame[1][i] * d[1])
-}
-
-/// A form in three variables, by powers of the first one.
-struct Form(Vec<Row>);
-
-/// A power of the first variable, with the terms in the others.
-type Row = (usize, Vec<([usize; 2], f64)>);
-
-/// Monomials at a point: powers of the first variable and products of those of the others.
-struct Monomials {
-    width: usize,
-    first: Vec<C>,
-    others: Vec<C>,
-}
-
-impl Monomials {
-    fn new(p: &V, degree: usize) -> Self {
-        let powers = |x: C| {
-            let mut powers = vec![C::ONE; degree + 1];
-            for i in 0..degree {
-                powers[i + 1] = powers[i] * x;
-            }
-            powers
-        };
-        let [first, second, third] = p.map(powers);
-        let width = degree + 1;
-        let mut others = vec![C::ZERO; width * width];
-        for j in 0..width {
-            for k in 0..width - j {
-                others[j * width + k] = second[j] * third[k];
-            }
-        }
-        Self {
-            width,
-            first,
-            others,
-        }
-    }
-}
-
-impl Form {
-    fn new(terms: impl IntoIterator<Item = ([usize; 3], f64)>) -> Self {
-        let mut rows: Vec<Row> = Vec::new();
-        for ([i, j, k], c) in terms {
-            match rows.iter_mut().find(|row| row.0 == i) {
-                Some(row) => row.1.push(([j, k], c)),
-                None => rows.push((i, vec![([j, k], c)])),
-            }
-        }
-        Self(rows)
-    }
-    /// The value and the gradient.
-    fn eval(&self, m: &Monomials) -> (C, V) {
-        let (mut value, mut gradient) = (C::ZERO, [C::ZERO; 3]);
-        for (i, row) in &self.0 {
-            let (mut sum, mut by_second, mut by_third) = (C::ZERO, C::ZERO, C::ZERO);
-            for &([j, k], c) in row {
-                let at = j * m.width + k;
-                sum = sum + m.others[at].times(c);
-                if j > 0 {
-                    by_second = by_second + m.others[at - m.width].times(c * j as f64);
-                }
-                if k > 0 {
-                    by_third = by_third + m.others[at - 1].times(c * k as f64);
-                }
-            }
-            value = value + m.first[*i] * sum;
-            if *i > 0 {
-                gradient[0] = gradient[0] + m.first[i - 1] * sum.times(*i as f64);
-            }
-            gradient[1] = gradient[1] + m.first[*i] * by_second;
-            gradient[2] = gradient[2] + m.first[*i] * by_third;
-        }
-        (value, gradient)
-    }
-}
-
-/// Coefficients of forms, divided by the largest one: in this order the quotients are exact before
-/// they are rounded.
-fn rounded<const N: usize>(forms: [&Poly; N]) -> [Vec<([usize; 3], f64)>; N] {
-    let size = |p: &Poly| {
-        p.terms()
-            .iter()
-            .map(|(_, c)| RBig::from(c.clone()))
-            .map(|c| c.clone().max(-c))
-            .max()
-    };
-    let largest = forms
-        .iter()
-        .filter_map(|p| size(p))
-        .max()
-        .unwrap_or(RBig::ONE);
-    let inverse = RBig::ONE / largest;
-    let indices = |(e, c): ([u16; 4], f64)| ([0, 1, 2].map(|v| usize::from(e[v])), c);
-    forms.map(|p| {
-        p.scale(&inverse)
-            .to_f64()
-            .into_iter()
-            .map(indices)
-            .collect()
-    })
 }
 
 /// A curve in a plane and a map of it into space.
@@ -518,31 +288,6 @@ impl Source {
     /// The norm of the forms' values: small near base points only.
     fn size(&self, p: &V) -> f64 {
         self.eval(p).g.iter().map(|c| c.norm2()).sum::<f64>().sqrt()
-    }
-}
-
-/// Fixed numbers without pattern.
-struct Stream(u64);
-
-impl Stream {
-    fn next(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-    fn complex<const N: usize>(&mut self) -> [C; N] {
-        [(); N].map(|()| C::new(self.next(), self.next()))
-    }
-    /// Of absolute value 1.
-    fn phase(&mut self) -> C {
-        loop {
-            let [c] = self.complex();
-            if (0.3..1.0).contains(&c.norm()) {
-                return c.times(1.0 / c.norm());
-            }
-        }
     }
 }
 

@@ -16,6 +16,7 @@
 
 mod analysis;
 mod base;
+mod complex;
 mod complex_seams;
 mod cover;
 mod deck;
@@ -29,6 +30,7 @@ mod frame;
 mod joined;
 mod map;
 mod mesh;
+mod pairs;
 mod patch;
 mod polling;
 mod region;

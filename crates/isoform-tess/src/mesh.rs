@@ -19,6 +19,7 @@ mod opening;
 mod plane;
 mod stretch;
 mod strips;
+pub(crate) mod traced;
 mod unit;
 
 use crate::analysis::Analysis;
@@ -43,6 +44,7 @@ use rayon::iter::{
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::Ordering;
+use traced::Traced;
 use unit::{Joined, Unit};
 
 /// A name that both triangles at a side agree on: the sides s = 0, t = 0, w = 0 by the sign of t,
@@ -166,7 +168,9 @@ pub(crate) fn mesh(
             );
         }
         let mut sides = builder.sides();
-        if curves.is_joined() {
+        if let Some(traced) = &curves.traced {
+            builder.gluing = builder.glue_traced(traced, &mut sides);
+        } else if curves.is_joined() {
             builder.gluing = builder.glue(
                 &mut sides,
                 &curves.pinches,
@@ -227,6 +231,8 @@ pub(crate) struct Curves {
     isolated: Vec<[f64; 3]>,
     /// What tells a real parameter alone from one that meets conjugate ones.
     fibres: Option<Fibres>,
+    /// The double curve, if it was traced and is not to be decomposed.
+    traced: Option<Traced>,
 }
 
 impl Curves {
@@ -237,6 +243,7 @@ impl Curves {
         deck: Option<Deck>,
         pinches: Vec<[f64; 3]>,
         fibres: Option<Fibres>,
+        traced: Option<Traced>,
     ) -> Self {
         let is_fold = |c: &Poly| deck.as_ref().is_some_and(|d| d.folds.curves.contains(c));
         let mut found = Self {
@@ -278,6 +285,7 @@ impl Curves {
                 (CurveKind::Double, side) if glued && matches!(c.real, RealPart::Curve) => {
                     match side {
                         Some(k) => found.double_sides[k] = true,
+                        None if traced.is_some() => {}
                         None => found.double.push(c.curve.clone()),
                     }
                 }
@@ -293,6 +301,7 @@ impl Curves {
             (0..3).for_each(|k| found.double_sides[k] |= border.sides[k]);
         }
         found.deck = deck;
+        found.traced = traced;
         found
     }
     /// The curves along which the border of a fundamental domain is joined with itself.

@@ -10,10 +10,12 @@ use crate::joined::join;
 use crate::map::Map;
 pub use crate::mesh::matching::Crossing;
 use crate::mesh::matching::matching;
+use crate::mesh::traced::Traced;
 use crate::mesh::{Changes, Curves, mesh};
+use crate::pairs::{self, Pairs};
 use crate::patch::Patch;
 use crate::region::{Region, Triangle, is_clear};
-use crate::singular::CurveKind;
+use crate::singular::{CurveKind, Singular, SingularCurve};
 use crate::univariate::Stopped;
 use isoform_algebra::RBig;
 use isoform_geom::Aabb;
@@ -182,6 +184,151 @@ pub struct Prepared<'a> {
     changes: Changes,
 }
 
+/// What is known of the double curve beside its equation.
+#[derive(Default)]
+struct DoubleCurve {
+    /// Real parameters at which pairs of them turn into conjugate ones.
+    pinches: Vec<[f64; 3]>,
+    /// What tells a real parameter alone from one that meets conjugate ones.
+    fibres: Option<Fibres>,
+    /// Arcs of real points that only conjugate parameters reach.
+    solitary: Vec<Vec<Point3>>,
+    /// Arcs with both parameters, where these stand for the curve of parameters.
+    traced: Option<Traced>,
+    unproven: Vec<String>,
+}
+
+impl DoubleCurve {
+    fn new(
+        map: &Map,
+        analysis: &Analysis,
+        options: &TriangulateOptions,
+        stop: &dyn Fn() -> bool,
+    ) -> Self {
+        let mut found = Self::default();
+        let Some(singular) = &analysis.singular else {
+            return found;
+        };
+        let glued = options.mode == Mode::Glued;
+        let half_width = options.half_width.to_f64().value();
+        let degrees = analysis.degrees;
+        let map_degree = degrees.map_or(0, |d| d.map_degree);
+        let has_base = analysis.base_points.as_ref().is_none_or(|b| !b.is_empty());
+        let may_trace = map_degree == 1 && !has_base && options.domain.is_none();
+        let traced = match may_trace {
+            true => traced_arcs(map, analysis, options, stop).unwrap_or(None),
+            false => None,
+        };
+        if let Some(arcs) = traced {
+            found.pinches = arcs.pinches();
+            let scale = |x: Point3| x.map(|x| x * half_width);
+            let parts = arcs.solitary().unwrap_or_default();
+            found.solitary = parts
+                .into_iter()
+                .map(|part| part.into_iter().map(scale).collect())
+                .collect();
+            if glued && arcs.is_any_covered() {
+                found.fibres = Fibres::new(map, singular, half_width, stop).ok();
+            }
+            found.traced = (glued && may_stand(singular)).then(|| Traced {
+                pairs: Pairs::new(map, half_width),
+                arcs,
+            });
+            found.add_seam_lines(map, analysis, singular, half_width);
+            return found;
+        }
+        let is_double = |c: &SingularCurve| matches!(c.kind, CurveKind::Double);
+        if glued && singular.curves.iter().any(is_double) {
+            match pinch_points(map, stop) {
+                Ok(points) => {
+                    found.pinches = points
+                        .iter()
+                        .map(|p| p.each_ref().map(Algebraic::to_f64))
+                        .collect()
+                }
+                Err(Stopped) => found.unproven.push("pinch points: stopped".to_owned()),
+            }
+            found.fibres = Fibres::new(map, singular, half_width, stop).ok();
+        }
+        // No parameters of a domain lead to solitary arcs, and planes and quadrics have none. Of an
+        // improper map complex parameters reach whole regions, which are not drawn.
+        let is_smooth = degrees.is_some_and(|d| d.implicit_degree <= 2);
+        if options.domain.is_none() && !(map_degree > 1 && (is_smooth || !glued)) {
+            let tolerance = options.mesh.tolerance;
+            let (arcs, problems) = solitary_arcs(map, singular, half_width, tolerance, stop);
+            found.solitary = arcs;
+            found.unproven.extend(problems);
+            found.add_seam_lines(map, analysis, singular, half_width);
+        }
+        found
+    }
+
+    /// Lines that conjugate base points are blown up to.
+    fn add_seam_lines(
+        &mut self,
+        map: &Map,
+        analysis: &Analysis,
+        singular: &Singular,
+        half_width: f64,
+    ) {
+        for line in &analysis.seam_lines {
+            if line.is_met(map, singular) {
+                self.unproven.push(MET.to_owned());
+            } else {
+                self.solitary.extend(line.within(half_width).map(Vec::from));
+            }
+        }
+    }
+}
+
+/// The arcs of the double curve, solitary ones too, if all of them were found.
+fn traced_arcs(
+    map: &Map,
+    analysis: &Analysis,
+    options: &TriangulateOptions,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<pairs::Arcs>, Stopped> {
+    let half_width = options.half_width.to_f64().value();
+    let fine = pairs::Fineness {
+        tolerance: 0.3 * options.mesh.tolerance / half_width,
+        longest: options.mesh.longest / half_width,
+    };
+    let Some(singular) = analysis.singular.as_ref().filter(|s| s.double.is_some()) else {
+        return Ok(None);
+    };
+    let curves = || {
+        let is_contracted = |c: &CurveKind| matches!(c, CurveKind::Contracted(_));
+        singular
+            .curves
+            .iter()
+            .filter(move |c| !is_contracted(&c.kind))
+    };
+    if curves().next().is_none() {
+        return Ok(Some(pairs::Arcs::default()));
+    }
+    let is_free = analysis.degrees.is_some_and(|d| d.base_multiplicity == 0)
+        && curves().all(|c| matches!(c.kind, CurveKind::Double));
+    // What is at infinity is not drawn.
+    let w = &map.forms()[3];
+    let finite = curves().filter(|c| !w.is_multiple_of(&c.curve));
+    let degree: usize = finite.map(|c| c.curve.total_degree()).sum();
+    let expected = is_free.then_some(degree * map.degree());
+    let arcs = pairs::arcs(&Pairs::new(map, half_width), fine, expected, stop)?;
+    let is_known = arcs.problems.is_empty() && arcs.solitary().is_some();
+    Ok(is_known.then_some(arcs))
+}
+
+/// Whether arcs may stand for the double curve: if it is all that is special about a map, and of a
+/// high degree.
+fn may_stand(singular: &Singular) -> bool {
+    /// The degree of parameter curves from which their topology takes longer than to trace them:
+    /// those of quadratic maps have 3, of general cubic ones 18.
+    const HIGH: usize = 8;
+    let is_double = |c: &SingularCurve| matches!(c.kind, CurveKind::Double);
+    let degree: usize = singular.curves.iter().map(|c| c.curve.total_degree()).sum();
+    singular.curves.iter().all(is_double) && degree > HIGH
+}
+
 impl<'a> Prepared<'a> {
     /// Analyses a map and finds the parameters of its surface in a box.
     ///
@@ -213,51 +360,21 @@ impl<'a> Prepared<'a> {
             false => None,
         };
         let clock = Instant::now();
-        let b = options.half_width.to_f64().value();
         let glued = options.mode == Mode::Glued;
-        let mut pinches = Vec::new();
-        let mut fibres = None;
-        let mut solitary = Vec::new();
-        if let Some(singular) = &analysis.singular {
-            if glued
-                && singular
-                    .curves
-                    .iter()
-                    .any(|c| matches!(c.kind, CurveKind::Double))
-            {
-                match pinch_points(map, &enough) {
-                    Ok(points) => {
-                        pinches = points
-                            .iter()
-                            .map(|p| p.each_ref().map(Algebraic::to_f64))
-                            .collect()
-                    }
-                    Err(Stopped) => unproven.push("pinch points: stopped".to_owned()),
-                }
-                fibres = Fibres::new(map, singular, b, &enough).ok();
-            }
-            // No parameters of a domain lead to solitary arcs, and planes and quadrics have none. Of
-            // an improper map complex parameters reach whole regions, which are not drawn.
-            let is_smooth = analysis.degrees.is_some_and(|d| d.implicit_degree <= 2);
-            if domain.is_none() && !(map_degree > 1 && (is_smooth || !glued)) {
-                let (arcs, problems) =
-                    solitary_arcs(map, singular, b, options.mesh.tolerance, &enough);
-                solitary = arcs;
-                unproven.extend(problems);
-                for line in &analysis.seam_lines {
-                    if line.is_met(map, singular) {
-                        unproven.push(MET.to_owned());
-                    } else {
-                        solitary.extend(line.within(b).map(Vec::from));
-                    }
-                }
-            }
-        }
+        let double = DoubleCurve::new(map, &analysis, options, &enough);
+        unproven.extend(double.unproven);
         analysis
             .seconds
             .push(("double curve", clock.elapsed().as_secs_f64()));
         let clock = Instant::now();
-        let mut curves = Curves::new(&analysis, glued, deck.clone(), pinches, fibres);
+        let mut curves = Curves::new(
+            &analysis,
+            glued,
+            deck.clone(),
+            double.pinches,
+            double.fibres,
+            double.traced,
+        );
         let within = |curves: &Curves, stop: &dyn Fn() -> bool| {
             let forms = curves.forms();
             Region::within(
@@ -277,7 +394,7 @@ impl<'a> Prepared<'a> {
                     "the parameters of the double curve: stopped; sheets that cross are not joined"
                         .to_owned(),
                 );
-                curves = Curves::new(&analysis, false, deck.clone(), Vec::new(), None);
+                curves = Curves::new(&analysis, false, deck.clone(), Vec::new(), None, None);
                 within(&curves, stop).map_err(|_| Stopped)?
             }
             Err(_) => return Err(Stopped),
@@ -291,7 +408,7 @@ impl<'a> Prepared<'a> {
             analysis,
             curves,
             region,
-            solitary,
+            solitary: double.solitary,
             sheets: map_degree / deck.as_ref().map_or(1, Deck::order),
             unproven,
             changes: Changes::default(),

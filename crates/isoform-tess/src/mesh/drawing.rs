@@ -52,6 +52,11 @@ impl Drawing<'_> {
     fn vertex(&mut self, node: Node) -> Option<FixedVertexHandle> {
         self.cdt.insert(node).ok()
     }
+    /// The vertex at a place, a new one if there is none.
+    fn known_or_new(&mut self, node: Node) -> Option<FixedVertexHandle> {
+        let known = self.cdt.locate_vertex(node.position()).map(|v| v.fix());
+        known.or_else(|| self.vertex(node))
+    }
     /// An edge that stays, if both its ends are there.
     fn edge(&mut self, a: Option<FixedVertexHandle>, b: Option<FixedVertexHandle>) {
         self.constraints.extend(a.zip(b).map(|(a, b)| [a, b]));
@@ -95,6 +100,11 @@ impl Builder<'_> {
         }
         for wall in 0..t.arrangement.walls.len() {
             self.draw_upright(q, wall, &mut drawing);
+        }
+        let chords = self.gluing.chords.iter().filter(|c| c.0 == q);
+        for ends in chords.map(|c| c.1) {
+            let [a, b] = ends.map(|node| drawing.known_or_new(node));
+            drawing.edge(a, b);
         }
         let mut crossing = false;
         for [a, b] in std::mem::take(&mut drawing.constraints) {

@@ -7,7 +7,7 @@
 
 use super::closing::UPON;
 use super::stretch::{Columns, Stretch};
-use super::{Builder, Name, Ray, Sides, distance, in_plane, on_side, sides_of};
+use super::{Builder, Name, Node, Ray, Sides, distance, in_plane, on_side, sides_of};
 use crate::deck::value;
 use crate::double::Fibres;
 use crate::surface::{DoubleArc, Point3};
@@ -73,7 +73,7 @@ impl Piece {
 
 /// How near to its neighbours on a piece a vertex is left out, per distance at which vertices lie
 /// upon each other.
-const CROWDED: f64 = 8.0;
+pub(super) const CROWDED: f64 = 8.0;
 
 /// How far from the end of an arc, in the parameters, a place that rounding puts onto the wall
 /// there may be: what is on an arc with a vertical tangent is half the digits from its end.
@@ -97,6 +97,8 @@ pub(super) struct Gluing {
     /// Vertices between rectangles and seams, from the rectangle on.
     spokes: BTreeMap<(usize, Ray, [u64; 2]), Vec<SpokeVertex>>,
     points: Vec<(usize, [f64; 2])>,
+    /// Chords of a double curve that was traced, by unit triangles.
+    pub(super) chords: Vec<(usize, [Node; 2])>,
     pub(super) arcs: Vec<DoubleArc>,
     /// Whether it was given up before there were arcs.
     pub(super) is_stopped: bool,
@@ -114,6 +116,19 @@ impl Gluing {
     }
     pub(super) fn image(&self, class: usize) -> Point3 {
         self.images[class]
+    }
+    /// A new class of vertices in which sheets meet: their image, and one of their parameters.
+    pub(super) fn add_class(&mut self, image: Point3, parameter: [f64; 3]) -> usize {
+        self.images.push(image);
+        self.parameters.push(parameter);
+        self.meeting.insert(self.images.len() - 1);
+        self.images.len() - 1
+    }
+    pub(super) fn name_class(&mut self, key: Key, class: usize) {
+        self.classes.insert(key, Name::Double(class));
+    }
+    pub(super) fn set_line(&mut self, track: Track, line: Vec<[f64; 2]>) {
+        self.lines.insert(track, line);
     }
     /// Whether sheets meet in a class.
     pub(super) fn is_double(&self, class: usize) -> bool {

@@ -1,0 +1,547 @@
+//! Gluing along a double curve that was traced: both parameters of each of its points are known,
+//! and no arrangement holds their curves.
+//!
+//! The arcs become polylines in the unit triangles, with vertices on the sides, on the curves of
+//! the box's faces, and where branches cross: at triple points of the surface, three arcs with two
+//! parameters each have three parameters in common.
+
+use super::closing::UPON;
+use super::gluing::{CROWDED, Gluing, Track, key};
+use super::stretch::Columns;
+use super::{Builder, Name, Node, Sides, distance, in_plane, middle, on_side, place_in, sides_of};
+use crate::pairs::{Arcs, Pairs, Place};
+use crate::surface::DoubleArc;
+use isoform_geom::dot;
+use std::collections::BTreeMap;
+
+/// A double curve that was traced, in half-widths of the box.
+pub(crate) struct Traced {
+    pub(crate) pairs: Pairs,
+    pub(crate) arcs: Arcs,
+}
+
+/// Halvings of a chord between two places at most.
+const HALVINGS: usize = 30;
+/// The length of a chord, in tolerances, that is left as it is where nothing is found between its
+/// ends.
+const SHORT: f64 = 0.1;
+/// Places of an arc at most.
+const PLACES: usize = 1 << 14;
+/// How near, in the parameters of unit triangles, places of different arcs are one: Newton's method
+/// leaves their last digits.
+const ONE: f64 = 1e-9;
+
+/// How often crossings are looked for: what is put in moves chords.
+const ROUNDS: usize = 8;
+/// The part of a chord next to its end in which a crossing takes the place of the end: others would
+/// lie upon it.
+const NEAR_END: f64 = 0.1;
+
+/// Coordinates of a parameter, per size, that are taken for 0.
+const SIDE: f64 = 1e-10;
+
+/// A place on an arc, as two vertices.
+#[derive(Clone, Copy, Debug)]
+struct Spot {
+    place: Place,
+    /// (s : t : w) of both.
+    parameters: [[f64; 3]; 2],
+    /// The faces of the box that it is on.
+    faces: u8,
+    /// Where arcs cross.
+    is_crossing: bool,
+    class: usize,
+}
+
+/// A chord of an arc in a unit triangle: arc, number of its first spot, which of the parameters.
+#[derive(Clone, Copy, Debug)]
+struct Chord {
+    q: usize,
+    run: usize,
+    at: usize,
+    which: usize,
+    ends: [[f64; 2]; 2],
+}
+
+impl Spot {
+    fn new(place: Place) -> Option<Self> {
+        let image = place.image();
+        let faces = (0..3)
+            .filter(|&i| image[i].abs() == image[3].abs())
+            .map(|i| 2 * i + usize::from(image[i] * image[3] > 0.0))
+            .fold(0, |bits, face| bits | 1 << face);
+        // What is on a side of the unit triangles but for rounding is on it.
+        let snapped = |p: [f64; 3]| {
+            let size = dot(p, p).sqrt();
+            p.map(|x| if x.abs() < SIDE * size { 0.0 } else { x })
+        };
+        Some(Self {
+            place,
+            parameters: place.real()?.map(snapped),
+            faces,
+            is_crossing: false,
+            class: 0,
+        })
+    }
+    /// Whether it is more than a place between others.
+    fn is_fixed(&self) -> bool {
+        self.faces > 0
+            || self.is_crossing
+            || self.place.is_pinch()
+            || self.parameters.iter().flatten().any(|x| *x == 0.0)
+    }
+}
+
+/// Puts a spot into an arc at a part of a chord, in the place of an end that is near.
+fn put(run: &mut Vec<Spot>, at: usize, t: f64, spot: Spot) {
+    let is_there = |s: &Spot| s.place.distance(&spot.place) < ONE;
+    let around = at.saturating_sub(1)..(at + 3).min(run.len());
+    if run[around].iter().any(is_there) {
+        return;
+    }
+    let is_free = |k: usize| k > 0 && k + 1 < run.len() && !run[k].is_fixed();
+    if t < NEAR_END && is_free(at) {
+        run[at] = spot;
+    } else if t > 1.0 - NEAR_END && is_free(at + 1) {
+        run[at + 1] = spot;
+    } else if (0.0..1.0).contains(&t) {
+        run.insert(at + 1, spot);
+    }
+}
+
+/// The place of a parameter in a unit triangle: exactly on its side, if a coordinate is 0.
+fn place_of(q: usize, p: [f64; 3]) -> Option<[f64; 2]> {
+    let at = place_in(q, p)?;
+    let side = p.iter().position(|&x| x == 0.0);
+    Some(match side {
+        Some(0) => on_side(0, at[1]),
+        Some(side) => on_side(side, at[0]),
+        None => at,
+    })
+}
+
+/// The unit triangle that holds two parameters, and their places in it.
+fn common(a: [f64; 3], b: [f64; 3]) -> Option<(usize, [[f64; 2]; 2])> {
+    (0..4).find_map(|q| Some((q, [place_of(q, a)?, place_of(q, b)?])))
+}
+
+/// The coordinates that change their sign from one parameter to the next.
+fn crossed(a: [f64; 3], b: [f64; 3]) -> impl Iterator<Item = usize> {
+    let sign = if dot(a, b) < 0.0 { -1.0 } else { 1.0 };
+    (0..3).filter(move |&k| a[k] * b[k] * sign < 0.0)
+}
+
+/// Where two segments cross, as parts of both; none if they do not, or are parallel.
+fn crossing(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> Option<[f64; 2]> {
+    let [d, e] = [a, b].map(|x| [x[1][0] - x[0][0], x[1][1] - x[0][1]]);
+    let c = [b[0][0] - a[0][0], b[0][1] - a[0][1]];
+    let det = d[0] * e[1] - d[1] * e[0];
+    let t = (c[0] * e[1] - c[1] * e[0]) / det;
+    let s = (c[0] * d[1] - c[1] * d[0]) / det;
+    let within = |x: f64| (-1e-9..=1.0 + 1e-9).contains(&x);
+    (within(t) && within(s)).then_some([t, s])
+}
+
+fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+impl Builder<'_> {
+    /// The vertices of a traced double curve and their partners. Sides of the unit triangles that
+    /// it crosses get their places.
+    pub(super) fn glue_traced(&self, traced: &Traced, sides: &mut Sides) -> Gluing {
+        let mut gluing = Gluing::default();
+        let mut runs: Vec<Vec<Spot>> = Vec::new();
+        let mut failed = 0;
+        for part in traced.arcs.real_parts() {
+            match self.refined(&traced.pairs, &part) {
+                Some(run) => runs.push(run),
+                None => failed += 1,
+            }
+            if (self.stop)() {
+                gluing.is_stopped = true;
+                gluing.unproven.push("the double curve: stopped".into());
+                return gluing;
+            }
+        }
+        failed += self.cross(&traced.pairs, &mut runs);
+        self.classify(&mut gluing, &mut runs);
+        for run in &runs {
+            failed += self.put_run(&mut gluing, run, sides);
+            let points = run.iter().map(|s| gluing.image(s.class)).collect();
+            gluing.arcs.push(DoubleArc { points, sheets: 2 });
+        }
+        failed += self.put_ends(&mut gluing, &runs);
+        if failed > 0 {
+            gluing.unproven.push(format!(
+                "the double curve could not be drawn at {failed} places"
+            ));
+        }
+        gluing
+    }
+
+    /// The places of an arc with both chords near enough to the surface, and vertices on the sides
+    /// of the unit triangles.
+    fn refined(&self, pairs: &Pairs, part: &[Place]) -> Option<Vec<Spot>> {
+        let mut run = vec![Spot::new(part[0])?];
+        for w in part.windows(2) {
+            let mut stack = vec![(Spot::new(w[0])?, Spot::new(w[1])?, 0)];
+            while let Some((a, b, depth)) = stack.pop() {
+                if run.len() > PLACES || depth > HALVINGS || (self.stop)() {
+                    return None;
+                }
+                let sides: Vec<(usize, usize)> = (0..2)
+                    .flat_map(|which| {
+                        crossed(a.parameters[which], b.parameters[which]).map(move |k| (which, k))
+                    })
+                    .collect();
+                let mut between = None;
+                match sides[..] {
+                    [] if self.is_chord_fine(pairs, &a, &b) => {
+                        run.push(b);
+                        continue;
+                    }
+                    [(which, k), ..] => {
+                        between = pairs
+                            .on_side(&a.place, &b.place, which, k)
+                            .and_then(Spot::new)
+                            .map(|mut spot| {
+                                spot.parameters[which][k] = 0.0;
+                                spot
+                            });
+                    }
+                    [] => {}
+                }
+                let spot = match between {
+                    Some(spot) => spot,
+                    None => Spot::new(pairs.part(&a.place, &b.place, 0.5)?)?,
+                };
+                stack.push((spot, b, depth + 1));
+                stack.push((a, spot, depth + 1));
+            }
+        }
+        self.thin(&mut run);
+        Some(run)
+    }
+
+    /// Leaves out spots whose images lie upon each other: at singular points the map may be flat.
+    fn thin(&self, run: &mut Vec<Spot>) {
+        let image = |s: &Spot| s.place.point().map(|x| x * self.half_width);
+        let is_near =
+            |a: &Spot, b: &Spot| distance(image(a), image(b)) < CROWDED * UPON * self.half_width;
+        let mut k = 1;
+        while k + 1 < run.len() {
+            let is_upon = is_near(&run[k - 1], &run[k]) || is_near(&run[k], &run[k + 1]);
+            if is_upon && !run[k].is_fixed() {
+                run.remove(k);
+            } else {
+                k += 1;
+            }
+        }
+    }
+
+    /// Whether straight pieces, in the parameters too, may stand for what lies between two places.
+    fn is_chord_fine(&self, pairs: &Pairs, a: &Spot, b: &Spot) -> bool {
+        let scale = |p: &Place| p.point().map(|x| x * self.half_width);
+        let Some(m) = pairs.part(&a.place, &b.place, 0.5) else {
+            // Next to a singular end nothing more can be told.
+            let ends = [a, b].map(|s| scale(&s.place));
+            return distance(ends[0], ends[1]) < SHORT * self.tolerance_at(ends[0]);
+        };
+        let (p, m, r) = (scale(&a.place), scale(&m), scale(&b.place));
+        let straight = middle(p, r);
+        let tolerance = 0.3 * self.tolerance_at(m);
+        let is_near = |which: usize| {
+            common(a.parameters[which], b.parameters[which]).is_some_and(|(q, [x, y])| {
+                let chord = [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])];
+                distance(self.charts[q].at(chord), straight) <= tolerance
+                    && self.charts[q].keeps_sign([x, y, x], 0)
+            })
+        };
+        distance(p, r) <= self.options.longest
+            && distance(m, straight) <= tolerance
+            && is_near(0)
+            && is_near(1)
+    }
+
+    /// Makes spots of both arcs where chords of arcs cross; how often that failed.
+    fn cross(&self, pairs: &Pairs, runs: &mut [Vec<Spot>]) -> usize {
+        let mut failed = 0;
+        for _ in 0..ROUNDS {
+            let mut found: Vec<(Chord, f64, Spot)> = Vec::new();
+            for [a, b] in self.crossings(runs) {
+                match self.triple(pairs, runs, &a, &b) {
+                    Some([x, y]) => found.extend([(a, x.0, x.1), (b, y.0, y.1)]),
+                    None => failed += 1,
+                }
+            }
+            if found.is_empty() || failed > 0 {
+                break;
+            }
+            // What is put in moves what comes after it: from the last one to the first.
+            found.sort_by(|x, y| {
+                let of = |f: &(Chord, f64, Spot)| (f.0.run, f.0.at);
+                of(y).cmp(&of(x)).then(y.1.total_cmp(&x.1))
+            });
+            for (chord, t, spot) in found {
+                put(&mut runs[chord.run], chord.at, t, spot);
+            }
+        }
+        failed + self.crossings(runs).len()
+    }
+
+    /// Chords that cross elsewhere than in spots that they share.
+    fn crossings(&self, runs: &[Vec<Spot>]) -> Vec<[Chord; 2]> {
+        let mut chords: Vec<Chord> = Vec::new();
+        for (run, spots) in runs.iter().enumerate() {
+            for (at, w) in spots.windows(2).enumerate() {
+                for which in 0..2 {
+                    if let Some((q, ends)) = common(w[0].parameters[which], w[1].parameters[which])
+                    {
+                        chords.push(Chord {
+                            q,
+                            run,
+                            at,
+                            which,
+                            ends,
+                        });
+                    }
+                }
+            }
+        }
+        let low = |c: &Chord, i: usize| c.ends[0][i].min(c.ends[1][i]);
+        let high = |c: &Chord, i: usize| c.ends[0][i].max(c.ends[1][i]);
+        chords.sort_by(|a, b| a.q.cmp(&b.q).then(low(a, 0).total_cmp(&low(b, 0))));
+        let mut found = Vec::new();
+        for (k, a) in chords.iter().enumerate() {
+            let after = chords[k + 1..]
+                .iter()
+                .take_while(|b| b.q == a.q && low(b, 0) <= high(a, 0));
+            for b in after.filter(|b| low(b, 1) <= high(a, 1) && low(a, 1) <= high(b, 1)) {
+                let shares = a
+                    .ends
+                    .iter()
+                    .any(|x| b.ends.iter().any(|y| distance2(*x, *y) < 10.0 * ONE));
+                if !shares && crossing(a.ends, b.ends).is_some() {
+                    found.push([*a, *b]);
+                }
+            }
+        }
+        found
+    }
+
+    /// The spots of two arcs where they have a parameter in common, near to where two of their
+    /// chords cross.
+    fn triple(
+        &self,
+        pairs: &Pairs,
+        runs: &[Vec<Spot>],
+        a: &Chord,
+        b: &Chord,
+    ) -> Option<[(f64, Spot); 2]> {
+        let ends = [a, b].map(|c| [runs[c.run][c.at], runs[c.run][c.at + 1]]);
+        let mut parts = crossing(a.ends, b.ends)?;
+        let spot =
+            |k: usize, t: f64| Spot::new(pairs.part(&ends[k][0].place, &ends[k][1].place, t)?);
+        let which = [a.which, b.which];
+        let here = |s: &Spot, k: usize| place_in_plane(a.q, s.parameters[which[k]]);
+        const STEP: f64 = 1e-4;
+        for _ in 0..20 {
+            let spots = [spot(0, parts[0])?, spot(1, parts[1])?];
+            let [x, y] = [here(&spots[0], 0), here(&spots[1], 1)];
+            if distance2(x, y) < 1e-13 {
+                let [x, mut y] = spots.map(|s| Spot {
+                    is_crossing: true,
+                    ..s
+                });
+                y.parameters[which[1]] = x.parameters[which[0]];
+                return Some([(parts[0], x), (parts[1], y)]);
+            }
+            let slope = |k: usize| -> Option<[f64; 2]> {
+                let [a, b] = [-STEP, STEP].map(|d| spot(k, parts[k] + d));
+                let (a, b) = (here(&a?, k), here(&b?, k));
+                Some([0, 1].map(|i| (b[i] - a[i]) / (2.0 * STEP)))
+            };
+            let (d, e) = (slope(0)?, slope(1)?);
+            let c = [y[0] - x[0], y[1] - x[1]];
+            let det = d[0] * e[1] - d[1] * e[0];
+            let step = [
+                (c[0] * e[1] - c[1] * e[0]) / det,
+                (c[0] * d[1] - c[1] * d[0]) / det,
+            ];
+            for k in 0..2 {
+                parts[k] += step[k];
+                if !(-0.5..=1.5).contains(&parts[k]) {
+                    return None;
+                }
+            }
+        }
+        None
+    }
+
+    /// Gives one class to spots with a parameter in common, and them exactly that one.
+    fn classify(&self, gluing: &mut Gluing, runs: &mut [Vec<Spot>]) {
+        let mut spots: Vec<&mut Spot> = runs.iter_mut().flatten().collect();
+        let mut vertices: Vec<(usize, [f64; 2], usize, usize)> = Vec::new();
+        for (k, spot) in spots.iter().enumerate() {
+            for which in 0..2 {
+                let places = (0..4).map(|q| (q, place_of(q, spot.parameters[which])));
+                vertices.extend(places.filter_map(|(q, at)| Some((q, at?, k, which))));
+            }
+        }
+        vertices.sort_by(|a, b| a.0.cmp(&b.0).then(a.1[0].total_cmp(&b.1[0])));
+        let mut up: Vec<usize> = (0..spots.len()).collect();
+        let root = |up: &[usize], mut k: usize| {
+            while up[k] != k {
+                k = up[k];
+            }
+            k
+        };
+        for (i, a) in vertices.iter().enumerate() {
+            let near = vertices[i + 1..]
+                .iter()
+                .take_while(|b| b.0 == a.0 && b.1[0] - a.1[0] < ONE);
+            for b in near.filter(|b| distance2(a.1, b.1) < ONE) {
+                let [x, y] = [a.2, b.2].map(|k| root(&up, k));
+                up[x.max(y)] = x.min(y);
+                spots[b.2].parameters[b.3] = spots[a.2].parameters[a.3];
+            }
+        }
+        let mut number: BTreeMap<usize, usize> = BTreeMap::new();
+        for (k, spot) in spots.iter_mut().enumerate() {
+            let image = spot.place.point().map(|x| x * self.half_width);
+            spot.class = *number
+                .entry(root(&up, k))
+                .or_insert_with(|| gluing.add_class(image, spot.parameters[0]));
+        }
+    }
+
+    /// Puts the chords of an arc into the unit triangles, and places onto their sides; how often
+    /// that failed.
+    fn put_run(&self, gluing: &mut Gluing, run: &[Spot], sides: &mut Sides) -> usize {
+        let mut failed = 0;
+        for which in 0..2 {
+            for spot in run {
+                let p = spot.parameters[which];
+                for q in 0..4 {
+                    let Some(at) = place_of(q, p) else { continue };
+                    gluing.name_class(key(self.name_of(q, at, p), q, at), spot.class);
+                }
+                self.put_on_side(p, sides);
+            }
+            for w in run.windows(2) {
+                match common(w[0].parameters[which], w[1].parameters[which]) {
+                    Some((q, ends)) => {
+                        let node = |k: usize| {
+                            let name = self.name_of(q, ends[k], w[k].parameters[which]);
+                            Node {
+                                name,
+                                ..Node::inner(ends[k], w[k].faces)
+                            }
+                        };
+                        gluing.chords.push((q, [node(0), node(1)]));
+                    }
+                    None => failed += 1,
+                }
+            }
+        }
+        failed
+    }
+    fn name_of(&self, q: usize, at: [f64; 2], p: [f64; 3]) -> Name {
+        match p.iter().position(|&x| x == 0.0) {
+            Some(0) => self.name_on(q, 0, at[1]),
+            Some(side) => self.name_on(q, side, at[0]),
+            None => Name::Inner,
+        }
+    }
+    fn put_on_side(&self, p: [f64; 3], sides: &mut Sides) {
+        let Some(side) = p.iter().position(|&x| x == 0.0) else {
+            return;
+        };
+        let Some((q, at)) = (0..4).find_map(|q| Some((q, place_of(q, p)?))) else {
+            return;
+        };
+        let x = if side == 0 { at[1] } else { at[0] };
+        let places = sides.entry(sides_of(q)[side]).or_default();
+        let k = places.partition_point(|p| p.0 < x);
+        if k > 0 && places.get(k).is_some_and(|p| p.0 != x) {
+            places.insert(k, (x, places[k - 1].1));
+        }
+    }
+
+    /// Makes vertices of the curves of the box's faces where arcs end in them; how often that
+    /// failed.
+    fn put_ends(&self, gluing: &mut Gluing, runs: &[Vec<Spot>]) -> usize {
+        let mut failed = 0;
+        let mut on_arcs: BTreeMap<(usize, usize, usize), Vec<[f64; 2]>> = BTreeMap::new();
+        let ends = runs.iter().flatten().filter(|s| s.faces > 0);
+        for (spot, which) in ends.flat_map(|s| [(s, 0), (s, 1)]) {
+            let p = spot.parameters[which];
+            // On a side it is a point of a wall already.
+            if p.contains(&0.0) {
+                failed += 1;
+                continue;
+            }
+            let found = (0..4).find_map(|q| {
+                let at = place_of(q, p)?;
+                Some((self.arc_at(q, at, spot.faces)?, at))
+            });
+            match found {
+                Some((arc, at)) => on_arcs.entry(arc).or_default().push(at),
+                None => failed += 1,
+            }
+        }
+        for ((q, slab, i), places) in on_arcs {
+            let stretch = self.stretch(q, slab, i);
+            let a = &self.region.triangles[q].arrangement;
+            let mut over = Columns::new(a, slab);
+            let mut line = self.polyline(q, &stretch, i, &mut over, &mut true);
+            for at in places {
+                let k = line.partition_point(|x| x[0] < at[0]);
+                if k == 0 || k == line.len() {
+                    failed += 1;
+                    continue;
+                }
+                let near = |k: &usize| distance2(line[*k], at) < 1e-8;
+                match [k - 1, k].into_iter().find(near) {
+                    Some(0) => failed += 1,
+                    Some(k) if k + 1 == line.len() => failed += 1,
+                    Some(k) => line[k] = at,
+                    None => line.insert(k, at),
+                }
+            }
+            gluing.set_line(Track::Arc(q, slab, i), line);
+        }
+        failed
+    }
+
+    /// The drawn arc on some faces of the box that goes through a place.
+    fn arc_at(&self, q: usize, at: [f64; 2], faces: u8) -> Option<(usize, usize, usize)> {
+        let a = &self.region.triangles[q].arrangement;
+        let walls = &a.walls[1..a.walls.len() - 1];
+        let slab = walls.partition_point(|w| w.u.to_f64() < at[0]);
+        let mut over = Columns::new(a, slab);
+        let far = |i: usize, over: &mut Columns<'_>| {
+            over.at(at[0], i)
+                .map_or(f64::INFINITY, |v| (v - at[1]).abs())
+        };
+        let of_face = |i: &usize| self.bits(a.slabs[slab].arcs[*i].curve) & faces != 0;
+        let (off, i) = self
+            .drawn(q, slab)
+            .into_iter()
+            .filter(of_face)
+            .map(|i| (far(i, &mut over), i))
+            .min_by(|a, b| a.0.total_cmp(&b.0))?;
+        (off < 1e-7).then_some((q, slab, i))
+    }
+}
+
+/// Where a parameter is in the plane of a unit triangle, be it outside of it.
+fn place_in_plane(q: usize, p: [f64; 3]) -> [f64; 2] {
+    let at = |u: f64, v: f64| in_plane(q, [u, v]);
+    // (s : t : w) = (± u : ± v : 1 − u − v).
+    let [s, t] = [at(1.0, 0.0)[0], at(0.0, 1.0)[1]];
+    let y = [s * p[0], t * p[1], p[2]];
+    let sum: f64 = y.iter().sum();
+    [y[0] / sum, y[1] / sum]
+}

@@ -1,0 +1,551 @@
+//! Pairs of parameters with one image, as points of a smooth curve.
+//!
+//! A pair of parameters p = m + h e, q = m − h e, scaled to φ(p) = φ(q), is written by m, e and
+//! λ = h²: with the even part E and the odd part h O of the polynomial h ↦ φ(m + h e), both
+//! polynomials in m, e and λ, it is a solution of O(m, e, λ) = 0, and E(m, e, λ) is the image. Pairs
+//! and their two orders are one then, and nothing is singular at a pinch point of Whitney, where
+//! λ = 0 and e is in the kernel of the differential: there a pair of real parameters (λ > 0) turns
+//! into one of conjugate ones (λ < 0).
+//!
+//! The double curve is known by its sections: the pairs in a general complex plane of space are
+//! found from one of them by monodromy, and are all of them if the sum of their images moves on a
+//! line with the plane (the trace test: A. J. Sommese, J. Verschelde and C. W. Wampler, *Symmetric
+//! functions applied to decomposing solution sets of polynomial systems*, 2002). They are followed
+//! into planes that cut the box into slices, and into its faces; from the real ones among them the
+//! arcs are traced.
+
+mod arcs;
+mod real;
+mod section;
+
+pub(crate) use arcs::{Arcs, Fineness, arcs};
+pub(crate) use real::Place;
+
+use crate::complex::{
+    C, Form, Monomials, Stream, V, along, distance, dot, inner, normalised, rounded,
+};
+use crate::map::Map;
+
+/// A pair of parameters, of which m and e have the norm 1.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pair {
+    m: V,
+    e: V,
+    l: C,
+}
+
+/// A plane of space: the linear form that vanishes on it.
+type Plane = [C; 4];
+
+/// The equations' unknowns: m, e, λ.
+type Step = [C; 7];
+
+/// λ below which the two parts are computed from the coefficients in h, not from two values.
+const SMALL: f64 = 0.02;
+/// Radius of the circle of h from whose values the coefficients come: of the size of m and e.
+const RADIUS: f64 = 0.5;
+
+/// The principal square root.
+fn sqrt(c: C) -> C {
+    let r = c.norm();
+    let re = (0.5 * (r + c.re)).max(0.0).sqrt();
+    let im = (0.5 * (r - c.re)).max(0.0).sqrt();
+    C::new(re, if c.im < 0.0 { -im } else { im })
+}
+
+fn turn(angle: f64) -> C {
+    C::new(angle.cos(), angle.sin())
+}
+
+/// The even part E, the odd part O, and their derivatives.
+struct Parts {
+    even: [C; 4],
+    odd: [C; 4],
+    /// ∂E/∂m; this is ∂O/∂e, too.
+    even_by_m: [V; 4],
+    /// ∂O/∂m; ∂E/∂e is λ times that, and ∂E/∂λ half of it by e.
+    odd_by_m: [V; 4],
+    odd_by_l: [C; 4],
+}
+
+impl Pair {
+    fn parameters(&self) -> [V; 2] {
+        let h = sqrt(self.l);
+        [h, -h].map(|h| [0, 1, 2].map(|i| self.m[i] + self.e[i] * h))
+    }
+    /// The pair of two vectors with one image.
+    fn of(p: &V, q: &V) -> Self {
+        let m = [0, 1, 2].map(|i| (p[i] + q[i]).times(0.5));
+        let e = [0, 1, 2].map(|i| (p[i] - q[i]).times(0.5));
+        Self { m, e, l: C::ONE }.scaled()
+    }
+    /// With vectors of norm 1.
+    fn scaled(&self) -> Self {
+        let size = |v: &V| v.iter().map(|c| c.norm2()).sum::<f64>();
+        let (m, e) = (size(&self.m), size(&self.e));
+        Self {
+            m: self.m.map(|c| c.times(1.0 / m.sqrt())),
+            e: self.e.map(|c| c.times(1.0 / e.sqrt())),
+            l: self.l.times(e / m),
+        }
+    }
+    fn moved(&self, d: &Step, h: f64) -> Self {
+        Self {
+            m: along(&self.m, &[d[0], d[1], d[2]], h),
+            e: along(&self.e, &[d[3], d[4], d[5]], h),
+            l: self.l + d[6].times(h),
+        }
+    }
+    /// How far two pairs are apart, in either order.
+    fn distance(&self, other: &Self) -> f64 {
+        let [p, q] = self.parameters().map(|p| normalised(&p));
+        let [a, b] = other.parameters().map(|p| normalised(&p));
+        (distance(&p, &a) + distance(&q, &b)).min(distance(&p, &b) + distance(&q, &a))
+    }
+}
+
+fn norm(d: &Step) -> f64 {
+    d.iter().map(|c| c.norm2()).sum::<f64>().sqrt()
+}
+
+/// The solution of a system by elimination with pivots.
+fn solve(mut a: [[C; 8]; 7]) -> Option<Step> {
+    for k in 0..7 {
+        let pivot = (k..7)
+            .max_by(|&i, &j| a[i][k].norm2().total_cmp(&a[j][k].norm2()))
+            .expect("rows");
+        if a[pivot][k].norm2() == 0.0 {
+            return None;
+        }
+        a.swap(k, pivot);
+        let inverse = a[k][k].inverse();
+        for j in k..8 {
+            a[k][j] = a[k][j] * inverse;
+        }
+        for i in 0..7 {
+            if i == k {
+                continue;
+            }
+            let factor = a[i][k];
+            if factor.norm2() == 0.0 {
+                continue;
+            }
+            for j in k + 1..8 {
+                a[i][j] = a[i][j] - factor * a[k][j];
+            }
+        }
+    }
+    let x = a.map(|row| row[7]);
+    norm(&x).is_finite().then_some(x)
+}
+
+/// A map, for pairs of its parameters.
+pub(crate) struct Pairs {
+    /// In units in which the box has the half-width 1.
+    forms: [Form; 4],
+    degree: usize,
+}
+
+impl Pairs {
+    pub(crate) fn new(map: &Map, half_width: f64) -> Self {
+        let mut terms = rounded(map.forms().each_ref());
+        terms[3].iter_mut().for_each(|t| t.1 *= half_width);
+        let largest = terms
+            .iter()
+            .flatten()
+            .map(|t| t.1.abs())
+            .fold(0.0, f64::max);
+        Self {
+            forms: terms.map(|f| Form::new(f.into_iter().map(|(e, c)| (e, c / largest)))),
+            degree: map.degree(),
+        }
+    }
+
+    fn at(&self, p: &V) -> ([C; 4], [V; 4]) {
+        let monomials = Monomials::new(p, self.degree);
+        let (mut g, mut dg) = ([C::ZERO; 4], [[C::ZERO; 3]; 4]);
+        for (i, form) in self.forms.iter().enumerate() {
+            (g[i], dg[i]) = form.eval(&monomials);
+        }
+        (g, dg)
+    }
+
+    fn parts(&self, pair: &Pair) -> Parts {
+        if pair.l.norm() > SMALL {
+            self.parts_by_values(pair)
+        } else {
+            self.parts_by_coefficients(pair)
+        }
+    }
+
+    fn parts_by_values(&self, pair: &Pair) -> Parts {
+        let half = sqrt(pair.l).inverse().times(0.5);
+        let [(f, df), (g, dg)] = pair.parameters().map(|p| self.at(&p));
+        let all = [0, 1, 2, 3];
+        let even = all.map(|i| (f[i] + g[i]).times(0.5));
+        let odd = all.map(|i| (f[i] - g[i]) * half);
+        let even_by_m = all.map(|i| [0, 1, 2].map(|k| (df[i][k] + dg[i][k]).times(0.5)));
+        let odd_by_m = all.map(|i| [0, 1, 2].map(|k| (df[i][k] - dg[i][k]) * half));
+        let twice = pair.l.times(2.0).inverse();
+        let odd_by_l = all.map(|i| (dot(&even_by_m[i], &pair.e) - odd[i]) * twice);
+        Parts {
+            even,
+            odd,
+            even_by_m,
+            odd_by_m,
+            odd_by_l,
+        }
+    }
+
+    fn parts_by_coefficients(&self, pair: &Pair) -> Parts {
+        let n = self.degree + 1;
+        let all = [0, 1, 2, 3];
+        // A coefficient is the mean of the values on a circle, each by a power of its place.
+        let angle = std::f64::consts::TAU / n as f64;
+        let values: Vec<([C; 4], [V; 4])> = (0..n)
+            .map(|j| {
+                let h = turn(angle * j as f64).times(RADIUS);
+                self.at(&[0, 1, 2].map(|i| pair.m[i] + pair.e[i] * h))
+            })
+            .collect();
+        let mut parts = Parts {
+            even: [C::ZERO; 4],
+            odd: [C::ZERO; 4],
+            even_by_m: [[C::ZERO; 3]; 4],
+            odd_by_m: [[C::ZERO; 3]; 4],
+            odd_by_l: [C::ZERO; 4],
+        };
+        let mut power = C::ONE;
+        let mut before = C::ZERO;
+        for k in 0..n {
+            let scale = 1.0 / (n as f64 * RADIUS.powi(k as i32));
+            let mut c = [C::ZERO; 4];
+            let mut d = [[C::ZERO; 3]; 4];
+            for (j, (f, df)) in values.iter().enumerate() {
+                let weight = turn(-angle * ((j * k) % n) as f64).times(scale);
+                for i in all {
+                    c[i] = c[i] + f[i] * weight;
+                    for x in 0..3 {
+                        d[i][x] = d[i][x] + df[i][x] * weight;
+                    }
+                }
+            }
+            let (sum, by_m) = match k % 2 {
+                0 => (&mut parts.even, &mut parts.even_by_m),
+                _ => (&mut parts.odd, &mut parts.odd_by_m),
+            };
+            for i in all {
+                sum[i] = sum[i] + c[i] * power;
+                for x in 0..3 {
+                    by_m[i][x] = by_m[i][x] + d[i][x] * power;
+                }
+            }
+            if k % 2 == 1 {
+                // The derivative of λ^((k − 1)/2).
+                let weight = before.times(((k - 1) / 2) as f64);
+                for i in all {
+                    parts.odd_by_l[i] = parts.odd_by_l[i] + c[i] * weight;
+                }
+                before = power;
+                power = power * pair.l;
+            }
+        }
+        parts
+    }
+
+    /// The rows of the equations O = 0, with what keeps the norms of m and e.
+    fn rows(&self, pair: &Pair, parts: &Parts) -> [[C; 8]; 7] {
+        let mut rows = [[C::ZERO; 8]; 7];
+        for (i, row) in rows.iter_mut().enumerate().take(4) {
+            row[..3].copy_from_slice(&parts.odd_by_m[i]);
+            row[3..6].copy_from_slice(&parts.even_by_m[i]);
+            row[6] = parts.odd_by_l[i];
+            row[7] = -parts.odd[i];
+        }
+        for k in 0..3 {
+            rows[5][k] = pair.m[k].conj();
+            rows[6][3 + k] = pair.e[k].conj();
+        }
+        rows
+    }
+    /// The row of a plane that holds the image.
+    fn plane_row(&self, pair: &Pair, parts: &Parts, plane: &Plane) -> [C; 8] {
+        let mut row = [C::ZERO; 8];
+        for i in 0..4 {
+            let half = dot(&parts.odd_by_m[i], &pair.e).times(0.5);
+            for k in 0..3 {
+                row[k] = row[k] + plane[i] * parts.even_by_m[i][k];
+                row[3 + k] = row[3 + k] + plane[i] * parts.odd_by_m[i][k] * pair.l;
+            }
+            row[6] = row[6] + plane[i] * half;
+            row[7] = row[7] - plane[i] * parts.even[i];
+        }
+        row
+    }
+
+    /// With vectors of norm 1, and of the multiples of q by roots of unity that nearest to p.
+    fn settled(&self, pair: &Pair) -> Pair {
+        if pair.l.norm() > SMALL {
+            let [p, q] = pair.parameters();
+            let product = inner(&p, &q);
+            let n = self.degree as f64;
+            // The phase nearest to the one that makes the product positive.
+            let k = (-product.im.atan2(product.re) * n / std::f64::consts::TAU).round();
+            if k != 0.0 {
+                let root = turn(std::f64::consts::TAU * k / n);
+                return Pair::of(&p, &q.map(|c| c * root));
+            }
+        }
+        pair.scaled()
+    }
+
+    /// The pair in a plane by Newton's method, and the length of the first step.
+    fn newton(&self, plane: &Plane, start: &Pair, far: f64) -> Option<(Pair, f64)> {
+        let (mut pair, mut first, mut last) = (*start, 0.0, f64::INFINITY);
+        for i in 0..6 {
+            let parts = self.parts(&pair);
+            let mut rows = self.rows(&pair, &parts);
+            rows[4] = self.plane_row(&pair, &parts, plane);
+            let d = solve(rows)?;
+            let size = norm(&d);
+            if i == 0 {
+                first = size;
+                if first > far {
+                    return None;
+                }
+            }
+            pair = pair.moved(&d, 1.0).scaled();
+            // Convergence is quadratic: the next step would be lost in rounding.
+            if size < 1e-8 {
+                return Some((pair, first));
+            }
+            if size > 0.5 * last {
+                return None;
+            }
+            last = size;
+        }
+        None
+    }
+
+    /// A pair in the plane at the time 1 from one in that at the time 0.
+    ///
+    /// # Errors
+    /// The time and the pair up to which it was followed, if not to the end.
+    fn follow(&self, plane: &dyn Fn(f64) -> [Plane; 2], start: &Pair) -> Result<Pair, (f64, Pair)> {
+        let (mut pair, mut time, mut step) = (*start, 0.0, 0.1f64);
+        while time < 1.0 {
+            let h = step.min(1.0 - time);
+            let end = if h < 1.0 - time { time + h } else { 1.0 };
+            let slope = |t: f64, d: &Step, h: f64| {
+                let at = pair.moved(d, h);
+                let parts = self.parts(&at);
+                let [plane, speed] = plane(t);
+                let mut rows = self.rows(&at, &parts);
+                rows[4] = self.plane_row(&at, &parts, &plane);
+                for row in &mut rows {
+                    row[7] = C::ZERO;
+                }
+                // The norms are those of the start.
+                for k in 0..3 {
+                    rows[5][k] = pair.m[k].conj();
+                    rows[6][3 + k] = pair.e[k].conj();
+                }
+                rows[4][7] = -dot(&speed, &parts.even);
+                solve(rows)
+            };
+            // The classical method of Runge and Kutta.
+            let predicted = (|| {
+                let k1 = slope(time, &[C::ZERO; 7], 0.0)?;
+                let k2 = slope(time + h / 2.0, &k1, h / 2.0)?;
+                let k3 = slope(time + h / 2.0, &k2, h / 2.0)?;
+                let k4 = slope(end, &k3, h)?;
+                let sum: Step = std::array::from_fn(|i| {
+                    (k1[i] + k4[i] + (k2[i] + k3[i]).times(2.0)).times(h / 6.0)
+                });
+                (norm(&sum) < 0.3).then(|| pair.moved(&sum, 1.0))
+            })();
+            match predicted.and_then(|next| self.newton(&plane(end)[0], &next, 1e-3)) {
+                // Other pairs are further away than the error of the prediction.
+                Some((next, error)) if error < 1e-4 => {
+                    pair = self.settled(&next);
+                    time = end;
+                    step = if error < 2e-6 { 2.0 * h } else { h };
+                }
+                _ => {
+                    step = h / 2.0;
+                    if step < 1e-7 {
+                        return Err((time, pair));
+                    }
+                }
+            }
+        }
+        Ok(pair)
+    }
+
+    /// Whether a solution is a pair: not twice one parameter, and no base points.
+    fn is_pair(&self, pair: &Pair) -> bool {
+        let [p, q] = pair.parameters();
+        let size = |v: &V| v.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
+        let image = self.parts(pair).even;
+        let image = image.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
+        distance(&normalised(&p), &normalised(&q)) > 1e-6 * (size(&p) + size(&q)) && image > 1e-8
+    }
+
+    /// A pair in a plane from a random start.
+    fn seed(&self, plane: &Plane, stream: &mut Stream) -> Option<Pair> {
+        let [l]: [C; 1] = stream.complex();
+        let mut pair = Pair {
+            m: stream.complex(),
+            e: stream.complex(),
+            l,
+        }
+        .scaled();
+        for _ in 0..25 {
+            let parts = self.parts(&pair);
+            let mut rows = self.rows(&pair, &parts);
+            rows[4] = self.plane_row(&pair, &parts, plane);
+            let d = solve(rows)?;
+            let size = norm(&d);
+            pair = pair.moved(&d, (0.5 / size).min(1.0)).scaled();
+            if size < 1e-9 {
+                let pair = self.settled(&pair);
+                return self.is_pair(&pair).then_some(pair);
+            }
+        }
+        None
+    }
+}
+
+/// Straight from one plane to another, times a factor, so that the planes in between are complex.
+fn between(from: Plane, to: Plane, phase: C) -> impl Fn(f64) -> [Plane; 2] {
+    let from = from.map(|c| c * phase);
+    let speed: Plane = [0, 1, 2, 3].map(|i| to[i] - from[i]);
+    move |time| [[0, 1, 2, 3].map(|i| from[i] + speed[i].times(time)), speed]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::Options;
+
+    const FINE: Fineness = Fineness {
+        tolerance: 1e-4,
+        longest: 0.25,
+    };
+
+    fn map(texts: [&str; 4]) -> Map {
+        Map::parse(texts, Options::default()).unwrap()
+    }
+
+    /// A dense map of a degree, by a generator of its own.
+    fn dense(degree: usize) -> Map {
+        let mut state = 12345u64;
+        let mut next = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) % 19
+        };
+        let mut form = || {
+            let mut text = String::from("0");
+            for i in 0..=degree {
+                for j in 0..=degree - i {
+                    text += &format!(" + ({} - 9)*s^{i}*t^{j}", next());
+                }
+            }
+            text
+        };
+        let forms = [form(), form(), form(), form()];
+        map(forms.each_ref().map(String::as_str))
+    }
+
+    /// (u, v) to (u² − v, u (u² − v), v): the parameters ±√v lead to (0, 0, v), real ones for v > 0
+    /// and conjugate ones for v < 0, with a pinch point at the origin.
+    #[test]
+    fn a_line_with_a_pinch_point() {
+        let map = map(["s^2 - t", "s*(s^2 - t)", "t", "1"]);
+        let pairs = Pairs::new(&map, 1.0);
+        let found = arcs(&pairs, FINE, None, &|| false).unwrap();
+        assert_eq!(found.problems, Vec::<String>::new());
+        assert_eq!(found.arcs.len(), 1);
+        let places = &found.arcs[0].places;
+        let ends = [places[0].point(), places[places.len() - 1].point()];
+        assert!((ends[0][2] * ends[1][2] + 1.0).abs() < 1e-12, "{ends:?}");
+        let mut pinches = 0;
+        for place in places {
+            let [x, y, z] = place.point();
+            assert!(x.abs().max(y.abs()) < 1e-12, "({x}, {y}, {z})");
+            pinches += usize::from(place.is_pinch());
+            match place.real() {
+                Some([p, q]) => {
+                    let [p, q] = [p, q].map(|p| [p[0] / p[2], p[1] / p[2]]);
+                    assert!((p[0] + q[0]).abs() < 1e-12 && (p[0] * p[0] - z).abs() < 1e-12);
+                    assert!((p[1] - z).abs() < 1e-12 && (q[1] - z).abs() < 1e-12);
+                }
+                None => assert!(z < 0.0, "{z}"),
+            }
+        }
+        assert_eq!(pinches, 1);
+        assert_eq!(found.solitary().unwrap().len(), 1);
+        assert_eq!(found.real_parts().len(), 1);
+    }
+
+    /// A general map of degree n has a double curve of parameters of degree n³ − 4 n + 3, so that a
+    /// general plane holds n (n³ − 4 n + 3) / 2 pairs (G. Salmon, *A Treatise on the Analytic
+    /// Geometry of Three Dimensions*, on the surfaces of which the plane is an image).
+    #[test]
+    fn sections_of_general_maps() {
+        let mut stream = Stream(3);
+        for n in [2, 3, 4] {
+            let pairs = Pairs::new(&dense(n), 2.0);
+            let plane: Plane = stream.complex();
+            let section = pairs.first_section(&plane, None, &|| false).unwrap();
+            assert!(section.is_complete);
+            assert_eq!(section.pairs.len(), n * (n * n * n - 4 * n + 3) / 2, "{n}");
+            assert_eq!(section.parameters(&pairs), n * (n * n * n - 4 * n + 3));
+            assert!(pairs.passes_trace_test(&plane, &section.pairs, &mut stream));
+            // Without one of them the sum of the images is not linear, unless there are three lines.
+            let less = &section.pairs[1..];
+            let is_linear = pairs.passes_trace_test(&plane, less, &mut stream);
+            assert_eq!(is_linear, n == 2);
+        }
+    }
+
+    /// The derivatives of both parts, by values and by coefficients, beside difference quotients.
+    #[test]
+    fn parts_and_derivatives() {
+        let pairs = Pairs::new(&dense(4), 1.0);
+        let mut stream = Stream(9);
+        for size in [1.0, 0.03, 0.015, 1e-6, 0.0] {
+            let pair = Pair {
+                m: normalised(&stream.complex()),
+                e: normalised(&stream.complex()),
+                l: stream.phase().times(size),
+            };
+            let here = pairs.parts_by_coefficients(&pair);
+            if size > SMALL {
+                let other = pairs.parts_by_values(&pair);
+                for i in 0..4 {
+                    assert!((here.odd[i] - other.odd[i]).norm() < 1e-12);
+                    assert!((here.even[i] - other.even[i]).norm() < 1e-12);
+                    assert!((here.odd_by_l[i] - other.odd_by_l[i]).norm() < 1e-11);
+                }
+            }
+            let plane: Plane = stream.complex();
+            let mut rows = pairs.rows(&pair, &here);
+            rows[4] = pairs.plane_row(&pair, &here, &plane);
+            const H: f64 = 1e-6;
+            for k in 0..7 {
+                let mut d = [C::ZERO; 7];
+                d[k] = C::ONE;
+                let [a, b] = [H, -H].map(|h| pairs.parts_by_coefficients(&pair.moved(&d, h)));
+                for i in 0..4 {
+                    let slope = (a.odd[i] - b.odd[i]).times(0.5 / H);
+                    assert!((slope - rows[i][k]).norm() < 1e-8, "{size} {i} {k}");
+                }
+                let slope = (dot(&plane, &a.even) - dot(&plane, &b.even)).times(0.5 / H);
+                assert!((slope - rows[4][k]).norm() < 1e-8, "{size} plane {k}");
+            }
+        }
+    }
+}

@@ -1,0 +1,489 @@
+//! Arcs of the double curve in the box.
+
+use super::real::{Condition, Place, REAL, RealPair, dot7};
+use super::{Pair, Pairs, Plane};
+use crate::complex::{C, Stream, length, normalised, real_line};
+use crate::univariate::{Stopped, check};
+use isoform_geom::{distance_to_segment, dot, norm};
+
+/// Why an arc ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum End {
+    Face,
+    Closed,
+    /// At a parameter where the rank of the differential drops to 1.
+    Singular,
+    Lost,
+}
+
+/// What the chords of an arc may be.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fineness {
+    /// How far they leave it, and how long they are, in half-widths.
+    pub(crate) tolerance: f64,
+    pub(crate) longest: f64,
+}
+
+impl Pairs {
+    /// The place on the chord of two of them at a part of it, but for the arc's sagitta.
+    pub(crate) fn part(&self, a: &Place, b: &Place, t: f64) -> Option<Place> {
+        let b = self.like(a, b)?;
+        let d = a.pair.to(&b.pair);
+        let (place, _) = self.correct(&a.pair.moved(&d, t), &Condition::Across(d))?;
+        Some(if dot7(&place.tangent, &d) < 0.0 {
+            place.turned()
+        } else {
+            place
+        })
+    }
+    /// Where a coordinate of one of the real parameters vanishes between two places.
+    pub(crate) fn on_side(&self, a: &Place, b: &Place, which: usize, k: usize) -> Option<Place> {
+        let b = self.like(a, b)?;
+        let value = |p: &Place| p.real().map(|r| r[which][k]);
+        let (x, y) = (value(a)?, value(&b)?);
+        let d = a.pair.to(&b.pair);
+        let start = a.pair.moved(&d, x / (x - y));
+        let (place, _) = self.correct(&start, &Condition::Side(which, k))?;
+        let t = dot7(&a.pair.to(&place.pair), &d) / dot7(&d, &d);
+        (t > -0.1 && t < 1.1).then_some(place)
+    }
+    /// The next place of an arc with signs like those of the one before.
+    fn like(&self, a: &Place, b: &Place) -> Option<Place> {
+        let near = |b: &Place| {
+            let d = a.pair.to(&b.pair);
+            dot7(&d, &d)
+        };
+        let other = self.flipped(b)?;
+        Some(if near(&other) < near(b) { other } else { *b })
+    }
+
+    /// The place between two, or a condition met between them.
+    fn halfway(&self, a: &Place, b: &Place) -> Option<Place> {
+        let d = a.pair.to(&b.pair);
+        let found = self.correct(&a.pair.moved(&d, 0.5), &Condition::Across(d));
+        found.map(|p| p.0)
+    }
+
+    /// Follows an arc in the direction of its tangent: the places after it.
+    fn trace(&self, start: &Place, fine: Fineness) -> (Vec<Place>, End) {
+        let mut nodes = vec![*start];
+        let mut step = 0.02f64;
+        while nodes.len() < 100_000 {
+            let here = nodes[nodes.len() - 1];
+            let attempt = || -> Option<(Vec<Place>, Option<End>, f64)> {
+                let predicted = here.pair.moved(&here.tangent, step);
+                let (mut next, error) =
+                    self.correct(&predicted, &Condition::Across(here.tangent))?;
+                let mut turn = dot7(&here.tangent, &next.tangent);
+                if turn < 0.0 {
+                    next = next.turned();
+                    turn = -turn;
+                }
+                if turn < 0.95 || error > 0.1 * step {
+                    return None;
+                }
+                let mut end = None;
+                if !next.is_inside() {
+                    (next, end) = (self.face_between(&here, &next)?, Some(End::Face));
+                    let d = here.pair.to(&next.pair);
+                    if dot7(&d, &d) < ON_FACE * ON_FACE {
+                        return Some((Vec::new(), end, error));
+                    }
+                }
+                let mut way = Vec::new();
+                if here.pair.l * next.pair.l < 0.0 {
+                    way.push(self.pinch_between(&here, &next)?);
+                }
+                way.push(next);
+                let mut from = here;
+                for to in &way {
+                    let middle = self.halfway(&from, to)?;
+                    let ends = [from.point(), to.point()];
+                    let long = norm([0, 1, 2].map(|i| ends[1][i] - ends[0][i]));
+                    if step > 1e-7
+                        && (distance_to_segment(middle.point(), ends) > fine.tolerance
+                            || long > fine.longest)
+                    {
+                        return None;
+                    }
+                    from = *to;
+                }
+                Some((way, end, error))
+            };
+            let Some((way, end, error)) = attempt() else {
+                step /= 2.0;
+                if step < 1e-10 {
+                    let end = self.singular_end(&here);
+                    nodes.extend(end);
+                    return (nodes, end.map_or(End::Lost, |_| End::Singular));
+                }
+                continue;
+            };
+            for next in way {
+                let last = nodes[nodes.len() - 1];
+                if nodes.len() > 2 && is_on_step(&start.pair.complex(), &last, &next) {
+                    nodes.push(*start);
+                    return (nodes, End::Closed);
+                }
+                nodes.push(next);
+            }
+            if let Some(end) = end {
+                return (nodes, end);
+            }
+            let last = nodes.len() - 1;
+            let Some(righted) = self.righted(&nodes[last]) else {
+                return (nodes, End::Lost);
+            };
+            nodes[last] = righted;
+            if error < 0.02 * step {
+                step = (1.5 * step).min(0.1);
+            }
+        }
+        (nodes, End::Lost)
+    }
+
+    /// Where an arc first leaves the box between two places.
+    fn face_between(&self, a: &Place, b: &Place) -> Option<Place> {
+        let d = a.pair.to(&b.pair);
+        let mut best: Option<(f64, Place)> = None;
+        for i in 0..3 {
+            for side in [-1.0, 1.0] {
+                let mut plane = [0.0; 4];
+                plane[i] = 1.0;
+                plane[3] = -side;
+                // The images have the sign of W that is positive.
+                let value = |p: &Place| p.image[i] / p.image[3] - side;
+                let (x, y) = (value(a), value(b));
+                if x * side > 0.0 || y * side <= 0.0 {
+                    continue;
+                }
+                let t = x / (x - y);
+                let (mut place, _) =
+                    self.correct(&a.pair.moved(&d, t), &Condition::Plane(plane))?;
+                if dot7(&place.tangent, &a.tangent) < 0.0 {
+                    place = place.turned();
+                }
+                place.image[i] = side * place.image[3];
+                if place.is_inside() && best.is_none_or(|b| t < b.0) {
+                    best = Some((t, place));
+                }
+            }
+        }
+        best.map(|b| b.1)
+    }
+
+    /// Makes one of ends of arcs that are singular and near to each other.
+    fn unite(arcs: &mut [Arc]) {
+        let mut known: Vec<Place> = Vec::new();
+        for arc in arcs {
+            let last = arc.places.len() - 1;
+            for k in [0, last] {
+                let end = &mut arc.places[k];
+                if end.pair.l != 0.0 {
+                    continue;
+                }
+                let same = |p: &&Place| {
+                    let sign = if dot(p.pair.m, end.pair.m) < 0.0 {
+                        -1.0
+                    } else {
+                        1.0
+                    };
+                    norm([0, 1, 2].map(|i| p.pair.m[i] - sign * end.pair.m[i])) < NEAR
+                };
+                match known.iter().find(same) {
+                    Some(p) => {
+                        end.pair.m = p.pair.m;
+                        end.image = p.image;
+                    }
+                    None => known.push(*end),
+                }
+            }
+        }
+    }
+
+    /// The end of an arc near to a place, if its parameters are one there and the differential has
+    /// the rank 1.
+    fn singular_end(&self, here: &Place) -> Option<Place> {
+        /// λ, and the second singular value per first, that are taken for zero next to it: both
+        /// vanish like distances from the place.
+        const ZERO: f64 = 1e-5;
+        let m = here.pair.m.map(|x| C::new(x, 0.0));
+        let (_, df) = self.at(&m);
+        // The sum of the squares of the 2 × 2 minors by that of the products.
+        let (mut minors, mut size) = (0.0, 0.0);
+        for i in 0..4 {
+            for j in i + 1..4 {
+                for [a, b] in [[0, 1], [1, 2], [2, 0]] {
+                    let minor = df[i][a].re * df[j][b].re - df[i][b].re * df[j][a].re;
+                    minors += minor * minor;
+                }
+            }
+            size += df[i].iter().map(|c| c.norm2()).sum::<f64>();
+        }
+        // Such places are often on the axes of the parameters.
+        let snapped = here.pair.m.map(|x| if x.abs() < NEAR { 0.0 } else { x });
+        (here.pair.l.abs() < ZERO && minors.sqrt() < ZERO * size).then_some(Place {
+            pair: RealPair {
+                m: snapped,
+                l: 0.0,
+                ..here.pair
+            },
+            ..*here
+        })
+    }
+
+    fn pinch_between(&self, a: &Place, b: &Place) -> Option<Place> {
+        let t = a.pair.l / (a.pair.l - b.pair.l);
+        let d = a.pair.to(&b.pair);
+        let (place, _) = self.correct(&a.pair.moved(&d, t), &Condition::Pinch)?;
+        Some(if dot7(&place.tangent, &a.tangent) < 0.0 {
+            place.turned()
+        } else {
+            place
+        })
+    }
+}
+
+/// Whether a pair lies on the way from one place to the next, whose tangents differ by little.
+fn is_on_step(pair: &Pair, a: &Place, b: &Place) -> bool {
+    let (a, b) = (a.pair.complex(), b.pair.complex());
+    pair.distance(&a) + pair.distance(&b) <= 1.03 * a.distance(&b) + 1e-9
+}
+
+/// How near to each other singular ends are one: tracing stops about 1e-9 before them.
+const NEAR: f64 = 1e-7;
+
+/// How near to a face of the box what is found there is on it: where an arc begins it need not go
+/// on.
+const ON_FACE: f64 = 1e-10;
+
+/// An arc of pairs with real images, in the box.
+#[derive(Clone, Debug)]
+pub(crate) struct Arc {
+    /// The first is repeated as the last if it is closed.
+    pub(crate) places: Vec<Place>,
+    /// Whether a real parameter beside the pair leads to the same point, where that was looked at:
+    /// before which place.
+    covered: Vec<(usize, bool)>,
+}
+
+impl Arc {
+    /// The place before a pair on it.
+    fn find(&self, pair: &Pair) -> Option<usize> {
+        self.places
+            .windows(2)
+            .position(|w| is_on_step(pair, &w[0], &w[1]))
+    }
+}
+
+/// What is known of the pairs with real images in the box.
+#[derive(Debug, Default)]
+pub(crate) struct Arcs {
+    pub(crate) arcs: Vec<Arc>,
+    /// What could not be completed, in sentences.
+    pub(crate) problems: Vec<String>,
+}
+
+impl Arcs {
+    /// Whether a real parameter leads to a point of a pair of conjugate ones, somewhere.
+    pub(crate) fn is_any_covered(&self) -> bool {
+        self.arcs.iter().flat_map(|a| &a.covered).any(|c| c.1)
+    }
+    /// The real parameters where pairs turn from real ones into conjugate ones.
+    pub(crate) fn pinches(&self) -> Vec<[f64; 3]> {
+        let places = self.arcs.iter().flat_map(|a| &a.places);
+        places
+            .filter(|p| p.pair.l == 0.0)
+            .map(|p| p.pair.m)
+            .collect()
+    }
+    /// The parts that real parameters reach, with the pinch points at their ends.
+    pub(crate) fn real_parts(&self) -> Vec<Vec<Place>> {
+        let mut found = Vec::new();
+        for arc in &self.arcs {
+            for part in arc.places.split(|p| p.pair.l < 0.0) {
+                if part.len() > 1 {
+                    found.push(part.to_vec());
+                }
+            }
+        }
+        found
+    }
+    /// The parts that only conjugate parameters reach; none where that changes along one of them.
+    pub(crate) fn solitary(&self) -> Option<Vec<Vec<[f64; 3]>>> {
+        let mut found = Vec::new();
+        for arc in &self.arcs {
+            let mut from = 0;
+            while from < arc.places.len() {
+                let is_real = |k: usize| arc.places[k].pair.l >= 0.0;
+                if is_real(from) {
+                    from += 1;
+                    continue;
+                }
+                let to = (from..arc.places.len())
+                    .find(|&k| is_real(k))
+                    .unwrap_or(arc.places.len());
+                // With the pinch points at its ends.
+                let part = from.saturating_sub(1)..(to + 1).min(arc.places.len());
+                let inside =
+                    |c: &&(usize, bool)| part.contains(&c.0) && !is_real(c.0) || c.0 + 1 == from;
+                let covered: Vec<bool> = arc.covered.iter().filter(inside).map(|c| c.1).collect();
+                let is_covered = covered.iter().any(|c| *c);
+                if is_covered && !covered.iter().all(|c| *c) {
+                    return None;
+                }
+                if !is_covered {
+                    found.push(arc.places[part].iter().map(Place::point).collect());
+                }
+                from = to + 1;
+            }
+        }
+        Some(found)
+    }
+}
+
+/// Slices of the box.
+const SLICES: usize = 16;
+
+/// A direction without pattern, so that lines of symmetric surfaces are not parallel to the planes.
+const NORMAL: [f64; 3] = [0.512, -0.387, 0.767];
+
+/// The arcs of pairs in the box.
+///
+/// # Errors
+/// [`Stopped`].
+pub(crate) fn arcs(
+    pairs: &Pairs,
+    fine: Fineness,
+    expected: Option<usize>,
+    stop: &dyn Fn() -> bool,
+) -> Result<Arcs, Stopped> {
+    let mut found = Arcs::default();
+    let mut stream = Stream(17);
+    let general: Plane = stream.complex();
+    let section = pairs.first_section(&general, expected, stop)?;
+    let is_counted = match expected {
+        Some(count) => section.parameters(pairs) == count,
+        None => !section.pairs.is_empty(),
+    };
+    if !section.is_complete || !is_counted {
+        found
+            .problems
+            .push("double curve: a section is not known to be complete".to_owned());
+        return Ok(found);
+    }
+    let mut planes: Vec<(bool, [f64; 4])> = Vec::new();
+    for i in 0..3 {
+        for side in [-1.0, 1.0] {
+            let mut plane = [0.0; 4];
+            plane[i] = 1.0;
+            plane[3] = -side;
+            planes.push((true, plane));
+        }
+    }
+    let size = norm(NORMAL);
+    for k in 0..SLICES {
+        let offset = 3f64.sqrt() * ((2 * k + 1) as f64 / SLICES as f64 - 1.0 + 0.013);
+        let [x, y, z] = NORMAL.map(|x| x / size);
+        planes.push((false, [x, y, z, -offset]));
+    }
+    let mut before: Option<(Plane, Vec<Pair>)> = None;
+    let mut lost = 0;
+    for (is_face, real) in planes {
+        check(stop)?;
+        let plane = real.map(|x| C::new(x, 0.0));
+        let here = match before.as_ref().filter(|_| !is_face) {
+            Some((from, known)) => pairs.section(from, known, &plane, &mut stream),
+            None => pairs.section(&general, &section.pairs, &plane, &mut stream),
+        };
+        let here = match here.is_complete {
+            true => here,
+            false => pairs.section(&general, &section.pairs, &plane, &mut stream),
+        };
+        lost += usize::from(!here.is_complete);
+        look(pairs, &here.pairs, is_face, fine, &mut found);
+        before = (here.is_complete && here.outside == 0).then_some((plane, here.pairs));
+    }
+    Pairs::unite(&mut found.arcs);
+    if lost > 0 {
+        found
+            .problems
+            .push(format!("double curve: points of {lost} sections were lost"));
+    }
+    Ok(found)
+}
+
+/// Traces the arcs through the pairs of a section that are not known.
+fn look(pairs: &Pairs, section: &[Pair], is_face: bool, fine: Fineness, found: &mut Arcs) {
+    for pair in section {
+        let Some(mut place) = pairs.place(pair) else {
+            continue;
+        };
+        if place.pair.complex().distance(pair) > 1e-5 {
+            continue;
+        }
+        if is_face {
+            // On the face but for rounding.
+            for i in 0..3 {
+                let over = place.image[i].abs() / place.image[3].abs() - 1.0;
+                if over.abs() < 1e-9 {
+                    place.image[i] = place.image[3].abs() * place.image[i].signum();
+                }
+            }
+        }
+        if !place.is_inside() {
+            continue;
+        }
+        let covered = section.iter().any(|other| {
+            let [p, q] = other.parameters().map(|p| normalised(&p));
+            [p, q].iter().any(|p| length(&real_line(p)) < REAL)
+                && other.distance(pair) > 1e-6
+                && same_image(&pairs.parts(other).even, &place.image)
+        });
+        if let Some((k, at)) = found
+            .arcs
+            .iter()
+            .enumerate()
+            .find_map(|(k, arc)| Some((k, arc.find(pair)?)))
+        {
+            found.arcs[k].covered.push((at, covered));
+            continue;
+        }
+        let mut arc = pairs.both_ways(&place, fine, &mut found.problems);
+        let at = arc.find(pair).unwrap_or(0);
+        arc.covered.push((at, covered));
+        found.arcs.push(arc);
+    }
+}
+
+fn same_image(a: &[C; 4], b: &[f64; 4]) -> bool {
+    (0..3).all(|i| (a[i].times(b[3]) - a[3].times(b[i])).norm() < 1e-6 * (a[3].norm() * b[3].abs()))
+}
+
+impl Pairs {
+    fn both_ways(&self, start: &Place, fine: Fineness, problems: &mut Vec<String>) -> Arc {
+        let mut lost = |end: End, last: &Place| {
+            if end == End::Lost {
+                let [x, y, z] = last.point();
+                problems.push(format!(
+                    "the double curve was lost near ({x:.4}, {y:.4}, {z:.4}) half-widths"
+                ));
+            }
+        };
+        let (ahead, end) = self.trace(start, fine);
+        lost(end, &ahead[ahead.len() - 1]);
+        let mut places = ahead;
+        if end != End::Closed {
+            let (mut back, end) = self.trace(&start.turned(), fine);
+            lost(end, &back[back.len() - 1]);
+            back.reverse();
+            back.iter_mut().for_each(|p| *p = p.turned());
+            back.extend(&places[1..]);
+            places = back;
+        }
+        Arc {
+            places,
+            covered: Vec::new(),
+        }
+    }
+}

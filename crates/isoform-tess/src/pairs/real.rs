@@ -1,0 +1,378 @@
+//! Pairs with real images: of real parameters, or of conjugate ones.
+
+use super::{Pair, Pairs, solve, turn};
+use crate::complex::{C, V, conj, distance, dot, length, normalised, real_line, real_point};
+use isoform_geom::norm;
+
+/// A pair of real parameters (λ ≥ 0), or of conjugate ones, with a real image.
+///
+/// Signs of real parameters are so that m is no shorter than h e; then φ(p) = φ(q), or −φ(q) if they
+/// are opposed: (m, e, λ) is a solution of E = 0 in place of O = 0, and O the image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RealPair {
+    pub(super) m: [f64; 3],
+    pub(super) e: [f64; 3],
+    pub(super) l: f64,
+    pub(super) is_opposed: bool,
+}
+
+/// A place on an arc.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub(super) pair: RealPair,
+    /// In the direction of the arc, of norm 1.
+    pub(super) tangent: [f64; 7],
+    /// (X : Y : Z : W) in half-widths, of norm 1.
+    pub(super) image: [f64; 4],
+}
+
+impl RealPair {
+    pub(super) fn complex(&self) -> Pair {
+        let real = |v: [f64; 3]| v.map(|x| C::new(x, 0.0));
+        Pair {
+            m: real(self.m),
+            e: real(self.e),
+            l: C::new(self.l, 0.0),
+        }
+    }
+    pub(super) fn of(p: [f64; 3], q: [f64; 3], sign: f64, is_opposed: bool) -> Self {
+        let m = [0, 1, 2].map(|i| 0.5 * (p[i] + q[i]));
+        let e = [0, 1, 2].map(|i| 0.5 * (p[i] - q[i]));
+        Self {
+            m,
+            e,
+            l: sign,
+            is_opposed,
+        }
+        .scaled()
+    }
+    pub(super) fn scaled(&self) -> Self {
+        let (m, e) = (norm(self.m), norm(self.e));
+        Self {
+            m: self.m.map(|x| x / m),
+            e: self.e.map(|x| x / e),
+            l: self.l * (e / m).powi(2),
+            is_opposed: self.is_opposed,
+        }
+    }
+    pub(super) fn moved(&self, d: &[f64; 7], h: f64) -> Self {
+        Self {
+            m: [0, 1, 2].map(|i| self.m[i] + h * d[i]),
+            e: [0, 1, 2].map(|i| self.e[i] + h * d[3 + i]),
+            l: self.l + h * d[6],
+            is_opposed: self.is_opposed,
+        }
+    }
+    /// From one to another that is near.
+    pub(super) fn to(&self, other: &Self) -> [f64; 7] {
+        let mut d = [0.0; 7];
+        for i in 0..3 {
+            d[i] = other.m[i] - self.m[i];
+            d[3 + i] = other.e[i] - self.e[i];
+        }
+        d[6] = other.l - self.l;
+        d
+    }
+    /// The real parameters.
+    pub(super) fn real(&self) -> Option<[[f64; 3]; 2]> {
+        (self.l >= 0.0).then(|| {
+            let h = self.l.sqrt();
+            [h, -h].map(|h| [0, 1, 2].map(|i| self.m[i] + h * self.e[i]))
+        })
+    }
+}
+
+pub(super) fn dot7(a: &[f64; 7], b: &[f64; 7]) -> f64 {
+    (0..7).map(|i| a[i] * b[i]).sum()
+}
+
+/// A fourth condition besides the equations.
+pub(super) enum Condition {
+    /// At a right angle to a direction.
+    Across([f64; 7]),
+    /// The image is in a plane.
+    Plane([f64; 4]),
+    /// λ = 0.
+    Pinch,
+    /// A coordinate of the first parameter, with h, or of the second one, with −h, vanishes.
+    Side(usize, usize),
+}
+
+impl Pairs {
+    /// The real form of the equations at a pair, with an empty fourth row, and the image.
+    pub(super) fn real_rows(
+        &self,
+        x: &RealPair,
+        plane: Option<&[f64; 4]>,
+    ) -> ([[C; 8]; 7], [f64; 4]) {
+        let pair = x.complex();
+        let mut parts = self.parts(&pair);
+        if x.is_opposed {
+            // E = 0: its derivatives by e and λ are λ ∂O/∂m and half of that by e.
+            let l = pair.l;
+            let odd = parts.odd;
+            let by_e = parts.odd_by_m.map(|row| row.map(|c| c * l));
+            let by_l = parts.odd_by_m.map(|row| dot(&row, &pair.e).times(0.5));
+            let mut rows = self.rows(&pair, &parts);
+            for i in 0..4 {
+                for k in 0..3 {
+                    rows[i][k] = parts.even_by_m[i][k];
+                    rows[i][3 + k] = by_e[i][k];
+                }
+                rows[i][6] = by_l[i];
+                rows[i][7] = -parts.even[i];
+            }
+            if let Some(plane) = plane {
+                for i in 0..4 {
+                    let c = C::new(plane[i], 0.0);
+                    for k in 0..3 {
+                        rows[4][k] = rows[4][k] + c * parts.odd_by_m[i][k];
+                        rows[4][3 + k] = rows[4][3 + k] + c * parts.even_by_m[i][k];
+                    }
+                    rows[4][6] = rows[4][6] + c * parts.odd_by_l[i];
+                    rows[4][7] = rows[4][7] - c * odd[i];
+                }
+            }
+            return (rows, unit(odd.map(|c| c.re)));
+        }
+        let mut rows = self.rows(&pair, &parts);
+        if let Some(plane) = plane {
+            rows[4] = self.plane_row(&pair, &parts, &plane.map(|x| C::new(x, 0.0)));
+        }
+        parts.even = parts.even.map(|c| C::new(c.re, 0.0));
+        (rows, unit(parts.even.map(|c| c.re)))
+    }
+
+    /// The place near to a pair that meets a condition, and the length of the first step.
+    pub(super) fn correct(&self, start: &RealPair, condition: &Condition) -> Option<(Place, f64)> {
+        let (mut x, mut first, mut last) = (*start, 0.0, f64::INFINITY);
+        for i in 0..8 {
+            let plane = match condition {
+                Condition::Plane(plane) => Some(plane),
+                _ => None,
+            };
+            let (mut rows, image) = self.real_rows(&x, plane);
+            match condition {
+                Condition::Across(d) => {
+                    (0..7).for_each(|k| rows[4][k] = C::new(d[k], 0.0));
+                }
+                Condition::Pinch => {
+                    rows[4][6] = C::ONE;
+                    rows[4][7] = C::new(-x.l, 0.0);
+                }
+                &Condition::Side(which, k) => {
+                    let h = if which == 0 { x.l.sqrt() } else { -x.l.sqrt() };
+                    rows[4][k] = C::ONE;
+                    rows[4][3 + k] = C::new(h, 0.0);
+                    rows[4][6] = C::new(0.5 * x.e[k] / h, 0.0);
+                    rows[4][7] = C::new(-(x.m[k] + h * x.e[k]), 0.0);
+                }
+                Condition::Plane(_) => {}
+            }
+            rows.iter_mut().flatten().for_each(|c| c.im = 0.0);
+            let d = solve(rows)?.map(|c| c.re);
+            let size = dot7(&d, &d).sqrt();
+            if i == 0 {
+                first = size;
+            }
+            if size > 0.5 * last || size > 0.3 {
+                return None;
+            }
+            x = x.moved(&d, 1.0).scaled();
+            if matches!(condition, Condition::Pinch) && size < 1e-8 {
+                x.l = 0.0;
+            }
+            if size < 1e-8 {
+                let tangent = self.tangent(&x)?;
+                let _ = image;
+                let (_, image) = self.real_rows(&x, None);
+                return Some((
+                    Place {
+                        pair: x,
+                        tangent,
+                        image,
+                    },
+                    first,
+                ));
+            }
+            last = size;
+        }
+        None
+    }
+
+    /// The direction of the solutions, of either sign.
+    pub(super) fn tangent(&self, x: &RealPair) -> Option<[f64; 7]> {
+        let (rows, _) = self.real_rows(x, None);
+        let mut best: Option<[f64; 7]> = None;
+        for axis in 0..7 {
+            let mut rows = rows;
+            rows.iter_mut().for_each(|row| row[7] = C::ZERO);
+            rows.iter_mut().flatten().for_each(|c| c.im = 0.0);
+            rows[4] = [C::ZERO; 8];
+            rows[4][axis] = C::ONE;
+            rows[4][7] = C::ONE;
+            let Some(d) = solve(rows) else { continue };
+            let d = d.map(|c| c.re);
+            let size = dot7(&d, &d).sqrt();
+            if best.is_none_or(|b| size < dot7(&b, &b).sqrt()) {
+                best = Some(d);
+            }
+        }
+        let best = best?;
+        let size = dot7(&best, &best).sqrt();
+        Some(best.map(|x| x / size))
+    }
+
+    /// The same pair with the signs, or phases, that belong to it.
+    pub(super) fn righted(&self, place: &Place) -> Option<Place> {
+        let is_right = match place.pair.real() {
+            Some([p, q]) => (0..3).map(|i| p[i] * q[i]).sum::<f64>() >= 0.0,
+            None => place.pair.l > -1.1,
+        };
+        if is_right {
+            Some(*place)
+        } else {
+            self.flipped(place)
+        }
+    }
+    /// The same pair with the other sign of the second parameter, or, of conjugate ones, with the
+    /// phase that makes the first one as real as may be.
+    pub(super) fn flipped(&self, place: &Place) -> Option<Place> {
+        let x = match place.pair.real() {
+            Some([p, q]) => {
+                let is_opposed = place.pair.is_opposed != (self.degree % 2 == 1);
+                RealPair::of(p, q.map(|c| -c), 1.0, is_opposed)
+            }
+            None => self.conjugates(&place.pair.complex().parameters()[0])?,
+        };
+        if !x.l.is_finite() {
+            return Some(*place);
+        }
+        let mut tangent = self.tangent(&x)?;
+        // The direction in space is as it was.
+        let (_, a) = self.real_rows(&place.pair.moved(&place.tangent, 1e-5), None);
+        let (_, b) = self.real_rows(&x.moved(&tangent, 1e-5), None);
+        let (_, here) = self.real_rows(&x, None);
+        let way = |to: [f64; 4]| {
+            let sign = if (0..4).map(|i| to[i] * here[i]).sum::<f64>() < 0.0 {
+                -1.0
+            } else {
+                1.0
+            };
+            [0, 1, 2, 3].map(|i| sign * to[i] - here[i])
+        };
+        let (a, b) = (way(a), way(b));
+        if (0..4).map(|i| a[i] * b[i]).sum::<f64>() < 0.0 {
+            tangent = tangent.map(|x| -x);
+        }
+        Some(Place {
+            pair: x,
+            tangent,
+            image: here,
+        })
+    }
+    /// A parameter with a real image and its conjugate, with the phase that makes them as real as
+    /// may be.
+    pub(super) fn conjugates(&self, p: &V) -> Option<RealPair> {
+        let (f, _) = self.at(p);
+        let largest = f
+            .iter()
+            .copied()
+            .max_by(|a, b| a.norm2().total_cmp(&b.norm2()))?;
+        let n = self.degree as f64;
+        let angle = -largest.im.atan2(largest.re) / n;
+        let turned = (0..2 * self.degree).map(|k| {
+            let phase = turn(angle + std::f64::consts::PI * k as f64 / n);
+            p.map(|c| c * phase)
+        });
+        let best = turned.max_by(|a, b| {
+            let size = |p: &V| p.iter().map(|c| c.re * c.re).sum::<f64>();
+            size(a).total_cmp(&size(b))
+        })?;
+        let pair = RealPair {
+            m: best.map(|c| c.re),
+            e: best.map(|c| c.im),
+            l: -1.0,
+            is_opposed: false,
+        };
+        Some(pair.scaled())
+    }
+
+    /// The place of a pair in a section, if it is one of real or of conjugate parameters.
+    pub(super) fn place(&self, pair: &Pair) -> Option<Place> {
+        let [p, q] = pair.parameters().map(|p| normalised(&p));
+        let [p_real, q_real] = [p, q].map(|p| length(&real_line(&p)) < REAL);
+        let x = if p_real && q_real {
+            let [p, q] = [p, q].map(|p| real_point(&p));
+            let [f, g] = [p, q].map(|p| self.at(&p.map(|x| C::new(x, 0.0))).0);
+            let size = |f: &[C; 4]| f.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
+            let product: f64 = (0..4).map(|i| f[i].re * g[i].re).sum();
+            let scale = (size(&f) / size(&g)).powf(1.0 / self.degree as f64);
+            let q = q.map(|x| x * scale);
+            let x = RealPair::of(p, q, 1.0, product < 0.0);
+            let place = Place {
+                pair: x,
+                tangent: [0.0; 7],
+                image: [0.0; 4],
+            };
+            let [p, q] = x.real()?;
+            let turned: f64 = (0..3).map(|i| p[i] * q[i]).sum();
+            if turned < 0.0 {
+                RealPair::of(
+                    p,
+                    q.map(|x| -x),
+                    1.0,
+                    (product < 0.0) != (self.degree % 2 == 1),
+                )
+            } else {
+                place.pair
+            }
+        } else if distance(&p, &conj(&q)) < REAL {
+            self.conjugates(&p)?
+        } else {
+            return None;
+        };
+        let tangent = self.tangent(&x)?;
+        self.correct(&x, &Condition::Across(tangent)).map(|p| p.0)
+    }
+}
+
+/// The sine of the angle between conjugate parameters below which they are one.
+pub(super) const REAL: f64 = 1e-6;
+
+pub(super) fn unit(v: [f64; 4]) -> [f64; 4] {
+    let size = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    v.map(|x| x / size)
+}
+
+impl Place {
+    pub(super) fn is_inside(&self) -> bool {
+        (0..3).all(|i| self.image[i].abs() <= self.image[3].abs())
+    }
+    /// In half-widths.
+    pub(crate) fn point(&self) -> [f64; 3] {
+        [0, 1, 2].map(|i| self.image[i] / self.image[3])
+    }
+    pub(super) fn turned(&self) -> Self {
+        Self {
+            tangent: self.tangent.map(|x| -x),
+            ..*self
+        }
+    }
+    /// Whether both parameters are one.
+    pub(crate) fn is_pinch(&self) -> bool {
+        self.pair.l == 0.0
+    }
+    /// (X : Y : Z : W) in half-widths.
+    pub(crate) fn image(&self) -> [f64; 4] {
+        self.image
+    }
+    /// How far two pairs are apart, in either order.
+    pub(crate) fn distance(&self, other: &Self) -> f64 {
+        self.pair.complex().distance(&other.pair.complex())
+    }
+    /// The real parameters (s : t : w).
+    pub(crate) fn real(&self) -> Option<[[f64; 3]; 2]> {
+        self.pair.real()
+    }
+}

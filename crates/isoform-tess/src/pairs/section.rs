@@ -1,0 +1,193 @@
+//! All pairs in a plane of space.
+
+use super::{Pair, Pairs, Plane, between};
+use crate::complex::{C, Stream, V, distance, dot, normalised};
+use crate::univariate::{Stopped, check};
+
+/// How often all pairs of the section are carried around at most, and how often in vain before the
+/// section is looked at.
+pub(super) const LOOPS: usize = 30;
+pub(super) const IN_VAIN: usize = 2;
+/// Random starts, as long as they lead to pairs that are not known, and how often.
+pub(super) const SEEDS: usize = 400;
+pub(super) const BATCHES: usize = 12;
+
+impl Pairs {
+    /// The pairs in a general plane: all of them, if the trace test says so.
+    pub(super) fn first_section(
+        &self,
+        plane: &Plane,
+        expected: Option<usize>,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Section, Stopped> {
+        let mut stream = Stream(5);
+        let mut section = Section {
+            pairs: Vec::new(),
+            outside: 0,
+            is_complete: false,
+        };
+        for _ in 0..BATCHES {
+            check(stop)?;
+            let known = section.pairs.len();
+            for _ in 0..SEEDS {
+                if let Some(p) = self.seed(plane, &mut stream) {
+                    section.add(p);
+                }
+            }
+            let is_enough = match expected {
+                Some(count) => section.parameters(self) >= count,
+                None => section.pairs.len() == known,
+            };
+            if is_enough {
+                break;
+            }
+        }
+        let mut in_vain = 0;
+        for _ in 0..LOOPS {
+            if in_vain >= IN_VAIN && self.passes_trace_test(plane, &section.pairs, &mut stream) {
+                section.is_complete = true;
+                break;
+            }
+            let [a, b]: [Plane; 2] = [stream.complex(), stream.complex()];
+            let phases = [stream.phase(), stream.phase(), stream.phase()];
+            let known = section.pairs.len();
+            for k in 0..known {
+                check(stop)?;
+                let end = self
+                    .follow(&between(*plane, a, phases[0]), &section.pairs[k])
+                    .and_then(|p| self.follow(&between(a, b, phases[1]), &p))
+                    .and_then(|p| self.follow(&between(b, *plane, phases[2]), &p));
+                if let Ok(p) = end {
+                    section.add(p);
+                }
+            }
+            in_vain = if section.pairs.len() > known {
+                0
+            } else {
+                in_vain + 1
+            };
+        }
+        Ok(section)
+    }
+
+    /// Whether the sum of the images moves on a line as the plane moves parallel to itself.
+    pub(super) fn passes_trace_test(
+        &self,
+        plane: &Plane,
+        pairs: &[Pair],
+        stream: &mut Stream,
+    ) -> bool {
+        let weights: [C; 3] = stream.complex();
+        let moved = |far: f64| {
+            let mut plane = *plane;
+            plane[3] = plane[3] + C::new(far, 0.0);
+            plane
+        };
+        let sum = |far: f64| {
+            let path = between(*plane, moved(far), C::ONE);
+            let mut sum = C::ZERO;
+            let mut size = 0.0;
+            for p in pairs {
+                let image = self.parts(&self.follow(&path, p).ok()?).even;
+                let value = dot(&weights, &[image[0], image[1], image[2]]) * image[3].inverse();
+                sum = sum + value;
+                size += value.norm();
+            }
+            Some((sum, size))
+        };
+        let (Some(a), Some(b), Some(c)) = (sum(-FAR), sum(0.0), sum(FAR)) else {
+            return false;
+        };
+        (a.0 + c.0 - b.0.times(2.0)).norm() <= 1e-7 * (a.1 + b.1 + c.1)
+    }
+
+    /// Whether the image of a pair is outside of twice the box.
+    pub(super) fn is_far(&self, pair: &Pair) -> bool {
+        let image = self.parts(pair).even;
+        (0..3).any(|i| image[i].norm() > 2.0 * image[3].norm())
+    }
+
+    /// The section by a plane from another one; less than that if paths are lost.
+    pub(super) fn section(
+        &self,
+        from: &Plane,
+        pairs: &[Pair],
+        to: &Plane,
+        stream: &mut Stream,
+    ) -> Section {
+        let mut best = Section {
+            pairs: Vec::new(),
+            outside: 0,
+            is_complete: false,
+        };
+        for _ in 0..TRIES {
+            let path = between(*from, *to, stream.phase());
+            let mut found = Section {
+                pairs: Vec::new(),
+                outside: 0,
+                is_complete: false,
+            };
+            for p in pairs {
+                match self.follow(&path, p) {
+                    Ok(p) => found.add(p),
+                    // To a singular point, which planes that are not general may meet.
+                    Err((time, p)) if time > 0.9 && self.is_far(&p) => found.outside += 1,
+                    Err(_) => {}
+                }
+            }
+            found.is_complete = found.pairs.len() + found.outside == pairs.len();
+            if found.is_complete {
+                return found;
+            }
+            if found.pairs.len() > best.pairs.len() {
+                best = found;
+            }
+        }
+        best
+    }
+}
+
+/// How far planes of the trace test are apart, in half-widths.
+pub(super) const FAR: f64 = 0.3;
+/// How often a section is tried.
+pub(super) const TRIES: usize = 3;
+
+/// W per norm of the forms that is taken for 0.
+pub(super) const INFINITE: f64 = 1e-9;
+
+/// Pairs in a plane.
+pub(super) struct Section {
+    pub(super) pairs: Vec<Pair>,
+    /// Others that are far outside of the box.
+    pub(super) outside: usize,
+    pub(super) is_complete: bool,
+}
+
+impl Section {
+    /// How many parameters the pairs have together, those with an image at infinity apart.
+    pub(super) fn parameters(&self, pairs: &Pairs) -> usize {
+        let mut found: Vec<V> = Vec::new();
+        let is_finite = |p: &&Pair| {
+            let image = pairs.parts(p).even;
+            let size = image.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
+            image[3].norm() > INFINITE * size
+        };
+        for p in self
+            .pairs
+            .iter()
+            .filter(is_finite)
+            .flat_map(Pair::parameters)
+        {
+            let p = normalised(&p);
+            if found.iter().all(|q| distance(q, &p) > 1e-6) {
+                found.push(p);
+            }
+        }
+        found.len()
+    }
+    pub(super) fn add(&mut self, pair: Pair) {
+        if self.pairs.iter().all(|q| q.distance(&pair) > 1e-6) {
+            self.pairs.push(pair);
+        }
+    }
+}
