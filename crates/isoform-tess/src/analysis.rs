@@ -56,6 +56,9 @@ pub struct Analysis {
     pub pole_topology: Option<CurveTopology>,
     /// Double, ramified and contracted curves.
     pub singular: Option<Singular>,
+    /// The parameters that a general plane of space has on the double curve, with multiplicities,
+    /// those on blown up base points too.
+    pub double_section: Option<usize>,
     /// Real lines that conjugate base points are blown up to.
     pub seam_lines: Vec<SeamLine>,
     /// What could not be proven, in sentences; empty if everything was.
@@ -115,12 +118,14 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     }
     lap(&mut found, "pole topology");
 
+    let sum = classes.as_ref().ok().map(|c| c.sum_of_powers(1));
     degrees(
         map,
         classes.ok().map(|c| c.multiplicity()),
         stop,
         &mut found,
     );
+    found.double_section = sum.and_then(|sum| double_section(map, found.degrees?, sum));
     lap(&mut found, "degrees");
 
     match found.degrees {
@@ -182,6 +187,18 @@ pub(crate) fn analyse_clear(map: &Map, stop: &dyn Fn() -> bool) -> Analysis {
         .seconds
         .push(("singular curves", clock.elapsed().as_secs_f64()));
     found
+}
+
+/// What a general plane of space has on the double curve of a proper map.
+///
+/// Of a surface of degree d, the image of a map of degree n with base points of multiplicities mᵢ,
+/// infinitely near ones included, the double curve of parameters is (d − 4)·H − K by adjunction for
+/// the conductor, with planes H and the canonical class K of the blown up plane. It meets H in
+/// d (d − 4) + 3 n − Σ mᵢ points.
+fn double_section(map: &Map, degrees: MapDegrees, sum: usize) -> Option<usize> {
+    let d = degrees.implicit_degree;
+    let count = (d * d + 3 * map.degree()).checked_sub(4 * d + sum);
+    count.filter(|_| degrees.map_degree == 1)
 }
 
 /// Counts the degrees and proves their product by the base points.

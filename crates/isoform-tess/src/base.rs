@@ -149,7 +149,12 @@ impl Classes {
     /// The squares of the multiplicities of all points of the classes, infinitely near ones
     /// included, added up.
     pub(crate) fn multiplicity(&self) -> usize {
-        self.0.iter().map(|(_, class)| class.sum_of_squares()).sum()
+        self.sum_of_powers(2)
+    }
+    /// The same powers of all of these multiplicities added up.
+    pub(crate) fn sum_of_powers(&self, power: u32) -> usize {
+        let classes = self.0.iter();
+        classes.map(|(_, class)| class.sum_of_powers(power)).sum()
     }
 }
 
@@ -453,12 +458,12 @@ impl Class {
         Ok(())
     }
 
-    fn sum_of_squares(&self) -> usize {
-        self.field.degree() * self.multiplicity.pow(2)
+    fn sum_of_powers(&self, power: u32) -> usize {
+        self.field.degree() * self.multiplicity.pow(power)
             + self
                 .near
                 .iter()
-                .map(|n| n.class.sum_of_squares())
+                .map(|n| n.class.sum_of_powers(power))
                 .sum::<usize>()
     }
 

@@ -20,6 +20,7 @@ mod section;
 
 pub(crate) use arcs::{Arcs, Fineness, arcs};
 pub(crate) use real::Place;
+pub(crate) use section::Expected;
 
 use crate::complex::{
     C, Form, Monomials, Stream, V, along, distance, dot, inner, normalised, rounded,
@@ -465,7 +466,11 @@ mod tests {
     fn a_line_with_a_pinch_point() {
         let map = map(["s^2 - t", "s*(s^2 - t)", "t", "1"]);
         let pairs = Pairs::new(&map, 1.0);
-        let found = arcs(&pairs, FINE, None, &|| false).unwrap();
+        let expected = Expected {
+            parameters: 2,
+            is_finite: true,
+        };
+        let found = arcs(&pairs, FINE, expected, &|| false).unwrap();
         assert_eq!(found.problems, Vec::<String>::new());
         assert_eq!(found.arcs.len(), 1);
         let places = &found.arcs[0].places;
@@ -499,10 +504,14 @@ mod tests {
         for n in [2, 3, 4] {
             let pairs = Pairs::new(&dense(n), 2.0);
             let plane: Plane = stream.complex();
-            let section = pairs.first_section(&plane, None, &|| false).unwrap();
+            let expected = Expected {
+                parameters: n * (n * n * n - 4 * n + 3),
+                is_finite: false,
+            };
+            let section = pairs.first_section(&plane, expected, &|| false).unwrap();
             assert!(section.is_complete);
-            assert_eq!(section.pairs.len(), n * (n * n * n - 4 * n + 3) / 2, "{n}");
-            assert_eq!(section.parameters(&pairs), n * (n * n * n - 4 * n + 3));
+            assert_eq!(2 * section.pairs.len(), expected.parameters, "{n}");
+            assert_eq!(section.parameters(&pairs, false), expected.parameters);
             assert!(pairs.passes_trace_test(&plane, &section.pairs, &mut stream));
             // Without one of them the sum of the images is not linear, unless there are three lines.
             let less = &section.pairs[1..];

@@ -12,7 +12,7 @@ pub use crate::mesh::matching::Crossing;
 use crate::mesh::matching::matching;
 use crate::mesh::traced::Traced;
 use crate::mesh::{Changes, Curves, mesh};
-use crate::pairs::{self, Pairs};
+use crate::pairs::{self, Expected, Pairs};
 use crate::patch::Patch;
 use crate::region::{Region, Triangle, is_clear};
 use crate::singular::{CurveKind, Singular, SingularCurve};
@@ -213,8 +213,7 @@ impl DoubleCurve {
         let half_width = options.half_width.to_f64().value();
         let degrees = analysis.degrees;
         let map_degree = degrees.map_or(0, |d| d.map_degree);
-        let has_base = analysis.base_points.as_ref().is_none_or(|b| !b.is_empty());
-        let may_trace = map_degree == 1 && !has_base && options.domain.is_none();
+        let may_trace = map_degree == 1 && options.domain.is_none();
         let traced = match may_trace {
             true => traced_arcs(map, analysis, options, stop).unwrap_or(None),
             false => None,
@@ -230,10 +229,11 @@ impl DoubleCurve {
             if glued && arcs.is_any_covered() {
                 found.fibres = Fibres::new(map, singular, half_width, stop).ok();
             }
-            found.traced = (glued && may_stand(singular)).then(|| Traced {
-                pairs: Pairs::new(map, half_width),
-                arcs,
-            });
+            found.traced =
+                (glued && !arcs.is_any_cut_off() && may_stand(singular)).then(|| Traced {
+                    pairs: Pairs::new(map, half_width),
+                    arcs,
+                });
             found.add_seam_lines(map, analysis, singular, half_width);
             return found;
         }
@@ -293,29 +293,43 @@ fn traced_arcs(
         tolerance: 0.3 * options.mesh.tolerance / half_width,
         longest: options.mesh.longest / half_width,
     };
-    let Some(singular) = analysis.singular.as_ref().filter(|s| s.double.is_some()) else {
+    let Some(singular) = &analysis.singular else {
         return Ok(None);
     };
-    let curves = || {
-        let is_contracted = |c: &CurveKind| matches!(c, CurveKind::Contracted(_));
-        singular
-            .curves
-            .iter()
-            .filter(move |c| !is_contracted(&c.kind))
+    let Some(expected) = expected_section(map, analysis, singular) else {
+        return Ok(None);
     };
-    if curves().next().is_none() {
-        return Ok(Some(pairs::Arcs::default()));
-    }
-    let is_free = analysis.degrees.is_some_and(|d| d.base_multiplicity == 0)
-        && curves().all(|c| matches!(c.kind, CurveKind::Double));
-    // What is at infinity is not drawn.
-    let w = &map.forms()[3];
-    let finite = curves().filter(|c| !w.is_multiple_of(&c.curve));
-    let degree: usize = finite.map(|c| c.curve.total_degree()).sum();
-    let expected = is_free.then_some(degree * map.degree());
     let arcs = pairs::arcs(&Pairs::new(map, half_width), fine, expected, stop)?;
     let is_known = arcs.problems.is_empty() && arcs.solitary().is_some();
     Ok(is_known.then_some(arcs))
+}
+
+/// How many parameters a general plane of space has on the double curve, if there are no cuspidal
+/// edges.
+///
+/// Without base points each curve of parameters has its degree times that of the map: then what is
+/// at infinity, and not drawn, need not be counted.
+fn expected_section(map: &Map, analysis: &Analysis, singular: &Singular) -> Option<Expected> {
+    let is_ramified = |c: &SingularCurve| matches!(c.kind, CurveKind::Ramified);
+    if singular.curves.iter().any(is_ramified) {
+        return None;
+    }
+    let is_free = analysis.degrees.is_some_and(|d| d.base_multiplicity == 0);
+    if is_free && singular.double.is_some() {
+        let w = &map.forms()[3];
+        let is_finite =
+            |c: &&SingularCurve| matches!(c.kind, CurveKind::Double) && !w.is_multiple_of(&c.curve);
+        let curves = singular.curves.iter().filter(is_finite);
+        let degree: usize = curves.map(|c| c.curve.total_degree()).sum();
+        return Some(Expected {
+            parameters: degree * map.degree(),
+            is_finite: true,
+        });
+    }
+    Some(Expected {
+        parameters: analysis.double_section?,
+        is_finite: false,
+    })
 }
 
 /// Whether arcs may stand for the double curve: if it is all that is special about a map, and of a

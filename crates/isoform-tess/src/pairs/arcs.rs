@@ -1,6 +1,7 @@
 //! Arcs of the double curve in the box.
 
 use super::real::{Condition, Place, REAL, RealPair, dot7};
+use super::section::Expected;
 use super::{Pair, Pairs, Plane};
 use crate::complex::{C, Stream, length, normalised, real_line};
 use crate::univariate::{Stopped, check};
@@ -13,6 +14,8 @@ enum End {
     Closed,
     /// At a parameter where the rank of the differential drops to 1.
     Singular,
+    /// At a base point.
+    Base,
     Lost,
 }
 
@@ -112,6 +115,9 @@ impl Pairs {
             };
             let Some((way, end, error)) = attempt() else {
                 step /= 2.0;
+                if step < 1e-10 && here.pair.is_at_base_point() {
+                    return (nodes, End::Base);
+                }
                 if step < 1e-10 {
                     let end = self.singular_end(&here);
                     nodes.extend(end);
@@ -265,6 +271,8 @@ pub(crate) struct Arc {
     /// Whether a real parameter beside the pair leads to the same point, where that was looked at:
     /// before which place.
     covered: Vec<(usize, bool)>,
+    /// Whether it ends before a base point.
+    is_cut_off: bool,
 }
 
 impl Arc {
@@ -288,6 +296,10 @@ impl Arcs {
     /// Whether a real parameter leads to a point of a pair of conjugate ones, somewhere.
     pub(crate) fn is_any_covered(&self) -> bool {
         self.arcs.iter().flat_map(|a| &a.covered).any(|c| c.1)
+    }
+    /// Whether arcs end before base points, beyond which they may go on.
+    pub(crate) fn is_any_cut_off(&self) -> bool {
+        self.arcs.iter().any(|a| a.is_cut_off)
     }
     /// The real parameters where pairs turn from real ones into conjugate ones.
     pub(crate) fn pinches(&self) -> Vec<[f64; 3]> {
@@ -355,17 +367,17 @@ const NORMAL: [f64; 3] = [0.512, -0.387, 0.767];
 pub(crate) fn arcs(
     pairs: &Pairs,
     fine: Fineness,
-    expected: Option<usize>,
+    expected: Expected,
     stop: &dyn Fn() -> bool,
 ) -> Result<Arcs, Stopped> {
     let mut found = Arcs::default();
     let mut stream = Stream(17);
     let general: Plane = stream.complex();
+    if expected.parameters == 0 {
+        return Ok(found);
+    }
     let section = pairs.first_section(&general, expected, stop)?;
-    let is_counted = match expected {
-        Some(count) => section.parameters(pairs) == count,
-        None => !section.pairs.is_empty(),
-    };
+    let is_counted = section.parameters(pairs, expected.is_finite) == expected.parameters;
     if !section.is_complete || !is_counted {
         found
             .problems
@@ -472,10 +484,12 @@ impl Pairs {
         };
         let (ahead, end) = self.trace(start, fine);
         lost(end, &ahead[ahead.len() - 1]);
+        let mut is_cut_off = end == End::Base;
         let mut places = ahead;
         if end != End::Closed {
             let (mut back, end) = self.trace(&start.turned(), fine);
             lost(end, &back[back.len() - 1]);
+            is_cut_off |= end == End::Base;
             back.reverse();
             back.iter_mut().for_each(|p| *p = p.turned());
             back.extend(&places[1..]);
@@ -484,6 +498,7 @@ impl Pairs {
         Arc {
             places,
             covered: Vec::new(),
+            is_cut_off,
         }
     }
 }

@@ -73,6 +73,16 @@ impl RealPair {
         d[6] = other.l - self.l;
         d
     }
+    /// Whether one of the parameters, scaled for a common image, is so short beside the other one
+    /// that the forms all but vanish there.
+    pub(super) fn is_at_base_point(&self) -> bool {
+        /// The quotient of the lengths.
+        const SHORT: f64 = 1e-2;
+        self.real().is_some_and(|[p, q]| {
+            let [p, q] = [norm(p), norm(q)];
+            p.min(q) < SHORT * p.max(q)
+        })
+    }
     /// The real parameters.
     pub(super) fn real(&self) -> Option<[[f64; 3]; 2]> {
         (self.l >= 0.0).then(|| {

@@ -8,7 +8,8 @@ use crate::univariate::{Stopped, check};
 /// section is looked at.
 pub(super) const LOOPS: usize = 30;
 pub(super) const IN_VAIN: usize = 2;
-/// Random starts, as long as they lead to pairs that are not known, and how often.
+/// Random starts, and how often as many as long as there are too few pairs: those of components of
+/// a low degree are rarely found, and monodromy does not lead to them.
 pub(super) const SEEDS: usize = 400;
 pub(super) const BATCHES: usize = 12;
 
@@ -17,7 +18,7 @@ impl Pairs {
     pub(super) fn first_section(
         &self,
         plane: &Plane,
-        expected: Option<usize>,
+        expected: Expected,
         stop: &dyn Fn() -> bool,
     ) -> Result<Section, Stopped> {
         let mut stream = Stream(5);
@@ -28,17 +29,14 @@ impl Pairs {
         };
         for _ in 0..BATCHES {
             check(stop)?;
-            let known = section.pairs.len();
             for _ in 0..SEEDS {
                 if let Some(p) = self.seed(plane, &mut stream) {
                     section.add(p);
                 }
             }
-            let is_enough = match expected {
-                Some(count) => section.parameters(self) >= count,
-                None => section.pairs.len() == known,
-            };
-            if is_enough {
+            if section.parameters(self, expected.is_finite) >= expected.parameters
+                || section.pairs.is_empty()
+            {
                 break;
             }
         }
@@ -155,6 +153,15 @@ pub(super) const TRIES: usize = 3;
 /// W per norm of the forms that is taken for 0.
 pub(super) const INFINITE: f64 = 1e-9;
 
+/// What is known of a section beforehand.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Expected {
+    /// How many parameters it has.
+    pub(crate) parameters: usize,
+    /// Whether those with an image at infinity do not count.
+    pub(crate) is_finite: bool,
+}
+
 /// Pairs in a plane.
 pub(super) struct Section {
     pub(super) pairs: Vec<Pair>,
@@ -164,18 +171,19 @@ pub(super) struct Section {
 }
 
 impl Section {
-    /// How many parameters the pairs have together, those with an image at infinity apart.
-    pub(super) fn parameters(&self, pairs: &Pairs) -> usize {
+    /// How many parameters the pairs have together; without those with an image at infinity, if
+    /// asked for.
+    pub(super) fn parameters(&self, pairs: &Pairs, is_finite: bool) -> usize {
         let mut found: Vec<V> = Vec::new();
-        let is_finite = |p: &&Pair| {
+        let is_counted = |p: &&Pair| {
             let image = pairs.parts(p).even;
             let size = image.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
-            image[3].norm() > INFINITE * size
+            !is_finite || image[3].norm() > INFINITE * size
         };
         for p in self
             .pairs
             .iter()
-            .filter(is_finite)
+            .filter(is_counted)
             .flat_map(Pair::parameters)
         {
             let p = normalised(&p);
