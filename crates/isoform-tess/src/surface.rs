@@ -338,9 +338,11 @@ fn may_stand(singular: &Singular) -> bool {
     /// The degree of parameter curves from which their topology takes longer than to trace them:
     /// those of quadratic maps have 3, of general cubic ones 18.
     const HIGH: usize = 8;
-    let is_double = |c: &SingularCurve| matches!(c.kind, CurveKind::Double);
+    // More than two sheets meet, or they touch, along what D vanishes on more than once.
+    let is_double =
+        |c: &SingularCurve| matches!(c.kind, CurveKind::Double) && c.in_double == Some(1);
     let degree: usize = singular.curves.iter().map(|c| c.curve.total_degree()).sum();
-    singular.curves.iter().all(is_double) && degree > HIGH
+    singular.curves.iter().all(is_double) && (degree > HIGH || singular.double.is_none())
 }
 
 impl<'a> Prepared<'a> {

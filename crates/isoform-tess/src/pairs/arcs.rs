@@ -115,9 +115,6 @@ impl Pairs {
             };
             let Some((way, end, error)) = attempt() else {
                 step /= 2.0;
-                if step < 1e-10 && here.pair.is_at_base_point() {
-                    return (nodes, End::Base);
-                }
                 if step < 1e-10 {
                     let end = self.singular_end(&here);
                     nodes.extend(end);
@@ -137,6 +134,9 @@ impl Pairs {
                 return (nodes, end);
             }
             let last = nodes.len() - 1;
+            if nodes[last].pair.is_at_base_point(self.degree) {
+                return (nodes, End::Base);
+            }
             let Some(righted) = self.righted(&nodes[last]) else {
                 return (nodes, End::Lost);
             };
@@ -273,6 +273,8 @@ pub(crate) struct Arc {
     covered: Vec<(usize, bool)>,
     /// Whether it ends before a base point.
     is_cut_off: bool,
+    /// Whether another arc has the same images.
+    is_repeated: bool,
 }
 
 impl Arc {
@@ -324,7 +326,7 @@ impl Arcs {
     /// The parts that only conjugate parameters reach; none where that changes along one of them.
     pub(crate) fn solitary(&self) -> Option<Vec<Vec<[f64; 3]>>> {
         let mut found = Vec::new();
-        for arc in &self.arcs {
+        for arc in self.arcs.iter().filter(|a| !a.is_repeated) {
             let mut from = 0;
             while from < arc.places.len() {
                 let is_real = |k: usize| arc.places[k].pair.l >= 0.0;
@@ -446,11 +448,14 @@ fn look(pairs: &Pairs, section: &[Pair], is_face: bool, fine: Fineness, found: &
         if !place.is_inside() {
             continue;
         }
-        let covered = section.iter().any(|other| {
-            let [p, q] = other.parameters().map(|p| normalised(&p));
-            [p, q].iter().any(|p| length(&real_line(p)) < REAL)
-                && other.distance(pair) > 1e-6
-                && same_image(&pairs.parts(other).even, &place.image)
+        let others: Vec<&Pair> = section
+            .iter()
+            .filter(|o| o.distance(pair) > 1e-6)
+            .filter(|o| same_image(&pairs.parts(o).even, &place.image))
+            .collect();
+        let covered = others.iter().any(|other| {
+            let parameters = other.parameters().map(|p| normalised(&p));
+            parameters.iter().any(|p| length(&real_line(p)) < REAL)
         });
         if let Some((k, at)) = found
             .arcs
@@ -464,6 +469,8 @@ fn look(pairs: &Pairs, section: &[Pair], is_face: bool, fine: Fineness, found: &
         let mut arc = pairs.both_ways(&place, fine, &mut found.problems);
         let at = arc.find(pair).unwrap_or(0);
         arc.covered.push((at, covered));
+        let is_known = |other: &&Pair| found.arcs.iter().any(|arc| arc.find(other).is_some());
+        arc.is_repeated = others.iter().any(is_known);
         found.arcs.push(arc);
     }
 }
@@ -499,6 +506,7 @@ impl Pairs {
             places,
             covered: Vec::new(),
             is_cut_off,
+            is_repeated: false,
         }
     }
 }

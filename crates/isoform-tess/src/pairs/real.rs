@@ -73,14 +73,15 @@ impl RealPair {
         d[6] = other.l - self.l;
         d
     }
-    /// Whether one of the parameters, scaled for a common image, is so short beside the other one
-    /// that the forms all but vanish there.
-    pub(super) fn is_at_base_point(&self) -> bool {
-        /// The quotient of the lengths.
-        const SHORT: f64 = 1e-2;
+    /// Whether the forms all but vanish at one of the parameters, beside their values at the other
+    /// one, for a map of a degree.
+    pub(super) fn is_at_base_point(&self, degree: usize) -> bool {
+        /// The quotient of the values: next to a base point it is the distance from it, and its
+        /// inverse the loss of digits.
+        const SMALL: f64 = 1e-9;
         self.real().is_some_and(|[p, q]| {
             let [p, q] = [norm(p), norm(q)];
-            p.min(q) < SHORT * p.max(q)
+            (p.min(q) / p.max(q)).powi(degree as i32) < SMALL
         })
     }
     /// The real parameters.
