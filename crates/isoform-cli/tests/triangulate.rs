@@ -118,6 +118,7 @@ fn a_sphere_is_certified() {
     let text = stdout(&o);
     for word in [
         "certificate  certified",
+        "2 checked in floating point, not proved (distances, shapes)",
         "Euler number 2, 1 component, no boundary loops",
         "proper, onto a surface of degree 2",
         "w = 0 to (0, 0, 1)",
@@ -144,6 +145,7 @@ fn a_sphere_is_certified() {
         "schema",
         "certified",
         "unproven",
+        "claims",
         "map_degree",
         "base_points",
         "pole_components",
@@ -157,6 +159,23 @@ fn a_sphere_is_certified() {
     assert_eq!(
         (&r["schema"], &r["certified"], &r["map_degree"]),
         (&json!(1), &json!(true), &json!(1))
+    );
+    // What is only checked in floating point is said to be.
+    let claims = r["claims"].as_array().expect("claims");
+    let floating: Vec<&Value> = claims
+        .iter()
+        .filter(|c| c["basis"] == "floating")
+        .map(|c| &c["claim"])
+        .collect();
+    assert_eq!(floating, ["distances", "shapes"]);
+    assert_eq!(
+        claims.iter().find(|c| c["claim"] == "sign of W"),
+        Some(&json!({
+            "claim": "sign of W",
+            "basis": "bounded",
+            "holds": true,
+            "text": "W keeps its sign on every triangle of the parameters",
+        }))
     );
     assert_eq!(
         r["pole_components"],

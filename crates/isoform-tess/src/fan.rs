@@ -16,6 +16,7 @@
 use crate::base::{BasePoint, BinaryForm, Seam};
 use crate::cover::Involution;
 use crate::field::Algebraic;
+use crate::finding::{Finding, Unopened};
 use crate::region::Region;
 use crate::surface::Point3;
 use isoform_algebra::{Poly, QUADRANTS, RBig, real_roots};
@@ -183,7 +184,7 @@ pub(crate) struct Sector {
 #[derive(Clone)]
 pub(crate) struct Fan {
     /// Why it cannot be opened.
-    pub(crate) problem: Option<String>,
+    pub(crate) problem: Option<Finding>,
     /// Homogeneous coordinates (s, t, w).
     pub(crate) point: [f64; 3],
     variables: [usize; 2],
@@ -374,12 +375,6 @@ impl Fan {
         cover: Option<Involution>,
         region: &Region,
     ) -> Vec<(Direction, Mark, bool)> {
-        let [s, t, w] = self.point;
-        let open = |why: &str| {
-            Some(format!(
-                "the base point ({s} : {t} : {w}) is left open: {why}"
-            ))
-        };
         let mut marks: Vec<(Direction, Option<Mark>)> = Vec::new();
         let add_to = |marks: &mut Vec<(Direction, Option<Mark>)>,
                       at: [f64; 2],
@@ -511,11 +506,11 @@ impl Fan {
             })
             .collect();
         if in_face && inside.contains(&true) {
-            self.problem = open("its seam lies in a face of the box");
+            self.problem = self.left_open(Unopened::SeamInFace);
         }
         for (k, (d, mark)) in marks.iter().enumerate() {
             if mark.is_some() && (inside[k] || inside[(k + n - 1) % n]) && d.faces != 0 {
-                self.problem = open("two of its seams meet in a face of the box");
+                self.problem = self.left_open(Unopened::SeamsMeetInFace);
             }
         }
         let mut found = Vec::new();
@@ -527,6 +522,11 @@ impl Fan {
             found.push((d, mark, inside));
         }
         found
+    }
+
+    fn left_open(&self, why: Unopened) -> Option<Finding> {
+        let point = self.point;
+        Some(Finding::Unopened { point, why })
     }
 
     /// The sectors, from the marks of all nodes.
@@ -560,10 +560,7 @@ impl Fan {
             .collect();
         let torn = (0..n).any(|k| stations[k].0.after.1 != stations[(k + 1) % n].0.before.1);
         if torn && self.problem.is_none() {
-            let [s, t, w] = self.point;
-            self.problem = Some(format!(
-                "the base point ({s} : {t} : {w}) is left open: two of its seams meet in a face of the box"
-            ));
+            self.problem = self.left_open(Unopened::SeamsMeetInFace);
         }
     }
 
