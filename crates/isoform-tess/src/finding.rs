@@ -33,6 +33,9 @@ pub enum Phase {
     /// Tracing real points that only conjugate parameters reach.
     #[error("solitary curves")]
     SolitaryArcs,
+    /// Finding the directions in which base points are opened.
+    #[error("the seams of base points")]
+    Tangents,
     /// Finding the partners on the double curve.
     #[error("the double curve")]
     Partners,
@@ -50,6 +53,7 @@ impl Phase {
             Self::DeckTransformations => Claim::DeckTransformations,
             Self::PinchPoints => Claim::PinchPoints,
             Self::SolitaryArcs => Claim::SolitaryArcs,
+            Self::Tangents => Claim::Tangents,
             Self::Partners => Claim::Partners,
         }
     }
@@ -64,6 +68,9 @@ pub enum Unopened {
     /// Two of its seams meet in a face of the box.
     #[error("two of its seams meet in a face of the box")]
     SeamsMeetInFace,
+    /// Its seam is beyond what can be drawn.
+    #[error("its seam has coefficients that no double is near to")]
+    BeyondDoubles,
 }
 
 /// Vertices of which curve lack a partner.

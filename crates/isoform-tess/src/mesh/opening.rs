@@ -8,9 +8,10 @@ use super::chart::keeps_sign_on;
 use super::{Builder, Curves, Name, OPEN_HALVINGS, Ray, Site, SiteArc, distance, middle};
 use crate::base::BasePoint;
 use crate::fan::{Direction, Fan, Sector};
-use crate::finding::Finding;
+use crate::finding::{Finding, Phase};
 use crate::map::Map;
 use crate::surface::Point3;
+use crate::univariate::Stopped;
 use isoform_algebra::{Poly, RBig};
 use isoform_geom::distance_to_segment;
 use std::collections::{BTreeMap, BTreeSet};
@@ -91,7 +92,18 @@ impl Builder<'_> {
 
     /// Finds the base points in the region and the rectangles around them.
     pub(super) fn open_base_points(&mut self, points: &[BasePoint], w: &Poly) {
-        self.fans = points.iter().map(|p| Fan::new(p, self.region, w)).collect();
+        let opened: Result<Vec<Fan>, Stopped> = points
+            .iter()
+            .map(|p| Fan::new(p, self.region, w, self.stop))
+            .collect();
+        match opened {
+            Ok(fans) => self.fans = fans,
+            // They are left open.
+            Err(Stopped) => {
+                let stopped = Finding::Stopped(Phase::Tangents);
+                self.surface.findings.push(stopped);
+            }
+        }
         let contracted: Vec<Point3> = self
             .fans
             .iter()
