@@ -1206,3 +1206,26 @@ fn tangents(
     }
     (0, Vec::new())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::NumberField;
+    use isoform_algebra::UPoly;
+
+    /// √2 times a power of ten that no double is near to: not 0, which would put the seam elsewhere.
+    #[test]
+    fn coefficients_beyond_doubles_are_not_zero() {
+        let (field, root) = NumberField::new(&UPoly::from_i64(&[-2, 0, 1]));
+        let form = |exponent: usize| {
+            let power = (0..exponent).fold(RBig::ONE, |p, _| p * RBig::from(10));
+            let coefficient = Algebraic::new(&field, 0, root.scaled(&power));
+            BinaryForm {
+                coefficients: vec![coefficient],
+            }
+        };
+        assert_eq!(rationals(&form(400)), None);
+        let near = rationals(&form(300)).map(|c| c[0].to_f64().value());
+        assert_eq!(near, Some(-2f64.sqrt() * 1e300));
+    }
+}

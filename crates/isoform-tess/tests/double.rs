@@ -192,7 +192,7 @@ fn ends(arcs: &Arcs) -> Vec<[f64; 6]> {
     found
 }
 
-fn assert_ends(arcs: &(Arcs, Vec<String>), expected: &[[f64; 6]]) {
+fn assert_ends(arcs: &(Arcs, Vec<Finding>), expected: &[[f64; 6]]) {
     assert!(arcs.1.is_empty(), "{:?}", arcs.1);
     let found = ends(&arcs.0);
     let same = found.len() == expected.len()
