@@ -261,7 +261,7 @@ pub enum Finding {
         /// Its name.
         patch: String,
         /// What.
-        finding: Box<Finding>,
+        finding: Box<Self>,
     },
 }
 

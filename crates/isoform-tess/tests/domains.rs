@@ -293,7 +293,7 @@ fn base_points_inside_and_on_sides() {
     ] {
         let on = over(blown, "3", &domain, 1e-2, Mode::Normalised);
         assert!(
-            on.findings.iter().any(|f| *f == Finding::BasePointOnSide),
+            on.findings.contains(&Finding::BasePointOnSide),
             "{:?}",
             on.findings
         );

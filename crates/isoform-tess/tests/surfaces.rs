@@ -332,11 +332,7 @@ fn limit_of_triangles() {
             "{}",
             s.triangles.len()
         );
-        assert!(
-            s.findings.iter().any(|f| *f == Finding::TooCoarse),
-            "{:?}",
-            s.findings
-        );
+        assert!(s.findings.contains(&Finding::TooCoarse), "{:?}", s.findings);
     }
 }
 
