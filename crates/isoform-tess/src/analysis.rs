@@ -68,14 +68,25 @@ impl Analysis {
     fn stopped(&mut self, phase: Phase) {
         self.findings.push(Finding::Stopped(phase));
     }
-    /// What it claims. Nothing is claimed of the whole plane where only a region was analysed.
+    /// What it claims. Nothing is claimed of the whole plane where only a region was analysed, nor
+    /// of what there was no time for: findings say that.
     pub(crate) fn grades(&self) -> Vec<Grade> {
-        let mut grades = vec![Claim::SingularCurves.into()];
+        let is_double_known = |s: &Singular| s.double.is_some();
+        let asked = [
+            (Claim::CriticalCurves, self.singular.is_some()),
+            (
+                Claim::DoubleCurves,
+                self.singular.as_ref().is_some_and(is_double_known),
+            ),
+            (Claim::BasePoints, self.base_points.is_some()),
+            (Claim::ComplexSeams, self.base_points.is_some()),
+            (Claim::Pole, !self.is_local),
+        ];
+        let asked = asked.into_iter().filter(|c| c.1);
+        let mut grades: Vec<Grade> = asked.map(|c| c.0.into()).collect();
         if self.is_local {
             return grades;
         }
-        let whole = [Claim::BasePoints, Claim::ComplexSeams, Claim::Pole];
-        grades.extend(whole.map(Grade::from));
         // The base points prove the product of the degrees, and an implicit equation one of them;
         // without it they are counted at pseudo-random points modulo primes.
         grades.push(Grade {

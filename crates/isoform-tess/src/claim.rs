@@ -42,8 +42,10 @@ pub enum Claim {
     Pole,
     /// How many parameters reach a general point.
     MapDegree,
-    /// The double, ramified and contracted curves of the parameters.
-    SingularCurves,
+    /// The cuspidal and contracted curves of the parameters.
+    CriticalCurves,
+    /// The double curves of the parameters.
+    DoubleCurves,
     /// The deck transformations of an improper map, and the folds that they make.
     DeckTransformations,
     /// No base point is blown up to a part of the border of the fundamental domain.
@@ -86,12 +88,13 @@ pub enum Claim {
 
 impl Claim {
     /// All of them, in their order.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 25] = [
         Self::BasePoints,
         Self::ComplexSeams,
         Self::Pole,
         Self::MapDegree,
-        Self::SingularCurves,
+        Self::CriticalCurves,
+        Self::DoubleCurves,
         Self::DeckTransformations,
         Self::FundamentalDomain,
         Self::PinchPoints,
@@ -121,22 +124,23 @@ impl Claim {
             Self::BasePoints
             | Self::ComplexSeams
             | Self::MapDegree
-            | Self::SingularCurves
+            | Self::CriticalCurves
+            | Self::DoubleCurves
             | Self::DeckTransformations
             | Self::PinchPoints
             | Self::Weights
             | Self::Drawing
             | Self::Edges
             | Self::Sides
-            | Self::Crossings
-            | Self::Sheets => Basis::Exact,
+            | Self::Crossings => Basis::Exact,
             // Which curves meet over a wall is exact. Where they do not, their roots are isolated
             // in floating point with bounds on its errors, if that decides.
             Self::Pole | Self::Region => Basis::Bounded,
             // Bernstein coefficients in doubles, with a bound on their rounding.
             Self::SignOfW => Basis::Bounded,
             // Sections and paths in doubles; Newton's method to a tolerance; samples; base points
-            // rounded to doubles, with thresholds for what is zero.
+            // rounded to doubles, with thresholds for what is zero; triangles of sheets that lie upon
+            // each other cross as a rule only.
             Self::FundamentalDomain
             | Self::SolitaryArcs
             | Self::Images
@@ -145,7 +149,8 @@ impl Claim {
             | Self::SignAtBasePoints
             | Self::Partners
             | Self::Distances
-            | Self::Shapes => Basis::Floating,
+            | Self::Shapes
+            | Self::Sheets => Basis::Floating,
         }
     }
 
@@ -161,8 +166,11 @@ impl Claim {
             }
             Self::Pole => "the factors of W and the topology of its real zeros are known",
             Self::MapDegree => "so many parameters reach a general point of the surface",
-            Self::SingularCurves => {
-                "the curves of the parameters over which the surface is singular are all known"
+            Self::CriticalCurves => {
+                "the curves of the parameters with cuspidal edges or points as images are all known"
+            }
+            Self::DoubleCurves => {
+                "the curves of the parameters along which sheets meet are all known"
             }
             Self::DeckTransformations => {
                 "the transformations that exchange parameters of a point, and their folds, are \
@@ -225,7 +233,8 @@ impl fmt::Display for Claim {
             Self::ComplexSeams => "seams of complex base points",
             Self::Pole => "pole",
             Self::MapDegree => "degree of the map",
-            Self::SingularCurves => "singular curves",
+            Self::CriticalCurves => "cuspidal and contracted curves",
+            Self::DoubleCurves => "double curves",
             Self::DeckTransformations => "deck transformations",
             Self::FundamentalDomain => "fundamental domain",
             Self::PinchPoints => "pinch points",

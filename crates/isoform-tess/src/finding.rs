@@ -49,7 +49,8 @@ impl Phase {
             Self::ComplexSeams => Claim::ComplexSeams,
             Self::Pole => Claim::Pole,
             Self::MapDegree => Claim::MapDegree,
-            Self::SingularCurves | Self::ContractedCurves => Claim::SingularCurves,
+            Self::SingularCurves => Claim::DoubleCurves,
+            Self::ContractedCurves => Claim::CriticalCurves,
             Self::DeckTransformations => Claim::DeckTransformations,
             Self::PinchPoints => Claim::PinchPoints,
             Self::SolitaryArcs => Claim::SolitaryArcs,
@@ -277,7 +278,7 @@ impl Finding {
             | Self::DegreeCounted
             | Self::DegreeContradicted => Claim::MapDegree,
             Self::NoEquation(_) | Self::DegreeAboveLimit { .. } | Self::SurfaceDegreeUnknown => {
-                Claim::SingularCurves
+                Claim::DoubleCurves
             }
             Self::DoubleLocusUnknown | Self::SectionLost | Self::SolitaryLost { .. } => {
                 Claim::SolitaryArcs

@@ -18,12 +18,13 @@ const MESH: [Claim; 5] = [
     Claim::Edges,
 ];
 /// What is claimed of every map of which the whole plane is analysed.
-const MAP: [Claim; 6] = [
+const MAP: [Claim; 7] = [
     Claim::BasePoints,
     Claim::ComplexSeams,
     Claim::Pole,
     Claim::MapDegree,
-    Claim::SingularCurves,
+    Claim::CriticalCurves,
+    Claim::DoubleCurves,
     Claim::Region,
 ];
 
@@ -130,10 +131,11 @@ fn what_was_not_looked_for_is_not_claimed() {
     let s = surface(SPHERE, &options);
     assert_eq!(degree(&s), Some(counted));
     assert!(s.claims().contains(&Claim::Weights.into()));
+    assert!(!s.claims().contains(&Claim::DoubleCurves.into()));
 
     options.budget.everywhere = false;
     let claims = surface(SPHERE, &options).claims();
-    let local = [Claim::SingularCurves, Claim::Weights, Claim::Region];
+    let local = [Claim::CriticalCurves, Claim::Weights, Claim::Region];
     assert_eq!(
         claims,
         grades(local)
@@ -141,6 +143,18 @@ fn what_was_not_looked_for_is_not_claimed() {
             .chain(grades(MESH))
             .collect::<Vec<_>>()
     );
+}
+
+/// What there was no time for is open, and nothing is claimed that would follow from it.
+#[test]
+fn what_was_stopped_does_not_hold() {
+    let mut options = options(Mode::Glued);
+    options.budget.seconds = 0.0;
+    let map = Map::parse(UMBRELLA, Default::default()).expect("a map");
+    let (s, _) = triangulate(&map, &options, &|| false).expect("not stopped");
+    assert!(!s.holds(Claim::DoubleCurves), "{:?}", s.findings);
+    assert!(!s.claims().contains(&Claim::CriticalCurves.into()));
+    assert!(s.holds(Claim::BasePoints) && s.claims().contains(&Claim::BasePoints.into()));
 }
 
 /// A claim with a finding does not hold, and is among the claims although it was not stated.
