@@ -505,6 +505,43 @@ fn any_number_of_threads_gives_the_same_bytes() {
     }
 }
 
+/// A curve whose real components are contracted to two points is one curve.
+#[test]
+fn a_contracted_curve_is_named_once() {
+    let f = Folder::new("triangulate-contracted");
+    let map = f.map(r#"{"X": "s", "Y": "s^2 - 2", "Z": "t*(s^2 - 2)", "W": "1"}"#);
+    let o = isoform(&[
+        "triangulate",
+        &map,
+        "--box",
+        "2",
+        "--tol",
+        "0.1",
+        "--mode",
+        "normalised",
+        "-o",
+        &f.path("m.obj"),
+    ]);
+    let text = stdout(&o);
+    let line = "s^2 - 2*w^2 = 0 to (-1.4142135623730951, 0, 0) and (1.4142135623730951, 0, 0)\n";
+    assert_eq!(text.matches("s^2 - 2*w^2 = 0").count(), 1, "{text}");
+    assert!(text.contains(line), "{text}");
+}
+
+/// Where there is no triangle it is said where the surface is.
+#[test]
+fn a_surface_outside_of_the_box() {
+    let f = Folder::new("triangulate-outside");
+    let map =
+        f.map(r#"{"X": "20*s", "Y": "20*t", "Z": "10*s^2 + 10*t^2 - 10", "W": "s^2 + t^2 + 1"}"#);
+    let o = isoform(&["triangulate", &map, "--box", "3/2", "-o", &f.path("m.obj")]);
+    assert_eq!(code(&o), 4);
+    let said = stderr(&o);
+    assert!(said.contains("x, y and z between -3/2 and 3/2"), "{said}");
+    assert!(said.contains("all of the surface is farther out"), "{said}");
+    assert!(!f.is_there("m.obj"));
+}
+
 #[test]
 fn a_time_limit_ends_it() {
     let f = Folder::new("triangulate-time");
