@@ -66,6 +66,8 @@ pub enum Claim {
     Trees,
     /// W keeps its sign between base points and the rectangles around them.
     SignAtBasePoints,
+    /// The seams of base points that the surface of an improper map ends in.
+    Folds,
     /// What is drawn in the parameters is the region up to isotopy.
     Drawing,
     /// Which parameters are sent to one point of a double curve, or of a border that is joined.
@@ -88,7 +90,7 @@ pub enum Claim {
 
 impl Claim {
     /// All of them, in their order.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 26] = [
         Self::BasePoints,
         Self::ComplexSeams,
         Self::Pole,
@@ -105,6 +107,7 @@ impl Claim {
         Self::Tangents,
         Self::Trees,
         Self::SignAtBasePoints,
+        Self::Folds,
         Self::Drawing,
         Self::Partners,
         Self::SignOfW,
@@ -147,6 +150,7 @@ impl Claim {
             | Self::Tangents
             | Self::Trees
             | Self::SignAtBasePoints
+            | Self::Folds
             | Self::Partners
             | Self::Distances
             | Self::Shapes
@@ -200,6 +204,9 @@ impl Claim {
             Self::SignAtBasePoints => {
                 "W keeps its sign between base points and the rectangles around them"
             }
+            Self::Folds => {
+                "the surface ends in those seams of base points along which it is folded"
+            }
             Self::Drawing => {
                 "the polylines in the parameters lie in the order of the arcs that they stand for, \
                  and do not cross"
@@ -245,6 +252,7 @@ impl fmt::Display for Claim {
             Self::Tangents => "tangents at base points",
             Self::Trees => "trees of infinitely near base points",
             Self::SignAtBasePoints => "sign of W at base points",
+            Self::Folds => "folds at base points",
             Self::Drawing => "drawing",
             Self::Partners => "partners",
             Self::SignOfW => "sign of W",

@@ -445,6 +445,7 @@ impl Builder<'_> {
             (Claim::Tangents, is_opened),
             (Claim::Trees, is_tree),
             (Claim::SignAtBasePoints, is_opened),
+            (Claim::Folds, is_opened && curves.deck.is_some()),
             (Claim::Partners, is_joined || !curves.isolated.is_empty()),
             (Claim::Sheets, curves.deck.is_some() && !curves.glued),
         ];

@@ -106,6 +106,16 @@ fn improper_maps_claim_their_transformations() {
     assert!(found.contains(&Claim::Sheets.into()), "{found:?}");
     let domain = found.iter().find(|g| g.claim == Claim::FundamentalDomain);
     assert!(domain.is_some(), "{found:?}");
+    assert!(!found.contains(&Claim::Folds.into()), "{found:?}");
+    // A sphere by longitude and latitude that both go all around: two base points.
+    let longitudes = [
+        "(1 - s^2)*(1 - t^2)",
+        "2*s*(1 - t^2)",
+        "2*t*(1 + s^2)",
+        "(1 + s^2)*(1 + t^2)",
+    ];
+    let found = special(longitudes, Mode::Normalised);
+    assert!(found.contains(&Claim::Folds.into()), "{found:?}");
 }
 
 /// A region without poles needs no base points where the rest of the plane is left out; without an
