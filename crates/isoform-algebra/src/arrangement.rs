@@ -17,6 +17,7 @@ use crate::float_roots::{
 };
 use crate::modular::bits;
 use crate::poly::Poly;
+use crate::precision::{DOUBLED, Growth, refine_until};
 use crate::resultant::{ResultantError, Subresultants, resultant};
 use crate::roots::{RealRoot, real_roots, simplest_between};
 use crate::upoly::UPoly;
@@ -188,9 +189,9 @@ impl Arrangement {
                 return Err(ResultantError::Stopped.into());
             }
             let u = walls[k].u.rational_below(&walls[k + 1].u);
-            let (order, between) = work.arcs_at(&u);
-            let left = work.ends(&walls[k], &separators[k], &u, Ordering::Greater);
-            let right = work.ends(&walls[k + 1], &separators[k + 1], &u, Ordering::Less);
+            let (order, between) = work.arcs_at(&u, stop)?;
+            let ends = |k: usize, side| work.ends(&walls[k], &separators[k], &u, side, stop);
+            let (left, right) = (ends(k, Ordering::Greater)?, ends(k + 1, Ordering::Less)?);
             let arcs = order
                 .iter()
                 .zip(left.into_iter().zip(right))
@@ -236,9 +237,10 @@ impl Arrangement {
         let mut value = |curve: usize| {
             let over = roots.entry(curve).or_insert_with(|| {
                 let count = arcs.iter().filter(|a| a.curve == curve).count();
-                self.near_roots(curve, u, &top, count)
-                    .unwrap_or_else(|| self.exact_roots(curve, u, &top))
-                    .into_iter()
+                let near = self.near_roots(curve, u, &top, count);
+                let roots = near.unwrap_or_else(|| self.exact_roots(curve, u, &top));
+                assert_eq!(roots.len(), count, "as many roots as arcs over a slab");
+                roots.into_iter()
             });
             over.next()
         };
@@ -251,7 +253,7 @@ impl Arrangement {
     }
     /// The roots of a curve over u between 0 and `top`, correctly rounded.
     fn exact_roots(&self, curve: usize, u: &RBig, top: &RBig) -> Vec<f64> {
-        let g = self.curves[curve].set(U, u).to_upoly(V).unwrap_or_default();
+        let g = over_v(&self.curves[curve].set(U, u));
         let inside =
             |r: &RealRoot| r.cmp_rational(&RBig::ZERO).is_gt() && r.cmp_rational(top).is_lt();
         real_roots(&g)
@@ -301,14 +303,15 @@ fn over<T: Bounded>(terms: &Terms<T>, fixed: usize, value: T) -> Vec<T> {
 impl Curve {
     fn new(rest: Poly, stop: &dyn Fn() -> bool) -> Result<Self, ArrangementError> {
         let content = rest.content_in(V);
-        let rest = rest.div_exact(&content).unwrap_or(rest).primitive();
-        let vertical = content.to_upoly(U).unwrap_or_else(UPoly::one);
+        let rest = rest.div_exact(&content).expect("the content divides");
+        let rest = rest.primitive();
+        let vertical = over_u(&content);
         let fibres = if rest.degree(V) > 0 {
             Some(Fibres::new(&rest, V, stop)?)
         } else {
             None
         };
-        let on = |by: &Poly| rest.substitute(V, by).to_upoly(U).unwrap_or_default();
+        let on = |by: &Poly| over_u(&rest.substitute(V, by));
         let (on_lower, on_upper) = (on(&Poly::zero()), on(&(Poly::one() - Poly::var(U))));
         let size = rest.terms().iter().map(|(_, c)| bits(c)).max();
         let excess = size.unwrap_or(0).saturating_sub(COEFFICIENT_BITS);
@@ -424,8 +427,7 @@ fn critical_values(
             if c.fibres.is_none() || other.fibres.is_none() {
                 continue;
             }
-            let r = resultant(&other.rest, &c.rest, V, stop)?;
-            let r = r.to_upoly(U).unwrap_or_default();
+            let r = over_u(&resultant(&other.rest, &c.rest, V, stop)?);
             if r.is_zero() {
                 return Err(ArrangementError::CommonComponent(j, k));
             }
@@ -439,6 +441,9 @@ fn critical_values(
         if stop() {
             return Err(ResultantError::Stopped.into());
         }
+        // Sides, vertical lines and multiple factors were split off, so that nothing happens
+        // everywhere.
+        assert!(!p.is_zero(), "critical values of a curve are finitely many");
         if p.degree() == 0 {
             continue;
         }
@@ -454,8 +459,8 @@ fn critical_values(
                 next.push((b, events));
                 continue;
             }
-            let without = b.div_exact(&g).unwrap_or_else(UPoly::one);
-            rest = rest.div_exact(&g).unwrap_or_else(UPoly::one);
+            let without = b.div_exact(&g).expect("a common divisor divides");
+            rest = rest.div_exact(&g).expect("a common divisor divides");
             let both = events.iter().copied().chain([event]).collect();
             next.extend(
                 [(without, events), (g, both)]
@@ -478,19 +483,23 @@ fn critical_values(
         }));
     }
     // They differ: refined until apart, which spares the test for equality.
-    let mut bits = 24;
-    loop {
+    refine_until(24, DOUBLED, stop, |bits| {
         roots.iter_mut().for_each(|r| r.u.refine(bits));
         roots.sort_by(|a, b| a.u.interval().0.cmp(&b.u.interval().0));
-        let apart = roots.windows(2).all(|w| {
-            let (a, b) = (w[0].u.interval().1, w[1].u.interval().0);
-            a < b
-        });
-        if apart {
-            return Ok(roots);
-        }
-        bits *= 2;
-    }
+        let mut pairs = roots.windows(2);
+        let apart = pairs.all(|w| w[0].u.interval().1 < w[1].u.interval().0);
+        Ok(apart.then_some(()))
+    })?;
+    Ok(roots)
+}
+
+/// A polynomial in which v was eliminated, or has a value.
+fn over_u(p: &Poly) -> UPoly {
+    p.to_upoly(U).expect("no variable but u is left")
+}
+/// A polynomial in which u has a value.
+fn over_v(p: &Poly) -> UPoly {
+    p.to_upoly(V).expect("no variable but v is left")
 }
 
 struct Work {
@@ -521,15 +530,20 @@ impl Roots {
         }
     }
     /// Where a root is, to so many bits if that is to be had.
-    fn range(&mut self, index: usize, bits: usize) -> (RBig, RBig) {
-        match self {
+    fn range(
+        &mut self,
+        index: usize,
+        bits: usize,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(RBig, RBig), ResultantError> {
+        Ok(match self {
             Self::None => unreachable!("roots belong to fibres"),
             Self::Near(ranges) => ranges[index].clone().into(),
             Self::Exact(fibre) => {
-                fibre.refine(index, bits);
+                fibre.refine(index, bits, stop)?;
                 (fibre.roots[index].lo.clone(), fibre.roots[index].hi.clone())
             }
-        }
+        })
     }
     fn is_multiple(&self, index: usize) -> bool {
         match self {
@@ -537,6 +551,53 @@ impl Roots {
             _ => false,
         }
     }
+}
+
+/// Where the numbers of a fibre are, to so many bits if that is to be had.
+fn ranges_of(
+    all: &[Origin],
+    u: &mut RealRoot,
+    fibres: &mut [Roots],
+    bits: usize,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<(RBig, RBig)>, ResultantError> {
+    u.refine(bits);
+    let mut range = |o: &Origin| match *o {
+        Origin::Lower => Ok((RBig::ZERO, RBig::ZERO)),
+        Origin::Upper => {
+            let (lo, hi) = u.interval();
+            Ok((RBig::ONE - hi, RBig::ONE - lo))
+        }
+        Origin::Root { curve, index } => fibres[curve].range(index, bits, stop),
+    };
+    all.iter().map(&mut range).collect()
+}
+
+/// How many numbers of each two of n curves and the sides may be equal, and for each number the
+/// group of those that it may be equal to.
+fn meetings_of(all: &[Origin], ranges: &[(RBig, RBig)], n: usize) -> (Vec<Vec<usize>>, Vec<usize>) {
+    let which = |o: &Origin| match *o {
+        Origin::Root { curve, .. } => curve,
+        Origin::Lower => n,
+        Origin::Upper => n + 1,
+    };
+    let mut meetings = vec![vec![0usize; n + 2]; n + 2];
+    let mut group: Vec<usize> = (0..all.len()).collect();
+    for a in 0..all.len() {
+        for b in 0..a {
+            let (x, y) = (which(&all[a]), which(&all[b]));
+            let (j, k) = (x.min(y), x.max(y));
+            if j != k && ranges[a].0 <= ranges[b].1 && ranges[b].0 <= ranges[a].1 {
+                meetings[j][k] += 1;
+                let (from, to) = (group[a], group[b]);
+                group
+                    .iter_mut()
+                    .filter(|g| **g == from)
+                    .for_each(|g| *g = to);
+            }
+        }
+    }
+    (meetings, group)
 }
 
 impl Work {
@@ -577,8 +638,7 @@ impl Work {
         let n = self.curves.len();
         // What all fibres begin with, found once.
         critical.u.refine(FIRST_BITS);
-        let mut exact = false;
-        let mut fibres = self.roots_at(&critical, exact, stop)?;
+        let mut fibres = self.roots_at(&critical, false, stop)?;
         let origins = |fibres: &[Roots]| {
             let mut all = vec![Origin::Lower, Origin::Upper];
             for (curve, f) in fibres.iter().enumerate() {
@@ -605,52 +665,21 @@ impl Work {
             }
         }
         common[n][n + 1] = usize::from(critical.u.cmp_rational(&RBig::ONE).is_eq());
-        let mut bits = FIRST_FIBRE_BITS;
-        let (ranges, groups) = loop {
-            critical.u.refine(bits);
-            let mut ranges = Vec::with_capacity(all.len());
-            for o in &all {
-                ranges.push(match *o {
-                    Origin::Lower => (RBig::ZERO, RBig::ZERO),
-                    Origin::Upper => {
-                        let (lo, hi) = critical.u.interval();
-                        (RBig::ONE - hi, RBig::ONE - lo)
-                    }
-                    Origin::Root { curve, index } => fibres[curve].range(index, bits),
-                });
-            }
-            let which = |o: &Origin| match *o {
-                Origin::Root { curve, .. } => curve,
-                Origin::Lower => n,
-                Origin::Upper => n + 1,
-            };
-            let mut meetings = vec![vec![0usize; n + 2]; n + 2];
-            let mut group: Vec<usize> = (0..all.len()).collect();
-            for a in 0..all.len() {
-                for b in 0..a {
-                    let (j, k) = (
-                        which(&all[a]).min(which(&all[b])),
-                        which(&all[a]).max(which(&all[b])),
-                    );
-                    if j != k && ranges[a].0 <= ranges[b].1 && ranges[b].0 <= ranges[a].1 {
-                        meetings[j][k] += 1;
-                        let (ga, gb) = (group[a], group[b]);
-                        group
-                            .iter_mut()
-                            .for_each(|g| *g = if *g == ga { gb } else { *g });
-                    }
-                }
-            }
-            if meetings == common {
-                break (ranges, group);
-            }
-            if exact {
-                bits *= 2;
-            } else {
+        let attempt = |bits, u: &mut RealRoot, fibres: &mut Vec<Roots>, all: &[Origin]| {
+            let ranges = ranges_of(all, u, fibres, bits, stop)?;
+            let (meetings, groups) = meetings_of(all, &ranges, n);
+            Ok::<_, ResultantError>((meetings == common).then_some((ranges, groups)))
+        };
+        let near = attempt(FIRST_FIBRE_BITS, &mut critical.u, &mut fibres, &all)?;
+        let (ranges, groups) = match near {
+            Some(found) => found,
+            None => {
                 // Too near to each other for floating point.
-                exact = true;
-                fibres = self.roots_at(&critical, exact, stop)?;
+                fibres = self.roots_at(&critical, true, stop)?;
                 all = origins(&fibres);
+                refine_until(FIRST_FIBRE_BITS, DOUBLED, stop, |bits| {
+                    attempt(bits, &mut critical.u, &mut fibres, &all)
+                })?
             }
         };
         let mut points: Vec<(WallPoint, bool)> = Vec::new();
@@ -727,7 +756,7 @@ impl Work {
             let rows = f.coefficients_in(V);
             let degree = (0..rows.len())
                 .rev()
-                .find(|&i| u.sign_of(&rows[i].to_upoly(U).unwrap_or_default()).is_ne())?;
+                .find(|&i| u.sign_of(&over_u(&rows[i])).is_ne())?;
             let is_whole = degree + 1 == rows.len();
             let sum = rows.into_iter().take(degree + 1).enumerate();
             Some((
@@ -777,7 +806,11 @@ impl Work {
 
     /// The curves over a rational u that is not critical, from the lower side to the upper one, and
     /// numbers between them.
-    fn arcs_at(&self, u: &RBig) -> (Vec<usize>, Vec<RBig>) {
+    fn arcs_at(
+        &self,
+        u: &RBig,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(Vec<usize>, Vec<RBig>), ResultantError> {
         let n = self.curves.len();
         let top = RBig::ONE - u;
         let at = Wide::between(u, u);
@@ -798,28 +831,27 @@ impl Work {
         };
         let are_apart = |found: &[(RBig, RBig, usize)]| found.windows(2).all(|w| w[0].1 < w[1].0);
         let near = near.map(|near| with_sides(near.concat()));
-        let found = near.filter(|near| are_apart(near)).unwrap_or_else(|| {
-            let mut roots = self.exact_roots_at(u, &top);
-            let mut bits = 32;
-            // All differ, as u is not critical.
-            loop {
-                let ranges = |(r, k): &mut (RealRoot, usize)| {
-                    r.refine(bits);
-                    let (lo, hi) = r.interval();
-                    (lo, hi, *k)
-                };
-                let found = with_sides(roots.iter_mut().map(ranges).collect());
-                if are_apart(&found) {
-                    break found;
-                }
-                bits *= 2;
+        let found = match near.filter(|near| are_apart(near)) {
+            Some(found) => found,
+            None => {
+                let mut roots = self.exact_roots_at(u, &top);
+                // All differ, as u is not critical.
+                refine_until(32, DOUBLED, stop, |bits| {
+                    let ranges = |(r, k): &mut (RealRoot, usize)| {
+                        r.refine(bits);
+                        let (lo, hi) = r.interval();
+                        (lo, hi, *k)
+                    };
+                    let found = with_sides(roots.iter_mut().map(ranges).collect());
+                    Ok(are_apart(&found).then_some(found))
+                })?
             }
-        });
+        };
         let between = found
             .windows(2)
             .map(|w| simplest_between(&w[0].1, &w[1].0))
             .collect();
-        (found.into_iter().map(|f| f.2).collect(), between)
+        Ok((found.into_iter().map(|f| f.2).collect(), between))
     }
     /// The roots of the curves between the sides over a rational u, by curves.
     fn exact_roots_at(&self, u: &RBig, top: &RBig) -> Vec<(RealRoot, usize)> {
@@ -828,7 +860,7 @@ impl Work {
         let mut found = Vec::new();
         for (k, c) in self.curves.iter().enumerate() {
             if c.fibres.is_some() {
-                let g = c.rest.set(U, u).to_upoly(V).unwrap_or_default();
+                let g = over_v(&c.rest.set(U, u));
                 found.extend(real_roots(&g).into_iter().filter(inside).map(|r| (r, k)));
             }
         }
@@ -843,26 +875,29 @@ impl Work {
         separators: &Separators,
         sample: &RBig,
         side: Ordering,
-    ) -> Vec<usize> {
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Vec<usize>, ResultantError> {
+        /// Share of the way to the wall that is left at first, in bits, and how it shrinks: by
+        /// steps after which a rough look may do.
+        const FIRST: usize = 8;
+        const NEARER: Growth = |bits| bits + bits / 4;
         let mut at = sample.clone();
         let mut u = wall.u.clone();
-        let mut bits = 8;
-        while !separators
-            .iter()
-            .all(|c| self.is_clear(&u, &at, c, bits > 48))
-        {
-            // Half the way to the wall, in bits.
-            bits += bits / 4;
-            u.refine(2 * bits);
-            let (lo, hi) = u.interval();
-            let near = if side.is_gt() { hi } else { lo };
-            let step = (sample - &near) / RBig::from(dashu_int::IBig::ONE << bits);
-            at = if side.is_gt() {
-                simplest_between(&near, &(&near + step))
-            } else {
-                simplest_between(&(&near + step), &near)
-            };
-        }
+        refine_until(FIRST, NEARER, stop, |bits| {
+            if bits > FIRST {
+                u.refine(2 * bits);
+                let (lo, hi) = u.interval();
+                let near = if side.is_gt() { hi } else { lo };
+                let step = (sample - &near) / RBig::from(dashu_int::IBig::ONE << bits);
+                at = if side.is_gt() {
+                    simplest_between(&near, &(&near + step))
+                } else {
+                    simplest_between(&(&near + step), &near)
+                };
+            }
+            let is_clear = |c: &RBig| self.is_clear(&u, &at, c, bits > 48);
+            Ok(separators.iter().all(is_clear).then_some(()))
+        })?;
         let mut points = self.near_gaps(&at, separators).unwrap_or_else(|| {
             let below = |r: &RealRoot| {
                 let is_above = |s: &&RBig| r.cmp_rational(s).is_gt();
@@ -876,7 +911,7 @@ impl Work {
         let mut ends = vec![0];
         ends.extend(points);
         ends.push(wall.points.len() - 1);
-        ends
+        Ok(ends)
     }
 
     /// Of each root between the sides over u the number of separators below it, if floating point
@@ -906,7 +941,7 @@ impl Work {
         self.curves.iter().filter(|f| f.fibres.is_some()).all(|f| {
             f.misses([&lo, &hi], c)
                 || exact && {
-                    let g = f.rest.set(V, c).to_upoly(U).unwrap_or_default();
+                    let g = over_u(&f.rest.set(V, c));
                     g.degree() == 0
                         || real_roots(&g).iter().all(|r| {
                             let (from, to) = (r.cmp(u), r.cmp_rational(at));
@@ -915,5 +950,62 @@ impl Work {
                         })
                 }
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A circle that the arrangement has lost: its arcs are missed, not left out.
+    #[test]
+    #[should_panic(expected = "as many roots as arcs over a slab")]
+    fn a_curve_that_is_dropped_is_noticed() {
+        let circle = Poly::parse("64*(u - 1/4)^2 + 64*(v - 1/4)^2 - 1", &["u", "v"]);
+        let circle = circle.expect("a polynomial");
+        let mut a = Arrangement::new(&[circle], &|| false).expect("not stopped");
+        let middle = RBig::ONE / RBig::from(4);
+        let slab = (0..a.slabs.len())
+            .find(|&k| a.arcs_over(k, &middle).is_some_and(|arcs| arcs.len() == 4))
+            .expect("the circle's arcs between the sides");
+        a.curves[0] = Poly::one();
+        a.terms[0] = vec![([0, 0], Interval::new(1.0, 1.0))];
+        a.wide[0] = vec![([0, 0], Wide::exact(1.0))];
+        let _ = a.arcs_over(slab, &middle);
+    }
+
+    /// Every loop of growing precision asks whether to stop.
+    #[test]
+    fn decompositions_can_be_stopped_anywhere() {
+        let p = |text| Poly::parse(text, &["u", "v"]).expect("a polynomial");
+        let curves = [
+            p("u^3 - v^2 + 1/7*u*v"),
+            p("(u - 1/3)^2 + v^2 - 1/16"),
+            p("3*u - v"),
+        ];
+        let asked = std::cell::Cell::new(0);
+        let whole = Arrangement::new(&curves, &|| {
+            asked.set(asked.get() + 1);
+            false
+        });
+        assert!(
+            whole.is_ok() && asked.get() > 40,
+            "asked {} times",
+            asked.get()
+        );
+        for last in [0, asked.get() / 3, asked.get() / 2, asked.get() - 1] {
+            let now = std::cell::Cell::new(0);
+            let stopped = Arrangement::new(&curves, &|| {
+                now.set(now.get() + 1);
+                now.get() > last
+            });
+            assert!(
+                matches!(
+                    stopped,
+                    Err(ArrangementError::Resultant(ResultantError::Stopped))
+                ),
+                "after {last} questions"
+            );
+        }
     }
 }

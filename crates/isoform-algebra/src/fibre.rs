@@ -14,6 +14,7 @@
 
 use crate::ball::{self, Ball};
 use crate::poly::Poly;
+use crate::precision::{DOUBLED, refine_until};
 use crate::resultant::{ResultantError, Subresultants};
 use crate::roots::RealRoot;
 use crate::upoly::UPoly;
@@ -191,17 +192,11 @@ impl Fibres {
             fibre.divisor = divisor;
             fibre.distinct_complex -= repeated;
         }
-        let mut precision = FIRST_PRECISION;
-        for attempt in 0.. {
-            if stop() {
-                return Err(ResultantError::Stopped.into());
-            }
-            if let Some(roots) = fibre.isolate(precision, attempt) {
-                fibre.roots = roots;
-                break;
-            }
-            precision *= 2;
-        }
+        let mut attempts = 0..;
+        fibre.roots = refine_until(FIRST_PRECISION, DOUBLED, stop, |precision| {
+            let attempt = attempts.next().expect("there are enough numbers");
+            Ok(fibre.isolate(precision, attempt))
+        })?;
         Ok(fibre)
     }
 
@@ -317,13 +312,20 @@ fn coefficients_in(p: &Poly, var: usize, other: usize) -> Vec<UPoly> {
 impl Fibre {
     /// Narrows the interval of a root to a width of at most 2^−bits.
     ///
+    /// # Errors
+    /// [`ResultantError::Stopped`].
+    ///
     /// # Panics
     /// If there is no root of that index.
-    pub fn refine(&mut self, index: usize, bits: usize) {
-        let mut precision = FIRST_PRECISION.max(2 * bits);
-        while !self.try_refine(index, bits, precision) {
-            precision *= 2;
-        }
+    pub fn refine(
+        &mut self,
+        index: usize,
+        bits: usize,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(), ResultantError> {
+        refine_until(FIRST_PRECISION.max(2 * bits), DOUBLED, stop, |precision| {
+            Ok(self.try_refine(index, bits, precision).then_some(()))
+        })
     }
     fn try_refine(&mut self, index: usize, bits: usize, precision: usize) -> bool {
         if !self.approximate(precision) {

@@ -467,13 +467,11 @@ pub fn coprime_base(given: &[Poly]) -> (Vec<Poly>, Vec<Vec<usize>>) {
                 continue;
             }
             let of_both = of.iter().copied().chain([k]).collect();
-            // Divisors divide.
-            next.extend(
-                q.div_exact(&g)
-                    .filter(|q| !q.is_constant())
-                    .map(|q| (q.primitive(), of)),
-            );
-            rest = rest.div_exact(&g).unwrap_or_else(Poly::one);
+            let without = q.div_exact(&g).expect("a common divisor divides");
+            if !without.is_constant() {
+                next.push((without.primitive(), of));
+            }
+            rest = rest.div_exact(&g).expect("a common divisor divides");
             next.push((g.primitive(), of_both));
         }
         if !rest.is_constant() && !rest.is_zero() {

@@ -47,6 +47,7 @@ mod modpoly;
 pub mod modular;
 mod parse;
 mod poly;
+mod precision;
 mod resultant;
 mod roots;
 mod topology;

@@ -7,6 +7,7 @@
 //! iteration. All interval ends are dyadic numbers, all decisions exact.
 
 use crate::modular::bits;
+use crate::precision::MOST_BITS;
 use crate::upoly::{UPoly, sign};
 use dashu_base::{Abs, Signed};
 use dashu_int::{IBig, UBig};
@@ -228,6 +229,11 @@ fn variations_in_unit(q: &[IBig]) -> usize {
     changes
 }
 
+/// Bits to which no number is refined: [`refine_until`](crate::precision::refine_until) asks for
+/// numbers with some more bits than it computes with. Comparisons refine what is known to differ
+/// without a loop of that kind, and end here, too.
+const MOST_SHIFT: usize = 8 * MOST_BITS;
+
 impl RealRoot {
     /// The root in an interval that holds exactly one, of which other roots may be end points.
     fn isolated(poly: &Arc<UPoly>, lo: IBig, hi: IBig, shift: usize) -> Self {
@@ -315,6 +321,10 @@ impl RealRoot {
         if self.is_exact() {
             return;
         }
+        assert!(
+            self.shift < MOST_SHIFT,
+            "a number is asked for to {MOST_SHIFT} bits: an error of the exact kernel"
+        );
         let width = &self.hi - &self.lo;
         let gear = self.gear;
         let shift = self.shift + gear;

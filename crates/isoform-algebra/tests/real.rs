@@ -217,7 +217,7 @@ fn fibres_at_critical_points() {
         }
         for i in 0..fibre.roots.len() {
             let before = fibre.roots[i].clone();
-            fibre.refine(i, 300);
+            fibre.refine(i, 300, &go).expect("not stopped");
             let r = &fibre.roots[i];
             assert!(before.lo <= r.lo && r.lo < r.hi && r.hi <= before.hi);
             assert!(&r.hi - &r.lo <= RBig::from_parts(IBig::ONE, UBig::ONE << 300));

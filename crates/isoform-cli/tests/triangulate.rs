@@ -118,6 +118,7 @@ fn a_sphere_is_certified() {
     let text = stdout(&o);
     for word in [
         "certificate  certified",
+        "2 checked in floating point, not proved (distances, shapes)",
         "Euler number 2, 1 component, no boundary loops",
         "proper, onto a surface of degree 2",
         "w = 0 to (0, 0, 1)",
@@ -144,6 +145,7 @@ fn a_sphere_is_certified() {
         "schema",
         "certified",
         "unproven",
+        "claims",
         "map_degree",
         "base_points",
         "pole_components",
@@ -157,6 +159,23 @@ fn a_sphere_is_certified() {
     assert_eq!(
         (&r["schema"], &r["certified"], &r["map_degree"]),
         (&json!(1), &json!(true), &json!(1))
+    );
+    // What is only checked in floating point is said to be.
+    let claims = r["claims"].as_array().expect("claims");
+    let floating: Vec<&Value> = claims
+        .iter()
+        .filter(|c| c["basis"] == "floating")
+        .map(|c| &c["claim"])
+        .collect();
+    assert_eq!(floating, ["distances", "shapes"]);
+    assert_eq!(
+        claims.iter().find(|c| c["claim"] == "sign of W"),
+        Some(&json!({
+            "claim": "sign of W",
+            "basis": "bounded",
+            "holds": true,
+            "text": "W keeps its sign on every triangle of the parameters",
+        }))
     );
     assert_eq!(
         r["pole_components"],
@@ -484,6 +503,43 @@ fn any_number_of_threads_gives_the_same_bytes() {
     for (name, bytes) in seen {
         assert!(bytes[0] == bytes[1], "{name}");
     }
+}
+
+/// A curve whose real components are contracted to two points is one curve.
+#[test]
+fn a_contracted_curve_is_named_once() {
+    let f = Folder::new("triangulate-contracted");
+    let map = f.map(r#"{"X": "s", "Y": "s^2 - 2", "Z": "t*(s^2 - 2)", "W": "1"}"#);
+    let o = isoform(&[
+        "triangulate",
+        &map,
+        "--box",
+        "2",
+        "--tol",
+        "0.1",
+        "--mode",
+        "normalised",
+        "-o",
+        &f.path("m.obj"),
+    ]);
+    let text = stdout(&o);
+    let line = "s^2 - 2*w^2 = 0 to (-1.4142135623730951, 0, 0) and (1.4142135623730951, 0, 0)\n";
+    assert_eq!(text.matches("s^2 - 2*w^2 = 0").count(), 1, "{text}");
+    assert!(text.contains(line), "{text}");
+}
+
+/// Where there is no triangle it is said where the surface is.
+#[test]
+fn a_surface_outside_of_the_box() {
+    let f = Folder::new("triangulate-outside");
+    let map =
+        f.map(r#"{"X": "20*s", "Y": "20*t", "Z": "10*s^2 + 10*t^2 - 10", "W": "s^2 + t^2 + 1"}"#);
+    let o = isoform(&["triangulate", &map, "--box", "3/2", "-o", &f.path("m.obj")]);
+    assert_eq!(code(&o), 4);
+    let said = stderr(&o);
+    assert!(said.contains("x, y and z between -3/2 and 3/2"), "{said}");
+    assert!(said.contains("all of the surface is farther out"), "{said}");
+    assert!(!f.is_there("m.obj"));
 }
 
 #[test]

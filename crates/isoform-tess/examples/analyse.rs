@@ -118,8 +118,8 @@ fn print_analysis(map: &Map) {
             curve.in_minors
         );
     }
-    for sentence in &found.unproven {
-        println!("  unproven: {sentence}");
+    for finding in &found.findings {
+        println!("  unproven: {finding}");
     }
     let seconds: Vec<String> = found
         .seconds

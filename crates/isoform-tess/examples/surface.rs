@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!(
         "{} triangles, {:?}, {:?}",
         surface.triangles.len(),
-        surface.unproven,
+        surface.findings,
         analysis.seconds
     );
     if let [out, ..] = out {

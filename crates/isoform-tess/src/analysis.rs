@@ -1,7 +1,9 @@
 //! Everything that is known exactly about a map before it is triangulated.
 
 use crate::base::{BasePoint, Classes};
+use crate::claim::{Basis, Claim, Grade};
 use crate::complex_seams::{SeamLine, seam_lines};
+use crate::finding::{Finding, Phase};
 use crate::map::Map;
 use crate::singular::{Singular, singular};
 use crate::univariate::Stopped;
@@ -36,11 +38,7 @@ impl Default for Budget {
     }
 }
 
-/// Said where a complex seam is real, and no line.
-const UNTRACED: &str = "solitary curves: complex base points are blown up to a real curve, or may \
-     be, and such curves are traced only where they are lines with rational coordinates";
-
-/// Exact facts about a map; a part that was not to be had is `None`, and `unproven` says so.
+/// Exact facts about a map; a part that was not to be had is `None`, and `findings` says so.
 #[derive(Clone, Debug, Default)]
 pub struct Analysis {
     /// Degrees of the map and of the surface.
@@ -61,10 +59,48 @@ pub struct Analysis {
     pub double_section: Option<usize>,
     /// Real lines that conjugate base points are blown up to.
     pub seam_lines: Vec<SeamLine>,
-    /// What could not be proven, in sentences; empty if everything was.
-    pub unproven: Vec<String>,
+    /// What could not be proven; empty if everything was.
+    pub findings: Vec<Finding>,
+    /// Whether only what a region without poles needs was looked for.
+    pub(crate) is_local: bool,
     /// Seconds that the phases took, in their order.
     pub seconds: Vec<(&'static str, f64)>,
+}
+
+impl Analysis {
+    fn stopped(&mut self, phase: Phase) {
+        self.findings.push(Finding::Stopped(phase));
+    }
+    /// What it claims. Nothing is claimed of the whole plane where only a region was analysed, nor
+    /// of what there was no time for: findings say that.
+    pub(crate) fn grades(&self) -> Vec<Grade> {
+        let is_double_known = |s: &Singular| s.double.is_some();
+        let asked = [
+            (Claim::CriticalCurves, self.singular.is_some()),
+            (
+                Claim::DoubleCurves,
+                self.singular.as_ref().is_some_and(is_double_known),
+            ),
+            (Claim::BasePoints, self.base_points.is_some()),
+            (Claim::ComplexSeams, self.base_points.is_some()),
+            (Claim::Pole, !self.is_local),
+        ];
+        let asked = asked.into_iter().filter(|c| c.1);
+        let mut grades: Vec<Grade> = asked.map(|c| c.0.into()).collect();
+        if self.is_local {
+            return grades;
+        }
+        // The base points prove the product of the degrees, and an implicit equation one of them;
+        // without it they are counted at pseudo-random points modulo primes.
+        grades.push(Grade {
+            claim: Claim::MapDegree,
+            basis: match self.implicit {
+                Some(_) => Claim::MapDegree.basis(),
+                None => Basis::Floating,
+            },
+        });
+        grades
+    }
 }
 
 /// Analyses a map. Everything but `seconds` is the same each time, unless `stop` or
@@ -87,15 +123,13 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
                 Ok((lines, others)) => {
                     found.seam_lines = lines;
                     if others {
-                        found.unproven.push(UNTRACED.to_owned());
+                        found.findings.push(Finding::ComplexSeamUntraced);
                     }
                 }
-                Err(Stopped) => found
-                    .unproven
-                    .push("seams of complex base points: stopped".to_owned()),
+                Err(Stopped) => found.stopped(Phase::ComplexSeams),
             }
         }
-        Err(Stopped) => found.unproven.push("base points: stopped".to_owned()),
+        Err(Stopped) => found.stopped(Phase::BasePoints),
     }
     lap(&mut found, "base points");
 
@@ -103,18 +137,14 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
         Ok(factors) => found.pole = Some(factors),
         Err(error) => {
             assert_eq!(error, FactorError::Stopped, "a form in three variables");
-            found
-                .unproven
-                .push("factors of the pole curve: stopped".to_owned());
+            found.stopped(Phase::Pole);
         }
     }
     lap(&mut found, "pole");
 
     match curve_topology(&map.forms()[3], stop) {
         Ok(topology) => found.pole_topology = Some(topology),
-        Err(error) => found
-            .unproven
-            .push(format!("the topology of the pole curve: {error}")),
+        Err(error) => found.findings.push(Finding::PoleTopology(error)),
     }
     lap(&mut found, "pole topology");
 
@@ -133,36 +163,27 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
         Some(degrees) if degrees.implicit_degree <= budget.implicit_degree => {
             match implicit(map.affine(), budget.implicit_degree, &enough) {
                 Ok(equation) => found.implicit = equation,
-                Err(error) => found.unproven.push(format!(
-                    "self-intersections: the implicit equation: {error}"
-                )),
+                Err(error) => found.findings.push(Finding::NoEquation(error)),
             }
         }
         Some(degrees) => {
-            let degree = degrees.implicit_degree;
-            found.unproven.push(format!(
-                "self-intersections: the surface has degree {degree}, above the limit of {}",
-                budget.implicit_degree
-            ));
+            found.findings.push(Finding::DegreeAboveLimit {
+                degree: degrees.implicit_degree,
+                limit: budget.implicit_degree,
+            });
         }
-        None => found
-            .unproven
-            .push("self-intersections: the degree of the surface is unknown".to_owned()),
+        None => found.findings.push(Finding::SurfaceDegreeUnknown),
     }
     if let (Some(counted), Some(equation)) = (found.degrees, &found.implicit)
         && counted != equation.degrees
     {
-        found
-            .unproven
-            .push("the degree of the map: counting and the implicit equation disagree".to_owned());
+        found.findings.push(Finding::DegreeContradicted);
     }
     lap(&mut found, "implicit equation");
 
     match singular(map, found.implicit.as_ref(), &enough) {
         Ok(curves) => found.singular = Some(curves),
-        Err(Stopped) => found
-            .unproven
-            .push("double, ramified and contracted curves: stopped".to_owned()),
+        Err(Stopped) => found.stopped(Phase::SingularCurves),
     }
     lap(&mut found, "singular curves");
     found
@@ -177,11 +198,14 @@ pub(crate) fn until(limit: f64, stop: &dyn Fn() -> bool) -> impl Fn() -> bool {
 /// What a domain in which the map is proved to have no pole needs to be known of: contracted curves
 /// and cuspidal edges.
 pub(crate) fn analyse_clear(map: &Map, stop: &dyn Fn() -> bool) -> Analysis {
-    let mut found = Analysis::default();
+    let mut found = Analysis {
+        is_local: true,
+        ..Analysis::default()
+    };
     let clock = Instant::now();
     match singular(map, None, stop) {
         Ok(curves) => found.singular = Some(curves),
-        Err(Stopped) => found.unproven.push("contracted curves: stopped".to_owned()),
+        Err(Stopped) => found.stopped(Phase::ContractedCurves),
     }
     found
         .seconds
@@ -210,22 +234,19 @@ fn degrees(
 ) {
     match map_degrees(map.affine(), stop) {
         Ok(degrees) => found.degrees = Some(degrees),
-        Err(MapError::Stopped) => found
-            .unproven
-            .push("the degree of the map: stopped".to_owned()),
-        Err(error) => found
-            .unproven
-            .push(format!("the degree of the map: {error}")),
+        Err(MapError::Stopped) => found.stopped(Phase::MapDegree),
+        Err(error) => found.findings.push(Finding::DegreeUnknown(error)),
     }
     if let Some(degrees) = found.degrees {
         let counted = degrees.base_multiplicity;
         match base_multiplicity {
             Some(sum) if sum != counted => {
-                found.unproven.push(format!("the degree of the map: base points of multiplicity {counted} counted, {sum} found"));
+                found.findings.push(Finding::DegreeRefuted {
+                    counted,
+                    found: sum,
+                });
             }
-            None => found
-                .unproven
-                .push("the degree of the map: counted, not proven".to_owned()),
+            None => found.findings.push(Finding::DegreeCounted),
             Some(_) => {}
         }
     }

@@ -13,7 +13,7 @@
 //! curve all of whose points stay where they are.
 
 use crate::base::BasePoint;
-use crate::field::{Algebraic, vanishes};
+use crate::field::{Algebraic, exact, vanishes};
 use crate::map::Map;
 use crate::univariate::{Stopped, check};
 use crate::zeros::common_zeros;
@@ -255,11 +255,12 @@ fn across(p: &[Algebraic; 3]) -> Vec<[Point; 2]> {
         let mut d = [cos, sin].into_iter();
         let moved = |i: usize| match i == largest {
             true => 1.0,
-            false => at[i] / at[largest] + sign * STEP * d.next().unwrap_or_default(),
+            false => {
+                let d = d.next().expect("two coordinates beside the largest one");
+                at[i] / at[largest] + sign * STEP * d
+            }
         };
-        [0, 1, 2]
-            .map(moved)
-            .map(|x| RBig::try_from(x).unwrap_or_default())
+        [0, 1, 2].map(moved).map(exact)
     };
     let angle = |k: usize| (k as f64 + 0.37) * std::f64::consts::PI / DIRECTIONS as f64;
     (0..DIRECTIONS)

@@ -153,10 +153,7 @@ impl Domain {
     pub fn bounds(&self) -> [[RBig; 2]; 2] {
         [0, 1].map(|k| {
             let all = || self.corners.iter().map(|c| c[k].clone());
-            [
-                all().min().unwrap_or_default(),
-                all().max().unwrap_or_default(),
-            ]
+            [all().min(), all().max()].map(|x| x.expect("a domain has corners"))
         })
     }
     /// The lines of the sides, as forms in (s, t, w).
@@ -331,12 +328,10 @@ pub(crate) fn image_bounds(
                 let p = [0, 1, 2].map(|i| &nets[i].coefficients[k] / w);
                 bounds = Some(match bounds {
                     None => p.map(|x| [x.clone(), x]),
-                    Some(old) => {
-                        let mut p = p.into_iter();
-                        old.map(|[lo, hi]| {
-                            let x = p.next().unwrap_or_default();
-                            [lo.min(x.clone()), hi.max(x)]
-                        })
+                    Some([a, b, c]) => {
+                        let wider = |[lo, hi]: [RBig; 2], x: RBig| [lo.min(x.clone()), hi.max(x)];
+                        let [x, y, z] = p;
+                        [wider(a, x), wider(b, y), wider(c, z)]
                     }
                 });
             }

@@ -27,6 +27,7 @@ use crate::complex::{
 };
 use crate::deck::Deck;
 use crate::field::{Algebraic, Element, NumberField};
+use crate::finding::{Finding, Phase};
 use crate::map::Map;
 use crate::singular::{CurveKind, Singular, SingularCurve, signed_minors};
 use crate::univariate::{Stopped, check};
@@ -110,25 +111,26 @@ fn value(field: &NumberField, form: &Poly, at: &[Element; 3]) -> Element {
 }
 
 /// Solitary curves in the box |x|, |y|, |z| ≤ `half_width`, as polylines whose vertices lie on them
-/// up to rounding and whose chords leave them by at most about `tolerance`, and sentences about
-/// what could not be completed; none if all is well.
+/// up to rounding and whose chords leave them by at most about `tolerance`, and what could not be
+/// completed; nothing if all is well.
 ///
 /// The points of these curves have no real parameter, apart from isolated ones, but a pair of
 /// conjugate ones; conjugate directions of real base points are included. The curves end at pinch
 /// points, where the pair becomes real, at faces of the box, and where a real parameter joins them.
 /// The first point of a closed curve is repeated as its last. Curves that lie between two of the
-/// planes by which they are looked for (a seventeenth of the box's diagonal apart), and reach
-/// neither a face nor a pinch point, may be missed.
+/// planes by which they are looked for (a seventh to a seventeenth of the box's diagonal apart in
+/// each of three directions, the fewer points are followed the nearer), and reach neither a face
+/// nor a pinch point, may be missed.
 pub fn solitary_arcs(
     map: &Map,
     singular: &Singular,
     half_width: f64,
     tolerance: f64,
     stop: &dyn Fn() -> bool,
-) -> (Vec<Vec<[f64; 3]>>, Vec<String>) {
+) -> (Vec<Vec<[f64; 3]>>, Vec<Finding>) {
     let mut problems = Vec::new();
     if singular.double.is_none() {
-        problems.push("solitary curves: the double locus is unknown".to_owned());
+        problems.push(Finding::DoubleLocusUnknown);
         return (Vec::new(), problems);
     }
     let mut search = Search {
@@ -138,7 +140,7 @@ pub fn solitary_arcs(
         problems,
     };
     if search.run(map, singular, half_width, stop).is_err() {
-        search.problems.push("solitary curves: stopped".to_owned());
+        search.problems.push(Finding::Stopped(Phase::SolitaryArcs));
     }
     let scale = |x: [f64; 3]| x.map(|v| v * half_width);
     (
@@ -222,7 +224,10 @@ impl Fibres {
 }
 
 /// The curves with images that are curves in space.
-fn curves_of<'a>(map: &'a Map, singular: &'a Singular) -> impl Iterator<Item = &'a SingularCurve> {
+pub(crate) fn curves_of<'a>(
+    map: &'a Map,
+    singular: &'a Singular,
+) -> impl Iterator<Item = &'a SingularCurve> {
     let is_left_out = |c: &&SingularCurve| {
         matches!(c.kind, CurveKind::Contracted(_)) || map.forms()[3].is_multiple_of(&c.curve)
     };
@@ -898,7 +903,7 @@ struct Search {
     /// In units of the half-width, as all points.
     tolerance: f64,
     arcs: Vec<Vec<[f64; 3]>>,
-    problems: Vec<String>,
+    problems: Vec<Finding>,
 }
 
 /// The plane whose section is computed first.
@@ -963,8 +968,7 @@ impl Search {
         let general = general_plane();
         for source in &mut self.sources {
             if !first_section(source, &general, stop)? {
-                self.problems
-                    .push("solitary curves: points of a section were lost".to_owned());
+                self.problems.push(Finding::SectionLost);
             }
         }
         Ok(())
@@ -1127,10 +1131,8 @@ impl Search {
 
     fn report(&mut self, end: End, last: &State) {
         if end == End::Lost {
-            let [x, y, z] = last.point();
-            self.problems.push(format!(
-                "a solitary curve was lost near ({x:.4}, {y:.4}, {z:.4}) half-widths"
-            ));
+            self.problems
+                .push(Finding::SolitaryLost { at: last.point() });
         }
     }
 

@@ -15,9 +15,11 @@
 
 use crate::base::{BasePoint, BinaryForm, Seam};
 use crate::cover::Involution;
-use crate::field::Algebraic;
+use crate::field::{Algebraic, exact};
+use crate::finding::{Finding, Unopened};
 use crate::region::Region;
 use crate::surface::Point3;
+use crate::univariate::Stopped;
 use isoform_algebra::{Poly, QUADRANTS, RBig, real_roots};
 use isoform_geom::{dot, sub};
 use std::cmp::Ordering;
@@ -97,6 +99,15 @@ enum Step {
     Along(f64),
     /// (u, v) = (u′v′, v′).
     Across,
+}
+
+impl Step {
+    fn is_finite(self) -> bool {
+        match self {
+            Self::Along(v) => v.is_finite(),
+            Self::Across => true,
+        }
+    }
 }
 
 /// What is in a direction of a node.
@@ -183,7 +194,7 @@ pub(crate) struct Sector {
 #[derive(Clone)]
 pub(crate) struct Fan {
     /// Why it cannot be opened.
-    pub(crate) problem: Option<String>,
+    pub(crate) problem: Option<Finding>,
     /// Homogeneous coordinates (s, t, w).
     pub(crate) point: [f64; 3],
     variables: [usize; 2],
@@ -226,25 +237,19 @@ fn zeros(coefficients: &[RBig]) -> Vec<[f64; 2]> {
     found
 }
 
-fn rationals(form: &BinaryForm) -> Vec<RBig> {
-    let round = |x: f64| RBig::try_from(x).unwrap_or_default();
-    form.coefficients
-        .iter()
-        .map(|c| {
-            c.as_rational().unwrap_or_else(|| {
-                if c.is_zero() {
-                    RBig::ZERO
-                } else {
-                    round(c.to_f64())
-                }
-            })
-        })
-        .collect()
+/// The coefficients of a form, irrational ones rounded to doubles; nothing if one is too large for
+/// that.
+fn rationals(form: &BinaryForm) -> Option<Vec<RBig>> {
+    let number = |c: &Algebraic| match c.as_rational() {
+        Some(c) => Some(c),
+        None => RBig::try_from(c.to_f64()).ok(),
+    };
+    form.coefficients.iter().map(number).collect()
 }
 
 /// Whether a seam is in the box in a direction, exact for the direction rounded.
 fn is_in_box(curve: &[BinaryForm; 4], half_width: &RBig, at: [f64; 2]) -> bool {
-    let [a, b] = at.map(|x| RBig::try_from(x).unwrap_or_default());
+    let [a, b] = at.map(exact);
     let [x, y, z, w] = curve.each_ref().map(|f| f.eval(&a, &b));
     let plus = |x: &Algebraic, b: &RBig| {
         Algebraic::new(x.field(), x.root(), x.element().add(&w.element().scaled(b))).sign()
@@ -279,7 +284,15 @@ enum Event {
 impl Fan {
     /// The directions that matter from the start: of the curves that bound the region or are drawn
     /// in it, and of the sides of the unit triangles.
-    pub(crate) fn new(base: &BasePoint, region: &Region, w_form: &Poly) -> Self {
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    pub(crate) fn new(
+        base: &BasePoint,
+        region: &Region,
+        w_form: &Poly,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Self, Stopped> {
         let mut all = Vec::new();
         collect(&base.seam, &[], [false; 2], &mut all);
         let ([u, v], one) = base.chart.variables();
@@ -289,20 +302,24 @@ impl Fan {
             point,
             variables: [u, v],
             one,
-            multiplicity: if all.len() == 1 {
-                base.multiplicity()
-            } else {
-                tangents(w_form, point, [u, v], one, &[]).0
-            },
+            multiplicity: base.multiplicity(),
             half_width: region.half_width.to_f64().value(),
             nodes: Vec::new(),
             is_tree: false,
             directions: Vec::new(),
             sectors: Vec::new(),
         };
+        let steps = all.iter().flat_map(|found| &found.0);
+        if !point.iter().all(|x| x.is_finite()) || steps.clone().any(|s| !s.is_finite()) {
+            fan.problem = fan.left_open(Unopened::BeyondDoubles);
+            return Ok(fan);
+        }
+        if all.len() > 1 {
+            fan.multiplicity = tangents(w_form, point, [u, v], one, &[]).0;
+        }
         for (chain, exceptional, seam, children) in all {
             let place = fan.nodes.len();
-            let cover = Involution::of(&seam.curve, &|| false).ok().flatten();
+            let cover = Involution::of(&seam.curve, stop)?;
             let marks = fan.marks(
                 base,
                 place,
@@ -358,7 +375,7 @@ impl Fan {
         if !fan.sectors.iter().any(|s| s.inside) {
             fan.problem = None;
         }
-        fan
+        Ok(fan)
     }
 
     /// What is in which direction of a node.
@@ -374,12 +391,6 @@ impl Fan {
         cover: Option<Involution>,
         region: &Region,
     ) -> Vec<(Direction, Mark, bool)> {
-        let [s, t, w] = self.point;
-        let open = |why: &str| {
-            Some(format!(
-                "the base point ({s} : {t} : {w}) is left open: {why}"
-            ))
-        };
         let mut marks: Vec<(Direction, Option<Mark>)> = Vec::new();
         let add_to = |marks: &mut Vec<(Direction, Option<Mark>)>,
                       at: [f64; 2],
@@ -430,16 +441,19 @@ impl Fan {
                 add(at, 0, &[], None);
             }
         }
-        let [x, y, z, w] = seam.curve.each_ref().map(rationals);
+        let forms: Option<Vec<Vec<RBig>>> = seam.curve.iter().map(rationals).collect();
+        if forms.is_none() {
+            self.problem = self.left_open(Unopened::BeyondDoubles);
+        }
         let mut in_face = false;
-        for face in 0..6 {
-            let form = [&x, &y, &z][face / 2];
+        for (face, forms) in (0..6).flat_map(|face| forms.iter().map(move |f| (face, f))) {
+            let (form, w) = (&forms[face / 2], &forms[3]);
             let b = if face % 2 == 0 {
                 region.half_width.clone()
             } else {
                 -region.half_width.clone()
             };
-            let sum: Vec<RBig> = form.iter().zip(&w).map(|(x, w)| x + &b * w).collect();
+            let sum: Vec<RBig> = form.iter().zip(w).map(|(x, w)| x + &b * w).collect();
             if sum.iter().all(RBig::is_zero) {
                 in_face = true;
                 continue;
@@ -511,11 +525,11 @@ impl Fan {
             })
             .collect();
         if in_face && inside.contains(&true) {
-            self.problem = open("its seam lies in a face of the box");
+            self.problem = self.left_open(Unopened::SeamInFace);
         }
         for (k, (d, mark)) in marks.iter().enumerate() {
             if mark.is_some() && (inside[k] || inside[(k + n - 1) % n]) && d.faces != 0 {
-                self.problem = open("two of its seams meet in a face of the box");
+                self.problem = self.left_open(Unopened::SeamsMeetInFace);
             }
         }
         let mut found = Vec::new();
@@ -527,6 +541,11 @@ impl Fan {
             found.push((d, mark, inside));
         }
         found
+    }
+
+    fn left_open(&self, why: Unopened) -> Option<Finding> {
+        let point = self.point;
+        Some(Finding::Unopened { point, why })
     }
 
     /// The sectors, from the marks of all nodes.
@@ -560,10 +579,7 @@ impl Fan {
             .collect();
         let torn = (0..n).any(|k| stations[k].0.after.1 != stations[(k + 1) % n].0.before.1);
         if torn && self.problem.is_none() {
-            let [s, t, w] = self.point;
-            self.problem = Some(format!(
-                "the base point ({s} : {t} : {w}) is left open: two of its seams meet in a face of the box"
-            ));
+            self.problem = self.left_open(Unopened::SeamsMeetInFace);
         }
     }
 
@@ -587,7 +603,6 @@ impl Fan {
         let (node, [a, b]) = self.piece(sector, piece);
         let (d, backward) = directed(node, [a[0] + b[0], a[1] + b[1]]);
         let off = self.lowered(node, d.at_distance(backward == within, NEAR, 0.0));
-        let exact = |x: f64| RBig::try_from(x).unwrap_or_default();
         let mut p = self.point.map(exact);
         (0..2).for_each(|i| p[self.variables[i]] += exact(off[i]));
         p
@@ -1148,15 +1163,14 @@ fn tangents(
     one: usize,
     chain: &[Step],
 ) -> (usize, Vec<[f64; 2]>) {
-    let round = |x: f64| RBig::try_from(x).unwrap_or_default();
     let p = curve.dehomogenise(one);
-    let shift = |k: usize| Poly::var(k) + Poly::constant(round(point[k]));
+    let shift = |k: usize| Poly::var(k) + Poly::constant(exact(point[k]));
     let mut local = p.substitute(u, &shift(u)).substitute(v, &shift(v));
     for step in chain {
         let (x, y) = (Poly::var(u), Poly::var(v));
         let (moved, line) = match step {
             Step::Along(v0) => (
-                local.substitute(v, &(&x * (Poly::constant(round(*v0)) + y))),
+                local.substitute(v, &(&x * (Poly::constant(exact(*v0)) + y))),
                 x,
             ),
             Step::Across => (local.substitute(u, &(x * &y)), y),
@@ -1191,4 +1205,27 @@ fn tangents(
         }
     }
     (0, Vec::new())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::NumberField;
+    use isoform_algebra::UPoly;
+
+    /// √2 times a power of ten that no double is near to: not 0, which would put the seam elsewhere.
+    #[test]
+    fn coefficients_beyond_doubles_are_not_zero() {
+        let (field, root) = NumberField::new(&UPoly::from_i64(&[-2, 0, 1]));
+        let form = |exponent: usize| {
+            let power = (0..exponent).fold(RBig::ONE, |p, _| p * RBig::from(10));
+            let coefficient = Algebraic::new(&field, 0, root.scaled(&power));
+            BinaryForm {
+                coefficients: vec![coefficient],
+            }
+        };
+        assert_eq!(rationals(&form(400)), None);
+        let near = rationals(&form(300)).map(|c| c[0].to_f64().value());
+        assert_eq!(near, Some(-2f64.sqrt() * 1e300));
+    }
 }

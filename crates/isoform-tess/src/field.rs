@@ -461,6 +461,15 @@ impl Algebraic {
     }
 }
 
+/// A double as the number that it is.
+///
+/// # Panics
+/// If it is none: what is not finite is to be met where it arises. Taken for 0, it would lead to
+/// another place than the one asked about, or leave out a curve.
+pub(crate) fn exact(x: f64) -> RBig {
+    RBig::try_from(x).expect("a finite number")
+}
+
 /// Whether a form vanishes at a point whose coordinates belong to one root of one field, or are
 /// rational.
 pub(crate) fn vanishes(form: &Poly, at: &[Algebraic; 3]) -> bool {

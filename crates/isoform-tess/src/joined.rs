@@ -5,6 +5,8 @@
 //! sides of a domain are straight in the parameters, so that what is proved of a triangle holds for
 //! its parts.
 
+use crate::claim::Claim;
+use crate::finding::Finding;
 use crate::patch::{ControlPoint, Patch};
 use crate::surface::{Kind, Point3, Surface};
 use isoform_algebra::RBig;
@@ -323,11 +325,12 @@ fn weld(
         }
         joined.double_curve.extend(s.double_curve);
         joined.solitary_arcs.extend(s.solitary_arcs);
-        joined.unproven.extend(
-            s.unproven
-                .into_iter()
-                .map(|u| format!("{}: {u}", patches[k].name)),
-        );
+        joined.grades.extend(s.grades);
+        let named = |f: Finding| f.of_patch(&patches[k].name);
+        joined.findings.extend(s.findings.into_iter().map(named));
+    }
+    if patches.len() > 1 {
+        joined.grades.push(Claim::Sides.into());
     }
     check(&mut joined, &unshared, most);
     joined
@@ -342,13 +345,9 @@ fn check(s: &mut Surface, unshared: &[[u64; 3]], most: usize) {
         .filter(|(e, (n, _))| *n > most.max(2) && !s.is_double(e))
         .count();
     if open > 0 {
-        s.unproven.push(format!(
-            "patches do not fit along {open} edges of sides that they have in common"
-        ));
+        s.findings.push(Finding::SidesApart(open));
     }
     if crowded > 0 {
-        s.unproven.push(format!(
-            "{crowded} edges have more triangles than there are patches at a side"
-        ));
+        s.findings.push(Finding::SidesCrowded(crowded));
     }
 }

@@ -11,11 +11,14 @@
 //!   belongs.
 //! - [`analyse`]: all of it, with the degrees, the implicit equation and the pole curve, within a
 //!   [`Budget`].
+//! - [`Claim`], [`Basis`], [`Finding`]: what is claimed of a surface, how it was decided, and what
+//!   stands against it.
 //! - [`NumberField`], [`Element`], [`Algebraic`]: the exact numbers in which all of this is said.
 #![forbid(unsafe_code)]
 
 mod analysis;
 mod base;
+mod claim;
 mod complex;
 mod complex_seams;
 mod cover;
@@ -26,6 +29,7 @@ mod double;
 mod equation;
 mod fan;
 mod field;
+mod finding;
 mod frame;
 mod joined;
 mod map;
@@ -42,10 +46,12 @@ mod zeros;
 
 pub use analysis::{Analysis, Budget, analyse};
 pub use base::{BasePoint, BinaryForm, Near, Seam, base_multiplicity, base_points};
+pub use claim::{Basis, Claim, Grade};
 pub use complex_seams::SeamLine;
 pub use domain::{Domain, DomainError, MAX_CORNERS, Parameters, bounds_over};
 pub use double::{pinch_points, solitary_arcs};
 pub use field::{Algebraic, Element, NumberField};
+pub use finding::{Finding, JoinedCurve, Phase, Unopened};
 pub use frame::Frame;
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
 pub use patch::{ControlPoint, Patch, PatchFileError, is_patch_file, patch_bounds, read_patches};

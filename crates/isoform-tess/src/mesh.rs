@@ -23,10 +23,12 @@ pub(crate) mod traced;
 mod unit;
 
 use crate::analysis::Analysis;
+use crate::claim::{Claim, Grade};
 use crate::deck::Deck;
 use crate::double::Fibres;
 use crate::fan::{Direction, Fan, Key};
 use crate::field::{Algebraic, vanishes};
+use crate::finding::Finding;
 use crate::map::Map;
 use crate::polling::polled;
 use crate::region::Region;
@@ -197,7 +199,8 @@ pub(crate) fn mesh(
                 .as_ref()
                 .is_some_and(|s| s.double.is_some());
         surface.double_curve = std::mem::take(&mut builder.gluing.arcs);
-        surface.unproven.append(&mut builder.gluing.unproven);
+        surface.findings.append(&mut builder.gluing.findings);
+        surface.grades = builder.grades(curves);
         let tolerance = |p: Point3| builder.tolerance_at(p);
         let mut surface = finish(surface, builder.half_width, curves.glued, &tolerance);
         // Contracted curves with one image are one vertex, and what is joined with them is known by
@@ -205,8 +208,7 @@ pub(crate) fn mesh(
         if curves.deck.is_some() && !curves.glued {
             let count = closing::pinched(&surface);
             if count > 0 {
-                let text = format!("{count} vertices may join sheets that are to stay apart");
-                surface.unproven.push(text);
+                surface.findings.push(Finding::PinchedVertices(count));
             }
         }
         surface
@@ -442,6 +444,30 @@ fn on_side(side: usize, x: f64) -> [f64; 2] {
 }
 
 impl Builder<'_> {
+    /// What is claimed of the mesh. Of what had not to be decided nothing is claimed.
+    fn grades(&self, curves: &Curves) -> Vec<Grade> {
+        let is_opened = !self.sites.is_empty();
+        let is_tree = self.sites.values().any(|s| self.fans[s.fan].is_tree());
+        let is_joined = curves.is_joined() && self.gluing.is_anything_joined();
+        let asked = [
+            (Claim::Images, self.images.len() > 1),
+            (Claim::Tangents, is_opened),
+            (Claim::Trees, is_tree),
+            (Claim::SignAtBasePoints, is_opened),
+            (Claim::Folds, is_opened && curves.deck.is_some()),
+            (Claim::Partners, is_joined || !curves.isolated.is_empty()),
+            (Claim::Sheets, curves.deck.is_some() && !curves.glued),
+        ];
+        let asked = asked.into_iter().filter(|c| c.1).map(|c| c.0);
+        let always = [
+            Claim::Drawing,
+            Claim::SignOfW,
+            Claim::Distances,
+            Claim::Shapes,
+            Claim::Edges,
+        ];
+        asked.chain(always).map(Grade::from).collect()
+    }
     /// Base points in a unit triangle, by quadrant, wall and point.
     fn sites_in(&self, q: usize) -> impl Iterator<Item = (&(usize, usize, usize), &Site)> {
         self.sites.range((q, 0, 0)..(q + 1, 0, 0))

@@ -11,6 +11,7 @@
 
 use crate::deck::Deck;
 use crate::domain::{Domain, image_bounds, parameters};
+use crate::field::exact;
 use crate::map::Map;
 use crate::polling::in_quadrants;
 use isoform_algebra::{
@@ -132,8 +133,10 @@ impl Region {
                     let bounds: Vec<Poly> = bounds.iter().map(|b| b.set(0, &slab.u)).collect();
                     let between = |v: &RBig| {
                         bounds.chunks(2).all(|pair| {
-                            let [low, high] =
-                                [0, 1].map(|k| pair[k].set(1, v).as_constant().unwrap_or_default());
+                            let [low, high] = [0, 1].map(|k| {
+                                let value = pair[k].set(1, v).as_constant();
+                                value.expect("both variables have values")
+                            });
                             low.sign() != high.sign() || low.is_zero() || high.is_zero()
                         })
                     };
@@ -241,7 +244,7 @@ impl Region {
         if self.is_fold_side(side) {
             return FOLD;
         }
-        let [u, v] = at.map(|x| RBig::try_from(x).unwrap_or_default());
+        let [u, v] = at.map(exact);
         if self.domain.is_none() {
             0
         } else {

@@ -16,7 +16,7 @@ use crate::field::{Algebraic, Element, NumberField, monic};
 use crate::map::Map;
 use crate::univariate::{Stopped, check};
 use crate::zeros::common_zeros;
-use isoform_algebra::{IBig, Implicit, Poly, RBig, UBig, UPoly, discriminant, real_roots};
+use isoform_algebra::{IBig, Implicit, Poly, RBig, UBig, discriminant, real_roots};
 use std::sync::Arc;
 
 /// A curve of the parameter plane, irreducible over Q, with singular points of the surface or of
@@ -374,7 +374,7 @@ fn changes_sign(f: &Poly, stop: &dyn Fn() -> bool) -> Result<bool, Stopped> {
     let lead = f.coefficients_in(var).swap_remove(f.degree(var));
     let critical = (discriminant(f, var, stop)? * lead)
         .to_upoly(1 - var)
-        .unwrap_or_else(|| UPoly::from_i64(&[1]));
+        .expect("one variable is left");
     let walls = real_roots(&critical);
     let mut between: Vec<RBig> = walls
         .windows(2)

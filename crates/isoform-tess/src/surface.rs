@@ -1,11 +1,13 @@
 //! The whole way from a map to the triangles of its surface in a box.
 
 use crate::analysis::{Analysis, Budget, analyse, analyse_clear, until};
+use crate::claim::{Basis, Claim, Grade, graded};
 use crate::deck::Deck;
 use crate::domain::Domain;
-use crate::double::{Fibres, pinch_points, solitary_arcs};
+use crate::double::{Fibres, curves_of, pinch_points, solitary_arcs};
 use crate::equation::Equation;
 use crate::field::Algebraic;
+use crate::finding::{Finding, Phase};
 use crate::joined::join;
 use crate::map::Map;
 pub use crate::mesh::matching::Crossing;
@@ -110,8 +112,10 @@ pub struct Surface {
     pub double_curve: Vec<DoubleArc>,
     /// Real points of the surface that only conjugate parameters reach, as polylines.
     pub solitary_arcs: Vec<Vec<Point3>>,
-    /// What is not proved; empty if everything is.
-    pub unproven: Vec<String>,
+    /// What is not proved; empty if everything is. A claim with a finding does not hold.
+    pub findings: Vec<Finding>,
+    /// What is claimed of the surface as far as it was made: [`Surface::claims`] has all of it.
+    pub grades: Vec<Grade>,
     /// Whether the double curve was looked for and drawn to the end, as sheets that are to be
     /// joined need it.
     pub is_double_curve_known: bool,
@@ -135,6 +139,20 @@ pub struct Surface {
 pub(crate) type Edges = BTreeMap<[u32; 2], (usize, bool)>;
 
 impl Surface {
+    /// Whether nothing was found against any claim.
+    pub fn is_certified(&self) -> bool {
+        self.findings.is_empty()
+    }
+    /// Whether nothing was found against a claim.
+    pub fn holds(&self, claim: Claim) -> bool {
+        self.findings.iter().all(|f| f.claim() != claim)
+    }
+    /// What is claimed, each claim once, with the basis on which it was decided: also those that
+    /// do not hold.
+    pub fn claims(&self) -> Vec<Grade> {
+        let open = self.findings.iter().map(|f| f.claim().into());
+        graded(self.grades.iter().copied().chain(open))
+    }
     /// Its edges; `borders` has the sides of the domain that count for the corners of each
     /// triangle, as bits.
     pub(crate) fn edges(&self, borders: &[[u64; 3]]) -> Edges {
@@ -166,10 +184,6 @@ impl Surface {
 /// How far triangles may be from the surface by its implicit equation, in tolerances.
 const FAR: f64 = 1.5;
 
-/// Said where a seam of complex base points is the image of real parameters, too.
-const MET: &str = "solitary curves: complex base points are blown up to a line that real parameters \
-     are sent to, too; which part is solitary is not decided";
-
 /// A map analysed, and the parameters that it sends into a box: all but the triangles.
 pub struct Prepared<'a> {
     map: &'a Map,
@@ -180,7 +194,8 @@ pub struct Prepared<'a> {
     region: Region,
     solitary: Vec<Vec<Point3>>,
     sheets: usize,
-    unproven: Vec<String>,
+    findings: Vec<Finding>,
+    grades: Vec<Grade>,
     changes: Changes,
 }
 
@@ -195,7 +210,8 @@ struct DoubleCurve {
     solitary: Vec<Vec<Point3>>,
     /// Arcs with both parameters, where these stand for the curve of parameters.
     traced: Option<Traced>,
-    unproven: Vec<String>,
+    findings: Vec<Finding>,
+    grades: Vec<Grade>,
 }
 
 impl DoubleCurve {
@@ -219,6 +235,11 @@ impl DoubleCurve {
             false => None,
         };
         if let Some(arcs) = traced {
+            let basis = Basis::Floating;
+            let claims = [Claim::PinchPoints, Claim::SolitaryArcs];
+            found
+                .grades
+                .extend(claims.map(|claim| Grade { claim, basis }));
             found.pinches = arcs.pinches();
             let scale = |x: Point3| x.map(|x| x * half_width);
             let parts = arcs.solitary().unwrap_or_default();
@@ -246,8 +267,9 @@ impl DoubleCurve {
                         .map(|p| p.each_ref().map(Algebraic::to_f64))
                         .collect()
                 }
-                Err(Stopped) => found.unproven.push("pinch points: stopped".to_owned()),
+                Err(Stopped) => found.findings.push(Finding::Stopped(Phase::PinchPoints)),
             }
+            found.grades.push(Claim::PinchPoints.into());
             found.fibres = Fibres::new(map, singular, half_width, stop).ok();
         }
         // No parameters of a domain lead to solitary arcs, and planes and quadrics have none. Of an
@@ -257,7 +279,12 @@ impl DoubleCurve {
             let tolerance = options.mesh.tolerance;
             let (arcs, problems) = solitary_arcs(map, singular, half_width, tolerance, stop);
             found.solitary = arcs;
-            found.unproven.extend(problems);
+            // Without a curve to follow there is no solitary one, exactly.
+            let has_base = analysis.base_points.as_ref().is_some_and(|b| !b.is_empty());
+            if curves_of(map, singular).next().is_some() || has_base {
+                found.grades.push(Claim::SolitaryArcs.into());
+            }
+            found.findings.extend(problems);
             found.add_seam_lines(map, analysis, singular, half_width);
         }
         found
@@ -273,7 +300,7 @@ impl DoubleCurve {
     ) {
         for line in &analysis.seam_lines {
             if line.is_met(map, singular) {
-                self.unproven.push(MET.to_owned());
+                self.findings.push(Finding::ComplexSeamMet);
             } else {
                 self.solitary.extend(line.within(half_width).map(Vec::from));
             }
@@ -365,20 +392,23 @@ impl<'a> Prepared<'a> {
         } else {
             analyse(map, &options.budget, stop)
         };
-        let mut unproven = analysis.unproven.clone();
+        let mut findings = analysis.findings.clone();
+        let mut grades = analysis.grades();
         let map_degree = analysis.degrees.map_or(0, |d| d.map_degree);
         let base_points = analysis.base_points.as_deref().unwrap_or_default();
         let deck = match map_degree > 1 && domain.is_none() {
             true => Deck::new(map, base_points, &enough).unwrap_or_else(|Stopped| {
-                unproven.push("deck transformations: stopped".to_owned());
+                findings.push(Finding::Stopped(Phase::DeckTransformations));
                 None
             }),
             false => None,
         };
+        grades.extend(deck.iter().flat_map(|d| deck_grades(d, base_points.len())));
         let clock = Instant::now();
         let glued = options.mode == Mode::Glued;
         let double = DoubleCurve::new(map, &analysis, options, &enough);
-        unproven.extend(double.unproven);
+        findings.extend(double.findings);
+        grades.extend(double.grades);
         analysis
             .seconds
             .push(("double curve", clock.elapsed().as_secs_f64()));
@@ -406,10 +436,7 @@ impl<'a> Prepared<'a> {
             Ok(region) => region,
             // Better sheets that cross than nothing.
             Err(_) if glued => {
-                unproven.push(
-                    "the parameters of the double curve: stopped; sheets that cross are not joined"
-                        .to_owned(),
-                );
+                findings.push(Finding::SheetsNotJoined);
                 curves = Curves::new(&analysis, false, deck.clone(), Vec::new(), None, None);
                 within(&curves, stop).map_err(|_| Stopped)?
             }
@@ -418,6 +445,10 @@ impl<'a> Prepared<'a> {
         analysis
             .seconds
             .push(("region", clock.elapsed().as_secs_f64()));
+        grades.push(Claim::Region.into());
+        if region.is_clear {
+            grades.push(Claim::Weights.into());
+        }
         Ok(Self {
             map,
             options,
@@ -426,12 +457,13 @@ impl<'a> Prepared<'a> {
             region,
             solitary: double.solitary,
             sheets: map_degree / deck.as_ref().map_or(1, Deck::order),
-            unproven,
+            findings,
+            grades,
             changes: Changes::default(),
         })
     }
 
-    /// The triangles; `unproven` repeats what the analysis could not prove.
+    /// The triangles; `findings` repeats what the analysis could not prove.
     pub fn surface(&mut self, stop: &dyn Fn() -> bool) -> Surface {
         let clock = Instant::now();
         let mut surface = mesh(
@@ -457,7 +489,8 @@ impl<'a> Prepared<'a> {
         let is_inside = |t: &Triangle| t.inside.iter().flatten().any(|inside| *inside);
         surface.sheets = self.sheets;
         surface.is_outside = !self.region.triangles.iter().any(is_inside);
-        surface.unproven.extend(self.unproven.iter().cloned());
+        surface.findings.extend(self.findings.iter().cloned());
+        surface.grades.extend(&self.grades);
         surface
     }
 
@@ -505,8 +538,21 @@ impl<'a> Prepared<'a> {
     }
 }
 
+/// What is claimed of the deck transformations of a map with so many real base points.
+fn deck_grades(deck: &Deck, base_points: usize) -> [Grade; 2] {
+    let domain = Grade {
+        claim: Claim::FundamentalDomain,
+        // What is blown up to a fold is known exactly; at other base points directions are tried.
+        basis: match base_points == deck.folded.len() {
+            true => Basis::Exact,
+            false => Claim::FundamentalDomain.basis(),
+        },
+    };
+    [Claim::DeckTransformations.into(), domain]
+}
+
 /// Analyses a map and triangulates its surface in a box. The analysis says in `seconds` how long
-/// the triangulation took, too; the surface repeats in `unproven` what the analysis could not
+/// the triangulation took, too; the surface repeats in `findings` what the analysis could not
 /// prove.
 ///
 /// # Errors

@@ -2,8 +2,8 @@
 
 use isoform_algebra::{Poly, RBig};
 use isoform_tess::{
-    Algebraic, Analysis, BasePoint, BinaryForm, Budget, Chart, CurveKind, Map, Options, RealPart,
-    Seam, VARIABLES, analyse, base_multiplicity, base_points,
+    Algebraic, Analysis, BasePoint, BinaryForm, Budget, Chart, CurveKind, Finding, Map, Options,
+    Phase, RealPart, Seam, VARIABLES, analyse, base_multiplicity, base_points,
 };
 
 const CLEBSCH: [&str; 4] = [
@@ -45,7 +45,7 @@ fn map(texts: [&str; 4]) -> Map {
 
 fn analysed(texts: [&str; 4]) -> Analysis {
     let found = analyse(&map(texts), &Budget::default(), &go);
-    assert!(found.unproven.is_empty(), "{:?}", found.unproven);
+    assert!(found.findings.is_empty(), "{:?}", found.findings);
     found
 }
 
@@ -369,7 +369,7 @@ fn a_change_of_the_parameter_frame_changes_no_count() {
     ] {
         let summary = |map: &Map| {
             let found = analyse(map, &Budget::default(), &go);
-            assert!(found.unproven.is_empty(), "{:?}", found.unproven);
+            assert!(found.findings.is_empty(), "{:?}", found.findings);
             let mut points: Vec<(usize, usize)> = found
                 .base_points
                 .iter()
@@ -438,10 +438,10 @@ fn random_maps_are_analysed_or_refused() {
             },
             &go,
         );
-        for sentence in &found.unproven {
+        for finding in &found.findings {
             assert!(
-                sentence.contains("above the limit of 9"),
-                "{:?}: {sentence}",
+                matches!(finding, Finding::DegreeAboveLimit { limit: 9, .. }),
+                "{:?}: {finding}",
                 map.affine()
             );
         }
@@ -488,7 +488,16 @@ fn facts_hold(map: &Map, found: &Analysis, random: &mut fastrand::Rng) -> bool {
 fn stopping_is_said() {
     let found = analyse(&map(CLEBSCH), &Budget::default(), &|| true);
     assert!(found.base_points.is_none() && found.singular.is_none() && found.degrees.is_none());
-    assert_eq!(found.unproven.len(), 6, "{:?}", found.unproven);
+    let stopped = [
+        Phase::BasePoints,
+        Phase::Pole,
+        Phase::MapDegree,
+        Phase::SingularCurves,
+    ];
+    for phase in stopped.map(Finding::Stopped) {
+        assert!(found.findings.contains(&phase), "{:?}", found.findings);
+    }
+    assert_eq!(found.findings.len(), 6, "{:?}", found.findings);
     let found = analyse(
         &map(ROMAN),
         &Budget {
@@ -498,8 +507,11 @@ fn stopping_is_said() {
         &go,
     );
     assert_eq!(
-        found.unproven,
-        ["self-intersections: the surface has degree 4, above the limit of 3"]
+        found.findings,
+        [Finding::DegreeAboveLimit {
+            degree: 4,
+            limit: 3
+        }]
     );
     assert!(found.singular.is_some_and(|s| s.double.is_none()));
 }

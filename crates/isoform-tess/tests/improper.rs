@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 fn surface(texts: [&str; 4], half_width: i64) -> Surface {
     let found = drawn(texts, half_width);
-    assert!(found.unproven.is_empty(), "{texts:?}: {:?}", found.unproven);
+    assert!(found.findings.is_empty(), "{texts:?}: {:?}", found.findings);
     found
 }
 fn drawn(texts: [&str; 4], half_width: i64) -> Surface {
@@ -175,7 +175,7 @@ fn what_may_be_of_another_sheet_is_said() {
         ],
         1,
     );
-    assert!(topology(&s) == (1, 0) || !s.unproven.is_empty());
+    assert!(topology(&s) == (1, 0) || !s.findings.is_empty());
 }
 
 /// Real base points on the fold w = 0, which a quotient of linear forms does not serve.

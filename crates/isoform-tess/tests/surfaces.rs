@@ -4,8 +4,8 @@ mod common;
 use common::zoo;
 use isoform_algebra::RBig;
 use isoform_tess::{
-    Budget, Domain, Kind, Map, MeshOptions, Mode, Prepared, Surface, TriangulateOptions,
-    triangulate,
+    Budget, Domain, Finding, Kind, Map, MeshOptions, Mode, Phase, Prepared, Surface,
+    TriangulateOptions, triangulate,
 };
 use isoform_testdata::ExpectedFailures;
 use std::collections::BTreeMap;
@@ -93,7 +93,7 @@ fn sphere() {
     )
     .expect("a map");
     let s = surface(&map, 2, Mode::Normalised);
-    assert!(s.unproven.is_empty(), "{:?}", s.unproven);
+    assert!(s.is_certified(), "{:?}", s.findings);
     assert_eq!(topology(&s), [2, 1, 0]);
     assert_eq!(
         s.kinds.iter().filter(|k| **k == Kind::Contracted).count(),
@@ -185,15 +185,15 @@ fn surfaces_of_the_zoo() {
         println!(
             "{name} {t:?} of {counts:?}, {} triangles {:?}",
             s.triangles.len(),
-            s.unproven
+            s.findings
         );
-        let is_certified = s.unproven.is_empty();
+        let is_certified = s.is_certified();
         let differs = counts.iter().zip(t).any(|(c, t)| c.is_some_and(|c| c != t));
         // No list excuses that.
         if is_certified && differs {
             wrong.push(format!("{name}: {t:?} instead of {counts:?}"));
         }
-        expected.note(name, is_certified, || format!("{:?}", s.unproven));
+        expected.note(name, is_certified, || format!("{:?}", s.findings));
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
     expected.finish();
@@ -209,7 +209,7 @@ fn chain_of_blow_ups() {
     )
     .expect("a map");
     let s = surface(&map, 2, Mode::Normalised);
-    assert!(s.unproven.is_empty(), "{:?}", s.unproven);
+    assert!(s.is_certified(), "{:?}", s.findings);
     assert_eq!(topology(&s), [1, 1, 2]);
 }
 
@@ -226,7 +226,7 @@ fn contracted_curve_in_a_face_of_the_box() {
     ];
     let map = of_parameters(texts, ["s + 2*t + 2", "3*s - t - 3", "2*s - 9*t"]);
     let s = surface(&map, 12, Mode::Normalised);
-    assert!(s.unproven.is_empty(), "{:?}", s.unproven);
+    assert!(s.is_certified(), "{:?}", s.findings);
     assert_eq!(topology(&s), [0, 1, 0]);
 }
 
@@ -292,10 +292,10 @@ fn moved_parameters() {
         let [here, there] = [["s", "t", "1"], moved]
             .map(|by| surface_to(&of_parameters(texts, by), half_width, mode, fine));
         assert!(
-            here.unproven.is_empty() && there.unproven.is_empty(),
+            here.is_certified() && there.is_certified(),
             "{texts:?} {mode:?} {:?} {:?}",
-            here.unproven,
-            there.unproven
+            here.findings,
+            there.findings
         );
         assert_eq!(topology(&here), topology(&there), "{texts:?} {mode:?}");
     }
@@ -332,13 +332,7 @@ fn limit_of_triangles() {
             "{}",
             s.triangles.len()
         );
-        assert!(
-            s.unproven
-                .iter()
-                .any(|u| u.contains("not everywhere as near")),
-            "{:?}",
-            s.unproven
-        );
+        assert!(s.findings.contains(&Finding::TooCoarse), "{:?}", s.findings);
     }
 }
 
@@ -357,12 +351,11 @@ fn a_double_curve_that_was_given_up() {
     let whole = prepared.surface(&|| false);
     assert!(whole.is_double_curve_known && !whole.double_curve.is_empty());
     let part = prepared.surface(&|| true);
-    assert!(!part.is_double_curve_known, "{:?}", part.unproven);
+    assert!(!part.is_double_curve_known, "{:?}", part.findings);
     assert!(
-        part.unproven
-            .contains(&"the double curve: stopped".to_owned()),
+        part.findings.contains(&Finding::Stopped(Phase::Partners)),
         "{:?}",
-        part.unproven
+        part.findings
     );
 }
 
@@ -376,7 +369,7 @@ fn joined_sheets() {
         let map = Map::parse(texts, Default::default()).expect("a map");
         let s = surface(&map, 2, Mode::Glued);
         let edges = edges(&s);
-        assert!(s.unproven.is_empty(), "{texts:?} {:?}", s.unproven);
+        assert!(s.is_certified(), "{texts:?} {:?}", s.findings);
         assert!(edges.values().all(|n| [2, 4].contains(n)), "{texts:?}");
         assert!(edges.values().any(|n| *n == 4), "{texts:?}");
         let used: std::collections::BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
@@ -399,7 +392,7 @@ fn seams_that_run_twice() {
     )
     .expect("a map");
     let s = surface(&map, 2, Mode::Glued);
-    assert!(s.unproven.is_empty(), "{:?}", s.unproven);
+    assert!(s.is_certified(), "{:?}", s.findings);
     let edges = edges(&s);
     let on_axis = |v: u32| s.points[v as usize][..2].iter().all(|x| x.abs() < 1e-12);
     let mut inner = 0;

@@ -101,7 +101,7 @@ fn singular_curves_of_the_zoo() {
             .iter()
             .map(|(phase, s)| format!("{phase} {s:.4}"))
             .collect();
-        println!("{name}: {}; {:?}", seconds.join(", "), found.unproven);
+        println!("{name}: {}; {:?}", seconds.join(", "), found.findings);
         let degrees = found.degrees.expect("counted");
         assert_eq!(
             Some(degrees.map_degree as u64),
@@ -111,9 +111,9 @@ fn singular_curves_of_the_zoo() {
         if let Some(d) = facts["implicit_degree"].as_u64() {
             assert_eq!(degrees.implicit_degree as u64, d, "{name}");
             assert!(
-                found.unproven.is_empty() || d > 16,
+                found.findings.is_empty() || d > 16,
                 "{name}: {:?}",
-                found.unproven
+                found.findings
             );
         }
         let mut pole: Vec<(Poly, u64)> = found

@@ -5,8 +5,8 @@ use isoform_geom::{Aabb, Mesh};
 use isoform_mesh::Control;
 use isoform_mesh::check::{self, Intersections, Place, certify};
 use isoform_tess::{
-    Analysis, Budget, Crossing, Domain, Frame, Map, MapError, Mode, Patch, Point3, Prepared,
-    Stopped, Surface, TriangulateOptions, join_patches, polled,
+    Analysis, Budget, Claim, Crossing, Domain, Finding, Frame, Map, MapError, Mode, Patch, Point3,
+    Prepared, Stopped, Surface, TriangulateOptions, join_patches, polled,
 };
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -20,10 +20,6 @@ const ROUNDS: usize = 12;
 const IN_VAIN: usize = 2;
 /// More pairs of triangles that cross than this are no accident of sheets that are close together.
 const MOST: usize = 2000;
-
-/// Said where sheets may have one image: where triangles cross, or that is not looked for.
-const SHEETS: &str = "several parameters have the same image everywhere: sheets that lie upon each \
-     other are not joined";
 
 /// What is changed where triangles cross.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +46,7 @@ impl Change {
 
 /// [`isoform_tess::triangulate`]; where sheets are joined, triangles that cross all the same are
 /// found exactly. The surface is made again with the vertices of both sheets in both of them, or
-/// with a finer tolerance there; pairs that are left are said to be unproven.
+/// with a finer tolerance there; pairs that are left are said to cross.
 ///
 /// Parameters far from their place are brought there first ([`Frame`]): what is said of them is said
 /// of the map's own, but for the corners of triangles, whose frame the surface names.
@@ -84,12 +80,12 @@ fn surface_in_place(
     let mut surface = prepared.surface(stop);
     for _ in 0..NEARER {
         let far = prepared.far(&surface);
-        if far.is_empty() || !surface.unproven.is_empty() || stop() {
+        if far.is_empty() || !surface.is_certified() || stop() {
             break;
         }
         prepared.refine(&far);
         let next = prepared.surface(stop);
-        if !next.unproven.is_empty() {
+        if !next.is_certified() {
             break;
         }
         surface = next;
@@ -117,7 +113,7 @@ fn surface_in_place(
             };
             // What is open for other reasons is not mended by this.
             let is_hopeless =
-                !tried.unproven.is_empty() || tried.triangles.len() > options.mesh.triangles / 2;
+                !tried.is_certified() || tried.triangles.len() > options.mesh.triangles / 2;
             if i.pairs.is_empty() || !i.complete || is_hopeless || in_vain == IN_VAIN || stop() {
                 break;
             }
@@ -126,14 +122,14 @@ fn surface_in_place(
                 _ => prepared.match_sheets(tried, &pairs(i, change == Change::Places)),
             }
             let next = prepared.surface(stop);
-            if !next.unproven.is_empty() && change != Change::Finer {
+            if !next.is_certified() && change != Change::Finer {
                 // Other vertices did harm.
                 change = Change::Finer;
                 continue;
             }
             let Some(crossing) = look(&next) else { break };
             let is_fewer = crossing.pairs.count < i.pairs.count;
-            let is_better = next.unproven.is_empty()
+            let is_better = next.is_certified()
                 && found
                     .as_ref()
                     .is_none_or(|f| crossing.pairs.count < f.pairs.count);
@@ -146,26 +142,17 @@ fn surface_in_place(
             }
             last = Some((next, crossing));
         }
-        match &found {
-            Some(i) if !i.complete => surface.unproven.push(format!(
-                "more than {} pairs of triangles cross",
-                i.pairs.count.min(MOST)
-            )),
-            Some(i) if i.pairs.is_empty() => {}
-            Some(i) => {
-                let text = format!("{} pairs of triangles cross", i.pairs.count);
-                surface.unproven.push(text);
-            }
-            None => surface
-                .unproven
-                .push("whether triangles cross was not looked for".to_owned()),
-        }
+        surface.grades.push(Claim::Crossings.into());
+        surface.findings.extend(found_crossing(found.as_ref()));
         let embedded = |i: &Intersections| i.complete && i.pairs.is_empty();
         is_embedded = found.as_ref().is_some_and(embedded);
         prepared.analysis.seconds.push(("crossings", seconds));
     }
-    if surface.sheets > 1 && !is_embedded {
-        surface.unproven.push(SHEETS.to_owned());
+    if surface.sheets > 1 {
+        surface.grades.push(Claim::Sheets.into());
+        if !is_embedded {
+            surface.findings.push(Finding::SheetsUponEachOther);
+        }
     }
     Ok((surface, prepared.analysis))
 }
@@ -232,11 +219,19 @@ pub fn rational_patches(
     }
     let mut joined = join_patches(patches, surfaces, options.half_width.to_f64().value());
     if patches.len() > 1 && !is_normalised {
-        joined
-            .unproven
-            .push("different patches are not cut where they cross".to_owned());
+        joined.findings.push(Finding::PatchesNotCut);
     }
     Ok((joined, known))
+}
+
+/// What crossings, or that there was no time to look for them, stand against.
+fn found_crossing(found: Option<&Intersections>) -> Option<Finding> {
+    match found {
+        Some(i) if !i.complete => Some(Finding::CrossingsAbove(i.pairs.count.min(MOST))),
+        Some(i) if i.pairs.is_empty() => None,
+        Some(i) => Some(Finding::Crossings(i.pairs.count)),
+        None => Some(Finding::CrossingsUnknown),
+    }
 }
 
 /// None if there was no time to look for all of them.

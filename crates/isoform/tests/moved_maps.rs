@@ -29,7 +29,7 @@ fn certified(forms: [&str; 4], half_width: i32) -> Surface {
         budget: Budget::default(),
     };
     let (surface, _) = rational_surface(&map, &options, &|| false).expect("not stopped");
-    assert!(surface.unproven.is_empty(), "{:?}", surface.unproven);
+    assert!(surface.is_certified(), "{:?}", surface.findings);
     surface
 }
 

@@ -3,7 +3,7 @@
 use super::Made;
 use isoform::algebra::CurveTopology;
 use isoform::tess::{
-    Analysis, BasePoint, CurveKind, DoubleArc, Kind, Mode, RealPart, Surface, VARIABLES,
+    Analysis, BasePoint, CurveKind, DoubleArc, Grade, Kind, Mode, RealPart, Surface, VARIABLES,
 };
 use serde_json::{Map, Value, json};
 
@@ -63,7 +63,7 @@ pub(super) fn file(made: &Made) -> Vec<u8> {
 fn report(made: &Made) -> Value {
     let surface = &made.surface;
     let all = || made.analyses.iter();
-    // What is unknown is among the unproven, or not in the domain.
+    // What is unknown is among the findings, or not in the domain.
     let pole = all()
         .filter_map(|a| a.pole_topology)
         .fold(CurveTopology::default(), |a, b| CurveTopology {
@@ -74,7 +74,8 @@ fn report(made: &Made) -> Value {
         });
     let mut json = json!({
         "certified": made.is_certified(),
-        "unproven": surface.unproven,
+        "unproven": surface.findings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "claims": surface.claims().iter().map(|g| claim(surface, *g)).collect::<Vec<_>>(),
         "map_degree": made.map_degree(),
     });
     if made.map_degree() > 1 {
@@ -86,12 +87,32 @@ fn report(made: &Made) -> Value {
         "pole_components": pole_components(&pole),
         "double_curve_complete": surface.is_double_curve_known,
         "double_curve": surface.double_curve.iter().map(double_arc).collect::<Vec<_>>(),
-        "contracted": all().flat_map(contracted).map(|(curve, at)| json!({"curve": curve, "point": at})).collect::<Vec<_>>(),
+        "contracted": all()
+            .flat_map(contracted)
+            .map(|(curve, at)| json!({"curve": curve, "point": at}))
+            .collect::<Vec<_>>(),
         "solitary_arcs": surface.solitary_arcs,
         "seconds": made.seconds.iter().map(|(phase, s)| ((*phase).to_owned(), json!(s))).collect::<Map<_, _>>(),
     });
     crate::mesh::document::add(&mut json, rest);
     json
+}
+
+/// A claim, its basis, whether it holds, and in words what holds or what is open.
+fn claim(surface: &Surface, grade: Grade) -> Value {
+    let Grade { claim, basis } = grade;
+    let against = surface.findings.iter().filter(|f| f.claim() == claim);
+    let open: Vec<String> = against.map(ToString::to_string).collect();
+    let text = match &open[..] {
+        [] => claim.statement().to_owned(),
+        open => open.join("; "),
+    };
+    json!({
+        "claim": claim.to_string(),
+        "basis": basis.to_string(),
+        "holds": open.is_empty(),
+        "text": text,
+    })
 }
 
 fn base_point(p: &BasePoint) -> Value {
@@ -106,8 +127,8 @@ fn double_arc(arc: &DoubleArc) -> Value {
     json!({"points": arc.points, "sheets": arc.sheets})
 }
 
-/// Real curves of the parameter plane that are contracted, each with one of the points; nothing for
-/// a point at infinity.
+/// Real curves of the parameter plane that are contracted, each with one of the points, and once
+/// with all that are at infinity: nothing for these.
 pub(super) fn contracted(analysis: &Analysis) -> Vec<(String, Option<[f64; 3]>)> {
     let mut list = Vec::new();
     for c in analysis.singular.iter().flat_map(|s| &s.curves) {
@@ -116,7 +137,10 @@ pub(super) fn contracted(analysis: &Analysis) -> Vec<(String, Option<[f64; 3]>)>
         };
         for [x, y, z, _] in to.points() {
             let at = (!to.at_infinity()).then(|| [x, y, z].map(|v| v.to_f64()));
-            list.push((c.curve.display(&VARIABLES).to_string(), at));
+            let entry = (c.curve.display(&VARIABLES).to_string(), at);
+            if !list.contains(&entry) {
+                list.push(entry);
+            }
         }
     }
     list

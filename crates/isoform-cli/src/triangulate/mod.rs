@@ -11,7 +11,7 @@ use crate::progress::Progress;
 use isoform::algebra::{Poly, RBig};
 use isoform::geom::Mesh;
 use isoform::tess::{
-    Analysis, Budget, Domain, Map, MapError, MeshOptions, Mode, Options, Patch, Surface,
+    Analysis, Budget, Domain, Finding, Map, MapError, MeshOptions, Mode, Options, Patch, Surface,
     TriangulateOptions, VARIABLES, bounds_over, is_patch_file, patch_bounds, read_patches,
 };
 use isoform::{PatchesError, Topology, topology};
@@ -44,11 +44,11 @@ where sphere.json is a map (s, t) to (X/W, Y/W, Z/W):
 
 The parameters are the whole projective plane, infinity included; what is drawn is the part of the surface in the box from -B to B in x, y
 and z; --rectangle and --polygon restrict the parameters. Files of patches, as isoform parameterize writes them, and of NURBS surfaces are drawn
-over their own parameters; their weights may be zero or negative. Poles, base points, contracted and double curves are found with exact arithmetic, not by sampling. What could not be proved is
+over their own parameters; their weights may be zero or negative. Poles, base points, contracted and double curves are found with exact arithmetic, not by sampling. What is open is
 said, see docs/rational.md.
 
-Exit code: 0 when everything is proved, 3 when something is not (files are written all the same), 2 for an invalid map, 4 without
-triangles, 130 after Ctrl-C.")]
+Exit code: 0 when every claim holds, 3 when something is open (files are written all the same), 2 for an invalid map, 4 without
+triangles, 130 after Ctrl-C. Which claims are proved, and which are checked in floating point only, is said with the result.")]
 pub(crate) struct Args {
     /// The map: a JSON file with X, Y, Z and W, polynomials in s and t with rational coefficients,
     /// or a file of patches (- for stdin)
@@ -182,7 +182,7 @@ struct Made {
 
 impl Made {
     fn is_certified(&self) -> bool {
-        self.surface.unproven.is_empty()
+        self.surface.is_certified()
     }
     fn exit(&self) -> u8 {
         match () {
@@ -436,7 +436,7 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
     };
     drop(progress);
     if surface.triangles.is_empty() {
-        return Err(nothing(&name, Some(&surface), context));
+        return Err(nothing(&name, Some((&surface, &options)), context));
     }
     let topology = topology(&surface.triangles);
     let mut seconds: Vec<(&'static str, f64)> = Vec::new();
@@ -463,8 +463,12 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
     })
 }
 
-/// Why there is no triangle; of a surface, if the analysis came to its end.
-fn nothing(name: &str, surface: Option<&Surface>, context: &Context) -> Failure {
+/// Why there is no triangle; of a surface and what it was to be, if the analysis came to its end.
+fn nothing(
+    name: &str,
+    surface: Option<(&Surface, &TriangulateOptions)>,
+    context: &Context,
+) -> Failure {
     if interrupt::happened() {
         return Failure::new(
             interrupt::INTERRUPTED,
@@ -480,21 +484,44 @@ fn nothing(name: &str, surface: Option<&Surface>, context: &Context) -> Failure 
         );
         return failure.hint("a longer --time-limit");
     }
-    let (what, why, hint) = match surface.filter(|s| !s.is_outside) {
-        None => (
+    let (what, why, hint) = match surface {
+        Some((surface, options)) if surface.is_outside => (
             "no triangle of the surface lies in the box",
-            "its poles and the faces of the box were found exactly".to_owned(),
+            outside(options),
             "a larger --box",
         ),
-        Some(surface) => (
+        Some((surface, _)) => (
             "no triangle could be made of the surface in the box",
-            surface.unproven.join("; "),
+            sentences(&surface.findings),
             "another --box, or --mode normalised",
+        ),
+        None => (
+            "no triangle could be made of the surface",
+            "the parameters that lead into the box were not found".to_owned(),
+            "another --box",
         ),
     };
     Failure::new(NO_RESULT, "empty", format!("{name}: {what}"))
         .why(why)
         .hint(hint)
+}
+
+/// Where a surface is of which the box holds no piece.
+fn outside(options: &TriangulateOptions) -> String {
+    let b = &options.half_width;
+    let parameters = match options.domain {
+        Some(_) => "no parameters of the region",
+        None => "no parameters, infinite ones included,",
+    };
+    format!(
+        "{parameters} lead to points with x, y and z between -{b} and {b}, single points and curves \
+         apart: all of the surface is farther out"
+    )
+}
+
+fn sentences(findings: &[Finding]) -> String {
+    let all: Vec<String> = findings.iter().map(ToString::to_string).collect();
+    all.join("; ")
 }
 
 #[cfg(test)]

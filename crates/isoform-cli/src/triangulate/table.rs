@@ -4,7 +4,7 @@ use super::{Made, document};
 use crate::fit::table::brief;
 use crate::mesh::table::{line, wrote};
 use isoform::algebra::CurveTopology;
-use isoform::tess::{BasePoint, Mode};
+use isoform::tess::{BasePoint, Basis, Mode, Surface};
 use std::path::PathBuf;
 
 /// The surface, its mesh, what is proved, and where it went.
@@ -54,13 +54,13 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
         .filter(|_| made.patches.is_empty())
         .flat_map(document::contracted)
         .collect();
-    for (i, (curve, to)) in contracted.iter().enumerate() {
-        let to = to.map_or("a point at infinity".to_owned(), |[x, y, z]| {
-            format!("({x}, {y}, {z})")
-        });
+    // The real components of one curve may be contracted to several conjugate points.
+    for (i, of_one) in contracted.chunk_by(|a, b| a.0 == b.0).enumerate() {
+        let points: Vec<String> = of_one.iter().map(|(_, to)| point(*to)).collect();
+        let name = if i == 0 { "contracted" } else { "" };
         text += &line(
-            if i == 0 { "contracted" } else { "" },
-            format!("{curve} = 0 to {to}"),
+            name,
+            format!("{} = 0 to {}", of_one[0].0, points.join(" and ")),
         );
     }
     let parts = [
@@ -83,15 +83,56 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
         "not certified:"
     };
     text += &line("certificate", verdict.to_owned());
-    for sentence in &surface.unproven {
-        text += &line("", sentence.clone());
+    for finding in &surface.findings {
+        text += &line("", finding.to_string());
     }
+    text += &line("claims", claims(surface));
     text += &line("time", format!("{} s", brief(seconds)));
     text += &wrote(&made.written);
     for path in beside.iter().copied().flatten() {
         text += &line("wrote", path.display().to_string());
     }
     text
+}
+
+fn point(at: Option<[f64; 3]>) -> String {
+    match at {
+        None => "a point at infinity".to_owned(),
+        Some([x, y, z]) => format!("({x}, {y}, {z})"),
+    }
+}
+
+/// How many claims hold on which basis, and which of them are not proved.
+fn claims(surface: &Surface) -> String {
+    let (holding, open): (Vec<_>, Vec<_>) = surface
+        .claims()
+        .into_iter()
+        .partition(|g| surface.holds(g.claim));
+    let on = |basis: Basis| holding.iter().filter(move |g| g.basis == basis);
+    let mut parts = Vec::new();
+    for basis in Basis::ALL {
+        let n = on(basis).count();
+        if n > 0 {
+            parts.push(format!("{n} {}", in_words(basis)));
+        }
+    }
+    let floating: Vec<String> = on(Basis::Floating).map(|g| g.claim.to_string()).collect();
+    if !floating.is_empty() {
+        let last = parts.len() - 1;
+        parts[last] += &format!(" ({})", floating.join(", "));
+    }
+    if !open.is_empty() {
+        parts.push(format!("{} open", open.len()));
+    }
+    parts.join(", ")
+}
+
+fn in_words(basis: Basis) -> &'static str {
+    match basis {
+        Basis::Exact => "proved exactly",
+        Basis::Bounded => "proved with bounds on rounding",
+        Basis::Floating => "checked in floating point, not proved",
+    }
 }
 
 /// `no boundary loops`, `1 triangle`, `2 triangles`.

@@ -206,6 +206,9 @@ impl Chart {
     }
     /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding, those
     /// left out that vanish because W has a zero of that multiplicity in the first corner.
+    ///
+    /// Its corners are (±u : ±v : 1 − (u + v)) as computed here, which is where [`Chart::at`] looks,
+    /// too: triangles with u and v in common have that corner in common.
     pub(super) fn keeps_sign(&self, at: [[f64; 2]; 3], multiplicity: usize) -> bool {
         let corners = at.map(|[u, v]| [self.signs[0] * u, self.signs[1] * v, 1.0 - (u + v)]);
         let (lo, hi, error) = bernstein_range(&self.w, self.degree, corners, multiplicity);
@@ -234,15 +237,53 @@ fn bernstein_base(form: &Poly) -> Vec<f64> {
     out
 }
 
+/// Below this size underflow is no longer small against the bound on rounding, and nothing is
+/// proved: a coefficient takes less than 2¹⁸ products, each of which loses less than 2⁻¹⁰⁷⁴ to it,
+/// together less than 2⁻¹⁰⁵⁶.
+const LEAST_SIZE: f64 = f64::from_bits((1023 - 960) << 52);
+
 /// Least and greatest Bernstein coefficient on the triangle with the corners given, and a bound of
-/// their rounding errors: by the polar form, one argument at a time. Those that vanish because the
-/// first corner is a zero of that multiplicity are left out.
+/// their rounding errors; infinite where one of them is none. Those that vanish because the first
+/// corner is a zero of that multiplicity are left out. The corners are taken for the numbers that
+/// they are; their coordinates add up to at most about 1, in absolute values.
+///
+/// The bound, with u = ε/2 = 2⁻⁵³: what is summed up for a coefficient is rounded once when the
+/// base was made, and in each of at most n steps once by its product and twice at most by the sum
+/// of three. So each term is off by a factor 1 + θ, |θ| ≤ γ₃ₙ₊₁ with γₖ = k u/(1 − k u) (N. Higham,
+/// *Accuracy and Stability of Numerical Algorithms*, 2002, lemma 3.1), and the coefficient by
+/// γ₃ₙ₊₁ M, M the sum of the absolute values of the terms. The magnitude that is computed beside it
+/// goes the same way without a cancellation, so that M ≤ (1 + 2γ₃ₙ₊₁) magnitude. Both together are
+/// less than (3n + 2) u magnitude for all degrees that maps may have; 4 ε (n + 2) = (8n + 16) u is
+/// more than twice that, which leaves room for the rounding of this product and of comparisons.
 fn bernstein_range(
     base: &[f64],
     n: usize,
     corners: [[f64; 3]; 3],
     multiplicity: usize,
 ) -> (f64, f64, f64) {
+    let (mut lo, mut hi, mut size) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
+    let mut is_known = true;
+    each_coefficient(base, n, corners, multiplicity, |value, magnitude| {
+        (lo, hi, size) = (lo.min(value), hi.max(value), size.max(magnitude));
+        // Minima and maxima pass over what is no number.
+        is_known &= magnitude.is_finite();
+    });
+    let error = 4.0 * f64::EPSILON * (n + 2) as f64 * size;
+    match is_known && size >= LEAST_SIZE {
+        true => (lo, hi, error),
+        false => (lo, hi, f64::INFINITY),
+    }
+}
+
+/// Bernstein coefficients, each with the sum of the absolute values of what it is summed up from:
+/// by the polar form, one argument at a time.
+fn each_coefficient(
+    base: &[f64],
+    n: usize,
+    corners: [[f64; 3]; 3],
+    multiplicity: usize,
+    mut look: impl FnMut(f64, f64),
+) {
     let step = |b: &[[f64; 2]], d: usize, p: [f64; 3]| -> Vec<[f64; 2]> {
         let mut out = Vec::with_capacity(d * (d + 1) / 2);
         for i in 0..d {
@@ -256,7 +297,6 @@ fn bernstein_range(
         }
         out
     };
-    let (mut lo, mut hi, mut size) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
     let mut first: Vec<[f64; 2]> = base.iter().map(|&b| [b, b.abs()]).collect();
     for i in 0..=n.saturating_sub(multiplicity) {
         let mut second = first.clone();
@@ -266,7 +306,7 @@ fn bernstein_range(
                 third = step(&third, d, corners[2]);
             }
             let [value, magnitude] = third[0];
-            (lo, hi, size) = (lo.min(value), hi.max(value), size.max(magnitude));
+            look(value, magnitude);
             if j < n - i {
                 second = step(&second, n - i - j, corners[1]);
             }
@@ -275,7 +315,6 @@ fn bernstein_range(
             first = step(&first, n - i, corners[0]);
         }
     }
-    (lo, hi, 4.0 * f64::EPSILON * (n + 2) as f64 * size)
 }
 
 /// Whether a polynomial in two variables is proved to keep its sign on a triangle, by bisection;
@@ -302,7 +341,7 @@ pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool
             t.map(|[u, v]| [u, v, 1.0]),
             if at_origin { form.order } else { 0 },
         );
-        // The coefficients themselves are rounded, too.
+        // The coefficients themselves are rounded, too: by 2n + 5 more factors.
         let error = 4.0 * error;
         if lo > error || hi < -error {
             signs[usize::from(hi < -error)] = true;
@@ -339,3 +378,167 @@ pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool
 
 /// Bisections.
 const PROOF: usize = 6;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_algebra::{IBig, UBig};
+
+    /// The number of cells that the bound on rounding is tried on.
+    const CELLS: usize = 100_000;
+
+    /// A double as a whole number of 2^−`shift`.
+    fn scaled(x: f64, shift: usize) -> IBig {
+        let exact = RBig::try_from(x).expect("finite") * RBig::from(UBig::ONE << shift);
+        assert_eq!(
+            *exact.denominator(),
+            UBig::ONE,
+            "{x} in units of 2^-{shift}"
+        );
+        exact.numerator().clone()
+    }
+
+    /// Bernstein coefficients in the order of [`each_coefficient`], in units of 2^(−n · shift) of
+    /// the common denominator of `base`.
+    fn exact_coefficients(base: &[IBig], n: usize, corners: [[IBig; 3]; 3]) -> Vec<IBig> {
+        let step = |b: &[IBig], d: usize, p: &[IBig; 3]| -> Vec<IBig> {
+            let at = |i, j| &b[slot(d, i, j)];
+            (0..d)
+                .flat_map(|i| (0..d - i).map(move |j| (i, j)))
+                .map(|(i, j)| at(i + 1, j) * &p[0] + at(i, j + 1) * &p[1] + at(i, j) * &p[2])
+                .collect()
+        };
+        let mut found = Vec::new();
+        let mut first = base.to_vec();
+        for i in 0..=n {
+            let mut second = first.clone();
+            for j in 0..=n - i {
+                let mut third = second.clone();
+                for d in (1..=n - i - j).rev() {
+                    third = step(&third, d, &corners[2]);
+                }
+                found.push(third.swap_remove(0));
+                if j < n - i {
+                    second = step(&second, n - i - j, &corners[1]);
+                }
+            }
+            if i < n {
+                first = step(&first, n - i, &corners[0]);
+            }
+        }
+        found
+    }
+
+    /// The Bernstein coefficients of a form as whole numbers over one denominator.
+    fn exact_base(form: &Poly) -> (Vec<IBig>, UBig) {
+        let n = form.total_degree();
+        let factorial = |k: usize| (1..=k).fold(IBig::ONE, |p, k| p * IBig::from(k));
+        let mut base = vec![IBig::ZERO; (n + 1) * (n + 2) / 2];
+        for (e, c) in form.terms() {
+            let [i, j, k] = [0, 1, 2].map(|x| usize::from(e[x]));
+            base[slot(n, i, j)] = c * factorial(i) * factorial(j) * factorial(k);
+        }
+        let denominator = IBig::from(form.denominator().clone()) * factorial(n);
+        (base, UBig::try_from(denominator).expect("positive"))
+    }
+
+    /// W as a product of linear forms, the first of which all but vanishes in the place returned, so
+    /// that values cancel there; or as a dense form.
+    fn attacked(random: &mut fastrand::Rng, signs: [f64; 2]) -> (Poly, [f64; 2]) {
+        let center = [0.05 + 0.4 * random.f64(), 0.05 + 0.4 * random.f64()];
+        let number = |random: &mut fastrand::Rng| RBig::from(random.i64(-999..=999));
+        if random.u8(0..4) == 0 {
+            let n = random.u16(1..=8);
+            let exponents = (0..=n).flat_map(|i| (0..=n - i).map(move |j| [i, j, n - i - j, 0]));
+            let terms: Vec<_> = exponents.map(|e| (e, number(random))).collect();
+            return (Poly::from_terms(terms), center);
+        }
+        let mut w = Poly::one();
+        for k in 0..random.usize(1..=4) {
+            let [a, b, mut c] = [(); 3].map(|()| number(random));
+            if k == 0 {
+                let [p, q] = [&a, &b].map(|c| c.to_f64().value());
+                let [u, v] = [signs[0] * center[0], signs[1] * center[1]];
+                c = RBig::try_from(-(p * u + q * v) / (1.0 - center[0] - center[1]))
+                    .expect("finite");
+            }
+            w = w * crate::deck::linear(&[a, b, c]);
+        }
+        (w, center)
+    }
+
+    /// A triangle next to a place, in u and v.
+    fn cell(random: &mut fastrand::Rng, center: [f64; 2]) -> [[f64; 2]; 3] {
+        let size = 0.5f64.powi(random.i32(2..=50));
+        [(); 3].map(|()| center.map(|x| (x + size * (random.f64() - 0.5)).clamp(0.0, 0.49)))
+    }
+
+    /// The bound on rounding holds for every coefficient of 10⁵ cells, near and across zeros of W,
+    /// and what keeps its sign by the bound has one by exact arithmetic.
+    #[test]
+    fn the_bound_on_rounding_holds() {
+        let mut random = fastrand::Rng::with_seed(20_261_123);
+        let (mut cells, mut certified, mut worst) = (0, 0, 0.0f64);
+        while cells < CELLS {
+            let quadrant = QUADRANTS[random.usize(0..4)].map(|s| s as f64);
+            let (w, center) = attacked(&mut random, quadrant);
+            if w.is_zero() {
+                continue;
+            }
+            let n = w.total_degree();
+            let (base, denominator) = exact_base(&w);
+            let rounded = bernstein_base(&w);
+            for _ in 0..100 {
+                let corners = cell(&mut random, center)
+                    .map(|[u, v]| [quadrant[0] * u, quadrant[1] * v, 1.0 - (u + v)]);
+                let shift = 110;
+                let exact =
+                    exact_coefficients(&base, n, corners.map(|p| p.map(|x| scaled(x, shift))));
+                let (lo, hi, error) = bernstein_range(&rounded, n, corners, 0);
+                let mut exact_ones = exact.iter();
+                each_coefficient(&rounded, n, corners, 0, |value, _| {
+                    let exact = exact_ones.next().expect("as many");
+                    let unit = &denominator << (n * shift);
+                    let off = RBig::try_from(value).expect("finite")
+                        - RBig::from_parts(exact.clone(), unit);
+                    let share = off.to_f64().value().abs() / error;
+                    worst = worst.max(share);
+                });
+                if lo > error || hi < -error {
+                    certified += 1;
+                    let signs = exact.iter().map(IBig::sign);
+                    let is_one = exact.iter().all(|c| !c.is_zero()) && {
+                        let mut signs = signs;
+                        let first = signs.next();
+                        signs.all(|s| Some(s) == first)
+                    };
+                    assert!(is_one, "{} on {corners:?}", w.display(&["s", "t", "w"]));
+                }
+                cells += 1;
+            }
+        }
+        println!("{certified} of {cells} certified, errors up to {worst} of the bound");
+        assert!(worst <= 1.0, "{worst} times the bound");
+        // An attack that comes nowhere near the bound, or near zeros, is none.
+        assert!(worst > 0.02, "{worst} of the bound");
+        assert!(
+            (CELLS / 10..9 * CELLS / 10).contains(&certified),
+            "{certified}"
+        );
+    }
+
+    /// What is no number proves nothing, nor does what underflow has a share in.
+    #[test]
+    fn what_is_no_number_proves_nothing() {
+        let corners = [[0.5, 0.5, 0.0], [0.25, 0.5, 0.25], [0.5, 0.25, 0.25]];
+        let proves = |base: &[f64]| {
+            let (lo, hi, error) = bernstein_range(base, 1, corners, 0);
+            lo > error || hi < -error
+        };
+        assert!(proves(&[1.0, 2.0, 3.0]));
+        for wrong in [f64::INFINITY, f64::NAN] {
+            assert!(!proves(&[wrong, 2.0, 3.0]) && !proves(&[1.0, 2.0, wrong]));
+        }
+        assert!(proves(&[1e-280; 3]) && !proves(&[1e-300; 3]));
+    }
+}

@@ -2,6 +2,7 @@
 
 use super::contraction::contract_flat;
 use super::distance;
+use crate::finding::Finding;
 use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
@@ -60,8 +61,7 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
         };
         let twice: usize = (0..used.len()).map(near).sum();
         if twice > 0 {
-            s.unproven
-                .push(format!("{twice} pairs of vertices lie upon each other"));
+            s.findings.push(Finding::UponEachOther(twice));
         }
     }
     let outside = s
@@ -70,19 +70,16 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
         .filter(|p| p.iter().any(|x| x.abs() > (1.0 + OUTSIDE) * half_width))
         .count();
     if outside > 0 {
-        s.unproven
-            .push(format!("{outside} vertices are outside of the box"));
+        s.findings.push(Finding::OutsideBox(outside));
     }
     if flat > 0 {
-        s.unproven.push(format!("{flat} triangles have no area"));
+        s.findings.push(Finding::NoArea(flat));
     }
     if open > 0 {
-        s.unproven
-            .push(format!("the surface is open along {open} edges in the box"));
+        s.findings.push(Finding::OpenEdges(open));
     }
     if crowded > 0 {
-        s.unproven
-            .push(format!("{crowded} edges have more than two triangles and are not of a double curve, or have an odd number of them"));
+        s.findings.push(Finding::CrowdedEdges(crowded));
     }
 }
 
@@ -129,9 +126,7 @@ fn leave_out_lost(s: &mut Surface) {
     if count == 0 {
         return;
     }
-    s.unproven.push(format!(
-        "{count} vertices have no position; the triangles at them are left out"
-    ));
+    s.findings.push(Finding::NoPosition(count));
     keep(s, |s, t| !t.iter().any(|&v| is_lost(s, v)));
     leave_out(s, &lost);
 }
@@ -200,8 +195,9 @@ pub(super) fn finish(
     leave_out_lost(&mut s);
     contract_flat(&mut s, half_width, tolerance);
     check(&mut s, half_width, glued);
-    s.unproven.sort();
-    s.unproven.dedup();
+    // The same finding in several places is said once, in an order that no place decides.
+    s.findings.sort_by_cached_key(ToString::to_string);
+    s.findings.dedup();
     s
 }
 

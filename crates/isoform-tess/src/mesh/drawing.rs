@@ -114,9 +114,9 @@ impl Builder<'_> {
                 crossing |= a != b;
             }
         }
-        let mut unproven = Vec::new();
+        let mut findings = Vec::new();
         if crossing || !drawing.in_order {
-            unproven.push("arcs of the region's boundary are closer together than rounding, or could not be drawn to the end".to_owned());
+            findings.push(Finding::ArcsNotDrawn);
         }
         for at in self.gluing.points(q) {
             drawing.vertex(Node::inner(at, 0));
@@ -182,7 +182,7 @@ impl Builder<'_> {
             at_apex,
             apexes: drawing.apexes,
             rays: drawing.rays,
-            unproven,
+            findings,
         })
     }
 

@@ -10,6 +10,7 @@ use super::stretch::{Columns, Stretch};
 use super::{Builder, Name, Node, Ray, Sides, distance, in_plane, on_side, sides_of};
 use crate::deck::value;
 use crate::double::Fibres;
+use crate::finding::{Finding, JoinedCurve, Phase};
 use crate::surface::{DoubleArc, Point3};
 use isoform_geom::{cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
@@ -102,10 +103,14 @@ pub(super) struct Gluing {
     pub(super) arcs: Vec<DoubleArc>,
     /// Whether it was given up before there were arcs.
     pub(super) is_stopped: bool,
-    pub(super) unproven: Vec<String>,
+    pub(super) findings: Vec<Finding>,
 }
 
 impl Gluing {
+    /// Whether any vertices have been given partners.
+    pub(super) fn is_anything_joined(&self) -> bool {
+        !self.classes.is_empty()
+    }
     /// The name of a vertex that it shares with its partners.
     pub(super) fn name(&self, key: &Key) -> Option<Name> {
         self.classes.get(key).copied()
@@ -175,7 +180,7 @@ impl Builder<'_> {
                     j += 1;
                     if (self.stop)() {
                         gluing.is_stopped = true;
-                        gluing.unproven.push("the double curve: stopped".into());
+                        gluing.findings.push(Finding::Stopped(Phase::Partners));
                         return gluing;
                     }
                 }
@@ -897,12 +902,14 @@ impl Builder<'_> {
             }
         }
         if single > 0 {
-            let what = match self.glued {
-                true => "double curve",
-                false => "border of the fundamental domain",
+            let curve = match self.glued {
+                true => JoinedCurve::Double,
+                false => JoinedCurve::FundamentalDomain,
             };
-            let text = format!("{single} edges of the {what} have no partner that was found");
-            gluing.unproven.push(text);
+            let edges = single;
+            gluing
+                .findings
+                .push(Finding::PartnersMissing { edges, curve });
         }
         let mut done = BTreeSet::new();
         for mut piece in pieces {

@@ -8,8 +8,10 @@ use super::chart::keeps_sign_on;
 use super::{Builder, Curves, Name, OPEN_HALVINGS, Ray, Site, SiteArc, distance, middle};
 use crate::base::BasePoint;
 use crate::fan::{Direction, Fan, Sector};
+use crate::finding::{Finding, Phase};
 use crate::map::Map;
 use crate::surface::Point3;
+use crate::univariate::Stopped;
 use isoform_algebra::{Poly, RBig};
 use isoform_geom::distance_to_segment;
 use std::collections::{BTreeMap, BTreeSet};
@@ -90,7 +92,18 @@ impl Builder<'_> {
 
     /// Finds the base points in the region and the rectangles around them.
     pub(super) fn open_base_points(&mut self, points: &[BasePoint], w: &Poly) {
-        self.fans = points.iter().map(|p| Fan::new(p, self.region, w)).collect();
+        let opened: Result<Vec<Fan>, Stopped> = points
+            .iter()
+            .map(|p| Fan::new(p, self.region, w, self.stop))
+            .collect();
+        match opened {
+            Ok(fans) => self.fans = fans,
+            // They are left open.
+            Err(Stopped) => {
+                let stopped = Finding::Stopped(Phase::Tangents);
+                self.surface.findings.push(stopped);
+            }
+        }
         let contracted: Vec<Point3> = self
             .fans
             .iter()
@@ -111,8 +124,7 @@ impl Builder<'_> {
                     let at = self.place(q, k, p);
                     let is_on_side = || self.region.sides_of_point(q, k, p) != 0;
                     if self.region.domain.is_some() && is_on_side() {
-                        problems
-                            .push("a base point on a side of the domain is left open".to_owned());
+                        problems.push(Finding::BasePointOnSide);
                         continue;
                     }
                     let near = |f: &Fan| {
@@ -134,8 +146,7 @@ impl Builder<'_> {
                                 );
                             }
                         },
-                        None => problems
-                            .push("a base point was not recognised and is left open".to_owned()),
+                        None => problems.push(Finding::BasePointUnrecognised),
                     }
                 }
             }
@@ -173,18 +184,18 @@ impl Builder<'_> {
                 }
             }
             if !done {
-                problems.push("the surface next to base points is not near enough to it, or W may change its sign there".to_owned());
+                problems.push(Finding::BasePointRough);
             }
         }
         if !problems.is_empty() {
             self.halvings = OPEN_HALVINGS;
         }
-        self.surface.unproven.extend(problems);
+        self.surface.findings.extend(problems);
     }
 
     /// The rays to which the drawn arcs at base points are tangent. Both are known in their order
     /// around the base point, on either side of its wall: there is one way to match them.
-    fn match_arcs(&mut self, problems: &mut Vec<String>) {
+    fn match_arcs(&mut self, problems: &mut Vec<Finding>) {
         let mut count: BTreeMap<(usize, Ray), usize> = BTreeMap::new();
         let keys: Vec<(usize, usize, usize)> = self.sites.keys().copied().collect();
         for (q, k, p) in keys {
@@ -264,7 +275,7 @@ impl Builder<'_> {
                     .map(|&i| a.slabs[slab].arcs[i].curve)
                     .collect();
                 let Some(matched) = in_turn(&curves, &wanted) else {
-                    problems.push("arcs and tangents in a base point do not agree".to_owned());
+                    problems.push(Finding::TangentsDisagree);
                     continue;
                 };
                 for (i, place) in ends_here.into_iter().zip(matched) {
@@ -291,7 +302,7 @@ impl Builder<'_> {
                     .iter()
                     .find(|(r, x)| mine(*x) && fan.directions[r.0].factors.contains(&curve))
                 else {
-                    problems.push("an arc's tangent in a base point was not found".to_owned());
+                    problems.push(Finding::TangentLost);
                     continue;
                 };
                 let ray = (fan.directions[*d].key(), *backward);
@@ -317,7 +328,7 @@ impl Builder<'_> {
                     .copied()
                     .unwrap_or(0);
                 if !fan.is_side(d) && found != self.arcs_along(fan, sector.rays[0]) {
-                    problems.push("arcs and tangents in a base point do not agree".to_owned());
+                    problems.push(Finding::TangentsDisagree);
                 }
             }
         }

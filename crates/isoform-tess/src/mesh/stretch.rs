@@ -1,7 +1,8 @@
 //! Pieces of arcs between two walls.
 
 use super::{Builder, Ray, TURNS, VERTICES, distance, middle};
-use isoform_algebra::{Arrangement, RBig};
+use crate::field::exact;
+use isoform_algebra::Arrangement;
 use std::collections::BTreeMap;
 
 /// The arcs over a slab at places that are asked for more than once.
@@ -22,12 +23,9 @@ impl<'a> Columns<'a> {
     /// The height of an arc, if the place is between the walls.
     pub(super) fn at(&mut self, u: f64, arc: usize) -> Option<f64> {
         let (a, slab) = (self.arrangement, self.slab);
-        let over = self.known.entry(u.to_bits()).or_insert_with(|| {
-            RBig::try_from(u)
-                .ok()
-                .and_then(|u| a.arcs_over(slab, &u))
-                .unwrap_or_default()
-        });
+        // None beyond the walls.
+        let over = || a.arcs_over(slab, &exact(u)).unwrap_or_default();
+        let over = self.known.entry(u.to_bits()).or_insert_with(over);
         over.get(arc).copied()
     }
 }

@@ -9,6 +9,7 @@ use super::closing::UPON;
 use super::gluing::{CROWDED, Gluing, Track, key};
 use super::stretch::Columns;
 use super::{Builder, Name, Node, Sides, distance, in_plane, middle, on_side, place_in, sides_of};
+use crate::finding::{Finding, Phase};
 use crate::pairs::{Arcs, Pairs, Place};
 use crate::surface::DoubleArc;
 use isoform_geom::dot;
@@ -160,7 +161,7 @@ impl Builder<'_> {
             }
             if (self.stop)() {
                 gluing.is_stopped = true;
-                gluing.unproven.push("the double curve: stopped".into());
+                gluing.findings.push(Finding::Stopped(Phase::Partners));
                 return gluing;
             }
         }
@@ -173,9 +174,7 @@ impl Builder<'_> {
         }
         failed += self.put_ends(&mut gluing, &runs);
         if failed > 0 {
-            gluing.unproven.push(format!(
-                "the double curve could not be drawn at {failed} places"
-            ));
+            gluing.findings.push(Finding::DoubleCurveNotDrawn(failed));
         }
         gluing
     }

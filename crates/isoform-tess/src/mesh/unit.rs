@@ -16,7 +16,7 @@ pub(super) struct Unit {
     pub(super) apexes: BTreeMap<usize, usize>,
     /// Corners of the rectangles around base points, by vertex and fan.
     pub(super) rays: BTreeMap<(usize, usize), Ray>,
-    pub(super) unproven: Vec<String>,
+    pub(super) findings: Vec<Finding>,
 }
 
 /// A triangle: its vertices, their parameters, the sides of the domain that they are on.
@@ -71,22 +71,13 @@ impl<'a> Joined<'a> {
 }
 
 /// What is not proved of triangles, by how their refinement ended.
-fn complaints(ended: Ended) -> impl Iterator<Item = String> {
+fn complaints(ended: Ended) -> impl Iterator<Item = Finding> {
     let all = [
-        (
-            ended.unsound,
-            "W is not proved to keep its sign on every triangle",
-        ),
-        (
-            ended.clashes,
-            "edges fall together next to double or contracted curves",
-        ),
-        (
-            ended.coarse,
-            "the triangles are not everywhere as near to the surface as asked for",
-        ),
+        (ended.unsound, Finding::SignUnproved),
+        (ended.clashes, Finding::EdgesClash),
+        (ended.coarse, Finding::TooCoarse),
     ];
-    all.into_iter().filter(|c| c.0 > 0).map(|c| c.1.to_owned())
+    all.into_iter().filter(|c| c.0 > 0).map(|c| c.1)
 }
 
 impl Builder<'_> {
@@ -127,7 +118,7 @@ impl Builder<'_> {
                         },
                         self.stop,
                     );
-                    u.unproven.extend(complaints(ended));
+                    u.findings.extend(complaints(ended));
                 });
         }
     }
@@ -141,7 +132,7 @@ impl Builder<'_> {
             let here: Vec<Place> = places.iter().filter(|p| p.quadrant == q).copied().collect();
             if !here.is_empty() {
                 let ended = u.plane.insert(&here, most, &measure, self.stop);
-                u.unproven.extend(complaints(ended));
+                u.findings.extend(complaints(ended));
             }
         });
     }
@@ -152,8 +143,8 @@ impl Builder<'_> {
         let measure = InChart { builder: self, q };
         joined
             .surface
-            .unproven
-            .extend(unit.unproven.iter().cloned());
+            .findings
+            .extend(unit.findings.iter().cloned());
         let vertex = |k: u32, joined: &mut Joined| {
             let node = &plane.nodes[k as usize];
             let key = match self.merged(q, node) {
@@ -204,10 +195,7 @@ impl Builder<'_> {
         for strip in opened {
             match strip {
                 Some(strip) => made.extend(self.fill(q, &strip, joined)),
-                None => joined
-                    .surface
-                    .unproven
-                    .push("triangles at base points are left out".to_owned()),
+                None => joined.surface.findings.push(Finding::StripsLeftOut),
             }
         }
         for (triangle, corners, borders) in made {
