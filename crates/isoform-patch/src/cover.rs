@@ -10,7 +10,7 @@ use crate::surface::{Random, contains, project};
 use crate::unit::UnitBox;
 use crate::whole::Whole;
 use crate::{Error, Options, Parameterized, single};
-use isoform_geom::{Field, Parts, Point3, RationalPatch, distance_squared, dot, norm, sub};
+use isoform_geom::{Aabb, Field, Parts, Point3, RationalPatch, distance_squared, dot, norm, sub};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Random places that are projected to samples of a part.
@@ -303,6 +303,7 @@ pub fn reached(patch: &RationalPatch, points: &[Point3], tolerance: f64) -> Vec<
         starts.add(patch, [(at(i), at(i + 1)), (at(j), at(j + 1))], 0);
     }
     let near = tolerance + starts.reach;
+    let wide = beyond(patch, tolerance);
     let tree = isoform_geom::KdTree::new(&starts.points);
     let reaches = |p: Point3| {
         let Some((k, d2)) = tree.nearest(p).map(|n| (n.0, n.1)) else {
@@ -310,7 +311,30 @@ pub fn reached(patch: &RationalPatch, points: &[Point3], tolerance: f64) -> Vec<
         };
         d2 <= near * near && comes_to(patch, p, starts.parameters[k], tolerance)
     };
-    points.iter().map(|p| reaches(*p)).collect()
+    points
+        .iter()
+        .map(|p| contains(&wide, *p) && reaches(*p))
+        .collect()
+}
+
+/// A box beyond which nothing is within a distance of a patch, whose control points span it where
+/// their weights are positive.
+fn beyond(patch: &RationalPatch, distance: f64) -> Aabb {
+    let mut all = Aabb::EMPTY;
+    if patch.control_weights().0 <= 0.0 {
+        return Aabb {
+            lo: [f64::NEG_INFINITY; 3],
+            hi: [f64::INFINITY; 3],
+        };
+    }
+    for c in patch.control() {
+        all.add([c[0] / c[3], c[1] / c[3], c[2] / c[3]]);
+    }
+    // Twice as much, as quotients are rounded.
+    Aabb {
+        lo: all.lo.map(|v| v - 2.0 * distance),
+        hi: all.hi.map(|v| v + 2.0 * distance),
+    }
 }
 
 /// Places of a patch from which feet are sought.

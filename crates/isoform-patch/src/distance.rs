@@ -238,9 +238,12 @@ pub(crate) fn distances_on(
     }
     let proved = proved.map(|b| b.max(sampled));
     let goal = |slack: f64| (slack * sampled).max(ROUNDING * size);
-    if let Some(bound) = proved
-        .filter(|b| !whole.is_single() && *b <= (SLACK[1] * sampled).max(LEAST_REFINED * size))
-    {
+    // What would be aimed at is proved already.
+    let enough = |b: &f64| match whole.is_single() {
+        true => *b <= goal(SLACK[0]),
+        false => *b <= (SLACK[1] * sampled).max(LEAST_REFINED * size),
+    };
+    if let Some(bound) = proved.filter(enough) {
         return (
             Distances {
                 bound: Some(bound),

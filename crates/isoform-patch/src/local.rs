@@ -93,6 +93,99 @@ impl Node {
     }
 }
 
+/// How a node moves with a step of the control points, of which p* is a linear function: p, pᵤ and
+/// pᵥ at the time t have these first and second derivatives by t.
+struct Motion {
+    point: [Point3; 2],
+    tangents: [[Point3; 2]; 2],
+}
+
+impl Motion {
+    /// `by` is the derivative of z.
+    fn new(node: &Node, by: &[f64; 12]) -> Self {
+        let (w, dw) = (node.z[3], by[3]);
+        let p = node.point;
+        let dp: Point3 = std::array::from_fn(|k| (by[k] - p[k] * dw) / w);
+        let ddp = dp.map(|v| -2.0 * v * dw / w);
+        // N_u = p w_u + p_u w, once and twice by t.
+        let tangents = [0, 1].map(|a| {
+            let (wa, dwa, t) = (node.z[7 + 4 * a], by[7 + 4 * a], node.tangents[a]);
+            let first: Point3 = std::array::from_fn(|k| {
+                (by[4 + 4 * a + k] - dp[k] * wa - p[k] * dwa - t[k] * dw) / w
+            });
+            let second = std::array::from_fn(|k| {
+                -(ddp[k] * wa + 2.0 * dp[k] * dwa + 2.0 * first[k] * dw) / w
+            });
+            [first, second]
+        });
+        Self {
+            point: [dp, ddp],
+            tangents,
+        }
+    }
+
+    /// The second derivative of F/|∇F| where F is small.
+    fn distance(&self, jet: &Jet2, method: Method) -> f64 {
+        let ([d, dd], g) = (self.point, jet.g);
+        let length = dot(g, g).sqrt();
+        if length == 0.0 {
+            return 0.0;
+        }
+        let hd: Point3 = std::array::from_fn(|i| (0..3).map(|j| jet.second(i, j) * d[j]).sum());
+        let turned = if method == Method::Frozen {
+            0.0
+        } else {
+            2.0 * dot(g, d) * dot(g, hd) / (length * length)
+        };
+        (dot(d, hd) + dot(g, dd) - turned) / length
+    }
+
+    /// The second derivative of ⟨pₐ, p_b⟩.
+    fn form(&self, node: &Node, (a, b): (usize, usize)) -> f64 {
+        let ([da, dda], [db, ddb]) = (self.tangents[a], self.tangents[b]);
+        dot(dda, node.tangents[b]) + 2.0 * dot(da, db) + dot(node.tangents[a], ddb)
+    }
+}
+
+/// The sum over the residuals r at a node of the gradient of r by z times the second derivative of
+/// r along a step, where z moves by `by`, with the factors of the integrand of S and twice the
+/// quadrature weight.
+pub(crate) fn bend(
+    node: &Node,
+    by: &[f64; 12],
+    jet: &Jet2,
+    objective: &Objective<'_>,
+    (weight, importance): (f64, f64),
+) -> [f64; 12] {
+    let (targets, factors) = (&objective.targets, &objective.weights);
+    let motion = Motion::new(node, by);
+    let mut sum = [0.0; 12];
+    let distance = motion.distance(jet, objective.method);
+    for (s, first) in sum.iter_mut().zip(node.distance_gradient(jet)) {
+        *s += 2.0 * weight * importance * distance * first;
+    }
+    let mut add = |factor: f64, second: f64, form: &Form| {
+        for (s, first) in sum.iter_mut().zip(form.first) {
+            *s += 2.0 * weight * factor * second * first;
+        }
+    };
+    let [x, y, both] = objective.inner.factors(targets);
+    let (g11, g22) = (
+        Form::new(node, (0, 0), false),
+        Form::new(node, (1, 1), false),
+    );
+    let (u, v) = (motion.form(node, (0, 0)), motion.form(node, (1, 1)));
+    add(factors.l * x, u, &g11);
+    add(factors.l * y, v, &g22);
+    if both > 0.0 {
+        let sum = g11.blend(1.0 / targets.l1, &g22, 1.0 / targets.l2);
+        add(factors.l * both, u / targets.l1 + v / targets.l2, &sum);
+    }
+    let angle = motion.form(node, (0, 1));
+    add(factors.r, angle, &Form::new(node, (0, 1), false));
+    sum
+}
+
 /// Gradient and second derivatives of the integrand of S by z, times the quadrature weight.
 #[derive(Clone, Debug)]
 pub(crate) struct Local {

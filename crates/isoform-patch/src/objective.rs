@@ -17,7 +17,7 @@
 //! Bernstein basis. That last step uses the tensor product: first over the nodes in v, then over
 //! those in u, which costs a quarter of summing node by node.
 
-use crate::local::{Local, Node};
+use crate::local::{Local, Node, bend};
 use isoform_geom::{Field, Point3, RationalPatch, bernstein, cross, distance_squared, dot, sub};
 use isoform_num::{Jet2, Jet3, gauss_legendre};
 
@@ -453,15 +453,23 @@ impl<'f> Objective<'f> {
         (if u > 0.5 { m * (n + 1) } else { 0 }) + if v > 0.5 { n } else { 0 }
     }
 
-    /// p*, p*ᵤ, p*ᵥ at all nodes, those of one u after the other; none where w ≤ 0.
+    /// The nodes, those of one u after the other; none where w ≤ 0.
     fn nodes(&self, patch: &RationalPatch) -> Option<Vec<Node>> {
+        self.homogeneous(patch.control())
+            .into_iter()
+            .map(Node::new)
+            .collect()
+    }
+
+    /// p*, p*ᵤ, p*ᵥ at all nodes for these control points.
+    fn homogeneous(&self, control: &[[f64; 4]]) -> Vec<[f64; 12]> {
         let n = self.degree.1;
         let mut nodes = Vec::with_capacity(self.u.b.len() * self.v.b.len());
         for [a, da] in &self.u.b {
             // The curve over v at this u, and its derivative by u.
             let mut row = [[[0.0; 4]; 2]; crate::MOST_DEGREE + 1];
             let row = &mut row[..=n];
-            for (i, controls) in patch.control().chunks(n + 1).enumerate() {
+            for (i, controls) in control.chunks(n + 1).enumerate() {
                 for (row, c) in row.iter_mut().zip(controls) {
                     for k in 0..4 {
                         row[0][k] += a[i] * c[k];
@@ -478,10 +486,62 @@ impl<'f> Objective<'f> {
                         z[8 + k] += db[j] * row[0][k];
                     }
                 }
-                nodes.push(Node::new(z)?);
+                nodes.push(z);
             }
         }
-        Some(nodes)
+        nodes
+    }
+
+    /// How residuals bend along a step of the unknowns: the gradient of S, were every residual its
+    /// second derivative along that step. Those of J, which has no residuals to speak of, and of
+    /// sides are left out.
+    pub(crate) fn bending(&self, patch: &RationalPatch, at: &Evaluated, step: &[f64]) -> Vec<f64> {
+        let (m, n) = self.degree;
+        let count = (m + 1) * (n + 1);
+        let moved: Vec<[f64; 4]> = (0..count)
+            .map(|i| std::array::from_fn(|k| step[k * count + i]))
+            .collect();
+        let motion = self.homogeneous(&moved);
+        let mut sums = vec![0.0; 4 * count];
+        let mut nodes = at.nodes.iter().zip(&at.jets).zip(&motion).enumerate();
+        for ([a, da], wu) in self.u.b.iter().zip(&self.u.weights) {
+            let mut row = [[[0.0; 4]; 2]; crate::MOST_DEGREE + 1];
+            for (([b, db], wv), (k, ((node, jet), by))) in
+                self.v.b.iter().zip(&self.v.weights).zip(&mut nodes)
+            {
+                let g = bend(node, by, jet, self, (wu * wv, self.importance(k)));
+                for (j, row) in row[..=n].iter_mut().enumerate() {
+                    for d in 0..4 {
+                        row[0][d] += g[d] * b[j] + g[8 + d] * db[j];
+                        row[1][d] += g[4 + d] * b[j];
+                    }
+                }
+            }
+            for i in 0..=m {
+                for (j, row) in row[..=n].iter().enumerate() {
+                    for d in 0..4 {
+                        sums[d * count + i * (n + 1) + j] += a[i] * row[0][d] + da[i] * row[1][d];
+                    }
+                }
+            }
+        }
+        self.corner_bending(patch, &moved, &mut sums);
+        sums
+    }
+
+    /// Adds what ω_E E contributes.
+    fn corner_bending(&self, patch: &RationalPatch, moved: &[[f64; 4]], sums: &mut [f64]) {
+        let count = moved.len();
+        for &(u, v) in &CORNERS {
+            let at = self.corner(u, v);
+            let (c, by) = (patch.control()[at], moved[at]);
+            for k in 0..3 {
+                let p = c[k] / c[3];
+                let second = -2.0 * (by[k] - p * by[3]) * by[3] / (c[3] * c[3]);
+                sums[k * count + at] += 2.0 * self.weights.e * second / c[3];
+                sums[3 * count + at] -= 2.0 * self.weights.e * second * p / c[3];
+            }
+        }
     }
 
     /// Gradient and second derivatives of S. None if Newton's method is asked of a field without
