@@ -280,8 +280,8 @@ impl<'f> Growth<'f> {
         };
         growth.objective.weights = options.start;
         if let Some(tolerance) = options.tolerance {
-            (growth.objective.little, growth.objective.by_control) =
-                ((LITTLE * tolerance).powi(2), true);
+            growth.objective.little = (LITTLE * tolerance).powi(2);
+            growth.objective.keep_shape_loosely();
             growth.objective.weigh_border(pace.border);
         }
         let mut size = START_SIZE * unit;
@@ -617,7 +617,7 @@ impl<'f> Growth<'f> {
 
     /// Where a control weight is too small, gives J more weight; whether it did.
     fn raise(&mut self) -> bool {
-        if !self.objective.by_control || self.patch.control_weights().0 > LEAST_WEIGHT {
+        if !self.objective.is_by_control() || self.patch.control_weights().0 > LEAST_WEIGHT {
             return false;
         }
         let Some((targets, at)) = self.retargeted(&self.patch) else {

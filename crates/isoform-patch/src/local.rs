@@ -15,11 +15,9 @@ pub(crate) struct Node {
     pub(crate) tangents: [Point3; 2],
 }
 
-/// The residuals whose squares are integrated.
+/// The residuals whose squares make L and R.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Residuals {
-    /// F/|∇F|, 0 where both vanish.
-    pub(crate) distance: f64,
     /// g₁₁ − l₁.
     pub(crate) u: f64,
     /// g₂₂ − l₂.
@@ -41,12 +39,18 @@ impl Node {
         Some(Self { z, point, tangents })
     }
 
-    pub(crate) fn residuals(&self, jet: &Jet2, targets: &Targets) -> Residuals {
+    /// F/|∇F|, 0 where both vanish.
+    pub(crate) fn distance(&self, jet: &Jet2) -> f64 {
+        if jet.v == 0.0 {
+            0.0
+        } else {
+            jet.v / dot(jet.g, jet.g).sqrt()
+        }
+    }
+
+    pub(crate) fn residuals(&self, targets: &Targets) -> Residuals {
         let [pu, pv] = self.tangents;
-        let g = dot(jet.g, jet.g).sqrt();
-        let distance = if jet.v == 0.0 { 0.0 } else { jet.v / g };
         Residuals {
-            distance,
             u: dot(pu, pu) - targets.l1,
             v: dot(pv, pv) - targets.l2,
             angle: dot(pu, pv),
@@ -60,6 +64,18 @@ impl Node {
             return [0.0; 4];
         }
         let d = jet.g.map(|g| g / length);
+        [d[0] / w, d[1] / w, d[2] / w, -dot(d, self.point) / w]
+    }
+
+    /// The derivatives of F/|∇F| by p*, of the second kind only if the method has them; 0 where |∇F|
+    /// is.
+    pub(crate) fn distance_slope(&self, jet: &Jet2, method: Method) -> [f64; 4] {
+        let (w, g) = (self.z[3], jet.g);
+        let length = dot(g, g).sqrt();
+        if length == 0.0 || method == Method::Frozen {
+            return self.distance_gradient(jet);
+        }
+        let d = along(jet, self.distance(jet));
         [d[0] / w, d[1] / w, d[2] / w, -dot(d, self.point) / w]
     }
 
@@ -147,23 +163,44 @@ impl Motion {
     }
 }
 
-/// The sum over the residuals r at a node of the gradient of r by z times the second derivative of
-/// r along a step, where z moves by `by`, with the factors of the integrand of S and twice the
-/// quadrature weight.
-pub(crate) fn bend(
+/// ∇(F/|∇F|) = ∇F/|∇F| − F H∇F/|∇F|³ with F/|∇F| = r.
+fn along(jet: &Jet2, r: f64) -> Point3 {
+    let g = jet.g;
+    let length = dot(g, g).sqrt();
+    let bent = r / (length * length);
+    std::array::from_fn(|i| {
+        let hg: f64 = (0..3).map(|j| jet.second(i, j) * g[j]).sum();
+        g[i] / length - bent * hg
+    })
+}
+
+/// The gradient of the distance by z times its second derivative along a step, where z moves by
+/// `by`; twice the weight times that.
+pub(crate) fn bend_of_distance(
     node: &Node,
     by: &[f64; 12],
     jet: &Jet2,
     objective: &Objective<'_>,
-    (weight, importance): (f64, f64),
+    weight: f64,
+) -> [f64; 12] {
+    let second = Motion::new(node, by).distance(jet, objective.method);
+    let mut sum = [0.0; 12];
+    for (s, first) in sum.iter_mut().zip(node.distance_gradient(jet)) {
+        *s = 2.0 * weight * second * first;
+    }
+    sum
+}
+
+/// The same of what makes L and R, with their factors.
+pub(crate) fn bend_of_shape(
+    node: &Node,
+    by: &[f64; 12],
+    objective: &Objective<'_>,
+    weight: f64,
 ) -> [f64; 12] {
     let (targets, factors) = (&objective.targets, &objective.weights);
     let motion = Motion::new(node, by);
     let mut sum = [0.0; 12];
-    let distance = motion.distance(jet, objective.method);
-    for (s, first) in sum.iter_mut().zip(node.distance_gradient(jet)) {
-        *s += 2.0 * weight * importance * distance * first;
-    }
     let mut add = |factor: f64, second: f64, form: &Form| {
         for (s, first) in sum.iter_mut().zip(form.first) {
             *s += 2.0 * weight * factor * second * first;
@@ -193,33 +230,48 @@ pub(crate) struct Local {
     pub(crate) hessian: [[f64; 12]; 12],
 }
 
+impl Default for Local {
+    fn default() -> Self {
+        Self {
+            gradient: [0.0; 12],
+            hessian: [[0.0; 12]; 12],
+        }
+    }
+}
+
 impl Local {
-    /// `third` is used by Newton's method only.
-    pub(crate) fn new(
+    /// Adds I's integrand; `third` is used by Newton's method only.
+    pub(crate) fn add_distance(
+        &mut self,
         node: &Node,
         jet: &Jet2,
         third: Option<&Jet3>,
         objective: &Objective<'_>,
-        (weight, importance): (f64, f64),
-    ) -> Self {
-        let (method, targets, factors) = (objective.method, &objective.targets, &objective.weights);
-        let mut local = Self {
-            gradient: [0.0; 12],
-            hessian: [[0.0; 12]; 12],
-        };
-        let r = node.residuals(jet, targets);
-        local.distance(node, jet, third, method, r.distance, weight * importance);
+        weight: f64,
+    ) {
+        self.distance(
+            node,
+            jet,
+            third,
+            objective.method,
+            node.distance(jet),
+            weight,
+        );
+    }
 
-        if !objective.by_control {
+    /// Adds those of L, R, and of J where that is an integral.
+    pub(crate) fn add_shape(&mut self, node: &Node, objective: &Objective<'_>, weight: f64) {
+        let (method, targets, factors) = (objective.method, &objective.targets, &objective.weights);
+        let r = node.residuals(targets);
+        if !objective.is_by_control() {
             let x = node.z[3] - 1.0;
             let k = f64::from(K);
-            local.gradient[3] += weight * factors.j * k * x.powi(K - 1);
-            local.hessian[3][3] += weight * factors.j * k * (k - 1.0) * x.powi(K - 2);
+            self.gradient[3] += weight * factors.j * k * x.powi(K - 1);
+            self.hessian[3][3] += weight * factors.j * k * (k - 1.0) * x.powi(K - 2);
         }
-
         let exact = method == Method::Newton;
         let [x, y, both] = objective.inner.factors(targets);
-        let mut add = |r: f64, s: f64, form: &Form| local.form(r, form, s);
+        let mut add = |r: f64, s: f64, form: &Form| self.form(r, form, s);
         let (g11, g22) = (
             Form::new(node, (0, 0), exact),
             Form::new(node, (1, 1), exact),
@@ -235,7 +287,6 @@ impl Local {
             );
         }
         add(r.angle, weight * factors.r, &Form::new(node, (0, 1), exact));
-        local
     }
 
     /// Adds a residual with value, gradient and, where it counts, second derivatives: s r² with 2 s
