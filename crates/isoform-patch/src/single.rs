@@ -1,8 +1,8 @@
 //! One patch: seed, growth, exactness, tolerance, proof.
 
-use crate::cover::reached;
 use crate::distance::{Distances, distances_on};
 use crate::exact::make_exact;
+use crate::feet::reached;
 use crate::fold;
 use crate::grow::{Grown, Growth, Pace};
 use crate::objective::{Inner, Method, Objective};

@@ -6,7 +6,7 @@
 
 use crate::fold;
 use crate::quadric::quadric;
-use crate::{Distances, Error, Grown, Options, Parameterized};
+use crate::{Covering, Distances, Error, Grown, Options, Parameterized};
 use isoform_geom::{Aabb, Expansion, Field, Parts, Point3, RationalPatch, SmoothPart, Terms, norm};
 use isoform_num::{Interval, Jet2, Jet3, Real};
 use std::ops::Deref;
@@ -32,7 +32,7 @@ impl UnitBox {
     }
 
     /// A place in space.
-    fn out(&self, p: Point3) -> Point3 {
+    pub(crate) fn out(&self, p: Point3) -> Point3 {
         std::array::from_fn(|k| self.center[k] + self.edge * p[k])
     }
     /// A place in the unit box.
@@ -45,6 +45,29 @@ impl UnitBox {
             let at = Interval::new(region.lo[k], region.hi[k]);
             Interval::constant(self.center[k]) + Interval::constant(self.edge) * at
         })
+    }
+
+    /// A length in space, rounded up.
+    pub(crate) fn length_out(&self, length: f64) -> f64 {
+        self.edge * length * (1.0 + 1e-12)
+    }
+    /// A box in space.
+    pub(crate) fn region_out(&self, region: &Aabb) -> Aabb {
+        Aabb {
+            lo: self.out(region.lo),
+            hi: self.out(region.hi),
+        }
+    }
+    /// How a surface is covered in the unit box. As of a tolerance, something of a margin is for
+    /// rounding on the way out, and more is asked for.
+    pub(crate) fn covering(&self, covering: &Covering) -> Covering {
+        let far = norm(self.center) + self.edge;
+        let margin = |m: f64| (m * (1.0 + 1e-12) + 2.0 * ROUNDINGS * far) / self.edge;
+        Covering {
+            margin: covering.margin.map(margin),
+            apart: covering.apart.map(|a| a / self.edge),
+            ..*covering
+        }
     }
 
     /// A function of space as one of the unit box.
