@@ -10,10 +10,10 @@
 
 use crate::depth::{Border, Proof, Question, Sheet, prove};
 use crate::feet::reached;
-use crate::singular;
+use crate::singular::{self, Avoided};
 use crate::surface::{Random, contains, project};
 use crate::unit::UnitBox;
-use crate::whole::Whole;
+use crate::whole::{NearSingular, Whole};
 use crate::{Error, Options, Parameterized, single};
 use isoform_geom::{Aabb, Field, KdTree, Parts, Point3, distance_squared, norm, sub};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -31,6 +31,9 @@ const MOST_ROUNDS: usize = 4;
 const ENOUGH: f64 = 3e-4;
 /// Samples at which no patch may be had are given up after so many failures altogether.
 const MOST_FAILURES: usize = 200;
+/// A patch that was made shorter so often before its distance could be proved has met something
+/// hard: if there are singular points, those after it stay away from them.
+const HARD: usize = 3;
 /// Samples must lie this much deeper than the margin: what is left is for what lies between them,
 /// and for cells of the proof. With less there are more and smaller cells.
 const DEEPER: f64 = 1.25;
@@ -243,6 +246,8 @@ struct Work<'w> {
     /// Singular points near samples, and how far the surface about them may be left out.
     singular: Vec<Point3>,
     apart: f64,
+    /// Whether patches stay away from them: not before one had trouble.
+    avoided: Option<Avoided>,
     patches: Vec<(Parameterized, Vec<bool>)>,
     failures: usize,
     last_error: Error,
@@ -278,6 +283,7 @@ impl<'w> Work<'w> {
             left_out: Vec::new(),
             singular: Vec::new(),
             apart: covering.apart.unwrap_or(APART * edge),
+            avoided: None,
             patches: Vec::new(),
             failures: 0,
             last_error: Error::NoSurface,
@@ -396,15 +402,29 @@ impl<'w> Work<'w> {
         let this = &*self;
         let made = side_by_side(seeds.len(), self.covering.threads, &|i| {
             let (part, sample) = (this.parts[seeds[i]], this.samples[seeds[i]]);
-            let patch = single::at(this.whole, part, sample, &this.options)?;
+            let patch = single::at(
+                this.whole,
+                part,
+                sample,
+                &this.options,
+                this.near_singular(),
+            )?;
             let covers = this.covers(&patch, 0);
             Ok((patch, covers))
         });
         let mut done = seeds.clone();
+        let was_avoided = self.avoided.is_some();
         for (seed, made) in seeds.iter().zip(made) {
             let keeps = |patch: &Parameterized| {
                 patch.is_unfolded && patch.distances.bound.is_some_and(|b| b <= self.tolerance)
             };
+            let is_hard = (made.as_ref()).map_or(true, |(p, _)| p.shortenings >= HARD || !keeps(p));
+            if is_hard && !self.singular.is_empty() {
+                self.avoided = Some(Avoided::new(&self.singular, self.apart));
+            }
+            // Its own sample is done with, even if rounding says that it is not quite reached.
+            self.open[*seed] = false;
+            self.far[*seed] = 0.0;
             match made {
                 Ok((patch, covers)) if keeps(&patch) && covers.contains(&true) => {
                     for (i, c) in covers.iter().enumerate() {
@@ -415,26 +435,35 @@ impl<'w> Work<'w> {
                     }
                     self.patches.push((patch, covers));
                 }
-                Ok(_) => self.fail(*seed),
-                Err(error) => {
-                    self.last_error = error;
-                    self.fail(*seed);
+                made => {
+                    if let Err(error) = made {
+                        self.last_error = error;
+                    }
+                    self.fail(*seed, was_avoided);
                 }
             }
-            // Its own sample is done with, even if rounding says that it is not quite reached.
-            self.open[*seed] = false;
-            self.far[*seed] = 0.0;
         }
         self.update_far(&done);
     }
 
-    /// No patch was found at a sample: near a singular point all that is as near to one is left out.
-    fn fail(&mut self, seed: usize) {
-        self.open[seed] = false;
+    /// No patch was found at a sample: near a singular point all that is as near to one is left
+    /// out; elsewhere it is tried again if singular points are to be avoided from now on.
+    fn fail(&mut self, seed: usize, was_avoided: bool) {
         if self.is_near_singular(self.samples[seed]) {
             self.leave_out();
+        } else if self.avoided.is_some() && !was_avoided {
+            self.open[seed] = true;
         } else {
             self.failures += 1;
+        }
+    }
+
+    /// What the next patches do near singular points.
+    fn near_singular(&self) -> NearSingular<'_> {
+        match &self.avoided {
+            Some(avoided) => NearSingular::Avoid(avoided),
+            None if self.singular.is_empty() => NearSingular::Cross,
+            None => NearSingular::Try,
         }
     }
 

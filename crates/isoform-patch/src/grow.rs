@@ -21,7 +21,7 @@ use crate::objective::{CORNERS, Evaluated, Method, Objective, Targets, Terms, We
 use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
 use crate::surface::{Seed, contains, project, project_along};
-use crate::whole::On;
+use crate::whole::{NearSingular, On};
 use edges::OVERLAP;
 use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
 use std::time::Instant;
@@ -80,8 +80,13 @@ pub(crate) const LEAST_WEIGHT: f64 = 0.02;
 const SHORTER: usize = 12;
 /// The same of a surface with parts: there more is in vain.
 const SHORTER_AT_EDGES: usize = 3;
-/// Cells of that proof.
-const PROOF_CELLS: usize = 300_000;
+/// Cells of that proof: ten times what patches on smooth surfaces take. Across self-intersections
+/// there may be more; then the patch ends before them.
+const PROOF_CELLS: usize = 60_000;
+/// The same, and how often a patch is made shorter, where it is soon given up if it may be near
+/// singular points: twice what patches on smooth surfaces take.
+const TRIAL_CELLS: usize = 15_000;
+const TRIALS: usize = 3;
 /// The same of a surface with parts.
 const PROOF_CELLS_AT_EDGES: usize = 8000;
 /// Before it is proved, the distance is sampled in a finer grid; near edges proofs need some room.
@@ -223,6 +228,8 @@ pub(crate) struct Growth<'f> {
     pub(crate) trace: Vec<Row>,
     /// Whether the time was over before the patch was as large as it gets.
     pub(crate) is_late: bool,
+    /// How often it was made shorter for the proof of its tolerance.
+    pub(crate) shortenings: usize,
     /// The last patch that kept the bound.
     good: Option<State<'f>>,
     pub(crate) options: Options,
@@ -269,6 +276,7 @@ impl<'f> Growth<'f> {
             objective,
             trace: Vec::new(),
             is_late: false,
+            shortenings: 0,
             good: None,
             options: *options,
             pace,
@@ -282,6 +290,7 @@ impl<'f> Growth<'f> {
         if let Some(tolerance) = options.tolerance {
             growth.objective.little = (LITTLE * tolerance).powi(2);
             growth.objective.keep_shape_loosely();
+            growth.objective.bends = true;
             growth.objective.weigh_border(pace.border);
         }
         let mut size = START_SIZE * unit;
@@ -292,6 +301,10 @@ impl<'f> Growth<'f> {
             let patch = RationalPatch::planar(options.degree, origin, a, b);
             if let Some((targets, at)) = growth.retargeted(&patch)
                 && growth.is_start(&at)
+                && !on
+                    .near_singular
+                    .avoided()
+                    .is_some_and(|a| a.is_near(&patch))
                 && (on.whole.is_single()
                     || Self::starts_within(on, &patch, growth.overlap(), edge.is_some()))
             {
@@ -700,6 +713,12 @@ impl<'f> Growth<'f> {
         } else {
             (SHORTER_AT_EDGES, SHARE_SHORTER_AT_EDGES)
         };
+        let most = if matches!(self.on.near_singular, NearSingular::Try) {
+            effort.cells = effort.cells.min(TRIAL_CELLS);
+            TRIALS
+        } else {
+            most
+        };
         for _ in 0..most {
             if self.is_over() {
                 return None;
@@ -721,6 +740,7 @@ impl<'f> Growth<'f> {
             if !left {
                 return None;
             }
+            self.shortenings += 1;
             effort.cells = effort.cells.min(PROOF_CELLS / 3);
         }
         None
@@ -801,8 +821,15 @@ impl<'f> Growth<'f> {
                 0.0
             }
         });
+        let (present_patch, avoided) = (self.patch.clone(), self.on.near_singular.avoided());
         let by = |shares: [f64; 2]| {
-            std::array::from_fn(|side| if moves[side] { shares[side / 2] } else { 0.0 })
+            std::array::from_fn(|side| match (moves[side], avoided) {
+                (false, _) => 0.0,
+                (true, Some(avoided)) if shares[side / 2] > 0.0 => {
+                    avoided.within(&present_patch, side, shares[side / 2])
+                }
+                (true, _) => shares[side / 2],
+            })
         };
         for _ in 0..SECANTS {
             let Some(reached) = self.objective.lengths(&self.longer(by(shares))) else {

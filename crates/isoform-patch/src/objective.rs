@@ -196,6 +196,9 @@ pub struct Objective<'f> {
     pub(crate) little: f64,
     /// J is the mean of (w − 1)ᴷ over the control points, which keeps all their weights positive.
     by_control: bool,
+    /// Steps follow the bends of valleys. With a bound on S, where shape terms keep these wide,
+    /// little is gained, and rounding at the start, where S does not know its scale, has more say.
+    pub(crate) bends: bool,
     /// How much the distance counts at the nodes; none: as much everywhere.
     pub(crate) importance: Vec<f64>,
 }
@@ -270,6 +273,7 @@ impl<'f> Objective<'f> {
             sides: [None; 4],
             little: 0.0,
             by_control: false,
+            bends: false,
             importance: Vec::new(),
         }
     }

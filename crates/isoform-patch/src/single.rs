@@ -9,7 +9,7 @@ use crate::objective::{Inner, Method, Objective};
 use crate::options::{Error, Options};
 use crate::surface::Seed;
 use crate::unit::UnitBox;
-use crate::whole::{On, Whole};
+use crate::whole::{NearSingular, On, Whole};
 use crate::{MOST_DEGREE, surface};
 use isoform_geom::{Field, Parts, Point3, Quadric, norm, sub};
 use std::f64::consts::FRAC_PI_4;
@@ -47,6 +47,8 @@ pub struct Parameterized {
     /// Whether it is proved not to fold over: that it shows one side to where F grows, except
     /// across self-intersections, where its normals turn little.
     pub is_unfolded: bool,
+    /// How often it was made shorter until its distance could be proved.
+    pub shortenings: usize,
     /// Whether S keeps its bound.
     pub is_within_limit: bool,
     /// Whether the time was over before the patch was as large as it gets.
@@ -82,6 +84,7 @@ fn parameterize_in_unit_box(field: &dyn Field, options: &Options) -> Result<Para
     let on = On {
         whole: &whole,
         part: 0,
+        near_singular: NearSingular::Cross,
     };
     let mut clock = Clock::default();
     if let Some(p) = options.seed_point {
@@ -189,7 +192,7 @@ fn parameterize_part_in_unit_box(parts: &Parts, options: &Options) -> Result<Par
         Some(p) => nearest(&whole, p, options).ok_or(Error::FarSeed { at: p })?,
         None => chosen(&whole, options).ok_or(Error::NoSurface)?,
     };
-    at(&whole, part, point, options)
+    at(&whole, part, point, options, NearSingular::Cross)
 }
 
 /// The point of the surface that a place leads to, with its part.
@@ -242,9 +245,14 @@ pub(crate) fn at(
     part: usize,
     point: Point3,
     options: &Options,
+    near_singular: NearSingular<'_>,
 ) -> Result<Parameterized, Error> {
     let mut clock = Clock::default();
-    let on = On { whole, part };
+    let on = On {
+        whole,
+        part,
+        near_singular,
+    };
     let (scale, unit) = (
         options.region.diagonal(),
         options.region.size().into_iter().fold(0.0, f64::max),
@@ -401,6 +409,9 @@ fn grown<'f>(
     }
     let proved = growth.keep_tolerance();
     clock.phase("grow");
+    if proved.is_none() && matches!(on.near_singular, NearSingular::Try) {
+        return Err(Error::NoPatch { at: seed.point });
+    }
     let (mut known, mut place) = distances_on(
         whole,
         &growth.patch,
@@ -482,6 +493,7 @@ fn grown<'f>(
         part: on.part,
         quadric: None,
         is_late: growth.is_late,
+        shortenings: growth.shortenings,
         grown: growth.finish(),
         distances: known,
         is_unfolded: fold.is_none(),

@@ -1,7 +1,7 @@
 //! Singular points of a surface: where F and ∇F vanish, as at nodes, along self-intersections and at
 //! pinch points.
 
-use isoform_geom::{Field, Point3, distance_squared, norm};
+use isoform_geom::{Field, KdTree, Point3, RationalPatch, distance_squared, norm};
 use isoform_num::linalg::symmetric_eigen;
 
 /// Newton steps towards a singular point.
@@ -14,9 +14,82 @@ const NONE: f64 = 1e-6;
 /// The step along which distances are measured, in the distance asked for: points of the list are
 /// so far apart.
 const SPACING: f64 = 0.25;
+/// Patches stay away from singular points by this share of the distance within which the surface may
+/// be left out: what is between is covered.
+const SHARE: f64 = 0.6;
+/// Samples along a side, and most across what is added to a patch there.
+const MOST_SAMPLES: usize = 24;
+/// Halvings of what is added until a side stops.
+const HALVINGS: usize = 5;
 /// Samples farther from singular points than this, in the distance asked for, by |∇F|/|H|, are not
 /// looked at. Where curvatures differ that may be off by as much.
 const REACH: f64 = 4.0;
+
+/// Points that patches stay away from, so far.
+#[derive(Clone, Debug)]
+pub(crate) struct Avoided {
+    tree: KdTree,
+    apart: f64,
+}
+
+impl Avoided {
+    pub(crate) fn new(points: &[Point3], apart: f64) -> Self {
+        Self {
+            tree: KdTree::new(points),
+            apart,
+        }
+    }
+
+    /// Whether samples of a patch come near one of the points.
+    pub(crate) fn is_near(&self, patch: &RationalPatch) -> bool {
+        let at = |i: usize| i as f64 / MOST_SAMPLES as f64;
+        let near = (SHARE * self.apart).powi(2);
+        (0..=MOST_SAMPLES).any(|i| {
+            (0..=MOST_SAMPLES).any(|j| {
+                let p = patch.point(at(i), at(j));
+                self.tree.nearest(p).is_some_and(|n| n.1 <= near)
+            })
+        })
+    }
+
+    /// The share by which a patch may grow at a side (of u = 0, u = 1, v = 0, v = 1), at most the
+    /// one given, without coming near one of the points, by samples of what is added; none of it
+    /// where it is halved in vain.
+    pub(crate) fn within(&self, patch: &RationalPatch, side: usize, share: f64) -> f64 {
+        let near = SHARE * self.apart;
+        let is_near = |share: f64| {
+            // Across what is added no two samples are farther apart than the points are avoided.
+            let edge = {
+                let t = patch.tangents(0.5, 0.5);
+                norm(if side < 2 { t.u } else { t.v })
+            };
+            let deep = ((share * edge / near).ceil() as usize).clamp(1, MOST_SAMPLES);
+            (0..=deep).any(|i| {
+                let e = share * i as f64 / deep as f64;
+                (0..=MOST_SAMPLES).any(|k| {
+                    let t = k as f64 / MOST_SAMPLES as f64;
+                    let (u, v) = match side {
+                        0 => (-e, t),
+                        1 => (1.0 + e, t),
+                        2 => (t, -e),
+                        _ => (t, 1.0 + e),
+                    };
+                    let p = patch.point(u, v);
+                    p.iter().all(|v| v.is_finite())
+                        && self.tree.nearest(p).is_some_and(|n| n.1 <= near * near)
+                })
+            })
+        };
+        let mut share = share;
+        for _ in 0..HALVINGS {
+            if !is_near(share) {
+                return share;
+            }
+            share *= 0.5;
+        }
+        0.0
+    }
+}
 
 /// Singular points near samples of the surface, none within a quarter of `apart` of another; all
 /// samples within `apart` of singular points have one of these at little more than that, and what is

@@ -167,8 +167,11 @@ fn damped_step(
         .map(|i| x[i] * (damping * scale[i] * x[i] - d.gradient[i]))
         .sum::<f64>()
         * 0.5;
-    let mut back = objective.bending(patch, at, &x);
-    cholesky_solve(&a, n, &mut back);
+    let mut back = vec![0.0; n];
+    if objective.bends {
+        back = objective.bending(patch, at, &x);
+        cholesky_solve(&a, n, &mut back);
+    }
     let length = |x: &[f64]| x.iter().zip(&scale).map(|(x, s)| s * x * x).sum::<f64>();
     let is_trusted = length(&back) <= (0.5 * MOST_BENT).powi(2) * length(&x);
     let mut patch = patch.clone();
