@@ -324,6 +324,19 @@ impl<'f> Growth<'f> {
         Err(Error::NoPatch { at: seed.point })
     }
 
+    /// The part that the patch grows on.
+    pub(crate) fn on(&self) -> On<'f> {
+        self.on
+    }
+    /// The point it was started at.
+    pub(crate) fn seed_point(&self) -> Point3 {
+        self.seed.point
+    }
+    /// The area of its part in a region, to some per cent.
+    pub(crate) fn area(&self, region: &Aabb) -> f64 {
+        area(&self.patch, &|p| contains(region, p))
+    }
+
     /// The bound on S.
     pub(crate) fn limit(&self) -> f64 {
         self.options.limit * self.unit * self.unit
@@ -458,18 +471,23 @@ impl<'f> Growth<'f> {
         }
     }
 
+    /// The region with a share of it more at each side.
+    pub(crate) fn wider(&self, share: f64) -> Aabb {
+        let (region, far) = (
+            self.options.region,
+            self.options.region.size().map(|s| share * s),
+        );
+        Aabb {
+            lo: std::array::from_fn(|k| region.lo[k] - far[k]),
+            hi: std::array::from_fn(|k| region.hi[k] + far[k]),
+        }
+    }
+
     /// Which sides (u = 0, u = 1, v = 0, v = 1) of a patch still lie in the region for the most
     /// part, and nowhere far from it.
     pub(crate) fn sides_inside(&self, patch: &RationalPatch) -> [bool; 4] {
         const SAMPLES: usize = 9;
-        let (region, far) = (
-            self.options.region,
-            self.options.region.size().map(|s| SPILL * s),
-        );
-        let wider = Aabb {
-            lo: std::array::from_fn(|k| region.lo[k] - far[k]),
-            hi: std::array::from_fn(|k| region.hi[k] + far[k]),
-        };
+        let (region, wider) = (self.options.region, self.wider(SPILL));
         std::array::from_fn(|side| {
             let at = |i: usize| {
                 let t = i as f64 / (SAMPLES - 1) as f64;
@@ -526,7 +544,8 @@ impl<'f> Growth<'f> {
                 0.5 * (aims[0] * aims[1]).ln(),
                 load.max(f64::MIN_POSITIVE).ln(),
             ));
-            if load <= 1.0 && self.patch.control_weights().0 > LEAST_WEIGHT {
+            let is_near = self.options.tolerance.is_none() || self.is_near_region();
+            if load <= 1.0 && self.patch.control_weights().0 > LEAST_WEIGHT && is_near {
                 if self
                     .good
                     .as_ref()
