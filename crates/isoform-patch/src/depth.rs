@@ -555,7 +555,26 @@ mod tests {
         }
     }
 
-    /// Where a patch turns back every line may still meet it, but the operator cannot say so.
+    /// x′ falls from 3 to 0 at u = 0.34, where the patch turns back: a small cell is met, one that
+    /// comes near is not known to be.
+    #[test]
+    fn cells_near_a_fold_are_not_known_to_be_met() {
+        let row = |x: f64| [0.0, 0.5, 1.0].map(|y| [x, y, 0.0, 1.0]);
+        let control = [0.0, 1.0, -0.2, 0.8].map(row).concat();
+        let patch = RationalPatch::new((3, 2), control).expect("a patch");
+        let c = patch.point(0.15, 0.5);
+        let met = |half: f64| {
+            let cell = Aabb {
+                lo: [c[0] - half, c[1] - 0.01, -0.01],
+                hi: [c[0] + half, c[1] + 0.01, 0.01],
+            };
+            across(&patch, &cell, [0.0, 0.0, 1.0], (0.15, 0.5)).is_some()
+        };
+        assert!(met(0.02));
+        assert!(!met(0.12));
+    }
+
+    /// Every line through a cell inside of the patch meets it; not so beyond its border.
     #[test]
     fn lines_are_met_where_the_operator_says_so() {
         let patch = square((-0.5, 0.5), (-0.5, 0.5));

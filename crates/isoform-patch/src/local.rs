@@ -477,3 +477,66 @@ fn third_derivatives(j: &Jet3) -> [[[f64; 3]; 3]; 3] {
     };
     std::array::from_fn(|a| std::array::from_fn(|b| std::array::from_fn(|c| j.t[place([a, b, c])])))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_field::Polynomial;
+    use isoform_geom::Field;
+
+    /// Second derivatives along a step are those of differences: of points, tangents, their products,
+    /// and of the distance on the surface.
+    #[test]
+    fn motions_bend_as_differences_say() {
+        // Vanishes at (0.2, 0.3, −0.1), where the node is.
+        let field = Polynomial::new([
+            ([2, 0, 0], 1.0),
+            ([0, 1, 1], 2.0),
+            ([0, 3, 0], 1.0),
+            ([0, 0, 0], -0.04 + 0.06 - 0.027),
+        ]);
+        let w = 1.3;
+        let z = [
+            0.2 * w,
+            0.3 * w,
+            -0.1 * w,
+            w,
+            0.9,
+            -0.2,
+            0.4,
+            0.3,
+            0.1,
+            0.8,
+            -0.5,
+            -0.2,
+        ];
+        let by = [
+            0.3, -0.7, 0.5, 0.4, -0.6, 0.2, 0.9, -0.3, 0.8, 0.1, -0.4, 0.7,
+        ];
+        let node = |t: f64| {
+            Node::new(std::array::from_fn(|k| z[k] + t * by[k])).expect("a positive weight")
+        };
+        let motion = Motion::new(&node(0.0), &by);
+        let h = 1e-4;
+        let second =
+            |f: &dyn Fn(&Node) -> f64| (f(&node(h)) - 2.0 * f(&node(0.0)) + f(&node(-h))) / (h * h);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-5, "{a} {b}");
+        for k in 0..3 {
+            near(motion.point[1][k], second(&|n| n.point[k]));
+            for a in 0..2 {
+                near(motion.tangents[a][1][k], second(&|n| n.tangents[a][k]));
+            }
+        }
+        for (a, b) in [(0, 0), (0, 1), (1, 1)] {
+            let product = |n: &Node| dot(n.tangents[a], n.tangents[b]);
+            near(motion.form(&node(0.0), (a, b)), second(&product));
+        }
+        let distance = |n: &Node| n.distance(&field.jet(n.point));
+        assert!(distance(&node(0.0)).abs() < 1e-15);
+        let jet = field.jet(node(0.0).point);
+        near(
+            motion.distance(&jet, Method::GaussNewton),
+            second(&distance),
+        );
+    }
+}
