@@ -42,8 +42,8 @@ const MOST_PROOFS: usize = 4;
 /// The margin is proved this much beyond the region, in its diagonals: a region some million times
 /// as far away as it is large has no sharper corners.
 const CORNER: f64 = 1e-9;
-/// The largest distance from singular points within which the surface may be left out, unless given,
-/// in the region's largest edge.
+/// The largest distance from singular points within which the surface may be left out, unless
+/// given, in the region's largest edge.
 const APART: f64 = 0.01;
 
 /// How a surface is covered.

@@ -4,13 +4,14 @@
 //! four curves u = 0, u = 1, v = 0 and v = 1; along the surface the border is at least as far.
 //! Solids need it: where patches are to be cut along common curves, these must not leave them.
 //!
-//! The proof goes cell by cell through the region. On a cell where n·∇F ≥ G > 0 for a unit vector n,
-//! Krawczyk's operator (R. Krawczyk: Newton-Algorithmen zur Bestimmung von Nullstellen mit
-//! Fehlerschranken, Computing 4 (1969)) for p(u, v) − q across n shows that the line along n through
-//! every point q of the cell meets the patch at a place (u, v) near one that is known. If F(q) = 0,
-//! the patch is there no farther from q than |F(p(u, v))|/G, which is at most the proved distance
-//! of the patch from the surface times max |∇F|/G. And as the depth of two points differs by no more
-//! than they are apart, that of the cell's middle less its radius is a bound. What fails is divided.
+//! The proof goes cell by cell through the region. On a cell where n·∇F ≥ G > 0 for a unit vector
+//! n, Krawczyk's operator (R. Krawczyk: Newton-Algorithmen zur Bestimmung von Nullstellen mit
+//! Fehlerschranken, Computing 4 (1969)) for p(u, v) − q across n shows that the line along n
+//! through every point q of the cell meets the patch at a place (u, v) near one that is known. If
+//! F(q) = 0, the patch is there no farther from q than |F(p(u, v))|/G, which is at most the proved
+//! distance of the patch from the surface times max |∇F|/G. And as the depth of two points differs
+//! by no more than they are apart, that of the cell's middle less its radius is a bound. What fails
+//! is divided.
 
 use crate::cells::halve_net;
 use crate::cover::side_by_side;

@@ -3,10 +3,10 @@
 //! The proof goes cell by cell. About a point c near a cell, F = F(c) + ∇F·δ + δᵀHδ/2 + Tδδδ/6 up
 //! to a remainder by which third derivatives differ from T there; with the homogeneous patch put in
 //! for δ, times w³, the first part is a Bézier polynomial, and the quotients of its coefficients by
-//! those of w³ bound it. Where n·∇F ≥ G > 0 for a unit vector n in a neighbourhood of the cell that is wider by M/G
-//! than the cell itself, and |F| ≤ M on the cell, the surface is at most M/G away along ±n. Where
-//! no such n exists (at self-intersections) cells are divided until they are small against the
-//! bound; then it suffices that F changes its sign between c and a point nearby.
+//! those of w³ bound it. Where n·∇F ≥ G > 0 for a unit vector n in a neighbourhood of the cell that
+//! is wider by M/G than the cell itself, and |F| ≤ M on the cell, the surface is at most M/G away
+//! along ±n. Where no such n exists (at self-intersections) cells are divided until they are small
+//! against the bound; then it suffices that F changes its sign between c and a point nearby.
 //!
 //! On patches that lie on the surface to rounding, M is that of F∘p where F is a polynomial. At a
 //! self-intersection there are unit vectors e and f with eᵀHe ≥ λ and fᵀHf ≤ −λ about the cell:

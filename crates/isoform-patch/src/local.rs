@@ -67,8 +67,8 @@ impl Node {
         [d[0] / w, d[1] / w, d[2] / w, -dot(d, self.point) / w]
     }
 
-    /// The derivatives of F/|∇F| by p*, of the second kind only if the method has them; 0 where |∇F|
-    /// is.
+    /// The derivatives of F/|∇F| by p*, of the second kind only if the method has them; 0 where
+    /// |∇F| is.
     pub(crate) fn distance_slope(&self, jet: &Jet2, method: Method) -> [f64; 4] {
         let (w, g) = (self.z[3], jet.g);
         let length = dot(g, g).sqrt();
@@ -484,8 +484,8 @@ mod tests {
     use isoform_field::Polynomial;
     use isoform_geom::Field;
 
-    /// Second derivatives along a step are those of differences: of points, tangents, their products,
-    /// and of the distance on the surface.
+    /// Second derivatives along a step are those of differences: of points, tangents, their
+    /// products, and of the distance on the surface.
     #[test]
     fn motions_bend_as_differences_say() {
         // Vanishes at (0.2, 0.3, −0.1), where the node is.

@@ -1,5 +1,5 @@
-//! Singular points of a surface: where F and ∇F vanish, as at nodes, along self-intersections and at
-//! pinch points.
+//! Singular points of a surface: where F and ∇F vanish, as at nodes, along self-intersections and
+//! at pinch points.
 
 use isoform_geom::{Field, KdTree, Point3, RationalPatch, distance_squared, norm};
 use isoform_num::linalg::symmetric_eigen;
@@ -14,8 +14,8 @@ const NONE: f64 = 1e-6;
 /// The step along which distances are measured, in the distance asked for: points of the list are
 /// so far apart.
 const SPACING: f64 = 0.25;
-/// Patches stay away from singular points by this share of the distance within which the surface may
-/// be left out: what is between is covered.
+/// Patches stay away from singular points by this share of the distance within which the surface
+/// may be left out: what is between is covered.
 const SHARE: f64 = 0.6;
 /// Samples along a side, and most across what is added to a patch there.
 const MOST_SAMPLES: usize = 24;
@@ -91,9 +91,8 @@ impl Avoided {
     }
 }
 
-/// Singular points near samples of the surface, none within a quarter of `apart` of another; all
-/// samples within `apart` of singular points have one of these at little more than that, and what is
-/// left out about these is told by them.
+/// Singular points that Newton's method finds from samples of the surface, none within a quarter of
+/// `apart` of another. Some may be missed: what is left out is told by those that are found.
 pub(crate) fn points(field: &dyn Field, samples: &[Point3], apart: f64, scale: f64) -> Vec<Point3> {
     let mut found: Vec<Point3> = Vec::new();
     let least = (SPACING * apart).powi(2);

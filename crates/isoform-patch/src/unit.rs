@@ -47,9 +47,10 @@ impl UnitBox {
         })
     }
 
-    /// A length in space, rounded up.
+    /// A length in space, with what rounding on the way out may add to a distance.
     pub(crate) fn length_out(&self, length: f64) -> f64 {
-        self.edge * length * (1.0 + 1e-12)
+        let far = norm(self.center) + self.edge;
+        self.edge * length * (1.0 + 1e-12) + ROUNDINGS * far
     }
     /// A box in space.
     pub(crate) fn region_out(&self, region: &Aabb) -> Aabb {

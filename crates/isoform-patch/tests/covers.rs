@@ -112,7 +112,7 @@ fn singular_points_are_left_out() {
     };
     let made = cover(&cone, &options(1e-4), &covering, &|| false).expect("a cover");
     assert!(made.left_out > 0 && made.left_out < made.samples / 50);
-    assert_eq!(made.apart, apart * (1.0 + 1e-12));
+    assert!((apart..apart + 1e-9).contains(&made.apart));
     assert!(!made.singular.is_empty() && made.singular.iter().all(|s| norm(*s) < 1e-5));
     assert_eq!(made.covered, made.samples);
     let told = made.depth.expect("a margin was asked for");

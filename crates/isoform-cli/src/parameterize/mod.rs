@@ -182,8 +182,8 @@ struct Made {
 
 /// How the patches of a cover cover the surface.
 struct Coverage {
-    /// How many samples of the surface lie on a patch, with a margin as deep, and how many there are
-    /// but for those left out.
+    /// How many samples of the surface lie on a patch, with a margin as deep, and how many there
+    /// are but for those left out.
     covered: usize,
     samples: usize,
     /// How many were left out, within so far of these singular points.
@@ -258,7 +258,7 @@ fn unproved(depth: &Depth) -> String {
     };
     let [x, y, z] = first.center().map(brief);
     format!(
-        "it could not be proved in {} boxes, one of them about ({x}, {y}, {z}) with a diagonal of {}",
+        "it could not be proved in {} boxes, one of them about ({x}, {y}, {z}), {} across",
         depth.open.len(),
         brief(first.diagonal())
     )

@@ -39,8 +39,8 @@ pub(super) fn text(made: &Made) -> String {
             text += &line(
                 "margin",
                 format!(
-                    "all of the surface in the box{} is {margin} or more inside of a patch, at most \
-                     {distance} from it, proved",
+                    "all of the surface in the box{} is {margin} or more inside of a patch, at \
+                     most {distance} from it, proved",
                     if c.left_out > 0 { " but that" } else { "" }
                 ),
             );
