@@ -343,6 +343,14 @@ fn bad_input_is_refused() {
     );
     assert_eq!(error(&model, &["--grid", "0"]), is(1, "usage"));
     assert_eq!(error(&model, &["--cover"]), is(1, "usage"));
+    assert_eq!(
+        error(&model, &["--tol", "1e-3", "--margin", "0.1"]),
+        is(1, "usage")
+    );
+    assert_eq!(
+        error(&model, &["--cover", "--tol", "1e-3", "--margin", "0"]),
+        is(1, "usage")
+    );
     assert_eq!(error(&model, &["--paper", "--tol", "1e-3"]), is(1, "usage"));
     assert_eq!(error(&model, &["--seed-point", "0,0,0"]), is(4, "far-seed"));
     assert_eq!(error(&model, &["--box", "0.1"]), is(4, "empty"));
@@ -392,6 +400,41 @@ fn bad_input_is_refused() {
     assert_eq!(error("nowhere.json", &[]), is(2, "file"));
 }
 
+/// A margin is proved, or where not is said, with exit code 3; on models with edges never.
+#[test]
+fn margins_are_proved_or_not() {
+    let folder = Folder::new("parameterize-margin");
+    let model = folder.file("sphere.json", SPHERE);
+    let cover = [
+        "--box", "0.6", "--degree", "2,2", "--cover", "--tol", "1e-3", "--margin", "0.04",
+    ];
+    let (code, document) = parameterize(&model, &cover);
+    let margin = &document["coverage"]["margin"];
+    assert_eq!((code, &document["ok"]), (0, &json!(true)), "{margin}");
+    assert_eq!(
+        (&margin["length"], &margin["proved"], &margin["open"]),
+        (&json!(0.04), &json!(true), &json!(0))
+    );
+    assert!(margin["max_distance"].as_f64().is_some_and(|d| d <= 1.5e-3));
+    let (code, document) = parameterize(&model, &[&cover[..], &["--patches", "2"]].concat());
+    let margin = &document["coverage"]["margin"];
+    assert_eq!((code, &margin["proved"]), (3, &json!(false)));
+    let boxes = margin["boxes"].as_array().expect("boxes");
+    assert!(!boxes.is_empty() && margin["max_distance"].is_null());
+    let warned = document["warnings"].to_string();
+    assert!(
+        warned.contains("margin: it could not be proved in"),
+        "{warned}"
+    );
+    let cube = folder.file(
+        "cube.hf",
+        "my_model(x[3], a[1]) { my_model = min(min(0.3 - abs(x[1]), 0.3 - abs(x[2])), 0.3 - abs(x[3])); }",
+    );
+    let (code, document) = parameterize(&cube, &cover);
+    let proved = &document["coverage"]["margin"]["proved"];
+    assert_eq!((code, proved), (3, &json!(false)));
+}
+
 /// Multiples of a polynomial have the same zero set, squares of whose gradients may be beyond the
 /// largest number.
 #[test]
@@ -425,12 +468,22 @@ fn patches_end_near_the_box() {
             parameterize(&model, &["--tol", "1e-3", "--seed", seed, "-o", &path]);
         assert_eq!(code, 0, "{document}");
         let patches = folder.json("c-patch.json");
-        for row in patches["patches"][0]["control"].as_array().expect("rows") {
-            let last = row.as_array().expect("points");
-            for c in [&last[0], &last[last.len() - 1]] {
-                let z = c[2].as_f64().expect("z") / c[3].as_f64().expect("w");
-                assert!(z.abs() < 0.85, "seed {seed}: {z}");
-            }
+        let control = patches["patches"][0]["control"].as_array().expect("rows");
+        let number = |i: usize, j: usize, k: usize| control[i][j][k].as_f64().expect("a number");
+        // Bernstein polynomials of degree 3.
+        let basis = |t: f64| {
+            let s = 1.0 - t;
+            [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t]
+        };
+        for place in 0..31 * 31 {
+            let [a, b] = [place / 31, place % 31].map(|k| basis(f64::from(k) / 30.0));
+            let sum = |k: usize| -> f64 {
+                (0..16)
+                    .map(|i| a[i / 4] * b[i % 4] * number(i / 4, i % 4, k))
+                    .sum()
+            };
+            let z = sum(2) / sum(3);
+            assert!(z.abs() < 0.85, "seed {seed}: {z}");
         }
     }
 }

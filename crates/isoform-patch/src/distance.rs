@@ -1,12 +1,12 @@
 //! Distances of a patch from the surface, sampled and proved.
 //!
-//! The proof goes cell by cell. About a point c near a cell, F = F(c) + ∇F·δ + δᵀHδ/2 up to a
-//! remainder that third derivatives bound; with the homogeneous patch put in for δ, times w², the
-//! first part is a Bézier polynomial, and the quotients of its coefficients by those of w² bound
-//! it. Where n·∇F ≥ G > 0 for a unit vector n in a neighbourhood of the cell that is wider by M/G
-//! than the cell itself, and |F| ≤ M on the cell, the surface is at most M/G away along ±n. Where
-//! no such n exists (at self-intersections) cells are divided until they are small against the
-//! bound; then it suffices that F changes its sign between c and a point nearby.
+//! The proof goes cell by cell. About a point c near a cell, F = F(c) + ∇F·δ + δᵀHδ/2 + Tδδδ/6 up
+//! to a remainder by which third derivatives differ from T there; with the homogeneous patch put in
+//! for δ, times w³, the first part is a Bézier polynomial, and the quotients of its coefficients by
+//! those of w³ bound it. Where n·∇F ≥ G > 0 for a unit vector n in a neighbourhood of the cell that
+//! is wider by M/G than the cell itself, and |F| ≤ M on the cell, the surface is at most M/G away
+//! along ±n. Where no such n exists (at self-intersections) cells are divided until they are small
+//! against the bound; then it suffices that F changes its sign between c and a point nearby.
 //!
 //! On patches that lie on the surface to rounding, M is that of F∘p where F is a polynomial. At a
 //! self-intersection there are unit vectors e and f with eᵀHe ≥ λ and fᵀHf ≤ −λ about the cell:
@@ -238,9 +238,12 @@ pub(crate) fn distances_on(
     }
     let proved = proved.map(|b| b.max(sampled));
     let goal = |slack: f64| (slack * sampled).max(ROUNDING * size);
-    if let Some(bound) = proved
-        .filter(|b| !whole.is_single() && *b <= (SLACK[1] * sampled).max(LEAST_REFINED * size))
-    {
+    // What would be aimed at is proved already.
+    let enough = |b: &f64| match whole.is_single() {
+        true => *b <= goal(SLACK[0]),
+        false => *b <= (SLACK[1] * sampled).max(LEAST_REFINED * size),
+    };
+    if let Some(bound) = proved.filter(enough) {
         return (
             Distances {
                 bound: Some(bound),
@@ -847,19 +850,39 @@ impl Along<'_> {
     }
 }
 
-/// F about c: its Taylor polynomial of order 2, and how far F may be off it on a cell.
+/// F about c: its Taylor polynomial of order 2 or 3, and how far F may be off it on a cell.
 #[derive(Clone, Copy)]
 struct Taylor {
     value: f64,
     g: Point3,
     h: [f64; 6],
+    /// 0 for order 2.
+    third: [f64; 10],
     off: f64,
 }
 
 impl Taylor {
+    /// With what third derivatives are in the middle of the cell: what they differ by from that
+    /// falls with the fourth power of its size.
     fn new(e: &Expansion, r: Point3) -> Self {
-        let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
-        let mut off = radius(&e.value) + cubic(&t, r, None) / 6.0;
+        let third: [f64; 10] = std::array::from_fn(|k| middle(&e.third[k]));
+        if third.iter().all(|t| t.is_finite()) {
+            let differ = std::array::from_fn(|k| radius(&e.third[k]));
+            Self::up_to(e, r, third, &differ)
+        } else {
+            Self::square(e, r)
+        }
+    }
+
+    /// Of order 2.
+    fn square(e: &Expansion, r: Point3) -> Self {
+        let t = std::array::from_fn(|k| magnitude(&e.third[k]));
+        Self::up_to(e, r, [0.0; 10], &t)
+    }
+
+    /// With `third`, from which third derivatives differ by no more than t.
+    fn up_to(e: &Expansion, r: Point3, third: [f64; 10], t: &[f64; 10]) -> Self {
+        let mut off = radius(&e.value) + cubic(t, r, None) / 6.0;
         for i in 0..3 {
             off += radius(&e.gradient[i]) * r[i];
             for j in 0..3 {
@@ -870,6 +893,7 @@ impl Taylor {
             value: middle(&e.value),
             g: slopes(e),
             h: std::array::from_fn(|k| middle(&e.hessian[k])),
+            third,
             off,
         }
     }
@@ -895,6 +919,7 @@ impl Taylor {
             value: self.value + b * above * below,
             g: std::array::from_fn(|k| self.g[k] + slope * l.g[k]),
             h,
+            third: self.third,
             off: self.off + rounding,
         }
     }
@@ -912,7 +937,7 @@ struct Limit {
 
 impl Limit {
     fn new(e: &Expansion, cell: &CellOf<'_>) -> Option<Self> {
-        let taylor = Taylor::new(e, cell.r);
+        let taylor = Taylor::square(e, cell.r);
         let (g, r) = (taylor.g, cell.r);
         let mut off = taylor.off;
         for i in 0..3 {
@@ -961,23 +986,38 @@ impl Limit {
 
 /// Bounds of F on a cell.
 fn range(taylor: &Taylor, d: &[[f64; 4]], r: Point3, products: &Products) -> (f64, f64) {
-    let Taylor { value, g, h, off } = *taylor;
+    let Taylor {
+        value,
+        g,
+        h,
+        third,
+        off,
+    } = *taylor;
     let at = |i: usize, j: usize| h[Expansion::SECOND[i][j]];
-    // w² (F(c) + ∇F·δ + δᵀHδ/2) as a scalar product of (w δ, w) with (H w δ/2, F(c) w + ∇F·w δ).
+    let t = |i: usize, j: usize, k: usize| third[Expansion::THIRD[i][j][k]];
+    // w² (F(c) + ∇F·δ + δᵀHδ/2) as a scalar product of (w δ, w) with (H w δ/2, F(c) w + ∇F·w δ);
+    // and before it the coordinates of w² Tδδ/6, of wδ with T wδ/6.
     let right = |p: &[f64; 4]| {
         let h = |k: usize| 0.5 * (at(k, 0) * p[0] + at(k, 1) * p[1] + at(k, 2) * p[2]);
+        let t =
+            |i: usize, k: usize| (t(i, k, 0) * p[0] + t(i, k, 1) * p[1] + t(i, k, 2) * p[2]) / 6.0;
         [
-            h(0),
-            h(1),
-            h(2),
-            value * p[3] + g[0] * p[0] + g[1] * p[1] + g[2] * p[2],
+            [t(0, 0), t(0, 1), t(0, 2), 0.0],
+            [t(1, 0), t(1, 1), t(1, 2), 0.0],
+            [t(2, 0), t(2, 1), t(2, 2), 0.0],
+            [
+                h(0),
+                h(1),
+                h(2),
+                value * p[3] + g[0] * p[0] + g[1] * p[1] + g[2] * p[2],
+            ],
         ]
     };
-    let rights: Vec<[f64; 4]> = d.iter().map(right).collect();
+    let rights: Vec<[[f64; 4]; 4]> = d.iter().map(right).collect();
     let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
-    products.of(d, &rights, |q, w2| {
-        (lo, hi) = (lo.min(q / w2), hi.max(q / w2))
-    });
+    for [q, w3] in products.of(d, &rights) {
+        (lo, hi) = (lo.min(q / w3), hi.max(q / w3));
+    }
     // What the coefficients leave out: rounding of the sums, radii of the derivatives, the
     // remainder.
     let size = value.abs()
@@ -985,11 +1025,12 @@ fn range(taylor: &Taylor, d: &[[f64; 4]], r: Point3, products: &Products) -> (f6
             .map(|k| {
                 g[k].abs() * r[k] + 0.5 * (0..3).map(|j| at(k, j).abs() * r[k] * r[j]).sum::<f64>()
             })
-            .sum::<f64>();
-    // Half a unit for each operation of the terms of a coefficient and of their sum, the same for
-    // those of w².
+            .sum::<f64>()
+        + cubic(&third.map(f64::abs), r, None) / 6.0;
+    // Half a unit for each operation of the terms of a coefficient and of their sum, in both
+    // products, the same for those of w³.
     let (m, n) = products.degree;
-    let most = (18 + (m + 1) * (n + 1)) as f64 * f64::EPSILON * size + off;
+    let most = (48 + 2 * (m + 1) * (n + 1)) as f64 * f64::EPSILON * size + off;
     (lo - most, hi + most)
 }
 
@@ -1069,58 +1110,74 @@ fn changes_sign(whole: &Whole<'_>, c: Point3, t: f64) -> bool {
     left > 0.1 * t && around(q, 0.99 * left)
 }
 
-/// Products of Bernstein polynomials of degree (m, n), of degree (2m, 2n).
+/// Products of three polynomials of degree (m, n), by Bernstein coefficients.
 struct Products {
     degree: (usize, usize),
-    /// By (i, k): what bᵢ cₖ adds to coefficient i + k.
-    u: Vec<Vec<f64>>,
-    v: Vec<Vec<f64>>,
+    /// Of two of them, in u and in v.
+    two: [Shares; 2],
+    /// Of such a product with one more.
+    three: [Shares; 2],
 }
+
+/// By (i, k): what bᵢ cₖ adds to coefficient i + k of a product.
+type Shares = Vec<Vec<f64>>;
 
 impl Products {
     fn new(degree: (usize, usize)) -> Self {
-        let table = |n: usize| {
-            (0..=n)
-                .map(|i| {
-                    (0..=n)
-                        .map(|k| binomial(n, i) * binomial(n, k) / binomial(2 * n, i + k))
-                        .collect()
-                })
+        let table = |l: usize, n: usize| -> Shares {
+            let share =
+                |i: usize, k: usize| binomial(l, i) * binomial(n, k) / binomial(l + n, i + k);
+            (0..=l)
+                .map(|i| (0..=n).map(|k| share(i, k)).collect())
                 .collect()
         };
+        let (m, n) = degree;
         Self {
             degree,
-            u: table(degree.0),
-            v: table(degree.1),
+            two: [table(m, m), table(n, n)],
+            three: [table(2 * m, m), table(2 * n, n)],
         }
     }
-    /// Tells the coefficients of a·b, each with that of the square of the last entry of a.
-    fn of(&self, a: &[[f64; 4]], b: &[[f64; 4]], mut each: impl FnMut(f64, f64)) {
+
+    /// The coefficients of Σₖ aₖ (a·bₖ) for the four polynomials aₖ and four times four bₖ, of
+    /// degree (3m, 3n), each with that of the cube of the last of a.
+    fn of(&self, a: &[[f64; 4]], b: &[[[f64; 4]; 4]]) -> Vec<[f64; 2]> {
         let (m, n) = self.degree;
-        let (mut few, mut many) = ([[0.0; 2]; 81], Vec::new());
-        let size = (2 * m + 1) * (2 * n + 1);
-        let out = if size <= few.len() {
-            &mut few[..size]
-        } else {
-            many.resize(size, [0.0; 2]);
-            &mut many[..]
-        };
-        for i in 0..=m {
+        // a·bₖ and the square of the last of a.
+        let mut two = vec![[0.0; 5]; (2 * m + 1) * (2 * n + 1)];
+        for (p, i, j) in a
+            .iter()
+            .zip(0..)
+            .map(|(p, at)| (p, at / (n + 1), at % (n + 1)))
+        {
             for k in 0..=m {
-                let fu = self.u[i][k];
-                for j in 0..=n {
-                    let (p, fv) = (&a[i * (n + 1) + j], &self.v[j]);
-                    let row = &mut out[(i + k) * (2 * n + 1) + j..][..n + 1];
-                    let (a, b) = (&a[k * (n + 1)..][..n + 1], &b[k * (n + 1)..][..n + 1]);
-                    for l in 0..=n {
-                        let (f, q) = (fu * fv[l], &b[l]);
-                        row[l][0] += f * (p[0] * q[0] + p[1] * q[1] + (p[2] * q[2] + p[3] * q[3]));
-                        row[l][1] += f * p[3] * a[l][3];
+                let (fu, fv) = (self.two[0][i][k], &self.two[1][j]);
+                let row = &mut two[(i + k) * (2 * n + 1) + j..][..n + 1];
+                let (a, b) = (&a[k * (n + 1)..][..n + 1], &b[k * (n + 1)..][..n + 1]);
+                for l in 0..=n {
+                    let (f, q) = (fu * fv[l], &b[l]);
+                    for (out, q) in row[l].iter_mut().zip(q) {
+                        *out += f * (p[0] * q[0] + p[1] * q[1] + (p[2] * q[2] + p[3] * q[3]));
                     }
+                    row[l][4] += f * p[3] * a[l][3];
                 }
             }
         }
-        out.iter().for_each(|[q, w2]| each(*q, *w2));
+        let mut three = vec![[0.0; 2]; (3 * m + 1) * (3 * n + 1)];
+        for (p, i, j) in
+            (two.iter().zip(0..)).map(|(p, at)| (p, at / (2 * n + 1), at % (2 * n + 1)))
+        {
+            for k in 0..=m {
+                let (fu, fv) = (self.three[0][i][k], &self.three[1][j]);
+                let row = &mut three[(i + k) * (3 * n + 1) + j..][..n + 1];
+                for (l, q) in a[k * (n + 1)..][..n + 1].iter().enumerate() {
+                    let f = fu * fv[l];
+                    row[l][0] += f * (p[0] * q[0] + p[1] * q[1] + (p[2] * q[2] + p[3] * q[3]));
+                    row[l][1] += f * p[4] * q[3];
+                }
+            }
+        }
+        three
     }
 }
 
@@ -1136,7 +1193,7 @@ mod tests {
                 .map(|i| std::array::from_fn(|k| (seed + f64::from(i) * 1.3 + k as f64).sin()))
                 .collect()
         };
-        let (a, b) = (list(0.2), list(0.9));
+        let a = list(0.2);
         let value = |c: &dyn Fn(usize) -> f64, m: usize, n: usize| {
             let (bu, bv) = (
                 isoform_geom::bernstein(m, 0.3).0,
@@ -1150,15 +1207,20 @@ mod tests {
                 })
                 .sum::<f64>()
         };
-        let mut product = Vec::new();
-        products.of(&a, &b, |q, w2| product.push([q, w2]));
+        // Four times the same list with other seeds.
+        let all: Vec<[[f64; 4]; 4]> = (0..6)
+            .map(|i| [0.9, 0.4, 2.1, 3.3].map(|seed| list(seed)[i]))
+            .collect();
+        let product = products.of(&a, &all);
+        let of_a = |k: usize| value(&|i| a[i][k], 2, 1);
         let want: f64 = (0..4)
-            .map(|k| value(&|i| a[i][k], 2, 1) * value(&|i| b[i][k], 2, 1))
+            .map(|k| {
+                let scalar = |l: usize| of_a(l) * value(&|i| all[i][k][l], 2, 1);
+                of_a(k) * (0..4).map(scalar).sum::<f64>()
+            })
             .sum();
-        assert!((value(&|i| product[i][0], 4, 2) - want).abs() < 1e-14);
-        assert!(
-            (value(&|i| product[i][1], 4, 2) - value(&|i| a[i][3], 2, 1).powi(2)).abs() < 1e-14
-        );
+        assert!((value(&|i| product[i][0], 6, 3) - want).abs() < 1e-14);
+        assert!((value(&|i| product[i][1], 6, 3) - of_a(3).powi(3)).abs() < 1e-14);
     }
 
     /// Along a double curve a proof to 10⁻⁷ takes millions of cells: a deadline ends it.

@@ -21,7 +21,7 @@ use crate::objective::{CORNERS, Evaluated, Method, Objective, Targets, Terms, We
 use crate::options::{Error, Options};
 use crate::solver::{Stop, first_damping, minimise};
 use crate::surface::{Seed, contains, project, project_along};
-use crate::whole::On;
+use crate::whole::{NearSingular, On};
 use edges::OVERLAP;
 use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
 use std::time::Instant;
@@ -53,8 +53,9 @@ const AIM: f64 = 0.997;
 const FULL: f64 = 0.985;
 /// Shortenings in a row before the last good patch is taken.
 const SHORTENINGS: usize = 4;
-/// Patches in a row that keep the bound and are no larger than another one before them.
-const STALE: usize = 6;
+/// Patches in a row that keep the bound and are no larger than another one before them. Twice as
+/// many take a quarter more steps for patches of the same area.
+const STALE: usize = 3;
 /// With a tolerance, a root mean square distance below this share of it is no reason to let go of
 /// the patch's shape.
 const LITTLE: f64 = 0.05;
@@ -79,8 +80,13 @@ pub(crate) const LEAST_WEIGHT: f64 = 0.02;
 const SHORTER: usize = 12;
 /// The same of a surface with parts: there more is in vain.
 const SHORTER_AT_EDGES: usize = 3;
-/// Cells of that proof.
-const PROOF_CELLS: usize = 300_000;
+/// Cells of that proof: ten times what patches on smooth surfaces take. Across self-intersections
+/// there may be more; then the patch ends before them.
+const PROOF_CELLS: usize = 60_000;
+/// The same, and how often a patch is made shorter, where it is soon given up if it may be near
+/// singular points: twice what patches on smooth surfaces take.
+const TRIAL_CELLS: usize = 15_000;
+const TRIALS: usize = 3;
 /// The same of a surface with parts.
 const PROOF_CELLS_AT_EDGES: usize = 8000;
 /// Before it is proved, the distance is sampled in a finer grid; near edges proofs need some room.
@@ -159,8 +165,9 @@ impl Grown {
 pub(crate) struct Pace {
     /// Newton steps after an extrapolation, far from the bound and near it.
     steps: (Stop, Stop),
-    /// The largest extrapolation at one side, in edges of the patch.
-    most_growth: f64,
+    /// The most that a patch grows by in each direction, and at one side, in half edges and in
+    /// edges of it: where only one side moves, it moves by what two would.
+    most_growth: (f64, f64),
     /// With a tolerance distances count more towards the border, by (4u(1 − u)) to this power,
     /// negative, in each direction.
     border: f64,
@@ -179,7 +186,7 @@ impl Pace {
                 decrease: 4e-3,
             },
         ),
-        most_growth: MOST_GROWTH,
+        most_growth: (MOST_GROWTH, MOST_GROWTH),
         border: 0.0,
     };
     /// For a tolerance: distances are small against the patch and rise faster with its size, and
@@ -190,10 +197,10 @@ impl Pace {
             Self::QUICK.steps.0,
             Stop {
                 steps: 80,
-                decrease: 1e-3,
+                decrease: 3e-3,
             },
         ),
-        most_growth: 0.08,
+        most_growth: (0.5 * MOST_GROWTH, MOST_GROWTH),
         border: 0.0,
     };
     /// The same with weights for which least squares come near the least maximum, as Chebyshev's
@@ -221,6 +228,8 @@ pub(crate) struct Growth<'f> {
     pub(crate) trace: Vec<Row>,
     /// Whether the time was over before the patch was as large as it gets.
     pub(crate) is_late: bool,
+    /// How often it was made shorter for the proof of its tolerance.
+    pub(crate) shortenings: usize,
     /// The last patch that kept the bound.
     good: Option<State<'f>>,
     pub(crate) options: Options,
@@ -267,6 +276,7 @@ impl<'f> Growth<'f> {
             objective,
             trace: Vec::new(),
             is_late: false,
+            shortenings: 0,
             good: None,
             options: *options,
             pace,
@@ -278,8 +288,9 @@ impl<'f> Growth<'f> {
         };
         growth.objective.weights = options.start;
         if let Some(tolerance) = options.tolerance {
-            (growth.objective.little, growth.objective.by_control) =
-                ((LITTLE * tolerance).powi(2), true);
+            growth.objective.little = (LITTLE * tolerance).powi(2);
+            growth.objective.keep_shape_loosely();
+            growth.objective.bends = true;
             growth.objective.weigh_border(pace.border);
         }
         let mut size = START_SIZE * unit;
@@ -290,6 +301,10 @@ impl<'f> Growth<'f> {
             let patch = RationalPatch::planar(options.degree, origin, a, b);
             if let Some((targets, at)) = growth.retargeted(&patch)
                 && growth.is_start(&at)
+                && !on
+                    .near_singular
+                    .avoided()
+                    .is_some_and(|a| a.is_near(&patch))
                 && (on.whole.is_single()
                     || Self::starts_within(on, &patch, growth.overlap(), edge.is_some()))
             {
@@ -307,6 +322,19 @@ impl<'f> Growth<'f> {
             size *= 0.5;
         }
         Err(Error::NoPatch { at: seed.point })
+    }
+
+    /// The part that the patch grows on.
+    pub(crate) fn on(&self) -> On<'f> {
+        self.on
+    }
+    /// The point it was started at.
+    pub(crate) fn seed_point(&self) -> Point3 {
+        self.seed.point
+    }
+    /// The area of its part in a region, to some per cent.
+    pub(crate) fn area(&self, region: &Aabb) -> f64 {
+        area(&self.patch, &|p| contains(region, p))
     }
 
     /// The bound on S.
@@ -443,18 +471,23 @@ impl<'f> Growth<'f> {
         }
     }
 
+    /// The region with a share of it more at each side.
+    pub(crate) fn wider(&self, share: f64) -> Aabb {
+        let (region, far) = (
+            self.options.region,
+            self.options.region.size().map(|s| share * s),
+        );
+        Aabb {
+            lo: std::array::from_fn(|k| region.lo[k] - far[k]),
+            hi: std::array::from_fn(|k| region.hi[k] + far[k]),
+        }
+    }
+
     /// Which sides (u = 0, u = 1, v = 0, v = 1) of a patch still lie in the region for the most
     /// part, and nowhere far from it.
     pub(crate) fn sides_inside(&self, patch: &RationalPatch) -> [bool; 4] {
         const SAMPLES: usize = 9;
-        let (region, far) = (
-            self.options.region,
-            self.options.region.size().map(|s| SPILL * s),
-        );
-        let wider = Aabb {
-            lo: std::array::from_fn(|k| region.lo[k] - far[k]),
-            hi: std::array::from_fn(|k| region.hi[k] + far[k]),
-        };
+        let (region, wider) = (self.options.region, self.wider(SPILL));
         std::array::from_fn(|side| {
             let at = |i: usize| {
                 let t = i as f64 / (SAMPLES - 1) as f64;
@@ -511,7 +544,8 @@ impl<'f> Growth<'f> {
                 0.5 * (aims[0] * aims[1]).ln(),
                 load.max(f64::MIN_POSITIVE).ln(),
             ));
-            if load <= 1.0 && self.patch.control_weights().0 > LEAST_WEIGHT {
+            let is_near = self.options.tolerance.is_none() || self.is_near_region();
+            if load <= 1.0 && self.patch.control_weights().0 > LEAST_WEIGHT && is_near {
                 if self
                     .good
                     .as_ref()
@@ -563,7 +597,7 @@ impl<'f> Growth<'f> {
             };
             let factor = (AIM / load)
                 .powf(1.0 / power)
-                .clamp(0.8, 1.0 + 2.0 * self.pace.most_growth * caution);
+                .clamp(0.8, 1.0 + 2.0 * self.pace.most_growth.0 * caution);
             // Newton steps shorten what was extrapolated, so the aim is a size, not a share of the
             // present patch; but its proportions are those of the present one, as the steps shorten
             // that direction more in which length costs more.
@@ -615,7 +649,7 @@ impl<'f> Growth<'f> {
 
     /// Where a control weight is too small, gives J more weight; whether it did.
     fn raise(&mut self) -> bool {
-        if !self.objective.by_control || self.patch.control_weights().0 > LEAST_WEIGHT {
+        if !self.objective.is_by_control() || self.patch.control_weights().0 > LEAST_WEIGHT {
             return false;
         }
         let Some((targets, at)) = self.retargeted(&self.patch) else {
@@ -698,6 +732,12 @@ impl<'f> Growth<'f> {
         } else {
             (SHORTER_AT_EDGES, SHARE_SHORTER_AT_EDGES)
         };
+        let most = if matches!(self.on.near_singular, NearSingular::Try) {
+            effort.cells = effort.cells.min(TRIAL_CELLS);
+            TRIALS
+        } else {
+            most
+        };
         for _ in 0..most {
             if self.is_over() {
                 return None;
@@ -719,6 +759,7 @@ impl<'f> Growth<'f> {
             if !left {
                 return None;
             }
+            self.shortenings += 1;
             effort.cells = effort.cells.min(PROOF_CELLS / 3);
         }
         None
@@ -791,7 +832,7 @@ impl<'f> Growth<'f> {
         if sides == [0.0; 2] {
             return false;
         }
-        let range = |share: f64| share.clamp(-0.2, self.pace.most_growth);
+        let range = |share: f64| share.clamp(-0.2, self.pace.most_growth.1);
         let mut shares = [0, 1].map(|k| {
             if sides[k] > 0.0 {
                 range((edges[k] / present[k] - 1.0) / sides[k])
@@ -799,8 +840,15 @@ impl<'f> Growth<'f> {
                 0.0
             }
         });
+        let (present_patch, avoided) = (self.patch.clone(), self.on.near_singular.avoided());
         let by = |shares: [f64; 2]| {
-            std::array::from_fn(|side| if moves[side] { shares[side / 2] } else { 0.0 })
+            std::array::from_fn(|side| match (moves[side], avoided) {
+                (false, _) => 0.0,
+                (true, Some(avoided)) if shares[side / 2] > 0.0 => {
+                    avoided.within(&present_patch, side, shares[side / 2])
+                }
+                (true, _) => shares[side / 2],
+            })
         };
         for _ in 0..SECANTS {
             let Some(reached) = self.objective.lengths(&self.longer(by(shares))) else {

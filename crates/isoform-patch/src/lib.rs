@@ -9,8 +9,10 @@
 mod cells;
 mod compose;
 mod cover;
+mod depth;
 mod distance;
 mod exact;
+mod feet;
 mod fold;
 mod grow;
 mod local;
@@ -18,14 +20,16 @@ mod objective;
 mod options;
 mod quadric;
 mod single;
+mod singular;
 mod solver;
 mod surface;
 mod torus;
 mod unit;
 mod whole;
 
-pub use cover::{Cover, cover, cover_parts, reached};
+pub use cover::{Cover, Covering, Depth, cover, cover_parts};
 pub use distance::{Distances, distances, foot_distances, prove, sampled};
+pub use feet::reached;
 pub use grow::{Grown, Phase, Row};
 pub use isoform_geom::Quadric;
 pub use objective::{Derivatives, Evaluated, Inner, K, Method, Objective, Targets, Terms, Weights};

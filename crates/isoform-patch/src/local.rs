@@ -15,11 +15,9 @@ pub(crate) struct Node {
     pub(crate) tangents: [Point3; 2],
 }
 
-/// The residuals whose squares are integrated.
+/// The residuals whose squares make L and R.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Residuals {
-    /// F/|∇F|, 0 where both vanish.
-    pub(crate) distance: f64,
     /// g₁₁ − l₁.
     pub(crate) u: f64,
     /// g₂₂ − l₂.
@@ -41,12 +39,18 @@ impl Node {
         Some(Self { z, point, tangents })
     }
 
-    pub(crate) fn residuals(&self, jet: &Jet2, targets: &Targets) -> Residuals {
+    /// F/|∇F|, 0 where both vanish.
+    pub(crate) fn distance(&self, jet: &Jet2) -> f64 {
+        if jet.v == 0.0 {
+            0.0
+        } else {
+            jet.v / dot(jet.g, jet.g).sqrt()
+        }
+    }
+
+    pub(crate) fn residuals(&self, targets: &Targets) -> Residuals {
         let [pu, pv] = self.tangents;
-        let g = dot(jet.g, jet.g).sqrt();
-        let distance = if jet.v == 0.0 { 0.0 } else { jet.v / g };
         Residuals {
-            distance,
             u: dot(pu, pu) - targets.l1,
             v: dot(pv, pv) - targets.l2,
             angle: dot(pu, pv),
@@ -60,6 +64,18 @@ impl Node {
             return [0.0; 4];
         }
         let d = jet.g.map(|g| g / length);
+        [d[0] / w, d[1] / w, d[2] / w, -dot(d, self.point) / w]
+    }
+
+    /// The derivatives of F/|∇F| by p*, of the second kind only if the method has them; 0 where
+    /// |∇F| is.
+    pub(crate) fn distance_slope(&self, jet: &Jet2, method: Method) -> [f64; 4] {
+        let (w, g) = (self.z[3], jet.g);
+        let length = dot(g, g).sqrt();
+        if length == 0.0 || method == Method::Frozen {
+            return self.distance_gradient(jet);
+        }
+        let d = along(jet, self.distance(jet));
         [d[0] / w, d[1] / w, d[2] / w, -dot(d, self.point) / w]
     }
 
@@ -93,6 +109,120 @@ impl Node {
     }
 }
 
+/// How a node moves with a step of the control points, of which p* is a linear function: p, pᵤ and
+/// pᵥ at the time t have these first and second derivatives by t.
+struct Motion {
+    point: [Point3; 2],
+    tangents: [[Point3; 2]; 2],
+}
+
+impl Motion {
+    /// `by` is the derivative of z.
+    fn new(node: &Node, by: &[f64; 12]) -> Self {
+        let (w, dw) = (node.z[3], by[3]);
+        let p = node.point;
+        let dp: Point3 = std::array::from_fn(|k| (by[k] - p[k] * dw) / w);
+        let ddp = dp.map(|v| -2.0 * v * dw / w);
+        // N_u = p w_u + p_u w, once and twice by t.
+        let tangents = [0, 1].map(|a| {
+            let (wa, dwa, t) = (node.z[7 + 4 * a], by[7 + 4 * a], node.tangents[a]);
+            let first: Point3 = std::array::from_fn(|k| {
+                (by[4 + 4 * a + k] - dp[k] * wa - p[k] * dwa - t[k] * dw) / w
+            });
+            let second = std::array::from_fn(|k| {
+                -(ddp[k] * wa + 2.0 * dp[k] * dwa + 2.0 * first[k] * dw) / w
+            });
+            [first, second]
+        });
+        Self {
+            point: [dp, ddp],
+            tangents,
+        }
+    }
+
+    /// The second derivative of F/|∇F| where F is small.
+    fn distance(&self, jet: &Jet2, method: Method) -> f64 {
+        let ([d, dd], g) = (self.point, jet.g);
+        let length = dot(g, g).sqrt();
+        if length == 0.0 {
+            return 0.0;
+        }
+        let hd: Point3 = std::array::from_fn(|i| (0..3).map(|j| jet.second(i, j) * d[j]).sum());
+        let turned = if method == Method::Frozen {
+            0.0
+        } else {
+            2.0 * dot(g, d) * dot(g, hd) / (length * length)
+        };
+        (dot(d, hd) + dot(g, dd) - turned) / length
+    }
+
+    /// The second derivative of ⟨pₐ, p_b⟩.
+    fn form(&self, node: &Node, (a, b): (usize, usize)) -> f64 {
+        let ([da, dda], [db, ddb]) = (self.tangents[a], self.tangents[b]);
+        dot(dda, node.tangents[b]) + 2.0 * dot(da, db) + dot(node.tangents[a], ddb)
+    }
+}
+
+/// ∇(F/|∇F|) = ∇F/|∇F| − F H∇F/|∇F|³ with F/|∇F| = r.
+fn along(jet: &Jet2, r: f64) -> Point3 {
+    let g = jet.g;
+    let length = dot(g, g).sqrt();
+    let bent = r / (length * length);
+    std::array::from_fn(|i| {
+        let hg: f64 = (0..3).map(|j| jet.second(i, j) * g[j]).sum();
+        g[i] / length - bent * hg
+    })
+}
+
+/// The gradient of the distance by z times its second derivative along a step, where z moves by
+/// `by`; twice the weight times that.
+pub(crate) fn bend_of_distance(
+    node: &Node,
+    by: &[f64; 12],
+    jet: &Jet2,
+    objective: &Objective<'_>,
+    weight: f64,
+) -> [f64; 12] {
+    let second = Motion::new(node, by).distance(jet, objective.method);
+    let mut sum = [0.0; 12];
+    for (s, first) in sum.iter_mut().zip(node.distance_gradient(jet)) {
+        *s = 2.0 * weight * second * first;
+    }
+    sum
+}
+
+/// The same of what makes L and R, with their factors.
+pub(crate) fn bend_of_shape(
+    node: &Node,
+    by: &[f64; 12],
+    objective: &Objective<'_>,
+    weight: f64,
+) -> [f64; 12] {
+    let (targets, factors) = (&objective.targets, &objective.weights);
+    let motion = Motion::new(node, by);
+    let mut sum = [0.0; 12];
+    let mut add = |factor: f64, second: f64, form: &Form| {
+        for (s, first) in sum.iter_mut().zip(form.first) {
+            *s += 2.0 * weight * factor * second * first;
+        }
+    };
+    let [x, y, both] = objective.inner.factors(targets);
+    let (g11, g22) = (
+        Form::new(node, (0, 0), false),
+        Form::new(node, (1, 1), false),
+    );
+    let (u, v) = (motion.form(node, (0, 0)), motion.form(node, (1, 1)));
+    add(factors.l * x, u, &g11);
+    add(factors.l * y, v, &g22);
+    if both > 0.0 {
+        let sum = g11.blend(1.0 / targets.l1, &g22, 1.0 / targets.l2);
+        add(factors.l * both, u / targets.l1 + v / targets.l2, &sum);
+    }
+    let angle = motion.form(node, (0, 1));
+    add(factors.r, angle, &Form::new(node, (0, 1), false));
+    sum
+}
+
 /// Gradient and second derivatives of the integrand of S by z, times the quadrature weight.
 #[derive(Clone, Debug)]
 pub(crate) struct Local {
@@ -100,33 +230,48 @@ pub(crate) struct Local {
     pub(crate) hessian: [[f64; 12]; 12],
 }
 
+impl Default for Local {
+    fn default() -> Self {
+        Self {
+            gradient: [0.0; 12],
+            hessian: [[0.0; 12]; 12],
+        }
+    }
+}
+
 impl Local {
-    /// `third` is used by Newton's method only.
-    pub(crate) fn new(
+    /// Adds I's integrand; `third` is used by Newton's method only.
+    pub(crate) fn add_distance(
+        &mut self,
         node: &Node,
         jet: &Jet2,
         third: Option<&Jet3>,
         objective: &Objective<'_>,
-        (weight, importance): (f64, f64),
-    ) -> Self {
-        let (method, targets, factors) = (objective.method, &objective.targets, &objective.weights);
-        let mut local = Self {
-            gradient: [0.0; 12],
-            hessian: [[0.0; 12]; 12],
-        };
-        let r = node.residuals(jet, targets);
-        local.distance(node, jet, third, method, r.distance, weight * importance);
+        weight: f64,
+    ) {
+        self.distance(
+            node,
+            jet,
+            third,
+            objective.method,
+            node.distance(jet),
+            weight,
+        );
+    }
 
-        if !objective.by_control {
+    /// Adds those of L, R, and of J where that is an integral.
+    pub(crate) fn add_shape(&mut self, node: &Node, objective: &Objective<'_>, weight: f64) {
+        let (method, targets, factors) = (objective.method, &objective.targets, &objective.weights);
+        let r = node.residuals(targets);
+        if !objective.is_by_control() {
             let x = node.z[3] - 1.0;
             let k = f64::from(K);
-            local.gradient[3] += weight * factors.j * k * x.powi(K - 1);
-            local.hessian[3][3] += weight * factors.j * k * (k - 1.0) * x.powi(K - 2);
+            self.gradient[3] += weight * factors.j * k * x.powi(K - 1);
+            self.hessian[3][3] += weight * factors.j * k * (k - 1.0) * x.powi(K - 2);
         }
-
         let exact = method == Method::Newton;
         let [x, y, both] = objective.inner.factors(targets);
-        let mut add = |r: f64, s: f64, form: &Form| local.form(r, form, s);
+        let mut add = |r: f64, s: f64, form: &Form| self.form(r, form, s);
         let (g11, g22) = (
             Form::new(node, (0, 0), exact),
             Form::new(node, (1, 1), exact),
@@ -142,7 +287,6 @@ impl Local {
             );
         }
         add(r.angle, weight * factors.r, &Form::new(node, (0, 1), exact));
-        local
     }
 
     /// Adds a residual with value, gradient and, where it counts, second derivatives: s r² with 2 s
@@ -332,4 +476,67 @@ fn third_derivatives(j: &Jet3) -> [[[f64; 3]; 3]; 3] {
         }
     };
     std::array::from_fn(|a| std::array::from_fn(|b| std::array::from_fn(|c| j.t[place([a, b, c])])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_field::Polynomial;
+    use isoform_geom::Field;
+
+    /// Second derivatives along a step are those of differences: of points, tangents, their
+    /// products, and of the distance on the surface.
+    #[test]
+    fn motions_bend_as_differences_say() {
+        // Vanishes at (0.2, 0.3, −0.1), where the node is.
+        let field = Polynomial::new([
+            ([2, 0, 0], 1.0),
+            ([0, 1, 1], 2.0),
+            ([0, 3, 0], 1.0),
+            ([0, 0, 0], -0.04 + 0.06 - 0.027),
+        ]);
+        let w = 1.3;
+        let z = [
+            0.2 * w,
+            0.3 * w,
+            -0.1 * w,
+            w,
+            0.9,
+            -0.2,
+            0.4,
+            0.3,
+            0.1,
+            0.8,
+            -0.5,
+            -0.2,
+        ];
+        let by = [
+            0.3, -0.7, 0.5, 0.4, -0.6, 0.2, 0.9, -0.3, 0.8, 0.1, -0.4, 0.7,
+        ];
+        let node = |t: f64| {
+            Node::new(std::array::from_fn(|k| z[k] + t * by[k])).expect("a positive weight")
+        };
+        let motion = Motion::new(&node(0.0), &by);
+        let h = 1e-4;
+        let second =
+            |f: &dyn Fn(&Node) -> f64| (f(&node(h)) - 2.0 * f(&node(0.0)) + f(&node(-h))) / (h * h);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-5, "{a} {b}");
+        for k in 0..3 {
+            near(motion.point[1][k], second(&|n| n.point[k]));
+            for a in 0..2 {
+                near(motion.tangents[a][1][k], second(&|n| n.tangents[a][k]));
+            }
+        }
+        for (a, b) in [(0, 0), (0, 1), (1, 1)] {
+            let product = |n: &Node| dot(n.tangents[a], n.tangents[b]);
+            near(motion.form(&node(0.0), (a, b)), second(&product));
+        }
+        let distance = |n: &Node| n.distance(&field.jet(n.point));
+        assert!(distance(&node(0.0)).abs() < 1e-15);
+        let jet = field.jet(node(0.0).point);
+        near(
+            motion.distance(&jet, Method::GaussNewton),
+            second(&distance),
+        );
+    }
 }

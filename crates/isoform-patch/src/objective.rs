@@ -17,7 +17,7 @@
 //! Bernstein basis. That last step uses the tensor product: first over the nodes in v, then over
 //! those in u, which costs a quarter of summing node by node.
 
-use crate::local::{Local, Node};
+use crate::local::{Local, Node, bend_of_distance, bend_of_shape};
 use isoform_geom::{Field, Point3, RationalPatch, bernstein, cross, distance_squared, dot, sub};
 use isoform_num::{Jet2, Jet3, gauss_legendre};
 
@@ -25,6 +25,9 @@ use isoform_num::{Jet2, Jet3, gauss_legendre};
 pub const K: i32 = 8;
 /// Nodes where only these three kinds of numbers occur: p*, p*ᵤ, p*ᵥ.
 const KINDS: usize = 3;
+/// Nodes for L and R beyond the degree, in each direction: their integrands are nearly squares of
+/// polynomials of that degree less one. With two less patches get smaller.
+const SHAPE_NODES: usize = 3;
 /// The corner parameters (uᵢ, vᵢ) of E, in the order of [`Targets::corners`].
 pub(crate) const CORNERS: [(f64, f64); 4] = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
 
@@ -180,6 +183,8 @@ pub struct Objective<'f> {
     degree: (usize, usize),
     u: Basis,
     v: Basis,
+    /// A rule of fewer nodes for L and R, where their values do not matter in themselves.
+    shape: Option<[Basis; 2]>,
     pub(crate) inner: Inner,
     /// The factors ω.
     pub weights: Weights,
@@ -190,7 +195,10 @@ pub struct Objective<'f> {
     /// I below this is no reason to lower factors.
     pub(crate) little: f64,
     /// J is the mean of (w − 1)ᴷ over the control points, which keeps all their weights positive.
-    pub(crate) by_control: bool,
+    by_control: bool,
+    /// Steps follow the bends of valleys. With a bound on S, where shape terms keep these wide,
+    /// little is gained, and rounding at the start, where S does not know its scale, has more say.
+    pub(crate) bends: bool,
     /// How much the distance counts at the nodes; none: as much everywhere.
     pub(crate) importance: Vec<f64>,
 }
@@ -201,6 +209,8 @@ pub struct Evaluated {
     /// The terms.
     pub terms: Terms,
     nodes: Vec<Node>,
+    /// Those of the rule for L and R, if they have one of their own.
+    shape: Vec<Node>,
     points: Vec<Point3>,
     jets: Vec<Jet2>,
 }
@@ -256,12 +266,14 @@ impl<'f> Objective<'f> {
             degree,
             u,
             v,
+            shape: None,
             inner: Inner::default(),
             weights: Weights::START,
             targets,
             sides: [None; 4],
             little: 0.0,
             by_control: false,
+            bends: false,
             importance: Vec::new(),
         }
     }
@@ -281,6 +293,28 @@ impl<'f> Objective<'f> {
             Basis::new(self.degree.1, nodes),
         );
     }
+    /// For a tolerance: J by control points, and L and R, which only keep a patch in shape, with
+    /// fewer nodes than the distance needs.
+    pub(crate) fn keep_shape_loosely(&mut self) {
+        self.by_control = true;
+        let nodes = self.degree.0.max(self.degree.1) + SHAPE_NODES;
+        self.shape = (nodes < self.u.weights.len()).then(|| {
+            [
+                Basis::new(self.degree.0, nodes),
+                Basis::new(self.degree.1, nodes),
+            ]
+        });
+    }
+    /// Whether J is that of control points.
+    pub(crate) fn is_by_control(&self) -> bool {
+        self.by_control
+    }
+    /// The rule for L and R.
+    fn shape_rule(&self) -> [&Basis; 2] {
+        self.shape
+            .as_ref()
+            .map_or([&self.u, &self.v], |[u, v]| [u, v])
+    }
     /// The number of unknowns, 4 (m + 1)(n + 1).
     pub fn unknowns(&self) -> usize {
         4 * (self.degree.0 + 1) * (self.degree.1 + 1)
@@ -297,6 +331,10 @@ impl<'f> Objective<'f> {
     /// The terms at a patch; none where w ≤ 0 at a node or F is not finite.
     pub fn evaluate(&self, patch: &RationalPatch) -> Option<Evaluated> {
         let nodes = self.nodes(patch)?;
+        let shape = match &self.shape {
+            Some(rule) => Self::nodes_of([&rule[0], &rule[1]], patch)?,
+            None => Vec::new(),
+        };
         let points: Vec<Point3> = nodes.iter().map(|z| z.point).collect();
         let mut jets = vec![
             Jet2 {
@@ -307,7 +345,7 @@ impl<'f> Objective<'f> {
             points.len()
         ];
         self.field.jets(&points, &mut jets);
-        self.terms(patch, &self.targets, nodes, points, jets)
+        self.terms(patch, &self.targets, (nodes, shape), points, jets)
     }
 
     /// The terms at a patch with other targets.
@@ -327,7 +365,7 @@ impl<'f> Objective<'f> {
         at: Evaluated,
         targets: &Targets,
     ) -> Option<Evaluated> {
-        self.terms(patch, targets, at.nodes, at.points, at.jets)
+        self.terms(patch, targets, (at.nodes, at.shape), at.points, at.jets)
     }
 
     /// The means of g₁₁ and g₂₂: with these l₁ and l₂ a patch has the least L.
@@ -367,21 +405,26 @@ impl<'f> Objective<'f> {
         &self,
         patch: &RationalPatch,
         t: &Targets,
-        nodes: Vec<Node>,
+        (nodes, shape): (Vec<Node>, Vec<Node>),
         points: Vec<Point3>,
         jets: Vec<Jet2>,
     ) -> Option<Evaluated> {
         let mut terms = Terms::default();
-        let factors = self.inner.factors(t);
         let mut all = nodes.iter().zip(&jets).enumerate();
         for wu in &self.u.weights {
             for (wv, (k, (node, jet))) in self.v.weights.iter().zip(&mut all) {
-                let weight = wu * wv;
-                let r = node.residuals(jet, t);
-                terms.i += weight * self.importance(k) * r.distance * r.distance;
+                let (weight, distance) = (wu * wv, node.distance(jet));
+                terms.i += weight * self.importance(k) * distance * distance;
                 if !self.by_control {
                     terms.j += weight * (node.z[3] - 1.0).powi(K);
                 }
+            }
+        }
+        let ([u, v], factors) = (self.shape_rule(), self.inner.factors(t));
+        let mut all = if self.shape.is_some() { &shape } else { &nodes }.iter();
+        for wu in &u.weights {
+            for (wv, node) in v.weights.iter().zip(&mut all) {
+                let (weight, r) = (wu * wv, node.residuals(t));
                 let both = r.u / t.l1 + r.v / t.l2;
                 terms.l += weight
                     * (factors[0] * r.u * r.u + factors[1] * r.v * r.v + factors[2] * both * both);
@@ -412,6 +455,7 @@ impl<'f> Objective<'f> {
         finite.then_some(Evaluated {
             terms,
             nodes,
+            shape,
             points,
             jets,
         })
@@ -453,15 +497,29 @@ impl<'f> Objective<'f> {
         (if u > 0.5 { m * (n + 1) } else { 0 }) + if v > 0.5 { n } else { 0 }
     }
 
-    /// p*, p*ᵤ, p*ᵥ at all nodes, those of one u after the other; none where w ≤ 0.
+    /// The nodes, those of one u after the other; none where w ≤ 0.
     fn nodes(&self, patch: &RationalPatch) -> Option<Vec<Node>> {
-        let n = self.degree.1;
-        let mut nodes = Vec::with_capacity(self.u.b.len() * self.v.b.len());
-        for [a, da] in &self.u.b {
+        Self::nodes_of([&self.u, &self.v], patch)
+    }
+
+    /// The same of a rule.
+    fn nodes_of(rule: [&Basis; 2], patch: &RationalPatch) -> Option<Vec<Node>> {
+        Self::homogeneous(rule, patch.control())
+            .into_iter()
+            .map(Node::new)
+            .collect()
+    }
+
+    /// p*, p*ᵤ, p*ᵥ at all nodes of a rule for these control points.
+    fn homogeneous(rule: [&Basis; 2], control: &[[f64; 4]]) -> Vec<[f64; 12]> {
+        let [in_u, in_v] = rule;
+        let n = in_v.b[0][0].len() - 1;
+        let mut nodes = Vec::with_capacity(in_u.b.len() * in_v.b.len());
+        for [a, da] in &in_u.b {
             // The curve over v at this u, and its derivative by u.
             let mut row = [[[0.0; 4]; 2]; crate::MOST_DEGREE + 1];
             let row = &mut row[..=n];
-            for (i, controls) in patch.control().chunks(n + 1).enumerate() {
+            for (i, controls) in control.chunks(n + 1).enumerate() {
                 for (row, c) in row.iter_mut().zip(controls) {
                     for k in 0..4 {
                         row[0][k] += a[i] * c[k];
@@ -469,7 +527,7 @@ impl<'f> Objective<'f> {
                     }
                 }
             }
-            for [b, db] in &self.v.b {
+            for [b, db] in &in_v.b {
                 let mut z = [0.0; 12];
                 for (j, row) in row.iter().enumerate() {
                     for k in 0..4 {
@@ -478,10 +536,94 @@ impl<'f> Objective<'f> {
                         z[8 + k] += db[j] * row[0][k];
                     }
                 }
-                nodes.push(Node::new(z)?);
+                nodes.push(z);
             }
         }
-        Some(nodes)
+        nodes
+    }
+
+    /// How residuals bend along a step of the unknowns: the gradient of S, were every residual its
+    /// second derivative along that step. Those of J, which has no residuals to speak of, and of
+    /// sides are left out.
+    pub(crate) fn bending(&self, patch: &RationalPatch, at: &Evaluated, step: &[f64]) -> Vec<f64> {
+        let (m, n) = self.degree;
+        let count = (m + 1) * (n + 1);
+        let moved: Vec<[f64; 4]> = (0..count)
+            .map(|i| std::array::from_fn(|k| step[k * count + i]))
+            .collect();
+        let mut sums = vec![0.0; 4 * count];
+        let rule = [&self.u, &self.v];
+        let mut all = at.nodes.iter().zip(&at.jets).enumerate();
+        self.add_bending(rule, &moved, &mut sums, |weight, by| {
+            let (k, (node, jet)) = all.next().expect("a node for each of the rule");
+            let own = bend_of_distance(node, by, jet, self, weight * self.importance(k));
+            // Where there is one rule for all.
+            match self.shape {
+                Some(_) => own,
+                None => {
+                    let shape = bend_of_shape(node, by, self, weight);
+                    std::array::from_fn(|i| own[i] + shape[i])
+                }
+            }
+        });
+        if self.shape.is_some() {
+            let mut all = at.shape.iter();
+            self.add_bending(self.shape_rule(), &moved, &mut sums, |weight, by| {
+                let node = all.next().expect("a node for each of the rule");
+                bend_of_shape(node, by, self, weight)
+            });
+        }
+        self.corner_bending(patch, &moved, &mut sums);
+        sums
+    }
+
+    /// Adds the sums over the nodes of a rule of what `bend` tells of each by z, for its weight and
+    /// what z moves by.
+    fn add_bending(
+        &self,
+        rule: [&Basis; 2],
+        moved: &[[f64; 4]],
+        sums: &mut [f64],
+        mut bend: impl FnMut(f64, &[f64; 12]) -> [f64; 12],
+    ) {
+        let (m, n) = self.degree;
+        let count = (m + 1) * (n + 1);
+        let motion = Self::homogeneous(rule, moved);
+        let (mut motion, [in_u, in_v]) = (motion.iter(), rule);
+        for ([a, da], wu) in in_u.b.iter().zip(&in_u.weights) {
+            let mut row = [[[0.0; 4]; 2]; crate::MOST_DEGREE + 1];
+            for (([b, db], wv), by) in in_v.b.iter().zip(&in_v.weights).zip(&mut motion) {
+                let g = bend(wu * wv, by);
+                for (j, row) in row[..=n].iter_mut().enumerate() {
+                    for d in 0..4 {
+                        row[0][d] += g[d] * b[j] + g[8 + d] * db[j];
+                        row[1][d] += g[4 + d] * b[j];
+                    }
+                }
+            }
+            for i in 0..=m {
+                for (j, row) in row[..=n].iter().enumerate() {
+                    for d in 0..4 {
+                        sums[d * count + i * (n + 1) + j] += a[i] * row[0][d] + da[i] * row[1][d];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds what ω_E E contributes.
+    fn corner_bending(&self, patch: &RationalPatch, moved: &[[f64; 4]], sums: &mut [f64]) {
+        let count = moved.len();
+        for &(u, v) in &CORNERS {
+            let at = self.corner(u, v);
+            let (c, by) = (patch.control()[at], moved[at]);
+            for k in 0..3 {
+                let p = c[k] / c[3];
+                let second = -2.0 * (by[k] - p * by[3]) * by[3] / (c[3] * c[3]);
+                sums[k * count + at] += 2.0 * self.weights.e * second / c[3];
+                sums[3 * count + at] -= 2.0 * self.weights.e * second * p / c[3];
+            }
+        }
     }
 
     /// Gradient and second derivatives of S. None if Newton's method is asked of a field without
@@ -494,28 +636,31 @@ impl<'f> Objective<'f> {
             gradient: vec![0.0; size],
             hessian: vec![0.0; size * size],
         };
-        let mut inner = vec![0.0; 4 * 16 * (n + 1) * (n + 1)];
-        let mut side = vec![0.0; 2 * 4 * (n + 1)];
-        let mut nodes = at.nodes.iter().zip(&at.jets).zip(&at.points).enumerate();
-        let mut locals = Vec::with_capacity(self.v.b.len());
-        for (a, wu) in self.u.b.iter().zip(&self.u.weights) {
-            locals.clear();
-            for (wv, (k, ((node, jet), point))) in self.v.weights.iter().zip(&mut nodes) {
+        if self.shape.is_some() && self.method != Method::Newton {
+            sized!(n + 1, distance_terms(self, at, m + 1, &mut d));
+        } else {
+            self.node_terms([&self.u, &self.v], &mut d, |k, weight| {
+                let node = &at.nodes[k];
                 let third: Option<Jet3> = if self.method == Method::Newton {
-                    Some(self.field.jet3(*point)?)
+                    Some(self.field.jet3(at.points[k])?)
                 } else {
                     None
                 };
-                locals.push(Local::new(
-                    node,
-                    jet,
-                    third.as_ref(),
-                    self,
-                    (wu * wv, self.importance(k)),
-                ));
-            }
-            sized!(n + 1, over_v(&locals, &self.v.b, &mut inner, &mut side));
-            sized!(n + 1, over_u(a, m + 1, &inner, &side, &mut d));
+                let mut local = Local::default();
+                let importance = weight * self.importance(k);
+                local.add_distance(node, &at.jets[k], third.as_ref(), self, importance);
+                if self.shape.is_none() {
+                    local.add_shape(node, self, weight);
+                }
+                Some(local)
+            })?;
+        }
+        if self.shape.is_some() {
+            self.node_terms(self.shape_rule(), &mut d, |k, weight| {
+                let mut local = Local::default();
+                local.add_shape(&at.shape[k], self, weight);
+                Some(local)
+            })?;
         }
         if self.by_control {
             self.control_terms(patch, &mut d);
@@ -529,6 +674,30 @@ impl<'f> Objective<'f> {
             }
         }
         Some(d)
+    }
+
+    /// Adds the sums over the nodes of a rule of what `local` tells of each, for its number and its
+    /// weight; none where that is none.
+    fn node_terms(
+        &self,
+        [in_u, in_v]: [&Basis; 2],
+        d: &mut Derivatives,
+        mut local: impl FnMut(usize, f64) -> Option<Local>,
+    ) -> Option<()> {
+        let (m, n) = self.degree;
+        let mut inner = vec![0.0; 4 * 16 * (n + 1) * (n + 1)];
+        let mut side = vec![0.0; 2 * 4 * (n + 1)];
+        let mut k = 0;
+        for (a, wu) in in_u.b.iter().zip(&in_u.weights) {
+            let mut locals = Vec::with_capacity(in_v.b.len());
+            for wv in &in_v.weights {
+                locals.push(local(k, wu * wv)?);
+                k += 1;
+            }
+            sized!(n + 1, over_v(&locals, &in_v.b, &mut inner, &mut side));
+            sized!(n + 1, over_u(a, m + 1, &inner, &side, d));
+        }
+        Some(())
     }
 
     /// The residuals √weight F/|∇F| at all nodes and their derivatives by the unknowns with |∇F|
@@ -545,7 +714,7 @@ impl<'f> Objective<'f> {
             for (([b, _], wv), (node, jet)) in self.v.b.iter().zip(&self.v.weights).zip(&mut nodes)
             {
                 let root = (wu * wv).sqrt();
-                residuals.push(root * node.residuals(jet, &self.targets).distance);
+                residuals.push(root * node.distance(jet));
                 let first = node.distance_gradient(jet);
                 for f in first {
                     for x in a {
@@ -669,6 +838,70 @@ impl<'f> Objective<'f> {
                         d.hessian[row * size + column] += 2.0
                             * self.weights.e
                             * (first[a] * first[b] + curved * r[k] * second[a][b]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Adds what I contributes, by Gauss-Newton: residuals depend on p* alone, so that there is one
+/// product of basis functions instead of nine. M control points in u, N in v.
+fn distance_terms<const N: usize>(
+    objective: &Objective<'_>,
+    at: &Evaluated,
+    m: usize,
+    d: &mut Derivatives,
+) {
+    let (gradient, hessian) = (
+        d.gradient.as_chunks_mut::<N>().0,
+        d.hessian.as_chunks_mut::<N>().0,
+    );
+    let basis: Vec<[f64; N]> = (objective.v.b.iter())
+        .map(|[b, _]| std::array::from_fn(|j| b[j]))
+        .collect();
+    let mut nodes = at.nodes.iter().zip(&at.jets).enumerate();
+    for ([a, _], wu) in objective.u.b.iter().zip(&objective.u.weights) {
+        let mut side = [[0.0; N]; 4];
+        let mut inner = [[[[0.0; N]; N]; 4]; 4];
+        for ((b, wv), (k, (node, jet))) in (basis.iter().zip(&objective.v.weights)).zip(&mut nodes)
+        {
+            let weight = 2.0 * wu * wv * objective.importance(k);
+            let (r, first) = (
+                node.distance(jet),
+                node.distance_slope(jet, objective.method),
+            );
+            for k in 0..4 {
+                let x: [f64; N] = std::array::from_fn(|j| weight * first[k] * b[j]);
+                for j in 0..N {
+                    side[k][j] += r * x[j];
+                }
+                for l in k..4 {
+                    for (out, x) in inner[k][l].iter_mut().zip(x) {
+                        let x = x * first[l];
+                        for j in 0..N {
+                            out[j] += x * b[j];
+                        }
+                    }
+                }
+            }
+        }
+        for k in 0..4 {
+            for i in 0..m {
+                for j in 0..N {
+                    gradient[k * m + i][j] += a[i] * side[k][j];
+                }
+            }
+            for l in k..4 {
+                for i in 0..m {
+                    for (j, row) in inner[k][l].iter().enumerate() {
+                        let start = (k * m * N + i * N + j) * 4 * m + l * m;
+                        for (i2, out) in hessian[start..][..m].iter_mut().enumerate() {
+                            let f = a[i] * a[i2];
+                            for j2 in 0..N {
+                                out[j2] += f * row[j2];
+                            }
+                        }
                     }
                 }
             }

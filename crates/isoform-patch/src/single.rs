@@ -1,15 +1,15 @@
 //! One patch: seed, growth, exactness, tolerance, proof.
 
-use crate::cover::reached;
 use crate::distance::{Distances, distances_on};
 use crate::exact::make_exact;
+use crate::feet::reached;
 use crate::fold;
 use crate::grow::{Grown, Growth, Pace};
 use crate::objective::{Inner, Method, Objective};
 use crate::options::{Error, Options};
 use crate::surface::Seed;
 use crate::unit::UnitBox;
-use crate::whole::{On, Whole};
+use crate::whole::{NearSingular, On, Whole};
 use crate::{MOST_DEGREE, surface};
 use isoform_geom::{Field, Parts, Point3, Quadric, norm, sub};
 use std::f64::consts::FRAC_PI_4;
@@ -47,6 +47,8 @@ pub struct Parameterized {
     /// Whether it is proved not to fold over: that it shows one side to where F grows, except
     /// across self-intersections, where its normals turn little.
     pub is_unfolded: bool,
+    /// How often it was made shorter until its distance could be proved.
+    pub shortenings: usize,
     /// Whether S keeps its bound.
     pub is_within_limit: bool,
     /// Whether the time was over before the patch was as large as it gets.
@@ -82,6 +84,7 @@ fn parameterize_in_unit_box(field: &dyn Field, options: &Options) -> Result<Para
     let on = On {
         whole: &whole,
         part: 0,
+        near_singular: NearSingular::Cross,
     };
     let mut clock = Clock::default();
     if let Some(p) = options.seed_point {
@@ -113,7 +116,12 @@ const CLEARLY: f64 = 1.01;
 /// Grows a patch; with a tolerance along the lines of curvature, between them, and along the seed's
 /// own directions, and at other paces, and takes the largest: which of them it is depends on the
 /// place.
-fn turned(on: On<'_>, seed: Seed, options: &Options, clock: Clock) -> Result<Parameterized, Error> {
+fn turned(
+    on: On<'_>,
+    seed: Seed,
+    options: &Options,
+    mut clock: Clock,
+) -> Result<Parameterized, Error> {
     let Some(tolerance) = options.tolerance.filter(|_| !options.exact) else {
         return grown(on, seed, None, (options, Pace::of(options)), clock);
     };
@@ -127,19 +135,40 @@ fn turned(on: On<'_>, seed: Seed, options: &Options, clock: Clock) -> Result<Par
         )
     };
     let along = frame(0.0)?;
-    let mut made = grown(on, along, None, (options, Pace::EVEN), clock);
     let own = (seed.tangents != along.tangents).then_some((seed, Pace::EVEN));
-    let others = [
+    let starts = [
+        Some((along, Pace::EVEN)),
         Some((frame(FRAC_PI_4)?, Pace::EVEN)),
         own,
         Some((seed, Pace::STEADY)),
         Some((seed, Pace::QUICK)),
     ];
-    for (start, pace) in others.into_iter().flatten() {
-        if made.as_ref().is_ok_and(|m| m.is_late) {
+    let mut grown: Vec<(f64, Growth<'_>)> = Vec::new();
+    let mut made = Err(Error::NoPatch { at: seed.point });
+    for (start, pace) in starts.into_iter().flatten() {
+        match grow(on, start, None, (options, pace)) {
+            Ok(growth) => {
+                let is_late = growth.is_late;
+                grown.push((growth.area(&options.region), growth));
+                if is_late {
+                    break;
+                }
+            }
+            Err(error) => made = Err(error),
+        }
+    }
+    clock.phase("grow");
+    // Proofs only make patches smaller: the largest goes first, and those that cannot become the
+    // largest any more are not proved.
+    while let Some(most) = grown.iter().map(|g| g.0).reduce(f64::max) {
+        if made.as_ref().is_ok_and(|m| {
+            let (keeps, area) = worth(m);
+            m.is_late || (keeps && most <= CLEARLY * area)
+        }) {
             break;
         }
-        let other = grown(on, start, None, (options, pace), Clock::default());
+        let next = (grown.iter().position(|g| CLEARLY * g.0 >= most)).unwrap_or(0);
+        let other = proved(grown.remove(next).1, options, std::mem::take(&mut clock));
         made = match (made, other) {
             (Ok(a), Ok(b)) => {
                 let (x, y) = (worth(&a), worth(&b));
@@ -189,7 +218,7 @@ fn parameterize_part_in_unit_box(parts: &Parts, options: &Options) -> Result<Par
         Some(p) => nearest(&whole, p, options).ok_or(Error::FarSeed { at: p })?,
         None => chosen(&whole, options).ok_or(Error::NoSurface)?,
     };
-    at(&whole, part, point, options)
+    at(&whole, part, point, options, NearSingular::Cross)
 }
 
 /// The point of the surface that a place leads to, with its part.
@@ -242,9 +271,14 @@ pub(crate) fn at(
     part: usize,
     point: Point3,
     options: &Options,
+    near_singular: NearSingular<'_>,
 ) -> Result<Parameterized, Error> {
     let mut clock = Clock::default();
-    let on = On { whole, part };
+    let on = On {
+        whole,
+        part,
+        near_singular,
+    };
     let (scale, unit) = (
         options.region.diagonal(),
         options.region.size().into_iter().fold(0.0, f64::max),
@@ -325,6 +359,7 @@ fn in_plane(tangents: [Point3; 2], normal: Point3) -> [Point3; 2] {
     [t, isoform_geom::cross(n, t)]
 }
 
+/// Grows a patch and proves how far from the surface it is.
 fn grown<'f>(
     on: On<'f>,
     seed: Seed,
@@ -332,6 +367,18 @@ fn grown<'f>(
     (options, pace): (&Options, Pace),
     mut clock: Clock,
 ) -> Result<Parameterized, Error> {
+    let growth = grow(on, seed, edge, (options, pace))?;
+    clock.phase("grow");
+    proved(growth, options, clock)
+}
+
+/// Grows a patch, exact if that is asked for; nothing is proved of it.
+fn grow<'f>(
+    on: On<'f>,
+    seed: Seed,
+    edge: Option<&'f dyn Field>,
+    (options, pace): (&Options, Pace),
+) -> Result<Growth<'f>, Error> {
     let (asked, options) = (options, &options.relaxed());
     let (whole, field) = (on.whole, on.field());
     // A patch that ends at edges would leave them.
@@ -399,8 +446,23 @@ fn grown<'f>(
             Some(other)
         });
     }
+    Ok(growth)
+}
+
+/// Proves how far from the surface a patch is, and that it does not fold over; it is made smaller
+/// where that fails.
+fn proved(
+    mut growth: Growth<'_>,
+    options: &Options,
+    mut clock: Clock,
+) -> Result<Parameterized, Error> {
+    let options = &options.relaxed();
+    let (on, seed_point) = (growth.on(), growth.seed_point());
+    let whole = on.whole;
     let proved = growth.keep_tolerance();
-    clock.phase("grow");
+    if proved.is_none() && matches!(on.near_singular, NearSingular::Try) {
+        return Err(Error::NoPatch { at: seed_point });
+    }
     let (mut known, mut place) = distances_on(
         whole,
         &growth.patch,
@@ -469,7 +531,7 @@ fn grown<'f>(
         fold = growth.prove_unfolded().err();
     }
     if fold.is_some() && fold::seen(&growth.patch).is_some() {
-        return Err(Error::Folded { at: seed.point });
+        return Err(Error::Folded { at: seed_point });
     }
     clock.phase("certify");
     let is_within_limit = growth.is_within_limit();
@@ -482,6 +544,7 @@ fn grown<'f>(
         part: on.part,
         quadric: None,
         is_late: growth.is_late,
+        shortenings: growth.shortenings,
         grown: growth.finish(),
         distances: known,
         is_unfolded: fold.is_none(),

@@ -21,6 +21,10 @@ const MOST_DAMPING: f64 = 1e8;
 /// What the diagonal entries are lifted to, as a share of the mean one, before they are multiplied
 /// by the damping.
 const LEAST_DIAGONAL: f64 = 1e-4;
+/// The acceleration a of a step v may be so long that 2|a| is this share of |v|, in lengths that
+/// damping has: with more, what bends the step is not to be had from second derivatives. The
+/// paper's value.
+const MOST_BENT: f64 = 0.75;
 
 /// A factor is lowered while its term has more than this share of I. The paper says 1, which leaves
 /// terms that are nearly as large as I where they are, and with them a quarter of the area.
@@ -62,7 +66,7 @@ pub(crate) fn minimise(
         let before = objective.sum(&at.terms);
         let mut accepted = None;
         while *damping <= MOST_DAMPING {
-            if let Some(trial) = damped_step(&d, patch, *damping)
+            if let Some(trial) = damped_step(objective, &d, patch, (&at, *damping))
                 && let Some(value) = objective.evaluate(&trial.patch)
             {
                 let after = objective.sum(&value.terms);
@@ -130,16 +134,28 @@ struct Trial {
     expected: f64,
 }
 
-/// The patch after the step −(H + λD)⁻¹ g; none where that matrix is not positive definite.
-fn damped_step(d: &Derivatives, patch: &RationalPatch, damping: f64) -> Option<Trial> {
+/// The patch after the step v = −(H + λD)⁻¹ g and half of a = −(H + λD)⁻¹ b, where b is how the
+/// residuals bend along v; none where that matrix is not positive definite, or where a is too long
+/// against v for such a step to be trusted.
+///
+/// Patches of nearly the same shape make valleys of S, as wide as distances are small against the
+/// patch, that bend; v leads out of them, a back (Transtrum, Sethna: Improvements to the
+/// Levenberg-Marquardt algorithm for nonlinear least-squares minimization, arXiv 1201.5885 (2012),
+/// section 4).
+fn damped_step(
+    objective: &Objective<'_>,
+    d: &Derivatives,
+    patch: &RationalPatch,
+    (at, damping): (&Evaluated, f64),
+) -> Option<Trial> {
     let n = d.gradient.len();
     let mean = (0..n).map(|i| d.hessian[i * n + i].abs()).sum::<f64>() / n as f64;
     let mut a = d.hessian.clone();
-    let diagonal: Vec<f64> = (0..n)
-        .map(|i| damping * d.hessian[i * n + i].abs().max(LEAST_DIAGONAL * mean))
+    let scale: Vec<f64> = (0..n)
+        .map(|i| d.hessian[i * n + i].abs().max(LEAST_DIAGONAL * mean))
         .collect();
     for i in 0..n {
-        a[i * n + i] += diagonal[i];
+        a[i * n + i] += damping * scale[i];
     }
     if !cholesky(&mut a, n) {
         return None;
@@ -148,16 +164,23 @@ fn damped_step(d: &Derivatives, patch: &RationalPatch, damping: f64) -> Option<T
     cholesky_solve(&a, n, &mut x);
     // −gᵀx − xᵀHx/2 with (H + D) x = −g.
     let expected = (0..n)
-        .map(|i| x[i] * (diagonal[i] * x[i] - d.gradient[i]))
+        .map(|i| x[i] * (damping * scale[i] * x[i] - d.gradient[i]))
         .sum::<f64>()
         * 0.5;
+    let mut back = vec![0.0; n];
+    if objective.bends {
+        back = objective.bending(patch, at, &x);
+        cholesky_solve(&a, n, &mut back);
+    }
+    let length = |x: &[f64]| x.iter().zip(&scale).map(|(x, s)| s * x * x).sum::<f64>();
+    let is_trusted = length(&back) <= (0.5 * MOST_BENT).powi(2) * length(&x);
     let mut patch = patch.clone();
     let count = n / 4;
     for (i, c) in patch.control_mut().iter_mut().enumerate() {
         for k in 0..4 {
-            c[k] += x[k * count + i];
+            c[k] += x[k * count + i] - 0.5 * back[k * count + i];
         }
     }
-    (expected.is_finite() && patch.control().iter().flatten().all(|v| v.is_finite()))
-        .then_some(Trial { patch, expected })
+    let is_finite = expected.is_finite() && patch.control().iter().flatten().all(|v| v.is_finite());
+    (is_trusted && is_finite).then_some(Trial { patch, expected })
 }

@@ -6,7 +6,7 @@
 
 use crate::fold;
 use crate::quadric::quadric;
-use crate::{Distances, Error, Grown, Options, Parameterized};
+use crate::{Covering, Distances, Error, Grown, Options, Parameterized};
 use isoform_geom::{Aabb, Expansion, Field, Parts, Point3, RationalPatch, SmoothPart, Terms, norm};
 use isoform_num::{Interval, Jet2, Jet3, Real};
 use std::ops::Deref;
@@ -32,7 +32,7 @@ impl UnitBox {
     }
 
     /// A place in space.
-    fn out(&self, p: Point3) -> Point3 {
+    pub(crate) fn out(&self, p: Point3) -> Point3 {
         std::array::from_fn(|k| self.center[k] + self.edge * p[k])
     }
     /// A place in the unit box.
@@ -45,6 +45,30 @@ impl UnitBox {
             let at = Interval::new(region.lo[k], region.hi[k]);
             Interval::constant(self.center[k]) + Interval::constant(self.edge) * at
         })
+    }
+
+    /// A length in space, with what rounding on the way out may add to a distance.
+    pub(crate) fn length_out(&self, length: f64) -> f64 {
+        let far = norm(self.center) + self.edge;
+        self.edge * length * (1.0 + 1e-12) + ROUNDINGS * far
+    }
+    /// A box in space.
+    pub(crate) fn region_out(&self, region: &Aabb) -> Aabb {
+        Aabb {
+            lo: self.out(region.lo),
+            hi: self.out(region.hi),
+        }
+    }
+    /// How a surface is covered in the unit box. As of a tolerance, something of a margin is for
+    /// rounding on the way out, and more is asked for.
+    pub(crate) fn covering(&self, covering: &Covering) -> Covering {
+        let far = norm(self.center) + self.edge;
+        let margin = |m: f64| (m * (1.0 + 1e-12) + 2.0 * ROUNDINGS * far) / self.edge;
+        Covering {
+            margin: covering.margin.map(margin),
+            apart: covering.apart.map(|a| a / self.edge),
+            ..*covering
+        }
     }
 
     /// A function of space as one of the unit box.
@@ -202,12 +226,11 @@ impl<F: Deref<Target: Field> + Send + Sync> Field for InUnitBox<F> {
         let place = self.unit.all_out(&Aabb { lo: at, hi: at });
         let near = self.unit.out(at);
         let space = hull(self.unit.all_out(&region));
-        let e = self
-            .field
-            .expansion(near, space)?
-            .moved(std::array::from_fn(|k| {
-                place[k] - Interval::constant(near[k])
-            }));
+        let off = std::array::from_fn(|k| {
+            let off = place[k] - Interval::constant(near[k]);
+            off.lo().abs().max(off.hi().abs())
+        });
+        let e = widened(&self.field.expansion(near, space)?, off);
         let s = Interval::constant(self.unit.edge);
         Some(Expansion {
             value: e.value,
@@ -227,10 +250,72 @@ impl<F: Deref<Target: Field> + Send + Sync> Field for InUnitBox<F> {
     }
 }
 
+/// An expansion that holds also about places whose coordinates are off by so much: by the mean
+/// value theorem, from third derivatives upward. Off by roundings only, it need not know the sign
+/// that [`Expansion::moved`] does, which takes ten times as long.
+fn widened(e: &Expansion, off: Point3) -> Expansion {
+    // A sum of three products of two rounded factors, each upward.
+    let up = |v: f64| v * (1.0 + 8.0 * f64::EPSILON) + f64::MIN_POSITIVE;
+    let along = |size: &dyn Fn(usize) -> f64| up((0..3).map(|k| size(k) * off[k]).sum());
+    let size = |i: &Interval| i.lo().abs().max(i.hi().abs());
+    let wider = |i: Interval, by: f64| i + Interval::new(-by, by);
+    let mut hessian = e.hessian;
+    for (i, row) in Expansion::SECOND.iter().enumerate() {
+        for (j, &place) in row.iter().enumerate().skip(i) {
+            let by = along(&|k| size(&e.third[Expansion::THIRD[i][j][k]]));
+            hessian[place] = wider(e.hessian[place], by);
+        }
+    }
+    let gradient = std::array::from_fn(|i| {
+        let by = along(&|k| size(&hessian[Expansion::SECOND[i][k]]));
+        wider(e.gradient[i], by)
+    });
+    let by = along(&|k| size(&gradient[k]));
+    Expansion {
+        value: wider(e.value, by),
+        gradient,
+        hessian,
+        third: e.third,
+    }
+}
+
 /// The box that three intervals span.
 fn hull(sides: [Interval; 3]) -> Aabb {
     Aabb {
         lo: sides.map(|s| s.lo()),
         hi: sides.map(|s| s.hi()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What holds about a place holds, widened, about every place as far off, and is no wider than
+    /// it has to be.
+    #[test]
+    fn widened_expansions_hold_those_nearby() {
+        let f = isoform_field::Polynomial::new([
+            ([3, 0, 0], 1.0),
+            ([1, 2, 0], -2.0),
+            ([0, 1, 1], 0.5),
+            ([0, 0, 3], 4.0),
+        ]);
+        let (at, off) = ([0.3, -0.2, 0.7], [1e-3, 2e-3, 5e-4]);
+        let region = Aabb {
+            lo: at.map(|v| v - 0.1),
+            hi: at.map(|v| v + 0.1),
+        };
+        let wide = widened(&f.expansion(at, region).expect("an expansion"), off);
+        for corner in 0..8 {
+            let sign = |k: usize| [-1.0, 1.0][corner >> k & 1];
+            let near: Point3 = std::array::from_fn(|k| at[k] + sign(k) * off[k]);
+            let there = f.expansion(near, region).expect("an expansion");
+            let all = |e: &Expansion| [&[e.value][..], &e.gradient, &e.hessian].concat();
+            for (held, by) in all(&there).iter().zip(all(&wide)) {
+                assert!(by.lo() <= held.lo() && held.hi() <= by.hi());
+                assert!(by.hi() - by.lo() < 0.1);
+            }
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! The whole surface that a patch belongs to: one smooth function, or smooth parts joined by minima
 //! and maxima.
 
+use crate::singular::Avoided;
 use isoform_geom::{Aabb, Csg, Field, Parts, Point3, cross, dot, norm, sub};
 use isoform_num::Interval;
 use std::collections::BTreeSet;
@@ -89,6 +90,29 @@ pub(crate) struct Beyond<'f> {
 pub(crate) struct On<'f> {
     pub(crate) whole: &'f Whole<'f>,
     pub(crate) part: usize,
+    /// What it stays away from.
+    pub(crate) near_singular: NearSingular<'f>,
+}
+
+/// What a patch does near singular points.
+#[derive(Clone, Copy)]
+pub(crate) enum NearSingular<'f> {
+    /// It goes on, and what cannot be proved is cut off.
+    Cross,
+    /// The same, but it is soon given up: there is another way.
+    Try,
+    /// It stays away from them.
+    Avoid(&'f Avoided),
+}
+
+impl<'f> NearSingular<'f> {
+    /// What is avoided.
+    pub(crate) fn avoided(self) -> Option<&'f Avoided> {
+        match self {
+            Self::Avoid(avoided) => Some(avoided),
+            Self::Cross | Self::Try => None,
+        }
+    }
 }
 
 impl<'f> Whole<'f> {

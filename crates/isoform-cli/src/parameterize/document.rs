@@ -1,6 +1,6 @@
 //! The documents of patches: their file, the trace, and what --json prints.
 
-use super::Made;
+use super::{Coverage, Made};
 use isoform::patch::{Grown, Inner, Method, Parameterized, Phase, Quadric};
 use serde_json::{Map, Value, json};
 
@@ -80,10 +80,36 @@ pub(super) fn document(made: &Made) -> Value {
         "seed": options.seed,
         "seconds": made.seconds.iter().map(|(phase, s)| ((*phase).to_owned(), json!(s))).collect::<Map<_, _>>(),
         "patches": list,
-        "coverage": made.coverage.map(|(covered, samples)| json!({"covered": covered, "samples": samples})),
+        "coverage": made.coverage.as_ref().map(coverage),
         "files": made.written,
         "warnings": made.warnings,
     })
+}
+
+/// How a surface is covered. Of boxes in which a margin is not proved there may be thousands: the
+/// first hundred are told, as of singular points.
+fn coverage(c: &Coverage) -> Value {
+    const MOST: usize = 100;
+    let mut told = json!({"covered": c.covered, "samples": c.samples});
+    if let Some(depth) = &c.depth {
+        let boxes = depth.open.iter().take(MOST);
+        told["margin"] = json!({
+            "length": depth.margin,
+            "proved": depth.distance.is_some(),
+            "max_distance": depth.distance,
+            "open": depth.open.len(),
+            "boxes": boxes.map(|b| json!({"lo": b.lo, "hi": b.hi})).collect::<Vec<_>>(),
+        });
+    }
+    if c.left_out > 0 {
+        told["left_out"] = json!({
+            "samples": c.left_out,
+            "distance": c.apart,
+            "singular_points": c.singular.len(),
+            "points": c.singular.iter().take(MOST).collect::<Vec<_>>(),
+        });
+    }
+    told
 }
 
 /// The name of a solver.

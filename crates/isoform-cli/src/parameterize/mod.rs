@@ -7,13 +7,14 @@ mod subject;
 mod table;
 
 use crate::eval;
+use crate::fit::table::brief;
 use crate::interrupt;
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use isoform::geom::{Aabb, Point3};
 use isoform::io::STEP_UNITS;
 use isoform::patch::{
-    self, Error, Method, Options, Parameterized, cover, cover_parts, parameterize,
+    self, Covering, Depth, Error, Method, Options, Parameterized, cover, cover_parts, parameterize,
     parameterize_part,
 };
 use std::path::PathBuf;
@@ -72,6 +73,14 @@ pub(crate) struct Args {
     /// As many patches as it takes until all of the surface in the box lies on one, within --tol
     #[arg(long, requires = "tol", conflicts_with_all = ["seed_point", "trace", "figure", "paper"])]
     cover: bool,
+    /// With --cover: every point of the surface in the box so deep inside of some patch, that is so
+    /// far from its border, proved; as --tol a length. Patches reach beyond the box as far
+    #[arg(long, value_name = "LENGTH", requires = "cover", value_parser = output::positive)]
+    margin: Option<f64>,
+    /// With --cover: what is nearer than this to a singular point, as at self-intersections, may be
+    /// left out where no patch is found, which is said [default: a hundredth of the box]
+    #[arg(long, value_name = "LENGTH", requires = "cover", value_parser = output::positive)]
+    singular: Option<f64>,
     /// At most so many patches, with --cover
     #[arg(long, value_name = "N", default_value_t = MOST_PATCHES, requires = "cover", value_parser = at_least_one)]
     patches: usize,
@@ -163,25 +172,43 @@ struct Made {
     name: String,
     options: Options,
     patches: Vec<Parameterized>,
-    /// Of a cover: how many samples of the surface lie on a patch, and how many there are.
-    coverage: Option<(usize, usize)>,
+    /// Of a cover.
+    coverage: Option<Coverage>,
     warnings: Vec<String>,
     written: Vec<String>,
     /// Seconds by phase.
     seconds: Vec<(&'static str, f64)>,
 }
 
+/// How the patches of a cover cover the surface.
+struct Coverage {
+    /// How many samples of the surface lie on a patch, with a margin as deep, and how many there
+    /// are but for those left out.
+    covered: usize,
+    samples: usize,
+    /// How many were left out, within so far of these singular points.
+    left_out: usize,
+    apart: f64,
+    singular: Vec<Point3>,
+    depth: Option<Depth>,
+}
+
 impl Made {
     /// What was asked for and is not so.
     fn failures(&self) -> Vec<String> {
         let mut list = Vec::new();
-        if let Some((covered, samples)) = self
-            .coverage
-            .filter(|(covered, samples)| (*covered as f64) < COVERED * *samples as f64)
-        {
+        let coverage = self.coverage.as_ref();
+        if let Some(c) = coverage.filter(|c| (c.covered as f64) < COVERED * c.samples as f64) {
             list.push(format!(
-                "{covered} of {samples} samples of the surface lie on a patch"
+                "{} of {} samples of the surface lie on a patch",
+                c.covered, c.samples
             ));
+        }
+        if let Some(depth) = coverage
+            .and_then(|c| c.depth.as_ref())
+            .filter(|d| d.distance.is_none())
+        {
+            list.push(format!("margin: {}", unproved(depth)));
         }
         for (i, p) in self.patches.iter().enumerate() {
             match p.distances.bound {
@@ -224,6 +251,19 @@ impl Made {
     }
 }
 
+/// Of what a margin could not be proved.
+fn unproved(depth: &Depth) -> String {
+    let Some(first) = depth.open.first() else {
+        return "it could not be proved".to_owned();
+    };
+    let [x, y, z] = first.center().map(brief);
+    format!(
+        "it could not be proved in {} boxes, one of them about ({x}, {y}, {z}), {} across",
+        depth.open.len(),
+        brief(first.diagonal())
+    )
+}
+
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output)?;
     for path in [&args.trace, &args.figure].into_iter().flatten() {
@@ -241,19 +281,27 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             || std::thread::available_parallelism().map_or(1, usize::from),
             usize::from,
         );
+        let covering = Covering {
+            most: args.patches,
+            threads,
+            margin: args.margin,
+            apart: args.singular,
+        };
         let made = match &subject.parts {
-            Some(parts) => cover_parts(parts, &options, args.patches, threads, &stop),
-            None => cover(
-                subject.field.as_ref(),
-                &options,
-                args.patches,
-                threads,
-                &stop,
-            ),
+            Some(parts) => cover_parts(parts, &options, &covering, &stop),
+            None => cover(subject.field.as_ref(), &options, &covering, &stop),
         };
         let made = made.map_err(|e| failure(&e, &subject.name, &options))?;
         seconds.push(("cover", clock.elapsed().as_secs_f64()));
-        (made.patches, Some((made.covered, made.samples)))
+        let coverage = Coverage {
+            covered: made.covered,
+            samples: made.samples,
+            left_out: made.left_out,
+            apart: made.apart,
+            singular: made.singular,
+            depth: made.depth,
+        };
+        (made.patches, Some(coverage))
     } else {
         // The bound on S is of the whole function; a distance is from the surface, whatever its
         // parts are.

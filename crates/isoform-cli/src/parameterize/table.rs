@@ -13,14 +13,38 @@ pub(super) fn text(made: &Made) -> String {
             "degree",
             format!("{m},{n}; {}", document::method(made.options.method)),
         );
-    if let Some((covered, samples)) = made.coverage {
+    if let Some(c) = &made.coverage {
         text += &line(
             "cover",
             format!(
-                "{} patches on which {covered} of {samples} samples of the surface lie",
-                made.patches.len()
+                "{} patches on which {} of {} samples of the surface lie",
+                made.patches.len(),
+                c.covered,
+                c.samples
             ),
         );
+        if c.left_out > 0 {
+            text += &line(
+                "left out",
+                format!(
+                    "{} samples nearer than {} to one of {} singular points",
+                    c.left_out,
+                    brief(c.apart),
+                    c.singular.len()
+                ),
+            );
+        }
+        if let Some((depth, distance)) = c.depth.as_ref().and_then(|d| Some((d, d.distance?))) {
+            let (margin, distance) = (brief(depth.margin), brief(distance));
+            text += &line(
+                "margin",
+                format!(
+                    "all of the surface in the box{} is {margin} or more inside of a patch, at \
+                     most {distance} from it, proved",
+                    if c.left_out > 0 { " but that" } else { "" }
+                ),
+            );
+        }
         let worst = made
             .patches
             .iter()

@@ -4,7 +4,8 @@
 //! side comes to an edge it is put onto it, if the whole side comes to the same edge nearby, and is
 //! then held there by a term of the objective. Else it stops.
 
-use super::{Growth, balanced};
+use super::{Growth, SPILL, balanced};
+use crate::surface::contains;
 use crate::whole::{Beyond, On};
 use isoform_geom::{Field, Point3, RationalPatch, bernstein, dot, norm};
 use isoform_num::linalg::{cholesky, cholesky_solve};
@@ -46,6 +47,8 @@ const BISECTIONS: usize = 12;
 const NEAR_END: f64 = 0.25;
 /// The most of a patch that is taken back at one side.
 const MOST_TRIMMED: f64 = 0.4;
+/// What lies beyond the region by more than this share of that is taken back to where sides stop.
+const MOST_SPILL: f64 = 0.3;
 /// A side that gets no farther than this share of the patch has come to its edge.
 const STUCK: f64 = 0.02;
 
@@ -160,8 +163,63 @@ impl<'f> Growth<'f> {
         worst
     }
 
-    /// Takes back sides that Newton steps have moved beyond edges.
+    /// Takes back sides that Newton steps have moved far beyond the region: where a surface can be
+    /// shifted along itself, as a cylinder can, nothing else keeps them. Only to a tolerance, for
+    /// which steps go far.
+    fn trim_to_region(&mut self) {
+        let mut patch = self.patch.clone();
+        for side in 0..4 {
+            let is_beyond = |share: f64, spill: f64| {
+                let wide = self.wider(spill);
+                let shorter = extended(&patch, side, -share);
+                evenly(SAMPLES).into_iter().any(|t| {
+                    let (u, v) = parameters(side, t, 0.0);
+                    !contains(&wide, shorter.point(u, v))
+                })
+            };
+            if !is_beyond(0.0, MOST_SPILL) || is_beyond(MOST_TRIMMED, SPILL) {
+                continue;
+            }
+            let (mut lo, mut hi) = (0.0, MOST_TRIMMED);
+            for _ in 0..BISECTIONS {
+                let share = 0.5 * (lo + hi);
+                if is_beyond(share, SPILL) {
+                    lo = share
+                } else {
+                    hi = share
+                }
+            }
+            patch = extended(&patch, side, -hi);
+        }
+        self.put(patch);
+    }
+
+    /// Whether no side lies far beyond the region.
+    pub(crate) fn is_near_region(&self) -> bool {
+        let wide = self.wider(MOST_SPILL);
+        (0..4).all(|side| {
+            evenly(SAMPLES).into_iter().all(|t| {
+                let (u, v) = parameters(side, t, 0.0);
+                contains(&wide, self.patch.point(u, v))
+            })
+        })
+    }
+
+    /// Takes a patch that is another one.
+    fn put(&mut self, patch: RationalPatch) {
+        if patch != self.patch
+            && let patch = balanced(patch)
+            && let Some((targets, at)) = self.retargeted(&patch)
+        {
+            self.take(patch, targets, at);
+        }
+    }
+
+    /// Takes back sides that Newton steps have moved beyond edges, and far beyond the region.
     pub(crate) fn trim(&mut self) {
+        if self.options.tolerance.is_some() {
+            self.trim_to_region();
+        }
         let samples = evenly(SAMPLES);
         self.trim_to(
             self.overlap(),
@@ -232,12 +290,7 @@ impl<'f> Growth<'f> {
                 break;
             }
         }
-        if patch != self.patch
-            && let patch = balanced(patch)
-            && let Some((targets, at)) = self.retargeted(&patch)
-        {
-            self.take(patch, targets, at);
-        }
+        self.put(patch);
     }
 
     /// The patch longer by shares of its edges at its four sides, but no longer than the part; and

@@ -1,0 +1,146 @@
+//! Singular points of a surface: where F and ∇F vanish, as at nodes, along self-intersections and
+//! at pinch points.
+
+use isoform_geom::{Field, KdTree, Point3, RationalPatch, distance_squared, norm};
+use isoform_num::linalg::symmetric_eigen;
+
+/// Newton steps towards a singular point.
+const STEPS: usize = 20;
+/// Second derivatives along a direction below this share of the largest are none: along a curve of
+/// singular points ∇F vanishes.
+const FLAT: f64 = 1e-3;
+/// ∇F is none below this share of second derivatives times the scale, F below its square.
+const NONE: f64 = 1e-6;
+/// The step along which distances are measured, in the distance asked for: points of the list are
+/// so far apart.
+const SPACING: f64 = 0.25;
+/// Patches stay away from singular points by this share of the distance within which the surface
+/// may be left out: what is between is covered.
+const SHARE: f64 = 0.6;
+/// Samples along a side, and most across what is added to a patch there.
+const MOST_SAMPLES: usize = 24;
+/// Halvings of what is added until a side stops.
+const HALVINGS: usize = 5;
+/// Samples farther from singular points than this, in the distance asked for, by |∇F|/|H|, are not
+/// looked at. Where curvatures differ that may be off by as much.
+const REACH: f64 = 4.0;
+
+/// Points that patches stay away from, so far.
+#[derive(Clone, Debug)]
+pub(crate) struct Avoided {
+    tree: KdTree,
+    apart: f64,
+}
+
+impl Avoided {
+    pub(crate) fn new(points: &[Point3], apart: f64) -> Self {
+        Self {
+            tree: KdTree::new(points),
+            apart,
+        }
+    }
+
+    /// Whether samples of a patch come near one of the points.
+    pub(crate) fn is_near(&self, patch: &RationalPatch) -> bool {
+        let at = |i: usize| i as f64 / MOST_SAMPLES as f64;
+        let near = (SHARE * self.apart).powi(2);
+        (0..=MOST_SAMPLES).any(|i| {
+            (0..=MOST_SAMPLES).any(|j| {
+                let p = patch.point(at(i), at(j));
+                self.tree.nearest(p).is_some_and(|n| n.1 <= near)
+            })
+        })
+    }
+
+    /// The share by which a patch may grow at a side (of u = 0, u = 1, v = 0, v = 1), at most the
+    /// one given, without coming near one of the points, by samples of what is added; none of it
+    /// where it is halved in vain.
+    pub(crate) fn within(&self, patch: &RationalPatch, side: usize, share: f64) -> f64 {
+        let near = SHARE * self.apart;
+        let is_near = |share: f64| {
+            // Across what is added no two samples are farther apart than the points are avoided.
+            let edge = {
+                let t = patch.tangents(0.5, 0.5);
+                norm(if side < 2 { t.u } else { t.v })
+            };
+            let deep = ((share * edge / near).ceil() as usize).clamp(1, MOST_SAMPLES);
+            (0..=deep).any(|i| {
+                let e = share * i as f64 / deep as f64;
+                (0..=MOST_SAMPLES).any(|k| {
+                    let t = k as f64 / MOST_SAMPLES as f64;
+                    let (u, v) = match side {
+                        0 => (-e, t),
+                        1 => (1.0 + e, t),
+                        2 => (t, -e),
+                        _ => (t, 1.0 + e),
+                    };
+                    let p = patch.point(u, v);
+                    p.iter().all(|v| v.is_finite())
+                        && self.tree.nearest(p).is_some_and(|n| n.1 <= near * near)
+                })
+            })
+        };
+        let mut share = share;
+        for _ in 0..HALVINGS {
+            if !is_near(share) {
+                return share;
+            }
+            share *= 0.5;
+        }
+        0.0
+    }
+}
+
+/// Singular points that Newton's method finds from samples of the surface, none within a quarter of
+/// `apart` of another. Some may be missed: what is left out is told by those that are found.
+pub(crate) fn points(field: &dyn Field, samples: &[Point3], apart: f64, scale: f64) -> Vec<Point3> {
+    let mut found: Vec<Point3> = Vec::new();
+    let least = (SPACING * apart).powi(2);
+    for p in samples {
+        let Some(s) = near(field, *p, apart, scale) else {
+            continue;
+        };
+        if found.iter().all(|f| distance_squared(*f, s) > least) {
+            found.push(s);
+        }
+    }
+    found
+}
+
+/// The singular point that Newton's method for ∇F = 0 leads to with the least steps, if that is
+/// near.
+fn near(field: &dyn Field, from: Point3, apart: f64, scale: f64) -> Option<Point3> {
+    let mut p = from;
+    for _ in 0..STEPS {
+        let j = field.jet(p);
+        let h: Vec<f64> = (0..9).map(|k| j.second(k / 3, k % 3)).collect();
+        let size = norm([
+            norm([h[0], h[1], h[2]]),
+            norm([h[3], h[4], h[5]]),
+            norm([h[6], h[7], h[8]]),
+        ]);
+        let slope = norm(j.g);
+        if !(size > 0.0 && size.is_finite()) || slope > REACH * apart * size {
+            return None;
+        }
+        if slope <= NONE * size * scale {
+            let is_on = j.v.abs() <= NONE * NONE * size * scale * scale;
+            return (is_on && distance_squared(p, from) <= (2.0 * apart).powi(2)).then_some(p);
+        }
+        let (values, vectors) = symmetric_eigen(&h, 3);
+        let most = values[0].abs().max(values[2].abs());
+        for k in 0..3 {
+            if values[k].abs() > FLAT * most {
+                let v = &vectors[3 * k..3 * k + 3];
+                let along: f64 = (0..3).map(|i| v[i] * j.g[i]).sum::<f64>() / values[k];
+                for i in 0..3 {
+                    p[i] -= along * v[i];
+                }
+            }
+        }
+        if !p.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+    }
+    None
+}
