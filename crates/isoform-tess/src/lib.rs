@@ -26,6 +26,7 @@ mod deck;
 mod dense;
 mod domain;
 mod double;
+mod double_curve;
 mod equation;
 mod fan;
 mod field;

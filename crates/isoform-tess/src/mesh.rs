@@ -194,10 +194,11 @@ pub(crate) fn mesh(
         let mut surface = joined.surface;
         surface.is_double_curve_known = curves.glued
             && !builder.gluing.is_stopped
-            && analysis
-                .singular
-                .as_ref()
-                .is_some_and(|s| s.double.is_some());
+            && (curves.traced.is_some()
+                || analysis
+                    .singular
+                    .as_ref()
+                    .is_some_and(|s| s.double.is_some()));
         surface.double_curve = std::mem::take(&mut builder.gluing.arcs);
         surface.findings.append(&mut builder.gluing.findings);
         surface.grades = builder.grades(curves);
@@ -284,12 +285,8 @@ impl Curves {
                         found.contracted.push((c.curve.clone(), images));
                     }
                 }
-                (CurveKind::Double, side) if glued && matches!(c.real, RealPart::Curve) => {
-                    match side {
-                        Some(k) => found.double_sides[k] = true,
-                        None if traced.is_some() => {}
-                        None => found.double.push(c.curve.clone()),
-                    }
+                (CurveKind::Double, _) if glued && traced.is_none() && c.is_double_arc() => {
+                    found.add_double(&c.curve);
                 }
                 (CurveKind::Ramified, None)
                     if glued && matches!(c.real, RealPart::Curve) && !is_fold(&c.curve) =>
@@ -313,6 +310,30 @@ impl Curves {
     /// Whether there are vertices with several parameters.
     fn is_joined(&self) -> bool {
         self.glued || self.deck.is_some()
+    }
+    /// Whether arcs stand for the double curve.
+    pub(crate) fn is_traced(&self) -> bool {
+        self.traced.is_some()
+    }
+    /// Has arcs in the place of double curves of parameters.
+    pub(crate) fn trace(&mut self, traced: Option<Traced>) {
+        self.traced = traced;
+        self.double.clear();
+        self.double_sides = [false; 3];
+    }
+    /// Has double curves of parameters in the place of arcs, which are left to the caller.
+    pub(crate) fn decompose(&mut self, analysis: &Analysis) -> Option<Traced> {
+        let curves = analysis.singular.as_ref().map_or(&[][..], |s| &s.curves);
+        for c in curves.iter().filter(|c| c.is_double_arc()) {
+            self.add_double(&c.curve);
+        }
+        self.traced.take()
+    }
+    fn add_double(&mut self, curve: &Poly) {
+        match (0..3).find(|&k| curve.is_associate(&Poly::var(k))) {
+            Some(k) => self.double_sides[k] = true,
+            None => self.double.push(curve.clone()),
+        }
     }
     /// Forms in (s, t, w).
     pub(crate) fn forms(&self) -> Vec<Poly> {

@@ -471,7 +471,7 @@ mod tests {
             is_finite: true,
         };
         let found = arcs(&pairs, FINE, expected, &|| false).unwrap();
-        assert_eq!(found.problems, Vec::<String>::new());
+        assert_eq!(found.lost, 0);
         assert_eq!(found.arcs.len(), 1);
         let places = &found.arcs[0].places;
         let ends = [places[0].point(), places[places.len() - 1].point()];

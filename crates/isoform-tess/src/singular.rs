@@ -35,6 +35,13 @@ pub struct SingularCurve {
     pub real: RealPart,
 }
 
+impl SingularCurve {
+    /// Whether it is double, and real but for isolated points.
+    pub(crate) fn is_double_arc(&self) -> bool {
+        matches!(self.kind, CurveKind::Double) && matches!(self.real, RealPart::Curve)
+    }
+}
+
 /// What the map does on a curve of its parameter plane.
 #[derive(Clone, Debug)]
 pub enum CurveKind {

@@ -4,22 +4,18 @@ use crate::analysis::{Analysis, Budget, analyse, analyse_clear, until};
 use crate::claim::{Basis, Claim, Grade, graded};
 use crate::deck::Deck;
 use crate::domain::Domain;
-use crate::double::{Fibres, curves_of, pinch_points, solitary_arcs};
+use crate::double_curve::DoubleCurve;
 use crate::equation::Equation;
-use crate::field::Algebraic;
 use crate::finding::{Finding, Phase};
 use crate::joined::join;
 use crate::map::Map;
 pub use crate::mesh::matching::Crossing;
 use crate::mesh::matching::matching;
-use crate::mesh::traced::Traced;
 use crate::mesh::{Changes, Curves, mesh};
-use crate::pairs::{self, Expected, Pairs};
 use crate::patch::Patch;
 use crate::region::{Region, Triangle, is_clear};
-use crate::singular::{CurveKind, Singular, SingularCurve};
 use crate::univariate::Stopped;
-use isoform_algebra::RBig;
+use isoform_algebra::{ArrangementError, RBig};
 use isoform_geom::Aabb;
 pub use isoform_geom::Point3;
 use std::collections::BTreeMap;
@@ -181,6 +177,18 @@ impl Surface {
     }
 }
 
+/// The parameters of a surface in a box, decomposed by curves.
+fn region(
+    map: &Map,
+    options: &TriangulateOptions,
+    curves: &Curves,
+    deck: Option<&Deck>,
+    stop: &dyn Fn() -> bool,
+) -> Result<Region, ArrangementError> {
+    let (domain, forms) = (options.domain.as_ref(), curves.forms());
+    Region::within(map, &options.half_width, domain, deck, &forms, stop)
+}
+
 /// How far triangles may be from the surface by its implicit equation, in tolerances.
 const FAR: f64 = 1.5;
 
@@ -197,179 +205,6 @@ pub struct Prepared<'a> {
     findings: Vec<Finding>,
     grades: Vec<Grade>,
     changes: Changes,
-}
-
-/// What is known of the double curve beside its equation.
-#[derive(Default)]
-struct DoubleCurve {
-    /// Real parameters at which pairs of them turn into conjugate ones.
-    pinches: Vec<[f64; 3]>,
-    /// What tells a real parameter alone from one that meets conjugate ones.
-    fibres: Option<Fibres>,
-    /// Arcs of real points that only conjugate parameters reach.
-    solitary: Vec<Vec<Point3>>,
-    /// Arcs with both parameters, where these stand for the curve of parameters.
-    traced: Option<Traced>,
-    findings: Vec<Finding>,
-    grades: Vec<Grade>,
-}
-
-impl DoubleCurve {
-    fn new(
-        map: &Map,
-        analysis: &Analysis,
-        options: &TriangulateOptions,
-        stop: &dyn Fn() -> bool,
-    ) -> Self {
-        let mut found = Self::default();
-        let Some(singular) = &analysis.singular else {
-            return found;
-        };
-        let glued = options.mode == Mode::Glued;
-        let half_width = options.half_width.to_f64().value();
-        let degrees = analysis.degrees;
-        let map_degree = degrees.map_or(0, |d| d.map_degree);
-        let may_trace = map_degree == 1 && options.domain.is_none();
-        let traced = match may_trace {
-            true => traced_arcs(map, analysis, options, stop).unwrap_or(None),
-            false => None,
-        };
-        if let Some(arcs) = traced {
-            let basis = Basis::Floating;
-            let claims = [Claim::PinchPoints, Claim::SolitaryArcs];
-            found
-                .grades
-                .extend(claims.map(|claim| Grade { claim, basis }));
-            found.pinches = arcs.pinches();
-            let scale = |x: Point3| x.map(|x| x * half_width);
-            let parts = arcs.solitary().unwrap_or_default();
-            found.solitary = parts
-                .into_iter()
-                .map(|part| part.into_iter().map(scale).collect())
-                .collect();
-            if glued && arcs.is_any_covered() {
-                found.fibres = Fibres::new(map, singular, half_width, stop).ok();
-            }
-            found.traced =
-                (glued && !arcs.is_any_cut_off() && may_stand(singular)).then(|| Traced {
-                    pairs: Pairs::new(map, half_width),
-                    arcs,
-                });
-            found.add_seam_lines(map, analysis, singular, half_width);
-            return found;
-        }
-        let is_double = |c: &SingularCurve| matches!(c.kind, CurveKind::Double);
-        if glued && singular.curves.iter().any(is_double) {
-            match pinch_points(map, stop) {
-                Ok(points) => {
-                    found.pinches = points
-                        .iter()
-                        .map(|p| p.each_ref().map(Algebraic::to_f64))
-                        .collect()
-                }
-                Err(Stopped) => found.findings.push(Finding::Stopped(Phase::PinchPoints)),
-            }
-            found.grades.push(Claim::PinchPoints.into());
-            found.fibres = Fibres::new(map, singular, half_width, stop).ok();
-        }
-        // No parameters of a domain lead to solitary arcs, and planes and quadrics have none. Of an
-        // improper map complex parameters reach whole regions, which are not drawn.
-        let is_smooth = degrees.is_some_and(|d| d.implicit_degree <= 2);
-        if options.domain.is_none() && !(map_degree > 1 && (is_smooth || !glued)) {
-            let tolerance = options.mesh.tolerance;
-            let (arcs, problems) = solitary_arcs(map, singular, half_width, tolerance, stop);
-            found.solitary = arcs;
-            // Without a curve to follow there is no solitary one, exactly.
-            let has_base = analysis.base_points.as_ref().is_some_and(|b| !b.is_empty());
-            if curves_of(map, singular).next().is_some() || has_base {
-                found.grades.push(Claim::SolitaryArcs.into());
-            }
-            found.findings.extend(problems);
-            found.add_seam_lines(map, analysis, singular, half_width);
-        }
-        found
-    }
-
-    /// Lines that conjugate base points are blown up to.
-    fn add_seam_lines(
-        &mut self,
-        map: &Map,
-        analysis: &Analysis,
-        singular: &Singular,
-        half_width: f64,
-    ) {
-        for line in &analysis.seam_lines {
-            if line.is_met(map, singular) {
-                self.findings.push(Finding::ComplexSeamMet);
-            } else {
-                self.solitary.extend(line.within(half_width).map(Vec::from));
-            }
-        }
-    }
-}
-
-/// The arcs of the double curve, solitary ones too, if all of them were found.
-fn traced_arcs(
-    map: &Map,
-    analysis: &Analysis,
-    options: &TriangulateOptions,
-    stop: &dyn Fn() -> bool,
-) -> Result<Option<pairs::Arcs>, Stopped> {
-    let half_width = options.half_width.to_f64().value();
-    let fine = pairs::Fineness {
-        tolerance: 0.3 * options.mesh.tolerance / half_width,
-        longest: options.mesh.longest / half_width,
-    };
-    let Some(singular) = &analysis.singular else {
-        return Ok(None);
-    };
-    let Some(expected) = expected_section(map, analysis, singular) else {
-        return Ok(None);
-    };
-    let arcs = pairs::arcs(&Pairs::new(map, half_width), fine, expected, stop)?;
-    let is_known = arcs.problems.is_empty() && arcs.solitary().is_some();
-    Ok(is_known.then_some(arcs))
-}
-
-/// How many parameters a general plane of space has on the double curve, if there are no cuspidal
-/// edges.
-///
-/// Without base points each curve of parameters has its degree times that of the map: then what is
-/// at infinity, and not drawn, need not be counted.
-fn expected_section(map: &Map, analysis: &Analysis, singular: &Singular) -> Option<Expected> {
-    let is_ramified = |c: &SingularCurve| matches!(c.kind, CurveKind::Ramified);
-    if singular.curves.iter().any(is_ramified) {
-        return None;
-    }
-    let is_free = analysis.degrees.is_some_and(|d| d.base_multiplicity == 0);
-    if is_free && singular.double.is_some() {
-        let w = &map.forms()[3];
-        let is_finite =
-            |c: &&SingularCurve| matches!(c.kind, CurveKind::Double) && !w.is_multiple_of(&c.curve);
-        let curves = singular.curves.iter().filter(is_finite);
-        let degree: usize = curves.map(|c| c.curve.total_degree()).sum();
-        return Some(Expected {
-            parameters: degree * map.degree(),
-            is_finite: true,
-        });
-    }
-    Some(Expected {
-        parameters: analysis.double_section?,
-        is_finite: false,
-    })
-}
-
-/// Whether arcs may stand for the double curve: if it is all that is special about a map, and of a
-/// high degree.
-fn may_stand(singular: &Singular) -> bool {
-    /// The degree of parameter curves from which their topology takes longer than to trace them:
-    /// those of quadratic maps have 3, of general cubic ones 18.
-    const HIGH: usize = 8;
-    // More than two sheets meet, or they touch, along what D vanishes on more than once.
-    let is_double =
-        |c: &SingularCurve| matches!(c.kind, CurveKind::Double) && c.in_double == Some(1);
-    let degree: usize = singular.curves.iter().map(|c| c.curve.total_degree()).sum();
-    singular.curves.iter().all(is_double) && (degree > HIGH || singular.double.is_none())
 }
 
 impl<'a> Prepared<'a> {
@@ -407,6 +242,9 @@ impl<'a> Prepared<'a> {
         let clock = Instant::now();
         let glued = options.mode == Mode::Glued;
         let double = DoubleCurve::new(map, &analysis, options, &enough);
+        if double.needs_no_equation {
+            findings.retain(|f| f.claim() != Claim::DoubleCurves);
+        }
         findings.extend(double.findings);
         grades.extend(double.grades);
         analysis
@@ -422,15 +260,7 @@ impl<'a> Prepared<'a> {
             double.traced,
         );
         let within = |curves: &Curves, stop: &dyn Fn() -> bool| {
-            let forms = curves.forms();
-            Region::within(
-                map,
-                &options.half_width,
-                domain,
-                deck.as_ref(),
-                &forms,
-                stop,
-            )
+            region(map, options, curves, deck.as_ref(), stop)
         };
         let region = match within(&curves, if glued { &enough } else { stop }) {
             Ok(region) => region,
@@ -461,6 +291,35 @@ impl<'a> Prepared<'a> {
             grades,
             changes: Changes::default(),
         })
+    }
+
+    /// Whether the double curve was traced, and its parameters are not decomposed by its equation,
+    /// which is known.
+    pub fn may_decompose(&self) -> bool {
+        let singular = self.analysis.singular.as_ref();
+        self.curves.is_traced() && singular.is_some_and(|s| s.double.is_some())
+    }
+
+    /// Decomposes the parameters by the equation of the double curve, where arcs stood for it.
+    ///
+    /// # Errors
+    /// [`Stopped`]: then nothing is changed.
+    pub fn decompose(&mut self, stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+        let traced = self.curves.decompose(&self.analysis);
+        let clock = Instant::now();
+        let found = region(self.map, self.options, &self.curves, None, stop);
+        let seconds = clock.elapsed().as_secs_f64();
+        self.analysis.seconds.push(("region again", seconds));
+        match found {
+            Ok(region) => {
+                self.region = region;
+                Ok(())
+            }
+            Err(_) => {
+                self.curves.trace(traced);
+                Err(Stopped)
+            }
+        }
     }
 
     /// The triangles; `findings` repeats what the analysis could not prove.

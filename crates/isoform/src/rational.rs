@@ -78,6 +78,12 @@ fn surface_in_place(
 ) -> Result<(Surface, Analysis), Stopped> {
     let mut prepared = Prepared::new(map, options, stop)?;
     let mut surface = prepared.surface(stop);
+    if prepared.may_decompose()
+        && surface.findings.iter().any(is_ill_drawn)
+        && prepared.decompose(stop).is_ok()
+    {
+        surface = prepared.surface(stop);
+    }
     for _ in 0..NEARER {
         let far = prepared.far(&surface);
         if far.is_empty() || !surface.is_certified() || stop() {
@@ -155,6 +161,12 @@ fn surface_in_place(
         }
     }
     Ok((surface, prepared.analysis))
+}
+
+/// Whether a finding is about what was drawn in the parameters: other arcs may do better.
+fn is_ill_drawn(finding: &Finding) -> bool {
+    let claims = [Claim::Drawing, Claim::Partners, Claim::Edges, Claim::Shapes];
+    claims.contains(&finding.claim())
 }
 
 /// Why patches have no triangles.

@@ -290,8 +290,8 @@ impl Arc {
 #[derive(Debug, Default)]
 pub(crate) struct Arcs {
     pub(crate) arcs: Vec<Arc>,
-    /// What could not be completed, in sentences.
-    pub(crate) problems: Vec<String>,
+    /// How many sections and ends of arcs were lost: with any, arcs may be missing.
+    pub(crate) lost: usize,
 }
 
 impl Arcs {
@@ -381,9 +381,7 @@ pub(crate) fn arcs(
     let section = pairs.first_section(&general, expected, stop)?;
     let is_counted = section.parameters(pairs, expected.is_finite) == expected.parameters;
     if !section.is_complete || !is_counted {
-        found
-            .problems
-            .push("double curve: a section is not known to be complete".to_owned());
+        found.lost += 1;
         return Ok(found);
     }
     let mut planes: Vec<(bool, [f64; 4])> = Vec::new();
@@ -402,7 +400,6 @@ pub(crate) fn arcs(
         planes.push((false, [x, y, z, -offset]));
     }
     let mut before: Option<(Plane, Vec<Pair>)> = None;
-    let mut lost = 0;
     for (is_face, real) in planes {
         check(stop)?;
         let plane = real.map(|x| C::new(x, 0.0));
@@ -414,16 +411,11 @@ pub(crate) fn arcs(
             true => here,
             false => pairs.section(&general, &section.pairs, &plane, &mut stream),
         };
-        lost += usize::from(!here.is_complete);
+        found.lost += usize::from(!here.is_complete);
         look(pairs, &here.pairs, is_face, fine, &mut found);
         before = (here.is_complete && here.outside == 0).then_some((plane, here.pairs));
     }
     Pairs::unite(&mut found.arcs);
-    if lost > 0 {
-        found
-            .problems
-            .push(format!("double curve: points of {lost} sections were lost"));
-    }
     Ok(found)
 }
 
@@ -466,7 +458,7 @@ fn look(pairs: &Pairs, section: &[Pair], is_face: bool, fine: Fineness, found: &
             found.arcs[k].covered.push((at, covered));
             continue;
         }
-        let mut arc = pairs.both_ways(&place, fine, &mut found.problems);
+        let mut arc = pairs.both_ways(&place, fine, &mut found.lost);
         let at = arc.find(pair).unwrap_or(0);
         arc.covered.push((at, covered));
         let is_known = |other: &&Pair| found.arcs.iter().any(|arc| arc.find(other).is_some());
@@ -480,22 +472,15 @@ fn same_image(a: &[C; 4], b: &[f64; 4]) -> bool {
 }
 
 impl Pairs {
-    fn both_ways(&self, start: &Place, fine: Fineness, problems: &mut Vec<String>) -> Arc {
-        let mut lost = |end: End, last: &Place| {
-            if end == End::Lost {
-                let [x, y, z] = last.point();
-                problems.push(format!(
-                    "the double curve was lost near ({x:.4}, {y:.4}, {z:.4}) half-widths"
-                ));
-            }
-        };
+    /// The arc through a place; counts ends that were lost.
+    fn both_ways(&self, start: &Place, fine: Fineness, lost: &mut usize) -> Arc {
         let (ahead, end) = self.trace(start, fine);
-        lost(end, &ahead[ahead.len() - 1]);
+        *lost += usize::from(end == End::Lost);
         let mut is_cut_off = end == End::Base;
         let mut places = ahead;
         if end != End::Closed {
             let (mut back, end) = self.trace(&start.turned(), fine);
-            lost(end, &back[back.len() - 1]);
+            *lost += usize::from(end == End::Lost);
             is_cut_off |= end == End::Base;
             back.reverse();
             back.iter_mut().for_each(|p| *p = p.turned());

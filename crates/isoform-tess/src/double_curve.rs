@@ -1,0 +1,223 @@
+//! What is known of a double curve beside its equation: by arcs of pairs, or by the search along the
+//! curves of parameters.
+
+use crate::analysis::Analysis;
+use crate::claim::{Basis, Claim, Grade};
+use crate::double::{Fibres, curves_of, pinch_points, solitary_arcs};
+use crate::field::Algebraic;
+use crate::finding::{Finding, Phase};
+use crate::map::Map;
+use crate::mesh::traced::Traced;
+use crate::pairs::{self, Arcs, Expected, Pairs};
+use crate::singular::{CurveKind, Singular, SingularCurve};
+use crate::surface::{Mode, Point3, TriangulateOptions};
+use crate::univariate::Stopped;
+
+/// What is known of the double curve beside its equation.
+#[derive(Default)]
+pub(crate) struct DoubleCurve {
+    /// Real parameters at which pairs of them turn into conjugate ones.
+    pub(crate) pinches: Vec<[f64; 3]>,
+    /// What tells a real parameter alone from one that meets conjugate ones.
+    pub(crate) fibres: Option<Fibres>,
+    /// Arcs of real points that only conjugate parameters reach.
+    pub(crate) solitary: Vec<Vec<Point3>>,
+    /// Arcs with both parameters, where these stand for the curve of parameters.
+    pub(crate) traced: Option<Traced>,
+    /// Whether arcs stand for an implicit equation that is not known.
+    pub(crate) needs_no_equation: bool,
+    pub(crate) findings: Vec<Finding>,
+    pub(crate) grades: Vec<Grade>,
+}
+
+impl DoubleCurve {
+    pub(crate) fn new(
+        map: &Map,
+        analysis: &Analysis,
+        options: &TriangulateOptions,
+        stop: &dyn Fn() -> bool,
+    ) -> Self {
+        let mut found = Self::default();
+        let Some(singular) = &analysis.singular else {
+            return found;
+        };
+        let given = Given {
+            map,
+            analysis,
+            singular,
+            options,
+            half_width: options.half_width.to_f64().value(),
+        };
+        let is_proper = analysis.degrees.is_some_and(|d| d.map_degree == 1);
+        let may_trace = is_proper && options.domain.is_none();
+        let traced = match may_trace {
+            true => given.arcs(stop).unwrap_or(None),
+            false => None,
+        };
+        match traced {
+            Some(arcs) => found.take_arcs(arcs, &given, stop),
+            None => found.search(&given, stop),
+        }
+        found
+    }
+
+    /// All by arcs.
+    fn take_arcs(&mut self, arcs: Arcs, given: &Given, stop: &dyn Fn() -> bool) {
+        let &Given {
+            map,
+            singular,
+            half_width,
+            ..
+        } = given;
+        let glued = given.options.mode == Mode::Glued;
+        let basis = Basis::Floating;
+        let claims = [Claim::PinchPoints, Claim::SolitaryArcs];
+        self.grades
+            .extend(claims.map(|claim| Grade { claim, basis }));
+        self.needs_no_equation = singular.double.is_none();
+        if self.needs_no_equation {
+            let claim = Claim::DoubleCurves;
+            self.grades.push(Grade { claim, basis });
+        }
+        self.pinches = arcs.pinches();
+        let scale = |x: Point3| x.map(|x| x * half_width);
+        let parts = arcs.solitary().unwrap_or_default();
+        self.solitary = parts
+            .into_iter()
+            .map(|part| part.into_iter().map(scale).collect())
+            .collect();
+        if glued && arcs.is_any_covered() {
+            self.fibres = Fibres::new(map, singular, half_width, stop).ok();
+        }
+        self.traced = (glued && !arcs.is_any_cut_off() && given.may_stand()).then(|| Traced {
+            pairs: Pairs::new(map, half_width),
+            arcs,
+        });
+        self.add_seam_lines(given);
+    }
+
+    /// Pinch points exactly, solitary arcs by sections of the curves of parameters.
+    fn search(&mut self, given: &Given, stop: &dyn Fn() -> bool) {
+        let &Given {
+            map,
+            analysis,
+            singular,
+            options,
+            half_width,
+        } = given;
+        let glued = options.mode == Mode::Glued;
+        let degrees = analysis.degrees;
+        let map_degree = degrees.map_or(0, |d| d.map_degree);
+        let is_double = |c: &SingularCurve| matches!(c.kind, CurveKind::Double);
+        if glued && singular.curves.iter().any(is_double) {
+            match pinch_points(map, stop) {
+                Ok(points) => {
+                    self.pinches = points
+                        .iter()
+                        .map(|p| p.each_ref().map(Algebraic::to_f64))
+                        .collect()
+                }
+                Err(Stopped) => self.findings.push(Finding::Stopped(Phase::PinchPoints)),
+            }
+            self.grades.push(Claim::PinchPoints.into());
+            self.fibres = Fibres::new(map, singular, half_width, stop).ok();
+        }
+        // No parameters of a domain lead to solitary arcs, and planes and quadrics have none. Of an
+        // improper map complex parameters reach whole regions, which are not drawn.
+        let is_smooth = degrees.is_some_and(|d| d.implicit_degree <= 2);
+        if options.domain.is_none() && !(map_degree > 1 && (is_smooth || !glued)) {
+            let tolerance = options.mesh.tolerance;
+            let (arcs, problems) = solitary_arcs(map, singular, half_width, tolerance, stop);
+            self.solitary = arcs;
+            // Without a curve to follow there is no solitary one, exactly.
+            let has_base = analysis.base_points.as_ref().is_some_and(|b| !b.is_empty());
+            if curves_of(map, singular).next().is_some() || has_base {
+                self.grades.push(Claim::SolitaryArcs.into());
+            }
+            self.findings.extend(problems);
+            self.add_seam_lines(given);
+        }
+    }
+
+    /// Lines that conjugate base points are blown up to.
+    fn add_seam_lines(&mut self, given: &Given) {
+        for line in &given.analysis.seam_lines {
+            if line.is_met(given.map, given.singular) {
+                self.findings.push(Finding::ComplexSeamMet);
+            } else {
+                self.solitary
+                    .extend(line.within(given.half_width).map(Vec::from));
+            }
+        }
+    }
+}
+
+/// What the double curve is looked for in.
+struct Given<'a> {
+    map: &'a Map,
+    analysis: &'a Analysis,
+    singular: &'a Singular,
+    options: &'a TriangulateOptions,
+    half_width: f64,
+}
+
+impl Given<'_> {
+    /// The arcs of the double curve, solitary ones too, if all of them were found.
+    fn arcs(&self, stop: &dyn Fn() -> bool) -> Result<Option<Arcs>, Stopped> {
+        let Some(expected) = self.expected() else {
+            return Ok(None);
+        };
+        let fine = pairs::Fineness {
+            tolerance: 0.3 * self.options.mesh.tolerance / self.half_width,
+            longest: self.options.mesh.longest / self.half_width,
+        };
+        let pairs = Pairs::new(self.map, self.half_width);
+        let arcs = pairs::arcs(&pairs, fine, expected, stop)?;
+        let is_known = arcs.lost == 0 && arcs.solitary().is_some();
+        Ok(is_known.then_some(arcs))
+    }
+
+    /// How many parameters a general plane of space has on the double curve, if there are no cuspidal
+    /// edges.
+    ///
+    /// Without base points each curve of parameters has its degree times that of the map: then what is
+    /// at infinity, and not drawn, need not be counted.
+    fn expected(&self) -> Option<Expected> {
+        let (analysis, singular) = (self.analysis, self.singular);
+        let is_ramified = |c: &SingularCurve| matches!(c.kind, CurveKind::Ramified);
+        if singular.curves.iter().any(is_ramified) {
+            return None;
+        }
+        let is_free = analysis.degrees.is_some_and(|d| d.base_multiplicity == 0);
+        if is_free && singular.double.is_some() {
+            let w = &self.map.forms()[3];
+            let is_finite = |c: &&SingularCurve| {
+                matches!(c.kind, CurveKind::Double) && !w.is_multiple_of(&c.curve)
+            };
+            let curves = singular.curves.iter().filter(is_finite);
+            let degree: usize = curves.map(|c| c.curve.total_degree()).sum();
+            return Some(Expected {
+                parameters: degree * self.map.degree(),
+                is_finite: true,
+            });
+        }
+        Some(Expected {
+            parameters: analysis.double_section?,
+            is_finite: false,
+        })
+    }
+
+    /// Whether arcs may stand for the double curve: if it is all that is special about a map, and of a
+    /// high degree.
+    fn may_stand(&self) -> bool {
+        let singular = self.singular;
+        /// The degree of parameter curves from which their topology takes longer than to trace them:
+        /// those of quadratic maps have 3, of general cubic ones 18.
+        const HIGH: usize = 8;
+        // More than two sheets meet, or they touch, along what D vanishes on more than once.
+        let is_double =
+            |c: &SingularCurve| matches!(c.kind, CurveKind::Double) && c.in_double == Some(1);
+        let degree: usize = singular.curves.iter().map(|c| c.curve.total_degree()).sum();
+        singular.curves.iter().all(is_double) && (degree > HIGH || singular.double.is_none())
+    }
+}
