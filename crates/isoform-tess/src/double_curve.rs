@@ -70,14 +70,21 @@ impl DoubleCurve {
             ..
         } = given;
         let glued = given.options.mode == Mode::Glued;
-        let basis = Basis::Floating;
-        let claims = [Claim::PinchPoints, Claim::SolitaryArcs];
-        self.grades
-            .extend(claims.map(|claim| Grade { claim, basis }));
-        self.needs_no_equation = singular.double.is_none();
-        if self.needs_no_equation {
-            let claim = Claim::DoubleCurves;
-            self.grades.push(Grade { claim, basis });
+        // Without a double curve there are no such points, exactly.
+        let is_known = singular.double.is_some();
+        if !is_known || curves_of(map, singular).next().is_some() {
+            let basis = Basis::Floating;
+            let pinches = glued.then_some(Claim::PinchPoints);
+            let claims = pinches.into_iter().chain([Claim::SolitaryArcs]);
+            self.grades
+                .extend(claims.map(|claim| Grade { claim, basis }));
+        }
+        self.needs_no_equation = !is_known;
+        if !is_known {
+            self.grades.push(Grade {
+                claim: Claim::DoubleCurves,
+                basis: Basis::Floating,
+            });
         }
         self.pinches = arcs.pinches();
         let scale = |x: Point3| x.map(|x| x * half_width);
