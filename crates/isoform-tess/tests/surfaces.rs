@@ -3,12 +3,13 @@ mod common;
 
 use common::zoo;
 use isoform_algebra::RBig;
+use isoform_geom::{norm, sub};
 use isoform_tess::{
     Budget, Domain, Finding, Kind, Map, MeshOptions, Mode, Phase, Prepared, Surface,
     TriangulateOptions, triangulate,
 };
 use isoform_testdata::ExpectedFailures;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 fn options(half_width: f64) -> MeshOptions {
     MeshOptions {
@@ -76,7 +77,7 @@ fn topology(s: &Surface) -> [i64; 3] {
         }
         of.iter().filter(|(v, up)| v == up).count() as i64
     };
-    let used: std::collections::BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
+    let used: BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
     let euler = used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64;
     [
         euler,
@@ -372,7 +373,7 @@ fn joined_sheets() {
         assert!(s.is_certified(), "{texts:?} {:?}", s.findings);
         assert!(edges.values().all(|n| [2, 4].contains(n)), "{texts:?}");
         assert!(edges.values().any(|n| *n == 4), "{texts:?}");
-        let used: std::collections::BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
+        let used: BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
         let counted = used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64;
         assert!(euler.is_none_or(|e| e == counted), "{texts:?} {counted}");
         assert!(
@@ -415,9 +416,62 @@ fn seams_that_run_twice() {
             .iter()
             .all(|&k| (arc.points[k][2].abs() - 1.0).abs() < 1e-12)
     );
-    let used: std::collections::BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
+    let used: BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
     assert_eq!(
         used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64,
         1
     );
+}
+
+/// The double curves of general cubic maps are traced as arcs of pairs; decomposed by their equations
+/// of degree 18 in place of that, they are drawn by an arrangement. Both make the same surface.
+#[test]
+fn traced_and_decomposed_double_curves_agree() {
+    let maps = [
+        [
+            "1-2*t+1*t^2-2*t^3-3*s-1*s*t",
+            "1-3*t+2*s-3*s*t-3*s*t^2+2*s^3",
+            "1*t+1*s*t-3*s*t^2-2*s^2*t",
+            "2+1*t^3+1*s-3*s^3",
+        ],
+        [
+            "2-3*t^3+3*s*t-1*s^2+1*s^3",
+            "-3-2*t-2*t^2-3*s*t^2",
+            "1*s-1*s^2+2*s^2*t",
+            "-2*t^3-3*s^2+2*s^3",
+        ],
+        [
+            "1-1*t^3+3*s^2",
+            "2*t^3+1*s*t^2+1*s^2+1*s^2*t+3*s^3",
+            "-2*t-2*t^2-1*s-2*s^2*t",
+            "-3-2*t^2+3*s-2*s^2+2*s^2*t",
+        ],
+    ];
+    for texts in maps {
+        let map = Map::parse(texts, Default::default()).expect("a map");
+        let options = TriangulateOptions {
+            half_width: RBig::from(3),
+            domain: None,
+            mode: Mode::Glued,
+            mesh: options(3.0),
+            budget: Budget::default(),
+        };
+        let mut prepared = Prepared::new(&map, &options, &|| false).expect("not stopped");
+        assert!(prepared.may_decompose(), "{texts:?}");
+        let traced = prepared.surface(&|| false);
+        prepared.decompose(&|| false).expect("not stopped");
+        assert!(!prepared.may_decompose());
+        let decomposed = prepared.surface(&|| false);
+        let [a, b] = [&traced, &decomposed].map(|s| {
+            assert!(s.is_certified(), "{texts:?} {:?}", s.findings);
+            let edges = edges(s);
+            let used: BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
+            let euler = used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64;
+            let arcs = s.double_curve.iter().flat_map(|a| a.points.windows(2));
+            let length: f64 = arcs.map(|w| norm(sub(w[0], w[1]))).sum();
+            (euler, length)
+        });
+        assert_eq!(a.0, b.0, "{texts:?}");
+        assert!((a.1 - b.1).abs() < 3e-3 * b.1 && b.1 > 1.0, "{a:?} {b:?}");
+    }
 }
