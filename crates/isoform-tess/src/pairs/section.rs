@@ -3,15 +3,16 @@
 use super::{Pair, Pairs, Plane, between};
 use crate::complex::{C, Stream, V, distance, dot, normalised};
 use crate::univariate::{Stopped, check};
+use std::collections::BTreeMap;
 
 /// How often all pairs of the section are carried around at most, and how often in vain before the
 /// section is looked at.
-pub(super) const LOOPS: usize = 30;
-pub(super) const IN_VAIN: usize = 2;
+const LOOPS: usize = 30;
+const IN_VAIN: usize = 2;
 /// Random starts, and how often as many as long as there are too few pairs: those of components of
 /// a low degree are rarely found, and monodromy does not lead to them.
-pub(super) const SEEDS: usize = 400;
-pub(super) const BATCHES: usize = 12;
+const SEEDS: usize = 400;
+const BATCHES: usize = 12;
 
 impl Pairs {
     /// The pairs in a general plane: all of them, if the trace test says so.
@@ -22,11 +23,7 @@ impl Pairs {
         stop: &dyn Fn() -> bool,
     ) -> Result<Section, Stopped> {
         let mut stream = Stream(5);
-        let mut section = Section {
-            pairs: Vec::new(),
-            outside: 0,
-            is_complete: false,
-        };
+        let mut section = Section::new();
         for _ in 0..BATCHES {
             check(stop)?;
             for _ in 0..SEEDS {
@@ -40,9 +37,11 @@ impl Pairs {
                 break;
             }
         }
+        let is_full = |s: &Section| s.parameters(self, expected.is_finite) == expected.parameters;
         let mut in_vain = 0;
         for _ in 0..LOOPS {
-            if in_vain >= IN_VAIN && self.passes_trace_test(plane, &section.pairs, &mut stream) {
+            let is_enough = in_vain >= IN_VAIN || is_full(&section);
+            if is_enough && self.passes_trace_test(plane, &section.pairs, &mut stream) {
                 section.is_complete = true;
                 break;
             }
@@ -113,18 +112,10 @@ impl Pairs {
         to: &Plane,
         stream: &mut Stream,
     ) -> Section {
-        let mut best = Section {
-            pairs: Vec::new(),
-            outside: 0,
-            is_complete: false,
-        };
+        let mut best = Section::new();
         for _ in 0..TRIES {
             let path = between(*from, *to, stream.phase());
-            let mut found = Section {
-                pairs: Vec::new(),
-                outside: 0,
-                is_complete: false,
-            };
+            let mut found = Section::new();
             for p in pairs {
                 match self.follow(&path, p) {
                     Ok(p) => found.add(p),
@@ -146,12 +137,12 @@ impl Pairs {
 }
 
 /// How far planes of the trace test are apart, in half-widths.
-pub(super) const FAR: f64 = 0.3;
+const FAR: f64 = 0.3;
 /// How often a section is tried.
-pub(super) const TRIES: usize = 3;
+const TRIES: usize = 3;
 
 /// W per norm of the forms that is taken for 0.
-pub(super) const INFINITE: f64 = 1e-9;
+const INFINITE: f64 = 1e-9;
 
 /// What is known of a section beforehand.
 #[derive(Clone, Copy, Debug)]
@@ -165,36 +156,78 @@ pub(crate) struct Expected {
 /// Pairs in a plane.
 pub(super) struct Section {
     pub(super) pairs: Vec<Pair>,
+    known: Distinct<Pair>,
     /// Others that are far outside of the box.
     pub(super) outside: usize,
     pub(super) is_complete: bool,
 }
 
+/// How far apart, as sines of angles, what is not one is.
+const APART: f64 = 1e-6;
+/// The width of cells by which what is near is found.
+const CELL: f64 = 1e-5;
+
+/// A number of a parameter that its neighbours have, too, whatever their phase.
+fn invariant(p: &V) -> f64 {
+    p[0].norm2() / p.iter().map(|c| c.norm2()).sum::<f64>()
+}
+
+/// Each of what is near to each other once.
+struct Distinct<T> {
+    cells: BTreeMap<i64, Vec<T>>,
+    count: usize,
+}
+
+impl<T> Distinct<T> {
+    fn new() -> Self {
+        Self {
+            cells: BTreeMap::new(),
+            count: 0,
+        }
+    }
+    /// Whether nothing is near to it: then it is taken.
+    fn add(&mut self, invariant: f64, value: T, is_near: impl Fn(&T, &T) -> bool) -> bool {
+        let cell = (invariant / CELL).floor() as i64;
+        let mut around = (cell - 1..=cell + 1).filter_map(|c| self.cells.get(&c));
+        if around.any(|known| known.iter().any(|other| is_near(other, &value))) {
+            return false;
+        }
+        self.cells.entry(cell).or_default().push(value);
+        self.count += 1;
+        true
+    }
+}
+
 impl Section {
+    fn new() -> Self {
+        Self {
+            pairs: Vec::new(),
+            known: Distinct::new(),
+            outside: 0,
+            is_complete: false,
+        }
+    }
     /// How many parameters the pairs have together; without those with an image at infinity, if
     /// asked for.
     pub(super) fn parameters(&self, pairs: &Pairs, is_finite: bool) -> usize {
-        let mut found: Vec<V> = Vec::new();
         let is_counted = |p: &&Pair| {
             let image = pairs.parts(p).even;
             let size = image.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
             !is_finite || image[3].norm() > INFINITE * size
         };
-        for p in self
-            .pairs
-            .iter()
-            .filter(is_counted)
-            .flat_map(Pair::parameters)
-        {
-            let p = normalised(&p);
-            if found.iter().all(|q| distance(q, &p) > 1e-6) {
-                found.push(p);
-            }
+        let counted = self.pairs.iter().filter(is_counted);
+        let mut found = Distinct::new();
+        for p in counted.flat_map(Pair::parameters).map(|p| normalised(&p)) {
+            found.add(invariant(&p), p, |p, q| distance(p, q) < APART);
         }
-        found.len()
+        found.count
     }
-    pub(super) fn add(&mut self, pair: Pair) {
-        if self.pairs.iter().all(|q| q.distance(&pair) > 1e-6) {
+    fn add(&mut self, pair: Pair) {
+        let invariant = pair.parameters().iter().map(invariant).sum();
+        if self
+            .known
+            .add(invariant, pair, |p, q| p.distance(q) < APART)
+        {
             self.pairs.push(pair);
         }
     }
