@@ -888,6 +888,10 @@ impl Work {
                 u.refine(2 * bits);
                 let (lo, hi) = u.interval();
                 let near = if side.is_gt() { hi } else { lo };
+                // Walls may be closer together than the wall is known yet.
+                if sample.cmp(&near) != side {
+                    return Ok(None);
+                }
                 let step = (sample - &near) / RBig::from(dashu_int::IBig::ONE << bits);
                 at = if side.is_gt() {
                     simplest_between(&near, &(&near + step))

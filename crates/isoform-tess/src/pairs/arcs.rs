@@ -2,7 +2,7 @@
 
 use super::real::{Condition, Place, REAL, RealPair, dot7};
 use super::section::Expected;
-use super::{Pair, Pairs, Plane};
+use super::{Pair, Pairs, Plane, between};
 use crate::complex::{C, Stream, length, normalised, real_line};
 use crate::univariate::{Stopped, check};
 use isoform_geom::{distance_to_segment, dot, norm};
@@ -413,10 +413,43 @@ pub(crate) fn arcs(
         };
         found.lost += usize::from(!here.is_complete);
         look(pairs, &here.pairs, is_face, fine, &mut found);
+        if let Some((from, known)) = before.as_ref().filter(|_| !is_face) {
+            look_between(pairs, [from, &plane], known, fine, &mut found);
+        }
         before = (here.is_complete && here.outside == 0).then_some((plane, here.pairs));
     }
     Pairs::unite(&mut found.arcs);
     Ok(found)
+}
+
+/// Traces the arcs that turn between two planes, and meet none of them.
+///
+/// Led straight from one plane to the next, pairs come to where two of them meet: an arc turns
+/// there, with real pairs on one side and complex ones on the other.
+fn look_between(
+    pairs: &Pairs,
+    planes: [&Plane; 2],
+    known: &[Pair],
+    fine: Fineness,
+    found: &mut Arcs,
+) {
+    /// How far from being real, as a sine, the pairs may be where the path is given up.
+    const NEARLY: f64 = 0.03;
+    let path = between(*planes[0], *planes[1], C::ONE);
+    for pair in known {
+        let Err((_, stuck)) = pairs.follow(&path, pair) else {
+            continue;
+        };
+        let place = pairs.place_near(&stuck, NEARLY);
+        let Some(place) = place.filter(Place::is_inside) else {
+            continue;
+        };
+        let here = place.pair.complex();
+        if found.arcs.iter().all(|arc| arc.find(&here).is_none()) {
+            let arc = pairs.both_ways(&place, fine, &mut found.lost);
+            found.arcs.push(arc);
+        }
+    }
 }
 
 /// Traces the arcs through the pairs of a section that are not known.

@@ -311,40 +311,35 @@ impl Pairs {
 
     /// The place of a pair in a section, if it is one of real or of conjugate parameters.
     pub(super) fn place(&self, pair: &Pair) -> Option<Place> {
+        self.place_near(pair, REAL)
+    }
+    /// The place near to a pair whose parameters are real or conjugate to a sine of angles.
+    pub(super) fn place_near(&self, pair: &Pair, far: f64) -> Option<Place> {
         let [p, q] = pair.parameters().map(|p| normalised(&p));
-        let [p_real, q_real] = [p, q].map(|p| length(&real_line(&p)) < REAL);
-        let x = if p_real && q_real {
-            let [p, q] = [p, q].map(|p| real_point(&p));
-            let [f, g] = [p, q].map(|p| self.at(&p.map(|x| C::new(x, 0.0))).0);
-            let size = |f: &[C; 4]| f.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
-            let product: f64 = (0..4).map(|i| f[i].re * g[i].re).sum();
-            let scale = (size(&f) / size(&g)).powf(1.0 / self.degree as f64);
-            let q = q.map(|x| x * scale);
-            let x = RealPair::of(p, q, 1.0, product < 0.0);
-            let place = Place {
-                pair: x,
-                tangent: [0.0; 7],
-                image: [0.0; 4],
-            };
-            let [p, q] = x.real()?;
-            let turned: f64 = (0..3).map(|i| p[i] * q[i]).sum();
-            if turned < 0.0 {
-                RealPair::of(
-                    p,
-                    q.map(|x| -x),
-                    1.0,
-                    (product < 0.0) != (self.degree % 2 == 1),
-                )
-            } else {
-                place.pair
-            }
-        } else if distance(&p, &conj(&q)) < REAL {
+        let is_real = |p: &V| length(&real_line(p)) < far;
+        let x = if is_real(&p) && is_real(&q) {
+            self.of_real([p, q].map(|p| real_point(&p)))
+        } else if distance(&p, &conj(&q)) < far {
             self.conjugates(&p)?
         } else {
             return None;
         };
         let tangent = self.tangent(&x)?;
         self.correct(&x, &Condition::Across(tangent)).map(|p| p.0)
+    }
+    /// Two real parameters with one image, scaled for it.
+    fn of_real(&self, [p, q]: [[f64; 3]; 2]) -> RealPair {
+        let [f, g] = [p, q].map(|p| self.at(&p.map(|x| C::new(x, 0.0))).0);
+        let size = |f: &[C; 4]| f.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
+        let product: f64 = (0..4).map(|i| f[i].re * g[i].re).sum();
+        let scale = (size(&f) / size(&g)).powf(1.0 / self.degree as f64);
+        let is_opposed = product < 0.0;
+        if isoform_geom::dot(p, q) < 0.0 {
+            let is_odd = self.degree % 2 == 1;
+            RealPair::of(p, q.map(|x| -x * scale), 1.0, is_opposed != is_odd)
+        } else {
+            RealPair::of(p, q.map(|x| x * scale), 1.0, is_opposed)
+        }
     }
 }
 
