@@ -2,7 +2,9 @@
 //! curves of parameters.
 
 use crate::analysis::Analysis;
+use crate::base::Seam;
 use crate::claim::{Basis, Claim, Grade};
+use crate::complex::{Form, rounded};
 use crate::double::{Fibres, curves_of, pinch_points, solitary_arcs};
 use crate::field::Algebraic;
 use crate::finding::{Finding, Phase};
@@ -179,7 +181,7 @@ impl Given<'_> {
             longest: self.options.mesh.longest / self.half_width,
         };
         let pairs = Pairs::new(self.map, self.half_width);
-        let arcs = pairs::arcs(&pairs, fine, expected, stop)?;
+        let arcs = pairs::arcs(&pairs, fine, &expected, stop)?;
         let is_known = arcs.lost == 0 && arcs.solitary().is_some();
         Ok(is_known.then_some(arcs))
     }
@@ -206,12 +208,41 @@ impl Given<'_> {
             return Some(Expected {
                 parameters: degree * self.map.degree(),
                 is_finite: true,
+                curves: Vec::new(),
             });
         }
         Some(Expected {
             parameters: analysis.double_section?,
             is_finite: false,
+            curves: self.simple_curves().unwrap_or_default(),
         })
+    }
+
+    /// The curves of parameters with finite images, if two sheets cross along each of them, and no
+    /// real base point is blown up to a curve that may be double on its own: only lines have one
+    /// parameter for each point.
+    fn simple_curves(&self) -> Option<Vec<(Form, usize)>> {
+        fn is_simple(seam: &Seam) -> bool {
+            seam.curve[0].degree() <= 1 && seam.near.iter().all(|near| is_simple(&near.seam))
+        }
+        let mut base_points = self.analysis.base_points.iter().flatten();
+        if self.singular.double.is_none() || !base_points.all(|b| is_simple(&b.seam)) {
+            return None;
+        }
+        let w = &self.map.forms()[3];
+        let mut found = Vec::new();
+        for c in &self.singular.curves {
+            match c.kind {
+                _ if w.is_multiple_of(&c.curve) => {}
+                CurveKind::Double if c.in_double == Some(1) => {
+                    let [terms] = rounded([&c.curve]);
+                    found.push((Form::new(terms), c.curve.total_degree()));
+                }
+                CurveKind::Contracted(_) => {}
+                _ => return None,
+            }
+        }
+        Some(found)
     }
 
     /// Whether arcs may stand for the double curve: if it is all that is special about a map, and of a

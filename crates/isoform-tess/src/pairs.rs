@@ -469,8 +469,9 @@ mod tests {
         let expected = Expected {
             parameters: 2,
             is_finite: true,
+            ..Expected::default()
         };
-        let found = arcs(&pairs, FINE, expected, &|| false).unwrap();
+        let found = arcs(&pairs, FINE, &expected, &|| false).unwrap();
         assert_eq!(found.lost, 0);
         assert_eq!(found.arcs.len(), 1);
         let places = &found.arcs[0].places;
@@ -506,9 +507,9 @@ mod tests {
             let plane: Plane = stream.complex();
             let expected = Expected {
                 parameters: n * (n * n * n - 4 * n + 3),
-                is_finite: false,
+                ..Expected::default()
             };
-            let section = pairs.first_section(&plane, expected, &|| false).unwrap();
+            let section = pairs.first_section(&plane, &expected, &|| false).unwrap();
             assert!(section.is_complete);
             assert_eq!(2 * section.pairs.len(), expected.parameters, "{n}");
             assert_eq!(section.parameters(&pairs, false), expected.parameters);

@@ -369,7 +369,7 @@ const NORMAL: [f64; 3] = [0.512, -0.387, 0.767];
 pub(crate) fn arcs(
     pairs: &Pairs,
     fine: Fineness,
-    expected: Expected,
+    expected: &Expected,
     stop: &dyn Fn() -> bool,
 ) -> Result<Arcs, Stopped> {
     let mut found = Arcs::default();
@@ -379,8 +379,7 @@ pub(crate) fn arcs(
         return Ok(found);
     }
     let section = pairs.first_section(&general, expected, stop)?;
-    let is_counted = section.parameters(pairs, expected.is_finite) == expected.parameters;
-    if !section.is_complete || !is_counted {
+    if !section.is_complete || !expected.is_met(&section, pairs) {
         found.lost += 1;
         return Ok(found);
     }

@@ -1,7 +1,7 @@
 //! All pairs in a plane of space.
 
 use super::{Pair, Pairs, Plane, between};
-use crate::complex::{C, Stream, V, distance, dot, normalised};
+use crate::complex::{C, Form, Monomials, Stream, V, distance, dot, normalised};
 use crate::univariate::{Stopped, check};
 use std::collections::BTreeMap;
 
@@ -19,7 +19,7 @@ impl Pairs {
     pub(super) fn first_section(
         &self,
         plane: &Plane,
-        expected: Expected,
+        expected: &Expected,
         stop: &dyn Fn() -> bool,
     ) -> Result<Section, Stopped> {
         let mut stream = Stream(5);
@@ -98,6 +98,13 @@ impl Pairs {
         (a.0 + c.0 - b.0.times(2.0)).norm() <= 1e-7 * (a.1 + b.1 + c.1)
     }
 
+    /// Whether the image of a pair is not at infinity.
+    fn is_finite(&self, pair: &Pair) -> bool {
+        let image = self.parts(pair).even;
+        let size = image.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
+        image[3].norm() > INFINITE * size
+    }
+
     /// Whether the image of a pair is outside of twice the box.
     pub(super) fn is_far(&self, pair: &Pair) -> bool {
         let image = self.parts(pair).even;
@@ -145,12 +152,42 @@ const TRIES: usize = 3;
 const INFINITE: f64 = 1e-9;
 
 /// What is known of a section beforehand.
-#[derive(Clone, Copy, Debug)]
+#[derive(Default)]
 pub(crate) struct Expected {
     /// How many parameters it has.
     pub(crate) parameters: usize,
     /// Whether those with an image at infinity do not count.
     pub(crate) is_finite: bool,
+    /// The curves of parameters with finite images, irreducible over Q, if it is enough that the
+    /// finite pairs lie on them, and some on each of them: forms and their degrees.
+    pub(crate) curves: Vec<(Form, usize)>,
+}
+
+impl Expected {
+    /// Whether a section that passes the trace test is what is expected.
+    pub(super) fn is_met(&self, section: &Section, pairs: &Pairs) -> bool {
+        section.parameters(pairs, self.is_finite) == self.parameters
+            || !self.curves.is_empty() && self.is_on_curves(section, pairs)
+    }
+    fn is_on_curves(&self, section: &Section, pairs: &Pairs) -> bool {
+        /// How far from a curve, as a sine, a parameter on it may be for rounding.
+        const OFF: f64 = 1e-6;
+        let mut has_any = vec![false; self.curves.len()];
+        for pair in section.pairs.iter().filter(|p| pairs.is_finite(p)) {
+            for p in pair.parameters().map(|p| normalised(&p)) {
+                let on = self.curves.iter().position(|(form, degree)| {
+                    let (value, slope) = form.eval(&Monomials::new(&p, *degree));
+                    let slope = slope.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
+                    value.norm() <= OFF * slope
+                });
+                match on {
+                    Some(k) => has_any[k] = true,
+                    None => return false,
+                }
+            }
+        }
+        has_any.iter().all(|any| *any)
+    }
 }
 
 /// Pairs in a plane.
@@ -210,11 +247,7 @@ impl Section {
     /// How many parameters the pairs have together; without those with an image at infinity, if
     /// asked for.
     pub(super) fn parameters(&self, pairs: &Pairs, is_finite: bool) -> usize {
-        let is_counted = |p: &&Pair| {
-            let image = pairs.parts(p).even;
-            let size = image.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
-            !is_finite || image[3].norm() > INFINITE * size
-        };
+        let is_counted = |p: &&Pair| !is_finite || pairs.is_finite(p);
         let counted = self.pairs.iter().filter(is_counted);
         let mut found = Distinct::new();
         for p in counted.flat_map(Pair::parameters).map(|p| normalised(&p)) {
