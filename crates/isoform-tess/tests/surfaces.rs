@@ -475,3 +475,35 @@ fn traced_and_decomposed_double_curves_agree() {
         assert!((a.1 - b.1).abs() < 3e-3 * b.1 && b.1 > 1.0, "{a:?} {b:?}");
     }
 }
+
+/// (s, t²) to (x, y) and z = t h(x, y): the parameters ±t lead to one point of the curve h = 0 in the
+/// plane z = 0, real ones for y > 0 and conjugate ones for y < 0. Small circles h, below y = 0 and
+/// across it, are met by no plane that cuts the box into slices.
+#[test]
+fn small_solitary_loops() {
+    let circle =
+        |x: &str, y: &str, square: &str| format!("t*((s - {x})^2 + (t^2 + {y})^2 - {square})");
+    let below = (
+        circle("1/7", "1/3", "1/900"),
+        [1.0 / 7.0, -1.0 / 3.0],
+        1.0 / 30.0,
+        1,
+    );
+    let across = (circle("0", "0", "1/100"), [0.0, 0.0], 0.1, 4);
+    for (z, [x, y], radius, half_width) in [below, across] {
+        let map = Map::parse(["s", "t^2", &z, "1"], Default::default()).expect("a map");
+        let s = surface(&map, half_width, Mode::Normalised);
+        assert!(s.is_certified(), "{:?}", s.findings);
+        assert_eq!(s.solitary_arcs.len(), 1, "{z}");
+        let arc = &s.solitary_arcs[0];
+        for p in arc {
+            let off = (p[0] - x).hypot(p[1] - y) - radius;
+            assert!(off.abs() < 1e-9 && p[2].abs() < 1e-9, "{p:?}");
+            assert!(p[1] < 1e-9, "{p:?}");
+        }
+        let length: f64 = arc.windows(2).map(|w| norm(sub(w[0], w[1]))).sum();
+        let share = if y < 0.0 { 2.0 } else { 1.0 };
+        let whole = share * std::f64::consts::PI * radius;
+        assert!((length - whole).abs() < 0.05 * whole, "{length} {whole}");
+    }
+}
