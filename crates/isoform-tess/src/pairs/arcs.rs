@@ -28,7 +28,7 @@ pub(crate) struct Fineness {
 }
 
 impl Pairs {
-    /// The place on the chord of two of them at a part of it, but for the arc's sagitta.
+    /// The place of an arc beside its chord between two others, at a part of that.
     pub(crate) fn part(&self, a: &Place, b: &Place, t: f64) -> Option<Place> {
         let b = self.like(a, b)?;
         let d = a.pair.to(&b.pair);
@@ -60,7 +60,7 @@ impl Pairs {
         Some(if near(&other) < near(b) { other } else { *b })
     }
 
-    /// The place between two, or a condition met between them.
+    /// The place halfway between two that have the same signs.
     fn halfway(&self, a: &Place, b: &Place) -> Option<Place> {
         let d = a.pair.to(&b.pair);
         let found = self.correct(&a.pair.moved(&d, 0.5), &Condition::Across(d));
@@ -71,49 +71,9 @@ impl Pairs {
     fn trace(&self, start: &Place, fine: Fineness) -> (Vec<Place>, End) {
         let mut nodes = vec![*start];
         let mut step = 0.02f64;
-        while nodes.len() < 100_000 {
+        while nodes.len() < PLACES {
             let here = nodes[nodes.len() - 1];
-            let attempt = || -> Option<(Vec<Place>, Option<End>, f64)> {
-                let predicted = here.pair.moved(&here.tangent, step);
-                let (mut next, error) =
-                    self.correct(&predicted, &Condition::Across(here.tangent))?;
-                let mut turn = dot7(&here.tangent, &next.tangent);
-                if turn < 0.0 {
-                    next = next.turned();
-                    turn = -turn;
-                }
-                if turn < 0.95 || error > 0.1 * step {
-                    return None;
-                }
-                let mut end = None;
-                if !next.is_inside() {
-                    (next, end) = (self.face_between(&here, &next)?, Some(End::Face));
-                    let d = here.pair.to(&next.pair);
-                    if dot7(&d, &d) < ON_FACE * ON_FACE {
-                        return Some((Vec::new(), end, error));
-                    }
-                }
-                let mut way = Vec::new();
-                if here.pair.l * next.pair.l < 0.0 {
-                    way.push(self.pinch_between(&here, &next)?);
-                }
-                way.push(next);
-                let mut from = here;
-                for to in &way {
-                    let middle = self.halfway(&from, to)?;
-                    let ends = [from.point(), to.point()];
-                    let long = norm([0, 1, 2].map(|i| ends[1][i] - ends[0][i]));
-                    if step > 1e-7
-                        && (distance_to_segment(middle.point(), ends) > fine.tolerance
-                            || long > fine.longest)
-                    {
-                        return None;
-                    }
-                    from = *to;
-                }
-                Some((way, end, error))
-            };
-            let Some((way, end, error)) = attempt() else {
+            let Some((way, end, error)) = self.advance(&here, step, fine) else {
                 step /= 2.0;
                 if step < 1e-10 {
                     let end = self.singular_end(&here);
@@ -146,6 +106,51 @@ impl Pairs {
             }
         }
         (nodes, End::Lost)
+    }
+
+    /// One step along an arc: the places after it, with the pinch point that is passed, why it ends
+    /// there, and how far the prediction was off. None if the step is too long.
+    fn advance(
+        &self,
+        here: &Place,
+        step: f64,
+        fine: Fineness,
+    ) -> Option<(Vec<Place>, Option<End>, f64)> {
+        let predicted = here.pair.moved(&here.tangent, step);
+        let (mut next, error) = self.correct(&predicted, &Condition::Across(here.tangent))?;
+        let mut turn = dot7(&here.tangent, &next.tangent);
+        if turn < 0.0 {
+            next = next.turned();
+            turn = -turn;
+        }
+        if turn < 0.95 || error > 0.1 * step {
+            return None;
+        }
+        let mut end = None;
+        if !next.is_inside() {
+            (next, end) = (self.face_between(here, &next)?, Some(End::Face));
+            let d = here.pair.to(&next.pair);
+            if dot7(&d, &d) < ON_FACE * ON_FACE {
+                return Some((Vec::new(), end, error));
+            }
+        }
+        let mut way = Vec::new();
+        if here.pair.l * next.pair.l < 0.0 {
+            way.push(self.pinch_between(here, &next)?);
+        }
+        way.push(next);
+        let mut from = *here;
+        for to in &way {
+            let middle = self.halfway(&from, to)?;
+            let ends = [from.point(), to.point()];
+            let long = norm([0, 1, 2].map(|i| ends[1][i] - ends[0][i]));
+            let off = distance_to_segment(middle.point(), ends);
+            if step > 1e-7 && (off > fine.tolerance || long > fine.longest) {
+                return None;
+            }
+            from = *to;
+        }
+        Some((way, end, error))
     }
 
     /// Where an arc first leaves the box between two places.
@@ -255,6 +260,9 @@ fn is_on_step(pair: &Pair, a: &Place, b: &Place) -> bool {
     let (a, b) = (a.pair.complex(), b.pair.complex());
     pair.distance(&a) + pair.distance(&b) <= 1.03 * a.distance(&b) + 1e-9
 }
+
+/// Places of an arc at most.
+const PLACES: usize = 100_000;
 
 /// How near to each other singular ends are one: tracing stops about 1e-9 before them.
 const NEAR: f64 = 1e-7;

@@ -117,12 +117,11 @@ impl Pairs {
         plane: Option<&[f64; 4]>,
     ) -> ([[C; 8]; 7], [f64; 4]) {
         let pair = x.complex();
-        let mut parts = self.parts(&pair);
+        let parts = self.parts(&pair);
         if x.is_opposed {
             // E = 0: its derivatives by e and λ are λ ∂O/∂m and half of that by e.
-            let l = pair.l;
             let odd = parts.odd;
-            let by_e = parts.odd_by_m.map(|row| row.map(|c| c * l));
+            let by_e = parts.odd_by_m.map(|row| row.map(|c| c * pair.l));
             let by_l = parts.odd_by_m.map(|row| dot(&row, &pair.e).times(0.5));
             let mut rows = self.rows(&pair, &parts);
             for i in 0..4 {
@@ -150,7 +149,6 @@ impl Pairs {
         if let Some(plane) = plane {
             rows[4] = self.plane_row(&pair, &parts, &plane.map(|x| C::new(x, 0.0)));
         }
-        parts.even = parts.even.map(|c| C::new(c.re, 0.0));
         (rows, unit(parts.even.map(|c| c.re)))
     }
 
@@ -162,7 +160,7 @@ impl Pairs {
                 Condition::Plane(plane) => Some(plane),
                 _ => None,
             };
-            let (mut rows, image) = self.real_rows(&x, plane);
+            let (mut rows, _) = self.real_rows(&x, plane);
             match condition {
                 Condition::Across(d) => {
                     (0..7).for_each(|k| rows[4][k] = C::new(d[k], 0.0));
@@ -195,7 +193,6 @@ impl Pairs {
             }
             if size < 1e-8 {
                 let tangent = self.tangent(&x)?;
-                let _ = image;
                 let (_, image) = self.real_rows(&x, None);
                 return Some((
                     Place {
