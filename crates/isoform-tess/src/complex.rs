@@ -86,8 +86,20 @@ pub(crate) fn along(p: &V, d: &V, h: f64) -> V {
     [0, 1, 2].map(|i| p[i] + d[i].times(h))
 }
 
+/// The Hermitian norm.
+pub(crate) fn norm<const N: usize>(a: &[C; N]) -> f64 {
+    a.iter().map(|c| c.norm2()).sum::<f64>().sqrt()
+}
+
+/// The coordinate of the largest absolute value.
+pub(crate) fn largest<const N: usize>(a: &[C; N]) -> C {
+    let all = a.iter().copied();
+    let found = all.max_by(|a, b| a.norm2().total_cmp(&b.norm2()));
+    found.expect("coordinates")
+}
+
 pub(crate) fn normalised(a: &V) -> V {
-    let length = a.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
+    let length = norm(a);
     a.map(|c| c.times(1.0 / length))
 }
 
@@ -109,9 +121,7 @@ pub(crate) fn real_line(p: &V) -> [f64; 3] {
 
 /// The real coordinates of a real point.
 pub(crate) fn real_point(v: &V) -> [f64; 3] {
-    let largest = v.iter().copied();
-    let largest = largest.max_by(|a, b| a.norm2().total_cmp(&b.norm2()));
-    let phase = largest.unwrap_or(C::ONE).inverse();
+    let phase = largest(v).inverse();
     v.map(|c| (c * phase).re)
 }
 
@@ -234,6 +244,30 @@ pub(crate) fn rounded<const N: usize>(forms: [&Poly; N]) -> [Vec<([usize; 3], f6
             .map(indices)
             .collect()
     })
+}
+
+/// The four forms of a map in units in which the box has the half-width 1.
+pub(crate) fn in_half_widths(mut terms: [Vec<([usize; 3], f64)>; 4], half_width: f64) -> [Form; 4] {
+    terms[3].iter_mut().for_each(|t| t.1 *= half_width);
+    let sizes = terms.iter().flatten().map(|t| t.1.abs());
+    let largest = sizes.fold(0.0, f64::max);
+    terms.map(|f| Form::new(f.into_iter().map(|(e, c)| (e, c / largest))))
+}
+
+/// The values of the forms of a map and their gradients.
+pub(crate) fn eval_all(forms: &[Form; 4], at: &Monomials) -> ([C; 4], [V; 4]) {
+    let (mut g, mut dg) = ([C::ZERO; 4], [[C::ZERO; 3]; 4]);
+    for (i, form) in forms.iter().enumerate() {
+        (g[i], dg[i]) = form.eval(at);
+    }
+    (g, dg)
+}
+
+/// A plane of space: the linear form that vanishes on it.
+pub(crate) type Plane = [C; 4];
+
+pub(crate) fn real_plane(normal: [f64; 3], offset: f64) -> Plane {
+    [normal[0], normal[1], normal[2], -offset].map(|x| C::new(x, 0.0))
 }
 
 /// Fixed numbers without pattern.

@@ -22,12 +22,14 @@
 
 use crate::base::{BasePoint, Seam, base_points};
 use crate::complex::{
-    C, Form, Monomials, Stream, V, along, conj, distance, dot, frame, in_frame, inner, length,
-    normalised, real_line, real_point, rounded,
+    C, Form, Monomials, Plane, Stream, V, along, conj, distance, dot, eval_all, frame, in_frame,
+    in_half_widths, inner, largest, length, norm, normalised, real_line, real_plane, real_point,
+    rounded,
 };
 use crate::deck::Deck;
 use crate::field::{Algebraic, Element, NumberField};
 use crate::finding::{Finding, Phase};
+use crate::homotopy::{follow, newton, runge_kutta};
 use crate::map::Map;
 use crate::singular::{CurveKind, Singular, SingularCurve, signed_minors};
 use crate::univariate::{Stopped, check};
@@ -261,22 +263,10 @@ impl Source {
         degree: usize,
         half_width: f64,
     ) -> Self {
-        let mut forms = forms;
-        for (i, form) in forms.iter_mut().enumerate() {
-            for term in form {
-                term.1 *= if i < 3 { 1.0 } else { half_width };
-            }
-        }
-        let largest = forms
-            .iter()
-            .flatten()
-            .map(|t| t.1.abs())
-            .fold(0.0, f64::max);
-        let forms = forms.map(|f| Form::new(f.into_iter().map(|(e, c)| (e, c / largest))));
         Self {
             curve,
             curve_degree,
-            forms,
+            forms: in_half_widths(forms, half_width),
             degree,
             section: Vec::new(),
         }
@@ -284,15 +274,12 @@ impl Source {
     fn eval(&self, p: &V) -> Values {
         let m = Monomials::new(p, self.curve_degree.max(self.degree));
         let (f, df) = self.curve.eval(&m);
-        let (mut g, mut dg) = ([C::ZERO; 4], [[C::ZERO; 3]; 4]);
-        for (i, form) in self.forms.iter().enumerate() {
-            (g[i], dg[i]) = form.eval(&m);
-        }
+        let (g, dg) = eval_all(&self.forms, &m);
         Values { f, df, g, dg }
     }
     /// The norm of the forms' values: small near base points only.
     fn size(&self, p: &V) -> f64 {
-        self.eval(p).g.iter().map(|c| c.norm2()).sum::<f64>().sqrt()
+        norm(&self.eval(p).g)
     }
 }
 
@@ -310,83 +297,38 @@ fn solve2(rows: [[C; 2]; 2], right: [C; 2]) -> Option<[C; 2]> {
     (x.norm() + y.norm()).is_finite().then_some([x, y])
 }
 
+/// The directions at a point in which f and the second equation change, and how much.
+fn rows(basis: &[V; 2], v: &Values, dq: &V) -> [[C; 2]; 2] {
+    [
+        basis.each_ref().map(|b| dot(&v.df, b)),
+        basis.each_ref().map(|b| dot(dq, b)),
+    ]
+}
+
 /// A solution at the time 1 from one at the time 0; if the path cannot be followed to its end, as
 /// to a singular point, the time and the point up to which it was.
 fn track(source: &Source, path: &Path, start: &V) -> Result<V, (f64, V)> {
-    let (mut p, mut time, mut step) = (*start, 0.0, 0.1f64);
-    while time < 1.0 {
-        let h = step.min(1.0 - time);
-        let end = if h < 1.0 - time { time + h } else { 1.0 };
-        let basis = frame(&p);
-        let slope = |t: f64, d: [C; 2], h: f64| {
-            let at = along(&p, &in_frame(&basis, d), h);
+    follow(start, |p, span| {
+        let basis = frame(p);
+        let d = runge_kutta(span, |time, d, h| {
+            let at = along(p, &in_frame(&basis, *d), h);
             let v = source.eval(&at);
-            let (_, dq, dt) = path(t, &at, &v);
-            let rows = [
-                basis.each_ref().map(|b| dot(&v.df, b)),
-                basis.each_ref().map(|b| dot(&dq, b)),
-            ];
-            solve2(rows, [C::ZERO, -dt])
-        };
-        // The classical method of Runge and Kutta.
-        let predicted = (|| {
-            let k1 = slope(time, [C::ZERO; 2], 0.0)?;
-            let k2 = slope(time + h / 2.0, k1, h / 2.0)?;
-            let k3 = slope(time + h / 2.0, k2, h / 2.0)?;
-            let k4 = slope(end, k3, h)?;
-            let d = [0, 1].map(|i| (k1[i] + k4[i] + (k2[i] + k3[i]).times(2.0)).times(h / 6.0));
-            (d[0].norm() + d[1].norm() < 0.3)
-                .then(|| normalised(&along(&p, &in_frame(&basis, d), 1.0)))
-        })();
-        match predicted.and_then(|q| newton(source, path, end, &q)) {
-            // Other solutions are further away than the error of the prediction: paths are not
-            // confused.
-            Some((q, error)) if error < 1e-4 => {
-                p = q;
-                time = end;
-                step = if error < 2e-6 { 2.0 * h } else { h };
-            }
-            _ => {
-                step = h / 2.0;
-                if step < 1e-7 {
-                    return Err((time, p));
-                }
-            }
-        }
-    }
-    Ok(p)
-}
-
-/// The solution by Newton's method, and the length of the first step.
-fn newton(source: &Source, path: &Path, time: f64, start: &V) -> Option<(V, f64)> {
-    let (mut p, mut first, mut last) = (*start, 0.0, f64::INFINITY);
-    for i in 0..6 {
-        let v = source.eval(&p);
-        let (q, dq, _) = path(time, &p, &v);
-        let basis = frame(&p);
-        let rows = [
-            basis.each_ref().map(|b| dot(&v.df, b)),
-            basis.each_ref().map(|b| dot(&dq, b)),
-        ];
-        let d = solve2(rows, [-v.f, -q])?;
-        let size = d[0].norm() + d[1].norm();
-        if i == 0 {
-            first = size;
-            if first > 1e-3 {
-                return None;
-            }
-        }
-        p = normalised(&along(&p, &in_frame(&basis, d), 1.0));
-        // Convergence is quadratic: the next step would be lost in rounding.
-        if size < 1e-9 {
-            return Some((p, first));
-        }
-        if size > 0.5 * last {
+            let (_, dq, dt) = path(time, &at, &v);
+            solve2(rows(&basis, &v, &dq), [C::ZERO, -dt])
+        })?;
+        if d[0].norm() + d[1].norm() >= 0.3 {
             return None;
         }
-        last = size;
-    }
-    None
+        let predicted = normalised(&along(p, &in_frame(&basis, d), 1.0));
+        newton(&predicted, 1e-9, |p| {
+            let v = source.eval(p);
+            let (q, dq, _) = path(span.to, p, &v);
+            let basis = frame(p);
+            let d = solve2(rows(&basis, &v, &dq), [-v.f, -q])?;
+            let next = normalised(&along(p, &in_frame(&basis, d), 1.0));
+            Some((next, d[0].norm() + d[1].norm()))
+        })
+    })
 }
 
 /// The points of a curve on the line through two points, by the method of Aberth.
@@ -422,9 +364,6 @@ fn on_line(curve: &Form, degree: usize, a: &V, b: &V) -> Vec<V> {
     }
     roots.into_iter().map(|x| normalised(&at(x))).collect()
 }
-
-/// A plane of space: the linear form that vanishes on it.
-type Plane = [C; 4];
 
 /// From the section by one plane to that by another, both times a factor, so that the planes in
 /// between are complex.
@@ -544,15 +483,11 @@ impl State {
 
 /// The vector of norm 1 that is real up to a phase, and how far it is from being so.
 fn real_image(g: &[C; 4]) -> Option<([f64; 4], f64)> {
-    let size = g.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
+    let size = norm(g);
     if size < 1e-13 {
         return None;
     }
-    let largest = g
-        .iter()
-        .copied()
-        .max_by(|a, b| a.norm2().total_cmp(&b.norm2()))
-        .expect("four");
+    let largest = largest(g);
     let turned = g.map(|c| (c * largest.conj()).times(1.0 / (largest.norm() * size)));
     let real = turned.iter().map(|c| c.re * c.re).sum::<f64>().sqrt();
     let imaginary = turned.iter().map(|c| c.im * c.im).sum::<f64>().sqrt();
@@ -911,10 +846,6 @@ fn general_plane() -> Plane {
     Stream(11).complex()
 }
 
-fn real_plane(normal: [f64; 3], offset: f64) -> Plane {
-    [normal[0], normal[1], normal[2], -offset].map(|x| C::new(x, 0.0))
-}
-
 /// An orthogonal matrix without pattern, so that lines of symmetric surfaces are not parallel to
 /// the planes.
 fn directions() -> [[f64; 3]; 3] {
@@ -1160,7 +1091,7 @@ impl Search {
     /// known.
     fn arc_at_pinch(&mut self, source: usize, p: &V, traced: &[Traced]) -> Option<Traced> {
         let v = self.sources[source].eval(p);
-        let gradient = v.df.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
+        let gradient = norm(&v.df);
         if gradient < 1e-12 || v.f.norm() > 1e-6 * gradient {
             return None;
         }

@@ -10,10 +10,13 @@ use crate::field::Algebraic;
 use crate::finding::{Finding, Phase};
 use crate::map::Map;
 use crate::mesh::traced::Traced;
-use crate::pairs::{self, Arcs, Expected, Pairs};
+use crate::pairs::{self, Expected, Pairs};
 use crate::singular::{CurveKind, Singular, SingularCurve};
 use crate::surface::{Mode, Point3, TriangulateOptions};
 use crate::univariate::Stopped;
+
+/// Curves in space.
+type Polylines = Vec<Vec<Point3>>;
 
 /// What is known of the double curve beside its equation.
 #[derive(Default)]
@@ -23,7 +26,7 @@ pub(crate) struct DoubleCurve {
     /// What tells a real parameter alone from one that meets conjugate ones.
     pub(crate) fibres: Option<Fibres>,
     /// Arcs of real points that only conjugate parameters reach.
-    pub(crate) solitary: Vec<Vec<Point3>>,
+    pub(crate) solitary: Polylines,
     /// Arcs with both parameters, where these stand for the curve of parameters.
     pub(crate) traced: Option<Traced>,
     /// Whether arcs stand for an implicit equation that is not known.
@@ -57,14 +60,20 @@ impl DoubleCurve {
             false => None,
         };
         match traced {
-            Some(arcs) => found.take_arcs(arcs, &given, stop),
+            Some((traced, solitary)) => found.take_arcs(traced, solitary, &given, stop),
             None => found.search(&given, stop),
         }
         found
     }
 
     /// All by arcs.
-    fn take_arcs(&mut self, arcs: Arcs, given: &Given, stop: &dyn Fn() -> bool) {
+    fn take_arcs(
+        &mut self,
+        traced: Traced,
+        solitary: Polylines,
+        given: &Given,
+        stop: &dyn Fn() -> bool,
+    ) {
         let &Given {
             map,
             singular,
@@ -72,36 +81,33 @@ impl DoubleCurve {
             ..
         } = given;
         let glued = given.options.mode == Mode::Glued;
-        // Without a double curve there are no such points, exactly.
         let is_known = singular.double.is_some();
-        if !is_known || curves_of(map, singular).next().is_some() {
+        let mut claim = |claim| {
             let basis = Basis::Floating;
-            let pinches = glued.then_some(Claim::PinchPoints);
-            let claims = pinches.into_iter().chain([Claim::SolitaryArcs]);
-            self.grades
-                .extend(claims.map(|claim| Grade { claim, basis }));
-        }
-        self.needs_no_equation = !is_known;
+            self.grades.push(Grade { claim, basis });
+        };
         if !is_known {
-            self.grades.push(Grade {
-                claim: Claim::DoubleCurves,
-                basis: Basis::Floating,
-            });
+            claim(Claim::DoubleCurves);
         }
-        self.pinches = arcs.pinches();
+        // Without a double curve there are no such points, exactly.
+        if !is_known || curves_of(map, singular).next().is_some() {
+            if glued {
+                claim(Claim::PinchPoints);
+            }
+            claim(Claim::SolitaryArcs);
+        }
+        self.pinches = traced.arcs.pinches();
         let scale = |x: Point3| x.map(|x| x * half_width);
-        let parts = arcs.solitary().unwrap_or_default();
-        self.solitary = parts
+        self.solitary = solitary
             .into_iter()
             .map(|part| part.into_iter().map(scale).collect())
             .collect();
-        if glued && arcs.is_any_covered() {
+        if glued && traced.arcs.is_any_covered() {
             self.fibres = Fibres::new(map, singular, half_width, stop).ok();
         }
-        self.traced = (glued && !arcs.is_any_cut_off() && given.may_stand()).then(|| Traced {
-            pairs: Pairs::new(map, half_width),
-            arcs,
-        });
+        let may_stand = glued && !traced.arcs.is_any_cut_off() && given.may_stand();
+        self.needs_no_equation = !is_known && (may_stand || !glued);
+        self.traced = may_stand.then_some(traced);
         self.add_seam_lines(given);
     }
 
@@ -171,8 +177,8 @@ struct Given<'a> {
 }
 
 impl Given<'_> {
-    /// The arcs of the double curve, solitary ones too, if all of them were found.
-    fn arcs(&self, stop: &dyn Fn() -> bool) -> Result<Option<Arcs>, Stopped> {
+    /// The arcs of the double curve, and the solitary parts of them, if all of them were found.
+    fn arcs(&self, stop: &dyn Fn() -> bool) -> Result<Option<(Traced, Polylines)>, Stopped> {
         let Some(expected) = self.expected() else {
             return Ok(None);
         };
@@ -182,8 +188,8 @@ impl Given<'_> {
         };
         let pairs = Pairs::new(self.map, self.half_width);
         let arcs = pairs::arcs(&pairs, fine, &expected, stop)?;
-        let is_known = arcs.lost == 0 && arcs.solitary().is_some();
-        Ok(is_known.then_some(arcs))
+        let solitary = arcs.solitary().filter(|_| arcs.lost == 0);
+        Ok(solitary.map(|parts| (Traced { pairs, arcs }, parts)))
     }
 
     /// How many parameters a general plane of space has on the double curve, if there are no cuspidal

@@ -32,6 +32,7 @@ mod fan;
 mod field;
 mod finding;
 mod frame;
+mod homotopy;
 mod joined;
 mod map;
 mod mesh;

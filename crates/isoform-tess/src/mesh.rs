@@ -429,15 +429,32 @@ impl SiteArc {
 /// A direction of a fan, by its key, and whether it is backward.
 type Ray = (Key, bool);
 
-/// Where a point (s : t : w) is in the unit triangle of a quadrant, if it is in it.
+/// Where a point (s : t : w) is in the plane of the unit triangle of a quadrant, be it outside.
+fn place_beside(quadrant: usize, p: [f64; 3]) -> [f64; 2] {
+    let y = folded(quadrant, p);
+    let sum: f64 = y.iter().sum();
+    [y[0] / sum, y[1] / sum]
+}
+/// Where it is in the unit triangle, if it is in it.
 fn place_in(quadrant: usize, p: [f64; 3]) -> Option<[f64; 2]> {
+    let y = folded(quadrant, p);
+    let is_in = y.iter().all(|y| *y >= 0.0) || y.iter().all(|y| *y <= 0.0);
+    is_in.then(|| place_beside(quadrant, p))
+}
+/// Where it is in the unit triangle: exactly on its side, if a coordinate is 0.
+fn place_on(quadrant: usize, p: [f64; 3]) -> Option<[f64; 2]> {
+    let at = place_in(quadrant, p)?;
+    Some(side_of(p, at).map_or(at, |(side, x)| on_side(side, x)))
+}
+/// The side of the unit triangles that a point is on, and its place there, from that in a triangle.
+fn side_of(p: [f64; 3], at: [f64; 2]) -> Option<(usize, f64)> {
+    let side = p.iter().position(|&x| x == 0.0)?;
+    Some((side, if side == 0 { at[1] } else { at[0] }))
+}
+/// The coordinates with the signs of a quadrant.
+fn folded(quadrant: usize, p: [f64; 3]) -> [f64; 3] {
     let [s, t] = QUADRANTS[quadrant].map(|s| s as f64);
-    let y = [s * p[0], t * p[1], p[2]];
-    let sign = [1.0, -1.0]
-        .into_iter()
-        .find(|sign| y.iter().all(|y| sign * y >= 0.0))?;
-    let sum: f64 = y.iter().map(|y| sign * y).sum();
-    Some([sign * y[0] / sum, sign * y[1] / sum])
+    [s * p[0], t * p[1], p[2]]
 }
 
 /// (s : t : w) of a point of a unit triangle.
@@ -449,6 +466,15 @@ fn in_plane(quadrant: usize, [u, v]: [f64; 2]) -> [f64; 3] {
 /// Places along each side, by side and sign, and whether the stretch after each belongs to the
 /// region.
 type Sides = BTreeMap<(usize, i64), Vec<(f64, bool)>>;
+
+/// Adds a place to a side, but for its ends.
+fn add_place(sides: &mut Sides, side: (usize, i64), x: f64) {
+    let places = sides.entry(side).or_default();
+    let k = places.partition_point(|p| p.0 < x);
+    if k > 0 && places.get(k).is_some_and(|p| p.0 != x) {
+        places.insert(k, (x, places[k - 1].1));
+    }
+}
 
 /// The side and sign of the three sides u = 0, v = 0, u + v = 1 of a unit triangle.
 fn sides_of(quadrant: usize) -> [(usize, i64); 3] {
@@ -557,6 +583,10 @@ impl Builder<'_> {
             (0, 1.0) | (2, 0.0) => Name::Corner(2),
             _ => Name::Side(side, sides_of(q)[side].1, x.to_bits()),
         }
+    }
+    /// The name of a vertex with a parameter (s : t : w).
+    fn name_of(&self, q: usize, p: [f64; 3], at: [f64; 2]) -> Name {
+        side_of(p, at).map_or(Name::Inner, |(side, x)| self.name_on(q, side, x))
     }
     /// The name of a point of a wall.
     fn wall_name(&self, q: usize, wall: usize, point: usize) -> Name {

@@ -23,8 +23,10 @@ pub(crate) use real::Place;
 pub(crate) use section::Expected;
 
 use crate::complex::{
-    C, Form, Monomials, Stream, V, along, distance, dot, inner, normalised, rounded,
+    C, Form, Monomials, Plane, Stream, V, along, distance, dot, eval_all, in_half_widths, inner,
+    norm, normalised, rounded,
 };
+use crate::homotopy::{follow, newton, runge_kutta};
 use crate::map::Map;
 
 /// A pair of parameters, of which m and e have the norm 1.
@@ -34,9 +36,6 @@ pub(crate) struct Pair {
     e: V,
     l: C,
 }
-
-/// A plane of space: the linear form that vanishes on it.
-type Plane = [C; 4];
 
 /// The equations' unknowns: m, e, λ.
 type Step = [C; 7];
@@ -58,15 +57,44 @@ fn turn(angle: f64) -> C {
     C::new(angle.cos(), angle.sin())
 }
 
-/// The even part E, the odd part O, and their derivatives.
+/// E or O, with its derivatives.
+struct Part {
+    value: [C; 4],
+    by_m: [V; 4],
+    by_e: [V; 4],
+    by_l: [C; 4],
+}
+
+/// The even part and the odd part.
 struct Parts {
-    even: [C; 4],
-    odd: [C; 4],
-    /// ∂E/∂m; this is ∂O/∂e, too.
-    even_by_m: [V; 4],
-    /// ∂O/∂m; ∂E/∂e is λ times that, and ∂E/∂λ half of it by e.
-    odd_by_m: [V; 4],
-    odd_by_l: [C; 4],
+    even: Part,
+    odd: Part,
+}
+
+impl Parts {
+    /// From the values, ∂E/∂m, ∂O/∂m and ∂O/∂λ: ∂O/∂e is ∂E/∂m, ∂E/∂e is λ ∂O/∂m, and ∂E/∂λ is
+    /// half of ∂O/∂m by e.
+    fn new(
+        pair: &Pair,
+        [even, odd]: [[C; 4]; 2],
+        [even_by_m, odd_by_m]: [[V; 4]; 2],
+        odd_by_l: [C; 4],
+    ) -> Self {
+        Self {
+            even: Part {
+                value: even,
+                by_m: even_by_m,
+                by_e: odd_by_m.map(|row| row.map(|c| c * pair.l)),
+                by_l: odd_by_m.map(|row| dot(&row, &pair.e).times(0.5)),
+            },
+            odd: Part {
+                value: odd,
+                by_m: odd_by_m,
+                by_e: even_by_m,
+                by_l: odd_by_l,
+            },
+        }
+    }
 }
 
 impl Pair {
@@ -103,10 +131,6 @@ impl Pair {
         let [a, b] = other.parameters().map(|p| normalised(&p));
         (distance(&p, &a) + distance(&q, &b)).min(distance(&p, &b) + distance(&q, &a))
     }
-}
-
-fn norm(d: &Step) -> f64 {
-    d.iter().map(|c| c.norm2()).sum::<f64>().sqrt()
 }
 
 /// The solution of a system by elimination with pivots.
@@ -149,26 +173,14 @@ pub(crate) struct Pairs {
 
 impl Pairs {
     pub(crate) fn new(map: &Map, half_width: f64) -> Self {
-        let mut terms = rounded(map.forms().each_ref());
-        terms[3].iter_mut().for_each(|t| t.1 *= half_width);
-        let largest = terms
-            .iter()
-            .flatten()
-            .map(|t| t.1.abs())
-            .fold(0.0, f64::max);
         Self {
-            forms: terms.map(|f| Form::new(f.into_iter().map(|(e, c)| (e, c / largest)))),
+            forms: in_half_widths(rounded(map.forms().each_ref()), half_width),
             degree: map.degree(),
         }
     }
 
     fn at(&self, p: &V) -> ([C; 4], [V; 4]) {
-        let monomials = Monomials::new(p, self.degree);
-        let (mut g, mut dg) = ([C::ZERO; 4], [[C::ZERO; 3]; 4]);
-        for (i, form) in self.forms.iter().enumerate() {
-            (g[i], dg[i]) = form.eval(&monomials);
-        }
-        (g, dg)
+        eval_all(&self.forms, &Monomials::new(p, self.degree))
     }
 
     fn parts(&self, pair: &Pair) -> Parts {
@@ -189,13 +201,7 @@ impl Pairs {
         let odd_by_m = all.map(|i| [0, 1, 2].map(|k| (df[i][k] - dg[i][k]) * half));
         let twice = pair.l.times(2.0).inverse();
         let odd_by_l = all.map(|i| (dot(&even_by_m[i], &pair.e) - odd[i]) * twice);
-        Parts {
-            even,
-            odd,
-            even_by_m,
-            odd_by_m,
-            odd_by_l,
-        }
+        Parts::new(pair, [even, odd], [even_by_m, odd_by_m], odd_by_l)
     }
 
     fn parts_by_coefficients(&self, pair: &Pair) -> Parts {
@@ -209,13 +215,10 @@ impl Pairs {
                 self.at(&[0, 1, 2].map(|i| pair.m[i] + pair.e[i] * h))
             })
             .collect();
-        let mut parts = Parts {
-            even: [C::ZERO; 4],
-            odd: [C::ZERO; 4],
-            even_by_m: [[C::ZERO; 3]; 4],
-            odd_by_m: [[C::ZERO; 3]; 4],
-            odd_by_l: [C::ZERO; 4],
-        };
+        // Of even powers and of odd ones.
+        let mut sums = [[C::ZERO; 4]; 2];
+        let mut by_m = [[[C::ZERO; 3]; 4]; 2];
+        let mut odd_by_l = [C::ZERO; 4];
         let mut power = C::ONE;
         let mut before = C::ZERO;
         for k in 0..n {
@@ -231,10 +234,7 @@ impl Pairs {
                     }
                 }
             }
-            let (sum, by_m) = match k % 2 {
-                0 => (&mut parts.even, &mut parts.even_by_m),
-                _ => (&mut parts.odd, &mut parts.odd_by_m),
-            };
+            let (sum, by_m) = (&mut sums[k % 2], &mut by_m[k % 2]);
             for i in all {
                 sum[i] = sum[i] + c[i] * power;
                 for x in 0..3 {
@@ -245,23 +245,23 @@ impl Pairs {
                 // The derivative of λ^((k − 1)/2).
                 let weight = before.times(((k - 1) / 2) as f64);
                 for i in all {
-                    parts.odd_by_l[i] = parts.odd_by_l[i] + c[i] * weight;
+                    odd_by_l[i] = odd_by_l[i] + c[i] * weight;
                 }
                 before = power;
                 power = power * pair.l;
             }
         }
-        parts
+        Parts::new(pair, sums, by_m, odd_by_l)
     }
 
-    /// The rows of the equations O = 0, with what keeps the norms of m and e.
-    fn rows(&self, pair: &Pair, parts: &Parts) -> [[C; 8]; 7] {
+    /// The rows of the equations that a part is 0, with what keeps the norms of m and e.
+    fn rows(&self, pair: &Pair, zero: &Part) -> [[C; 8]; 7] {
         let mut rows = [[C::ZERO; 8]; 7];
         for (i, row) in rows.iter_mut().enumerate().take(4) {
-            row[..3].copy_from_slice(&parts.odd_by_m[i]);
-            row[3..6].copy_from_slice(&parts.even_by_m[i]);
-            row[6] = parts.odd_by_l[i];
-            row[7] = -parts.odd[i];
+            row[..3].copy_from_slice(&zero.by_m[i]);
+            row[3..6].copy_from_slice(&zero.by_e[i]);
+            row[6] = zero.by_l[i];
+            row[7] = -zero.value[i];
         }
         for k in 0..3 {
             rows[5][k] = pair.m[k].conj();
@@ -270,16 +270,15 @@ impl Pairs {
         rows
     }
     /// The row of a plane that holds the image.
-    fn plane_row(&self, pair: &Pair, parts: &Parts, plane: &Plane) -> [C; 8] {
+    fn plane_row(image: &Part, plane: &Plane) -> [C; 8] {
         let mut row = [C::ZERO; 8];
         for i in 0..4 {
-            let half = dot(&parts.odd_by_m[i], &pair.e).times(0.5);
             for k in 0..3 {
-                row[k] = row[k] + plane[i] * parts.even_by_m[i][k];
-                row[3 + k] = row[3 + k] + plane[i] * parts.odd_by_m[i][k] * pair.l;
+                row[k] = row[k] + plane[i] * image.by_m[i][k];
+                row[3 + k] = row[3 + k] + plane[i] * image.by_e[i][k];
             }
-            row[6] = row[6] + plane[i] * half;
-            row[7] = row[7] - plane[i] * parts.even[i];
+            row[6] = row[6] + plane[i] * image.by_l[i];
+            row[7] = row[7] - plane[i] * image.value[i];
         }
         row
     }
@@ -300,32 +299,12 @@ impl Pairs {
         pair.scaled()
     }
 
-    /// The pair in a plane by Newton's method, and the length of the first step.
-    fn newton(&self, plane: &Plane, start: &Pair, far: f64) -> Option<(Pair, f64)> {
-        let (mut pair, mut first, mut last) = (*start, 0.0, f64::INFINITY);
-        for i in 0..6 {
-            let parts = self.parts(&pair);
-            let mut rows = self.rows(&pair, &parts);
-            rows[4] = self.plane_row(&pair, &parts, plane);
-            let d = solve(rows)?;
-            let size = norm(&d);
-            if i == 0 {
-                first = size;
-                if first > far {
-                    return None;
-                }
-            }
-            pair = pair.moved(&d, 1.0).scaled();
-            // Convergence is quadratic: the next step would be lost in rounding.
-            if size < 1e-8 {
-                return Some((pair, first));
-            }
-            if size > 0.5 * last {
-                return None;
-            }
-            last = size;
-        }
-        None
+    /// A step of Newton's method towards a pair in a plane.
+    fn step(&self, plane: &Plane, pair: &Pair) -> Option<Step> {
+        let parts = self.parts(pair);
+        let mut rows = self.rows(pair, &parts.odd);
+        rows[4] = Self::plane_row(&parts.even, plane);
+        solve(rows)
     }
 
     /// A pair in the plane at the time 1 from one in that at the time 0.
@@ -333,63 +312,37 @@ impl Pairs {
     /// # Errors
     /// The time and the pair up to which it was followed, if not to the end.
     fn follow(&self, plane: &dyn Fn(f64) -> [Plane; 2], start: &Pair) -> Result<Pair, (f64, Pair)> {
-        let (mut pair, mut time, mut step) = (*start, 0.0, 0.1f64);
-        while time < 1.0 {
-            let h = step.min(1.0 - time);
-            let end = if h < 1.0 - time { time + h } else { 1.0 };
-            let slope = |t: f64, d: &Step, h: f64| {
+        follow(start, |pair, span| {
+            let d = runge_kutta(span, |time, d, h| {
                 let at = pair.moved(d, h);
                 let parts = self.parts(&at);
-                let [plane, speed] = plane(t);
-                let mut rows = self.rows(&at, &parts);
-                rows[4] = self.plane_row(&at, &parts, &plane);
+                let [plane, speed] = plane(time);
+                // The norms are those of the start.
+                let mut rows = self.rows(pair, &parts.odd);
+                rows[4] = Self::plane_row(&parts.even, &plane);
                 for row in &mut rows {
                     row[7] = C::ZERO;
                 }
-                // The norms are those of the start.
-                for k in 0..3 {
-                    rows[5][k] = pair.m[k].conj();
-                    rows[6][3 + k] = pair.e[k].conj();
-                }
-                rows[4][7] = -dot(&speed, &parts.even);
+                rows[4][7] = -dot(&speed, &parts.even.value);
                 solve(rows)
-            };
-            // The classical method of Runge and Kutta.
-            let predicted = (|| {
-                let k1 = slope(time, &[C::ZERO; 7], 0.0)?;
-                let k2 = slope(time + h / 2.0, &k1, h / 2.0)?;
-                let k3 = slope(time + h / 2.0, &k2, h / 2.0)?;
-                let k4 = slope(end, &k3, h)?;
-                let sum: Step = std::array::from_fn(|i| {
-                    (k1[i] + k4[i] + (k2[i] + k3[i]).times(2.0)).times(h / 6.0)
-                });
-                (norm(&sum) < 0.3).then(|| pair.moved(&sum, 1.0))
-            })();
-            match predicted.and_then(|next| self.newton(&plane(end)[0], &next, 1e-3)) {
-                // Other pairs are further away than the error of the prediction.
-                Some((next, error)) if error < 1e-4 => {
-                    pair = self.settled(&next);
-                    time = end;
-                    step = if error < 2e-6 { 2.0 * h } else { h };
-                }
-                _ => {
-                    step = h / 2.0;
-                    if step < 1e-7 {
-                        return Err((time, pair));
-                    }
-                }
+            })?;
+            if norm(&d) >= 0.3 {
+                return None;
             }
-        }
-        Ok(pair)
+            let [plane, _] = plane(span.to);
+            let found = newton(&pair.moved(&d, 1.0), 1e-8, |pair| {
+                let d = self.step(&plane, pair)?;
+                Some((pair.moved(&d, 1.0).scaled(), norm(&d)))
+            });
+            found.map(|(next, error)| (self.settled(&next), error))
+        })
     }
 
     /// Whether a solution is a pair: not twice one parameter, and no base points.
     fn is_pair(&self, pair: &Pair) -> bool {
         let [p, q] = pair.parameters();
-        let size = |v: &V| v.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
-        let image = self.parts(pair).even;
-        let image = image.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
-        distance(&normalised(&p), &normalised(&q)) > 1e-6 * (size(&p) + size(&q)) && image > 1e-8
+        let image = norm(&self.parts(pair).even.value);
+        distance(&normalised(&p), &normalised(&q)) > 1e-6 * (norm(&p) + norm(&q)) && image > 1e-8
     }
 
     /// A pair in a plane from a random start.
@@ -402,10 +355,7 @@ impl Pairs {
         }
         .scaled();
         for _ in 0..25 {
-            let parts = self.parts(&pair);
-            let mut rows = self.rows(&pair, &parts);
-            rows[4] = self.plane_row(&pair, &parts, plane);
-            let d = solve(rows)?;
+            let d = self.step(plane, &pair)?;
             let size = norm(&d);
             pair = pair.moved(&d, (0.5 / size).min(1.0)).scaled();
             if size < 1e-9 {
@@ -536,24 +486,25 @@ mod tests {
             if size > SMALL {
                 let other = pairs.parts_by_values(&pair);
                 for i in 0..4 {
-                    assert!((here.odd[i] - other.odd[i]).norm() < 1e-12);
-                    assert!((here.even[i] - other.even[i]).norm() < 1e-12);
-                    assert!((here.odd_by_l[i] - other.odd_by_l[i]).norm() < 1e-11);
+                    assert!((here.odd.value[i] - other.odd.value[i]).norm() < 1e-12);
+                    assert!((here.even.value[i] - other.even.value[i]).norm() < 1e-12);
+                    assert!((here.odd.by_l[i] - other.odd.by_l[i]).norm() < 1e-11);
                 }
             }
             let plane: Plane = stream.complex();
-            let mut rows = pairs.rows(&pair, &here);
-            rows[4] = pairs.plane_row(&pair, &here, &plane);
+            let mut rows = pairs.rows(&pair, &here.odd);
+            rows[4] = Pairs::plane_row(&here.even, &plane);
             const H: f64 = 1e-6;
             for k in 0..7 {
                 let mut d = [C::ZERO; 7];
                 d[k] = C::ONE;
                 let [a, b] = [H, -H].map(|h| pairs.parts_by_coefficients(&pair.moved(&d, h)));
                 for i in 0..4 {
-                    let slope = (a.odd[i] - b.odd[i]).times(0.5 / H);
+                    let slope = (a.odd.value[i] - b.odd.value[i]).times(0.5 / H);
                     assert!((slope - rows[i][k]).norm() < 1e-8, "{size} {i} {k}");
                 }
-                let slope = (dot(&plane, &a.even) - dot(&plane, &b.even)).times(0.5 / H);
+                let slope =
+                    (dot(&plane, &a.even.value) - dot(&plane, &b.even.value)).times(0.5 / H);
                 assert!((slope - rows[4][k]).norm() < 1e-8, "{size} plane {k}");
             }
         }

@@ -7,7 +7,9 @@
 
 use super::closing::UPON;
 use super::stretch::{Columns, Stretch};
-use super::{Builder, Name, Node, Ray, Sides, distance, in_plane, on_side, sides_of};
+use super::{
+    Builder, Name, Node, Ray, Sides, add_place, distance, in_plane, on_side, place_on, sides_of,
+};
 use crate::deck::value;
 use crate::double::Fibres;
 use crate::finding::{Finding, JoinedCurve, Phase};
@@ -208,14 +210,10 @@ impl Builder<'_> {
         let mut points: Vec<(usize, [f64; 2], Point3, Name)> = Vec::new();
         for &p in isolated {
             for q in 0..4 {
-                let Some(mut at) = super::place_in(q, p) else {
+                let Some(at) = place_on(q, p) else {
                     continue;
                 };
-                let mut name = Name::Inner;
-                if let Some(side) = p.iter().position(|&x| x == 0.0) {
-                    let x = if side == 0 { at[1] } else { at[0] };
-                    (at, name) = (on_side(side, x), self.name_on(q, side, x));
-                }
+                let name = self.name_of(q, p, at);
                 let image = self.charts[q].at(at);
                 if self
                     .region
@@ -250,12 +248,7 @@ impl Builder<'_> {
                 continue;
             }
             if let Name::Side(side, sign, bits) = name {
-                let x = f64::from_bits(bits);
-                let places = sides.entry((side, sign)).or_default();
-                let k = places.partition_point(|p| p.0 < x);
-                if k > 0 && places.get(k).is_some_and(|p| p.0 != x) {
-                    places.insert(k, (x, places[k - 1].1));
-                }
+                add_place(sides, (side, sign), f64::from_bits(bits));
             }
             let shared = contracted.or(double).unwrap_or_else(|| {
                 gluing.images.push(image);
@@ -1053,6 +1046,6 @@ impl Builder<'_> {
     }
 }
 
-fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
+pub(super) fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }

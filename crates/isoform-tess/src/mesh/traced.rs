@@ -6,9 +6,11 @@
 //! parameters each have three parameters in common.
 
 use super::closing::UPON;
-use super::gluing::{CROWDED, Gluing, Track, key};
+use super::gluing::{CROWDED, Gluing, Track, distance2, key};
 use super::stretch::Columns;
-use super::{Builder, Name, Node, Sides, distance, in_plane, middle, on_side, place_in, sides_of};
+use super::{
+    Builder, Node, Sides, add_place, distance, middle, place_beside, place_on, side_of, sides_of,
+};
 use crate::finding::{Finding, Phase};
 use crate::pairs::{Arcs, Pairs, Place};
 use crate::surface::DoubleArc;
@@ -110,20 +112,9 @@ fn put(run: &mut Vec<Spot>, at: usize, t: f64, spot: Spot) {
     }
 }
 
-/// The place of a parameter in a unit triangle: exactly on its side, if a coordinate is 0.
-fn place_of(q: usize, p: [f64; 3]) -> Option<[f64; 2]> {
-    let at = place_in(q, p)?;
-    let side = p.iter().position(|&x| x == 0.0);
-    Some(match side {
-        Some(0) => on_side(0, at[1]),
-        Some(side) => on_side(side, at[0]),
-        None => at,
-    })
-}
-
 /// The unit triangle that holds two parameters, and their places in it.
 fn common(a: [f64; 3], b: [f64; 3]) -> Option<(usize, [[f64; 2]; 2])> {
-    (0..4).find_map(|q| Some((q, [place_of(q, a)?, place_of(q, b)?])))
+    (0..4).find_map(|q| Some((q, [place_on(q, a)?, place_on(q, b)?])))
 }
 
 /// The coordinates that change their sign from one parameter to the next.
@@ -132,19 +123,21 @@ fn crossed(a: [f64; 3], b: [f64; 3]) -> impl Iterator<Item = usize> {
     (0..3).filter(move |&k| a[k] * b[k] * sign < 0.0)
 }
 
+/// The t and s with t d − s e = c.
+fn meeting(d: [f64; 2], e: [f64; 2], c: [f64; 2]) -> [f64; 2] {
+    let det = d[0] * e[1] - d[1] * e[0];
+    [
+        (c[0] * e[1] - c[1] * e[0]) / det,
+        (c[0] * d[1] - c[1] * d[0]) / det,
+    ]
+}
+
 /// Where two segments cross, as parts of both; none if they do not, or are parallel.
 fn crossing(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     let [d, e] = [a, b].map(|x| [x[1][0] - x[0][0], x[1][1] - x[0][1]]);
-    let c = [b[0][0] - a[0][0], b[0][1] - a[0][1]];
-    let det = d[0] * e[1] - d[1] * e[0];
-    let t = (c[0] * e[1] - c[1] * e[0]) / det;
-    let s = (c[0] * d[1] - c[1] * d[0]) / det;
+    let [t, s] = meeting(d, e, [b[0][0] - a[0][0], b[0][1] - a[0][1]]);
     let within = |x: f64| (-1e-9..=1.0 + 1e-9).contains(&x);
     (within(t) && within(s)).then_some([t, s])
-}
-
-fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
 impl Builder<'_> {
@@ -338,13 +331,14 @@ impl Builder<'_> {
         a: &Chord,
         b: &Chord,
     ) -> Option<[(f64, Spot); 2]> {
+        /// Half the step of difference quotients, in chords: Newton's method gains digits with them.
+        const STEP: f64 = 1e-4;
         let ends = [a, b].map(|c| [runs[c.run][c.at], runs[c.run][c.at + 1]]);
         let mut parts = crossing(a.ends, b.ends)?;
         let spot =
             |k: usize, t: f64| Spot::new(pairs.part(&ends[k][0].place, &ends[k][1].place, t)?);
         let which = [a.which, b.which];
-        let here = |s: &Spot, k: usize| place_in_plane(a.q, s.parameters[which[k]]);
-        const STEP: f64 = 1e-4;
+        let here = |s: &Spot, k: usize| place_beside(a.q, s.parameters[which[k]]);
         for _ in 0..20 {
             let spots = [spot(0, parts[0])?, spot(1, parts[1])?];
             let [x, y] = [here(&spots[0], 0), here(&spots[1], 1)];
@@ -361,13 +355,7 @@ impl Builder<'_> {
                 let (a, b) = (here(&a?, k), here(&b?, k));
                 Some([0, 1].map(|i| (b[i] - a[i]) / (2.0 * STEP)))
             };
-            let (d, e) = (slope(0)?, slope(1)?);
-            let c = [y[0] - x[0], y[1] - x[1]];
-            let det = d[0] * e[1] - d[1] * e[0];
-            let step = [
-                (c[0] * e[1] - c[1] * e[0]) / det,
-                (c[0] * d[1] - c[1] * d[0]) / det,
-            ];
+            let step = meeting(slope(0)?, slope(1)?, [y[0] - x[0], y[1] - x[1]]);
             for k in 0..2 {
                 parts[k] += step[k];
                 if !(-0.5..=1.5).contains(&parts[k]) {
@@ -384,7 +372,7 @@ impl Builder<'_> {
         let mut vertices: Vec<(usize, [f64; 2], usize, usize)> = Vec::new();
         for (k, spot) in spots.iter().enumerate() {
             for which in 0..2 {
-                let places = (0..4).map(|q| (q, place_of(q, spot.parameters[which])));
+                let places = (0..4).map(|q| (q, place_on(q, spot.parameters[which])));
                 vertices.extend(places.filter_map(|(q, at)| Some((q, at?, k, which))));
             }
         }
@@ -423,16 +411,18 @@ impl Builder<'_> {
             for spot in run {
                 let p = spot.parameters[which];
                 for q in 0..4 {
-                    let Some(at) = place_of(q, p) else { continue };
-                    gluing.name_class(key(self.name_of(q, at, p), q, at), spot.class);
+                    let Some(at) = place_on(q, p) else { continue };
+                    gluing.name_class(key(self.name_of(q, p, at), q, at), spot.class);
+                    if let Some((side, x)) = side_of(p, at) {
+                        add_place(sides, sides_of(q)[side], x);
+                    }
                 }
-                self.put_on_side(p, sides);
             }
             for w in run.windows(2) {
                 match common(w[0].parameters[which], w[1].parameters[which]) {
                     Some((q, ends)) => {
                         let node = |k: usize| {
-                            let name = self.name_of(q, ends[k], w[k].parameters[which]);
+                            let name = self.name_of(q, w[k].parameters[which], ends[k]);
                             Node {
                                 name,
                                 ..Node::inner(ends[k], w[k].faces)
@@ -446,28 +436,6 @@ impl Builder<'_> {
         }
         failed
     }
-    fn name_of(&self, q: usize, at: [f64; 2], p: [f64; 3]) -> Name {
-        match p.iter().position(|&x| x == 0.0) {
-            Some(0) => self.name_on(q, 0, at[1]),
-            Some(side) => self.name_on(q, side, at[0]),
-            None => Name::Inner,
-        }
-    }
-    fn put_on_side(&self, p: [f64; 3], sides: &mut Sides) {
-        let Some(side) = p.iter().position(|&x| x == 0.0) else {
-            return;
-        };
-        let Some((q, at)) = (0..4).find_map(|q| Some((q, place_of(q, p)?))) else {
-            return;
-        };
-        let x = if side == 0 { at[1] } else { at[0] };
-        let places = sides.entry(sides_of(q)[side]).or_default();
-        let k = places.partition_point(|p| p.0 < x);
-        if k > 0 && places.get(k).is_some_and(|p| p.0 != x) {
-            places.insert(k, (x, places[k - 1].1));
-        }
-    }
-
     /// Makes vertices of the curves of the box's faces where arcs end in them; how often that
     /// failed.
     fn put_ends(&self, gluing: &mut Gluing, runs: &[Vec<Spot>]) -> usize {
@@ -482,7 +450,7 @@ impl Builder<'_> {
                 continue;
             }
             let found = (0..4).find_map(|q| {
-                let at = place_of(q, p)?;
+                let at = place_on(q, p)?;
                 Some((self.arc_at(q, at, spot.faces)?, at))
             });
             match found {
@@ -533,14 +501,4 @@ impl Builder<'_> {
             .min_by(|a, b| a.0.total_cmp(&b.0))?;
         (off < 1e-7).then_some((q, slab, i))
     }
-}
-
-/// Where a parameter is in the plane of a unit triangle, be it outside of it.
-fn place_in_plane(q: usize, p: [f64; 3]) -> [f64; 2] {
-    let at = |u: f64, v: f64| in_plane(q, [u, v]);
-    // (s : t : w) = (± u : ± v : 1 − u − v).
-    let [s, t] = [at(1.0, 0.0)[0], at(0.0, 1.0)[1]];
-    let y = [s * p[0], t * p[1], p[2]];
-    let sum: f64 = y.iter().sum();
-    [y[0] / sum, y[1] / sum]
 }

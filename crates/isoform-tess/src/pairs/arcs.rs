@@ -2,8 +2,8 @@
 
 use super::real::{Condition, Place, REAL, RealPair, dot7};
 use super::section::Expected;
-use super::{Pair, Pairs, Plane, between};
-use crate::complex::{C, Stream, length, normalised, real_line};
+use super::{Pair, Pairs, between};
+use crate::complex::{C, Plane, Stream, length, normalised, real_line, real_plane};
 use crate::univariate::{Stopped, check};
 use isoform_geom::{distance_to_segment, dot, norm};
 
@@ -303,6 +303,11 @@ pub(crate) struct Arcs {
 }
 
 impl Arcs {
+    /// The arc of a pair, and the place before it.
+    fn find(&self, pair: &Pair) -> Option<(usize, usize)> {
+        let mut arcs = self.arcs.iter().enumerate();
+        arcs.find_map(|(k, arc)| Some((k, arc.find(pair)?)))
+    }
     /// Whether a real parameter leads to a point of a pair of conjugate ones, somewhere.
     pub(crate) fn is_any_covered(&self) -> bool {
         self.arcs.iter().flat_map(|a| &a.covered).any(|c| c.1)
@@ -391,36 +396,35 @@ pub(crate) fn arcs(
         found.lost += 1;
         return Ok(found);
     }
-    let mut planes: Vec<(bool, [f64; 4])> = Vec::new();
-    for i in 0..3 {
-        for side in [-1.0, 1.0] {
-            let mut plane = [0.0; 4];
-            plane[i] = 1.0;
-            plane[3] = -side;
-            planes.push((true, plane));
+    let from_general =
+        |plane: &Plane, stream: &mut _| pairs.section(&general, &section.pairs, plane, stream);
+    for k in 0..6 {
+        check(stop)?;
+        let mut normal = [0.0; 3];
+        normal[k / 2] = 1.0;
+        let face = real_plane(normal, [-1.0, 1.0][k % 2]);
+        let mut here = from_general(&face, &mut stream);
+        if !here.is_complete {
+            here = from_general(&face, &mut stream);
         }
-    }
-    let size = norm(NORMAL);
-    for k in 0..SLICES {
-        let offset = 3f64.sqrt() * ((2 * k + 1) as f64 / SLICES as f64 - 1.0 + 0.013);
-        let [x, y, z] = NORMAL.map(|x| x / size);
-        planes.push((false, [x, y, z, -offset]));
+        found.lost += usize::from(!here.is_complete);
+        look(pairs, &here.pairs, true, fine, &mut found);
     }
     let mut before: Option<(Plane, Vec<Pair>)> = None;
-    for (is_face, real) in planes {
+    for k in 0..SLICES {
         check(stop)?;
-        let plane = real.map(|x| C::new(x, 0.0));
-        let here = match before.as_ref().filter(|_| !is_face) {
-            Some((from, known)) => pairs.section(from, known, &plane, &mut stream),
-            None => pairs.section(&general, &section.pairs, &plane, &mut stream),
-        };
-        let here = match here.is_complete {
-            true => here,
-            false => pairs.section(&general, &section.pairs, &plane, &mut stream),
-        };
+        let offset = 3f64.sqrt() * ((2 * k + 1) as f64 / SLICES as f64 - 1.0 + 0.013);
+        let plane = real_plane(NORMAL.map(|x| x / norm(NORMAL)), offset);
+        let here = before
+            .as_ref()
+            .map(|(from, known)| pairs.section(from, known, &plane, &mut stream));
+        let mut here = here.unwrap_or_else(|| from_general(&plane, &mut stream));
+        if !here.is_complete {
+            here = from_general(&plane, &mut stream);
+        }
         found.lost += usize::from(!here.is_complete);
-        look(pairs, &here.pairs, is_face, fine, &mut found);
-        if let Some((from, known)) = before.as_ref().filter(|_| !is_face) {
+        look(pairs, &here.pairs, false, fine, &mut found);
+        if let Some((from, known)) = &before {
             look_between(pairs, [from, &plane], known, fine, &mut found);
         }
         before = (here.is_complete && here.outside == 0).then_some((plane, here.pairs));
@@ -451,8 +455,7 @@ fn look_between(
         let Some(place) = place.filter(Place::is_inside) else {
             continue;
         };
-        let here = place.pair.complex();
-        if found.arcs.iter().all(|arc| arc.find(&here).is_none()) {
+        if found.find(&place.pair.complex()).is_none() {
             let arc = pairs.both_ways(&place, fine, &mut found.lost);
             found.arcs.push(arc);
         }
@@ -483,26 +486,20 @@ fn look(pairs: &Pairs, section: &[Pair], is_face: bool, fine: Fineness, found: &
         let others: Vec<&Pair> = section
             .iter()
             .filter(|o| o.distance(pair) > 1e-6)
-            .filter(|o| same_image(&pairs.parts(o).even, &place.image))
+            .filter(|o| same_image(&pairs.parts(o).even.value, &place.image))
             .collect();
         let covered = others.iter().any(|other| {
             let parameters = other.parameters().map(|p| normalised(&p));
             parameters.iter().any(|p| length(&real_line(p)) < REAL)
         });
-        if let Some((k, at)) = found
-            .arcs
-            .iter()
-            .enumerate()
-            .find_map(|(k, arc)| Some((k, arc.find(pair)?)))
-        {
+        if let Some((k, at)) = found.find(pair) {
             found.arcs[k].covered.push((at, covered));
             continue;
         }
         let mut arc = pairs.both_ways(&place, fine, &mut found.lost);
         let at = arc.find(pair).unwrap_or(0);
         arc.covered.push((at, covered));
-        let is_known = |other: &&Pair| found.arcs.iter().any(|arc| arc.find(other).is_some());
-        arc.is_repeated = others.iter().any(is_known);
+        arc.is_repeated = others.iter().any(|other| found.find(other).is_some());
         found.arcs.push(arc);
     }
 }

@@ -1,7 +1,9 @@
 //! Pairs with real images: of real parameters, or of conjugate ones.
 
-use super::{Pair, Pairs, solve, turn};
-use crate::complex::{C, V, conj, distance, dot, length, normalised, real_line, real_point};
+use super::{Pair, Pairs, Parts, solve, turn};
+use crate::complex::{
+    self, C, V, conj, distance, largest, length, normalised, real_line, real_point,
+};
 use isoform_geom::norm;
 
 /// A pair of real parameters (λ ≥ 0), or of conjugate ones, with a real image.
@@ -35,18 +37,19 @@ impl RealPair {
             l: C::new(self.l, 0.0),
         }
     }
-    pub(super) fn of(p: [f64; 3], q: [f64; 3], sign: f64, is_opposed: bool) -> Self {
+    /// The pair of two real vectors.
+    fn of(p: [f64; 3], q: [f64; 3], is_opposed: bool) -> Self {
         let m = [0, 1, 2].map(|i| 0.5 * (p[i] + q[i]));
         let e = [0, 1, 2].map(|i| 0.5 * (p[i] - q[i]));
         Self {
             m,
             e,
-            l: sign,
+            l: 1.0,
             is_opposed,
         }
         .scaled()
     }
-    pub(super) fn scaled(&self) -> Self {
+    fn scaled(&self) -> Self {
         let (m, e) = (norm(self.m), norm(self.e));
         Self {
             m: self.m.map(|x| x / m),
@@ -110,46 +113,20 @@ pub(super) enum Condition {
 }
 
 impl Pairs {
-    /// The real form of the equations at a pair, with an empty fourth row, and the image.
-    pub(super) fn real_rows(
-        &self,
-        x: &RealPair,
-        plane: Option<&[f64; 4]>,
-    ) -> ([[C; 8]; 7], [f64; 4]) {
+    /// The real form of the equations at a pair, with the row of a plane or an empty one as the fourth,
+    /// and the image.
+    fn real_rows(&self, x: &RealPair, plane: Option<&[f64; 4]>) -> ([[C; 8]; 7], [f64; 4]) {
         let pair = x.complex();
-        let parts = self.parts(&pair);
-        if x.is_opposed {
-            // E = 0: its derivatives by e and λ are λ ∂O/∂m and half of that by e.
-            let odd = parts.odd;
-            let by_e = parts.odd_by_m.map(|row| row.map(|c| c * pair.l));
-            let by_l = parts.odd_by_m.map(|row| dot(&row, &pair.e).times(0.5));
-            let mut rows = self.rows(&pair, &parts);
-            for i in 0..4 {
-                for k in 0..3 {
-                    rows[i][k] = parts.even_by_m[i][k];
-                    rows[i][3 + k] = by_e[i][k];
-                }
-                rows[i][6] = by_l[i];
-                rows[i][7] = -parts.even[i];
-            }
-            if let Some(plane) = plane {
-                for i in 0..4 {
-                    let c = C::new(plane[i], 0.0);
-                    for k in 0..3 {
-                        rows[4][k] = rows[4][k] + c * parts.odd_by_m[i][k];
-                        rows[4][3 + k] = rows[4][3 + k] + c * parts.even_by_m[i][k];
-                    }
-                    rows[4][6] = rows[4][6] + c * parts.odd_by_l[i];
-                    rows[4][7] = rows[4][7] - c * odd[i];
-                }
-            }
-            return (rows, unit(odd.map(|c| c.re)));
-        }
-        let mut rows = self.rows(&pair, &parts);
+        let Parts { even, odd } = self.parts(&pair);
+        let (zero, image) = match x.is_opposed {
+            true => (even, odd),
+            false => (odd, even),
+        };
+        let mut rows = self.rows(&pair, &zero);
         if let Some(plane) = plane {
-            rows[4] = self.plane_row(&pair, &parts, &plane.map(|x| C::new(x, 0.0)));
+            rows[4] = Self::plane_row(&image, &plane.map(|x| C::new(x, 0.0)));
         }
-        (rows, unit(parts.even.map(|c| c.re)))
+        (rows, unit(image.value.map(|c| c.re)))
     }
 
     /// The place near to a pair that meets a condition, and the length of the first step.
@@ -209,7 +186,7 @@ impl Pairs {
     }
 
     /// The direction of the solutions, of either sign.
-    pub(super) fn tangent(&self, x: &RealPair) -> Option<[f64; 7]> {
+    fn tangent(&self, x: &RealPair) -> Option<[f64; 7]> {
         let (rows, _) = self.real_rows(x, None);
         let mut best: Option<[f64; 7]> = None;
         for axis in 0..7 {
@@ -234,7 +211,7 @@ impl Pairs {
     /// The same pair with the signs, or phases, that belong to it.
     pub(super) fn righted(&self, place: &Place) -> Option<Place> {
         let is_right = match place.pair.real() {
-            Some([p, q]) => (0..3).map(|i| p[i] * q[i]).sum::<f64>() >= 0.0,
+            Some([p, q]) => isoform_geom::dot(p, q) >= 0.0,
             None => place.pair.l > -1.1,
         };
         if is_right {
@@ -249,9 +226,9 @@ impl Pairs {
         let x = match place.pair.real() {
             Some([p, q]) => {
                 let is_opposed = place.pair.is_opposed != (self.degree % 2 == 1);
-                RealPair::of(p, q.map(|c| -c), 1.0, is_opposed)
+                RealPair::of(p, q.map(|c| -c), is_opposed)
             }
-            None => self.conjugates(&place.pair.complex().parameters()[0])?,
+            None => self.conjugates(&place.pair.complex().parameters()[0]),
         };
         if !x.l.is_finite() {
             return Some(*place);
@@ -281,29 +258,25 @@ impl Pairs {
     }
     /// A parameter with a real image and its conjugate, with the phase that makes them as real as
     /// may be.
-    pub(super) fn conjugates(&self, p: &V) -> Option<RealPair> {
+    fn conjugates(&self, p: &V) -> RealPair {
         let (f, _) = self.at(p);
-        let largest = f
-            .iter()
-            .copied()
-            .max_by(|a, b| a.norm2().total_cmp(&b.norm2()))?;
+        let largest = largest(&f);
         let n = self.degree as f64;
         let angle = -largest.im.atan2(largest.re) / n;
         let turned = (0..2 * self.degree).map(|k| {
             let phase = turn(angle + std::f64::consts::PI * k as f64 / n);
             p.map(|c| c * phase)
         });
-        let best = turned.max_by(|a, b| {
-            let size = |p: &V| p.iter().map(|c| c.re * c.re).sum::<f64>();
-            size(a).total_cmp(&size(b))
-        })?;
-        let pair = RealPair {
+        let size = |p: &V| p.iter().map(|c| c.re * c.re).sum::<f64>();
+        let best = turned.max_by(|a, b| size(a).total_cmp(&size(b)));
+        let best = best.expect("phases");
+        RealPair {
             m: best.map(|c| c.re),
             e: best.map(|c| c.im),
             l: -1.0,
             is_opposed: false,
-        };
-        Some(pair.scaled())
+        }
+        .scaled()
     }
 
     /// The place of a pair in a section, if it is one of real or of conjugate parameters.
@@ -317,7 +290,7 @@ impl Pairs {
         let x = if is_real(&p) && is_real(&q) {
             self.of_real([p, q].map(|p| real_point(&p)))
         } else if distance(&p, &conj(&q)) < far {
-            self.conjugates(&p)?
+            self.conjugates(&p)
         } else {
             return None;
         };
@@ -327,15 +300,15 @@ impl Pairs {
     /// Two real parameters with one image, scaled for it.
     fn of_real(&self, [p, q]: [[f64; 3]; 2]) -> RealPair {
         let [f, g] = [p, q].map(|p| self.at(&p.map(|x| C::new(x, 0.0))).0);
-        let size = |f: &[C; 4]| f.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
+        let size = complex::norm::<4>;
         let product: f64 = (0..4).map(|i| f[i].re * g[i].re).sum();
         let scale = (size(&f) / size(&g)).powf(1.0 / self.degree as f64);
         let is_opposed = product < 0.0;
         if isoform_geom::dot(p, q) < 0.0 {
             let is_odd = self.degree % 2 == 1;
-            RealPair::of(p, q.map(|x| -x * scale), 1.0, is_opposed != is_odd)
+            RealPair::of(p, q.map(|x| -x * scale), is_opposed != is_odd)
         } else {
-            RealPair::of(p, q.map(|x| x * scale), 1.0, is_opposed)
+            RealPair::of(p, q.map(|x| x * scale), is_opposed)
         }
     }
 }
@@ -343,7 +316,7 @@ impl Pairs {
 /// The sine of the angle between conjugate parameters below which they are one.
 pub(super) const REAL: f64 = 1e-6;
 
-pub(super) fn unit(v: [f64; 4]) -> [f64; 4] {
+fn unit(v: [f64; 4]) -> [f64; 4] {
     let size = v.iter().map(|x| x * x).sum::<f64>().sqrt();
     v.map(|x| x / size)
 }

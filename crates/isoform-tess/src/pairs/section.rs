@@ -1,7 +1,7 @@
 //! All pairs in a plane of space.
 
-use super::{Pair, Pairs, Plane, between};
-use crate::complex::{C, Form, Monomials, Stream, V, distance, dot, normalised};
+use super::{Pair, Pairs, between};
+use crate::complex::{C, Form, Monomials, Plane, Stream, V, distance, dot, norm, normalised};
 use crate::univariate::{Stopped, check};
 use std::collections::BTreeMap;
 
@@ -85,7 +85,7 @@ impl Pairs {
             let mut sum = C::ZERO;
             let mut size = 0.0;
             for p in pairs {
-                let image = self.parts(&self.follow(&path, p).ok()?).even;
+                let image = self.parts(&self.follow(&path, p).ok()?).even.value;
                 let value = dot(&weights, &[image[0], image[1], image[2]]) * image[3].inverse();
                 sum = sum + value;
                 size += value.norm();
@@ -100,14 +100,13 @@ impl Pairs {
 
     /// Whether the image of a pair is not at infinity.
     fn is_finite(&self, pair: &Pair) -> bool {
-        let image = self.parts(pair).even;
-        let size = image.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
-        image[3].norm() > INFINITE * size
+        let image = self.parts(pair).even.value;
+        image[3].norm() > INFINITE * norm(&image)
     }
 
     /// Whether the image of a pair is outside of twice the box.
-    pub(super) fn is_far(&self, pair: &Pair) -> bool {
-        let image = self.parts(pair).even;
+    fn is_far(&self, pair: &Pair) -> bool {
+        let image = self.parts(pair).even.value;
         (0..3).any(|i| image[i].norm() > 2.0 * image[3].norm())
     }
 
@@ -177,8 +176,7 @@ impl Expected {
             for p in pair.parameters().map(|p| normalised(&p)) {
                 let on = self.curves.iter().position(|(form, degree)| {
                     let (value, slope) = form.eval(&Monomials::new(&p, *degree));
-                    let slope = slope.iter().map(|c| c.norm2()).sum::<f64>().sqrt();
-                    value.norm() <= OFF * slope
+                    value.norm() <= OFF * norm(&slope)
                 });
                 match on {
                     Some(k) => has_any[k] = true,
