@@ -574,7 +574,7 @@ fn ranges_of(
 }
 
 /// How many numbers of each two of n curves and the sides may be equal, and for each number the
-/// group of those that it may be equal to.
+/// group of those that it may be equal to. Roots of one curve differ, but may still touch.
 fn meetings_of(all: &[Origin], ranges: &[(RBig, RBig)], n: usize) -> (Vec<Vec<usize>>, Vec<usize>) {
     let which = |o: &Origin| match *o {
         Origin::Root { curve, .. } => curve,
@@ -587,7 +587,7 @@ fn meetings_of(all: &[Origin], ranges: &[(RBig, RBig)], n: usize) -> (Vec<Vec<us
         for b in 0..a {
             let (x, y) = (which(&all[a]), which(&all[b]));
             let (j, k) = (x.min(y), x.max(y));
-            if j != k && ranges[a].0 <= ranges[b].1 && ranges[b].0 <= ranges[a].1 {
+            if ranges[a].0 <= ranges[b].1 && ranges[b].0 <= ranges[a].1 {
                 meetings[j][k] += 1;
                 let (from, to) = (group[a], group[b]);
                 group
