@@ -28,6 +28,10 @@ const MOST_TRIANGLES: usize = 400_000;
 /// The share of a time limit that the phases named in [`Budget::seconds`] may take: triangles come
 /// after them, and take less.
 const EXACT_SHARE: f64 = 0.6;
+/// The seconds of these phases without a time limit: surfaces that take longer mostly take hours,
+/// and are drawn without what would be found then. With less, surfaces of degree 8 are cut off on
+/// slow machines; with twice as much, a glued surface may take more than two minutes.
+const EXACT_SECONDS: f64 = 60.0;
 
 /// Triangulates a rational parametric surface in a box
 #[derive(clap::Args)]
@@ -382,7 +386,7 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
     let seconds = context
         .global
         .time_limit
-        .map_or(f64::INFINITY, |t| EXACT_SHARE * t.as_secs_f64());
+        .map_or(EXACT_SECONDS, |t| EXACT_SHARE * t.as_secs_f64());
     let options = TriangulateOptions {
         half_width: half_width.exact.clone(),
         domain: domain.cloned(),
