@@ -199,23 +199,23 @@ impl Given<'_> {
     /// at infinity, and not drawn, need not be counted.
     fn expected(&self) -> Option<Expected> {
         let (analysis, singular) = (self.analysis, self.singular);
-        let is_ramified = |c: &SingularCurve| matches!(c.kind, CurveKind::Ramified);
-        if singular.curves.iter().any(is_ramified) {
-            return None;
-        }
+        let is_ramified = |c: &&SingularCurve| matches!(c.kind, CurveKind::Ramified);
         let is_free = analysis.degrees.is_some_and(|d| d.base_multiplicity == 0);
         if is_free && singular.double.is_some() {
-            let w = &self.map.forms()[3];
-            let is_finite = |c: &&SingularCurve| {
-                matches!(c.kind, CurveKind::Double) && !w.is_multiple_of(&c.curve)
-            };
-            let curves = singular.curves.iter().filter(is_finite);
+            if self.finite_curves().any(|c| is_ramified(&c)) {
+                return None;
+            }
+            let is_double = |c: &&SingularCurve| matches!(c.kind, CurveKind::Double);
+            let curves = self.finite_curves().filter(is_double);
             let degree: usize = curves.map(|c| c.curve.total_degree()).sum();
             return Some(Expected {
                 parameters: degree * self.map.degree(),
                 is_finite: true,
                 curves: Vec::new(),
             });
+        }
+        if singular.curves.iter().any(|c| is_ramified(&c)) {
+            return None;
         }
         Some(Expected {
             parameters: analysis.double_section?,
@@ -235,11 +235,9 @@ impl Given<'_> {
         if self.singular.double.is_none() || !base_points.all(|b| is_simple(&b.seam)) {
             return None;
         }
-        let w = &self.map.forms()[3];
         let mut found = Vec::new();
-        for c in &self.singular.curves {
+        for c in self.finite_curves() {
             match c.kind {
-                _ if w.is_multiple_of(&c.curve) => {}
                 CurveKind::Double if c.in_double == Some(1) => {
                     let [terms] = rounded([&c.curve]);
                     found.push((Form::new(terms), c.curve.total_degree()));
@@ -254,14 +252,20 @@ impl Given<'_> {
     /// Whether arcs may stand for the double curve: if it is all that is special about a map, and of a
     /// high degree.
     fn may_stand(&self) -> bool {
-        let singular = self.singular;
         /// The degree of parameter curves from which their topology takes longer than to trace them:
         /// those of quadratic maps have 3, of general cubic ones 18.
         const HIGH: usize = 8;
         // More than two sheets meet, or they touch, along what D vanishes on more than once.
         let is_double =
             |c: &SingularCurve| matches!(c.kind, CurveKind::Double) && c.in_double == Some(1);
-        let degree: usize = singular.curves.iter().map(|c| c.curve.total_degree()).sum();
-        singular.curves.iter().all(is_double) && (degree > HIGH || singular.double.is_none())
+        let degree: usize = self.finite_curves().map(|c| c.curve.total_degree()).sum();
+        self.finite_curves().all(is_double) && (degree > HIGH || self.singular.double.is_none())
+    }
+
+    /// The singular curves but for those that the map sends to infinity, where nothing is drawn.
+    fn finite_curves(&self) -> impl Iterator<Item = &SingularCurve> {
+        let w = &self.map.forms()[3];
+        let is_finite = |c: &&SingularCurve| !w.is_multiple_of(&c.curve);
+        self.singular.curves.iter().filter(is_finite)
     }
 }

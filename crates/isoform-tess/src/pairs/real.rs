@@ -212,7 +212,11 @@ impl Pairs {
     pub(super) fn righted(&self, place: &Place) -> Option<Place> {
         let is_right = match place.pair.real() {
             Some([p, q]) => isoform_geom::dot(p, q) >= 0.0,
-            None => place.pair.l > -1.1,
+            None => {
+                let l = place.pair.l;
+                let best = || self.conjugates(&place.pair.complex().parameters()[0]).l;
+                l > NEARLY_REAL || l > MORE_REAL * best()
+            }
         };
         if is_right {
             Some(*place)
@@ -312,6 +316,12 @@ impl Pairs {
         }
     }
 }
+
+/// λ of conjugate parameters from which on they keep their phase: no other one makes them more real.
+const NEARLY_REAL: f64 = -0.1;
+/// How many times the least |λ| conjugate parameters may have before they get the phase of that: at
+/// a pinch point λ must come to 0. With 1 they would change to and fro.
+const MORE_REAL: f64 = 2.0;
 
 /// The sine of the angle between conjugate parameters below which they are one.
 pub(super) const REAL: f64 = 1e-6;
