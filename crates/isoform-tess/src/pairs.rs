@@ -446,6 +446,62 @@ mod tests {
         assert_eq!(found.real_parts().len(), 1);
     }
 
+    /// Conjugate parameters of an even degree have several phases for which their images are one: a
+    /// pinch point may come as λ = −1, e = ±m, where tracing must not turn back. Then two arcs would
+    /// end in one point of a face.
+    #[test]
+    fn arcs_end_apart() {
+        let map = map([
+            "1 + 3*t - 2*t^4 - 3*s*t^3 - 3*s^3 + 2*s^4",
+            "-2 - 2*t - 3*t^3 + 2*s*t",
+            "-3 + 3*t^2 + 3*t^4 + 2*s*t^3 - 3*s^2*t - 2*s^2*t^2 + 3*s^3*t",
+            "-2 - 3*t^3 - 3*s*t^3 + 3*s^2*t - 3*s^2*t^2 + 2*s^3",
+        ]);
+        // A general quartic map has 4 * 51 parameters in a plane.
+        let expected = with_parameters(204);
+        let found = arcs(&Pairs::new(&map, 3.0), FINE, &expected, &|| false).unwrap();
+        assert_eq!(found.lost, 0);
+        let mut ends: Vec<[f64; 3]> = Vec::new();
+        for arc in &found.arcs {
+            let places = [&arc.places[0], &arc.places[arc.places.len() - 1]];
+            ends.extend(places.map(Place::point));
+        }
+        for (k, p) in ends.iter().enumerate() {
+            let is_on_face = p.iter().any(|x| (x.abs() - 1.0).abs() < 1e-12);
+            assert!(is_on_face, "{p:?}");
+            for q in &ends[..k] {
+                let apart = isoform_geom::norm([0, 1, 2].map(|i| p[i] - q[i]));
+                assert!(apart > 1e-3, "{p:?} {q:?}");
+            }
+        }
+    }
+
+    /// At (0 : 1 : 0), which leads to (0, 0, −1), this map is like a cube: the branches of the curve
+    /// of pairs of cube roots of one number cross there, and tracing does not know which one goes
+    /// on.
+    #[test]
+    fn arcs_that_change_branches_are_lost() {
+        let map = map([
+            "-s + 2*s^3",
+            "-2*t - 2*s*t + 3*s*t^3 + s^2 + 2*s^3",
+            "1 - 3*t^4 - s*t + 2*s*t^2 + 2*s*t^3 - 3*s^3",
+            "3*t^4 + 3*s*t^2",
+        ]);
+        // Of degree 13, with a base point and two infinitely near ones: 13 * 9 + 3 * 4 - 3.
+        let expected = with_parameters(126);
+        let found = arcs(&Pairs::new(&map, 3.0), FINE, &expected, &|| false).unwrap();
+        assert!(!found.arcs.is_empty());
+        assert!(found.lost > 0);
+    }
+
+    /// What a plane holds of the pairs of a map.
+    fn with_parameters(parameters: usize) -> Expected {
+        Expected {
+            parameters,
+            ..Expected::default()
+        }
+    }
+
     /// A general map of degree n has a double curve of parameters of degree n³ − 4 n + 3, so that a
     /// general plane holds n (n³ − 4 n + 3) / 2 pairs (G. Salmon, *A Treatise on the Analytic
     /// Geometry of Three Dimensions*, on the surfaces of which the plane is an image).

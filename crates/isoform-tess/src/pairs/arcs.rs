@@ -69,6 +69,7 @@ impl Pairs {
 
     /// Follows an arc in the direction of its tangent: the places after it.
     fn trace(&self, start: &Place, fine: Fineness) -> (Vec<Place>, End) {
+        let forms = self.forms(start);
         let mut nodes = vec![*start];
         let mut step = 0.02f64;
         while nodes.len() < PLACES {
@@ -84,7 +85,7 @@ impl Pairs {
             };
             for next in way {
                 let last = nodes[nodes.len() - 1];
-                if nodes.len() > 2 && is_on_step(&start.pair.complex(), &last, &next) {
+                if nodes.len() > 2 && self.is_between(&forms, &last, &next) {
                     nodes.push(*start);
                     return (nodes, End::Closed);
                 }
@@ -243,6 +244,40 @@ impl Pairs {
         })
     }
 
+    /// Whether a pair, given by its forms, lies on an arc between two places next to each other,
+    /// whose tangents differ by little.
+    ///
+    /// Not by its parameters: these differ by the root of λ, which turns where λ comes to 0.
+    fn is_between(&self, forms: &[RealPair], a: &Place, b: &Place) -> bool {
+        /// How much longer the way over what is between two places may be than the straight one.
+        const DETOUR: f64 = 1.03;
+        /// What is longer is no step, but written in another form.
+        const LONG: f64 = 0.3;
+        /// How far from the arc a pair on it may be for rounding.
+        const OFF: f64 = 1e-6;
+        let (mut from, mut to) = (a.pair, b.pair);
+        if from.distance(&to) > LONG {
+            to = from.nearest(&self.forms(b));
+        }
+        if from.distance(&to) > LONG {
+            (from, to) = (b.pair.nearest(&self.forms(a)), b.pair);
+        }
+        let d = from.to(&to);
+        let length = from.distance(&to);
+        let is_near = |x: &RealPair| {
+            let detour = from.distance(x) + x.distance(&to);
+            detour <= DETOUR * length + 1e-9
+        };
+        // Others may be as near to a long step: the place beside the pair decides.
+        let is_on = |x: &RealPair| {
+            let t = dot7(&from.to(x), &d) / (length * length);
+            let here = self.correct(&from.moved(&d, t), &Condition::Across(d));
+            // Scaling has moved it along the arc.
+            length < OFF || here.is_none_or(|(here, _)| here.is_in_line(x, OFF))
+        };
+        forms.iter().any(|x| is_near(x) && is_on(x))
+    }
+
     fn pinch_between(&self, a: &Place, b: &Place) -> Option<Place> {
         let t = a.pair.l / (a.pair.l - b.pair.l);
         let d = a.pair.to(&b.pair);
@@ -253,12 +288,6 @@ impl Pairs {
             place
         })
     }
-}
-
-/// Whether a pair lies on the way from one place to the next, whose tangents differ by little.
-fn is_on_step(pair: &Pair, a: &Place, b: &Place) -> bool {
-    let (a, b) = (a.pair.complex(), b.pair.complex());
-    pair.distance(&a) + pair.distance(&b) <= 1.03 * a.distance(&b) + 1e-9
 }
 
 /// Places of an arc at most.
@@ -286,11 +315,11 @@ pub(crate) struct Arc {
 }
 
 impl Arc {
-    /// The place before a pair on it.
-    fn find(&self, pair: &Pair) -> Option<usize> {
+    /// The place before a pair on it, given by its forms.
+    fn find(&self, pairs: &Pairs, forms: &[RealPair]) -> Option<usize> {
         self.places
             .windows(2)
-            .position(|w| is_on_step(pair, &w[0], &w[1]))
+            .position(|w| pairs.is_between(forms, &w[0], &w[1]))
     }
 }
 
@@ -303,10 +332,32 @@ pub(crate) struct Arcs {
 }
 
 impl Arcs {
-    /// The arc of a pair, and the place before it.
-    fn find(&self, pair: &Pair) -> Option<(usize, usize)> {
+    /// How many arcs come over a place of their own, or of another one, once more.
+    ///
+    /// Where branches of the curve of pairs cross, as at a parameter where the map is like a cube,
+    /// tracing may change from one to another, and come back.
+    fn count_doubled(&self, pairs: &Pairs) -> usize {
+        /// Places of an arc that are looked at: what is doubled is so up to a crossing.
+        const LOOKS: usize = 12;
+        let is_doubled = |&k: &usize| {
+            let places = &self.arcs[k].places;
+            (0..LOOKS).any(|i| {
+                let at = places.len() * (2 * i + 1) / (2 * LOOKS);
+                let forms = pairs.forms(&places[at]);
+                let is_again = |(other, arc): (usize, &Arc)| {
+                    let elsewhere = |w: &usize| other != k || *w + 3 < at || *w > at + 2;
+                    let mut windows = arc.places.windows(2).enumerate();
+                    windows.any(|(w, x)| elsewhere(&w) && pairs.is_between(&forms, &x[0], &x[1]))
+                };
+                self.arcs.iter().enumerate().any(is_again)
+            })
+        };
+        (0..self.arcs.len()).filter(is_doubled).count()
+    }
+    /// The arc of a pair, given by its forms, and the place before it.
+    fn find(&self, pairs: &Pairs, forms: &[RealPair]) -> Option<(usize, usize)> {
         let mut arcs = self.arcs.iter().enumerate();
-        arcs.find_map(|(k, arc)| Some((k, arc.find(pair)?)))
+        arcs.find_map(|(k, arc)| Some((k, arc.find(pairs, forms)?)))
     }
     /// Whether a real parameter leads to a point of a pair of conjugate ones, somewhere.
     pub(crate) fn is_any_covered(&self) -> bool {
@@ -429,6 +480,7 @@ pub(crate) fn arcs(
         }
         before = (here.is_complete && here.outside == 0).then_some((plane, here.pairs));
     }
+    found.lost += found.count_doubled(pairs);
     Pairs::unite(&mut found.arcs);
     Ok(found)
 }
@@ -455,7 +507,7 @@ fn look_between(
         let Some(place) = place.filter(Place::is_inside) else {
             continue;
         };
-        if found.find(&place.pair.complex()).is_none() {
+        if found.find(pairs, &pairs.forms(&place)).is_none() {
             let arc = pairs.both_ways(&place, fine, &mut found.lost);
             found.arcs.push(arc);
         }
@@ -492,14 +544,16 @@ fn look(pairs: &Pairs, section: &[Pair], is_face: bool, fine: Fineness, found: &
             let parameters = other.parameters().map(|p| normalised(&p));
             parameters.iter().any(|p| length(&real_line(p)) < REAL)
         });
-        if let Some((k, at)) = found.find(pair) {
+        let forms = pairs.forms(&place);
+        if let Some((k, at)) = found.find(pairs, &forms) {
             found.arcs[k].covered.push((at, covered));
             continue;
         }
         let mut arc = pairs.both_ways(&place, fine, &mut found.lost);
-        let at = arc.find(pair).unwrap_or(0);
+        let at = arc.find(pairs, &forms).unwrap_or(0);
         arc.covered.push((at, covered));
-        arc.is_repeated = others.iter().any(|other| found.find(other).is_some());
+        let is_known = |place: Place| found.find(pairs, &pairs.forms(&place)).is_some();
+        arc.is_repeated = others.iter().any(|o| pairs.place(o).is_some_and(is_known));
         found.arcs.push(arc);
     }
 }

@@ -76,6 +76,19 @@ impl RealPair {
         d[6] = other.l - self.l;
         d
     }
+    /// How far another one is, as it is written; infinitely far if its signs are not alike.
+    pub(super) fn distance(&self, other: &Self) -> f64 {
+        if self.is_opposed != other.is_opposed {
+            return f64::INFINITY;
+        }
+        let d = self.to(other);
+        dot7(&d, &d).sqrt()
+    }
+    /// The nearest one of some.
+    pub(super) fn nearest(&self, forms: &[Self]) -> Self {
+        let by_distance = |a: &&Self, b: &&Self| self.distance(a).total_cmp(&self.distance(b));
+        *forms.iter().min_by(by_distance).expect("forms of a pair")
+    }
     /// Whether the forms all but vanish at one of the parameters, beside their values at the other
     /// one, for a map of a degree.
     pub(super) fn is_at_base_point(&self, degree: usize) -> bool {
@@ -260,27 +273,52 @@ impl Pairs {
             image: here,
         })
     }
+    /// The ways to write a pair in which arcs may have it: with both signs of m and of e, and of the
+    /// second parameter, or all phases of conjugate ones.
+    pub(super) fn forms(&self, place: &Place) -> Vec<RealPair> {
+        let ways = match place.pair.real() {
+            Some(_) => {
+                let flipped = self.flipped(place).map(|p| p.pair);
+                [Some(place.pair), flipped].into_iter().flatten().collect()
+            }
+            None => self.phases(&place.pair.complex().parameters()[0]),
+        };
+        let signs = [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)];
+        let signed = |x: RealPair| {
+            signs.map(|(sign_of_m, sign_of_e)| RealPair {
+                m: x.m.map(|c| sign_of_m * c),
+                e: x.e.map(|c| sign_of_e * c),
+                ..x
+            })
+        };
+        ways.into_iter().flat_map(signed).collect()
+    }
+
     /// A parameter with a real image and its conjugate, with the phase that makes them as real as
     /// may be.
     fn conjugates(&self, p: &V) -> RealPair {
+        let phases = self.phases(p).into_iter();
+        let best = phases.max_by(|a, b| a.l.total_cmp(&b.l));
+        best.expect("phases")
+    }
+    /// A parameter and its conjugate with all phases for which their images are one.
+    fn phases(&self, p: &V) -> Vec<RealPair> {
         let (f, _) = self.at(p);
         let largest = largest(&f);
         let n = self.degree as f64;
         let angle = -largest.im.atan2(largest.re) / n;
-        let turned = (0..2 * self.degree).map(|k| {
+        let turned = |k: usize| {
             let phase = turn(angle + std::f64::consts::PI * k as f64 / n);
-            p.map(|c| c * phase)
-        });
-        let size = |p: &V| p.iter().map(|c| c.re * c.re).sum::<f64>();
-        let best = turned.max_by(|a, b| size(a).total_cmp(&size(b)));
-        let best = best.expect("phases");
-        RealPair {
-            m: best.map(|c| c.re),
-            e: best.map(|c| c.im),
-            l: -1.0,
-            is_opposed: false,
-        }
-        .scaled()
+            let p = p.map(|c| c * phase);
+            RealPair {
+                m: p.map(|c| c.re),
+                e: p.map(|c| c.im),
+                l: -1.0,
+                is_opposed: false,
+            }
+            .scaled()
+        };
+        (0..self.degree).map(turned).collect()
     }
 
     /// The place of a pair in a section, if it is one of real or of conjugate parameters.
@@ -338,6 +376,13 @@ impl Place {
     /// In half-widths.
     pub(crate) fn point(&self) -> [f64; 3] {
         [0, 1, 2].map(|i| self.image[i] / self.image[3])
+    }
+    /// Whether a pair that is near is not farther from the tangent.
+    pub(super) fn is_in_line(&self, pair: &RealPair, far: f64) -> bool {
+        let d = self.pair.to(pair);
+        let along = dot7(&d, &self.tangent);
+        let across: [f64; 7] = std::array::from_fn(|i| d[i] - along * self.tangent[i]);
+        dot7(&across, &across).sqrt() < far && along.abs() < far.sqrt()
     }
     pub(super) fn turned(&self) -> Self {
         Self {
