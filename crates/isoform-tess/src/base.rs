@@ -44,6 +44,18 @@ impl BinaryForm {
         }
         Algebraic::new(first.field(), first.root(), value)
     }
+    /// The sum with a multiple of a form of one degree, in one field.
+    pub(crate) fn plus(&self, other: &Self, factor: &RBig) -> Self {
+        let sum = |(x, y): (&Algebraic, &Algebraic)| {
+            let element = x.element().add(&y.element().scaled(factor));
+            Algebraic::new(x.field(), x.root(), element)
+        };
+        Self {
+            coefficients: (self.coefficients.iter().zip(&other.coefficients))
+                .map(sum)
+                .collect(),
+        }
+    }
     /// The coefficients rounded to nearest.
     pub fn to_f64(&self) -> Vec<f64> {
         self.coefficients.iter().map(Algebraic::to_f64).collect()
@@ -78,6 +90,9 @@ pub struct Near {
     /// The direction (a : b): (1 : v) with the local coordinates (u, v) = (u′, u′(v + v′)), or (0 :
     /// 1) with (u′v′, v′).
     pub direction: [Algebraic; 2],
+    /// The generator of the field of the point that this is infinitely near to, in that of the
+    /// direction.
+    pub(crate) theta: Element,
     /// What the forms, divided by u′^q or v′^q, do there in the local coordinates (u′, v′).
     pub seam: Seam,
 }
@@ -178,7 +193,7 @@ pub fn base_multiplicity(map: &Map, stop: &dyn Fn() -> bool) -> Result<usize, St
 }
 
 /// Terms u^i v^j of a polynomial over a number field.
-type Local = BTreeMap<[usize; 2], Element>;
+pub(crate) type Local = BTreeMap<[usize; 2], Element>;
 
 /// A blow-up for a whole class of conjugate points.
 pub(crate) struct Class {
@@ -227,7 +242,7 @@ fn class_at(map: &Map, zero: &Zero, real: bool, stop: &dyn Fn() -> bool) -> Resu
 
 /// The terms up to degree `room` of a form in the local coordinates of a point, by Horner's rule in
 /// each of them.
-fn expand(form: &Poly, zero: &Zero, room: usize) -> Local {
+pub(crate) fn expand(form: &Poly, zero: &Zero, room: usize) -> Local {
     let ([u, v], one) = zero.chart.variables();
     let k = &zero.field;
     let mut result: Vec<Vec<Element>> = Vec::new();
@@ -382,7 +397,7 @@ fn blow_up(
 }
 
 /// u^i v^j becomes u′^(i+j−q)(v₀ + v′)^j.
-fn along_direction(
+pub(crate) fn along_direction(
     k: &NumberField,
     f: &Local,
     v0: &Element,
@@ -415,7 +430,7 @@ fn along_direction(
 }
 
 /// u^i v^j becomes u′^i v′^(i+j−q).
-fn across(f: &Local, q: usize) -> Local {
+pub(crate) fn across(f: &Local, q: usize) -> Local {
     f.iter()
         .map(|([i, j], c)| ([*i, i + j - q], c.clone()))
         .collect()
@@ -483,6 +498,7 @@ impl Class {
                         .map(|e| Algebraic::new(&below.class.field, above, e.clone()));
                     near.push(Near {
                         direction,
+                        theta: below.theta.clone(),
                         seam: below.class.at(above),
                     });
                 }

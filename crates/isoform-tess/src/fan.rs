@@ -13,14 +13,15 @@
 //! one exceptional line to the next, it passes the point in which the two meet: a corner, which
 //! belongs to both seams.
 
-use crate::base::{BasePoint, BinaryForm, Seam};
+use crate::base::{BasePoint, BinaryForm, Near, Seam};
 use crate::cover::Involution;
 use crate::field::{Algebraic, exact};
 use crate::finding::{Finding, Unopened};
 use crate::region::Region;
 use crate::surface::Point3;
+use crate::tangents::{real_zeros, tangent_form};
 use crate::univariate::Stopped;
-use isoform_algebra::{Poly, QUADRANTS, RBig, real_roots};
+use isoform_algebra::{Poly, QUADRANTS, RBig};
 use isoform_geom::{dot, sub};
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
@@ -102,6 +103,12 @@ enum Step {
 }
 
 impl Step {
+    fn to(near: &Near) -> Self {
+        match near.direction[0].is_zero() {
+            true => Self::Across,
+            false => Self::Along(near.direction[1].to_f64()),
+        }
+    }
     fn is_finite(self) -> bool {
         match self {
             Self::Along(v) => v.is_finite(),
@@ -151,23 +158,25 @@ pub(crate) struct Form {
 
 /// A seam with the blow-ups that lead to it, the axes that are exceptional lines, and the numbers
 /// of the seams near to it.
-type Found<'a> = (Vec<Step>, [bool; 2], &'a Seam, Vec<usize>);
+type Found<'a> = (Vec<&'a Near>, [bool; 2], &'a Seam, Vec<usize>);
 
 /// All seams of a base point with the blow-ups that lead to them, parents first.
-fn collect<'a>(seam: &'a Seam, chain: &[Step], exceptional: [bool; 2], found: &mut Vec<Found<'a>>) {
+fn collect<'a>(
+    seam: &'a Seam,
+    chain: &[&'a Near],
+    exceptional: [bool; 2],
+    found: &mut Vec<Found<'a>>,
+) {
     let place = found.len();
     found.push((chain.to_vec(), exceptional, seam, Vec::new()));
     for near in &seam.near {
-        let (step, exceptional) = match near.direction[0].is_zero() {
-            true => (Step::Across, [exceptional[0], true]),
-            false => (
-                Step::Along(near.direction[1].to_f64()),
-                [true, exceptional[1] && near.direction[1].is_zero()],
-            ),
+        let exceptional = match near.direction[0].is_zero() {
+            true => [exceptional[0], true],
+            false => [true, exceptional[1] && near.direction[1].is_zero()],
         };
         let child = found.len();
         found[place].3.push(child);
-        collect(&near.seam, &[chain, &[step]].concat(), exceptional, found);
+        collect(&near.seam, &[chain, &[near]].concat(), exceptional, found);
     }
 }
 
@@ -215,36 +224,6 @@ fn eval(form: &[f64], [a, b]: [f64; 2]) -> f64 {
         .enumerate()
         .map(|(j, c)| c * a.powi((d - j) as i32) * b.powi(j as i32))
         .sum()
-}
-
-/// The real zeros (a, b) of a binary form with these coefficients of aᵈ, aᵈ⁻¹b, …
-fn zeros(coefficients: &[RBig]) -> Vec<[f64; 2]> {
-    let terms = coefficients
-        .iter()
-        .enumerate()
-        .map(|(j, c)| ([j as u16, 0, 0, 0], c.clone()));
-    let mut found = Vec::new();
-    if let Some(p) = Poly::from_terms(terms).to_upoly(0).filter(|p| !p.is_zero()) {
-        found.extend(
-            real_roots(&p.squarefree_part())
-                .iter()
-                .map(|r| [1.0, r.to_f64()]),
-        );
-    }
-    if coefficients.last().is_some_and(RBig::is_zero) {
-        found.push([0.0, 1.0]);
-    }
-    found
-}
-
-/// The coefficients of a form, irrational ones rounded to doubles; nothing if one is too large for
-/// that.
-fn rationals(form: &BinaryForm) -> Option<Vec<RBig>> {
-    let number = |c: &Algebraic| match c.as_rational() {
-        Some(c) => Some(c),
-        None => RBig::try_from(c.to_f64()).ok(),
-    };
-    form.coefficients.iter().map(number).collect()
 }
 
 /// Whether a seam is in the box in a direction, exact for the direction rounded.
@@ -309,27 +288,19 @@ impl Fan {
             directions: Vec::new(),
             sectors: Vec::new(),
         };
-        let steps = all.iter().flat_map(|found| &found.0);
-        if !point.iter().all(|x| x.is_finite()) || steps.clone().any(|s| !s.is_finite()) {
+        let mut steps = all.iter().flat_map(|found| &found.0);
+        if !point.iter().all(|x| x.is_finite()) || steps.any(|near| !Step::to(near).is_finite()) {
             fan.problem = fan.left_open(Unopened::BeyondDoubles);
             return Ok(fan);
         }
         if all.len() > 1 {
-            fan.multiplicity = tangents(w_form, point, [u, v], one, &[]).0;
+            fan.multiplicity = tangent_form(base, &[], w_form, stop)?.degree();
         }
-        for (chain, exceptional, seam, children) in all {
+        for found in all {
             let place = fan.nodes.len();
+            let seam = found.2;
             let cover = Involution::of(&seam.curve, stop)?;
-            let marks = fan.marks(
-                base,
-                place,
-                &chain,
-                exceptional,
-                seam,
-                &children,
-                cover,
-                region,
-            );
+            let marks = fan.marks(base, place, &found, cover, region, stop)?;
             // Where other seams begin their vertices have other names.
             let begins = |k: usize| {
                 matches!(marks[k].1, Mark::Near(_))
@@ -348,7 +319,7 @@ impl Fan {
             let curve = seam.curve.each_ref().map(BinaryForm::to_f64);
             let constant = curve[0].len() == 1;
             fan.nodes.push(Node {
-                chain,
+                chain: found.0.iter().map(|near| Step::to(near)).collect(),
                 curve,
                 constant,
                 cover,
@@ -379,18 +350,15 @@ impl Fan {
     }
 
     /// What is in which direction of a node.
-    #[allow(clippy::too_many_arguments)]
     fn marks(
         &mut self,
         base: &BasePoint,
         node: usize,
-        chain: &[Step],
-        exceptional: [bool; 2],
-        seam: &Seam,
-        children: &[usize],
+        (chain, exceptional, seam, children): &Found,
         cover: Option<Involution>,
         region: &Region,
-    ) -> Vec<(Direction, Mark, bool)> {
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Vec<(Direction, Mark, bool)>, Stopped> {
         let mut marks: Vec<(Direction, Option<Mark>)> = Vec::new();
         let add_to = |marks: &mut Vec<(Direction, Option<Mark>)>,
                       at: [f64; 2],
@@ -433,35 +401,34 @@ impl Fan {
         }
         let [u, v] = self.variables;
         let lifts = [
-            chain.iter().all(|s| *s == Step::Across),
-            chain.iter().all(|s| *s == Step::Along(0.0)),
+            chain.iter().all(|near| Step::to(near) == Step::Across),
+            chain.iter().all(|near| Step::to(near) == Step::Along(0.0)),
         ];
         for (k, at, lifts) in [(u, [0.0, 1.0], lifts[0]), (v, [1.0, 0.0], lifts[1])] {
             if base.point[k].is_zero() && lifts {
                 add(at, 0, &[], None);
             }
         }
-        let forms: Option<Vec<Vec<RBig>>> = seam.curve.iter().map(rationals).collect();
-        if forms.is_none() {
+        let mut numbers = seam.curve.iter().flat_map(BinaryForm::to_f64);
+        if numbers.any(|c| !c.is_finite()) {
             self.problem = self.left_open(Unopened::BeyondDoubles);
         }
         let mut in_face = false;
-        for (face, forms) in (0..6).flat_map(|face| forms.iter().map(move |f| (face, f))) {
-            let (form, w) = (&forms[face / 2], &forms[3]);
+        for face in 0..6 {
             let b = if face % 2 == 0 {
                 region.half_width.clone()
             } else {
                 -region.half_width.clone()
             };
-            let sum: Vec<RBig> = form.iter().zip(w).map(|(x, w)| x + &b * w).collect();
-            if sum.iter().all(RBig::is_zero) {
+            let sum = seam.curve[face / 2].plus(&seam.curve[3], &b);
+            if sum.is_zero() {
                 in_face = true;
                 continue;
             }
             let factors: Vec<usize> = (0..region.factors.len())
                 .filter(|&f| region.faces[f].contains(&face))
                 .collect();
-            for at in zeros(&sum) {
+            for at in real_zeros(&sum, stop)? {
                 add(at, 1 << face, &factors, None);
             }
         }
@@ -473,15 +440,8 @@ impl Fan {
             .chain(region.folds())
             .filter(|&f| region.faces[f].is_empty())
         {
-            for at in tangents(
-                &region.factors[f],
-                self.point,
-                self.variables,
-                self.one,
-                chain,
-            )
-            .1
-            {
+            let form = tangent_form(base, chain, &region.factors[f], stop)?;
+            for at in real_zeros(&form, stop)? {
                 add(at, 0, &[f], None);
             }
         }
@@ -540,7 +500,7 @@ impl Fan {
             });
             found.push((d, mark, inside));
         }
-        found
+        Ok(found)
     }
 
     fn left_open(&self, why: Unopened) -> Option<Finding> {
@@ -1151,81 +1111,5 @@ impl Fan {
         let at = |x: f64, y: f64| [0, 1].map(|i| x * along[i] + y * beside[i]);
         let (p, q, r) = (at(low * wide, wide), at(high, wide), at(high, 0.0));
         (low * wide >= high || proof(form, [o, p, q], true)) && proof(form, [o, q, r], true)
-    }
-}
-
-/// The multiplicity of a point of a curve, after blow-ups, and the real tangents there: from its
-/// terms of least degree, which are known to rounding.
-fn tangents(
-    curve: &Poly,
-    point: [f64; 3],
-    [u, v]: [usize; 2],
-    one: usize,
-    chain: &[Step],
-) -> (usize, Vec<[f64; 2]>) {
-    let p = curve.dehomogenise(one);
-    let shift = |k: usize| Poly::var(k) + Poly::constant(exact(point[k]));
-    let mut local = p.substitute(u, &shift(u)).substitute(v, &shift(v));
-    for step in chain {
-        let (x, y) = (Poly::var(u), Poly::var(v));
-        let (moved, line) = match step {
-            Step::Along(v0) => (
-                local.substitute(v, &(&x * (Poly::constant(exact(*v0)) + y))),
-                x,
-            ),
-            Step::Across => (local.substitute(u, &(x * &y)), y),
-        };
-        local = moved;
-        while let Some(quotient) = local.div_exact(&line) {
-            local = quotient;
-        }
-    }
-    let size = local.to_f64().iter().map(|t| t.1.abs()).fold(0.0, f64::max);
-    for degree in 0..=local.total_degree() {
-        let part = local.homogeneous_part(degree);
-        if part.to_f64().iter().any(|t| t.1.abs() > 1e-9 * size) {
-            if degree == 0 {
-                return (0, Vec::new());
-            }
-            let coefficient = |j: usize| {
-                let mut e = [0u16; 4];
-                e[u] = (degree - j) as u16;
-                e[v] = j as u16;
-                let c = part.coefficient(e);
-                if c.to_f64().value().abs() > 1e-9 * size {
-                    c
-                } else {
-                    RBig::ZERO
-                }
-            };
-            return (
-                degree,
-                zeros(&(0..=degree).map(coefficient).collect::<Vec<_>>()),
-            );
-        }
-    }
-    (0, Vec::new())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::field::NumberField;
-    use isoform_algebra::UPoly;
-
-    /// √2 times a power of ten that no double is near to: not 0, which would put the seam elsewhere.
-    #[test]
-    fn coefficients_beyond_doubles_are_not_zero() {
-        let (field, root) = NumberField::new(&UPoly::from_i64(&[-2, 0, 1]));
-        let form = |exponent: usize| {
-            let power = (0..exponent).fold(RBig::ONE, |p, _| p * RBig::from(10));
-            let coefficient = Algebraic::new(&field, 0, root.scaled(&power));
-            BinaryForm {
-                coefficients: vec![coefficient],
-            }
-        };
-        assert_eq!(rationals(&form(400)), None);
-        let near = rationals(&form(300)).map(|c| c[0].to_f64().value());
-        assert_eq!(near, Some(-2f64.sqrt() * 1e300));
     }
 }

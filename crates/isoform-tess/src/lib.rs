@@ -43,6 +43,7 @@ mod region;
 mod residues;
 mod singular;
 mod surface;
+mod tangents;
 mod univariate;
 mod zeros;
 

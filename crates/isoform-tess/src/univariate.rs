@@ -47,7 +47,8 @@ pub(crate) fn trim(p: &mut Coefficients) {
     }
 }
 
-fn monic(k: &NumberField, p: &Coefficients) -> Coefficients {
+/// The multiple with the leading coefficient 1.
+pub(crate) fn monic(k: &NumberField, p: &Coefficients) -> Coefficients {
     let Some(lead) = p.last() else {
         return Vec::new();
     };

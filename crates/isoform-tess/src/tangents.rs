@@ -1,0 +1,214 @@
+//! The tangents of curves at base points, exactly, over the fields of these.
+
+use crate::base::{BasePoint, BinaryForm, Local, Near, across, along_direction, expand};
+use crate::field::{Algebraic, Element, NumberField};
+use crate::univariate::{self, Coefficients, Stopped, check};
+use crate::zeros::Zero;
+use isoform_algebra::{Poly, RBig, real_roots};
+use std::cmp::Ordering;
+use std::sync::Arc;
+
+/// The terms of least degree of a curve in the local coordinates of a base point, or of the last one
+/// of `chain`, each of which is infinitely near to the one before: without what vanishes on the
+/// exceptional lines. The degree is the multiplicity of the point on the curve, the zeros are the
+/// tangents.
+///
+/// # Errors
+/// [`Stopped`].
+pub(crate) fn tangent_form(
+    base: &BasePoint,
+    chain: &[&Near],
+    curve: &Poly,
+    stop: &dyn Fn() -> bool,
+) -> Result<BinaryForm, Stopped> {
+    let (variables, _) = base.chart.variables();
+    let first = &base.point[variables[0]];
+    let (mut field, mut root) = (Arc::clone(first.field()), first.root());
+    let zero = Zero {
+        chart: base.chart,
+        field: Arc::clone(&field),
+        at: variables.map(|k| base.point[k].element().clone()),
+    };
+    let whole = curve.total_degree();
+    let mut local = Local::new();
+    let mut room = if chain.is_empty() { 1 } else { whole };
+    // What is beyond the terms of least degree is not needed at the point itself.
+    while local.is_empty() {
+        check(stop)?;
+        local = expand(curve, &zero, room.min(whole));
+        assert!(!local.is_empty() || room < whole, "a curve has terms");
+        room *= 2;
+    }
+    for near in chain {
+        check(stop)?;
+        let order = order(&local);
+        let target = near.direction[0].field();
+        local = match near.direction[0].is_zero() {
+            true => across(&local, order),
+            false => {
+                let inside = |c: &Element| match Arc::ptr_eq(target, &field) {
+                    true => c.clone(),
+                    false => field.embed(c, target, &near.theta),
+                };
+                along_direction(target, &local, near.direction[1].element(), order, inside)
+            }
+        };
+        (field, root) = (Arc::clone(target), near.direction[0].root());
+    }
+    let order = order(&local);
+    let number = |j: usize| local.get(&[order - j, j]).cloned().unwrap_or_default();
+    let coefficients = (0..=order).map(|j| Algebraic::new(&field, root, number(j)));
+    Ok(BinaryForm {
+        coefficients: coefficients.collect(),
+    })
+}
+
+/// The least degree of the terms.
+fn order(local: &Local) -> usize {
+    let degrees = local.keys().map(|[i, j]| i + j);
+    degrees.min().expect("terms")
+}
+
+/// The real zeros (a, b) of a binary form that is not 0, each once: as many as there are, exactly,
+/// rounded.
+///
+/// # Errors
+/// [`Stopped`].
+pub(crate) fn real_zeros(
+    form: &BinaryForm,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<[f64; 2]>, Stopped> {
+    /// The bits of the coefficients at first: those of doubles, and some more.
+    const BITS: usize = 64;
+    let first = &form.coefficients[0];
+    let (k, root) = (first.field(), first.root());
+    let elements = form.coefficients.iter().map(|c| c.element().clone());
+    let mut p: Coefficients = elements.collect();
+    let is_vertical = p.last().is_some_and(Element::is_zero);
+    univariate::trim(&mut p);
+    let mut found = Vec::new();
+    if p.len() > 1 {
+        let p = univariate::squarefree_part(k, &p, stop)?;
+        let count = count_real_roots(k, root, &p, stop)?;
+        let mut bits = BITS;
+        // Simple roots stay real, and apart, if the coefficients change by little enough.
+        let roots = loop {
+            check(stop)?;
+            let number = |(j, c): (usize, &Element)| {
+                let (lo, hi) = Algebraic::new(k, root, c.clone()).interval(bits);
+                ([j as u16, 0, 0, 0], (lo + hi) / RBig::from(2))
+            };
+            let near = Poly::from_terms(p.iter().enumerate().map(number));
+            let roots = near.to_upoly(0).map(|p| real_roots(&p.squarefree_part()));
+            if let Some(roots) = roots.filter(|r| r.len() == count) {
+                break roots;
+            }
+            bits *= 2;
+        };
+        found.extend(roots.iter().map(|r| [1.0, r.to_f64()]));
+    }
+    if is_vertical {
+        found.push([0.0, 1.0]);
+    }
+    Ok(found)
+}
+
+/// How many real roots a squarefree polynomial has, by the theorem of Sturm.
+fn count_real_roots(
+    k: &Arc<NumberField>,
+    root: usize,
+    p: &Coefficients,
+    stop: &dyn Fn() -> bool,
+) -> Result<usize, Stopped> {
+    let derivative = (1..p.len()).map(|i| p[i].scaled(&RBig::from(i)));
+    let (mut before, mut here) = (p.clone(), derivative.collect::<Coefficients>());
+    // The signs at −∞ and +∞.
+    let signs = |p: &Coefficients| {
+        let lead = p.last().expect("a polynomial that is not 0");
+        let sign = Algebraic::new(k, root, lead.clone()).sign();
+        let is_odd = p.len().is_multiple_of(2);
+        [if is_odd { sign.reverse() } else { sign }, sign]
+    };
+    let mut changes = [0; 2];
+    let mut last: [Ordering; 2] = signs(&before);
+    while !here.is_empty() {
+        check(stop)?;
+        let now = signs(&here);
+        for i in 0..2 {
+            changes[i] += usize::from(now[i] != last[i]);
+        }
+        last = now;
+        let (_, rest) = univariate::divide(k, &before, &univariate::monic(k, &here));
+        before = std::mem::replace(&mut here, rest.iter().map(Element::negated).collect());
+    }
+    Ok(changes[0] - changes[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::base_points;
+    use crate::map::{Map, Options};
+    use isoform_algebra::UPoly;
+
+    fn never() -> bool {
+        false
+    }
+
+    /// √2 times a power of ten that no double is near to is not 0, and the zero is where it is.
+    #[test]
+    fn coefficients_beyond_doubles() {
+        let (field, root) = NumberField::new(&UPoly::from_i64(&[-2, 0, 1]));
+        let power = (0..400).fold(RBig::ONE, |p, _| p * RBig::from(10));
+        let at = |index: usize| {
+            let coefficients = [root.scaled(&power), Element::rational(&-&power)];
+            let number = |c: Element| Algebraic::new(&field, index, c);
+            BinaryForm {
+                coefficients: coefficients.map(number).to_vec(),
+            }
+        };
+        for (index, sign) in [(0, -1.0), (1, 1.0)] {
+            let found = real_zeros(&at(index), &never).unwrap();
+            assert_eq!(found, [[1.0, sign * 2f64.sqrt()]]);
+        }
+    }
+
+    /// (b − √3 a)² (b² + a²) a: one tangent twice, two that are not real, and the second axis. With
+    /// coefficients rounded the double one would be two or none.
+    #[test]
+    fn double_tangents_are_one() {
+        let (field, root) = NumberField::new(&UPoly::from_i64(&[-3, 0, 1]));
+        let n = |n: i64| Element::rational(&RBig::from(n));
+        // (3 − 2 √3 t + t²)(1 + t²), and nothing of t⁵.
+        let minus = root.scaled(&RBig::from(-2));
+        let terms = [n(3), minus.clone(), n(4), minus, n(1), Element::zero()];
+        let coefficients = terms.map(|c| Algebraic::new(&field, 1, c)).to_vec();
+        let found = real_zeros(&BinaryForm { coefficients }, &never).unwrap();
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert!((found[0][1] - 3f64.sqrt()).abs() < 1e-15);
+        assert_eq!(found[1], [0.0, 1.0]);
+    }
+
+    /// A curve with a cusp at (√2, 1/3): its tangent, twice; and once more blown up there.
+    #[test]
+    fn a_cusp_at_an_irrational_point() {
+        // All forms vanish at s = ±√2, t = 1/3.
+        let texts = ["s^2 - 2", "3*t - 1", "(s^2 - 2)*(3*t - 1)", "(s^2 - 2)^2"];
+        let map = Map::parse(texts, Options::default()).unwrap();
+        let cusp = "(s^2 - 2)^3 - (3*t - 1)^2";
+        let others = Map::parse(["1", "s", "t", cusp], Options::default()).unwrap();
+        let points = base_points(&map, &never).unwrap();
+        let [here] = points
+            .iter()
+            .filter(|p| p.to_f64()[0] > 1.0)
+            .collect::<Vec<_>>()[..]
+        else {
+            panic!("one base point with s = √2 in {points:?}");
+        };
+        let form = tangent_form(here, &[], &others.forms()[3], &never).unwrap();
+        assert_eq!(form.degree(), 2);
+        // −9 b², with b beside t = 1/3: the tangent is t = 1/3.
+        let found = real_zeros(&form, &never).unwrap();
+        assert_eq!(found, [[1.0, 0.0]]);
+    }
+}
