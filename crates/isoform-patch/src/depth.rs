@@ -15,7 +15,10 @@
 
 use crate::cells::halve_net;
 use crate::cover::side_by_side;
-use isoform_geom::{Aabb, Field, Point3, RationalPatch, cross, dot, norm, sub};
+use crate::feet::step_to_foot;
+use isoform_geom::{
+    Aabb, Field, Point3, RationalPatch, cross, distance_to_segment, dot, norm, sub,
+};
 use isoform_num::{Interval, Real};
 
 /// Pieces of a border are halved until they are this straight, in the depth asked for: less is
@@ -56,19 +59,8 @@ impl Piece {
     /// A lower bound of its distance from a point.
     fn distance(&self, p: Point3) -> f64 {
         let [a, b] = self.ends;
-        norm(sub(p, nearest_on(a, b, p))) - self.off
+        distance_to_segment(p, [a, b]) - self.off
     }
-}
-
-fn nearest_on(a: Point3, b: Point3, p: Point3) -> Point3 {
-    let along = sub(b, a);
-    let square = dot(along, along);
-    let t = if square > 0.0 {
-        (dot(sub(p, a), along) / square).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    std::array::from_fn(|k| a[k] + t * along[k])
 }
 
 /// The four borders of a patch with positive control weights.
@@ -102,7 +94,7 @@ fn divide(curve: Vec<[f64; 4]>, straight: f64, halvings: usize, pieces: &mut Vec
         .collect();
     let ends = [points[0], points[points.len() - 1]];
     let off = (points.iter())
-        .map(|p| norm(sub(*p, nearest_on(ends[0], ends[1], *p))))
+        .map(|p| distance_to_segment(*p, ends))
         .fold(0.0, f64::max);
     if off <= straight || halvings == MOST_HALVINGS {
         // Coordinates are rounded in each halving, and distances.
@@ -172,13 +164,9 @@ impl<'p> Sheet<'p> {
         let (mut u, mut v) = nearest.0;
         for _ in 0..STEPS {
             let t = self.patch.tangents(u, v);
-            let r = sub(p, t.point);
-            let (a, b, c) = (dot(t.u, t.u), dot(t.u, t.v), dot(t.v, t.v));
-            let (e, f) = (dot(t.u, r), dot(t.v, r));
-            let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
-            let (du, dv) = ((c * e - b * f) / determinant, (a * f - b * e) / determinant);
+            let (du, dv) = step_to_foot(&t, sub(p, t.point));
             (u, v) = ((u + du).clamp(0.0, 1.0), (v + dv).clamp(0.0, 1.0));
-            if du * du * a + dv * dv * c <= 1e-6 * reach * reach {
+            if du * du * dot(t.u, t.u) + dv * dv * dot(t.v, t.v) <= 1e-6 * reach * reach {
                 break;
             }
         }

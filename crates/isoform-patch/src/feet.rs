@@ -2,7 +2,7 @@
 
 use crate::cells::{Place, middle_of};
 use crate::surface::contains;
-use isoform_geom::{Aabb, Point3, RationalPatch, dot, norm, sub};
+use isoform_geom::{Aabb, Point3, RationalPatch, Tangents, dot, norm, sub};
 
 /// Cells of a patch in each direction, from whose middles feet of samples are sought,
 const GRID: usize = 32;
@@ -41,16 +41,12 @@ pub fn reached(patch: &RationalPatch, points: &[Point3], tolerance: f64) -> Vec<
 /// A box beyond which nothing is within a distance of a patch, whose control points span it where
 /// their weights are positive.
 fn beyond(patch: &RationalPatch, distance: f64) -> Aabb {
-    let mut all = Aabb::EMPTY;
-    if patch.control_weights().0 <= 0.0 {
+    let Some(all) = patch.control_box() else {
         return Aabb {
             lo: [f64::NEG_INFINITY; 3],
             hi: [f64::INFINITY; 3],
         };
-    }
-    for c in patch.control() {
-        all.add([c[0] / c[3], c[1] / c[3], c[2] / c[3]]);
-    }
+    };
     // Twice as much, as quotients are rounded.
     Aabb {
         lo: all.lo.map(|v| v - 2.0 * distance),
@@ -104,11 +100,18 @@ fn comes_to(patch: &RationalPatch, p: Point3, from: (f64, f64), tolerance: f64) 
         if dot(r, r) <= tolerance * tolerance {
             return true;
         }
-        let (a, b, c) = (dot(t.u, t.u), dot(t.u, t.v), dot(t.v, t.v));
-        let (e, f) = (dot(t.u, r), dot(t.v, r));
-        let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
-        u = (u + (c * e - b * f) / determinant).clamp(0.0, 1.0);
-        v = (v + (a * f - b * e) / determinant).clamp(0.0, 1.0);
+        let (du, dv) = step_to_foot(&t, r);
+        u = (u + du).clamp(0.0, 1.0);
+        v = (v + dv).clamp(0.0, 1.0);
     }
     false
+}
+
+/// A step of the method of Gauss and Newton towards the foot of a point, r away from where the
+/// patch has these tangents.
+pub(crate) fn step_to_foot(t: &Tangents, r: Point3) -> (f64, f64) {
+    let (a, b, c) = (dot(t.u, t.u), dot(t.u, t.v), dot(t.v, t.v));
+    let (e, f) = (dot(t.u, r), dot(t.v, r));
+    let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
+    ((c * e - b * f) / determinant, (a * f - b * e) / determinant)
 }
