@@ -130,9 +130,9 @@ impl Pairs {
         let mut end = None;
         if !next.is_inside() {
             (next, end) = (self.face_between(here, &next)?, Some(End::Face));
-            let d = here.pair.to(&next.pair);
-            if dot7(&d, &d) < ON_FACE * ON_FACE {
-                return Some((Vec::new(), end, error));
+            if here.pair.distance(&next.pair) < ON_FACE {
+                // The step may be so long that it leads in and out again.
+                return (!self.goes_in(here)).then_some((Vec::new(), end, error));
             }
         }
         let mut way = Vec::new();
@@ -152,6 +152,15 @@ impl Pairs {
             from = *to;
         }
         Some((way, end, error))
+    }
+
+    /// Whether an arc leads into the box from a place on a face.
+    fn goes_in(&self, here: &Place) -> bool {
+        /// How far on it is looked at: farther than rounding, and nearer than steps.
+        const LOOK: f64 = 1e-7;
+        let ahead = here.pair.moved(&here.tangent, LOOK);
+        let found = self.correct(&ahead, &Condition::Across(here.tangent));
+        found.is_some_and(|(place, _)| place.is_inside())
     }
 
     /// Where an arc first leaves the box between two places.
