@@ -502,6 +502,24 @@ mod tests {
         }
     }
 
+    /// (s, t) to (t, 0.99995 + 4 t² + s² − 1, s (s² − 1)): the parameters (±1, t) lead to a parabola of
+    /// which a piece of the length 0.007 is in the box, shorter than a step.
+    #[test]
+    fn an_arc_that_hardly_comes_into_the_box() {
+        let map = map(["t", "19999/20000 + 4*t^2 + s^2 - 1", "s^3 - s", "1"]);
+        let expected = Expected {
+            is_finite: true,
+            ..with_parameters(4)
+        };
+        let found = arcs(&Pairs::new(&map, 1.0), FINE, &expected, &|| false).unwrap();
+        assert_eq!((found.lost, found.arcs.len()), (0, 1));
+        let places = &found.arcs[0].places;
+        let [p, q] = [&places[0], &places[places.len() - 1]].map(Place::point);
+        let far = (0.00005f64 / 4.0).sqrt();
+        assert!((p[0].abs() - far).abs() < 1e-12 && (p[0] + q[0]).abs() < 1e-12);
+        assert!((p[1] - 1.0).abs() < 1e-12 && (q[1] - 1.0).abs() < 1e-12);
+    }
+
     /// A general map of degree n has a double curve of parameters of degree n³ − 4 n + 3, so that a
     /// general plane holds n (n³ − 4 n + 3) / 2 pairs (G. Salmon, *A Treatise on the Analytic
     /// Geometry of Three Dimensions*, on the surfaces of which the plane is an image).
