@@ -288,6 +288,48 @@ fn exact_patches_are_on_named_surfaces_in_step() {
     }
 }
 
+/// An ellipsoid with the half axes 0.5, 0.4 and 0.3 about (0.1, 0, -0.2), by its own numbers.
+#[test]
+fn quadrics_have_a_centre_axes_and_measures() {
+    let folder = Folder::new("parameterize-ellipsoid");
+    let formula = r#"{"F": "4*(x - 1/10)^2 + 25/4*y^2 + 100/9*(z + 1/5)^2 - 1"}"#;
+    let model = folder.file("ellipsoid.json", formula);
+    let (code, document) = parameterize(&model, &["--degree", "2,2", "--exact"]);
+    let entity = &document["patches"][0]["entity"];
+    assert_eq!(
+        (code, &entity["kind"]),
+        (0, &json!("ellipsoid")),
+        "{document}"
+    );
+    let numbers = |value: &Value| -> Vec<f64> {
+        let all = value.as_array().expect("numbers").iter();
+        all.map(|x| x.as_f64().expect("a number")).collect()
+    };
+    for (found, truth) in numbers(&entity["center"]).iter().zip([0.1, 0.0, -0.2]) {
+        assert!((found - truth).abs() < 1e-9, "{entity}");
+    }
+    let axes = entity["axes"].as_array().expect("axes");
+    for (axis, measure) in axes.iter().zip(numbers(&entity["measures"])) {
+        let along = numbers(axis).iter().position(|x| x.abs() > 1.0 - 1e-9);
+        let truth = [0.5, 0.4, 0.3][along.expect("an axis")];
+        assert!((measure - truth).abs() < 1e-9, "{entity}");
+    }
+}
+
+#[test]
+fn a_tolerance_below_rounding_is_named() {
+    let folder = Folder::new("parameterize-rounding");
+    let model = folder.file("sphere.json", SPHERE);
+    let why = |tolerance: &str| {
+        let (code, document) = parameterize(&model, &["--degree", "2,2", "--tol", tolerance]);
+        let why = document["error"]["why"].as_str().unwrap_or_default();
+        (code, why.to_owned())
+    };
+    let (code, text) = why("1e-30");
+    assert_eq!(code, 4);
+    assert!(text.contains("rounding"), "{text}");
+}
+
 #[test]
 fn figures_and_the_other_term() {
     let folder = Folder::new("parameterize-figure");

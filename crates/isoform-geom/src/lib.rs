@@ -26,5 +26,5 @@ pub use patch::{PatchError, RationalPatch, Tangents, bernstein};
 pub use point::{
     Aabb, Point3, across, cross, distance_squared, distance_to_segment, dot, norm, sub,
 };
-pub use quadric::Quadric;
+pub use quadric::{NormalForm, Quadric, QuadricKind};
 pub use solid::{Csg, OnePiece, Solid};

@@ -50,10 +50,12 @@ pub enum Quadric {
         minor: f64,
     },
     /// Another quadric Σ aᵢ mᵢ = 0 with the monomials x², y², z², xy, yz, zx, x, y, z, 1 in
-    /// coordinates about `center`, in units of `scale`.
+    /// coordinates about `origin`, in units of `scale`.
     Other {
-        /// Where the coordinates begin.
-        center: Point3,
+        /// Its kind and measures, if rounding does not hide them.
+        form: Option<NormalForm>,
+        /// Where the coordinates begin: near the patch that the quadric was found on.
+        origin: Point3,
         /// Their unit.
         scale: f64,
         /// a, of length 1.
@@ -70,7 +72,69 @@ impl Quadric {
             Self::Cylinder { .. } => "cylinder",
             Self::Cone { .. } => "cone",
             Self::Torus { .. } => "torus",
-            Self::Other { .. } => "quadric",
+            Self::Other { form, .. } => form.map_or("quadric", |f| f.kind.name()),
+        }
+    }
+}
+
+/// A quadric in coordinates x, y, z along its axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalForm {
+    /// Its equation.
+    pub kind: QuadricKind,
+    /// Where the axes meet: the centre, the apex of a cone, the vertex of a paraboloid; of a
+    /// cylinder a point of the line of these.
+    pub center: Point3,
+    /// The directions of x, y and z, of length 1 and at right angles.
+    pub axes: [Point3; 3],
+    /// a, b and c of the equation, as many as it has; else 0.
+    pub measures: [f64; 3],
+}
+
+/// The kinds of quadrics that are no spheres, and no cylinders or cones of revolution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum QuadricKind {
+    /// x²/a² + y²/b² + z²/c² = 1.
+    Ellipsoid,
+    /// x²/a² + y²/b² − z²/c² = 1.
+    HyperboloidOfOneSheet,
+    /// x²/a² + y²/b² − z²/c² = −1.
+    HyperboloidOfTwoSheets,
+    /// x²/a² + y²/b² = z², a and b without a unit.
+    EllipticCone,
+    /// x²/a² + y²/b² = 1.
+    EllipticCylinder,
+    /// x²/a² − y²/b² = 1.
+    HyperbolicCylinder,
+    /// x²/a = 2 z, with the radius of curvature a at the vertex.
+    ParabolicCylinder,
+    /// x²/a + y²/b = 2 z, with the radii of curvature a and b at the vertex.
+    EllipticParaboloid,
+    /// x²/a − y²/b = 2 z, with the radii of curvature a and b at the vertex.
+    HyperbolicParaboloid,
+}
+
+impl QuadricKind {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ellipsoid => "ellipsoid",
+            Self::HyperboloidOfOneSheet => "hyperboloid of one sheet",
+            Self::HyperboloidOfTwoSheets => "hyperboloid of two sheets",
+            Self::EllipticCone => "elliptic cone",
+            Self::EllipticCylinder => "elliptic cylinder",
+            Self::HyperbolicCylinder => "hyperbolic cylinder",
+            Self::ParabolicCylinder => "parabolic cylinder",
+            Self::EllipticParaboloid => "elliptic paraboloid",
+            Self::HyperbolicParaboloid => "hyperbolic paraboloid",
+        }
+    }
+    /// How many measures its equation has.
+    pub fn measures(self) -> usize {
+        match self {
+            Self::Ellipsoid | Self::HyperboloidOfOneSheet | Self::HyperboloidOfTwoSheets => 3,
+            Self::ParabolicCylinder => 1,
+            _ => 2,
         }
     }
 }

@@ -1,7 +1,10 @@
 //! The quadric, or torus, that an exact patch lies on, by its name.
 
+use crate::normal_form::Diagonal;
 use crate::torus::torus;
-use isoform_geom::{Point3, Quadric, RationalPatch, Tangents, dot, norm, sub};
+use isoform_geom::{
+    NormalForm, Point3, Quadric, QuadricKind, RationalPatch, Tangents, dot, norm, sub,
+};
 use isoform_num::linalg::symmetric_eigen;
 
 /// Samples in each direction.
@@ -91,8 +94,23 @@ pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
     let along: [f64; 3] = std::array::from_fn(|k| dot(vector(k), b));
     // Which eigenvalue stands alone; the other two are the same.
     let alone = (0..3).find(|&k| same((k + 1) % 3, (k + 2) % 3));
+    let equation = Diagonal {
+        values: [values[0], values[1], values[2]],
+        vectors: [0, 1, 2].map(vector),
+        along,
+        constant,
+    };
+    let form = equation.normal_form(SAME).map(|f| NormalForm {
+        center: global(f.center),
+        measures: match f.kind {
+            QuadricKind::EllipticCone => f.measures,
+            _ => f.measures.map(|m| scale * m),
+        },
+        ..f
+    });
     let other = Quadric::Other {
-        center,
+        form,
+        origin: center,
         scale,
         coefficients: a,
     };
@@ -291,7 +309,7 @@ mod tests {
         );
         assert_eq!(
             quadric(&saddle.expect("a patch")).map(|q| q.name()),
-            Some("quadric")
+            Some("hyperbolic paraboloid")
         );
     }
 }

@@ -1,7 +1,7 @@
 //! The documents of patches: their file, the trace, and what --json prints.
 
 use super::{Coverage, Made};
-use isoform::patch::{Grown, Inner, Method, Parameterized, Phase, Quadric};
+use isoform::patch::{Grown, Inner, Method, NormalForm, Parameterized, Phase, Quadric};
 use serde_json::{Map, Value, json};
 
 /// The file of the patches. The same each time.
@@ -177,11 +177,21 @@ fn entity(q: &Quadric) -> Value {
             json!({"kind": q.name(), "center": center, "axis": axis, "major_radius": major, "minor_radius": minor})
         }
         Quadric::Other {
-            center,
+            form,
+            origin,
             scale,
             coefficients,
         } => {
-            json!({"kind": q.name(), "center": center, "scale": scale, "coefficients": coefficients})
+            let measures = |f: &NormalForm| f.measures[..f.kind.measures()].to_vec();
+            json!({
+                "kind": q.name(),
+                "center": form.map(|f| f.center),
+                "axes": form.map(|f| f.axes),
+                "measures": form.as_ref().map(measures),
+                "origin": origin,
+                "scale": scale,
+                "coefficients": coefficients,
+            })
         }
     }
 }

@@ -29,6 +29,10 @@ const COVERED: f64 = 0.999;
 const SQUARES: u16 = 32;
 /// Patches of a cover unless another number is given.
 const MOST_PATCHES: usize = 1000;
+/// The distance, per size of coordinates, that rounding of a point leaves: a few units in the last
+/// place. With more, surfaces that are too curved for tiny tolerances would be told the wrong
+/// reason.
+const ROUNDING: f64 = 1e-15;
 
 /// Finds a rational patch as large as possible on the surface of a model
 #[derive(clap::Args)]
@@ -421,10 +425,19 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
             .somewhere(at)
             .why("the surface turns more sharply there than a patch of this degree follows")
             .hint("another --seed-point, or a smaller --tol"),
-        Error::NoPatch { at } => none("no-patch")
-            .somewhere(at)
-            .why("the surface is too curved, or not smooth, there")
-            .hint("another --seed-point"),
+        Error::NoPatch { at } => {
+            let failure = none("no-patch").somewhere(at);
+            let farthest = |m: f64, x: &f64| m.max(x.abs());
+            let size = at.iter().fold(options.region.diagonal(), farthest);
+            match options.tolerance.filter(|t| *t < ROUNDING * size) {
+                Some(_) => failure
+                    .why("the tolerance is below the rounding of coordinates there")
+                    .hint(format!("--tol {:.0e} or more", 10.0 * ROUNDING * size)),
+                None => failure
+                    .why("the surface is too curved, or not smooth, there")
+                    .hint("another --seed-point"),
+            }
+        }
     }
 }
 

@@ -133,6 +133,18 @@ fn entity(p: &Parameterized) -> String {
                 ": a torus about ({x:.12}, {y:.12}, {z:.12}) of radii {major:.12} and {minor:.12}"
             )
         }
+        Some(Quadric::Other { form: Some(f), .. }) => {
+            let [x, y, z] = f.center;
+            let kind = f.kind.name();
+            let article = if kind.starts_with('e') { "an" } else { "a" };
+            let measures = ["a", "b", "c"]
+                .iter()
+                .zip(f.measures)
+                .take(f.kind.measures());
+            let measures: Vec<String> = measures.map(|(n, m)| format!("{n} = {m:.12}")).collect();
+            let measures = measures.join(", ");
+            format!(": {article} {kind} about ({x:.12}, {y:.12}, {z:.12}), {measures}")
+        }
         Some(quadric) => format!(": a {}", quadric.name()),
         None => String::new(),
     }
