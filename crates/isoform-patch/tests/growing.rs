@@ -320,7 +320,7 @@ fn other_quadrics_become_exact_and_are_named() {
                 ([0, 0, 2], 3.0),
                 ([0, 0, 0], -0.25),
             ],
-            "quadric",
+            "ellipsoid",
         ),
         (
             &[([2, 0, 0], 9.0), ([0, 2, 0], 9.0), ([0, 0, 0], -1.0)],
@@ -338,7 +338,7 @@ fn other_quadrics_become_exact_and_are_named() {
         ),
         (
             &[([2, 0, 0], 1.0), ([0, 2, 0], -1.0), ([0, 0, 1], -0.5)],
-            "quadric",
+            "hyperbolic paraboloid",
         ),
     ];
     for (terms, name) in quadrics {
