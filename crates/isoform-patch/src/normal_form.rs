@@ -204,8 +204,9 @@ mod tests {
         }
     }
 
-    /// Each kind, with both signs of the equation: the normal form vanishes where the equation does,
-    /// as one is a multiple of the other, and has the measures that the equation was made with.
+    /// Each kind, with both signs of the equation: the normal form vanishes where the equation
+    /// does, as one is a multiple of the other, and has the measures that the equation was made
+    /// with.
     #[test]
     fn kinds_and_measures() {
         use QuadricKind::*;

@@ -315,7 +315,6 @@ fn blow_up(
     for f in &mut local {
         f.retain(|[i, j], _| i + j <= room);
     }
-    let order = |f: &Local| f.keys().map(|[i, j]| i + j).min();
     let q = local
         .iter()
         .filter_map(order)
@@ -351,17 +350,13 @@ fn blow_up(
     let distinct = univariate::squarefree_part(k, &common, stop)?;
     for extension in univariate::roots(k, &distinct, real, stop)? {
         let target = &extension.field;
-        let moved = local.each_ref().map(|f| {
-            let same = Arc::ptr_eq(target, k);
-            let inside = |c: &Element| {
-                if same {
-                    c.clone()
-                } else {
-                    k.embed(c, target, &extension.theta)
-                }
-            };
-            along_direction(target, f, &extension.root, q, inside)
-        });
+        let there = BlowUp {
+            from: k,
+            to: target,
+            theta: &extension.theta,
+            direction: Some(&extension.root),
+        };
+        let moved = local.each_ref().map(|f| there.moved(f, q));
         let class = blow_up(
             target,
             moved,
@@ -396,8 +391,39 @@ fn blow_up(
     })
 }
 
+/// The blow-up that leads to a base point that is infinitely near to another one.
+pub(crate) struct BlowUp<'a> {
+    /// The fields of both.
+    pub(crate) from: &'a Arc<NumberField>,
+    pub(crate) to: &'a Arc<NumberField>,
+    /// The generator of the first field, in the second one.
+    pub(crate) theta: &'a Element,
+    /// v₀ of the direction (1 : v₀); none for (0 : 1).
+    pub(crate) direction: Option<&'a Element>,
+}
+
+impl BlowUp<'_> {
+    /// A polynomial in the local coordinates there, divided by the q-th power of the exceptional
+    /// line.
+    pub(crate) fn moved(&self, f: &Local, q: usize) -> Local {
+        let inside = |c: &Element| match Arc::ptr_eq(self.to, self.from) {
+            true => c.clone(),
+            false => self.from.embed(c, self.to, self.theta),
+        };
+        match self.direction {
+            Some(v0) => along_direction(self.to, f, v0, q, inside),
+            None => across(f, q),
+        }
+    }
+}
+
+/// The least degree of the terms; none of 0.
+pub(crate) fn order(f: &Local) -> Option<usize> {
+    f.keys().map(|[i, j]| i + j).min()
+}
+
 /// u^i v^j becomes u′^(i+j−q)(v₀ + v′)^j.
-pub(crate) fn along_direction(
+fn along_direction(
     k: &NumberField,
     f: &Local,
     v0: &Element,
@@ -430,7 +456,7 @@ pub(crate) fn along_direction(
 }
 
 /// u^i v^j becomes u′^i v′^(i+j−q).
-pub(crate) fn across(f: &Local, q: usize) -> Local {
+fn across(f: &Local, q: usize) -> Local {
     f.iter()
         .map(|([i, j], c)| ([*i, i + j - q], c.clone()))
         .collect()
@@ -454,19 +480,13 @@ impl Class {
     fn lift(&mut self, forms: [Local; 4], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
         check(stop)?;
         for near in &mut self.near {
-            let target = Arc::clone(&near.class.field);
-            let same = Arc::ptr_eq(&target, &self.field);
-            let inside = |c: &Element| {
-                if same {
-                    c.clone()
-                } else {
-                    self.field.embed(c, &target, &near.theta)
-                }
+            let there = BlowUp {
+                from: &self.field,
+                to: &Arc::clone(&near.class.field),
+                theta: &near.theta,
+                direction: (!near.direction[0].is_zero()).then_some(&near.direction[1]),
             };
-            let moved = forms.each_ref().map(|f| match near.direction[0].is_zero() {
-                true => across(f, self.multiplicity),
-                false => along_direction(&target, f, &near.direction[1], self.multiplicity, inside),
-            });
+            let moved = forms.each_ref().map(|f| there.moved(f, self.multiplicity));
             near.class.lift(moved, stop)?;
         }
         self.forms = forms;

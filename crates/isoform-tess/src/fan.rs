@@ -160,6 +160,16 @@ pub(crate) struct Form {
 /// of the seams near to it.
 type Found<'a> = (Vec<&'a Near>, [bool; 2], &'a Seam, Vec<usize>);
 
+/// The blow-ups that lead to the last one of base points, each infinitely near to the one before.
+fn steps_of(chain: &[&Near]) -> Vec<Step> {
+    chain.iter().map(|near| Step::to(near)).collect()
+}
+
+/// Whether the first axis, and the second one, of a base point lead to the last one of these too.
+fn lifts(chain: &[Step]) -> [bool; 2] {
+    [Step::Across, Step::Along(0.0)].map(|along| chain.iter().all(|step| *step == along))
+}
+
 /// All seams of a base point with the blow-ups that lead to them, parents first.
 fn collect<'a>(
     seam: &'a Seam,
@@ -288,8 +298,8 @@ impl Fan {
             directions: Vec::new(),
             sectors: Vec::new(),
         };
-        let mut steps = all.iter().flat_map(|found| &found.0);
-        if !point.iter().all(|x| x.is_finite()) || steps.any(|near| !Step::to(near).is_finite()) {
+        let mut steps = all.iter().flat_map(|found| steps_of(&found.0));
+        if !point.iter().all(|x| x.is_finite()) || steps.any(|step| !step.is_finite()) {
             fan.problem = fan.left_open(Unopened::BeyondDoubles);
             return Ok(fan);
         }
@@ -319,7 +329,7 @@ impl Fan {
             let curve = seam.curve.each_ref().map(BinaryForm::to_f64);
             let constant = curve[0].len() == 1;
             fan.nodes.push(Node {
-                chain: found.0.iter().map(|near| Step::to(near)).collect(),
+                chain: steps_of(&found.0),
                 curve,
                 constant,
                 cover,
@@ -400,10 +410,7 @@ impl Fan {
             }
         }
         let [u, v] = self.variables;
-        let lifts = [
-            chain.iter().all(|near| Step::to(near) == Step::Across),
-            chain.iter().all(|near| Step::to(near) == Step::Along(0.0)),
-        ];
+        let lifts = lifts(&steps_of(chain));
         for (k, at, lifts) in [(u, [0.0, 1.0], lifts[0]), (v, [1.0, 0.0], lifts[1])] {
             if base.point[k].is_zero() && lifts {
                 add(at, 0, &[], None);
@@ -753,11 +760,7 @@ impl Fan {
     pub(crate) fn sides_along(&self, d: &Direction) -> impl Iterator<Item = usize> {
         let at = d.at;
         let [u, v] = self.variables;
-        let chain = &self.nodes[d.node].chain;
-        let lifts = [
-            chain.iter().all(|s| *s == Step::Across),
-            chain.iter().all(|s| *s == Step::Along(0.0)),
-        ];
+        let lifts = lifts(&self.nodes[d.node].chain);
         let sides = [(u, at[0], lifts[0]), (v, at[1], lifts[1])].into_iter();
         sides
             .filter(|&(k, x, lifts)| self.point[k] == 0.0 && x == 0.0 && lifts)

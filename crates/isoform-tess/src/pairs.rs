@@ -446,9 +446,9 @@ mod tests {
         assert_eq!(found.real_parts().len(), 1);
     }
 
-    /// Conjugate parameters of an even degree have several phases for which their images are one: a
-    /// pinch point may come as λ = −1, e = ±m, where tracing must not turn back. Then two arcs would
-    /// end in one point of a face.
+    /// Conjugate parameters of an even degree have several phases for which their images are one:
+    /// a pinch point may come as λ = −1, e = ±m, where tracing must not turn back. Then two arcs
+    /// would end in one point of a face.
     #[test]
     fn arcs_end_apart() {
         let map = map([

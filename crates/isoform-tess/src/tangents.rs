@@ -1,6 +1,6 @@
 //! The tangents of curves at base points, exactly, over the fields of these.
 
-use crate::base::{BasePoint, BinaryForm, Local, Near, across, along_direction, expand};
+use crate::base::{BasePoint, BinaryForm, BlowUp, Local, Near, expand, order};
 use crate::field::{Algebraic, Element, NumberField};
 use crate::univariate::{self, Coefficients, Stopped, check};
 use crate::zeros::Zero;
@@ -41,32 +41,23 @@ pub(crate) fn tangent_form(
     }
     for near in chain {
         check(stop)?;
-        let order = order(&local);
         let target = near.direction[0].field();
-        local = match near.direction[0].is_zero() {
-            true => across(&local, order),
-            false => {
-                let inside = |c: &Element| match Arc::ptr_eq(target, &field) {
-                    true => c.clone(),
-                    false => field.embed(c, target, &near.theta),
-                };
-                along_direction(target, &local, near.direction[1].element(), order, inside)
-            }
+        let [across, along] = &near.direction;
+        let there = BlowUp {
+            from: &field,
+            to: target,
+            theta: &near.theta,
+            direction: (!across.is_zero()).then_some(along.element()),
         };
+        local = there.moved(&local, order(&local).expect("terms"));
         (field, root) = (Arc::clone(target), near.direction[0].root());
     }
-    let order = order(&local);
+    let order = order(&local).expect("terms");
     let number = |j: usize| local.get(&[order - j, j]).cloned().unwrap_or_default();
     let coefficients = (0..=order).map(|j| Algebraic::new(&field, root, number(j)));
     Ok(BinaryForm {
         coefficients: coefficients.collect(),
     })
-}
-
-/// The least degree of the terms.
-fn order(local: &Local) -> usize {
-    let degrees = local.keys().map(|[i, j]| i + j);
-    degrees.min().expect("terms")
 }
 
 /// The real zeros (a, b) of a binary form that is not 0, each once: as many as there are, exactly,

@@ -331,7 +331,8 @@ impl Builder<'_> {
         a: &Chord,
         b: &Chord,
     ) -> Option<[(f64, Spot); 2]> {
-        /// Half the step of difference quotients, in chords: Newton's method gains digits with them.
+        /// Half the step of difference quotients, in chords: Newton's method gains digits with
+        /// them.
         const STEP: f64 = 1e-4;
         let ends = [a, b].map(|c| [runs[c.run][c.at], runs[c.run][c.at + 1]]);
         let mut parts = crossing(a.ends, b.ends)?;

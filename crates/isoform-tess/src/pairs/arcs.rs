@@ -271,8 +271,7 @@ impl Pairs {
         if from.distance(&to) > LONG {
             (from, to) = (b.pair.nearest(&self.forms(a)), b.pair);
         }
-        let d = from.to(&to);
-        let length = from.distance(&to);
+        let (d, length) = (from.to(&to), from.distance(&to));
         let is_near = |x: &RealPair| {
             let detour = from.distance(x) + x.distance(&to);
             detour <= DETOUR * length + 1e-9

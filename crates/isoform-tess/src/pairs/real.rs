@@ -355,7 +355,8 @@ impl Pairs {
     }
 }
 
-/// λ of conjugate parameters from which on they keep their phase: no other one makes them more real.
+/// λ of conjugate parameters from which on they keep their phase: they are far from λ = −1, where a
+/// pinch point may come in a wrong one, and near to 0 other phases need not be looked at.
 const NEARLY_REAL: f64 = -0.1;
 /// How many times the least |λ| conjugate parameters may have before they get the phase of that: at
 /// a pinch point λ must come to 0. With 1 they would change to and fro.
