@@ -62,7 +62,7 @@ impl Task<'_> {
                             rms: (value / count).sqrt(),
                         });
                         control.report("annealing", (k as f64 / most).min(1.0));
-                        !control.stops()
+                        !control.is_stopped()
                     },
                 );
                 evaluations += cooled.evaluations;
@@ -79,7 +79,7 @@ impl Task<'_> {
                     iteration: evaluations + k,
                     rms: (value / count).sqrt(),
                 });
-                !control.stops()
+                !control.is_stopped()
             };
             let (lo, hi) = (&self.space.lo, &self.space.hi);
             let m = match local {
@@ -120,7 +120,7 @@ impl Task<'_> {
             value,
             hits: 1,
         });
-        let complete = !control.stops();
+        let complete = !control.is_stopped();
         let found = Found {
             x,
             loss: Loss::Squares,

@@ -447,7 +447,7 @@ impl<'a> Task<'a> {
         let mut fine = polish.fine(&self.settling(), &[], x, loss, rounds);
         evaluations += fine.evaluations;
         history.append(&mut fine.history);
-        let complete = !outcome.stopped && !control.stops();
+        let complete = !outcome.stopped && !control.is_stopped();
         let mut x = fine.x;
         let mut is_at_noise = self.looks_like_noise(&x);
         if complete && self.options.refine && !(outcome.certain && is_at_noise) {
@@ -525,7 +525,7 @@ impl<'a> Task<'a> {
         let mut best = score(x, cut);
         let (mut hits, mut tried, mut since) = (1, 0, 0);
         let mut refined = Refined::default();
-        while tried < MOST_REFINED && !self.control.stops() {
+        while tried < MOST_REFINED && !self.control.is_stopped() {
             let groups = search.groups(x);
             if groups.is_empty() {
                 break;
@@ -680,7 +680,7 @@ impl<'a> Task<'a> {
                     lo,
                     hi,
                     &settings,
-                    &mut |_, _, _| !self.control.stops(),
+                    &mut |_, _, _| !self.control.is_stopped(),
                 );
                 spent += confirmed.iterations;
                 lead_on(confirmed.x)
@@ -696,7 +696,7 @@ impl<'a> Task<'a> {
         } else {
             0.0
         };
-        if far > MANY_FAR + isolated && !self.control.stops() {
+        if far > MANY_FAR + isolated && !self.control.is_stopped() {
             let (more, evaluations) =
                 search.trimmed(std::slice::from_ref(&found[best].0.x), self.near.spacing);
             spent += evaluations;

@@ -1,8 +1,5 @@
 //! Settings, control and errors of a fit.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
-
 /// A local method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Local {
@@ -116,42 +113,6 @@ impl Default for Options {
             surface_samples: 2000,
             annealing_evaluations: 400_000,
         }
-    }
-}
-
-/// Receives the phase and the share of it that is done.
-pub type Progress<'a> = dyn Fn(&str, f64) + Sync + 'a;
-
-/// Cancellation, a deadline and progress. The default has none of them.
-#[derive(Clone, Copy, Default)]
-pub struct Control<'a> {
-    /// Set from outside to stop; the best so far is given.
-    pub cancelled: Option<&'a AtomicBool>,
-    /// The same at a time.
-    pub deadline: Option<Instant>,
-    /// Told of phases.
-    pub progress: Option<&'a Progress<'a>>,
-}
-
-impl Control<'_> {
-    /// Whether to stop now.
-    pub fn stops(&self) -> bool {
-        self.cancelled.is_some_and(|c| c.load(Ordering::Relaxed))
-            || self.deadline.is_some_and(|d| Instant::now() >= d)
-    }
-    /// Tells how far a phase is.
-    pub fn report(&self, phase: &str, done: f64) {
-        if let Some(progress) = self.progress {
-            progress(phase, done);
-        }
-    }
-}
-
-impl std::fmt::Debug for Control<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Control")
-            .field("deadline", &self.deadline)
-            .finish_non_exhaustive()
     }
 }
 

@@ -155,7 +155,7 @@ impl Polish<'_> {
                     iteration,
                     rms: (value / count).sqrt(),
                 });
-                !self.control.stops()
+                !self.control.is_stopped()
             },
         );
         Polished {
@@ -208,7 +208,7 @@ impl Polish<'_> {
             out.x = p.x;
             // A small share of a standard deviation of the best known parameter.
             let small = 0.05 * out.scale / (self.size * (points.len() as f64).sqrt());
-            if (round >= 3 && moved < small) || self.control.stops() {
+            if (round >= 3 && moved < small) || self.control.is_stopped() {
                 break;
             }
         }

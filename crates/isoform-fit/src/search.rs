@@ -171,7 +171,7 @@ impl Search<'_> {
                     "search",
                     (out.starts as f64 / self.options.least_starts.max(1) as f64).min(0.99),
                 );
-                if self.control.stops() {
+                if self.control.is_stopped() {
                     out.stopped = true;
                     break 'batches;
                 }
@@ -203,7 +203,7 @@ impl Search<'_> {
         let nought = NOUGHT * median(firsts);
         let mut groups = self.groups(&out.minima[0].x);
         let (mut tried, mut back, mut failures) = (0, 0, 0);
-        while tried < MOST_THROWS && !groups.is_empty() && !self.control.stops() {
+        while tried < MOST_THROWS && !groups.is_empty() && !self.control.is_stopped() {
             let mut x = out.minima[0].x.clone();
             for &i in &groups[failures % groups.len()] {
                 x[i] = self.space.start_lo[i]
@@ -330,7 +330,7 @@ impl Search<'_> {
                         return false;
                     }
                 }
-                value > nought && !self.control.stops()
+                value > nought && !self.control.is_stopped()
             },
         );
         if let Some(known) = known.filter(|_| arrived) {

@@ -46,7 +46,7 @@ impl Search<'_> {
         let mut best = self.lowest(&found, spacing);
         let mut random = fastrand::Rng::with_seed(self.options.seed ^ 0x7_2133);
         for _ in 0..2 {
-            if self.control.stops() {
+            if self.control.is_stopped() {
                 break;
             }
             let groups = self.groups(&found[best].0.x);
@@ -105,7 +105,7 @@ impl Search<'_> {
             x = m.x;
             most = 15;
             off = self.off(&x);
-            if self.control.stops() {
+            if self.control.is_stopped() {
                 break;
             }
             let mut sorted = off.clone();

@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ..Options::default()
     };
     let clock = std::time::Instant::now();
-    let say = |w: &str| eprintln!("{:8.3} {w}", clock.elapsed().as_secs_f64());
+    let say = |w: &str, _: f64| eprintln!("{:8.3} {w}", clock.elapsed().as_secs_f64());
     let m = mesh(
         &solid,
         &options,
@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             ..Control::default()
         },
     )?;
-    say("done");
+    say("done", 1.0);
     for w in &m.warnings {
         println!("{} {:?}", w.message, w.at);
     }

@@ -15,12 +15,13 @@ use crate::features::{ExtentError, FeatureOptions, Features, extent_within, find
 use crate::lattice::{IN, Lattice, OUT};
 use crate::measure::biased_sine;
 use crate::mesher::{
-    CELL, Control, MeshError, Meshed, Options, Sizes, Warning, assemble, check_options, group,
-    improve, raise_order,
+    CELL, MeshError, Meshed, Options, Sizes, Warning, assemble, check_options, group, improve,
+    raise_order,
 };
 use crate::optimise::Optimiser;
 use crate::surface::{Surface, first_order_at};
 use align::{Aligned, Cuttable, align, edges_of};
+use isoform_control::Control;
 use isoform_geom::{KdTree, Mesh, Point3, Solid, TET_EDGES, norm, sub};
 use remesh::Remesher;
 use skin::Skin;
@@ -64,11 +65,11 @@ pub fn adapt(
         return Err(wrong("has neither tetrahedra nor triangles"));
     }
     check_options(options)?;
-    control.phase("check")?;
+    control.begin("check")?;
     let bare = welded(mesh);
     let certificate = check::certify(&bare, None, &check::Options::default(), control);
     check_given(&bare, &certificate)?;
-    control.phase("lattice")?;
+    control.begin("lattice")?;
     let found =
         extent_within(solid, bare.bounds(), options.size, control).map_err(|e| match e {
             ExtentError::Empty { .. } => wrong("has nothing of the model near it"),
@@ -90,7 +91,7 @@ pub fn adapt(
         zero: 1e-13 * found.bounds.diagonal(),
         control,
     };
-    control.phase("features")?;
+    control.begin("features")?;
     let features = find(
         solid,
         found.bounds,
@@ -282,13 +283,13 @@ fn of_triangles(
     control: &Control<'_>,
     warnings: &mut Vec<Warning>,
 ) -> Result<Mesh, MeshError> {
-    control.phase("surface")?;
+    control.begin("surface")?;
     let n = bare.points.len();
     let mut skin = Skin::new(bare.points, bare.triangles);
     let aligned = align(&mut skin, surface, features);
     settled(&aligned, n, warnings)?;
     Remesher::label(&mut skin, &aligned.labels);
-    control.phase("optimisation")?;
+    control.begin("optimisation")?;
     let mut remesher = Remesher::new(skin, surface, options, control);
     remesher.run();
     let off = remesher.off();
@@ -296,7 +297,7 @@ fn of_triangles(
         message: "a vertex could not be brought onto the surface".into(),
         at: Some(at),
     }));
-    control.phase("assembly")?;
+    control.begin("assembly")?;
     let faces = remesher.faces();
     let mut number = vec![u32::MAX; remesher.skin.points.len()];
     let mut mesh = Mesh::default();
@@ -321,7 +322,7 @@ fn of_tetrahedra(
     control: &Control<'_>,
     warnings: &mut Vec<Warning>,
 ) -> Result<Mesh, MeshError> {
-    control.phase("surface")?;
+    control.begin("surface")?;
     let mut complex = Complex::new(bare.points, bare.tets);
     let live: Vec<u32> = complex.live().collect();
     for t in live {
@@ -357,10 +358,10 @@ fn of_tetrahedra(
         number: number.clone(),
         stray: Vec::new(),
     };
-    control.phase("optimisation")?;
+    control.begin("optimisation")?;
     let mut optimiser = Optimiser::new(surface, inside, options.size, control);
     improve(&mut optimiser, options, warnings);
-    control.phase("assembly")?;
+    control.begin("assembly")?;
     let (mut mesh, pieces) = assemble(optimiser, &number, n, Vec::new(), Vec::new(), options)?;
     raise_order(&mut mesh, surface, &pieces, options, control, warnings)?;
     Ok(mesh)

@@ -4,7 +4,7 @@
 //! tetrahedra out and puts others into the same cavity: [`Complex::replace`] is the only place
 //! where neighbours are written, so they cannot get out of step.
 
-use crate::mesher::Control;
+use isoform_control::Control;
 use isoform_geom::{Point3, TET_FACES, TRIANGLE_EDGES};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};

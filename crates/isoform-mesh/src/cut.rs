@@ -11,8 +11,8 @@
 use crate::complex::{BOUNDARY, Complex, EDGES, NONE, Ring, STRAY};
 use crate::lattice::{IN, Lattice, OUT};
 use crate::measure::biased_sine;
-use crate::mesher::Control;
 use crate::surface::{On, Surface};
+use isoform_control::Control;
 use isoform_geom::{Csg, Point3, dot, norm, sub};
 use rayon::prelude::*;
 use std::collections::VecDeque;

@@ -18,7 +18,7 @@ mod trace;
 pub use extent::{Extent, ExtentError, START, extent, extent_within};
 
 use crate::decide::{Local, Narrowed, Scratch};
-use crate::mesher::Control;
+use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, norm};
 use newton::{branch, normalised, onto_one, onto_three, onto_touching, onto_two};
 use octree::{Leaf, Octree};

@@ -7,7 +7,7 @@
 //! lattice; the pruning is that of Duff, Interval arithmetic and recursive subdivision, 1992).
 
 use crate::decide::{Sign, reduced};
-use crate::mesher::Control;
+use isoform_control::Control;
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::Interval;
 use rayon::prelude::*;

@@ -19,4 +19,5 @@ mod second;
 mod surface;
 
 pub use adapt::{adapt, mean_edge, own_sizes};
-pub use mesher::{Control, MeshError, Meshed, Options, Sizes, Warning, mesh};
+pub use isoform_control::Control;
+pub use mesher::{MeshError, Meshed, Options, Sizes, Warning, mesh};

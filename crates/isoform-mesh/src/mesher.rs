@@ -10,10 +10,9 @@ use crate::optimise::Optimiser;
 use crate::refine::{bisect, bisect_near, follow, resolve};
 use crate::second::add_middles;
 use crate::surface::{Surface, first_order_at, meet_at_an_angle};
+use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Curve, KdTree, Mesh, Point3, Solid};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 
 /// Edge of a lattice cell for tetrahedra as large as regular ones of edge 1: a³/12 = √2/12.
 pub(crate) const CELL: f64 = 1.122_462_048_309_373;
@@ -89,46 +88,6 @@ impl Sizes {
     }
 }
 
-/// Hands-on while it works.
-#[derive(Clone, Copy, Default)]
-pub struct Control<'a> {
-    /// Set from outside to stop.
-    pub cancelled: Option<&'a AtomicBool>,
-    /// The same at a time.
-    pub deadline: Option<Instant>,
-    /// Told of phases, by name.
-    pub progress: Option<&'a (dyn Fn(&str) + Sync)>,
-}
-
-impl std::fmt::Debug for Control<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Control")
-            .field("deadline", &self.deadline)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Control<'_> {
-    pub(crate) fn is_stopped(&self) -> bool {
-        self.cancelled.is_some_and(|c| c.load(Ordering::Relaxed))
-            || self.deadline.is_some_and(|d| Instant::now() >= d)
-    }
-    pub(crate) fn phase(&self, name: &str) -> Result<(), MeshError> {
-        if let Some(progress) = self.progress {
-            progress(name);
-        }
-        self.check()
-    }
-    /// An error once it is to stop.
-    pub(crate) fn check(&self) -> Result<(), MeshError> {
-        if self.is_stopped() {
-            Err(MeshError::Stopped)
-        } else {
-            Ok(())
-        }
-    }
-}
-
 /// Why there is no mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MeshError {
@@ -184,6 +143,12 @@ pub enum MeshError {
     Stopped,
 }
 
+impl From<Stopped> for MeshError {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
+    }
+}
+
 impl From<ExtentError> for MeshError {
     fn from(error: ExtentError) -> Self {
         match error {
@@ -231,7 +196,7 @@ pub fn mesh(
     control: &Control<'_>,
 ) -> Result<Meshed, MeshError> {
     check_options(options)?;
-    control.phase("extent")?;
+    control.begin("extent")?;
     let start = options.region.unwrap_or(START);
     let capped;
     let (solid, region, region_certified): (&dyn Solid, Aabb, bool) = match options.region {
@@ -256,7 +221,7 @@ pub fn mesh(
             allowed: options.memory >> 20,
         });
     }
-    control.phase("lattice")?;
+    control.begin("lattice")?;
     let lattice = Lattice::new(solid, region, cell, control);
     control.check()?;
     let surface = Surface {
@@ -279,7 +244,7 @@ pub fn mesh(
     let band_points = complex.points.len();
     let mut warnings = Vec::new();
     let limit = (options.memory / 400) as usize;
-    control.phase("features")?;
+    control.begin("features")?;
     let features = find(
         solid,
         region,
@@ -296,7 +261,7 @@ pub fn mesh(
             CELL * crowd.size_at(complex.middle(t), &mut found)
         });
     }
-    control.phase("sizes")?;
+    control.begin("sizes")?;
     if follow(&surface, &mut complex, &mut frozen, limit, CELL, options) {
         warnings.push(Warning {
             message: "sizes were not refined as far as asked for: the limit of memory was met"
@@ -304,7 +269,7 @@ pub fn mesh(
             at: None,
         });
     }
-    control.phase("surface")?;
+    control.begin("surface")?;
     let hidden = resolve(&surface, &mut complex, &mut frozen, limit);
     warnings.extend(hidden.into_iter().map(|at| Warning {
         message: "the surface is finer than the mesh can resolve here".into(),
@@ -349,10 +314,10 @@ pub fn mesh(
     });
     warnings.extend(stray);
     let number = inside.number.clone();
-    control.phase("optimisation")?;
+    control.begin("optimisation")?;
     let mut optimiser = Optimiser::new(&surface, inside, options.size, control);
     improve(&mut optimiser, options, &mut warnings);
-    control.phase("assembly")?;
+    control.begin("assembly")?;
     let (mut mesh, pieces) = assemble(optimiser, &number, band_points, core, core_points, options)?;
     raise_order(
         &mut mesh,
@@ -408,7 +373,7 @@ pub(crate) fn raise_order(
     warnings: &mut Vec<Warning>,
 ) -> Result<(), MeshError> {
     if options.order == 2 {
-        control.phase("second order")?;
+        control.begin("second order")?;
         let off = add_middles(mesh, surface, pieces);
         warnings.extend(off.into_iter().map(|at| Warning {
             message: "a mid-edge node could not be brought onto the surface".into(),

@@ -9,9 +9,9 @@
 use crate::complex::{BOUNDARY, Complex, EDGES, NONE, OPEN, Ring, STRAY, labelled_edges};
 use crate::cut::Inside;
 use crate::measure::{Around, biased_sine, smallest_sine};
-use crate::mesher::Control;
 use crate::quality::six_volume;
 use crate::surface::{On, SKIN, Surface, meet_at_an_angle};
+use isoform_control::Control;
 use isoform_geom::{Point3, TET_FACES, cross, dot, norm, sub};
 use rayon::prelude::*;
 

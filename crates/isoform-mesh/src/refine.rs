@@ -6,8 +6,9 @@
 
 use crate::complex::{Complex, EDGES, Ring};
 use crate::lattice::{IN, OUT};
-use crate::mesher::{Control, Options};
+use crate::mesher::Options;
 use crate::surface::Surface;
+use isoform_control::Control;
 use isoform_geom::{KdTree, Point3, cross, dot, norm, sub};
 use isoform_num::Jet2;
 use rayon::prelude::*;

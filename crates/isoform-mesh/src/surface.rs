@@ -2,7 +2,7 @@
 //! bounds the solid there.
 
 use crate::lattice::{IN, Lattice, OUT};
-use crate::mesher::Control;
+use isoform_control::Control;
 use isoform_geom::{Point3, Solid, cross, dot, norm};
 use rayon::prelude::*;
 

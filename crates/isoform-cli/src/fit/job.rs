@@ -309,7 +309,7 @@ impl Task<'_> {
                 Finding::Apart { .. } | Finding::Table { .. } | Finding::Stray { .. }
             )
         };
-        if !whole.findings.iter().any(is_clutter) || self.control.stops() {
+        if !whole.findings.iter().any(is_clutter) || self.control.is_stopped() {
             return Ok(whole);
         }
         let started = Instant::now();
@@ -383,7 +383,7 @@ impl Task<'_> {
         if !best.is_at_noise() {
             let turned = template.frep.turned(points);
             for frep in turned {
-                if control.stops() {
+                if control.is_stopped() {
                     break;
                 }
                 let turned = self.adjusted(frep)?;
@@ -401,7 +401,7 @@ impl Task<'_> {
             }
         }
         let is_askew = template.frep.askew(best.values()) > ASKEW;
-        if (is_askew || !best.is_at_noise() || !best.is_certain()) && !control.stops() {
+        if (is_askew || !best.is_at_noise() || !best.is_certain()) && !control.is_stopped() {
             let frep = template.frep.aligned(best.values(), points);
             let aligned = self.adjusted(frep)?;
             let other = Options {

@@ -150,7 +150,7 @@ pub(crate) fn make(
             .why("a loop or an index depends on the point")
             .hint("--box=-1,-1,-1,1,1,1 around it"));
     }
-    let show = |phase: &str| phases.enter(phase);
+    let show = |phase: &str, _: f64| phases.enter(phase);
     let control = Control {
         cancelled: Some(interrupt::watch()),
         deadline: context.deadline,

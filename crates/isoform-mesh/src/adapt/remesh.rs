@@ -8,8 +8,9 @@
 use super::skin::Skin;
 use crate::lattice::unique;
 use crate::measure::smallest_sine;
-use crate::mesher::{Control, Options};
+use crate::mesher::Options;
 use crate::surface::{On, SKIN, Surface, meet_at_an_angle};
+use isoform_control::Control;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
 /// Edges longer or shorter than these shares of the length wanted are split and collapsed: 4/3 and

@@ -2,7 +2,7 @@
 
 use super::boxes::BoxTree;
 use super::{Defects, Options, Place};
-use crate::mesher::Control;
+use isoform_control::Control;
 use isoform_geom::{Aabb, KdTree, Mesh, Point3, distance_squared, dot, norm, sub};
 use rayon::prelude::*;
 

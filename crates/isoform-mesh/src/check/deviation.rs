@@ -10,7 +10,7 @@
 
 use super::stars::blocks;
 use super::{Defects, Limits, Options, Place};
-use crate::mesher::Control;
+use isoform_control::Control;
 use isoform_geom::{Csg, Mesh, Point3, Solid, TRIANGLE_EDGES, cross, dot, norm, sub};
 use rayon::prelude::*;
 

@@ -6,7 +6,7 @@
 use super::boxes::BoxTree;
 use super::exact::triangles_meet;
 use super::{Defects, Options, Place};
-use crate::Control;
+use isoform_control::Control;
 use isoform_geom::{Aabb, Point3};
 use rayon::prelude::*;
 

@@ -46,8 +46,8 @@ pub use intersections::Intersections;
 pub use surface::{Shell, Surface};
 pub use volume::Volume;
 
-use crate::Control;
 use crate::cap::Capped;
+use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
 
 /// What to compare a mesh with, and how much of what is found to keep.
@@ -202,11 +202,11 @@ fn examine(
     let points = &mesh.points;
     let mut boundary = Vec::new();
     if !mesh.tets.is_empty() {
-        control.phase("checking tetrahedra").ok()?;
+        control.begin("checking tetrahedra").ok()?;
         let (volume, faces) = volume::examine(mesh, options);
         certificate.volume = Some(volume);
         boundary = faces;
-        control.phase("measuring tetrahedra").ok()?;
+        control.begin("measuring tetrahedra").ok()?;
         certificate.tets = elements::tets(points, &mesh.tets, options);
         certificate.curved = elements::curved(mesh, options);
     }
@@ -216,7 +216,7 @@ fn examine(
         &mesh.triangles
     };
     if !triangles.is_empty() {
-        control.phase("checking the surface").ok()?;
+        control.begin("checking the surface").ok()?;
         let flat = surface::without_area(points, triangles);
         let tree = intersections::tree(points, triangles);
         certificate.surface = Some(surface::examine(
@@ -228,14 +228,14 @@ fn examine(
             options,
         ));
         certificate.triangles = elements::triangles(points, triangles, options);
-        control.phase("looking for self-intersections").ok()?;
+        control.begin("looking for self-intersections").ok()?;
         certificate.intersections = Some(intersections::find(
             points, triangles, &flat, &tree, options, control,
         ));
     }
     certificate.unused_nodes = unused_nodes(mesh);
     if let (Some(solid), false) = (solid, triangles.is_empty()) {
-        control.phase("measuring distances").ok()?;
+        control.begin("measuring distances").ok()?;
         let capped = options.region.map(|region| Capped::new(solid, region));
         let solid = capped.as_ref().map_or(solid, |c| c);
         let deviation = deviation::measure(mesh, triangles, solid, options, control);
@@ -243,7 +243,7 @@ fn examine(
         certificate.deviation = Some(deviation);
     }
     if !options.curves.is_empty() || !options.corners.is_empty() {
-        control.phase("looking for features").ok()?;
+        control.begin("looking for features").ok()?;
         let size = options
             .size
             .or_else(|| certificate.triangles.as_ref().map(|t| t.edges.mean))

@@ -6,7 +6,7 @@
 //! whatever the tolerance.
 
 use crate::decide::{Local, Narrowed, Scratch};
-use crate::mesher::Control;
+use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
 
 /// Where the search ends, in model units.

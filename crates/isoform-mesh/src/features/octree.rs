@@ -2,7 +2,7 @@
 
 use super::newton::{normalised, onto_one};
 use crate::decide::{Local, Narrowed, Scratch};
-use crate::mesher::Control;
+use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm};
 use rayon::prelude::*;
 

@@ -1,0 +1,152 @@
+//! Cancellation, deadline and progress: one type for every stage that takes time.
+//!
+//! ```
+//! use isoform_control::{Control, Stopped};
+//! use std::time::{Duration, Instant};
+//!
+//! // The sum of 1/n², until the time is over.
+//! fn sum(terms: u32, control: &Control<'_>) -> Result<f64, Stopped> {
+//!     let mut sum = 0.0;
+//!     for n in 1..=terms {
+//!         control.check()?;
+//!         sum += 1.0 / f64::from(n).powi(2);
+//!     }
+//!     Ok(sum)
+//! }
+//!
+//! assert!(sum(1000, &Control::default()).is_ok());
+//! let over = Control::default().until(Instant::now() - Duration::from_secs(1));
+//! assert_eq!(sum(1000, &over), Err(Stopped));
+//! ```
+#![forbid(unsafe_code)]
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Receives the name of a phase and the share of it that is done, from 0 to 1.
+pub type Progress<'a> = dyn Fn(&str, f64) + Sync + 'a;
+
+/// Cancellation, deadline and progress of a stage. The default has none of them.
+#[derive(Clone, Copy, Default)]
+pub struct Control<'a> {
+    /// A flag that is set from outside to end the work.
+    pub cancelled: Option<&'a AtomicBool>,
+    /// The instant at which the work ends.
+    pub deadline: Option<Instant>,
+    /// Is told which phase has begun and how far it is.
+    pub progress: Option<&'a Progress<'a>>,
+}
+
+/// The work was cancelled, or its deadline is over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("stopped")]
+pub struct Stopped;
+
+impl Control<'_> {
+    /// Ends the work at this instant, or at its own deadline where that is earlier.
+    #[must_use]
+    pub fn until(self, deadline: Instant) -> Self {
+        let deadline = self.deadline.map_or(deadline, |own| own.min(deadline));
+        Self {
+            deadline: Some(deadline),
+            ..self
+        }
+    }
+
+    /// Whether the work has to end now.
+    pub fn is_stopped(&self) -> bool {
+        self.cancelled
+            .is_some_and(|flag| flag.load(Ordering::Relaxed))
+            || self
+                .deadline
+                .is_some_and(|deadline| Instant::now() >= deadline)
+    }
+
+    /// The error that ends the work, for `?`.
+    ///
+    /// # Errors
+    /// [`Stopped`] once the work has to end.
+    pub fn check(&self) -> Result<(), Stopped> {
+        if self.is_stopped() {
+            Err(Stopped)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Tells which share of a phase is done, from 0 to 1.
+    pub fn report(&self, phase: &str, done: f64) {
+        if let Some(progress) = self.progress {
+            progress(phase, done);
+        }
+    }
+
+    /// Tells that a phase begins.
+    ///
+    /// # Errors
+    /// [`Stopped`] once the work has to end.
+    pub fn begin(&self, phase: &str) -> Result<(), Stopped> {
+        self.report(phase, 0.0);
+        self.check()
+    }
+}
+
+impl std::fmt::Debug for Control<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Control")
+            .field("cancelled", &self.cancelled)
+            .field("deadline", &self.deadline)
+            .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Mutex;
+    use std::time::Duration;
+
+    #[test]
+    fn a_flag_and_a_deadline_end_the_work() {
+        let flag = AtomicBool::new(false);
+        let control = Control {
+            cancelled: Some(&flag),
+            ..Control::default()
+        };
+        assert_eq!(control.check(), Ok(()));
+        flag.store(true, Ordering::Relaxed);
+        assert_eq!(control.check(), Err(Stopped));
+        let now = Instant::now();
+        assert!(Control::default().until(now).is_stopped());
+    }
+
+    #[test]
+    fn the_earlier_deadline_counts() {
+        let now = Instant::now();
+        let late = now + Duration::from_secs(3600);
+        let both = Control::default().until(late).until(now);
+        assert_eq!(both.deadline, Some(now));
+        assert_eq!(both.until(late).deadline, Some(now));
+    }
+
+    #[test]
+    fn progress_hears_of_phases() {
+        let heard = Mutex::new(Vec::new());
+        let hear = |phase: &str, done: f64| {
+            if let Ok(mut heard) = heard.lock() {
+                heard.push((phase.to_owned(), done));
+            }
+        };
+        let control = Control {
+            progress: Some(&hear),
+            ..Control::default()
+        };
+        assert_eq!(control.begin("search"), Ok(()));
+        control.report("search", 0.5);
+        let heard = heard.into_inner().unwrap_or_default();
+        assert_eq!(
+            heard,
+            [("search".to_owned(), 0.0), ("search".to_owned(), 0.5)]
+        );
+    }
+}

@@ -1,0 +1,155 @@
+//! Measures the functions of this repository's crates: tokens and cyclomatic complexity.
+//!
+//! Prints a table by crate. Functions with more than [`MOST_TOKENS`] tokens or [`MOST_BRANCHES`]
+//! branches are listed in tests/long_functions.txt, each with its reason; a long function that is
+//! not listed is a failure, and so is a listed one that no longer exists or is no longer long, so
+//! that the list can only shrink.
+#![forbid(unsafe_code)]
+
+mod functions;
+
+use functions::{Function, functions};
+use std::collections::{BTreeMap, BTreeSet};
+use std::error::Error;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// A function with more tokens has to be listed. Of kurbo, fidget and spade one function in a
+/// hundred is longer; less would cut flat tables.
+const MOST_TOKENS: usize = 800;
+/// A function with a larger cyclomatic number has to be listed. Beyond it a reader no longer holds
+/// the ways through in mind; kurbo has two such functions, spade one.
+const MOST_BRANCHES: usize = 25;
+
+struct Measured {
+    /// The crate.
+    room: String,
+    /// The file, from the folder of crates.
+    file: String,
+    function: Function,
+}
+
+impl Measured {
+    fn is_long(&self) -> bool {
+        self.function.tokens > MOST_TOKENS || self.function.cyclomatic > MOST_BRANCHES
+    }
+    fn key(&self) -> String {
+        format!("{} {}", self.file, self.function.name)
+    }
+}
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run() -> Result<bool, Box<dyn Error>> {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut measured = Vec::new();
+    for folder in sorted(&crates)? {
+        let room = name(&folder);
+        for path in sources(&folder.join("src"))? {
+            let text = fs::read_to_string(&path)?;
+            let file = path.strip_prefix(&crates)?.display().to_string();
+            let found = functions(&text).map_err(|e| format!("{file}: {e}"))?;
+            measured.extend(found.into_iter().map(|function| Measured {
+                room: room.clone(),
+                file: file.clone(),
+                function,
+            }));
+        }
+    }
+    print_table(&measured);
+    let listed = fs::read_to_string(crates.join("../tests/long_functions.txt"))?;
+    Ok(print_long(&measured, &listed))
+}
+
+/// What lies in a folder, by name.
+fn sorted(folder: &Path) -> Result<Vec<PathBuf>, std::io::Error> {
+    let entries = fs::read_dir(folder)?;
+    let mut paths = entries
+        .map(|entry| Ok(entry?.path()))
+        .collect::<Result<Vec<_>, std::io::Error>>()?;
+    paths.sort();
+    Ok(paths)
+}
+
+fn name(path: &Path) -> String {
+    path.file_name()
+        .map(|name| name.to_string_lossy().into_owned())
+        .unwrap_or_default()
+}
+
+/// The sources in a folder and the folders in it.
+fn sources(folder: &Path) -> Result<Vec<PathBuf>, std::io::Error> {
+    let mut found = Vec::new();
+    for path in sorted(folder)? {
+        if path.is_dir() {
+            found.extend(sources(&path)?);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            found.push(path);
+        }
+    }
+    Ok(found)
+}
+
+fn print_table(measured: &[Measured]) {
+    let mut rooms: BTreeMap<&str, Vec<&Function>> = BTreeMap::new();
+    for m in measured {
+        rooms.entry(&m.room).or_default().push(&m.function);
+    }
+    println!("crate                functions  tokens: median   p90  >{MOST_TOKENS}  branches >25");
+    for (room, functions) in &rooms {
+        print_row(room, functions);
+    }
+    let all: Vec<&Function> = measured.iter().map(|m| &m.function).collect();
+    print_row("all", &all);
+}
+
+fn print_row(room: &str, functions: &[&Function]) {
+    let mut tokens: Vec<usize> = functions.iter().map(|f| f.tokens).collect();
+    tokens.sort_unstable();
+    let n = tokens.len();
+    let at = |tenths: usize| tokens.get(n * tenths / 10).copied().unwrap_or_default();
+    let long = tokens.iter().filter(|&&t| t > MOST_TOKENS).count();
+    let is_branched = |f: &&&Function| f.cyclomatic > MOST_BRANCHES;
+    let branched = functions.iter().filter(is_branched).count();
+    let (median, ninth) = (at(5), at(9));
+    println!("{room:20} {n:9} {median:15} {ninth:5} {long:5} {branched:13}");
+}
+
+/// Prints long functions and whether the list has them; says whether the list is right.
+fn print_long(measured: &[Measured], list: &str) -> bool {
+    // A line: file, function, then the reason after a colon and a space.
+    let listed: BTreeSet<&str> = list
+        .lines()
+        .filter(|line| !line.starts_with('#') && !line.trim().is_empty())
+        .filter_map(|line| line.split(": ").next())
+        .collect();
+    let mut seen = BTreeSet::new();
+    let mut is_right = true;
+    for m in measured.iter().filter(|m| m.is_long()) {
+        let key = m.key();
+        let (tokens, cyclomatic) = (m.function.tokens, m.function.cyclomatic);
+        let size = format!("{tokens} tokens, {cyclomatic} branches");
+        let place = format!("{}:{}", m.file, m.function.line);
+        if let Some(key) = listed.get(key.as_str()) {
+            seen.insert(*key);
+        } else {
+            println!("too long: {place} {}, {size}", m.function.name);
+            is_right = false;
+        }
+    }
+    for key in listed.difference(&seen) {
+        println!("listed but not long: {key}");
+        is_right = false;
+    }
+    is_right
+}
