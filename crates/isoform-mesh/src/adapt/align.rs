@@ -8,7 +8,7 @@
 //! data, 2001, on a mesh that is already there).
 
 use crate::features::{CornerKind, Features};
-use crate::lattice::unique;
+use crate::points::unique;
 use crate::surface::{SKIN, Surface, meet_at_an_angle};
 use isoform_geom::{KdTree, Point3, TRIANGLE_EDGES, cross, distance_squared, dot, norm, sub};
 use std::collections::HashSet;
@@ -36,8 +36,10 @@ pub(super) struct Aligned {
     pub(super) far: Vec<Point3>,
     /// Places where edges could not be made to follow the solid's.
     pub(super) lost: Vec<Point3>,
-    /// Corners of the solid without a vertex, and the number of all.
-    pub(super) missed: (Vec<Point3>, usize),
+    /// Corners of the solid without a vertex.
+    pub(super) missed_corners: Vec<Point3>,
+    /// The number of corners of the solid.
+    pub(super) corners: usize,
 }
 
 /// Farthest that a vertex is moved to a corner or a curve of the solid, as a share of the shortest
@@ -137,7 +139,8 @@ pub(super) fn align<M: Cuttable>(
             places: Vec::new(),
             far,
             lost: Vec::new(),
-            missed: (Vec::new(), 0),
+            missed_corners: Vec::new(),
+            corners: 0,
         };
     }
     for _ in 0..ROUNDS {
@@ -157,7 +160,8 @@ pub(super) fn align<M: Cuttable>(
         places: aligner.places,
         far,
         lost: aligner.lost,
-        missed: (missed, aligner.corners.len()),
+        missed_corners: missed,
+        corners: aligner.corners.len(),
     }
 }
 
@@ -189,11 +193,11 @@ impl<M: Cuttable> Aligner<'_, M> {
 
     /// The pieces that bound the solid at a point of its surface.
     fn vanishing(&self, p: Point3) -> Vec<u32> {
-        let Some(k) = self.surface.lattice.state_at(p).checked_sub(2) else {
+        let Some(reduced) = self.surface.lattice.reduced_at(p) else {
             return Vec::new();
         };
-        let zero: Vec<u32> = self.surface.lattice.trees[k as usize]
-            .1
+        let zero: Vec<u32> = reduced
+            .pieces
             .iter()
             .copied()
             .filter(|&i| self.surface.distance(i, p) == 0.0)
@@ -277,8 +281,7 @@ impl<M: Cuttable> Aligner<'_, M> {
 
     /// The nearest point of a curve of the solid within reach.
     fn curve_near(&self, p: Point3, reach: f64) -> Option<Point3> {
-        let k = self.surface.lattice.state_at(p).checked_sub(2)?;
-        let pieces = &self.surface.lattice.trees[k as usize].1;
+        let pieces = &self.surface.lattice.reduced_at(p)?.pieces;
         let near: Vec<u32> = pieces
             .iter()
             .copied()

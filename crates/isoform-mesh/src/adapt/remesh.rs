@@ -6,9 +6,9 @@
 //! 2004); then only what makes the smallest angle it touches larger.
 
 use super::skin::Skin;
-use crate::lattice::unique;
 use crate::measure::smallest_sine;
-use crate::mesher::Options;
+use crate::options::Options;
+use crate::points::unique;
 use crate::surface::{On, SKIN, Surface, meet_at_an_angle};
 use isoform_control::Control;
 use isoform_geom::{Point3, cross, dot, norm, sub};
@@ -669,22 +669,5 @@ impl<'s> Remesher<'s> {
             })
             .map(|v| self.skin.at(v))
             .collect()
-    }
-
-    /// The faces with their labels.
-    pub(super) fn faces(&self) -> Vec<([u32; 3], u32)> {
-        self.skin
-            .live()
-            .map(|f| (self.skin.faces[f as usize], self.skin.labels[f as usize]))
-            .collect()
-    }
-
-    /// Gives each face of the skin the label found for it.
-    pub(super) fn label(skin: &mut Skin, labels: &[([u32; 3], u32)]) {
-        for (face, label) in labels {
-            if let Some([f, _]) = skin.sides(face[0], face[1]) {
-                skin.labels[f as usize] = *label;
-            }
-        }
     }
 }

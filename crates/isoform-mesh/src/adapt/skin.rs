@@ -118,7 +118,7 @@ impl Skin {
             .iter()
             .flat_map(|&f| self.faces[f as usize])
             .filter(|&k| k != v);
-        crate::lattice::unique(all.collect())
+        crate::points::unique(all.collect())
     }
 
     /// Splits the edge at a new vertex.
@@ -188,6 +188,19 @@ impl Cuttable for Skin {
 }
 
 impl Skin {
+    /// The faces with their labels.
+    pub(super) fn labelled_faces(&self) -> Vec<([u32; 3], u32)> {
+        let labelled = |f: u32| (self.faces[f as usize], self.labels[f as usize]);
+        self.live().map(labelled).collect()
+    }
+    /// Gives each face the label found for it.
+    pub(super) fn label(&mut self, labels: &[([u32; 3], u32)]) {
+        for (face, label) in labels {
+            if let Some([f, _]) = self.sides(face[0], face[1]) {
+                self.labels[f as usize] = *label;
+            }
+        }
+    }
     /// Whether an edge joins the two vertices.
     pub(super) fn has_edge(&self, a: u32, b: u32) -> bool {
         self.around[a as usize]
