@@ -5,10 +5,12 @@
 
 use super::boxes::BoxTree;
 use super::exact::triangles_meet;
+use super::surface::Triangles;
 use super::{Defects, Options, Place};
 use isoform_control::Control;
-use isoform_geom::{Aabb, Point3};
+use isoform_geom::Aabb;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Leaves that are worked on between two looks at the clock and at the number of pairs found.
 const ROUND: usize = 1 << 12;
@@ -30,88 +32,122 @@ pub struct Intersections {
     pub complete: bool,
 }
 
+/// A pair of triangles, the lower number first.
+type Pair = (u32, u32);
+
 /// All pairs of triangles of the surface that meet wrongly. Those with `skip` are left out.
 pub(super) fn find(
-    points: &[Point3],
-    triangles: &[[u32; 3]],
+    of: Triangles<'_>,
     skip: &[bool],
     tree: &BoxTree,
     options: &Options<'_>,
     control: &Control<'_>,
 ) -> Intersections {
-    let mut pairs: Vec<(u32, u32)> = Vec::new();
-    let mut complete = true;
-    for round in (0..tree.leaves()).step_by(ROUND) {
-        if pairs.len() > options.pairs || control.is_stopped() {
-            complete = false;
-            break;
-        }
-        let to = (round + ROUND).min(tree.leaves());
-        let starts: Vec<usize> = (round..to).step_by(TASK).collect();
-        let found: Vec<(Vec<(u32, u32)>, bool)> = starts
-            .into_par_iter()
-            .map(|from| {
-                // Where everything meets everything, a task has a great many pairs.
-                let (mut found, mut looked, mut over) = (Vec::new(), 0usize, control.is_stopped());
-                for leaf in from..(from + TASK).min(to) {
-                    if over {
-                        break;
-                    }
-                    tree.pairs_of_leaf(leaf, |a, b| {
-                        looked += 1;
-                        over |= found.len() > options.pairs
-                            || looked.is_multiple_of(LOOKS) && control.is_stopped();
-                        let (i, j) = (a.min(b), a.max(b));
-                        if !over
-                            && !skip[i as usize]
-                            && !skip[j as usize]
-                            && triangles_meet(points, triangles[i as usize], triangles[j as usize])
-                        {
-                            found.push((i, j));
-                        }
-                    });
-                }
-                (found, over)
-            })
-            .collect();
-        for (found, over) in found {
-            pairs.extend(found);
-            complete &= !over;
-        }
-    }
+    let search = Search {
+        of,
+        skip,
+        tree,
+        most: options.pairs,
+        control,
+    };
+    let (mut pairs, complete) = search.pairs();
     pairs.par_sort_unstable();
-    let mut hit = vec![false; triangles.len()];
+    let mut hit = vec![false; of.triangles.len()];
     for &(a, b) in &pairs {
         (hit[a as usize], hit[b as usize]) = (true, true);
     }
-    let place = |&(a, b): &(u32, u32)| {
-        let corners = |t: u32| triangles[t as usize].map(|i| points[i as usize]);
-        let (x, y) = (Aabb::of(&corners(a)), Aabb::of(&corners(b)));
-        let common = Aabb {
-            lo: std::array::from_fn(|i| x.lo[i].max(y.lo[i])),
-            hi: std::array::from_fn(|i| x.hi[i].min(y.hi[i])),
-        };
-        Place {
-            at: common.center(),
-            elements: vec![a, b],
-            ..Place::default()
-        }
-    };
+    let places = pairs.iter().take(options.places);
     Intersections {
         pairs: Defects {
             count: pairs.len(),
-            places: pairs.iter().take(options.places).map(place).collect(),
+            places: places.map(|&pair| place(of, pair)).collect(),
         },
         triangles: hit.into_iter().filter(|&h| h).count(),
         complete,
     }
 }
 
+/// A point between two triangles: the centre of what their boxes have in common.
+fn place(of: Triangles<'_>, (a, b): Pair) -> Place {
+    let [x, y] = [a, b].map(|t| Aabb::of(&of.corners(of.triangles[t as usize])));
+    let common = Aabb {
+        lo: std::array::from_fn(|i| x.lo[i].max(y.lo[i])),
+        hi: std::array::from_fn(|i| x.hi[i].min(y.hi[i])),
+    };
+    Place {
+        at: common.center(),
+        elements: vec![a, b],
+        ..Place::default()
+    }
+}
+
+struct Search<'m> {
+    of: Triangles<'m>,
+    skip: &'m [bool],
+    tree: &'m BoxTree,
+    /// The search ends when more pairs than this were found.
+    most: usize,
+    control: &'m Control<'m>,
+}
+
+impl Search<'_> {
+    /// The pairs that meet, and whether all were looked at.
+    fn pairs(&self) -> (Vec<Pair>, bool) {
+        let leaves = self.tree.leaves();
+        let mut pairs = Vec::new();
+        let mut complete = true;
+        for round in (0..leaves).step_by(ROUND) {
+            if pairs.len() > self.most || self.control.is_stopped() {
+                return (pairs, false);
+            }
+            let to = (round + ROUND).min(leaves);
+            let starts: Vec<usize> = (round..to).step_by(TASK).collect();
+            let found: Vec<(Vec<Pair>, bool)> = starts
+                .into_par_iter()
+                .map(|from| self.pairs_of_leaves(from..(from + TASK).min(to)))
+                .collect();
+            for (found, is_whole) in found {
+                pairs.extend(found);
+                complete &= is_whole;
+            }
+        }
+        (pairs, complete)
+    }
+
+    /// The pairs of which one triangle is in these leaves, and whether all were looked at: where
+    /// everything meets everything, a task has a great many pairs.
+    fn pairs_of_leaves(&self, leaves: Range<usize>) -> (Vec<Pair>, bool) {
+        let (mut found, mut looked, mut over) = (Vec::new(), 0usize, self.control.is_stopped());
+        for leaf in leaves {
+            if over {
+                break;
+            }
+            self.tree.pairs_of_leaf(leaf, |a, b| {
+                looked += 1;
+                over |= found.len() > self.most
+                    || looked.is_multiple_of(LOOKS) && self.control.is_stopped();
+                let pair = (a.min(b), a.max(b));
+                if !over && self.meet(pair) {
+                    found.push(pair);
+                }
+            });
+        }
+        (found, !over)
+    }
+
+    fn meet(&self, (a, b): Pair) -> bool {
+        let (i, j) = (a as usize, b as usize);
+        let triangles = self.of.triangles;
+        !self.skip[i] && !self.skip[j] && triangles_meet(self.of.points, triangles[i], triangles[j])
+    }
+}
+
 /// The tree of the triangles' boxes.
-pub(super) fn tree(points: &[Point3], triangles: &[[u32; 3]]) -> BoxTree {
-    let boxes: Vec<Aabb> = triangles
+pub(super) fn tree(of: Triangles<'_>) -> BoxTree {
+    let boxes: Vec<Aabb> = of
+        .triangles
         .par_iter()
-        .map(|t| Aabb::of(t.map(|i| points[i as usize]).iter()))
+        .map(|t| Aabb::of(&of.corners(*t)))
         .collect();
     BoxTree::new(&boxes)
 }

@@ -166,4 +166,3 @@ pub(crate) fn onto_three(
     }
     None
 }
-
