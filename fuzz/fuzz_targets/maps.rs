@@ -5,9 +5,8 @@
 #![no_main]
 
 use isoform_algebra::RBig;
-use isoform_tess::{Budget, Map, MeshOptions, Mode, TriangulateOptions, triangulate};
+use isoform_tess::{Budget, Control, Map, MeshOptions, Mode, TriangulateOptions, triangulate};
 use libfuzzer_sys::fuzz_target;
-use std::time::{Duration, Instant};
 
 const SECONDS: f64 = 1.0;
 
@@ -26,8 +25,7 @@ fuzz_target!(|data: &[u8]| {
         return;
     }
     for mode in [Mode::Normalised, Mode::Glued] {
-        let clock = Instant::now();
-        let stop = || clock.elapsed() > Duration::from_secs_f64(SECONDS);
+        let control = Control::default().for_seconds(SECONDS);
         let options = TriangulateOptions {
             half_width: RBig::from(3),
             domain: None,
@@ -42,7 +40,7 @@ fuzz_target!(|data: &[u8]| {
                 ..Budget::default()
             },
         };
-        if let Ok((surface, _)) = triangulate(&map, &options, &stop) {
+        if let Ok((surface, _)) = triangulate(&map, &options, &control) {
             let n = surface.points.len();
             assert!(
                 surface

@@ -5,6 +5,7 @@ use isoform_algebra::{
     Fibres, IBig, Poly, RBig, Subresultants, UPoly, discriminant, implicit, map_degrees,
     real_roots, resultant,
 };
+use isoform_control::Control;
 use std::time::Instant;
 
 fn timed<T>(what: &str, f: impl FnOnce() -> T) -> T {
@@ -64,32 +65,34 @@ fn rational(rng: &mut fastrand::Rng, p: &Poly) -> Poly {
 
 fn elimination() {
     let mut rng = fastrand::Rng::with_seed(5);
-    let go = || false;
     let (f, g) = (
         dense(&mut rng, 2, 8, 20, false),
         dense(&mut rng, 2, 8, 20, false),
     );
     timed("resultant 8 x 8, 20-bit integers", || {
-        resultant(&f, &g, 1, &go)
+        resultant(&f, &g, 1, &Control::default())
     })
     .expect("two variables");
     let (f, g) = (rational(&mut rng, &f), rational(&mut rng, &g));
     timed("resultant 8 x 8, 20-bit rationals", || {
-        resultant(&f, &g, 1, &go)
+        resultant(&f, &g, 1, &Control::default())
     })
     .expect("two variables");
     for degree in [8, 12, 16, 24] {
         let f = dense(&mut rng, 2, degree, 20, false);
         timed(
             &format!("discriminant of degree {degree}, 20-bit integers"),
-            || discriminant(&f, 1, &go),
+            || discriminant(&f, 1, &Control::default()),
         )
         .expect("two variables");
         let chain = timed("  subresultants, principal and next", || {
-            Subresultants::new(&f, &f.derivative(1), 1, &go)
+            Subresultants::new(&f, &f.derivative(1), 1, &Control::default())
         })
         .expect("two");
-        timed("  one whole subresultant", || chain.polynomial(2, &go)).expect("not stopped");
+        timed("  one whole subresultant", || {
+            chain.polynomial(2, &Control::default())
+        })
+        .expect("not stopped");
     }
     for (degree, common) in [(20, 5), (40, 10), (60, 20)] {
         let c = dense(&mut rng, 2, common, 20, false);
@@ -126,11 +129,10 @@ fn roots() {
     timed("isolation, 128 real roots", || {
         assert_eq!(real_roots(&product).len(), 128)
     });
-    let go = || false;
     for degree in [4, 8, 12, 16] {
         let f = dense(&mut rng, 2, degree, 20, false);
         let fibres = timed(&format!("curve of degree {degree}: subresultants"), || {
-            Fibres::new(&f, 1, &go)
+            Fibres::new(&f, 1, &Control::default())
         })
         .expect("two variables");
         let critical = &fibres.subresultants().expect("degree").resultant;
@@ -139,7 +141,13 @@ fn roots() {
         timed(&format!("  {n} fibres"), || {
             critical
                 .iter()
-                .map(|a| fibres.at(a, &go).expect("not vertical").roots.len())
+                .map(|a| {
+                    fibres
+                        .at(a, &Control::default())
+                        .expect("not vertical")
+                        .roots
+                        .len()
+                })
                 .sum::<usize>()
         });
     }
@@ -147,18 +155,23 @@ fn roots() {
 
 fn factors_and_maps() {
     let mut rng = fastrand::Rng::with_seed(7);
-    let go = || false;
     for degrees in [[4, 8, 12], [2, 2, 20], [8, 8, 8]] {
         let whole = degrees
             .iter()
             .fold(Poly::one(), |p, &d| p * dense(&mut rng, 2, d, 20, false));
         timed(&format!("factors of degrees {degrees:?}"), || {
-            assert_eq!(whole.factor(&go).expect("two variables").len(), 3)
+            assert_eq!(
+                whole
+                    .factor(&Control::default())
+                    .expect("two variables")
+                    .len(),
+                3
+            )
         });
         timed("  that plus one, irreducible", || {
             assert_eq!(
                 (&whole + Poly::one())
-                    .factor(&go)
+                    .factor(&Control::default())
                     .expect("two variables")
                     .len(),
                 1
@@ -169,13 +182,15 @@ fn factors_and_maps() {
         let map: [Poly; 4] = std::array::from_fn(|_| dense(&mut rng, 2, degree, 4, false));
         timed(
             &format!("degrees of a dense map of degree {degree}"),
-            || map_degrees(&map, &go),
+            || map_degrees(&map, &Control::default()),
         )
         .expect("a surface");
         if degree <= 4 {
-            let found = timed("  implicit equation", || implicit(&map, 16, &go))
-                .expect("a surface")
-                .expect("degree 16");
+            let found = timed("  implicit equation", || {
+                implicit(&map, 16, &Control::default())
+            })
+            .expect("a surface")
+            .expect("degree 16");
             let partials: Vec<Poly> = (0..4).map(|v| found.equation.derivative(v)).collect();
             let pulled = timed("  partial derivatives pulled back", || {
                 partials.iter().map(|p| p.compose(&map)).collect::<Vec<_>>()
@@ -183,7 +198,7 @@ fn factors_and_maps() {
             let common = timed("  their common divisor", || {
                 pulled.iter().fold(Poly::zero(), |g, p| g.gcd(p))
             });
-            timed("  its factors", || common.factor(&go)).expect("two variables");
+            timed("  its factors", || common.factor(&Control::default())).expect("two variables");
         }
     }
 }

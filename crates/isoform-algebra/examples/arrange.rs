@@ -1,5 +1,6 @@
 //! How long the arrangement of a map's box curves takes: `arrange MAP.json [HALF-WIDTH]`.
 use isoform_algebra::{Arrangement, Poly, RBig, coprime_base, in_triangle};
+use isoform_control::Control;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let a: Vec<String> = std::env::args().collect();
@@ -24,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let clock = std::time::Instant::now();
     for quadrant in 0..4 {
         let curves: Vec<Poly> = base.iter().map(|f| in_triangle(f, quadrant)).collect();
-        let arrangement = Arrangement::new(&curves, &|| false)?;
+        let arrangement = Arrangement::new(&curves, &Control::default())?;
         let arcs: usize = arrangement.slabs.iter().map(|s| s.arcs.len()).sum();
         print!("{} walls {arcs} arcs; ", arrangement.walls.len());
     }

@@ -23,6 +23,7 @@ use crate::roots::{RealRoot, real_roots, simplest_between};
 use crate::upoly::UPoly;
 use dashu_int::UBig;
 use dashu_ratio::RBig;
+use isoform_control::Control;
 use isoform_num::Interval;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -143,7 +144,7 @@ impl Arrangement {
     ///
     /// # Errors
     /// [`ArrangementError`].
-    pub fn new(curves: &[Poly], stop: &dyn Fn() -> bool) -> Result<Self, ArrangementError> {
+    pub fn new(curves: &[Poly], control: &Control<'_>) -> Result<Self, ArrangementError> {
         let sides_of = [
             Poly::var(U),
             Poly::var(V),
@@ -163,9 +164,9 @@ impl Arrangement {
                 }
             }
             sides.push(has);
-            prepared.push(Curve::new(rest, stop)?);
+            prepared.push(Curve::new(rest, control)?);
         }
-        let critical = critical_values(&prepared, stop)?;
+        let critical = critical_values(&prepared, control)?;
         let mut work = Work {
             curves: prepared,
             pairs: BTreeMap::new(),
@@ -174,7 +175,7 @@ impl Arrangement {
         let mut separators = Vec::new();
         let last = critical.len() - 1;
         for (k, u) in critical.into_iter().enumerate() {
-            let (wall, between) = work.wall(u, stop)?;
+            let (wall, between) = work.wall(u, control)?;
             let is_regular = wall.vertical.is_empty()
                 && wall.points.iter().all(|p| p.curves.len() == 1)
                 && !between.1;
@@ -185,12 +186,12 @@ impl Arrangement {
         }
         let mut slabs = Vec::new();
         for k in 0..walls.len() - 1 {
-            if stop() {
+            if control.is_stopped() {
                 return Err(ResultantError::Stopped.into());
             }
             let u = walls[k].u.rational_below(&walls[k + 1].u);
-            let (order, between) = work.arcs_at(&u, stop)?;
-            let ends = |k: usize, side| work.ends(&walls[k], &separators[k], &u, side, stop);
+            let (order, between) = work.arcs_at(&u, control)?;
+            let ends = |k: usize, side| work.ends(&walls[k], &separators[k], &u, side, control);
             let (left, right) = (ends(k, Ordering::Greater)?, ends(k + 1, Ordering::Less)?);
             let arcs = order
                 .iter()
@@ -301,13 +302,13 @@ fn over<T: Bounded>(terms: &Terms<T>, fixed: usize, value: T) -> Vec<T> {
 }
 
 impl Curve {
-    fn new(rest: Poly, stop: &dyn Fn() -> bool) -> Result<Self, ArrangementError> {
+    fn new(rest: Poly, control: &Control<'_>) -> Result<Self, ArrangementError> {
         let content = rest.content_in(V);
         let rest = rest.div_exact(&content).expect("the content divides");
         let rest = rest.primitive();
         let vertical = over_u(&content);
         let fibres = if rest.degree(V) > 0 {
-            Some(Fibres::new(&rest, V, stop)?)
+            Some(Fibres::new(&rest, V, control)?)
         } else {
             None
         };
@@ -407,7 +408,7 @@ impl Critical {
 /// The critical values in \[0, 1\], ascending, with 0 and 1.
 fn critical_values(
     curves: &[Curve],
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Vec<Critical>, ArrangementError> {
     let mut found: Vec<(UPoly, Event)> = vec![
         (UPoly::from_i64(&[0, 1]), Event::Other),
@@ -427,7 +428,7 @@ fn critical_values(
             if c.fibres.is_none() || other.fibres.is_none() {
                 continue;
             }
-            let r = over_u(&resultant(&other.rest, &c.rest, V, stop)?);
+            let r = over_u(&resultant(&other.rest, &c.rest, V, control)?);
             if r.is_zero() {
                 return Err(ArrangementError::CommonComponent(j, k));
             }
@@ -438,7 +439,7 @@ fn critical_values(
     // them are cheap.
     let mut base: Vec<(UPoly, Vec<Event>)> = Vec::new();
     for (p, event) in found {
-        if stop() {
+        if control.is_stopped() {
             return Err(ResultantError::Stopped.into());
         }
         // Sides, vertical lines and multiple factors were split off, so that nothing happens
@@ -483,7 +484,7 @@ fn critical_values(
         }));
     }
     // They differ: refined until apart, which spares the test for equality.
-    refine_until(24, DOUBLED, stop, |bits| {
+    refine_until(24, DOUBLED, control, |bits| {
         roots.iter_mut().for_each(|r| r.u.refine(bits));
         roots.sort_by(|a, b| a.u.interval().0.cmp(&b.u.interval().0));
         let mut pairs = roots.windows(2);
@@ -534,13 +535,13 @@ impl Roots {
         &mut self,
         index: usize,
         bits: usize,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<(RBig, RBig), ResultantError> {
         Ok(match self {
             Self::None => unreachable!("roots belong to fibres"),
             Self::Near(ranges) => ranges[index].clone().into(),
             Self::Exact(fibre) => {
-                fibre.refine(index, bits, stop)?;
+                fibre.refine(index, bits, control)?;
                 (fibre.roots[index].lo.clone(), fibre.roots[index].hi.clone())
             }
         })
@@ -559,7 +560,7 @@ fn ranges_of(
     u: &mut RealRoot,
     fibres: &mut [Roots],
     bits: usize,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Vec<(RBig, RBig)>, ResultantError> {
     u.refine(bits);
     let mut range = |o: &Origin| match *o {
@@ -568,7 +569,7 @@ fn ranges_of(
             let (lo, hi) = u.interval();
             Ok((RBig::ONE - hi, RBig::ONE - lo))
         }
-        Origin::Root { curve, index } => fibres[curve].range(index, bits, stop),
+        Origin::Root { curve, index } => fibres[curve].range(index, bits, control),
     };
     all.iter().map(&mut range).collect()
 }
@@ -607,7 +608,7 @@ impl Work {
         &self,
         critical: &Critical,
         exact: bool,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Vec<Roots>, ArrangementError> {
         let (lo, hi) = critical.u.interval();
         let u = Wide::between(&lo, &hi);
@@ -619,7 +620,7 @@ impl Work {
             if let Some(ranges) = near.flatten() {
                 return Ok(Roots::Near(ranges));
             }
-            match fibres.at(&critical.u, stop) {
+            match fibres.at(&critical.u, control) {
                 Ok(fibre) => Ok(Roots::Exact(fibre)),
                 Err(FibreError::Resultant(e)) => Err(e.into()),
                 Err(FibreError::Vertical) => unreachable!("vertical lines were split off"),
@@ -633,12 +634,12 @@ impl Work {
     fn wall(
         &mut self,
         mut critical: Critical,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<(Wall, (Separators, bool)), ArrangementError> {
         let n = self.curves.len();
         // What all fibres begin with, found once.
         critical.u.refine(FIRST_BITS);
-        let mut fibres = self.roots_at(&critical, false, stop)?;
+        let mut fibres = self.roots_at(&critical, false, control)?;
         let origins = |fibres: &[Roots]| {
             let mut all = vec![Origin::Lower, Origin::Upper];
             for (curve, f) in fibres.iter().enumerate() {
@@ -660,13 +661,13 @@ impl Work {
             }
             for j in 0..k {
                 if critical.has(Event::Pair(j, k)) {
-                    common[j][k] = self.common_roots(j, k, &critical.u, stop)?;
+                    common[j][k] = self.common_roots(j, k, &critical.u, control)?;
                 }
             }
         }
         common[n][n + 1] = usize::from(critical.u.cmp_rational(&RBig::ONE).is_eq());
         let attempt = |bits, u: &mut RealRoot, fibres: &mut Vec<Roots>, all: &[Origin]| {
-            let ranges = ranges_of(all, u, fibres, bits, stop)?;
+            let ranges = ranges_of(all, u, fibres, bits, control)?;
             let (meetings, groups) = meetings_of(all, &ranges, n);
             Ok::<_, ResultantError>((meetings == common).then_some((ranges, groups)))
         };
@@ -675,9 +676,9 @@ impl Work {
             Some(found) => found,
             None => {
                 // Too near to each other for floating point.
-                fibres = self.roots_at(&critical, true, stop)?;
+                fibres = self.roots_at(&critical, true, control)?;
                 all = origins(&fibres);
-                refine_until(FIRST_FIBRE_BITS, DOUBLED, stop, |bits| {
+                refine_until(FIRST_FIBRE_BITS, DOUBLED, control, |bits| {
                     attempt(bits, &mut critical.u, &mut fibres, &all)
                 })?
             }
@@ -746,7 +747,7 @@ impl Work {
         j: usize,
         k: usize,
         u: &RealRoot,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<usize, ArrangementError> {
         let (Some(_), Some(_)) = (&self.curves[j].fibres, &self.curves[k].fibres) else {
             return Ok(0);
@@ -779,25 +780,25 @@ impl Work {
         let made;
         let chain = if whole_f && whole_g {
             match self.pairs.entry((j, k)) {
-                Entry::Vacant(place) => place.insert(Subresultants::new(&f, &g, V, stop)?),
+                Entry::Vacant(place) => place.insert(Subresultants::new(&f, &g, V, control)?),
                 Entry::Occupied(known) => known.into_mut(),
             }
         } else {
-            made = Subresultants::new(&f, &g, V, stop)?;
+            made = Subresultants::new(&f, &g, V, control)?;
             &made
         };
         let mut degree = 0;
-        while degree < chain.count() && u.sign_of(&chain.principal(degree, stop)?).is_eq() {
+        while degree < chain.count() && u.sign_of(&chain.principal(degree, control)?).is_eq() {
             degree += 1;
         }
         let divisor = match degree {
             0 => return Ok(0),
             // A real divisor of odd degree one has one root.
             1 if chain.count() > 1 => return Ok(1),
-            d if d < chain.count() => chain.polynomial(d, stop)?,
+            d if d < chain.count() => chain.polynomial(d, control)?,
             _ => g,
         };
-        match Fibres::new(&divisor, V, stop)?.at(u, stop) {
+        match Fibres::new(&divisor, V, control)?.at(u, control) {
             Ok(fibre) => Ok(fibre.roots.len()),
             Err(FibreError::Vertical) => unreachable!("the principal coefficient does not vanish"),
             Err(FibreError::Resultant(e)) => Err(e.into()),
@@ -809,7 +810,7 @@ impl Work {
     fn arcs_at(
         &self,
         u: &RBig,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<(Vec<usize>, Vec<RBig>), ResultantError> {
         let n = self.curves.len();
         let top = RBig::ONE - u;
@@ -836,7 +837,7 @@ impl Work {
             None => {
                 let mut roots = self.exact_roots_at(u, &top);
                 // All differ, as u is not critical.
-                refine_until(32, DOUBLED, stop, |bits| {
+                refine_until(32, DOUBLED, control, |bits| {
                     let ranges = |(r, k): &mut (RealRoot, usize)| {
                         r.refine(bits);
                         let (lo, hi) = r.interval();
@@ -875,7 +876,7 @@ impl Work {
         separators: &Separators,
         sample: &RBig,
         side: Ordering,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Vec<usize>, ResultantError> {
         /// Share of the way to the wall that is left at first, in bits, and how it shrinks: by
         /// steps after which a rough look may do.
@@ -883,7 +884,7 @@ impl Work {
         const NEARER: Growth = |bits| bits + bits / 4;
         let mut at = sample.clone();
         let mut u = wall.u.clone();
-        refine_until(FIRST, NEARER, stop, |bits| {
+        refine_until(FIRST, NEARER, control, |bits| {
             if bits > FIRST {
                 u.refine(2 * bits);
                 let (lo, hi) = u.interval();
@@ -960,6 +961,7 @@ impl Work {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::{Duration, Instant};
 
     /// A circle that the arrangement has lost: its arcs are missed, not left out.
     #[test]
@@ -967,7 +969,7 @@ mod tests {
     fn a_curve_that_is_dropped_is_noticed() {
         let circle = Poly::parse("64*(u - 1/4)^2 + 64*(v - 1/4)^2 - 1", &["u", "v"]);
         let circle = circle.expect("a polynomial");
-        let mut a = Arrangement::new(&[circle], &|| false).expect("not stopped");
+        let mut a = Arrangement::new(&[circle], &Control::default()).expect("not stopped");
         let middle = RBig::ONE / RBig::from(4);
         let slab = (0..a.slabs.len())
             .find(|&k| a.arcs_over(k, &middle).is_some_and(|arcs| arcs.len() == 4))
@@ -987,29 +989,19 @@ mod tests {
             p("(u - 1/3)^2 + v^2 - 1/16"),
             p("3*u - v"),
         ];
-        let asked = std::cell::Cell::new(0);
-        let whole = Arrangement::new(&curves, &|| {
-            asked.set(asked.get() + 1);
-            false
-        });
-        assert!(
-            whole.is_ok() && asked.get() > 40,
-            "asked {} times",
-            asked.get()
-        );
-        for last in [0, asked.get() / 3, asked.get() / 2, asked.get() - 1] {
-            let now = std::cell::Cell::new(0);
-            let stopped = Arrangement::new(&curves, &|| {
-                now.set(now.get() + 1);
-                now.get() > last
-            });
-            assert!(
-                matches!(
-                    stopped,
-                    Err(ArrangementError::Resultant(ResultantError::Stopped))
-                ),
-                "after {last} questions"
-            );
+        let whole = Arrangement::new(&curves, &Control::default()).expect("not stopped");
+        let mut stopped = 0;
+        for microseconds in [0, 20, 50, 100, 200, 500, 1000, 2000, 5000] {
+            let end = Instant::now() + Duration::from_micros(microseconds);
+            match Arrangement::new(&curves, &Control::default().until(end)) {
+                Ok(found) => assert_eq!(found.slabs.len(), whole.slabs.len()),
+                Err(error) => {
+                    let expected = ArrangementError::Resultant(ResultantError::Stopped);
+                    assert_eq!(error, expected, "after {microseconds} µs");
+                    stopped += 1;
+                }
+            }
         }
+        assert!(stopped > 0);
     }
 }

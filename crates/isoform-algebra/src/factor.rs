@@ -18,6 +18,7 @@ use crate::upoly::UPoly;
 use dashu_base::{Abs, UnsignedAbs};
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
+use isoform_control::{Control, Stopped};
 
 /// Why there is no factorisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -27,9 +28,20 @@ pub enum FactorError {
         "factorisation of polynomials in more than two variables, or of forms in more than three"
     )]
     TooManyVariables,
-    /// The caller asked to stop.
+    /// The work was cancelled, or its deadline is over.
     #[error("stopped")]
     Stopped,
+}
+
+impl FactorError {
+    /// Where the number of variables is right, only [`Stopped`] is left.
+    ///
+    /// # Panics
+    /// If there were too many variables.
+    pub fn only_stopped(self) -> Stopped {
+        assert_eq!(self, Self::Stopped, "polynomials in few variables");
+        Stopped
+    }
 }
 
 /// Small primes tried for a univariate polynomial; the one with the fewest factors is taken.
@@ -44,16 +56,16 @@ impl Poly {
     /// ```
     /// use isoform_algebra::Poly;
     /// let p = |text| Poly::parse(text, &["x", "y", "z"]).expect(text);
-    /// let factors = p("x^4*z - y^4*z").factor(&|| false);
+    /// let factors = p("x^4*z - y^4*z").factor(&Control::default());
     /// assert_eq!(factors, Ok(vec![(p("z"), 1), (p("x - y"), 1), (p("x + y"), 1), (p("x^2 + y^2"), 1)]));
     /// ```
     ///
     /// # Errors
     /// [`FactorError`].
-    pub fn factor(&self, stop: &dyn Fn() -> bool) -> Result<Vec<(Self, usize)>, FactorError> {
+    pub fn factor(&self, control: &Control<'_>) -> Result<Vec<(Self, usize)>, FactorError> {
         let mut factors = Vec::new();
         for (part, multiplicity) in self.squarefree() {
-            let irreducible = factor_squarefree(&part, stop)?;
+            let irreducible = factor_squarefree(&part, control)?;
             factors.extend(
                 irreducible
                     .into_iter()
@@ -73,11 +85,11 @@ impl UPoly {
     ///
     /// # Errors
     /// [`FactorError::Stopped`].
-    pub fn factor(&self, stop: &dyn Fn() -> bool) -> Result<Vec<(Self, usize)>, FactorError> {
+    pub fn factor(&self, control: &Control<'_>) -> Result<Vec<(Self, usize)>, FactorError> {
         let mut factors = Vec::new();
         for (part, multiplicity) in self.squarefree() {
             factors.extend(
-                factor_univariate(&part, stop)?
+                factor_univariate(&part, control)?
                     .into_iter()
                     .map(|p| (p, multiplicity)),
             );
@@ -90,14 +102,14 @@ impl UPoly {
 }
 
 /// Primitive, squarefree, not constant.
-fn factor_squarefree(p: &Poly, stop: &dyn Fn() -> bool) -> Result<Vec<Poly>, FactorError> {
+fn factor_squarefree(p: &Poly, control: &Control<'_>) -> Result<Vec<Poly>, FactorError> {
     let variables = p.variables();
     match variables[..] {
         [] => Ok(Vec::new()),
         [.., last] if variables.len() > 1 && p.is_homogeneous() => {
             let flat = p.dehomogenise(last);
             let power = p.total_degree() - flat.total_degree();
-            let forms = factor_squarefree(&flat.primitive(), stop)?;
+            let forms = factor_squarefree(&flat.primitive(), control)?;
             let own = (power > 0).then(|| Poly::var(last));
             Ok(forms
                 .into_iter()
@@ -107,7 +119,7 @@ fn factor_squarefree(p: &Poly, stop: &dyn Fn() -> bool) -> Result<Vec<Poly>, Fac
         }
         [x] => {
             let dense = p.to_upoly(x).expect("one variable");
-            Ok(factor_univariate(&dense, stop)?
+            Ok(factor_univariate(&dense, control)?
                 .iter()
                 .map(|q| Poly::from_upoly(q, x))
                 .collect())
@@ -119,7 +131,7 @@ fn factor_squarefree(p: &Poly, stop: &dyn Fn() -> bool) -> Result<Vec<Poly>, Fac
                 let content = rest.content_in(var);
                 if let Some(dense) = content.to_upoly(other).filter(|c| c.degree() > 0) {
                     factors.extend(
-                        factor_univariate(&dense, stop)?
+                        factor_univariate(&dense, control)?
                             .iter()
                             .map(|q| Poly::from_upoly(q, other)),
                     );
@@ -127,7 +139,7 @@ fn factor_squarefree(p: &Poly, stop: &dyn Fn() -> bool) -> Result<Vec<Poly>, Fac
                 }
             }
             if !rest.is_constant() {
-                factors.extend(factor_bivariate(&rest, x, y, stop)?);
+                factors.extend(factor_bivariate(&rest, x, y, control)?);
             }
             Ok(factors)
         }
@@ -207,7 +219,7 @@ fn split_equal_degrees(
 }
 
 /// The irreducible factors of a primitive squarefree polynomial.
-fn factor_univariate(p: &UPoly, stop: &dyn Fn() -> bool) -> Result<Vec<UPoly>, FactorError> {
+fn factor_univariate(p: &UPoly, control: &Control<'_>) -> Result<Vec<UPoly>, FactorError> {
     let n = p.degree();
     if n < 2 {
         return Ok(if n == 0 {
@@ -217,11 +229,11 @@ fn factor_univariate(p: &UPoly, stop: &dyn Fn() -> bool) -> Result<Vec<UPoly>, F
         });
     }
     if p.coefficients()[0].is_zero() {
-        let mut factors = factor_univariate(&UPoly::new(p.coefficients()[1..].to_vec()), stop)?;
+        let mut factors = factor_univariate(&UPoly::new(p.coefficients()[1..].to_vec()), control)?;
         factors.push(UPoly::from_i64(&[0, 1]));
         return Ok(factors);
     }
-    let Some((field, modular)) = best_small_prime(p, stop)? else {
+    let Some((field, modular)) = best_small_prime(p, control)? else {
         return Ok(vec![p.primitive()]);
     };
     // A factor times lc(p) has coefficients at most |lc| 2ⁿ ‖p‖₂.
@@ -247,7 +259,7 @@ fn factor_univariate(p: &UPoly, stop: &dyn Fn() -> bool) -> Result<Vec<UPoly>, F
         squarings,
         &mut lifted,
     );
-    recombine(p, &lifted, &modulus, stop)
+    recombine(p, &lifted, &modulus, control)
 }
 
 /// A field and the monic factors of a polynomial over it.
@@ -255,13 +267,13 @@ type Modular = (Fp, Vec<Vec<u64>>);
 
 /// The field and the monic factors for the small prime that leaves the fewest, nothing if one
 /// proves irreducibility.
-fn best_small_prime(p: &UPoly, stop: &dyn Fn() -> bool) -> Result<Option<Modular>, FactorError> {
+fn best_small_prime(p: &UPoly, control: &Control<'_>) -> Result<Option<Modular>, FactorError> {
     let mut best: Option<Modular> = None;
     // Sums of degrees of modular factors that are possible for all primes so far.
     let mut possible = vec![true; p.degree() + 1];
     let mut tried = 0;
     for prime in (1009..).step_by(2).filter(|&q| is_prime(q)) {
-        if stop() {
+        if control.is_stopped() {
             return Err(FactorError::Stopped);
         }
         let field = Fp::new(prime);
@@ -421,7 +433,7 @@ fn next_subset(subset: &mut [usize], n: usize) -> bool {
 /// factor that a subset of the indices gives, if it is one.
 fn by_subsets<F: Clone>(
     count: usize,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
     mut test: impl FnMut(&[usize]) -> Option<F>,
 ) -> Result<(Vec<F>, Vec<usize>), FactorError> {
     let mut left: Vec<usize> = (0..count).collect();
@@ -432,7 +444,7 @@ fn by_subsets<F: Clone>(
         let mut trials = 0usize;
         let found = loop {
             trials += 1;
-            if trials.is_multiple_of(256) && stop() {
+            if trials.is_multiple_of(256) && control.is_stopped() {
                 return Err(FactorError::Stopped);
             }
             let chosen: Vec<usize> = subset.iter().map(|&i| left[i]).collect();
@@ -458,12 +470,12 @@ fn recombine(
     p: &UPoly,
     lifted: &[Vec<IBig>],
     modulus: &IBig,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Vec<UPoly>, FactorError> {
     let half = modulus >> 1usize;
     let symmetric = |c: IBig| if c > half { c - modulus } else { c };
     let mut rest = p.clone();
-    let (mut factors, left) = by_subsets(lifted.len(), stop, |chosen| {
+    let (mut factors, left) = by_subsets(lifted.len(), control, |chosen| {
         let lead = rest.leading();
         // The constant coefficient of a factor times lc divides that of the polynomial times lc.
         let one = |product: IBig, i: &usize| {
@@ -496,7 +508,7 @@ fn factor_bivariate(
     p: &Poly,
     x: usize,
     y: usize,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Vec<Poly>, FactorError> {
     let degree = p.total_degree();
     if degree == 1 {
@@ -517,7 +529,7 @@ fn factor_bivariate(
         if line.squarefree_part().degree() < degree {
             continue;
         }
-        let factors = factor_univariate(&line, stop)?;
+        let factors = factor_univariate(&line, control)?;
         if factors.len() == 1 {
             return Ok(vec![p.clone()]);
         }
@@ -539,7 +551,7 @@ fn factor_bivariate(
     };
     let first = Lifted::new(&moved, x, y, &lines).next().expect("a prime");
     let mut rest = moved;
-    let (factors, left) = by_subsets(lines.len(), stop, |chosen| {
+    let (factors, left) = by_subsets(lines.len(), control, |chosen| {
         if !first.is_plausible(chosen) {
             return None;
         }

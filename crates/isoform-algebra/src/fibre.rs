@@ -21,6 +21,7 @@ use crate::upoly::UPoly;
 use dashu_base::BitTest;
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
+use isoform_control::Control;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -118,7 +119,7 @@ impl Fibres {
     ///
     /// # Errors
     /// [`ResultantError`].
-    pub fn new(f: &Poly, var: usize, stop: &dyn Fn() -> bool) -> Result<Self, ResultantError> {
+    pub fn new(f: &Poly, var: usize, control: &Control<'_>) -> Result<Self, ResultantError> {
         let others: Vec<usize> = f.variables().into_iter().filter(|&v| v != var).collect();
         if others.len() > 1 {
             return Err(ResultantError::TooManyVariables);
@@ -126,7 +127,7 @@ impl Fibres {
         let other = others.first().copied().unwrap_or(usize::from(var == 0));
         let derivative = f.derivative(var);
         let chain = if derivative.degree(var) > 0 {
-            Some(Subresultants::new(f, &derivative, var, stop)?)
+            Some(Subresultants::new(f, &derivative, var, control)?)
         } else {
             None
         };
@@ -152,7 +153,7 @@ impl Fibres {
     ///
     /// # Errors
     /// [`FibreError`].
-    pub fn at(&self, alpha: &RealRoot, stop: &dyn Fn() -> bool) -> Result<Fibre, FibreError> {
+    pub fn at(&self, alpha: &RealRoot, control: &Control<'_>) -> Result<Fibre, FibreError> {
         let kept = (0..self.coefficients.len())
             .rev()
             .find(|&i| alpha.sign_of(&self.coefficients[i]).is_ne());
@@ -169,7 +170,7 @@ impl Fibres {
             let truncated = truncated.fold(Poly::zero(), |sum, (i, c)| {
                 sum + c * Poly::var(self.var).pow(i as u32)
             });
-            return Self::new(&truncated, self.var, stop)?.at(alpha, stop);
+            return Self::new(&truncated, self.var, control)?.at(alpha, control);
         }
         let mut fibre = Fibre {
             alpha: alpha.clone(),
@@ -187,13 +188,13 @@ impl Fibres {
         {
             let (divisor, repeated) = match fibre.linear_divisor(FIRST_PRECISION) {
                 Some(_) => (Divisor::Linear, 1),
-                None => self.divisor(chain, alpha, stop)?,
+                None => self.divisor(chain, alpha, control)?,
             };
             fibre.divisor = divisor;
             fibre.distinct_complex -= repeated;
         }
         let mut attempts = 0..;
-        fibre.roots = refine_until(FIRST_PRECISION, DOUBLED, stop, |precision| {
+        fibre.roots = refine_until(FIRST_PRECISION, DOUBLED, control, |precision| {
             let attempt = attempts.next().expect("there are enough numbers");
             Ok(fibre.isolate(precision, attempt))
         })?;
@@ -205,7 +206,7 @@ impl Fibres {
         &self,
         chain: &Subresultants,
         alpha: &RealRoot,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<(Divisor, usize), ResultantError> {
         if let Some(x) = known(alpha) {
             let over = self.f.set(self.other, &x).to_upoly(self.var);
@@ -216,7 +217,7 @@ impl Fibres {
             return Ok((Divisor::Whole(divisor), common.degree()));
         }
         for k in 1..chain.count() {
-            let whole = self.subresultant(chain, k, stop)?;
+            let whole = self.subresultant(chain, k, control)?;
             if whole.get(k).is_some_and(|c| alpha.sign_of(c).is_ne()) {
                 return Ok((Divisor::Whole(whole), k));
             }
@@ -229,13 +230,13 @@ impl Fibres {
         &self,
         chain: &Subresultants,
         k: usize,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Vec<UPoly>, ResultantError> {
         let mut whole = self.whole.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = whole.get(&k) {
             return Ok(known.clone());
         }
-        let made = coefficients_in(&chain.polynomial(k, stop)?, self.var, self.other);
+        let made = coefficients_in(&chain.polynomial(k, control)?, self.var, self.other);
         whole.insert(k, made.clone());
         Ok(made)
     }
@@ -248,7 +249,7 @@ impl Fibres {
     pub fn count_at(
         &self,
         alpha: &RealRoot,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Option<usize>, ResultantError> {
         let lead = self.coefficients.last().map(|c| alpha.sign_of(c));
         let Some(lead) = lead.filter(|s| s.is_ne()) else {
@@ -258,7 +259,7 @@ impl Fibres {
             return Ok(Some(self.coefficients.len() - 1));
         };
         let signs: Result<Vec<Ordering>, _> = (0..chain.count())
-            .map(|j| Ok(alpha.sign_of(&chain.principal(j, stop)?)))
+            .map(|j| Ok(alpha.sign_of(&chain.principal(j, control)?)))
             .collect();
         Ok(Some(count_by_signs(lead, &signs?)))
     }
@@ -321,11 +322,14 @@ impl Fibre {
         &mut self,
         index: usize,
         bits: usize,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<(), ResultantError> {
-        refine_until(FIRST_PRECISION.max(2 * bits), DOUBLED, stop, |precision| {
-            Ok(self.try_refine(index, bits, precision).then_some(()))
-        })
+        refine_until(
+            FIRST_PRECISION.max(2 * bits),
+            DOUBLED,
+            control,
+            |precision| Ok(self.try_refine(index, bits, precision).then_some(())),
+        )
     }
     fn try_refine(&mut self, index: usize, bits: usize, precision: usize) -> bool {
         if !self.approximate(precision) {

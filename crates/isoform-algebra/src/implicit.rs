@@ -16,6 +16,7 @@ use crate::modpoly;
 use crate::modular::{Crt, Echelon, Fp, primes, residues};
 use crate::poly::{Exponents, MAX_VARS, Poly};
 use crate::resultant::subresultants_at;
+use isoform_control::Control;
 
 /// Why a map has no implicit equation.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -41,7 +42,7 @@ pub enum MapError {
     /// Counts at random points did not agree, which no map is known to cause.
     #[error("the degrees could not be counted: no two of {COUNTS} counts at random points agree")]
     Undecided,
-    /// The caller asked to stop.
+    /// The work was cancelled, or its deadline is over.
     #[error("stopped")]
     Stopped,
 }
@@ -132,7 +133,7 @@ pub fn image_dimension(map: &[Poly; 4]) -> Result<usize, MapError> {
 ///
 /// # Errors
 /// [`MapError`].
-pub fn map_degrees(map: &[Poly; 4], stop: &dyn Fn() -> bool) -> Result<MapDegrees, MapError> {
+pub fn map_degrees(map: &[Poly; 4], control: &Control<'_>) -> Result<MapDegrees, MapError> {
     let degree = validate(map)?;
     let factor = map.iter().fold(Poly::zero(), |g, p| g.gcd(p));
     if !factor.is_constant() {
@@ -145,7 +146,7 @@ pub fn map_degrees(map: &[Poly; 4], stop: &dyn Fn() -> bool) -> Result<MapDegree
     let mut last = None;
     let mut stream = Stream::new(2);
     for field in primes().take(COUNTS) {
-        if stop() {
+        if control.is_stopped() {
             return Err(MapError::Stopped);
         }
         let count = count_degrees(&field, map, degree, &mut stream);
@@ -166,7 +167,7 @@ pub fn map_degrees(map: &[Poly; 4], stop: &dyn Fn() -> bool) -> Result<MapDegree
 /// ```
 /// use isoform_algebra::{Poly, implicit};
 /// let map = ["2*s", "2*t", "1 - s^2 - t^2", "1 + s^2 + t^2"].map(|text| Poly::parse(text, &["s", "t"]).expect(text));
-/// let found = implicit(&map, 16, &|| false).expect("a surface").expect("of low degree");
+/// let found = implicit(&map, 16, &Control::default()).expect("a surface").expect("of low degree");
 /// assert_eq!(found.equation.to_string(), "x^2 + y^2 + z^2 - w^2");
 /// ```
 ///
@@ -175,9 +176,9 @@ pub fn map_degrees(map: &[Poly; 4], stop: &dyn Fn() -> bool) -> Result<MapDegree
 pub fn implicit(
     map: &[Poly; 4],
     max_degree: usize,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Option<Implicit>, MapError> {
-    let mut degrees = map_degrees(map, stop)?;
+    let mut degrees = map_degrees(map, control)?;
     let mut degree = degrees.implicit_degree;
     loop {
         if degree > max_degree {
@@ -185,11 +186,11 @@ pub fn implicit(
         }
         if degree >= LINES_FROM
             && degree == degrees.implicit_degree
-            && let Some(equation) = equation_by_lines(map, &degrees, stop)?
+            && let Some(equation) = equation_by_lines(map, &degrees, control)?
         {
             return Ok(Some(Implicit { equation, degrees }));
         }
-        match equation_of_degree(map, degree, stop)? {
+        match equation_of_degree(map, degree, control)? {
             Kernel::One(equation) => {
                 degrees.implicit_degree = degree;
                 return Ok(Some(Implicit { equation, degrees }));
@@ -376,7 +377,7 @@ fn count_degrees(f: &Fp, map: &[Poly; 4], n: usize, stream: &mut Stream) -> Opti
 fn equation_by_lines(
     map: &[Poly; 4],
     degrees: &MapDegrees,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Option<Poly>, MapError> {
     /// Points off which a surface lies; one of them is off any surface of low degree that people
     /// write.
@@ -405,7 +406,7 @@ fn equation_by_lines(
         let mut minimal = false;
         for f in primes() {
             let Some((coefficients, distinct)) =
-                residues_by_lines(&f, &moved, degrees, &mut stream, stop)?
+                residues_by_lines(&f, &moved, degrees, &mut stream, control)?
             else {
                 failures += 1;
                 if failures > 1 {
@@ -452,7 +453,7 @@ fn residues_by_lines(
     map: &[Poly; 4],
     degrees: &MapDegrees,
     stream: &mut Stream,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Option<(Vec<u64>, bool)>, MapError> {
     let (n, d) = (degrees.degree, degrees.implicit_degree);
     let pullback = Pullback::new(f, map, n, stream);
@@ -482,7 +483,7 @@ fn residues_by_lines(
     let mut grids: Vec<Vec<u64>> = vec![Vec::new(); d + 1];
     let mut distinct = false;
     for (i, &row) in rows.iter().enumerate() {
-        if stop() {
+        if control.is_stopped() {
             return Err(MapError::Stopped);
         }
         for j in 0..row {
@@ -603,7 +604,7 @@ const EXTRA_ROWS: usize = 2;
 fn equation_of_degree(
     map: &[Poly; 4],
     degree: usize,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Kernel, MapError> {
     let d = degree as u16;
     let all: Vec<Exponents> = (0..=d)
@@ -620,7 +621,7 @@ fn equation_of_degree(
         let forms: Vec<Vec<(Exponents, u64)>> = map.iter().map(|p| residues(&f, p)).collect();
         let mut echelon = Echelon::new(support.len());
         for _ in 0..support.len() + EXTRA_ROWS {
-            if stop() {
+            if control.is_stopped() {
                 return Err(MapError::Stopped);
             }
             let at = [stream.next(&f), stream.next(&f), f.one()];

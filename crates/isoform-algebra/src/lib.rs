@@ -11,7 +11,7 @@
 //! - [`modular`]: residues modulo primes and the way back, on which all of this rests.
 //!
 //! Nothing here depends on chance, time or the order of threads: primes and pseudo-random points
-//! are always the same. What can last takes a function that says whether to stop.
+//! are always the same. What can last takes a [`Control`](isoform_control::Control).
 //!
 //! The real points over the critical values of a curve:
 //!
@@ -19,12 +19,12 @@
 //! use isoform_algebra::{Fibres, Poly, real_roots};
 //! let folium = Poly::parse("x^3 + y^3 - 3*x*y", &["x", "y"])?;
 //! let go = || false;
-//! let fibres = Fibres::new(&folium, 1, &go)?;
+//! let fibres = Fibres::new(&folium, 1, &Control::default())?;
 //! let discriminant = &fibres.subresultants().expect("degree 3").resultant;
 //! let found: Vec<(f64, Vec<usize>)> = real_roots(discriminant)
 //!     .iter()
 //!     .map(|x| {
-//!         let roots = fibres.at(x, &go).expect("no vertical line").roots;
+//!         let roots = fibres.at(x, &Control::default()).expect("no vertical line").roots;
 //!         (x.to_f64(), roots.iter().map(|y| y.multiplicity).collect())
 //!     })
 //!     .collect();

@@ -1,6 +1,7 @@
 //! Precision that grows until it decides: the one loop of that kind, which ends.
 
 use crate::resultant::ResultantError;
+use isoform_control::Control;
 
 /// Bits beyond which nothing is looked at more closely.
 ///
@@ -18,7 +19,7 @@ pub(crate) type Growth = fn(usize) -> usize;
 /// Twice as many: the last attempt costs about as much as all before.
 pub(crate) const DOUBLED: Growth = |bits| 2 * bits;
 
-/// What the first attempt that decides finds, with `bits` bits and more. `stop` is asked before
+/// What the first attempt that decides finds, with `bits` bits and more. `control` is asked before
 /// each of them.
 ///
 /// # Errors
@@ -30,11 +31,11 @@ pub(crate) const DOUBLED: Growth = |bits| 2 * bits;
 pub(crate) fn refine_until<T>(
     mut bits: usize,
     growth: Growth,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
     mut attempt: impl FnMut(usize) -> Result<Option<T>, ResultantError>,
 ) -> Result<T, ResultantError> {
     loop {
-        if stop() {
+        if control.is_stopped() {
             return Err(ResultantError::Stopped);
         }
         if let Some(found) = attempt(bits)? {
@@ -51,11 +52,12 @@ pub(crate) fn refine_until<T>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Instant;
 
     #[test]
     fn the_first_precision_that_decides_counts() {
         let mut tried = Vec::new();
-        let found = refine_until(24, DOUBLED, &|| false, |bits| {
+        let found = refine_until(24, DOUBLED, &Control::default(), |bits| {
             tried.push(bits);
             Ok((bits > 100).then_some(bits))
         });
@@ -68,7 +70,7 @@ mod tests {
         let found: Result<(), _> = refine_until(
             1,
             |bits| bits + 1,
-            &|| true,
+            &Control::default().until(Instant::now()),
             |_| {
                 tried += 1;
                 Ok(None)
@@ -81,6 +83,11 @@ mod tests {
     #[test]
     #[should_panic(expected = "an error of the exact kernel")]
     fn it_ends() {
-        let _ = refine_until(MOST_BITS - 3, |bits| bits, &|| false, |_| Ok(None::<()>));
+        let _ = refine_until(
+            MOST_BITS - 3,
+            |bits| bits,
+            &Control::default(),
+            |_| Ok(None::<()>),
+        );
     }
 }

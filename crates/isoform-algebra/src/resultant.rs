@@ -23,6 +23,7 @@ use crate::upoly::UPoly;
 use dashu_base::UnsignedAbs;
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
+use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::sync::{Mutex, PoisonError};
@@ -36,9 +37,20 @@ pub enum ResultantError {
     /// More than one variable besides the eliminated one.
     #[error("the polynomials have more than one variable besides the one to be eliminated")]
     TooManyVariables,
-    /// The caller asked to stop.
+    /// The work was cancelled, or its deadline is over.
     #[error("stopped")]
     Stopped,
+}
+
+impl ResultantError {
+    /// Where the number of variables is right, only [`Stopped`] is left.
+    ///
+    /// # Panics
+    /// If there were too many variables.
+    pub fn only_stopped(self) -> Stopped {
+        assert_eq!(self, Self::Stopped, "polynomials in few variables");
+        Stopped
+    }
 }
 
 /// The resultant of two polynomials with respect to a variable; they have at most one other
@@ -48,7 +60,7 @@ pub enum ResultantError {
 /// ```
 /// use isoform_algebra::{Poly, resultant};
 /// let p = |text| Poly::parse(text, &["x", "y"]).expect(text);
-/// assert_eq!(resultant(&p("x^2 + y^2 - 1"), &p("y - x"), 1, &|| false), Ok(p("2*x^2 - 1")));
+/// assert_eq!(resultant(&p("x^2 + y^2 - 1"), &p("y - x"), 1, &Control::default()), Ok(p("2*x^2 - 1")));
 /// ```
 ///
 /// # Errors
@@ -57,14 +69,14 @@ pub fn resultant(
     f: &Poly,
     g: &Poly,
     var: usize,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Poly, ResultantError> {
     let (other, pair) = Pair::new(f, g, var)?;
     if f.is_zero() || g.is_zero() {
         return Ok(Poly::zero());
     }
     let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
-    let integer = Poly::from_upoly(&pair.resultant(stop)?, other);
+    let integer = Poly::from_upoly(&pair.resultant(control)?, other);
     Ok(integer.scale(&RBig::from_parts(
         IBig::ONE,
         f.denominator().pow(m) * g.denominator().pow(n),
@@ -76,12 +88,12 @@ pub fn resultant(
 ///
 /// # Errors
 /// [`ResultantError`].
-pub fn discriminant(f: &Poly, var: usize, stop: &dyn Fn() -> bool) -> Result<Poly, ResultantError> {
+pub fn discriminant(f: &Poly, var: usize, control: &Control<'_>) -> Result<Poly, ResultantError> {
     let n = f.degree(var);
     if n < 2 {
         return Ok(Poly::one());
     }
-    let r = resultant(f, &f.derivative(var), var, stop)?;
+    let r = resultant(f, &f.derivative(var), var, control)?;
     let lead = f.coefficients_in(var).swap_remove(n);
     let quotient = r
         .div_exact(&lead)
@@ -264,8 +276,8 @@ impl Pair {
     }
 
     /// S₀.
-    fn resultant(&self, stop: &dyn Fn() -> bool) -> Result<UPoly, ResultantError> {
-        let mut values = self.lift(&[(0, 0)], false, stop, |field, a, b| {
+    fn resultant(&self, control: &Control<'_>) -> Result<UPoly, ResultantError> {
+        let mut values = self.lift(&[(0, 0)], false, control, |field, a, b| {
             vec![resultant_at(field, a, b)]
         })?;
         Ok(values.swap_remove(0))
@@ -278,7 +290,7 @@ impl Pair {
         &self,
         wanted: &[(usize, usize)],
         exact: bool,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
         at: impl Fn(&Fp, &[u64], &[u64]) -> Vec<u64>,
     ) -> Result<Vec<UPoly>, ResultantError> {
         let degrees: Vec<usize> = wanted
@@ -288,7 +300,7 @@ impl Pair {
         let bounds: Vec<UBig> = wanted.iter().map(|&(j, _)| self.modulus_bound(j)).collect();
         let mut lifts: Vec<Crt> = degrees.iter().map(|d| Crt::new(d + 1)).collect();
         for field in primes() {
-            if stop() {
+            if control.is_stopped() {
                 return Err(ResultantError::Stopped);
             }
             let open: Vec<usize> = (0..wanted.len())
@@ -316,7 +328,7 @@ impl Pair {
                 if nodes.len() > degree {
                     break;
                 }
-                if nodes.len().is_multiple_of(LOOKS) && stop() {
+                if nodes.len().is_multiple_of(LOOKS) && control.is_stopped() {
                     return Err(ResultantError::Stopped);
                 }
                 let point = field.of_u64(x as u64);
@@ -334,7 +346,7 @@ impl Pair {
             }
             let inverses = modpoly::small_inverses(&field, nodes[nodes.len() - 1]);
             for c in open {
-                if degree > LOOKS && stop() {
+                if degree > LOOKS && control.is_stopped() {
                     return Err(ResultantError::Stopped);
                 }
                 let points = degrees[c] + 1;
@@ -379,13 +391,13 @@ impl Subresultants {
         f: &Poly,
         g: &Poly,
         var: usize,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Self, ResultantError> {
         let (other, pair) = Pair::new(f, g, var)?;
         let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
         assert!(n >= m && m >= 1, "subresultants of degrees {n} and {m}");
         Ok(Self {
-            resultant: pair.resultant(stop)?,
+            resultant: pair.resultant(control)?,
             principal: Mutex::default(),
             count: m,
             pair,
@@ -405,7 +417,7 @@ impl Subresultants {
     ///
     /// # Panics
     /// If j is not below the lower degree.
-    pub fn principal(&self, j: usize, stop: &dyn Fn() -> bool) -> Result<UPoly, ResultantError> {
+    pub fn principal(&self, j: usize, control: &Control<'_>) -> Result<UPoly, ResultantError> {
         assert!(j < self.count, "there is no subresultant of index {j}");
         if j == 0 {
             return Ok(self.resultant.clone());
@@ -418,7 +430,7 @@ impl Subresultants {
         if let Some(c) = known().get(&j) {
             return Ok(c.clone());
         }
-        let made = self.coefficients(j, j..=j, stop)?.swap_remove(0);
+        let made = self.coefficients(j, j..=j, control)?.swap_remove(0);
         known().insert(j, made.clone());
         Ok(made)
     }
@@ -430,9 +442,9 @@ impl Subresultants {
     ///
     /// # Panics
     /// If j is not below the lower degree.
-    pub fn polynomial(&self, j: usize, stop: &dyn Fn() -> bool) -> Result<Poly, ResultantError> {
+    pub fn polynomial(&self, j: usize, control: &Control<'_>) -> Result<Poly, ResultantError> {
         assert!(j < self.count, "there is no subresultant of index {j}");
-        let columns = self.coefficients(j, 0..=j, stop)?;
+        let columns = self.coefficients(j, 0..=j, control)?;
         let powers = columns
             .iter()
             .enumerate()
@@ -445,10 +457,10 @@ impl Subresultants {
         &self,
         j: usize,
         powers: RangeInclusive<usize>,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Vec<UPoly>, ResultantError> {
         let wanted: Vec<(usize, usize)> = powers.map(|i| (j, i)).collect();
-        self.pair.lift(&wanted, true, stop, |field, a, b| {
+        self.pair.lift(&wanted, true, control, |field, a, b| {
             let s = subresultants_at(field, a, b).swap_remove(j);
             let at = |&(_, i): &(usize, usize)| s.get(i).copied().unwrap_or(0);
             wanted.iter().map(at).collect()

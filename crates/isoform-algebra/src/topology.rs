@@ -4,6 +4,7 @@
 use crate::arrangement::{Arrangement, ArrangementError};
 use crate::poly::Poly;
 use dashu_ratio::RBig;
+use isoform_control::Control;
 use std::collections::BTreeMap;
 
 /// What a curve consists of.
@@ -49,12 +50,12 @@ enum Node {
 /// [`ArrangementError`].
 pub fn curve_topology(
     form: &Poly,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<CurveTopology, ArrangementError> {
     let mut graph = Graph::default();
     if !form.is_constant() {
         for quadrant in 0..4 {
-            let arrangement = Arrangement::new(&[in_triangle(form, quadrant)], stop)?;
+            let arrangement = Arrangement::new(&[in_triangle(form, quadrant)], control)?;
             graph.add(&arrangement, quadrant);
         }
     }
@@ -194,7 +195,7 @@ mod tests {
     fn topology(form: &str) -> [usize; 4] {
         let form = Poly::parse(form, &["s", "t", "w"]).expect("a polynomial");
         assert!(form.is_homogeneous());
-        let t = curve_topology(&form, &|| false).expect("a curve");
+        let t = curve_topology(&form, &Control::default()).expect("a curve");
         [t.ovals, t.pseudolines, t.singular, t.isolated]
     }
 
@@ -276,7 +277,7 @@ mod tests {
             let form = Poly::parse(w, &["s", "t"])
                 .expect("a polynomial")
                 .homogenise(2, degree);
-            let t = curve_topology(&form, &|| false).expect("a curve");
+            let t = curve_topology(&form, &Control::default()).expect("a curve");
             let count = |key: &str| known[key].as_u64().expect("a count") as usize;
             let expected = [
                 count("n_ovals"),

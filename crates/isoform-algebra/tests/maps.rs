@@ -4,11 +4,9 @@
 use isoform_algebra::{
     DEFAULT_MAX_DEGREE, MapDegrees, MapError, Poly, RBig, image_dimension, implicit, map_degrees,
 };
+use isoform_control::Control;
 use serde_json::Value;
-
-fn go() -> bool {
-    false
-}
+use std::time::Instant;
 
 fn map(texts: [&str; 4]) -> [Poly; 4] {
     texts.map(|t| Poly::parse(t, &["s", "t"]).expect(t))
@@ -52,7 +50,7 @@ fn textbook_surfaces() {
     ];
     for (texts, equation, map_degree, base_multiplicity) in cases {
         let map = map(texts);
-        let found = implicit(&map, DEFAULT_MAX_DEGREE, &go)
+        let found = implicit(&map, DEFAULT_MAX_DEGREE, &Control::default())
             .expect("a surface")
             .expect("a low degree");
         assert!(found.equation.compose(&map).is_zero());
@@ -62,7 +60,7 @@ fn textbook_surfaces() {
             (map_degree, base_multiplicity),
             "{texts:?}"
         );
-        assert_eq!(map_degrees(&map, &go), Ok(degrees));
+        assert_eq!(map_degrees(&map, &Control::default()), Ok(degrees));
         assert_eq!(found.equation.total_degree(), degrees.implicit_degree);
         if texts[0] != "1/2*s" {
             assert!(
@@ -77,7 +75,7 @@ fn textbook_surfaces() {
 #[test]
 fn refusals() {
     assert_eq!(
-        implicit(&map(["0", "0", "0", "0"]), 16, &go),
+        implicit(&map(["0", "0", "0", "0"]), 16, &Control::default()),
         Err(MapError::Zero)
     );
     assert_eq!(image_dimension(&map(["2", "3", "0", "1"])), Ok(0));
@@ -86,24 +84,32 @@ fn refusals() {
         Ok(0)
     );
     assert_eq!(
-        implicit(&map(["s + t", "(s + t)^2", "(s + t)^3", "1"]), 16, &go),
+        implicit(
+            &map(["s + t", "(s + t)^2", "(s + t)^3", "1"]),
+            16,
+            &Control::default()
+        ),
         Err(MapError::NotASurface { dimension: 1 })
     );
     let common = implicit(
         &map(["s*(s + t)", "t*(s + t)", "s^2 - t^2", "(s + t)*(s*t + 1)"]),
         16,
-        &go,
+        &Control::default(),
     );
     assert_eq!(
         common.expect_err("a common factor").to_string(),
         "the four polynomials have the common factor s + t"
     );
     assert_eq!(
-        implicit(&map(["s", "t", "s*t", "1"]), 16, &|| true),
+        implicit(
+            &map(["s", "t", "s*t", "1"]),
+            16,
+            &Control::default().until(Instant::now())
+        ),
         Err(MapError::Stopped)
     );
     let too_high = map(["s^3 + t", "t^3 - s", "s^2*t + 2", "s*t^2 + s^3 - t^3 + 1"]);
-    assert_eq!(implicit(&too_high, 8, &go), Ok(None));
+    assert_eq!(implicit(&too_high, 8, &Control::default()), Ok(None));
     assert_eq!(
         image_dimension(&[Poly::var(2), Poly::one(), Poly::one(), Poly::one()]),
         Err(MapError::TooManyVariables)
@@ -138,7 +144,7 @@ fn equations_of_higher_degree() {
         (&special, None),
         (&twice, Some((2, 9))),
     ] {
-        let found = implicit(map, DEFAULT_MAX_DEGREE, &go)
+        let found = implicit(map, DEFAULT_MAX_DEGREE, &Control::default())
             .expect("a surface")
             .expect("a low degree");
         if let Some(wanted) = degrees {
@@ -156,7 +162,7 @@ fn equations_of_higher_degree() {
     }
     // The same surface has the same equation.
     let [once, again] = [&general, &twice].map(|m| {
-        implicit(m, 16, &go)
+        implicit(m, 16, &Control::default())
             .expect("a surface")
             .expect("degree 9")
             .equation
@@ -182,7 +188,7 @@ fn random_maps_are_answered() {
                     .map(|e| (e, RBig::from(rng.i64(-3..=3)))),
             )
         });
-        if let Ok(found) = implicit(&map, DEFAULT_MAX_DEGREE, &go) {
+        if let Ok(found) = implicit(&map, DEFAULT_MAX_DEGREE, &Control::default()) {
             let equation = found.expect("degree 9 at most").equation;
             assert!(equation.compose(&map).is_zero());
             assert_eq!(equation.squarefree(), [(equation.clone(), 1)]);
@@ -198,16 +204,20 @@ fn degrees_do_not_depend_on_the_frame() {
     let forms = map(["s^3 - 3*s*t^2", "t^3 + s", "s*t", "s^2 + 1"]).map(|p| p.homogenise(2, 3));
     let moved = ["2*s + t - w", "s - 3*t + w", "s + t + 2*w"]
         .map(|t| Poly::parse(t, &["s", "t", "w"]).expect(t));
-    let wanted = map_degrees(&forms.clone().map(|p| p.dehomogenise(2)), &go).expect("a surface");
+    let wanted = map_degrees(
+        &forms.clone().map(|p| p.dehomogenise(2)),
+        &Control::default(),
+    )
+    .expect("a surface");
     let there = forms.map(|p| p.compose(&moved).dehomogenise(2));
-    assert_eq!(map_degrees(&there, &go), Ok(wanted));
+    assert_eq!(map_degrees(&there, &Control::default()), Ok(wanted));
     let mixed = [
         &there[0] + &there[1],
         &there[1] - &there[3],
         &there[2] + &there[0],
         there[3].scale(&RBig::from(3)),
     ];
-    assert_eq!(map_degrees(&mixed, &go), Ok(wanted));
+    assert_eq!(map_degrees(&mixed, &Control::default()), Ok(wanted));
 }
 
 #[test]
@@ -222,7 +232,7 @@ fn the_zoo() {
             Poly::parse(json[k].as_str().expect("a text"), &["s", "t"]).expect("a polynomial")
         });
         if json["valid"] == false {
-            let error = map_degrees(&map, &go).expect_err("an invalid map");
+            let error = map_degrees(&map, &Control::default()).expect_err("an invalid map");
             if let MapError::CommonFactor { factor } = &error {
                 let wanted = Poly::parse(
                     json["common_factor"].as_str().expect("a text"),
@@ -242,7 +252,7 @@ fn the_zoo() {
             Ok(json["image_dim"].as_u64().unwrap_or(2) as usize),
             "{name}"
         );
-        let degrees = map_degrees(&map, &go).expect("a surface");
+        let degrees = map_degrees(&map, &Control::default()).expect("a surface");
         assert_eq!(
             Some(degrees.map_degree as u64),
             json["map_degree"].as_u64(),
@@ -270,7 +280,7 @@ fn the_zoo() {
             },
             "{name}"
         );
-        let found = implicit(&map, DEFAULT_MAX_DEGREE, &go)
+        let found = implicit(&map, DEFAULT_MAX_DEGREE, &Control::default())
             .expect("a surface")
             .expect("a low degree");
         let equation = surface(json["implicit"].as_str().expect("a text"));

@@ -4,12 +4,9 @@ use isoform_algebra::{
     Fibres, IBig, Poly, RBig, RealRoot, UBig, UPoly, count_roots_between, real_roots,
     simplest_between,
 };
+use isoform_control::Control;
 use proptest::prelude::*;
 use std::cmp::Ordering;
-
-fn go() -> bool {
-    false
-}
 
 fn p(text: &str) -> Poly {
     Poly::parse(text, &["x", "y"]).expect(text)
@@ -124,7 +121,7 @@ proptest! {
         for &(a, b, n) in &lines {
             *wanted.entry(a * at + b).or_insert(0) += n;
         }
-        let fibre = Fibres::new(&f, 1, &go).expect("two variables").at(&RealRoot::from_rational(&RBig::from(at)), &go).expect("not vertical");
+        let fibre = Fibres::new(&f, 1, &Control::default()).expect("two variables").at(&RealRoot::from_rational(&RBig::from(at)), &Control::default()).expect("not vertical");
         prop_assert_eq!(fibre.roots.len(), wanted.len());
         prop_assert_eq!(fibre.distinct_complex, wanted.len());
         for (root, (y, n)) in fibre.roots.iter().zip(wanted) {
@@ -203,29 +200,34 @@ fn fibres_at_critical_points() {
         ),
     ];
     for (curve, over, which, multiplicities, complex) in cases {
-        let fibres = Fibres::new(&p(curve), 1, &go).expect(curve);
+        let fibres = Fibres::new(&p(curve), 1, &Control::default()).expect(curve);
         let alpha = &real_roots(&u(over))[which];
-        let mut fibre = fibres.at(alpha, &go).expect(curve);
+        let mut fibre = fibres.at(alpha, &Control::default()).expect(curve);
         let found: Vec<usize> = fibre.roots.iter().map(|r| r.multiplicity).collect();
         assert_eq!(
             (&found[..], fibre.distinct_complex),
             (multiplicities, complex),
             "{curve} over {over}"
         );
-        if let Some(count) = fibres.count_at(alpha, &go).expect("not stopped") {
+        if let Some(count) = fibres
+            .count_at(alpha, &Control::default())
+            .expect("not stopped")
+        {
             assert_eq!(count, multiplicities.len(), "{curve} over {over}");
         }
         for i in 0..fibre.roots.len() {
             let before = fibre.roots[i].clone();
-            fibre.refine(i, 300, &go).expect("not stopped");
+            fibre
+                .refine(i, 300, &Control::default())
+                .expect("not stopped");
             let r = &fibre.roots[i];
             assert!(before.lo <= r.lo && r.lo < r.hi && r.hi <= before.hi);
             assert!(&r.hi - &r.lo <= RBig::from_parts(IBig::ONE, UBig::ONE << 300));
         }
     }
-    let vertical = Fibres::new(&p("x*y^2 - 2*x"), 1, &go)
+    let vertical = Fibres::new(&p("x*y^2 - 2*x"), 1, &Control::default())
         .expect("two variables")
-        .at(&RealRoot::from_rational(&RBig::ZERO), &go);
+        .at(&RealRoot::from_rational(&RBig::ZERO), &Control::default());
     assert!(vertical.is_err_and(|e| e == isoform_algebra::FibreError::Vertical));
 }
 
@@ -240,7 +242,7 @@ fn counting_agrees_with_isolating() {
         if f.degree(1) < 2 {
             continue;
         }
-        let fibres = Fibres::new(&f, 1, &go).expect("two variables");
+        let fibres = Fibres::new(&f, 1, &Control::default()).expect("two variables");
         let discriminant = fibres
             .subresultants()
             .expect("degree 2 or more")
@@ -250,9 +252,13 @@ fn counting_agrees_with_isolating() {
             continue;
         }
         let critical = real_roots(&discriminant);
-        let count = |alpha: &RealRoot| fibres.count_at(alpha, &go).expect("not stopped");
+        let count = |alpha: &RealRoot| {
+            fibres
+                .count_at(alpha, &Control::default())
+                .expect("not stopped")
+        };
         for (i, alpha) in critical.iter().enumerate() {
-            let fibre = fibres.at(alpha, &go).expect("not vertical");
+            let fibre = fibres.at(alpha, &Control::default()).expect("not vertical");
             assert_eq!(count(alpha).unwrap_or(fibre.roots.len()), fibre.roots.len());
             if let Some(next) = critical.get(i + 1) {
                 let x = alpha.rational_below(next);
@@ -260,7 +266,11 @@ fn counting_agrees_with_isolating() {
                 let at = RealRoot::from_rational(&x);
                 assert_eq!(count(&at), Some(real_roots(&over).len()));
                 assert_eq!(
-                    fibres.at(&at, &go).expect("not vertical").roots.len(),
+                    fibres
+                        .at(&at, &Control::default())
+                        .expect("not vertical")
+                        .roots
+                        .len(),
                     real_roots(&over).len()
                 );
             }

@@ -1,8 +1,10 @@
 //! What all verbs share: global options, failures, exit codes, stdout as data, stderr as talk.
 
 use crate::inputs::Inputs;
+use crate::interrupt;
 use crate::watchdog;
 use clap::ArgAction;
+use isoform::Control;
 use isoform::geom::{Aabb, Point3};
 use serde_json::{Value, json};
 use std::fmt::Display;
@@ -103,6 +105,14 @@ impl Context {
             global,
             deadline,
             inputs: Inputs::default(),
+        }
+    }
+    /// Ends work at Ctrl-C and at the time limit.
+    pub(crate) fn control(&self) -> Control<'static> {
+        Control {
+            cancelled: Some(interrupt::watch()),
+            deadline: self.deadline,
+            progress: None,
         }
     }
     pub(crate) fn is_late(&self) -> bool {

@@ -3,6 +3,8 @@
 use crate::output::Context;
 use std::io::{self, IsTerminal, Write};
 use std::sync::Mutex;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
 use std::time::{Duration, Instant};
 
 /// Letters of the bar: with its phase and number it fits a terminal of 40 columns. On one that is
@@ -71,6 +73,36 @@ impl Progress {
                 100.0 * done
             );
         }
+    }
+}
+
+impl Progress {
+    /// Does some work of which nobody knows how much it is, and shows meanwhile which share of the
+    /// time limit is over.
+    pub(crate) fn during<T>(
+        &self,
+        phase: &str,
+        limit: Option<Duration>,
+        work: impl FnOnce() -> T,
+    ) -> T {
+        self.show(phase, 0.0);
+        if !(self.is_on && self.is_bar) {
+            return work();
+        }
+        let clock = Instant::now();
+        let share = move || limit.map_or(0.0, |limit| clock.elapsed().div_duration_f64(limit));
+        thread::scope(|scope| {
+            // Dropped when the work ends, by a panic, too.
+            let (working, over) = mpsc::channel::<()>();
+            scope.spawn(move || {
+                while over.recv_timeout(PAUSE) == Err(RecvTimeoutError::Timeout) {
+                    self.show(phase, share());
+                }
+            });
+            let result = work();
+            drop(working);
+            result
+        })
     }
 }
 

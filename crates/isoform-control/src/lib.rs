@@ -21,7 +21,7 @@
 #![forbid(unsafe_code)]
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Receives the name of a phase and the share of it that is done, from 0 to 1.
 pub type Progress<'a> = dyn Fn(&str, f64) + Sync + 'a;
@@ -50,6 +50,17 @@ impl Control<'_> {
         Self {
             deadline: Some(deadline),
             ..self
+        }
+    }
+
+    /// Ends the work this many seconds from now, or at its own deadline where that is earlier;
+    /// infinitely many seconds are no limit.
+    #[must_use]
+    pub fn for_seconds(self, seconds: f64) -> Self {
+        let time = Duration::try_from_secs_f64(seconds.max(0.0)).ok();
+        match time.and_then(|time| Instant::now().checked_add(time)) {
+            Some(end) => self.until(end),
+            None => self,
         }
     }
 
@@ -104,7 +115,6 @@ impl std::fmt::Debug for Control<'_> {
 mod tests {
     use super::*;
     use std::sync::Mutex;
-    use std::time::Duration;
 
     #[test]
     fn a_flag_and_a_deadline_end_the_work() {
@@ -127,6 +137,16 @@ mod tests {
         let both = Control::default().until(late).until(now);
         assert_eq!(both.deadline, Some(now));
         assert_eq!(both.until(late).deadline, Some(now));
+    }
+
+    #[test]
+    fn seconds_may_be_infinite_or_none() {
+        let control = Control::default();
+        assert_eq!(control.for_seconds(f64::INFINITY).deadline, None);
+        assert_eq!(control.for_seconds(1e300).deadline, None);
+        assert!(control.for_seconds(0.0).is_stopped());
+        assert!(control.for_seconds(-1.0).is_stopped());
+        assert!(!control.for_seconds(3600.0).is_stopped());
     }
 
     #[test]

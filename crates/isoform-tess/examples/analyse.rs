@@ -6,6 +6,7 @@
 //! ```
 
 use isoform_algebra::Poly;
+use isoform_control::Control;
 use isoform_tess::{
     Algebraic, BinaryForm, Budget, CurveKind, Map, Options, RealPart, Seam, VARIABLES, analyse,
 };
@@ -48,7 +49,7 @@ fn row(values: &[Algebraic]) -> String {
 }
 
 fn print_analysis(map: &Map) {
-    let found = analyse(map, &Budget::default(), &|| false);
+    let found = analyse(map, &Budget::default(), &Control::default());
     for (name, form) in isoform_tess::KEYS.iter().zip(map.forms()) {
         println!("  {name} = {}", text(form));
     }

@@ -1,6 +1,7 @@
 //! Triangulates the surface of a map and writes it as OBJ: `surface MAP.json BOX [OUT.obj]`.
 
 use isoform_algebra::RBig;
+use isoform_control::Control;
 use isoform_tess::{Budget, Map, MeshOptions, Mode, TriangulateOptions, triangulate};
 use std::fmt::Write;
 
@@ -22,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         },
         budget: Budget::default(),
     };
-    let (surface, analysis) = triangulate(&map, &options, &|| false)?;
+    let (surface, analysis) = triangulate(&map, &options, &Control::default())?;
     println!(
         "{} triangles, {:?}, {:?}",
         surface.triangles.len(),

@@ -6,11 +6,11 @@ use crate::complex_seams::{SeamLine, seam_lines};
 use crate::finding::{Finding, Phase};
 use crate::map::Map;
 use crate::singular::{Singular, singular};
-use crate::univariate::Stopped;
 use isoform_algebra::{
     CurveTopology, DEFAULT_MAX_DEGREE, FactorError, Implicit, MapDegrees, MapError, Poly,
     curve_topology, implicit, map_degrees,
 };
+use isoform_control::{Control, Stopped};
 use std::time::Instant;
 
 /// What an analysis may cost.
@@ -103,11 +103,11 @@ impl Analysis {
     }
 }
 
-/// Analyses a map. Everything but `seconds` is the same each time, unless `stop` or
+/// Analyses a map. Everything but `seconds` is the same each time, unless `control` or
 /// [`Budget::seconds`] intervenes.
-pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis {
+pub fn analyse(map: &Map, budget: &Budget, control: &Control<'_>) -> Analysis {
     let mut found = Analysis::default();
-    let enough = until(budget.seconds, stop);
+    let enough = control.for_seconds(budget.seconds);
     let mut clock = Instant::now();
     let mut lap = |found: &mut Analysis, phase: &'static str| {
         found.seconds.push((phase, clock.elapsed().as_secs_f64()));
@@ -115,11 +115,11 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     };
 
     // Complex ones too: their multiplicities prove the degrees.
-    let classes = Classes::new(map, false, stop);
+    let classes = Classes::new(map, false, control);
     match &classes {
         Ok(classes) => {
             found.base_points = Some(classes.real());
-            match seam_lines(classes, stop) {
+            match seam_lines(classes, control) {
                 Ok((lines, others)) => {
                     found.seam_lines = lines;
                     if others {
@@ -133,7 +133,7 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     }
     lap(&mut found, "base points");
 
-    match map.forms()[3].factor(stop) {
+    match map.forms()[3].factor(control) {
         Ok(factors) => found.pole = Some(factors),
         Err(error) => {
             assert_eq!(error, FactorError::Stopped, "a form in three variables");
@@ -142,7 +142,7 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     }
     lap(&mut found, "pole");
 
-    match curve_topology(&map.forms()[3], stop) {
+    match curve_topology(&map.forms()[3], control) {
         Ok(topology) => found.pole_topology = Some(topology),
         Err(error) => found.findings.push(Finding::PoleTopology(error)),
     }
@@ -152,7 +152,7 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     degrees(
         map,
         classes.ok().map(|c| c.multiplicity()),
-        stop,
+        control,
         &mut found,
     );
     found.double_section = sum.and_then(|sum| double_section(map, found.degrees?, sum));
@@ -189,21 +189,15 @@ pub fn analyse(map: &Map, budget: &Budget, stop: &dyn Fn() -> bool) -> Analysis 
     found
 }
 
-/// Whether to stop, after so many seconds from now, too.
-pub(crate) fn until(limit: f64, stop: &dyn Fn() -> bool) -> impl Fn() -> bool {
-    let start = Instant::now();
-    move || stop() || start.elapsed().as_secs_f64() > limit
-}
-
 /// What a domain in which the map is proved to have no pole needs to be known of: contracted curves
 /// and cuspidal edges.
-pub(crate) fn analyse_clear(map: &Map, stop: &dyn Fn() -> bool) -> Analysis {
+pub(crate) fn analyse_clear(map: &Map, control: &Control<'_>) -> Analysis {
     let mut found = Analysis {
         is_local: true,
         ..Analysis::default()
     };
     let clock = Instant::now();
-    match singular(map, None, stop) {
+    match singular(map, None, control) {
         Ok(curves) => found.singular = Some(curves),
         Err(Stopped) => found.stopped(Phase::ContractedCurves),
     }
@@ -229,10 +223,10 @@ fn double_section(map: &Map, degrees: MapDegrees, sum: usize) -> Option<usize> {
 fn degrees(
     map: &Map,
     base_multiplicity: Option<usize>,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
     found: &mut Analysis,
 ) {
-    match map_degrees(map.affine(), stop) {
+    match map_degrees(map.affine(), control) {
         Ok(degrees) => found.degrees = Some(degrees),
         Err(MapError::Stopped) => found.stopped(Phase::MapDegree),
         Err(error) => found.findings.push(Finding::DegreeUnknown(error)),

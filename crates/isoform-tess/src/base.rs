@@ -12,9 +12,10 @@
 
 use crate::field::{Algebraic, Element, NumberField};
 use crate::map::Map;
-use crate::univariate::{self, Coefficients, Stopped, check};
+use crate::univariate::{self, Coefficients};
 use crate::zeros::{Chart, Zero, common_zeros};
 use isoform_algebra::{Poly, RBig};
+use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -136,11 +137,11 @@ pub(crate) struct Classes(Vec<(Zero, Class)>);
 
 impl Classes {
     /// All classes, or only those with real points.
-    pub(crate) fn new(map: &Map, real: bool, stop: &dyn Fn() -> bool) -> Result<Self, Stopped> {
-        let zeros = common_zeros(map.forms(), real, stop)?;
+    pub(crate) fn new(map: &Map, real: bool, control: &Control<'_>) -> Result<Self, Stopped> {
+        let zeros = common_zeros(map.forms(), real, control)?;
         let classes = zeros
             .into_iter()
-            .map(|zero| class_at(map, &zero, real, stop).map(|class| (zero, class)));
+            .map(|zero| class_at(map, &zero, real, control).map(|class| (zero, class)));
         Ok(Self(classes.collect::<Result<_, _>>()?))
     }
     /// The real points, by chart and then by field and root.
@@ -178,8 +179,8 @@ impl Classes {
 ///
 /// # Errors
 /// [`Stopped`].
-pub fn base_points(map: &Map, stop: &dyn Fn() -> bool) -> Result<Vec<BasePoint>, Stopped> {
-    Ok(Classes::new(map, true, stop)?.real())
+pub fn base_points(map: &Map, control: &Control<'_>) -> Result<Vec<BasePoint>, Stopped> {
+    Ok(Classes::new(map, true, control)?.real())
 }
 
 /// The sum of the squares of the multiplicities of all base points, complex and infinitely near
@@ -188,8 +189,8 @@ pub fn base_points(map: &Map, stop: &dyn Fn() -> bool) -> Result<Vec<BasePoint>,
 ///
 /// # Errors
 /// [`Stopped`].
-pub fn base_multiplicity(map: &Map, stop: &dyn Fn() -> bool) -> Result<usize, Stopped> {
-    Ok(Classes::new(map, false, stop)?.multiplicity())
+pub fn base_multiplicity(map: &Map, control: &Control<'_>) -> Result<usize, Stopped> {
+    Ok(Classes::new(map, false, control)?.multiplicity())
 }
 
 /// Terms u^i v^j of a polynomial over a number field.
@@ -214,12 +215,12 @@ struct NearClass {
     class: Class,
 }
 
-fn class_at(map: &Map, zero: &Zero, real: bool, stop: &dyn Fn() -> bool) -> Result<Class, Stopped> {
+fn class_at(map: &Map, zero: &Zero, real: bool, control: &Control<'_>) -> Result<Class, Stopped> {
     // Two general planes meet the surface in at least one point that is no base point.
     let room = (map.degree().pow(2) - 1) / zero.field.degree();
     let mut local: Vec<Local> = Vec::new();
     for form in map.forms() {
-        check(stop)?;
+        control.check()?;
         local.push(expand(form, zero, room));
     }
     let mut class = blow_up(
@@ -227,14 +228,14 @@ fn class_at(map: &Map, zero: &Zero, real: bool, stop: &dyn Fn() -> bool) -> Resu
         local.try_into().expect("four forms"),
         room,
         real,
-        stop,
+        control,
     )?;
     if !class.near.is_empty() {
         class.lift(
             map.forms()
                 .each_ref()
                 .map(|form| expand(form, zero, map.degree())),
-            stop,
+            control,
         )?;
     }
     Ok(class)
@@ -309,9 +310,9 @@ fn blow_up(
     mut local: [Local; 4],
     room: usize,
     real: bool,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Class, Stopped> {
-    check(stop)?;
+    control.check()?;
     for f in &mut local {
         f.retain(|[i, j], _| i + j <= room);
     }
@@ -338,7 +339,7 @@ fn blow_up(
     for f in &leading {
         let mut f = f.clone();
         univariate::trim(&mut f);
-        common = univariate::gcd(k, &common, &f, stop)?;
+        common = univariate::gcd(k, &common, &f, control)?;
     }
     let curve = leading.each_ref().map(|f| {
         let (mut quotient, rest) = univariate::divide(k, f, &common);
@@ -347,8 +348,8 @@ fn blow_up(
         quotient
     });
     let mut near = Vec::new();
-    let distinct = univariate::squarefree_part(k, &common, stop)?;
-    for extension in univariate::roots(k, &distinct, real, stop)? {
+    let distinct = univariate::squarefree_part(k, &common, control)?;
+    for extension in univariate::roots(k, &distinct, real, control)? {
         let target = &extension.field;
         let there = BlowUp {
             from: k,
@@ -362,7 +363,7 @@ fn blow_up(
             moved,
             room * k.degree() / target.degree(),
             real,
-            stop,
+            control,
         )?;
         near.push(NearClass {
             theta: extension.theta,
@@ -376,7 +377,7 @@ fn blow_up(
         near.push(NearClass {
             theta: k.generator(),
             direction,
-            class: blow_up(k, moved, room, real, stop)?,
+            class: blow_up(k, moved, room, real, control)?,
         });
     }
     common.resize(common.len() + vertical, Element::zero());
@@ -477,8 +478,8 @@ impl Class {
     }
 
     /// Takes all terms along.
-    fn lift(&mut self, forms: [Local; 4], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
-        check(stop)?;
+    fn lift(&mut self, forms: [Local; 4], control: &Control<'_>) -> Result<(), Stopped> {
+        control.check()?;
         for near in &mut self.near {
             let there = BlowUp {
                 from: &self.field,
@@ -487,7 +488,7 @@ impl Class {
                 direction: (!near.direction[0].is_zero()).then_some(&near.direction[1]),
             };
             let moved = forms.each_ref().map(|f| there.moved(f, self.multiplicity));
-            near.class.lift(moved, stop)?;
+            near.class.lift(moved, control)?;
         }
         self.forms = forms;
         Ok(())

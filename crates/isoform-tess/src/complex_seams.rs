@@ -12,8 +12,9 @@ use crate::field::{Element, NumberField};
 use crate::map::Map;
 use crate::singular::{CurveKind, RealPart, Singular};
 use crate::surface::Point3;
-use crate::univariate::{Coefficients, Stopped, check};
+use crate::univariate::Coefficients;
 use isoform_algebra::{Poly, RBig};
+use isoform_control::{Control, Stopped};
 
 /// Planes with the coefficients 1, x, x², x³ for these x, in pairs: general ones, no two alike.
 const PLANES: [[i64; 2]; 2] = [[2, -3], [5, -7]];
@@ -29,12 +30,12 @@ pub struct SeamLine {
 /// curves of that kind, which are not traced.
 pub(crate) fn seam_lines(
     classes: &Classes,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<(Vec<SeamLine>, bool), Stopped> {
     let (mut lines, mut others) = (Vec::new(), false);
     let mut pending: Vec<&Class> = classes.all().collect();
     while let Some(class) = pending.pop() {
-        check(stop)?;
+        control.check()?;
         pending.extend(class.near());
         let (field, curve) = (class.field(), class.curve());
         // A point, or all at infinity.
@@ -250,8 +251,8 @@ mod tests {
 
     fn lines(forms: [&str; 4]) -> (Vec<SeamLine>, bool) {
         let map = Map::parse(forms, crate::Options::default()).expect("a map");
-        let classes = Classes::new(&map, false, &|| false).expect("in time");
-        seam_lines(&classes, &|| false).expect("in time")
+        let classes = Classes::new(&map, false, &Control::default()).expect("in time");
+        seam_lines(&classes, &Control::default()).expect("in time")
     }
 
     /// z(x² + y²) = x³: two conjugate sheets cross in the z axis.

@@ -9,8 +9,9 @@
 
 use crate::base::BinaryForm;
 use crate::field::{Algebraic, Element};
-use crate::univariate::{Coefficients, Stopped, divide, gcd, trim};
+use crate::univariate::{Coefficients, divide, gcd, trim};
 use isoform_algebra::RBig;
+use isoform_control::{Control, Stopped};
 use std::cmp::Ordering;
 
 /// What exchanges the two directions with one image: α, β, γ.
@@ -25,7 +26,7 @@ impl Involution {
     /// That of a seam curve, if it runs through its points exactly twice.
     pub(crate) fn of(
         curve: &[BinaryForm; 4],
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Option<Self>, Stopped> {
         let q = curve[0].degree();
         let first = &curve[0].coefficients[0];
@@ -54,7 +55,7 @@ impl Involution {
                     trim(&mut minor);
                     if !minor.is_empty() {
                         vertical = vertical.min(q + 1 - minor.len());
-                        common = gcd(field, &common, &minor, stop)?;
+                        common = gcd(field, &common, &minor, control)?;
                     }
                 }
             }
@@ -137,7 +138,7 @@ mod tests {
         })
     }
     fn involution(forms: [&[i64]; 4]) -> Option<Involution> {
-        Involution::of(&curve(forms), &|| false).expect("not stopped")
+        Involution::of(&curve(forms), &Control::default()).expect("not stopped")
     }
 
     /// The conoid of Plücker: z = 2ab/(a² + b²).

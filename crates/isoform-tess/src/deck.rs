@@ -15,10 +15,10 @@
 use crate::base::BasePoint;
 use crate::field::{Algebraic, exact, vanishes};
 use crate::map::Map;
-use crate::univariate::{Stopped, check};
 use crate::zeros::common_zeros;
 use isoform_algebra::modular::{Crt, Echelon, Fp, primes, residues};
-use isoform_algebra::{Exponents, Poly, RBig};
+use isoform_algebra::{Exponents, FactorError, Poly, RBig};
+use isoform_control::{Control, Stopped};
 use isoform_geom::{cross, norm};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -96,9 +96,9 @@ impl Deck {
     pub(crate) fn new(
         map: &Map,
         base_points: &[BasePoint],
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Option<Self>, Stopped> {
-        let transformations = transformations(map, stop)?;
+        let transformations = transformations(map, control)?;
         if transformations.is_empty() {
             return Ok(None);
         }
@@ -122,7 +122,7 @@ impl Deck {
             .map(|[i, j]| &lines[i] * &lines[j])
             .collect();
         for (forms, most) in [(lines, usize::MAX), (squares, ENOUGH)] {
-            let found = deck.least(&forms, &around, most, stop)?;
+            let found = deck.least(&forms, &around, most, control)?;
             if found.is_some() {
                 return Ok(found);
             }
@@ -136,13 +136,13 @@ impl Deck {
         forms: &[Poly],
         around: &[Vec<[Point; 2]>],
         most: usize,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Option<Self>, Stopped> {
         let mut best: Option<(usize, Self)> = None;
         let mut count = 0;
         let mut deck = self.clone();
         for (m, l) in (0..forms.len()).flat_map(|m| (0..forms.len()).map(move |l| (m, l))) {
-            check(stop)?;
+            control.check()?;
             if m == l || count == most {
                 continue;
             }
@@ -152,7 +152,7 @@ impl Deck {
                 continue;
             }
             let [l, m] = &deck.ratio;
-            let Some([seams, folds]) = border(&deck.transformations, [l, m], stop)? else {
+            let Some([seams, folds]) = border(&deck.transformations, [l, m], control)? else {
                 continue;
             };
             count += 1;
@@ -291,18 +291,18 @@ fn keeps_lines(t: &Transformation, p: &[Algebraic; 3]) -> bool {
 fn border(
     transformations: &[Transformation],
     ratio: [&Poly; 2],
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Option<[Border; 2]>, Stopped> {
     let mut curves: BTreeMap<_, (Poly, bool)> = BTreeMap::new();
     for t in transformations {
-        check(stop)?;
+        control.check()?;
         let parts = comparison(t, ratio);
         if parts[0].is_zero() {
             return Ok(None);
         }
         let mut orders: Vec<(Poly, usize)> = Vec::new();
         for form in parts {
-            for (f, n) in form.factor(stop)? {
+            for (f, n) in form.factor(control).map_err(FactorError::only_stopped)? {
                 match orders.iter_mut().find(|o| o.0 == f) {
                     Some(known) => known.1 += n,
                     None => orders.push((f, n)),
@@ -346,15 +346,15 @@ pub(crate) fn value(form: &Poly, p: [f64; 3]) -> (f64, f64) {
 }
 
 /// The deck transformations with rational coefficients, but the identity.
-fn transformations(map: &Map, stop: &dyn Fn() -> bool) -> Result<Vec<Transformation>, Stopped> {
+fn transformations(map: &Map, control: &Control<'_>) -> Result<Vec<Transformation>, Stopped> {
     /// Rational points, in no special place of maps that people write.
     const POINTS: [[i64; 2]; 6] = [[2, 3], [-3, 5], [5, -7], [7, 4], [-11, 6], [13, -9]];
     let mut found = Vec::new();
     for at in POINTS {
         let at = [at[0].into(), at[1].into(), RBig::ONE];
-        if let Some(others) = rational_fibre(map, &at, stop)? {
+        if let Some(others) = rational_fibre(map, &at, control)? {
             for other in others {
-                found.extend(transformation(map, &at, &other, stop)?);
+                found.extend(transformation(map, &at, &other, control)?);
             }
             break;
         }
@@ -367,7 +367,7 @@ fn transformations(map: &Map, stop: &dyn Fn() -> bool) -> Result<Vec<Transformat
 fn rational_fibre(
     map: &Map,
     at: &Point,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Option<Vec<Point>>, Stopped> {
     let forms = map.forms();
     let image = forms.each_ref().map(|f| f.eval(at));
@@ -387,7 +387,7 @@ fn rational_fibre(
         return Ok(None);
     }
     let mut points = Vec::new();
-    for zero in common_zeros(&planes, true, stop)? {
+    for zero in common_zeros(&planes, true, control)? {
         let rational = zero.homogeneous().each_ref().map(|e| e.as_rational());
         let [Some(s), Some(t), Some(w)] = rational else {
             continue;
@@ -406,13 +406,13 @@ fn transformation(
     map: &Map,
     from: &Point,
     to: &Point,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Option<Transformation>, Stopped> {
     let mut degree = 1;
     // The coefficient that is 1, and all of them.
     let mut known: Option<(usize, Crt)> = None;
     for field in primes().take(PRIMES) {
-        check(stop)?;
+        control.check()?;
         let Some(lines) = continued(&field, map, from, to) else {
             continue;
         };
@@ -641,8 +641,8 @@ mod tests {
 
     fn deck(texts: [&str; 4]) -> Option<Deck> {
         let map = Map::parse(texts, Default::default()).expect("a map");
-        let points = base_points(&map, &|| false).expect("not stopped");
-        Deck::new(&map, &points, &|| false).expect("not stopped")
+        let points = base_points(&map, &Control::default()).expect("not stopped");
+        Deck::new(&map, &points, &Control::default()).expect("not stopped")
     }
     /// A sphere by longitude and latitude, both of them full turns.
     const LONGITUDES: [&str; 4] = [

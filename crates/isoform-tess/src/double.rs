@@ -32,9 +32,9 @@ use crate::finding::{Finding, Phase};
 use crate::homotopy::{follow, newton, runge_kutta};
 use crate::map::Map;
 use crate::singular::{CurveKind, Singular, SingularCurve, signed_minors};
-use crate::univariate::{Stopped, check};
 use crate::zeros::common_zeros;
 use isoform_algebra::{Poly, RBig};
+use isoform_control::{Control, Stopped};
 use isoform_geom::distance_to_segment;
 
 /// Slices of the box in each of three directions, at most and at least; in between about as many
@@ -54,16 +54,16 @@ const PINCH_DEGREE: usize = 6;
 ///
 /// # Errors
 /// [`Stopped`].
-pub fn pinch_points(map: &Map, stop: &dyn Fn() -> bool) -> Result<Vec<[Algebraic; 3]>, Stopped> {
-    pinches(map, &reduced_minors(map, stop)?, stop)
+pub fn pinch_points(map: &Map, control: &Control<'_>) -> Result<Vec<[Algebraic; 3]>, Stopped> {
+    pinches(map, &reduced_minors(map, control)?, control)
 }
 
 /// The signed minors divided by their greatest common divisor.
-fn reduced_minors(map: &Map, stop: &dyn Fn() -> bool) -> Result<[Poly; 4], Stopped> {
-    let minors = signed_minors(map, stop)?;
+fn reduced_minors(map: &Map, control: &Control<'_>) -> Result<[Poly; 4], Stopped> {
+    let minors = signed_minors(map, control)?;
     let mut common = Poly::zero();
     for m in &minors {
-        check(stop)?;
+        control.check()?;
         common = common.gcd(m);
     }
     Ok(minors
@@ -74,14 +74,14 @@ fn reduced_minors(map: &Map, stop: &dyn Fn() -> bool) -> Result<[Poly; 4], Stopp
 fn pinches(
     map: &Map,
     minors: &[Poly; 4],
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Vec<[Algebraic; 3]>, Stopped> {
     let mut found = Vec::new();
-    for zero in common_zeros(minors, true, stop)? {
+    for zero in common_zeros(minors, true, control)? {
         let at = zero.homogeneous();
         let mut base = true;
         for form in map.forms() {
-            check(stop)?;
+            control.check()?;
             base &= value(&zero.field, form, &at).is_zero();
         }
         if !base {
@@ -128,7 +128,7 @@ pub fn solitary_arcs(
     singular: &Singular,
     half_width: f64,
     tolerance: f64,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> (Vec<Vec<[f64; 3]>>, Vec<Finding>) {
     let mut problems = Vec::new();
     if singular.double.is_none() {
@@ -141,7 +141,7 @@ pub fn solitary_arcs(
         arcs: Vec::new(),
         problems,
     };
-    if search.run(map, singular, half_width, stop).is_err() {
+    if search.run(map, singular, half_width, control).is_err() {
         search.problems.push(Finding::Stopped(Phase::SolitaryArcs));
     }
     let scale = |x: [f64; 3]| x.map(|v| v * half_width);
@@ -168,7 +168,7 @@ impl Fibres {
         map: &Map,
         singular: &Singular,
         half_width: f64,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Self, Stopped> {
         let mut search = Search {
             sources: Vec::new(),
@@ -176,7 +176,7 @@ impl Fibres {
             arcs: Vec::new(),
             problems: Vec::new(),
         };
-        search.prepare(map, singular, half_width, stop)?;
+        search.prepare(map, singular, half_width, control)?;
         let curves = curves_of(map, singular).count();
         Ok(Self {
             search,
@@ -397,7 +397,7 @@ fn distinct(source: &Source, points: impl IntoIterator<Item = V>) -> Vec<V> {
 fn first_section(
     source: &mut Source,
     plane: &Plane,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<bool, Stopped> {
     let mut stream = Stream(7);
     // Another try has other lines and other planes in between.
@@ -441,7 +441,7 @@ fn first_section(
             ]
             .map(|c| in_frame(&[a, b], c));
             for p in on_line(&source.curve, source.curve_degree, &a, &b) {
-                check(stop)?;
+                control.check()?;
                 match track(source, &path, &p) {
                     Ok(p) => ends.push(p),
                     // Paths to multiple points at base points stop before their end.
@@ -879,7 +879,7 @@ impl Search {
         map: &Map,
         singular: &Singular,
         half_width: f64,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<(), Stopped> {
         let forms = rounded(map.forms().each_ref());
         for curve in curves_of(map, singular) {
@@ -893,12 +893,12 @@ impl Search {
             );
             self.sources.push(source);
         }
-        for BasePoint { seam, .. } in base_points(map, stop)? {
+        for BasePoint { seam, .. } in base_points(map, control)? {
             self.add_seams(&seam, half_width);
         }
         let general = general_plane();
         for source in &mut self.sources {
-            if !first_section(source, &general, stop)? {
+            if !first_section(source, &general, control)? {
                 self.problems.push(Finding::SectionLost);
             }
         }
@@ -910,13 +910,13 @@ impl Search {
         map: &Map,
         singular: &Singular,
         half_width: f64,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<(), Stopped> {
-        self.prepare(map, singular, half_width, stop)?;
-        let hits = self.hits(stop)?;
+        self.prepare(map, singular, half_width, control)?;
+        let hits = self.hits(control)?;
         let mut traced = Vec::new();
         for hit in &hits {
-            check(stop)?;
+            control.check()?;
             // Several pairs may lead to the same curve.
             if !hit.others.iter().any(|(k, p)| {
                 traced
@@ -926,12 +926,12 @@ impl Search {
                 traced.push(self.both_ways(hit.source, &hit.state));
             }
         }
-        let minors = reduced_minors(map, stop)?;
+        let minors = reduced_minors(map, control)?;
         if minors.iter().map(Poly::total_degree).max().unwrap_or(0) <= PINCH_DEGREE {
-            for pinch in pinches(map, &minors, stop)? {
+            for pinch in pinches(map, &minors, control)? {
                 let p = normalised(&pinch.map(|x| C::new(x.to_f64(), 0.0)));
                 for k in 0..self.sources.len() {
-                    check(stop)?;
+                    control.check()?;
                     if let Some(arc) = self.arc_at_pinch(k, &p, &traced) {
                         traced.push(arc);
                     }
@@ -939,7 +939,7 @@ impl Search {
             }
         }
         for arc in &traced {
-            self.keep_uncovered(arc, &hits, stop)?;
+            self.keep_uncovered(arc, &hits, control)?;
         }
         Ok(())
     }
@@ -994,7 +994,7 @@ impl Search {
     }
 
     /// Non-real parameters of real points in the box, in all planes.
-    fn hits(&self, stop: &dyn Fn() -> bool) -> Result<Vec<Hit>, Stopped> {
+    fn hits(&self, control: &Control<'_>) -> Result<Vec<Hit>, Stopped> {
         let mut hits = Vec::new();
         let diagonal = 3f64.sqrt();
         let mut pencils: Vec<Vec<Plane>> = Vec::new();
@@ -1012,7 +1012,7 @@ impl Search {
         for pencil in pencils {
             let mut before: Vec<Option<Vec<V>>> = self.sources.iter().map(|_| None).collect();
             for (i, plane) in pencil.iter().enumerate() {
-                check(stop)?;
+                control.check()?;
                 let mut candidates = Vec::new();
                 let mut real = Vec::new();
                 for k in 0..self.sources.len() {
@@ -1168,7 +1168,7 @@ impl Search {
         &mut self,
         arc: &Traced,
         hits: &[Hit],
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<(), Stopped> {
         let mut known: Vec<(usize, bool)> = Vec::new();
         for hit in hits.iter().filter(|hit| hit.source == arc.source) {
@@ -1187,7 +1187,7 @@ impl Search {
             let before = pair[0].1;
             let (mut lo, mut hi) = (pair[0].0, pair[1].0 + 1);
             while hi - lo > 1 {
-                check(stop)?;
+                control.check()?;
                 let middle = usize::midpoint(lo, hi);
                 if self.is_covered(&arc.nodes[middle].image) == before {
                     lo = middle;
@@ -1197,7 +1197,7 @@ impl Search {
             }
             let (mut a, mut b) = (arc.nodes[lo], arc.nodes[hi]);
             for _ in 0..30 {
-                check(stop)?;
+                control.check()?;
                 let Some(middle) = settle(
                     &self.sources[arc.source],
                     &normalised(&along(&a.p, &b.p, 1.0)),

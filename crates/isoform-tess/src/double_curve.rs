@@ -13,7 +13,7 @@ use crate::mesh::traced::Traced;
 use crate::pairs::{self, Expected, Pairs};
 use crate::singular::{CurveKind, Singular, SingularCurve};
 use crate::surface::{Mode, Point3, TriangulateOptions};
-use crate::univariate::Stopped;
+use isoform_control::{Control, Stopped};
 
 /// Curves in space.
 type Polylines = Vec<Vec<Point3>>;
@@ -40,7 +40,7 @@ impl DoubleCurve {
         map: &Map,
         analysis: &Analysis,
         options: &TriangulateOptions,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Self {
         let mut found = Self::default();
         let Some(singular) = &analysis.singular else {
@@ -56,12 +56,12 @@ impl DoubleCurve {
         let is_proper = analysis.degrees.is_some_and(|d| d.map_degree == 1);
         let may_trace = is_proper && options.domain.is_none();
         let traced = match may_trace {
-            true => given.arcs(stop).unwrap_or(None),
+            true => given.arcs(control).unwrap_or(None),
             false => None,
         };
         match traced {
-            Some((traced, solitary)) => found.take_arcs(traced, solitary, &given, stop),
-            None => found.search(&given, stop),
+            Some((traced, solitary)) => found.take_arcs(traced, solitary, &given, control),
+            None => found.search(&given, control),
         }
         found
     }
@@ -72,7 +72,7 @@ impl DoubleCurve {
         traced: Traced,
         solitary: Polylines,
         given: &Given,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) {
         let &Given {
             map,
@@ -103,7 +103,7 @@ impl DoubleCurve {
             .map(|part| part.into_iter().map(scale).collect())
             .collect();
         if glued && traced.arcs.is_any_covered() {
-            self.fibres = Fibres::new(map, singular, half_width, stop).ok();
+            self.fibres = Fibres::new(map, singular, half_width, control).ok();
         }
         let may_stand = glued && !traced.arcs.is_any_cut_off() && given.may_stand();
         self.needs_no_equation = !is_known && (may_stand || !glued);
@@ -112,7 +112,7 @@ impl DoubleCurve {
     }
 
     /// Pinch points exactly, solitary arcs by sections of the curves of parameters.
-    fn search(&mut self, given: &Given, stop: &dyn Fn() -> bool) {
+    fn search(&mut self, given: &Given, control: &Control<'_>) {
         let &Given {
             map,
             analysis,
@@ -125,7 +125,7 @@ impl DoubleCurve {
         let map_degree = degrees.map_or(0, |d| d.map_degree);
         let is_double = |c: &SingularCurve| matches!(c.kind, CurveKind::Double);
         if glued && singular.curves.iter().any(is_double) {
-            match pinch_points(map, stop) {
+            match pinch_points(map, control) {
                 Ok(points) => {
                     self.pinches = points
                         .iter()
@@ -135,14 +135,14 @@ impl DoubleCurve {
                 Err(Stopped) => self.findings.push(Finding::Stopped(Phase::PinchPoints)),
             }
             self.grades.push(Claim::PinchPoints.into());
-            self.fibres = Fibres::new(map, singular, half_width, stop).ok();
+            self.fibres = Fibres::new(map, singular, half_width, control).ok();
         }
         // No parameters of a domain lead to solitary arcs, and planes and quadrics have none. Of an
         // improper map complex parameters reach whole regions, which are not drawn.
         let is_smooth = degrees.is_some_and(|d| d.implicit_degree <= 2);
         if options.domain.is_none() && !(map_degree > 1 && (is_smooth || !glued)) {
             let tolerance = options.mesh.tolerance;
-            let (arcs, problems) = solitary_arcs(map, singular, half_width, tolerance, stop);
+            let (arcs, problems) = solitary_arcs(map, singular, half_width, tolerance, control);
             self.solitary = arcs;
             // Without a curve to follow there is no solitary one, exactly.
             let has_base = analysis.base_points.as_ref().is_some_and(|b| !b.is_empty());
@@ -178,7 +178,7 @@ struct Given<'a> {
 
 impl Given<'_> {
     /// The arcs of the double curve, and the solitary parts of them, if all of them were found.
-    fn arcs(&self, stop: &dyn Fn() -> bool) -> Result<Option<(Traced, Polylines)>, Stopped> {
+    fn arcs(&self, control: &Control<'_>) -> Result<Option<(Traced, Polylines)>, Stopped> {
         let Some(expected) = self.expected() else {
             return Ok(None);
         };
@@ -187,7 +187,7 @@ impl Given<'_> {
             longest: self.options.mesh.longest / self.half_width,
         };
         let pairs = Pairs::new(self.map, self.half_width);
-        let arcs = pairs::arcs(&pairs, fine, &expected, stop)?;
+        let arcs = pairs::arcs(&pairs, fine, &expected, control)?;
         let solitary = arcs.solitary().filter(|_| arcs.lost == 0);
         Ok(solitary.map(|parts| (Traced { pairs, arcs }, parts)))
     }

@@ -46,6 +46,7 @@ impl Equation {
 mod tests {
     use super::*;
     use isoform_algebra::{Poly, implicit};
+    use isoform_control::Control;
 
     /// The unit sphere by stereographic projection: F = x² + y² + z² − w² up to a factor, |F| /
     /// |∇F| = |r² − 1| / 2 r.
@@ -53,7 +54,7 @@ mod tests {
     fn sphere() {
         let map = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"]
             .map(|f| Poly::parse(f, &["s", "t"]).unwrap());
-        let equation = Equation::new(&implicit(&map, 4, &|| false).unwrap().unwrap());
+        let equation = Equation::new(&implicit(&map, 4, &Control::default()).unwrap().unwrap());
         for p in [[0.3, -0.4, 1.2], [0.0, 0.0, 0.5], [2.0, 1.0, -2.0]] {
             let r = norm(p);
             let distance = equation.distance(p).unwrap();

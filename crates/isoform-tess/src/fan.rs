@@ -20,8 +20,8 @@ use crate::finding::{Finding, Unopened};
 use crate::region::Region;
 use crate::surface::Point3;
 use crate::tangents::{real_zeros, tangent_form};
-use crate::univariate::Stopped;
 use isoform_algebra::{Poly, QUADRANTS, RBig};
+use isoform_control::{Control, Stopped};
 use isoform_geom::{dot, sub};
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
@@ -280,7 +280,7 @@ impl Fan {
         base: &BasePoint,
         region: &Region,
         w_form: &Poly,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Self, Stopped> {
         let mut all = Vec::new();
         collect(&base.seam, &[], [false; 2], &mut all);
@@ -304,13 +304,13 @@ impl Fan {
             return Ok(fan);
         }
         if all.len() > 1 {
-            fan.multiplicity = tangent_form(base, &[], w_form, stop)?.degree();
+            fan.multiplicity = tangent_form(base, &[], w_form, control)?.degree();
         }
         for found in all {
             let place = fan.nodes.len();
             let seam = found.2;
-            let cover = Involution::of(&seam.curve, stop)?;
-            let marks = fan.marks(base, place, &found, cover, region, stop)?;
+            let cover = Involution::of(&seam.curve, control)?;
+            let marks = fan.marks(base, place, &found, cover, region, control)?;
             // Where other seams begin their vertices have other names.
             let begins = |k: usize| {
                 matches!(marks[k].1, Mark::Near(_))
@@ -367,7 +367,7 @@ impl Fan {
         (chain, exceptional, seam, children): &Found,
         cover: Option<Involution>,
         region: &Region,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Vec<(Direction, Mark, bool)>, Stopped> {
         let mut marks: Vec<(Direction, Option<Mark>)> = Vec::new();
         let add_to = |marks: &mut Vec<(Direction, Option<Mark>)>,
@@ -435,7 +435,7 @@ impl Fan {
             let factors: Vec<usize> = (0..region.factors.len())
                 .filter(|&f| region.faces[f].contains(&face))
                 .collect();
-            for at in real_zeros(&sum, stop)? {
+            for at in real_zeros(&sum, control)? {
                 add(at, 1 << face, &factors, None);
             }
         }
@@ -447,8 +447,8 @@ impl Fan {
             .chain(region.folds())
             .filter(|&f| region.faces[f].is_empty())
         {
-            let form = tangent_form(base, chain, &region.factors[f], stop)?;
-            for at in real_zeros(&form, stop)? {
+            let form = tangent_form(base, chain, &region.factors[f], control)?;
+            for at in real_zeros(&form, control)? {
                 add(at, 0, &[f], None);
             }
         }

@@ -294,6 +294,7 @@ impl Frame {
 mod tests {
     use super::*;
     use crate::analysis::{Budget, analyse};
+    use isoform_control::Control;
 
     const TORUS: [&str; 4] = [
         "(1 - S^2)*(T^2 + 3)",
@@ -345,7 +346,7 @@ mod tests {
                 sizes.iter().copied().fold(0.0, f64::max) / least
             };
             assert!(size(&near) < 1e4, "{parameters:?}: {}", size(&near));
-            let known = |m: &Map| analyse(m, &Budget::default(), &|| false);
+            let known = |m: &Map| analyse(m, &Budget::default(), &Control::default());
             let (found, expected) = (frame.analysis(known(&near)), known(&far));
             let points = |a: &Analysis| {
                 let all = a.base_points.iter().flatten();

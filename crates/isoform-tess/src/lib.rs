@@ -38,7 +38,6 @@ mod map;
 mod mesh;
 mod pairs;
 mod patch;
-mod polling;
 mod region;
 mod residues;
 mod singular;
@@ -56,9 +55,9 @@ pub use double::{pinch_points, solitary_arcs};
 pub use field::{Algebraic, Element, NumberField};
 pub use finding::{Finding, JoinedCurve, Phase, Unopened};
 pub use frame::Frame;
+pub use isoform_control::{Control, Stopped};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
 pub use patch::{ControlPoint, Patch, PatchFileError, is_patch_file, patch_bounds, read_patches};
-pub use polling::polled;
 pub use region::{Region, RegionTopology, Triangle};
 pub use singular::{
     Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular,
@@ -67,5 +66,4 @@ pub use surface::{
     Crossing, DoubleArc, Kind, MeshOptions, Mode, Point3, Prepared, Surface, TriangulateOptions,
     join_patches, triangulate,
 };
-pub use univariate::Stopped;
 pub use zeros::Chart;

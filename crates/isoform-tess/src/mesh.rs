@@ -30,7 +30,6 @@ use crate::fan::{Direction, Fan, Key};
 use crate::field::{Algebraic, vanishes};
 use crate::finding::Finding;
 use crate::map::Map;
-use crate::polling::polled;
 use crate::region::Region;
 use crate::singular::{CurveKind, RealPart};
 use crate::surface::{Kind, MeshOptions, Point3, Surface};
@@ -39,13 +38,13 @@ use closing::finish;
 use fineness::Fineness;
 use gluing::{Gluing, Track, key};
 use isoform_algebra::{Arrangement, Poly, QUADRANTS, RBig};
+use isoform_control::Control;
 use isoform_geom::{norm, sub};
 use matching::Place;
 use rayon::iter::{
     IndexedParallelIterator, IntoParallelIterator, IntoParallelRefMutIterator, ParallelIterator,
 };
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::Ordering;
 use traced::Traced;
 use unit::{Joined, Unit};
 
@@ -134,86 +133,83 @@ pub(crate) fn mesh(
     curves: &Curves,
     options: &MeshOptions,
     changes: &Changes,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Surface {
-    polled(stop, |stopped| {
-        let stop = &|| stopped.load(Ordering::Relaxed);
-        let half_width = region.half_width.to_f64().value();
-        let mut builder = Builder {
-            region,
-            options,
-            fineness: &changes.fineness,
-            stop,
-            charts: std::array::from_fn(|q| Chart::new(map, q, half_width)),
-            half_width,
-            images: Vec::new(),
-            on_curve: BTreeMap::new(),
-            on_side: [None; 3],
-            double: BTreeSet::new(),
-            creased: BTreeSet::new(),
-            seams: BTreeSet::new(),
-            double_sides: curves.double_sides,
-            glued: curves.glued,
-            folded: BTreeSet::new(),
-            gluing: Gluing::default(),
-            fans: Vec::new(),
-            sites: BTreeMap::new(),
-            widths: Vec::new(),
-            halvings: HALVINGS,
-            surface: Surface::default(),
-        };
-        builder.find_contracted(map, curves);
-        if !region.is_clear {
-            builder.open_base_points(
-                analysis.base_points.as_deref().unwrap_or_default(),
-                &map.forms()[3],
-            );
+    let half_width = region.half_width.to_f64().value();
+    let mut builder = Builder {
+        region,
+        options,
+        fineness: &changes.fineness,
+        control,
+        charts: std::array::from_fn(|q| Chart::new(map, q, half_width)),
+        half_width,
+        images: Vec::new(),
+        on_curve: BTreeMap::new(),
+        on_side: [None; 3],
+        double: BTreeSet::new(),
+        creased: BTreeSet::new(),
+        seams: BTreeSet::new(),
+        double_sides: curves.double_sides,
+        glued: curves.glued,
+        folded: BTreeSet::new(),
+        gluing: Gluing::default(),
+        fans: Vec::new(),
+        sites: BTreeMap::new(),
+        widths: Vec::new(),
+        halvings: HALVINGS,
+        surface: Surface::default(),
+    };
+    builder.find_contracted(map, curves);
+    if !region.is_clear {
+        builder.open_base_points(
+            analysis.base_points.as_deref().unwrap_or_default(),
+            &map.forms()[3],
+        );
+    }
+    let mut sides = builder.sides();
+    if let Some(traced) = &curves.traced {
+        builder.gluing = builder.glue_traced(traced, &mut sides);
+    } else if curves.is_joined() {
+        builder.gluing = builder.glue(
+            &mut sides,
+            &curves.pinches,
+            &curves.isolated,
+            curves.fibres.as_ref(),
+        );
+    }
+    let surface = std::mem::take(&mut builder.surface);
+    let mut units: Vec<Unit> = (0..4)
+        .into_par_iter()
+        .filter_map(|q| builder.drawn_unit(q, &sides))
+        .collect();
+    builder.refine(&mut units);
+    builder.put(&changes.matched, &mut units);
+    let mut joined = Joined::new(surface, &builder.gluing);
+    for unit in units {
+        builder.add(unit, &mut joined);
+    }
+    let mut surface = joined.surface;
+    surface.is_double_curve_known = curves.glued
+        && !builder.gluing.is_stopped
+        && (curves.traced.is_some()
+            || analysis
+                .singular
+                .as_ref()
+                .is_some_and(|s| s.double.is_some()));
+    surface.double_curve = std::mem::take(&mut builder.gluing.arcs);
+    surface.findings.append(&mut builder.gluing.findings);
+    surface.grades = builder.grades(curves);
+    let tolerance = |p: Point3| builder.tolerance_at(p);
+    let mut surface = finish(surface, builder.half_width, curves.glued, &tolerance);
+    // Contracted curves with one image are one vertex, and what is joined with them is known by
+    // its image: where sheets are not to be joined, it may be one of another sheet.
+    if curves.deck.is_some() && !curves.glued {
+        let count = closing::pinched(&surface);
+        if count > 0 {
+            surface.findings.push(Finding::PinchedVertices(count));
         }
-        let mut sides = builder.sides();
-        if let Some(traced) = &curves.traced {
-            builder.gluing = builder.glue_traced(traced, &mut sides);
-        } else if curves.is_joined() {
-            builder.gluing = builder.glue(
-                &mut sides,
-                &curves.pinches,
-                &curves.isolated,
-                curves.fibres.as_ref(),
-            );
-        }
-        let surface = std::mem::take(&mut builder.surface);
-        let mut units: Vec<Unit> = (0..4)
-            .into_par_iter()
-            .filter_map(|q| builder.drawn_unit(q, &sides))
-            .collect();
-        builder.refine(&mut units);
-        builder.put(&changes.matched, &mut units);
-        let mut joined = Joined::new(surface, &builder.gluing);
-        for unit in units {
-            builder.add(unit, &mut joined);
-        }
-        let mut surface = joined.surface;
-        surface.is_double_curve_known = curves.glued
-            && !builder.gluing.is_stopped
-            && (curves.traced.is_some()
-                || analysis
-                    .singular
-                    .as_ref()
-                    .is_some_and(|s| s.double.is_some()));
-        surface.double_curve = std::mem::take(&mut builder.gluing.arcs);
-        surface.findings.append(&mut builder.gluing.findings);
-        surface.grades = builder.grades(curves);
-        let tolerance = |p: Point3| builder.tolerance_at(p);
-        let mut surface = finish(surface, builder.half_width, curves.glued, &tolerance);
-        // Contracted curves with one image are one vertex, and what is joined with them is known by
-        // its image: where sheets are not to be joined, it may be one of another sheet.
-        if curves.deck.is_some() && !curves.glued {
-            let count = closing::pinched(&surface);
-            if count > 0 {
-                surface.findings.push(Finding::PinchedVertices(count));
-            }
-        }
-        surface
-    })
+    }
+    surface
 }
 
 /// The curves that a region is decomposed by beside those of the box, without the sides of the unit
@@ -351,7 +347,7 @@ struct Builder<'a> {
     region: &'a Region,
     options: &'a MeshOptions,
     fineness: &'a Fineness,
-    stop: &'a (dyn Fn() -> bool + Sync),
+    control: &'a Control<'a>,
     charts: [Chart; 4],
     half_width: f64,
     /// Images of contracted curves.
@@ -720,7 +716,7 @@ impl Builder<'_> {
                     if inside
                         && depth < self.halvings
                         && list.len() < VERTICES
-                        && !(self.stop)()
+                        && !self.control.is_stopped()
                         && (rough() || !signed())
                     {
                         let m = 0.5 * (a + b);

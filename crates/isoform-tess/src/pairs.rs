@@ -378,6 +378,7 @@ fn between(from: Plane, to: Plane, phase: C) -> impl Fn(f64) -> [Plane; 2] {
 mod tests {
     use super::*;
     use crate::map::Options;
+    use isoform_control::Control;
 
     const FINE: Fineness = Fineness {
         tolerance: 1e-4,
@@ -421,7 +422,7 @@ mod tests {
             is_finite: true,
             ..Expected::default()
         };
-        let found = arcs(&pairs, FINE, &expected, &|| false).unwrap();
+        let found = arcs(&pairs, FINE, &expected, &Control::default()).unwrap();
         assert_eq!(found.lost, 0);
         assert_eq!(found.arcs.len(), 1);
         let places = &found.arcs[0].places;
@@ -459,7 +460,7 @@ mod tests {
         ]);
         // A general quartic map has 4 * 51 parameters in a plane.
         let expected = with_parameters(204);
-        let found = arcs(&Pairs::new(&map, 3.0), FINE, &expected, &|| false).unwrap();
+        let found = arcs(&Pairs::new(&map, 3.0), FINE, &expected, &Control::default()).unwrap();
         assert_eq!(found.lost, 0);
         let mut ends: Vec<[f64; 3]> = Vec::new();
         for arc in &found.arcs {
@@ -489,7 +490,7 @@ mod tests {
         ]);
         // Of degree 13, with a base point and two infinitely near ones: 13 * 9 + 3 * 4 - 3.
         let expected = with_parameters(126);
-        let found = arcs(&Pairs::new(&map, 3.0), FINE, &expected, &|| false).unwrap();
+        let found = arcs(&Pairs::new(&map, 3.0), FINE, &expected, &Control::default()).unwrap();
         assert!(!found.arcs.is_empty());
         assert!(found.lost > 0);
     }
@@ -511,7 +512,7 @@ mod tests {
             is_finite: true,
             ..with_parameters(4)
         };
-        let found = arcs(&Pairs::new(&map, 1.0), FINE, &expected, &|| false).unwrap();
+        let found = arcs(&Pairs::new(&map, 1.0), FINE, &expected, &Control::default()).unwrap();
         assert_eq!((found.lost, found.arcs.len()), (0, 1));
         let places = &found.arcs[0].places;
         let [p, q] = [&places[0], &places[places.len() - 1]].map(Place::point);
@@ -533,7 +534,9 @@ mod tests {
                 parameters: n * (n * n * n - 4 * n + 3),
                 ..Expected::default()
             };
-            let section = pairs.first_section(&plane, &expected, &|| false).unwrap();
+            let section = pairs
+                .first_section(&plane, &expected, &Control::default())
+                .unwrap();
             assert!(section.is_complete);
             assert_eq!(2 * section.pairs.len(), expected.parameters, "{n}");
             assert_eq!(section.parameters(&pairs, false), expected.parameters);

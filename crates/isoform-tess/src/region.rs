@@ -13,10 +13,11 @@ use crate::deck::Deck;
 use crate::domain::{Domain, image_bounds, parameters};
 use crate::field::exact;
 use crate::map::Map;
-use crate::polling::in_quadrants;
 use isoform_algebra::{
     Arrangement, ArrangementError, Poly, QUADRANTS, RBig, coprime_base, in_triangle,
 };
+use isoform_control::Control;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The region in one of the unit triangles.
@@ -74,9 +75,9 @@ impl Region {
         map: &Map,
         half_width: &RBig,
         extra: &[Poly],
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Self, ArrangementError> {
-        Self::within(map, half_width, None, None, extra, stop)
+        Self::within(map, half_width, None, None, extra, control)
     }
     /// Those of them that are in a domain, and in the fundamental domain of deck transformations,
     /// whose seams are among the other curves.
@@ -89,7 +90,7 @@ impl Region {
         domain: Option<&Domain>,
         deck: Option<&Deck>,
         extra: &[Poly],
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Self, ArrangementError> {
         let [forms @ .., w] = map.forms();
         let is_clear = domain.is_some_and(|d| is_clear(map, half_width, d));
@@ -121,10 +122,10 @@ impl Region {
                 .fold(0, |bits, k| bits | 1 << k)
         };
         let lines = (0..factors.len()).map(sides).collect();
-        let triangles = in_quadrants(stop, |quadrant, stop| {
+        let triangles = (0..4).into_par_iter().map(|quadrant| {
             let local = |p: &Poly| in_triangle(p, quadrant);
             let arrangement =
-                Arrangement::new(&factors.iter().map(local).collect::<Vec<_>>(), stop)?;
+                Arrangement::new(&factors.iter().map(local).collect::<Vec<_>>(), control)?;
             let bounds: Vec<Poly> = bounds.iter().map(local).collect();
             let inside = arrangement
                 .slabs
@@ -157,9 +158,8 @@ impl Region {
                 inside,
             })
         });
-        let triangles = triangles
-            .into_iter()
-            .collect::<Result<_, ArrangementError>>()?;
+        let triangles: Vec<Result<Triangle, ArrangementError>> = triangles.collect();
+        let triangles = triangles.into_iter().collect::<Result<_, _>>()?;
         Ok(Self {
             half_width: half_width.clone(),
             factors,
@@ -624,7 +624,7 @@ mod tests {
             .expect("a number")
             .as_constant()
             .expect("a number");
-        let t = Region::new(&map, &half_width, &[], &|| false)
+        let t = Region::new(&map, &half_width, &[], &Control::default())
             .expect("a region")
             .topology();
         [t.euler, t.components as i64, t.loops as i64]
@@ -670,7 +670,7 @@ mod tests {
             };
             let map = Map::from_json(&text, Default::default()).expect("a map");
             let half_width = RBig::from(known["box"].as_i64().expect("a number"));
-            let t = Region::new(&map, &half_width, &[], &|| false)
+            let t = Region::new(&map, &half_width, &[], &Control::default())
                 .expect("a region")
                 .topology();
             let expected = ["chi", "components", "boundary_loops"]

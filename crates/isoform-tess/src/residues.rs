@@ -7,9 +7,10 @@
 //! is proven.
 
 use crate::field::{Element, NumberField};
-use crate::univariate::{Coefficients, Stopped, check, divide};
+use crate::univariate::{Coefficients, divide};
 use isoform_algebra::modular::{Crt, Fp, primes};
 use isoform_algebra::{RBig, UBig};
+use isoform_control::{Control, Stopped};
 
 /// An element modulo a prime: coefficients of powers of θ, lowest first, trimmed.
 type Residue = Vec<u64>;
@@ -157,7 +158,7 @@ pub(crate) fn gcd(
     k: &NumberField,
     p: &Coefficients,
     q: &Coefficients,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Coefficients, Stopped> {
     let d = k.degree();
     let mut degree = usize::MAX;
@@ -165,7 +166,7 @@ pub(crate) fn gcd(
     let mut used = 0usize;
     let mut next_try = 1;
     for field in primes() {
-        check(stop)?;
+        control.check()?;
         let Some(ring) = Ring::new(k, field) else {
             continue;
         };

@@ -14,9 +14,11 @@
 
 use crate::field::{Algebraic, Element, NumberField, monic};
 use crate::map::Map;
-use crate::univariate::{Stopped, check};
 use crate::zeros::common_zeros;
-use isoform_algebra::{IBig, Implicit, Poly, RBig, UBig, discriminant, real_roots};
+use isoform_algebra::{
+    FactorError, IBig, Implicit, Poly, RBig, ResultantError, UBig, discriminant, real_roots,
+};
+use isoform_control::{Control, Stopped};
 use std::sync::Arc;
 
 /// A curve of the parameter plane, irreducible over Q, with singular points of the surface or of
@@ -115,23 +117,23 @@ pub struct Singular {
 pub fn singular(
     map: &Map,
     implicit: Option<&Implicit>,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Singular, Stopped> {
-    let minors = signed_minors(map, stop)?;
+    let minors = signed_minors(map, control)?;
     let mut common = Poly::zero();
     for m in &minors {
-        check(stop)?;
+        control.check()?;
         common = common.gcd(m);
     }
     let double = implicit
-        .map(|i| double_locus(map, &i.equation, &minors, &common, stop))
+        .map(|i| double_locus(map, &i.equation, &minors, &common, control))
         .transpose()?;
     let mut factors: Vec<(Poly, Option<usize>, usize)> = Vec::new();
-    for (curve, n) in common.factor(stop)? {
+    for (curve, n) in common.factor(control).map_err(FactorError::only_stopped)? {
         factors.push((curve, double.as_ref().map(|_| 0), n));
     }
     if let Some(double) = &double {
-        for (curve, n) in double.factor(stop)? {
+        for (curve, n) in double.factor(control).map_err(FactorError::only_stopped)? {
             match factors.iter_mut().find(|(known, ..)| *known == curve) {
                 Some(known) => known.1 = Some(n),
                 None => factors.push((curve, Some(n), 0)),
@@ -144,11 +146,11 @@ pub fn singular(
     let mut curves = Vec::new();
     for (curve, in_double, in_minors) in factors {
         let kind = if in_minors > 0 {
-            kind_of_critical(map, &curve, stop)?
+            kind_of_critical(map, &curve, control)?
         } else {
             CurveKind::Double
         };
-        let real = real_part(&curve, stop)?;
+        let real = real_part(&curve, control)?;
         curves.push(SingularCurve {
             curve,
             in_double,
@@ -165,14 +167,14 @@ pub fn singular(
 }
 
 /// (M₀, −M₁, M₂, −M₃), Mᵢ the determinant of the Jacobian's rows without row i.
-pub(crate) fn signed_minors(map: &Map, stop: &dyn Fn() -> bool) -> Result<[Poly; 4], Stopped> {
+pub(crate) fn signed_minors(map: &Map, control: &Control<'_>) -> Result<[Poly; 4], Stopped> {
     let rows = map
         .forms()
         .each_ref()
         .map(|f| [0, 1, 2].map(|v| f.derivative(v)));
     let mut minors: [Poly; 4] = Default::default();
     for (i, minor) in minors.iter_mut().enumerate() {
-        check(stop)?;
+        control.check()?;
         let r: Vec<&[Poly; 3]> = (0..4).filter(|&k| k != i).map(|k| &rows[k]).collect();
         let two = |a: usize, b: usize| &r[1][a] * &r[2][b] - &r[1][b] * &r[2][a];
         let determinant = &r[0][0] * two(1, 2) - &r[0][1] * two(0, 2) + &r[0][2] * two(0, 1);
@@ -191,9 +193,9 @@ fn double_locus(
     equation: &Poly,
     minors: &[Poly; 4],
     common: &Poly,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Poly, Stopped> {
-    check(stop)?;
+    control.check()?;
     let candidates = (0..4)
         .filter(|&i| !minors[i].is_zero())
         .map(|i| (equation.derivative(i), i));
@@ -201,7 +203,7 @@ fn double_locus(
         .min_by_key(|(d, _)| d.terms().len())
         .expect("the image is a surface");
     let pulled = derivative.compose(map.forms());
-    check(stop)?;
+    control.check()?;
     let cofactor = minors[i]
         .div_exact(common)
         .expect("a common divisor divides");
@@ -212,11 +214,7 @@ fn double_locus(
 }
 
 /// Contracted or ramified: for a factor of the minors.
-fn kind_of_critical(
-    map: &Map,
-    curve: &Poly,
-    stop: &dyn Fn() -> bool,
-) -> Result<CurveKind, Stopped> {
+fn kind_of_critical(map: &Map, curve: &Poly, control: &Control<'_>) -> Result<CurveKind, Stopped> {
     let forms = map.forms();
     let pivot = (0..4)
         .rev()
@@ -232,13 +230,15 @@ fn kind_of_critical(
     let along = |f: &Poly| (0..3).fold(Poly::zero(), |sum, v| sum + &tangent[v] * f.derivative(v));
     let pivot_along = along(&forms[pivot]);
     for i in (0..4).filter(|&i| i != pivot) {
-        check(stop)?;
+        control.check()?;
         let wronskian = &forms[pivot] * along(&forms[i]) - &forms[i] * &pivot_along;
         if !wronskian.is_multiple_of(curve) {
             return Ok(CurveKind::Ramified);
         }
     }
-    Ok(CurveKind::Contracted(contraction(map, curve, pivot, stop)?))
+    Ok(CurveKind::Contracted(contraction(
+        map, curve, pivot, control,
+    )?))
 }
 
 /// The image of a contracted curve, from where a rational line meets it.
@@ -246,10 +246,10 @@ fn contraction(
     map: &Map,
     curve: &Poly,
     pivot: usize,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Contraction, Stopped> {
     for line in 0i64.. {
-        check(stop)?;
+        control.check()?;
         // (s, t, w) = A + x·B with B on another conic than A, so that no curve contains all lines.
         let linear = |a: i64, b: i64| Poly::constant(a) + Poly::var(0).scale(&RBig::from(b));
         let parts = [
@@ -263,7 +263,7 @@ fn contraction(
         {
             continue;
         }
-        let factors = section.factor(stop)?;
+        let factors = section.factor(control).map_err(FactorError::only_stopped)?;
         let Some((h, _)) = factors.first() else {
             continue;
         };
@@ -332,8 +332,8 @@ fn least_field(field: &NumberField, numbers: &[Element; 4]) -> Contraction {
 ///
 /// # Errors
 /// [`Stopped`].
-pub fn real_part(curve: &Poly, stop: &dyn Fn() -> bool) -> Result<RealPart, Stopped> {
-    if curve.total_degree() % 2 == 1 || changes_sign(&curve.dehomogenise(2), stop)? {
+pub fn real_part(curve: &Poly, control: &Control<'_>) -> Result<RealPart, Stopped> {
+    if curve.total_degree() % 2 == 1 || changes_sign(&curve.dehomogenise(2), control)? {
         return Ok(RealPart::Curve);
     }
     if curve.total_degree() > POINTS_DEGREE {
@@ -341,7 +341,7 @@ pub fn real_part(curve: &Poly, stop: &dyn Fn() -> bool) -> Result<RealPart, Stop
     }
     let gradient = [0, 1, 2].map(|v| curve.derivative(v));
     Ok(RealPart::Points(
-        common_zeros(&gradient, true, stop)?
+        common_zeros(&gradient, true, control)?
             .iter()
             .flat_map(|z| z.real())
             .collect(),
@@ -349,7 +349,7 @@ pub fn real_part(curve: &Poly, stop: &dyn Fn() -> bool) -> Result<RealPart, Stop
 }
 
 /// Whether an irreducible polynomial in s and t takes both signs.
-fn changes_sign(f: &Poly, stop: &dyn Fn() -> bool) -> Result<bool, Stopped> {
+fn changes_sign(f: &Poly, control: &Control<'_>) -> Result<bool, Stopped> {
     let var = usize::from(f.degree(1) > 0);
     let changes = |at: &RBig| {
         let u = f.set(1 - var, at).to_upoly(var).expect("one variable");
@@ -369,7 +369,7 @@ fn changes_sign(f: &Poly, stop: &dyn Fn() -> bool) -> Result<bool, Stopped> {
         (10, 1),
         (-10, 1),
     ] {
-        check(stop)?;
+        control.check()?;
         if changes(&RBig::from_parts(IBig::from(n), UBig::from(d))) {
             return Ok(true);
         }
@@ -379,7 +379,7 @@ fn changes_sign(f: &Poly, stop: &dyn Fn() -> bool) -> Result<bool, Stopped> {
     }
     // Between critical values the number of real zeros is the same.
     let lead = f.coefficients_in(var).swap_remove(f.degree(var));
-    let critical = (discriminant(f, var, stop)? * lead)
+    let critical = (discriminant(f, var, control).map_err(ResultantError::only_stopped)? * lead)
         .to_upoly(1 - var)
         .expect("one variable is left");
     let walls = real_roots(&critical);
@@ -392,7 +392,7 @@ fn changes_sign(f: &Poly, stop: &dyn Fn() -> bool) -> Result<bool, Stopped> {
         between.push(last.interval().1 + RBig::ONE);
     }
     for at in &between {
-        check(stop)?;
+        control.check()?;
         if changes(at) {
             return Ok(true);
         }

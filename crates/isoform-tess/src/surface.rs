@@ -1,6 +1,6 @@
 //! The whole way from a map to the triangles of its surface in a box.
 
-use crate::analysis::{Analysis, Budget, analyse, analyse_clear, until};
+use crate::analysis::{Analysis, Budget, analyse, analyse_clear};
 use crate::claim::{Basis, Claim, Grade, graded};
 use crate::deck::Deck;
 use crate::domain::Domain;
@@ -14,8 +14,8 @@ use crate::mesh::matching::matching;
 use crate::mesh::{Changes, Curves, mesh};
 use crate::patch::Patch;
 use crate::region::{Region, Triangle, is_clear};
-use crate::univariate::Stopped;
 use isoform_algebra::{ArrangementError, RBig};
+use isoform_control::{Control, Stopped};
 use isoform_geom::Aabb;
 pub use isoform_geom::Point3;
 use std::collections::BTreeMap;
@@ -183,10 +183,10 @@ fn region(
     options: &TriangulateOptions,
     curves: &Curves,
     deck: Option<&Deck>,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Region, ArrangementError> {
     let (domain, forms) = (options.domain.as_ref(), curves.forms());
-    Region::within(map, &options.half_width, domain, deck, &forms, stop)
+    Region::within(map, &options.half_width, domain, deck, &forms, control)
 }
 
 /// How far triangles may be from the surface by its implicit equation, in tolerances.
@@ -215,17 +215,17 @@ impl<'a> Prepared<'a> {
     pub fn new(
         map: &'a Map,
         options: &'a TriangulateOptions,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Self, Stopped> {
-        let enough = until(options.budget.seconds, stop);
+        let enough = control.for_seconds(options.budget.seconds);
         let domain = options.domain.as_ref();
         let is_local = options.mode == Mode::Normalised
             && !options.budget.everywhere
             && domain.is_some_and(|d| is_clear(map, &options.half_width, d));
         let mut analysis = if is_local {
-            analyse_clear(map, stop)
+            analyse_clear(map, control)
         } else {
-            analyse(map, &options.budget, stop)
+            analyse(map, &options.budget, control)
         };
         let mut findings = analysis.findings.clone();
         let mut grades = analysis.grades();
@@ -259,16 +259,16 @@ impl<'a> Prepared<'a> {
             double.fibres,
             double.traced,
         );
-        let within = |curves: &Curves, stop: &dyn Fn() -> bool| {
-            region(map, options, curves, deck.as_ref(), stop)
+        let within = |curves: &Curves, control: &Control<'_>| {
+            region(map, options, curves, deck.as_ref(), control)
         };
-        let region = match within(&curves, if glued { &enough } else { stop }) {
+        let region = match within(&curves, if glued { &enough } else { control }) {
             Ok(region) => region,
             // Better sheets that cross than nothing.
             Err(_) if glued => {
                 findings.push(Finding::SheetsNotJoined);
                 curves = Curves::new(&analysis, false, deck.clone(), Vec::new(), None, None);
-                within(&curves, stop).map_err(|_| Stopped)?
+                within(&curves, control).map_err(|_| Stopped)?
             }
             Err(_) => return Err(Stopped),
         };
@@ -304,10 +304,10 @@ impl<'a> Prepared<'a> {
     ///
     /// # Errors
     /// [`Stopped`]: then nothing is changed.
-    pub fn decompose(&mut self, stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+    pub fn decompose(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
         let traced = self.curves.decompose(&self.analysis);
         let clock = Instant::now();
-        let found = region(self.map, self.options, &self.curves, None, stop);
+        let found = region(self.map, self.options, &self.curves, None, control);
         let seconds = clock.elapsed().as_secs_f64();
         self.analysis.seconds.push(("region again", seconds));
         match found {
@@ -323,7 +323,7 @@ impl<'a> Prepared<'a> {
     }
 
     /// The triangles; `findings` repeats what the analysis could not prove.
-    pub fn surface(&mut self, stop: &dyn Fn() -> bool) -> Surface {
+    pub fn surface(&mut self, control: &Control<'_>) -> Surface {
         let clock = Instant::now();
         let mut surface = mesh(
             self.map,
@@ -332,7 +332,7 @@ impl<'a> Prepared<'a> {
             &self.curves,
             &self.options.mesh,
             &self.changes,
-            stop,
+            control,
         );
         let seconds = clock.elapsed().as_secs_f64();
         match self
@@ -419,10 +419,10 @@ fn deck_grades(deck: &Deck, base_points: usize) -> [Grade; 2] {
 pub fn triangulate(
     map: &Map,
     options: &TriangulateOptions,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<(Surface, Analysis), Stopped> {
-    let mut prepared = Prepared::new(map, options, stop)?;
-    let surface = prepared.surface(stop);
+    let mut prepared = Prepared::new(map, options, control)?;
+    let surface = prepared.surface(control);
     Ok((surface, prepared.analysis))
 }
 

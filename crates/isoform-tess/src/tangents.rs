@@ -2,9 +2,10 @@
 
 use crate::base::{BasePoint, BinaryForm, BlowUp, Local, Near, expand, order};
 use crate::field::{Algebraic, Element, NumberField};
-use crate::univariate::{self, Coefficients, Stopped, check};
+use crate::univariate::{self, Coefficients};
 use crate::zeros::Zero;
 use isoform_algebra::{Poly, RBig, real_roots};
+use isoform_control::{Control, Stopped};
 use std::cmp::Ordering;
 use std::sync::Arc;
 
@@ -19,7 +20,7 @@ pub(crate) fn tangent_form(
     base: &BasePoint,
     chain: &[&Near],
     curve: &Poly,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<BinaryForm, Stopped> {
     let (variables, _) = base.chart.variables();
     let first = &base.point[variables[0]];
@@ -34,13 +35,13 @@ pub(crate) fn tangent_form(
     let mut room = if chain.is_empty() { 1 } else { whole };
     // What is beyond the terms of least degree is not needed at the point itself.
     while local.is_empty() {
-        check(stop)?;
+        control.check()?;
         local = expand(curve, &zero, room.min(whole));
         assert!(!local.is_empty() || room < whole, "a curve has terms");
         room *= 2;
     }
     for near in chain {
-        check(stop)?;
+        control.check()?;
         let target = near.direction[0].field();
         let [across, along] = &near.direction;
         let there = BlowUp {
@@ -67,7 +68,7 @@ pub(crate) fn tangent_form(
 /// [`Stopped`].
 pub(crate) fn real_zeros(
     form: &BinaryForm,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Vec<[f64; 2]>, Stopped> {
     /// The bits of the coefficients at first: those of doubles, and some more.
     const BITS: usize = 64;
@@ -79,12 +80,12 @@ pub(crate) fn real_zeros(
     univariate::trim(&mut p);
     let mut found = Vec::new();
     if p.len() > 1 {
-        let p = univariate::squarefree_part(k, &p, stop)?;
-        let count = count_real_roots(k, root, &p, stop)?;
+        let p = univariate::squarefree_part(k, &p, control)?;
+        let count = count_real_roots(k, root, &p, control)?;
         let mut bits = BITS;
         // Simple roots stay real, and apart, if the coefficients change by little enough.
         let roots = loop {
-            check(stop)?;
+            control.check()?;
             let number = |(j, c): (usize, &Element)| {
                 let (lo, hi) = Algebraic::new(k, root, c.clone()).interval(bits);
                 ([j as u16, 0, 0, 0], (lo + hi) / RBig::from(2))
@@ -109,7 +110,7 @@ fn count_real_roots(
     k: &Arc<NumberField>,
     root: usize,
     p: &Coefficients,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<usize, Stopped> {
     let derivative = (1..p.len()).map(|i| p[i].scaled(&RBig::from(i)));
     let (mut before, mut here) = (p.clone(), derivative.collect::<Coefficients>());
@@ -123,7 +124,7 @@ fn count_real_roots(
     let mut changes = [0; 2];
     let mut last: [Ordering; 2] = signs(&before);
     while !here.is_empty() {
-        check(stop)?;
+        control.check()?;
         let now = signs(&here);
         for i in 0..2 {
             changes[i] += usize::from(now[i] != last[i]);
@@ -142,10 +143,6 @@ mod tests {
     use crate::map::{Map, Options};
     use isoform_algebra::UPoly;
 
-    fn never() -> bool {
-        false
-    }
-
     /// √2 times a power of ten that no double is near to is not 0, and the zero is where it is.
     #[test]
     fn coefficients_beyond_doubles() {
@@ -159,7 +156,7 @@ mod tests {
             }
         };
         for (index, sign) in [(0, -1.0), (1, 1.0)] {
-            let found = real_zeros(&at(index), &never).unwrap();
+            let found = real_zeros(&at(index), &Control::default()).unwrap();
             assert_eq!(found, [[1.0, sign * 2f64.sqrt()]]);
         }
     }
@@ -174,7 +171,7 @@ mod tests {
         let minus = root.scaled(&RBig::from(-2));
         let terms = [n(3), minus.clone(), n(4), minus, n(1), Element::zero()];
         let coefficients = terms.map(|c| Algebraic::new(&field, 1, c)).to_vec();
-        let found = real_zeros(&BinaryForm { coefficients }, &never).unwrap();
+        let found = real_zeros(&BinaryForm { coefficients }, &Control::default()).unwrap();
         assert_eq!(found.len(), 2, "{found:?}");
         assert!((found[0][1] - 3f64.sqrt()).abs() < 1e-15);
         assert_eq!(found[1], [0.0, 1.0]);
@@ -188,7 +185,7 @@ mod tests {
         let map = Map::parse(texts, Options::default()).unwrap();
         let cusp = "(s^2 - 2)^3 - (3*t - 1)^2";
         let others = Map::parse(["1", "s", "t", cusp], Options::default()).unwrap();
-        let points = base_points(&map, &never).unwrap();
+        let points = base_points(&map, &Control::default()).unwrap();
         let [here] = points
             .iter()
             .filter(|p| p.to_f64()[0] > 1.0)
@@ -196,10 +193,10 @@ mod tests {
         else {
             panic!("one base point with s = √2 in {points:?}");
         };
-        let form = tangent_form(here, &[], &others.forms()[3], &never).unwrap();
+        let form = tangent_form(here, &[], &others.forms()[3], &Control::default()).unwrap();
         assert_eq!(form.degree(), 2);
         // −9 b², with b beside t = 1/3: the tangent is t = 1/3.
-        let found = real_zeros(&form, &never).unwrap();
+        let found = real_zeros(&form, &Control::default()).unwrap();
         assert_eq!(found, [[1.0, 0.0]]);
     }
 }

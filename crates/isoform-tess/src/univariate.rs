@@ -8,38 +8,11 @@ use crate::field::{Element, NumberField};
 use crate::residues;
 use dashu_base::Gcd;
 use isoform_algebra::{FactorError, IBig, Poly, RBig, ResultantError, UBig, UPoly, resultant};
+use isoform_control::{Control, Stopped};
 use std::sync::Arc;
 
 /// Coefficients, lowest first.
 pub(crate) type Coefficients = Vec<Element>;
-
-/// The caller asked to stop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("stopped")]
-pub struct Stopped;
-
-impl From<FactorError> for Stopped {
-    fn from(error: FactorError) -> Self {
-        assert_eq!(error, FactorError::Stopped, "polynomials in few variables");
-        Self
-    }
-}
-
-impl From<ResultantError> for Stopped {
-    fn from(error: ResultantError) -> Self {
-        assert_eq!(
-            error,
-            ResultantError::Stopped,
-            "polynomials in few variables"
-        );
-        Self
-    }
-}
-
-/// Err if the caller asks to stop.
-pub(crate) fn check(stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
-    if stop() { Err(Stopped) } else { Ok(()) }
-}
 
 pub(crate) fn trim(p: &mut Coefficients) {
     while p.last().is_some_and(Element::is_zero) {
@@ -85,7 +58,7 @@ pub(crate) fn gcd(
     k: &NumberField,
     p: &Coefficients,
     q: &Coefficients,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Coefficients, Stopped> {
     if k.degree() == 1 && !p.is_empty() && !q.is_empty() {
         // Over Q there is a modular algorithm.
@@ -96,7 +69,7 @@ pub(crate) fn gcd(
         (Some(lead), None) | (None, Some(lead)) if lead.as_rational().is_some() => {
             Ok(monic(k, if q.is_empty() { p } else { q }))
         }
-        _ => residues::gcd(k, p, q, stop),
+        _ => residues::gcd(k, p, q, control),
     }
 }
 
@@ -127,7 +100,7 @@ pub(crate) fn from_upoly(p: &UPoly) -> Coefficients {
 pub(crate) fn squarefree_part(
     k: &NumberField,
     p: &Coefficients,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Coefficients, Stopped> {
     let p = monic(k, p);
     let derivative: Coefficients = p
@@ -136,7 +109,7 @@ pub(crate) fn squarefree_part(
         .skip(1)
         .map(|(i, c)| c.scaled(&RBig::from(i)))
         .collect();
-    let repeated = gcd(k, &p, &derivative, stop)?;
+    let repeated = gcd(k, &p, &derivative, control)?;
     Ok(divide(k, &p, &repeated).0)
 }
 
@@ -155,7 +128,7 @@ pub(crate) fn roots(
     k: &Arc<NumberField>,
     p: &Coefficients,
     real: bool,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Vec<Extension>, Stopped> {
     if p.len() < 2 {
         return Ok(Vec::new());
@@ -169,7 +142,9 @@ pub(crate) fn roots(
         }]);
     }
     if k.degree() == 1 {
-        let factors = to_upoly(p).factor(stop)?;
+        let factors = to_upoly(p)
+            .factor(control)
+            .map_err(FactorError::only_stopped)?;
         let fields = factors.into_iter().map(|(h, _)| NumberField::new(&h));
         let wanted = fields.filter(|(field, _)| !real || !field.real_roots().is_empty());
         return Ok(wanted
@@ -186,17 +161,18 @@ pub(crate) fn roots(
     });
     let modulus = Poly::from_upoly(k.modulus(), 0);
     for shift in shifts() {
-        check(stop)?;
+        control.check()?;
         // λ = y + shift·θ in place of y.
         let by = Poly::var(1) - Poly::var(0).scale(&RBig::from(shift));
-        let norm = resultant(&modulus, &both.substitute(1, &by), 0, stop)?
+        let norm = resultant(&modulus, &both.substitute(1, &by), 0, control)
+            .map_err(ResultantError::only_stopped)?
             .to_upoly(1)
             .expect("θ was eliminated");
         if norm.squarefree_part().degree() < norm.degree() {
             continue;
         }
         let mut extensions = Vec::new();
-        for (h, _) in norm.factor(stop)? {
+        for (h, _) in norm.factor(control).map_err(FactorError::only_stopped)? {
             let (field, lambda) = NumberField::new(&h);
             if real && field.real_roots().is_empty() {
                 continue;
@@ -209,7 +185,7 @@ pub(crate) fn roots(
                 .map(|c| field.eval(c, 1, &lambda))
                 .collect();
             trim(&mut column);
-            let common = gcd(&field, &from_upoly(k.modulus()), &column, stop)?;
+            let common = gcd(&field, &from_upoly(k.modulus()), &column, control)?;
             assert_eq!(common.len(), 2, "a separating shift");
             let theta = common[0].negated();
             let root = lambda.sub(&theta.scaled(&RBig::from(shift)));

@@ -7,8 +7,9 @@
 //! up.
 
 use crate::field::{Algebraic, Element, NumberField};
-use crate::univariate::{self, Coefficients, Stopped, check};
-use isoform_algebra::{Poly, RBig, UPoly, resultant};
+use crate::univariate::{self, Coefficients};
+use isoform_algebra::{FactorError, Poly, RBig, ResultantError, UPoly, resultant};
+use isoform_control::{Control, Stopped};
 use std::cmp::Ordering;
 use std::sync::Arc;
 
@@ -91,7 +92,7 @@ fn combination(forms: &[Poly], index: u64) -> Poly {
 pub(crate) fn common_zeros(
     forms: &[Poly],
     real: bool,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Vec<Zero>, Stopped> {
     let forms: Vec<Poly> = forms
         .iter()
@@ -102,7 +103,7 @@ pub(crate) fn common_zeros(
     if degree == 0 {
         return Ok(Vec::new());
     }
-    let mut zeros = affine_zeros(&forms, degree, real, stop)?;
+    let mut zeros = affine_zeros(&forms, degree, real, control)?;
     let on_line: Vec<UPoly> = forms
         .iter()
         .map(|f| {
@@ -114,7 +115,7 @@ pub(crate) fn common_zeros(
         .collect();
     let common = on_line.iter().fold(UPoly::default(), |g, p| g.gcd(p));
     assert!(!common.is_zero(), "forms without common factor");
-    for (h, _) in common.factor(stop)? {
+    for (h, _) in common.factor(control).map_err(FactorError::only_stopped)? {
         let (field, s) = NumberField::new(&h);
         if !real || !field.real_roots().is_empty() {
             zeros.push(Zero {
@@ -138,14 +139,14 @@ fn affine_zeros(
     forms: &[Poly],
     degree: usize,
     real: bool,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Vec<Zero>, Stopped> {
     let affine: Vec<Poly> = forms.iter().map(|f| f.dehomogenise(2)).collect();
     if affine.iter().any(Poly::is_constant) {
         return Ok(Vec::new());
     }
     for shift in univariate::shifts() {
-        check(stop)?;
+        control.check()?;
         // (s, t) = (θ − shift·t, t); the coefficient of t^degree is the form at (−shift : 1 : 0).
         let at = [RBig::from(-shift), RBig::ONE, RBig::ZERO];
         if forms.iter().all(|f| f.eval(&at) == RBig::ZERO) {
@@ -153,7 +154,7 @@ fn affine_zeros(
         }
         let by = Poly::var(0) - Poly::var(1).scale(&RBig::from(shift));
         let sheared: Vec<Poly> = affine.iter().map(|f| f.substitute(0, &by)).collect();
-        if let Some(zeros) = zeros_in_shear(&sheared, shift, degree, real, stop)? {
+        if let Some(zeros) = zeros_in_shear(&sheared, shift, degree, real, control)? {
             return Ok(zeros);
         }
     }
@@ -166,7 +167,7 @@ fn zeros_in_shear(
     shift: i64,
     degree: usize,
     real: bool,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Option<Vec<Zero>>, Stopped> {
     // At least one of each pair keeps its degree in t, so that a common point is a zero of the
     // resultant.
@@ -180,12 +181,12 @@ fn zeros_in_shear(
     let mut common = UPoly::default();
     let mut used = 0;
     for index in 0.. {
-        check(stop)?;
+        control.check()?;
         let second = combination(forms, index);
         if second.is_zero() || second.is_associate(&first) {
             continue;
         }
-        let r = resultant(&first, &second, 1, stop)?;
+        let r = resultant(&first, &second, 1, control).map_err(ResultantError::only_stopped)?;
         // Zero if the two have a common factor, which not all have.
         if !r.is_zero() {
             common = common.gcd(&r.to_upoly(0).expect("t was eliminated"));
@@ -199,10 +200,10 @@ fn zeros_in_shear(
         if index > 3 * forms.len() as u64 && used == 0 {
             // The first one contains a factor of all the others that were tried: take another first
             // one.
-            return zeros_with_first(forms, shift, degree, real, stop);
+            return zeros_with_first(forms, shift, degree, real, control);
         }
     }
-    decide(forms, &common, shift, real, stop)
+    decide(forms, &common, shift, real, control)
 }
 
 /// As [`zeros_in_shear`] with general combinations only, for forms that share factors in pairs.
@@ -211,24 +212,24 @@ fn zeros_with_first(
     shift: i64,
     degree: usize,
     real: bool,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Option<Vec<Zero>>, Stopped> {
     let general = |from: u64| (from..).map(|i| combination(forms, i));
     let mut start = forms.len() as u64;
     loop {
-        check(stop)?;
+        control.check()?;
         let pair: Vec<Poly> = general(start)
             .filter(|f| f.degree(1) == degree)
             .take(2)
             .collect();
-        let r = resultant(&pair[0], &pair[1], 1, stop)?;
+        let r = resultant(&pair[0], &pair[1], 1, control).map_err(ResultantError::only_stopped)?;
         if !r.is_zero() {
             return decide(
                 forms,
                 &r.to_upoly(0).expect("t was eliminated"),
                 shift,
                 real,
-                stop,
+                control,
             );
         }
         start += 2;
@@ -241,17 +242,21 @@ fn decide(
     thetas: &UPoly,
     shift: i64,
     real: bool,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Option<Vec<Zero>>, Stopped> {
     let mut zeros = Vec::new();
-    for (h, _) in thetas.squarefree_part().factor(stop)? {
+    for (h, _) in thetas
+        .squarefree_part()
+        .factor(control)
+        .map_err(FactorError::only_stopped)?
+    {
         let (field, theta) = NumberField::new(&h);
         if real && field.real_roots().is_empty() {
             continue;
         }
         let mut common: Option<Coefficients> = None;
         for form in forms {
-            check(stop)?;
+            control.check()?;
             let mut column: Coefficients = form
                 .coefficients_in(1)
                 .iter()
@@ -260,7 +265,7 @@ fn decide(
             univariate::trim(&mut column);
             common = Some(match common {
                 None => column,
-                Some(g) => univariate::gcd(&field, &g, &column, stop)?,
+                Some(g) => univariate::gcd(&field, &g, &column, control)?,
             });
             if common.as_ref().is_some_and(|g| g.len() == 1) {
                 break;
@@ -268,7 +273,7 @@ fn decide(
         }
         let common = common.expect("there are forms");
         assert!(!common.is_empty(), "forms without common factor");
-        let distinct = univariate::squarefree_part(&field, &common, stop)?;
+        let distinct = univariate::squarefree_part(&field, &common, control)?;
         match distinct.len() {
             1 => {}
             2 => {

@@ -1,10 +1,12 @@
 //! The analysis against closed forms, limits along lines and curves, and changes of frame.
 
 use isoform_algebra::{Poly, RBig};
+use isoform_control::Control;
 use isoform_tess::{
     Algebraic, Analysis, BasePoint, BinaryForm, Budget, Chart, CurveKind, Finding, Map, Options,
     Phase, RealPart, Seam, VARIABLES, analyse, base_multiplicity, base_points,
 };
+use std::time::Instant;
 
 const CLEBSCH: [&str; 4] = [
     "-s^2*t + t^2 + t",
@@ -35,16 +37,12 @@ const TOWER: [&str; 4] = [
     "(s^2 - 2)^3*t + t^5 + (s^2 - 2)^2*t*s - 3*t^3*s",
 ];
 
-fn go() -> bool {
-    false
-}
-
 fn map(texts: [&str; 4]) -> Map {
     Map::parse(texts, Options::default()).unwrap_or_else(|e| panic!("{texts:?}: {e}"))
 }
 
 fn analysed(texts: [&str; 4]) -> Analysis {
-    let found = analyse(&map(texts), &Budget::default(), &go);
+    let found = analyse(&map(texts), &Budget::default(), &Control::default());
     assert!(found.findings.is_empty(), "{:?}", found.findings);
     found
 }
@@ -210,7 +208,7 @@ fn a_cuspidal_edge_is_ramified() {
 fn equal_tangents_are_blown_up_again() {
     // At (0 : 1 : 0) in (s, w): (s w², w², s³ − 3s, w³) has the leading forms (0, 0, −3a, 0), so w
     // = b grows alone: then (1, 1, …).
-    let points = base_points(&map(MONKEY_SADDLE), &go).expect("nobody stops");
+    let points = base_points(&map(MONKEY_SADDLE), &Control::default()).expect("nobody stops");
     assert_eq!(points.len(), 3);
     for p in &points {
         assert_eq!((p.multiplicity(), p.seam.near.len()), (1, 1));
@@ -220,7 +218,10 @@ fn equal_tangents_are_blown_up_again() {
         );
         assert_eq!((p.seam.curve[2].degree(), p.seam.blowups()), (0, 1));
     }
-    assert_eq!(base_multiplicity(&map(MONKEY_SADDLE), &go), Ok(6));
+    assert_eq!(
+        base_multiplicity(&map(MONKEY_SADDLE), &Control::default()),
+        Ok(6)
+    );
 }
 
 /// The image of a rational point (s : t : w).
@@ -322,7 +323,7 @@ fn seams_are_limits_of_the_map() {
         ],
     ] {
         let map = map(texts);
-        for base in base_points(&map, &go).expect("nobody stops") {
+        for base in base_points(&map, &Control::default()).expect("nobody stops") {
             check_seam(&map, &base, &base.seam, &|x| x, &mut checked);
         }
     }
@@ -332,7 +333,7 @@ fn seams_are_limits_of_the_map() {
 #[test]
 fn points_are_infinitely_near_over_two_fields() {
     let map = map(TOWER);
-    let points = base_points(&map, &go).expect("nobody stops");
+    let points = base_points(&map, &Control::default()).expect("nobody stops");
     let irrational: Vec<_> = points
         .iter()
         .filter(|b| b.chart == Chart::Affine && b.point[0].as_rational().is_none())
@@ -351,8 +352,12 @@ fn points_are_infinitely_near_over_two_fields() {
             assert!((m * m - 8.0 / 3.0).abs() < 1e-14, "{m}");
         }
     }
-    let degrees = isoform_algebra::map_degrees(map.affine(), &go).expect("a surface");
-    assert_eq!(base_multiplicity(&map, &go), Ok(degrees.base_multiplicity));
+    let degrees =
+        isoform_algebra::map_degrees(map.affine(), &Control::default()).expect("a surface");
+    assert_eq!(
+        base_multiplicity(&map, &Control::default()),
+        Ok(degrees.base_multiplicity)
+    );
 }
 
 #[test]
@@ -368,7 +373,7 @@ fn a_change_of_the_parameter_frame_changes_no_count() {
         ["1", "s", "t", "t^2 - s^3"],
     ] {
         let summary = |map: &Map| {
-            let found = analyse(map, &Budget::default(), &go);
+            let found = analyse(map, &Budget::default(), &Control::default());
             assert!(found.findings.is_empty(), "{:?}", found.findings);
             let mut points: Vec<(usize, usize)> = found
                 .base_points
@@ -436,7 +441,7 @@ fn random_maps_are_analysed_or_refused() {
                 implicit_degree: 9,
                 ..Budget::default()
             },
-            &go,
+            &Control::default(),
         );
         for finding in &found.findings {
             assert!(
@@ -460,7 +465,7 @@ fn facts_hold(map: &Map, found: &Analysis, random: &mut fastrand::Rng) -> bool {
     let degrees = found.degrees.as_ref().expect("counted");
     let met = degrees.map_degree * degrees.implicit_degree;
     assert_eq!(
-        base_multiplicity(map, &go),
+        base_multiplicity(map, &Control::default()),
         Ok(degrees.degree * degrees.degree - met),
         "{:?}",
         map.affine()
@@ -486,7 +491,11 @@ fn facts_hold(map: &Map, found: &Analysis, random: &mut fastrand::Rng) -> bool {
 
 #[test]
 fn stopping_is_said() {
-    let found = analyse(&map(CLEBSCH), &Budget::default(), &|| true);
+    let found = analyse(
+        &map(CLEBSCH),
+        &Budget::default(),
+        &Control::default().until(Instant::now()),
+    );
     assert!(found.base_points.is_none() && found.singular.is_none() && found.degrees.is_none());
     let stopped = [
         Phase::BasePoints,
@@ -504,7 +513,7 @@ fn stopping_is_said() {
             implicit_degree: 3,
             ..Budget::default()
         },
-        &go,
+        &Control::default(),
     );
     assert_eq!(
         found.findings,

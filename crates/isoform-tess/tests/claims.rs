@@ -2,6 +2,7 @@
 //! count as proved, and nothing is claimed that had not to be decided.
 
 use isoform_algebra::RBig;
+use isoform_control::Control;
 use isoform_tess::{
     Basis, Budget, Claim, Domain, Finding, Grade, JoinedCurve, Map, MeshOptions, Mode, Phase,
     Surface, TriangulateOptions, Unopened, triangulate,
@@ -44,7 +45,7 @@ fn options(mode: Mode) -> TriangulateOptions {
 
 fn surface(texts: [&str; 4], options: &TriangulateOptions) -> Surface {
     let map = Map::parse(texts, Default::default()).expect("a map");
-    let (surface, _) = triangulate(&map, options, &|| false).expect("not stopped");
+    let (surface, _) = triangulate(&map, options, &Control::default()).expect("not stopped");
     assert!(surface.is_certified(), "{texts:?}: {:?}", surface.findings);
     surface
 }
@@ -161,7 +162,7 @@ fn what_was_stopped_does_not_hold() {
     let mut options = options(Mode::Glued);
     options.budget.seconds = 0.0;
     let map = Map::parse(UMBRELLA, Default::default()).expect("a map");
-    let (s, _) = triangulate(&map, &options, &|| false).expect("not stopped");
+    let (s, _) = triangulate(&map, &options, &Control::default()).expect("not stopped");
     assert!(!s.holds(Claim::DoubleCurves), "{:?}", s.findings);
     assert!(!s.claims().contains(&Claim::CriticalCurves.into()));
     assert!(s.holds(Claim::BasePoints) && s.claims().contains(&Claim::BasePoints.into()));

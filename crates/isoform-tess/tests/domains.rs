@@ -2,6 +2,7 @@
 //! something is left open.
 
 use isoform_algebra::{Poly, RBig};
+use isoform_control::Control;
 use isoform_tess::{
     Budget, Domain, Finding, Kind, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate,
 };
@@ -46,7 +47,7 @@ fn over(
         mesh,
         budget: Budget::default(),
     };
-    triangulate(&map, &options, &|| false)
+    triangulate(&map, &options, &Control::default())
         .expect("not stopped")
         .0
 }

@@ -4,15 +4,17 @@ mod common;
 
 use common::zoo;
 use isoform_algebra::{Poly, RBig};
+use isoform_control::Control;
 use isoform_tess::{
     Analysis, Budget, Finding, Map, Phase, Stopped, analyse, pinch_points, solitary_arcs,
 };
 use serde_json::Value;
+use std::time::Instant;
 
 type Arcs = Vec<Vec<[f64; 3]>>;
 
 fn analysed(map: &Map) -> Analysis {
-    analyse(map, &Budget::default(), &|| false)
+    analyse(map, &Budget::default(), &Control::default())
 }
 
 fn arcs(map: &Map, half_width: f64, tolerance: f64) -> (Arcs, Vec<Finding>) {
@@ -21,7 +23,7 @@ fn arcs(map: &Map, half_width: f64, tolerance: f64) -> (Arcs, Vec<Finding>) {
         &analysed(map).singular.expect("not stopped"),
         half_width,
         tolerance,
-        &|| false,
+        &Control::default(),
     )
 }
 
@@ -122,9 +124,14 @@ fn solitary_curves_of_the_zoo() {
             if half_width < b {
                 continue;
             }
-            let clock = std::time::Instant::now();
-            let (arcs, problems) =
-                solitary_arcs(&map, singular, half_width, 1e-3 * half_width, &|| false);
+            let clock = Instant::now();
+            let (arcs, problems) = solitary_arcs(
+                &map,
+                singular,
+                half_width,
+                1e-3 * half_width,
+                &Control::default(),
+            );
             let points: usize = arcs.iter().map(Vec::len).sum();
             println!(
                 "{name} in {half_width}: {} arcs, {points} points, {:?}",
@@ -156,8 +163,8 @@ fn solitary_curves_of_the_zoo() {
             }
         }
         assert_eq!(
-            solitary_arcs(&map, singular, b, 1e-2 * b, &|| false),
-            solitary_arcs(&map, singular, b, 1e-2 * b, &|| false),
+            solitary_arcs(&map, singular, b, 1e-2 * b, &Control::default()),
+            solitary_arcs(&map, singular, b, 1e-2 * b, &Control::default()),
             "{name}"
         );
     }
@@ -268,7 +275,7 @@ fn real_parameters_on_a_part() {
 #[test]
 fn pinch_points_exact() {
     let rational = |map: &Map| {
-        let points = pinch_points(map, &|| false).expect("not stopped");
+        let points = pinch_points(map, &Control::default()).expect("not stopped");
         points
             .iter()
             .map(|p| {
@@ -314,7 +321,7 @@ fn pinch_points_exact() {
     );
     // Irrational ones: (s² − 2)t instead of st has a pinch point for each root.
     let two = parse(["s", "t^2", "t*(s^2 - 2)", "1"]);
-    let found = pinch_points(&two, &|| false).expect("not stopped");
+    let found = pinch_points(&two, &Control::default()).expect("not stopped");
     let finite: Vec<_> = found
         .iter()
         .filter(|p| !p[2].is_zero())
@@ -399,18 +406,27 @@ fn closed_curve() {
 fn what_cannot_be_done() {
     let map = parse(["s*t", "s", "t^2", "1"]);
     let singular = analysed(&map).singular.expect("not stopped");
-    let (found, problems) = solitary_arcs(&map, &singular, 2.0, 1e-2, &|| true);
+    let (found, problems) = solitary_arcs(
+        &map,
+        &singular,
+        2.0,
+        1e-2,
+        &Control::default().until(Instant::now()),
+    );
     assert!(
         found.is_empty() && problems == [Finding::Stopped(Phase::SolitaryArcs)],
         "{problems:?}"
     );
-    assert_eq!(pinch_points(&map, &|| true).err(), Some(Stopped));
+    assert_eq!(
+        pinch_points(&map, &Control::default().until(Instant::now())).err(),
+        Some(Stopped)
+    );
     let without = isoform_tess::Singular {
         double: None,
         ..singular
     };
     assert_eq!(
-        solitary_arcs(&map, &without, 2.0, 1e-2, &|| false).1,
+        solitary_arcs(&map, &without, 2.0, 1e-2, &Control::default()).1,
         [Finding::DoubleLocusUnknown]
     );
 }
@@ -440,7 +456,7 @@ fn random_maps() {
                 implicit_degree: 7,
                 ..Budget::default()
             },
-            &|| false,
+            &Control::default(),
         );
         let (Some(implicit), Some(singular)) = (found.implicit, found.singular) else {
             continue;
@@ -448,7 +464,7 @@ fn random_maps() {
         if implicit.degrees.map_degree > 1 {
             continue;
         }
-        let (first, problems) = solitary_arcs(&map, &singular, 3.0, 3e-3, &|| false);
+        let (first, problems) = solitary_arcs(&map, &singular, 3.0, 3e-3, &Control::default());
         assert!(problems.is_empty(), "{trial}: {problems:?}");
         check_vertices(&format!("map {trial}"), &implicit.equation, &first, 3.0);
         let (second, problems) = arcs(

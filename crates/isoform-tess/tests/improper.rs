@@ -1,6 +1,7 @@
 //! Maps with several parameters for each point: every point is drawn once.
 
 use isoform_algebra::RBig;
+use isoform_control::Control;
 use isoform_geom::{cross, norm, sub};
 use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate};
 use std::collections::BTreeMap;
@@ -24,7 +25,7 @@ fn drawn(texts: [&str; 4], half_width: i64) -> Surface {
         },
         budget: Budget::default(),
     };
-    triangulate(&map, &options, &|| false)
+    triangulate(&map, &options, &Control::default())
         .expect("not stopped")
         .0
 }

@@ -3,6 +3,7 @@ mod common;
 
 use common::zoo;
 use isoform_algebra::RBig;
+use isoform_control::Control;
 use isoform_geom::{norm, sub};
 use isoform_tess::{
     Budget, Domain, Finding, Kind, Map, MeshOptions, Mode, Phase, Prepared, Surface,
@@ -10,6 +11,7 @@ use isoform_tess::{
 };
 use isoform_testdata::ExpectedFailures;
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Instant;
 
 fn options(half_width: f64) -> MeshOptions {
     MeshOptions {
@@ -30,7 +32,7 @@ fn surface_to(map: &Map, half_width: i64, mode: Mode, mesh: MeshOptions) -> Surf
         mesh,
         budget: Budget::default(),
     };
-    triangulate(map, &options, &|| false)
+    triangulate(map, &options, &Control::default())
         .expect("not stopped")
         .0
 }
@@ -326,7 +328,7 @@ fn limit_of_triangles() {
         mesh,
         budget: Budget::default(),
     };
-    let (part, _) = triangulate(&map, &options, &|| false).expect("not stopped");
+    let (part, _) = triangulate(&map, &options, &Control::default()).expect("not stopped");
     for s in [whole, part] {
         assert!(
             (19_500..=20_000).contains(&s.triangles.len()),
@@ -348,10 +350,10 @@ fn a_double_curve_that_was_given_up() {
         mesh: options(1.0),
         budget: Budget::default(),
     };
-    let mut prepared = Prepared::new(&map, &options, &|| false).expect("not stopped");
-    let whole = prepared.surface(&|| false);
+    let mut prepared = Prepared::new(&map, &options, &Control::default()).expect("not stopped");
+    let whole = prepared.surface(&Control::default());
     assert!(whole.is_double_curve_known && !whole.double_curve.is_empty());
-    let part = prepared.surface(&|| true);
+    let part = prepared.surface(&Control::default().until(Instant::now()));
     assert!(!part.is_double_curve_known, "{:?}", part.findings);
     assert!(
         part.findings.contains(&Finding::Stopped(Phase::Partners)),
@@ -456,12 +458,14 @@ fn traced_and_decomposed_double_curves_agree() {
             mesh: options(3.0),
             budget: Budget::default(),
         };
-        let mut prepared = Prepared::new(&map, &options, &|| false).expect("not stopped");
+        let mut prepared = Prepared::new(&map, &options, &Control::default()).expect("not stopped");
         assert!(prepared.may_decompose(), "{texts:?}");
-        let traced = prepared.surface(&|| false);
-        prepared.decompose(&|| false).expect("not stopped");
+        let traced = prepared.surface(&Control::default());
+        prepared
+            .decompose(&Control::default())
+            .expect("not stopped");
         assert!(!prepared.may_decompose());
-        let decomposed = prepared.surface(&|| false);
+        let decomposed = prepared.surface(&Control::default());
         let [a, b] = [&traced, &decomposed].map(|s| {
             assert!(s.is_certified(), "{texts:?} {:?}", s.findings);
             let edges = edges(s);

@@ -4,6 +4,7 @@ mod common;
 
 use common::zoo;
 use isoform_algebra::Poly;
+use isoform_control::Control;
 use isoform_tess::{
     Budget, CurveKind, RealPart, VARIABLES, analyse, base_multiplicity, base_points,
 };
@@ -16,12 +17,11 @@ fn as_number(v: &Value) -> Option<f64> {
 
 #[test]
 fn base_points_of_the_zoo() {
-    let go = || false;
     for (name, facts, map) in zoo() {
         let start = Instant::now();
-        let found = base_points(&map, &go).expect("nobody stops");
+        let found = base_points(&map, &Control::default()).expect("nobody stops");
         let seconds = start.elapsed().as_secs_f64();
-        let total = base_multiplicity(&map, &go).expect("nobody stops");
+        let total = base_multiplicity(&map, &Control::default()).expect("nobody stops");
         println!(
             "{name}: {} real base points, {seconds:.4} s; e = {total}, {:.4} s",
             found.len(),
@@ -95,7 +95,7 @@ fn curve(v: &Value) -> Poly {
 #[test]
 fn singular_curves_of_the_zoo() {
     for (name, facts, map) in zoo() {
-        let found = analyse(&map, &Budget::default(), &|| false);
+        let found = analyse(&map, &Budget::default(), &Control::default());
         let seconds: Vec<String> = found
             .seconds
             .iter()

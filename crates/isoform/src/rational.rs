@@ -1,14 +1,13 @@
 //! Rational surfaces with a last look at their triangles.
 
 use isoform_algebra::RBig;
+use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh};
-use isoform_mesh::Control;
 use isoform_mesh::check::{self, Intersections, Place, certify};
 use isoform_tess::{
     Analysis, Budget, Claim, Crossing, Domain, Finding, Frame, Map, MapError, Mode, Patch, Point3,
-    Prepared, Stopped, Surface, TriangulateOptions, join_patches, polled,
+    Prepared, Stopped, Surface, TriangulateOptions, join_patches,
 };
-use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// How often the surface is made again, finer where its implicit equation finds triangles far away.
@@ -56,16 +55,16 @@ impl Change {
 pub fn rational_surface(
     map: &Map,
     options: &TriangulateOptions,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<(Surface, Analysis), Stopped> {
     let Some(frame) = Frame::of(map) else {
-        return surface_in_place(map, options, stop);
+        return surface_in_place(map, options, control);
     };
     let inner = TriangulateOptions {
         domain: options.domain.as_ref().map(|d| frame.domain(d)),
         ..options.clone()
     };
-    let (mut surface, analysis) = surface_in_place(&frame.map(map), &inner, stop)?;
+    let (mut surface, analysis) = surface_in_place(&frame.map(map), &inner, control)?;
     surface.frame = Some(frame.matrix());
     Ok((surface, frame.analysis(analysis)))
 }
@@ -74,23 +73,23 @@ pub fn rational_surface(
 fn surface_in_place(
     map: &Map,
     options: &TriangulateOptions,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<(Surface, Analysis), Stopped> {
-    let mut prepared = Prepared::new(map, options, stop)?;
-    let mut surface = prepared.surface(stop);
+    let mut prepared = Prepared::new(map, options, control)?;
+    let mut surface = prepared.surface(control);
     if prepared.may_decompose()
         && surface.findings.iter().any(is_ill_drawn)
-        && prepared.decompose(stop).is_ok()
+        && prepared.decompose(control).is_ok()
     {
-        surface = prepared.surface(stop);
+        surface = prepared.surface(control);
     }
     for _ in 0..NEARER {
         let far = prepared.far(&surface);
-        if far.is_empty() || !surface.is_certified() || stop() {
+        if far.is_empty() || !surface.is_certified() || control.is_stopped() {
             break;
         }
         prepared.refine(&far);
-        let next = prepared.surface(stop);
+        let next = prepared.surface(control);
         if !next.is_certified() {
             break;
         }
@@ -101,7 +100,7 @@ fn surface_in_place(
         let mut seconds = 0.0;
         let mut look = |surface: &Surface| {
             let clock = Instant::now();
-            let found = crossings(surface, stop);
+            let found = crossings(surface, control);
             seconds += clock.elapsed().as_secs_f64();
             found
         };
@@ -120,14 +119,19 @@ fn surface_in_place(
             // What is open for other reasons is not mended by this.
             let is_hopeless =
                 !tried.is_certified() || tried.triangles.len() > options.mesh.triangles / 2;
-            if i.pairs.is_empty() || !i.complete || is_hopeless || in_vain == IN_VAIN || stop() {
+            if i.pairs.is_empty()
+                || !i.complete
+                || is_hopeless
+                || in_vain == IN_VAIN
+                || control.is_stopped()
+            {
                 break;
             }
             match change {
                 Change::Finer => prepared.refine(&boxes(tried, i)),
                 _ => prepared.match_sheets(tried, &pairs(i, change == Change::Places)),
             }
-            let next = prepared.surface(stop);
+            let next = prepared.surface(control);
             if !next.is_certified() && change != Change::Finer {
                 // Other vertices did harm.
                 change = Change::Finer;
@@ -194,7 +198,7 @@ pub enum PatchesError {
 pub fn rational_patches(
     patches: &[Patch],
     options: &TriangulateOptions,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<(Surface, Vec<(Map, Analysis)>), PatchesError> {
     let unit = || [RBig::ZERO, RBig::ONE];
     let domain = Domain::rectangle(unit(), unit()).ok();
@@ -220,8 +224,8 @@ pub fn rational_patches(
             name: patch.name.clone(),
             error,
         })?;
-        let (surface, analysis) =
-            surface_in_place(&map, &options, stop).map_err(|_: Stopped| PatchesError::Stopped)?;
+        let (surface, analysis) = surface_in_place(&map, &options, control)
+            .map_err(|_: Stopped| PatchesError::Stopped)?;
         options.mesh.triangles = options
             .mesh
             .triangles
@@ -247,8 +251,8 @@ fn found_crossing(found: Option<&Intersections>) -> Option<Finding> {
 }
 
 /// None if there was no time to look for all of them.
-fn crossings(surface: &Surface, stop: &dyn Fn() -> bool) -> Option<Intersections> {
-    if stop() {
+fn crossings(surface: &Surface, control: &Control<'_>) -> Option<Intersections> {
+    if control.is_stopped() {
         return None;
     }
     let mesh = Mesh {
@@ -261,15 +265,13 @@ fn crossings(surface: &Surface, stop: &dyn Fn() -> bool) -> Option<Intersections
         pairs: MOST,
         ..check::Options::default()
     };
-    polled(stop, |stopped| {
-        let control = Control {
-            cancelled: Some(stopped),
-            ..Control::default()
-        };
-        certify(&mesh, None, &options, &control)
-            .intersections
-            .filter(|_| !stopped.load(Ordering::Relaxed))
-    })
+    let silent = Control {
+        progress: None,
+        ..*control
+    };
+    certify(&mesh, None, &options, &silent)
+        .intersections
+        .filter(|_| !control.is_stopped())
 }
 
 /// The triangles that cross, with points where they do if `deep`.

@@ -1,6 +1,7 @@
 //! Surfaces whose parameters are moved by a projectivity: all is proved, and what comes out is the
 //! surface that closed forms say.
 
+use isoform::Control;
 use isoform::rational_surface;
 use isoform_algebra::RBig;
 use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions};
@@ -28,7 +29,7 @@ fn certified(forms: [&str; 4], half_width: i32) -> Surface {
         },
         budget: Budget::default(),
     };
-    let (surface, _) = rational_surface(&map, &options, &|| false).expect("not stopped");
+    let (surface, _) = rational_surface(&map, &options, &Control::default()).expect("not stopped");
     assert!(surface.is_certified(), "{:?}", surface.findings);
     surface
 }

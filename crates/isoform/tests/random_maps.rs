@@ -3,14 +3,15 @@
 //! random_maps -- --ignored --nocapture` (how many, and the seconds each may take;
 //! `ISOFORM_RANDOM_FIRST` says where to begin).
 
+use isoform::Control;
 use isoform::rational_surface;
 use isoform_algebra::RBig;
 use isoform_geom::{Mesh, Point3, cross, distance_to_segment, dot, norm, sub};
-use isoform_mesh::Control;
 use isoform_mesh::check::{Options, certify};
 use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions};
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::panic::AssertUnwindSafe;
 use std::time::{Duration, Instant};
 
 /// A polynomial of a degree with small coefficients, most of them zero.
@@ -114,8 +115,12 @@ fn random_maps() {
 fn walls_closer_than_rounding() {
     let texts = ["-s^0+t^2-3*s", "t-2*s*t", "3*t", "-t+3*s*t"];
     let map = Map::parse(texts, Default::default()).expect("a map");
-    let (surface, _) = rational_surface(&map, &options(Mode::Glued, Budget::default()), &|| false)
-        .expect("a surface");
+    let (surface, _) = rational_surface(
+        &map,
+        &options(Mode::Glued, Budget::default()),
+        &Control::default(),
+    )
+    .expect("a surface");
     assert!(!surface.triangles.is_empty());
 }
 
@@ -125,7 +130,7 @@ fn certified(texts: [&str; 4]) -> Surface {
     let map = Map::parse(texts, Default::default()).expect("a map");
     let mut options = options(Mode::Glued, Budget::default());
     (options.mesh.tolerance, options.mesh.longest) = (FINE, 0.25 * HALF_WIDTH);
-    let (surface, _) = rational_surface(&map, &options, &|| false).expect("a surface");
+    let (surface, _) = rational_surface(&map, &options, &Control::default()).expect("a surface");
     assert!(surface.is_certified(), "{texts:?}: {:?}", surface.findings);
     let found = faults(surface.clone(), Mode::Glued);
     assert!(found.is_empty(), "{texts:?}: {found:?}");
@@ -340,9 +345,10 @@ fn try_maps(seeds: Range<u64>, cost: Cost) -> Tried {
         println!("{seed} {texts:?}");
         for mode in [Mode::Normalised, Mode::Glued] {
             let clock = Instant::now();
-            let stop = || clock.elapsed() > cost.allowed;
+            let control = Control::default().until(clock + cost.allowed);
             let options = options(mode, cost.budget);
-            let made = std::panic::catch_unwind(|| rational_surface(&map, &options, &stop));
+            let work = AssertUnwindSafe(|| rational_surface(&map, &options, &control));
+            let made = std::panic::catch_unwind(work);
             let seconds = clock.elapsed().as_secs_f64();
             if seconds > (2.0 * cost.allowed.as_secs_f64()).max(8.0) {
                 println!("{seed} {mode:?} {seconds:.1} s, too slow: {texts:?}");

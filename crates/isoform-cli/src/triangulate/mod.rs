@@ -14,7 +14,7 @@ use isoform::tess::{
     Analysis, Budget, Domain, Finding, Map, MapError, MeshOptions, Mode, Options, Patch, Surface,
     TriangulateOptions, VARIABLES, bounds_over, is_patch_file, patch_bounds, read_patches,
 };
-use isoform::{PatchesError, Topology, topology};
+use isoform::{Control, PatchesError, Topology, topology};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -372,6 +372,20 @@ fn invalid(error: &MapError, path: &Path, text: &str) -> Failure {
     failure
 }
 
+/// The surface, and each map of it with what is known of it.
+fn triangles(
+    subject: Subject,
+    options: &TriangulateOptions,
+    control: &Control<'_>,
+) -> Result<(Surface, Vec<(Map, Analysis)>), PatchesError> {
+    match subject {
+        Subject::Map(map) => isoform::rational_surface(&map, options, control)
+            .map(|(surface, analysis)| (surface, vec![(*map, analysis)]))
+            .map_err(|_| PatchesError::Stopped),
+        Subject::Patches(list) => isoform::rational_patches(&list, options, control),
+    }
+}
+
 /// Triangulates a map or patches, or says why there is no triangle.
 fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failure> {
     let domain = args.rectangle.as_ref().or(args.polygon.as_ref());
@@ -406,38 +420,22 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
         },
     };
     let name = args.map.display().to_string();
-    interrupt::watch();
-    let clock = Instant::now();
+    let control = context.control();
     let progress = Progress::new(context);
-    // Nobody knows how much there is to do, but with a limit how much time has gone.
-    let done = || {
-        context
-            .global
-            .time_limit
-            .map_or(0.0, |limit| clock.elapsed().div_duration_f64(limit))
+    let patches = match &subject {
+        Subject::Map(_) => Vec::new(),
+        Subject::Patches(list) => list.iter().map(|p| p.name.clone()).collect(),
     };
-    let stop = || {
-        progress.show("triangulation", done());
-        interrupt::happened() || context.is_late()
-    };
-    let mut patches = Vec::new();
-    let (surface, known) = match subject {
-        Subject::Map(map) => {
-            let found = isoform::rational_surface(&map, &options, &stop)
-                .map_err(|_| nothing(&name, None, context))?;
-            (found.0, vec![(*map, found.1)])
-        }
-        Subject::Patches(list) => {
-            patches = list.iter().map(|p| p.name.clone()).collect();
-            isoform::rational_patches(&list, &options, &stop).map_err(|e| match e {
-                PatchesError::Map { name: which, error } => {
-                    Failure::input(error.code(), format!("{name}: {which}: {error}"))
-                        .hint(error.hint())
-                }
-                PatchesError::Stopped => nothing(&name, None, context),
-            })?
-        }
-    };
+    let (surface, known) = progress
+        .during("triangulation", context.global.time_limit, || {
+            triangles(subject, &options, &control)
+        })
+        .map_err(|e| match e {
+            PatchesError::Map { name: which, error } => {
+                Failure::input(error.code(), format!("{name}: {which}: {error}")).hint(error.hint())
+            }
+            PatchesError::Stopped => nothing(&name, None, context),
+        })?;
     drop(progress);
     if surface.triangles.is_empty() {
         return Err(nothing(&name, Some((&surface, &options)), context));

@@ -77,7 +77,7 @@ impl Builder<'_> {
             let mid = Self::on_border(q, ends, m);
             let is_full = depth >= self.halvings
                 || line.len() > VERTICES
-                || (self.stop)()
+                || self.control.is_stopped()
                 || m == x
                 || m == y;
             if is_full || self.is_fine_border(q, ends, [a, b], [x, y]) {

@@ -531,7 +531,7 @@ impl Builder<'_> {
             };
             if depth < self.halvings
                 && line.len() < VERTICES
-                && !(self.stop)()
+                && !self.control.is_stopped()
                 && (!self.is_fine(&at, x, y) || turns())
             {
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);

@@ -180,7 +180,7 @@ impl Builder<'_> {
                         gluing.parameters.push(parameter);
                     }
                     j += 1;
-                    if (self.stop)() {
+                    if self.control.is_stopped() {
                         gluing.is_stopped = true;
                         gluing.findings.push(Finding::Stopped(Phase::Partners));
                         return gluing;

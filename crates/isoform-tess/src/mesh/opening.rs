@@ -11,8 +11,8 @@ use crate::fan::{Direction, Fan, Sector};
 use crate::finding::{Finding, Phase};
 use crate::map::Map;
 use crate::surface::Point3;
-use crate::univariate::Stopped;
 use isoform_algebra::{Poly, RBig};
+use isoform_control::Stopped;
 use isoform_geom::distance_to_segment;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -94,7 +94,7 @@ impl Builder<'_> {
     pub(super) fn open_base_points(&mut self, points: &[BasePoint], w: &Poly) {
         let opened: Result<Vec<Fan>, Stopped> = points
             .iter()
-            .map(|p| Fan::new(p, self.region, w, self.stop))
+            .map(|p| Fan::new(p, self.region, w, self.control))
             .collect();
         match opened {
             Ok(fans) => self.fans = fans,
@@ -161,7 +161,7 @@ impl Builder<'_> {
             let mut done = false;
             let mut halved = vec![0; self.fans.len()];
             for _ in 0..ROUNDS {
-                if (self.stop)() {
+                if self.control.is_stopped() {
                     break;
                 }
                 let mut too_large = self.fit_rectangles();
@@ -898,7 +898,7 @@ impl Builder<'_> {
                 if !sector.inside || done.contains(&name) {
                     continue;
                 }
-                if (self.stop)() {
+                if self.control.is_stopped() {
                     return false;
                 }
                 match self.look(fan, sector, sites) {

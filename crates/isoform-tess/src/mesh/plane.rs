@@ -7,6 +7,7 @@
 
 use super::{Name, Node, distance, longest, middle};
 use crate::surface::Point3;
+use isoform_control::Control;
 use isoform_geom::{cross, dot, norm, sub};
 use robust::{Coord, orient2d};
 use std::cell::Cell;
@@ -438,10 +439,10 @@ impl Plane {
 
     /// Splits edges until all triangles are near the surface and W keeps its sign on them, or there
     /// are too many: then some are left waiting.
-    pub(super) fn begin(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) {
+    pub(super) fn begin(&mut self, most: usize, measure: &dyn Measure, control: &Control<'_>) {
         self.thin_contracted(measure);
         self.legalise_all(measure);
-        self.work_off(most, true, measure, stop);
+        self.work_off(most, true, measure, control);
     }
     /// Whether triangles are left to be split.
     pub(super) fn is_waiting(&self) -> bool {
@@ -453,27 +454,27 @@ impl Plane {
         &mut self,
         most: usize,
         measure: &dyn Measure,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Ended {
-        self.work_off(most, false, measure, stop);
+        self.work_off(most, false, measure, control);
         for _ in 0..IMPROVEMENTS {
             if self.ended != Ended::default() || self.coarsen(measure) + self.smooth(measure) == 0 {
                 break;
             }
             self.legalise_all(measure);
-            self.work_off(most, false, measure, stop);
+            self.work_off(most, false, measure, control);
         }
-        self.tell_apart(most, measure, stop)
+        self.tell_apart(most, measure, control)
     }
     /// Splits edges that fall together in space.
-    fn tell_apart(&mut self, most: usize, measure: &dyn Measure, stop: &dyn Fn() -> bool) -> Ended {
+    fn tell_apart(&mut self, most: usize, measure: &dyn Measure, control: &Control<'_>) -> Ended {
         for _ in 0..CLASHES {
             let clashes = self.clashes();
             if clashes.is_empty() || self.ended != Ended::default() {
                 break;
             }
             self.split_all(clashes, measure);
-            self.work_off(most, false, measure, stop);
+            self.work_off(most, false, measure, control);
         }
         Ended {
             clashes: self.clashes().len(),
@@ -621,19 +622,13 @@ impl Plane {
     }
 
     /// Splits what is queued. Where there are too many triangles already, it waits, or is given up.
-    fn work_off(
-        &mut self,
-        most: usize,
-        waits: bool,
-        measure: &dyn Measure,
-        stop: &dyn Fn() -> bool,
-    ) {
+    fn work_off(&mut self, most: usize, waits: bool, measure: &dyn Measure, control: &Control<'_>) {
         let mut steps = 0usize;
         let mut late = false;
         while let Some(t) = self.queue.pop_front() {
             self.queued[t as usize] = false;
             steps += 1;
-            late |= steps.is_multiple_of(256) && stop();
+            late |= steps.is_multiple_of(256) && control.is_stopped();
             let v = self.triangles[t as usize];
             if self.triangles.len() + 4 <= most
                 && let Some((i, (at, image))) =

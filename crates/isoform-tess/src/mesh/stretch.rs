@@ -143,7 +143,7 @@ impl Builder<'_> {
         let mut stack = vec![(stretch.from, stretch.to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left[0] + right[0]);
-            let is_full = line.len() > VERTICES || (self.stop)();
+            let is_full = line.len() > VERTICES || self.control.is_stopped();
             *in_order &= !is_full;
             let room = left[0] < u && u < right[0] && depth < self.halvings && !is_full;
             let Some(v) = room.then(|| over.at(u, i)).flatten() else {

@@ -152,7 +152,7 @@ impl Builder<'_> {
                 Some(run) => runs.push(run),
                 None => failed += 1,
             }
-            if (self.stop)() {
+            if self.control.is_stopped() {
                 gluing.is_stopped = true;
                 gluing.findings.push(Finding::Stopped(Phase::Partners));
                 return gluing;
@@ -179,7 +179,7 @@ impl Builder<'_> {
         for w in part.windows(2) {
             let mut stack = vec![(Spot::new(w[0])?, Spot::new(w[1])?, 0)];
             while let Some((a, b, depth)) = stack.pop() {
-                if run.len() > PLACES || depth > HALVINGS || (self.stop)() {
+                if run.len() > PLACES || depth > HALVINGS || self.control.is_stopped() {
                     return None;
                 }
                 let sides: Vec<(usize, usize)> = (0..2)

@@ -95,7 +95,7 @@ impl Builder<'_> {
                     builder: self,
                     q: u.quadrant,
                 },
-                self.stop,
+                self.control,
             )
         });
         // Those that need more share what the others leave.
@@ -116,7 +116,7 @@ impl Builder<'_> {
                             builder: self,
                             q: u.quadrant,
                         },
-                        self.stop,
+                        self.control,
                     );
                     u.findings.extend(complaints(ended));
                 });
@@ -131,7 +131,7 @@ impl Builder<'_> {
             let measure = InChart { builder: self, q };
             let here: Vec<Place> = places.iter().filter(|p| p.quadrant == q).copied().collect();
             if !here.is_empty() {
-                let ended = u.plane.insert(&here, most, &measure, self.stop);
+                let ended = u.plane.insert(&here, most, &measure, self.control);
                 u.findings.extend(complaints(ended));
             }
         });

@@ -4,7 +4,7 @@ use super::real::{Condition, Place, REAL, RealPair, dot7};
 use super::section::Expected;
 use super::{Pair, Pairs, between};
 use crate::complex::{C, Plane, Stream, length, normalised, real_line, real_plane};
-use crate::univariate::{Stopped, check};
+use isoform_control::{Control, Stopped};
 use isoform_geom::{distance_to_segment, dot, norm};
 
 /// Why an arc ends.
@@ -442,7 +442,7 @@ pub(crate) fn arcs(
     pairs: &Pairs,
     fine: Fineness,
     expected: &Expected,
-    stop: &dyn Fn() -> bool,
+    control: &Control<'_>,
 ) -> Result<Arcs, Stopped> {
     let mut found = Arcs::default();
     let mut stream = Stream(17);
@@ -450,7 +450,7 @@ pub(crate) fn arcs(
     if expected.parameters == 0 {
         return Ok(found);
     }
-    let section = pairs.first_section(&general, expected, stop)?;
+    let section = pairs.first_section(&general, expected, control)?;
     if !section.is_complete || !expected.is_met(&section, pairs) {
         found.lost += 1;
         return Ok(found);
@@ -458,7 +458,7 @@ pub(crate) fn arcs(
     let from_general =
         |plane: &Plane, stream: &mut _| pairs.section(&general, &section.pairs, plane, stream);
     for k in 0..6 {
-        check(stop)?;
+        control.check()?;
         let mut normal = [0.0; 3];
         normal[k / 2] = 1.0;
         let face = real_plane(normal, [-1.0, 1.0][k % 2]);
@@ -471,7 +471,7 @@ pub(crate) fn arcs(
     }
     let mut before: Option<(Plane, Vec<Pair>)> = None;
     for k in 0..SLICES {
-        check(stop)?;
+        control.check()?;
         let offset = 3f64.sqrt() * ((2 * k + 1) as f64 / SLICES as f64 - 1.0 + 0.013);
         let plane = real_plane(NORMAL.map(|x| x / norm(NORMAL)), offset);
         let here = before

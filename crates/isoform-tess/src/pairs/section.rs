@@ -2,7 +2,7 @@
 
 use super::{Pair, Pairs, between};
 use crate::complex::{C, Form, Monomials, Plane, Stream, V, distance, dot, norm, normalised};
-use crate::univariate::{Stopped, check};
+use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 
 /// How often all pairs of the section are carried around at most, and how often in vain before the
@@ -20,12 +20,12 @@ impl Pairs {
         &self,
         plane: &Plane,
         expected: &Expected,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Result<Section, Stopped> {
         let mut stream = Stream(5);
         let mut section = Section::new();
         for _ in 0..BATCHES {
-            check(stop)?;
+            control.check()?;
             for _ in 0..SEEDS {
                 if let Some(p) = self.seed(plane, &mut stream) {
                     section.add(p);
@@ -49,7 +49,7 @@ impl Pairs {
             let phases = [stream.phase(), stream.phase(), stream.phase()];
             let known = section.pairs.len();
             for k in 0..known {
-                check(stop)?;
+                control.check()?;
                 let end = self
                     .follow(&between(*plane, a, phases[0]), &section.pairs[k])
                     .and_then(|p| self.follow(&between(a, b, phases[1]), &p))

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::mesh::matching::Place;
+use isoform_control::Control;
 
 /// How near to a corner of a triangle no further vertex is put, per longest edge.
 const BESIDE: f64 = 0.005;
@@ -23,7 +24,7 @@ impl Plane {
         places: &[Place],
         most: usize,
         measure: &dyn Measure,
-        stop: &dyn Fn() -> bool,
+        control: &Control<'_>,
     ) -> Ended {
         for place in places {
             self.insert_one(place, measure);
@@ -55,8 +56,8 @@ impl Plane {
             }
         }
         // What was made has to be as near to the surface as everything else.
-        self.work_off(most, false, measure, stop);
-        self.tell_apart(most, measure, stop)
+        self.work_off(most, false, measure, control);
+        self.tell_apart(most, measure, control)
     }
 
     /// Flips the edge opposite to corner i if the angles opposite to it are more than two right
