@@ -18,7 +18,6 @@ mod sizes;
 mod skin;
 
 use crate::assemble::{Joined, Labelled, assemble_surface};
-use crate::check;
 use crate::error::{MeshError, Warning};
 use crate::features::{ExtentError, Features, extent_within};
 use crate::inside::Inside;
@@ -31,6 +30,7 @@ use crate::surface::Surface;
 use align::{align, edges_of};
 use boundary::Boundary;
 use given::{check_given, distance, place, settled, welded, wrong};
+use isoform_check as check;
 use isoform_control::Control;
 use isoform_geom::{Aabb, KdTree, Mesh, Point3, Solid, norm, sub};
 use remesh::Remesher;

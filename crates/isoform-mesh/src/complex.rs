@@ -429,7 +429,7 @@ mod tests {
         assert!(
             c.tets
                 .iter()
-                .all(|t| crate::quality::six_volume(t.map(|v| c.points[v as usize])) > 0.0)
+                .all(|t| isoform_check::quality::six_volume(t.map(|v| c.points[v as usize])) > 0.0)
         );
         let mut ring = Ring::default();
         c.ring(2, 0, 1, &mut ring);

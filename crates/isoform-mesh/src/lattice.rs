@@ -280,7 +280,7 @@ mod tests {
         for axis in 0..3 {
             let volume: f64 = Lattice::tets([1, 2, 3], axis)
                 .iter()
-                .map(|t| crate::quality::six_volume(t.map(|h| h.map(|i| i as f64))) / 6.0)
+                .map(|t| isoform_check::quality::six_volume(t.map(|h| h.map(|i| i as f64))) / 6.0)
                 .sum();
             assert!((volume - 8.0 / 3.0).abs() < 1e-12, "axis {axis}: {volume}");
         }

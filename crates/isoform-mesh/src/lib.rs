@@ -4,8 +4,6 @@
 mod adapt;
 mod assemble;
 mod band;
-mod cap;
-pub mod check;
 mod complex;
 mod crowd;
 mod cut;
@@ -19,7 +17,6 @@ mod mesher;
 mod optimise;
 mod options;
 mod points;
-pub mod quality;
 mod refine;
 mod second;
 mod surface;

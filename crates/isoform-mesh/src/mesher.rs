@@ -5,7 +5,6 @@
 
 use crate::assemble::{Joined, assemble_surface, assemble_volume};
 use crate::band::{Band, Core};
-use crate::cap::Capped;
 use crate::crowd::Crowd;
 use crate::cut::Cutter;
 use crate::error::{MeshError, Warning};
@@ -17,6 +16,7 @@ use crate::options::Options;
 use crate::refine::Refiner;
 use crate::second::raise_order;
 use crate::surface::Surface;
+use isoform_check::Capped;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
 

@@ -7,8 +7,8 @@ use std::sync::Arc;
 /// Bytes that a tetrahedron near the surface takes by estimate, with all that is known of it.
 const BYTES: u64 = 400;
 /// Weight of a sine of an obtuse angle in the measure that is optimised, see
-/// [`OBTUSE_WEIGHT`](crate::quality::OBTUSE_WEIGHT).
-const OBTUSE: f64 = crate::quality::OBTUSE_WEIGHT;
+/// [`OBTUSE_WEIGHT`](isoform_check::quality::OBTUSE_WEIGHT).
+const OBTUSE: f64 = isoform_check::quality::OBTUSE_WEIGHT;
 
 /// What to make.
 #[derive(Clone, Debug)]

@@ -39,6 +39,7 @@ mod topology;
 pub use compare::{CompareError, Distances, Side, compare};
 pub use facets::points_on_faces;
 pub use isoform_algebra as algebra;
+pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};
 pub use isoform_field as field;
 pub use isoform_fit as fit;

@@ -1,10 +1,10 @@
 //! What meshes are accepted, and what alignment leaves open.
 
 use super::align::Aligned;
-use crate::check::Certificate;
 use crate::error::{MeshError, Warning};
 use crate::points::centroid;
 use crate::surface::first_order_at;
+use isoform_check::Certificate;
 use isoform_geom::{Mesh, Point3, Solid};
 use std::collections::HashMap;
 

@@ -4,7 +4,7 @@ use super::{FACING, GAIN, Optimiser};
 use crate::complex::{BOUNDARY, OPEN, Ring, STRAY};
 use crate::measure::{biased_sine, smallest_sine};
 use crate::optimise::holds::Hold;
-use crate::quality::six_volume;
+use isoform_check::quality::six_volume;
 use isoform_geom::Point3;
 
 /// Longest ring whose edge is removed; longer ones never improved a mesh in our trials.

@@ -2,8 +2,8 @@
 
 use super::shells::{Shells, root};
 use super::{Triangles, is_degenerate, middle};
-use crate::check::stars::Stars;
-use crate::check::{Defects, Place};
+use crate::stars::Stars;
+use crate::{Defects, Place};
 
 /// What one run of nodes has.
 #[derive(Default)]

@@ -1,10 +1,10 @@
 //! Parts of the surface that hang together by nodes, and whether they lie in each other rightly.
 
 use super::{Shell, TASK, Triangles, is_degenerate};
-use crate::check::boxes::BoxTree;
-use crate::check::exact::volume_sign;
-use crate::check::stars::blocks;
-use crate::check::{Defects, Place};
+use crate::boxes::BoxTree;
+use crate::exact::volume_sign;
+use crate::stars::blocks;
+use crate::{Defects, Place};
 use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
 use rayon::prelude::*;
 

@@ -1,8 +1,8 @@
 //! What is around one node of the tetrahedra: faces and edges of which it is the lowest node.
 
 use super::Volume;
-use crate::check::Place;
-use crate::check::stars::Stars;
+use crate::Place;
+use crate::stars::Stars;
 use isoform_geom::{Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
 
 /// What one run of nodes has.

@@ -1,7 +1,7 @@
 //! Mid nodes that several edges share, or that are corners as well.
 
 use super::faces::Run;
-use crate::check::{Defects, Place};
+use crate::{Defects, Place};
 use isoform_geom::Mesh;
 
 /// Nodes that are listed of one finding.

@@ -9,8 +9,8 @@
 //!
 //! ```
 //! use isoform_geom::Mesh;
-//! use isoform_mesh::Control;
-//! use isoform_mesh::check::{Options, certify};
+//! use isoform_check::{Options, certify};
+//! use isoform_control::Control;
 //!
 //! let points = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 //! let mut mesh = Mesh::from_triangles(points, vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]);
@@ -23,7 +23,10 @@
 //!
 //! [`failures`]: Certificate::failures
 
+#![forbid(unsafe_code)]
+
 mod boxes;
+mod cap;
 mod coverage;
 mod defects;
 mod deviation;
@@ -32,10 +35,12 @@ mod exact;
 mod failure;
 mod format;
 mod intersections;
+pub mod quality;
 mod stars;
 mod surface;
 mod volume;
 
+pub use cap::Capped;
 pub use coverage::Coverage;
 pub use defects::{Defects, Place};
 pub use deviation::{Deviation, Distances, PartDeviation};
@@ -46,7 +51,6 @@ pub use intersections::Intersections;
 pub use surface::{Shell, Surface};
 pub use volume::Volume;
 
-use crate::cap::Capped;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
 
@@ -65,8 +69,7 @@ pub struct Options<'a> {
     /// The size of elements that was asked for, which tells how near edges must be to feature
     /// curves; the mean edge length of the surface if not given.
     pub size: Option<f64>,
-    /// The box that the solid was cut off at, if it was: see the mesher's
-    /// [`Options::region`](crate::Options::region).
+    /// The box that the solid was cut off at, if it was: its sides are parts of the solid then.
     pub region: Option<Aabb>,
     /// What is acceptable.
     pub limits: Limits,
