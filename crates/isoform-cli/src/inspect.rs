@@ -6,7 +6,7 @@ use crate::output::{Context, DONE, Failure, Outcome};
 use crate::scan;
 use isoform::io::{Inspection, MeshPoints, inspect};
 use isoform::mesh::Control;
-use isoform::mesh::check::{Options, certify};
+use isoform::check::{Options, certify};
 use serde_json::json;
 use std::path::PathBuf;
 

@@ -45,6 +45,7 @@ pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFi
 pub use gallery::{EXAMPLE_SCAN, GalleryTemplate, example_scan, template, templates};
 pub use held::{Bounds, HeldTemplate, ParameterError};
 pub use isoform_algebra as algebra;
+pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};
 pub use isoform_field as field;
 pub use isoform_fit as fit;

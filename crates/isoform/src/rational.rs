@@ -3,7 +3,7 @@
 use isoform_algebra::RBig;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh};
-use isoform_mesh::check::{self, Intersections, Place, certify};
+use isoform_check::{self as check, Intersections, Place, certify};
 use isoform_tess::{
     Analysis, Budget, Claim, Crossing, Domain, Finding, Frame, Map, MapError, Mode, Patch, Point3,
     Prepared, Stopped, Surface, TriangulateOptions, join_patches,

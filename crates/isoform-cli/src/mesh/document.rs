@@ -2,7 +2,7 @@
 
 use super::work::Made;
 use isoform::geom::Mesh;
-use isoform::mesh::check::{
+use isoform::check::{
     Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths,
 };
 use serde_json::{Map, Value, json};

@@ -4,7 +4,7 @@ use super::files::Written;
 use super::work::{Made, place};
 use crate::fit::table::brief;
 use isoform::geom::Mesh;
-use isoform::mesh::check::Certificate;
+use isoform::check::Certificate;
 
 /// What was made, whether it holds, and where it went.
 pub(crate) fn text(made: &Made) -> String {

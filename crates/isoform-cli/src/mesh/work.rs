@@ -9,7 +9,7 @@ use crate::progress::Progress;
 use isoform::field::SolidError;
 use isoform::field::hyperfun::Model;
 use isoform::geom::{Mesh, Point3, Solid};
-use isoform::mesh::check::{Certificate, Limits};
+use isoform::check::{Certificate, Limits};
 use isoform::mesh::features::ExtentError;
 use isoform::mesh::{Control, MeshError, Meshed, Options, Warning, mean_edge, own_sizes};
 use isoform::{certified_adaptation, certified_mesh};
