@@ -43,7 +43,7 @@ pub(crate) fn document(job: &Job, verb: &str) -> Value {
     let open: Vec<Value> = fit
         .undetermined
         .iter()
-        .map(|o| json!({"parameters": o.parameters, "why": o.why}))
+        .map(|o| json!({"parameters": o.parameters, "why": o.why.to_string()}))
         .collect();
     let pose = job.template.frep.placement(&job.relative()).map(|p| {
         let t: [f64; 3] = std::array::from_fn(|k| p.translation[k] + job.cloud.origin[k]);

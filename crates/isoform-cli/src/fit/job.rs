@@ -226,7 +226,7 @@ pub(crate) fn run_model(
     };
     let fit = task.fit_beside_clutter(&cloud.points, &mut template, &make)?;
     drop(progress);
-    warnings.extend(fit.warnings.iter().cloned());
+    warnings.extend(fit.warnings.iter().map(ToString::to_string));
     let mut all = vec![("read", seconds), ("template", prepared)];
     all.extend(fit.seconds.iter().copied());
     let template_name = request.template.display().to_string();

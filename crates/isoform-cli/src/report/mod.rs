@@ -141,7 +141,7 @@ fn verdict(job: &Job, lengths: &Lengths) -> Conclusion {
         fit.n_points
     ));
     evidence.push(starts_found(fit.hits, fit.starts));
-    evidence.extend(fit.undetermined.iter().map(|o| o.why.clone()));
+    evidence.extend(fit.undetermined.iter().map(|o| o.why.to_string()));
     Conclusion {
         verdict: fit.verdict.max(least),
         evidence,
@@ -254,7 +254,7 @@ fn parameters(job: &Job) -> String {
 /// What is open, what was dropped, and what to beware of.
 fn notes(job: &Job) -> String {
     let fit = &job.fit;
-    let mut items: Vec<String> = fit.undetermined.iter().map(|o| o.why.clone()).collect();
+    let mut items: Vec<String> = fit.undetermined.iter().map(|o| o.why.to_string()).collect();
     items.extend(job.warnings.iter().cloned());
     let mut dropped = format!(
         "{} of {} points were used; {}",
