@@ -7,7 +7,8 @@ use crate::progress::Progress;
 use crate::{gallery, interrupt, scan};
 use isoform::field::hyperfun::{Model, Pose};
 use isoform::fit::{
-    Beside, Control, Finding, Fit, FitError, Kind, Loss, Method, Options, fit, search, settle,
+    Beside, Control, Finding, Fit, FitError, Kind, Loss, Method, Options, Warning, fit, search,
+    settle,
 };
 use isoform::geom::{Point3, PointCloud};
 use isoform::io::{MeshPoints, ReadReport, UnitGuess, inspect_unit};
@@ -226,7 +227,7 @@ pub(crate) fn run_model(
     };
     let fit = task.fit_beside_clutter(&cloud.points, &mut template, &make)?;
     drop(progress);
-    warnings.extend(fit.warnings.iter().map(ToString::to_string));
+    warnings.extend(fit.warnings.iter().map(sentence));
     let mut all = vec![("read", seconds), ("template", prepared)];
     all.extend(fit.seconds.iter().copied());
     let template_name = request.template.display().to_string();
@@ -487,20 +488,24 @@ fn kept_of(points: &[Point3], beside: &[Option<Beside>]) -> Vec<Point3> {
 }
 
 /// A warning for each kind of points that were left out.
-fn told_of(beside: &[Option<Beside>]) -> impl Iterator<Item = String> {
-    let kinds = [
-        (Beside::Plane, "on a plane beyond the part", "--keep-planes"),
-        (Beside::Apart, "apart from the part", "--keep-apart"),
-        (Beside::Stray, "astray", "--no-outlier-filter"),
-    ];
-    kinds.into_iter().filter_map(|(kind, what, option)| {
-        let count = beside.iter().filter(|b| **b == Some(kind)).count();
-        let share = 100.0 * count as f64 / beside.len() as f64;
-        (count > 0).then(|| {
-            format!(
-                "{count} points ({share:.1} %) lie {what} and were left out; \
-                 {option} fits them, too"
-            )
-        })
+fn told_of(beside: &[Option<Beside>]) -> impl Iterator<Item = Warning> {
+    let kinds = [Beside::Plane, Beside::Apart, Beside::Stray];
+    kinds.into_iter().filter_map(|why| {
+        let count = beside.iter().filter(|b| **b == Some(why)).count();
+        let points = beside.len();
+        (count > 0).then_some(Warning::Beside { why, count, points })
     })
+}
+
+/// A warning of the fit, with the option that takes points in which were left out.
+fn sentence(warning: &Warning) -> String {
+    let option = match warning {
+        Warning::Beside { why, .. } => match why {
+            Beside::Plane => "--keep-planes",
+            Beside::Apart => "--keep-apart",
+            Beside::Stray => "--no-outlier-filter",
+        },
+        other => return other.to_string(),
+    };
+    format!("{warning}; {option} fits them, too")
 }

@@ -1,5 +1,6 @@
 //! What a reader should know of a fit, although it does not speak against it.
 
+use crate::Beside;
 use std::fmt;
 
 /// Something to know of a fit. Shares are of 1.
@@ -44,6 +45,15 @@ pub enum Warning {
         /// Share of the surface.
         share: f64,
     },
+    /// Points beside the part that were left out.
+    Beside {
+        /// Why they are not the part's.
+        why: Beside,
+        /// Points left out for this reason.
+        count: usize,
+        /// All points.
+        points: usize,
+    },
     /// Points that repeat another one.
     Repeated {
         /// Repeats.
@@ -85,10 +95,46 @@ impl fmt::Display for Warning {
                 "{:.0} % of the model's surface near the data lies outside their box",
                 100.0 * share
             ),
+            Self::Beside { why, count, points } => write!(
+                f,
+                "{count} points ({:.1} %) lie {} and were left out",
+                100.0 * *count as f64 / *points as f64,
+                match why {
+                    Beside::Plane => "on a plane beyond the part",
+                    Beside::Apart => "apart from the part",
+                    Beside::Stray => "astray",
+                }
+            ),
             Self::Repeated { count, points } => write!(
                 f,
                 "{count} of {points} points repeat another one exactly and count once"
             ),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_in_per_cent() {
+        let stray = Warning::Beside {
+            why: Beside::Stray,
+            count: 3,
+            points: 200,
+        };
+        assert_eq!(
+            stray.to_string(),
+            "3 points (1.5 %) lie astray and were left out"
+        );
+        assert_eq!(
+            Warning::Outliers {
+                count: 1,
+                points: 8
+            }
+            .to_string(),
+            "1 of 8 points (12.5 %) are outliers"
+        );
     }
 }

@@ -100,26 +100,22 @@ mod tests {
     use super::*;
     use crate::Kind;
 
-    /// Parameters, each with the constant and terms of its tie, if it has one.
-    fn chain(ties: &[Option<(f64, &[(usize, f64)])>]) -> Vec<Parameter> {
-        let one = |tie: &Option<(f64, &[(usize, f64)])>| Parameter {
-            tie: tie.map(|(constant, terms)| Tie {
-                constant,
-                terms: terms.to_vec(),
-            }),
-            ..Parameter::new("p", Kind::Number)
-        };
-        ties.iter().map(one).collect()
+    fn free() -> Parameter {
+        Parameter::new("p", Kind::Number)
+    }
+
+    fn tied(constant: f64, terms: &[(usize, f64)]) -> Parameter {
+        let terms = terms.to_vec();
+        Parameter {
+            tie: Some(Tie { constant, terms }),
+            ..free()
+        }
     }
 
     #[test]
     fn ties_are_followed_through_ties() {
         // p0 = 1 + 2 p1, p1 = 3 + p2: p0 = 7 + 2 p2.
-        let rows = rows(&chain(&[
-            Some((1.0, &[(1, 2.0)])),
-            Some((3.0, &[(2, 1.0)])),
-            None,
-        ]));
+        let rows = rows(&[tied(1.0, &[(1, 2.0)]), tied(3.0, &[(2, 1.0)]), free()]);
         let rows = rows.expect("no circle");
         assert_eq!(
             (rows[0].constant, &rows[0].terms[..]),
@@ -130,7 +126,7 @@ mod tests {
 
     #[test]
     fn circles_are_refused() {
-        let circle = chain(&[Some((0.0, &[(1, 1.0)])), Some((0.0, &[(0, 1.0)]))]);
+        let circle = [tied(0.0, &[(1, 1.0)]), tied(0.0, &[(0, 1.0)])];
         assert!(matches!(rows(&circle), Err(FitError::Tie { .. })));
     }
 }
