@@ -124,9 +124,9 @@ pub fn minimize(
 /// The temperatures, one after the other.
 struct Cooling {
     first: f64,
-    /// Temperatures until 0...
+    /// Temperatures until 0.
     temperatures: usize,
-    /// ... and rounds at 0 after them, at most.
+    /// Rounds at temperature 0 after them, at most.
     frozen: usize,
 }
 

@@ -40,9 +40,9 @@ const OF_FLATTEST: f64 = 60.0;
 /// Noise above the smallest detail over this number: no distance says which side a point is on.
 const OF_DETAIL: f64 = 3.8;
 /// A share of the model's surface without data above this is doubtful: right models of whole scans
-/// show less than a hundredth, half of an object unseen from one side less than this...
+/// show less than a hundredth, half of an object unseen from one side less than this.
 const BARE: f64 = 0.35;
-/// ... and above this the model is refused.
+/// A model with more than this share of its surface without data is refused.
 const BAD_BARE: f64 = 0.6;
 /// Bare surface above this share is doubtful where what faces the same way was seen. Right models
 /// of whole scans show less than 0.01, a ring taken for a can with lids inside 0.07.

@@ -5,8 +5,8 @@ use crate::vector::is_finite;
 use isoform_geom::{NormalEquations, ParamField, Point3, add_normal_equations};
 use rayon::prelude::*;
 
-/// Points per piece of a parallel sum. Fixed, so that sums have the same bits for any number of
-/// threads; large enough that a piece (some hundred µs) pays for its dispatch.
+/// Points per piece of a parallel sum. The number is fixed, so that sums have equal bits for any
+/// number of threads, and large enough that a piece (some hundred µs) pays for its dispatch.
 const PIECE: usize = 16_384;
 
 /// A function to be minimised: half of Σ wᵢ rᵢ(x)², or anything that can give a gradient and a

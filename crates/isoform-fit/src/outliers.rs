@@ -31,10 +31,11 @@ const PROBES: usize = 150;
 /// Share of isolated points from which the data count as having outliers; scans without them show
 /// next to none.
 pub(crate) const HAS_OUTLIERS: f64 = 0.01;
-/// Off the plane of its neighbours is a point farther from it than this many of their own
-/// deviations...
+/// A point is off the plane of its neighbours when it is farther from it than this many of their
+/// own deviations.
 const OFF_PLANE: f64 = 4.0;
-/// ... and than this share of the spacing, which curved surfaces stay within.
+/// A point off the plane is also farther from it than this share of the spacing, which curved
+/// surfaces stay within.
 const OFF_SPACINGS: f64 = 0.3;
 /// More than this share is never dropped before the search.
 pub(crate) const MOST_DROPPED: f64 = 0.4;

@@ -25,7 +25,7 @@ use rayon::prelude::*;
 const BATCH: usize = 4;
 /// Starts of one Latin hypercube.
 const CUBE: usize = 16;
-/// Two sums are the same minimum when they differ by less than this share: converged runs agree to
+/// Two sums are of one minimum when they differ by less than this share: converged runs agree to
 /// 1e-6, distinct minima of the noise differ by more than 2 % on 512 points, and the near-equal
 /// ones of nested R-functions (1e-4) are meant to count as one.
 const SAME: f64 = 5e-3;

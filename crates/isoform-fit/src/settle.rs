@@ -1,7 +1,7 @@
 //! From the metric minimum to the result: the distance itself, what the points support, and the
 //! bias of noise beside edges.
 //!
-//! Words used here: a part is *open* when no data support it ([`open`]); a *mask* leaves the points
+//! A part is *open* when no data support it ([`open`]); a *mask* leaves the points
 //! on open parts out; what is *known* of the variables is in [`crate::identify`]; their *spread* is
 //! the covariance, with what neighbouring points share ([`spread`]).
 
@@ -40,9 +40,9 @@ const UNSURE: f64 = 0.2;
 const LEAST_SHRUNK: f64 = 0.5;
 /// Rounds of reweighting by the distance.
 const REWEIGHTED: usize = 8;
-/// Deviations of the noise that an open face is moved off the data...
+/// Deviations of the noise that an open face is moved off the data.
 const CLEAR_NOISES: f64 = 6.0;
-/// ... and the share of the spacing that it is moved at least.
+/// Share of the spacing that an open face is moved off the data, at least.
 const CLEAR_SPACINGS: f64 = 0.25;
 
 /// A fit with what the data say of it.

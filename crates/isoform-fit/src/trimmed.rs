@@ -28,9 +28,9 @@ const THROWN: usize = 4;
 const CUT: f64 = 6.0;
 /// Residuals are cut no nearer than at this share of the spacing.
 const LEAST_CUT: f64 = 0.25;
-/// Evaluations of the first minimisation from a start...
+/// Evaluations of the first minimisation from a start.
 const FIRST: usize = 40;
-/// ... and of the later ones, and of the first one after a throw.
+/// Evaluations of the later minimisations, and of the first one after a throw.
 const THEN: usize = 15;
 /// Standard deviation over median absolute deviation of normal numbers.
 const DEVIATION: f64 = 1.4826;

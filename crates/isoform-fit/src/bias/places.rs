@@ -3,9 +3,9 @@
 use super::{Around, Biased};
 use isoform_geom::{Aabb, Foot, Point3};
 
-/// Most places that noise is simulated at...
+/// Most places that noise is simulated at.
 const MOST_PLACES: usize = 8000;
-/// ... and fewest that tell anything.
+/// Fewest places wanted; a quarter of them must be met for the surface to tell anything.
 const LEAST_PLACES: usize = 1000;
 /// Deviations of the noise by which the box of the places is larger than the data's.
 const MARGIN: f64 = 3.0;

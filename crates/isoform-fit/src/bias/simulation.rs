@@ -6,9 +6,9 @@ use crate::vector::add;
 use isoform_geom::{Foot, Point3};
 use rayon::prelude::*;
 
-/// Simulated points, shared out among the places that need them...
+/// Simulated points, shared out in sets of six among the places that need them.
 const SIMULATED: usize = 1 << 14;
-/// ... in sets of six, of which each place has one at least and at most this many.
+/// Most sets of a place; each has one at least.
 const MOST_SETS: usize = 8;
 /// Simulated points per piece of parallel work.
 const PIECE: usize = 2048;

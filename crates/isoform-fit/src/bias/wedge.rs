@@ -176,7 +176,7 @@ fn below(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The same sums by random points, from distances to the two half lines.
+    /// The sums by random points, from distances to the two half lines; and their deviation.
     fn simulated(angle: f64, weight: fn(f64) -> f64, draws: usize) -> (Wedge, f64) {
         let mut random = fastrand::Rng::with_seed(7);
         let (mut sum, mut variance, length) = (Wedge::default(), 0.0, 12.0);

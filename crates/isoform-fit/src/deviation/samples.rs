@@ -9,9 +9,9 @@ const STEPS: usize = 4;
 /// Nodes nearer to the surface than this many cells are drawn to it: half of a cell's diagonal, so
 /// that every cell of the surface has such a node.
 const NEAR: f64 = 0.87;
-/// A point of the surface has a value below this share of a cell...
+/// A point is on the surface when its value is below this share of a cell.
 const ON_SURFACE: f64 = 1e-2;
-/// ... and has moved no farther than this many cells.
+/// A point that has moved farther than this many cells belongs to another node.
 const MOVED: f64 = 1.8;
 /// Two points of a cell that are nearer to each other than this share of it are of one sheet.
 const ONE_SHEET: f64 = 0.5;

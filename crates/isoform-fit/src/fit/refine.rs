@@ -26,7 +26,7 @@ const TURNS: usize = 3;
 const HITS: usize = 2;
 /// Sums of squared distances that differ by less than this share are one minimum.
 const SAME: f64 = 1e-2;
-/// A sum lower by this share is taken, even if it is of one and the same minimum.
+/// A sum lower by this share is taken, even if it is of the minimum that is known.
 const BETTER: f64 = 1e-3;
 /// Distances count no more than this share of the diagonal in such a sum, so that a bound on the
 /// sum is no matter of a few points.

@@ -9,9 +9,9 @@ use std::fmt;
 
 /// A derivative above this moves the surface.
 const MOVES: f64 = 1e-6;
-/// A piece with fewer points than this has none to speak of...
+/// A piece with fewer points than this has none to speak of.
 const FEW: usize = 4;
-/// ... nor has a piece with more than this share of its surface uncovered.
+/// A piece with more than this share of its surface uncovered has no data to speak of, either.
 const UNCOVERED: f64 = 0.8;
 
 /// Parameters that the data leave open together.

@@ -11,11 +11,11 @@ const NEAR: f64 = 0.01;
 const NEAR_SUM: f64 = 1.5;
 /// A sum below this share of its first one is low where the best minimum is nought.
 const NEAR_NOUGHT: f64 = 1e-4;
-/// A run far above the best minimum is not awaited when this many steps together...
+/// Steps that tell together whether a run still falls.
 const WINDOW: usize = 10;
-/// ... lowered its sum by less than this share...
+/// A run that falls by less than this share in [`WINDOW`] steps has all but stopped.
 const FALLING: f64 = 0.02;
-/// ... and the sum is above this many times the best one.
+/// A run that has all but stopped is not awaited above this many times the best sum.
 const HOPELESS: f64 = 4.0;
 
 /// Where a run ended.

@@ -107,9 +107,9 @@ impl Search<'_> {
         x
     }
 
-    /// Free variables by primitive, those of the pieces with the fewest points first: the variables
-    /// that a piece's points move. Variables that no point moves come first of all: their piece
-    /// lies away from the data.
+    /// Free variables by primitive: the variables that a piece's points move. Pieces with the fewest
+    /// points come first, and before them the variables that no point moves: their piece lies away
+    /// from the data.
     pub(crate) fn groups(&self, x: &[f64]) -> Vec<Vec<usize>> {
         let pieces = self.pieces(x);
         let variables = 0..self.space.len();
