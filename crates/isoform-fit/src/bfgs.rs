@@ -64,7 +64,8 @@ impl Default for Options {
 ///
 /// let (lo, hi) = ([-4.0; 2], [4.0; 2]);
 /// let options = bfgs::Options::default();
-/// let found = bfgs::minimize(&mut Slide, vec![3.0, -2.0], &lo, &hi, &options, &mut |_, _, _| true);
+/// let start = vec![3.0, -2.0];
+/// let found = bfgs::minimize(&mut Slide, start, &lo, &hi, &options, &mut |_, _, _| true);
 /// assert!(found.x.iter().all(|v| (v - 1.0).abs() < 1e-6));
 /// ```
 pub fn minimize(

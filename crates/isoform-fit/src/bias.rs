@@ -157,6 +157,22 @@ struct Known<'a> {
 }
 
 impl Known<'_> {
+    /// Adds a foot, unless nothing is known of the noise there.
+    fn add(&mut self, foot: &Foot, around: &Around, sums: &mut Sums) -> bool {
+        let (bend, edge) = match around {
+            Around::Face(bend) => (*bend, None),
+            Around::Edge(edge, bend) => (*bend, Some(edge)),
+            Around::Much => return false,
+        };
+        sums.weights += self.share;
+        sums.squares += self.share * (self.noise * self.noise);
+        if let Some(edge) = edge {
+            sums.squares += self.add_edge(foot, edge);
+        }
+        self.add_face(foot, bend);
+        true
+    }
+
     /// Adds the pull of a foot on a face whose curvatures have this sum.
     fn add_face(&mut self, foot: &Foot, bend: f64) {
         if bend != 0.0 && foot.order == 1 {
@@ -261,22 +277,12 @@ impl Biased<'_> {
             round: self.round(),
             pulls: Pulls::default(),
         };
+        let around = self.around(a, &feet);
         let mut others = Vec::new();
-        for (foot, around) in feet.iter().zip(self.around(a, &feet)) {
-            let (bend, edge) = match around {
-                Around::Face(bend) => (bend, None),
-                Around::Edge(edge, bend) => (bend, Some(edge)),
-                Around::Much => {
-                    others.push(*foot);
-                    continue;
-                }
-            };
-            sums.weights += known.share;
-            sums.squares += known.share * (self.noise * self.noise);
-            if let Some(edge) = edge {
-                sums.squares += known.add_edge(foot, &edge);
+        for (foot, around) in feet.iter().zip(&around) {
+            if !known.add(foot, around, sums) {
+                others.push(*foot);
             }
-            known.add_face(foot, bend);
         }
         self.add_pulls(a, &known.pulls, sums);
         others

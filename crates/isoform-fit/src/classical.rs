@@ -84,7 +84,7 @@ impl<'a> Course<'a> {
         let most = options.annealing_evaluations.max(1) as f64;
         let history = &mut self.history;
         let mut monitor = |k: usize, value: f64| {
-            history.push(step(k, value, count));
+            history.push(Step::new(0, k, value, count));
             control.report("annealing", (k as f64 / most).min(1.0));
             !control.is_stopped()
         };
@@ -107,7 +107,7 @@ impl<'a> Course<'a> {
         let (space, control, count) = (&self.task.space, self.task.control, self.count());
         let (before, history) = (self.evaluations, &mut self.history);
         let mut monitor = |k: usize, _: &[f64], value: f64| {
-            history.push(step(before + k, value, count));
+            history.push(Step::new(0, before + k, value, count));
             !control.is_stopped()
         };
         let (lo, hi) = (&space.lo, &space.hi);
@@ -176,14 +176,5 @@ impl<'a> Course<'a> {
         let values = (0..TYPICAL_OF).map(&mut typical);
         let mut finite: Vec<f64> = values.filter(|v| v.is_finite()).collect();
         THRESHOLD * median(&mut finite)
-    }
-}
-
-/// A line of the history: the value of a sum over `count` points.
-fn step(iteration: usize, value: f64, count: f64) -> Step {
-    Step {
-        start: 0,
-        iteration,
-        rms: (value / count).sqrt(),
     }
 }

@@ -10,7 +10,7 @@ use crate::judge::Finding;
 use crate::outliers::Neighbourhood;
 use crate::polish::Polish;
 use crate::report::Fit;
-use crate::settle;
+use crate::settle::{Measured, measured};
 use isoform_geom::{KdTree, Point3};
 
 /// Points that are looked at.
@@ -139,12 +139,8 @@ impl Fit {
         points: &[Point3],
         beside: &[Option<Beside>],
     ) -> Self {
-        let all = points.iter().zip(beside);
-        let left_out = all.filter(|(_, b)| b.is_some()).map(|(p, _)| *p);
-        let left_out: Vec<Point3> = left_out.collect();
-        let distance = template.distance().map(KeptFeet::new);
-        let measured = settle::measured(template, distance.as_ref(), &left_out, &self.values());
-        let n = left_out.len();
+        let measured = measured_beside(template, &self.values(), points, beside);
+        let n = measured.residuals.len();
         let strays = beside.iter().filter(|b| **b == Some(Beside::Stray)).count();
         self.residuals = merged(beside, &self.residuals, &measured.residuals);
         self.parts = merged(beside, &self.parts, &measured.parts());
@@ -159,6 +155,24 @@ impl Fit {
         }
         self
     }
+}
+
+/// Distances of the points that were left out.
+fn measured_beside(
+    template: &dyn Template,
+    a: &[f64],
+    points: &[Point3],
+    beside: &[Option<Beside>],
+) -> Measured {
+    let all = points.iter().zip(beside);
+    let left_out = all.filter(|(_, b)| b.is_some()).map(|(p, _)| *p);
+    let distance = template.distance().map(KeptFeet::new);
+    measured(
+        template,
+        distance.as_ref(),
+        &left_out.collect::<Vec<_>>(),
+        a,
+    )
 }
 
 /// Values of the points that were kept, and of the ones left out, in the order of all.

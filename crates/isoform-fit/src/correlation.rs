@@ -6,6 +6,7 @@
 //! noise of a scanner that smooths) widens the intervals by what it truly costs. Compare the
 //! variogram of geostatistics, and Kermarrec et al. (2022), J. Geodesy, for range data.
 
+use crate::objective::jacobian;
 use crate::space::Space;
 use crate::vector::scale;
 use isoform_geom::{KdTree, ParamField, Point3};
@@ -56,9 +57,7 @@ impl Correlation {
         order: &[u32],
         size: f64,
     ) -> Option<Self> {
-        let is_used = |i: &usize| residuals[*i] != 0.0 && residuals[*i].is_finite();
-        let used = order.iter().map(|&i| i as usize).filter(is_used);
-        let chosen: Vec<usize> = used.take(SAMPLE).collect();
+        let chosen = chosen(residuals, order);
         let some: Vec<Point3> = chosen.iter().map(|&i| points[i]).collect();
         let r: Vec<f64> = chosen.iter().map(|&i| residuals[i]).collect();
         let n = (r.len() as f64).max(1.0);
@@ -149,10 +148,15 @@ impl Correlation {
 
     /// Derivatives of the residuals by the variables, point by point.
     fn derivatives(&self, field: &dyn ParamField, space: &Space, x: &[f64]) -> Vec<f64> {
-        let (n, count) = (field.dim(), self.points.len());
-        let (mut f, mut jac) = (vec![0.0; count], vec![0.0; count * n]);
-        field.jacobian(&self.points, &space.parameters(x), &mut f, &mut jac);
+        let jac = jacobian(field, &self.points, &space.parameters(x));
         let of_point = |row| (0..space.len()).map(move |k| space.derivative(k, row));
-        jac.chunks_exact(n).flat_map(of_point).collect()
+        jac.chunks_exact(field.dim()).flat_map(of_point).collect()
     }
+}
+
+/// The first points in the order with residuals that count.
+fn chosen(residuals: &[f64], order: &[u32]) -> Vec<usize> {
+    let is_used = |i: &usize| residuals[*i] != 0.0 && residuals[*i].is_finite();
+    let used = order.iter().map(|&i| i as usize).filter(is_used);
+    used.take(SAMPLE).collect()
 }

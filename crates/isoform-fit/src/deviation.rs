@@ -12,6 +12,7 @@ pub use self::samples::surface_samples;
 
 use crate::Template;
 use crate::outliers::{Neighbourhood, median};
+use crate::template::parts_of;
 use isoform_geom::{Aabb, Frame, KdTree, Point3};
 
 /// The box is larger than the data's by this share of its diagonal on every side: enough to see
@@ -217,11 +218,9 @@ pub(crate) fn model_to_data(
 fn places(template: &dyn Template, a: &[f64], data: &Data<'_>, wanted: usize) -> Places {
     let Some(distance) = template.distance() else {
         let points = surface_samples(template.metric(), a, data.bounds, wanted);
-        let mut parts = vec![0; points.len()];
-        template.parts(&points, a, &mut parts);
         return Places {
+            parts: parts_of(template, &points, a),
             points,
-            parts,
             inward: Vec::new(),
         };
     };

@@ -72,13 +72,9 @@ impl Task<'_> {
         surface: &Surface,
         open_parts: &[bool],
     ) -> Evidence {
-        let far = self.size();
-        let off = |r: &f64| if r.is_finite() { *r } else { far };
-        let off: Vec<f64> = points.residuals.iter().map(off).collect();
+        let off = finite(&points.residuals, self.size());
         let square = off.iter().map(|r| r * r).sum::<f64>() / off.len().max(1) as f64;
-        let used = off.iter().zip(&points.outliers);
-        let used: Vec<f64> = used.map(|(r, out)| if *out { 0.0 } else { *r }).collect();
-        let shared = self.shared(&used, &points.at);
+        let shared = self.shared(&but(&off, &points.outliers), &points.at);
         let (thickness, gap) = match self.template.distance() {
             Some(distance) => self.thicknesses(distance, a, surface),
             None => (f64::INFINITY, f64::INFINITY),
@@ -102,18 +98,10 @@ impl Task<'_> {
         let first = self.order.iter().take(DENSEST);
         let chosen: Vec<usize> = first.map(|&i| i as usize).collect();
         let places: Vec<Point3> = chosen.iter().map(|&i| at[i]).collect();
-        let tree = KdTree::new(&places);
-        let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
-        let mut found = Vec::new();
-        for (k, &i) in chosen.iter().enumerate().take(PROBES) {
-            tree.nearest_k(places[k], NEIGHBOURS + 1, &mut found);
-            for j in found.iter().map(|f| f.1 as usize).filter(|j| *j != k) {
-                sum += r[i] * r[chosen[j]];
-                count += 1.0;
-            }
-            squares += r[i] * r[i];
-        }
-        let product = sum / f64::max(count, 1.0);
+        let r: Vec<f64> = chosen.iter().map(|&i| r[i]).collect();
+        let Products { sum, count } = products(&r, &places);
+        let squares: f64 = r.iter().take(PROBES).fold(0.0, |sum, r| sum + r * r);
+        let product = sum / count.max(1.0);
         let variance = squares / self.order.len().clamp(1, PROBES) as f64;
         // Neighbours are mostly mutual: pairs count half.
         let deviation = variance / (0.5 * count).max(1.0).sqrt();
@@ -122,6 +110,42 @@ impl Task<'_> {
             z: product / deviation.max(f64::MIN_POSITIVE),
         }
     }
+}
+
+/// Sum of products of residuals of neighbours, and how many there are.
+struct Products {
+    sum: f64,
+    count: f64,
+}
+
+/// Products of the first residuals with the ones of their neighbours among all places.
+fn products(r: &[f64], places: &[Point3]) -> Products {
+    let tree = KdTree::new(places);
+    let mut found = Vec::new();
+    let mut out = Products {
+        sum: 0.0,
+        count: 0.0,
+    };
+    for (k, place) in places.iter().enumerate().take(PROBES) {
+        tree.nearest_k(*place, NEIGHBOURS + 1, &mut found);
+        for j in found.iter().map(|f| f.1 as usize).filter(|j| *j != k) {
+            out.sum += r[k] * r[j];
+            out.count += 1.0;
+        }
+    }
+    out
+}
+
+/// Residuals, with `far` for what is no number.
+fn finite(residuals: &[f64], far: f64) -> Vec<f64> {
+    let off = |r: &f64| if r.is_finite() { *r } else { far };
+    residuals.iter().map(off).collect()
+}
+
+/// Residuals, with nought for what is left out.
+fn but(residuals: &[f64], left_out: &[bool]) -> Vec<f64> {
+    let all = residuals.iter().zip(left_out);
+    all.map(|(r, out)| if *out { 0.0 } else { *r }).collect()
 }
 
 /// Share of the samples without data, parts that are open left out.

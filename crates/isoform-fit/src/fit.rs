@@ -8,8 +8,8 @@
 //! ```
 //!
 //! A *candidate* is a minimum of the metric residual; the search that leads there is in
-//! [`candidate`], its parts in [`compare`] (minima of near-equal sums) and [`refine`] (pieces thrown
-//! elsewhere).
+//! [`candidate`], its parts in [`compare`] (minima of near-equal sums) and [`refine`] (pieces
+//! thrown elsewhere).
 
 mod candidate;
 mod compare;

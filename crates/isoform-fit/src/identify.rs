@@ -65,21 +65,6 @@ pub(crate) struct Knowledge {
     pub(crate) normal: Vec<f64>,
 }
 
-impl Knowledge {
-    /// Adds a group of variables. Groups that share a variable are one statement.
-    fn add_group(&mut self, group: Vec<usize>) {
-        let meets = |known: &&mut Vec<usize>| known.iter().any(|j| group.contains(j));
-        match self.open.iter_mut().find(meets) {
-            Some(known) => {
-                known.extend(group);
-                known.sort_unstable();
-                known.dedup();
-            }
-            None => self.open.push(group),
-        }
-    }
-}
-
 /// The fit at which knowledge is asked for.
 pub(crate) struct At<'a> {
     pub(crate) field: &'a dyn ParamField,
@@ -102,6 +87,11 @@ pub(crate) struct At<'a> {
 struct Moving<'a> {
     at: &'a At<'a>,
     tested: Tested,
+    /// The matrix of the normal equations.
+    normal: Vec<f64>,
+    /// Curvature below this is none.
+    floor: f64,
+    held: Vec<bool>,
     /// Inverse of the normal matrix without what is held.
     inverse: Vec<f64>,
 }
@@ -183,51 +173,67 @@ impl At<'_> {
     ) -> Knowledge {
         let m = self.space.len();
         let weights = self.weights();
-        let h = normal.unwrap_or_else(|| self.normal(&weights));
-        let floor = NO_CURVATURE * largest(&h, m);
-        let is_blind = |k: usize| h[k * m + k] < floor;
-        let mut held = vec![false; m];
-        let mut moving = Moving {
-            at: self,
-            tested: self.tested(&weights),
-            inverse: inverse(&h, m, &held, floor),
-        };
-        let mut knowledge = Knowledge {
-            open: Vec::new(),
-            directions: Vec::new(),
-            normal: Vec::new(),
-        };
-        let is_asked =
-            |k: usize, moving: &Moving<'_>| is_blind(k) || suspect(k) || moving.is_weak(k);
+        let normal = normal.unwrap_or_else(|| self.normal(&weights));
+        let mut moving = Moving::new(self, normal, self.tested(&weights));
+        let mut open = Vec::new();
+        let mut directions = Vec::new();
         let mut flat_at_first: Option<Vec<bool>> = None;
         loop {
-            let flat = |k: usize| {
-                let is_asked = !held[k] && is_asked(k, &moving);
-                is_asked.then(|| moving.flatness(k)).flatten()
-            };
-            let flats: Vec<Option<Flat>> = (0..m).map(flat).collect();
+            let flats: Vec<Option<Flat>> = (0..m).map(|k| moving.flat(k, suspect)).collect();
             let first =
                 flat_at_first.get_or_insert_with(|| flats.iter().map(Option::is_some).collect());
             let Some((k, flat)) = freest(&flats) else {
                 break;
             };
-            let direction = moving.direction(k, &held);
+            let direction = moving.direction(k);
             let belongs = |j: &usize| *j == k || (first[*j] && direction[*j].abs() > SHARE);
-            knowledge.add_group((0..m).filter(belongs).collect());
-            held[k] = true;
-            knowledge.directions.push(OpenDirection {
+            add_group(&mut open, (0..m).filter(belongs).collect());
+            moving.hold(k);
+            directions.push(OpenDirection {
                 variable: k,
                 direction,
                 sense: flat.sense,
             });
-            moving.inverse = inverse(&h, m, &held, floor);
         }
-        knowledge.normal = h;
-        knowledge
+        Knowledge {
+            open,
+            directions,
+            normal: moving.normal,
+        }
     }
 }
 
-impl Moving<'_> {
+impl<'a> Moving<'a> {
+    fn new(at: &'a At<'a>, normal: Vec<f64>, tested: Tested) -> Self {
+        let m = at.space.len();
+        let mut moving = Self {
+            at,
+            tested,
+            floor: NO_CURVATURE * largest(&normal, m),
+            normal,
+            held: vec![false; m],
+            inverse: Vec::new(),
+        };
+        moving.invert();
+        moving
+    }
+
+    fn invert(&mut self) {
+        self.inverse = inverse(&self.normal, self.held.len(), &self.held, self.floor);
+    }
+
+    /// Holds a variable from now on.
+    fn hold(&mut self, k: usize) {
+        self.held[k] = true;
+        self.invert();
+    }
+
+    /// Whether variable k can be moved at next to no cost, if there is a reason to ask.
+    fn flat(&self, k: usize, suspect: &dyn Fn(usize) -> bool) -> Option<Flat> {
+        let is_asked = !self.held[k] && (self.is_weak(k) || suspect(k));
+        is_asked.then(|| self.flatness(k)).flatten()
+    }
+
     fn spread(&self, k: usize) -> f64 {
         self.inverse[k * self.at.space.len() + k]
     }
@@ -239,8 +245,9 @@ impl Moving<'_> {
 
     /// Whether the points say little of variable k.
     fn is_weak(&self, k: usize) -> bool {
+        let is_blind = self.normal[k * self.held.len() + k] < self.floor;
         let deviation = self.deviation(k);
-        deviation.is_nan() || deviation >= SURE
+        is_blind || deviation.is_nan() || deviation >= SURE
     }
 
     /// The move of variable j along the valley, per move of variable k times its spread.
@@ -249,16 +256,16 @@ impl Moving<'_> {
     }
 
     /// The valley of variable k, without what is held.
-    fn direction(&self, k: usize, held: &[bool]) -> Vec<f64> {
+    fn direction(&self, k: usize) -> Vec<f64> {
         let spread = self.spread(k);
         let along = |j: usize| {
-            if held[j] {
+            if self.held[j] {
                 0.0
             } else {
                 self.along(k, j) / spread
             }
         };
-        (0..held.len()).map(along).collect()
+        (0..self.held.len()).map(along).collect()
     }
 
     /// If moving variable k costs next to nothing: the sense that costs least, and the variable's
@@ -325,6 +332,19 @@ impl Moving<'_> {
     }
 }
 
+/// Adds a group of open variables to others. Groups that share a variable are one statement.
+fn add_group(open: &mut Vec<Vec<usize>>, group: Vec<usize>) {
+    let meets = |known: &&mut Vec<usize>| known.iter().any(|j| group.contains(j));
+    match open.iter_mut().find(meets) {
+        Some(known) => {
+            known.extend(group);
+            known.sort_unstable();
+            known.dedup();
+        }
+        None => open.push(group),
+    }
+}
+
 /// The flat variable with the largest deviation, the first of equals.
 fn freest(flats: &[Option<Flat>]) -> Option<(usize, Flat)> {
     let all = flats.iter().enumerate();
@@ -346,14 +366,10 @@ mod tests {
 
     #[test]
     fn groups_that_meet_are_one() {
-        let mut knowledge = Knowledge {
-            open: Vec::new(),
-            directions: Vec::new(),
-            normal: Vec::new(),
-        };
-        knowledge.add_group(vec![3, 1]);
-        knowledge.add_group(vec![0]);
-        knowledge.add_group(vec![2, 3]);
-        assert_eq!(knowledge.open, [vec![1, 2, 3], vec![0]]);
+        let mut open = Vec::new();
+        add_group(&mut open, vec![3, 1]);
+        add_group(&mut open, vec![0]);
+        add_group(&mut open, vec![2, 3]);
+        assert_eq!(open, [vec![1, 2, 3], vec![0]]);
     }
 }

@@ -21,7 +21,8 @@
 //! - *start*, *throw*: a place that a search begins at; a minimum with a piece drawn anew;
 //! - *polish*: the last descents, by the metric residual and then by the distance;
 //! - *open*: not determined by the data; *bare*: surface of the model without data near it;
-//! - *finding*: what speaks against a fit and makes its [`Verdict`]; *warning*: what is good to know.
+//! - *finding*: what speaks against a fit and makes its [`Verdict`]; *warning*: what is good to
+//!   know.
 //!
 //! # A ball from points
 //! A template says what its parameters are and gives values and derivatives of its function.

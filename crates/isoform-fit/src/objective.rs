@@ -169,6 +169,14 @@ pub(crate) fn normal_equations(
     add_normal_equations(parts, gradient, hessian)
 }
 
+/// Derivatives of f(pᵢ, a) by the parameters, point by point.
+pub(crate) fn jacobian(field: &dyn ParamField, points: &[Point3], a: &[f64]) -> Vec<f64> {
+    let mut f = vec![0.0; points.len()];
+    let mut jac = vec![0.0; points.len() * field.dim()];
+    field.jacobian(points, a, &mut f, &mut jac);
+    jac
+}
+
 /// f(pᵢ, a), in parallel.
 pub(crate) fn values(field: &dyn ParamField, points: &[Point3], a: &[f64], out: &mut [f64]) {
     if points.len() <= PIECE {

@@ -149,11 +149,7 @@ impl Polish<'_> {
             held: &self.held,
         };
         let mut monitor = |iteration: usize, _: &[f64], value: f64| {
-            history.push(Step {
-                start: self.start,
-                iteration,
-                rms: (value / count).sqrt(),
-            });
+            history.push(Step::new(self.start, iteration, value, count));
             !self.control.is_stopped()
         };
         let settings = lm::Options {
@@ -162,8 +158,9 @@ impl Polish<'_> {
             radius: 1.0,
             ..lm::Options::default()
         };
-        let (lo, hi) = (&self.space.lo, &self.space.hi);
-        let m = lm::minimize(&mut objective, x, lo, hi, &settings, &mut monitor);
+        let m = self
+            .space
+            .minimize(&mut objective, x, &settings, &mut monitor);
         Polished {
             x: m.x,
             scale: 0.0,

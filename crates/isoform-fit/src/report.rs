@@ -1,5 +1,5 @@
-//! What a fit tells: parameters with intervals, residuals by point and by piece, what the data leave
-//! open, and the verdict. The report is put together in [`compose`].
+//! What a fit tells: parameters with intervals, residuals by point and by piece, what the data
+//! leave open, and the verdict. The report is put together in [`compose`].
 
 mod compose;
 mod estimates;

@@ -1,6 +1,7 @@
 //! Points on rims of pieces, for templates that know no distance but the metric reading.
 
 use crate::Template;
+use crate::template::parts_of;
 use isoform_geom::{Point3, dot};
 
 /// Half width of the rim of a piece, in deviations of the noise. At 3 one point in 700 crosses it.
@@ -24,15 +25,8 @@ const MOST_RIM: f64 = 0.5;
 pub(crate) fn rims(template: &dyn Template, points: &[Point3], a: &[f64], noise: f64) -> Vec<f64> {
     let mut is_rim = vec![false; points.len()];
     mark_rims(template, points, a, RIM * noise, &mut is_rim);
-    let mut parts = vec![0; points.len()];
-    template.parts(points, a, &mut parts);
-    let mut counts = vec![Count::default(); template.part_names().len()];
-    for (part, is_rim) in parts.iter().zip(&is_rim) {
-        if let Some(c) = counts.get_mut(*part as usize) {
-            c.all += 1;
-            c.rim += usize::from(*is_rim);
-        }
-    }
+    let parts = parts_of(template, points, a);
+    let counts = counted(&parts, &is_rim, template.part_names().len());
     let loses = |part: u32| counts.get(part as usize).is_some_and(|c| c.can_lose_rim());
     for (part, is_rim) in parts.iter().zip(&mut is_rim) {
         *is_rim &= loses(*part);
@@ -55,6 +49,18 @@ impl Count {
     fn can_lose_rim(self) -> bool {
         self.rim as f64 <= MOST_RIM * self.all as f64
     }
+}
+
+/// Points by piece, of some number of pieces.
+fn counted(parts: &[u32], is_rim: &[bool], pieces: usize) -> Vec<Count> {
+    let mut counts = vec![Count::default(); pieces];
+    for (part, is_rim) in parts.iter().zip(is_rim) {
+        if let Some(c) = counts.get_mut(*part as usize) {
+            c.all += 1;
+            c.rim += usize::from(*is_rim);
+        }
+    }
+    counts
 }
 
 /// Marks points that do not arrive at the levels inside and outside when they are moved there along

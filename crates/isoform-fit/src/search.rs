@@ -58,6 +58,17 @@ pub struct Step {
     pub rms: f64,
 }
 
+impl Step {
+    /// A step whose sum of squares over `count` points is `sum`.
+    pub(crate) fn new(start: usize, iteration: usize, sum: f64, count: f64) -> Self {
+        Self {
+            start,
+            iteration,
+            rms: (sum / count).sqrt(),
+        }
+    }
+}
+
 /// What the search found.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outcome {

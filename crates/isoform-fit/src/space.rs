@@ -11,7 +11,7 @@ mod ties;
 use self::limits::{informed, limits, positive};
 use self::ties::{Row, rows};
 use crate::bounds::Bounds;
-use crate::{FitError, Kind, Parameter};
+use crate::{FitError, Kind, Objective, Parameter, lm};
 use isoform_geom::Aabb;
 
 /// Share of the room to a tied parameter's bound that a step takes, at most.
@@ -284,6 +284,17 @@ impl Space {
                 0.5 * (lo + hi)
             };
         }
+    }
+
+    /// Descends within the bounds of the variables.
+    pub(crate) fn minimize(
+        &self,
+        objective: &mut dyn Objective,
+        x: Vec<f64>,
+        options: &lm::Options,
+        monitor: &mut dyn FnMut(usize, &[f64], f64) -> bool,
+    ) -> lm::Minimum {
+        lm::minimize(objective, x, &self.lo, &self.hi, options, monitor)
     }
 
     /// Greatest share of the step p from x that keeps bounded tied parameters within bounds.

@@ -119,8 +119,8 @@ impl Search<'_> {
             decrease: 1e-4,
             ..lm::Options::default()
         };
-        let (lo, hi) = (&self.space.lo, &self.space.hi);
-        lm::minimize(&mut objective, x, lo, hi, &settings, &mut |_, _, _| true)
+        self.space
+            .minimize(&mut objective, x, &settings, &mut |_, _, _| true)
     }
 
     /// Absolute metric residuals of the points; infinite where there are none.

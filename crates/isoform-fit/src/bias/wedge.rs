@@ -8,8 +8,8 @@
 use isoform_num::gauss_legendre;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Nodes of the quadrature along the angle of each sector. With this many, and [`RADII`], the result
-/// is good to some 1e-6.
+/// Nodes of the quadrature along the angle of each sector. With this many, and [`RADII`], the
+/// result is good to some 1e-6.
 const ANGLES: usize = 16;
 /// Nodes of the quadrature along the radius.
 const RADII: usize = 24;

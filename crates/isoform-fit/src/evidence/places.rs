@@ -1,7 +1,7 @@
 //! What is off in one place only: a piece, points together on one side, outliers on surfaces of
 //! their own.
 
-use super::NEIGHBOURS;
+use super::{NEIGHBOURS, but, finite};
 use crate::judge::Finding;
 use crate::polish::Polish;
 use crate::report::{ByPoint, PartStatistics};
@@ -57,15 +57,9 @@ impl Task<'_> {
             .filter_map(|(off, s)| Some(((*off)?, s)))
             .max_by(|a, b| a.0.total_cmp(&b.0))?;
         let is_off = |part: u32| offs.get(part as usize).is_some_and(Option::is_some);
-        let all = points.residuals.iter().zip(&points.outliers);
-        let rest: Vec<f64> = all
-            .zip(&points.parts)
-            .map(|((r, out), part)| {
-                let is_left_out = *out || is_off(*part) || !r.is_finite();
-                if is_left_out { 0.0 } else { *r }
-            })
-            .collect();
-        let is_noise = self.shared(&rest, &points.at).z < OFF_SURE;
+        let rest = but(&finite(&points.residuals, 0.0), &points.outliers);
+        let on_off: Vec<bool> = points.parts.iter().map(|part| is_off(*part)).collect();
+        let is_noise = self.shared(&but(&rest, &on_off), &points.at).z < OFF_SURE;
         is_noise.then(|| Finding::Misplaced {
             piece: worst.name.clone(),
             ratio,

@@ -93,9 +93,9 @@ impl Task<'_> {
             decrease: 1e-4,
             ..lm::Options::default()
         };
-        let (lo, hi) = (&self.space.lo, &self.space.hi);
         let mut monitor = |_, _: &[f64], _| !self.control.is_stopped();
-        lm::minimize(&mut objective, x, lo, hi, &settings, &mut monitor)
+        self.space
+            .minimize(&mut objective, x, &settings, &mut monitor)
     }
 
     /// Whether more points lie far off a candidate than isolated ones explain.

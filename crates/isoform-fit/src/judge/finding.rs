@@ -248,8 +248,8 @@ impl fmt::Display for Finding {
             ),
             Self::Overlooked { share } => write!(
                 f,
-                "{:.0} % of the model's surface has no data near it, though the scan saw what faces \
-                 the same way: holes in the scan, or a shape that is not there",
+                "{:.0} % of the model's surface has no data near it, though the scan saw what \
+                 faces the same way: holes in the scan, or a shape that is not there",
                 100.0 * share
             ),
             Self::Clusters { share } => write!(
@@ -260,8 +260,8 @@ impl fmt::Display for Finding {
             ),
             Self::Around { bare, share } => write!(
                 f,
-                "{:.0} % of the points are outliers, and {:.0} % of the model's surface has no data \
-                 near it: the model may lie beside the shape",
+                "{:.0} % of the points are outliers, and {:.0} % of the model's surface has no \
+                 data near it: the model may lie beside the shape",
                 100.0 * share,
                 100.0 * bare
             ),

@@ -351,7 +351,8 @@ impl Region {
         (norm - self.radius).abs() <= TOLERANCE * self.radius
     }
 
-    /// Newton's step in μ towards |p| = Δ, from the factor LLᵀ of M + μI: (|p|/Δ − 1) |p|² / |L⁻¹p|².
+    /// Newton's step in μ towards |p| = Δ, from the factor LLᵀ of M + μI: (|p|/Δ − 1) |p|² /
+    /// |L⁻¹p|².
     fn newton(&mut self, norm: f64) -> f64 {
         let n = self.n;
         self.scratch.copy_from_slice(&self.scaled);

@@ -3,6 +3,7 @@
 use super::PartStatistics;
 use crate::deviation::Surface;
 use crate::identify::Knowledge;
+use crate::objective::jacobian;
 use crate::task::Task;
 use crate::words::listed;
 use std::fmt;
@@ -101,14 +102,10 @@ impl Task<'_> {
     }
 
     fn moves_of_surface<'b>(&self, a: &[f64], surface: &'b Surface) -> Moves<'b> {
-        let (count, dim) = (surface.points.len(), self.template.parameters().len());
-        let (mut f, mut jacobian) = (vec![0.0; count], vec![0.0; count * dim]);
-        let metric = self.template.metric();
-        metric.jacobian(&surface.points, a, &mut f, &mut jacobian);
         Moves {
             surface,
-            jacobian,
-            dim,
+            jacobian: jacobian(self.template.metric(), &surface.points, a),
+            dim: a.len(),
         }
     }
 

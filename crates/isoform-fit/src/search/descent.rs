@@ -91,19 +91,16 @@ impl Search<'_> {
             has_arrived: false,
         };
         let mut monitor = |iteration: usize, x: &[f64], value: f64| {
-            history.push(Step {
-                start,
-                iteration,
-                rms: (value / count).sqrt(),
-            });
+            history.push(Step::new(start, iteration, value, count));
             watch.is_worth(x, value) && !self.control.is_stopped()
         };
         let settings = lm::Options {
             decrease: 1e-5,
             ..lm::Options::default()
         };
-        let (lo, hi) = (&self.space.lo, &self.space.hi);
-        let mut m = lm::minimize(&mut objective, x, lo, hi, &settings, &mut monitor);
+        let mut m = self
+            .space
+            .minimize(&mut objective, x, &settings, &mut monitor);
         if let Some(known) = known.filter(|_| watch.has_arrived) {
             (m.x, m.value) = (known.x.clone(), known.value);
         }

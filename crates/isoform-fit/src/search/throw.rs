@@ -3,6 +3,8 @@
 
 use super::descent::Run;
 use super::{Outcome, SAME, Search};
+use crate::objective::jacobian;
+use crate::template::parts_of;
 
 /// Throws of single primitives without success before the search ends.
 const THROWS: usize = 4;
@@ -107,9 +109,9 @@ impl Search<'_> {
         x
     }
 
-    /// Free variables by primitive: the variables that a piece's points move. Pieces with the fewest
-    /// points come first, and before them the variables that no point moves: their piece lies away
-    /// from the data.
+    /// Free variables by primitive: the variables that a piece's points move. Pieces with the
+    /// fewest points come first, and before them the variables that no point moves: their piece
+    /// lies away from the data.
     pub(crate) fn groups(&self, x: &[f64]) -> Vec<Vec<usize>> {
         let pieces = self.pieces(x);
         let variables = 0..self.space.len();
@@ -135,19 +137,14 @@ impl Search<'_> {
     /// Which variables move the points of which piece.
     fn pieces(&self, x: &[f64]) -> Pieces {
         let names = self.template.part_names().len();
-        let (n, m) = (self.template.parameters().len(), self.space.len());
         let a = self.space.parameters(x);
-        let count = self.points.len();
-        let mut parts = vec![0; count];
-        self.template.parts(self.points, &a, &mut parts);
-        let (mut f, mut jac) = (vec![0.0; count], vec![0.0; count * n]);
-        let metric = self.template.metric();
-        metric.jacobian(self.points, &a, &mut f, &mut jac);
+        let parts = parts_of(self.template, self.points, &a);
+        let jac = jacobian(self.template.metric(), self.points, &a);
         let mut pieces = Pieces {
             count: vec![0; names],
-            moved: vec![vec![false; m]; names],
+            moved: vec![vec![false; self.space.len()]; names],
         };
-        for (p, row) in parts.iter().zip(jac.chunks_exact(n)) {
+        for (p, row) in parts.iter().zip(jac.chunks_exact(a.len())) {
             let Some(moved) = pieces.moved.get_mut(*p as usize) else {
                 continue;
             };

@@ -4,6 +4,7 @@ use crate::Template;
 use crate::feet::KeptFeet;
 use crate::objective::values;
 use crate::task::Task;
+use crate::template::parts_of;
 use isoform_geom::Point3;
 
 /// Feet computed at a time, to bound memory.
@@ -78,11 +79,10 @@ pub(crate) fn measured(
 fn by_metric(template: &dyn Template, points: &[Point3], a: &[f64]) -> Measured {
     let mut residuals = vec![0.0; points.len()];
     values(template.metric(), points, a, &mut residuals);
-    let mut parts = vec![0; points.len()];
-    template.parts(points, a, &mut parts);
+    let parts = parts_of(template, points, a).into_iter();
     Measured {
         residuals,
-        pieces: parts.into_iter().map(|part| [part; 3]).collect(),
+        pieces: parts.map(|part| [part; 3]).collect(),
         at: points.to_vec(),
     }
 }

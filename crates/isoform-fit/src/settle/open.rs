@@ -1,12 +1,13 @@
 //! Parts without data of their own.
 //!
 //! Faces that the end of a scan runs along get points of their neighbours' rims, some noise ×
-//! perimeter / area; a hole between the points of a face has points beside its edge only. Neither is
-//! data of the part.
+//! perimeter / area; a hole between the points of a face has points beside its edge only. Neither
+//! is data of the part.
 
 use super::Measured;
-use crate::deviation::Surface;
+use crate::deviation::{Cover, Surface};
 use crate::fit::Found;
+use crate::objective::jacobian;
 use crate::task::{OUTLIER_DEVIATIONS, Task};
 use isoform_geom::{DistanceField, Foot, Nearby, Point3};
 
@@ -35,6 +36,14 @@ struct Count {
 }
 
 impl Count {
+    /// Whether a part of this cover, which lets expect some points, has few on it, and either much
+    /// of it is bare or the points shun it.
+    fn is_absent(self, cover: Cover, expected: f64) -> bool {
+        let is_sparse = cover.samples >= FEWEST && (self.on as f64) < OWN_DATA * expected;
+        let is_bare = cover.bare as f64 > BARE * cover.samples as f64;
+        is_sparse && (is_bare || self.is_shunned(expected))
+    }
+
     /// Whether most of the points are off the part, and all of them few for its area. A part with
     /// all its points beside it is at a wrong place, not unseen.
     fn is_shunned(self, expected: f64) -> bool {
@@ -146,29 +155,24 @@ impl Task<'_> {
         let all = surface.cover(names).into_iter().zip(looked.counts(names));
         all.enumerate()
             .map(|(k, (cover, count))| {
-                let samples = cover.samples as f64;
-                let expected = looked.density * samples;
-                let is_sparse = cover.samples >= FEWEST && (count.on as f64) < OWN_DATA * expected;
-                let is_bare = cover.bare as f64 > BARE * samples;
-                (is_sparse && (is_bare || count.is_shunned(expected)))
-                    || (2.0 * (count.on as f64) < expected && is_hollow(k))
+                let expected = looked.density * cover.samples as f64;
+                let has_few = 2.0 * (count.on as f64) < expected;
+                count.is_absent(cover, expected) || (has_few && is_hollow(k))
             })
             .collect()
     }
 
     /// Whether each variable moves a place of the surface on one of the flagged parts.
     pub(super) fn moves(&self, found: &Found, surface: &Surface, flagged: &[bool]) -> Vec<bool> {
-        let n = self.template.parameters().len();
         let is_flagged = |part: u32| flagged.get(part as usize) == Some(&true);
         let places = surface.points.iter().zip(&surface.parts);
         let at: Vec<Point3> = places
             .filter(|(_, part)| is_flagged(**part))
             .map(|(p, _)| *p)
             .collect();
-        let (mut f, mut jac) = (vec![0.0; at.len()], vec![0.0; at.len() * n]);
         let a = self.space.parameters(&found.x);
-        self.template.metric().jacobian(&at, &a, &mut f, &mut jac);
-        let rows = || jac.chunks_exact(n.max(1));
+        let jac = jacobian(self.template.metric(), &at, &a);
+        let rows = || jac.chunks_exact(a.len());
         let is_moved = |k: usize| rows().any(|row| self.space.derivative(k, row).abs() > MOVES);
         (0..self.space.len()).map(is_moved).collect()
     }

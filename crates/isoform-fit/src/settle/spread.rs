@@ -114,8 +114,8 @@ impl Task<'_> {
         spread
     }
 
-    /// The correlation of weighted residuals; none for exact points, or where neighbours are as good
-    /// as independent.
+    /// The correlation of weighted residuals; none for exact points, or where neighbours are as
+    /// good as independent.
     fn shared_misfit(&self, count: usize, found: &Found, state: &State) -> Option<Correlation> {
         if state.noise <= self.rounding() || state.noise.is_nan() {
             return None;
