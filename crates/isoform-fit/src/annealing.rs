@@ -175,12 +175,7 @@ impl<'a> Walk<'a> {
         let n = objective.dim();
         let mut random = fastrand::Rng::with_seed(options.seed);
         let value = comparable(objective.value(&x));
-        let mut probe = |_: usize| {
-            let p: Vec<f64> = (0..n).map(|i| bounds.drawn(i, &mut random)).collect();
-            comparable(objective.value(&p))
-        };
-        let mut probes: Vec<f64> = (0..options.probes.max(1)).map(&mut probe).collect();
-        probes.sort_by(f64::total_cmp);
+        let probes = probes(objective, bounds, options.probes.max(1), &mut random);
         let best = Annealed {
             x: x.clone(),
             value,
@@ -287,6 +282,23 @@ impl<'a> Walk<'a> {
         }
         *step = step.min(self.bounds.range(i));
     }
+}
+
+/// Values at random places, in order.
+fn probes(
+    objective: &mut dyn Objective,
+    bounds: Bounds<'_>,
+    count: usize,
+    random: &mut fastrand::Rng,
+) -> Vec<f64> {
+    let mut probe = |_: usize| {
+        let n = objective.dim();
+        let p: Vec<f64> = (0..n).map(|i| bounds.drawn(i, random)).collect();
+        comparable(objective.value(&p))
+    };
+    let mut probes: Vec<f64> = (0..count).map(&mut probe).collect();
+    probes.sort_by(f64::total_cmp);
+    probes
 }
 
 /// A value that can be compared: what is no number is infinitely bad.

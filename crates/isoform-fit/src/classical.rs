@@ -6,6 +6,7 @@ use crate::objective::{Objective, Residuals};
 use crate::outliers::median;
 use crate::report::Fit;
 use crate::search::{Minimum, Outcome, Step};
+use crate::space::Space;
 use crate::task::Task;
 use crate::{FitError, Local, Loss, Method, annealing, bfgs, lm};
 
@@ -110,20 +111,10 @@ impl<'a> Course<'a> {
             history.push(Step::new(0, before + k, value, count));
             !control.is_stopped()
         };
-        let (lo, hi) = (&space.lo, &space.hi);
         let x = std::mem::take(&mut self.x);
         let found = match local {
-            Local::Lm => {
-                let settings = lm::Options {
-                    exact: true,
-                    ..lm::Options::default()
-                };
-                lm::minimize(&mut self.objective, x, lo, hi, &settings, &mut monitor)
-            }
-            Local::Bfgs => {
-                let settings = bfgs::Options::default();
-                bfgs::minimize(&mut self.objective, x, lo, hi, &settings, &mut monitor)
-            }
+            Local::Lm => textbook_lm(&mut self.objective, x, space, &mut monitor),
+            Local::Bfgs => plain_bfgs(&mut self.objective, x, space, &mut monitor),
         };
         self.evaluations += found.iterations;
         self.stop = Some(found.stop);
@@ -141,19 +132,10 @@ impl<'a> Course<'a> {
         if !value.is_finite() {
             return Err(FitError::NoFiniteStart { starts: 1 });
         }
-        let minimum = Minimum {
-            x: self.x.clone(),
-            value,
-            hits: 1,
-        };
         let found = Found {
+            outcome: outcome_of_one(self.x.clone(), value),
             x: self.x,
             loss: Loss::Squares,
-            outcome: Outcome {
-                starts: 1,
-                minima: vec![minimum],
-                ..Outcome::default()
-            },
             evaluations: self.evaluations,
             history: self.history,
             stop: self.stop,
@@ -176,5 +158,43 @@ impl<'a> Course<'a> {
         let values = (0..TYPICAL_OF).map(&mut typical);
         let mut finite: Vec<f64> = values.filter(|v| v.is_finite()).collect();
         THRESHOLD * median(&mut finite)
+    }
+}
+
+/// What is seen of a local method: iteration, variables, value; false ends it.
+type Monitor<'a> = dyn FnMut(usize, &[f64], f64) -> bool + 'a;
+
+/// Levenberg-Marquardt whose long steps are damped, as in the textbook.
+fn textbook_lm(
+    objective: &mut Residuals<'_>,
+    x: Vec<f64>,
+    space: &Space,
+    monitor: &mut Monitor<'_>,
+) -> lm::Minimum {
+    let settings = lm::Options {
+        exact: true,
+        ..lm::Options::default()
+    };
+    lm::minimize(objective, x, &space.lo, &space.hi, &settings, monitor)
+}
+
+/// The quasi-Newton method.
+fn plain_bfgs(
+    objective: &mut Residuals<'_>,
+    x: Vec<f64>,
+    space: &Space,
+    monitor: &mut Monitor<'_>,
+) -> lm::Minimum {
+    let settings = bfgs::Options::default();
+    bfgs::minimize(objective, x, &space.lo, &space.hi, &settings, monitor)
+}
+
+/// A search of one start.
+fn outcome_of_one(x: Vec<f64>, value: f64) -> Outcome {
+    let hits = 1;
+    Outcome {
+        starts: 1,
+        minima: vec![Minimum { x, value, hits }],
+        ..Outcome::default()
     }
 }

@@ -222,11 +222,15 @@ impl Task<'_> {
         .flatten()
     }
 
-    fn parameter_findings(&self, fit: &Fit) -> impl Iterator<Item = Finding> {
+    /// The parameters of the template itself that are free.
+    fn own<'b>(&'b self, fit: &'b Fit) -> Vec<Own<'b>> {
         let all = self.template.parameters().iter().zip(&fit.parameters);
-        let own: Vec<Own<'_>> = all
-            .filter(|(p, e)| !p.is_pose && e.status != Status::Fixed)
-            .collect();
+        let is_own = |(p, e): &Own<'_>| !p.is_pose && e.status != Status::Fixed;
+        all.filter(is_own).collect()
+    }
+
+    fn parameter_findings(&self, fit: &Fit) -> impl Iterator<Item = Finding> {
+        let own = self.own(fit);
         let of = |status: Status| own.iter().filter(move |(_, e)| e.status == status);
         let (free, open) = (own.len(), of(Status::Undetermined).count());
         let names: Vec<String> = of(Status::AtBound).map(|(_, e)| e.name.clone()).collect();

@@ -28,6 +28,8 @@ const MOST: usize = 200_000;
 const SAMPLE: usize = 1024;
 /// Points whose neighbours' deviations from planes tell the local noise.
 const PROBES: usize = 150;
+/// Standard deviation over median size of normal numbers.
+pub(crate) const NORMAL: f64 = 1.4826;
 /// Share of isolated points from which the data count as having outliers; scans without them show
 /// next to none.
 pub(crate) const HAS_OUTLIERS: f64 = 0.01;
@@ -223,7 +225,7 @@ fn spacing_and_threshold(known: &[f64]) -> (f64, f64) {
     }
     let centre = median(&mut logs);
     let mut off: Vec<f64> = logs.iter().map(|v| (v - centre).abs()).collect();
-    let spread = 1.4826 * median(&mut off);
+    let spread = robust_deviation(&mut off);
     let threshold = (centre + (DEVIATIONS * spread).max(LEAST_RATIO.ln())).exp();
     (centre.exp(), threshold)
 }
@@ -277,6 +279,11 @@ pub(crate) fn best_plane(points: &[Point3]) -> Option<BestPlane> {
         normal: [v[0], v[1], v[2]],
         rms: (w[0].max(0.0) / (points.len() - 3) as f64).sqrt(),
     })
+}
+
+/// Standard deviation of numbers about nought, from the median of their sizes; reorders.
+pub(crate) fn robust_deviation(sizes: &mut [f64]) -> f64 {
+    NORMAL * median(sizes)
 }
 
 /// Upper median; reorders.

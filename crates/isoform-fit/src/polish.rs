@@ -7,7 +7,7 @@
 //! points are seen a few times only.
 
 use crate::objective::{Residuals, values};
-use crate::outliers::median;
+use crate::outliers::robust_deviation;
 use crate::search::Step;
 use crate::space::Space;
 use crate::vector::distance;
@@ -101,11 +101,11 @@ impl Polish<'_> {
         r
     }
 
-    /// 1.4826 times the median absolute residual.
+    /// Robust standard deviation of residuals, what is no number left out.
     pub(crate) fn scale(r: &[f64]) -> f64 {
         let off = r.iter().map(|r| r.abs());
         let mut finite: Vec<f64> = off.filter(|r| r.is_finite()).collect();
-        1.4826 * median(&mut finite)
+        robust_deviation(&mut finite)
     }
 
     /// Cauchy's loss from x, the scale falling with the fit: a rough robust fit for few points. The
@@ -162,12 +162,10 @@ impl Polish<'_> {
             .space
             .minimize(&mut objective, x, &settings, &mut monitor);
         Polished {
-            x: m.x,
-            scale: 0.0,
-            loss: Loss::Squares,
             normal: m.normal,
             evaluations: m.iterations,
             history,
+            ..Polished::new(m.x, Loss::Squares)
         }
     }
 
@@ -180,14 +178,7 @@ impl Polish<'_> {
         loss: Loss,
         rounds: usize,
     ) -> Polished {
-        let mut out = Polished {
-            x,
-            scale: 0.0,
-            loss,
-            normal: None,
-            evaluations: 0,
-            history: Vec::new(),
-        };
+        let mut out = Polished::new(x, loss);
         for round in 0..rounds {
             let r = self.residuals(points, &out.x);
             // The scale follows the fit at first; it is frozen later, so that the rounds have
@@ -195,13 +186,8 @@ impl Polish<'_> {
             if round < FREE_ROUNDS {
                 out.scale = Self::scale(&r).max(ROUNDING * self.size);
             }
-            let mut weights: Vec<f64> = r.iter().map(|r| weight(loss, r / out.scale)).collect();
-            weights.iter_mut().zip(mask).for_each(|(w, m)| *w *= m);
-            let p = self.descend(points, &weights, out.x.clone(), 2);
-            let moved = distance(&p.x, &out.x);
-            out.evaluations += p.evaluations;
-            out.history.extend(p.history.last().cloned());
-            out.x = p.x;
+            let weights = weights(&r, out.scale, loss, mask);
+            let moved = out.take(self.descend(points, &weights, out.x.clone(), 2));
             let small = SETTLED * out.scale / (self.size * (points.len() as f64).sqrt());
             if (round >= FREE_ROUNDS && moved < small) || self.control.is_stopped() {
                 break;
@@ -209,6 +195,36 @@ impl Polish<'_> {
         }
         out
     }
+}
+
+impl Polished {
+    /// Nothing done yet.
+    fn new(x: Vec<f64>, loss: Loss) -> Self {
+        Self {
+            x,
+            scale: 0.0,
+            loss,
+            normal: None,
+            evaluations: 0,
+            history: Vec::new(),
+        }
+    }
+
+    /// Takes a round of reweighting; the largest move of a variable.
+    fn take(&mut self, round: Self) -> f64 {
+        let moved = distance(&round.x, &self.x);
+        self.evaluations += round.evaluations;
+        self.history.extend(round.history.last().cloned());
+        self.x = round.x;
+        moved
+    }
+}
+
+/// Weights of residuals in a loss of this scale; 0 where the mask is.
+fn weights(r: &[f64], scale: f64, loss: Loss, mask: &[f64]) -> Vec<f64> {
+    let mut weights: Vec<f64> = r.iter().map(|r| weight(loss, r / scale)).collect();
+    weights.iter_mut().zip(mask).for_each(|(w, m)| *w *= m);
+    weights
 }
 
 /// Weight of a residual of z deviations: ψ(z)/z.

@@ -8,7 +8,7 @@
 
 use crate::lm;
 use crate::objective::{Residuals, values};
-use crate::outliers::median;
+use crate::outliers::{NORMAL, median, robust_deviation};
 use crate::search::Search;
 use rayon::prelude::*;
 
@@ -32,8 +32,6 @@ const LEAST_CUT: f64 = 0.25;
 const FIRST: usize = 40;
 /// Evaluations of the later minimisations, and of the first one after a throw.
 const THEN: usize = 15;
-/// Standard deviation over median absolute deviation of normal numbers.
-const DEVIATION: f64 = 1.4826;
 
 /// A result of the trimmed search.
 pub(crate) struct Trimmed {
@@ -155,7 +153,7 @@ impl Search<'_> {
 impl Trimmed {
     /// Robust deviation of the residuals.
     fn scale(&self) -> f64 {
-        DEVIATION * median(&mut self.off.clone())
+        robust_deviation(&mut self.off.clone())
     }
 
     /// The distance within which points are kept after a step. The last step asks all points that
@@ -166,7 +164,7 @@ impl Trimmed {
             let at = ((KEPT * sorted.len() as f64) as usize).min(sorted.len() - 1);
             *sorted.select_nth_unstable_by(at, f64::total_cmp).1
         } else {
-            DEVIATION * CUT * median(&mut sorted)
+            NORMAL * CUT * median(&mut sorted)
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Planes that reach beyond the other points: tables and walls.
 
-use crate::outliers::{best_plane, median};
+use crate::outliers::{best_plane, robust_deviation};
 use isoform_geom::{KdTree, Point3, across, cross, dot, sub};
 
 /// Planes tried: of a plane with a twentieth of the points near a seed, 60 find one in twenty.
@@ -49,9 +49,7 @@ impl Plane {
         let mut best = None;
         for seed in points.iter().step_by(points.len().div_ceil(PLANES)) {
             tree.nearest_k(*seed, NEIGHBOURS, &mut found);
-            let at = |k: usize| points[found[k].1 as usize];
-            let (u, v) = (at(NEIGHBOURS / 3), at(NEIGHBOURS - 1));
-            let normal = cross(sub(u, *seed), sub(v, *seed));
+            let normal = rough_normal(*seed, points, &found);
             let Some(plane) = Self::about(points, *seed, normal, thick) else {
                 continue;
             };
@@ -78,7 +76,7 @@ impl Plane {
         }
         let fine = best_plane(&beyond)?;
         let off = beyond.iter().map(|p| fine.height(*p).abs());
-        let deviation = 1.4826 * median(&mut off.collect::<Vec<_>>());
+        let deviation = robust_deviation(&mut off.collect::<Vec<_>>());
         let thin = (THICK_DEVIATIONS * deviation).clamp(THINNEST * thick, thick);
         Self::with_outline(points, (fine.at, fine.normal), thin)
     }
@@ -87,13 +85,7 @@ impl Plane {
     fn with_outline(points: &[Point3], plane: (Point3, Point3), thick: f64) -> Option<Self> {
         let (at, normal) = plane;
         let height = |p: &Point3| dot(sub(*p, at), normal);
-        let above = points.iter().filter(|p| height(p) > thick).count() as f64;
-        let below = points.iter().filter(|p| height(p) < -thick).count() as f64;
-        let others = above + below;
-        if others < OTHERS * points.len() as f64 || above.min(below) > UNDER * others {
-            return None;
-        }
-        let side = if above > below { 1.0 } else { -1.0 };
+        let side = side_of(points.iter().map(height), thick)?;
         let mut this = Self {
             at,
             normal,
@@ -131,6 +123,27 @@ impl Plane {
             -turn(a, b, q) > self.beyond * (b[0] - a[0]).hypot(b[1] - a[1])
         })
     }
+}
+
+/// A vector across the triangle of a point and two of its neighbours, not all of which are near.
+fn rough_normal(seed: Point3, points: &[Point3], found: &[(f64, u32)]) -> Point3 {
+    let at = |k: usize| points[found[k].1 as usize];
+    let (u, v) = (at(NEIGHBOURS / 3), at(NEIGHBOURS - 1));
+    cross(sub(u, seed), sub(v, seed))
+}
+
+/// The side of a plane (±1) on which the points off it are, all but few of them; none where they
+/// are few, or on both sides.
+fn side_of(heights: impl ExactSizeIterator<Item = f64>, thick: f64) -> Option<f64> {
+    let all = heights.len() as f64;
+    let (mut above, mut below) = (0.0, 0.0);
+    for height in heights {
+        above += f64::from(u8::from(height > thick));
+        below += f64::from(u8::from(height < -thick));
+    }
+    let others = above + below;
+    let is_one_sided = others >= OTHERS * all && f64::min(above, below) <= UNDER * others;
+    is_one_sided.then_some(if above > below { 1.0 } else { -1.0 })
 }
 
 /// Largest distance of points from their mean.

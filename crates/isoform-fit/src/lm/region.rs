@@ -79,6 +79,54 @@ impl Inside<'_> {
     }
 }
 
+/// Where the damping μ of an exact step lies.
+struct Bracket {
+    /// Less is rounding.
+    floor: f64,
+    lower: f64,
+    upper: f64,
+}
+
+impl Bracket {
+    /// `reach` is |g| / Δ, beyond which no step reaches the ball.
+    fn new(floor: f64, reach: f64) -> Self {
+        Self {
+            floor,
+            lower: floor,
+            upper: reach + floor,
+        }
+    }
+
+    fn holds(&self, mu: f64) -> bool {
+        mu > self.lower && mu < self.upper
+    }
+
+    /// The last damping, if it can serve again.
+    fn start(&self, last: f64) -> f64 {
+        if self.holds(last) { last } else { self.floor }
+    }
+
+    /// A damping larger than one that leaves the matrix indefinite.
+    fn raised(&mut self, mu: f64) -> f64 {
+        self.lower = self.lower.max(mu);
+        (mu * 10.0).max(1e-3 * (self.lower * self.upper).sqrt())
+    }
+
+    /// Takes in whether a damping makes a step that is too short.
+    fn narrow(&mut self, mu: f64, is_short: bool) {
+        if is_short {
+            self.upper = self.upper.min(mu);
+        } else {
+            self.lower = self.lower.max(mu);
+        }
+    }
+
+    /// The geometric mean, not too near to nought.
+    fn middle(&self) -> f64 {
+        (self.lower * self.upper).sqrt().max(1e-3 * self.upper)
+    }
+}
+
 impl Region {
     pub(super) fn new(n: usize, radius: f64, exact: bool) -> Self {
         let zero = vec![0.0; n];
@@ -212,10 +260,7 @@ impl Region {
         reflected: &[f64],
         stride: f64,
     ) -> Option<Proposal> {
-        let (x, lo, hi) = (inside.x, inside.bounds.lo, inside.bounds.hi);
-        let at: Vec<f64> = (0..self.n)
-            .map(|i| (x[i] + self.scale[i] * on_bound[i]).clamp(lo[i], hi[i]))
-            .collect();
+        let at = self.place(inside, on_bound);
         let to_edge = inside.bounds.stride(&at, &times(&self.scale, reflected));
         let to_ball = self.to_ball(on_bound, reflected);
         let reach = to_ball.min(to_edge);
@@ -228,6 +273,14 @@ impl Region {
         let t = lowest(0.5 * self.cross(reflected, reflected), slope, least, most);
         let both = on_bound.iter().zip(reflected);
         Some(self.proposal(both.map(|(p, r)| p + t * r).collect()))
+    }
+
+    /// The place that a scaled step leads to, not beyond the bounds.
+    fn place(&self, inside: &Inside<'_>, step: &[f64]) -> Vec<f64> {
+        let Bounds { lo, hi } = inside.bounds;
+        let moved = inside.x.iter().zip(&self.scale).zip(step);
+        let place = moved.map(|((x, scale), p)| x + scale * p).enumerate();
+        place.map(|(i, v)| v.clamp(lo[i], hi[i])).collect()
     }
 
     /// Steepest descent in the scaled variables, as far as the model falls.
@@ -306,44 +359,40 @@ impl Region {
     /// Sets `scaled` to the minimum of the model in the ball, to a tenth of its radius (Moré and
     /// Sorensen's iteration for μ); false without a finite one.
     fn solve(&mut self) -> bool {
-        let floor = ROUNDING * self.largest();
-        let (mut lower, mut upper) = (floor, norm(&self.gradient) / self.radius + floor);
-        let is_known = self.damping > lower && self.damping < upper;
-        let mut mu = if is_known { self.damping } else { floor };
-        let mut norm = f64::INFINITY;
+        let mut bracket = Bracket::new(
+            ROUNDING * self.largest(),
+            norm(&self.gradient) / self.radius,
+        );
+        let mut mu = bracket.start(self.damping);
+        let mut last = f64::INFINITY;
         for round in 0..ROUNDS {
-            let Some(length) = self.damped(mu) else {
-                lower = lower.max(mu);
-                mu = (mu * 10.0).max(1e-3 * (lower * upper).sqrt());
+            let Some(norm) = self.damped(mu) else {
+                mu = bracket.raised(mu);
                 continue;
             };
-            norm = length;
+            last = norm;
             if !norm.is_finite() {
                 return false;
             }
-            if (mu <= floor && norm <= self.radius) || self.is_on_ball(norm) {
+            let is_short = norm < self.radius;
+            let is_free = mu <= bracket.floor && norm <= self.radius;
+            if is_free || self.is_on_ball(norm) {
                 self.damping = mu;
                 return true;
             }
-            if norm < self.radius {
-                upper = upper.min(mu);
-            } else {
-                lower = lower.max(mu);
-            }
+            bracket.narrow(mu, is_short);
             let next = mu + self.newton(norm);
-            mu = if next > lower && next < upper {
-                next
-            } else if round == 0 && norm < self.radius {
-                floor
-            } else {
-                (lower * upper).sqrt().max(1e-3 * upper)
+            mu = match bracket.holds(next) {
+                true => next,
+                false if round == 0 && is_short => bracket.floor,
+                false => bracket.middle(),
             };
         }
         self.damping = mu;
-        if norm.is_finite() {
-            self.cut_to_ball(norm);
+        if last.is_finite() {
+            self.cut_to_ball(last);
         }
-        norm.is_finite()
+        last.is_finite()
     }
 
     /// Whether a step of this length ends near enough to the surface of the ball.
