@@ -249,20 +249,40 @@ pub(crate) fn neighbour_correlation(
     }
     let most = MEDIANS * median_size(residuals);
     let cut = |i: usize| residuals[i].clamp(-most, most);
-    let (mut xy, mut xx) = (0.0, 0.0);
+    let mut products = Products::default();
     let mut found = Vec::new();
     for i in order.iter().take(PROBES).map(|&i| i as usize) {
         tree.nearest_k(points[i], 2, &mut found);
-        let Some(j) = found.iter().map(|f| f.1 as usize).find(|j| *j != i) else {
-            continue;
-        };
-        if !left_out[i] && !left_out[j] {
-            let (u, v) = (cut(i), cut(j));
-            xy += u * v;
-            xx += 0.5 * (u * u + v * v);
+        let neighbour = found.iter().map(|f| f.1 as usize).find(|j| *j != i);
+        let used = neighbour.filter(|j| !left_out[i] && !left_out[*j]);
+        if let Some(j) = used {
+            products.add(cut(i), cut(j));
         }
     }
-    if xx > 0.0 { xy / xx } else { 0.0 }
+    products.correlation()
+}
+
+/// Sums over pairs of numbers.
+#[derive(Default)]
+struct Products {
+    mixed: f64,
+    own: f64,
+}
+
+impl Products {
+    fn add(&mut self, u: f64, v: f64) {
+        self.mixed += u * v;
+        self.own += 0.5 * (u * u + v * v);
+    }
+
+    /// 1 where the numbers of each pair are equal, 0 where they are independent.
+    fn correlation(&self) -> f64 {
+        if self.own > 0.0 {
+            self.mixed / self.own
+        } else {
+            0.0
+        }
+    }
 }
 
 /// Median of the absolute values of what is finite.

@@ -15,6 +15,7 @@ mod descent;
 mod throw;
 
 use self::descent::Run;
+use crate::bounds::Bounds;
 use crate::space::Space;
 use crate::{Control, Options, Template};
 use isoform_geom::Point3;
@@ -217,22 +218,15 @@ impl Search<'_> {
     /// Start i of the seeded Latin hypercubes: three of four where the data are, one anywhere
     /// within bounds.
     pub(crate) fn drawn(&self, i: usize) -> Vec<f64> {
-        let (cube, row) = (i / CUBE, i % CUBE);
-        let mut random = fastrand::Rng::with_seed(self.options.seed.wrapping_add(cube as u64));
         let is_wide = i % WIDE == WIDE - 1;
-        let mut order: Vec<usize> = (0..CUBE).collect();
-        let mut coordinate = |k: usize| {
-            random.shuffle(&mut order);
-            let offsets: [f64; CUBE] = std::array::from_fn(|_| random.f64());
-            let u = (order[row] as f64 + offsets[row]) / CUBE as f64;
-            let (lo, hi) = if is_wide {
-                (self.space.lo[k], self.space.hi[k])
-            } else {
-                (self.space.start_lo[k], self.space.start_hi[k])
-            };
-            lo + (hi - lo) * u
+        let Bounds { lo, hi } = if is_wide {
+            self.space.limits()
+        } else {
+            self.space.start_limits()
         };
-        let mut x: Vec<f64> = (0..self.space.len()).map(&mut coordinate).collect();
+        let mut row = CubeRow::new(self.options.seed, i);
+        let ranges = lo.iter().zip(hi);
+        let mut x: Vec<f64> = ranges.map(|(lo, hi)| lo + (hi - lo) * row.next()).collect();
         self.space.into_interior(&mut x, 1e-3);
         x
     }
@@ -246,7 +240,52 @@ impl Search<'_> {
     }
 }
 
+/// A row of a seeded Latin hypercube: coordinates in [0, 1) such that the rows of a cube fall into
+/// different sixteenths along each axis.
+struct CubeRow {
+    row: usize,
+    order: Vec<usize>,
+    random: fastrand::Rng,
+}
+
+impl CubeRow {
+    /// The row of start i; each cube serves [`CUBE`] starts.
+    fn new(seed: u64, i: usize) -> Self {
+        let cube = (i / CUBE) as u64;
+        Self {
+            row: i % CUBE,
+            order: (0..CUBE).collect(),
+            random: fastrand::Rng::with_seed(seed.wrapping_add(cube)),
+        }
+    }
+
+    /// The coordinate along the next axis.
+    fn next(&mut self) -> f64 {
+        self.random.shuffle(&mut self.order);
+        let offsets: [f64; CUBE] = std::array::from_fn(|_| self.random.f64());
+        (self.order[self.row] as f64 + offsets[self.row]) / CUBE as f64
+    }
+}
+
 /// Upper median.
 fn median(v: &[f64]) -> f64 {
     crate::outliers::median(&mut v.to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_of_a_cube_share_no_sixteenth() {
+        let mut rows: Vec<CubeRow> = (0..CUBE).map(|i| CubeRow::new(7, i)).collect();
+        for _ in 0..3 {
+            let along = rows
+                .iter_mut()
+                .map(|row| (CUBE as f64 * row.next()) as usize);
+            let mut slots: Vec<usize> = along.collect();
+            slots.sort_unstable();
+            assert_eq!(slots, (0..CUBE).collect::<Vec<_>>());
+        }
+    }
 }

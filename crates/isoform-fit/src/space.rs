@@ -124,13 +124,8 @@ impl Space {
 
     /// Fills the columns of B, and takes the bounds of tied parameters into account.
     fn add_rows(&mut self, rows: &[Row], parameters: &[Parameter]) -> Result<(), FitError> {
-        let mut variable = vec![usize::MAX; rows.len()];
-        for (k, i) in self.free.iter().enumerate() {
-            variable[*i] = k;
-        }
         for (i, row) in rows.iter().enumerate() {
-            let in_variables = |&(j, c): &(usize, f64)| (variable[j], c * self.unit[variable[j]]);
-            let scaled: Vec<(usize, f64)> = row.terms.iter().map(in_variables).collect();
+            let scaled = self.in_variables(row);
             for &(k, c) in &scaled {
                 self.columns[k].push((i, c));
             }
@@ -139,6 +134,16 @@ impl Space {
             }
         }
         Ok(())
+    }
+
+    /// The terms of a row in variables in place of free parameters.
+    fn in_variables(&self, row: &Row) -> Vec<(usize, f64)> {
+        let variable = |j: usize| {
+            let k = self.free.binary_search(&j);
+            k.expect("rows are followed to free parameters")
+        };
+        let terms = row.terms.iter().map(|&(j, c)| (variable(j), c));
+        terms.map(|(k, c)| (k, c * self.unit[k])).collect()
     }
 
     /// Bounds of a tied parameter: on its one variable directly, else kept as a row that steps must
@@ -219,6 +224,14 @@ impl Space {
         }
     }
 
+    /// Where starts informed by the data are drawn from.
+    pub(crate) fn start_limits(&self) -> Bounds<'_> {
+        Bounds {
+            lo: &self.start_lo,
+            hi: &self.start_hi,
+        }
+    }
+
     /// Derivative by variable `k`, from the derivatives by all parameters.
     #[inline]
     pub(crate) fn derivative(&self, k: usize, by_parameter: &[f64]) -> f64 {
@@ -261,7 +274,7 @@ impl Space {
 
     /// A value of variable k, evenly spread over where starts informed by the data are drawn from.
     pub(crate) fn drawn(&self, k: usize, random: &mut fastrand::Rng) -> f64 {
-        self.start_lo[k] + (self.start_hi[k] - self.start_lo[k]) * random.f64()
+        self.start_limits().drawn(k, random)
     }
 
     /// Whether variable k is as good as at a bound: nearer than `within`, which counts from a

@@ -46,10 +46,8 @@ impl Task<'_> {
         let a = self.space.parameters(&fitted.found.x);
         let points = self.by_point(&mut fitted);
         let clusters = self.clusters(&points);
-        let evidence = Evidence {
-            clustered: clusters.share,
-            ..self.evidence(&a, &points, &fitted.surface, &fitted.open_parts)
-        };
+        let mut evidence = self.evidence(&a, &points, &fitted.surface, &fitted.open_parts);
+        evidence.clustered = clusters.share;
         let stats = self.part_statistics(&points, &fitted.surface);
         let local = [
             self.misplaced(&points, &stats, fitted.noise),

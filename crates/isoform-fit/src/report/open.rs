@@ -51,6 +51,17 @@ pub enum Why {
     },
 }
 
+impl Why {
+    /// The reason, where the parameters move these pieces without points.
+    fn new(parameters: Vec<String>, pieces: Vec<String>) -> Self {
+        if pieces.is_empty() {
+            Self::Unheld { parameters }
+        } else {
+            Self::Unseen { parameters, pieces }
+        }
+    }
+}
+
 impl fmt::Display for Why {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (Self::Unseen { parameters, .. } | Self::Unheld { parameters }) = self;
@@ -111,10 +122,7 @@ impl Task<'_> {
 
     /// A group of variables that lie along one open direction.
     fn open_group(&self, group: &[usize], moves: &Moves<'_>, stats: &[PartStatistics]) -> Open {
-        let columns = group.iter().flat_map(|&k| self.space.column(k));
-        let mut indices: Vec<usize> = columns.map(|c| c.0).collect();
-        indices.sort_unstable();
-        indices.dedup();
+        let indices = self.moved_by(group);
         let all = self.template.parameters();
         let parameters: Vec<String> = indices.iter().map(|&i| all[i].name.clone()).collect();
         let unseen = stats
@@ -122,18 +130,19 @@ impl Task<'_> {
             .enumerate()
             .filter(|(k, s)| is_unseen(s) && moves.is_moved(*k, &indices));
         let pieces: Vec<String> = unseen.map(|(_, s)| s.name.clone()).collect();
-        let named = parameters.clone();
         Open {
-            why: if pieces.is_empty() {
-                Why::Unheld { parameters: named }
-            } else {
-                Why::Unseen {
-                    parameters: named,
-                    pieces,
-                }
-            },
+            why: Why::new(parameters.clone(), pieces),
             parameters,
         }
+    }
+
+    /// The parameters that some variables move, in order.
+    fn moved_by(&self, group: &[usize]) -> Vec<usize> {
+        let columns = group.iter().flat_map(|&k| self.space.column(k));
+        let mut indices: Vec<usize> = columns.map(|c| c.0).collect();
+        indices.sort_unstable();
+        indices.dedup();
+        indices
     }
 }
 

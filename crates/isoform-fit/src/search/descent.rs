@@ -7,6 +7,8 @@ use crate::objective::Residuals;
 /// A run whose variables are all this near to the best minimum (in units), with a low sum, is taken
 /// to have arrived there.
 const NEAR: f64 = 0.01;
+/// A run ends when a step lowers its sum by less than this share.
+const DECREASE: f64 = 1e-5;
 /// A sum below this many times that of the best minimum is low.
 const NEAR_SUM: f64 = 1.5;
 /// A sum below this share of its first one is low where the best minimum is nought.
@@ -38,7 +40,16 @@ struct Watch<'a> {
     has_arrived: bool,
 }
 
-impl Watch<'_> {
+impl<'a> Watch<'a> {
+    fn new(known: Option<&'a Minimum>, nought: f64) -> Self {
+        Self {
+            known,
+            nought,
+            values: Vec::new(),
+            has_arrived: false,
+        }
+    }
+
     /// Whether the run is worth going on with.
     fn is_worth(&mut self, x: &[f64], value: f64) -> bool {
         self.values.push(value);
@@ -60,6 +71,14 @@ impl Watch<'_> {
     fn is_hopeless(&self, known: &Minimum, value: f64) -> bool {
         let before = self.values.iter().rev().nth(WINDOW);
         before.is_some_and(|v| v - value < FALLING * value) && value > HOPELESS * known.value
+    }
+
+    /// Where a run ended: at the known minimum, if it has arrived there.
+    fn end(&self, m: lm::Minimum) -> (Vec<f64>, f64) {
+        match self.known.filter(|_| self.has_arrived) {
+            Some(known) => (known.x.clone(), known.value),
+            None => (m.x, m.value),
+        }
     }
 
     fn first(&self) -> f64 {
@@ -84,31 +103,25 @@ impl Search<'_> {
         let mut objective = Residuals::new(field, self.points, &[], self.space);
         let count = self.points.len().max(1) as f64;
         let mut history = Vec::new();
-        let mut watch = Watch {
-            known,
-            nought,
-            values: Vec::new(),
-            has_arrived: false,
-        };
+        let mut watch = Watch::new(known, nought);
         let mut monitor = |iteration: usize, x: &[f64], value: f64| {
             history.push(Step::new(start, iteration, value, count));
             watch.is_worth(x, value) && !self.control.is_stopped()
         };
         let settings = lm::Options {
-            decrease: 1e-5,
+            decrease: DECREASE,
             ..lm::Options::default()
         };
-        let mut m = self
+        let m = self
             .space
             .minimize(&mut objective, x, &settings, &mut monitor);
-        if let Some(known) = known.filter(|_| watch.has_arrived) {
-            (m.x, m.value) = (known.x.clone(), known.value);
-        }
+        let evaluations = m.iterations;
+        let (x, value) = watch.end(m);
         Run {
-            x: m.x,
-            value: m.value,
+            x,
+            value,
             first: watch.first(),
-            evaluations: m.iterations,
+            evaluations,
             history,
         }
     }

@@ -36,15 +36,9 @@ pub(super) fn limits(
     data: Aabb,
     is_free: bool,
 ) -> Result<(f64, f64), FitError> {
-    let (lo, hi) = match said {
-        Some((a, b)) => (
-            Some(a).filter(|v| *v != f64::NEG_INFINITY),
-            Some(b).filter(|v| *v != f64::INFINITY),
-        ),
-        None => (p.min, p.max),
-    };
-    let is_nan = |v: Option<f64>| v.is_some_and(f64::is_nan);
-    if is_nan(lo) || is_nan(hi) || lo.zip(hi).is_some_and(|(a, b)| a >= b) {
+    let given = said.map_or(Given(p.min, p.max), Given::of);
+    let Given(lo, hi) = given;
+    if !given.is_interval() {
         return Err(FitError::Bounds {
             name: p.name.clone(),
             lo: lo.unwrap_or(f64::NAN),
@@ -56,6 +50,27 @@ pub(super) fn limits(
     }
     let start = p.start.filter(|v| v.is_finite());
     Ok(stretched(suggested(p.kind, data), start, lo, hi))
+}
+
+/// Lower and upper bound, as far as somebody gave them.
+#[derive(Clone, Copy)]
+struct Given(Option<f64>, Option<f64>);
+
+impl Given {
+    /// What of two bounds is finite.
+    fn of((lo, hi): (f64, f64)) -> Self {
+        Self(
+            Some(lo).filter(|v| *v != f64::NEG_INFINITY),
+            Some(hi).filter(|v| *v != f64::INFINITY),
+        )
+    }
+
+    /// Whether there is room between the bounds.
+    fn is_interval(self) -> bool {
+        let Self(lo, hi) = self;
+        let has_nan = lo.into_iter().chain(hi).any(f64::is_nan);
+        !has_nan && lo.zip(hi).is_none_or(|(a, b)| a < b)
+    }
 }
 
 /// Bounds by what a parameter measures.
@@ -90,23 +105,24 @@ fn stretched(
 ) -> (f64, f64) {
     let width = b - a;
     let lo = lo.unwrap_or_else(|| {
-        let below_start = |s: f64| {
-            if s > 0.0 && a > 0.0 {
-                0.1 * s
-            } else {
-                s - width
-            }
-        };
-        let below_hi = |h: f64| if h <= a { h - width } else { a };
-        a.min(start.map_or(a, below_start))
-            .min(hi.map_or(a, below_hi))
+        let of_hi = hi.map_or(a, |h| if h <= a { h - width } else { a });
+        a.min(start.map_or(a, |s| below(s, a, width))).min(of_hi)
     });
     let hi = hi.unwrap_or_else(|| {
-        let above_start = start.map_or(b, |s| s + 0.5 * width);
-        let above_lo = if lo >= b { lo + width } else { b };
-        b.max(above_start).max(above_lo)
+        let of_start = start.map_or(b, |s| s + 0.5 * width);
+        let of_lo = if lo >= b { lo + width } else { b };
+        b.max(of_start).max(of_lo)
     });
     (lo, hi)
+}
+
+/// A lower bound below a start, positive where the suggested one is.
+fn below(start: f64, suggested: f64, width: f64) -> f64 {
+    if start > 0.0 && suggested > 0.0 {
+        0.1 * start
+    } else {
+        start - width
+    }
 }
 
 /// Where starts informed by the data are drawn from: positions in the data's box, lengths up to its
