@@ -1,12 +1,13 @@
 //! `isoform inspect`: what is in a file of points or a mesh.
 
 use crate::fit::table::brief;
-use crate::mesh::{document, table};
-use crate::output::{Context, DONE, Failure, Outcome};
+use crate::mesh::table;
+use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::scan;
+use isoform::check::{Options, certify};
 use isoform::io::{Inspection, MeshPoints, inspect};
 use isoform::mesh::Control;
-use isoform::check::{Options, certify};
+use isoform::report::{CertificateReport, ContentsReport};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -92,8 +93,8 @@ fn mesh(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         "verb": "inspect", "file": file, "format": report.format, "dropped": report.dropped_points,
         "bounds": (!bounds.is_empty()).then_some([bounds.lo, bounds.hi]), "unit": report.units,
     });
-    document::add(&mut json, document::contents(&mesh));
-    json["certificate"] = document::certificate(&certificate);
+    output::add(&mut json, output::json_of(&ContentsReport::new(&mesh)));
+    json["certificate"] = output::json_of(&CertificateReport::new(&certificate));
     json["warnings"] = json!(report.warnings);
     let text = format!(
         "{file}: {}\n{}",

@@ -6,6 +6,7 @@ use crate::watchdog;
 use clap::ArgAction;
 use isoform::Control;
 use isoform::geom::{Aabb, Point3};
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::fmt::Display;
 use std::fs;
@@ -492,6 +493,18 @@ pub(crate) fn region(text: &str) -> Result<Aabb, String> {
             hi: [d, e, f],
         }),
         _ => Err("six numbers are expected, lower corner and upper corner".to_owned()),
+    }
+}
+
+/// A report as JSON.
+pub(crate) fn json_of(report: &impl Serialize) -> Value {
+    serde_json::to_value(report).expect("reports have texts for keys")
+}
+
+/// Puts the fields of one document behind those of another.
+pub(crate) fn add(json: &mut Value, more: Value) {
+    if let (Value::Object(json), Value::Object(more)) = (json, more) {
+        json.extend(more);
     }
 }
 

@@ -9,11 +9,15 @@
 //! linear step is still far above the noise.
 
 use crate::Objective;
+use crate::bounds::Bounds;
+use crate::vector::minus;
 
 /// Rounds over all coordinates between adaptations of the steps (Corana's N_s).
 const CYCLES: usize = 20;
 /// Corana's c: how fast steps adapt.
 const ADAPT: f64 = 2.0;
+/// Between these shares of moves that pass a step stays as it is: about half of them.
+const PASSING: (f64, f64) = (0.4, 0.6);
 /// At temperature 0 the search ends when a round lowers the value by less than this share.
 const FROZEN: f64 = 1e-6;
 
@@ -65,6 +69,35 @@ pub struct Annealed {
 
 /// Anneals within finite bounds. `monitor` is asked after each adaptation, with the evaluations and
 /// the best value.
+///
+/// ```
+/// use isoform_fit::{Objective, annealing};
+///
+/// /// Two basins on [−2, 2]: (x² − 1)² + 0.3 x, the deeper one on the left.
+/// struct Double;
+/// impl Objective for Double {
+///     fn dim(&self) -> usize {
+///         1
+///     }
+///     fn value(&mut self, x: &[f64]) -> f64 {
+///         (x[0] * x[0] - 1.0).powi(2) + 0.3 * x[0]
+///     }
+///     fn model(&mut self, x: &[f64], _: &mut [f64], _: &mut [f64]) -> f64 {
+///         self.value(x)
+///     }
+/// }
+///
+/// let options = annealing::Options {
+///     max_evaluations: 40_000,
+///     threshold: f64::NEG_INFINITY,
+///     ..Default::default()
+/// };
+/// let found =
+///     annealing::minimize(&mut Double, vec![1.0], &[-2.0], &[2.0], &options, &mut |_, _| true);
+/// // The derivative 4x(x² − 1) + 0.3 vanishes at the minimum.
+/// let x = found.x[0];
+/// assert!(x < 0.0 && (4.0 * x * (x * x - 1.0) + 0.3).abs() < 1e-3);
+/// ```
 pub fn minimize(
     objective: &mut dyn Objective,
     x: Vec<f64>,
@@ -73,94 +106,204 @@ pub fn minimize(
     options: &Options,
     monitor: &mut dyn FnMut(usize, f64) -> bool,
 ) -> Annealed {
-    let n = objective.dim();
-    let mut random = fastrand::Rng::with_seed(options.seed);
-    let finite = |v: f64| if v.is_nan() { f64::INFINITY } else { v };
-    let mut value = finite(objective.value(&x));
-    let mut probes: Vec<f64> = (0..options.probes.max(1))
-        .map(|_| {
-            let p: Vec<f64> = (0..n)
-                .map(|i| lo[i] + (hi[i] - lo[i]) * random.f64())
-                .collect();
-            finite(objective.value(&p))
-        })
-        .collect();
-    probes.sort_by(f64::total_cmp);
-    let mut evaluations = 1 + probes.len();
-    let typical = probes[probes.len() / 2].min(f64::MAX);
-    let per_temperature = (options.adaptations * CYCLES * n).max(1);
-    let temperatures = options
-        .temperatures
-        .min(options.max_evaluations / (2 * per_temperature))
-        .max(1);
-    let frozen = (options.max_evaluations / per_temperature).saturating_sub(temperatures);
-    let mut best = Annealed {
-        x: x.clone(),
-        value,
-        evaluations,
-        reached: value <= options.threshold,
-    };
-    let mut x = x;
-    let mut step: Vec<f64> = (0..n).map(|i| 0.5 * (hi[i] - lo[i])).collect();
-    let mut trial = x.clone();
-    'cooling: for k in 0..temperatures + frozen {
-        let temperature =
-            options.temperature * typical * (1.0 - k as f64 / temperatures as f64).max(0.0);
-        let before = best.value;
-        for _ in 0..options.adaptations {
-            let mut passed = vec![0_usize; n];
-            for _ in 0..CYCLES {
-                for i in 0..n {
-                    trial.copy_from_slice(&x);
-                    trial[i] += step[i] * (2.0 * random.f64() - 1.0);
-                    if trial[i] < lo[i] || trial[i] > hi[i] {
-                        trial[i] = lo[i] + (hi[i] - lo[i]) * random.f64();
-                    }
-                    let moved: Vec<f64> = trial.iter().zip(&x).map(|(u, v)| u - v).collect();
-                    let allowed = objective.step_limit(&x, &moved) >= 1.0;
-                    let found = if allowed {
-                        finite(objective.value(&trial))
-                    } else {
-                        f64::INFINITY
-                    };
-                    evaluations += 1;
-                    if found <= value || random.f64() < ((value - found) / temperature).exp() {
-                        x[i] = trial[i];
-                        value = found;
-                        passed[i] += 1;
-                        if value < best.value {
-                            best.x.copy_from_slice(&x);
-                            best.value = value;
-                        }
-                    }
-                    if best.value <= options.threshold {
-                        best.reached = true;
-                        break 'cooling;
-                    }
-                }
-            }
-            for i in 0..n {
-                let rate = passed[i] as f64 / CYCLES as f64;
-                if rate > 0.6 {
-                    step[i] *= 1.0 + ADAPT * (rate - 0.6) / 0.4;
-                } else if rate < 0.4 {
-                    step[i] /= 1.0 + ADAPT * (0.4 - rate) / 0.4;
-                }
-                step[i] = step[i].min(hi[i] - lo[i]);
-            }
-            if !monitor(evaluations, best.value) {
-                break 'cooling;
-            }
-        }
-        if k > temperatures && before - best.value <= FROZEN * best.value {
+    let mut walk = Walk::new(objective, x, Bounds { lo, hi }, options);
+    let cooling = Cooling::new(options, walk.typical(), lo.len());
+    for k in 0..cooling.temperatures + cooling.frozen {
+        let before = walk.best.value;
+        if !walk.stay(cooling.temperature(k), options.adaptations, monitor) {
             break;
         }
-        // Goffe's rule: each temperature starts from the best point so far.
-        x.copy_from_slice(&best.x);
-        value = best.value;
+        if k > cooling.temperatures && before - walk.best.value <= FROZEN * walk.best.value {
+            break;
+        }
+        walk.back_to_best();
     }
-    best.evaluations = evaluations;
-    best
+    walk.best
+}
+
+/// The temperatures, one after the other.
+struct Cooling {
+    first: f64,
+    /// Temperatures until 0.
+    temperatures: usize,
+    /// Rounds at temperature 0 after them, at most.
+    frozen: usize,
+}
+
+impl Cooling {
+    /// `typical` is a value of the objective at a random place, `n` the number of variables.
+    fn new(options: &Options, typical: f64, n: usize) -> Self {
+        let per_temperature = (options.adaptations * CYCLES * n).max(1);
+        let affordable = options.max_evaluations / (2 * per_temperature);
+        let temperatures = options.temperatures.min(affordable).max(1);
+        let all = options.max_evaluations / per_temperature;
+        Self {
+            first: options.temperature * typical,
+            temperatures,
+            frozen: all.saturating_sub(temperatures),
+        }
+    }
+
+    fn temperature(&self, k: usize) -> f64 {
+        self.first * (1.0 - k as f64 / self.temperatures as f64).max(0.0)
+    }
+}
+
+/// A random walk that remembers the best place.
+struct Walk<'a> {
+    objective: &'a mut dyn Objective,
+    bounds: Bounds<'a>,
+    random: fastrand::Rng,
+    /// Values at random places, in order.
+    probes: Vec<f64>,
+    threshold: f64,
+    x: Vec<f64>,
+    value: f64,
+    /// Largest move of each variable.
+    step: Vec<f64>,
+    trial: Vec<f64>,
+    best: Annealed,
+}
+
+impl<'a> Walk<'a> {
+    fn new(
+        objective: &'a mut dyn Objective,
+        x: Vec<f64>,
+        bounds: Bounds<'a>,
+        options: &Options,
+    ) -> Self {
+        let n = objective.dim();
+        let mut random = fastrand::Rng::with_seed(options.seed);
+        let value = comparable(objective.value(&x));
+        let probes = probes(objective, bounds, options.probes.max(1), &mut random);
+        let best = Annealed {
+            x: x.clone(),
+            value,
+            evaluations: 1 + probes.len(),
+            reached: value <= options.threshold,
+        };
+        Self {
+            objective,
+            bounds,
+            random,
+            probes,
+            threshold: options.threshold,
+            trial: x.clone(),
+            x,
+            value,
+            step: (0..n).map(|i| 0.5 * bounds.range(i)).collect(),
+            best,
+        }
+    }
+
+    /// The median value of random places.
+    fn typical(&self) -> f64 {
+        self.probes[self.probes.len() / 2].min(f64::MAX)
+    }
+
+    /// Goes back to the best place so far, from where Goffe starts each temperature.
+    fn back_to_best(&mut self) {
+        self.x.copy_from_slice(&self.best.x);
+        self.value = self.best.value;
+    }
+
+    /// Walks at one temperature; false at the threshold or when the monitor says so.
+    fn stay(
+        &mut self,
+        temperature: f64,
+        adaptations: usize,
+        monitor: &mut dyn FnMut(usize, f64) -> bool,
+    ) -> bool {
+        (0..adaptations).all(|_| {
+            let Some(passed) = self.cycles(temperature) else {
+                return false;
+            };
+            for (i, passed) in passed.iter().enumerate() {
+                self.adapt(i, *passed as f64 / CYCLES as f64);
+            }
+            monitor(self.best.evaluations, self.best.value)
+        })
+    }
+
+    /// Moves each variable [`CYCLES`] times; how many of the moves passed, by variable, or none at
+    /// the threshold.
+    fn cycles(&mut self, temperature: f64) -> Option<Vec<usize>> {
+        let n = self.x.len();
+        let mut passed = vec![0_usize; n];
+        for i in (0..CYCLES).flat_map(|_| 0..n) {
+            passed[i] += usize::from(self.passes(i, temperature));
+            if self.best.value <= self.threshold {
+                self.best.reached = true;
+                return None;
+            }
+        }
+        Some(passed)
+    }
+
+    /// Tries a move of variable i; whether it passed.
+    fn passes(&mut self, i: usize, temperature: f64) -> bool {
+        let found = self.propose(i);
+        let is_taken =
+            found <= self.value || self.random.f64() < ((self.value - found) / temperature).exp();
+        if is_taken {
+            self.x[i] = self.trial[i];
+            self.value = found;
+            if found < self.best.value {
+                self.best.x.copy_from_slice(&self.x);
+                self.best.value = found;
+            }
+        }
+        is_taken
+    }
+
+    /// Puts the trial a random move of variable i off; the value there.
+    fn propose(&mut self, i: usize) -> f64 {
+        self.trial.copy_from_slice(&self.x);
+        self.trial[i] += self.step[i] * (2.0 * self.random.f64() - 1.0);
+        if self.trial[i] < self.bounds.lo[i] || self.trial[i] > self.bounds.hi[i] {
+            self.trial[i] = self.bounds.drawn(i, &mut self.random);
+        }
+        self.best.evaluations += 1;
+        let moved = minus(&self.trial, &self.x);
+        if self.objective.step_limit(&self.x, &moved) >= 1.0 {
+            comparable(self.objective.value(&self.trial))
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// Adapts the step of variable i to the share of its moves that passed.
+    fn adapt(&mut self, i: usize, rate: f64) {
+        let step = &mut self.step[i];
+        if rate > PASSING.1 {
+            *step *= 1.0 + ADAPT * (rate - PASSING.1) / 0.4;
+        } else if rate < PASSING.0 {
+            *step /= 1.0 + ADAPT * (PASSING.0 - rate) / 0.4;
+        }
+        *step = step.min(self.bounds.range(i));
+    }
+}
+
+/// Values at random places, in order.
+fn probes(
+    objective: &mut dyn Objective,
+    bounds: Bounds<'_>,
+    count: usize,
+    random: &mut fastrand::Rng,
+) -> Vec<f64> {
+    let mut probe = |_: usize| {
+        let n = objective.dim();
+        let p: Vec<f64> = (0..n).map(|i| bounds.drawn(i, random)).collect();
+        comparable(objective.value(&p))
+    };
+    let mut probes: Vec<f64> = (0..count).map(&mut probe).collect();
+    probes.sort_by(f64::total_cmp);
+    probes
+}
+
+/// A value that can be compared: what is no number is infinitely bad.
+fn comparable(v: f64) -> f64 {
+    if v.is_nan() { f64::INFINITY } else { v }
 }
 
 #[cfg(test)]

@@ -5,7 +5,19 @@
 //! the curvature is positive (Nocedal and Wright 2006, ch. 6).
 
 use crate::Objective;
+use crate::bounds::Bounds;
 use crate::lm::{Minimum, Stop};
+use crate::objective::Place;
+use crate::vector::{dot, is_finite, minus, norm};
+
+/// Armijo's constant: the share of the fall along the slope that a step must bring.
+const ARMIJO: f64 = 1e-4;
+/// Most and least that a refused step is shortened to in one round.
+const CUTS: (f64, f64) = (0.1, 0.5);
+/// A step that moves no variable by this much is none.
+const NO_STEP: f64 = 1e-14;
+/// Least cosine of step and change of the gradient for which the curvature counts as positive.
+const CURVED: f64 = 1e-12;
 
 /// Settings of [`minimize`].
 #[derive(Clone, Debug)]
@@ -30,146 +42,243 @@ impl Default for Options {
 
 /// Minimises within `lo` and `hi` from `x`. `monitor` sees every accepted point and ends the run by
 /// returning `false`.
+///
+/// ```
+/// use isoform_fit::{Objective, bfgs};
+///
+/// /// (x − 1)² + (y − x)², which is least at (1, 1).
+/// struct Slide;
+/// impl Objective for Slide {
+///     fn dim(&self) -> usize {
+///         2
+///     }
+///     fn value(&mut self, x: &[f64]) -> f64 {
+///         (x[0] - 1.0).powi(2) + (x[1] - x[0]).powi(2)
+///     }
+///     fn model(&mut self, x: &[f64], g: &mut [f64], _: &mut [f64]) -> f64 {
+///         // The gradient of half the value; the matrix is not asked for.
+///         g.copy_from_slice(&[2.0 * x[0] - 1.0 - x[1], x[1] - x[0]]);
+///         self.value(x)
+///     }
+/// }
+///
+/// let (lo, hi) = ([-4.0; 2], [4.0; 2]);
+/// let options = bfgs::Options::default();
+/// let start = vec![3.0, -2.0];
+/// let found = bfgs::minimize(&mut Slide, start, &lo, &hi, &options, &mut |_, _, _| true);
+/// assert!(found.x.iter().all(|v| (v - 1.0).abs() < 1e-6));
+/// ```
 pub fn minimize(
     objective: &mut dyn Objective,
-    mut x: Vec<f64>,
+    x: Vec<f64>,
     lo: &[f64],
     hi: &[f64],
     options: &Options,
     monitor: &mut dyn FnMut(usize, &[f64], f64) -> bool,
 ) -> Minimum {
-    let n = objective.dim();
-    let (mut g, mut g_new, mut unused) = (vec![0.0; n], vec![0.0; n], vec![0.0; n * n]);
-    let mut value = objective.model(&x, &mut g, &mut unused);
-    let mut iterations = 1;
-    if !value.is_finite() || g.iter().any(|v| !v.is_finite()) {
-        return Minimum {
-            x,
-            value: f64::INFINITY,
-            normal: None,
-            iterations,
-            stop: Stop::NotFinite,
-        };
+    let mut descent = Descent::new(objective, x, Bounds { lo, hi }, options);
+    if !descent.here.has_gradient() {
+        return Minimum::not_finite(descent.here.x, descent.iterations);
     }
-    let mut inverse = identity(n, 1.0 / norm(&g).max(f64::MIN_POSITIVE));
-    let mut is_fresh = true;
-    let mut first = 0.0_f64;
+    descent.restart();
     let stop = loop {
-        if !monitor(iterations, &x, value) {
+        let Place { x, value, .. } = &descent.here;
+        if !monitor(descent.iterations, x, *value) {
             break Stop::Told;
         }
-        let held: Vec<bool> = (0..n)
-            .map(|i| (x[i] <= lo[i] && g[i] > 0.0) || (x[i] >= hi[i] && g[i] < 0.0))
-            .collect();
-        let slope = (0..n)
-            .filter(|&i| !held[i])
-            .map(|i| g[i].abs())
-            .fold(0.0, f64::max);
-        first = first.max(slope);
-        if value == 0.0 || slope <= options.gradient * first {
-            break Stop::Converged;
-        }
-        let mut p: Vec<f64> = (0..n)
-            .map(|i| {
-                if held[i] {
-                    0.0
-                } else {
-                    -(0..n)
-                        .filter(|&j| !held[j])
-                        .map(|j| inverse[i * n + j] * g[j])
-                        .sum::<f64>()
-                }
-            })
-            .collect();
-        if dot(&p, &g) >= 0.0 || p.iter().any(|v| !v.is_finite()) {
-            inverse = identity(n, 1.0 / norm(&g).max(f64::MIN_POSITIVE));
-            is_fresh = true;
-            p = (0..n)
-                .map(|i| if held[i] { 0.0 } else { -inverse[0] * g[i] })
-                .collect();
-        }
-        // Backtracking by interpolation along the projected path.
-        let mut t: f64 = 1.0;
-        let taken = loop {
-            if iterations >= options.max_iterations {
-                break Err(Stop::Iterations);
-            }
-            let trial: Vec<f64> = (0..n)
-                .map(|i| (x[i] + t * p[i]).clamp(lo[i], hi[i]))
-                .collect();
-            let s: Vec<f64> = trial.iter().zip(&x).map(|(u, v)| u - v).collect();
-            let limit = objective.step_limit(&x, &s);
-            let trial: Vec<f64> = if limit < 1.0 {
-                x.iter().zip(&s).map(|(v, s)| v + limit * s).collect()
-            } else {
-                trial
-            };
-            let found = objective.model(&trial, &mut g_new, &mut unused);
-            iterations += 1;
-            let descent = 2.0 * dot(&g, &s);
-            if found.is_finite()
-                && g_new.iter().all(|v| v.is_finite())
-                && found <= value + 1e-4 * descent.min(0.0)
-                && found < value
-            {
-                break Ok((trial, found));
-            }
-            if s.iter().all(|v| v.abs() < 1e-14) {
-                break Err(Stop::Converged);
-            }
-            let cut = if found.is_finite() {
-                -0.5 * descent / (found - value - descent)
-            } else {
-                0.1
-            };
-            t *= if cut.is_finite() {
-                cut.clamp(0.1, 0.5)
-            } else {
-                0.1
-            };
-        };
-        let (trial, found) = match taken {
-            Ok(taken) => taken,
-            Err(Stop::Converged) if !is_fresh => {
-                inverse = identity(n, 1.0 / norm(&g).max(f64::MIN_POSITIVE));
-                is_fresh = true;
-                continue;
-            }
-            Err(stop) => break stop,
-        };
-        let s: Vec<f64> = trial.iter().zip(&x).map(|(u, v)| u - v).collect();
-        let y: Vec<f64> = g_new.iter().zip(&g).map(|(u, v)| u - v).collect();
-        let fall = value - found;
-        x = trial;
-        value = found;
-        std::mem::swap(&mut g, &mut g_new);
-        let sy = dot(&s, &y);
-        if sy > 1e-12 * norm(&s) * norm(&y) {
-            if is_fresh {
-                inverse = identity(n, sy / dot(&y, &y));
-                is_fresh = false;
-            }
-            update(&mut inverse, &s, &y, sy);
-        }
-        if fall <= options.decrease * value {
-            break Stop::Converged;
+        if let Some(stop) = descent.advance() {
+            break stop;
         }
     };
     Minimum {
-        x,
-        value,
+        x: descent.here.x,
+        value: descent.here.value,
         normal: None,
-        iterations,
+        iterations: descent.iterations,
         stop,
     }
 }
 
-/// H ← (I − ρ s yᵀ) H (I − ρ y sᵀ) + ρ s sᵀ.
+/// A run from one start.
+struct Descent<'a> {
+    objective: &'a mut dyn Objective,
+    bounds: Bounds<'a>,
+    options: &'a Options,
+    here: Place,
+    trial: Place,
+    /// Inverse of the Hessian of half the value, as far as it is known.
+    inverse: Vec<f64>,
+    /// Whether nothing is known of it yet.
+    is_fresh: bool,
+    /// Largest slope so far.
+    steepest: f64,
+    iterations: usize,
+}
+
+impl<'a> Descent<'a> {
+    fn new(
+        objective: &'a mut dyn Objective,
+        x: Vec<f64>,
+        bounds: Bounds<'a>,
+        options: &'a Options,
+    ) -> Self {
+        let n = objective.dim();
+        let mut here = Place::new(x, n);
+        here.evaluate(objective);
+        Self {
+            bounds,
+            options,
+            here,
+            trial: Place::new(vec![0.0; n], n),
+            inverse: Vec::new(),
+            is_fresh: true,
+            steepest: 0.0,
+            iterations: 1,
+            objective,
+        }
+    }
+
+    /// Forgets the curvature: the next step is one of steepest descent, of length 1.
+    fn restart(&mut self) {
+        let length = norm(&self.here.gradient).max(f64::MIN_POSITIVE);
+        self.inverse = identity(self.here.x.len(), 1.0 / length);
+        self.is_fresh = true;
+    }
+
+    /// One line search, and what it tells of the curvature; the reason to stop, if there is one.
+    fn advance(&mut self) -> Option<Stop> {
+        let held = self.held();
+        if self.is_stationary(&held) {
+            return Some(Stop::Converged);
+        }
+        let direction = self.direction(&held);
+        match self.search(&direction) {
+            None => self.take(),
+            Some(Stop::Converged) if !self.is_fresh => {
+                self.restart();
+                None
+            }
+            stop => stop,
+        }
+    }
+
+    /// Which variables are at a bound that descent leads beyond.
+    fn held(&self) -> Vec<bool> {
+        let Place { x, gradient, .. } = &self.here;
+        let Bounds { lo, hi } = self.bounds;
+        let is_held =
+            |i: usize| (x[i] <= lo[i] && gradient[i] > 0.0) || (x[i] >= hi[i] && gradient[i] < 0.0);
+        (0..x.len()).map(is_held).collect()
+    }
+
+    fn is_stationary(&mut self, held: &[bool]) -> bool {
+        let free = self.here.gradient.iter().zip(held).filter(|(_, h)| !**h);
+        let slope = free.map(|(g, _)| g.abs()).fold(0.0, f64::max);
+        self.steepest = self.steepest.max(slope);
+        self.here.value == 0.0 || slope <= self.options.gradient * self.steepest
+    }
+
+    /// −H g in the variables that are not held; steepest descent where that leads up.
+    fn direction(&mut self, held: &[bool]) -> Vec<f64> {
+        let p = self.newton(held);
+        if dot(&p, &self.here.gradient) < 0.0 && is_finite(&p) {
+            return p;
+        }
+        self.restart();
+        let slopes = self.here.gradient.iter().zip(held);
+        slopes
+            .map(|(g, held)| if *held { 0.0 } else { -self.inverse[0] * g })
+            .collect()
+    }
+
+    fn newton(&self, held: &[bool]) -> Vec<f64> {
+        let (n, g) = (held.len(), &self.here.gradient);
+        let row = |i: usize| {
+            let free = (0..n).filter(|&j| !held[j]);
+            -free.map(|j| self.inverse[i * n + j] * g[j]).sum::<f64>()
+        };
+        (0..n).map(|i| if held[i] { 0.0 } else { row(i) }).collect()
+    }
+
+    /// Backtracking by interpolation along the projected path, until the trial is low enough; the
+    /// reason where there is no such place.
+    fn search(&mut self, direction: &[f64]) -> Option<Stop> {
+        let mut t: f64 = 1.0;
+        loop {
+            if self.iterations >= self.options.max_iterations {
+                return Some(Stop::Iterations);
+            }
+            let step = self.set_trial(direction, t);
+            self.trial.evaluate(self.objective);
+            self.iterations += 1;
+            let descent = 2.0 * dot(&self.here.gradient, &step);
+            if self.is_low_enough(descent) {
+                return None;
+            }
+            if step.iter().all(|v| v.abs() < NO_STEP) {
+                return Some(Stop::Converged);
+            }
+            t *= self.cut(descent);
+        }
+    }
+
+    /// Puts the trial t along the direction, projected onto the bounds and within what the
+    /// objective allows; gives the projected step.
+    fn set_trial(&mut self, direction: &[f64], t: f64) -> Vec<f64> {
+        let (x, Bounds { lo, hi }) = (&self.here.x, self.bounds);
+        for i in 0..x.len() {
+            self.trial.x[i] = (x[i] + t * direction[i]).clamp(lo[i], hi[i]);
+        }
+        let step = minus(&self.trial.x, x);
+        let limit = self.objective.step_limit(x, &step);
+        if limit < 1.0 {
+            for i in 0..x.len() {
+                self.trial.x[i] = x[i] + limit * step[i];
+            }
+        }
+        step
+    }
+
+    /// Armijo's rule, for a slope that foretells a change by `descent`.
+    fn is_low_enough(&self, descent: f64) -> bool {
+        let (here, trial) = (&self.here, &self.trial);
+        trial.has_gradient()
+            && trial.value <= here.value + ARMIJO * descent.min(0.0)
+            && trial.value < here.value
+    }
+
+    /// The share of a refused step where the parabola through value, slope and trial is lowest.
+    fn cut(&self, descent: f64) -> f64 {
+        let parabola = -0.5 * descent / (self.trial.value - self.here.value - descent);
+        if self.trial.value.is_finite() && parabola.is_finite() {
+            parabola.clamp(CUTS.0, CUTS.1)
+        } else {
+            CUTS.0
+        }
+    }
+
+    /// Goes to the trial and learns the curvature from it.
+    fn take(&mut self) -> Option<Stop> {
+        let s = minus(&self.trial.x, &self.here.x);
+        let y = minus(&self.trial.gradient, &self.here.gradient);
+        let fall = self.here.value - self.trial.value;
+        std::mem::swap(&mut self.here, &mut self.trial);
+        let sy = dot(&s, &y);
+        if sy > CURVED * norm(&s) * norm(&y) {
+            if self.is_fresh {
+                self.inverse = identity(s.len(), sy / dot(&y, &y));
+                self.is_fresh = false;
+            }
+            update(&mut self.inverse, &s, &y, sy);
+        }
+        (fall <= self.options.decrease * self.here.value).then_some(Stop::Converged)
+    }
+}
+
+/// H ← (I − ρ s yᵀ) H (I − ρ y sᵀ) + ρ s sᵀ, where ρ = 1 / sᵀy.
 fn update(inverse: &mut [f64], s: &[f64], y: &[f64], sy: f64) {
     let n = s.len();
-    let hy: Vec<f64> = (0..n)
-        .map(|i| dot(&inverse[i * n..(i + 1) * n], y))
-        .collect();
+    let hy: Vec<f64> = inverse.chunks_exact(n).map(|row| dot(row, y)).collect();
     let yhy = dot(y, &hy);
     for i in 0..n {
         for j in 0..n {
@@ -183,12 +292,6 @@ fn identity(n: usize, v: f64) -> Vec<f64> {
     (0..n * n)
         .map(|k| if k / n == k % n { v } else { 0.0 })
         .collect()
-}
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
 }
 
 #[cfg(test)]

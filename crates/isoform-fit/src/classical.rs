@@ -1,158 +1,200 @@
-//! The paper's methods: the algebraic residual on all points, from one start.
+//! The paper's methods: the algebraic residual on all points, from one start, without a polish.
 
-use crate::fit::{Clock, Found, Task};
+use crate::clock::Clock;
+use crate::fit::Found;
 use crate::objective::{Objective, Residuals};
+use crate::outliers::median;
 use crate::report::Fit;
-use crate::search::{Found as Minimum, Outcome, Step};
+use crate::search::{Minimum, Outcome, Step};
+use crate::space::Space;
+use crate::task::Task;
 use crate::{FitError, Local, Loss, Method, annealing, bfgs, lm};
 
+/// Share of the typical |f| of random starts at which the annealing of a hybrid ends. The paper
+/// ends it at a mean |f| of 0.04.
+const THRESHOLD: f64 = 0.04;
+/// Random starts that tell the typical |f|.
+const TYPICAL_OF: usize = 15;
+
+/// A run of one of the methods.
+struct Course<'a> {
+    task: &'a Task<'a>,
+    objective: Residuals<'a>,
+    clock: Clock,
+    x: Vec<f64>,
+    evaluations: usize,
+    history: Vec<Step>,
+    stop: Option<lm::Stop>,
+}
+
 impl Task<'_> {
-    /// The paper's methods: algebraic residual on all points, no polish.
+    /// The fit by one of the paper's methods.
     pub(crate) fn classical(&self, method: Method) -> Result<Fit, FitError> {
-        let mut clock = Clock::new();
-        let control = self.control;
-        let mut objective =
-            Residuals::new(self.template.algebraic(), self.points, &[], &self.space);
-        let count = self.points.len() as f64;
-        let x = self.first().unwrap_or_else(|| {
-            let mut x: Vec<f64> = self
-                .space
-                .start_lo
-                .iter()
-                .zip(&self.space.start_hi)
-                .map(|(a, b)| 0.5 * (a + b))
-                .collect();
-            self.space.into_interior(&mut x, 1e-4);
-            x
-        });
-        let mut outcome = Outcome {
-            starts: 1,
-            ..Outcome::default()
-        };
-        let mut history = Vec::new();
-        let (mut x, mut evaluations, mut stop) = (x, 0, None);
-        let then = match method {
-            Method::Default => Some(Local::Lm),
-            Method::Local(local) => Some(local),
-            Method::Annealing | Method::Hybrid { .. } => {
-                let mut settings = annealing::Options {
-                    seed: self.options.seed,
-                    max_evaluations: self.options.annealing_evaluations,
-                    ..annealing::Options::default()
-                };
-                let mut then = None;
-                if let Method::Hybrid { local, threshold } = method {
-                    settings.threshold = threshold
-                        .unwrap_or_else(|| self.threshold(&mut objective))
-                        .powi(2)
-                        * count;
-                    then = Some(local);
-                }
-                let most = self.options.annealing_evaluations.max(1) as f64;
-                let cooled = annealing::minimize(
-                    &mut objective,
-                    x,
-                    &self.space.lo,
-                    &self.space.hi,
-                    &settings,
-                    &mut |k, value| {
-                        history.push(Step {
-                            start: 0,
-                            iteration: k,
-                            rms: (value / count).sqrt(),
-                        });
-                        control.report("annealing", (k as f64 / most).min(1.0));
-                        !control.is_stopped()
-                    },
-                );
-                evaluations += cooled.evaluations;
-                x = cooled.x;
-                self.space.into_interior(&mut x, 1e-9);
-                clock.lap("annealing");
-                then
+        let mut course = Course::new(self);
+        match method {
+            Method::Default => course.descend(Local::Lm)?,
+            Method::Local(local) => course.descend(local)?,
+            Method::Annealing => course.anneal(0.0),
+            Method::Hybrid { local, threshold } => {
+                let mean = threshold.unwrap_or_else(|| course.threshold());
+                course.anneal(mean.powi(2) * course.count());
+                course.descend(local)?;
             }
-        };
-        if let Some(local) = then {
-            let mut monitor = |k: usize, _: &[f64], value: f64| {
-                history.push(Step {
-                    start: 0,
-                    iteration: evaluations + k,
-                    rms: (value / count).sqrt(),
-                });
-                !control.is_stopped()
-            };
-            let (lo, hi) = (&self.space.lo, &self.space.hi);
-            let m = match local {
-                Local::Lm => lm::minimize(
-                    &mut objective,
-                    x,
-                    lo,
-                    hi,
-                    &lm::Options {
-                        exact: true,
-                        ..lm::Options::default()
-                    },
-                    &mut monitor,
-                ),
-                Local::Bfgs => bfgs::minimize(
-                    &mut objective,
-                    x,
-                    lo,
-                    hi,
-                    &bfgs::Options::default(),
-                    &mut monitor,
-                ),
-            };
-            evaluations += m.iterations;
-            stop = Some(m.stop);
-            if m.stop == lm::Stop::NotFinite {
-                return Err(FitError::NoFiniteStart { starts: 1 });
-            }
-            x = m.x;
-            clock.lap("local");
         }
-        let value = objective.value(&x);
+        let (found, clock) = course.end()?;
+        Ok(self.report(self.ask(found), clock))
+    }
+
+    /// The middle of where starts are drawn from.
+    fn middle(&self) -> Vec<f64> {
+        let ends = self.space.start_lo.iter().zip(&self.space.start_hi);
+        let mut x: Vec<f64> = ends.map(|(a, b)| 0.5 * (a + b)).collect();
+        self.space.into_interior(&mut x, 1e-4);
+        x
+    }
+}
+
+impl<'a> Course<'a> {
+    fn new(task: &'a Task<'a>) -> Self {
+        let field = task.template.algebraic();
+        Self {
+            clock: Clock::new(),
+            objective: Residuals::new(field, task.points, &[], &task.space),
+            x: task.first().unwrap_or_else(|| task.middle()),
+            evaluations: 0,
+            history: Vec::new(),
+            stop: None,
+            task,
+        }
+    }
+
+    fn count(&self) -> f64 {
+        self.task.points.len() as f64
+    }
+
+    /// Anneals until the sum of squares falls to the threshold.
+    fn anneal(&mut self, threshold: f64) {
+        let (space, control, count) = (&self.task.space, self.task.control, self.count());
+        let options = self.task.options;
+        let settings = annealing::Options {
+            seed: options.seed,
+            max_evaluations: options.annealing_evaluations,
+            threshold,
+            ..annealing::Options::default()
+        };
+        let most = options.annealing_evaluations.max(1) as f64;
+        let history = &mut self.history;
+        let mut monitor = |k: usize, value: f64| {
+            history.push(Step::new(0, k, value, count));
+            control.report("annealing", (k as f64 / most).min(1.0));
+            !control.is_stopped()
+        };
+        let cooled = annealing::minimize(
+            &mut self.objective,
+            std::mem::take(&mut self.x),
+            &space.lo,
+            &space.hi,
+            &settings,
+            &mut monitor,
+        );
+        self.evaluations += cooled.evaluations;
+        self.x = cooled.x;
+        space.into_interior(&mut self.x, 1e-9);
+        self.clock.lap("annealing");
+    }
+
+    /// Descends by a local method.
+    fn descend(&mut self, local: Local) -> Result<(), FitError> {
+        let (space, control, count) = (&self.task.space, self.task.control, self.count());
+        let (before, history) = (self.evaluations, &mut self.history);
+        let mut monitor = |k: usize, _: &[f64], value: f64| {
+            history.push(Step::new(0, before + k, value, count));
+            !control.is_stopped()
+        };
+        let x = std::mem::take(&mut self.x);
+        let found = match local {
+            Local::Lm => textbook_lm(&mut self.objective, x, space, &mut monitor),
+            Local::Bfgs => plain_bfgs(&mut self.objective, x, space, &mut monitor),
+        };
+        self.evaluations += found.iterations;
+        self.stop = Some(found.stop);
+        self.x = found.x;
+        self.clock.lap("local");
+        if found.stop == lm::Stop::NotFinite {
+            return Err(FitError::NoFiniteStart { starts: 1 });
+        }
+        Ok(())
+    }
+
+    /// The minimum, if the template has a finite value there, and the time that it took.
+    fn end(mut self) -> Result<(Found, Clock), FitError> {
+        let value = self.objective.value(&self.x);
         if !value.is_finite() {
             return Err(FitError::NoFiniteStart { starts: 1 });
         }
-        outcome.minima.push(Minimum {
-            x: x.clone(),
-            value,
-            hits: 1,
-        });
-        let complete = !control.is_stopped();
         let found = Found {
-            x,
+            outcome: outcome_of_one(self.x.clone(), value),
+            x: self.x,
             loss: Loss::Squares,
-            outcome,
-            evaluations,
-            history,
-            stop,
-            complete,
+            evaluations: self.evaluations,
+            history: self.history,
+            stop: self.stop,
+            complete: !self.task.control.is_stopped(),
             is_at_noise: false,
         };
-        let fitted = self.ask(found);
-        Ok(self.report(fitted, clock))
+        Ok((found, self.clock))
     }
 
-    /// The paper ends its annealing at a mean |f| of 0.04; here of the typical |f| of random
-    /// starts.
-    fn threshold(&self, objective: &mut Residuals) -> f64 {
-        let mut random = fastrand::Rng::with_seed(self.options.seed);
-        let count = self.points.len() as f64;
-        let mut v: Vec<f64> = (0..15)
-            .map(|_| {
-                let x: Vec<f64> = self
-                    .space
-                    .start_lo
-                    .iter()
-                    .zip(&self.space.start_hi)
-                    .map(|(a, b)| a + (b - a) * random.f64())
-                    .collect();
-                (objective.value(&x) / count).sqrt()
-            })
-            .filter(|v| v.is_finite())
-            .collect();
-        0.04 * crate::outliers::median(&mut v)
+    /// Root mean square of f at which the annealing of a hybrid ends.
+    fn threshold(&mut self) -> f64 {
+        let mut random = fastrand::Rng::with_seed(self.task.options.seed);
+        let (space, count) = (&self.task.space, self.count());
+        let mut typical = |_: usize| {
+            let x: Vec<f64> = (0..space.len())
+                .map(|k| space.drawn(k, &mut random))
+                .collect();
+            (self.objective.value(&x) / count).sqrt()
+        };
+        let values = (0..TYPICAL_OF).map(&mut typical);
+        let mut finite: Vec<f64> = values.filter(|v| v.is_finite()).collect();
+        THRESHOLD * median(&mut finite)
+    }
+}
+
+/// What is seen of a local method: iteration, variables, value; false ends it.
+type Monitor<'a> = dyn FnMut(usize, &[f64], f64) -> bool + 'a;
+
+/// Levenberg-Marquardt whose long steps are damped, as in the textbook.
+fn textbook_lm(
+    objective: &mut Residuals<'_>,
+    x: Vec<f64>,
+    space: &Space,
+    monitor: &mut Monitor<'_>,
+) -> lm::Minimum {
+    let settings = lm::Options {
+        exact: true,
+        ..lm::Options::default()
+    };
+    lm::minimize(objective, x, &space.lo, &space.hi, &settings, monitor)
+}
+
+/// The quasi-Newton method.
+fn plain_bfgs(
+    objective: &mut Residuals<'_>,
+    x: Vec<f64>,
+    space: &Space,
+    monitor: &mut Monitor<'_>,
+) -> lm::Minimum {
+    let settings = bfgs::Options::default();
+    bfgs::minimize(objective, x, &space.lo, &space.hi, &settings, monitor)
+}
+
+/// A search of one start.
+fn outcome_of_one(x: Vec<f64>, value: f64) -> Outcome {
+    let hits = 1;
+    Outcome {
+        starts: 1,
+        minima: vec![Minimum { x, value, hits }],
+        ..Outcome::default()
     }
 }

@@ -1,37 +1,26 @@
 //! What lies beside a part: other objects, and the tables and walls that it stands at.
 
+mod plane;
+
+use self::plane::Plane;
+use crate::Template;
 use crate::evidence::FAR;
 use crate::feet::KeptFeet;
 use crate::judge::Finding;
 use crate::outliers::Neighbourhood;
 use crate::polish::Polish;
 use crate::report::Fit;
-use crate::{Template, settle};
-use isoform_geom::{KdTree, Point3, across, cross, dot, sub};
+use crate::settle::{Measured, measured};
+use isoform_geom::{KdTree, Point3};
 
 /// Points that are looked at.
 const LOOKED_AT: usize = 3000;
 /// Points nearer than this many spacings (of the points looked at) belong together.
 const TOGETHER: f64 = 4.0;
-/// Planes tried: of a plane with a twentieth of the points near a seed, 60 find one in twenty.
-const PLANES: usize = 200;
-/// Half thickness of a plane at first, as a share of the size: rough normals of a few points stray
-/// by as much.
-const THICK: f64 = 0.012;
-/// Half thickness then, in robust deviations of the points beyond the others: noise stays within,
-/// a flange that stands on the table does not.
-const THICK_DEVIATIONS: f64 = 5.0;
-/// Neighbours that a plane is laid through.
-const NEIGHBOURS: usize = 12;
-/// Points beyond the others that make a plane a table, at least this share of all.
-const LEAST: f64 = 0.005;
-/// A table reaches beyond the other points by this share of their own extent.
-const BEYOND: f64 = 0.03;
-/// All but this share of the other points lie on one side of a table.
-const UNDER: f64 = 0.02;
 /// Planes taken away one after the other: a table and two walls.
 const MOST_PLANES: usize = 3;
-
+/// Fewest points among which a plane is looked for.
+const FEWEST: usize = 48;
 /// Components of fewer points are stray points that came together, no objects.
 const SMALL: usize = 10;
 
@@ -73,21 +62,15 @@ impl<'a> Clutter<'a> {
         let some = order.iter().take(LOOKED_AT).map(|&i| points[i as usize]);
         let mut rest: Vec<Point3> = some.collect();
         let looked_at = rest.len();
-        let (strays, mut found) = (has_strays.then_some(near), Vec::new());
+        let strays = has_strays.then_some(near);
         if let Some(near) = strays {
+            let mut found = Vec::new();
             rest.retain(|p| !near.is_stray(*p, &mut found));
         }
         let n_strays = looked_at - rest.len();
         // A sample is sparser than the points.
         let spacing = near.spacing * (points.len() as f64 / looked_at.max(1) as f64).sqrt();
-        let mut planes = Vec::new();
-        while planes.len() < MOST_PLANES && rest.len() >= 4 * NEIGHBOURS {
-            let Some(plane) = Plane::find(&rest) else {
-                break;
-            };
-            rest.retain(|p| !plane.holds(*p));
-            planes.push(plane);
-        }
+        let planes = take_planes(&mut rest);
         let tree = KdTree::new(&rest);
         Self {
             component: components(&rest, &tree, TOGETHER * spacing),
@@ -113,10 +96,8 @@ impl<'a> Clutter<'a> {
 
     /// Whether a point is beside the part, and why.
     pub fn of(&self, p: Point3) -> Option<Beside> {
-        if self
-            .strays
-            .is_some_and(|near| near.is_stray(p, &mut Vec::new()))
-        {
+        let is_stray = |near: &Neighbourhood| near.is_stray(p, &mut Vec::new());
+        if self.strays.is_some_and(is_stray) {
             return Some(Beside::Stray);
         }
         if self.planes.iter().any(|plane| plane.holds(p)) {
@@ -158,27 +139,8 @@ impl Fit {
         points: &[Point3],
         beside: &[Option<Beside>],
     ) -> Self {
-        let left_out: Vec<Point3> = points
-            .iter()
-            .zip(beside)
-            .filter(|(_, b)| b.is_some())
-            .map(|(p, _)| *p)
-            .collect();
-        let distance = template.distance().map(KeptFeet::new);
-        let measured = settle::measured(template, distance.as_ref(), &left_out, &self.values());
-        fn merged<T: Copy>(beside: &[Option<Beside>], kept: &[T], left_out: &[T]) -> Vec<T> {
-            let (mut kept, mut left_out) = (kept.iter(), left_out.iter());
-            let of = |b: &Option<Beside>| match b {
-                Some(_) => left_out.next(),
-                None => kept.next(),
-            };
-            beside
-                .iter()
-                .map(of)
-                .map(|v| *v.expect("a value by point"))
-                .collect()
-        }
-        let n = left_out.len();
+        let measured = measured_beside(template, &self.values(), points, beside);
+        let n = measured.residuals.len();
         let strays = beside.iter().filter(|b| **b == Some(Beside::Stray)).count();
         self.residuals = merged(beside, &self.residuals, &measured.residuals);
         self.parts = merged(beside, &self.parts, &measured.parts());
@@ -195,147 +157,46 @@ impl Fit {
     }
 }
 
-/// A plane with the outline of what stands on it.
-struct Plane {
-    at: Point3,
-    normal: Point3,
-    thick: f64,
-    /// Two unit directions in the plane.
-    axes: [Point3; 2],
-    /// Convex hull of the other points seen along the normal, counterclockwise.
-    outline: Vec<[f64; 2]>,
-    /// How far beyond the outline a point must be.
-    beyond: f64,
+/// Distances of the points that were left out.
+fn measured_beside(
+    template: &dyn Template,
+    a: &[f64],
+    points: &[Point3],
+    beside: &[Option<Beside>],
+) -> Measured {
+    let all = points.iter().zip(beside);
+    let left_out = all.filter(|(_, b)| b.is_some()).map(|(p, _)| *p);
+    let distance = template.distance().map(KeptFeet::new);
+    measured(
+        template,
+        distance.as_ref(),
+        &left_out.collect::<Vec<_>>(),
+        a,
+    )
 }
 
-impl Plane {
-    /// The plane with most points beyond the others; none where no plane has enough.
-    fn find(points: &[Point3]) -> Option<Self> {
-        let centre = mean(points);
-        let reach = |p: &Point3| dot(sub(*p, centre), sub(*p, centre)).sqrt();
-        let size = points.iter().map(reach).fold(0.0, f64::max);
-        let tree = KdTree::new(points);
-        let mut found = Vec::new();
-        let mut best: Option<(usize, Self)> = None;
-        for seed in points.iter().step_by(points.len().div_ceil(PLANES)) {
-            tree.nearest_k(*seed, NEIGHBOURS, &mut found);
-            let at = |k: usize| points[found[k].1 as usize];
-            let (u, v) = (at(NEIGHBOURS / 3), at(NEIGHBOURS - 1));
-            let normal = cross(sub(u, *seed), sub(v, *seed));
-            let Some(plane) = Self::about(points, *seed, normal, THICK * size) else {
-                continue;
-            };
-            let count = points.iter().filter(|p| plane.holds(**p)).count();
-            let least = (LEAST * points.len() as f64).max(1.0) as usize;
-            if count > best.as_ref().map_or(least, |b| b.0) {
-                best = Some((count, plane));
-            }
-        }
-        best.map(|b| b.1)
-    }
+/// Values of the points that were kept, and of the ones left out, in the order of all.
+fn merged<T: Copy>(beside: &[Option<Beside>], kept: &[T], left_out: &[T]) -> Vec<T> {
+    let (mut kept, mut left_out) = (kept.iter(), left_out.iter());
+    let of = |b: &Option<Beside>| match b {
+        Some(_) => left_out.next(),
+        None => kept.next(),
+    };
+    let values = beside.iter().map(of);
+    values.map(|v| *v.expect("a value by point")).collect()
+}
 
-    /// The plane near a point and normal, as far as it has the other points on one side: roughly
-    /// first, then as thin as the noise of what lies beyond them.
-    fn about(points: &[Point3], at: Point3, normal: Point3, thick: f64) -> Option<Self> {
-        let length = dot(normal, normal).sqrt();
-        if length <= 0.0 {
-            return None;
-        }
-        let rough = refined(points, at, normal.map(|v| v / length), 2.0 * thick)?;
-        let rough = Self::with_outline(points, rough, thick)?;
-        let beyond: Vec<Point3> = points.iter().copied().filter(|p| rough.holds(*p)).collect();
-        if beyond.len() < NEIGHBOURS {
-            return None;
-        }
-        let (at, normal, _) = crate::outliers::plane(&beyond)?;
-        let mut off: Vec<f64> = beyond
-            .iter()
-            .map(|p| dot(sub(*p, at), normal).abs())
-            .collect();
-        let deviation = 1.4826 * crate::outliers::median(&mut off);
-        let thin = (THICK_DEVIATIONS * deviation).clamp(1e-6 * thick, thick);
-        Self::with_outline(points, (at, normal), thin)
-    }
-
-    fn with_outline(points: &[Point3], plane: (Point3, Point3), thick: f64) -> Option<Self> {
-        let (at, normal) = plane;
-        let height = |p: &Point3| dot(sub(*p, at), normal);
-        let above = points.iter().filter(|p| height(p) > thick).count() as f64;
-        let below = points.iter().filter(|p| height(p) < -thick).count() as f64;
-        let others = above + below;
-        if others < 0.2 * points.len() as f64 || above.min(below) > UNDER * others {
-            return None;
-        }
-        let side = if above > below { 1.0 } else { -1.0 };
-        let mut this = Self {
-            at,
-            normal,
-            thick,
-            axes: across(normal),
-            outline: Vec::new(),
-            beyond: 0.0,
+/// Takes the points on tables and walls away, and gives these planes.
+fn take_planes(points: &mut Vec<Point3>) -> Vec<Plane> {
+    let mut planes = Vec::new();
+    while planes.len() < MOST_PLANES && points.len() >= FEWEST {
+        let Some(plane) = Plane::find(points) else {
+            break;
         };
-        let off = points.iter().filter(|p| side * height(p) > thick);
-        this.outline = hull(off.map(|p| this.flat(*p)).collect());
-        let (lo, hi) = this.outline.iter().fold(
-            ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]),
-            |(lo, hi), p| {
-                (
-                    std::array::from_fn(|i| lo[i].min(p[i])),
-                    std::array::from_fn(|i| hi[i].max(p[i])),
-                )
-            },
-        );
-        this.beyond = BEYOND * (hi[0] - lo[0]).hypot(hi[1] - lo[1]);
-        Some(this)
+        points.retain(|p| !plane.holds(*p));
+        planes.push(plane);
     }
-
-    fn flat(&self, p: Point3) -> [f64; 2] {
-        self.axes.map(|axis| dot(sub(p, self.at), axis))
-    }
-
-    /// Whether a point is on the plane.
-    fn is_level(&self, p: Point3) -> bool {
-        dot(sub(p, self.at), self.normal).abs() <= self.thick
-    }
-
-    /// Whether a point is on the plane, beyond the outline.
-    fn holds(&self, p: Point3) -> bool {
-        if !self.is_level(p) {
-            return false;
-        }
-        let q = self.flat(p);
-        let n = self.outline.len();
-        (0..n).any(|i| {
-            let (a, b) = (self.outline[i], self.outline[(i + 1) % n]);
-            let (u, v) = ([b[0] - a[0], b[1] - a[1]], [q[0] - a[0], q[1] - a[1]]);
-            // The outward normal of a counterclockwise side is on its right.
-            let out = u[1] * v[0] - u[0] * v[1];
-            out > self.beyond * u[0].hypot(u[1])
-        })
-    }
-}
-
-/// The convex hull, counterclockwise (Andrew's monotone chain).
-fn hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
-    points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-    let turn = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {
-        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    };
-    let chain = |points: &mut dyn Iterator<Item = [f64; 2]>| {
-        let mut out: Vec<[f64; 2]> = Vec::new();
-        for p in points {
-            while out.len() > 1 && turn(out[out.len() - 2], out[out.len() - 1], p) <= 0.0 {
-                out.pop();
-            }
-            out.push(p);
-        }
-        out.pop();
-        out
-    };
-    let mut out = chain(&mut points.iter().copied());
-    out.extend(chain(&mut points.iter().rev().copied()));
-    out
+    planes
 }
 
 /// What each point's component is: none for the largest, else an object apart or, if it is small,
@@ -344,24 +205,10 @@ fn components(points: &[Point3], tree: &KdTree, reach: f64) -> Vec<Option<Beside
     let mut component = vec![usize::MAX; points.len()];
     let mut sizes: Vec<usize> = Vec::new();
     for start in 0..points.len() {
-        if component[start] != usize::MAX {
-            continue;
+        if component[start] == usize::MAX {
+            let own = sizes.len();
+            sizes.push(flood(points, tree, reach, start, own, &mut component));
         }
-        let own = sizes.len();
-        let (mut size, mut open) = (0, vec![start]);
-        component[start] = own;
-        while let Some(i) = open.pop() {
-            size += 1;
-            tree.near(points[i], reach * reach, &mut |_, j| {
-                let j = j as usize;
-                if component[j] == usize::MAX {
-                    component[j] = own;
-                    open.push(j);
-                }
-                reach * reach
-            });
-        }
-        sizes.push(size);
     }
     let largest = (0..sizes.len()).rev().max_by_key(|&k| sizes[k]);
     let kind = |k: usize| match sizes[k] {
@@ -372,25 +219,35 @@ fn components(points: &[Point3], tree: &KdTree, reach: f64) -> Vec<Option<Beside
     component.into_iter().map(kind).collect()
 }
 
-/// The plane through the points near a plane; none where these are few.
-fn refined(points: &[Point3], at: Point3, normal: Point3, thick: f64) -> Option<(Point3, Point3)> {
-    let near: Vec<Point3> = points
-        .iter()
-        .copied()
-        .filter(|p| dot(sub(*p, at), normal).abs() < thick)
-        .collect();
-    let (centre, normal, _) = crate::outliers::plane(&near)?;
-    Some((centre, normal))
-}
-
-fn mean(points: &[Point3]) -> Point3 {
-    let n = points.len().max(1) as f64;
-    std::array::from_fn(|i| points.iter().map(|p| p[i]).sum::<f64>() / n)
+/// Marks the component of a point as `own`; the number of its points.
+fn flood(
+    points: &[Point3],
+    tree: &KdTree,
+    reach: f64,
+    start: usize,
+    own: usize,
+    component: &mut [usize],
+) -> usize {
+    let (mut size, mut open) = (0, vec![start]);
+    component[start] = own;
+    while let Some(i) = open.pop() {
+        size += 1;
+        tree.near(points[i], reach * reach, &mut |_, j| {
+            let j = j as usize;
+            if component[j] == usize::MAX {
+                component[j] = own;
+                open.push(j);
+            }
+            reach * reach
+        });
+    }
+    size
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use isoform_geom::dot;
 
     fn with_sphere<T>(more: impl Iterator<Item = Point3>, look: impl Fn(&Clutter<'_>) -> T) -> T {
         let mut random = fastrand::Rng::with_seed(5);

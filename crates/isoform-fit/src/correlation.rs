@@ -6,13 +6,15 @@
 //! noise of a scanner that smooths) widens the intervals by what it truly costs. Compare the
 //! variogram of geostatistics, and Kermarrec et al. (2022), J. Geodesy, for range data.
 
+use crate::objective::jacobian;
 use crate::space::Space;
+use crate::vector::scale;
 use isoform_geom::{KdTree, ParamField, Point3};
 
-/// Bins of distance...
+/// Bins of distance.
 const BINS: usize = 16;
-/// ... of this share of the data's size each: misfit of up to a fifth of the size is seen; longer
-/// waves look like other dimensions and are the verdict's business.
+/// Width of a bin, as a share of the data's size: with [`BINS`] of them misfit of up to a fifth of
+/// the size is seen; longer waves look like other dimensions and are the verdict's business.
 const STEP: f64 = 0.012;
 /// Bins that tell whether there is any correlation.
 const NEAREST: usize = 3;
@@ -34,6 +36,18 @@ pub(crate) struct Correlation {
     pub(crate) nearest: f64,
 }
 
+/// Sums over pairs of points by the bin of their distance, each pair twice.
+struct Products {
+    sums: [f64; BINS],
+    counts: [f64; BINS],
+}
+
+impl Products {
+    fn mean(&self, bin: usize) -> f64 {
+        self.sums[bin] / self.counts[bin].max(1.0)
+    }
+}
+
 impl Correlation {
     /// None where residuals of neighbours are as good as independent. `order` is a random order of
     /// the points; residuals that are nought count for nothing.
@@ -43,61 +57,63 @@ impl Correlation {
         order: &[u32],
         size: f64,
     ) -> Option<Self> {
-        let used = order
-            .iter()
-            .map(|&i| i as usize)
-            .filter(|&i| residuals[i] != 0.0 && residuals[i].is_finite());
-        let chosen: Vec<usize> = used.take(SAMPLE).collect();
+        let chosen = chosen(residuals, order);
         let some: Vec<Point3> = chosen.iter().map(|&i| points[i]).collect();
         let r: Vec<f64> = chosen.iter().map(|&i| residuals[i]).collect();
-        let n = r.len() as f64;
-        let step = STEP * size;
+        let n = (r.len() as f64).max(1.0);
         let mut this = Self {
             tree: KdTree::new(&some),
             points: some,
-            step,
+            step: STEP * size,
             covariance: [0.0; BINS],
-            share: points.len() as f64 / n.max(1.0),
+            share: points.len() as f64 / n,
             nearest: 0.0,
         };
-        let variance = r.iter().map(|v| v * v).sum::<f64>() / n.max(1.0);
-        let (sums, counts) = this.products(&r, NEAREST);
-        let (sum, count): (f64, f64) = (sums.iter().sum(), counts.iter().sum());
-        let near = sum / count.max(1.0);
-        if near.is_nan() || near < SURE * variance / count.max(1.0).sqrt() {
-            return None;
-        }
-        let (sums, counts) = this.products(&r, BINS);
-        for (b, c) in this.covariance.iter_mut().enumerate() {
-            *c = if b < NEAREST {
-                near
-            } else {
-                sums[b] / counts[b].max(1.0)
-            };
-        }
-        if let Some(end) = this.covariance.iter().position(|c| *c <= 0.0) {
-            this.covariance[end..].fill(0.0);
-        }
+        let variance = r.iter().map(|v| v * v).sum::<f64>() / n;
+        let near = this.near_covariance(&r, variance)?;
         this.nearest = near / variance;
+        this.set_covariance(&r, near);
         Some(this)
     }
 
-    /// Sums and counts of products of residuals, by bin, each pair twice.
-    fn products(&self, r: &[f64], bins: usize) -> ([f64; BINS], [f64; BINS]) {
-        let (mut sums, mut counts) = ([0.0; BINS], [0.0; BINS]);
-        for (i, p) in self.points.iter().enumerate() {
-            self.pairs(i, *p, bins, |j, b| {
-                sums[b] += r[i] * r[j];
-                counts[b] += 1.0;
-            });
-        }
-        (sums, counts)
+    /// Covariance of near neighbours, where it is beyond what independent residuals show.
+    fn near_covariance(&self, r: &[f64], variance: f64) -> Option<f64> {
+        let products = self.products(r, NEAREST);
+        let (sum, count): (f64, f64) = (products.sums.iter().sum(), products.counts.iter().sum());
+        let near = sum / count.max(1.0);
+        let chance = SURE * variance / count.max(1.0).sqrt();
+        Some(near).filter(|near| !near.is_nan() && (*near >= chance || chance.is_nan()))
     }
 
-    /// The other points within so many bins of point i.
-    fn pairs(&self, i: usize, p: Point3, bins: usize, mut each: impl FnMut(usize, usize)) {
+    /// Sets the covariance by distance, up to where it is no longer positive.
+    fn set_covariance(&mut self, r: &[f64], near: f64) {
+        let products = self.products(r, BINS);
+        let of_bin = |b: usize| if b < NEAREST { near } else { products.mean(b) };
+        self.covariance = std::array::from_fn(of_bin);
+        if let Some(end) = self.covariance.iter().position(|c| *c <= 0.0) {
+            self.covariance[end..].fill(0.0);
+        }
+    }
+
+    /// Products of residuals, by bin.
+    fn products(&self, r: &[f64], bins: usize) -> Products {
+        let mut out = Products {
+            sums: [0.0; BINS],
+            counts: [0.0; BINS],
+        };
+        for i in 0..r.len() {
+            self.pairs(i, bins, |j, b| {
+                out.sums[b] += r[i] * r[j];
+                out.counts[b] += 1.0;
+            });
+        }
+        out
+    }
+
+    /// The other points within some bins of point i, each with its bin.
+    fn pairs(&self, i: usize, bins: usize, mut each: impl FnMut(usize, usize)) {
         let reach = (self.step * bins as f64).powi(2);
-        self.tree.near(p, reach, &mut |squared, j| {
+        self.tree.near(self.points[i], reach, &mut |squared, j| {
             let b = (squared.sqrt() / self.step) as usize;
             if j as usize != i && b < bins {
                 each(j as usize, b);
@@ -108,46 +124,39 @@ impl Correlation {
 
     /// Σ C(|pᵢ − pⱼ|) Jᵢ Jⱼᵀ over the pairs i ≠ j of all points, in the variables.
     pub(crate) fn cross(&self, field: &dyn ParamField, space: &Space, x: &[f64]) -> Vec<f64> {
-        let (n, m) = (field.dim(), space.len());
-        let mut a = vec![0.0; n];
-        space.parameters_at(x, &mut a);
-        let (mut f, mut jac) = (
-            vec![0.0; self.points.len()],
-            vec![0.0; self.points.len() * n],
-        );
-        field.jacobian(&self.points, &a, &mut f, &mut jac);
-        let rows: Vec<f64> = jac
-            .chunks_exact(n)
-            .flat_map(|row| {
-                (0..m).map(|k| {
-                    space
-                        .column(k)
-                        .iter()
-                        .map(|&(i, c)| c * row[i])
-                        .sum::<f64>()
-                })
-            })
-            .collect();
+        let m = space.len();
+        let rows = self.derivatives(field, space, x);
+        let row = |i: usize| &rows[i * m..(i + 1) * m];
         let mut out = vec![0.0; m * m];
         let mut near = vec![0.0; m];
-        for (i, p) in self.points.iter().enumerate() {
+        for i in 0..self.points.len() {
             near.fill(0.0);
-            self.pairs(i, *p, BINS, |j, b| {
+            self.pairs(i, BINS, |j, b| {
                 let c = self.covariance[b];
                 if c > 0.0 {
-                    near.iter_mut()
-                        .zip(&rows[j * m..(j + 1) * m])
-                        .for_each(|(s, v)| *s += c * v);
+                    let sum = near.iter_mut().zip(row(j));
+                    sum.for_each(|(s, v)| *s += c * v);
                 }
             });
-            for j in 0..m {
-                for k in 0..m {
-                    out[j * m + k] += rows[i * m + j] * near[k];
-                }
+            for (out, own) in out.chunks_exact_mut(m).zip(row(i)) {
+                out.iter_mut().zip(&near).for_each(|(s, v)| *s += own * v);
             }
         }
-        let share = self.share * self.share;
-        out.iter_mut().for_each(|v| *v *= share);
+        scale(&mut out, self.share * self.share);
         out
     }
+
+    /// Derivatives of the residuals by the variables, point by point.
+    fn derivatives(&self, field: &dyn ParamField, space: &Space, x: &[f64]) -> Vec<f64> {
+        let jac = jacobian(field, &self.points, &space.parameters(x));
+        let of_point = |row| (0..space.len()).map(move |k| space.derivative(k, row));
+        jac.chunks_exact(field.dim()).flat_map(of_point).collect()
+    }
+}
+
+/// The first points in the order with residuals that count.
+fn chosen(residuals: &[f64], order: &[u32]) -> Vec<usize> {
+    let is_used = |i: &usize| residuals[*i] != 0.0 && residuals[*i].is_finite();
+    let used = order.iter().map(|&i| i as usize).filter(is_used);
+    used.take(SAMPLE).collect()
 }

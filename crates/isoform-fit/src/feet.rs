@@ -18,6 +18,17 @@ pub(crate) struct Feet {
     pub(crate) feet: Vec<Foot>,
 }
 
+impl Feet {
+    /// Asks for the feet of points.
+    fn ask(&mut self, distance: &dyn DistanceField, points: &[Point3], a: &[f64]) {
+        self.points.clear();
+        self.points.extend_from_slice(points);
+        a.clone_into(&mut self.a);
+        self.feet.resize(points.len(), Foot::NONE);
+        distance.feet(points, a, &mut self.feet);
+    }
+}
+
 impl<'a> KeptFeet<'a> {
     pub(crate) fn new(distance: &'a dyn DistanceField) -> Self {
         Self {
@@ -36,11 +47,7 @@ impl<'a> KeptFeet<'a> {
         // Its memory serves again: a million fresh bytes cost as much as a tenth of the feet.
         let mut found = last.take().and_then(Arc::into_inner).unwrap_or_default();
         drop(last);
-        found.points.clear();
-        found.points.extend_from_slice(points);
-        a.clone_into(&mut found.a);
-        found.feet.resize(points.len(), Foot::NONE);
-        self.distance.feet(points, a, &mut found.feet);
+        found.ask(self.distance, points, a);
         let found = Arc::new(found);
         *self.lock() = Some(Arc::clone(&found));
         found

@@ -6,15 +6,22 @@
 //! standard deviations, the others following along the valley: where the sum of squares does not
 //! rise by a fair share of what the quadratic model says, on either side, the parameter is open.
 
+mod covariance;
+
+pub(crate) use self::covariance::{product, student95};
+
+use self::covariance::inverse;
 use crate::Loss;
 use crate::objective::{normal_equations, sum_of_squares};
-use crate::polish::{slope, weight};
+use crate::polish::weight;
 use crate::space::Space;
 use isoform_geom::{ParamField, Point3};
-use isoform_num::linalg::{cholesky, cholesky_solve};
 
 /// Standard deviations that a parameter is moved by.
 const MOVE: f64 = 10.0;
+/// A parameter is moved no farther than this share of its range, or of a unit: an open direction is
+/// as flat there.
+const FARTHEST: f64 = 0.5;
 /// Share of the predicted rise that must be seen on both sides. Nonlinear but determined parameters
 /// keep above 0.3.
 const RISE: f64 = 0.1;
@@ -22,10 +29,12 @@ const RISE: f64 = 0.1;
 const NO_CURVATURE: f64 = 1e-10;
 /// Share of a direction that makes another open variable part of its group.
 const SHARE: f64 = 0.05;
-
 /// A variable with a smaller deviation, in units of the search, is moved only if there is a reason
 /// to doubt it.
 const SURE: f64 = 2e-3;
+/// A variable whose deviation is above this, in units of the search, is moved however short the way
+/// to its bound is.
+const VAGUE: f64 = 0.2;
 
 /// Points that stand for all.
 struct Tested {
@@ -37,13 +46,21 @@ struct Tested {
     base: f64,
 }
 
+/// A direction in which variables can move at next to no cost.
+pub(crate) struct OpenDirection {
+    /// The variable to hold.
+    pub(crate) variable: usize,
+    /// The moves of all variables, scaled to 1 for that one.
+    pub(crate) direction: Vec<f64>,
+    /// The sense (±1) in which nothing is lost.
+    pub(crate) sense: f64,
+}
+
 /// Uncertainty of the variables.
 pub(crate) struct Knowledge {
     /// Open variables: each group lies along one direction.
     pub(crate) open: Vec<Vec<usize>>,
-    /// For each group the variable to hold and the direction, scaled to 1 there, with the sense
-    /// (±1) in which nothing is lost.
-    pub(crate) directions: Vec<(usize, Vec<f64>, f64)>,
+    pub(crate) directions: Vec<OpenDirection>,
     /// The matrix of the normal equations where this was asked.
     pub(crate) normal: Vec<f64>,
 }
@@ -66,13 +83,52 @@ pub(crate) struct At<'a> {
     pub(crate) tested: usize,
 }
 
+/// Variables to be moved, one after the other.
+struct Moving<'a> {
+    at: &'a At<'a>,
+    tested: Tested,
+    /// The matrix of the normal equations.
+    normal: Vec<f64>,
+    /// Curvature below this is none.
+    floor: f64,
+    held: Vec<bool>,
+    /// Inverse of the normal matrix without what is held.
+    inverse: Vec<f64>,
+}
+
+/// A variable that can be moved at next to no cost.
+#[derive(Clone, Copy)]
+struct Flat {
+    /// The sense that costs least.
+    sense: f64,
+    /// The variable's deviation.
+    deviation: f64,
+}
+
 impl At<'_> {
-    fn normal(&self, points: &[Point3], weights: &[f64]) -> Vec<f64> {
+    /// Deviation of the residuals, rounding at least.
+    fn deviation(&self) -> f64 {
+        self.scale.max(self.least_scale)
+    }
+
+    /// The matrix of the normal equations, by the loss.
+    fn weighted_normal(&self) -> Vec<f64> {
+        self.normal(&self.weights())
+    }
+
+    /// Weights of the points in the loss.
+    fn weights(&self) -> Vec<f64> {
+        let s = self.deviation();
+        self.masked(|r| weight(self.loss, r / s))
+    }
+
+    /// Jᵀ W J of all points, in the variables.
+    fn normal(&self, weights: &[f64]) -> Vec<f64> {
         let (n, m) = (self.field.dim(), self.space.len());
-        let (mut a, mut ga, mut ha) = (vec![0.0; n], vec![0.0; n], vec![0.0; n * n]);
+        let (mut ga, mut ha) = (vec![0.0; n], vec![0.0; n * n]);
         let (mut g, mut h) = (vec![0.0; m], vec![0.0; m * m]);
-        self.space.parameters_at(self.x, &mut a);
-        normal_equations(self.field, points, weights, &a, &mut ga, &mut ha);
+        let a = self.space.parameters(self.x);
+        normal_equations(self.field, self.points, weights, &a, &mut ga, &mut ha);
         self.space.pull_back(&ga, &ha, &mut g, &mut h);
         h
     }
@@ -90,13 +146,11 @@ impl At<'_> {
     /// Some of the points with their weights (as at x), and how many each stands for.
     fn tested(&self, weights: &[f64]) -> Tested {
         let step = self.points.len().div_ceil(self.tested.max(1)).max(1);
-        let every = |v: &[f64]| v.iter().copied().step_by(step).collect::<Vec<_>>();
         let points: Vec<Point3> = self.points.iter().copied().step_by(step).collect();
-        let share = self.points.len() as f64 / points.len().max(1) as f64;
         let mut tested = Tested {
+            weights: weights.iter().copied().step_by(step).collect(),
+            share: self.points.len() as f64 / points.len().max(1) as f64,
             points,
-            weights: every(weights),
-            share,
             base: 0.0,
         };
         tested.base = self.sum(self.x, &tested);
@@ -105,8 +159,7 @@ impl At<'_> {
 
     /// Sum of squares after a move.
     fn sum(&self, x: &[f64], tested: &Tested) -> f64 {
-        let mut a = vec![0.0; self.field.dim()];
-        self.space.parameters_at(x, &mut a);
+        let a = self.space.parameters(x);
         tested.share * sum_of_squares(self.field, &tested.points, &tested.weights, &a)
     }
 
@@ -119,265 +172,204 @@ impl At<'_> {
         normal: Option<Vec<f64>>,
     ) -> Knowledge {
         let m = self.space.len();
-        let s = self.scale.max(self.least_scale);
-        let weights = self.masked(|r| weight(self.loss, r / s));
-        let h = normal.unwrap_or_else(|| self.normal(self.points, &weights));
-        let largest = (0..m).map(|i| h[i * m + i]).fold(0.0, f64::max);
-        let mut held = vec![false; m];
-        let mut open: Vec<Vec<usize>> = Vec::new();
+        let weights = self.weights();
+        let normal = normal.unwrap_or_else(|| self.normal(&weights));
+        let mut moving = Moving::new(self, normal, self.tested(&weights));
+        let mut open = Vec::new();
         let mut directions = Vec::new();
-        let tested = self.tested(&weights);
         let mut flat_at_first: Option<Vec<bool>> = None;
         loop {
-            let inverse = inverse(&h, m, &held, NO_CURVATURE * largest);
-            let tests: Vec<Option<(f64, f64)>> = (0..m)
-                .map(|k| {
-                    let spread = inverse[k * m + k];
-                    let deviation = s * spread.sqrt();
-                    let is_blind = h[k * m + k] < NO_CURVATURE * largest;
-                    let is_weak = is_blind || deviation.is_nan() || deviation >= SURE;
-                    if held[k] || !(is_weak || suspect(k)) {
-                        None
-                    } else {
-                        self.flatness(k, &inverse, s, &tested)
-                    }
-                })
-                .collect();
+            let flats: Vec<Option<Flat>> = (0..m).map(|k| moving.flat(k, suspect)).collect();
             let first =
-                flat_at_first.get_or_insert_with(|| tests.iter().map(Option::is_some).collect());
-            // The freest first.
-            let Some((k, sense)) = (0..m)
-                .filter_map(|k| tests[k].map(|t| (k, t)))
-                .max_by(|a, b| a.1.1.total_cmp(&b.1.1).then(b.0.cmp(&a.0)))
-                .map(|(k, t)| (k, t.0))
-            else {
+                flat_at_first.get_or_insert_with(|| flats.iter().map(Option::is_some).collect());
+            let Some((k, flat)) = freest(&flats) else {
                 break;
             };
-            let spread = inverse[k * m + k];
-            let direction: Vec<f64> = (0..m)
-                .map(|j| {
-                    if held[j] {
-                        0.0
-                    } else {
-                        inverse[j * m + k] / spread
-                    }
-                })
-                .collect();
-            let group: Vec<usize> = (0..m)
-                .filter(|&j| j == k || (first[j] && direction[j].abs() > SHARE))
-                .collect();
-            held[k] = true;
-            // Groups that share a variable are one statement.
-            if let Some(known) = open
-                .iter_mut()
-                .find(|g| g.iter().any(|j| group.contains(j)))
-            {
-                known.extend(
-                    group
-                        .iter()
-                        .filter(|j| !known.contains(j))
-                        .copied()
-                        .collect::<Vec<_>>(),
-                );
-                known.sort_unstable();
-            } else {
-                open.push(group);
-            }
-            directions.push((k, direction, sense));
+            let direction = moving.direction(k);
+            let belongs = |j: &usize| *j == k || (first[*j] && direction[*j].abs() > SHARE);
+            add_group(&mut open, (0..m).filter(belongs).collect());
+            moving.hold(k);
+            directions.push(OpenDirection {
+                variable: k,
+                direction,
+                sense: flat.sense,
+            });
         }
         Knowledge {
             open,
             directions,
-            normal: h,
+            normal: moving.normal,
         }
+    }
+}
+
+impl<'a> Moving<'a> {
+    fn new(at: &'a At<'a>, normal: Vec<f64>, tested: Tested) -> Self {
+        let m = at.space.len();
+        let mut moving = Self {
+            at,
+            tested,
+            floor: NO_CURVATURE * largest(&normal, m),
+            normal,
+            held: vec![false; m],
+            inverse: Vec::new(),
+        };
+        moving.invert();
+        moving
+    }
+
+    fn invert(&mut self) {
+        self.inverse = inverse(&self.normal, self.held.len(), &self.held, self.floor);
+    }
+
+    /// Holds a variable from now on.
+    fn hold(&mut self, k: usize) {
+        self.held[k] = true;
+        self.invert();
+    }
+
+    /// Whether variable k can be moved at next to no cost, if there is a reason to ask.
+    fn flat(&self, k: usize, suspect: &dyn Fn(usize) -> bool) -> Option<Flat> {
+        let is_asked = !self.held[k] && (self.is_weak(k) || suspect(k));
+        is_asked.then(|| self.flatness(k)).flatten()
+    }
+
+    fn spread(&self, k: usize) -> f64 {
+        self.inverse[k * self.at.space.len() + k]
+    }
+
+    /// Deviation of variable k, the others following along the valley.
+    fn deviation(&self, k: usize) -> f64 {
+        self.at.deviation() * self.spread(k).sqrt()
+    }
+
+    /// Whether the points say little of variable k.
+    fn is_weak(&self, k: usize) -> bool {
+        let is_blind = self.normal[k * self.held.len() + k] < self.floor;
+        let deviation = self.deviation(k);
+        is_blind || deviation.is_nan() || deviation >= SURE
+    }
+
+    /// The move of variable j along the valley, per move of variable k times its spread.
+    fn along(&self, k: usize, j: usize) -> f64 {
+        self.inverse[j * self.at.space.len() + k]
+    }
+
+    /// The valley of variable k, without what is held.
+    fn direction(&self, k: usize) -> Vec<f64> {
+        let spread = self.spread(k);
+        let along = |j: usize| {
+            if self.held[j] {
+                0.0
+            } else {
+                self.along(k, j) / spread
+            }
+        };
+        (0..self.held.len()).map(along).collect()
     }
 
     /// If moving variable k costs next to nothing: the sense that costs least, and the variable's
     /// deviation.
-    fn flatness(&self, k: usize, inverse: &[f64], s: f64, tested: &Tested) -> Option<(f64, f64)> {
-        let m = self.space.len();
-        let spread = inverse[k * m + k];
+    fn flatness(&self, k: usize) -> Option<Flat> {
+        let spread = self.spread(k);
         if !(spread > 0.0 && spread.is_finite()) {
-            return Some((1.0, f64::INFINITY));
+            return Some(Flat {
+                sense: 1.0,
+                deviation: f64::INFINITY,
+            });
         }
-        let deviation = s * spread.sqrt();
-        let mut worst = (1.0, f64::INFINITY);
-        for sense in [1.0, -1.0] {
-            // No farther than half of the range: an open direction is as flat there. A bound in the
-            // way shortens the move.
-            let mut t: f64 = (MOVE * deviation)
-                .min(0.5 * (self.space.hi[k] - self.space.lo[k]))
-                .min(0.5);
-            for j in 0..m {
-                let by = sense * inverse[j * m + k] / spread;
-                let gap = if by > 0.0 {
-                    self.space.hi[j] - self.x[j]
-                } else {
-                    self.x[j] - self.space.lo[j]
-                };
-                if by.abs() > 0.0 {
-                    t = t.min(gap / by.abs());
-                }
-            }
-            if t < 2.0 * deviation && deviation < 0.2 {
+        let deviation = self.deviation(k);
+        let (mut sense, mut least) = (1.0, f64::INFINITY);
+        for s in [1.0, -1.0] {
+            let t = self.reach(k, s);
+            if t < 2.0 * deviation && deviation < VAGUE {
                 continue; // at a bound: nothing can be said on this side
             }
-            let x: Vec<f64> = (0..m)
-                .map(|j| self.x[j] + sense * t * inverse[j * m + k] / spread)
-                .collect();
-            let rise = self.sum(&x, tested) - tested.base;
-            // For next to no curvature the prediction itself is next to nothing; then a fair rise
-            // is one of a few deviations.
-            let predicted = (t * t / spread)
-                .max(s * s * MOVE * MOVE * 0.25 * (t / (MOVE * deviation)).min(1.0).powi(2))
-                .max(s * s);
-            let ratio = rise / predicted;
-            if ratio < worst.1 || ratio.is_nan() {
-                worst = (
-                    sense,
-                    if ratio.is_nan() {
-                        f64::NEG_INFINITY
-                    } else {
-                        ratio
-                    },
-                );
+            let ratio = self.rise(k, s * t) / self.predicted(k, t);
+            if ratio < least || ratio.is_nan() {
+                sense = s;
+                least = if ratio.is_nan() {
+                    f64::NEG_INFINITY
+                } else {
+                    ratio
+                };
             }
         }
-        (worst.1 < RISE).then_some((worst.0, deviation))
+        (least < RISE).then_some(Flat { sense, deviation })
     }
 
-    /// Covariance of the variables that are not held, for independent residuals, and the inverse of
-    /// their normal matrix.
-    /// `normal` is the matrix of [`Knowledge`] if that was asked at this very fit.
-    pub(crate) fn covariance_without(
-        &self,
-        held: &[bool],
-        normal: Option<&[f64]>,
-    ) -> (Vec<f64>, Vec<f64>) {
-        let m = self.space.len();
-        let robust = self.loss.is_robust();
-        let s = self.scale.max(self.least_scale);
-        let h = normal.map_or_else(
-            || {
-                let weights = self.masked(|r| weight(self.loss, r / s));
-                self.normal(self.points, &weights)
-            },
-            <[f64]>::to_vec,
-        );
-        let largest = (0..m).map(|i| h[i * m + i]).fold(0.0, f64::max);
-        self.covariance(&h, held, robust, s, largest)
-    }
-
-    fn covariance(
-        &self,
-        h: &[f64],
-        held: &[bool],
-        robust: bool,
-        s: f64,
-        largest: f64,
-    ) -> (Vec<f64>, Vec<f64>) {
-        let m = self.space.len();
-        let free = held.iter().filter(|v| !**v).count();
-        let n = if self.mask.is_empty() {
-            self.residuals.len()
-        } else {
-            self.mask.iter().filter(|m| **m > 0.0).count()
-        };
-        let degrees = (n as f64 - free as f64).max(1.0);
-        let floor = NO_CURVATURE * largest;
-        if !robust {
-            let used = self
-                .residuals
-                .iter()
-                .enumerate()
-                .filter(|(i, r)| r.is_finite() && self.mask.get(*i) != Some(&0.0));
-            let sum: f64 = used.map(|(_, r)| r * r).sum();
-            let c = inverse(h, m, held, floor);
-            let variance = (sum / degrees).max(self.least_scale.powi(2));
-            return (c.iter().map(|v| v * variance).collect(), c);
+    /// How far variable k is moved in a sense. A bound in the way shortens the move.
+    fn reach(&self, k: usize, sense: f64) -> f64 {
+        let (limits, spread) = (self.at.space.limits(), self.spread(k));
+        let mut t = (MOVE * self.deviation(k))
+            .min(FARTHEST * limits.range(k))
+            .min(FARTHEST);
+        for j in 0..self.at.x.len() {
+            let by = sense * self.along(k, j) / spread;
+            if by.abs() > 0.0 {
+                t = t.min(limits.gap(self.at.x, j, by) / by.abs());
+            }
         }
-        // The sandwich: A⁻¹ B A⁻¹ with A = Σ ψ′ J Jᵀ and B = Σ ψ² J Jᵀ.
-        let slopes = self.masked(|r| slope(self.loss, r / s));
-        // Points that the model meets exactly are still known to rounding only.
-        let least = (s * s - self.scale * self.scale).max(0.0);
-        let squares = self.masked(|r| weight(self.loss, r / s).powi(2) * (r * r + least));
-        // Negative weights mean nothing to normal equations that take their roots: two sums.
-        let plus: Vec<f64> = slopes.iter().map(|v| v.max(0.0)).collect();
-        let minus: Vec<f64> = slopes.iter().map(|v| (-v).max(0.0)).collect();
-        let mut a = self.normal(self.points, &plus);
-        a.iter_mut()
-            .zip(self.normal(self.points, &minus))
-            .for_each(|(p, q)| *p -= q);
-        let b = self.normal(self.points, &squares);
-        // Where the slopes do not make a positive matrix (few points, gross misfit), the weights
-        // do.
-        let sound = {
-            let mut t = a.clone();
-            (0..m).for_each(|i| t[i * m + i] += floor);
-            cholesky(&mut t, m)
-        };
-        let c = inverse(if sound { &a } else { h }, m, held, floor);
-        let cb = product(&c, &b, m);
-        let mut out = product(&cb, &c, m);
-        let share = n as f64 / degrees;
-        out.iter_mut().for_each(|v| *v *= share);
-        (out, c)
+        t
+    }
+
+    /// How much the sum of squares rises when variable k moves by t.
+    fn rise(&self, k: usize, t: f64) -> f64 {
+        let spread = self.spread(k);
+        let moved = self.at.x.iter().enumerate();
+        let moved = moved.map(|(j, x)| x + t * self.along(k, j) / spread);
+        self.at.sum(&moved.collect::<Vec<_>>(), &self.tested) - self.tested.base
+    }
+
+    /// The rise that the quadratic model foretells. For next to no curvature that is next to
+    /// nothing; then a fair rise is one of a few deviations.
+    fn predicted(&self, k: usize, t: f64) -> f64 {
+        let s = self.at.deviation();
+        let share = (t / (MOVE * self.deviation(k))).min(1.0).powi(2);
+        (t * t / self.spread(k))
+            .max(s * s * MOVE * MOVE * 0.25 * share)
+            .max(s * s)
     }
 }
 
-/// Inverse of h + floor I without the rows that are held (those are nought).
-pub(crate) fn inverse(h: &[f64], m: usize, held: &[bool], floor: f64) -> Vec<f64> {
-    let free: Vec<usize> = (0..m).filter(|&i| !held[i]).collect();
-    let k = free.len();
-    let mut l = vec![0.0; k * k];
-    let mut floor = floor.max(f64::MIN_POSITIVE);
-    loop {
-        for (r, &i) in free.iter().enumerate() {
-            for (c, &j) in free.iter().enumerate() {
-                l[r * k + c] = h[i * m + j];
-            }
-            l[r * k + r] += floor;
+/// Adds a group of open variables to others. Groups that share a variable are one statement.
+fn add_group(open: &mut Vec<Vec<usize>>, group: Vec<usize>) {
+    let meets = |known: &&mut Vec<usize>| known.iter().any(|j| group.contains(j));
+    match open.iter_mut().find(meets) {
+        Some(known) => {
+            known.extend(group);
+            known.sort_unstable();
+            known.dedup();
         }
-        if cholesky(&mut l, k) || !floor.is_finite() {
-            break;
-        }
-        floor *= 10.0;
+        None => open.push(group),
     }
-    let mut out = vec![0.0; m * m];
-    for (c, &j) in free.iter().enumerate() {
-        let mut e = vec![0.0; k];
-        e[c] = 1.0;
-        cholesky_solve(&l, k, &mut e);
-        for (r, &i) in free.iter().enumerate() {
-            out[i * m + j] = e[r];
-        }
-    }
-    out
 }
 
-pub(crate) fn product(a: &[f64], b: &[f64], m: usize) -> Vec<f64> {
-    let mut c = vec![0.0; m * m];
-    for i in 0..m {
-        for k in 0..m {
-            for j in 0..m {
-                c[i * m + j] += a[i * m + k] * b[k * m + j];
-            }
-        }
-    }
-    c
+/// The flat variable with the largest deviation, the first of equals.
+fn freest(flats: &[Option<Flat>]) -> Option<(usize, Flat)> {
+    let all = flats.iter().enumerate();
+    all.filter_map(|(k, flat)| Some((k, (*flat)?)))
+        .max_by(|a, b| {
+            let by_deviation = a.1.deviation.total_cmp(&b.1.deviation);
+            by_deviation.then(b.0.cmp(&a.0))
+        })
 }
 
-/// Half width of a 95 % interval in standard deviations: Student's t with the given degrees of
-/// freedom.
-pub(crate) fn student95(degrees: f64) -> f64 {
-    const Z: f64 = 1.959_963_984_540_054;
-    let v = degrees.max(1.0);
-    if v < 3.0 {
-        return if v < 2.0 { 12.706 } else { 4.303 };
+/// Largest diagonal element of a matrix of m rows.
+fn largest(h: &[f64], m: usize) -> f64 {
+    (0..m).map(|i| h[i * m + i]).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_that_meet_are_one() {
+        let mut open = Vec::new();
+        add_group(&mut open, vec![3, 1]);
+        add_group(&mut open, vec![0]);
+        add_group(&mut open, vec![2, 3]);
+        assert_eq!(open, [vec![1, 2, 3], vec![0]]);
     }
-    // Cornish-Fisher, good to 1e-3 from 4 degrees on.
-    let z2 = Z * Z;
-    Z + Z * (z2 + 1.0) / (4.0 * v)
-        + Z * ((5.0 * z2 + 16.0) * z2 + 3.0) / (96.0 * v * v)
-        + Z * (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / (384.0 * v * v * v)
 }

@@ -10,8 +10,99 @@
 //! not from annealing: bounds, data units and a reflective trust region make a single wide start
 //! succeed in 9 of 10 cases.
 //!
-//! [`fit`] is the way in; [`Template`] is what it needs, [`Fit`] what it gives. Same seed, same
-//! bits, for any number of threads.
+//! [`fit`] is the way in; [`Template`] is what it needs, [`Fit`] what it gives. One seed gives one
+//! result to the last bit, for any number of threads.
+//!
+//! # Words
+//! - *template*: a function f(p; a) of space with named parameters a; its zero set is the model;
+//! - *variables* x: what of the parameters is free, in units of their own ([`Space`]);
+//! - *algebraic*, *metric*, *distance*: three readings of the template, from wide basins to the
+//!   distance itself ([`Template`]);
+//! - *start*, *throw*: a place that a search begins at; a minimum with a piece drawn anew;
+//! - *polish*: the last descents, by the metric residual and then by the distance;
+//! - *open*: not determined by the data; *bare*: surface of the model without data near it;
+//! - *finding*: what speaks against a fit and makes its [`Verdict`]; *warning*: what is good to
+//!   know.
+//!
+//! # A ball from points
+//! A template says what its parameters are and gives values and derivatives of its function.
+//!
+//! ```
+//! use isoform_fit::{Control, Kind, Options, Parameter, Template, Verdict, fit};
+//! use isoform_geom::{ParamField, Point3, norm, sub};
+//!
+//! /// r − |p − c| with a = (c, r): a signed distance, positive inside.
+//! struct Distance;
+//!
+//! impl ParamField for Distance {
+//!     fn dim(&self) -> usize {
+//!         4
+//!     }
+//!     fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]) {
+//!         for (p, f) in points.iter().zip(out) {
+//!             *f = a[3] - norm(sub(*p, [a[0], a[1], a[2]]));
+//!         }
+//!     }
+//!     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], g: &mut [Point3]) {
+//!         self.values(points, a, out);
+//!         for (p, g) in points.iter().zip(g) {
+//!             let d = sub(*p, [a[0], a[1], a[2]]);
+//!             *g = d.map(|v| -v / norm(d).max(1e-300));
+//!         }
+//!     }
+//!     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
+//!         let mut g = vec![[0.0; 3]; points.len()];
+//!         self.gradients(points, a, out, &mut g);
+//!         for (row, g) in jac.chunks_exact_mut(4).zip(g) {
+//!             row.copy_from_slice(&[-g[0], -g[1], -g[2], 1.0]);
+//!         }
+//!     }
+//! }
+//!
+//! struct Ball {
+//!     parameters: Vec<Parameter>,
+//!     names: Vec<String>,
+//! }
+//!
+//! impl Template for Ball {
+//!     fn parameters(&self) -> &[Parameter] {
+//!         &self.parameters
+//!     }
+//!     fn algebraic(&self) -> &dyn ParamField {
+//!         &Distance
+//!     }
+//!     fn metric(&self) -> &dyn ParamField {
+//!         &Distance
+//!     }
+//!     fn part_names(&self) -> &[String] {
+//!         &self.names
+//!     }
+//!     fn parts(&self, _: &[Point3], _: &[f64], out: &mut [u32]) {
+//!         out.fill(0);
+//!     }
+//! }
+//!
+//! let kinds = [("x", Kind::X), ("y", Kind::Y), ("z", Kind::Z), ("radius", Kind::Length)];
+//! let ball = Ball {
+//!     parameters: kinds.map(|(name, kind)| Parameter::new(name, kind)).into(),
+//!     names: vec!["ball".into()],
+//! };
+//! // 2000 points on a ball of radius 2 about (1, −1, ½), along Fibonacci's spiral.
+//! let points: Vec<Point3> = (0..2000)
+//!     .map(|k| {
+//!         let z = 1.0 - (f64::from(k) + 0.5) / 1000.0;
+//!         let (sin, cos) = (2.399_963_229_728_653 * f64::from(k)).sin_cos();
+//!         let r = (1.0 - z * z).sqrt();
+//!         [1.0 + 2.0 * r * cos, -1.0 + 2.0 * r * sin, 0.5 + 2.0 * z]
+//!     })
+//!     .collect();
+//! let found = fit(&points, &ball, &Options::default(), &Control::default())?;
+//! assert_eq!(found.verdict, Verdict::Accepted, "{:?}", found.findings);
+//! for (value, truth) in found.values().iter().zip([1.0, -1.0, 0.5, 2.0]) {
+//!     assert!((value - truth).abs() < 1e-9);
+//! }
+//! # Ok::<(), isoform_fit::FitError>(())
+//! ```
 #![forbid(unsafe_code)]
 
 #[cfg(test)]
@@ -20,7 +111,9 @@ extern crate self as isoform_fit;
 pub mod annealing;
 pub mod bfgs;
 mod bias;
+mod bounds;
 mod classical;
+mod clock;
 mod clutter;
 mod correlation;
 mod deviation;
@@ -40,21 +133,23 @@ mod scan;
 mod search;
 mod settle;
 mod space;
-mod tell;
+mod task;
 mod template;
 #[cfg(test)]
 mod testing;
 mod trimmed;
+mod vector;
+mod words;
 
 pub use clutter::{Beside, Clutter};
 pub use deviation::{DataToModel, ModelToData, surface_samples};
 pub use evidence::Evidence;
 pub use fit::{Candidate, fit, search, settle};
 pub use isoform_control::Control;
-pub use judge::{Finding, Verdict};
+pub use judge::{Finding, Verdict, Warning};
 pub use objective::{Objective, Residuals};
 pub use options::{FitError, Local, Loss, Method, Options};
-pub use report::{Estimate, Fit, Open, OtherMinimum, PartStatistics, Status};
+pub use report::{Estimate, Fit, Open, OtherMinimum, PartStatistics, Status, Why};
 pub use scan::Scan;
 pub use search::Step;
 pub use space::Space;

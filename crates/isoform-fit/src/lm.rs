@@ -7,20 +7,54 @@
 //! scaled gradient (Branch, Coleman, Li 1999, SIAM J. Sci. Comput. 21:1–23); iterates stay strictly
 //! inside. The ball grows and shrinks with the quality of the model.
 //!
-//! How a long step is fitted into the ball decides how many wide starts reach the global minimum
-//! (1000 starts per variant of a
-//! 12-parameter part, 512 points; without and with starts informed by the data): μ from Moré's
-//! iteration, the textbook's way, 67 to
-//! 82 and 82 to 96 %; the Gauss-Newton step (a least μ only) cut to length, 63 to 99 and 86 to 99.6
-//! %, in a third fewer evaluations. Large μ turns the step into the gradient, which moves what is
-//! steep already and leaves astray primitives where they are. The latter is the default, the former
-//! [`Options::exact`]. Without the reflection half of the wide starts fail. And the ball must be
-//! one in the variables' own units: measured by diag(JᵀJ), Marquardt's way, 2 to 33 % arrive,
-//! because on the zero sets of R-functions inactive primitives have derivatives near nought and fly
-//! off.
+//! How a long step is fitted into the ball decides how many wide starts reach the global minimum.
+//! It was measured on a part of 12 parameters and 512 points, 1000 starts per variant:
+//!
+//! | variant | wide starts | starts informed by the data |
+//! |---|---|---|
+//! | μ from Moré's iteration, the textbook's way | 67 to 82 % | 82 to 96 % |
+//! | Gauss-Newton step (a least μ only) cut to length | 63 to 99 % | 86 to 99.6 % |
+//!
+//! The cut step takes a third fewer evaluations, too: large μ turns the step into the gradient,
+//! which moves what is steep already and leaves astray primitives where they are. It is the
+//! default, Moré's iteration is [`Options::exact`]. Without the reflection half of the wide starts
+//! fail. And the ball must be one in the variables' own units: measured by diag(JᵀJ), Marquardt's
+//! way, 2 to 33 % arrive, because on the zero sets of R-functions inactive primitives have
+//! derivatives near nought and fly off.
+//!
+//! ```
+//! use isoform_fit::{Objective, lm};
+//!
+//! /// Σ r² of r = (x − 3, 2 (y + 1)).
+//! struct Bowl;
+//! impl Objective for Bowl {
+//!     fn dim(&self) -> usize {
+//!         2
+//!     }
+//!     fn value(&mut self, x: &[f64]) -> f64 {
+//!         (x[0] - 3.0).powi(2) + 4.0 * (x[1] + 1.0).powi(2)
+//!     }
+//!     fn model(&mut self, x: &[f64], g: &mut [f64], h: &mut [f64]) -> f64 {
+//!         g.copy_from_slice(&[x[0] - 3.0, 4.0 * (x[1] + 1.0)]);
+//!         h.copy_from_slice(&[1.0, 0.0, 0.0, 4.0]);
+//!         self.value(x)
+//!     }
+//! }
+//!
+//! let (lo, hi) = ([-5.0; 2], [2.0, 5.0]);
+//! let options = lm::Options::default();
+//! let found = lm::minimize(&mut Bowl, vec![0.0; 2], &lo, &hi, &options, &mut |_, _, _| true);
+//! // The bound of x keeps it at 2, where the sum is (2 − 3)².
+//! assert!((found.x[0] - 2.0).abs() < 1e-6 && (found.x[1] + 1.0).abs() < 1e-6);
+//! assert!((found.value - 1.0).abs() < 1e-6);
+//! ```
 
+mod region;
+
+use self::region::Region;
 use crate::Objective;
-use isoform_num::linalg::{cholesky, cholesky_solve};
+use crate::bounds::Bounds;
+use crate::objective::Place;
 
 /// Settings of [`minimize`].
 #[derive(Clone, Debug)]
@@ -90,463 +124,196 @@ pub struct Minimum {
     pub stop: Stop,
 }
 
-/// Distance kept from a bound, relative to the smaller of range and unit: strictly interior, yet
-/// invisible in a result.
-const GAP: f64 = 1e-12;
-/// Least μ, relative to the largest diagonal element: keeps directions that the data leave open
-/// still. Up to 1e-5 makes no difference to success, 1e-4 loses a fifth of the starts.
-const FLOOR: f64 = 1e-8;
-/// Share of the way to a bound that a cut step goes, at least (towards 1 as the gradient vanishes).
-const SHARE: f64 = 0.995;
-/// A fall within this share of what was foretold makes the next forecast believed. Near a minimum
-/// forecasts are good to a per cent; far from it they are off by tens.
-const TRUSTED: f64 = 0.2;
-
-/// Minimises within `lo` and `hi` from `x`, which must lie strictly between. `monitor` sees every
-/// accepted point (iteration, x, value) and ends the run by returning `false`.
-pub fn minimize(
-    objective: &mut dyn Objective,
-    mut x: Vec<f64>,
-    lo: &[f64],
-    hi: &[f64],
-    options: &Options,
-    monitor: &mut dyn FnMut(usize, &[f64], f64) -> bool,
-) -> Minimum {
-    let n = objective.dim();
-    let (mut g, mut h) = (vec![0.0; n], vec![0.0; n * n]);
-    let (mut g_new, mut h_new) = (vec![0.0; n], vec![0.0; n * n]);
-    let mut trial = vec![0.0; n];
-    let mut value = objective.model(&x, &mut g, &mut h);
-    let mut iterations = 1;
-    if !finite(value, &g, &h) {
-        return Minimum {
+impl Minimum {
+    /// The end of a solver whose start has no finite value.
+    pub(crate) fn not_finite(x: Vec<f64>, iterations: usize) -> Self {
+        Self {
             x,
             value: f64::INFINITY,
             normal: None,
             iterations,
             stop: Stop::NotFinite,
-        };
+        }
     }
-    let mut region = Region::new(n, options.radius, options.exact);
-    let mut past = vec![value];
-    let mut is_trusted = false;
+}
+
+/// Distance kept from a bound, relative to the smaller of range and unit: strictly interior, yet
+/// invisible in a result.
+const GAP: f64 = 1e-12;
+/// Share of the way to a bound that a cut step goes, at least (towards 1 as the gradient vanishes).
+const SHARE: f64 = 0.995;
+/// A fall within this share of what was foretold makes the next forecast believed. Near a minimum
+/// forecasts are good to a per cent; far from it they are off by tens.
+const TRUSTED: f64 = 0.2;
+/// A predicted fall below this share of the value is rounding: no step can be judged by it.
+const ROUNDING: f64 = 1e-15;
+/// Falls of more than this share of the predicted one are good steps.
+const GOOD: f64 = 0.25;
+
+/// Minimises within `lo` and `hi` from `x`, which must lie strictly between. `monitor` sees every
+/// accepted point (iteration, x, value) and ends the run by returning `false`.
+pub fn minimize(
+    objective: &mut dyn Objective,
+    x: Vec<f64>,
+    lo: &[f64],
+    hi: &[f64],
+    options: &Options,
+    monitor: &mut dyn FnMut(usize, &[f64], f64) -> bool,
+) -> Minimum {
+    let mut descent = Descent::new(objective, x, Bounds { lo, hi }, options);
+    if !descent.here.is_finite() {
+        return Minimum::not_finite(descent.here.x, descent.iterations);
+    }
     let stop = loop {
-        if !monitor(iterations, &x, value) {
+        let Place { x, value, .. } = &descent.here;
+        if !monitor(descent.iterations, x, *value) {
             break Stop::Told;
         }
-        let slope = region.set(&x, &g, &h, lo, hi);
-        if value == 0.0 || region.is_stationary(&g, &h, value, options.gradient) {
-            break Stop::Converged;
-        }
-        // Refused steps only shrink the region; this loop ends with a step that was taken, or a
-        // reason to stop.
-        let refused = loop {
-            if iterations >= options.max_iterations {
-                break Some(Stop::Iterations);
-            }
-            let Some(predicted) = region.step(&x, lo, hi, SHARE.max(1.0 - slope)) else {
-                break Some(Stop::Stagnated);
-            };
-            // What the last step fell by was foretold: a fall below the tolerance need not be seen.
-            if is_trusted && 2.0 * predicted <= options.decrease * value {
-                break Some(Stop::Converged);
-            }
-            let limit = objective.step_limit(&x, &region.step);
-            let mut length: f64 = 0.0;
-            for i in 0..n {
-                let p = region.step[i] * limit;
-                length = length.max(p.abs());
-                let gap = GAP * (hi[i] - lo[i]).min(1.0);
-                trial[i] = (x[i] + p).clamp(lo[i] + gap, hi[i] - gap);
-            }
-            if length <= options.step {
-                break Some(Stop::Converged);
-            }
-            let found = objective.model(&trial, &mut g_new, &mut h_new);
-            iterations += 1;
-            if !finite(found, &g_new, &h_new) {
-                region.shrink();
-                continue;
-            }
-            let ratio = region.judge(0.5 * (value - found), predicted);
-            is_trusted = (ratio - 1.0).abs() < TRUSTED;
-            region.refused = if found < value { 0 } else { region.refused + 1 };
-            if found < value {
-                let fall = value - found;
-                std::mem::swap(&mut x, &mut trial);
-                std::mem::swap(&mut g, &mut g_new);
-                std::mem::swap(&mut h, &mut h_new);
-                value = found;
-                past.push(value);
-                break (fall <= options.decrease * value && ratio > 0.25)
-                    .then_some(Stop::Converged);
-            }
-            // At the rounding level no step can be judged.
-            if predicted <= 1e-15 * value {
-                break Some(Stop::Converged);
-            }
-        };
-        if let Some(stop) = refused {
+        if let Some(stop) = descent.advance() {
             break stop;
-        }
-        let k = past.len();
-        if k > options.stagnation_window
-            && past[k - 1 - options.stagnation_window] - value < options.stagnation_share * value
-        {
-            break Stop::Stagnated;
         }
     };
     Minimum {
-        x,
-        value,
-        normal: Some(h),
-        iterations,
+        x: descent.here.x,
+        value: descent.here.value,
+        normal: Some(descent.here.matrix),
+        iterations: descent.iterations,
         stop,
     }
 }
 
-fn finite(value: f64, g: &[f64], h: &[f64]) -> bool {
-    value.is_finite() && g.iter().chain(h).all(|v| v.is_finite())
+/// What came of a step that was tried.
+enum Tried {
+    Taken,
+    Refused,
+    Ended(Stop),
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
+/// A run from one start.
+struct Descent<'a> {
+    objective: &'a mut dyn Objective,
+    bounds: Bounds<'a>,
+    options: &'a Options,
+    here: Place,
+    trial: Place,
+    region: Region,
+    /// Values at the places taken so far.
+    past: Vec<f64>,
+    /// Whether the last step fell by what the model foretold.
+    is_trusted: bool,
+    iterations: usize,
 }
 
-/// The scaled quadratic model at a point, and the ball that it is trusted in.
-struct Region {
-    n: usize,
-    radius: f64,
-    /// D, the scaling of each variable.
-    scale: Vec<f64>,
-    /// D Jᵀr.
-    gradient: Vec<f64>,
-    /// D JᵀJ D + C.
-    matrix: Vec<f64>,
-    /// Diagonal of C: there is no curvature of this kind in the function itself.
-    curve: Vec<f64>,
-    factor: Vec<f64>,
-    scaled: Vec<f64>,
-    scratch: Vec<f64>,
-    /// The step chosen, unscaled.
-    step: Vec<f64>,
-    damping: f64,
-    exact: bool,
-    /// Steps refused in a row.
-    refused: usize,
-}
-
-impl Region {
-    fn new(n: usize, radius: f64, exact: bool) -> Self {
-        let zero = vec![0.0; n];
+impl<'a> Descent<'a> {
+    fn new(
+        objective: &'a mut dyn Objective,
+        x: Vec<f64>,
+        bounds: Bounds<'a>,
+        options: &'a Options,
+    ) -> Self {
+        let n = objective.dim();
+        let mut here = Place::new(x, n);
+        here.evaluate(objective);
         Self {
-            n,
-            radius,
-            scale: zero.clone(),
-            gradient: zero.clone(),
-            matrix: vec![0.0; n * n],
-            curve: zero.clone(),
-            factor: vec![0.0; n * n],
-            scaled: zero.clone(),
-            scratch: zero.clone(),
-            step: zero,
-            damping: 0.0,
-            exact,
-            refused: 0,
+            bounds,
+            options,
+            past: vec![here.value],
+            here,
+            trial: Place::new(vec![0.0; n], n),
+            region: Region::new(n, options.radius, options.exact),
+            is_trusted: false,
+            iterations: 1,
+            objective,
         }
     }
 
-    /// Takes gradient and Gauss-Newton matrix at x; gives the largest gradient component scaled by
-    /// its bound distance.
-    fn set(&mut self, x: &[f64], g: &[f64], h: &[f64], lo: &[f64], hi: &[f64]) -> f64 {
-        let n = self.n;
-        let mut slope: f64 = 0.0;
-        for i in 0..n {
-            let gap = if g[i] < 0.0 {
-                hi[i] - x[i]
+    /// Goes on by one step that lowers the value; the reason to stop, if there is one.
+    fn advance(&mut self) -> Option<Stop> {
+        let slope = self.region.set(&self.here, self.bounds);
+        if self.here.value == 0.0 || self.region.is_stationary(&self.here, self.options.gradient) {
+            return Some(Stop::Converged);
+        }
+        let share = SHARE.max(1.0 - slope);
+        // Refused steps only shrink the region, so that this ends.
+        let ended = loop {
+            match self.attempt(share) {
+                Tried::Refused => {}
+                Tried::Taken => break None,
+                Tried::Ended(stop) => break Some(stop),
+            }
+        };
+        ended.or_else(|| self.has_stagnated().then_some(Stop::Stagnated))
+    }
+
+    /// Tries the step that the region proposes.
+    fn attempt(&mut self, share: f64) -> Tried {
+        if self.iterations >= self.options.max_iterations {
+            return Tried::Ended(Stop::Iterations);
+        }
+        let Some(predicted) = self.region.step(&self.here.x, self.bounds, share) else {
+            return Tried::Ended(Stop::Stagnated);
+        };
+        // What the last step fell by was foretold: a fall below the tolerance need not be seen.
+        if self.is_trusted && 2.0 * predicted <= self.options.decrease * self.here.value {
+            return Tried::Ended(Stop::Converged);
+        }
+        if self.set_trial() <= self.options.step {
+            return Tried::Ended(Stop::Converged);
+        }
+        self.trial.evaluate(self.objective);
+        self.iterations += 1;
+        if !self.trial.is_finite() {
+            self.region.shrink();
+            return Tried::Refused;
+        }
+        self.compare(predicted)
+    }
+
+    /// Puts the trial one step ahead, strictly inside the bounds; the largest move of a variable.
+    fn set_trial(&mut self) -> f64 {
+        let x = &self.here.x;
+        let limit = self.objective.step_limit(x, &self.region.step);
+        let mut length: f64 = 0.0;
+        for i in 0..x.len() {
+            let p = self.region.step[i] * limit;
+            length = length.max(p.abs());
+            let gap = GAP * self.bounds.range(i).min(1.0);
+            self.trial.x[i] = (x[i] + p).clamp(self.bounds.lo[i] + gap, self.bounds.hi[i] - gap);
+        }
+        length
+    }
+
+    /// Judges the trial, and goes there if it is lower.
+    fn compare(&mut self, predicted: f64) -> Tried {
+        let fall = self.here.value - self.trial.value;
+        let ratio = self.region.judge(0.5 * fall, predicted);
+        self.is_trusted = (ratio - 1.0).abs() < TRUSTED;
+        if self.trial.value < self.here.value {
+            self.region.refused = 0;
+            std::mem::swap(&mut self.here, &mut self.trial);
+            self.past.push(self.here.value);
+            let is_small = fall <= self.options.decrease * self.here.value;
+            return if is_small && ratio > GOOD {
+                Tried::Ended(Stop::Converged)
             } else {
-                x[i] - lo[i]
-            };
-            let v = if gap.is_finite() { gap.max(1e-14) } else { 1.0 };
-            slope = slope.max(g[i].abs() * v);
-            self.scale[i] = v.sqrt();
-            self.curve[i] = if gap.is_finite() { g[i].abs() } else { 0.0 };
-            self.gradient[i] = self.scale[i] * g[i];
-        }
-        for i in 0..n {
-            for j in 0..n {
-                self.matrix[i * n + j] = self.scale[i] * h[i * n + j] * self.scale[j];
-            }
-            self.matrix[i * n + i] += self.curve[i];
-        }
-        slope
-    }
-
-    /// MINPACK's cosine test, with components scaled by the distance to the bound they push
-    /// towards.
-    fn is_stationary(&self, g: &[f64], h: &[f64], value: f64, tolerance: f64) -> bool {
-        (0..self.n).all(|i| {
-            let near = (self.scale[i] * self.scale[i]).min(1.0);
-            g[i].abs() * near <= tolerance * (h[i * self.n + i] * value).sqrt()
-        })
-    }
-
-    /// g·p + ½ pᵀMp.
-    fn value(&self, p: &[f64]) -> f64 {
-        dot(&self.gradient, p) + 0.5 * self.cross(p, p)
-    }
-    /// pᵀMq.
-    fn cross(&self, p: &[f64], q: &[f64]) -> f64 {
-        self.matrix
-            .chunks_exact(self.n)
-            .zip(p)
-            .map(|(row, v)| v * dot(row, q))
-            .sum()
-    }
-
-    /// Finds `step` and its predicted fall; `None` where the numbers give no step.
-    fn step(&mut self, x: &[f64], lo: &[f64], hi: &[f64], share: f64) -> Option<f64> {
-        let is_solved = if self.exact { self.solve() } else { self.cut() };
-        if !is_solved {
-            return None;
-        }
-        let n = self.n;
-        let unscale =
-            |s: &[f64], p: &[f64]| -> Vec<f64> { s.iter().zip(p).map(|(a, b)| a * b).collect() };
-        let direct = unscale(&self.scale, &self.scaled);
-        let stride = to_bound(x, &direct, lo, hi);
-        // A cut step that keeps being refused competes with the gradient, too: that always leads
-        // down in the end.
-        if stride > 1.0 && (self.exact || self.refused < 2) {
-            self.step = direct;
-            return Some(-self.value(&self.scaled)).filter(|v| *v > 0.0);
-        }
-        let (stride, share_kept) = if stride > 1.0 {
-            (1.0, 1.0)
-        } else {
-            (stride, share)
-        };
-        let on_bound: Vec<f64> = self.scaled.iter().map(|v| v * stride).collect();
-        let mut best: Vec<f64> = on_bound.iter().map(|v| v * share_kept).collect();
-        let mut best_value = self.value(&best);
-        // The same step, reflected at the bound that it met.
-        let reflected: Vec<f64> = (0..n)
-            .map(|i| {
-                let gap = if direct[i] > 0.0 {
-                    hi[i] - x[i]
-                } else {
-                    lo[i] - x[i]
-                };
-                if direct[i] != 0.0 && gap / direct[i] <= stride {
-                    -self.scaled[i]
-                } else {
-                    self.scaled[i]
-                }
-            })
-            .collect();
-        let at: Vec<f64> = (0..n)
-            .map(|i| (x[i] + self.scale[i] * on_bound[i]).clamp(lo[i], hi[i]))
-            .collect();
-        let to_edge = to_bound(&at, &unscale(&self.scale, &reflected), lo, hi);
-        let (a, b) = (dot(&reflected, &reflected), dot(&on_bound, &reflected));
-        let to_ball = (-b
-            + (b * b - a * (dot(&on_bound, &on_bound) - self.radius * self.radius))
-                .max(0.0)
-                .sqrt())
-            / a;
-        let reach = to_ball.min(to_edge);
-        let least = (1.0 - share) * stride / reach;
-        let most = if to_edge < to_ball {
-            share * to_edge
-        } else {
-            to_ball
-        };
-        if share_kept < 1.0 && reach > 0.0 && least <= most {
-            let slope = dot(&self.gradient, &reflected) + self.cross(&on_bound, &reflected);
-            let t = lowest(0.5 * self.cross(&reflected, &reflected), slope, least, most);
-            let candidate: Vec<f64> = on_bound
-                .iter()
-                .zip(&reflected)
-                .map(|(p, r)| p + t * r)
-                .collect();
-            let value = self.value(&candidate);
-            if value < best_value {
-                (best, best_value) = (candidate, value);
-            }
-        }
-        // And steepest descent in the scaled variables.
-        let down: Vec<f64> = self.gradient.iter().map(|v| -v).collect();
-        let to_ball = self.radius / dot(&down, &down).sqrt();
-        let to_edge = to_bound(x, &unscale(&self.scale, &down), lo, hi);
-        let most = if to_edge < to_ball {
-            share * to_edge
-        } else {
-            to_ball
-        };
-        let t = lowest(
-            0.5 * self.cross(&down, &down),
-            -dot(&down, &down),
-            0.0,
-            most,
-        );
-        let candidate: Vec<f64> = down.iter().map(|v| v * t).collect();
-        let value = self.value(&candidate);
-        if value < best_value {
-            (best, best_value) = (candidate, value);
-        }
-        self.step = unscale(&self.scale, &best);
-        self.scaled = best;
-        Some(-best_value).filter(|v| *v > 0.0)
-    }
-
-    /// `scaled` is the Gauss-Newton step, cut to the ball.
-    fn cut(&mut self) -> bool {
-        let n = self.n;
-        let largest = (0..n)
-            .map(|i| self.matrix[i * n + i])
-            .fold(f64::MIN_POSITIVE, f64::max);
-        let mut mu = FLOOR * largest;
-        while mu.is_finite() {
-            self.factor.copy_from_slice(&self.matrix);
-            for i in 0..n {
-                self.factor[i * n + i] += mu;
-                self.scaled[i] = -self.gradient[i];
-            }
-            if cholesky(&mut self.factor, n) {
-                cholesky_solve(&self.factor, n, &mut self.scaled);
-                let norm = dot(&self.scaled, &self.scaled).sqrt();
-                if norm > self.radius {
-                    let cut = self.radius / norm;
-                    self.scaled.iter_mut().for_each(|v| *v *= cut);
-                }
-                return norm.is_finite();
-            }
-            mu *= 100.0;
-        }
-        false
-    }
-
-    /// `scaled` minimises the model in the ball, to a tenth of its radius (Moré and Sorensen's
-    /// iteration for μ).
-    fn solve(&mut self) -> bool {
-        let n = self.n;
-        let largest = (0..n)
-            .map(|i| self.matrix[i * n + i])
-            .fold(f64::MIN_POSITIVE, f64::max);
-        // Below this the damping is rounding; it keeps singular systems solvable.
-        let floor = 1e-14 * largest;
-        let mut lower = floor;
-        let mut upper = dot(&self.gradient, &self.gradient).sqrt() / self.radius + floor;
-        let mut mu = if self.damping > lower && self.damping < upper {
-            self.damping
-        } else {
-            floor
-        };
-        let mut norm = f64::INFINITY;
-        for round in 0..12 {
-            self.factor.copy_from_slice(&self.matrix);
-            for i in 0..n {
-                self.factor[i * n + i] += mu;
-                self.scaled[i] = -self.gradient[i];
-            }
-            if !cholesky(&mut self.factor, n) {
-                lower = lower.max(mu);
-                mu = (mu * 10.0).max(1e-3 * (lower * upper).sqrt());
-                continue;
-            }
-            cholesky_solve(&self.factor, n, &mut self.scaled);
-            norm = dot(&self.scaled, &self.scaled).sqrt();
-            if !norm.is_finite() {
-                return false;
-            }
-            if (mu <= floor && norm <= self.radius)
-                || (norm - self.radius).abs() <= 0.1 * self.radius
-            {
-                self.damping = mu;
-                return true;
-            }
-            if norm < self.radius {
-                upper = upper.min(mu)
-            } else {
-                lower = lower.max(mu)
-            }
-            self.scratch.copy_from_slice(&self.scaled);
-            for i in 0..n {
-                let row = &self.factor[i * n..i * n + i];
-                let s = self.scratch[i] - dot(row, &self.scratch[..i]);
-                self.scratch[i] = s / self.factor[i * n + i];
-            }
-            let next =
-                mu + (norm / self.radius - 1.0) * norm * norm / dot(&self.scratch, &self.scratch);
-            mu = if next > lower && next < upper {
-                next
-            } else if round == 0 && norm < self.radius {
-                floor
-            } else {
-                (lower * upper).sqrt().max(1e-3 * upper)
+                Tried::Taken
             };
         }
-        self.damping = mu;
-        if norm > self.radius && norm.is_finite() {
-            let cut = self.radius / norm;
-            self.scaled.iter_mut().for_each(|v| *v *= cut);
-        }
-        norm.is_finite()
-    }
-
-    /// Adapts the radius to how well the fall of half the sum was predicted; gives the ratio.
-    fn judge(&mut self, fall: f64, predicted: f64) -> f64 {
-        let added: f64 = 0.5
-            * self
-                .curve
-                .iter()
-                .zip(&self.scaled)
-                .map(|(c, p)| c * p * p)
-                .sum::<f64>();
-        let ratio = (fall - added) / predicted;
-        let length = dot(&self.scaled, &self.scaled).sqrt();
-        if ratio < 0.25 || ratio.is_nan() {
-            self.radius = 0.25 * length;
-        } else if ratio > 0.75 && length > 0.9 * self.radius {
-            self.radius *= 2.0;
-        }
-        ratio
-    }
-
-    fn shrink(&mut self) {
-        self.refused += 1;
-        self.radius = 0.25 * dot(&self.scaled, &self.scaled).sqrt();
-    }
-}
-
-/// Greatest t such that x + t p stays within the bounds.
-fn to_bound(x: &[f64], p: &[f64], lo: &[f64], hi: &[f64]) -> f64 {
-    let mut t = f64::INFINITY;
-    for i in 0..x.len() {
-        if p[i] > 0.0 {
-            t = t.min((hi[i] - x[i]) / p[i]);
-        } else if p[i] < 0.0 {
-            t = t.min((lo[i] - x[i]) / p[i]);
+        self.region.refused += 1;
+        if predicted <= ROUNDING * self.here.value {
+            Tried::Ended(Stop::Converged)
+        } else {
+            Tried::Refused
         }
     }
-    t
-}
 
-/// Argument in [least, most] that minimises t (slope + curve t).
-fn lowest(curve: f64, slope: f64, least: f64, most: f64) -> f64 {
-    let value = |t: f64| t * (slope + curve * t);
-    let mut best = if value(least) <= value(most) {
-        least
-    } else {
-        most
-    };
-    if curve > 0.0 {
-        let t = -0.5 * slope / curve;
-        if t > least && t < most && value(t) < value(best) {
-            best = t;
-        }
+    /// Whether the last steps together brought next to nothing.
+    fn has_stagnated(&self) -> bool {
+        let window = self.options.stagnation_window;
+        let before = self.past.iter().rev().nth(window);
+        let share = self.options.stagnation_share;
+        before.is_some_and(|v| v - self.here.value < share * self.here.value)
     }
-    best
 }
 
 #[cfg(test)]

@@ -1,11 +1,12 @@
 //! Sums of squared residuals over points, as functions of the free variables.
 
 use crate::space::Space;
+use crate::vector::is_finite;
 use isoform_geom::{NormalEquations, ParamField, Point3, add_normal_equations};
 use rayon::prelude::*;
 
-/// Points per piece of a parallel sum. Fixed, so that sums have the same bits for any number of
-/// threads; large enough that a piece (some hundred µs) pays for its dispatch.
+/// Points per piece of a parallel sum. The number is fixed, so that sums have equal bits for any
+/// number of threads, and large enough that a piece (some hundred µs) pays for its dispatch.
 const PIECE: usize = 16_384;
 
 /// A function to be minimised: half of Σ wᵢ rᵢ(x)², or anything that can give a gradient and a
@@ -15,12 +16,47 @@ pub trait Objective {
     fn dim(&self) -> usize;
     /// Twice the cost, i.e. Σ w r²; anything not finite counts as infinitely bad.
     fn value(&mut self, x: &[f64]) -> f64;
-    /// The same with Jᵀ W r and Jᵀ W J (row-major): gradient and Gauss-Newton matrix of half the
-    /// value.
+    /// The value, with Jᵀ W r and Jᵀ W J (row-major): gradient and Gauss-Newton matrix of half of
+    /// it.
     fn model(&mut self, x: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64;
     /// Greatest share of step `p` from `x` that is allowed beside the bounds.
     fn step_limit(&self, _x: &[f64], _p: &[f64]) -> f64 {
         1.0
+    }
+}
+
+/// Variables, with an objective's model there.
+pub(crate) struct Place {
+    pub(crate) x: Vec<f64>,
+    pub(crate) value: f64,
+    pub(crate) gradient: Vec<f64>,
+    pub(crate) matrix: Vec<f64>,
+}
+
+impl Place {
+    /// Some variables, whose model is not known yet.
+    pub(crate) fn new(x: Vec<f64>, n: usize) -> Self {
+        Self {
+            x,
+            value: f64::INFINITY,
+            gradient: vec![0.0; n],
+            matrix: vec![0.0; n * n],
+        }
+    }
+
+    /// Asks the objective for its model at x.
+    pub(crate) fn evaluate(&mut self, objective: &mut dyn Objective) {
+        self.value = objective.model(&self.x, &mut self.gradient, &mut self.matrix);
+    }
+
+    /// Whether value and gradient are finite.
+    pub(crate) fn has_gradient(&self) -> bool {
+        self.value.is_finite() && is_finite(&self.gradient)
+    }
+
+    /// Whether value, gradient and matrix are finite.
+    pub(crate) fn is_finite(&self) -> bool {
+        self.has_gradient() && is_finite(&self.matrix)
     }
 }
 
@@ -131,6 +167,14 @@ pub(crate) fn normal_equations(
         })
         .collect();
     add_normal_equations(parts, gradient, hessian)
+}
+
+/// Derivatives of f(pᵢ, a) by the parameters, point by point.
+pub(crate) fn jacobian(field: &dyn ParamField, points: &[Point3], a: &[f64]) -> Vec<f64> {
+    let mut f = vec![0.0; points.len()];
+    let mut jac = vec![0.0; points.len() * field.dim()];
+    field.jacobian(points, a, &mut f, &mut jac);
+    jac
 }
 
 /// f(pᵢ, a), in parallel.

@@ -1,4 +1,4 @@
-//! Settings, control and errors of a fit.
+//! Settings and errors of a fit.
 
 /// A local method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,6 +56,18 @@ impl Loss {
 }
 
 /// Settings of [`crate::fit`]. The defaults are meant for use as they are.
+///
+/// ```
+/// use isoform_fit::{Loss, Options};
+///
+/// // One bound on the second of two parameters, and least squares whatever the residuals say.
+/// let options = Options {
+///     bounds: vec![None, Some((0.0, 2.5))],
+///     loss: Loss::Squares,
+///     ..Options::default()
+/// };
+/// assert!(options.filter_outliers && options.start.is_none());
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// How the minimum is sought.
@@ -67,7 +79,7 @@ pub struct Options {
     /// Bounds by parameter, empty or one each; `None` leaves a parameter to the template and the
     /// data.
     pub bounds: Vec<Option<(f64, f64)>>,
-    /// Of everything random.
+    /// Seed of everything random: one seed, one result, for any number of threads.
     pub seed: u64,
     /// Points of the search. Fewer make minima of noise, more only cost time (512: 3 to 13 % of
     /// informed starts end elsewhere).

@@ -17,6 +17,8 @@ const DEVIATIONS: f64 = 3.0;
 const LEAST_RATIO: f64 = 1.5;
 /// Share of the variance of a neighbourhood across its plane; 1/3 for a ball, 0 for a plane.
 const FLATNESS: f64 = 0.02;
+/// Share of the second moment of the first one below which points lie on a line.
+const LINE: f64 = 1e-3;
 /// A sparse but flat neighbourhood is sparse throughout: d no more than this times that of the
 /// neighbours.
 const EVENNESS: f64 = 1.5;
@@ -26,13 +28,16 @@ const MOST: usize = 200_000;
 const SAMPLE: usize = 1024;
 /// Points whose neighbours' deviations from planes tell the local noise.
 const PROBES: usize = 150;
+/// Standard deviation over median size of normal numbers.
+pub(crate) const NORMAL: f64 = 1.4826;
 /// Share of isolated points from which the data count as having outliers; scans without them show
 /// next to none.
 pub(crate) const HAS_OUTLIERS: f64 = 0.01;
-/// Off the plane of its neighbours is a point farther from it than this many of their own
-/// deviations...
+/// A point is off the plane of its neighbours when it is farther from it than this many of their
+/// own deviations.
 const OFF_PLANE: f64 = 4.0;
-/// ... and than this share of the spacing, which curved surfaces stay within.
+/// A point off the plane is also farther from it than this share of the spacing, which curved
+/// surfaces stay within.
 const OFF_SPACINGS: f64 = 0.3;
 /// More than this share is never dropped before the search.
 pub(crate) const MOST_DROPPED: f64 = 0.4;
@@ -49,6 +54,30 @@ pub(crate) struct Neighbourhood {
     known: Vec<f64>,
 }
 
+/// Deviation of neighbours from planes through them: the noise with, and mostly without, what
+/// curvature and edges add at the density of the points.
+pub(crate) struct LocalNoise {
+    /// The median.
+    pub(crate) typical: f64,
+    /// The first decile.
+    pub(crate) least: f64,
+}
+
+/// A plane of best fit.
+pub(crate) struct BestPlane {
+    pub(crate) at: Point3,
+    pub(crate) normal: Point3,
+    /// Root of the mean square distance of the points.
+    rms: f64,
+}
+
+impl BestPlane {
+    /// Signed distance of a point.
+    pub(crate) fn height(&self, p: Point3) -> f64 {
+        dot(sub(p, self.at), self.normal)
+    }
+}
+
 impl Neighbourhood {
     /// `order` is a random order of the points.
     pub(crate) fn new(points: &[Point3], order: &[u32]) -> Self {
@@ -59,59 +88,52 @@ impl Neighbourhood {
         };
         let tree = KdTree::new(&sample);
         let mut found = Vec::new();
-        let known: Vec<f64> = order
-            .iter()
-            .take(SAMPLE)
-            .map(|&i| mean_distance(&tree, points[i as usize], &mut found))
-            .collect();
-        let mut d: Vec<f64> = known.iter().filter(|d| **d > 0.0).map(|d| d.ln()).collect();
-        if d.is_empty() {
-            return Self {
-                tree,
-                spacing: 0.0,
-                sample,
-                threshold: f64::INFINITY,
-                known,
-            };
-        }
-        let centre = median(&mut d);
-        let mut off: Vec<f64> = d.iter().map(|v| (v - centre).abs()).collect();
-        let spread = 1.4826 * median(&mut off);
-        let threshold = (centre + (DEVIATIONS * spread).max(LEAST_RATIO.ln())).exp();
+        let first = order.iter().take(SAMPLE).map(|&i| points[i as usize]);
+        let known: Vec<f64> = first.map(|p| mean_distance(&tree, p, &mut found)).collect();
+        let (spacing, threshold) = spacing_and_threshold(&known);
         Self {
             tree,
-            spacing: centre.exp(),
+            spacing,
             sample,
             threshold,
             known,
         }
     }
 
-    /// Deviation of some points' neighbours from the planes through them, the median and the first
-    /// decile: the noise with, and mostly without, what curvature and edges add at this density.
-    pub(crate) fn local_noise(&self, points: &[Point3], order: &[u32]) -> (f64, f64) {
+    /// Looks at the neighbours of some points.
+    pub(crate) fn local_noise(&self, points: &[Point3], order: &[u32]) -> LocalNoise {
         let mut found = Vec::new();
-        let mut off: Vec<f64> = order
-            .iter()
-            .take(PROBES)
-            .filter_map(|&i| {
-                self.tree
-                    .nearest_k(points[i as usize], 2 * NEIGHBOURS, &mut found);
-                let around: Vec<Point3> = found
-                    .iter()
-                    .map(|&(_, i)| self.sample[i as usize])
-                    .collect();
-                plane(&around).map(|(_, _, rms)| rms)
-            })
-            .collect();
+        let mut deviation = |i: &u32| {
+            let p = points[*i as usize];
+            self.tree.nearest_k(p, 2 * NEIGHBOURS, &mut found);
+            best_plane(&self.places(&found)).map(|plane| plane.rms)
+        };
+        let probes = order.iter().take(PROBES);
+        let mut off: Vec<f64> = probes.filter_map(&mut deviation).collect();
         let typical = median(&mut off);
         off.sort_unstable_by(f64::total_cmp);
-        (typical, off.get(off.len() / 10).copied().unwrap_or(0.0))
+        LocalNoise {
+            typical,
+            least: off.get(off.len() / 10).copied().unwrap_or(0.0),
+        }
     }
 
     /// The points of the tree.
     pub(crate) fn sampled(&self) -> &[Point3] {
         &self.sample
+    }
+
+    /// Places of points of the tree that were found.
+    fn places(&self, found: &[(f64, u32)]) -> Vec<Point3> {
+        found.iter().map(|f| self.sample[f.1 as usize]).collect()
+    }
+
+    /// The neighbours of a point, but for the point itself.
+    fn others(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> Vec<Point3> {
+        self.tree.nearest_k(p, NEIGHBOURS + 1, found);
+        let mut others = self.places(found);
+        others.retain(|q| *q != p);
+        others
     }
 
     /// Mean distance of a point of the tree to its neighbours.
@@ -128,31 +150,25 @@ impl Neighbourhood {
         if d <= self.threshold {
             return false;
         }
-        let around: Vec<Point3> = found
-            .iter()
-            .map(|&(_, i)| self.sample[i as usize])
-            .collect();
+        let around = self.places(found);
         if flatness(&around) > FLATNESS {
             return true;
         }
-        let mut theirs: Vec<f64> = around
-            .iter()
-            .map(|q| mean_distance(&self.tree, *q, found))
-            .collect();
-        d > EVENNESS * median(&mut theirs)
+        let theirs = around.iter().map(|q| mean_distance(&self.tree, *q, found));
+        d > EVENNESS * median(&mut theirs.collect::<Vec<_>>())
     }
 
     /// The first `want` points in `order` that are not isolated, and the share of isolated ones
     /// among those looked at.
     pub(crate) fn keep(&self, points: &[Point3], order: &[u32], want: usize) -> (Vec<Point3>, f64) {
         let (mut kept, mut seen, mut found) = (Vec::with_capacity(want), 0, Vec::new());
-        for (k, &i) in order.iter().enumerate() {
+        for (k, p) in order.iter().map(|&i| points[i as usize]).enumerate() {
             if kept.len() == want {
                 break;
             }
             seen += 1;
-            if !self.is_isolated(points[i as usize], k, &mut found) {
-                kept.push(points[i as usize]);
+            if !self.is_isolated(p, k, &mut found) {
+                kept.push(p);
             }
         }
         let share = 1.0 - kept.len() as f64 / seen.max(1) as f64;
@@ -169,50 +185,49 @@ impl Neighbourhood {
         self.is_off_plane(p, found) || mean_distance(&self.tree, p, found) > self.threshold
     }
 
-    /// Points that lie off a fitted model while their neighbours do not: outliers. Where neighbours
-    /// are off together, the model is.
+    /// Drops points that lie off a fitted model while their neighbours do not: outliers. Where
+    /// neighbours are off together, the model is.
     pub(crate) fn drop_lone(
         &self,
         points: &mut Vec<Point3>,
         limit: f64,
         residuals: &dyn Fn(&[Point3]) -> Vec<f64>,
     ) {
-        let off = residuals(points);
+        let mut off = residuals(points).into_iter();
         let mut found = Vec::new();
-        let mut at = 0;
         points.retain(|p| {
-            at += 1;
-            if off[at - 1].abs() <= limit {
-                return true;
+            let r = off.next().expect("a residual by point");
+            r.abs() <= limit || {
+                let around = self.others(*p, &mut found);
+                let theirs = residuals(&around);
+                let alike = theirs.iter().filter(|r| r.abs() > limit).count();
+                2 * alike > around.len()
             }
-            self.tree.nearest_k(*p, NEIGHBOURS + 1, &mut found);
-            let around: Vec<Point3> = found
-                .iter()
-                .map(|&(_, i)| self.sample[i as usize])
-                .filter(|q| q != p)
-                .collect();
-            let alike = residuals(&around)
-                .iter()
-                .filter(|r| r.abs() > limit)
-                .count();
-            2 * alike > around.len()
         });
     }
 
     /// Whether the neighbours lie in a plane and the point does not: an outlier too near the
     /// surface to be isolated. At edges the neighbours lie in no plane, so that edges stay.
     fn is_off_plane(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> bool {
-        self.tree.nearest_k(p, NEIGHBOURS + 1, found);
-        let around: Vec<Point3> = found
-            .iter()
-            .map(|&(_, i)| self.sample[i as usize])
-            .filter(|q| *q != p)
-            .collect();
-        let Some((centre, normal, rms)) = plane(&around) else {
-            return false;
-        };
-        dot(sub(p, centre), normal).abs() > (OFF_PLANE * rms).max(OFF_SPACINGS * self.spacing)
+        best_plane(&self.others(p, found)).is_some_and(|plane| {
+            let limit = (OFF_PLANE * plane.rms).max(OFF_SPACINGS * self.spacing);
+            plane.height(p).abs() > limit
+        })
     }
+}
+
+/// Median of mean distances, and the distance from which a point can be isolated.
+fn spacing_and_threshold(known: &[f64]) -> (f64, f64) {
+    let positive = known.iter().filter(|d| **d > 0.0);
+    let mut logs: Vec<f64> = positive.map(|d| d.ln()).collect();
+    if logs.is_empty() {
+        return (0.0, f64::INFINITY);
+    }
+    let centre = median(&mut logs);
+    let mut off: Vec<f64> = logs.iter().map(|v| (v - centre).abs()).collect();
+    let spread = robust_deviation(&mut off);
+    let threshold = (centre + (DEVIATIONS * spread).max(LEAST_RATIO.ln())).exp();
+    (centre.exp(), threshold)
 }
 
 /// Mean distance to the nearest neighbours, the point itself left out if it is in the tree.
@@ -254,19 +269,21 @@ fn scatter(points: &[Point3]) -> (Point3, [f64; 9]) {
     (centre, c)
 }
 
-/// The plane of best fit: a point, the normal and the root of the mean square distance; none for a
-/// line or less.
-pub(crate) fn plane(points: &[Point3]) -> Option<(Point3, Point3, f64)> {
-    let (centre, c) = scatter(points);
+/// The plane of best fit; none for a line or less.
+pub(crate) fn best_plane(points: &[Point3]) -> Option<BestPlane> {
+    let (at, c) = scatter(points);
     let (w, v) = symmetric_eigen(&c, 3);
-    let is_plane = points.len() > 4 && w[1] > 1e-3 * w[2];
-    is_plane.then(|| {
-        (
-            centre,
-            [v[0], v[1], v[2]],
-            (w[0].max(0.0) / (points.len() - 3) as f64).sqrt(),
-        )
+    let is_plane = points.len() > 4 && w[1] > LINE * w[2];
+    is_plane.then(|| BestPlane {
+        at,
+        normal: [v[0], v[1], v[2]],
+        rms: (w[0].max(0.0) / (points.len() - 3) as f64).sqrt(),
     })
+}
+
+/// Standard deviation of numbers about nought, from the median of their sizes; reorders.
+pub(crate) fn robust_deviation(sizes: &mut [f64]) -> f64 {
+    NORMAL * median(sizes)
 }
 
 /// Upper median; reorders.

@@ -7,9 +7,10 @@
 //! points are seen a few times only.
 
 use crate::objective::{Residuals, values};
-use crate::outliers::median;
+use crate::outliers::robust_deviation;
 use crate::search::Step;
 use crate::space::Space;
+use crate::vector::distance;
 use crate::{Control, Loss, Objective, lm};
 use isoform_geom::{ParamField, Point3};
 
@@ -17,16 +18,28 @@ use isoform_geom::{ParamField, Point3};
 const CAUCHY: f64 = 2.385;
 /// Tukey's constant: 95 % efficiency.
 const TUKEY: f64 = 4.685;
-/// Share of residuals beyond 4.5 robust deviations (7e-6 for Gaussian noise) from which tails count
-/// as heavy.
+/// Residuals beyond this many robust deviations are in the tails: 7e-6 of Gaussian noise.
+const TAIL: f64 = 4.5;
+/// Share of residuals in the tails from which these count as heavy.
 const HEAVY: f64 = 0.005;
 /// A robust scale below this share of the data's size is rounding, not noise.
 const ROUNDING: f64 = 1e-11;
+/// A round of least squares ends when a step lowers the sum by less than this over the number of
+/// points, as a share: a hundredth of a standard deviation of the parameters.
+const DECREASE: f64 = 1e-4;
+/// Evaluations of one round of least squares, at most.
+const MOST_EVALUATIONS: usize = 12;
+/// Rounds of reweighting of a rough fit.
+const ROUGH_ROUNDS: usize = 4;
+/// Rounds of reweighting whose scale follows the fit.
+const FREE_ROUNDS: usize = 3;
+/// Rounds of reweighting end when no variable moves by this share of a standard deviation of the
+/// best known parameter.
+const SETTLED: f64 = 0.05;
 
 /// State of the polish on some points.
 pub(crate) struct Polished {
     pub(crate) x: Vec<f64>,
-    pub(crate) weights: Vec<f64>,
     /// Robust standard deviation of the residuals; 0 after least squares.
     pub(crate) scale: f64,
     pub(crate) loss: Loss,
@@ -83,33 +96,31 @@ impl Objective for Held<'_> {
 impl Polish<'_> {
     /// Residuals at x.
     pub(crate) fn residuals(&self, points: &[Point3], x: &[f64]) -> Vec<f64> {
-        let mut a = vec![0.0; self.field.dim()];
-        self.space.parameters_at(x, &mut a);
         let mut r = vec![0.0; points.len()];
-        values(self.field, points, &a, &mut r);
+        values(self.field, points, &self.space.parameters(x), &mut r);
         r
     }
 
-    /// 1.4826 times the median absolute residual.
+    /// Robust standard deviation of residuals, what is no number left out.
     pub(crate) fn scale(r: &[f64]) -> f64 {
-        let mut v: Vec<f64> = r
-            .iter()
-            .map(|r| r.abs())
-            .filter(|r| r.is_finite())
-            .collect();
-        1.4826 * median(&mut v)
+        let off = r.iter().map(|r| r.abs());
+        let mut finite: Vec<f64> = off.filter(|r| r.is_finite()).collect();
+        robust_deviation(&mut finite)
     }
 
     /// Cauchy's loss from x, the scale falling with the fit: a rough robust fit for few points. The
     /// result says in `loss` what the residuals call for.
     pub(crate) fn rough(&self, points: &[Point3], x: Vec<f64>, has_outliers: bool) -> Polished {
-        let mut p = self.reweighted(points, &[], x, Loss::Cauchy, 4);
+        let mut p = self.reweighted(points, &[], x, Loss::Cauchy, ROUGH_ROUNDS);
         let r = self.residuals(points, &p.x);
         p.scale = Self::scale(&r);
-        let beyond =
-            r.iter().filter(|r| r.abs() > 4.5 * p.scale).count() as f64 / r.len().max(1) as f64;
-        let heavy = p.scale > ROUNDING * self.size && (has_outliers || beyond > HEAVY);
-        p.loss = if heavy { Loss::Tukey } else { Loss::Squares };
+        let beyond = r.iter().filter(|r| r.abs() > TAIL * p.scale).count();
+        let is_heavy = has_outliers || beyond as f64 / r.len().max(1) as f64 > HEAVY;
+        p.loss = if p.scale > ROUNDING * self.size && is_heavy {
+            Loss::Tukey
+        } else {
+            Loss::Squares
+        };
         p
     }
 
@@ -123,9 +134,10 @@ impl Polish<'_> {
         rounds: usize,
     ) -> Polished {
         if loss.is_robust() {
-            return self.reweighted(points, mask, x, loss, rounds);
+            self.reweighted(points, mask, x, loss, rounds)
+        } else {
+            self.descend(points, mask, x, MOST_EVALUATIONS)
         }
-        self.descend(points, mask, x, 12)
     }
 
     /// At most `most` evaluations with given weights.
@@ -136,39 +148,28 @@ impl Polish<'_> {
             inner: Residuals::new(self.field, points, weights, self.space),
             held: &self.held,
         };
-        // 1e-4 / n of the sum is a hundredth of a standard deviation of the parameters.
+        let mut monitor = |iteration: usize, _: &[f64], value: f64| {
+            history.push(Step::new(self.start, iteration, value, count));
+            !self.control.is_stopped()
+        };
         let settings = lm::Options {
             max_iterations: most,
-            decrease: 1e-4 / count,
+            decrease: DECREASE / count,
             radius: 1.0,
             ..lm::Options::default()
         };
-        let m = lm::minimize(
-            &mut objective,
-            x,
-            &self.space.lo,
-            &self.space.hi,
-            &settings,
-            &mut |iteration, _, value| {
-                history.push(Step {
-                    start: self.start,
-                    iteration,
-                    rms: (value / count).sqrt(),
-                });
-                !self.control.is_stopped()
-            },
-        );
+        let m = self
+            .space
+            .minimize(&mut objective, x, &settings, &mut monitor);
         Polished {
-            x: m.x,
-            weights: weights.to_vec(),
-            scale: 0.0,
-            loss: Loss::Squares,
             normal: m.normal,
             evaluations: m.iterations,
             history,
+            ..Polished::new(m.x, Loss::Squares)
         }
     }
 
+    /// Rounds of least squares, each with weights by the residuals of the one before.
     fn reweighted(
         &self,
         points: &[Point3],
@@ -177,43 +178,53 @@ impl Polish<'_> {
         loss: Loss,
         rounds: usize,
     ) -> Polished {
-        let mut out = Polished {
-            x,
-            weights: Vec::new(),
-            scale: 0.0,
-            loss,
-            normal: None,
-            evaluations: 0,
-            history: Vec::new(),
-        };
+        let mut out = Polished::new(x, loss);
         for round in 0..rounds {
             let r = self.residuals(points, &out.x);
-            // The scale follows the fit at first; frozen later, so that the rounds have something
-            // to converge to.
-            if round < 3 {
+            // The scale follows the fit at first; it is frozen later, so that the rounds have
+            // something to converge to.
+            if round < FREE_ROUNDS {
                 out.scale = Self::scale(&r).max(ROUNDING * self.size);
             }
-            out.weights = r.iter().map(|r| weight(loss, r / out.scale)).collect();
-            out.weights.iter_mut().zip(mask).for_each(|(w, m)| *w *= m);
-            let weights = std::mem::take(&mut out.weights);
-            let p = self.descend(points, &weights, out.x.clone(), 2);
-            out.weights = weights;
-            let moved =
-                p.x.iter()
-                    .zip(&out.x)
-                    .map(|(u, v)| (u - v).abs())
-                    .fold(0.0, f64::max);
-            out.evaluations += p.evaluations;
-            out.history.extend(p.history.last().cloned());
-            out.x = p.x;
-            // A small share of a standard deviation of the best known parameter.
-            let small = 0.05 * out.scale / (self.size * (points.len() as f64).sqrt());
-            if (round >= 3 && moved < small) || self.control.is_stopped() {
+            let weights = weights(&r, out.scale, loss, mask);
+            let moved = out.take(self.descend(points, &weights, out.x.clone(), 2));
+            let small = SETTLED * out.scale / (self.size * (points.len() as f64).sqrt());
+            if (round >= FREE_ROUNDS && moved < small) || self.control.is_stopped() {
                 break;
             }
         }
         out
     }
+}
+
+impl Polished {
+    /// Nothing done yet.
+    fn new(x: Vec<f64>, loss: Loss) -> Self {
+        Self {
+            x,
+            scale: 0.0,
+            loss,
+            normal: None,
+            evaluations: 0,
+            history: Vec::new(),
+        }
+    }
+
+    /// Takes a round of reweighting; the largest move of a variable.
+    fn take(&mut self, round: Self) -> f64 {
+        let moved = distance(&round.x, &self.x);
+        self.evaluations += round.evaluations;
+        self.history.extend(round.history.last().cloned());
+        self.x = round.x;
+        moved
+    }
+}
+
+/// Weights of residuals in a loss of this scale; 0 where the mask is.
+fn weights(r: &[f64], scale: f64, loss: Loss, mask: &[f64]) -> Vec<f64> {
+    let mut weights: Vec<f64> = r.iter().map(|r| weight(loss, r / scale)).collect();
+    weights.iter_mut().zip(mask).for_each(|(w, m)| *w *= m);
+    weights
 }
 
 /// Weight of a residual of z deviations: ψ(z)/z.

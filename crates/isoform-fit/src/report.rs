@@ -1,8 +1,19 @@
-//! What a fit tells.
+//! What a fit tells: parameters with intervals, residuals by point and by piece, what the data
+//! leave open, and the verdict. The report is put together in [`compose`].
 
+mod compose;
+mod estimates;
+mod open;
+mod parts;
+
+pub(crate) use self::compose::ByPoint;
+pub use self::open::{Open, Why};
+pub use self::parts::PartStatistics;
+
+use crate::clock::Seconds;
 use crate::deviation::{DataToModel, ModelToData};
 use crate::evidence::Evidence;
-use crate::judge::{Finding, Verdict};
+use crate::judge::{Finding, Verdict, Warning};
 use crate::search::Step;
 use crate::{Loss, lm};
 
@@ -54,15 +65,6 @@ pub struct Estimate {
     pub unit: Option<String>,
 }
 
-/// Parameters that the data leave open together.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Open {
-    /// Names.
-    pub parameters: Vec<String>,
-    /// The reason, as a sentence.
-    pub why: String,
-}
-
 /// Another minimum of the search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OtherMinimum {
@@ -72,23 +74,6 @@ pub struct OtherMinimum {
     pub sum_f2: f64,
     /// Starts that led there.
     pub hits: usize,
-}
-
-/// Residuals of one piece of the model.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PartStatistics {
-    /// Name.
-    pub name: String,
-    /// Used points that it is nearest to.
-    pub count: usize,
-    /// Root of the mean square of their residuals.
-    pub rms: f64,
-    /// Their mean: inside positive.
-    pub mean: f64,
-    /// Largest absolute residual.
-    pub max: f64,
-    /// Share of the piece's surface that no data support; none where no sample of it was met.
-    pub uncovered: Option<f64>,
 }
 
 /// The result of [`crate::fit`].
@@ -130,8 +115,8 @@ pub struct Fit {
     pub other_minima: Vec<OtherMinimum>,
     /// What the data leave open.
     pub undetermined: Vec<Open>,
-    /// Sentences that a reader should know.
-    pub warnings: Vec<String>,
+    /// What a reader should know besides.
+    pub warnings: Vec<Warning>,
     /// Whether to trust the fit.
     pub verdict: Verdict,
     /// What speaks against it.
@@ -185,6 +170,8 @@ impl Fit {
     }
     /// Counts the time of a fit that was dropped as this one's.
     pub fn add_seconds(&mut self, dropped: &Self) {
-        crate::fit::add_all_seconds(&mut self.seconds, &dropped.seconds);
+        let mut seconds = Seconds(std::mem::take(&mut self.seconds));
+        seconds.add_all(&dropped.seconds);
+        self.seconds = seconds.0;
     }
 }

@@ -1,6 +1,7 @@
 //! Points on rims of pieces, for templates that know no distance but the metric reading.
 
 use crate::Template;
+use crate::template::parts_of;
 use isoform_geom::{Point3, dot};
 
 /// Half width of the rim of a piece, in deviations of the noise. At 3 one point in 700 crosses it.
@@ -22,45 +23,71 @@ const MOST_RIM: f64 = 0.5;
 /// which for crossing faces is independent of the residual: leaving out adds no bias of its own
 /// (asking whether the other piece lies within some distance of the point's own would).
 pub(crate) fn rims(template: &dyn Template, points: &[Point3], a: &[f64], noise: f64) -> Vec<f64> {
-    let n = points.len();
+    let mut is_rim = vec![false; points.len()];
+    mark_rims(template, points, a, RIM * noise, &mut is_rim);
+    let parts = parts_of(template, points, a);
+    let counts = counted(&parts, &is_rim, template.part_names().len());
+    let loses = |part: u32| counts.get(part as usize).is_some_and(|c| c.can_lose_rim());
+    for (part, is_rim) in parts.iter().zip(&mut is_rim) {
+        *is_rim &= loses(*part);
+    }
+    if !is_rim.contains(&true) {
+        return Vec::new();
+    }
+    is_rim.iter().map(|r| f64::from(u8::from(!r))).collect()
+}
+
+/// Points of a piece.
+#[derive(Clone, Copy, Default)]
+struct Count {
+    all: usize,
+    rim: usize,
+}
+
+impl Count {
+    /// Whether enough points are left without the ones on the rim.
+    fn can_lose_rim(self) -> bool {
+        self.rim as f64 <= MOST_RIM * self.all as f64
+    }
+}
+
+/// Points by piece, of some number of pieces.
+fn counted(parts: &[u32], is_rim: &[bool], pieces: usize) -> Vec<Count> {
+    let mut counts = vec![Count::default(); pieces];
+    for (part, is_rim) in parts.iter().zip(is_rim) {
+        if let Some(c) = counts.get_mut(*part as usize) {
+            c.all += 1;
+            c.rim += usize::from(*is_rim);
+        }
+    }
+    counts
+}
+
+/// Marks points that do not arrive at the levels inside and outside when they are moved there along
+/// the gradient.
+fn mark_rims(
+    template: &dyn Template,
+    points: &[Point3],
+    a: &[f64],
+    level: f64,
+    is_rim: &mut [bool],
+) {
     let field = template.metric();
-    let (mut f, mut g) = (vec![0.0; n], vec![[0.0; 3]; n]);
+    let (mut f, mut g) = (vec![0.0; points.len()], vec![[0.0; 3]; points.len()]);
     field.gradients(points, a, &mut f, &mut g);
-    let mut mask = vec![1.0; n];
-    let mut moved = vec![[0.0; 3]; n];
-    let mut there = vec![0.0; n];
-    for level in [RIM * noise, -RIM * noise] {
-        for (((m, p), f), g) in moved.iter_mut().zip(points).zip(&f).zip(&g) {
-            let step = (level - f) / dot(*g, *g).max(f64::MIN_POSITIVE);
-            *m = std::array::from_fn(|i| p[i] + step * g[i]);
-        }
+    let mut there = vec![0.0; points.len()];
+    for level in [level, -level] {
+        let places = points.iter().zip(&f).zip(&g);
+        let moved: Vec<Point3> = places.map(|((p, f), g)| moved(*p, *f, *g, level)).collect();
         field.values(&moved, a, &mut there);
-        for (m, there) in mask.iter_mut().zip(&there) {
-            if there / level < STRAIGHT {
-                *m = 0.0;
-            }
+        for (is_rim, there) in is_rim.iter_mut().zip(&there) {
+            *is_rim |= there / level < STRAIGHT;
         }
     }
-    let mut parts = vec![0; n];
-    template.parts(points, a, &mut parts);
-    let mut count = vec![(0_usize, 0_usize); template.part_names().len()];
-    for (part, m) in parts.iter().zip(&mask) {
-        if let Some(c) = count.get_mut(*part as usize) {
-            c.0 += 1;
-            c.1 += usize::from(*m == 0.0);
-        }
-    }
-    for (part, m) in parts.iter().zip(&mut mask) {
-        if count
-            .get(*part as usize)
-            .is_none_or(|c| c.1 as f64 > MOST_RIM * c.0 as f64)
-        {
-            *m = 1.0;
-        }
-    }
-    if mask.iter().all(|m| *m == 1.0) {
-        Vec::new()
-    } else {
-        mask
-    }
+}
+
+/// A point moved along the gradient g to where a value f would be `level`, were it linear.
+fn moved(p: Point3, f: f64, g: Point3, level: f64) -> Point3 {
+    let step = (level - f) / dot(g, g).max(f64::MIN_POSITIVE);
+    std::array::from_fn(|i| p[i] + step * g[i])
 }

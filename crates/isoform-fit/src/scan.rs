@@ -1,6 +1,7 @@
 //! The points of a fit, with what is known of them before any template.
 
 use crate::clutter::Clutter;
+use crate::judge::Warning;
 use crate::outliers::{HAS_OUTLIERS, MOST_DROPPED, Neighbourhood};
 use crate::report::Fit;
 use crate::{Control, FitError, Options};
@@ -9,13 +10,27 @@ use std::borrow::Cow;
 use std::time::Instant;
 
 /// Isolated points above this share are clutter: of those near the surface nobody knows whether
-/// they are part of it. Scans without stray points have less than a tenth of it.
+/// they are part of it. Scans without stray points have less than a tenth of this share.
 pub(crate) const MANY_STRAYS: f64 = 0.04;
 /// Most points each of which is asked whether it is stray: some 20 s on one core for a million.
 const MOST_ASKED: usize = 1 << 18;
 
 /// A scan made ready: equal points once, neighbours, isolated points, box. One scan serves any
 /// number of templates.
+///
+/// ```
+/// use isoform_fit::{Beside, Control, Options, Scan};
+///
+/// // A square of 40 × 40 points, the first of them twice.
+/// let mut points: Vec<[f64; 3]> =
+///     (0..1600).map(|k| [f64::from(k % 40), f64::from(k / 40), 0.0]).collect();
+/// points.push(points[0]);
+/// let scan = Scan::new(&points, &Options::default(), &Control::default())?;
+/// assert_eq!(scan.points().len(), 1600);
+/// // Nothing lies apart from it.
+/// assert_eq!(scan.clutter().share(Beside::Apart), 0.0);
+/// # Ok::<(), isoform_fit::FitError>(())
+/// ```
 pub struct Scan<'a> {
     points: Cow<'a, [Point3]>,
     /// By point as given, its index among the distinct ones; none where all are distinct.
@@ -50,35 +65,19 @@ impl<'a> Scan<'a> {
         control: &Control,
     ) -> Result<Self, FitError> {
         let started = Instant::now();
-        if let Some(index) = points.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
-            return Err(FitError::NotFinite {
-                what: "a point",
-                index,
-            });
-        }
-        if points.is_empty() {
-            return Err(FitError::TooFewPoints { found: 0, free: 1 });
-        }
+        check(points)?;
         control.report("outliers", 0.0);
         let (points, index) = distinct(points);
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         fastrand::Rng::with_seed(options.seed).shuffle(&mut order);
         let near = Neighbourhood::new(&points, &order);
         let wanted = (options.confirm_points / 2).max(options.search_points);
-        let (mut kept, isolated) = if options.filter_outliers {
-            near.keep(&points, &order, wanted)
-        } else {
-            (Vec::new(), 0.0)
-        };
-        if !options.filter_outliers || isolated > MOST_DROPPED {
-            let some = order.iter().take(wanted);
-            kept = some.map(|&i| points[i as usize]).collect();
-        }
-        let (local_noise, least_noise) = near.local_noise(&points, &order);
+        let (kept, isolated) = kept(&points, &order, &near, wanted, options.filter_outliers);
+        let noise = near.local_noise(&points, &order);
         Ok(Self {
             data: trusted_box(&points, &kept, isolated, near.spacing),
-            local_noise,
-            least_noise,
+            local_noise: noise.typical,
+            least_noise: noise.least,
             points,
             index,
             order,
@@ -106,45 +105,68 @@ impl<'a> Scan<'a> {
         let Some(index) = &self.index else {
             return fit;
         };
-        fn each<T: Copy>(index: &[u32], v: &mut Vec<T>) {
-            *v = index.iter().map(|&i| v[i as usize]).collect();
-        }
-        each(index, &mut fit.residuals);
-        each(index, &mut fit.weights);
-        each(index, &mut fit.outliers);
-        each(index, &mut fit.parts);
+        repeat(index, &mut fit.residuals);
+        repeat(index, &mut fit.weights);
+        repeat(index, &mut fit.outliers);
+        repeat(index, &mut fit.parts);
         fit.n_points = index.len();
         fit.n_outliers = fit.outliers.iter().filter(|o| **o).count();
         fit.n_used = fit.n_points - fit.n_outliers;
-        fit.warnings.push(format!(
-            "{} of {} points repeat another one exactly and count once",
-            index.len() - self.points.len(),
-            index.len()
-        ));
+        fit.warnings.push(Warning::Repeated {
+            count: index.len() - self.points.len(),
+            points: index.len(),
+        });
         fit
     }
 }
 
-/// The distinct points in the order of their first occurrence, and each point's index among them.
+/// Makes values of distinct points values of all.
+fn repeat<T: Copy>(index: &[u32], v: &mut Vec<T>) {
+    *v = index.iter().map(|&i| v[i as usize]).collect();
+}
+
+/// There are points, and their coordinates are finite.
+fn check(points: &[Point3]) -> Result<(), FitError> {
+    let is_wrong = |p: &Point3| p.iter().any(|v| !v.is_finite());
+    if let Some(index) = points.iter().position(is_wrong) {
+        return Err(FitError::NotFinite {
+            what: "a point",
+            index,
+        });
+    }
+    if points.is_empty() {
+        return Err(FitError::TooFewPoints { found: 0, free: 1 });
+    }
+    Ok(())
+}
+
+/// The first points in the order, without isolated ones if these are filtered and not too many; and
+/// the share of isolated ones.
+fn kept(
+    points: &[Point3],
+    order: &[u32],
+    near: &Neighbourhood,
+    wanted: usize,
+    is_filtered: bool,
+) -> (Vec<Point3>, f64) {
+    let (kept, isolated) = if is_filtered {
+        near.keep(points, order, wanted)
+    } else {
+        (Vec::new(), 0.0)
+    };
+    if is_filtered && isolated <= MOST_DROPPED {
+        return (kept, isolated);
+    }
+    let some = order.iter().take(wanted);
+    (some.map(|&i| points[i as usize]).collect(), isolated)
+}
+
+/// The distinct points in the order of their first occurrence, and each point's index among them;
+/// no index where all are distinct.
 fn distinct(points: &[Point3]) -> (Cow<'_, [Point3]>, Option<Vec<u32>>) {
-    // Both zeros are one.
-    let keyed = points.iter().zip(0_u32..);
-    let mut sorted: Vec<([u64; 3], u32)> = keyed
-        .map(|(p, i)| (p.map(|v| (v + 0.0).to_bits()), i))
-        .collect();
-    sorted.sort_unstable();
-    let mut first: Vec<u32> = (0..points.len() as u32).collect();
-    let mut repeats = false;
-    for pair in sorted.windows(2) {
-        let ((before, i), (at, j)) = (pair[0], pair[1]);
-        if before == at {
-            first[j as usize] = first[i as usize];
-            repeats = true;
-        }
-    }
-    if !repeats {
+    let Some(first) = first_occurrences(points) else {
         return (Cow::Borrowed(points), None);
-    }
+    };
     let mut place = vec![0; points.len()];
     let mut kept = Vec::new();
     let mut index = Vec::with_capacity(points.len());
@@ -158,6 +180,24 @@ fn distinct(points: &[Point3]) -> (Cow<'_, [Point3]>, Option<Vec<u32>>) {
     (Cow::Owned(kept), Some(index))
 }
 
+/// By point the first one that is equal; none where all are distinct. Both zeros are one.
+fn first_occurrences(points: &[Point3]) -> Option<Vec<u32>> {
+    let bits = |p: &Point3| p.map(|v| (v + 0.0).to_bits());
+    let keyed = points.iter().zip(0_u32..);
+    let mut sorted: Vec<([u64; 3], u32)> = keyed.map(|(p, i)| (bits(p), i)).collect();
+    sorted.sort_unstable();
+    let mut first: Vec<u32> = (0..points.len() as u32).collect();
+    let mut repeats = false;
+    for pair in sorted.windows(2) {
+        let ((before, i), (at, j)) = (pair[0], pair[1]);
+        if before == at {
+            first[j as usize] = first[i as usize];
+            repeats = true;
+        }
+    }
+    repeats.then_some(first)
+}
+
 /// The box of the data: of all points, or of those kept where outliers would stretch it.
 fn trusted_box(points: &[Point3], kept: &[Point3], isolated: f64, spacing: f64) -> Aabb {
     let (all, mut some) = (Aabb::of(points), Aabb::of(kept));
@@ -169,4 +209,20 @@ fn trusted_box(points: &[Point3], kept: &[Point3], isolated: f64, spacing: f64) 
         some.hi[i] = (some.hi[i] + spacing).min(all.hi[i]);
     }
     some
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn repeats_count_once_and_both_zeros_are_one() {
+        let (a, b) = ([0.0, 1.0, 2.0], [-0.0, 1.0, 2.0]);
+        let c = [3.0; 3];
+        let points = [c, a, b, c];
+        let (kept, index) = distinct(&points);
+        assert_eq!(kept.as_ref(), [c, a]);
+        assert_eq!(index, Some(vec![0, 1, 1, 0]));
+        assert_eq!(distinct(&[a, c]).1, None);
+    }
 }

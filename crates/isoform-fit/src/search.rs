@@ -11,9 +11,13 @@
 //! results are read in the order of starts. So the outcome does not depend on the number of
 //! threads.
 
-use crate::objective::Residuals;
+mod descent;
+mod throw;
+
+use self::descent::Run;
+use crate::bounds::Bounds;
 use crate::space::Space;
-use crate::{Control, Options, Template, lm};
+use crate::{Control, Options, Template};
 use isoform_geom::Point3;
 use rayon::prelude::*;
 
@@ -22,7 +26,7 @@ use rayon::prelude::*;
 const BATCH: usize = 4;
 /// Starts of one Latin hypercube.
 const CUBE: usize = 16;
-/// Two sums are the same minimum when they differ by less than this share: converged runs agree to
+/// Two sums are of one minimum when they differ by less than this share: converged runs agree to
 /// 1e-6, distinct minima of the noise differ by more than 2 % on 512 points, and the near-equal
 /// ones of nested R-functions (1e-4) are meant to count as one.
 const SAME: f64 = 5e-3;
@@ -32,21 +36,15 @@ const NOUGHT: f64 = 1e-10;
 const RIVAL: f64 = 2.0;
 /// Most candidates compared.
 const CANDIDATES: usize = 4;
-/// Throws of single primitives without success before the search ends.
-const THROWS: usize = 4;
-/// Most throws before further starts.
-const MOST_THROWS: usize = 12;
-/// A run this near to the best minimum (in units) with a sum below [`NEAR_SUM`] times its own is
-/// taken to have arrived.
-const NEAR: f64 = 0.01;
-/// See [`NEAR`].
-const NEAR_SUM: f64 = 1.5;
+/// One of this many starts is drawn from the whole bounds, the others from where the data are.
+const WIDE: usize = 4;
 
 /// A minimum of the algebraic sum on the search points.
 #[derive(Clone, Debug)]
-pub(crate) struct Found {
+pub(crate) struct Minimum {
     pub(crate) x: Vec<f64>,
     pub(crate) value: f64,
+    /// Starts that led there.
     pub(crate) hits: usize,
 }
 
@@ -61,43 +59,72 @@ pub struct Step {
     pub rms: f64,
 }
 
+impl Step {
+    /// A step whose sum of squares over `count` points is `sum`.
+    pub(crate) fn new(start: usize, iteration: usize, sum: f64, count: f64) -> Self {
+        Self {
+            start,
+            iteration,
+            rms: (sum / count).sqrt(),
+        }
+    }
+}
+
 /// What the search found.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outcome {
     /// Distinct minima, best first.
-    pub(crate) minima: Vec<Found>,
+    pub(crate) minima: Vec<Minimum>,
     pub(crate) starts: usize,
     pub(crate) evaluations: usize,
     /// Whether the best minimum recurred as often as asked.
     pub(crate) certain: bool,
     pub(crate) stopped: bool,
     pub(crate) history: Vec<Step>,
+    /// Sums at the first places of runs that ended somewhere.
+    pub(crate) firsts: Vec<f64>,
 }
 
 impl Outcome {
+    /// Whether there is a minimum to go on from, and time.
+    pub(crate) fn can_go_on(&self) -> bool {
+        !self.stopped && !self.minima.is_empty()
+    }
+
+    /// The sum below which all are nought.
+    fn nought(&self) -> f64 {
+        NOUGHT * median(&self.firsts)
+    }
+
+    /// Counts a run from a start.
+    fn count(&mut self, run: Run) {
+        self.starts += 1;
+        self.evaluations += run.evaluations;
+        self.history.extend(run.history);
+        if run.value.is_finite() {
+            self.firsts.push(run.first);
+            let nought = self.nought();
+            self.insert(run.x, run.value, nought, true);
+        }
+    }
+
+    /// Puts a minimum to the others, and gives its place among them.
     fn insert(&mut self, x: Vec<f64>, value: f64, nought: f64, counts: bool) -> usize {
-        let same = |m: &Found| {
+        let is_same = |m: &Minimum| {
             (m.value - value).abs() <= SAME * m.value.min(value)
                 || (m.value <= nought && value <= nought)
         };
-        let at = self.minima.iter().position(same);
-        if let Some(at) = at {
+        let hits = usize::from(counts);
+        if let Some(at) = self.minima.iter().position(is_same) {
             let m = &mut self.minima[at];
-            m.hits += usize::from(counts);
+            m.hits += hits;
             if value < m.value {
                 (m.x, m.value) = (x, value);
             }
             return at;
         }
         let at = self.minima.partition_point(|m| m.value <= value);
-        self.minima.insert(
-            at,
-            Found {
-                x,
-                value,
-                hits: usize::from(counts),
-            },
-        );
+        self.minima.insert(at, Minimum { x, value, hits });
         at
     }
 
@@ -115,294 +142,150 @@ pub(crate) struct Search<'a> {
     pub(crate) control: &'a Control<'a>,
 }
 
-struct Run {
-    x: Vec<f64>,
-    value: f64,
-    first: f64,
-    evaluations: usize,
-    history: Vec<Step>,
-}
-
 impl Search<'_> {
     /// Searches from `first` (if any) and from as many starts as it takes.
     pub(crate) fn run(&self, first: Option<Vec<f64>>) -> Outcome {
         let mut out = Outcome::default();
-        let mut firsts: Vec<f64> = Vec::new();
         let most = self.options.most_starts.max(1);
-        let offset = usize::from(first.is_none());
         let mut k = 0;
-        'batches: while k < most {
+        while k < most {
+            // The first start goes alone: it may tell when the others can stop.
             let size = if k == 0 { 1 } else { BATCH.min(most - k) };
-            let known = out.minima.first().cloned();
-            let nought = NOUGHT * median(&firsts);
-            let starts: Vec<Vec<f64>> = (k..k + size)
-                .map(|i| match (&first, i, out.minima.first()) {
-                    (Some(x), 0, _) => x.clone(),
-                    // After two batches without agreement half of the starts keep part of the best
-                    // minimum.
-                    (_, i, Some(best)) if i > 2 * BATCH && i % 2 == 0 => self.mixed(&best.x, i),
-                    _ => self.drawn(i + offset - 1),
-                })
-                .collect();
-            let one =
-                |(i, x): (usize, &Vec<f64>)| self.descend(x.clone(), known.as_ref(), nought, k + i);
-            let eager: Vec<Run> = if rayon::current_num_threads() > 1 {
-                starts.par_iter().enumerate().map(one).collect()
-            } else {
-                Vec::new()
-            };
-            for i in 0..size {
-                let lazy;
-                let run = match eager.get(i) {
-                    Some(run) => run,
-                    None => {
-                        lazy = one((i, &starts[i]));
-                        &lazy
-                    }
-                };
-                out.starts += 1;
-                out.evaluations += run.evaluations;
-                out.history.extend_from_slice(&run.history);
-                if run.value.is_finite() {
-                    firsts.push(run.first);
-                    out.insert(run.x.clone(), run.value, NOUGHT * median(&firsts), true);
-                }
-                self.control.report(
-                    "search",
-                    (out.starts as f64 / self.options.least_starts.max(1) as f64).min(0.99),
-                );
-                if self.control.is_stopped() {
-                    out.stopped = true;
-                    break 'batches;
-                }
-                if self.has_recurred(&out) && self.throw(&mut out, &firsts) {
-                    out.certain = true;
-                    break 'batches;
-                }
+            if self.batch(k, size, first.as_deref(), &mut out) {
+                break;
             }
             k += size;
         }
         out
     }
 
-    /// The best minimum recurred in independent starts.
+    /// Searches from the best minimum of an outcome, whose evaluations are counted, too.
+    pub(crate) fn run_again(&self, before: Outcome) -> Outcome {
+        let first = before.minima.into_iter().next().map(|m| m.x);
+        let mut again = self.run(first);
+        again.evaluations += before.evaluations;
+        again
+    }
+
+    /// Runs `size` starts from the k-th on; whether the search is over.
+    fn batch(&self, k: usize, size: usize, first: Option<&[f64]>, out: &mut Outcome) -> bool {
+        let best = out.minima.first().map(|m| &m.x[..]);
+        let starts: Vec<Vec<f64>> = (k..k + size).map(|i| self.start(i, first, best)).collect();
+        let known = out.minima.first().cloned();
+        let nought = out.nought();
+        let run = |(i, x): (usize, Vec<f64>)| self.descend(x, known.as_ref(), nought, k + i);
+        // A lone thread runs a start when it is its turn, and may be spared the rest.
+        if rayon::current_num_threads() > 1 {
+            let runs: Vec<Run> = starts.into_par_iter().enumerate().map(run).collect();
+            runs.into_iter().any(|run| self.is_over(run, out))
+        } else {
+            let mut runs = starts.into_iter().enumerate().map(run);
+            runs.any(|run| self.is_over(run, out))
+        }
+    }
+
+    /// Counts a run; whether the search is over.
+    fn is_over(&self, run: Run, out: &mut Outcome) -> bool {
+        out.count(run);
+        let share = out.starts as f64 / self.options.least_starts.max(1) as f64;
+        self.control.report("search", share.min(0.99));
+        out.stopped = self.control.is_stopped();
+        if out.stopped {
+            return true;
+        }
+        out.certain = self.has_recurred(out) && self.throw(out);
+        out.certain
+    }
+
+    /// Whether the best minimum recurred in independent starts.
     fn has_recurred(&self, out: &Outcome) -> bool {
+        let hits = out.minima.first().map(|m| m.hits);
         out.starts >= self.options.least_starts
-            && out
-                .minima
-                .first()
-                .is_some_and(|m| m.hits >= self.options.recurrences)
+            && hits.is_some_and(|hits| hits >= self.options.recurrences)
     }
 
-    /// Throws single primitives of the best minimum elsewhere. True when that keeps leading back
-    /// and the rate of return, starts included, promises that a minimum as wide was not missed;
-    /// false to go on with starts.
-    fn throw(&self, out: &mut Outcome, firsts: &[f64]) -> bool {
-        let mut random =
-            fastrand::Rng::with_seed(self.options.seed ^ 0x7_4120 ^ ((out.starts as u64) << 32));
-        let nought = NOUGHT * median(firsts);
-        let mut groups = self.groups(&out.minima[0].x);
-        let (mut tried, mut back, mut failures) = (0, 0, 0);
-        while tried < MOST_THROWS && !groups.is_empty() && !self.control.is_stopped() {
-            let mut x = out.minima[0].x.clone();
-            for &i in &groups[failures % groups.len()] {
-                x[i] = self.space.start_lo[i]
-                    + (self.space.start_hi[i] - self.space.start_lo[i]) * random.f64();
-            }
-            self.space.into_interior(&mut x, 1e-3);
-            let best = out.best();
-            let run = self.descend(x, out.minima.first(), nought, out.starts);
-            out.evaluations += run.evaluations;
-            tried += 1;
-            let at = if run.value.is_finite() {
-                out.insert(run.x, run.value, nought, false)
-            } else {
-                usize::MAX
-            };
-            if at == 0 && best > nought && run.value < best * (1.0 - SAME) {
-                // Better: everything found so far was something else.
-                (tried, back, failures) = (0, 1, 0);
-                out.minima[0].hits = 1;
-                groups = self.groups(&out.minima[0].x);
-                continue;
-            }
-            back += usize::from(at == 0);
-            failures += 1;
-            let total = out.starts + tried;
-            let rate = (out.minima[0].hits + back) as f64 / total as f64;
-            if failures >= THROWS && (1.0 - rate).powi(total as i32) < self.options.miss {
-                return out.minima[0].hits >= 2;
-            }
-        }
-        groups.is_empty()
-    }
-
-    /// Free variables by primitive, those of the pieces with the fewest points first: the variables
-    /// that a piece's points move.
-    pub(crate) fn groups(&self, x: &[f64]) -> Vec<Vec<usize>> {
-        let names = self.template.part_names().len();
-        let n = self.template.parameters().len();
-        let m = self.space.len();
-        let mut a = vec![0.0; n];
-        self.space.parameters_at(x, &mut a);
-        let mut parts = vec![0; self.points.len()];
-        self.template.parts(self.points, &a, &mut parts);
-        let (mut f, mut jac) = (
-            vec![0.0; self.points.len()],
-            vec![0.0; self.points.len() * n],
-        );
-        self.template
-            .metric()
-            .jacobian(self.points, &a, &mut f, &mut jac);
-        let mut count = vec![0_usize; names];
-        let mut moved = vec![false; names * m];
-        for (p, row) in parts.iter().zip(jac.chunks_exact(n)) {
-            let p = *p as usize;
-            if p >= names {
-                continue;
-            }
-            count[p] += 1;
-            for k in 0..m {
-                let d: f64 = self.space.column(k).iter().map(|&(i, c)| c * row[i]).sum();
-                moved[p * m + k] |= d.abs() > 1e-6;
-            }
-        }
-        // Variables that move most pieces (a pose) belong to none of them.
-        let present = (0..names).filter(|&p| count[p] > 0).count();
-        let moves = |k: usize| (0..names).filter(|&p| moved[p * m + k]).count();
-        let common: Vec<bool> = (0..m)
-            .map(|k| present > 2 && 3 * moves(k) > 2 * present)
-            .collect();
-        let mut order: Vec<usize> = (0..names).filter(|&p| count[p] > 0).collect();
-        order.sort_by_key(|&p| count[p]);
-        let mut groups: Vec<Vec<usize>> = Vec::new();
-        // Variables that no point moves come first of all: their piece lies away from the data.
-        let orphans: Vec<usize> = (0..m).filter(|&k| moves(k) == 0).collect();
-        groups.extend(Some(orphans).filter(|o| !o.is_empty()));
-        for p in order {
-            let group: Vec<usize> = (0..m).filter(|&k| moved[p * m + k] && !common[k]).collect();
-            if !group.is_empty() && !groups.contains(&group) {
-                groups.push(group);
-            }
-        }
-        groups
-    }
-
-    /// One descent; ends early at a minimum that is known, or when it can no longer matter.
-    fn descend(&self, x: Vec<f64>, known: Option<&Found>, nought: f64, start: usize) -> Run {
-        let mut objective = Residuals::new(self.template.algebraic(), self.points, &[], self.space);
-        let (mut first, mut history) = (f64::INFINITY, Vec::new());
-        let count = self.points.len().max(1) as f64;
-        let mut window = Vec::new();
-        let mut arrived = false;
-        let settings = lm::Options {
-            decrease: 1e-5,
-            ..lm::Options::default()
-        };
-        let mut m = lm::minimize(
-            &mut objective,
-            x,
-            &self.space.lo,
-            &self.space.hi,
-            &settings,
-            &mut |iteration, x, value| {
-                if window.is_empty() {
-                    first = value;
-                }
-                window.push(value);
-                history.push(Step {
-                    start,
-                    iteration,
-                    rms: (value / count).sqrt(),
-                });
-                let k = window.len();
-                if let Some(known) = known {
-                    let is_low = value < NEAR_SUM * known.value
-                        || (known.value <= nought && value < 1e-4 * first);
-                    arrived = is_low && known.x.iter().zip(x).all(|(u, v)| (u - v).abs() < NEAR);
-                    // A run far above the best minimum that has all but stopped falling is not
-                    // awaited.
-                    if arrived
-                        || (k > 10
-                            && window[k - 11] - value < 0.02 * value
-                            && value > 4.0 * known.value)
-                    {
-                        return false;
-                    }
-                }
-                value > nought && !self.control.is_stopped()
-            },
-        );
-        if let Some(known) = known.filter(|_| arrived) {
-            (m.x, m.value) = (known.x.clone(), known.value);
-        }
-        Run {
-            x: m.x,
-            value: m.value,
-            first,
-            evaluations: m.iterations,
-            history,
+    /// Where start i begins. After two batches without agreement half of the starts keep part of
+    /// the best minimum.
+    fn start(&self, i: usize, first: Option<&[f64]>, best: Option<&[f64]>) -> Vec<f64> {
+        match (first, best) {
+            (Some(x), _) if i == 0 => x.to_vec(),
+            (_, Some(best)) if i > 2 * BATCH && i.is_multiple_of(2) => self.mixed(best, i),
+            (Some(_), _) => self.drawn(i - 1),
+            (None, _) => self.drawn(i),
         }
     }
 
     /// Start i of the seeded Latin hypercubes: three of four where the data are, one anywhere
     /// within bounds.
     pub(crate) fn drawn(&self, i: usize) -> Vec<f64> {
-        let (cube, row) = (i / CUBE, i % CUBE);
-        let mut random = fastrand::Rng::with_seed(self.options.seed.wrapping_add(cube as u64));
-        let wide = i % 4 == 3;
-        let mut order: Vec<usize> = (0..CUBE).collect();
-        let mut x: Vec<f64> = (0..self.space.len())
-            .map(|k| {
-                random.shuffle(&mut order);
-                let offsets: [f64; CUBE] = std::array::from_fn(|_| random.f64());
-                let u = (order[row] as f64 + offsets[row]) / CUBE as f64;
-                let (lo, hi) = if wide {
-                    (self.space.lo[k], self.space.hi[k])
-                } else {
-                    (self.space.start_lo[k], self.space.start_hi[k])
-                };
-                lo + (hi - lo) * u
-            })
-            .collect();
-        self.space.into_interior(&mut x, 1e-3);
-        x
-    }
-
-    /// The best minimum with about half of its primitives thrown elsewhere.
-    fn mixed(&self, best: &[f64], i: usize) -> Vec<f64> {
-        let mut random = fastrand::Rng::with_seed(self.options.seed ^ ((i as u64) << 20));
-        let mut x = best.to_vec();
-        for group in self.groups(best) {
-            if random.bool() {
-                for k in group {
-                    x[k] = self.space.start_lo[k]
-                        + (self.space.start_hi[k] - self.space.start_lo[k]) * random.f64();
-                }
-            }
-        }
+        let is_wide = i % WIDE == WIDE - 1;
+        let Bounds { lo, hi } = if is_wide {
+            self.space.limits()
+        } else {
+            self.space.start_limits()
+        };
+        let mut row = CubeRow::new(self.options.seed, i);
+        let ranges = lo.iter().zip(hi);
+        let mut x: Vec<f64> = ranges.map(|(lo, hi)| lo + (hi - lo) * row.next()).collect();
         self.space.into_interior(&mut x, 1e-3);
         x
     }
 
     /// The minima worth comparing on more points.
-    pub(crate) fn candidates<'o>(&self, out: &'o Outcome) -> &'o [Found] {
-        let best = out.best();
-        let k = out
-            .minima
-            .iter()
-            .take(CANDIDATES)
-            .take_while(|m| m.value <= RIVAL * best)
-            .count();
+    pub(crate) fn candidates<'o>(&self, out: &'o Outcome) -> &'o [Minimum] {
+        let limit = RIVAL * out.best();
+        let first = out.minima.iter().take(CANDIDATES);
+        let k = first.take_while(|m| m.value <= limit).count();
         &out.minima[..k.max(1).min(out.minima.len())]
     }
 }
 
-fn median(v: &[f64]) -> f64 {
-    if v.is_empty() {
-        return 0.0;
+/// A row of a seeded Latin hypercube: coordinates in [0, 1) such that the rows of a cube fall into
+/// different sixteenths along each axis.
+struct CubeRow {
+    row: usize,
+    order: Vec<usize>,
+    random: fastrand::Rng,
+}
+
+impl CubeRow {
+    /// The row of start i; each cube serves [`CUBE`] starts.
+    fn new(seed: u64, i: usize) -> Self {
+        let cube = (i / CUBE) as u64;
+        Self {
+            row: i % CUBE,
+            order: (0..CUBE).collect(),
+            random: fastrand::Rng::with_seed(seed.wrapping_add(cube)),
+        }
     }
-    let mut v = v.to_vec();
-    v.sort_by(f64::total_cmp);
-    v[v.len() / 2]
+
+    /// The coordinate along the next axis.
+    fn next(&mut self) -> f64 {
+        self.random.shuffle(&mut self.order);
+        let offsets: [f64; CUBE] = std::array::from_fn(|_| self.random.f64());
+        (self.order[self.row] as f64 + offsets[self.row]) / CUBE as f64
+    }
+}
+
+/// Upper median.
+fn median(v: &[f64]) -> f64 {
+    crate::outliers::median(&mut v.to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_of_a_cube_share_no_sixteenth() {
+        let mut rows: Vec<CubeRow> = (0..CUBE).map(|i| CubeRow::new(7, i)).collect();
+        for _ in 0..3 {
+            let along = rows
+                .iter_mut()
+                .map(|row| (CUBE as f64 * row.next()) as usize);
+            let mut slots: Vec<usize> = along.collect();
+            slots.sort_unstable();
+            assert_eq!(slots, (0..CUBE).collect::<Vec<_>>());
+        }
+    }
 }

@@ -66,6 +66,13 @@ impl Parameter {
     }
 }
 
+/// The pieces that decide a template's function at some points.
+pub(crate) fn parts_of(template: &dyn Template, points: &[Point3], a: &[f64]) -> Vec<u32> {
+    let mut parts = vec![0; points.len()];
+    template.parts(points, a, &mut parts);
+    parts
+}
+
 /// A function of space with parameters, read three ways.
 pub trait Template: Send + Sync {
     /// The parameters, in the order of the vectors `a`.

@@ -8,148 +8,163 @@
 
 use crate::lm;
 use crate::objective::{Residuals, values};
-use crate::outliers::median;
+use crate::outliers::{NORMAL, median, robust_deviation};
 use crate::search::Search;
 use rayon::prelude::*;
 
-/// Share of the points that a concentration step keeps. Survives a fifth of clustered outliers.
+/// Share of the points that a concentration step keeps. It survives a fifth of clustered outliers.
 const KEPT: f64 = 0.8;
 /// Concentration steps; they settle after three to five.
 const STEPS: usize = 6;
-/// Starts.
+/// Starts, beside the one given.
 const STARTS: usize = 32;
-/// Throws of single pieces of the best result.
+/// Throws of single pieces of the best result, per round.
 const THROWS: usize = 12;
+/// Rounds of throws, at most.
+const ROUNDS: usize = 2;
+/// Pieces that are thrown in turn: the ones with the fewest points.
+const THROWN: usize = 4;
 /// Residuals are cut at this many robust deviations of the best result.
 const CUT: f64 = 6.0;
+/// Residuals are cut no nearer than at this share of the spacing.
+const LEAST_CUT: f64 = 0.25;
+/// Evaluations of the first minimisation from a start.
+const FIRST: usize = 40;
+/// Evaluations of the later minimisations, and of the first one after a throw.
+const THEN: usize = 15;
 
-/// A result: variables and absolute metric residuals.
-struct Trimmed {
-    x: Vec<f64>,
+/// A result of the trimmed search.
+pub(crate) struct Trimmed {
+    pub(crate) x: Vec<f64>,
+    /// Absolute metric residuals; infinite where there are none.
     off: Vec<f64>,
+    pub(crate) evaluations: usize,
 }
 
 impl Search<'_> {
-    /// The best results of trimmed fits, from `firsts` and from informed starts; and the
-    /// evaluations spent.
-    pub(crate) fn trimmed(&self, firsts: &[Vec<f64>], spacing: f64) -> (Vec<Vec<f64>>, usize) {
-        let starts: Vec<Vec<f64>> = firsts
-            .iter()
-            .cloned()
-            .chain((0..STARTS).map(|i| self.drawn(i)))
-            .collect();
-        let mut found: Vec<(Trimmed, usize)> = starts
-            .into_par_iter()
-            .map(|x| self.concentrate(x, 40))
-            .collect();
-        let mut evaluations: usize = found.iter().map(|f| f.1).sum();
+    /// The best result of trimmed fits, from a start and from informed ones, with the evaluations
+    /// of all.
+    pub(crate) fn trimmed(&self, first: Vec<f64>, spacing: f64) -> Trimmed {
+        let drawn = (0..STARTS).map(|i| self.drawn(i));
+        let starts: Vec<Vec<f64>> = [first].into_iter().chain(drawn).collect();
+        let mut found = self.concentrated(starts, FIRST);
         let mut best = self.lowest(&found, spacing);
         let mut random = fastrand::Rng::with_seed(self.options.seed ^ 0x7_2133);
-        for _ in 0..2 {
+        for _ in 0..ROUNDS {
             if self.control.is_stopped() {
                 break;
             }
-            let groups = self.groups(&found[best].0.x);
-            let thrown: Vec<Vec<f64>> = (0..THROWS)
-                .map(|k| {
-                    let mut x = found[best].0.x.clone();
-                    for &i in groups
-                        .get(k % groups.len().clamp(1, 4))
-                        .into_iter()
-                        .flatten()
-                    {
-                        x[i] = self.space.start_lo[i]
-                            + (self.space.start_hi[i] - self.space.start_lo[i]) * random.f64();
-                    }
-                    self.space.into_interior(&mut x, 1e-3);
-                    x
-                })
-                .collect();
-            let more: Vec<(Trimmed, usize)> = thrown
-                .into_par_iter()
-                .map(|x| self.concentrate(x, 15))
-                .collect();
-            evaluations += more.iter().map(|f| f.1).sum::<usize>();
-            found.extend(more);
+            let thrown = self.thrown(&found[best].x, &mut random);
+            found.extend(self.concentrated(thrown, THEN));
             let next = self.lowest(&found, spacing);
             if next == best {
                 break;
             }
             best = next;
         }
-        (vec![found.swap_remove(best).0.x], evaluations)
-    }
-
-    fn concentrate(&self, x: Vec<f64>, first: usize) -> (Trimmed, usize) {
-        let mut weights = Vec::new();
-        let mut evaluations = 0;
-        let (mut x, mut most) = (x, first);
-        let mut off = Vec::new();
-        for step in 0..=STEPS {
-            let mut objective =
-                Residuals::new(self.template.algebraic(), self.points, &weights, self.space);
-            let settings = lm::Options {
-                max_iterations: most,
-                decrease: 1e-4,
-                ..lm::Options::default()
-            };
-            let m = lm::minimize(
-                &mut objective,
-                x.clone(),
-                &self.space.lo,
-                &self.space.hi,
-                &settings,
-                &mut |_, _, _| true,
-            );
-            evaluations += m.iterations;
-            x = m.x;
-            most = 15;
-            off = self.off(&x);
-            if self.control.is_stopped() {
-                break;
-            }
-            let mut sorted = off.clone();
-            let limit = if step + 1 < STEPS {
-                let at = ((KEPT * off.len() as f64) as usize).min(off.len() - 1);
-                *sorted.select_nth_unstable_by(at, f64::total_cmp).1
-            } else {
-                // The last step asks all points that are near enough.
-                1.4826 * CUT * median(&mut sorted)
-            };
-            weights = off
-                .iter()
-                .map(|v| if *v <= limit { 1.0 } else { 0.0 })
-                .collect();
+        Trimmed {
+            evaluations: found.iter().map(|f| f.evaluations).sum(),
+            ..found.swap_remove(best)
         }
-        (Trimmed { x, off }, evaluations)
     }
 
-    fn off(&self, x: &[f64]) -> Vec<f64> {
-        let mut a = vec![0.0; self.template.parameters().len()];
-        self.space.parameters_at(x, &mut a);
-        let mut r = vec![0.0; self.points.len()];
-        values(self.template.metric(), self.points, &a, &mut r);
-        r.iter()
-            .map(|v| {
-                if v.is_finite() {
-                    v.abs()
-                } else {
-                    f64::INFINITY
-                }
-            })
+    /// A place with single pieces thrown elsewhere, one in each of the results.
+    fn thrown(&self, x: &[f64], random: &mut fastrand::Rng) -> Vec<Vec<f64>> {
+        let groups = self.groups(x);
+        let group = |k: usize| groups.get(k % groups.len().clamp(1, THROWN));
+        (0..THROWS)
+            .map(|k| self.throw_group(x, group(k).map_or(&[], Vec::as_slice), random))
             .collect()
     }
 
-    /// The least truncated sum.
-    fn lowest(&self, found: &[(Trimmed, usize)], spacing: f64) -> usize {
-        let scale = found
-            .iter()
-            .map(|f| 1.4826 * median(&mut f.0.off.clone()))
-            .fold(f64::INFINITY, f64::min);
-        let cut = (CUT * scale).max(0.25 * spacing);
-        let score = |t: &Trimmed| t.off.iter().map(|v| v.min(cut).powi(2)).sum::<f64>();
+    fn concentrated(&self, starts: Vec<Vec<f64>>, first: usize) -> Vec<Trimmed> {
+        starts
+            .into_par_iter()
+            .map(|x| self.concentrate(x, first))
+            .collect()
+    }
+
+    /// Concentration steps from a start, the first of at most `first` evaluations.
+    fn concentrate(&self, x: Vec<f64>, first: usize) -> Trimmed {
+        let mut trimmed = Trimmed {
+            x,
+            off: Vec::new(),
+            evaluations: 0,
+        };
+        let mut weights = Vec::new();
+        for step in 0..=STEPS {
+            let most = if step == 0 { first } else { THEN };
+            let m = self.weighted(&weights, trimmed.x.clone(), most);
+            trimmed.evaluations += m.iterations;
+            trimmed.x = m.x;
+            trimmed.off = self.off(&trimmed.x);
+            if self.control.is_stopped() {
+                break;
+            }
+            let limit = trimmed.limit(step);
+            let is_kept = |off: &f64| f64::from(u8::from(*off <= limit));
+            weights = trimmed.off.iter().map(is_kept).collect();
+        }
+        trimmed
+    }
+
+    /// A minimum of the weighted algebraic sum.
+    fn weighted(&self, weights: &[f64], x: Vec<f64>, most: usize) -> lm::Minimum {
+        let field = self.template.algebraic();
+        let mut objective = Residuals::new(field, self.points, weights, self.space);
+        let settings = lm::Options {
+            max_iterations: most,
+            decrease: 1e-4,
+            ..lm::Options::default()
+        };
+        self.space
+            .minimize(&mut objective, x, &settings, &mut |_, _, _| true)
+    }
+
+    /// Absolute metric residuals of the points; infinite where there are none.
+    fn off(&self, x: &[f64]) -> Vec<f64> {
+        let mut r = vec![0.0; self.points.len()];
+        let a = self.space.parameters(x);
+        values(self.template.metric(), self.points, &a, &mut r);
+        let off = |v: &f64| {
+            if v.is_finite() {
+                v.abs()
+            } else {
+                f64::INFINITY
+            }
+        };
+        r.iter().map(off).collect()
+    }
+
+    /// The result of the least truncated sum.
+    fn lowest(&self, found: &[Trimmed], spacing: f64) -> usize {
+        let scales = found.iter().map(Trimmed::scale);
+        let cut = (CUT * scales.fold(f64::INFINITY, f64::min)).max(LEAST_CUT * spacing);
+        let score = |k: &usize| -> f64 {
+            let off = found[*k].off.iter();
+            off.map(|v| v.min(cut).powi(2)).sum()
+        };
         (0..found.len())
-            .min_by(|&i, &j| score(&found[i].0).total_cmp(&score(&found[j].0)))
+            .min_by(|i, j| score(i).total_cmp(&score(j)))
             .unwrap_or(0)
+    }
+}
+
+impl Trimmed {
+    /// Robust deviation of the residuals.
+    fn scale(&self) -> f64 {
+        robust_deviation(&mut self.off.clone())
+    }
+
+    /// The distance within which points are kept after a step. The last step asks all points that
+    /// are near enough.
+    fn limit(&self, step: usize) -> f64 {
+        let mut sorted = self.off.clone();
+        if step + 1 < STEPS {
+            let at = ((KEPT * sorted.len() as f64) as usize).min(sorted.len() - 1);
+            *sorted.select_nth_unstable_by(at, f64::total_cmp).1
+        } else {
+            NORMAL * CUT * median(&mut sorted)
+        }
     }
 }

@@ -4,7 +4,8 @@
 mod support;
 
 use isoform_fit::{
-    Control, Fit, FitError, Loss, Options, Residuals, Space, Status, Template, Tie, fit, lm,
+    Control, Fit, FitError, Loss, Options, Residuals, Space, Status, Template, Tie, Warning, Why,
+    fit, lm,
 };
 use isoform_geom::{Aabb, Point3};
 use support::{
@@ -163,10 +164,11 @@ fn an_unseen_face_is_named() {
             .collect();
         assert_eq!(open, [2, 5], "{:?}", f.undetermined);
         assert_eq!(f.undetermined.len(), 1);
-        assert_eq!(
-            f.undetermined[0].why,
-            "vz and dz are not determined: no points near box.z_min"
-        );
+        let unseen = Why::Unseen {
+            parameters: vec!["vz".to_owned(), "dz".to_owned()],
+            pieces: vec!["box.z_min".to_owned()],
+        };
+        assert_eq!(f.undetermined[0].why, unseen);
         let mut a = canonical(&f.values());
         assert!((a[2] + a[5] - TRUTH[2] - TRUTH[5]).abs() < 0.002);
         (a[2], a[5]) = (TRUTH[2], TRUTH[5]);
@@ -306,7 +308,8 @@ fn fixed_and_tied_parameters_and_bounds_that_are_hit() {
         "{:?}",
         f.parameters[4]
     );
-    assert!(f.warnings.iter().any(|w| w.contains("dy ran into a bound")));
+    let is_told = |w: &Warning| matches!(w, Warning::AtBound { name, .. } if name == "dy");
+    assert!(f.warnings.iter().any(is_told));
     // The tied radius has its deviation from the other one.
     let (u, v) = (
         f.parameters[8].sd.expect("sd"),
@@ -358,7 +361,7 @@ fn a_template_of_another_thing_is_refused() {
             &Control::default(),
         )
         .expect("a fit");
-        assert!(!f.acceptable && !f.reasons.is_empty());
+        assert!(!f.acceptable && !f.findings.is_empty());
     }
 }
 

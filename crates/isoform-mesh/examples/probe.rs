@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     )?;
     say("done", 1.0);
     for w in &m.warnings {
-        println!("{} {:?}", w.message, w.at);
+        println!("{} {:?}", w.kind, w.at);
     }
     let m = m.mesh;
     println!(

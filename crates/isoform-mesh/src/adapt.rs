@@ -18,7 +18,7 @@ mod sizes;
 mod skin;
 
 use crate::assemble::{Joined, Labelled, assemble_surface};
-use crate::error::{MeshError, Warning};
+use crate::error::{MeshError, Warning, WarningKind};
 use crate::features::{ExtentError, Features, extent_within};
 use crate::inside::Inside;
 use crate::lattice::{CELL, IN, Lattice, OUT};
@@ -132,8 +132,7 @@ fn of_triangles(
     control.begin("optimisation")?;
     let mut remesher = Remesher::new(skin, surface, options, control);
     remesher.run();
-    let message = "a vertex could not be brought onto the surface";
-    warnings.extend(Warning::each(message, remesher.off()));
+    warnings.extend(Warning::each(WarningKind::VertexOff, remesher.off()));
     control.begin("assembly")?;
     let skin = &remesher.skin;
     let mut labelled = assemble_surface(surface, &skin.labelled_faces(), &skin.points);

@@ -75,26 +75,80 @@ impl From<ExtentError> for MeshError {
     }
 }
 
-/// A place where the mesh may not follow the solid.
+/// A place where the mesh may not be what was asked for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warning {
     /// What happened.
-    pub message: String,
+    pub kind: WarningKind,
     /// Where, as far as there is one place.
     pub at: Option<Point3>,
 }
 
-impl Warning {
-    /// A warning of a place.
-    pub(crate) fn at(message: &str, at: Point3) -> Self {
-        Self {
-            message: message.into(),
-            at: Some(at),
+/// What may keep a mesh from following the solid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum WarningKind {
+    /// The limit of memory was met before sizes were as small as asked for.
+    SizesCutShort,
+    /// Sheets of the surface lie closer together than the lattice resolves.
+    TooFine,
+    /// Tetrahedra, this many, could not be cut to the end.
+    NotCut(usize),
+    /// A face of the surface that lies on no single part.
+    StrayFace,
+    /// A vertex that is not on the surface.
+    VertexOff,
+    /// A node in the middle of an edge that is not on the surface.
+    MiddleOff,
+    /// A vertex of a mesh given from elsewhere that is far from the model.
+    VertexFar,
+    /// An edge of the model that the mesh given has no edges for.
+    EdgeLost,
+    /// The program is run statement by statement: nothing is known of its edges.
+    NotProved,
+}
+
+impl std::fmt::Display for WarningKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if let Self::NotCut(count) = self {
+            return write!(
+                f,
+                "{count} tetrahedra could not be cut to the end: pieces touch too often for this \
+                 size"
+            );
         }
+        f.write_str(match self {
+            Self::SizesCutShort => {
+                "sizes were not refined as far as asked for: the limit of memory was met"
+            }
+            Self::TooFine => "the surface is finer than the mesh can resolve here",
+            Self::NotCut(_) => "tetrahedra could not be cut to the end",
+            Self::StrayFace => "a face of the surface lies on no single part",
+            Self::VertexOff => "a vertex could not be brought onto the surface",
+            Self::MiddleOff => "a mid-edge node could not be brought onto the surface",
+            Self::VertexFar => "a vertex of the mesh given lies nowhere near the model",
+            Self::EdgeLost => "the mesh given cannot be made to follow an edge of the model",
+            Self::NotProved => {
+                "the program is no expression: it was meshed as one smooth part, its edges are \
+                 rounded and nothing is proved"
+            }
+        })
+    }
+}
+
+impl Warning {
+    /// A warning that concerns the whole mesh.
+    pub fn of_all(kind: WarningKind) -> Self {
+        Self { kind, at: None }
+    }
+
+    /// A warning of a place.
+    pub(crate) fn at(kind: WarningKind, at: Point3) -> Self {
+        Self { kind, at: Some(at) }
     }
 
     /// One warning for each of the places.
-    pub(crate) fn each(message: &str, places: impl IntoIterator<Item = Point3>) -> Vec<Self> {
-        places.into_iter().map(|at| Self::at(message, at)).collect()
+    pub(crate) fn each(kind: WarningKind, places: impl IntoIterator<Item = Point3>) -> Vec<Self> {
+        places.into_iter().map(|at| Self::at(kind, at)).collect()
     }
 }

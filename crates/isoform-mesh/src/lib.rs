@@ -22,7 +22,7 @@ mod second;
 mod surface;
 
 pub use adapt::{adapt, mean_edge, own_sizes};
-pub use error::{MeshError, Warning};
+pub use error::{MeshError, Warning, WarningKind};
 pub use isoform_control::Control;
 pub use mesher::{Meshed, mesh};
 pub use options::{Options, Sizes};

@@ -7,7 +7,7 @@ use crate::assemble::{Joined, assemble_surface, assemble_volume};
 use crate::band::{Band, Core};
 use crate::crowd::Crowd;
 use crate::cut::Cutter;
-use crate::error::{MeshError, Warning};
+use crate::error::{MeshError, Warning, WarningKind};
 use crate::features::{Extent, FeatureOptions, Features, START, extent_within, find};
 use crate::inside::Inside;
 use crate::lattice::{CELL, Lattice};
@@ -155,16 +155,11 @@ fn refine(
     }
     control.begin("sizes")?;
     if refiner.follow(surface, options) {
-        warnings.push(Warning {
-            message: "sizes were not refined as far as asked for: the limit of memory was met"
-                .into(),
-            at: None,
-        });
+        warnings.push(Warning::of_all(WarningKind::SizesCutShort));
     }
     control.begin("surface")?;
     let hidden = refiner.resolve(surface);
-    let message = "the surface is finer than the mesh can resolve here";
-    warnings.extend(Warning::each(message, hidden));
+    warnings.extend(Warning::each(WarningKind::TooFine, hidden));
     control.check()?;
     Ok(warnings)
 }
@@ -201,8 +196,7 @@ fn cut(
         return Err(MeshError::TooCoarse { size: options.size });
     }
     let stray = inside.stray.iter().copied();
-    let message = "a face of the surface lies on no single part";
-    warnings.extend(Warning::each(message, stray));
+    warnings.extend(Warning::each(WarningKind::StrayFace, stray));
     Ok(inside)
 }
 
@@ -217,11 +211,8 @@ fn cutter_of<'s>(refiner: &Refiner<'s>, surface: &'s Surface<'s>) -> Cutter<'s> 
 
 /// One warning of all tetrahedra that cutting left undecided.
 fn undecided(places: &[Point3]) -> Option<Warning> {
-    let message = format!(
-        "{} tetrahedra could not be cut to the end: pieces touch too often for this size",
-        places.len()
-    );
-    places.first().map(|&at| Warning::at(&message, at))
+    let kind = WarningKind::NotCut(places.len());
+    places.first().map(|&at| Warning::at(kind, at))
 }
 
 /// Optimises what is inside and makes the mesh of it.

@@ -24,7 +24,7 @@ mod moves;
 mod settling;
 
 use crate::complex::{Complex, Face, Ring};
-use crate::error::Warning;
+use crate::error::{Warning, WarningKind};
 use crate::inside::Inside;
 use crate::measure::{biased_sine, smallest_sine};
 use crate::options::Options;
@@ -124,7 +124,7 @@ impl Optimiser<'_> {
         let off = self.settle(goal);
         self.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);
         self.split_ears(EARS * goal);
-        Warning::each("a vertex could not be brought onto the surface", off)
+        Warning::each(WarningKind::VertexOff, off)
     }
 
     #[inline]

@@ -6,7 +6,7 @@
 //! over where edges are straight.
 
 use crate::assemble::Labelled;
-use crate::error::{MeshError, Warning};
+use crate::error::{MeshError, Warning, WarningKind};
 use crate::options::Options;
 use crate::points::midpoint;
 use crate::surface::{SKIN, Surface};
@@ -36,8 +36,7 @@ pub(crate) fn raise_order(
     }
     surface.control.begin("second order")?;
     let off = add_middles(&mut labelled.mesh, surface, &labelled.pieces);
-    let message = "a mid-edge node could not be brought onto the surface";
-    Ok(Warning::each(message, off))
+    Ok(Warning::each(WarningKind::MiddleOff, off))
 }
 
 /// An edge as one number, its lower vertex in the upper half.

@@ -6,7 +6,8 @@ use crate::{FrepTemplate, TemplateError, points_on_faces};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Model, Placement, Pose};
 use isoform_fit::{
-    Beside, Candidate, Finding, Fit, FitError, Method, Options, Scan, fit, search, settle,
+    Beside, Candidate, Finding, Fit, FitError, Kind, Method, Options, Scan, Template, Warning, fit,
+    search, settle,
 };
 use isoform_geom::{Point3, PointCloud};
 use std::borrow::Cow;
@@ -118,15 +119,6 @@ pub enum FitScanWarning {
     },
     /// The points lie far from the origin, and the template has no pose that could follow.
     FarAndFixed,
-    /// Points were left out as clutter.
-    LeftOut {
-        /// Of which kind.
-        kind: Beside,
-        /// How many.
-        count: usize,
-        /// As a share of all.
-        share: f64,
-    },
 }
 
 impl fmt::Display for FitScanWarning {
@@ -141,19 +133,6 @@ impl fmt::Display for FitScanWarning {
                 "the points lie far from the origin and the template cannot be moved: digits are \
                  lost; try --pose translate",
             ),
-            Self::LeftOut { kind, count, share } => {
-                let (place, option) = match kind {
-                    Beside::Plane => ("on a plane beyond the part", "--keep-planes"),
-                    Beside::Apart => ("apart from the part", "--keep-apart"),
-                    Beside::Stray => ("astray", "--no-outlier-filter"),
-                };
-                let share = 100.0 * share;
-                write!(
-                    f,
-                    "{count} points ({share:.1} %) lie {place} and were left out; {option} fits \
-                     them, too"
-                )
-            }
         }
     }
 }
@@ -167,7 +146,7 @@ pub struct ScanFit {
     pub template: HeldTemplate,
     /// Values, deviations and verdict, relative to the origin of the cloud.
     pub fit: Fit,
-    /// What a reader should know beside [`Fit::warnings`].
+    /// What a reader should know beside [`Fit::warnings`], before these.
     pub warnings: Vec<FitScanWarning>,
     /// Seconds by phase.
     pub seconds: Vec<(&'static str, f64)>,
@@ -190,6 +169,18 @@ impl ScanFit {
     /// Deviation of each point from the fitted model: positive outside, as inspectors have it.
     pub fn deviation(&self) -> Vec<f64> {
         self.fit.residuals.iter().map(|r| 0.0 - r).collect()
+    }
+    /// The unit of a parameter where lengths of the scan are in `length`, if that is known.
+    pub fn unit_of(&self, parameter: usize, length: Option<&str>) -> Option<String> {
+        let p = &self.template.parameters()[parameter];
+        match p.kind {
+            Kind::X | Kind::Y | Kind::Z | Kind::Length => {
+                length.map(str::to_owned).or_else(|| p.unit.clone())
+            }
+            Kind::Angle => Some("rad".to_owned()),
+            Kind::Ratio => None,
+            Kind::Number => p.unit.clone(),
+        }
     }
     /// Where the model lies in the file's coordinates; none without a pose.
     pub fn placement(&self) -> Option<Placement> {
@@ -262,7 +253,6 @@ pub fn fit_scan(
     };
     let prepared = started.elapsed().as_secs_f64();
     let posed = task.fit_beside_clutter(&cloud.points, template)?;
-    warnings.extend(left_out(&posed.beside));
     let mut seconds = vec![("template", prepared)];
     seconds.extend(posed.fit.seconds.iter().copied());
     Ok(ScanFit {
@@ -323,12 +313,12 @@ fn inner_options(template: &HeldTemplate, options: &FitOptions) -> Result<Option
 }
 
 /// A warning for each kind of points that were left out.
-fn left_out(beside: &[Option<Beside>]) -> impl Iterator<Item = FitScanWarning> {
+fn left_out(beside: &[Option<Beside>]) -> impl Iterator<Item = Warning> {
     let kinds = [Beside::Plane, Beside::Apart, Beside::Stray];
-    kinds.into_iter().filter_map(|kind| {
-        let count = beside.iter().filter(|b| **b == Some(kind)).count();
-        let share = count as f64 / beside.len() as f64;
-        (count > 0).then_some(FitScanWarning::LeftOut { kind, count, share })
+    kinds.into_iter().filter_map(|why| {
+        let count = beside.iter().filter(|b| **b == Some(why)).count();
+        let points = beside.len();
+        (count > 0).then_some(Warning::Beside { why, count, points })
     })
 }
 
@@ -338,12 +328,10 @@ fn kept_of(points: &[Point3], beside: &[Option<Beside>]) -> Vec<Point3> {
     kept.map(|(p, _)| *p).collect()
 }
 
-/// A fit, the pose of the template in which it was found, and what was left out.
+/// A fit and the pose of the template in which it was found.
 struct Posed {
     template: HeldTemplate,
     fit: Fit,
-    /// By point, as what it was left out; empty if all were fitted.
-    beside: Vec<Option<Beside>>,
 }
 
 /// The result of a search and the template that it was made with.
@@ -441,7 +429,7 @@ impl Task<'_> {
             part = again;
         }
         part.fit = part.fit.with_left_out(&part.template, points, &beside);
-        part.beside = beside;
+        part.fit.warnings.extend(left_out(&beside));
         Ok(Some(part))
     }
 
@@ -465,7 +453,7 @@ impl Task<'_> {
             && inner.method == Method::Default;
         if !is_free {
             let fit = fit(points, &template, inner, control)?;
-            return Ok(Posed::of_all(template, fit));
+            return Ok(Posed { template, fit });
         }
         let scan = Scan::new(points, inner, control)?;
         let candidate = search(&scan, &template, inner, control)?;
@@ -478,7 +466,14 @@ impl Task<'_> {
         }
         self.try_aligned(&scan, points, &mut found)?;
         let fit = settle(&scan, &found.template, inner, control, found.candidate)?;
-        self.widened(&scan, points, Posed::of_all(found.template, fit))
+        self.widened(
+            &scan,
+            points,
+            Posed {
+                template: found.template,
+                fit,
+            },
+        )
     }
 
     /// Looks at the template standing in other ways on the scan.
@@ -569,7 +564,10 @@ impl Task<'_> {
                 break;
             }
             again.add_seconds(&best.fit);
-            best = Posed::of_all(wider, again);
+            best = Posed {
+                template: wider,
+                fit: again,
+            };
         }
         Ok(best)
     }
@@ -579,16 +577,5 @@ impl Task<'_> {
         let mut template = HeldTemplate::new(frep, self.origin);
         hold(&mut template, self.options)?;
         Ok(template)
-    }
-}
-
-impl Posed {
-    /// A fit of all points.
-    fn of_all(template: HeldTemplate, fit: Fit) -> Self {
-        Self {
-            template,
-            fit,
-            beside: Vec::new(),
-        }
     }
 }

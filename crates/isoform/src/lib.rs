@@ -33,9 +33,11 @@ mod facets;
 mod fit_scan;
 mod gallery;
 mod held;
+mod mesh_model;
 mod meshing;
 mod patches;
 mod rational;
+pub mod report;
 mod template;
 mod topology;
 
@@ -55,6 +57,9 @@ pub use isoform_mesh as mesh;
 pub use isoform_num as num;
 pub use isoform_patch as patch;
 pub use isoform_tess as tess;
+pub use mesh_model::{
+    MeshModelError, MeshModelOptions, MeshNote, ModelMesh, adapt_to_model, mesh_model,
+};
 pub use meshing::{
     certified_adaptation, certified_mesh, default_size, default_size_within, solid_of, surface_of,
 };

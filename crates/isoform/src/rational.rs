@@ -1,9 +1,9 @@
 //! Rational surfaces with a last look at their triangles.
 
 use isoform_algebra::RBig;
+use isoform_check::{self as check, Intersections, Place, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh};
-use isoform_check::{self as check, Intersections, Place, certify};
 use isoform_tess::{
     Analysis, Budget, Claim, Crossing, Domain, Finding, Frame, Map, MapError, Mode, Patch, Point3,
     Prepared, Stopped, Surface, TriangulateOptions, join_patches,

@@ -7,8 +7,9 @@ mod fit;
 mod mesh;
 
 pub use fit::{
-    Coverage, FitReport, OpenReport, OtherMinimumReport, ParameterReport, PartReport, PoseReport,
-    ScanReport, TemplateReport, TwoSided, loss_name, method_name,
+    About, Coverage, DataToModelReport, EvidenceReport, FitReport, OpenReport, OtherMinimumReport,
+    ParameterReport, PartReport, PoseReport, ScanReport, TemplateReport, TwoSided, loss_name,
+    method_name,
 };
 pub use mesh::{
     CertificateReport, ContentsReport, Counts, CurveGroup, DeviationReport, DistancesReport,

@@ -6,12 +6,10 @@ use crate::output::{Context, DONE, Failure, NO_RESULT, PARTIAL};
 use crate::progress::Progress;
 use crate::{gallery, interrupt, scan};
 use isoform::field::hyperfun::{Model, Pose};
-use isoform::fit::{Beside, FitError, Kind, Loss, Method, Options, Template};
+use isoform::fit::{Beside, FitError, Loss, Method, Options, Warning};
 use isoform::geom::PointCloud;
 use isoform::io::{MeshPoints, ReadReport, UnitGuess, inspect_unit};
-use isoform::{
-    Control, FitOptions, FitScanError, FitScanWarning, ParameterError, ScanFit, fit_scan,
-};
+use isoform::{Control, FitOptions, FitScanError, ParameterError, ScanFit, fit_scan};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -50,14 +48,8 @@ pub(crate) struct Job {
 impl Job {
     /// The unit of a parameter.
     pub(crate) fn unit_of(&self, i: usize) -> Option<String> {
-        let p = &self.found.template.parameters()[i];
-        let length = || Some(self.unit.unit.clone()).filter(|u| !u.is_empty());
-        match p.kind {
-            Kind::X | Kind::Y | Kind::Z | Kind::Length => length().or_else(|| p.unit.clone()),
-            Kind::Angle => Some("rad".to_owned()),
-            Kind::Ratio => None,
-            Kind::Number => p.unit.clone(),
-        }
+        let length = Some(self.unit.unit.as_str()).filter(|unit| !unit.is_empty());
+        self.found.unit_of(i, length)
     }
     /// 0, or 3 where the fit is refused or not complete, or 130.
     pub(crate) fn exit(&self) -> u8 {
@@ -174,12 +166,10 @@ fn unit_of_scan(found: &ScanFit, read: &ReadReport, model: &Model, request: &Req
     }
 }
 
-/// All warnings: of reading, of the template, of its unit, of the fit, of what was left out.
+/// All warnings: of reading, of the template, of its unit, of the fit.
 fn warnings(found: &ScanFit, read: &ReadReport, model: &Model, unit: &UnitGuess) -> Vec<String> {
-    let is_of_fit = |w: &&FitScanWarning| matches!(w, FitScanWarning::LeftOut { .. });
     let mut warnings = read.warnings.clone();
-    let before = found.warnings.iter().filter(|w| !is_of_fit(w));
-    warnings.extend(before.map(ToString::to_string));
+    warnings.extend(found.warnings.iter().map(ToString::to_string));
     if let Some(said) = &model.info().unit
         && !unit.unit.is_empty()
         && *said != unit.unit
@@ -189,9 +179,7 @@ fn warnings(found: &ScanFit, read: &ReadReport, model: &Model, unit: &UnitGuess)
             unit.unit, unit.reason
         ));
     }
-    warnings.extend(found.fit.warnings.iter().map(ToString::to_string));
-    let after = found.warnings.iter().filter(is_of_fit);
-    warnings.extend(after.map(ToString::to_string));
+    warnings.extend(found.fit.warnings.iter().map(sentence));
     warnings
 }
 
@@ -260,4 +248,17 @@ fn fit_failure(error: &FitError, scan: &str) -> Failure {
         }
         _ => Failure::new(NO_RESULT, "fit", message),
     }
+}
+
+/// A warning of the fit, with the option that takes points in which were left out.
+fn sentence(warning: &Warning) -> String {
+    let option = match warning {
+        Warning::Beside { why, .. } => match why {
+            Beside::Plane => "--keep-planes",
+            Beside::Apart => "--keep-apart",
+            Beside::Stray => "--no-outlier-filter",
+        },
+        other => return other.to_string(),
+    };
+    format!("{warning}; {option} fits them, too")
 }

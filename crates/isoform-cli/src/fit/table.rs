@@ -1,8 +1,8 @@
 //! The result of a fit for people.
 
-use super::document;
 use super::job::Job;
 use isoform::fit::{Estimate, Kind, Status, Template};
+use isoform::report::method_name;
 
 /// The decimal place, as a power of ten, of the second significant digit of an error; none where
 /// there is no error to go by.
@@ -323,7 +323,7 @@ pub(crate) fn text(job: &Job) -> String {
     let total: f64 = job.seconds.iter().map(|s| s.1).sum();
     text += &format!(
         "search    {} method, {}, {}, seed {}, {} s\n",
-        document::method(job.method),
+        method_name(job.method),
         starts_found(fit.hits, fit.starts),
         counted(fit.other_minima.len(), "other minimum", "other minima"),
         job.seed,

@@ -82,7 +82,8 @@ pub(crate) fn targets(
 /// Writes all files of a model's mesh and notes the time; gives back what is for stdout.
 pub(crate) fn write(made: &mut Made, targets: &[Target]) -> Result<Vec<u8>, Failure> {
     let started = Instant::now();
-    let (written, stdout) = write_mesh_files(&made.meshed.mesh, made.unit.as_deref(), targets)?;
+    let (written, stdout) =
+        write_mesh_files(&made.mesh.meshed.mesh, made.unit.as_deref(), targets)?;
     made.written.extend(written);
     if !targets.is_empty() {
         made.seconds

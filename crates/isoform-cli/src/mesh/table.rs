@@ -3,15 +3,15 @@
 use super::files::Written;
 use super::work::{Made, place};
 use crate::fit::table::brief;
-use isoform::geom::Mesh;
 use isoform::check::Certificate;
+use isoform::geom::Mesh;
 
 /// What was made, whether it holds, and where it went.
 pub(crate) fn text(made: &Made) -> String {
     let mut text = line("size", size(made))
         + &line("region", region(made))
-        + &of_mesh(&made.meshed.mesh, &made.certificate);
-    let verdict = if made.certificate.is_ok() {
+        + &of_mesh(&made.mesh.meshed.mesh, &made.mesh.certificate);
+    let verdict = if made.mesh.certificate.is_ok() {
         "holds"
     } else {
         "does not hold"
@@ -78,16 +78,16 @@ fn what(mesh: &Mesh) -> String {
 }
 
 fn size(made: &Made) -> String {
-    let grade = made.options.grade.map_or(String::new(), |e| {
+    let grade = made.mesh.options.grade.map_or(String::new(), |e| {
         format!(", smaller where faces would be {e} off")
     });
-    format!("{}{grade}", made.options.size)
+    format!("{}{grade}", made.mesh.options.size)
 }
 
 fn region(made: &Made) -> String {
-    let r = made.meshed.region;
+    let r = made.mesh.meshed.region;
     let axis = |k: usize| format!("{} to {}", brief(r.lo[k]), brief(r.hi[k]));
-    let proved = if made.meshed.region_certified {
+    let proved = if made.mesh.meshed.region_certified {
         ""
     } else {
         " (not proved)"

@@ -6,13 +6,13 @@ use super::sizes;
 use crate::interrupt;
 use crate::output::{Context, DONE, Failure, NO_RESULT, PARTIAL};
 use crate::progress::Progress;
+use isoform::check::Limits;
 use isoform::field::SolidError;
 use isoform::field::hyperfun::Model;
-use isoform::geom::{Mesh, Point3, Solid};
-use isoform::check::{Certificate, Limits};
+use isoform::geom::{Mesh, Point3};
 use isoform::mesh::features::ExtentError;
-use isoform::mesh::{Control, MeshError, Meshed, Options, Warning, mean_edge, own_sizes};
-use isoform::{certified_adaptation, certified_mesh};
+use isoform::mesh::{MeshError, Options, Warning};
+use isoform::{Control, MeshModelError, MeshModelOptions, ModelMesh, adapt_to_model, mesh_model};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -33,13 +33,7 @@ pub(crate) struct Made {
     pub(crate) object: String,
     pub(crate) values: Vec<f64>,
     pub(crate) unit: Option<String>,
-    pub(crate) options: Options,
-    pub(crate) meshed: Meshed,
-    pub(crate) certificate: Certificate,
-    /// Where the mesh may not be what was asked for.
-    pub(crate) warnings: Vec<Warning>,
-    /// What else is good to know.
-    pub(crate) notes: Vec<&'static str>,
+    pub(crate) mesh: ModelMesh,
     pub(crate) written: Vec<Written>,
     /// Seconds by phase.
     pub(crate) seconds: Vec<(String, f64)>,
@@ -50,22 +44,26 @@ impl Made {
     pub(crate) fn exit(&self) -> u8 {
         match () {
             () if interrupt::happened() => interrupt::INTERRUPTED,
-            () if self.certificate.is_ok() && self.warnings.is_empty() => DONE,
+            () if self.mesh.is_as_asked() => DONE,
             () => PARTIAL,
         }
     }
     /// Says all warnings on stderr.
     pub(crate) fn say(&self, context: &Context) {
-        self.warnings.iter().for_each(|w| context.warn(sentence(w)));
-        self.notes.iter().for_each(|n| context.warn(n));
+        for warning in &self.mesh.meshed.warnings {
+            context.warn(sentence(warning));
+        }
+        for note in self.mesh.notes() {
+            context.warn(note);
+        }
     }
 }
 
 /// A warning with its place.
 fn sentence(warning: &Warning) -> String {
     match warning.at {
-        Some([x, y, z]) => format!("{} at ({x}, {y}, {z})", warning.message),
-        None => warning.message.clone(),
+        Some([x, y, z]) => format!("{} at ({x}, {y}, {z})", warning.kind),
+        None => warning.kind.to_string(),
     }
 }
 
@@ -136,133 +134,60 @@ pub(crate) fn make(
     given: Option<&Mesh>,
     context: &Context,
 ) -> Result<Made, Failure> {
-    let name = &subject.name;
+    let (name, model, values) = (&subject.name, &subject.model, &subject.values);
+    let options = options(settings, context)?;
     let phases = Phases::new(context);
-    phases.enter("model");
-    let (solid, is_run) =
-        isoform::solid_of(&subject.model, &subject.values).map_err(|e| no_solid(&e, name))?;
-    let solid = solid.as_ref();
-    if is_run && settings.region.is_none() {
-        // Nothing bounds such a program: the search for its box would have to look everywhere.
-        let message =
-            format!("{name}: the program is no expression, so that its box cannot be found");
-        return Err(Failure::usage(message)
-            .why("a loop or an index depends on the point")
-            .hint("--box=-1,-1,-1,1,1,1 around it"));
-    }
     let show = |phase: &str, _: f64| phases.enter(phase);
     let control = Control {
-        cancelled: Some(interrupt::watch()),
-        deadline: context.deadline,
         progress: Some(&show),
+        ..context.control()
     };
-    let mut options =
-        options(solid, settings, given, &control).map_err(|e| failure(&e, name, None))?;
-    options.sizes = settings
-        .sizes
-        .as_deref()
-        .map(|path| sizes::read(path, context))
-        .transpose()?;
-    if let Some(mesh) =
-        given.filter(|m| m.tets.is_empty() && settings.size.is_none() && settings.sizes.is_none())
-    {
-        // A surface keeps its smaller triangles where it has them.
-        options.sizes = Some(own_sizes(mesh));
-    }
-    let limits = settings.angles.map_or(Limits::default(), |a| Limits {
-        dihedral_min: a.0[0],
-        dihedral_max: a.0[1],
-        ..Limits::default()
-    });
     let made = match given {
-        Some(mesh) => certified_adaptation(mesh, solid, &options, limits, &control),
-        None => certified_mesh(solid, &options, limits, &control),
+        Some(mesh) => adapt_to_model(mesh, model, values, &options, &control),
+        None => mesh_model(model, values, &options, &control),
     };
-    let (meshed, certificate) = made.map_err(|e| failure(&e, name, Some(&options)))?;
-    let warnings = warnings(&meshed, is_run);
-    let notes = notes(&meshed, &certificate);
+    let mesh = made.map_err(|e| match e {
+        MeshModelError::Solid(e) => no_solid(&e, name),
+        MeshModelError::Mesh(e) => failure(&e, name, settings),
+        e => Failure::usage(format!("{name}: {e}"))
+            .why("a loop or an index depends on the point")
+            .hint("--box=-1,-1,-1,1,1,1 around it"),
+    })?;
     Ok(Made {
         name: name.clone(),
-        object: subject.model.name().to_owned(),
-        values: subject.values.clone(),
+        object: model.name().to_owned(),
+        values: values.clone(),
         unit: subject.unit.clone(),
-        options,
-        meshed,
-        certificate,
-        warnings,
-        notes,
+        mesh,
         written: Vec::new(),
         seconds: phases.seconds(),
     })
 }
 
-/// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD
-/// systems do not stay.
-const LONGEST: f64 = 1.5;
-
-fn options(
-    solid: &dyn Solid,
-    settings: &Settings,
-    given: Option<&Mesh>,
-    control: &Control<'_>,
-) -> Result<Options, MeshError> {
+/// What is asked for, as the library takes it.
+fn options(settings: &Settings, context: &Context) -> Result<MeshModelOptions, Failure> {
     let usual = Options::default();
-    Ok(Options {
-        size: match (settings.size, given) {
-            (Some(size), _) => size,
-            (None, Some(mesh)) if mesh.tets.is_empty() => LONGEST * mean_edge(mesh),
-            (None, Some(mesh)) => mean_edge(mesh),
-            (None, None) => isoform::default_size_within(solid, settings.region, control)?,
+    let sizes = settings.sizes.as_deref();
+    Ok(MeshModelOptions {
+        size: settings.size,
+        limits: settings.angles.map_or(Limits::default(), |a| Limits {
+            dihedral_min: a.0[0],
+            dihedral_max: a.0[1],
+            ..Limits::default()
+        }),
+        mesh: Options {
+            grade: settings.grade,
+            sizes: sizes.map(|path| sizes::read(path, context)).transpose()?,
+            order: settings.order.unwrap_or(usual.order),
+            surface_only: settings.surface_only,
+            region: settings.region,
+            angles: settings.angles.map_or(usual.angles, |a| a.0),
+            memory: settings
+                .memory
+                .map_or(usual.memory, |gib| (gib * f64::from(1 << 30)) as u64),
+            ..usual
         },
-        grade: settings.grade,
-        sizes: None,
-        order: settings.order.unwrap_or(usual.order),
-        surface_only: settings.surface_only,
-        region: settings.region,
-        angles: settings.angles.map_or(usual.angles, |a| a.0),
-        memory: settings
-            .memory
-            .map_or(usual.memory, |gib| (gib * f64::from(1 << 30)) as u64),
     })
-}
-
-/// What the mesher says, and that nothing is proved of programs that are run.
-fn warnings(meshed: &Meshed, is_run: bool) -> Vec<Warning> {
-    let mut warnings = meshed.warnings.clone();
-    if is_run {
-        let message = "the program is no expression: it was meshed as one smooth part, its edges are rounded and nothing is proved";
-        warnings.push(Warning {
-            message: message.to_owned(),
-            at: None,
-        });
-    }
-    warnings
-}
-
-fn notes(meshed: &Meshed, certificate: &Certificate) -> Vec<&'static str> {
-    let mut notes = Vec::new();
-    let is_pinched = certificate
-        .surface
-        .as_ref()
-        .is_some_and(|s| !s.pinched_nodes.is_empty() || !s.crowded_edges.is_empty());
-    if is_pinched {
-        notes.push(
-            "bodies touch without crossing: the solid has no surface there that a mesh could \
-             follow; move them apart, or into each other",
-        );
-    }
-    if !meshed.caps.is_empty() {
-        notes.push("the box cuts the solid: the cuts are parts named cap");
-    }
-    if !meshed.region_certified {
-        notes.push("nothing more of the solid was found far outside of its box, but that is not proved; --box says where to look");
-    }
-    if !meshed.features.certified {
-        notes.push(
-            "it is not proved that every feature curve was found; a smaller --size looks closer",
-        );
-    }
-    notes
 }
 
 fn no_solid(error: &SolidError, name: &str) -> Failure {
@@ -280,16 +205,12 @@ fn no_solid(error: &SolidError, name: &str) -> Failure {
 }
 
 /// Why there is no mesh.
-fn failure(error: &MeshError, name: &str, options: Option<&Options>) -> Failure {
+fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
     let none = |code| Failure::new(NO_RESULT, code, format!("{name}: {error}"));
     match error {
-        MeshError::Extent(ExtentError::Empty { .. })
-            if options.is_some_and(|o| o.region.is_some()) =>
-        {
-            none("empty")
-                .why("nothing of it lies in the --box")
-                .hint("another --box, or none")
-        }
+        MeshError::Extent(ExtentError::Empty { .. }) if settings.region.is_some() => none("empty")
+            .why("nothing of it lies in the --box")
+            .hint("another --box, or none"),
         MeshError::Extent(ExtentError::Empty { certified }) => {
             let why = if *certified {
                 "intervals prove f < 0 within a million units"
@@ -322,7 +243,7 @@ fn failure(error: &MeshError, name: &str, options: Option<&Options>) -> Failure 
                 .somewhere(*at)
                 .hint("--box around the part where it is one")
         }
-        MeshError::TooCoarse { .. } => none("too-coarse").hint(finer(options)),
+        MeshError::TooCoarse { size } => none("too-coarse").hint(format!("--size {}", 0.5 * size)),
         MeshError::Input { .. } => Failure::input("mesh", format!("{name}: {error}"))
             .hint("tetrahedra, or a closed surface of triangles, near the model"),
         MeshError::Internal { what } => Failure::internal("mesh").why(what),
@@ -333,12 +254,6 @@ fn failure(error: &MeshError, name: &str, options: Option<&Options>) -> Failure 
             .why("the time limit was over before there was a mesh")
             .hint("a longer --time-limit, or a larger --size"),
     }
-}
-
-fn finer(options: Option<&Options>) -> String {
-    options.map_or("a smaller --size".to_owned(), |o| {
-        format!("--size {}", 0.5 * o.size)
-    })
 }
 
 /// Where something is, in words.

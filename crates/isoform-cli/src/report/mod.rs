@@ -3,10 +3,10 @@
 mod drawing;
 pub(crate) mod svg;
 
-use crate::fit::document;
 use crate::fit::job::Job;
 use crate::fit::table::{self, brief, counted, millimetres, rounded, starts_found, with_unit};
 use isoform::fit::{Fit, PartStatistics, Step, Template, Verdict};
+use isoform::report::{loss_name, method_name};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use svg::escaped;
@@ -141,7 +141,7 @@ fn verdict(job: &Job, lengths: &Lengths) -> Conclusion {
         fit.n_points
     ));
     evidence.push(starts_found(fit.hits, fit.starts));
-    evidence.extend(fit.undetermined.iter().map(|o| o.why.clone()));
+    evidence.extend(fit.undetermined.iter().map(|o| o.why.to_string()));
     Conclusion {
         verdict: fit.verdict.max(least),
         evidence,
@@ -254,7 +254,7 @@ fn parameters(job: &Job) -> String {
 /// What is open, what was dropped, and what to beware of.
 fn notes(job: &Job) -> String {
     let fit = &job.found.fit;
-    let mut items: Vec<String> = fit.undetermined.iter().map(|o| o.why.clone()).collect();
+    let mut items: Vec<String> = fit.undetermined.iter().map(|o| o.why.to_string()).collect();
     items.extend(job.warnings.iter().cloned());
     let mut dropped = format!(
         "{} of {} points were used; {}",
@@ -499,8 +499,8 @@ fn again(job: &Job) -> String {
     format!(
         "<section><h2>To do it again</h2><p>Method {}, loss {}, seed {}, isoform {}. The result does not depend on the number of threads.</p><pre>{}</pre>\
          <details><summary>The fitted model, HyperFun</summary><pre>{}</pre></details></section>\n",
-        document::method(job.method),
-        document::loss(job.found.fit.loss),
+        method_name(job.method),
+        loss_name(job.found.fit.loss),
         job.seed,
         env!("CARGO_PKG_VERSION"),
         escaped(&command.join(" ")),

@@ -1,6 +1,7 @@
 //! The documents of a triangulated surface: the report, the sidecar, and what --json prints.
 
 use super::Made;
+use crate::output;
 use isoform::algebra::CurveTopology;
 use isoform::tess::{
     Analysis, BasePoint, CurveKind, DoubleArc, Grade, Kind, Mode, RealPart, Surface, VARIABLES,
@@ -46,14 +47,14 @@ pub(super) fn document(made: &Made) -> Value {
         "counts": {"points": made.surface.points.len(), "triangles": made.surface.triangles.len()},
         "files": files,
     });
-    crate::mesh::document::add(&mut json, report(made));
+    output::add(&mut json, report(made));
     json
 }
 
 /// The file of the report.
 pub(super) fn file(made: &Made) -> Vec<u8> {
     let mut json = json!({"schema": 1});
-    crate::mesh::document::add(&mut json, report(made));
+    output::add(&mut json, report(made));
     let mut bytes = serde_json::to_vec_pretty(&json).unwrap_or_default();
     bytes.push(b'\n');
     bytes
@@ -94,7 +95,7 @@ fn report(made: &Made) -> Value {
         "solitary_arcs": surface.solitary_arcs,
         "seconds": made.seconds.iter().map(|(phase, s)| ((*phase).to_owned(), json!(s))).collect::<Map<_, _>>(),
     });
-    crate::mesh::document::add(&mut json, rest);
+    output::add(&mut json, rest);
     json
 }
 

@@ -8,9 +8,10 @@
 use isoform_num::gauss_legendre;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Nodes of the quadrature along the angle and along the radius of each sector: the result is good
-/// to some 1e-6.
+/// Nodes of the quadrature along the angle of each sector. With this many, and [`RADII`], the
+/// result is good to some 1e-6.
 const ANGLES: usize = 16;
+/// Nodes of the quadrature along the radius.
 const RADII: usize = 24;
 /// Beyond this many deviations there is no noise.
 const REACH: f64 = 6.0;
@@ -23,9 +24,9 @@ const STEP: f64 = 0.01;
 /// points, in units of the noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Wedge {
-    /// Weighted distance times the share of the points' own face in its direction...
+    /// Weighted distance times the share of the points' own face in its direction.
     pub(super) own: f64,
-    /// ... and times that of the other face.
+    /// Weighted distance times the share of the other face.
     pub(super) other: f64,
     /// Square of the distance.
     pub(super) squares: f64,
@@ -75,37 +76,66 @@ impl<'w> Wedges<'w> {
     }
 
     fn integrate(&self, angle: f64) -> Wedge {
-        let half = 0.5 * angle;
-        // Between them the sectors leave out only where the first face itself is nearest.
-        let sectors = if angle < PI {
-            [
-                (half, angle, To::Other),
-                (angle, angle + FRAC_PI_2, To::Other),
-                (angle + FRAC_PI_2, 1.5 * PI, To::Edge(-1.0)),
-            ]
-        } else {
-            [
-                (FRAC_PI_2, angle - FRAC_PI_2, To::Edge(1.0)),
-                (angle - FRAC_PI_2, angle, To::Other),
-                (angle, PI + half, To::Other),
-            ]
-        };
         let mut sum = Wedge::default();
-        for (from, to, nearest) in sectors {
+        for (from, to, nearest) in sectors(angle) {
             for (t, share) in self.angles.0.iter().zip(&self.angles.1) {
-                let at = from + t * (to - from);
-                self.ray(angle, at, nearest, share * (to - from), &mut sum);
+                let ray = Ray::new(angle, from + t * (to - from), nearest);
+                self.add(&ray, share * (to - from), &mut sum);
             }
         }
         sum
     }
 
-    /// Adds the points in one direction from the edge, `at` being the angle from the first face
-    /// into the material.
-    fn ray(&self, angle: f64, at: f64, nearest: To, share: f64, sum: &mut Wedge) {
+    /// Adds the points in one direction from the edge.
+    fn add(&self, ray: &Ray, share: f64, sum: &mut Wedge) {
+        for (t, weight) in self.radii.0.iter().zip(&self.radii.1) {
+            let radius = t * ray.far;
+            let (x, z) = (radius * ray.cos, radius * ray.sin);
+            let points = share * weight * ray.far * radius * density(z) * below(x);
+            let r = radius * ray.sine;
+            let pull = (self.weight)(r) * r;
+            sum.own += points * (ray.slope[0] * pull - (self.weight)(z) * z);
+            sum.other += points * ray.slope[1] * pull;
+            sum.squares += points * (r * r - z * z);
+        }
+    }
+}
+
+/// The sectors about an edge, with what points there are nearest to. Between them they leave out
+/// only where the first face itself is nearest.
+fn sectors(angle: f64) -> [(f64, f64, To); 3] {
+    let half = 0.5 * angle;
+    if angle < PI {
+        [
+            (half, angle, To::Other),
+            (angle, angle + FRAC_PI_2, To::Other),
+            (angle + FRAC_PI_2, 1.5 * PI, To::Edge(-1.0)),
+        ]
+    } else {
+        [
+            (FRAC_PI_2, angle - FRAC_PI_2, To::Edge(1.0)),
+            (angle - FRAC_PI_2, angle, To::Other),
+            (angle, PI + half, To::Other),
+        ]
+    }
+}
+
+/// A direction from the edge.
+struct Ray {
+    sin: f64,
+    cos: f64,
+    /// Where the ray leaves the noise of the first face.
+    far: f64,
+    /// Distance from the surface per radius, inside positive.
+    sine: f64,
+    /// Shares of the first and of the other face in the direction to the nearest place.
+    slope: [f64; 2],
+}
+
+impl Ray {
+    /// `at` is the angle from the first face into the material.
+    fn new(angle: f64, at: f64, nearest: To) -> Self {
         let (sin, cos) = at.sin_cos();
-        // Where the ray leaves the noise of the first face.
-        let far = REACH / if cos > 0.0 { sin.abs() } else { 1.0 };
         let (sine, slope) = match nearest {
             To::Other => ((angle - at).sin(), [0.0, 1.0]),
             To::Edge(side) => {
@@ -113,15 +143,12 @@ impl<'w> Wedges<'w> {
                 (side, [side * sin + other * angle.cos(), other])
             }
         };
-        for (t, weight) in self.radii.0.iter().zip(&self.radii.1) {
-            let radius = t * far;
-            let (x, z) = (radius * cos, radius * sin);
-            let points = share * weight * far * radius * density(z) * below(x);
-            let r = radius * sine;
-            let pull = (self.weight)(r) * r;
-            sum.own += points * (slope[0] * pull - (self.weight)(z) * z);
-            sum.other += points * slope[1] * pull;
-            sum.squares += points * (r * r - z * z);
+        Self {
+            sin,
+            cos,
+            far: REACH / if cos > 0.0 { sin.abs() } else { 1.0 },
+            sine,
+            slope,
         }
     }
 }
@@ -149,13 +176,13 @@ fn below(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The same sums by random points, from distances to the two half lines.
+    /// The sums by random points, from distances to the two half lines; and their deviation.
     fn simulated(angle: f64, weight: fn(f64) -> f64, draws: usize) -> (Wedge, f64) {
         let mut random = fastrand::Rng::with_seed(7);
         let (mut sum, mut variance, length) = (Wedge::default(), 0.0, 12.0);
         let (sin, cos) = angle.sin_cos();
         for _ in 0..draws {
-            let (u, v) = super::super::normal_pair([random.f64(), random.f64()]);
+            let (u, v) = super::super::moves::normal_pair([random.f64(), random.f64()]);
             let (x, z) = (length * random.f64() + u, v);
             // Along and below either face, where the other face is the first one mirrored.
             let (along, below) = (x * cos + z * sin, x * sin - z * cos);

@@ -1,7 +1,7 @@
 //! What meshes are accepted, and what alignment leaves open.
 
 use super::align::Aligned;
-use crate::error::{MeshError, Warning};
+use crate::error::{MeshError, Warning, WarningKind};
 use crate::points::centroid;
 use crate::surface::first_order_at;
 use isoform_check::Certificate;
@@ -160,9 +160,8 @@ pub(super) fn settled(aligned: &Aligned, n: usize) -> Result<Vec<Warning>, MeshE
             "has nothing near most corners of the model, as at {at}"
         )));
     }
-    let far = "a vertex of the mesh given lies nowhere near the model";
-    let lost = "the mesh given cannot be made to follow an edge of the model";
-    let mut warnings = Warning::each(far, aligned.far.iter().copied());
-    warnings.extend(Warning::each(lost, aligned.lost.iter().copied()));
+    let (far, lost) = (aligned.far.iter().copied(), aligned.lost.iter().copied());
+    let mut warnings = Warning::each(WarningKind::VertexFar, far);
+    warnings.extend(Warning::each(WarningKind::EdgeLost, lost));
     Ok(warnings)
 }

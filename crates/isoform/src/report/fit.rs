@@ -2,7 +2,7 @@
 
 use super::{Seconds, finite};
 use crate::ScanFit;
-use isoform_fit::{Estimate, Evidence, Fit, Kind, Local, Loss, Method, Status, Template};
+use isoform_fit::{Estimate, Evidence, Fit, Local, Loss, Method, Status};
 use isoform_geom::Point3;
 use isoform_io::{ReadReport, UnitGuess};
 use serde::Serialize;
@@ -371,26 +371,13 @@ fn parameters(found: &ScanFit, length: Option<&str>) -> Vec<ParameterReport> {
             sd: p.sd,
             ci95: p.ci95.map(|(lo, hi)| [lo + shift, hi + shift]),
             status: p.status.as_str(),
-            unit: unit_of(found, i, length),
+            unit: found.unit_of(i, length),
             bounds: [p.bounds.0, p.bounds.1].map(|bound| finite(bound + shift)),
             at_bound: at_bound(p),
         }
     };
     let all = found.fit.parameters.iter().enumerate();
     all.map(parameter).collect()
-}
-
-/// The unit of a parameter of a fit to a scan whose lengths are in `length`, if that is known.
-pub(crate) fn unit_of(found: &ScanFit, i: usize, length: Option<&str>) -> Option<String> {
-    let p = &found.template.parameters()[i];
-    match p.kind {
-        Kind::X | Kind::Y | Kind::Z | Kind::Length => {
-            length.map(str::to_owned).or_else(|| p.unit.clone())
-        }
-        Kind::Angle => Some("rad".to_owned()),
-        Kind::Ratio => None,
-        Kind::Number => p.unit.clone(),
-    }
 }
 
 /// Which bound a value ran into.

@@ -2,10 +2,9 @@
 
 use super::Seconds;
 use crate::ModelMesh;
+use isoform_check::{Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths};
 use isoform_geom::{Mesh, Point3};
-use isoform_mesh::check::{
-    Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths,
-};
+use isoform_mesh::Warning;
 use serde::Serialize;
 
 /// Everything that is known of the mesh of a model.
@@ -22,7 +21,7 @@ pub struct MeshReport {
     /// How far a face may leave the surface, if that was asked for.
     pub grade: Option<f64>,
     /// 1, or 2 with nodes in the middles of edges.
-    pub order: u8,
+    pub order: u32,
     /// The box in which the solid lies.
     pub region: [Point3; 2],
     /// Whether it is proved that nothing of the solid lies outside of it.
@@ -185,7 +184,7 @@ pub struct CertificateReport {
     /// Smallest and largest dihedral angle, in degrees.
     pub dihedral_angles: Option<[f64; 2]>,
     /// Dihedral angles by ten degrees.
-    pub dihedral_histogram: Option<Vec<usize>>,
+    pub dihedral_histogram: Option<Vec<u64>>,
     /// Three times the inscribed radius by the circumscribed one.
     pub radius_ratio: Option<RatioReport>,
     /// Largest ratio of neighbouring sizes.
@@ -301,18 +300,18 @@ impl MeshReport {
             contents: ContentsReport::new(mesh),
             certificate: CertificateReport::new(&made.certificate),
             files,
-            warnings: made.warnings().map(WarningReport::from).collect(),
+            warnings: meshed.warnings.iter().map(WarningReport::new).collect(),
             notes: made.notes().iter().map(ToString::to_string).collect(),
             seconds,
         }
     }
 }
 
-impl From<crate::MeshWarning<'_>> for WarningReport {
-    fn from(warning: crate::MeshWarning<'_>) -> Self {
+impl WarningReport {
+    fn new(warning: &Warning) -> Self {
         Self {
-            message: warning.to_string(),
-            at: warning.at(),
+            message: warning.kind.to_string(),
+            at: warning.at,
         }
     }
 }

@@ -1,0 +1,86 @@
+//! Evenly spread noise.
+
+use isoform_geom::{Point3, cross, norm};
+use std::f64::consts::TAU;
+
+/// Evenly spread standard normal moves: a sequence of Kronecker with the steps of Roberts (powers
+/// of the root of x⁶ = x + 1), from a start that the seed draws.
+pub(super) struct Moves {
+    at: [f64; 5],
+}
+
+impl Moves {
+    /// x⁶ = x + 1.
+    const ROOT: f64 = 1.134_724_138_401_519_5;
+
+    pub(super) fn new(seed: u64) -> Self {
+        let mut random = fastrand::Rng::with_seed(seed ^ 0xB1A5);
+        Self {
+            at: std::array::from_fn(|_| random.f64()),
+        }
+    }
+
+    /// The next five numbers in [0, 1).
+    fn step(&mut self) -> [f64; 5] {
+        let mut step = 1.0;
+        for v in &mut self.at {
+            step /= Self::ROOT;
+            *v = (*v + step).fract();
+        }
+        self.at
+    }
+
+    /// Three moves of one length at right angles: with their opposites they give the mean of a
+    /// quadratic but for the length, so that what cancels in the mean does in each set.
+    pub(super) fn next(&mut self) -> [Point3; 3] {
+        let [p, q, r, s, turn] = self.step();
+        let ((x, y), (z, _)) = (normal_pair([p, q]), normal_pair([r, s]));
+        let first = [x, y, z];
+        let [u, v] = frame_of(first);
+        let (sin, cos) = (TAU * turn).sin_cos();
+        [
+            first,
+            std::array::from_fn(|i| cos * u[i] + sin * v[i]),
+            std::array::from_fn(|i| cos * v[i] - sin * u[i]),
+        ]
+    }
+}
+
+/// Two vectors of the length of a first one, at right angles to it and to each other.
+fn frame_of(first: Point3) -> [Point3; 2] {
+    let length = norm(first).max(f64::MIN_POSITIVE);
+    // Across the axis that it is least along.
+    let is_less = |i: usize, b: usize| first[i].abs() < first[b].abs();
+    let least = (0..3).fold(0, |b, i| if is_less(i, b) { i } else { b });
+    let axis = std::array::from_fn(|i| f64::from(u8::from(i == least)));
+    let u = cross(first, axis);
+    let u = u.map(|v| v * length / norm(u));
+    [u, cross(first, u).map(|v| v / length)]
+}
+
+/// Two independent standard normal numbers from even ones in [0, 1) (Box and Muller).
+pub(super) fn normal_pair(even: [f64; 2]) -> (f64, f64) {
+    let radius = (-2.0 * (1.0 - even[0]).ln()).sqrt();
+    let angle = TAU * even[1];
+    (radius * angle.cos(), radius * angle.sin())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_geom::dot;
+
+    #[test]
+    fn moves_are_normal_and_at_right_angles() {
+        let mut moves = Moves::new(3);
+        let (n, mut square) = (20_000, 0.0);
+        for _ in 0..n {
+            let [u, v, w] = moves.next();
+            let length = dot(u, u);
+            assert!(dot(u, v).abs() + dot(v, w).abs() + dot(w, u).abs() < 1e-12 * length);
+            square += length / 3.0;
+        }
+        // Each coordinate has variance 1.
+        assert!((square / f64::from(n) - 1.0).abs() < 0.01);
+    }
+}

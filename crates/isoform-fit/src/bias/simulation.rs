@@ -1,0 +1,109 @@
+//! Noise that is simulated at places of the surface, and what it does to the fit.
+
+use super::moves::Moves;
+use super::{Biased, Sums};
+use crate::vector::add;
+use isoform_geom::{Foot, Point3};
+use rayon::prelude::*;
+
+/// Simulated points, shared out in sets of six among the places that need them.
+const SIMULATED: usize = 1 << 14;
+/// Most sets of a place; each has one at least.
+const MOST_SETS: usize = 8;
+/// Simulated points per piece of parallel work.
+const PIECE: usize = 2048;
+
+/// A simulated point, and the weight it stands for.
+struct Noisy {
+    at: Point3,
+    weight: f64,
+    place: u32,
+}
+
+/// Sums over a piece of the simulated points.
+struct Piece {
+    /// Pulls, by place.
+    rows: Vec<(u32, Vec<f64>)>,
+    /// Squares of the distances, weighted.
+    squares: f64,
+    weights: f64,
+}
+
+impl Piece {
+    /// The pull of a place, which follows the others or is the last of them.
+    fn row(&mut self, place: u32, m: usize) -> &mut [f64] {
+        if self.rows.last().is_none_or(|(last, _)| *last != place) {
+            self.rows.push((place, vec![0.0; m]));
+        }
+        &mut self.rows.last_mut().expect("just pushed").1
+    }
+}
+
+impl Biased<'_> {
+    /// Adds noise that is simulated at places.
+    pub(super) fn simulated(&self, a: &[f64], places: &[Foot], density: &[f64], sums: &mut Sums) {
+        if places.is_empty() {
+            return;
+        }
+        let noisy = self.noisy(places, density);
+        let m = self.space.len();
+        let pieces: Vec<Piece> = noisy
+            .par_chunks(PIECE)
+            .map(|piece| self.sums(a, piece))
+            .collect();
+        // One row a place: a piece ends anywhere.
+        let mut rows = vec![0.0; places.len() * m];
+        for piece in &pieces {
+            sums.squares += piece.squares;
+            sums.weights += piece.weights;
+            for (place, row) in &piece.rows {
+                let at = *place as usize * m;
+                add(&mut rows[at..at + m], row);
+            }
+        }
+        rows.chunks_exact(m).for_each(|row| sums.add(row));
+    }
+
+    /// Noisy points of places, sets of six each.
+    fn noisy(&self, places: &[Foot], density: &[f64]) -> Vec<Noisy> {
+        let sets = (SIMULATED / (6 * places.len())).clamp(1, MOST_SETS);
+        let mut noisy = Vec::with_capacity(6 * sets * places.len());
+        let mut moves = Moves::new(self.seed);
+        for (row, (place, density)) in places.iter().zip(density).enumerate() {
+            for by in (0..sets).flat_map(|_| moves.next()) {
+                let by = self.frame.turned(by.map(|v| self.noise * v));
+                noisy.extend([1.0, -1.0].map(|sign| Noisy {
+                    at: std::array::from_fn(|i| place.at[i] + sign * by[i]),
+                    weight: density / (6 * sets) as f64,
+                    place: row as u32,
+                }));
+            }
+        }
+        noisy
+    }
+
+    /// Jᵀr of each place among some simulated points.
+    fn sums(&self, a: &[f64], noisy: &[Noisy]) -> Piece {
+        let (n, m) = (self.distance.dim(), self.space.len());
+        let points: Vec<Point3> = noisy.iter().map(|p| p.at).collect();
+        let (mut r, mut jac) = (vec![0.0; points.len()], vec![0.0; points.len() * n]);
+        self.distance.jacobian(&points, a, &mut r, &mut jac);
+        let mut out = Piece {
+            rows: Vec::new(),
+            squares: 0.0,
+            weights: 0.0,
+        };
+        for ((p, r), jac) in noisy.iter().zip(&r).zip(jac.chunks_exact(n)) {
+            if !r.is_finite() {
+                continue;
+            }
+            out.squares += p.weight * r * r;
+            out.weights += p.weight;
+            let pull = p.weight * self.weight(*r) * r;
+            for (k, v) in out.row(p.place, m).iter_mut().enumerate() {
+                *v += pull * self.space.derivative(k, jac);
+            }
+        }
+        out
+    }
+}

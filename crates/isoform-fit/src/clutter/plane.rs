@@ -1,0 +1,214 @@
+//! Planes that reach beyond the other points: tables and walls.
+
+use crate::outliers::{best_plane, robust_deviation};
+use isoform_geom::{KdTree, Point3, across, cross, dot, sub};
+
+/// Planes tried: of a plane with a twentieth of the points near a seed, 60 find one in twenty.
+const PLANES: usize = 200;
+/// Half thickness of a plane at first, as a share of the size: rough normals of a few points stray
+/// by as much.
+const THICK: f64 = 0.012;
+/// Half thickness then, in robust deviations of the points beyond the others: noise stays within,
+/// a flange that stands on the table does not.
+const THICK_DEVIATIONS: f64 = 5.0;
+/// Neighbours that a plane is laid through.
+const NEIGHBOURS: usize = 12;
+/// Points beyond the others that make a plane a table, at least this share of all.
+const LEAST: f64 = 0.005;
+/// A table reaches beyond the other points by this share of their own extent.
+const BEYOND: f64 = 0.03;
+/// All but this share of the other points lie on one side of a table.
+const UNDER: f64 = 0.02;
+/// Points that do not lie on a plane, at least, as a share of all: else there is no part.
+const OTHERS: f64 = 0.2;
+/// Least half thickness of a plane, as a share of the largest.
+const THINNEST: f64 = 1e-6;
+
+type Point2 = [f64; 2];
+
+/// A plane with the outline of what stands on it.
+pub(super) struct Plane {
+    at: Point3,
+    normal: Point3,
+    thick: f64,
+    /// Two unit directions in the plane.
+    axes: [Point3; 2],
+    /// Convex hull of the other points seen along the normal, counterclockwise.
+    outline: Vec<Point2>,
+    /// How far beyond the outline a point must be.
+    beyond: f64,
+}
+
+impl Plane {
+    /// The plane with most points beyond the others; none where no plane has enough.
+    pub(super) fn find(points: &[Point3]) -> Option<Self> {
+        let thick = THICK * radius(points);
+        let tree = KdTree::new(points);
+        let mut found = Vec::new();
+        let mut most = (LEAST * points.len() as f64).max(1.0) as usize;
+        let mut best = None;
+        for seed in points.iter().step_by(points.len().div_ceil(PLANES)) {
+            tree.nearest_k(*seed, NEIGHBOURS, &mut found);
+            let normal = rough_normal(*seed, points, &found);
+            let Some(plane) = Self::about(points, *seed, normal, thick) else {
+                continue;
+            };
+            let count = points.iter().filter(|p| plane.holds(**p)).count();
+            if count > most {
+                (most, best) = (count, Some(plane));
+            }
+        }
+        best
+    }
+
+    /// The plane near a point and normal, as far as it has the other points on one side: roughly
+    /// first, then as thin as the noise of what lies beyond them.
+    fn about(points: &[Point3], at: Point3, normal: Point3, thick: f64) -> Option<Self> {
+        let length = dot(normal, normal).sqrt();
+        if length <= 0.0 {
+            return None;
+        }
+        let rough = refined(points, at, normal.map(|v| v / length), 2.0 * thick)?;
+        let rough = Self::with_outline(points, rough, thick)?;
+        let beyond: Vec<Point3> = points.iter().copied().filter(|p| rough.holds(*p)).collect();
+        if beyond.len() < NEIGHBOURS {
+            return None;
+        }
+        let fine = best_plane(&beyond)?;
+        let off = beyond.iter().map(|p| fine.height(*p).abs());
+        let deviation = robust_deviation(&mut off.collect::<Vec<_>>());
+        let thin = (THICK_DEVIATIONS * deviation).clamp(THINNEST * thick, thick);
+        Self::with_outline(points, (fine.at, fine.normal), thin)
+    }
+
+    /// A plane with the outline of the points off it, if all but few of these are on one side.
+    fn with_outline(points: &[Point3], plane: (Point3, Point3), thick: f64) -> Option<Self> {
+        let (at, normal) = plane;
+        let height = |p: &Point3| dot(sub(*p, at), normal);
+        let side = side_of(points.iter().map(height), thick)?;
+        let mut this = Self {
+            at,
+            normal,
+            thick,
+            axes: across(normal),
+            outline: Vec::new(),
+            beyond: 0.0,
+        };
+        let off = points.iter().filter(|p| side * height(p) > thick);
+        this.outline = hull(off.map(|p| this.flat(*p)).collect());
+        this.beyond = BEYOND * diagonal(&this.outline);
+        Some(this)
+    }
+
+    /// A point as seen along the normal.
+    fn flat(&self, p: Point3) -> Point2 {
+        self.axes.map(|axis| dot(sub(p, self.at), axis))
+    }
+
+    /// Whether a point is on the plane.
+    pub(super) fn is_level(&self, p: Point3) -> bool {
+        dot(sub(p, self.at), self.normal).abs() <= self.thick
+    }
+
+    /// Whether a point is on the plane, beyond the outline.
+    pub(super) fn holds(&self, p: Point3) -> bool {
+        if !self.is_level(p) {
+            return false;
+        }
+        let q = self.flat(p);
+        let n = self.outline.len();
+        (0..n).any(|i| {
+            let (a, b) = (self.outline[i], self.outline[(i + 1) % n]);
+            // The outward normal of a counterclockwise side is on its right.
+            -turn(a, b, q) > self.beyond * (b[0] - a[0]).hypot(b[1] - a[1])
+        })
+    }
+}
+
+/// A vector across the triangle of a point and two of its neighbours, not all of which are near.
+fn rough_normal(seed: Point3, points: &[Point3], found: &[(f64, u32)]) -> Point3 {
+    let at = |k: usize| points[found[k].1 as usize];
+    let (u, v) = (at(NEIGHBOURS / 3), at(NEIGHBOURS - 1));
+    cross(sub(u, seed), sub(v, seed))
+}
+
+/// The side of a plane (±1) on which the points off it are, all but few of them; none where they
+/// are few, or on both sides.
+fn side_of(heights: impl ExactSizeIterator<Item = f64>, thick: f64) -> Option<f64> {
+    let all = heights.len() as f64;
+    let (mut above, mut below) = (0.0, 0.0);
+    for height in heights {
+        above += f64::from(u8::from(height > thick));
+        below += f64::from(u8::from(height < -thick));
+    }
+    let others = above + below;
+    let is_one_sided = others >= OTHERS * all && f64::min(above, below) <= UNDER * others;
+    is_one_sided.then_some(if above > below { 1.0 } else { -1.0 })
+}
+
+/// Largest distance of points from their mean.
+fn radius(points: &[Point3]) -> f64 {
+    let n = points.len().max(1) as f64;
+    let centre: Point3 = std::array::from_fn(|i| points.iter().map(|p| p[i]).sum::<f64>() / n);
+    let reach = |p: &Point3| dot(sub(*p, centre), sub(*p, centre)).sqrt();
+    points.iter().map(reach).fold(0.0, f64::max)
+}
+
+/// Diagonal of the box of some points.
+fn diagonal(points: &[Point2]) -> f64 {
+    let side = |i: usize| {
+        let lo = points.iter().map(|p| p[i]).fold(f64::INFINITY, f64::min);
+        let hi = points
+            .iter()
+            .map(|p| p[i])
+            .fold(f64::NEG_INFINITY, f64::max);
+        hi - lo
+    };
+    side(0).hypot(side(1))
+}
+
+/// Twice the area of a triangle, positive where it runs counterclockwise.
+fn turn(a: Point2, b: Point2, c: Point2) -> f64 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+/// The convex hull, counterclockwise (Andrew's monotone chain).
+fn hull(mut points: Vec<Point2>) -> Vec<Point2> {
+    points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let mut out = chain(points.iter());
+    out.extend(chain(points.iter().rev()));
+    out
+}
+
+/// The lower hull of points that are sorted, without its end.
+fn chain<'a>(points: impl Iterator<Item = &'a Point2>) -> Vec<Point2> {
+    let mut out: Vec<Point2> = Vec::new();
+    for &p in points {
+        while out.len() > 1 && turn(out[out.len() - 2], out[out.len() - 1], p) <= 0.0 {
+            out.pop();
+        }
+        out.push(p);
+    }
+    out.pop();
+    out
+}
+
+/// The plane through the points near a plane; none where these are few.
+fn refined(points: &[Point3], at: Point3, normal: Point3, thick: f64) -> Option<(Point3, Point3)> {
+    let is_near = |p: &Point3| dot(sub(*p, at), normal).abs() < thick;
+    let near: Vec<Point3> = points.iter().copied().filter(is_near).collect();
+    best_plane(&near).map(|plane| (plane.at, plane.normal))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hull_of_a_grid_is_its_corners() {
+        let grid = (0..25).map(|k| [f64::from(k % 5), f64::from(k / 5)]);
+        let corners = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+        assert_eq!(hull(grid.collect()), corners);
+        assert_eq!(diagonal(&corners), 32f64.sqrt());
+    }
+}

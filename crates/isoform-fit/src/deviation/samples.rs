@@ -1,0 +1,188 @@
+//! Samples of a zero set that is known by its values only: nodes of a grid near it are drawn to it
+//! by Newton steps along the gradient, and thinned to one per cell and sheet.
+
+use super::MARGIN;
+use isoform_geom::{Aabb, ParamField, Point3, distance_squared, dot};
+
+/// Newton steps towards the surface.
+const STEPS: usize = 4;
+/// Nodes nearer to the surface than this many cells are drawn to it: half of a cell's diagonal, so
+/// that every cell of the surface has such a node.
+const NEAR: f64 = 0.87;
+/// A point is on the surface when its value is below this share of a cell.
+const ON_SURFACE: f64 = 1e-2;
+/// A point that has moved farther than this many cells belongs to another node.
+const MOVED: f64 = 1.8;
+/// Two points of a cell that are nearer to each other than this share of it are of one sheet.
+const ONE_SHEET: f64 = 0.5;
+/// Cells along an axis that a key tells apart.
+const KEYS: u64 = 1 << 22;
+
+/// Near-uniform points of the zero set of a field that is close to a distance, in a box somewhat
+/// larger than `region`; about `wanted` of them if the surface is like that of the box.
+///
+/// ```
+/// use isoform_fit::surface_samples;
+/// use isoform_geom::{Aabb, ParamField, Point3, norm};
+///
+/// /// a[0] − |p|: a ball about the origin.
+/// struct Ball;
+/// impl ParamField for Ball {
+///     fn dim(&self) -> usize {
+///         1
+///     }
+///     fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]) {
+///         points.iter().zip(out).for_each(|(p, f)| *f = a[0] - norm(*p));
+///     }
+///     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
+///         self.values(points, a, out);
+///         jac.fill(1.0);
+///     }
+///     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], g: &mut [Point3]) {
+///         self.values(points, a, out);
+///         points.iter().zip(g).for_each(|(p, g)| *g = p.map(|v| -v / norm(*p)));
+///     }
+/// }
+///
+/// let region = Aabb { lo: [-1.0; 3], hi: [1.0; 3] };
+/// let points = surface_samples(&Ball, &[1.0], region, 2000);
+/// assert!(points.iter().all(|p| (norm(*p) - 1.0).abs() < 1e-9));
+/// // The enlarged box has sides of 2.55, the ball less than a third of its surface.
+/// assert!(points.len() > 400 && points.len() < 2000);
+/// ```
+pub fn surface_samples(
+    field: &dyn ParamField,
+    a: &[f64],
+    region: Aabb,
+    wanted: usize,
+) -> Vec<Point3> {
+    match Grid::around(region, wanted) {
+        Some(grid) => grid.samples(field, a),
+        None => Vec::new(),
+    }
+}
+
+/// Cells of a box that is somewhat larger than a region.
+struct Grid {
+    lo: Point3,
+    hi: Point3,
+    size: Point3,
+    /// Length of a cell, about.
+    cell: f64,
+    counts: [usize; 3],
+}
+
+impl Grid {
+    /// A surface like that of the box itself has as many cells as wanted; none for no box.
+    fn around(region: Aabb, wanted: usize) -> Option<Self> {
+        let margin = MARGIN * region.diagonal();
+        if !(margin > 0.0 && margin.is_finite()) || wanted == 0 {
+            return None;
+        }
+        let lo = region.lo.map(|v| v - margin);
+        let size: Point3 = std::array::from_fn(|i| region.hi[i] - region.lo[i] + 2.0 * margin);
+        let area = 2.0 * (size[0] * size[1] + size[1] * size[2] + size[2] * size[0]);
+        let cell = (area / wanted as f64).sqrt();
+        Some(Self {
+            lo,
+            hi: std::array::from_fn(|i| lo[i] + size[i]),
+            size,
+            cell,
+            counts: size.map(|s| ((s / cell).ceil() as usize).max(2)),
+        })
+    }
+
+    fn samples(&self, field: &dyn ParamField, a: &[f64]) -> Vec<Point3> {
+        let start = self.nodes_near(field, a);
+        let mut points = start.clone();
+        descend(field, a, &mut points);
+        let mut f = vec![0.0; points.len()];
+        field.values(&points, a, &mut f);
+        let all = points.iter().zip(&start).zip(&f);
+        let good = all.filter(|((p, s), f)| f.abs() < ON_SURFACE * self.cell && self.is_near(p, s));
+        self.thinned(good.map(|((p, _), _)| (self.key(p), *p)).collect())
+    }
+
+    /// Middles of the cells near the surface.
+    fn nodes_near(&self, field: &dyn ParamField, a: &[f64]) -> Vec<Point3> {
+        let nodes = self.nodes();
+        let mut f = vec![0.0; nodes.len()];
+        field.values(&nodes, a, &mut f);
+        let near = nodes.iter().zip(&f);
+        near.filter(|(_, f)| f.abs() < NEAR * self.cell)
+            .map(|(p, _)| *p)
+            .collect()
+    }
+
+    /// Middles of all cells.
+    fn nodes(&self) -> Vec<Point3> {
+        let mut nodes = Vec::with_capacity(self.counts.iter().product());
+        for k in 0..self.counts[2] {
+            for j in 0..self.counts[1] {
+                for i in 0..self.counts[0] {
+                    nodes.push(self.node([i, j, k]));
+                }
+            }
+        }
+        nodes
+    }
+
+    fn node(&self, at: [usize; 3]) -> Point3 {
+        std::array::from_fn(|i| {
+            self.lo[i] + self.size[i] * (at[i] as f64 + 0.5) / self.counts[i] as f64
+        })
+    }
+
+    /// Whether a point is still about its node and in the box.
+    fn is_near(&self, p: &Point3, node: &Point3) -> bool {
+        distance_squared(*p, *node).sqrt() < MOVED * self.cell
+            && (0..3).all(|i| p[i] >= self.lo[i] && p[i] <= self.hi[i])
+    }
+
+    /// A number of the cell that a point is in.
+    fn key(&self, p: &Point3) -> u64 {
+        let along = |i: usize| ((p[i] - self.lo[i]) / self.cell) as u64;
+        (0..3).fold(0, |key, i| key * KEYS + along(i))
+    }
+
+    /// One point of each cell and sheet: a cell may hold two sheets of a thin wall.
+    fn thinned(&self, mut keyed: Vec<(u64, Point3)>) -> Vec<Point3> {
+        keyed.sort_by(|a, b| {
+            a.0.cmp(&b.0)
+                .then(a.1[0].total_cmp(&b.1[0]))
+                .then(a.1[1].total_cmp(&b.1[1]))
+                .then(a.1[2].total_cmp(&b.1[2]))
+        });
+        let apart = ONE_SHEET * ONE_SHEET * self.cell * self.cell;
+        let mut kept: Vec<(u64, Point3)> = Vec::with_capacity(keyed.len());
+        for (key, p) in keyed {
+            let mut of_cell = kept.iter().rev().take_while(|k| k.0 == key);
+            if !of_cell.any(|k| distance_squared(k.1, p) < apart) {
+                kept.push((key, p));
+            }
+        }
+        kept.into_iter().map(|k| k.1).collect()
+    }
+}
+
+/// Draws points to the zero set.
+fn descend(field: &dyn ParamField, a: &[f64], points: &mut [Point3]) {
+    let mut f = vec![0.0; points.len()];
+    let mut g = vec![[0.0; 3]; points.len()];
+    for _ in 0..STEPS {
+        field.gradients(points, a, &mut f, &mut g);
+        for ((p, f), g) in points.iter_mut().zip(&f).zip(&g) {
+            newton_step(p, *f, *g);
+        }
+    }
+}
+
+/// p − f g / |g|².
+fn newton_step(p: &mut Point3, f: f64, g: Point3) {
+    let gg = dot(g, g);
+    if gg > 0.0 && gg.is_finite() {
+        for i in 0..3 {
+            p[i] -= f * g[i] / gg;
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Thickness of the model's walls and width of its gaps, by balls that touch the surface.
+//!
+//! ```text
+//!   ────────×────────  surface, × the place
+//!         (   )        a ball on one side that touches it there,
+//!          ( )         shrunk until no other place is within
+//!   ────────×────────  the other side of the wall
+//! ```
+
+use crate::deviation::Surface;
+use crate::task::Task;
+use isoform_geom::{DistanceField, Foot, Point3, dot, sub};
+
+/// Places whose thickness is measured.
+const THICKNESSES: usize = 200;
+/// Balls tried at a place, each smaller than the one before: two or three are enough where the
+/// other side is flat.
+const SHRINKS: usize = 12;
+/// Radius of the smallest ball that is tried, as a share of the data's diagonal.
+const SMALLEST: f64 = 1e-4;
+/// Radius of the largest ball, as a share of the diagonal: no wall of half the size is thin.
+const LARGEST: f64 = 0.25;
+/// A ball within the solid touches the surface elsewhere when its centre is nearer to it than this
+/// share of its radius.
+const TOUCHES: f64 = 0.98;
+/// Places on a part that tell its thickness, at least.
+const FEWEST: usize = 12;
+
+/// Places of the surface that balls touch, on one side of it.
+struct Touching<'a> {
+    distance: &'a dyn DistanceField,
+    a: &'a [f64],
+    feet: &'a [Foot],
+    /// 1 for the inside, −1 for the outside.
+    side: f64,
+    /// Radius of the smallest ball.
+    least: f64,
+}
+
+impl Touching<'_> {
+    /// Centre of the ball of radius r at place k.
+    fn centre(&self, k: usize, r: f64) -> Point3 {
+        let Foot { at, inward, .. } = self.feet[k];
+        std::array::from_fn(|i| at[i] + self.side * r * inward[i])
+    }
+
+    /// Diameters of the largest balls: a ball that holds another place of the surface is shrunk to
+    /// go through that (Ma, Bae, Choi 2012, *3D medial axis point approximation using nearest
+    /// neighbors*, section 3).
+    fn diameters(&self, largest: f64) -> Vec<f64> {
+        let mut r = vec![largest; self.feet.len()];
+        let mut active: Vec<usize> = (0..r.len()).collect();
+        let mut feet = vec![Foot::NONE; r.len()];
+        for _ in 0..SHRINKS {
+            let centres: Vec<Point3> = active.iter().map(|k| self.centre(*k, r[*k])).collect();
+            self.distance.feet(&centres, self.a, &mut feet);
+            let mut found = feet.iter();
+            active.retain(|&k| {
+                let foot = found.next().expect("a foot by centre");
+                self.shrink(k, foot, &mut r[k])
+            });
+            if active.is_empty() {
+                break;
+            }
+        }
+        r.iter().map(|r| 2.0 * r).collect()
+    }
+
+    /// Shrinks the ball at place k, whose centre has this foot; false when it is done.
+    fn shrink(&self, k: usize, foot: &Foot, r: &mut f64) -> bool {
+        if self.side * foot.distance >= TOUCHES * *r {
+            return false;
+        }
+        // The ball that touches the surface at the place and goes through the foot point.
+        let to = sub(foot.at, self.feet[k].at);
+        let through = dot(to, to) / (2.0 * self.side * dot(to, self.feet[k].inward));
+        let is_sound = foot.order > 0 && through > 0.0;
+        let next = if is_sound { through.min(*r) } else { 0.5 * *r };
+        *r = next.max(self.least);
+        *r > self.least
+    }
+}
+
+impl Task<'_> {
+    /// Thickness of the thinnest wall and width of the narrowest gap: twice the radius of the
+    /// largest ball, inside and outside, that touches the surface at a place; the upper quartile of
+    /// a part, since edges are thin on any solid; the least of all parts that are large enough to
+    /// tell.
+    pub(super) fn thicknesses(
+        &self,
+        distance: &dyn DistanceField,
+        a: &[f64],
+        surface: &Surface,
+    ) -> (f64, f64) {
+        let step = surface.points.len().div_ceil(THICKNESSES).max(1);
+        let some: Vec<Point3> = surface.points.iter().copied().step_by(step).collect();
+        // The bias was taken away after the surface was sampled: a ball from beside the surface
+        // would find that very place.
+        let mut feet = vec![Foot::NONE; some.len()];
+        distance.feet(&some, a, &mut feet);
+        feet.retain(|foot| foot.order == 1);
+        if feet.is_empty() {
+            return (f64::INFINITY, f64::INFINITY);
+        }
+        let [wall, gap] = [1.0, -1.0].map(|side| {
+            let touching = Touching {
+                distance,
+                a,
+                feet: &feet,
+                side,
+                least: SMALLEST * self.size(),
+            };
+            let diameters = touching.diameters(LARGEST * self.size());
+            self.least_typical(&diameters, &feet)
+        });
+        (wall, gap)
+    }
+
+    /// The least of the parts' upper quartiles of diameters.
+    fn least_typical(&self, diameters: &[f64], feet: &[Foot]) -> f64 {
+        // Not even the smallest ball fits where pieces touch without an edge.
+        let smallest = 4.0 * SMALLEST * self.size();
+        let mut least = f64::INFINITY;
+        for part in 0..self.template.part_names().len() as u32 {
+            let own = diameters.iter().zip(feet);
+            let own = own.filter(|(_, foot)| foot.pieces[0] == part);
+            let own: Vec<f64> = own.map(|(d, _)| *d).collect();
+            let is_told = own.len() >= FEWEST;
+            let typical = upper_quartile(own);
+            if is_told && typical > smallest {
+                least = least.min(typical);
+            }
+        }
+        least
+    }
+}
+
+/// The number that three of four do not exceed; nought of none.
+fn upper_quartile(mut v: Vec<f64>) -> f64 {
+    v.sort_unstable_by(f64::total_cmp);
+    v.get(3 * v.len() / 4).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quarter_is_above_the_upper_quartile() {
+        assert_eq!(upper_quartile((0..8).rev().map(f64::from).collect()), 6.0);
+        assert_eq!(upper_quartile(Vec::new()), 0.0);
+    }
+}

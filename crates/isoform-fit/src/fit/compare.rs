@@ -1,0 +1,142 @@
+//! Which of the search's minima is the best place, by distances: sums of the algebraic residual
+//! that are nearly equal do not tell.
+
+use crate::lm;
+use crate::objective::Residuals;
+use crate::outliers::HAS_OUTLIERS;
+use crate::polish::{Polish, Polished};
+use crate::search::{Outcome, Search};
+use crate::task::{OUTLIER_DEVIATIONS, Task};
+use isoform_geom::Point3;
+
+/// Share of points far off the best candidate from which a trimmed search is tried.
+const MANY_FAR: f64 = 0.03;
+/// A point is far off from this share of the spacing on, if it is an outlier by deviations, too.
+const FAR_SPACINGS: f64 = 0.5;
+/// Isolated points count this many times among those that may be far off.
+const ISOLATED: f64 = 1.5;
+/// Residuals are cut at this many robust deviations of the best candidate.
+const CUT_DEVIATIONS: f64 = 4.5;
+/// A candidate takes the place of one with a lower algebraic sum when its truncated sum is below
+/// this share of the other's.
+const BETTER: f64 = 0.999;
+/// Evaluations that a minimum gets on more points before it is compared.
+const CONFIRMING: usize = 12;
+
+/// A candidate, and the metric residuals of the points that it is compared on.
+struct Rival {
+    polished: Polished,
+    residuals: Vec<f64>,
+}
+
+/// What candidates are compared by.
+struct Comparison<'a> {
+    polish: &'a Polish<'a>,
+    points: Vec<Point3>,
+    has_outliers: bool,
+}
+
+impl Comparison<'_> {
+    /// Leads a place on to the metric residual.
+    fn rival(&self, x: Vec<f64>, spent: usize) -> Rival {
+        let mut polished = self.polish.rough(&self.points, x, self.has_outliers);
+        polished.evaluations += spent;
+        Rival {
+            residuals: self.polish.residuals(&self.points, &polished.x),
+            polished,
+        }
+    }
+}
+
+impl Task<'_> {
+    /// Candidates of near-equal sums, each led on to the metric residual on more points; the best
+    /// one by a truncated sum, with the evaluations of all. Where that leaves many points far off,
+    /// a trimmed search takes part.
+    pub(super) fn compared(
+        &self,
+        search: &Search<'_>,
+        outcome: &Outcome,
+        kept: &[Point3],
+        polish: &Polish<'_>,
+    ) -> Polished {
+        let options = self.options;
+        let comparison = Comparison {
+            polish,
+            points: self.some(options.confirm_points.max(options.search_points)),
+            has_outliers: self.scan.isolated > HAS_OUTLIERS,
+        };
+        let minima = search.candidates(outcome).iter();
+        let confirmed = minima.map(|m| self.confirmed(kept, m.x.clone()));
+        let mut rivals: Vec<Rival> = confirmed
+            .map(|m| comparison.rival(m.x, m.iterations))
+            .collect();
+        let mut best = self.least_truncated(&rivals);
+        if self.has_many_far(&rivals[best]) && !self.control.is_stopped() {
+            let first = rivals[best].polished.x.clone();
+            let trimmed = search.trimmed(first, self.near.spacing);
+            rivals.push(comparison.rival(trimmed.x, trimmed.evaluations));
+            best = self.least_truncated(&rivals);
+        }
+        let evaluations = rivals.iter().map(|r| r.polished.evaluations).sum();
+        Polished {
+            evaluations,
+            ..rivals.swap_remove(best).polished
+        }
+    }
+
+    /// A minimum of the algebraic sum on more points than the search sees.
+    fn confirmed(&self, points: &[Point3], x: Vec<f64>) -> lm::Minimum {
+        let field = self.template.algebraic();
+        let mut objective = Residuals::new(field, points, &[], &self.space);
+        let settings = lm::Options {
+            max_iterations: CONFIRMING,
+            decrease: 1e-4,
+            ..lm::Options::default()
+        };
+        let mut monitor = |_, _: &[f64], _| !self.control.is_stopped();
+        self.space
+            .minimize(&mut objective, x, &settings, &mut monitor)
+    }
+
+    /// Whether more points lie far off a candidate than isolated ones explain.
+    fn has_many_far(&self, rival: &Rival) -> bool {
+        let scale = rival.polished.scale;
+        let limit = (OUTLIER_DEVIATIONS * scale).max(FAR_SPACINGS * self.near.spacing);
+        let far = rival.residuals.iter().filter(|r| r.abs() > limit).count();
+        let isolated = if self.scan.isolated > HAS_OUTLIERS {
+            ISOLATED * self.scan.isolated
+        } else {
+            0.0
+        };
+        far as f64 / rival.residuals.len() as f64 > MANY_FAR + isolated
+    }
+
+    /// The candidate with the least sum of squares, cut at what the best scale of all allows.
+    fn least_truncated(&self, rivals: &[Rival]) -> usize {
+        let scales = rivals.iter().map(|r| r.polished.scale);
+        let least = scales.fold(f64::INFINITY, f64::min).max(self.rounding());
+        let cut = (CUT_DEVIATIONS * least).powi(2);
+        let score = |k: usize| truncated_sum(&rivals[k].residuals, cut);
+        // The first candidate has the lowest sum; another must be better beyond doubt.
+        let is_better = |k: usize, best: usize| score(k) < BETTER * score(best);
+        (1..rivals.len()).fold(0, |best, k| if is_better(k, best) { k } else { best })
+    }
+}
+
+/// Σ min(r², cut); what is no number counts as cut.
+pub(super) fn truncated_sum(r: &[f64], cut: f64) -> f64 {
+    r.iter()
+        .map(|r| if r.is_nan() { cut } else { (r * r).min(cut) })
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truncated_sums_do_not_care_how_far_off_an_outlier_is() {
+        assert_eq!(truncated_sum(&[1.0, -2.0, 9.0, f64::NAN], 16.0), 37.0);
+        assert_eq!(truncated_sum(&[1.0, -2.0, 9e9, f64::NAN], 16.0), 37.0);
+    }
+}

@@ -1,0 +1,327 @@
+//! What speaks against a fit, and how much.
+
+use super::{BAD_BARE, CLUSTERS};
+use crate::words::listed;
+use std::fmt;
+
+/// Whether to trust a fit, from the best to the worst.
+///
+/// ```
+/// use isoform_fit::Verdict;
+///
+/// assert!(Verdict::Accepted < Verdict::Doubtful && Verdict::Doubtful < Verdict::Refused);
+/// assert_eq!(Verdict::Refused.as_str(), "refused");
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// The template fits, and nothing found speaks against it.
+    Accepted,
+    /// Something found could mean that the template, or its place, is wrong.
+    Doubtful,
+    /// The template does not fit.
+    Refused,
+}
+
+impl Verdict {
+    /// The word of the JSON contract.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Accepted => "accepted",
+            Self::Doubtful => "doubtful",
+            Self::Refused => "refused",
+        }
+    }
+}
+
+/// What speaks against a fit. Lengths are in the units of the scan, shares of 1.
+///
+/// ```
+/// use isoform_fit::{Finding, Verdict};
+///
+/// let bare = Finding::Bare { share: 0.4 };
+/// assert_eq!(bare.verdict(), Verdict::Doubtful);
+/// assert_eq!(bare.to_string(), "40 % of the model's surface has no data near it");
+/// // Where most of the surface is bare, the template does not fit.
+/// assert_eq!(Finding::Bare { share: 0.7 }.verdict(), Verdict::Refused);
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Finding {
+    /// The points lie far off the model.
+    FarOff {
+        /// Root mean square distance.
+        rms: f64,
+        /// Diagonal of the data.
+        size: f64,
+    },
+    /// Neighbouring points are off alike: the shape differs.
+    Systematic {
+        /// Root mean square of the shared misfit.
+        misfit: f64,
+        /// What it may be.
+        limit: f64,
+        /// Whether the limit is that of the thinnest wall.
+        is_wall: bool,
+    },
+    /// Large distances with a gap in the middle: two walls about the model, no noise.
+    TwoWalls {
+        /// Root mean square distance from the model.
+        rms: f64,
+    },
+    /// A piece is off its points while the others show nothing but noise.
+    Misplaced {
+        /// Its name.
+        piece: String,
+        /// Root mean square of its points' distances, in deviations of the noise.
+        ratio: f64,
+    },
+    /// Points together and off the model to one side, while the others show nothing but noise.
+    Together {
+        /// Points.
+        count: usize,
+    },
+    /// The points are much nearer to each other's planes than to the model.
+    AboveNoise {
+        /// Root mean square distance from the model.
+        rms: f64,
+        /// Deviation of points from planes through their neighbours.
+        noise: f64,
+    },
+    /// Noise as large as the smallest detail.
+    Thin {
+        /// Noise.
+        noise: f64,
+        /// Smallest wall or gap of the model.
+        detail: f64,
+    },
+    /// Surface of the model without data.
+    Bare {
+        /// Share of the surface.
+        share: f64,
+    },
+    /// Surface of the model without data where views that saw the rest must have seen it.
+    Overlooked {
+        /// Share of the surface.
+        share: f64,
+    },
+    /// Points that lie on surfaces which the template does not have.
+    Clusters {
+        /// Share of the points.
+        share: f64,
+    },
+    /// Points off the model, and surface of the model off the points.
+    Around {
+        /// Share of the surface without data.
+        bare: f64,
+        /// Share of the points that are outliers.
+        share: f64,
+    },
+    /// Points off the model, of any kind.
+    Outliers {
+        /// Share of the points.
+        share: f64,
+    },
+    /// A cluster of points off a model that meets the others exactly.
+    OffExact {
+        /// Points.
+        count: usize,
+    },
+    /// More than a quarter of the template's own parameters are open.
+    Undetermined {
+        /// Open ones.
+        open: usize,
+        /// All that are free.
+        free: usize,
+    },
+    /// Parameters at bounds.
+    AtBounds {
+        /// Names.
+        names: Vec<String>,
+    },
+    /// The search did not come back to its best place.
+    Uncertain {
+        /// Starts that led there.
+        hits: usize,
+        /// All starts.
+        starts: usize,
+    },
+    /// Points apart from the rest.
+    Apart {
+        /// Share of the points.
+        share: f64,
+    },
+    /// Points on a plane that reaches beyond the others.
+    Table {
+        /// Share of the points.
+        share: f64,
+    },
+    /// Isolated points, too many to tell what the others mean.
+    Stray {
+        /// Share of the points.
+        share: f64,
+    },
+    /// The model has no surface near the data.
+    NoSurface,
+}
+
+impl Finding {
+    /// How much it weighs.
+    pub fn verdict(&self) -> Verdict {
+        if self.is_refusal() {
+            Verdict::Refused
+        } else {
+            Verdict::Doubtful
+        }
+    }
+
+    fn is_refusal(&self) -> bool {
+        match self {
+            Self::FarOff { .. } | Self::OffExact { .. } | Self::NoSurface => true,
+            Self::Outliers { .. } => true,
+            Self::Bare { share } => *share > BAD_BARE,
+            Self::Clusters { share } => *share > CLUSTERS.1,
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::FarOff { rms, size } => write!(
+                f,
+                "the points lie {} off the model (rms), {:.1} % of their size",
+                short(*rms),
+                100.0 * rms / size
+            ),
+            Self::Systematic {
+                misfit,
+                limit,
+                is_wall,
+            } => write!(
+                f,
+                "neighbouring points are off the model alike, by {} (rms): the shape differs by \
+                 more than {}, {}",
+                short(*misfit),
+                short(*limit),
+                if *is_wall {
+                    "a good part of its thinnest wall"
+                } else {
+                    "what real objects of this size differ by"
+                }
+            ),
+            Self::TwoWalls { rms } => write!(
+                f,
+                "the points lie {} off the model (rms), most of them to either side and few on it: \
+                 two walls, no noise",
+                short(*rms)
+            ),
+            Self::Misplaced { piece, ratio } => write!(
+                f,
+                "the points of {piece} lie off it by {ratio:.1} times the noise, those of other \
+                 pieces do not: it has another size, place or shape"
+            ),
+            Self::Together { count } => write!(
+                f,
+                "{count} points lie together, off the model by more than four times the noise, and \
+                 the others show nothing but noise: clutter, or a feature that the template lacks \
+                 or has too much"
+            ),
+            Self::AboveNoise { rms, noise } => write!(
+                f,
+                "the points lie {} off the model (rms), but only {} off planes through their \
+                 neighbours: this is no noise",
+                short(*rms),
+                short(*noise)
+            ),
+            Self::Thin { noise, detail } => write!(
+                f,
+                "the noise ({}) is as large as the smallest detail of the model ({}) allows: which \
+                 side of it points belong to is not known",
+                short(*noise),
+                short(*detail)
+            ),
+            Self::Bare { share } => write!(
+                f,
+                "{:.0} % of the model's surface has no data near it",
+                100.0 * share
+            ),
+            Self::Overlooked { share } => write!(
+                f,
+                "{:.0} % of the model's surface has no data near it, though the scan saw what \
+                 faces the same way: holes in the scan, or a shape that is not there",
+                100.0 * share
+            ),
+            Self::Clusters { share } => write!(
+                f,
+                "{:.0} % of the points are outliers that lie on surfaces of their own: clutter, or \
+                 a shape that the template lacks",
+                100.0 * share
+            ),
+            Self::Around { bare, share } => write!(
+                f,
+                "{:.0} % of the points are outliers, and {:.0} % of the model's surface has no \
+                 data near it: the model may lie beside the shape",
+                100.0 * share,
+                100.0 * bare
+            ),
+            Self::Outliers { share } => {
+                write!(f, "{:.0} % of the points are outliers", 100.0 * share)
+            }
+            Self::OffExact { count } => write!(
+                f,
+                "{count} outliers lie together, off a model that meets the other points exactly"
+            ),
+            Self::Undetermined { open, free } => write!(
+                f,
+                "{open} of the template's {free} parameters are not determined by the points"
+            ),
+            Self::AtBounds { names } => write!(f, "{} ran into bounds", listed(names)),
+            Self::Uncertain { hits, starts } => write!(
+                f,
+                "the best place was found {hits} {} in {starts} {}; there may be a better one",
+                if *hits == 1 { "time" } else { "times" },
+                if *starts == 1 { "start" } else { "starts" }
+            ),
+            Self::Apart { share } => write!(
+                f,
+                "{:.1} % of the points lie apart from the rest: another object, or clutter",
+                100.0 * share
+            ),
+            Self::Table { share } => write!(
+                f,
+                "{:.1} % of the points lie on a plane that reaches beyond the others: a table?",
+                100.0 * share
+            ),
+            Self::Stray { share } => write!(
+                f,
+                "{:.0} % of the points looked at are stray outliers",
+                100.0 * share
+            ),
+            Self::NoSurface => f.write_str("the model has no surface near the data"),
+        }
+    }
+}
+
+/// Three significant digits.
+fn short(v: f64) -> String {
+    if v == 0.0 || !v.is_finite() {
+        return format!("{v}");
+    }
+    if !(1e-6..1e9).contains(&v.abs()) {
+        return format!("{v:.2e}");
+    }
+    let digits = (2 - v.abs().log10().floor() as i32).clamp(0, 12) as usize;
+    format!("{v:.digits$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_three_digits() {
+        let texts = [0.0, 12345.6, 0.012345, 1.5e-7, 2e12].map(short);
+        assert_eq!(texts, ["0", "12346", "0.0123", "1.50e-7", "2.00e12"]);
+    }
+}

@@ -1,0 +1,118 @@
+//! Parameters with their deviations, and what is known of each.
+
+use super::{Estimate, Status};
+use crate::Kind;
+use crate::identify::{Knowledge, student95};
+use crate::task::Task;
+
+/// A deviation above this share of the diagonal makes a parameter weak.
+const WEAK: f64 = 0.02;
+/// A deviation above this, in radians or ones, makes an angle or a ratio weak.
+const WEAK_NUMBER: f64 = 0.1;
+/// A variable is at a bound that is nearer than this share of its deviation.
+const NEAR_BOUND: f64 = 0.01;
+
+/// What the intervals of all parameters rest on.
+pub(super) struct Intervals<'a> {
+    pub(super) x: &'a [f64],
+    /// All parameters.
+    pub(super) a: &'a [f64],
+    /// Covariance of the parameters.
+    pub(super) covariance: &'a [f64],
+    /// Points that were fitted.
+    pub(super) fitted: usize,
+}
+
+impl Intervals<'_> {
+    fn deviation(&self, i: usize) -> f64 {
+        self.covariance[i * self.a.len() + i].max(0.0).sqrt()
+    }
+}
+
+/// How the variables act on each parameter.
+#[derive(Clone, Copy, Default)]
+struct Freedom {
+    /// Whether a variable moves it.
+    is_moved: bool,
+    /// Whether the data leave a variable open that moves it.
+    is_open: bool,
+    /// The variable that stands for it.
+    variable: Option<usize>,
+}
+
+impl Task<'_> {
+    /// An estimate by parameter.
+    pub(super) fn estimates(&self, at: &Intervals<'_>, knowledge: &Knowledge) -> Vec<Estimate> {
+        let degrees = at.fitted as f64 - self.space.len() as f64;
+        let width = student95(degrees);
+        let freedom = self.freedom(knowledge);
+        let all = self.template.parameters().iter().zip(freedom).enumerate();
+        all.map(|(i, (p, freedom))| {
+            let sd = at.deviation(i);
+            let status = self.status(p.kind, sd, freedom, at.x);
+            let is_known = is_known(status, sd);
+            let half = width * sd;
+            Estimate {
+                name: p.name.clone(),
+                value: at.a[i],
+                sd: is_known.then_some(sd),
+                ci95: is_known.then_some((at.a[i] - half, at.a[i] + half)),
+                status,
+                bounds: self.space.bounds[i],
+                unit: p.unit.clone(),
+            }
+        })
+        .collect()
+    }
+
+    fn freedom(&self, knowledge: &Knowledge) -> Vec<Freedom> {
+        let mut freedom = vec![Freedom::default(); self.template.parameters().len()];
+        for k in 0..self.space.len() {
+            freedom[self.space.parameter(k)].variable = Some(k);
+            for &(i, _) in self.space.column(k) {
+                freedom[i].is_moved = true;
+            }
+        }
+        for &k in knowledge.open.iter().flatten() {
+            for &(i, _) in self.space.column(k) {
+                freedom[i].is_open = true;
+            }
+        }
+        freedom
+    }
+
+    fn status(&self, kind: Kind, sd: f64, freedom: Freedom, x: &[f64]) -> Status {
+        let is_at_bound = |k: usize| {
+            let within = NEAR_BOUND * sd / self.space.unit(k);
+            self.space.is_at_bound(x, k, within)
+        };
+        if !freedom.is_moved {
+            Status::Fixed
+        } else if freedom.is_open {
+            Status::Undetermined
+        } else if freedom.variable.is_some_and(is_at_bound) {
+            Status::AtBound
+        } else if self.is_weak(kind, sd) || !sd.is_finite() {
+            Status::Weak
+        } else {
+            Status::Determined
+        }
+    }
+
+    fn is_weak(&self, kind: Kind, sd: f64) -> bool {
+        match kind {
+            Kind::Angle | Kind::Ratio => sd > WEAK_NUMBER,
+            _ => sd > WEAK * self.size().max(1e-300),
+        }
+    }
+}
+
+/// Whether a deviation is told: at a bound it may be nought for want of a variable that moves.
+fn is_known(status: Status, sd: f64) -> bool {
+    let has_interval = match status {
+        Status::Determined | Status::Weak => true,
+        Status::AtBound => sd > 0.0,
+        Status::Undetermined | Status::Fixed => false,
+    };
+    has_interval && sd.is_finite()
+}

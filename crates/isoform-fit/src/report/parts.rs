@@ -1,0 +1,95 @@
+//! Residuals by piece of the model.
+
+use super::ByPoint;
+use crate::deviation::{Cover, Surface};
+use crate::task::Task;
+
+/// Residuals of one piece of the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartStatistics {
+    /// Name.
+    pub name: String,
+    /// Used points that it is nearest to.
+    pub count: usize,
+    /// Root of the mean square of their residuals.
+    pub rms: f64,
+    /// Their mean: inside positive.
+    pub mean: f64,
+    /// Largest absolute residual.
+    pub max: f64,
+    /// Share of the piece's surface that no data support; none where no sample of it was met.
+    pub uncovered: Option<f64>,
+}
+
+impl PartStatistics {
+    fn new(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            count: 0,
+            rms: 0.0,
+            mean: 0.0,
+            max: 0.0,
+            uncovered: None,
+        }
+    }
+
+    /// Adds a residual; `rms` and `mean` are sums until [`PartStatistics::close`].
+    fn add(&mut self, r: f64) {
+        self.count += 1;
+        self.rms += r * r;
+        self.mean += r;
+        self.max = self.max.max(r.abs());
+    }
+
+    /// Makes sums means.
+    fn close(&mut self, cover: Cover) {
+        let n = self.count.max(1) as f64;
+        self.rms = (self.rms / n).sqrt();
+        self.mean /= n;
+        let share = cover.bare as f64 / cover.samples as f64;
+        self.uncovered = (cover.samples > 0).then_some(share);
+    }
+}
+
+impl Task<'_> {
+    /// Residuals of the points used, by piece, and what of the pieces has data.
+    pub(super) fn part_statistics(
+        &self,
+        points: &ByPoint,
+        surface: &Surface,
+    ) -> Vec<PartStatistics> {
+        let names = self.template.part_names().iter();
+        let mut stats: Vec<PartStatistics> = names.map(|name| PartStatistics::new(name)).collect();
+        for ((r, out), part) in points
+            .residuals
+            .iter()
+            .zip(&points.outliers)
+            .zip(&points.parts)
+        {
+            if let Some(s) = stats.get_mut(*part as usize).filter(|_| !out) {
+                s.add(*r);
+            }
+        }
+        let cover = surface.cover(stats.len());
+        stats.iter_mut().zip(cover).for_each(|(s, c)| s.close(c));
+        stats
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_residuals_make_a_mean() {
+        let mut s = PartStatistics::new("lid");
+        s.add(3.0);
+        s.add(-4.0);
+        s.close(Cover {
+            samples: 8,
+            bare: 2,
+        });
+        assert_eq!((s.count, s.mean, s.max), (2, -0.5, 4.0));
+        assert_eq!((s.rms, s.uncovered), (12.5f64.sqrt(), Some(0.25)));
+    }
+}

@@ -1,0 +1,180 @@
+//! Single primitives of a minimum, thrown elsewhere: the typical false minimum has one piece
+//! astray.
+
+use super::descent::Run;
+use super::{Outcome, SAME, Search};
+use crate::objective::jacobian;
+use crate::template::parts_of;
+
+/// Throws of single primitives without success before the search ends.
+const THROWS: usize = 4;
+/// Most throws before further starts.
+const MOST_THROWS: usize = 12;
+/// A derivative above this moves the surface.
+const MOVES: f64 = 1e-6;
+
+/// The pieces of a template as the points see them.
+struct Pieces {
+    /// Points by piece.
+    count: Vec<usize>,
+    /// By piece and variable, whether the variable moves a point of the piece.
+    moved: Vec<Vec<bool>>,
+}
+
+impl Pieces {
+    /// The pieces with points.
+    fn present(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.count.len()).filter(|&p| self.count[p] > 0)
+    }
+
+    /// How many pieces variable k moves.
+    fn moves(&self, k: usize) -> usize {
+        self.moved.iter().filter(|moved| moved[k]).count()
+    }
+
+    /// Whether variable k moves most pieces, as a pose does: it belongs to none of them.
+    fn is_common(&self, k: usize) -> bool {
+        let present = self.present().count();
+        present > 2 && 3 * self.moves(k) > 2 * present
+    }
+}
+
+/// How throws went.
+#[derive(Default)]
+struct Tally {
+    tried: usize,
+    /// Throws that led back to the best minimum.
+    back: usize,
+    failures: usize,
+}
+
+impl Search<'_> {
+    /// Throws single primitives of the best minimum elsewhere. True when that keeps leading back
+    /// and the rate of return, starts included, promises that a minimum as wide was not missed;
+    /// false to go on with starts.
+    pub(super) fn throw(&self, out: &mut Outcome) -> bool {
+        let seed = self.options.seed ^ 0x7_4120 ^ ((out.starts as u64) << 32);
+        let mut random = fastrand::Rng::with_seed(seed);
+        let nought = out.nought();
+        let mut groups = self.groups(&out.minima[0].x);
+        let mut tally = Tally::default();
+        while tally.tried < MOST_THROWS && !groups.is_empty() && !self.control.is_stopped() {
+            let group = &groups[tally.failures % groups.len()];
+            let x = self.throw_group(&out.minima[0].x, group, &mut random);
+            let run = self.descend(x, out.minima.first(), nought, out.starts);
+            out.evaluations += run.evaluations;
+            if tally.count(run, out, nought) {
+                groups = self.groups(&out.minima[0].x);
+            } else if self.is_enough(&tally, out) {
+                return out.minima[0].hits >= 2;
+            }
+        }
+        groups.is_empty()
+    }
+
+    /// Whether the rate of return makes it improbable enough that a minimum was missed.
+    fn is_enough(&self, tally: &Tally, out: &Outcome) -> bool {
+        let total = out.starts + tally.tried;
+        let rate = (out.minima[0].hits + tally.back) as f64 / total as f64;
+        tally.failures >= THROWS && (1.0 - rate).powi(total as i32) < self.options.miss
+    }
+
+    /// A place with some variables drawn anew.
+    pub(crate) fn throw_group(
+        &self,
+        x: &[f64],
+        group: &[usize],
+        random: &mut fastrand::Rng,
+    ) -> Vec<f64> {
+        let mut x = x.to_vec();
+        for &k in group {
+            x[k] = self.space.drawn(k, random);
+        }
+        self.space.into_interior(&mut x, 1e-3);
+        x
+    }
+
+    /// The best minimum with about half of its primitives thrown elsewhere.
+    pub(super) fn mixed(&self, best: &[f64], i: usize) -> Vec<f64> {
+        let mut random = fastrand::Rng::with_seed(self.options.seed ^ ((i as u64) << 20));
+        let mut x = best.to_vec();
+        for group in self.groups(best) {
+            if random.bool() {
+                for k in group {
+                    x[k] = self.space.drawn(k, &mut random);
+                }
+            }
+        }
+        self.space.into_interior(&mut x, 1e-3);
+        x
+    }
+
+    /// Free variables by primitive: the variables that a piece's points move. Pieces with the
+    /// fewest points come first, and before them the variables that no point moves: their piece
+    /// lies away from the data.
+    pub(crate) fn groups(&self, x: &[f64]) -> Vec<Vec<usize>> {
+        let pieces = self.pieces(x);
+        let variables = 0..self.space.len();
+        let orphans: Vec<usize> = variables
+            .clone()
+            .filter(|&k| pieces.moves(k) == 0)
+            .collect();
+        let own: Vec<usize> = variables.filter(|&k| !pieces.is_common(k)).collect();
+        let mut order: Vec<usize> = pieces.present().collect();
+        order.sort_by_key(|&p| pieces.count[p]);
+        let mut groups: Vec<Vec<usize>> = vec![orphans];
+        for p in order {
+            let moved = own.iter().copied().filter(|&k| pieces.moved[p][k]);
+            let group: Vec<usize> = moved.collect();
+            if !groups.contains(&group) {
+                groups.push(group);
+            }
+        }
+        groups.retain(|group| !group.is_empty());
+        groups
+    }
+
+    /// Which variables move the points of which piece.
+    fn pieces(&self, x: &[f64]) -> Pieces {
+        let names = self.template.part_names().len();
+        let a = self.space.parameters(x);
+        let parts = parts_of(self.template, self.points, &a);
+        let jac = jacobian(self.template.metric(), self.points, &a);
+        let mut pieces = Pieces {
+            count: vec![0; names],
+            moved: vec![vec![false; self.space.len()]; names],
+        };
+        for (p, row) in parts.iter().zip(jac.chunks_exact(a.len())) {
+            let Some(moved) = pieces.moved.get_mut(*p as usize) else {
+                continue;
+            };
+            pieces.count[*p as usize] += 1;
+            for (k, moved) in moved.iter_mut().enumerate() {
+                *moved |= self.space.derivative(k, row).abs() > MOVES;
+            }
+        }
+        pieces
+    }
+}
+
+impl Tally {
+    /// Counts a throw; true if it led to something better: everything found so far was something
+    /// else.
+    fn count(&mut self, run: Run, out: &mut Outcome, nought: f64) -> bool {
+        self.tried += 1;
+        let best = out.best();
+        let value = run.value;
+        let is_back = value.is_finite() && out.insert(run.x, value, nought, false) == 0;
+        if is_back && best > nought && value < best * (1.0 - SAME) {
+            *self = Self {
+                back: 1,
+                ..Self::default()
+            };
+            out.minima[0].hits = 1;
+            return true;
+        }
+        self.back += usize::from(is_back);
+        self.failures += 1;
+        false
+    }
+}

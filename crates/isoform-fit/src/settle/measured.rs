@@ -1,0 +1,88 @@
+//! Distances of points from the model, by the template's own distance if it has one.
+
+use crate::Template;
+use crate::feet::KeptFeet;
+use crate::objective::values;
+use crate::task::Task;
+use crate::template::parts_of;
+use isoform_geom::Point3;
+
+/// Feet computed at a time, to bound memory.
+const BATCH: usize = 1 << 16;
+
+/// Every point's signed distance and part of the model.
+#[derive(Default)]
+pub(crate) struct Measured {
+    pub(crate) residuals: Vec<f64>,
+    /// Parts that meet at the nearest place of the model, the first one the part of the point.
+    pub(crate) pieces: Vec<[u32; 3]>,
+    /// The nearest places of the model; the points themselves where it has none. Who is whose
+    /// neighbour is asked of these: noise makes points neighbours that are off alike.
+    pub(crate) at: Vec<Point3>,
+}
+
+impl Measured {
+    /// The part that each point is on.
+    pub(crate) fn parts(&self) -> Vec<u32> {
+        self.pieces.iter().map(|met| met[0]).collect()
+    }
+
+    /// Whether each point's nearest place is on one of the flagged parts, or on its rim.
+    pub(crate) fn on<'a>(&'a self, flagged: &'a [bool]) -> impl Iterator<Item = bool> + 'a {
+        let is_on = |part: &u32| flagged.get(*part as usize) == Some(&true);
+        self.pieces.iter().map(move |met| met.iter().any(is_on))
+    }
+
+    /// 0 for points on open parts, else 1; empty where all are 1.
+    pub(super) fn mask(&self, open: &[bool]) -> Vec<f64> {
+        if !open.contains(&true) {
+            return Vec::new();
+        }
+        self.on(open).map(|o| f64::from(u8::from(!o))).collect()
+    }
+}
+
+impl Task<'_> {
+    /// Distances and parts of points.
+    pub(crate) fn measured(&self, points: &[Point3], x: &[f64]) -> Measured {
+        let a = self.space.parameters(x);
+        measured(self.template, self.distance.as_ref(), points, &a)
+    }
+}
+
+/// Distances and parts of points, by the template's own distance if it has one.
+pub(crate) fn measured(
+    template: &dyn Template,
+    distance: Option<&KeptFeet<'_>>,
+    points: &[Point3],
+    a: &[f64],
+) -> Measured {
+    let Some(distance) = distance else {
+        return by_metric(template, points, a);
+    };
+    let mut out = Measured {
+        residuals: Vec::with_capacity(points.len()),
+        pieces: Vec::with_capacity(points.len()),
+        at: Vec::with_capacity(points.len()),
+    };
+    for batch in points.chunks(BATCH) {
+        for foot in &distance.at(batch, a).feet {
+            out.residuals.push(foot.distance);
+            out.pieces.push(foot.pieces);
+            out.at.push(foot.at);
+        }
+    }
+    out
+}
+
+/// Metric residuals and parts of points, which stand for their nearest places.
+fn by_metric(template: &dyn Template, points: &[Point3], a: &[f64]) -> Measured {
+    let mut residuals = vec![0.0; points.len()];
+    values(template.metric(), points, a, &mut residuals);
+    let parts = parts_of(template, points, a).into_iter();
+    Measured {
+        residuals,
+        pieces: parts.map(|part| [part; 3]).collect(),
+        at: points.to_vec(),
+    }
+}

@@ -1,0 +1,202 @@
+//! Parts without data of their own.
+//!
+//! Faces that the end of a scan runs along get points of their neighbours' rims, some noise ×
+//! perimeter / area; a hole between the points of a face has points beside its edge only. Neither
+//! is data of the part.
+
+use super::Measured;
+use crate::deviation::{Cover, Surface};
+use crate::fit::Found;
+use crate::objective::jacobian;
+use crate::task::{OUTLIER_DEVIATIONS, Task};
+use isoform_geom::{DistanceField, Foot, Nearby, Point3};
+
+/// A part has data of its own when it has this share of the points that its area would have
+/// elsewhere.
+const OWN_DATA: f64 = 0.12;
+/// A part has data of its own, too, when no more than this share of its area is bare: sparse is not
+/// absent.
+const BARE: f64 = 0.2;
+/// Fewest samples of a part that say anything of it.
+const FEWEST: usize = 6;
+/// Points off edges that a part may have by accident, at most: noise of its neighbours, strays.
+const ACCIDENTAL: usize = 2;
+/// Least probability of so few points on a part for which chance is believed.
+const CHANCE: f64 = 1e-4;
+/// Deviations of the noise within which points on an edge are taken for those of either face.
+const RIM: f64 = 3.0;
+/// A derivative above this moves the surface.
+const MOVES: f64 = 1e-6;
+
+/// Points whose nearest place is on a part: on it to the noise, or off it.
+#[derive(Clone, Copy, Default)]
+struct Count {
+    on: usize,
+    off: usize,
+}
+
+impl Count {
+    /// Whether a part of this cover, which lets expect some points, has few on it, and either much
+    /// of it is bare or the points shun it.
+    fn is_absent(self, cover: Cover, expected: f64) -> bool {
+        let is_sparse = cover.samples >= FEWEST && (self.on as f64) < OWN_DATA * expected;
+        let is_bare = cover.bare as f64 > BARE * cover.samples as f64;
+        is_sparse && (is_bare || self.is_shunned(expected))
+    }
+
+    /// Whether most of the points are off the part, and all of them few for its area. A part with
+    /// all its points beside it is at a wrong place, not unseen.
+    fn is_shunned(self, expected: f64) -> bool {
+        self.off > self.on && ((self.on + self.off) as f64) < 0.5 * expected
+    }
+}
+
+/// A minimum whose parts are looked at.
+struct Looked<'a> {
+    measured: &'a Measured,
+    surface: &'a Surface,
+    a: &'a [f64],
+    noise: f64,
+    /// Points farther off are outliers.
+    limit: f64,
+    /// Points per sample of the surface, where there are any.
+    density: f64,
+}
+
+impl Looked<'_> {
+    /// Points on and off each part.
+    fn counts(&self, parts: usize) -> Vec<Count> {
+        let mut counts = vec![Count::default(); parts];
+        for (met, r) in self.measured.pieces.iter().zip(&self.measured.residuals) {
+            if let Some(count) = counts.get_mut(met[0] as usize) {
+                let is_on = r.abs() <= self.limit;
+                let side = if is_on { &mut count.on } else { &mut count.off };
+                *side += 1;
+            }
+        }
+        counts
+    }
+
+    /// Fewest points that some samples let expect: one deviation of their number less.
+    fn expected(&self, samples: usize) -> f64 {
+        self.density * (samples as f64 - (samples as f64).sqrt())
+    }
+
+    /// Samples of a part.
+    fn samples_of(&self, part: usize) -> Vec<Foot> {
+        let surface = self.surface;
+        let samples = surface.points.iter().zip(&surface.inward);
+        samples
+            .zip(&surface.parts)
+            .filter(|(_, p)| **p as usize == part)
+            .map(|((at, inward), p)| Foot::on_face(*at, *inward, *p))
+            .collect()
+    }
+
+    /// Feet on a part, and nowhere else, of the points that are on it.
+    fn feet_of(&self, part: usize, distance: &dyn DistanceField) -> Vec<Foot> {
+        let is_on = |parts: &[u32; 3]| parts[0] as usize == part;
+        let measured = self.measured;
+        let points = measured.pieces.iter().zip(&measured.residuals);
+        let near: Vec<Point3> = points
+            .zip(&measured.at)
+            .filter(|((met, r), _)| is_on(met) && r.abs() <= self.limit)
+            .map(|(_, at)| *at)
+            .collect();
+        let mut feet = vec![Foot::NONE; near.len()];
+        distance.feet(&near, self.a, &mut feet);
+        feet.retain(|foot| foot.order == 1 && is_on(&foot.pieces));
+        feet
+    }
+
+    /// How many places are off all edges.
+    fn off_edges(&self, places: &[Foot], distance: &dyn DistanceField) -> usize {
+        let reach = RIM * self.noise;
+        let around = distance.nearby(places, self.a, reach, reach);
+        around.iter().filter(|n| **n == Nearby::Face).count()
+    }
+
+    /// Whether a part has points beside its edges only, where chance does not explain that: a hole
+    /// between the points of a face, which is no larger than their distances.
+    fn is_empty_off_edges(&self, part: usize, distance: &dyn DistanceField) -> bool {
+        let samples = self.samples_of(part);
+        if chance_of_few(0, self.expected(samples.len())) > CHANCE {
+            return false;
+        }
+        let count = self.off_edges(&self.feet_of(part, distance), distance);
+        let expected = || self.expected(self.off_edges(&samples, distance));
+        count <= ACCIDENTAL && chance_of_few(count, expected()) <= CHANCE
+    }
+}
+
+impl Task<'_> {
+    /// Parts without data of their own: few points on them for their area, and either much of it
+    /// bare or most of the points near them off them; or no points but those of their neighbours'
+    /// rims.
+    pub(super) fn open_parts(
+        &self,
+        measured: &Measured,
+        a: &[f64],
+        noise: f64,
+        surface: &Surface,
+    ) -> Vec<bool> {
+        let covered = surface.bare.iter().filter(|b| !**b).count().max(1);
+        let looked = Looked {
+            measured,
+            surface,
+            a,
+            noise,
+            limit: OUTLIER_DEVIATIONS * noise.max(self.rounding()),
+            density: measured.residuals.len() as f64 / covered as f64,
+        };
+        let names = self.template.part_names().len();
+        let distance = self.template.distance();
+        let is_hollow = |k: usize| distance.is_some_and(|d| looked.is_empty_off_edges(k, d));
+        let all = surface.cover(names).into_iter().zip(looked.counts(names));
+        all.enumerate()
+            .map(|(k, (cover, count))| {
+                let expected = looked.density * cover.samples as f64;
+                let has_few = 2.0 * (count.on as f64) < expected;
+                count.is_absent(cover, expected) || (has_few && is_hollow(k))
+            })
+            .collect()
+    }
+
+    /// Whether each variable moves a place of the surface on one of the flagged parts.
+    pub(super) fn moves(&self, found: &Found, surface: &Surface, flagged: &[bool]) -> Vec<bool> {
+        let is_flagged = |part: u32| flagged.get(part as usize) == Some(&true);
+        let places = surface.points.iter().zip(&surface.parts);
+        let at: Vec<Point3> = places
+            .filter(|(_, part)| is_flagged(**part))
+            .map(|(p, _)| *p)
+            .collect();
+        let a = self.space.parameters(&found.x);
+        let jac = jacobian(self.template.metric(), &at, &a);
+        let rows = || jac.chunks_exact(a.len());
+        let is_moved = |k: usize| rows().any(|row| self.space.derivative(k, row).abs() > MOVES);
+        (0..self.space.len()).map(is_moved).collect()
+    }
+}
+
+/// The probability of no more than some points where another number is expected (Poisson).
+fn chance_of_few(points: usize, expected: f64) -> f64 {
+    let mut term = (-expected.max(0.0)).exp();
+    let mut sum = term;
+    for k in 1..=points {
+        term *= expected / k as f64;
+        sum += term;
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_points_are_as_probable_as_poisson_says() {
+        assert_eq!(chance_of_few(0, 0.0), 1.0);
+        // e⁻² (1 + 2 + 2).
+        assert!((chance_of_few(2, 2.0) - 5.0 * (-2f64).exp()).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,186 @@
+//! Bounds of parameters, and where starts are drawn from, as the caller, the template and the
+//! data's box tell.
+
+use crate::{FitError, Kind, Parameter};
+use isoform_geom::Aabb;
+use std::f64::consts::PI;
+
+/// Coordinates may lie in a box this many times the data's, about the same centre.
+const BOX_FACTOR: f64 = 3.0;
+/// Sides of that box count no shorter than this share of the diagonal.
+const LEAST_SIDE: f64 = 0.3;
+/// Lengths are at most this many diagonals of the data's box.
+const LENGTH_FACTOR: f64 = 2.0;
+/// Least length, in diagonals, when nobody said otherwise: keeps radii and sizes off zero, where
+/// primitives degenerate.
+const LEAST_LENGTH: f64 = 1e-6;
+/// Ratios lie within this of nought, and numbers at least so far.
+const ONES: f64 = 10.0;
+/// Lengths of starts, as shares of the longest side of the data's box.
+const START_LENGTHS: (f64, f64) = (0.02, 0.75);
+/// Starts stay within this share of the range about a start that the template's author gives.
+const AUTHORS_SHARE: f64 = 0.25;
+/// Where bounds and data share less of the range than this, the bounds alone decide.
+const LEAST_OVERLAP: f64 = 1e-3;
+
+/// The size of a box, or 1 where it has none.
+pub(super) fn positive(v: f64) -> f64 {
+    if v > 0.0 && v.is_finite() { v } else { 1.0 }
+}
+
+/// Bounds of a parameter: the user's, else the template's, else what the data's box suggests (free
+/// parameters only).
+pub(super) fn limits(
+    p: &Parameter,
+    said: Option<(f64, f64)>,
+    data: Aabb,
+    is_free: bool,
+) -> Result<(f64, f64), FitError> {
+    let given = said.map_or(Given(p.min, p.max), Given::of);
+    let Given(lo, hi) = given;
+    if !given.is_interval() {
+        return Err(FitError::Bounds {
+            name: p.name.clone(),
+            lo: lo.unwrap_or(f64::NAN),
+            hi: hi.unwrap_or(f64::NAN),
+        });
+    }
+    if !is_free {
+        return Ok((lo.unwrap_or(f64::NEG_INFINITY), hi.unwrap_or(f64::INFINITY)));
+    }
+    let start = p.start.filter(|v| v.is_finite());
+    Ok(stretched(suggested(p.kind, data), start, lo, hi))
+}
+
+/// Lower and upper bound, as far as somebody gave them.
+#[derive(Clone, Copy)]
+struct Given(Option<f64>, Option<f64>);
+
+impl Given {
+    /// What of two bounds is finite.
+    fn of((lo, hi): (f64, f64)) -> Self {
+        Self(
+            Some(lo).filter(|v| *v != f64::NEG_INFINITY),
+            Some(hi).filter(|v| *v != f64::INFINITY),
+        )
+    }
+
+    /// Whether there is room between the bounds.
+    fn is_interval(self) -> bool {
+        let Self(lo, hi) = self;
+        let has_nan = lo.into_iter().chain(hi).any(f64::is_nan);
+        !has_nan && lo.zip(hi).is_none_or(|(a, b)| a < b)
+    }
+}
+
+/// Bounds by what a parameter measures.
+fn suggested(kind: Kind, data: Aabb) -> (f64, f64) {
+    let diagonal = positive(data.diagonal());
+    match kind {
+        Kind::X | Kind::Y | Kind::Z => {
+            let k = kind as usize;
+            let side = (data.hi[k] - data.lo[k]).max(LEAST_SIDE * diagonal);
+            let half = 0.5 * BOX_FACTOR * side;
+            (data.center()[k] - half, data.center()[k] + half)
+        }
+        Kind::Length => (LEAST_LENGTH * diagonal, LENGTH_FACTOR * diagonal),
+        Kind::Angle => (-2.0 * PI, 2.0 * PI),
+        Kind::Ratio => (-ONES, ONES),
+        Kind::Number => {
+            let corners = data.lo.iter().chain(&data.hi);
+            let reach = corners.fold(diagonal, |m, v| m.max(v.abs()));
+            let most = (BOX_FACTOR * reach).max(ONES);
+            (-most, most)
+        }
+    }
+}
+
+/// Given bounds, with suggested ones in the place of what is missing. A start or a given bound
+/// outside of the suggested range stretches it.
+fn stretched(
+    (a, b): (f64, f64),
+    start: Option<f64>,
+    lo: Option<f64>,
+    hi: Option<f64>,
+) -> (f64, f64) {
+    let width = b - a;
+    let lo = lo.unwrap_or_else(|| {
+        let of_hi = hi.map_or(a, |h| if h <= a { h - width } else { a });
+        a.min(start.map_or(a, |s| below(s, a, width))).min(of_hi)
+    });
+    let hi = hi.unwrap_or_else(|| {
+        let of_start = start.map_or(b, |s| s + 0.5 * width);
+        let of_lo = if lo >= b { lo + width } else { b };
+        b.max(of_start).max(of_lo)
+    });
+    (lo, hi)
+}
+
+/// A lower bound below a start, positive where the suggested one is.
+fn below(start: f64, suggested: f64, width: f64) -> f64 {
+    if start > 0.0 && suggested > 0.0 {
+        0.1 * start
+    } else {
+        start - width
+    }
+}
+
+/// Where starts informed by the data are drawn from: positions in the data's box, lengths up to its
+/// size.
+pub(super) fn informed(p: &Parameter, lo: f64, hi: f64, data: Aabb) -> (f64, f64) {
+    if let Some(start) = start_of_author(p, lo, hi) {
+        let reach = AUTHORS_SHARE * (hi - lo);
+        return ((start - reach).max(lo), (start + reach).min(hi));
+    }
+    let (a, b) = likely(p.kind, lo, hi, data);
+    let (c, d) = (a.max(lo), b.min(hi));
+    if d - c > LEAST_OVERLAP * (hi - lo) {
+        (c, d)
+    } else {
+        (lo, hi)
+    }
+}
+
+/// The template's start, where its author gave bounds, too, and knows better than the data.
+fn start_of_author(p: &Parameter, lo: f64, hi: f64) -> Option<f64> {
+    let start = p.start.filter(|s| lo <= *s && *s <= hi);
+    start.filter(|_| p.min.is_some() && p.max.is_some())
+}
+
+/// Values that the data's box makes likely.
+fn likely(kind: Kind, lo: f64, hi: f64, data: Aabb) -> (f64, f64) {
+    let size = data.size();
+    let largest = positive(size[0].max(size[1]).max(size[2]));
+    let (least, most) = START_LENGTHS;
+    match kind {
+        Kind::X | Kind::Y | Kind::Z => (data.lo[kind as usize], data.hi[kind as usize]),
+        Kind::Length => (least * largest, most * largest),
+        Kind::Angle => (lo.max(-PI), hi.min(PI)),
+        Kind::Ratio => (lo.max(-2.0), hi.min(2.0)),
+        Kind::Number if lo >= 0.0 => (least * largest, largest),
+        Kind::Number => (
+            data.lo.iter().copied().fold(f64::INFINITY, f64::min),
+            data.hi.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_given_stretches_what_is_suggested() {
+        assert_eq!(stretched((0.0, 4.0), None, None, None), (0.0, 4.0));
+        assert_eq!(
+            stretched((0.0, 4.0), None, Some(6.0), None),
+            (6.0, 10.0),
+            "a lower bound above the range"
+        );
+        assert_eq!(
+            stretched((1.0, 5.0), Some(0.5), None, None),
+            (0.05, 5.0),
+            "a small length"
+        );
+    }
+}

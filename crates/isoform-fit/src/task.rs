@@ -1,0 +1,163 @@
+//! A scan, a template and settings: what every stage of a fit works with.
+
+use crate::deviation::{self, Data};
+use crate::feet::KeptFeet;
+use crate::outliers::Neighbourhood;
+use crate::polish::Polish;
+use crate::scan::Scan;
+use crate::space::Space;
+use crate::{Control, FitError, Options, Parameter, Template};
+use isoform_geom::{Aabb, ParamField, Point3};
+
+/// A point is an outlier when it lies this many robust deviations off the model, and farther than
+/// a share of the spacing that the report knows.
+pub(crate) const OUTLIER_DEVIATIONS: f64 = 6.0;
+/// Noise below this share of the size is taken for rounding when deviations are judged.
+const EXACT: f64 = 1e-9;
+
+/// One template and one scan to be brought together.
+pub(crate) struct Task<'a> {
+    pub(crate) scan: &'a Scan<'a>,
+    /// The distinct points of the scan.
+    pub(crate) points: &'a [Point3],
+    pub(crate) near: &'a Neighbourhood,
+    /// A random order of the points.
+    pub(crate) order: &'a [u32],
+    /// The box of the data.
+    pub(crate) data: Aabb,
+    pub(crate) template: &'a dyn Template,
+    pub(crate) options: &'a Options,
+    pub(crate) control: &'a Control<'a>,
+    pub(crate) space: Space,
+    /// The template's distance, if it has one.
+    pub(crate) distance: Option<KeptFeet<'a>>,
+}
+
+impl<'a> Task<'a> {
+    pub(crate) fn new(
+        scan: &'a Scan<'a>,
+        template: &'a dyn Template,
+        options: &'a Options,
+        control: &'a Control<'a>,
+    ) -> Result<Self, FitError> {
+        let parameters = template.parameters();
+        check_lengths(options, parameters.len())?;
+        check_start(options)?;
+        let (found, free) = (scan.points().len(), free_parameters(parameters));
+        if found < free.max(1) {
+            return Err(FitError::TooFewPoints { found, free });
+        }
+        Ok(Self {
+            scan,
+            points: scan.points(),
+            near: &scan.near,
+            order: &scan.order,
+            data: scan.data,
+            template,
+            options,
+            control,
+            space: Space::new(parameters, &options.bounds, scan.data)?,
+            distance: template.distance().map(KeptFeet::new),
+        })
+    }
+
+    /// Diagonal of the data's box.
+    pub(crate) fn size(&self) -> f64 {
+        self.data.diagonal()
+    }
+
+    /// Noise below this is rounding.
+    pub(crate) fn rounding(&self) -> f64 {
+        EXACT * self.size()
+    }
+
+    /// The first points in the random order.
+    pub(crate) fn some(&self, count: usize) -> Vec<Point3> {
+        let first = self.order.iter().take(count);
+        first.map(|&i| self.points[i as usize]).collect()
+    }
+
+    /// The caller's start, else the template's, as far as they go; the middle of the data-informed
+    /// ranges for the rest.
+    pub(crate) fn first(&self) -> Option<Vec<f64>> {
+        if let Some(start) = &self.options.start {
+            return Some(self.space.variables_at(start));
+        }
+        let parameters = self.template.parameters();
+        let start = |k: usize| parameters[self.space.parameter(k)].start;
+        let value = |k: usize| match start(k) {
+            Some(v) => v / self.space.unit(k),
+            None => 0.5 * (self.space.start_lo[k] + self.space.start_hi[k]),
+        };
+        let variables = 0..self.space.len();
+        let is_told = variables.clone().any(|k| start(k).is_some());
+        let mut x: Vec<f64> = variables.map(value).collect();
+        self.space.into_interior(&mut x, 1e-4);
+        is_told.then_some(x)
+    }
+
+    /// A polish of the metric reading; `start` is its number in the history.
+    pub(crate) fn polish(&self, start: usize) -> Polish<'_> {
+        self.polish_with(self.template.metric(), start)
+    }
+
+    /// A polish of the given residual.
+    pub(crate) fn polish_with<'b>(&'b self, field: &'b dyn ParamField, start: usize) -> Polish<'b> {
+        Polish {
+            field,
+            space: &self.space,
+            size: self.size(),
+            control: self.control,
+            start,
+            held: vec![false; self.space.len()],
+        }
+    }
+
+    /// What the model's surface is measured against.
+    pub(crate) fn data(&self, noise: f64) -> Data<'_> {
+        Data {
+            bounds: self.data,
+            near: self.near,
+            noise,
+        }
+    }
+
+    /// Correlation of the residuals of neighbours, from the first points of an order.
+    pub(crate) fn correlation(&self, r: &[f64], order: &[u32]) -> f64 {
+        let none = vec![false; r.len()];
+        deviation::neighbour_correlation(self.points, r, &none, &self.near.tree, order)
+    }
+}
+
+/// How many parameters are neither fixed nor tied.
+pub(crate) fn free_parameters(parameters: &[Parameter]) -> usize {
+    let is_free = |p: &&Parameter| p.fixed.is_none() && p.tie.is_none();
+    parameters.iter().filter(is_free).count()
+}
+
+/// Start and bounds have one value by parameter, where they are given.
+fn check_lengths(options: &Options, expected: usize) -> Result<(), FitError> {
+    let start = options.start.as_ref().map(Vec::len);
+    let bounds = Some(options.bounds.len()).filter(|n| *n > 0);
+    for (what, found) in [("the start", start), ("bounds", bounds)] {
+        if let Some(found) = found.filter(|n| *n != expected) {
+            return Err(FitError::Length {
+                what,
+                found,
+                expected,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn check_start(options: &Options) -> Result<(), FitError> {
+    let start = options.start.iter().flatten();
+    match start.zip(0..).find(|(v, _)| !v.is_finite()) {
+        Some((_, index)) => Err(FitError::NotFinite {
+            what: "the start",
+            index,
+        }),
+        None => Ok(()),
+    }
+}

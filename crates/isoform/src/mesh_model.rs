@@ -1,0 +1,216 @@
+//! The mesh of a model with its certificate.
+
+use crate::{certified_adaptation, certified_mesh, default_size_within, solid_of};
+use isoform_check::{Certificate, Limits};
+use isoform_control::Control;
+use isoform_field::SolidError;
+use isoform_field::hyperfun::Model;
+use isoform_geom::{Mesh, Solid};
+use isoform_mesh::{MeshError, Meshed, Options, Warning, WarningKind, mean_edge, own_sizes};
+use std::fmt;
+
+/// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD
+/// systems do not stay.
+const LONGEST: f64 = 1.5;
+
+/// How a model is meshed.
+///
+/// ```
+/// use isoform::{MeshModelOptions, mesh};
+/// let options = MeshModelOptions {
+///     mesh: mesh::Options { surface_only: true, ..mesh::Options::default() },
+///     ..MeshModelOptions::default()
+/// };
+/// assert_eq!(options.size, None); // a fortieth of the diagonal
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct MeshModelOptions {
+    /// Length of edges, the largest one where sizes vary; by default a fortieth of the diagonal, or
+    /// as the mesh given has it.
+    pub size: Option<f64>,
+    /// What the certificate requires of elements.
+    pub limits: Limits,
+    /// Everything else. Its `size` is not looked at.
+    pub mesh: Options,
+}
+
+/// Why a model has no mesh.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshModelError {
+    /// The model describes no solid.
+    #[error(transparent)]
+    Solid(#[from] SolidError),
+    /// The program is no expression, and no box was given: the search for one would have to look
+    /// everywhere.
+    #[error("the program is no expression, so that its box cannot be found")]
+    NoBox,
+    /// The mesher has no mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+}
+
+/// The mesh of a model.
+#[derive(Debug)]
+pub struct ModelMesh {
+    /// The mesh, with what was found of the model's features.
+    pub meshed: Meshed,
+    /// What is proved of it.
+    pub certificate: Certificate,
+    /// What was asked for, with the length of edges.
+    pub options: Options,
+}
+
+/// What is good to know of a mesh beside its warnings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum MeshNote {
+    /// Bodies touch in a point or along a line.
+    Touching,
+    /// A box cuts the solid.
+    Caps,
+    /// It is not proved that nothing lies outside of the solid's box.
+    BoxNotProved,
+    /// It is not proved that every feature curve was found.
+    FeaturesNotProved,
+}
+
+impl fmt::Display for MeshNote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Touching => {
+                "bodies touch without crossing: the solid has no surface there that a mesh could \
+                 follow; move them apart, or into each other"
+            }
+            Self::Caps => "the box cuts the solid: the cuts are parts named cap",
+            Self::BoxNotProved => {
+                "nothing more of the solid was found far outside of its box, but that is not \
+                 proved; --box says where to look"
+            }
+            Self::FeaturesNotProved => {
+                "it is not proved that every feature curve was found; a smaller --size looks closer"
+            }
+        })
+    }
+}
+
+impl ModelMesh {
+    /// Whether the certificate holds and nothing was left open.
+    pub fn is_as_asked(&self) -> bool {
+        self.certificate.is_ok() && self.meshed.warnings.is_empty()
+    }
+
+    /// What is good to know.
+    pub fn notes(&self) -> Vec<MeshNote> {
+        let is_pinched = self
+            .certificate
+            .surface
+            .as_ref()
+            .is_some_and(|s| !s.pinched_nodes.is_empty() || !s.crowded_edges.is_empty());
+        let notes = [
+            (is_pinched, MeshNote::Touching),
+            (!self.meshed.caps.is_empty(), MeshNote::Caps),
+            (!self.meshed.region_certified, MeshNote::BoxNotProved),
+            (!self.meshed.features.certified, MeshNote::FeaturesNotProved),
+        ];
+        let there = notes.into_iter().filter(|note| note.0);
+        there.map(|note| note.1).collect()
+    }
+}
+
+/// Meshes a model with the values `a` of its parameters, straight from the function, and certifies
+/// the mesh: topology, shape, distances, feature curves and corners.
+///
+/// ```
+/// use isoform::{Control, MeshModelOptions, mesh_model, template};
+/// let ball = template("sphere").expect("a template of the gallery").model();
+/// let made = mesh_model(&ball, &[0.0, 0.0, 0.0, 1.0], &MeshModelOptions::default(), &Control::default())?;
+/// let surface = made.certificate.surface.as_ref().expect("was looked at");
+/// assert!(made.certificate.is_ok() && surface.euler == 2);
+/// assert!((surface.volume / 4.18879 - 1.0).abs() < 0.01);
+/// # Ok::<(), isoform::MeshModelError>(())
+/// ```
+///
+/// # Errors
+/// [`MeshModelError`].
+pub fn mesh_model(
+    model: &Model,
+    a: &[f64],
+    options: &MeshModelOptions,
+    control: &Control<'_>,
+) -> Result<ModelMesh, MeshModelError> {
+    make(model, a, None, options, control)
+}
+
+/// Improves a mesh given from elsewhere on the model that it stands for, tetrahedra or a surface,
+/// and certifies it like one of our own.
+///
+/// # Errors
+/// [`MeshModelError`].
+pub fn adapt_to_model(
+    given: &Mesh,
+    model: &Model,
+    a: &[f64],
+    options: &MeshModelOptions,
+    control: &Control<'_>,
+) -> Result<ModelMesh, MeshModelError> {
+    make(model, a, Some(given), options, control)
+}
+
+fn make(
+    model: &Model,
+    a: &[f64],
+    given: Option<&Mesh>,
+    options: &MeshModelOptions,
+    control: &Control<'_>,
+) -> Result<ModelMesh, MeshModelError> {
+    control.report("model", 0.0);
+    let (solid, is_run) = solid_of(model, a)?;
+    let solid = solid.as_ref();
+    if is_run && options.mesh.region.is_none() {
+        return Err(MeshModelError::NoBox);
+    }
+    let size = match options.size {
+        Some(size) => size,
+        None => own_size(solid, given, options, control)?,
+    };
+    let mut inner = Options {
+        size,
+        ..options.mesh.clone()
+    };
+    let is_surface = |mesh: &&Mesh| mesh.tets.is_empty();
+    if let Some(mesh) = given.filter(is_surface)
+        && options.size.is_none()
+        && inner.sizes.is_none()
+    {
+        // A surface keeps its smaller triangles where it has them.
+        inner.sizes = Some(own_sizes(mesh));
+    }
+    let (mut meshed, certificate) = match given {
+        Some(mesh) => certified_adaptation(mesh, solid, &inner, options.limits, control)?,
+        None => certified_mesh(solid, &inner, options.limits, control)?,
+    };
+    if is_run {
+        let warning = Warning::of_all(WarningKind::NotProved);
+        meshed.warnings.push(warning);
+    }
+    Ok(ModelMesh {
+        meshed,
+        certificate,
+        options: inner,
+    })
+}
+
+/// The length of edges where none is asked for.
+fn own_size(
+    solid: &dyn Solid,
+    given: Option<&Mesh>,
+    options: &MeshModelOptions,
+    control: &Control<'_>,
+) -> Result<f64, MeshError> {
+    Ok(match given {
+        Some(mesh) if mesh.tets.is_empty() => LONGEST * mean_edge(mesh),
+        Some(mesh) => mean_edge(mesh),
+        None => default_size_within(solid, options.mesh.region, control)?,
+    })
+}
