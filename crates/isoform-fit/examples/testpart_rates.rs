@@ -139,7 +139,8 @@ fn run(name: &str, points: &[Point3], starts: &[Vec<f64>]) {
     times.sort_by(f64::total_cmp);
     let phases: Vec<String> = phases.iter().map(|(p, s)| format!("{p} {s:.1}")).collect();
     println!(
-        "{name}: {good} of {}; ms median {:.1} max {:.1} ({}); starts {:.1}; worst {worst:.2e}; rms z {z_worst:.2}; outliers {:?}..{:?}",
+        "{name}: {good} of {}; ms median {:.1} max {:.1} ({}); starts {:.1}; worst {worst:.2e}; \
+         rms z {z_worst:.2}; outliers {:?}..{:?}",
         starts.len(),
         times[times.len() / 2],
         times[times.len() - 1],
@@ -150,7 +151,8 @@ fn run(name: &str, points: &[Point3], starts: &[Vec<f64>]) {
     );
     if let Some(f) = last {
         println!(
-            "  rms {:.3e} noise {:.3e} loss {:?} {:?} {:?} open {:?} warnings {:?} reasons {:?} correlation {:.2}",
+            "  rms {:.3e} noise {:.3e} loss {:?} {:?} {:?} open {:?} warnings {:?} reasons {:?} \
+             correlation {:.2}",
             f.rms,
             f.noise,
             f.loss,
@@ -200,7 +202,8 @@ fn draws(sigma: f64) {
     }
     let total = 12 * DRAWS;
     println!(
-        "sigma {sigma}: {:.1} % of {total} intervals cover, rms z {:.3}, sd ratio {ratio:.3}, mean z {mean:.2?}",
+        "sigma {sigma}: {:.1} % of {total} intervals cover, rms z {:.3}, sd ratio {ratio:.3}, \
+         mean z {mean:.2?}",
         100.0 * inside as f64 / total as f64,
         (z / total as f64).sqrt()
     );

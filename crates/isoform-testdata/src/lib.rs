@@ -56,6 +56,12 @@ pub fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
 
 /// The name of a file without its extension.
 ///
+/// ```
+/// use std::path::Path;
+///
+/// assert_eq!(isoform_testdata::stem(Path::new("zoo/torus.json")), "torus");
+/// ```
+///
 /// # Panics
 /// Where it has none that is text.
 pub fn stem(path: &Path) -> String {
