@@ -13,9 +13,9 @@
 
 use crate::cells::{Place, corners_of, half_of, halve_net, lengths_between, middle_of};
 use crate::compose::binomial;
+use isoform_control::Control;
 use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
 use isoform_num::{Interval, Real};
-use std::time::Instant;
 
 /// Normals on a grid of this many places in each direction are compared: enough for folds wider
 /// than a sixteenth of the patch; narrower ones are left to the proof.
@@ -25,7 +25,7 @@ const SAMPLES: usize = 17;
 const MOST_HALVINGS: u32 = 20;
 /// Cells that may be looked at: a hundred times what a patch on a smooth surface takes.
 const MOST_CELLS: usize = 20_000;
-/// After so many cells, which are enough for most patches, a deadline ends the proof.
+/// The cells that are looked at before a control ends the proof: enough for most patches.
 const CELLS_AT_LEAST: usize = 500;
 /// The cosine of the angle within which normals of a cell lie where ∇F may vanish: two of them
 /// are then less than a right angle apart, so that the cell cannot turn back.
@@ -70,14 +70,14 @@ pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
 pub(crate) fn prove_none(
     field: &dyn Field,
     patch: &RationalPatch,
-    deadline: Option<Instant>,
+    control: &Control<'_>,
 ) -> Result<(), (f64, f64)> {
     let degree = patch.degree();
     let origin = patch.point(0.5, 0.5);
-    let control = about(patch, origin);
+    let points = about(patch, origin);
     let mut pending = vec![Cell {
-        normals: normals(&control, degree),
-        control,
+        normals: normals(&points, degree),
+        control: points,
         place: [(0.0, 1.0); 2],
         depth: 0,
     }];
@@ -87,7 +87,7 @@ pub(crate) fn prove_none(
         if is_unfolded(field, &cell, origin) {
             continue;
         }
-        let is_late = looked_at >= CELLS_AT_LEAST && deadline.is_some_and(|d| Instant::now() >= d);
+        let is_late = looked_at >= CELLS_AT_LEAST && control.is_stopped();
         if cell.depth == MOST_HALVINGS || looked_at == MOST_CELLS || is_late {
             return Err(middle_of(cell.place));
         }
@@ -310,11 +310,15 @@ mod tests {
     fn a_patch_folds_where_its_derivative_changes_sign() {
         let of = |t: f64| flat([0.0, 1.0, 2.0 * t, 1.0 + 2.0 * t]);
         for t in [1e-3, 0.1, 0.5] {
-            assert_eq!(prove_none(&plane(), &of(t), None), Ok(()), "{t}");
+            assert_eq!(
+                prove_none(&plane(), &of(t), &Control::default()),
+                Ok(()),
+                "{t}"
+            );
             assert_eq!(seen(&of(t)), None);
         }
         for t in [0.0, -1e-6, -0.1] {
-            let (u, _) = prove_none(&plane(), &of(t), None).expect_err("a fold");
+            let (u, _) = prove_none(&plane(), &of(t), &Control::default()).expect_err("a fold");
             let root = 0.5 - 0.5 * (-t / (1.0 - t)).sqrt();
             assert!(
                 (u - root).abs().min((1.0 - u - root).abs()) < 0.01,
@@ -332,7 +336,7 @@ mod tests {
         for (i, c) in patch.control_mut().iter_mut().enumerate() {
             c[2] = 1e-6 * [0.0, 1.0, 0.0, 1.0][i / 3];
         }
-        assert!(prove_none(&plane(), &patch, None).is_err());
+        assert!(prove_none(&plane(), &patch, &Control::default()).is_err());
     }
 
     /// On x y = 0 the plane x = 0 crosses another one along the z axis, where ∇F vanishes.
@@ -347,8 +351,11 @@ mod tests {
             }
             patch
         };
-        assert_eq!(prove_none(&planes, &across(0.05), None), Ok(()));
-        assert!(prove_none(&planes, &across(1.5), None).is_err());
+        assert_eq!(
+            prove_none(&planes, &across(0.05), &Control::default()),
+            Ok(())
+        );
+        assert!(prove_none(&planes, &across(1.5), &Control::default()).is_err());
     }
 
     /// The coefficients hold n w³ of rational patches near and far from the origin, in all parts.

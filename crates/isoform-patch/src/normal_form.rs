@@ -3,6 +3,7 @@
 use isoform_geom::{NormalForm, Point3, QuadricKind, cross};
 
 /// Σ λₖ yₖ² + 2 Σ bₖ yₖ + c = 0 in coordinates yₖ = eₖ·x along orthonormal vectors eₖ.
+#[derive(Clone, Copy)]
 pub(crate) struct Diagonal {
     pub(crate) values: [f64; 3],
     pub(crate) vectors: [Point3; 3],

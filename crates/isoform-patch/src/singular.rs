@@ -1,6 +1,7 @@
 //! Singular points of a surface: where F and ∇F vanish, as at nodes, along self-intersections and
 //! at pinch points.
 
+use crate::stretch::beside;
 use isoform_geom::{Field, KdTree, Point3, RationalPatch, distance_squared, norm};
 use isoform_num::linalg::symmetric_eigen;
 
@@ -68,12 +69,7 @@ impl Avoided {
                 let e = share * i as f64 / deep as f64;
                 (0..=MOST_SAMPLES).any(|k| {
                     let t = k as f64 / MOST_SAMPLES as f64;
-                    let (u, v) = match side {
-                        0 => (-e, t),
-                        1 => (1.0 + e, t),
-                        2 => (t, -e),
-                        _ => (t, 1.0 + e),
-                    };
+                    let (u, v) = beside(side, t, e);
                     let p = patch.point(u, v);
                     p.iter().all(|v| v.is_finite())
                         && self.tree.nearest(p).is_some_and(|n| n.1 <= near * near)

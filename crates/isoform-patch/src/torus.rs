@@ -5,8 +5,8 @@
 //! In the half-plane about the axis the meridian must then be a circle. Normals cost some digits,
 //! which Gauss-Newton steps on the points' distances from the torus bring back.
 
-use crate::exact::damped_least_squares;
-use crate::quadric::null;
+use crate::least_squares::damped_least_squares;
+use crate::null::null;
 use isoform_geom::{Point3, Quadric, cross, dot, norm, sub};
 
 /// Normals are exact to so much.
@@ -24,7 +24,7 @@ pub(crate) fn torus(points: &[Point3], normals: &[Point3]) -> Option<Quadric> {
         let m = cross(*p, *n);
         [n[0], n[1], n[2], m[0], m[1], m[2]]
     });
-    let v = null(rows.collect(), NORMALS).0?;
+    let v = null(rows.collect(), NORMALS)?;
     let (b, a) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
     let a2 = dot(a, a);
     // A screw, or a translation.
@@ -39,7 +39,7 @@ pub(crate) fn torus(points: &[Point3], normals: &[Point3]) -> Option<Quadric> {
         let out = norm(std::array::from_fn(|k| d[k] - height * axis[k]));
         [out * out + height * height, out, height, 1.0]
     });
-    let c = null(meridian.collect(), NORMALS).0?;
+    let c = null(meridian.collect(), NORMALS)?;
     let (out, height) = (-0.5 * c[1] / c[0], -0.5 * c[2] / c[0]);
     let r2 = out * out + height * height - c[3] / c[0];
     if !(out > 0.0 && r2 > 0.0) {

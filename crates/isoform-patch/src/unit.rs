@@ -4,9 +4,13 @@
 //! The weights of S (Wurm, Jüttler and Kim 2003, Table 2) are those of a unit cube, and control
 //! points (x w, y w, z w, w) of patches far from the origin are no variables for Newton's method.
 
+use crate::distance::Distances;
 use crate::fold;
+use crate::grown::Grown;
+use crate::options::{Covering, Error, Options};
+use crate::parameterized::Parameterized;
 use crate::quadric::quadric;
-use crate::{Covering, Distances, Error, Grown, Options, Parameterized};
+use isoform_control::Control;
 use isoform_geom::{Aabb, Expansion, Field, Parts, Point3, RationalPatch, SmoothPart, Terms, norm};
 use isoform_num::{Interval, Jet2, Jet3, Real};
 use std::ops::Deref;
@@ -151,7 +155,7 @@ impl UnitBox {
                 sampled,
                 rms: length(d.rms),
             },
-            is_unfolded: made.is_unfolded && fold::prove_none(part, &patch, None).is_ok(),
+            is_unfolded: made.is_unfolded && is_unfolded(part, &patch),
             quadric: if made.is_exact { quadric(&patch) } else { None },
             grown: Grown {
                 patch,
@@ -174,6 +178,11 @@ impl UnitBox {
         }
         error
     }
+}
+
+/// Whether a patch is proved not to fold over.
+fn is_unfolded(field: &dyn Field, patch: &RationalPatch) -> bool {
+    fold::prove_none(field, patch, &Control::default()).is_ok()
 }
 
 /// A function of space as one of the unit box.
