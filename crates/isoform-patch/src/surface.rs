@@ -2,6 +2,7 @@
 
 use crate::Error;
 use isoform_geom::{Aabb, Field, Point3, cross, dot, norm};
+use isoform_num::Jet2;
 
 /// Newton steps towards the surface.
 const STEPS: usize = 60;
@@ -148,12 +149,7 @@ pub(crate) fn frame(
     scale: f64,
 ) -> Result<Seed, Error> {
     let j = field.jet(point);
-    let g = norm(j.g);
-    let h = (0..3)
-        .flat_map(|a| (0..3).map(move |b| (a, b)))
-        .map(|(a, b)| j.second(a, b).powi(2))
-        .sum::<f64>()
-        .sqrt();
+    let (g, h) = (norm(j.g), frobenius(&j));
     if !g.is_finite() || !h.is_finite() {
         return Err(Error::NotFinite { at: point });
     }
@@ -161,22 +157,8 @@ pub(crate) fn frame(
         return Err(Error::Singular { at: point });
     }
     let n = j.g.map(|v| v / g);
-    // The axis least along the normal gives the first tangent.
-    let axis = (0..3)
-        .min_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs()))
-        .unwrap_or(0);
-    let mut e = [0.0; 3];
-    e[axis] = 1.0;
-    let a = cross(n, e);
-    let a = a.map(|v| v / norm(a));
-    let b = cross(n, a);
-    let form = |u: Point3, v: Point3| {
-        (0..3)
-            .flat_map(|i| (0..3).map(move |k| (i, k)))
-            .map(|(i, k)| u[i] * j.second(i, k) * v[k])
-            .sum::<f64>()
-    };
-    let (twist, difference) = (2.0 * form(a, b), form(a, a) - form(b, b));
+    let [a, b] = across(n);
+    let (twist, difference) = (2.0 * form(&j, a, b), form(&j, a, a) - form(&j, b, b));
     // Where all curvatures are alike there are no such directions.
     let principal = if twist.hypot(difference) > UMBILIC * h {
         0.5 * twist.atan2(difference)
@@ -190,6 +172,30 @@ pub(crate) fn frame(
         tangents: [first, cross(n, first)],
         curvature: h / g,
     })
+}
+
+/// |H| with the Frobenius norm.
+fn frobenius(j: &Jet2) -> f64 {
+    let all = (0..3).flat_map(|a| (0..3).map(move |b| (a, b)));
+    all.map(|(a, b)| j.second(a, b).powi(2)).sum::<f64>().sqrt()
+}
+
+/// uᵀHv.
+fn form(j: &Jet2, u: Point3, v: Point3) -> f64 {
+    let all = (0..3).flat_map(|i| (0..3).map(move |k| (i, k)));
+    all.map(|(i, k)| u[i] * j.second(i, k) * v[k]).sum::<f64>()
+}
+
+/// Two orthogonal unit vectors across a third; the axis least along that gives the first.
+fn across(n: Point3) -> [Point3; 2] {
+    let axis = (0..3)
+        .min_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs()))
+        .unwrap_or(0);
+    let mut e = [0.0; 3];
+    e[axis] = 1.0;
+    let a = cross(n, e);
+    let a = a.map(|v| v / norm(a));
+    [a, cross(n, a)]
 }
 
 /// The largest normal curvature along the tangents of a seed, and its direction.
@@ -208,28 +214,49 @@ fn most_curved(field: &dyn Field, seed: &Seed) -> (f64, Point3) {
 ///
 /// A patch of a ridge is to lie on both sides of it alike: from beside it, it could not go round.
 pub(crate) fn ridge(field: &dyn Field, point: Point3, scale: f64) -> Option<Point3> {
-    let curved = |p: Point3| {
-        let seed = frame(field, p, 0.0, scale).ok()?;
-        let (curvature, along) = most_curved(field, &seed);
-        Some((p, curvature, along))
-    };
-    let start = curved(point)?;
+    let start = Curved::at(field, point, scale)?;
     let (mut at, mut share) = (start, RIDGE_STEP);
     for _ in 0..RIDGE_STEPS {
-        let step = (share / at.1).min(RIDGE_STEP * scale);
-        let next = [-step, step].into_iter().find_map(|s| {
-            let p = std::array::from_fn(|k| at.0[k] + s * at.2[k]);
-            curved(project(field, p, scale)?).filter(|n| n.1 > at.1)
-        });
-        match next {
+        let step = (share / at.curvature).min(RIDGE_STEP * scale);
+        match at.more_curved(field, step, scale) {
             Some(next) => at = next,
             None if share < RIDGE_FOUND => break,
             None => share *= 0.5,
         }
     }
-    let far = norm([0, 1, 2].map(|k| at.0[k] - point[k]));
-    let is_sharp = at.1 > RIDGE_MORE * start.1 || at.1 * scale > RIDGE_SHARP;
-    (is_sharp && far > 0.0 && far * at.1 < RIDGE_FAR).then_some(at.0)
+    let far = norm([0, 1, 2].map(|k| at.point[k] - point[k]));
+    let is_sharp =
+        at.curvature > RIDGE_MORE * start.curvature || at.curvature * scale > RIDGE_SHARP;
+    (is_sharp && far > 0.0 && far * at.curvature < RIDGE_FAR).then_some(at.point)
+}
+
+/// A point of the surface with the largest normal curvature along its tangents, and its direction.
+#[derive(Clone, Copy)]
+struct Curved {
+    point: Point3,
+    curvature: f64,
+    along: Point3,
+}
+
+impl Curved {
+    fn at(field: &dyn Field, point: Point3, scale: f64) -> Option<Self> {
+        let seed = frame(field, point, 0.0, scale).ok()?;
+        let (curvature, along) = most_curved(field, &seed);
+        Some(Self {
+            point,
+            curvature,
+            along,
+        })
+    }
+
+    /// The point a step away to either side, if the surface is more curved there.
+    fn more_curved(&self, field: &dyn Field, step: f64, scale: f64) -> Option<Self> {
+        [-step, step].into_iter().find_map(|s| {
+            let p = std::array::from_fn(|k| self.point[k] + s * self.along[k]);
+            let there = Self::at(field, project(field, p, scale)?, scale)?;
+            (there.curvature > self.curvature).then_some(there)
+        })
+    }
 }
 
 /// The seed at the point of the surface that a given point leads to.

@@ -840,7 +840,7 @@ fn patches_do_not_depend_on_the_unit() {
     let one = made(1.0, None);
     for size in [1e-6, 1e6] {
         let other = made(size, None);
-        let control = |p: &isoform_patch::Parameterized| p.grown.patch.control().to_vec();
+        let control = |p: &Parameterized| p.grown.patch.control().to_vec();
         for (a, b) in control(&one).iter().zip(control(&other)) {
             for k in 0..4 {
                 let unit = if k < 3 { size } else { 1.0 };

@@ -1,7 +1,7 @@
 //! Patches on surfaces with sharp edges, judged by closed forms.
 
 use isoform_field::hyperfun::{Mode, Model};
-use isoform_geom::Parts;
+use isoform_geom::{Aabb, Parts, Point3};
 use isoform_patch::{Control, Cover, Covering, Error, Options, Parameterized, reached};
 
 const CUBE: Aabb = Aabb {
