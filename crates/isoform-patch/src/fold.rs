@@ -41,8 +41,8 @@ struct Cell {
     depth: u32,
 }
 
-/// Where normals at neighbouring samples of a patch point against one another, so that it folds
-/// over: the side, of u = 0, u = 1, v = 0 and v = 1, towards which the first of such folds lies.
+/// The side, of u = 0, u = 1, v = 0 and v = 1, towards which a patch folds over, by samples whose
+/// normals point against those of a neighbour; of several the first that is nearest to its side.
 pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
     let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
     let normals: Vec<Point3> = (0..SAMPLES * SAMPLES)
@@ -55,7 +55,7 @@ pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
             if i + 1 == SAMPLES || dot(normals[k], normals[k + step]) >= 0.0 {
                 continue;
             }
-            // So many steps from the nearer side.
+            // Steps from the nearer side.
             let (far, upper) = (i.min(SAMPLES - 2 - i), i >= SAMPLES / 2);
             if first.is_none_or(|f| far < f.0) {
                 first = Some((far, 2 * direction + usize::from(upper)));
@@ -113,19 +113,22 @@ fn is_unfolded(field: &dyn Field, cell: &Cell, origin: Point3) -> bool {
     let Some(gradient) = gradient(field, cell, origin) else {
         return false;
     };
-    let along = |n: &[Interval; 3]| n[0] * gradient[0] + n[1] * gradient[1] + n[2] * gradient[2];
+    has_one_sign(&cell.normals, &gradient)
+        || (gradient.iter().all(|g| g.contains(0.0)) && are_alike(&cell.normals))
+}
+
+/// Whether the products of all normals with a box around the gradient are positive, or all
+/// negative.
+fn has_one_sign(normals: &[[Interval; 3]], gradient: &[Interval; 3]) -> bool {
     let mut signs = (true, true);
-    for n in &cell.normals {
-        let product = along(n);
+    for n in normals {
+        let product = n[0] * gradient[0] + n[1] * gradient[1] + n[2] * gradient[2];
         signs = (signs.0 && product.lo() > 0.0, signs.1 && product.hi() < 0.0);
         if signs == (false, false) {
-            break;
+            return false;
         }
     }
-    if signs != (false, false) {
-        return true;
-    }
-    gradient.iter().all(|g| g.contains(0.0)) && are_alike(&cell.normals)
+    true
 }
 
 /// Whether all normals lie within 45° of one direction.
@@ -200,27 +203,28 @@ fn mean<const K: usize>(a: [Interval; K], b: [Interval; K]) -> [Interval; K] {
 }
 
 /// Bernstein coefficients of w Xᵤ × Xᵥ − wᵥ Xᵤ × X − wᵤ X × Xᵥ.
-fn normals(control: &[[Interval; 4]], (m, n): (usize, usize)) -> Vec<[Interval; 3]> {
+fn normals(control: &[[Interval; 4]], degree: (usize, usize)) -> Vec<[Interval; 3]> {
     let coordinate = |k: usize| Bernstein {
-        degree: (m, n),
+        degree,
         values: control.iter().map(|c| c[k]).collect(),
     };
     let x: [Bernstein; 4] = std::array::from_fn(coordinate);
     let xu = [0, 1, 2, 3].map(|k| x[k].derivative_u());
     let xv = [0, 1, 2, 3].map(|k| x[k].derivative_v());
-    let minor = |i: usize, j: usize| {
-        // One coordinate of the cross product of (a, b) is aᵢ bⱼ − aⱼ bᵢ.
-        let of =
-            |a: &[Bernstein; 4], b: &[Bernstein; 4]| a[i].times(&b[j]).minus(&a[j].times(&b[i]));
-        let whole = x[3].times(&of(&xu, &xv));
-        whole
-            .minus(&xv[3].times(&of(&xu, &x)))
-            .minus(&xu[3].times(&of(&x, &xv)))
+    let coordinate = |i: usize, j: usize| {
+        let both = x[3].times(&minor(&xu, &xv, i, j));
+        both.minus(&xv[3].times(&minor(&xu, &x, i, j)))
+            .minus(&xu[3].times(&minor(&x, &xv, i, j)))
     };
-    let [a, b, c] = [minor(1, 2), minor(2, 0), minor(0, 1)];
+    let [a, b, c] = [coordinate(1, 2), coordinate(2, 0), coordinate(0, 1)];
     (0..a.values.len())
         .map(|k| [a.values[k], b.values[k], c.values[k]])
         .collect()
+}
+
+/// One coordinate aᵢ bⱼ − aⱼ bᵢ of a cross product.
+fn minor(a: &[Bernstein; 4], b: &[Bernstein; 4], i: usize, j: usize) -> Bernstein {
+    a[i].times(&b[j]).minus(&a[j].times(&b[i]))
 }
 
 /// A polynomial of degree (m, n) by its Bernstein coefficients.
@@ -242,14 +246,11 @@ impl Bernstein {
     fn derivative_v(&self) -> Self {
         let (m, n) = self.degree;
         let factor = Interval::constant(n as f64);
-        let values = self.values.chunks(n + 1).flat_map(|row| {
-            row.windows(2)
-                .map(|pair| factor * (pair[1] - pair[0]))
-                .collect::<Vec<_>>()
-        });
+        let step = |k: usize| factor * (self.values[k + 1] - self.values[k]);
+        let at = |i: usize| (0..n).map(move |j| i * (n + 1) + j);
         Self {
             degree: (m, n - 1),
-            values: values.collect(),
+            values: (0..=m).flat_map(at).map(step).collect(),
         }
     }
     fn minus(&self, other: &Self) -> Self {
@@ -261,19 +262,7 @@ impl Bernstein {
     }
     fn times(&self, other: &Self) -> Self {
         let ((m, n), (k, l)) = (self.degree, other.degree);
-        let share = |m: usize, k: usize| -> Vec<Vec<Interval>> {
-            let row = |i: usize| {
-                // Binomials of degrees up to 24 are exact, their quotient is rounded.
-                let of = |j: usize| {
-                    let product = binomial(m, i) * binomial(k, j);
-                    let whole = binomial(m + k, i + j);
-                    Interval::constant(product) / Interval::constant(whole)
-                };
-                (0..=k).map(of).collect()
-            };
-            (0..=m).map(row).collect()
-        };
-        let (in_u, in_v) = (share(m, k), share(n, l));
+        let (in_u, in_v) = (shares(m, k), shares(n, l));
         let mut values = vec![Interval::constant(0.0); (m + k + 1) * (n + l + 1)];
         for (a, i) in self.values.iter().zip(0..) {
             for (b, j) in other.values.iter().zip(0..) {
@@ -287,6 +276,19 @@ impl Bernstein {
             values,
         }
     }
+}
+
+/// By (i, j): what coefficients i of degree m and j of degree k add to coefficient i + j of their
+/// product. Binomials of degrees up to 24 are exact, their quotient is rounded.
+fn shares(m: usize, k: usize) -> Vec<Vec<Interval>> {
+    let share = |i: usize, j: usize| {
+        let product = binomial(m, i) * binomial(k, j);
+        let whole = binomial(m + k, i + j);
+        Interval::constant(product) / Interval::constant(whole)
+    };
+    (0..=m)
+        .map(|i| (0..=k).map(|j| share(i, j)).collect())
+        .collect()
 }
 
 #[cfg(test)]

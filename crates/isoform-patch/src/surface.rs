@@ -1,7 +1,7 @@
 //! Points of the surface: projections, seeds.
 
 use crate::Error;
-use isoform_geom::{Aabb, Field, Point3, cross, dot, norm};
+use isoform_geom::{Aabb, Field, Point3, across, cross, dot, norm};
 use isoform_num::Jet2;
 
 /// Newton steps towards the surface.
@@ -184,18 +184,6 @@ fn frobenius(j: &Jet2) -> f64 {
 fn form(j: &Jet2, u: Point3, v: Point3) -> f64 {
     let all = (0..3).flat_map(|i| (0..3).map(move |k| (i, k)));
     all.map(|(i, k)| u[i] * j.second(i, k) * v[k]).sum::<f64>()
-}
-
-/// Two orthogonal unit vectors across a third; the axis least along that gives the first.
-fn across(n: Point3) -> [Point3; 2] {
-    let axis = (0..3)
-        .min_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs()))
-        .unwrap_or(0);
-    let mut e = [0.0; 3];
-    e[axis] = 1.0;
-    let a = cross(n, e);
-    let a = a.map(|v| v / norm(a));
-    [a, cross(n, a)]
 }
 
 /// The largest normal curvature along the tangents of a seed, and its direction.

@@ -7,7 +7,7 @@
 
 use crate::least_squares::damped_least_squares;
 use crate::null::null;
-use isoform_geom::{Point3, Quadric, cross, dot, norm, sub};
+use isoform_geom::{Point3, Quadric, across, cross, dot, norm, sub};
 
 /// The error of normals: some digits more than that of points.
 const NORMALS: f64 = 1e-10;
@@ -150,15 +150,4 @@ impl Torus {
         self.center = std::array::from_fn(|k| self.center[k] - by[k]);
         (self.major, self.minor) = (self.major - by[5], self.minor - by[6]);
     }
-}
-
-/// Two orthogonal unit vectors across a third.
-fn across(axis: Point3) -> [Point3; 2] {
-    let least = (0..3)
-        .min_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs()))
-        .unwrap_or(0);
-    let unit = std::array::from_fn(|k| f64::from(u8::from(k == least)));
-    let x = cross(axis, unit);
-    let x = x.map(|v| v / norm(x));
-    [x, cross(axis, x)]
 }
