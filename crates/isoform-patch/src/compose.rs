@@ -6,7 +6,7 @@
 
 use isoform_geom::{RationalPatch, Terms};
 
-/// Compositions of higher degrees than this are not looked at: they cost much, and rounding grows
+/// The highest degree of a composition that is looked at: higher ones cost much, and rounding grows
 /// with the degree.
 const MOST_DEGREE: usize = 32;
 

@@ -41,9 +41,8 @@ const SAME: f64 = 1e-8;
 /// ```
 pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
     let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
-    let samples: Vec<Tangents> = (0..SAMPLES * SAMPLES)
-        .map(|k| patch.tangents(at(k / SAMPLES), at(k % SAMPLES)))
-        .collect();
+    let places = (0..SAMPLES * SAMPLES).map(|k| (at(k / SAMPLES), at(k % SAMPLES)));
+    let samples: Vec<Tangents> = places.map(|(u, v)| patch.tangents(u, v)).collect();
     let points: Vec<Point3> = samples.iter().map(|t| t.point).collect();
     let frame = Frame::of(&points)?;
     let local: Vec<Point3> = points.iter().map(|p| frame.local(*p)).collect();
@@ -170,48 +169,101 @@ impl Equation {
 
     /// The sphere, cylinder or cone, if it is one.
     fn of_revolution(&self, frame: &Frame) -> Option<Quadric> {
+        let size = self.size();
+        let is_zero = |v: f64| v.abs() <= SAME * size;
+        let values = self.diagonal.values;
+        let same = |i: usize, j: usize| is_zero(values[i] - values[j]);
+        // Which eigenvalue stands alone; the other two are equal.
+        let alone = (0..3).find(|&k| same((k + 1) % 3, (k + 2) % 3))?;
+        let reduced = Reduced::new(&self.diagonal, alone);
+        if reduced.twice <= SAME * size {
+            return None;
+        }
+        if is_zero(reduced.single) {
+            let is_cylinder = is_zero(self.diagonal.along[alone]) && reduced.rest < 0.0;
+            return is_cylinder.then(|| reduced.cylinder(frame));
+        }
+        let centred = reduced.with_center();
+        if same(alone, (alone + 1) % 3) && centred.rest < 0.0 {
+            return Some(centred.sphere(frame));
+        }
+        let is_cone = centred.single < 0.0 && is_zero(centred.rest);
+        is_cone.then(|| centred.cone(frame))
+    }
+}
+
+/// An equation with two equal eigenvalues, about a point.
+struct Reduced {
+    point: Point3,
+    /// The axis of the one that stands alone.
+    axis: Point3,
+    /// The equal eigenvalues,
+    twice: f64,
+    /// and the other one.
+    single: f64,
+    /// Half the coefficient of degree 1 along the axis.
+    along: f64,
+    /// The constant.
+    rest: f64,
+}
+
+impl Reduced {
+    /// About the point without terms of degree 1 in the plane of the two equal ones.
+    fn new(equation: &Diagonal, alone: usize) -> Self {
+        let (i, j) = ((alone + 1) % 3, (alone + 2) % 3);
         let Diagonal {
             values,
             vectors,
             along,
             constant,
-        } = self.diagonal;
-        let size = self.size();
-        let same = |i: usize, j: usize| (values[i] - values[j]).abs() <= SAME * size;
-        // Which eigenvalue stands alone; the other two are equal.
-        let alone = (0..3).find(|&k| same((k + 1) % 3, (k + 2) % 3))?;
-        let (i, j) = ((alone + 1) % 3, (alone + 2) % 3);
-        let (twice, single) = (values[i], values[alone]);
-        if twice <= SAME * size {
-            return None;
-        }
-        // The middle in the plane of the two equal ones.
-        let flat: Point3 =
-            std::array::from_fn(|k| -(along[i] * vectors[i][k] + along[j] * vectors[j][k]) / twice);
-        let rest = constant - (along[i] * along[i] + along[j] * along[j]) / twice;
-        if single.abs() <= SAME * size {
-            let is_cylinder = along[alone].abs() <= SAME * size && rest < 0.0;
-            return is_cylinder.then(|| Quadric::Cylinder {
-                point: frame.out(flat),
-                axis: vectors[alone],
-                radius: frame.scale * (-rest / twice).sqrt(),
-            });
-        }
-        let middle: Point3 =
-            std::array::from_fn(|k| flat[k] - along[alone] / single * vectors[alone][k]);
-        let rest = rest - along[alone] * along[alone] / single;
-        if same(alone, i) && rest < 0.0 {
-            return Some(Quadric::Sphere {
-                center: frame.out(middle),
-                radius: frame.scale * (-rest / twice).sqrt(),
-            });
-        }
-        let is_cone = single < 0.0 && rest.abs() <= SAME * size;
-        is_cone.then(|| Quadric::Cone {
-            apex: frame.out(middle),
+        } = equation;
+        let twice = values[i];
+        Self {
+            point: std::array::from_fn(|k| {
+                -(along[i] * vectors[i][k] + along[j] * vectors[j][k]) / twice
+            }),
             axis: vectors[alone],
-            half_angle: (-single / twice).sqrt().atan(),
-        })
+            twice,
+            single: values[alone],
+            along: along[alone],
+            rest: constant - (along[i] * along[i] + along[j] * along[j]) / twice,
+        }
+    }
+
+    /// About the point without any terms of degree 1.
+    fn with_center(self) -> Self {
+        Self {
+            point: std::array::from_fn(|k| self.point[k] - self.along / self.single * self.axis[k]),
+            rest: self.rest - self.along * self.along / self.single,
+            ..self
+        }
+    }
+
+    fn radius(&self, frame: &Frame) -> f64 {
+        frame.scale * (-self.rest / self.twice).sqrt()
+    }
+
+    fn cylinder(&self, frame: &Frame) -> Quadric {
+        Quadric::Cylinder {
+            point: frame.out(self.point),
+            axis: self.axis,
+            radius: self.radius(frame),
+        }
+    }
+
+    fn sphere(&self, frame: &Frame) -> Quadric {
+        Quadric::Sphere {
+            center: frame.out(self.point),
+            radius: self.radius(frame),
+        }
+    }
+
+    fn cone(&self, frame: &Frame) -> Quadric {
+        Quadric::Cone {
+            apex: frame.out(self.point),
+            axis: self.axis,
+            half_angle: (-self.single / self.twice).sqrt().atan(),
+        }
     }
 }
 

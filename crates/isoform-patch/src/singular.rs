@@ -7,17 +7,17 @@ use isoform_num::linalg::symmetric_eigen;
 
 /// Newton steps towards a singular point.
 const STEPS: usize = 20;
-/// Second derivatives along a direction below this share of the largest are none: along a curve of
-/// singular points ∇F vanishes.
+/// Second derivatives along a direction below this share of the largest count as 0: along a curve
+/// of singular points ∇F vanishes.
 const FLAT: f64 = 1e-3;
-/// ∇F is none below this share of second derivatives times the scale, F below its square.
+/// ∇F counts as 0 below this share of second derivatives times the scale, F below its square.
 const NONE: f64 = 1e-6;
 /// How far apart the points of the list are at least, in the distance asked for.
 const SPACING: f64 = 0.25;
 /// Patches stay away from singular points by this share of the distance within which the surface
 /// may be left out: what is between is covered.
 const SHARE: f64 = 0.6;
-/// Samples along a side, and most across what is added to a patch there.
+/// Samples along a side, and the most across what is added to a patch there.
 const MOST_SAMPLES: usize = 24;
 /// Halvings of what is added until a side stops.
 const HALVINGS: usize = 5;
@@ -25,7 +25,7 @@ const HALVINGS: usize = 5;
 /// looked at. Where curvatures differ that may be off by as much.
 const REACH: f64 = 4.0;
 
-/// Points that patches stay away from, so far.
+/// Points with the distance at which patches stay away from them.
 #[derive(Clone, Debug)]
 pub(crate) struct Avoided {
     tree: KdTree,

@@ -190,32 +190,64 @@ fn damped_step(
     at: &Evaluated,
     damping: f64,
 ) -> Option<Trial> {
-    let n = d.gradient.len();
-    let scale = scales(d);
-    let mut a = d.hessian.clone();
-    for i in 0..n {
-        a[i * n + i] += damping * scale[i];
-    }
-    if !cholesky(&mut a, n) {
-        return None;
-    }
-    let mut x: Vec<f64> = d.gradient.iter().map(|g| -g).collect();
-    cholesky_solve(&a, n, &mut x);
-    // −gᵀx − xᵀHx/2 with (H + D) x = −g.
-    let expected = (0..n)
-        .map(|i| x[i] * (damping * scale[i] * x[i] - d.gradient[i]))
-        .sum::<f64>()
-        * 0.5;
-    let mut back = vec![0.0; n];
-    if objective.bends {
-        back = objective.bending(patch, at, &x);
-        cholesky_solve(&a, n, &mut back);
-    }
-    let length = |x: &[f64]| x.iter().zip(&scale).map(|(x, s)| s * x * x).sum::<f64>();
-    let is_trusted = length(&back) <= (0.5 * MOST_BENT).powi(2) * length(&x);
-    let patch = moved(patch, &x, &back);
+    let system = System::new(d, damping)?;
+    let step = system.solve(d.gradient.iter().map(|g| -g).collect());
+    let expected = system.expected_decrease(d, &step);
+    let back = if objective.bends {
+        system.solve(objective.bending(patch, at, &step))
+    } else {
+        vec![0.0; step.len()]
+    };
+    let most = (0.5 * MOST_BENT).powi(2) * system.squared_length(&step);
+    let is_trusted = system.squared_length(&back) <= most;
+    let patch = moved(patch, &step, &back);
     let is_finite = expected.is_finite() && patch.control().iter().flatten().all(|v| v.is_finite());
     (is_trusted && is_finite).then_some(Trial { patch, expected })
+}
+
+/// H + λD, as its Cholesky factor.
+struct System {
+    factor: Vec<f64>,
+    /// D.
+    scale: Vec<f64>,
+    /// λ.
+    damping: f64,
+}
+
+impl System {
+    /// None where H + λD is not positive definite.
+    fn new(d: &Derivatives, damping: f64) -> Option<Self> {
+        let n = d.gradient.len();
+        let scale = scales(d);
+        let mut factor = d.hessian.clone();
+        for i in 0..n {
+            factor[i * n + i] += damping * scale[i];
+        }
+        cholesky(&mut factor, n).then_some(Self {
+            factor,
+            scale,
+            damping,
+        })
+    }
+
+    /// The x with (H + λD) x = b.
+    fn solve(&self, mut b: Vec<f64>) -> Vec<f64> {
+        cholesky_solve(&self.factor, self.scale.len(), &mut b);
+        b
+    }
+
+    /// −gᵀx − xᵀHx/2 for (H + λD) x = −g.
+    fn expected_decrease(&self, d: &Derivatives, x: &[f64]) -> f64 {
+        (0..x.len())
+            .map(|i| x[i] * (self.damping * self.scale[i] * x[i] - d.gradient[i]))
+            .sum::<f64>()
+            * 0.5
+    }
+
+    /// |x|² in lengths that damping has.
+    fn squared_length(&self, x: &[f64]) -> f64 {
+        x.iter().zip(&self.scale).map(|(x, s)| s * x * x).sum()
+    }
 }
 
 /// The diagonal of H, lifted where it is small.

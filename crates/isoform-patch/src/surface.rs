@@ -1,4 +1,7 @@
-//! Points of the surface: projections, seeds.
+//! Points of the surface: projections along gradients and lines, seeds, ridges.
+//!
+//! A *seed* is a point of the surface with a frame of its tangent plane; a *ridge* is where the
+//! largest curvature is largest along its own direction.
 
 use crate::Error;
 use isoform_geom::{Aabb, Field, Point3, across, cross, dot, norm};
@@ -11,25 +14,30 @@ pub(crate) const ON_SURFACE: f64 = 1e-12;
 /// Steps towards a ridge, in radii of curvature or in diagonals of the box, whichever is less:
 /// longer ones could pass over it.
 const RIDGE_STEP: f64 = 0.25;
-/// Most steps: what is farther is not near.
+/// The most steps towards a ridge: one that is farther is not near.
 const RIDGE_STEPS: usize = 60;
 /// A ridge is found to this share of its radius, which is little against a patch.
 const RIDGE_FOUND: f64 = 1e-4;
-/// On a ridge the surface is curved by at least this factor more than beside it; a little more does
-/// not hinder a patch,
+/// The factor by which the surface is curved more on a ridge than beside it, at least: a little
+/// more does not hinder a patch.
 const RIDGE_MORE: f64 = 2.0;
-/// unless it is so sharp, in curvatures times the diagonal, that a patch has to lie on both sides
-/// alike to go round it at all.
+/// The curvature times the diagonal from which on every ridge counts: a patch has to lie on both
+/// sides of it alike to go round it at all.
 const RIDGE_SHARP: f64 = 100.0;
-/// A ridge farther away than so many of its radii does not matter to a patch.
+/// A ridge farther away than this multiple of its radius does not matter to a patch.
 const RIDGE_FAR: f64 = 20.0;
-/// Newton steps below this, in diagonals of the box, that no longer get shorter are rounding's, as
-/// in a box far from the origin. A larger value would end before the surface, a smaller one miss
-/// boxes a million times as far away as they are large.
+/// Newton steps below this, in diagonals of the box, that no longer get shorter come from rounding,
+/// as in a box far from the origin. A larger value would end before the surface, a smaller one miss
+/// the surface in boxes a million times as far away as they are large.
 const STALLED: f64 = 1e-8;
-/// Steps no longer get shorter from this share of the one before on: at self-intersections they
-/// halve.
+/// A step of at least this share of the one before is no shorter: at self-intersections steps halve.
 const SHORTER: f64 = 0.9;
+/// The sine of the angle between a line and the surface below which the line is nearly in it, and
+/// the foot point along it not decided.
+const GRAZING: f64 = 0.05;
+/// The longest Newton step, in diagonals of the box: far from the surface the linear model is not
+/// to be trusted for more.
+const LONGEST: f64 = 0.1;
 /// A gradient below this share of the Hessian times the diagonal is taken for 0: the surface has no
 /// tangent plane to start on.
 const SINGULAR: f64 = 1e-7;
@@ -50,7 +58,7 @@ pub(crate) struct Seed {
     pub(crate) curvature: f64,
 }
 
-/// Numbers from 0 to 1, the same each time (SplitMix64).
+/// Numbers from 0 to 1 that a seed determines (SplitMix64).
 pub(crate) struct Random(u64);
 
 impl Random {
@@ -92,9 +100,7 @@ pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Poi
         if !length.is_finite() {
             return None;
         }
-        // Far from the surface the linear model is not to be trusted for more than a part of the
-        // box.
-        let damped = step * (0.1 * scale / length).min(1.0);
+        let damped = step * (LONGEST * scale / length).min(1.0);
         for k in 0..3 {
             p[k] -= damped * j.g[k];
         }
@@ -123,8 +129,7 @@ pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64)
         }
         let slope = dot(j.g, d);
         let step = j.v / slope;
-        // Along a line nearly in the surface the foot point is not decided.
-        if !step.is_finite() || slope.abs() < 0.05 * norm(j.g) * norm(d) {
+        if !step.is_finite() || slope.abs() < GRAZING * norm(j.g) * norm(d) {
             return None;
         }
         t -= step;

@@ -92,7 +92,7 @@ impl<'f> On<'f> {
 pub(crate) enum NearSingular<'f> {
     /// It goes on, and what cannot be proved is cut off.
     Cross,
-    /// The same, but it is soon given up: there is another way.
+    /// It goes on, but it is soon given up: there is another way.
     Try,
     /// It stays away from them.
     Avoid(&'f Avoided),

@@ -143,9 +143,7 @@ pub(crate) fn at(
         control: *control,
     };
     let made = grown(start, options, clock);
-    let comes_there = |p: &Parameterized, t: f64| reached(&p.grown.patch, &[point], t)[0];
-    let serves =
-        |p: &Parameterized| p.keeps(options) && options.tolerance.is_none_or(|t| comes_there(p, t));
+    let serves = |p: &Parameterized| p.keeps(options) && comes_to(p, point, options);
     let is_own = approach.edge.is_none() && !approach.is_ridge;
     if is_own || made.as_ref().is_ok_and(serves) {
         return made;
@@ -170,6 +168,12 @@ pub(crate) fn at(
     } else {
         made
     }
+}
+
+/// Whether a patch comes as far as a point; true if there is no tolerance to judge that by.
+fn comes_to(made: &Parameterized, point: Point3, options: &Options) -> bool {
+    let comes = |t: f64| reached(&made.grown.patch, &[point], t)[0];
+    options.tolerance.is_none_or(comes)
 }
 
 /// Tangents turned into the plane with a normal.
