@@ -20,6 +20,7 @@ mod sheet;
 pub(crate) use border::Border;
 pub(crate) use sheet::Sheet;
 
+use crate::places::wider;
 use border::STRAIGHT;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Field, Point3, norm, sub};
@@ -253,10 +254,7 @@ impl Question<'_> {
         region.add(cell.lo);
         region.add(cell.hi);
         let wide = sheet.bound * (1.0 + 1e-9);
-        let region = Aabb {
-            lo: region.lo.map(|v| v - wide),
-            hi: region.hi.map(|v| v + wide),
-        };
+        let region = wider(&region, wide);
         let gradient = self
             .field
             .expansion(c, region)?

@@ -10,6 +10,7 @@ use crate::grow::{Growth, LEAST_WEIGHT, MOST_GROWTH};
 use crate::grown::area;
 use crate::least_squares::damped_least_squares;
 use crate::objective::{Evaluated, Objective};
+use crate::places::grid;
 use crate::stretch::longer;
 use crate::surface::ON_SURFACE;
 use crate::terms::Targets;
@@ -187,10 +188,8 @@ impl Growth<'_> {
 
 /// The normals of a patch, row by row.
 fn normals(patch: &RationalPatch) -> Vec<Point3> {
-    let at = |i: usize| i as f64 / (NORMALS - 1) as f64;
-    (0..NORMALS * NORMALS)
-        .map(|k| patch.tangents(at(k / NORMALS), at(k % NORMALS)).normal())
-        .collect()
+    let normal = |(u, v): (f64, f64)| patch.tangents(u, v).normal();
+    grid(NORMALS).map(normal).collect()
 }
 
 /// Whether no normal of a patch is at nearly a right angle to that in the middle.

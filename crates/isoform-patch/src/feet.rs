@@ -1,7 +1,7 @@
 //! Feet: the nearest places of a patch from points.
 
 use crate::cells::{Place, middle_of};
-use crate::surface::contains;
+use crate::places::{contains, normalized, wider};
 use isoform_geom::{Aabb, KdTree, Point3, RationalPatch, Tangents, dot, norm, sub};
 
 /// Cells of a patch in each direction from whose middles feet of samples are sought.
@@ -51,10 +51,7 @@ fn beyond(patch: &RationalPatch, distance: f64) -> Aabb {
         };
     };
     // Twice as much, as quotients are rounded.
-    Aabb {
-        lo: all.lo.map(|v| v - 2.0 * distance),
-        hi: all.hi.map(|v| v + 2.0 * distance),
-    }
+    wider(&all, 2.0 * distance)
 }
 
 /// Places of a patch from which feet are sought.
@@ -102,10 +99,7 @@ impl Starts {
 
 /// Whether the normals at corners differ much.
 fn turns(corners: &[Tangents; 4]) -> bool {
-    let normals = corners.each_ref().map(|t| {
-        let n = t.normal();
-        n.map(|v| v / norm(n))
-    });
+    let normals = corners.each_ref().map(|t| normalized(t.normal()));
     (1..4).any(|k| dot(normals[0], normals[k]) < ALIKE)
 }
 

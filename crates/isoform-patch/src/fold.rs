@@ -13,6 +13,7 @@
 
 use crate::cells::{Place, corners_of, half_of, halve_net, lengths_between, middle_of};
 use crate::compose::binomial;
+use crate::places::grid;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
 use isoform_num::{Interval, Real};
@@ -44,10 +45,8 @@ struct Cell {
 /// The side, of u = 0, u = 1, v = 0 and v = 1, towards which a patch folds over, by samples whose
 /// normals point against those of a neighbour; of several the first that is nearest to its side.
 pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
-    let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
-    let normals: Vec<Point3> = (0..SAMPLES * SAMPLES)
-        .map(|k| patch.tangents(at(k / SAMPLES), at(k % SAMPLES)).normal())
-        .collect();
+    let normal = |(u, v): (f64, f64)| patch.tangents(u, v).normal();
+    let normals: Vec<Point3> = grid(SAMPLES).map(normal).collect();
     let mut first: Option<(usize, usize)> = None;
     for k in 0..SAMPLES * SAMPLES {
         let steps = [(k / SAMPLES, SAMPLES), (k % SAMPLES, 1)];

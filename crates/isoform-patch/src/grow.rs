@@ -32,9 +32,10 @@ use crate::fold;
 use crate::grown::{Grown, Phase, Row, area_within};
 use crate::objective::{Evaluated, Objective};
 use crate::options::Options;
+use crate::places::{contains, normalized, wider_by_share};
 use crate::solver::{Minimiser, Stop};
 use crate::stretch::longer;
-use crate::surface::{Seed, contains, project, project_along};
+use crate::surface::{Seed, project, project_along};
 use crate::terms::{CORNERS, Targets, Terms, Weights};
 use crate::whole::On;
 use edges::OVERLAP;
@@ -184,10 +185,9 @@ impl<'f> Growth<'f> {
         let field = self.objective.field();
         let t = patch.tangents(u, v);
         let n = t.normal();
-        let length = norm(n);
         let reach = CORNER_REACH * edge;
-        let along = (length > 0.0)
-            .then(|| project_along(field, t.point, n.map(|x| x / length), reach))
+        let along = (norm(n) > 0.0)
+            .then(|| project_along(field, t.point, normalized(n), reach))
             .flatten();
         let near = |q: &Point3| distance_squared(*q, t.point) <= reach.powi(2);
         along.or_else(|| project(field, t.point, edge).filter(near))
@@ -251,12 +251,7 @@ impl<'f> Growth<'f> {
 
     /// The region with a share of it more at each side.
     pub(crate) fn wider(&self, share: f64) -> Aabb {
-        let region = self.options.region;
-        let far = region.size().map(|s| share * s);
-        Aabb {
-            lo: std::array::from_fn(|k| region.lo[k] - far[k]),
-            hi: std::array::from_fn(|k| region.hi[k] + far[k]),
-        }
+        wider_by_share(&self.options.region, share)
     }
 
     /// Which sides (u = 0, u = 1, v = 0, v = 1) of a patch still lie in the region for the most

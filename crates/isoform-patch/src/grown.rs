@@ -1,6 +1,6 @@
 //! A grown patch with the way to it.
 
-use crate::surface::contains;
+use crate::places::{contains, middles};
 use crate::terms::{Targets, Terms, Weights};
 use isoform_geom::{Aabb, Point3, RationalPatch, dot};
 
@@ -75,15 +75,12 @@ pub(crate) fn area_within(patch: &RationalPatch, region: &Aabb) -> f64 {
 
 /// The area of a patch by a grid of area elements, only where `inside` holds.
 fn area_where(patch: &RationalPatch, inside: impl Fn(Point3) -> bool) -> f64 {
-    let at = |i: usize| (i as f64 + 0.5) / ELEMENTS as f64;
     let mut sum = 0.0;
-    for i in 0..ELEMENTS {
-        for j in 0..ELEMENTS {
-            let t = patch.tangents(at(i), at(j));
-            if inside(t.point) {
-                let n = t.normal();
-                sum += dot(n, n).sqrt();
-            }
+    for (u, v) in middles(ELEMENTS) {
+        let t = patch.tangents(u, v);
+        if inside(t.point) {
+            let n = t.normal();
+            sum += dot(n, n).sqrt();
         }
     }
     sum / (ELEMENTS * ELEMENTS) as f64

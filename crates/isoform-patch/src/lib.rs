@@ -52,6 +52,7 @@ mod null;
 mod objective;
 mod options;
 mod parameterized;
+mod places;
 mod quadric;
 mod single;
 mod singular;

@@ -7,6 +7,7 @@
 
 use crate::normal_form::Diagonal;
 use crate::null::null;
+use crate::places::{grid, normalized};
 use crate::torus::torus;
 use isoform_geom::{
     NormalForm, Point3, Quadric, QuadricKind, RationalPatch, Tangents, dot, norm, sub,
@@ -40,9 +41,7 @@ const SAME: f64 = 1e-8;
 /// assert_eq!(quadric(&saddle).map(|q| q.name()), Some("hyperbolic paraboloid"));
 /// ```
 pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
-    let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
-    let places = (0..SAMPLES * SAMPLES).map(|k| (at(k / SAMPLES), at(k % SAMPLES)));
-    let samples: Vec<Tangents> = places.map(|(u, v)| patch.tangents(u, v)).collect();
+    let samples: Vec<Tangents> = grid(SAMPLES).map(|(u, v)| patch.tangents(u, v)).collect();
     let points: Vec<Point3> = samples.iter().map(|t| t.point).collect();
     let frame = Frame::of(&points)?;
     let local: Vec<Point3> = points.iter().map(|p| frame.local(*p)).collect();
@@ -60,11 +59,7 @@ pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
         let named = equation.of_revolution(&frame);
         return named.or_else(|| Some(equation.by_normal_form(&frame)));
     }
-    let normals: Vec<Point3> = samples
-        .iter()
-        .map(|t| t.normal())
-        .map(|n| n.map(|v| v / norm(n)))
-        .collect();
+    let normals: Vec<Point3> = samples.iter().map(|t| normalized(t.normal())).collect();
     Some(frame.torus_out(torus(&local, &normals)?))
 }
 

@@ -1,10 +1,11 @@
 //! Patches made longer or shorter at their four sides u = 0, u = 1, v = 0 and v = 1, which are
 //! numbered 0 to 3.
 
+use crate::places::grid;
 use isoform_geom::RationalPatch;
 
-/// Places in each direction, less one, at which weights are looked at.
-const BALANCE_SAMPLES: usize = 6;
+/// Places in each direction at which weights are looked at.
+const BALANCE_SAMPLES: usize = 7;
 
 /// The parameters of the place at `t` along a side and `e` beyond it.
 #[inline]
@@ -36,13 +37,10 @@ pub(crate) fn longer(patch: &RationalPatch, by: [f64; 4]) -> RationalPatch {
 /// A patch with control points scaled so that the least and the largest weight are as far from 1,
 /// where J is least or nearly so. Its points stay where they are.
 pub(crate) fn balanced(mut patch: RationalPatch) -> RationalPatch {
-    let at = |i: usize| i as f64 / BALANCE_SAMPLES as f64;
     let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
-    for i in 0..=BALANCE_SAMPLES {
-        for j in 0..=BALANCE_SAMPLES {
-            let w = patch.homogeneous(at(i), at(j))[0][3];
-            (lo, hi) = (lo.min(w), hi.max(w));
-        }
+    for (u, v) in grid(BALANCE_SAMPLES) {
+        let w = patch.homogeneous(u, v)[0][3];
+        (lo, hi) = (lo.min(w), hi.max(w));
     }
     let middle = 0.5 * (lo + hi);
     if lo > 0.0 && middle.is_finite() {

@@ -3,7 +3,8 @@
 //! A *seed* is a point of the surface with a frame of its tangent plane; a *ridge* is where the
 //! largest curvature is largest along its own direction.
 
-use crate::Error;
+use crate::options::Error;
+use crate::places::{contains, moved};
 use isoform_geom::{Aabb, Field, Point3, across, cross, dot, norm};
 use isoform_num::Jet2;
 
@@ -80,11 +81,6 @@ impl Random {
     }
 }
 
-/// Whether a point lies in a box, boundary included.
-pub(crate) fn contains(region: &Aabb, p: Point3) -> bool {
-    (0..3).all(|k| region.lo[k] <= p[k] && p[k] <= region.hi[k])
-}
-
 /// The point that Newton's method along the gradient leads to; none where it does not come to the
 /// surface.
 pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Point3> {
@@ -120,7 +116,7 @@ fn has_stalled(step: f64, last: f64, scale: f64) -> bool {
 /// Where the line p + t d meets the surface near t = 0; none where Newton's method leaves |t| ≤
 /// `reach`.
 pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64) -> Option<Point3> {
-    let at = |t: f64| -> Point3 { std::array::from_fn(|k| p[k] + t * d[k]) };
+    let at = |t: f64| moved(p, t, d);
     let (mut t, mut last) = (0.0, f64::INFINITY);
     for _ in 0..STEPS {
         let j = field.jet(at(t));
@@ -245,7 +241,7 @@ impl Curved {
     /// The point a step away to either side, if the surface is more curved there.
     fn more_curved(&self, field: &dyn Field, step: f64, scale: f64) -> Option<Self> {
         [-step, step].into_iter().find_map(|s| {
-            let p = std::array::from_fn(|k| self.point[k] + s * self.along[k]);
+            let p = moved(self.point, s, self.along);
             let there = Self::at(field, project(field, p, scale)?, scale)?;
             (there.curvature > self.curvature).then_some(there)
         })

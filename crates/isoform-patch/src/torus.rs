@@ -7,6 +7,7 @@
 
 use crate::least_squares::damped_least_squares;
 use crate::null::null;
+use crate::places::{moved, normalized};
 use isoform_geom::{Point3, Quadric, across, cross, dot, norm, sub};
 
 /// The error of normals: some digits more than that of points.
@@ -26,7 +27,7 @@ pub(crate) fn torus(points: &[Point3], normals: &[Point3]) -> Option<Quadric> {
     let circle = Circle::of_meridian(points, &axis)?;
     let height = circle.height;
     let start = Torus {
-        center: std::array::from_fn(|k| axis.foot[k] + height * axis.direction[k]),
+        center: moved(axis.foot, height, axis.direction),
         axis: axis.direction,
         major: circle.out,
         minor: circle.radius,
@@ -146,7 +147,7 @@ impl Torus {
     fn move_by(&mut self, by: &[f64], [x, y]: [Point3; 2]) {
         let axis = self.axis;
         let tilted: Point3 = std::array::from_fn(|k| axis[k] - by[3] * x[k] - by[4] * y[k]);
-        self.axis = tilted.map(|v| v / norm(tilted));
+        self.axis = normalized(tilted);
         self.center = std::array::from_fn(|k| self.center[k] - by[k]);
         (self.major, self.minor) = (self.major - by[5], self.minor - by[6]);
     }

@@ -3,7 +3,8 @@
 use super::Depth;
 use super::rounds::Work;
 use crate::depth::{Proof, Question, Sheet, prove};
-use crate::surface::{contains, project};
+use crate::places::{contains, wider};
+use crate::surface::project;
 use isoform_geom::{Aabb, Point3};
 
 /// Proofs of the margin, with patches for what the one before left open in between.
@@ -56,10 +57,7 @@ impl Work<'_> {
         let more = CORNER * self.region.diagonal();
         let question = Question {
             field: self.whole.field(0),
-            region: Aabb {
-                lo: self.region.lo.map(|v| v - more),
-                hi: self.region.hi.map(|v| v + more),
-            },
+            region: wider(&self.region, more),
             depth: margin,
             singular: if is_left_out { &self.singular } else { &[] },
             apart: self.apart,

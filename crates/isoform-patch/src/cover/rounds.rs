@@ -5,9 +5,10 @@ use crate::depth::Border;
 use crate::feet::reached;
 use crate::options::{Covering, Error, Options};
 use crate::parameterized::Parameterized;
+use crate::places::{contains, wider};
 use crate::single;
 use crate::singular::{self, Avoided};
-use crate::surface::{Random, contains, project};
+use crate::surface::{Random, project};
 use crate::whole::{NearSingular, On, Whole};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, distance_squared, norm, sub};
@@ -78,10 +79,7 @@ impl<'w> Work<'w> {
         let mut work = Self {
             whole,
             options: Options {
-                region: Aabb {
-                    lo: region.lo.map(|v| v - beyond),
-                    hi: region.hi.map(|v| v + beyond),
-                },
+                region: wider(&region, beyond),
                 ..*options
             },
             region,

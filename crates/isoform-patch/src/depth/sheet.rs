@@ -2,6 +2,7 @@
 
 use super::border::Border;
 use crate::feet::step_to_foot;
+use crate::places::middles;
 use isoform_geom::{Aabb, Point3, RationalPatch, distance_squared, dot, norm, sub};
 
 /// Places of a patch in each direction from which feet are sought.
@@ -32,9 +33,7 @@ impl<'p> Sheet<'p> {
     /// None where control weights are not positive.
     pub(crate) fn new(patch: &'p RationalPatch, bound: f64, depth: f64) -> Option<Self> {
         let region = patch.control_box()?;
-        let at = |i: usize| (i as f64 + 0.5) / GRID as f64;
-        let starts: Vec<((f64, f64), Point3)> = (0..GRID * GRID)
-            .map(|k| (at(k / GRID), at(k % GRID)))
+        let starts: Vec<((f64, f64), Point3)> = middles(GRID)
             .map(|(u, v)| ((u, v), patch.point(u, v)))
             .collect();
         let apart = |k: usize| norm(sub(starts[k].1, starts[k + 1].1));

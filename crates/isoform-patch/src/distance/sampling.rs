@@ -1,5 +1,6 @@
 //! Sampled distances: foot points by Newton's method along gradients.
 
+use crate::places::grid;
 use crate::surface::ON_SURFACE;
 use crate::whole::Whole;
 use isoform_geom::{Field, Point3, RationalPatch, norm, sub};
@@ -7,6 +8,8 @@ use isoform_num::Jet2;
 
 /// Newton steps towards the surface.
 const STEPS: usize = 25;
+/// Samples in each direction of the largest coordinate.
+const COORDINATES: usize = 9;
 /// Corrections of foot points.
 const CORRECTIONS: usize = 2;
 
@@ -117,8 +120,6 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
 
 /// The largest coordinate of a patch, by samples: control points may be far away.
 pub(super) fn largest_coordinate(patch: &RationalPatch) -> f64 {
-    const N: usize = 9;
-    let at = |i: usize| i as f64 / (N - 1) as f64;
-    let all = (0..N * N).flat_map(|k| patch.point(at(k / N), at(k % N)));
+    let all = grid(COORDINATES).flat_map(|(u, v)| patch.point(u, v));
     all.fold(0.0, |m, v| m.max(v.abs()))
 }

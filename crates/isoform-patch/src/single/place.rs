@@ -6,6 +6,7 @@ use crate::feet::reached;
 use crate::grow::{Pace, Start};
 use crate::options::{Error, Options};
 use crate::parameterized::{Clock, Parameterized};
+use crate::places::{contains, normalized};
 use crate::surface::{self, Seed};
 use crate::whole::{On, Whole};
 use isoform_control::Control;
@@ -33,8 +34,8 @@ pub(super) fn nearest(whole: &Whole<'_>, p: Point3, options: &Options) -> Option
     let scale = options.region.diagonal();
     let mut best: Option<(f64, Place)> = None;
     for part in 0..whole.len() {
-        let foot = surface::project(whole.field(part), p, scale)
-            .filter(|q| surface::contains(&options.region, *q));
+        let foot =
+            surface::project(whole.field(part), p, scale).filter(|q| contains(&options.region, *q));
         let Some(point) = foot.filter(|q| whole.is_on(part, *q, scale)) else {
             continue;
         };
@@ -178,9 +179,9 @@ fn comes_to(made: &Parameterized, point: Point3, options: &Options) -> bool {
 
 /// Tangents turned into the plane with a normal.
 fn in_plane(tangents: [Point3; 2], normal: Point3) -> [Point3; 2] {
-    let n = normal.map(|v| v / norm(normal));
+    let n = normalized(normal);
     let d = dot(tangents[0], n);
     let t: Point3 = std::array::from_fn(|k| tangents[0][k] - d * n[k]);
-    let t = t.map(|v| v / norm(t));
+    let t = normalized(t);
     [t, cross(n, t)]
 }

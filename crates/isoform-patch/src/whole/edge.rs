@@ -1,6 +1,7 @@
 //! Edges of parts: how far a place is beyond one, and where the nearest one is.
 
 use super::{NO_DISTANCE, On, Part, Whole};
+use crate::places::{moved, normalized};
 use isoform_geom::{Aabb, Field, Point3, cross, dot, norm, sub};
 
 /// Where it is looked on which side of an edge a part is, in the scale given.
@@ -124,7 +125,7 @@ impl<'f> Whole<'f> {
         let across = cross(f, cross(f, g));
         let step = ASIDE * scale / norm(across);
         let is_there = |sign: f64| {
-            let p: Point3 = std::array::from_fn(|k| q[k] + sign * step * across[k]);
+            let p = moved(q, sign * step, across);
             self.parts[self.first_order(p).1].function == own.function
         };
         is_there(1.0) != is_there(-1.0)
@@ -179,7 +180,7 @@ impl<'f> On<'f> {
             return None;
         }
         let t = t.map(|v| v / length);
-        let n = f.map(|v| v / norm(f));
+        let n = normalized(f);
         let inward = cross(n, t);
         // The side on which the part is: by the place, or by where the part counts.
         let sign = if dot(inward, sub(towards, at)) < 0.0 {

@@ -1,6 +1,7 @@
 //! An octree over the region, whose cells know which parts may decide in them.
 
 use super::Whole;
+use crate::places::wider_by_share;
 use isoform_geom::{Aabb, Csg};
 use isoform_num::Interval;
 use std::collections::BTreeSet;
@@ -71,11 +72,7 @@ impl Cell {
 
 /// The box of the octree for a region.
 pub(super) fn around(region: &Aabb) -> Aabb {
-    let more = region.size().map(|s| MARGIN * s);
-    Aabb {
-        lo: std::array::from_fn(|k| region.lo[k] - more[k]),
-        hi: std::array::from_fn(|k| region.hi[k] + more[k]),
-    }
+    wider_by_share(region, MARGIN)
 }
 
 /// Cells; the root is the first one.

@@ -2,8 +2,8 @@
 
 use super::super::{Growth, SPILL};
 use super::{Look, SAMPLES, Side, bisected, evenly, neighbours};
+use crate::places::contains;
 use crate::stretch::{balanced, beside, extended};
-use crate::surface::contains;
 use isoform_geom::{Aabb, RationalPatch};
 
 /// Samples along a side where nothing must lie between them.
