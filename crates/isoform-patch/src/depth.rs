@@ -167,7 +167,8 @@ enum Course {
 
 /// What the patches are to a cell.
 struct Nearness {
-    /// Those in which its middle is deep enough, the deepest first, with the parameters of its foot.
+    /// Those in which its middle is deep enough, the deepest first, with the parameters of its
+    /// foot.
     deep: Vec<(usize, (f64, f64))>,
     /// Whether no point of the cell lies deep enough in one.
     is_hopeless: bool,

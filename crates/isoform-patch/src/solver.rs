@@ -134,7 +134,8 @@ impl Minimiser {
         None
     }
 
-    /// Nielsen's rule: damping falls or rises by how well the quadratic model foretold the decrease.
+    /// Nielsen's rule: damping falls or rises by how well the quadratic model foretold the
+    /// decrease.
     fn relax(&mut self, decrease: f64, expected: f64) {
         let gain = decrease / expected.max(f64::MIN_POSITIVE);
         let factor = (1.0 - (2.0 * gain.clamp(0.0, 1.0) - 1.0).powi(3)).clamp(0.1, 2.0);

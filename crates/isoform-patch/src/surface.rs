@@ -31,7 +31,8 @@ const RIDGE_FAR: f64 = 20.0;
 /// as in a box far from the origin. A larger value would end before the surface, a smaller one miss
 /// the surface in boxes a million times as far away as they are large.
 const STALLED: f64 = 1e-8;
-/// A step of at least this share of the one before is no shorter: at self-intersections steps halve.
+/// A step of at least this share of the one before is no shorter: at self-intersections steps
+/// halve.
 const SHORTER: f64 = 0.9;
 /// The sine of the angle between a line and the surface below which the line is nearly in it, and
 /// the foot point along it not decided.

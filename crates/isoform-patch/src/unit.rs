@@ -16,8 +16,8 @@ use isoform_num::{Interval, Jet2, Jet3, Real};
 use std::ops::Deref;
 use std::sync::Arc;
 
-/// The part of a tolerance that is left for the rounding of coordinates on their way out of the unit
-/// box, in units of the largest one: twice what is rounded.
+/// The part of a tolerance that is left for the rounding of coordinates on their way out of the
+/// unit box, in units of the largest one: twice what is rounded.
 const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
 
 /// A place p of the unit box is at `center` + `edge` p in space.

@@ -10,7 +10,7 @@ use crate::whole::Whole;
 use isoform_geom::{Aabb, Point3, RationalPatch, norm};
 
 /// The error of one level of de Casteljau's algorithm, in the largest homogeneous coordinate of the
-/// whole patch: half a unit in the last place of each of three coordinates, 1.8 > √3.
+/// whole patch: half a unit in the last place of each of three coordinates, as 1.8 > √3.
 const SUBDIVISION: f64 = 0.5 * 1.8 * f64::EPSILON;
 /// Levels that stand for all other roundings of a cell's points.
 const OTHER_LEVELS: f64 = 16.0;

@@ -156,8 +156,8 @@ impl Whole<'_> {
     }
 }
 
-/// A tree without what does not change its sign where the pieces have these ranges, or its sign: true if it is
-/// positive.
+/// A tree without what does not change its sign where the pieces have these ranges; an error with
+/// its sign, true if it is positive, where the whole tree does not change it.
 fn narrowed(tree: &Csg, range: &impl Fn(u32) -> Interval) -> Result<Csg, bool> {
     let (children, is_min) = match tree {
         Csg::Piece(i) => {
