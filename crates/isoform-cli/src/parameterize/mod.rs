@@ -14,8 +14,8 @@ use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use isoform::geom::{Aabb, Point3};
 use isoform::io::STEP_UNITS;
 use isoform::patch::{
-    self, Control, Covering, Depth, Error, Method, Options, Parameterized, cover, cover_parts, parameterize,
-    parameterize_part,
+    self, Control, Covering, Depth, Error, Method, Options, Parameterized, cover, cover_parts,
+    parameterize, parameterize_part,
 };
 use std::path::PathBuf;
 use std::time::Instant;
