@@ -6,7 +6,7 @@
 
 use isoform_field::Polynomial;
 use isoform_geom::Aabb;
-use isoform_patch::{Options, parameterize};
+use isoform_patch::{Control, Options, parameterize};
 use std::time::Instant;
 
 type Term = ([u16; 3], f64);
@@ -83,7 +83,7 @@ fn main() {
                         },
                     )
                 };
-                let Ok(made) = parameterize(&field, &options) else {
+                let Ok(made) = parameterize(&field, &options, &Control::default()) else {
                     continue;
                 };
                 let i = made.grown.terms.i;

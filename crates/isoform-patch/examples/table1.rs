@@ -7,7 +7,7 @@
 
 use isoform_field::Polynomial;
 use isoform_geom::Aabb;
-use isoform_patch::{Method, Options, Phase, parameterize};
+use isoform_patch::{Control, Method, Options, Phase, parameterize};
 use std::time::Instant;
 
 type Terms = Vec<([u16; 3], f64)>;
@@ -140,7 +140,7 @@ fn main() {
             )
         };
         let clock = Instant::now();
-        match parameterize(&field, &options) {
+        match parameterize(&field, &options, &Control::default()) {
             Ok(made) => {
                 let (g, (m, n)) = (&made.grown, degree);
                 let bound = made

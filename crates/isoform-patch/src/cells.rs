@@ -1,4 +1,6 @@
 //! Cells: parts of a patch by halving, on which proofs go.
+//!
+//! A *net* is the control points of a patch, row by row: (i, j) at i (n + 1) + j.
 
 use isoform_geom::{Point3, RationalPatch, norm, sub};
 
@@ -53,26 +55,29 @@ pub(crate) fn parts(
     in_u: bool,
     in_v: bool,
 ) -> Vec<(RationalPatch, Place)> {
-    let degree = patch.degree();
-    let mean = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|d| 0.5 * (a[d] + b[d]));
-    let of = |upper_u: bool, upper_v: bool| {
-        let mut part = patch.clone();
-        let mut place = place;
-        if in_v {
-            halve_net(part.control_mut(), degree, false, upper_v, mean);
-            place[1] = half_of(place[1], upper_v);
-        }
-        if in_u {
-            halve_net(part.control_mut(), degree, true, upper_u, mean);
-            place[0] = half_of(place[0], upper_u);
-        }
-        (part, place)
-    };
     let all = [(false, false), (false, true), (true, false), (true, true)];
     all.into_iter()
         .filter(|(u, v)| (in_u || !u) && (in_v || !v))
-        .map(|(u, v)| of(u, v))
+        .map(|(u, v)| {
+            let (mut part, mut place) = (patch.clone(), place);
+            if in_v {
+                halve(&mut part, &mut place, false, v);
+            }
+            if in_u {
+                halve(&mut part, &mut place, true, u);
+            }
+            (part, place)
+        })
         .collect()
+}
+
+/// Replaces a patch by its lower or upper half in u or v.
+fn halve(patch: &mut RationalPatch, place: &mut Place, in_u: bool, upper: bool) {
+    let degree = patch.degree();
+    let mean = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|d| 0.5 * (a[d] + b[d]));
+    halve_net(patch.control_mut(), degree, in_u, upper, mean);
+    let range = &mut place[usize::from(!in_u)];
+    *range = half_of(*range, upper);
 }
 
 /// The lower or upper half of a range.
@@ -90,15 +95,19 @@ pub(crate) fn halve_net<T: Copy>(
     mean: impl Fn(T, T) -> T,
 ) {
     if in_u {
-        (0..=n).for_each(|j| halve(net, j, (n + 1, m), upper, &mean));
+        for j in 0..=n {
+            halve_row(net, j, (n + 1, m), upper, &mean);
+        }
     } else {
-        (0..=m).for_each(|i| halve(net, i * (n + 1), (1, n), upper, &mean));
+        for i in 0..=m {
+            halve_row(net, i * (n + 1), (1, n), upper, &mean);
+        }
     }
 }
 
 /// Replaces the Bézier points at `first`, `first + step`, … of degree n by those of the lower or
 /// the upper half, by means of two.
-fn halve<T: Copy>(
+fn halve_row<T: Copy>(
     net: &mut [T],
     first: usize,
     (step, n): (usize, usize),

@@ -6,7 +6,7 @@
 
 use isoform_geom::{RationalPatch, Terms};
 
-/// Compositions of higher degrees than this are not looked at: they cost much, and rounding grows
+/// The highest degree of a composition that is looked at: higher ones cost much, and rounding grows
 /// with the degree.
 const MOST_DEGREE: usize = 32;
 
@@ -49,6 +49,14 @@ impl Scaled {
             roundings: 4,
         }
     }
+    /// The powers from 0 to d.
+    fn powers(&self, d: usize) -> Vec<Self> {
+        let mut list = vec![Self::one()];
+        for i in 0..d {
+            list.push(list[i].times(self));
+        }
+        list
+    }
     fn times(&self, other: &Self) -> Self {
         let ((m, n), (k, l)) = (self.degree, other.degree);
         let mut values = vec![[0.0; 2]; (m + k + 1) * (n + l + 1)];
@@ -77,49 +85,47 @@ pub(crate) fn binomial(n: usize, k: usize) -> f64 {
 /// A bound on |F| over a patch for F = Σ c xⁱyʲzᵏ, rounding included; none for too high a degree or
 /// a control weight that is not positive.
 pub(crate) fn largest(terms: &Terms<'_>, patch: &RationalPatch) -> Option<f64> {
-    let d = terms
-        .list
-        .iter()
-        .map(|(e, _)| e.iter().map(|v| usize::from(*v)).sum())
-        .max()?;
+    let degree = |e: &[u16; 3]| e.iter().map(|v| usize::from(*v)).sum::<usize>();
+    let d = terms.list.iter().map(|(e, _)| degree(e)).max()?;
     let (m, n) = patch.degree();
     if d * m.max(n) > MOST_DEGREE || patch.control_weights().0 <= 0.0 {
         return None;
     }
-    let powers: [Vec<Scaled>; 4] = std::array::from_fn(|k| {
-        let base = Scaled::coordinate(patch, k, terms);
-        let mut list = vec![Scaled::one()];
-        for i in 0..d {
-            list.push(list[i].times(&base));
-        }
-        list
-    });
-    let mut sums = vec![[0.0; 2]; (d * m + 1) * (d * n + 1)];
-    let mut roundings = 0;
+    let powers: [Vec<Scaled>; 4] =
+        std::array::from_fn(|k| Scaled::coordinate(patch, k, terms).powers(d));
+    let composed = composed(terms, &powers, d);
+    let whole = &powers[3][d];
+    let roundings = composed.roundings.max(whole.roundings) + terms.list.len() + 2;
+    let rounding = roundings as f64 * f64::EPSILON;
+    let quotient = |(sum, w): (&[f64; 2], &[f64; 2])| {
+        (sum[0].abs() + rounding * sum[1]) / (w[0] * (1.0 - rounding))
+    };
+    let quotients = composed.values.iter().zip(&whole.values).map(quotient);
+    let most = quotients.fold(0.0, f64::max) * (1.0 + 1e-12);
+    most.is_finite().then_some(most)
+}
+
+/// w^d F(x/w, y/w, z/w), of powers of X, Y, Z and w.
+fn composed(terms: &Terms<'_>, powers: &[Vec<Scaled>; 4], d: usize) -> Scaled {
+    let whole = &powers[3][d];
+    let mut sum = Scaled {
+        degree: whole.degree,
+        values: vec![[0.0; 2]; whole.values.len()],
+        roundings: 0,
+    };
     for (e, c) in terms.list {
         let [i, j, k] = e.map(usize::from);
         let product = powers[0][i]
             .times(&powers[1][j])
             .times(&powers[2][k])
             .times(&powers[3][d - i - j - k]);
-        for (sum, v) in sums.iter_mut().zip(&product.values) {
+        for (sum, v) in sum.values.iter_mut().zip(&product.values) {
             sum[0] += c * v[0];
             sum[1] += (c * v[1]).abs();
         }
-        roundings = roundings.max(product.roundings);
+        sum.roundings = sum.roundings.max(product.roundings);
     }
-    let whole = &powers[3][d];
-    let rounding = (roundings.max(whole.roundings) + terms.list.len() + 2) as f64 * f64::EPSILON;
-    let quotient = |(sum, w): (&[f64; 2], &[f64; 2])| {
-        (sum[0].abs() + rounding * sum[1]) / (w[0] * (1.0 - rounding))
-    };
-    let most = sums
-        .iter()
-        .zip(&whole.values)
-        .map(quotient)
-        .fold(0.0, f64::max)
-        * (1.0 + 1e-12);
-    most.is_finite().then_some(most)
+    sum
 }
 
 #[cfg(test)]

@@ -13,166 +13,34 @@
 //! by no more than they are apart, that of the cell's middle less its radius is a bound. What fails
 //! is divided.
 
-use crate::cells::halve_net;
-use crate::cover::side_by_side;
-use crate::feet::step_to_foot;
-use isoform_geom::{
-    Aabb, Field, Point3, RationalPatch, cross, distance_to_segment, dot, norm, sub,
-};
-use isoform_num::{Interval, Real};
+mod border;
+mod krawczyk;
+mod sheet;
 
-/// Pieces of a border are halved until they are this straight, in the depth asked for: less is
-/// lost.
-const STRAIGHT: f64 = 0.01;
-/// Halvings of a border, at most.
-const MOST_HALVINGS: usize = 8;
+pub(crate) use border::Border;
+pub(crate) use sheet::Sheet;
+
+use crate::places::wider;
+use border::STRAIGHT;
+use isoform_control::Control;
+use isoform_geom::{Aabb, Field, Point3, norm, sub};
+use isoform_num::{Interval, Real};
+use krawczyk::across;
+use rayon::prelude::*;
+
 /// Cells smaller than this, in the depth asked for, are not divided.
 const SMALLEST: f64 = 1.0 / 64.0;
 /// Cells smaller than this no point of which lies deep in a patch are not divided; larger ones may
 /// hold none of the surface.
 const SMALL: f64 = 0.25;
-/// The places of W may be so many times as far from the known one as a linear patch would need.
-const WIDER: f64 = 1.5;
-/// W must hold what Krawczyk's operator makes of it with this share to spare: ten thousand times
-/// what is rounded on the way on the smallest cells of any use.
-const TO_SPARE: f64 = 1e-6;
-/// A patch may be so many times its proved distance away from a point along n; on cells where that
-/// is more the normal turns too much.
+/// A patch may be this many times its proved distance away from a point along n; on cells where
+/// that is more the normal turns too much.
 const FARTHER: f64 = 1.5;
-/// Places of a patch in each direction from which feet are sought.
-const GRID: usize = 16;
-/// Newton steps towards a foot.
-const STEPS: usize = 8;
-/// The region is divided into so many blocks in each direction, for threads.
+/// Blocks in each direction into which the region is divided, for threads; fixed, so that the
+/// result does not depend on their number.
 const BLOCKS: usize = 4;
 /// Places that are told where a proof fails, in each block.
 const MOST_OPEN: usize = 2000;
-
-/// A piece of a border: no point of it is farther than `off` from the line between two points.
-#[derive(Clone, Copy, Debug)]
-struct Piece {
-    ends: [Point3; 2],
-    off: f64,
-}
-
-impl Piece {
-    /// A lower bound of its distance from a point.
-    fn distance(&self, p: Point3) -> f64 {
-        let [a, b] = self.ends;
-        distance_to_segment(p, [a, b]) - self.off
-    }
-}
-
-/// The four borders of a patch with positive control weights.
-#[derive(Clone, Debug)]
-pub(crate) struct Border(Vec<Piece>);
-
-impl Border {
-    /// As pieces that are straight to a share of the depth.
-    pub(crate) fn new(patch: &RationalPatch, depth: f64) -> Self {
-        let (m, n) = patch.degree();
-        let control = patch.control();
-        let along_v = |i: usize| control[i * (n + 1)..][..n + 1].to_vec();
-        let along_u = |j: usize| (0..=m).map(|i| control[i * (n + 1) + j]).collect();
-        let mut pieces = Vec::new();
-        for curve in [along_v(0), along_v(m), along_u(0), along_u(n)] {
-            divide(curve, STRAIGHT * depth, 0, &mut pieces);
-        }
-        Self(pieces)
-    }
-
-    /// A lower bound of the distance of a point from the border.
-    pub(crate) fn distance(&self, p: Point3) -> f64 {
-        (self.0.iter()).fold(f64::INFINITY, |least, piece| least.min(piece.distance(p)))
-    }
-}
-
-/// Adds a curve as pieces; its points lie in the hull of its control points.
-fn divide(curve: Vec<[f64; 4]>, straight: f64, halvings: usize, pieces: &mut Vec<Piece>) {
-    let points: Vec<Point3> = (curve.iter())
-        .map(|c| [c[0] / c[3], c[1] / c[3], c[2] / c[3]])
-        .collect();
-    let ends = [points[0], points[points.len() - 1]];
-    let off = (points.iter())
-        .map(|p| distance_to_segment(*p, ends))
-        .fold(0.0, f64::max);
-    if off <= straight || halvings == MOST_HALVINGS {
-        // Coordinates are rounded in each halving, and distances.
-        let size = points
-            .as_flattened()
-            .iter()
-            .fold(0.0f64, |m, v| m.max(v.abs()));
-        let off = off * (1.0 + 1e-9) + 1e-13 * size;
-        pieces.push(Piece { ends, off });
-        return;
-    }
-    let mean = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|k| 0.5 * (a[k] + b[k]));
-    for upper in [false, true] {
-        let mut half = curve.clone();
-        halve_net(&mut half, (0, curve.len() - 1), false, upper, mean);
-        divide(half, straight, halvings + 1, pieces);
-    }
-}
-
-/// A patch that points may lie in.
-pub(crate) struct Sheet<'p> {
-    patch: &'p RationalPatch,
-    /// Its proved distance from the surface.
-    bound: f64,
-    border: Border,
-    /// It lies in this box.
-    region: Aabb,
-    /// Places from which feet are sought, with how far apart they are.
-    starts: Vec<((f64, f64), Point3)>,
-    apart: f64,
-}
-
-impl<'p> Sheet<'p> {
-    /// None where control weights are not positive.
-    pub(crate) fn new(patch: &'p RationalPatch, bound: f64, depth: f64) -> Option<Self> {
-        let region = patch.control_box()?;
-        let at = |i: usize| (i as f64 + 0.5) / GRID as f64;
-        let starts: Vec<((f64, f64), Point3)> = (0..GRID * GRID)
-            .map(|k| (at(k / GRID), at(k % GRID)))
-            .map(|(u, v)| ((u, v), patch.point(u, v)))
-            .collect();
-        let apart = |k: usize| norm(sub(starts[k].1, starts[k + 1].1));
-        let apart = (0..GRID * GRID - 1).map(apart).fold(0.0, f64::max);
-        Some(Self {
-            patch,
-            bound,
-            border: Border::new(patch, depth),
-            region,
-            starts,
-            apart,
-        })
-    }
-
-    /// The parameters of a place of the patch near a point; none where that is not within `reach`.
-    fn foot(&self, p: Point3, reach: f64) -> Option<(f64, f64)> {
-        let far = reach + self.bound;
-        let is_near = |k: usize| self.region.lo[k] - far <= p[k] && p[k] <= self.region.hi[k] + far;
-        if !(0..3).all(is_near) {
-            return None;
-        }
-        let distance = |q: &Point3| isoform_geom::distance_squared(*q, p);
-        let nearest =
-            (self.starts.iter()).min_by(|a, b| distance(&a.1).total_cmp(&distance(&b.1)))?;
-        if distance(&nearest.1).sqrt() > far + 4.0 * self.apart {
-            return None;
-        }
-        let (mut u, mut v) = nearest.0;
-        for _ in 0..STEPS {
-            let t = self.patch.tangents(u, v);
-            let (du, dv) = step_to_foot(&t, sub(p, t.point));
-            (u, v) = ((u + du).clamp(0.0, 1.0), (v + dv).clamp(0.0, 1.0));
-            if du * du * dot(t.u, t.u) + dv * dv * dot(t.v, t.v) <= 1e-6 * reach * reach {
-                break;
-            }
-        }
-        (norm(sub(self.patch.point(u, v), p)) <= far).then_some((u, v))
-    }
-}
 
 /// What has been proved of the depth of a surface in patches.
 #[derive(Clone, Debug, Default)]
@@ -205,31 +73,13 @@ enum Outcome {
     Open,
 }
 
-/// Tries to prove that every point of the surface in a region is so deep inside of some patch.
-/// `stop` is asked in between; where it ends the proof, what is left counts as open.
-pub(crate) fn prove(
-    question: &Question<'_>,
-    sheets: &[Sheet<'_>],
-    threads: usize,
-    stop: &(dyn Fn() -> bool + Sync),
-) -> Proof {
-    let Aabb { lo, hi } = question.region;
-    let blocks = side_by_side(BLOCKS.pow(3), threads, &|block| {
-        let part = [
-            block % BLOCKS,
-            block / BLOCKS % BLOCKS,
-            block / BLOCKS / BLOCKS,
-        ];
-        let at = |k: usize, i: usize| match i {
-            BLOCKS => hi[k],
-            i => lo[k] + (hi[k] - lo[k]) * i as f64 / BLOCKS as f64,
-        };
-        let block = Aabb {
-            lo: std::array::from_fn(|k| at(k, part[k])),
-            hi: std::array::from_fn(|k| at(k, part[k] + 1)),
-        };
-        prove_block(question, sheets, block, stop)
-    });
+/// Tries to prove that every point of the surface in a region is as deep inside of some patch as
+/// asked for. Where the control ends the proof, what is left counts as open.
+pub(crate) fn prove(question: &Question<'_>, sheets: &[Sheet<'_>], control: &Control<'_>) -> Proof {
+    let blocks: Vec<Proof> = (0..BLOCKS.pow(3))
+        .into_par_iter()
+        .map(|number| prove_block(question, sheets, block(&question.region, number), control))
+        .collect();
     let mut all = Proof::default();
     for block in blocks {
         all.distance = all.distance.max(block.distance);
@@ -238,20 +88,38 @@ pub(crate) fn prove(
     all
 }
 
+/// A block of a region.
+fn block(region: &Aabb, number: usize) -> Aabb {
+    let Aabb { lo, hi } = region;
+    let part = [
+        number % BLOCKS,
+        number / BLOCKS % BLOCKS,
+        number / BLOCKS / BLOCKS,
+    ];
+    let at = |k: usize, i: usize| match i {
+        BLOCKS => hi[k],
+        i => lo[k] + (hi[k] - lo[k]) * i as f64 / BLOCKS as f64,
+    };
+    Aabb {
+        lo: std::array::from_fn(|k| at(k, part[k])),
+        hi: std::array::from_fn(|k| at(k, part[k] + 1)),
+    }
+}
+
 fn prove_block(
     question: &Question<'_>,
     sheets: &[Sheet<'_>],
     block: Aabb,
-    stop: &(dyn Fn() -> bool + Sync),
+    control: &Control<'_>,
 ) -> Proof {
     let mut proof = Proof::default();
     let mut pending = vec![block];
     while let Some(cell) = pending.pop() {
-        let radius = 0.5 * cell.diagonal();
+        let is_large = 0.5 * cell.diagonal() > SMALLEST * question.depth;
         match question.look(sheets, &cell) {
             Outcome::Empty => {}
             Outcome::Deep(distance) => proof.distance = proof.distance.max(distance),
-            Outcome::Unknown if radius > SMALLEST * question.depth && !stop() => {
+            Outcome::Unknown if is_large && !control.is_stopped() => {
                 pending.extend(halves(&cell));
             }
             Outcome::Unknown | Outcome::Open => {
@@ -282,34 +150,86 @@ fn offsets(region: &Aabb, c: Point3) -> [Interval; 3] {
     std::array::from_fn(|k| Interval::new(region.lo[k], region.hi[k]) - Interval::constant(c[k]))
 }
 
+/// Half the diagonal of a cell, rounded up: no point of it is farther from its middle.
+fn radius(cell: &Aabb) -> f64 {
+    0.5 * cell.diagonal() * (1.0 + 1e-12)
+}
+
+/// F on a cell.
+enum Course {
+    /// It vanishes nowhere.
+    Away,
+    /// It cannot be said how it goes.
+    Unknown,
+    /// It grows along the unit vector n; whether it vanishes near the middle.
+    Along { n: Point3, is_inside: bool },
+}
+
+/// What the patches are to a cell.
+struct Nearness {
+    /// Those in which its middle is deep enough, the deepest first, with the parameters of its
+    /// foot.
+    deep: Vec<(usize, (f64, f64))>,
+    /// Whether no point of the cell lies deep enough in one.
+    is_hopeless: bool,
+}
+
 impl Question<'_> {
     fn look(&self, sheets: &[Sheet<'_>], cell: &Aabb) -> Outcome {
-        let c = cell.center();
-        let radius = 0.5 * cell.diagonal() * (1.0 + 1e-12);
-        let is_within = |s: &Point3| norm(sub(*s, c)) + radius <= self.apart;
-        if !self.field.bounds(*cell).contains(0.0) || self.singular.iter().any(is_within) {
+        if self.is_left_out(cell) {
             return Outcome::Empty;
         }
+        let (n, is_inside) = match self.course(cell) {
+            Course::Away => return Outcome::Empty,
+            Course::Unknown => return Outcome::Unknown,
+            Course::Along { n, is_inside } => (n, is_inside),
+        };
+        let near = self.near(sheets, cell);
+        let mut deep = near.deep.iter();
+        let deep = deep.find_map(|(at, foot)| self.lies_in(&sheets[*at], cell, n, *foot));
+        match deep {
+            Some(distance) => Outcome::Deep(distance),
+            None if near.is_hopeless && is_inside && radius(cell) < SMALL * self.depth => {
+                Outcome::Open
+            }
+            None => Outcome::Unknown,
+        }
+    }
+
+    /// Whether a cell holds certainly none of the surface that is asked for.
+    fn is_left_out(&self, cell: &Aabb) -> bool {
+        let (c, radius) = (cell.center(), radius(cell));
+        let is_within = |s: &Point3| norm(sub(*s, c)) + radius <= self.apart;
+        !self.field.bounds(*cell).contains(0.0) || self.singular.iter().any(is_within)
+    }
+
+    fn course(&self, cell: &Aabb) -> Course {
+        let c = cell.center();
         let Some(e) = self.field.expansion(c, *cell) else {
-            return Outcome::Unknown;
+            return Course::Unknown;
         };
         let by = offsets(cell, c);
         let gradient = e.gradient_at(by);
         let value = (0..3).fold(e.value, |sum, k| sum + gradient[k] * by[k]);
         if !value.contains(0.0) {
-            return Outcome::Empty;
+            return Course::Away;
         }
         let slope = gradient.map(|g| 0.5 * g.lo() + 0.5 * g.hi());
         let length = norm(slope);
         if !(length > 0.0 && length.is_finite()) {
-            return Outcome::Unknown;
+            return Course::Unknown;
         }
-        let n = slope.map(|g| g / length);
-        // The surface passes near the middle.
-        let is_inside = e.value.lo().abs() <= 0.5 * radius * length;
-        // The deepest first. The borders' pieces are straight to a share of the depth only.
+        Course::Along {
+            n: slope.map(|g| g / length),
+            is_inside: e.value.lo().abs() <= 0.5 * radius(cell) * length,
+        }
+    }
+
+    fn near(&self, sheets: &[Sheet<'_>], cell: &Aabb) -> Nearness {
+        let (c, radius) = (cell.center(), radius(cell));
+        // The borders' pieces are straight to a share of the depth only.
         let mut is_hopeless = true;
-        let mut near: Vec<(f64, usize, (f64, f64))> = (sheets.iter().zip(0..))
+        let mut deep: Vec<(f64, usize, (f64, f64))> = (sheets.iter().zip(0..))
             .filter_map(|(sheet, at)| {
                 let foot = sheet.foot(c, radius)?;
                 let depth = sheet.border.distance(c);
@@ -317,37 +237,25 @@ impl Question<'_> {
                 (depth - radius >= self.depth).then_some((depth, at, foot))
             })
             .collect();
-        near.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        let deep =
-            (near.iter()).find_map(|(_, at, foot)| self.lies_in(&sheets[*at], cell, n, *foot));
-        match deep {
-            Some(distance) => Outcome::Deep(distance),
-            None if is_hopeless && is_inside && radius < SMALL * self.depth => Outcome::Open,
-            None => Outcome::Unknown,
+        deep.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        Nearness {
+            deep: deep.into_iter().map(|(_, at, foot)| (at, foot)).collect(),
+            is_hopeless,
         }
     }
 
     /// How far the points of the surface in a cell are from a patch at most, along n and at
     /// parameters about those of a place near the cell's middle; none where that cannot be said.
-    fn lies_in(
-        &self,
-        sheet: &Sheet<'_>,
-        cell: &Aabb,
-        n: Point3,
-        (u, v): (f64, f64),
-    ) -> Option<f64> {
+    fn lies_in(&self, sheet: &Sheet<'_>, cell: &Aabb, n: Point3, foot: (f64, f64)) -> Option<f64> {
         let c = cell.center();
-        let part = across(sheet.patch, cell, n, (u, v))?;
+        let part = across(sheet.patch, cell, n, foot)?;
         // The points of the patch there, those of the cell and all between them, and as far around
         // as the surface is from the patch.
         let mut region = part.control_box()?;
         region.add(cell.lo);
         region.add(cell.hi);
         let wide = sheet.bound * (1.0 + 1e-9);
-        let region = Aabb {
-            lo: region.lo.map(|v| v - wide),
-            hi: region.hi.map(|v| v + wide),
-        };
+        let region = wider(&region, wide);
         let gradient = self
             .field
             .expansion(c, region)?
@@ -362,107 +270,11 @@ impl Question<'_> {
     }
 }
 
-/// A part of a patch, about given parameters, that every line along n through a point of a cell
-/// meets, by Krawczyk's operator; none where that does not show it.
-fn across(
-    patch: &RationalPatch,
-    cell: &Aabb,
-    n: Point3,
-    (u, v): (f64, f64),
-) -> Option<RationalPatch> {
-    let c = cell.center();
-    let t = patch.tangents(u, v);
-    // Rows that take a vector to its share of the tangents, across n.
-    let volume = dot(n, cross(t.u, t.v));
-    if volume == 0.0 {
-        return None;
-    }
-    let rows = [cross(t.v, n), cross(n, t.u)].map(|row| row.map(|x| x / volume));
-    let half = cell.size().map(|s| 0.5 * s * (1.0 + 1e-12));
-    let off = sub(t.point, c);
-    // |A⁻¹(p − q)| at the known place for all q of the cell.
-    let first = rows.map(|row| {
-        let wide: f64 = (0..3).map(|k| row[k].abs() * half[k]).sum();
-        dot(row, off).abs() + wide
-    });
-    let [du, dv] = first.map(|f| WIDER * f);
-    let ranges = [(u - du, u + du), (v - dv, v + dv)];
-    if !(ranges.iter()).all(|r| r.0 >= 0.0 && r.1 <= 1.0 && r.0 < r.1) {
-        return None;
-    }
-    let part = patch.part(ranges[0], ranges[1]);
-    let slopes = slopes_of(&part, t.point, rows)?;
-    // With parameters from −1 to 1 about the known place: |A⁻¹(p − q)| + |1 − A⁻¹p′| ≤ 1.
-    for (k, reach) in [du, dv].into_iter().enumerate() {
-        let mut sum = first[k] / reach;
-        for l in 0..2 {
-            // The part's parameters go from 0 to 1: its derivatives are twice those wanted.
-            let share = Interval::constant(0.5 / reach) * slopes[k][l];
-            let unit = if k == l { 1.0 } else { 0.0 };
-            sum += (share.hi() - unit).max(unit - share.lo());
-        }
-        if sum.is_nan() || sum > 1.0 - TO_SPARE {
-            return None;
-        }
-    }
-    Some(part)
-}
-
-/// Ranges of the derivatives in both parameters, in the inner order, of a patch's products with
-/// vectors; `c` is near it. None where a control weight is not positive.
-fn slopes_of(patch: &RationalPatch, c: Point3, rows: [Point3; 2]) -> Option<[[Interval; 2]; 2]> {
-    let (m, n) = patch.degree();
-    let control = patch.control();
-    let (least, most) = patch.control_weights();
-    if least <= 0.0 {
-        return None;
-    }
-    let weight = Interval::new(least, most);
-    let at = |i: usize, j: usize| i * (n + 1) + j;
-    // The range of the derivative of a polynomial, by its coefficients' differences.
-    let derivative = |values: &[f64], l: usize| {
-        let range = |pairs: &mut dyn Iterator<Item = (usize, usize)>, factor: f64| {
-            let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
-            for (a, b) in pairs {
-                let d = factor * (values[b] - values[a]);
-                (lo, hi) = (lo.min(d), hi.max(d));
-            }
-            Interval::new(lo, hi)
-        };
-        let pairs = |di: usize, dj: usize| {
-            (0..=m - di)
-                .flat_map(move |i| (0..=n - dj).map(move |j| (at(i, j), at(i + di, j + dj))))
-        };
-        if l == 0 {
-            range(&mut pairs(1, 0), m as f64)
-        } else {
-            range(&mut pairs(0, 1), n as f64)
-        }
-    };
-    let weights: Vec<f64> = control.iter().map(|p| p[3]).collect();
-    let by_weight = [derivative(&weights, 0), derivative(&weights, 1)];
-    Some(rows.map(|row| {
-        let values: Vec<f64> = (control.iter())
-            .map(|p| (0..3).map(|k| row[k] * (p[k] - c[k] * p[3])).sum())
-            .collect();
-        let range = (values.iter().zip(&weights))
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (v, w)| {
-                (lo.min(v / w), hi.max(v / w))
-            });
-        // (X/w)′ = (X′ − (X/w) w′)/w.
-        let quotient = Interval::new(range.0, range.1);
-        [0, 1].map(|l| (derivative(&values, l) - quotient * by_weight[l]) / weight)
-    }))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use isoform_field::Polynomial;
-
-    fn never() -> bool {
-        false
-    }
+    use isoform_geom::RationalPatch;
 
     fn square(x: (f64, f64), y: (f64, f64)) -> RationalPatch {
         let (a, b) = (x.1 - x.0, y.1 - y.0);
@@ -484,7 +296,7 @@ mod tests {
             singular: &[],
             apart: 0.0,
         };
-        prove(&question, &sheets, 2, &never)
+        prove(&question, &sheets, &Control::default())
     }
 
     /// Two squares of a plane that overlap by 0.2: where they do, points are 0.1 deep.
@@ -518,65 +330,5 @@ mod tests {
         let proof = of(&planes, &[square((-0.7, 0.7), (-0.7, 0.7))], 0.05);
         assert!(proof.open.iter().all(|b| b.hi[2] > 0.015));
         assert!(proof.open.len() > 100);
-    }
-
-    /// A rational curve's pieces are never farther than its points, and nearly as far.
-    #[test]
-    fn pieces_of_a_border_are_as_far_as_its_points() {
-        let control = (0..16).map(|i| {
-            let (a, w) = (f64::from(i), 1.0 + 0.4 * f64::from(i * 7).sin());
-            [(a * 1.3).sin() * w, (a * 0.7).cos() * w, 0.1 * a * w, w]
-        });
-        let patch = RationalPatch::new((3, 3), control.collect()).expect("a patch");
-        let border = Border::new(&patch, 0.1);
-        for k in 0..40 {
-            let p: Point3 = std::array::from_fn(|i| f64::from(k * 3 + i as i32).sin());
-            let nearest = (0..=2000)
-                .map(|i| f64::from(i) / 2000.0)
-                .flat_map(|t| [(t, 0.0), (t, 1.0), (0.0, t), (1.0, t)])
-                .map(|(u, v)| norm(sub(patch.point(u, v), p)))
-                .fold(f64::INFINITY, f64::min);
-            let bound = border.distance(p);
-            assert!(
-                bound <= nearest && nearest - bound < 4e-3,
-                "{bound} {nearest}"
-            );
-        }
-    }
-
-    /// x′ falls from 3 to 0 at u = 0.34, where the patch turns back: a small cell is met, one that
-    /// comes near is not known to be.
-    #[test]
-    fn cells_near_a_fold_are_not_known_to_be_met() {
-        let row = |x: f64| [0.0, 0.5, 1.0].map(|y| [x, y, 0.0, 1.0]);
-        let control = [0.0, 1.0, -0.2, 0.8].map(row).concat();
-        let patch = RationalPatch::new((3, 2), control).expect("a patch");
-        let c = patch.point(0.15, 0.5);
-        let met = |half: f64| {
-            let cell = Aabb {
-                lo: [c[0] - half, c[1] - 0.01, -0.01],
-                hi: [c[0] + half, c[1] + 0.01, 0.01],
-            };
-            across(&patch, &cell, [0.0, 0.0, 1.0], (0.15, 0.5)).is_some()
-        };
-        assert!(met(0.02));
-        assert!(!met(0.12));
-    }
-
-    /// Every line through a cell inside of the patch meets it; not so beyond its border.
-    #[test]
-    fn lines_are_met_where_the_operator_says_so() {
-        let patch = square((-0.5, 0.5), (-0.5, 0.5));
-        let cell = |c: Point3, r: f64| Aabb {
-            lo: c.map(|v| v - r),
-            hi: c.map(|v| v + r),
-        };
-        let n = [0.0, 0.0, 1.0];
-        let part = across(&patch, &cell([0.1, 0.1, 0.0], 0.01), n, (0.6, 0.6)).expect("met");
-        let region = part.control_box().expect("a box");
-        assert!(region.lo[0] < 0.09 && region.hi[0] > 0.11);
-        // Too near the border, and about a place that is too far.
-        assert!(across(&patch, &cell([0.49, 0.1, 0.0], 0.01), n, (0.99, 0.6)).is_none());
-        assert!(across(&patch, &cell([0.1, 0.1, 0.0], 0.01), n, (0.2, 0.6)).is_none());
     }
 }

@@ -1,36 +1,39 @@
 //! Feet: the nearest places of a patch from points.
 
 use crate::cells::{Place, middle_of};
-use crate::surface::contains;
-use isoform_geom::{Aabb, Point3, RationalPatch, Tangents, dot, norm, sub};
+use crate::places::{contains, normalized, wider};
+use isoform_geom::{Aabb, KdTree, Point3, RationalPatch, Tangents, dot, norm, sub};
 
-/// Cells of a patch in each direction, from whose middles feet of samples are sought,
+/// Cells of a patch in each direction from whose middles feet of samples are sought.
 const GRID: usize = 32;
-/// and from those of their quarters, so often in turn, where
+/// How often cells are quartered where normals at their corners differ much: round sharp ridges
+/// Newton's method needs near starts.
 const MOST_QUARTERINGS: u32 = 4;
-/// normals at corners differ by more than 30°: round sharp ridges Newton's method needs near
-/// starts.
+/// The cosine of the angle, 30°, by which normals may differ in a cell that is not quartered.
 const ALIKE: f64 = 0.87;
 /// Newton steps towards the foot of a sample on a patch.
 const STEPS: usize = 12;
 
 /// Which points lie within `tolerance` of a patch: the foot is sought by Newton's method from the
 /// nearest of some places, which are closer together where the patch is more curved.
+///
+/// ```
+/// use isoform_geom::RationalPatch;
+/// use isoform_patch::reached;
+///
+/// let square = RationalPatch::planar((2, 2), [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+/// let points = [[0.3, 0.7, 0.009], [0.3, 0.7, 0.011], [-0.1, 0.5, 0.0]];
+/// assert_eq!(reached(&square, &points, 0.01), [true, false, false]);
+/// ```
 pub fn reached(patch: &RationalPatch, points: &[Point3], tolerance: f64) -> Vec<bool> {
-    let mut starts = Starts::default();
-    let at = |i: usize| i as f64 / GRID as f64;
-    for k in 0..GRID * GRID {
-        let (i, j) = (k / GRID, k % GRID);
-        starts.add(patch, [(at(i), at(i + 1)), (at(j), at(j + 1))], 0);
-    }
+    let starts = Starts::of(patch);
     let near = tolerance + starts.reach;
     let wide = beyond(patch, tolerance);
-    let tree = isoform_geom::KdTree::new(&starts.points);
+    let tree = KdTree::new(&starts.points);
     let reaches = |p: Point3| {
-        let Some((k, d2)) = tree.nearest(p).map(|n| (n.0, n.1)) else {
-            return false;
-        };
-        d2 <= near * near && comes_to(patch, p, starts.parameters[k], tolerance)
+        tree.nearest(p).is_some_and(|(k, d2)| {
+            d2 <= near * near && comes_to(patch, p, starts.parameters[k], tolerance)
+        })
     };
     points
         .iter()
@@ -48,10 +51,7 @@ fn beyond(patch: &RationalPatch, distance: f64) -> Aabb {
         };
     };
     // Twice as much, as quotients are rounded.
-    Aabb {
-        lo: all.lo.map(|v| v - 2.0 * distance),
-        hi: all.hi.map(|v| v + 2.0 * distance),
-    }
+    wider(&all, 2.0 * distance)
 }
 
 /// Places of a patch from which feet are sought.
@@ -64,17 +64,23 @@ struct Starts {
 }
 
 impl Starts {
+    /// The middles of cells.
+    fn of(patch: &RationalPatch) -> Self {
+        let at = |i: usize| i as f64 / GRID as f64;
+        let mut starts = Self::default();
+        for k in 0..GRID * GRID {
+            let (i, j) = (k / GRID, k % GRID);
+            starts.add(patch, [(at(i), at(i + 1)), (at(j), at(j + 1))], 0);
+        }
+        starts
+    }
+
     /// The middle of a cell, or of its quarters where its normals differ much.
     fn add(&mut self, patch: &RationalPatch, cell: Place, depth: u32) {
         let [(u0, u1), (v0, v1)] = cell;
         let corners = [(u0, v0), (u0, v1), (u1, v0), (u1, v1)].map(|(u, v)| patch.tangents(u, v));
-        let normals = corners.map(|t| {
-            let n = t.normal();
-            n.map(|v| v / norm(n))
-        });
-        let turns = (1..4).any(|k| dot(normals[0], normals[k]) < ALIKE);
         let (u, v) = middle_of(cell);
-        if turns && depth < MOST_QUARTERINGS {
+        if depth < MOST_QUARTERINGS && turns(&corners) {
             for side in [(u0, u), (u, u1)] {
                 for other in [(v0, v), (v, v1)] {
                     self.add(patch, [side, other], depth + 1);
@@ -89,6 +95,12 @@ impl Starts {
         self.parameters.push((u, v));
         self.points.push(point);
     }
+}
+
+/// Whether the normals at corners differ much.
+fn turns(corners: &[Tangents; 4]) -> bool {
+    let normals = corners.each_ref().map(|t| normalized(t.normal()));
+    (1..4).any(|k| dot(normals[0], normals[k]) < ALIKE)
 }
 
 /// Whether Newton's method for the foot of a point comes within `tolerance` of it.

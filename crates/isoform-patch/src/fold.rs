@@ -13,9 +13,10 @@
 
 use crate::cells::{Place, corners_of, half_of, halve_net, lengths_between, middle_of};
 use crate::compose::binomial;
+use crate::places::grid;
+use isoform_control::Control;
 use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
 use isoform_num::{Interval, Real};
-use std::time::Instant;
 
 /// Normals on a grid of this many places in each direction are compared: enough for folds wider
 /// than a sixteenth of the patch; narrower ones are left to the proof.
@@ -25,7 +26,7 @@ const SAMPLES: usize = 17;
 const MOST_HALVINGS: u32 = 20;
 /// Cells that may be looked at: a hundred times what a patch on a smooth surface takes.
 const MOST_CELLS: usize = 20_000;
-/// After so many cells, which are enough for most patches, a deadline ends the proof.
+/// The cells that are looked at before a control ends the proof: enough for most patches.
 const CELLS_AT_LEAST: usize = 500;
 /// The cosine of the angle within which normals of a cell lie where ∇F may vanish: two of them
 /// are then less than a right angle apart, so that the cell cannot turn back.
@@ -41,13 +42,11 @@ struct Cell {
     depth: u32,
 }
 
-/// Where normals at neighbouring samples of a patch point against one another, so that it folds
-/// over: the side, of u = 0, u = 1, v = 0 and v = 1, towards which the first of such folds lies.
+/// The side, of u = 0, u = 1, v = 0 and v = 1, towards which a patch folds over, by samples whose
+/// normals point against those of a neighbour; of several the first that is nearest to its side.
 pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
-    let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
-    let normals: Vec<Point3> = (0..SAMPLES * SAMPLES)
-        .map(|k| patch.tangents(at(k / SAMPLES), at(k % SAMPLES)).normal())
-        .collect();
+    let normal = |(u, v): (f64, f64)| patch.tangents(u, v).normal();
+    let normals: Vec<Point3> = grid(SAMPLES).map(normal).collect();
     let mut first: Option<(usize, usize)> = None;
     for k in 0..SAMPLES * SAMPLES {
         let steps = [(k / SAMPLES, SAMPLES), (k % SAMPLES, 1)];
@@ -55,7 +54,7 @@ pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
             if i + 1 == SAMPLES || dot(normals[k], normals[k + step]) >= 0.0 {
                 continue;
             }
-            // So many steps from the nearer side.
+            // Steps from the nearer side.
             let (far, upper) = (i.min(SAMPLES - 2 - i), i >= SAMPLES / 2);
             if first.is_none_or(|f| far < f.0) {
                 first = Some((far, 2 * direction + usize::from(upper)));
@@ -70,14 +69,14 @@ pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
 pub(crate) fn prove_none(
     field: &dyn Field,
     patch: &RationalPatch,
-    deadline: Option<Instant>,
+    control: &Control<'_>,
 ) -> Result<(), (f64, f64)> {
     let degree = patch.degree();
     let origin = patch.point(0.5, 0.5);
-    let control = about(patch, origin);
+    let points = about(patch, origin);
     let mut pending = vec![Cell {
-        normals: normals(&control, degree),
-        control,
+        normals: normals(&points, degree),
+        control: points,
         place: [(0.0, 1.0); 2],
         depth: 0,
     }];
@@ -87,7 +86,7 @@ pub(crate) fn prove_none(
         if is_unfolded(field, &cell, origin) {
             continue;
         }
-        let is_late = looked_at >= CELLS_AT_LEAST && deadline.is_some_and(|d| Instant::now() >= d);
+        let is_late = looked_at >= CELLS_AT_LEAST && control.is_stopped();
         if cell.depth == MOST_HALVINGS || looked_at == MOST_CELLS || is_late {
             return Err(middle_of(cell.place));
         }
@@ -113,19 +112,22 @@ fn is_unfolded(field: &dyn Field, cell: &Cell, origin: Point3) -> bool {
     let Some(gradient) = gradient(field, cell, origin) else {
         return false;
     };
-    let along = |n: &[Interval; 3]| n[0] * gradient[0] + n[1] * gradient[1] + n[2] * gradient[2];
+    has_one_sign(&cell.normals, &gradient)
+        || (gradient.iter().all(|g| g.contains(0.0)) && are_alike(&cell.normals))
+}
+
+/// Whether the products of all normals with a box around the gradient are positive, or all
+/// negative.
+fn has_one_sign(normals: &[[Interval; 3]], gradient: &[Interval; 3]) -> bool {
     let mut signs = (true, true);
-    for n in &cell.normals {
-        let product = along(n);
+    for n in normals {
+        let product = n[0] * gradient[0] + n[1] * gradient[1] + n[2] * gradient[2];
         signs = (signs.0 && product.lo() > 0.0, signs.1 && product.hi() < 0.0);
         if signs == (false, false) {
-            break;
+            return false;
         }
     }
-    if signs != (false, false) {
-        return true;
-    }
-    gradient.iter().all(|g| g.contains(0.0)) && are_alike(&cell.normals)
+    true
 }
 
 /// Whether all normals lie within 45° of one direction.
@@ -200,27 +202,28 @@ fn mean<const K: usize>(a: [Interval; K], b: [Interval; K]) -> [Interval; K] {
 }
 
 /// Bernstein coefficients of w Xᵤ × Xᵥ − wᵥ Xᵤ × X − wᵤ X × Xᵥ.
-fn normals(control: &[[Interval; 4]], (m, n): (usize, usize)) -> Vec<[Interval; 3]> {
+fn normals(control: &[[Interval; 4]], degree: (usize, usize)) -> Vec<[Interval; 3]> {
     let coordinate = |k: usize| Bernstein {
-        degree: (m, n),
+        degree,
         values: control.iter().map(|c| c[k]).collect(),
     };
     let x: [Bernstein; 4] = std::array::from_fn(coordinate);
     let xu = [0, 1, 2, 3].map(|k| x[k].derivative_u());
     let xv = [0, 1, 2, 3].map(|k| x[k].derivative_v());
-    let minor = |i: usize, j: usize| {
-        // One coordinate of the cross product of (a, b) is aᵢ bⱼ − aⱼ bᵢ.
-        let of =
-            |a: &[Bernstein; 4], b: &[Bernstein; 4]| a[i].times(&b[j]).minus(&a[j].times(&b[i]));
-        let whole = x[3].times(&of(&xu, &xv));
-        whole
-            .minus(&xv[3].times(&of(&xu, &x)))
-            .minus(&xu[3].times(&of(&x, &xv)))
+    let coordinate = |i: usize, j: usize| {
+        let both = x[3].times(&minor(&xu, &xv, i, j));
+        both.minus(&xv[3].times(&minor(&xu, &x, i, j)))
+            .minus(&xu[3].times(&minor(&x, &xv, i, j)))
     };
-    let [a, b, c] = [minor(1, 2), minor(2, 0), minor(0, 1)];
+    let [a, b, c] = [coordinate(1, 2), coordinate(2, 0), coordinate(0, 1)];
     (0..a.values.len())
         .map(|k| [a.values[k], b.values[k], c.values[k]])
         .collect()
+}
+
+/// One coordinate aᵢ bⱼ − aⱼ bᵢ of a cross product.
+fn minor(a: &[Bernstein; 4], b: &[Bernstein; 4], i: usize, j: usize) -> Bernstein {
+    a[i].times(&b[j]).minus(&a[j].times(&b[i]))
 }
 
 /// A polynomial of degree (m, n) by its Bernstein coefficients.
@@ -242,14 +245,11 @@ impl Bernstein {
     fn derivative_v(&self) -> Self {
         let (m, n) = self.degree;
         let factor = Interval::constant(n as f64);
-        let values = self.values.chunks(n + 1).flat_map(|row| {
-            row.windows(2)
-                .map(|pair| factor * (pair[1] - pair[0]))
-                .collect::<Vec<_>>()
-        });
+        let step = |k: usize| factor * (self.values[k + 1] - self.values[k]);
+        let at = |i: usize| (0..n).map(move |j| i * (n + 1) + j);
         Self {
             degree: (m, n - 1),
-            values: values.collect(),
+            values: (0..=m).flat_map(at).map(step).collect(),
         }
     }
     fn minus(&self, other: &Self) -> Self {
@@ -261,19 +261,7 @@ impl Bernstein {
     }
     fn times(&self, other: &Self) -> Self {
         let ((m, n), (k, l)) = (self.degree, other.degree);
-        let share = |m: usize, k: usize| -> Vec<Vec<Interval>> {
-            let row = |i: usize| {
-                // Binomials of degrees up to 24 are exact, their quotient is rounded.
-                let of = |j: usize| {
-                    let product = binomial(m, i) * binomial(k, j);
-                    let whole = binomial(m + k, i + j);
-                    Interval::constant(product) / Interval::constant(whole)
-                };
-                (0..=k).map(of).collect()
-            };
-            (0..=m).map(row).collect()
-        };
-        let (in_u, in_v) = (share(m, k), share(n, l));
+        let (in_u, in_v) = (shares(m, k), shares(n, l));
         let mut values = vec![Interval::constant(0.0); (m + k + 1) * (n + l + 1)];
         for (a, i) in self.values.iter().zip(0..) {
             for (b, j) in other.values.iter().zip(0..) {
@@ -287,6 +275,19 @@ impl Bernstein {
             values,
         }
     }
+}
+
+/// By (i, j): what coefficients i of degree m and j of degree k add to coefficient i + j of their
+/// product. Binomials of degrees up to 24 are exact, their quotient is rounded.
+fn shares(m: usize, k: usize) -> Vec<Vec<Interval>> {
+    let share = |i: usize, j: usize| {
+        let product = binomial(m, i) * binomial(k, j);
+        let whole = binomial(m + k, i + j);
+        Interval::constant(product) / Interval::constant(whole)
+    };
+    (0..=m)
+        .map(|i| (0..=k).map(|j| share(i, j)).collect())
+        .collect()
 }
 
 #[cfg(test)]
@@ -310,11 +311,15 @@ mod tests {
     fn a_patch_folds_where_its_derivative_changes_sign() {
         let of = |t: f64| flat([0.0, 1.0, 2.0 * t, 1.0 + 2.0 * t]);
         for t in [1e-3, 0.1, 0.5] {
-            assert_eq!(prove_none(&plane(), &of(t), None), Ok(()), "{t}");
+            assert_eq!(
+                prove_none(&plane(), &of(t), &Control::default()),
+                Ok(()),
+                "{t}"
+            );
             assert_eq!(seen(&of(t)), None);
         }
         for t in [0.0, -1e-6, -0.1] {
-            let (u, _) = prove_none(&plane(), &of(t), None).expect_err("a fold");
+            let (u, _) = prove_none(&plane(), &of(t), &Control::default()).expect_err("a fold");
             let root = 0.5 - 0.5 * (-t / (1.0 - t)).sqrt();
             assert!(
                 (u - root).abs().min((1.0 - u - root).abs()) < 0.01,
@@ -332,7 +337,7 @@ mod tests {
         for (i, c) in patch.control_mut().iter_mut().enumerate() {
             c[2] = 1e-6 * [0.0, 1.0, 0.0, 1.0][i / 3];
         }
-        assert!(prove_none(&plane(), &patch, None).is_err());
+        assert!(prove_none(&plane(), &patch, &Control::default()).is_err());
     }
 
     /// On x y = 0 the plane x = 0 crosses another one along the z axis, where ∇F vanishes.
@@ -347,8 +352,11 @@ mod tests {
             }
             patch
         };
-        assert_eq!(prove_none(&planes, &across(0.05), None), Ok(()));
-        assert!(prove_none(&planes, &across(1.5), None).is_err());
+        assert_eq!(
+            prove_none(&planes, &across(0.05), &Control::default()),
+            Ok(())
+        );
+        assert!(prove_none(&planes, &across(1.5), &Control::default()).is_err());
     }
 
     /// The coefficients hold n w³ of rational patches near and far from the origin, in all parts.

@@ -3,6 +3,7 @@
 use isoform_geom::{NormalForm, Point3, QuadricKind, cross};
 
 /// Σ λₖ yₖ² + 2 Σ bₖ yₖ + c = 0 in coordinates yₖ = eₖ·x along orthonormal vectors eₖ.
+#[derive(Clone, Copy)]
 pub(crate) struct Diagonal {
     pub(crate) values: [f64; 3],
     pub(crate) vectors: [Point3; 3],
@@ -18,15 +19,7 @@ impl Diagonal {
         let is_zero = |x: f64| x.abs() <= zero * size;
         let (round, flat): (Vec<usize>, Vec<usize>) =
             (0..3).partition(|&k| !is_zero(self.values[k]));
-        // Where the terms of degree 1 of the round directions are gone, and what is left there.
-        let place = |k: usize| -self.along[k] / self.values[k];
-        let mut center = [0.0; 3];
-        for &k in &round {
-            for i in 0..3 {
-                center[i] += place(k) * self.vectors[k][i];
-            }
-        }
-        let rest = self.constant + round.iter().map(|&k| self.along[k] * place(k)).sum::<f64>();
+        let (center, rest) = self.about_center(&round);
         match (&round[..], &flat[..]) {
             (_, []) => self.with_center(center, rest, is_zero(rest)),
             (&[i, j], &[k]) if is_zero(self.along[k]) => {
@@ -36,6 +29,20 @@ impl Diagonal {
             (&[k], &[i, j]) => self.parabolic_cylinder([k, i, j], center, rest, &is_zero),
             _ => None,
         }
+    }
+
+    /// The place where the terms of degree 1 of the round directions are gone, and the constant
+    /// that is left there.
+    fn about_center(&self, round: &[usize]) -> (Point3, f64) {
+        let place = |k: usize| -self.along[k] / self.values[k];
+        let mut center = [0.0; 3];
+        for &k in round {
+            for i in 0..3 {
+                center[i] += place(k) * self.vectors[k][i];
+            }
+        }
+        let rest = self.constant + round.iter().map(|&k| self.along[k] * place(k)).sum::<f64>();
+        (center, rest)
     }
 
     fn form(
@@ -55,17 +62,8 @@ impl Diagonal {
 
     /// Σ λₖ yₖ² + rest = 0 about the centre.
     fn with_center(&self, center: Point3, rest: f64, is_cone: bool) -> Option<NormalForm> {
-        let mut order = [0, 1, 2];
         if is_cone {
-            let positive = (0..3).filter(|&k| self.values[k] > 0.0).count();
-            let alone = (0..3).find(|&k| (self.values[k] > 0.0) == (positive == 1))?;
-            if positive % 3 == 0 {
-                return None;
-            }
-            let [i, j] = [(alone + 1) % 3, (alone + 2) % 3];
-            let slope = |k: usize| (-self.values[alone] / self.values[k]).sqrt();
-            let measures = [slope(i), slope(j), 0.0];
-            return Some(self.form(QuadricKind::EllipticCone, center, [i, j, alone], measures));
+            return self.cone(center);
         }
         // Of Σ yₖ² / qₖ = 1.
         let squares = self.values.map(|v| -rest / v);
@@ -77,9 +75,23 @@ impl Diagonal {
             _ => return None,
         };
         // The one that stands alone comes last.
+        let mut order = [0, 1, 2];
         order.sort_by_key(|&k| (squares[k] > 0.0) == (positive == 1));
         let measures = order.map(|k| squares[k].abs().sqrt());
         Some(self.form(kind, center, order, measures))
+    }
+
+    /// Σ λₖ yₖ² = 0 about the apex; none where that is a point.
+    fn cone(&self, apex: Point3) -> Option<NormalForm> {
+        let positive = (0..3).filter(|&k| self.values[k] > 0.0).count();
+        let alone = (0..3).find(|&k| (self.values[k] > 0.0) == (positive == 1))?;
+        if positive % 3 == 0 {
+            return None;
+        }
+        let [i, j] = [(alone + 1) % 3, (alone + 2) % 3];
+        let slope = |k: usize| (-self.values[alone] / self.values[k]).sqrt();
+        let measures = [slope(i), slope(j), 0.0];
+        Some(self.form(QuadricKind::EllipticCone, apex, [i, j, alone], measures))
     }
 
     fn cylinder(

@@ -1,42 +1,60 @@
-//! What is asked for, and why it may not be had.
+//! What a caller asks for, and the errors that say why it cannot be had.
 
-use crate::objective::{Inner, Method, Weights};
+use crate::terms::{Inner, Method, Weights};
 use isoform_geom::{Aabb, Point3};
-use std::time::Instant;
 
 /// The bound on S of all of the paper's examples.
 pub const PAPER_LIMIT: f64 = 1e-6;
+/// Thresholds of the factors ω for a tolerance D, relative to the paper's thresholds for S ≤ D².
+/// With larger ones the shape terms cost as much as errors of size D.
+const RELAXED: f64 = 0.1;
+/// The threshold of ω_J for a tolerance, relative to the other thresholds. J then counts control
+/// weights, and growing raises ω_J where they become too small.
+const BARRIER: f64 = 1e-4;
+/// The factor by which [`Options::most_steps`] is raised for a tolerance: long valleys of S take
+/// more Newton steps.
+const MORE_STEPS: usize = 4;
 
-/// How a patch is made.
+/// How a patch is made. Lengths are in model units.
+///
+/// ```
+/// use isoform_geom::Aabb;
+/// use isoform_patch::{Method, Options};
+///
+/// let region = Aabb { lo: [-1.0; 3], hi: [1.0; 3] };
+/// let options = Options { seed: 7, ..Options::new((3, 3), 1e-4, region) };
+/// assert_eq!(options.tolerance, Some(1e-4));
+/// assert_eq!(options.method, Method::GaussNewton);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// The degrees (m, n) in u and v.
+    /// The degrees (m, n) in u and v, each from 1 to [`crate::MOST_DEGREE`].
     pub degree: (usize, usize),
-    /// Where surface is wanted: seeds lie in it, and sides of the patch that left it do not grow.
+    /// The box in which surface is wanted: seeds lie in it, and sides of the patch that have left
+    /// it do not grow.
     pub region: Aabb,
-    /// A point near the surface to start at; none: chosen by `seed`.
+    /// A point near the surface to start at; with none, `seed` chooses one.
     pub seed_point: Option<Point3>,
-    /// Which of the tool's own points and angles to start with.
+    /// The number that chooses start points and angles; equal numbers give equal patches.
     pub seed: u64,
     /// The solver.
     pub method: Method,
-    /// What L is: that of section 2.4, or Remark 1's.
+    /// What L measures.
     pub inner: Inner,
-    /// Quadrature nodes in each direction; none: as many as make J exact.
+    /// Quadrature nodes in each direction; with none, as many as make J exact.
     pub nodes: Option<usize>,
     /// The factors ω at the start.
     pub start: Weights,
-    /// What they are lowered to.
+    /// The thresholds to which the factors ω are lowered.
     pub floor: Weights,
     /// The largest S, for lengths in units of the largest edge of the region.
     pub limit: f64,
-    /// The largest distance of the patch from the surface, proved; it takes the place of the limit
-    /// on S.
+    /// The largest distance of the patch from the surface, which is proved; it takes the place of
+    /// the limit on S.
     pub tolerance: Option<f64>,
-    /// Afterwards bring the patch onto the surface to rounding, where its degree admits that.
+    /// Whether the grown patch is brought onto the surface to rounding, where its degree admits
+    /// that.
     pub exact: bool,
-    /// When to stop growing.
-    pub deadline: Option<Instant>,
     /// The most extrapolations.
     pub most_extrapolations: usize,
     /// The most Newton steps altogether.
@@ -44,7 +62,15 @@ pub struct Options {
 }
 
 impl Options {
-    /// The paper's settings (Table 2, S ≤ 10⁻⁶) for patches of that degree in a region.
+    /// Patches of a degree that stay within a tolerance of the surface in a region.
+    pub fn new(degree: (usize, usize), tolerance: f64, region: Aabb) -> Self {
+        Self {
+            tolerance: Some(tolerance),
+            ..Self::paper(degree, region)
+        }
+    }
+
+    /// The paper's settings (Table 2, S ≤ 10⁻⁶) for patches of a degree in a region.
     pub fn paper(degree: (usize, usize), region: Aabb) -> Self {
         Self {
             degree,
@@ -59,22 +85,18 @@ impl Options {
             limit: PAPER_LIMIT,
             tolerance: None,
             exact: false,
-            deadline: None,
             most_extrapolations: 200,
             most_steps: 1500,
         }
     }
-}
 
-impl Options {
-    /// With a tolerance D the shape terms may not weigh more than errors of its size do: their
-    /// thresholds fall with D².
+    /// The options with thresholds that fall with D² for a tolerance D: the shape terms may not
+    /// weigh more than errors of size D do.
     pub(crate) fn relaxed(&self) -> Self {
         let Some(tolerance) = self.tolerance else {
             return *self;
         };
-        let unit = self.region.size().into_iter().fold(0.0, f64::max);
-        let share = (RELAXED * (tolerance / unit).powi(2) / PAPER_LIMIT).min(1.0);
+        let share = (RELAXED * (tolerance / self.edge()).powi(2) / PAPER_LIMIT).min(1.0);
         let floor = self.floor.scaled(share);
         Self {
             floor: Weights {
@@ -85,16 +107,75 @@ impl Options {
             ..*self
         }
     }
+
+    /// The largest edge of the region.
+    pub(crate) fn edge(&self) -> f64 {
+        self.region.size().into_iter().fold(0.0, f64::max)
+    }
+
+    /// Whether a proved distance keeps the tolerance; true for every one if none is asked for.
+    pub(crate) fn is_kept_by(&self, bound: f64) -> bool {
+        self.tolerance.is_none_or(|t| bound <= t)
+    }
+
+    /// Refuses what is out of range.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        let (m, n) = self.degree;
+        let range = 1..=crate::MOST_DEGREE;
+        if !range.contains(&m) || !range.contains(&n) {
+            return Err(Error::Degree(m, n));
+        }
+        let size = self.region.size();
+        if !size.iter().all(|s| *s > 0.0 && s.is_finite()) {
+            return Err(Error::Region);
+        }
+        positive("the bound on S", Some(self.limit))?;
+        positive("the tolerance", self.tolerance)?;
+        match self.seed_point {
+            Some(at) if !at.iter().all(|v| v.is_finite()) => Err(Error::NotFinite { at }),
+            _ => Ok(()),
+        }
+    }
 }
 
-/// The thresholds of the factors for a tolerance D, in those for S ≤ D²;
-const RELAXED: f64 = 0.1;
-/// and of that of J, which counts control weights then, in these. Growing raises it where they get
-/// too small.
-const BARRIER: f64 = 1e-4;
+/// How a surface is covered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Covering {
+    /// The most patches.
+    pub most: usize,
+    /// The depth at which every point of the surface in the region shall lie inside of some patch,
+    /// which is proved: its straight distance from the patch's border, in model units.
+    pub margin: Option<f64>,
+    /// The distance from singular points of the surface, where ∇F = 0, within which surface without
+    /// a patch is left out; with none, a hundredth of the region's largest edge.
+    pub apart: Option<f64>,
+}
 
-/// With a tolerance there may be so many times as many Newton steps.
-const MORE_STEPS: usize = 4;
+impl Default for Covering {
+    fn default() -> Self {
+        Self {
+            most: 1000,
+            margin: None,
+            apart: None,
+        }
+    }
+}
+
+impl Covering {
+    /// Refuses what is out of range.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        positive("the margin", self.margin)?;
+        positive("the distance from singular points", self.apart)
+    }
+}
+
+/// Refuses a number that is given and is not finite and positive.
+fn positive(name: &'static str, value: Option<f64>) -> Result<(), Error> {
+    match value {
+        Some(value) if !(value.is_finite() && value > 0.0) => Err(Error::Option { name, value }),
+        _ => Ok(()),
+    }
+}
 
 /// Why there is no patch.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -102,10 +183,10 @@ pub enum Error {
     /// A degree that no patch has.
     #[error("degree {0},{1}: both must be between 1 and {max}", max = crate::MOST_DEGREE)]
     Degree(usize, usize),
-    /// A number among the options that is out of its range.
+    /// A number among the options is out of its range.
     #[error("{name} is {value}, which is out of range")]
     Option {
-        /// What it is.
+        /// The option.
         name: &'static str,
         /// Its value.
         value: f64,
@@ -131,7 +212,7 @@ pub enum Error {
     /// The function or its derivatives are not finite near the seed.
     #[error("the function or a derivative of it is not finite at ({}, {}, {})", at[0], at[1], at[2])]
     NotFinite {
-        /// Where.
+        /// The place.
         at: Point3,
     },
     /// The exact Hessian needs third derivatives of the function.

@@ -1,6 +1,13 @@
 //! The quadric, or torus, that an exact patch lies on, by its name.
+//!
+//! An equation of second degree through samples is the null vector of their monomials. Spheres,
+//! cylinders and cones have two eigenvalues that are equal up to rounding; their centres and radii
+//! are computed with one of these for both, so that the axes, which rounding decides then, do not
+//! matter. All others are told by their normal form.
 
 use crate::normal_form::Diagonal;
+use crate::null::null;
+use crate::places::{grid, normalized};
 use crate::torus::torus;
 use isoform_geom::{
     NormalForm, Point3, Quadric, QuadricKind, RationalPatch, Tangents, dot, norm, sub,
@@ -11,194 +18,247 @@ use isoform_num::linalg::symmetric_eigen;
 const SAMPLES: usize = 15;
 /// Singular values below this share of the largest are 0: rounding leaves 10⁻¹⁵ or so.
 const ZERO: f64 = 1e-13;
-/// Columns with a smaller cosine are orthogonal.
-const ORTHOGONAL: f64 = 1e-15;
-/// Sweeps of rotations; some ten are needed.
-const SWEEPS: usize = 40;
-/// Two eigenvalues of a quadric's matrix that differ by less than this are the same.
+/// Two eigenvalues of a quadric's matrix that differ by less than this share of the largest are
+/// equal.
 const SAME: f64 = 1e-8;
 
 /// The quadric on which a patch lies to rounding, if it lies on one and on one only, else the
 /// torus.
+///
+/// ```
+/// use isoform_geom::{Quadric, RationalPatch};
+/// use isoform_patch::quadric;
+///
+/// let flat = RationalPatch::planar((2, 2), [0.0, 0.0, 3.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+/// let Some(Quadric::Plane { normal, offset }) = quadric(&flat) else {
+///     panic!("it is a plane")
+/// };
+/// assert!((offset / normal[2] - 3.0).abs() < 1e-12);
+///
+/// // z = x y
+/// let control = vec![[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [1.0; 4]];
+/// let saddle = RationalPatch::new((1, 1), control).expect("four points");
+/// assert_eq!(quadric(&saddle).map(|q| q.name()), Some("hyperbolic paraboloid"));
+/// ```
 pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
-    let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
-    let samples: Vec<Tangents> = (0..SAMPLES * SAMPLES)
-        .map(|k| patch.tangents(at(k / SAMPLES), at(k % SAMPLES)))
-        .collect();
+    let samples: Vec<Tangents> = grid(SAMPLES).map(|(u, v)| patch.tangents(u, v)).collect();
     let points: Vec<Point3> = samples.iter().map(|t| t.point).collect();
-    let count = points.len() as f64;
-    let center: Point3 = std::array::from_fn(|k| points.iter().map(|p| p[k]).sum::<f64>() / count);
-    let scale = points
-        .iter()
-        .map(|p| norm(sub(*p, center)))
-        .fold(0.0, f64::max);
-    if scale == 0.0 || !scale.is_finite() {
-        return None;
-    }
-    let local: Vec<Point3> = points
-        .iter()
-        .map(|p| sub(*p, center).map(|v| v / scale))
-        .collect();
-    if let (Some(normal), true) = null(local.clone(), ZERO) {
+    let frame = Frame::of(&points)?;
+    let local: Vec<Point3> = points.iter().map(|p| frame.local(*p)).collect();
+    if let Some(normal) = null(local.clone(), ZERO) {
         return Some(Quadric::Plane {
             normal,
-            offset: dot(normal, center),
+            offset: dot(normal, frame.center),
         });
     }
-    let global = |p: Point3| -> Point3 { std::array::from_fn(|k| center[k] + scale * p[k]) };
     let monomials = local
         .iter()
         .map(|&[x, y, z]| [x * x, y * y, z * z, x * y, y * z, z * x, x, y, z, 1.0]);
-    let (Some(a), _) = null(monomials.collect(), ZERO) else {
-        let normals: Vec<Point3> = samples
-            .iter()
-            .map(|t| t.normal())
-            .map(|n| n.map(|v| v / norm(n)))
-            .collect();
-        return match torus(&local, &normals)? {
+    if let Some(coefficients) = null(monomials.collect(), ZERO) {
+        let equation = Equation::new(coefficients);
+        let named = equation.of_revolution(&frame);
+        return named.or_else(|| Some(equation.by_normal_form(&frame)));
+    }
+    let normals: Vec<Point3> = samples.iter().map(|t| normalized(t.normal())).collect();
+    Some(frame.torus_out(torus(&local, &normals)?))
+}
+
+/// Coordinates in which samples lie about the origin and within the unit sphere.
+struct Frame {
+    center: Point3,
+    scale: f64,
+}
+
+impl Frame {
+    /// None where samples are one point, or not finite.
+    fn of(points: &[Point3]) -> Option<Self> {
+        let count = points.len() as f64;
+        let center: Point3 =
+            std::array::from_fn(|k| points.iter().map(|p| p[k]).sum::<f64>() / count);
+        let far = points.iter().map(|p| norm(sub(*p, center)));
+        let scale = far.fold(0.0, f64::max);
+        (scale != 0.0 && scale.is_finite()).then_some(Self { center, scale })
+    }
+
+    fn local(&self, p: Point3) -> Point3 {
+        sub(p, self.center).map(|v| v / self.scale)
+    }
+
+    fn out(&self, p: Point3) -> Point3 {
+        std::array::from_fn(|k| self.center[k] + self.scale * p[k])
+    }
+
+    fn torus_out(&self, torus: Quadric) -> Quadric {
+        match torus {
             Quadric::Torus {
                 center,
                 axis,
                 major,
                 minor,
-            } => Some(Quadric::Torus {
-                center: global(center),
+            } => Quadric::Torus {
+                center: self.out(center),
                 axis,
-                major: scale * major,
-                minor: scale * minor,
-            }),
-            other => Some(other),
-        };
-    };
-    let matrix = [
-        a[0],
-        0.5 * a[3],
-        0.5 * a[5],
-        0.5 * a[3],
-        a[1],
-        0.5 * a[4],
-        0.5 * a[5],
-        0.5 * a[4],
-        a[2],
-    ];
-    let (mut values, vectors) = symmetric_eigen(&matrix, 3);
-    let (mut b, mut constant) = ([0.5 * a[6], 0.5 * a[7], 0.5 * a[8]], a[9]);
-    // With a sign that makes two of the three positive.
-    if values[1] < 0.0 {
-        (b, constant) = (b.map(|v| -v), -constant);
-        values.iter_mut().for_each(|v| *v = -*v);
+                major: self.scale * major,
+                minor: self.scale * minor,
+            },
+            other => other,
+        }
     }
-    let size = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-    let same = |i: usize, j: usize| (values[i] - values[j]).abs() <= SAME * size;
-    let vector = |k: usize| -> Point3 { std::array::from_fn(|i| vectors[3 * k + i]) };
-    let along: [f64; 3] = std::array::from_fn(|k| dot(vector(k), b));
-    // Which eigenvalue stands alone; the other two are the same.
-    let alone = (0..3).find(|&k| same((k + 1) % 3, (k + 2) % 3));
-    let equation = Diagonal {
-        values: [values[0], values[1], values[2]],
-        vectors: [0, 1, 2].map(vector),
-        along,
-        constant,
-    };
-    let form = equation.normal_form(SAME).map(|f| NormalForm {
-        center: global(f.center),
-        measures: match f.kind {
-            QuadricKind::EllipticCone => f.measures,
-            _ => f.measures.map(|m| scale * m),
-        },
-        ..f
-    });
-    let other = Quadric::Other {
-        form,
-        origin: center,
-        scale,
-        coefficients: a,
-    };
-    let Some(alone) = alone else {
-        return Some(other);
-    };
-    let (twice, single) = (values[(alone + 1) % 3], values[alone]);
-    if twice <= SAME * size {
-        return Some(other);
+
+    fn form_out(&self, form: NormalForm) -> NormalForm {
+        NormalForm {
+            center: self.out(form.center),
+            measures: match form.kind {
+                QuadricKind::EllipticCone => form.measures,
+                _ => form.measures.map(|m| self.scale * m),
+            },
+            ..form
+        }
     }
-    // The middle in the plane of the two equal ones.
-    let (i, j) = ((alone + 1) % 3, (alone + 2) % 3);
-    let flat: Point3 =
-        std::array::from_fn(|k| -(along[i] * vector(i)[k] + along[j] * vector(j)[k]) / twice);
-    let rest = constant - (along[i] * along[i] + along[j] * along[j]) / twice;
-    if single.abs() <= SAME * size {
-        let is_cylinder = along[alone].abs() <= SAME * size && rest < 0.0;
-        return Some(if is_cylinder {
-            Quadric::Cylinder {
-                point: global(flat),
-                axis: vector(alone),
-                radius: scale * (-rest / twice).sqrt(),
-            }
-        } else {
-            other
-        });
-    }
-    let middle: Point3 =
-        std::array::from_fn(|k| flat[k] - along[alone] / single * vector(alone)[k]);
-    let rest = rest - along[alone] * along[alone] / single;
-    if same(alone, i) && rest < 0.0 {
-        return Some(Quadric::Sphere {
-            center: global(middle),
-            radius: scale * (-rest / twice).sqrt(),
-        });
-    }
-    if single < 0.0 && rest.abs() <= SAME * size {
-        return Some(Quadric::Cone {
-            apex: global(middle),
-            axis: vector(alone),
-            half_angle: (-single / twice).sqrt().atan(),
-        });
-    }
-    Some(other)
 }
 
-/// The unit vector a with a·m = 0 for all rows m, if there is one, and whether it is the only one;
-/// singular values below the share `zero` of the largest are 0.
-///
-/// By Hestenes' one-sided Jacobi method: rotations of the columns of the matrix until they are
-/// orthogonal. Moments would square the small singular values, and half of the digits would be
-/// lost.
-pub(crate) fn null<const N: usize>(mut rows: Vec<[f64; N]>, zero: f64) -> (Option<[f64; N]>, bool) {
-    let mut v: [[f64; N]; N] =
-        std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-    for _ in 0..SWEEPS {
-        let mut rotated = false;
-        for p in 0..N {
-            for q in p + 1..N {
-                let (mut pp, mut qq, mut pq) = (0.0, 0.0, 0.0);
-                for r in &rows {
-                    (pp, qq, pq) = (pp + r[p] * r[p], qq + r[q] * r[q], pq + r[p] * r[q]);
-                }
-                if pq.abs() <= ORTHOGONAL * (pp * qq).sqrt() {
-                    continue;
-                }
-                rotated = true;
-                let zeta = (qq - pp) / (2.0 * pq);
-                let t = if zeta >= 0.0 { 1.0 } else { -1.0 }
-                    / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
-                let c = 1.0 / (1.0 + t * t).sqrt();
-                let s = c * t;
-                for r in rows.iter_mut().chain(v.iter_mut()) {
-                    (r[p], r[q]) = (c * r[p] - s * r[q], s * r[p] + c * r[q]);
-                }
-            }
+/// An equation of second degree in its principal axes, with a sign that makes two of three
+/// eigenvalues positive.
+struct Equation {
+    coefficients: [f64; 10],
+    diagonal: Diagonal,
+}
+
+impl Equation {
+    /// From the coefficients of x², y², z², xy, yz, zx, x, y, z and 1.
+    fn new(a: [f64; 10]) -> Self {
+        let [xy, yz, zx] = [a[3], a[4], a[5]].map(|v| 0.5 * v);
+        let matrix = [a[0], xy, zx, xy, a[1], yz, zx, yz, a[2]];
+        let (mut values, vectors) = symmetric_eigen(&matrix, 3);
+        let (mut b, mut constant) = ([0.5 * a[6], 0.5 * a[7], 0.5 * a[8]], a[9]);
+        if values[1] < 0.0 {
+            (b, constant) = (b.map(|v| -v), -constant);
+            values.iter_mut().for_each(|v| *v = -*v);
         }
-        if !rotated {
-            break;
+        let vector = |k: usize| -> Point3 { std::array::from_fn(|i| vectors[3 * k + i]) };
+        Self {
+            coefficients: a,
+            diagonal: Diagonal {
+                values: [values[0], values[1], values[2]],
+                vectors: [0, 1, 2].map(vector),
+                along: std::array::from_fn(|k| dot(vector(k), b)),
+                constant,
+            },
         }
     }
-    let sizes: [f64; N] =
-        std::array::from_fn(|k| rows.iter().map(|r| r[k] * r[k]).sum::<f64>().sqrt());
-    let most = sizes.iter().fold(0.0f64, |m, v| m.max(*v));
-    let small: Vec<usize> = (0..N).filter(|&k| sizes[k] <= zero * most).collect();
-    match small.as_slice() {
-        &[k] => (Some(std::array::from_fn(|i| v[i][k])), true),
-        _ => (None, false),
+
+    /// The largest |λₖ|.
+    fn size(&self) -> f64 {
+        let values = self.diagonal.values.iter();
+        values.fold(0.0f64, |m, v| m.max(v.abs()))
+    }
+
+    fn by_normal_form(&self, frame: &Frame) -> Quadric {
+        Quadric::Other {
+            form: self.diagonal.normal_form(SAME).map(|f| frame.form_out(f)),
+            origin: frame.center,
+            scale: frame.scale,
+            coefficients: self.coefficients,
+        }
+    }
+
+    /// The sphere, cylinder or cone, if it is one.
+    fn of_revolution(&self, frame: &Frame) -> Option<Quadric> {
+        let size = self.size();
+        let is_zero = |v: f64| v.abs() <= SAME * size;
+        let values = self.diagonal.values;
+        let same = |i: usize, j: usize| is_zero(values[i] - values[j]);
+        // Which eigenvalue stands alone; the other two are equal.
+        let alone = (0..3).find(|&k| same((k + 1) % 3, (k + 2) % 3))?;
+        let reduced = Reduced::new(&self.diagonal, alone);
+        if reduced.twice <= SAME * size {
+            return None;
+        }
+        if is_zero(reduced.single) {
+            let is_cylinder = is_zero(self.diagonal.along[alone]) && reduced.rest < 0.0;
+            return is_cylinder.then(|| reduced.cylinder(frame));
+        }
+        let centred = reduced.with_center();
+        if same(alone, (alone + 1) % 3) && centred.rest < 0.0 {
+            return Some(centred.sphere(frame));
+        }
+        let is_cone = centred.single < 0.0 && is_zero(centred.rest);
+        is_cone.then(|| centred.cone(frame))
+    }
+}
+
+/// An equation with two equal eigenvalues, about a point.
+struct Reduced {
+    point: Point3,
+    /// The axis of the one that stands alone.
+    axis: Point3,
+    /// The equal eigenvalues,
+    twice: f64,
+    /// and the other one.
+    single: f64,
+    /// Half the coefficient of degree 1 along the axis.
+    along: f64,
+    /// The constant.
+    rest: f64,
+}
+
+impl Reduced {
+    /// About the point without terms of degree 1 in the plane of the two equal ones.
+    fn new(equation: &Diagonal, alone: usize) -> Self {
+        let (i, j) = ((alone + 1) % 3, (alone + 2) % 3);
+        let Diagonal {
+            values,
+            vectors,
+            along,
+            constant,
+        } = equation;
+        let twice = values[i];
+        Self {
+            point: std::array::from_fn(|k| {
+                -(along[i] * vectors[i][k] + along[j] * vectors[j][k]) / twice
+            }),
+            axis: vectors[alone],
+            twice,
+            single: values[alone],
+            along: along[alone],
+            rest: constant - (along[i] * along[i] + along[j] * along[j]) / twice,
+        }
+    }
+
+    /// About the point without any terms of degree 1.
+    fn with_center(self) -> Self {
+        Self {
+            point: std::array::from_fn(|k| self.point[k] - self.along / self.single * self.axis[k]),
+            rest: self.rest - self.along * self.along / self.single,
+            ..self
+        }
+    }
+
+    fn radius(&self, frame: &Frame) -> f64 {
+        frame.scale * (-self.rest / self.twice).sqrt()
+    }
+
+    fn cylinder(&self, frame: &Frame) -> Quadric {
+        Quadric::Cylinder {
+            point: frame.out(self.point),
+            axis: self.axis,
+            radius: self.radius(frame),
+        }
+    }
+
+    fn sphere(&self, frame: &Frame) -> Quadric {
+        Quadric::Sphere {
+            center: frame.out(self.point),
+            radius: self.radius(frame),
+        }
+    }
+
+    fn cone(&self, frame: &Frame) -> Quadric {
+        Quadric::Cone {
+            apex: frame.out(self.point),
+            axis: self.axis,
+            half_angle: (-self.single / self.twice).sqrt().atan(),
+        }
     }
 }
 

@@ -1,23 +1,23 @@
 //! Singular points of a surface: where F and ∇F vanish, as at nodes, along self-intersections and
 //! at pinch points.
 
+use crate::stretch::beside;
 use isoform_geom::{Field, KdTree, Point3, RationalPatch, distance_squared, norm};
 use isoform_num::linalg::symmetric_eigen;
 
 /// Newton steps towards a singular point.
 const STEPS: usize = 20;
-/// Second derivatives along a direction below this share of the largest are none: along a curve of
-/// singular points ∇F vanishes.
+/// Second derivatives along a direction below this share of the largest count as 0: along a curve
+/// of singular points ∇F vanishes.
 const FLAT: f64 = 1e-3;
-/// ∇F is none below this share of second derivatives times the scale, F below its square.
+/// ∇F counts as 0 below this share of second derivatives times the scale, F below its square.
 const NONE: f64 = 1e-6;
-/// The step along which distances are measured, in the distance asked for: points of the list are
-/// so far apart.
+/// How far apart the points of the list are at least, in the distance asked for.
 const SPACING: f64 = 0.25;
 /// Patches stay away from singular points by this share of the distance within which the surface
 /// may be left out: what is between is covered.
 const SHARE: f64 = 0.6;
-/// Samples along a side, and most across what is added to a patch there.
+/// Samples along a side, and the most across what is added to a patch there.
 const MOST_SAMPLES: usize = 24;
 /// Halvings of what is added until a side stops.
 const HALVINGS: usize = 5;
@@ -25,7 +25,7 @@ const HALVINGS: usize = 5;
 /// looked at. Where curvatures differ that may be off by as much.
 const REACH: f64 = 4.0;
 
-/// Points that patches stay away from, so far.
+/// Points with the distance at which patches stay away from them.
 #[derive(Clone, Debug)]
 pub(crate) struct Avoided {
     tree: KdTree,
@@ -56,38 +56,32 @@ impl Avoided {
     /// one given, without coming near one of the points, by samples of what is added; none of it
     /// where it is halved in vain.
     pub(crate) fn within(&self, patch: &RationalPatch, side: usize, share: f64) -> f64 {
-        let near = SHARE * self.apart;
-        let is_near = |share: f64| {
-            // Across what is added no two samples are farther apart than the points are avoided.
-            let edge = {
-                let t = patch.tangents(0.5, 0.5);
-                norm(if side < 2 { t.u } else { t.v })
-            };
-            let deep = ((share * edge / near).ceil() as usize).clamp(1, MOST_SAMPLES);
-            (0..=deep).any(|i| {
-                let e = share * i as f64 / deep as f64;
-                (0..=MOST_SAMPLES).any(|k| {
-                    let t = k as f64 / MOST_SAMPLES as f64;
-                    let (u, v) = match side {
-                        0 => (-e, t),
-                        1 => (1.0 + e, t),
-                        2 => (t, -e),
-                        _ => (t, 1.0 + e),
-                    };
-                    let p = patch.point(u, v);
-                    p.iter().all(|v| v.is_finite())
-                        && self.tree.nearest(p).is_some_and(|n| n.1 <= near * near)
-                })
-            })
-        };
         let mut share = share;
         for _ in 0..HALVINGS {
-            if !is_near(share) {
+            if !self.is_near_addition(patch, side, share) {
                 return share;
             }
             share *= 0.5;
         }
         0.0
+    }
+
+    /// Whether samples of what is added to a patch at a side come near one of the points. Across
+    /// what is added no two samples are farther apart than the points are avoided.
+    fn is_near_addition(&self, patch: &RationalPatch, side: usize, share: f64) -> bool {
+        let near = SHARE * self.apart;
+        let t = patch.tangents(0.5, 0.5);
+        let edge = norm(if side < 2 { t.u } else { t.v });
+        let deep = ((share * edge / near).ceil() as usize).clamp(1, MOST_SAMPLES);
+        (0..=deep).any(|i| {
+            let e = share * i as f64 / deep as f64;
+            (0..=MOST_SAMPLES).any(|k| {
+                let (u, v) = beside(side, k as f64 / MOST_SAMPLES as f64, e);
+                let p = patch.point(u, v);
+                let is_finite = p.iter().all(|v| v.is_finite());
+                is_finite && self.tree.nearest(p).is_some_and(|n| n.1 <= near * near)
+            })
+        })
     }
 }
 
@@ -113,12 +107,9 @@ fn near(field: &dyn Field, from: Point3, apart: f64, scale: f64) -> Option<Point
     let mut p = from;
     for _ in 0..STEPS {
         let j = field.jet(p);
-        let h: Vec<f64> = (0..9).map(|k| j.second(k / 3, k % 3)).collect();
-        let size = norm([
-            norm([h[0], h[1], h[2]]),
-            norm([h[3], h[4], h[5]]),
-            norm([h[6], h[7], h[8]]),
-        ]);
+        let h: [f64; 9] = std::array::from_fn(|k| j.second(k / 3, k % 3));
+        let rows = h.as_chunks::<3>().0;
+        let size = norm([norm(rows[0]), norm(rows[1]), norm(rows[2])]);
         let slope = norm(j.g);
         if !(size > 0.0 && size.is_finite()) || slope > REACH * apart * size {
             return None;
@@ -127,20 +118,27 @@ fn near(field: &dyn Field, from: Point3, apart: f64, scale: f64) -> Option<Point
             let is_on = j.v.abs() <= NONE * NONE * size * scale * scale;
             return (is_on && distance_squared(p, from) <= (2.0 * apart).powi(2)).then_some(p);
         }
-        let (values, vectors) = symmetric_eigen(&h, 3);
-        let most = values[0].abs().max(values[2].abs());
-        for k in 0..3 {
-            if values[k].abs() > FLAT * most {
-                let v = &vectors[3 * k..3 * k + 3];
-                let along: f64 = (0..3).map(|i| v[i] * j.g[i]).sum::<f64>() / values[k];
-                for i in 0..3 {
-                    p[i] -= along * v[i];
-                }
-            }
-        }
+        p = least_step(p, j.g, &h);
         if !p.iter().all(|v| v.is_finite()) {
             return None;
         }
     }
     None
+}
+
+/// A place after the least Newton step for ∇F = 0, with none along directions in which second
+/// derivatives nearly vanish.
+fn least_step(mut p: Point3, g: Point3, h: &[f64; 9]) -> Point3 {
+    let (values, vectors) = symmetric_eigen(h, 3);
+    let most = values[0].abs().max(values[2].abs());
+    for k in 0..3 {
+        if values[k].abs() > FLAT * most {
+            let v = &vectors[3 * k..3 * k + 3];
+            let along: f64 = (0..3).map(|i| v[i] * g[i]).sum::<f64>() / values[k];
+            for i in 0..3 {
+                p[i] -= along * v[i];
+            }
+        }
+    }
+    p
 }

@@ -6,7 +6,8 @@
 //! the exact Hessian, which is indefinite in up to two thirds of the steps, the damping also rises
 //! until the system is positive definite; each step then descends.
 
-use crate::objective::{Derivatives, Evaluated, Objective, Terms, Weights};
+use crate::objective::{Derivatives, Evaluated, Objective};
+use crate::terms::{Terms, Weights};
 use isoform_geom::RationalPatch;
 use isoform_num::linalg::{cholesky, cholesky_solve};
 
@@ -29,82 +30,125 @@ const MOST_BENT: f64 = 0.75;
 /// A factor is lowered while its term has more than this share of I. The paper says 1, which leaves
 /// terms that are nearly as large as I where they are, and with them a quarter of the area.
 const MOST_SHARE: f64 = 0.05;
-/// The same of E where there is a tolerance, as a share of that of the others.
+/// The share of I that E may have where there is a tolerance, relative to that of the others:
+/// corners that hold on to where they were keep a patch from its best proportions.
 const CORNERS: f64 = 0.02;
+/// The growth of damping after the first step that is rejected; it doubles with each one more.
+const REJECTED: f64 = 4.0;
+/// A step that should lower S by less than this share has converged: rounding would not show more.
+const CONVERGED: f64 = 1e-13;
 
 /// When a phase of steps ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stop {
-    /// After so many steps.
+    /// The most steps.
     pub(crate) steps: usize,
-    /// After a step that lowers S by less than this share, once no factor ω falls any more.
+    /// The phase ends after a step that lowers S by less than this share, once no factor ω falls
+    /// any more.
     pub(crate) decrease: f64,
 }
 
-/// Minimises S from a patch. Factors ω whose term exceeds I are lowered tenfold after each step,
-/// down to `floor` (section 3.3).
-/// `each` is told of every accepted step.
-///
-/// The patch must have been evaluated to `at`; gives back its value at the end, and the number of
-/// steps. S never rises.
-pub(crate) fn minimise(
-    objective: &mut Objective<'_>,
-    patch: &mut RationalPatch,
-    at: Evaluated,
-    floor: &Weights,
-    stop: Stop,
-    damping: &mut f64,
-    each: &mut dyn FnMut(&Objective<'_>, &Terms),
-) -> (Evaluated, usize) {
-    let mut at = at;
-    *damping = damping.clamp(LEAST_DAMPING, 1.0);
-    let mut rejected_growth = 4.0;
-    for step in 0..stop.steps {
-        let Some(d) = objective.derivatives(patch, &at) else {
-            return (at, step);
-        };
-        let before = objective.sum(&at.terms);
-        let mut accepted = None;
-        while *damping <= MOST_DAMPING {
-            if let Some(trial) = damped_step(objective, &d, patch, (&at, *damping))
-                && let Some(value) = objective.evaluate(&trial.patch)
-            {
-                let after = objective.sum(&value.terms);
-                if after < before {
-                    accepted = Some((trial, value, after));
-                    break;
-                }
-                // A step that should lower S by less than rounding shows: converged.
-                if trial.expected <= 1e-13 * before {
-                    return (at, step);
-                }
-            }
-            *damping *= rejected_growth;
-            rejected_growth *= 2.0;
-        }
-        let Some((trial, value, after)) = accepted else {
-            *damping = FIRST_DAMPING;
-            return (at, step);
-        };
-        rejected_growth = 4.0;
-        // Nielsen's rule: by how well the quadratic model foretold the decrease.
-        let gain = (before - after) / trial.expected.max(f64::MIN_POSITIVE);
-        *damping = (*damping * (1.0 - (2.0 * gain.clamp(0.0, 1.0) - 1.0).powi(3)).clamp(0.1, 2.0))
-            .max(LEAST_DAMPING);
-        *patch = trial.patch;
-        at = value;
-        let lowered = lower(&mut objective.weights, &at.terms, floor, objective.little);
-        each(objective, &at.terms);
-        if !lowered && before - after < stop.decrease * before {
-            return (at, step + 1);
-        }
-    }
-    (at, stop.steps)
+/// The state of the descent that one phase hands on to the next.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Minimiser {
+    damping: f64,
+    /// The thresholds to which factors ω are lowered.
+    pub(crate) floor: Weights,
 }
 
-/// A damping to start with.
-pub(crate) fn first_damping() -> f64 {
-    FIRST_DAMPING
+/// Is told of every accepted step.
+pub(crate) type Each<'a> = dyn FnMut(&Objective<'_>, &Terms) + 'a;
+
+impl Minimiser {
+    pub(crate) fn new(floor: Weights) -> Self {
+        Self {
+            damping: FIRST_DAMPING,
+            floor,
+        }
+    }
+
+    /// Minimises S from a patch that has been evaluated to `at`; gives back its value at the end. S
+    /// never rises. Factors ω whose term exceeds I are lowered tenfold after each step, down to
+    /// their thresholds (section 3.3).
+    pub(crate) fn minimise(
+        &mut self,
+        objective: &mut Objective<'_>,
+        patch: &mut RationalPatch,
+        mut at: Evaluated,
+        stop: Stop,
+        each: &mut Each<'_>,
+    ) -> Evaluated {
+        self.damping = self.damping.clamp(LEAST_DAMPING, 1.0);
+        for _ in 0..stop.steps {
+            let before = objective.sum(&at.terms);
+            let Some(step) = self.step(objective, patch, &at) else {
+                return at;
+            };
+            let decrease = before - objective.sum(&step.value.terms);
+            self.relax(decrease, step.expected);
+            *patch = step.patch;
+            at = step.value;
+            let lowered = lower(
+                &mut objective.weights,
+                &at.terms,
+                &self.floor,
+                objective.little,
+            );
+            each(objective, &at.terms);
+            if !lowered && decrease < stop.decrease * before {
+                return at;
+            }
+        }
+        at
+    }
+
+    /// A step that lowers S, with more damping where it takes that; none where the phase ends.
+    fn step(
+        &mut self,
+        objective: &Objective<'_>,
+        patch: &RationalPatch,
+        at: &Evaluated,
+    ) -> Option<Step> {
+        let d = objective.derivatives(patch, at)?;
+        let before = objective.sum(&at.terms);
+        let mut rejected_growth = REJECTED;
+        while self.damping <= MOST_DAMPING {
+            if let Some(trial) = damped_step(objective, &d, patch, at, self.damping)
+                && let Some(value) = objective.evaluate(&trial.patch)
+            {
+                if objective.sum(&value.terms) < before {
+                    return Some(Step {
+                        patch: trial.patch,
+                        value,
+                        expected: trial.expected,
+                    });
+                }
+                if trial.expected <= CONVERGED * before {
+                    return None;
+                }
+            }
+            self.damping *= rejected_growth;
+            rejected_growth *= 2.0;
+        }
+        self.damping = FIRST_DAMPING;
+        None
+    }
+
+    /// Nielsen's rule: damping falls or rises by how well the quadratic model foretold the
+    /// decrease.
+    fn relax(&mut self, decrease: f64, expected: f64) {
+        let gain = decrease / expected.max(f64::MIN_POSITIVE);
+        let factor = (1.0 - (2.0 * gain.clamp(0.0, 1.0) - 1.0).powi(3)).clamp(0.1, 2.0);
+        self.damping = (self.damping * factor).max(LEAST_DAMPING);
+    }
+}
+
+/// A step that was accepted.
+struct Step {
+    patch: RationalPatch,
+    value: Evaluated,
+    /// The decrease of S by the quadratic model.
+    expected: f64,
 }
 
 /// Lowers factors whose term exceeds I (section 3.3), or `little` where that is more; whether any
@@ -112,8 +156,6 @@ pub(crate) fn first_damping() -> f64 {
 fn lower(w: &mut Weights, t: &Terms, floor: &Weights, little: f64) -> bool {
     let most = MOST_SHARE * t.i.max(little);
     let mut lowered = false;
-    // With a tolerance, corners that hold on to where they were keep a patch from its best
-    // proportions.
     let corners = if little > 0.0 { CORNERS * most } else { most };
     let mut one = |w: &mut f64, term: f64, most: f64, floor: f64| {
         if *w * term > most && *w > floor {
@@ -146,41 +188,87 @@ fn damped_step(
     objective: &Objective<'_>,
     d: &Derivatives,
     patch: &RationalPatch,
-    (at, damping): (&Evaluated, f64),
+    at: &Evaluated,
+    damping: f64,
 ) -> Option<Trial> {
-    let n = d.gradient.len();
-    let mean = (0..n).map(|i| d.hessian[i * n + i].abs()).sum::<f64>() / n as f64;
-    let mut a = d.hessian.clone();
-    let scale: Vec<f64> = (0..n)
-        .map(|i| d.hessian[i * n + i].abs().max(LEAST_DIAGONAL * mean))
-        .collect();
-    for i in 0..n {
-        a[i * n + i] += damping * scale[i];
-    }
-    if !cholesky(&mut a, n) {
-        return None;
-    }
-    let mut x: Vec<f64> = d.gradient.iter().map(|g| -g).collect();
-    cholesky_solve(&a, n, &mut x);
-    // −gᵀx − xᵀHx/2 with (H + D) x = −g.
-    let expected = (0..n)
-        .map(|i| x[i] * (damping * scale[i] * x[i] - d.gradient[i]))
-        .sum::<f64>()
-        * 0.5;
-    let mut back = vec![0.0; n];
-    if objective.bends {
-        back = objective.bending(patch, at, &x);
-        cholesky_solve(&a, n, &mut back);
-    }
-    let length = |x: &[f64]| x.iter().zip(&scale).map(|(x, s)| s * x * x).sum::<f64>();
-    let is_trusted = length(&back) <= (0.5 * MOST_BENT).powi(2) * length(&x);
-    let mut patch = patch.clone();
-    let count = n / 4;
-    for (i, c) in patch.control_mut().iter_mut().enumerate() {
-        for k in 0..4 {
-            c[k] += x[k * count + i] - 0.5 * back[k * count + i];
-        }
-    }
+    let system = System::new(d, damping)?;
+    let step = system.solve(d.gradient.iter().map(|g| -g).collect());
+    let expected = system.expected_decrease(d, &step);
+    let back = if objective.bends {
+        system.solve(objective.bending(patch, at, &step))
+    } else {
+        vec![0.0; step.len()]
+    };
+    let most = (0.5 * MOST_BENT).powi(2) * system.squared_length(&step);
+    let is_trusted = system.squared_length(&back) <= most;
+    let patch = moved(patch, &step, &back);
     let is_finite = expected.is_finite() && patch.control().iter().flatten().all(|v| v.is_finite());
     (is_trusted && is_finite).then_some(Trial { patch, expected })
+}
+
+/// H + λD, as its Cholesky factor.
+struct System {
+    factor: Vec<f64>,
+    /// D.
+    scale: Vec<f64>,
+    /// λ.
+    damping: f64,
+}
+
+impl System {
+    /// None where H + λD is not positive definite.
+    fn new(d: &Derivatives, damping: f64) -> Option<Self> {
+        let n = d.gradient.len();
+        let scale = scales(d);
+        let mut factor = d.hessian.clone();
+        for i in 0..n {
+            factor[i * n + i] += damping * scale[i];
+        }
+        cholesky(&mut factor, n).then_some(Self {
+            factor,
+            scale,
+            damping,
+        })
+    }
+
+    /// The x with (H + λD) x = b.
+    fn solve(&self, mut b: Vec<f64>) -> Vec<f64> {
+        cholesky_solve(&self.factor, self.scale.len(), &mut b);
+        b
+    }
+
+    /// −gᵀx − xᵀHx/2 for (H + λD) x = −g.
+    fn expected_decrease(&self, d: &Derivatives, x: &[f64]) -> f64 {
+        (0..x.len())
+            .map(|i| x[i] * (self.damping * self.scale[i] * x[i] - d.gradient[i]))
+            .sum::<f64>()
+            * 0.5
+    }
+
+    /// |x|² in lengths that damping has.
+    fn squared_length(&self, x: &[f64]) -> f64 {
+        x.iter().zip(&self.scale).map(|(x, s)| s * x * x).sum()
+    }
+}
+
+/// The diagonal of H, lifted where it is small.
+fn scales(d: &Derivatives) -> Vec<f64> {
+    let n = d.gradient.len();
+    let diagonal = |i: usize| d.hessian[i * n + i].abs();
+    let mean = (0..n).map(diagonal).sum::<f64>() / n as f64;
+    (0..n)
+        .map(|i| diagonal(i).max(LEAST_DIAGONAL * mean))
+        .collect()
+}
+
+/// A patch moved by a step and half of what leads back.
+fn moved(patch: &RationalPatch, step: &[f64], back: &[f64]) -> RationalPatch {
+    let mut patch = patch.clone();
+    let count = step.len() / 4;
+    for (i, c) in patch.control_mut().iter_mut().enumerate() {
+        for k in 0..4 {
+            c[k] += step[k * count + i] - 0.5 * back[k * count + i];
+        }
+    }
+    patch
 }

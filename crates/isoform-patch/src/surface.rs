@@ -1,7 +1,12 @@
-//! Points of the surface: projections, seeds.
+//! Points of the surface: projections along gradients and lines, seeds, ridges.
+//!
+//! A *seed* is a point of the surface with a frame of its tangent plane; a *ridge* is where the
+//! largest curvature is largest along its own direction.
 
-use crate::Error;
-use isoform_geom::{Aabb, Field, Point3, cross, dot, norm};
+use crate::options::Error;
+use crate::places::{contains, moved};
+use isoform_geom::{Aabb, Field, Point3, across, cross, dot, norm};
+use isoform_num::Jet2;
 
 /// Newton steps towards the surface.
 const STEPS: usize = 60;
@@ -10,25 +15,31 @@ pub(crate) const ON_SURFACE: f64 = 1e-12;
 /// Steps towards a ridge, in radii of curvature or in diagonals of the box, whichever is less:
 /// longer ones could pass over it.
 const RIDGE_STEP: f64 = 0.25;
-/// Most steps: what is farther is not near.
+/// The most steps towards a ridge: one that is farther is not near.
 const RIDGE_STEPS: usize = 60;
 /// A ridge is found to this share of its radius, which is little against a patch.
 const RIDGE_FOUND: f64 = 1e-4;
-/// On a ridge the surface is curved by at least this factor more than beside it; a little more does
-/// not hinder a patch,
+/// The factor by which the surface is curved more on a ridge than beside it, at least: a little
+/// more does not hinder a patch.
 const RIDGE_MORE: f64 = 2.0;
-/// unless it is so sharp, in curvatures times the diagonal, that a patch has to lie on both sides
-/// alike to go round it at all.
+/// The curvature times the diagonal from which on every ridge counts: a patch has to lie on both
+/// sides of it alike to go round it at all.
 const RIDGE_SHARP: f64 = 100.0;
-/// A ridge farther away than so many of its radii does not matter to a patch.
+/// A ridge farther away than this multiple of its radius does not matter to a patch.
 const RIDGE_FAR: f64 = 20.0;
-/// Newton steps below this, in diagonals of the box, that no longer get shorter are rounding's, as
-/// in a box far from the origin. A larger value would end before the surface, a smaller one miss
-/// boxes a million times as far away as they are large.
+/// Newton steps below this, in diagonals of the box, that no longer get shorter come from rounding,
+/// as in a box far from the origin. A larger value would end before the surface, a smaller one miss
+/// the surface in boxes a million times as far away as they are large.
 const STALLED: f64 = 1e-8;
-/// Steps no longer get shorter from this share of the one before on: at self-intersections they
+/// A step of at least this share of the one before is no shorter: at self-intersections steps
 /// halve.
 const SHORTER: f64 = 0.9;
+/// The sine of the angle between a line and the surface below which the line is nearly in it, and
+/// the foot point along it not decided.
+const GRAZING: f64 = 0.05;
+/// The longest Newton step, in diagonals of the box: far from the surface the linear model is not
+/// to be trusted for more.
+const LONGEST: f64 = 0.1;
 /// A gradient below this share of the Hessian times the diagonal is taken for 0: the surface has no
 /// tangent plane to start on.
 const SINGULAR: f64 = 1e-7;
@@ -49,7 +60,7 @@ pub(crate) struct Seed {
     pub(crate) curvature: f64,
 }
 
-/// Numbers from 0 to 1, the same each time (SplitMix64).
+/// Numbers from 0 to 1 that a seed determines (SplitMix64).
 pub(crate) struct Random(u64);
 
 impl Random {
@@ -71,11 +82,6 @@ impl Random {
     }
 }
 
-/// Whether a point lies in a box, boundary included.
-pub(crate) fn contains(region: &Aabb, p: Point3) -> bool {
-    (0..3).all(|k| region.lo[k] <= p[k] && p[k] <= region.hi[k])
-}
-
 /// The point that Newton's method along the gradient leads to; none where it does not come to the
 /// surface.
 pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Point3> {
@@ -91,9 +97,7 @@ pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Poi
         if !length.is_finite() {
             return None;
         }
-        // Far from the surface the linear model is not to be trusted for more than a part of the
-        // box.
-        let damped = step * (0.1 * scale / length).min(1.0);
+        let damped = step * (LONGEST * scale / length).min(1.0);
         for k in 0..3 {
             p[k] -= damped * j.g[k];
         }
@@ -113,7 +117,7 @@ fn has_stalled(step: f64, last: f64, scale: f64) -> bool {
 /// Where the line p + t d meets the surface near t = 0; none where Newton's method leaves |t| ≤
 /// `reach`.
 pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64) -> Option<Point3> {
-    let at = |t: f64| -> Point3 { std::array::from_fn(|k| p[k] + t * d[k]) };
+    let at = |t: f64| moved(p, t, d);
     let (mut t, mut last) = (0.0, f64::INFINITY);
     for _ in 0..STEPS {
         let j = field.jet(at(t));
@@ -122,8 +126,7 @@ pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64)
         }
         let slope = dot(j.g, d);
         let step = j.v / slope;
-        // Along a line nearly in the surface the foot point is not decided.
-        if !step.is_finite() || slope.abs() < 0.05 * norm(j.g) * norm(d) {
+        if !step.is_finite() || slope.abs() < GRAZING * norm(j.g) * norm(d) {
             return None;
         }
         t -= step;
@@ -148,12 +151,7 @@ pub(crate) fn frame(
     scale: f64,
 ) -> Result<Seed, Error> {
     let j = field.jet(point);
-    let g = norm(j.g);
-    let h = (0..3)
-        .flat_map(|a| (0..3).map(move |b| (a, b)))
-        .map(|(a, b)| j.second(a, b).powi(2))
-        .sum::<f64>()
-        .sqrt();
+    let (g, h) = (norm(j.g), frobenius(&j));
     if !g.is_finite() || !h.is_finite() {
         return Err(Error::NotFinite { at: point });
     }
@@ -161,22 +159,8 @@ pub(crate) fn frame(
         return Err(Error::Singular { at: point });
     }
     let n = j.g.map(|v| v / g);
-    // The axis least along the normal gives the first tangent.
-    let axis = (0..3)
-        .min_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs()))
-        .unwrap_or(0);
-    let mut e = [0.0; 3];
-    e[axis] = 1.0;
-    let a = cross(n, e);
-    let a = a.map(|v| v / norm(a));
-    let b = cross(n, a);
-    let form = |u: Point3, v: Point3| {
-        (0..3)
-            .flat_map(|i| (0..3).map(move |k| (i, k)))
-            .map(|(i, k)| u[i] * j.second(i, k) * v[k])
-            .sum::<f64>()
-    };
-    let (twist, difference) = (2.0 * form(a, b), form(a, a) - form(b, b));
+    let [a, b] = across(n);
+    let (twist, difference) = (2.0 * form(&j, a, b), form(&j, a, a) - form(&j, b, b));
     // Where all curvatures are alike there are no such directions.
     let principal = if twist.hypot(difference) > UMBILIC * h {
         0.5 * twist.atan2(difference)
@@ -190,6 +174,18 @@ pub(crate) fn frame(
         tangents: [first, cross(n, first)],
         curvature: h / g,
     })
+}
+
+/// |H| with the Frobenius norm.
+fn frobenius(j: &Jet2) -> f64 {
+    let all = (0..3).flat_map(|a| (0..3).map(move |b| (a, b)));
+    all.map(|(a, b)| j.second(a, b).powi(2)).sum::<f64>().sqrt()
+}
+
+/// uᵀHv.
+fn form(j: &Jet2, u: Point3, v: Point3) -> f64 {
+    let all = (0..3).flat_map(|i| (0..3).map(move |k| (i, k)));
+    all.map(|(i, k)| u[i] * j.second(i, k) * v[k]).sum::<f64>()
 }
 
 /// The largest normal curvature along the tangents of a seed, and its direction.
@@ -208,28 +204,49 @@ fn most_curved(field: &dyn Field, seed: &Seed) -> (f64, Point3) {
 ///
 /// A patch of a ridge is to lie on both sides of it alike: from beside it, it could not go round.
 pub(crate) fn ridge(field: &dyn Field, point: Point3, scale: f64) -> Option<Point3> {
-    let curved = |p: Point3| {
-        let seed = frame(field, p, 0.0, scale).ok()?;
-        let (curvature, along) = most_curved(field, &seed);
-        Some((p, curvature, along))
-    };
-    let start = curved(point)?;
+    let start = Curved::at(field, point, scale)?;
     let (mut at, mut share) = (start, RIDGE_STEP);
     for _ in 0..RIDGE_STEPS {
-        let step = (share / at.1).min(RIDGE_STEP * scale);
-        let next = [-step, step].into_iter().find_map(|s| {
-            let p = std::array::from_fn(|k| at.0[k] + s * at.2[k]);
-            curved(project(field, p, scale)?).filter(|n| n.1 > at.1)
-        });
-        match next {
+        let step = (share / at.curvature).min(RIDGE_STEP * scale);
+        match at.more_curved(field, step, scale) {
             Some(next) => at = next,
             None if share < RIDGE_FOUND => break,
             None => share *= 0.5,
         }
     }
-    let far = norm([0, 1, 2].map(|k| at.0[k] - point[k]));
-    let is_sharp = at.1 > RIDGE_MORE * start.1 || at.1 * scale > RIDGE_SHARP;
-    (is_sharp && far > 0.0 && far * at.1 < RIDGE_FAR).then_some(at.0)
+    let far = norm([0, 1, 2].map(|k| at.point[k] - point[k]));
+    let is_sharp =
+        at.curvature > RIDGE_MORE * start.curvature || at.curvature * scale > RIDGE_SHARP;
+    (is_sharp && far > 0.0 && far * at.curvature < RIDGE_FAR).then_some(at.point)
+}
+
+/// A point of the surface with the largest normal curvature along its tangents, and its direction.
+#[derive(Clone, Copy)]
+struct Curved {
+    point: Point3,
+    curvature: f64,
+    along: Point3,
+}
+
+impl Curved {
+    fn at(field: &dyn Field, point: Point3, scale: f64) -> Option<Self> {
+        let seed = frame(field, point, 0.0, scale).ok()?;
+        let (curvature, along) = most_curved(field, &seed);
+        Some(Self {
+            point,
+            curvature,
+            along,
+        })
+    }
+
+    /// The point a step away to either side, if the surface is more curved there.
+    fn more_curved(&self, field: &dyn Field, step: f64, scale: f64) -> Option<Self> {
+        [-step, step].into_iter().find_map(|s| {
+            let p = moved(self.point, s, self.along);
+            let there = Self::at(field, project(field, p, scale)?, scale)?;
+            (there.curvature > self.curvature).then_some(there)
+        })
+    }
 }
 
 /// The seed at the point of the surface that a given point leads to.

@@ -5,102 +5,150 @@
 //! In the half-plane about the axis the meridian must then be a circle. Normals cost some digits,
 //! which Gauss-Newton steps on the points' distances from the torus bring back.
 
-use crate::exact::damped_least_squares;
-use crate::quadric::null;
-use isoform_geom::{Point3, Quadric, cross, dot, norm, sub};
+use crate::least_squares::damped_least_squares;
+use crate::null::null;
+use crate::places::{moved, normalized};
+use isoform_geom::{Point3, Quadric, across, cross, dot, norm, sub};
 
-/// Normals are exact to so much.
+/// The error of normals: some digits more than that of points.
 const NORMALS: f64 = 1e-10;
 /// The patch is this near to the torus, in units of its own size: what is left of rounding where
 /// control weights differ much.
 const ON_TORUS: f64 = 5e-13;
 /// Gauss-Newton steps; they start a few digits away from rounding.
 const STEPS: usize = 4;
+/// Parameters of a torus: its centre, two of its axis, two radii.
+const PARAMETERS: usize = 7;
 
 /// The torus through points with normals, in whose coordinates it is of size 1; none if there is
 /// none or more than one.
 pub(crate) fn torus(points: &[Point3], normals: &[Point3]) -> Option<Quadric> {
-    let rows = points.iter().zip(normals).map(|(p, n)| {
-        let m = cross(*p, *n);
-        [n[0], n[1], n[2], m[0], m[1], m[2]]
-    });
-    let v = null(rows.collect(), NORMALS).0?;
-    let (b, a) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
-    let a2 = dot(a, a);
-    // A screw, or a translation.
-    if a2 <= NORMALS || dot(a, b).abs() > NORMALS.sqrt() * a2 {
-        return None;
-    }
-    let axis = a.map(|v| v / a2.sqrt());
-    let foot = cross(a, b).map(|v| v / a2);
-    let meridian = points.iter().map(|p| {
-        let d = sub(*p, foot);
-        let height = dot(d, axis);
-        let out = norm(std::array::from_fn(|k| d[k] - height * axis[k]));
-        [out * out + height * height, out, height, 1.0]
-    });
-    let c = null(meridian.collect(), NORMALS).0?;
-    let (out, height) = (-0.5 * c[1] / c[0], -0.5 * c[2] / c[0]);
-    let r2 = out * out + height * height - c[3] / c[0];
-    if !(out > 0.0 && r2 > 0.0) {
-        return None;
-    }
-    let center = std::array::from_fn(|k| foot[k] + height * axis[k]);
-    refined(points, center, axis, out, r2.sqrt())
+    let axis = Axis::through(points, normals)?;
+    let circle = Circle::of_meridian(points, &axis)?;
+    let height = circle.height;
+    let start = Torus {
+        center: moved(axis.foot, height, axis.direction),
+        axis: axis.direction,
+        major: circle.out,
+        minor: circle.radius,
+    };
+    start.refined(points)
 }
 
-/// The torus nearby with the least squared distances, if all points are on it to rounding.
-fn refined(
-    points: &[Point3],
-    mut center: Point3,
-    mut axis: Point3,
-    mut major: f64,
-    mut minor: f64,
-) -> Option<Quadric> {
-    for step in 0..=STEPS {
-        let least = (0..3)
-            .min_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs()))
-            .unwrap_or(0);
-        let x = cross(
-            axis,
-            std::array::from_fn(|k| f64::from(u8::from(k == least))),
-        );
-        let x = x.map(|v| v / norm(x));
-        let y = cross(axis, x);
-        let (mut rows, mut residuals) = (
-            Vec::with_capacity(7 * points.len()),
-            Vec::with_capacity(points.len()),
-        );
+/// The axis of a surface of revolution.
+struct Axis {
+    /// The point of it nearest to the origin.
+    foot: Point3,
+    direction: Point3,
+}
+
+impl Axis {
+    /// None where no rotation, or more than one motion, takes the surface into itself.
+    fn through(points: &[Point3], normals: &[Point3]) -> Option<Self> {
+        let rows = points.iter().zip(normals).map(|(p, n)| {
+            let m = cross(*p, *n);
+            [n[0], n[1], n[2], m[0], m[1], m[2]]
+        });
+        let v = null(rows.collect(), NORMALS)?;
+        let (b, a) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
+        let a2 = dot(a, a);
+        // A screw, or a translation.
+        if a2 <= NORMALS || dot(a, b).abs() > NORMALS.sqrt() * a2 {
+            return None;
+        }
+        Some(Self {
+            direction: a.map(|v| v / a2.sqrt()),
+            foot: cross(a, b).map(|v| v / a2),
+        })
+    }
+}
+
+/// A circle in the half-plane about an axis.
+struct Circle {
+    /// The distance of its middle from the axis.
+    out: f64,
+    /// How far along the axis its middle is.
+    height: f64,
+    radius: f64,
+}
+
+impl Circle {
+    /// The meridian, if it is a circle away from the axis.
+    fn of_meridian(points: &[Point3], axis: &Axis) -> Option<Self> {
+        let rows = points.iter().map(|p| {
+            let d = sub(*p, axis.foot);
+            let height = dot(d, axis.direction);
+            let out = norm(std::array::from_fn(|k| d[k] - height * axis.direction[k]));
+            [out * out + height * height, out, height, 1.0]
+        });
+        let c = null(rows.collect(), NORMALS)?;
+        let (out, height) = (-0.5 * c[1] / c[0], -0.5 * c[2] / c[0]);
+        let r2 = out * out + height * height - c[3] / c[0];
+        (out > 0.0 && r2 > 0.0).then(|| Self {
+            out,
+            height,
+            radius: r2.sqrt(),
+        })
+    }
+}
+
+/// A torus near the points.
+struct Torus {
+    center: Point3,
+    axis: Point3,
+    major: f64,
+    minor: f64,
+}
+
+impl Torus {
+    /// The torus nearby with the least squared distances, if all points are on it to rounding.
+    fn refined(mut self, points: &[Point3]) -> Option<Quadric> {
+        for _ in 0..STEPS {
+            let tilts = across(self.axis);
+            let (rows, residuals) = self.residuals(points, tilts)?;
+            let by = damped_least_squares(rows, &residuals, PARAMETERS, 0.0)?;
+            self.move_by(&by, tilts);
+        }
+        let (_, residuals) = self.residuals(points, across(self.axis))?;
+        let most = residuals.iter().fold(0.0f64, |m, r| m.max(r.abs()));
+        let is_torus = most <= ON_TORUS && self.major > 0.0 && self.minor > 0.0;
+        is_torus.then_some(Quadric::Torus {
+            center: self.center,
+            axis: self.axis,
+            major: self.major,
+            minor: self.minor,
+        })
+    }
+
+    /// The distances of points, and their derivatives by the centre, by a tilt of the axis towards
+    /// two vectors across it, and by both radii; none where a point is in a middle.
+    fn residuals(&self, points: &[Point3], tilts: [Point3; 2]) -> Option<(Vec<f64>, Vec<f64>)> {
+        let mut rows = Vec::with_capacity(PARAMETERS * points.len());
+        let mut residuals = Vec::with_capacity(points.len());
         for p in points {
-            let d = sub(*p, center);
-            let height = dot(d, axis);
-            let flat: Point3 = std::array::from_fn(|k| d[k] - height * axis[k]);
+            let d = sub(*p, self.center);
+            let height = dot(d, self.axis);
+            let flat: Point3 = std::array::from_fn(|k| d[k] - height * self.axis[k]);
             let out = norm(flat);
-            let tube = (out - major).hypot(height);
+            let tube = (out - self.major).hypot(height);
             if out == 0.0 || tube == 0.0 {
                 return None;
             }
-            let (c, s) = ((out - major) / tube, height / tube);
-            // Derivatives by the centre, by a tilt of the axis towards x and y, and by both radii.
-            rows.extend((0..3).map(|k| -(c * flat[k] / out + s * axis[k])));
-            rows.extend([x, y].map(|t| (s - c * height / out) * dot(t, d)));
+            let (c, s) = ((out - self.major) / tube, height / tube);
+            rows.extend((0..3).map(|k| -(c * flat[k] / out + s * self.axis[k])));
+            rows.extend(tilts.map(|t| (s - c * height / out) * dot(t, d)));
             rows.extend([-c, -1.0]);
-            residuals.push(tube - minor);
+            residuals.push(tube - self.minor);
         }
-        if step == STEPS {
-            let most = residuals.iter().fold(0.0f64, |m, r| m.max(r.abs()));
-            return (most <= ON_TORUS && major > 0.0 && minor > 0.0).then_some(Quadric::Torus {
-                center,
-                axis,
-                major,
-                minor,
-            });
-        }
-        let by = damped_least_squares(rows, &residuals, 7, 0.0)?;
-        let tilted: Point3 = std::array::from_fn(|k| axis[k] - by[3] * x[k] - by[4] * y[k]);
-        axis = tilted.map(|v| v / norm(tilted));
-        center = std::array::from_fn(|k| center[k] - by[k]);
-        (major, minor) = (major - by[5], minor - by[6]);
+        Some((rows, residuals))
     }
-    None
+
+    /// Subtracts a step.
+    fn move_by(&mut self, by: &[f64], [x, y]: [Point3; 2]) {
+        let axis = self.axis;
+        let tilted: Point3 = std::array::from_fn(|k| axis[k] - by[3] * x[k] - by[4] * y[k]);
+        self.axis = normalized(tilted);
+        self.center = std::array::from_fn(|k| self.center[k] - by[k]);
+        (self.major, self.minor) = (self.major - by[5], self.minor - by[6]);
+    }
 }

@@ -4,16 +4,20 @@
 //! The weights of S (Wurm, Jüttler and Kim 2003, Table 2) are those of a unit cube, and control
 //! points (x w, y w, z w, w) of patches far from the origin are no variables for Newton's method.
 
+use crate::distance::Distances;
 use crate::fold;
+use crate::grown::Grown;
+use crate::options::{Covering, Error, Options};
+use crate::parameterized::Parameterized;
 use crate::quadric::quadric;
-use crate::{Covering, Distances, Error, Grown, Options, Parameterized};
+use isoform_control::Control;
 use isoform_geom::{Aabb, Expansion, Field, Parts, Point3, RationalPatch, SmoothPart, Terms, norm};
 use isoform_num::{Interval, Jet2, Jet3, Real};
 use std::ops::Deref;
 use std::sync::Arc;
 
-/// Roundings of a coordinate on its way out of the unit box, in units of the largest one: so much
-/// of a tolerance is left for them. Twice what is rounded.
+/// The part of a tolerance that is left for the rounding of coordinates on their way out of the
+/// unit box, in units of the largest one: twice what is rounded.
 const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
 
 /// A place p of the unit box is at `center` + `edge` p in space.
@@ -151,7 +155,7 @@ impl UnitBox {
                 sampled,
                 rms: length(d.rms),
             },
-            is_unfolded: made.is_unfolded && fold::prove_none(part, &patch, None).is_ok(),
+            is_unfolded: made.is_unfolded && is_unfolded(part, &patch),
             quadric: if made.is_exact { quadric(&patch) } else { None },
             grown: Grown {
                 patch,
@@ -174,6 +178,11 @@ impl UnitBox {
         }
         error
     }
+}
+
+/// Whether a patch is proved not to fold over.
+fn is_unfolded(field: &dyn Field, patch: &RationalPatch) -> bool {
+    fold::prove_none(field, patch, &Control::default()).is_ok()
 }
 
 /// A function of space as one of the unit box.
@@ -254,29 +263,36 @@ impl<F: Deref<Target: Field> + Send + Sync> Field for InUnitBox<F> {
 /// value theorem, from third derivatives upward. Off by roundings only, it need not know the sign
 /// that [`Expansion::moved`] does, which takes ten times as long.
 fn widened(e: &Expansion, off: Point3) -> Expansion {
-    // A sum of three products of two rounded factors, each upward.
-    let up = |v: f64| v * (1.0 + 8.0 * f64::EPSILON) + f64::MIN_POSITIVE;
-    let along = |size: &dyn Fn(usize) -> f64| up((0..3).map(|k| size(k) * off[k]).sum());
     let size = |i: &Interval| i.lo().abs().max(i.hi().abs());
-    let wider = |i: Interval, by: f64| i + Interval::new(-by, by);
     let mut hessian = e.hessian;
     for (i, row) in Expansion::SECOND.iter().enumerate() {
         for (j, &place) in row.iter().enumerate().skip(i) {
-            let by = along(&|k| size(&e.third[Expansion::THIRD[i][j][k]]));
+            let by = along(|k| size(&e.third[Expansion::THIRD[i][j][k]]), off);
             hessian[place] = wider(e.hessian[place], by);
         }
     }
     let gradient = std::array::from_fn(|i| {
-        let by = along(&|k| size(&hessian[Expansion::SECOND[i][k]]));
+        let by = along(|k| size(&hessian[Expansion::SECOND[i][k]]), off);
         wider(e.gradient[i], by)
     });
-    let by = along(&|k| size(&gradient[k]));
+    let by = along(|k| size(&gradient[k]), off);
     Expansion {
         value: wider(e.value, by),
         gradient,
         hessian,
         third: e.third,
     }
+}
+
+/// Σ sizeₖ offₖ: three products of two rounded factors, each rounded upward.
+fn along(size: impl Fn(usize) -> f64, off: Point3) -> f64 {
+    let sum: f64 = (0..3).map(|k| size(k) * off[k]).sum();
+    sum * (1.0 + 8.0 * f64::EPSILON) + f64::MIN_POSITIVE
+}
+
+/// An interval that reaches farther on both sides.
+fn wider(i: Interval, by: f64) -> Interval {
+    i + Interval::new(-by, by)
 }
 
 /// The box that three intervals span.

@@ -2,7 +2,7 @@
 
 use isoform_field::Polynomial;
 use isoform_geom::{Aabb, Point3, RationalPatch, norm, sub};
-use isoform_patch::{Cover, Covering, Options, Parameterized, cover, reached};
+use isoform_patch::{Control, Cover, Covering, Options, Parameterized, cover, reached};
 
 fn options(tolerance: f64) -> Options {
     let region = Aabb {
@@ -45,14 +45,23 @@ fn depth(patch: &RationalPatch, p: Point3) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
+/// What is made on a pool of as many threads.
+fn on_threads<T: Send>(threads: usize, make: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .expect("threads")
+        .install(make)
+}
+
 fn margin_of_sphere(margin: f64, threads: usize, most: usize) -> Cover {
     let covering = Covering {
         margin: Some(margin),
-        threads,
         most,
         ..Covering::default()
     };
-    cover(&sphere(), &options(1e-4), &covering, &|| false).expect("a cover")
+    let make = || cover(&sphere(), &options(1e-4), &covering, &Control::default());
+    on_threads(threads, make).expect("a cover")
 }
 
 fn patches(made: &[Parameterized]) -> Vec<&RationalPatch> {
@@ -96,7 +105,7 @@ fn a_margin_that_is_not_there_is_not_proved() {
         margin: Some(-1.0),
         ..Covering::default()
     };
-    assert!(cover(&sphere(), &options, &bad, &|| false).is_err());
+    assert!(cover(&sphere(), &options, &bad, &Control::default()).is_err());
 }
 
 /// A cone is covered but for its apex, and that is said.
@@ -105,12 +114,12 @@ fn singular_points_are_left_out() {
     let cone = Polynomial::new([([2, 0, 0], 1.0), ([0, 2, 0], 1.0), ([0, 0, 2], -1.0)]);
     let apart = 0.03;
     let covering = Covering {
-        threads: 2,
         apart: Some(apart),
         margin: Some(0.01),
         ..Covering::default()
     };
-    let made = cover(&cone, &options(1e-4), &covering, &|| false).expect("a cover");
+    let make = || cover(&cone, &options(1e-4), &covering, &Control::default());
+    let made = on_threads(2, make).expect("a cover");
     assert!(made.left_out > 0 && made.left_out < made.samples / 50);
     assert!((apart..apart + 1e-9).contains(&made.apart));
     assert!(!made.singular.is_empty() && made.singular.iter().all(|s| norm(*s) < 1e-5));

@@ -7,8 +7,13 @@ use isoform_algebra::RBig;
 use isoform_geom::{Aabb, Field, Point3, RationalPatch};
 use isoform_num::Jet2;
 use isoform_patch::{
-    Error, Method, Options, PAPER_LIMIT, Phase, Quadric, Weights, distances, parameterize, prove,
+    Control, Error, Method, Options, PAPER_LIMIT, Parameterized, Phase, Quadric, Weights,
+    distances, prove,
 };
+
+fn parameterize(field: &dyn Field, options: &Options) -> Result<Parameterized, Error> {
+    isoform_patch::parameterize(field, options, &Control::default())
+}
 
 fn paper(degree: (usize, usize), seed_point: Point3) -> Options {
     Options {
@@ -196,7 +201,8 @@ fn patches_to_a_tolerance_grow_as_large_as_they_can() {
             tolerance: Some(2e-5),
             ..paper(degree, [0.48, 0.0, 0.0])
         };
-        let made = isoform_patch::parameterize_part(&parts, &options).expect("a patch");
+        let made = isoform_patch::parameterize_part(&parts, &options, &Control::default())
+            .expect("a patch");
         assert!(
             made.distances.bound.is_some_and(|b| b <= 2e-5) && made.grown.area(&CUBE) > least,
             "{degree:?} {}",
@@ -718,13 +724,11 @@ impl Field for Slow {
 /// Growing takes fifty such evaluations and more, but leaves time for the proof.
 #[test]
 fn a_patch_that_is_not_full_grown_in_time_has_a_bound() {
-    let deadline = Some(std::time::Instant::now() + std::time::Duration::from_millis(700));
-    let made = parameterize(
+    let deadline = std::time::Instant::now() + std::time::Duration::from_millis(700);
+    let made = isoform_patch::parameterize(
         &Slow(sphere(0.5)),
-        &Options {
-            deadline,
-            ..paper((2, 2), [0.0, 0.0, 0.5])
-        },
+        &paper((2, 2), [0.0, 0.0, 0.5]),
+        &Control::default().until(deadline),
     )
     .expect("a patch");
     assert!(made.is_late);
@@ -836,7 +840,7 @@ fn patches_do_not_depend_on_the_unit() {
     let one = made(1.0, None);
     for size in [1e-6, 1e6] {
         let other = made(size, None);
-        let control = |p: &isoform_patch::Parameterized| p.grown.patch.control().to_vec();
+        let control = |p: &Parameterized| p.grown.patch.control().to_vec();
         for (a, b) in control(&one).iter().zip(control(&other)) {
             for k in 0..4 {
                 let unit = if k < 3 { size } else { 1.0 };

@@ -2,7 +2,7 @@
 
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_geom::{Aabb, Parts, Point3};
-use isoform_patch::{Covering, Options, Parameterized, cover_parts, parameterize_part, reached};
+use isoform_patch::{Control, Cover, Covering, Error, Options, Parameterized, reached};
 
 const CUBE: Aabb = Aabb {
     lo: [-0.5; 3],
@@ -62,11 +62,16 @@ fn share(patches: &[Parameterized], points: &[Point3]) -> f64 {
         / points.len() as f64
 }
 
-fn with(threads: usize) -> Covering {
-    Covering {
-        threads,
-        ..Covering::default()
-    }
+/// A cover made on a pool of as many threads.
+fn cover_parts(parts: &Parts, options: &Options, threads: usize) -> Result<Cover, Error> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let (covering, control) = (Covering::default(), Control::default());
+    let make = || isoform_patch::cover_parts(parts, options, &covering, &control);
+    pool.expect("threads").install(make)
+}
+
+fn parameterize_part(parts: &Parts, options: &Options) -> Result<Parameterized, Error> {
+    isoform_patch::parameterize_part(parts, options, &Control::default())
 }
 
 /// Halves of the edges of a box.
@@ -86,7 +91,7 @@ fn from_box(p: Point3) -> f64 {
 #[test]
 fn a_box_has_a_patch_for_each_face() {
     let model = parts("min(min(0.4 - abs(x[1]), 0.3 - abs(x[2])), 0.2 - abs(x[3]))");
-    let made = cover_parts(&model, &options(), &with(2), &|| false).expect("a cover");
+    let made = cover_parts(&model, &options(), 2).expect("a cover");
     check(&made.patches, &from_box);
     assert_eq!(made.patches.len(), 6);
     let mut points = Vec::new();
@@ -105,7 +110,7 @@ fn a_box_has_a_patch_for_each_face() {
         }
     }
     assert_eq!(share(&made.patches, &points), 1.0);
-    let again = cover_parts(&model, &options(), &with(1), &|| false).expect("a cover");
+    let again = cover_parts(&model, &options(), 1).expect("a cover");
     assert!(
         made.patches
             .iter()
@@ -120,8 +125,7 @@ fn an_octahedron_is_covered() {
     let made = cover_parts(
         &parts("0.45 - abs(x[1]) - abs(x[2]) - abs(x[3])"),
         &options(),
-        &with(2),
-        &|| false,
+        2,
     )
     .expect("a cover");
     let points: Vec<Point3> = (0..=40)
@@ -179,7 +183,7 @@ fn blends_are_covered_and_proved() {
         isoform_field::parts_of(&Model::parse(text, Mode::Default).expect("a model"), &[0.0])
             .expect("parts");
     let value = |p: Point3| (-p[0]).max(-p[1]) + (0.2 - (p[1] - p[0]).abs()).max(0.0).powi(2) / 0.8;
-    let made = cover_parts(&model, &options(), &with(2), &|| false).expect("a cover");
+    let made = cover_parts(&model, &options(), 2).expect("a cover");
     // |∇F| is between 1/√2 and 1, so that |F| is at most the distance, and the distance at most
     // √2 |F|.
     check(&made.patches, &|p| value(p).abs());
@@ -344,7 +348,7 @@ fn nothing_is_proved_of_what_is_constant() {
             made.map(|m| (m.grown.seed_point, m.distances))
         );
     }
-    assert!(cover_parts(&model, &below, &with(2), &|| false).is_err());
+    assert!(cover_parts(&model, &below, 2).is_err());
 }
 
 /// A ball less another one: at the edge, where the pieces meet at an acute angle, and off it bounds

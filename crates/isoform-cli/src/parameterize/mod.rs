@@ -14,8 +14,8 @@ use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use isoform::geom::{Aabb, Point3};
 use isoform::io::STEP_UNITS;
 use isoform::patch::{
-    self, Covering, Depth, Error, Method, Options, Parameterized, cover, cover_parts, parameterize,
-    parameterize_part,
+    self, Control, Covering, Depth, Error, Method, Options, Parameterized, cover, cover_parts,
+    parameterize, parameterize_part,
 };
 use std::path::PathBuf;
 use std::time::Instant;
@@ -278,22 +278,20 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let mut seconds = vec![("read", clock.elapsed().as_secs_f64())];
     let options = options(args, context);
     let (patches, coverage) = if args.cover {
-        interrupt::watch();
         clock = Instant::now();
-        let stop = || interrupt::happened() || context.is_late();
-        let threads = context.global.threads.map_or_else(
-            || std::thread::available_parallelism().map_or(1, usize::from),
-            usize::from,
-        );
+        let control = Control {
+            cancelled: Some(interrupt::watch()),
+            deadline: context.deadline,
+            progress: None,
+        };
         let covering = Covering {
             most: args.patches,
-            threads,
             margin: args.margin,
             apart: args.singular,
         };
         let made = match &subject.parts {
-            Some(parts) => cover_parts(parts, &options, &covering, &stop),
-            None => cover(subject.field.as_ref(), &options, &covering, &stop),
+            Some(parts) => cover_parts(parts, &options, &covering, &control),
+            None => cover(subject.field.as_ref(), &options, &covering, &control),
         };
         let made = made.map_err(|e| failure(&e, &subject.name, &options))?;
         seconds.push(("cover", clock.elapsed().as_secs_f64()));
@@ -307,6 +305,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         };
         (made.patches, Some(coverage))
     } else {
+        let control = Control {
+            deadline: context.deadline,
+            ..Control::default()
+        };
         // The bound on S is of the whole function; a distance is from the surface, whatever its
         // parts are.
         let made = match subject
@@ -314,8 +316,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             .as_ref()
             .filter(|_| options.tolerance.is_some())
         {
-            Some(parts) => parameterize_part(parts, &options),
-            None => parameterize(subject.field.as_ref(), &options),
+            Some(parts) => parameterize_part(parts, &options, &control),
+            None => parameterize(subject.field.as_ref(), &options, &control),
         };
         let patch = made.map_err(|e| failure(&e, &subject.name, &options))?;
         seconds.extend(patch.seconds.iter().copied());
@@ -383,7 +385,6 @@ fn options(args: &Args, context: &Context) -> Options {
             Inner::Tangents => patch::Inner::Tangents,
         },
         nodes: args.nodes.map(usize::from),
-        deadline: context.deadline,
         tolerance: args.tol,
         exact: args.exact,
         ..Options::paper(args.degree, region)

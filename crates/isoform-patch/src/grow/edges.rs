@@ -4,11 +4,14 @@
 //! side comes to an edge it is put onto it, if the whole side comes to the same edge nearby, and is
 //! then held there by a term of the objective. Else it stops.
 
-use super::{Growth, SPILL, balanced};
-use crate::surface::contains;
+mod put;
+mod trim;
+
+use super::Growth;
+use crate::stretch::{balanced, beside, extended};
 use crate::whole::{Beyond, On};
-use isoform_geom::{Field, Point3, RationalPatch, bernstein, dot, norm};
-use isoform_num::linalg::{cholesky, cholesky_solve};
+use isoform_geom::{Field, RationalPatch, norm};
+use put::put_on;
 
 /// What a side of a patch does.
 #[derive(Clone, Copy)]
@@ -21,9 +24,22 @@ pub(crate) enum Side<'f> {
     Stopped,
 }
 
-impl Side<'_> {
+impl<'f> Side<'f> {
     pub(crate) fn is_at_edge(&self) -> bool {
-        matches!(self, Self::At(_))
+        self.edge().is_some()
+    }
+
+    /// What vanishes where it is held.
+    pub(crate) fn edge(self) -> Option<&'f dyn Field> {
+        match self {
+            Self::At(edge) => Some(edge),
+            Self::Free | Self::Stopped => None,
+        }
+    }
+
+    /// Whether it is held where this vanishes.
+    fn is_held_at(self, edge: &dyn Field) -> bool {
+        self.edge().is_some_and(|own| std::ptr::addr_eq(own, edge))
     }
 }
 
@@ -31,24 +47,12 @@ impl Side<'_> {
 pub(crate) const OVERLAP: f64 = 0.3;
 /// Samples along a side.
 const SAMPLES: usize = 25;
-/// The same where nothing must lie between them.
-const FINE_SAMPLES: usize = 241;
-/// Where something does, so many more within this of it.
-const CLOSE_SAMPLES: usize = 161;
-const CLOSE: f64 = 1.0 / 120.0;
-/// Newton steps to where a parameter line meets an edge.
-const STEPS: usize = 12;
-/// How far in, and beyond an extrapolation, an edge may be that a side is put onto, in the patch's
-/// lengths.
-const REACH: (f64, f64) = (-0.6, 0.6);
+/// Places in each direction, less one, at which a start patch is looked at.
+const START_SAMPLES: usize = 4;
 /// Bisections towards an edge.
 const BISECTIONS: usize = 12;
 /// The share of a side that is near its end.
 const NEAR_END: f64 = 0.25;
-/// The most of a patch that is taken back at one side.
-const MOST_TRIMMED: f64 = 0.4;
-/// What lies beyond the region by more than this share of that is taken back to where sides stop.
-const MOST_SPILL: f64 = 0.3;
 /// A side that gets no farther than this share of the patch has come to its edge.
 const STUCK: f64 = 0.02;
 
@@ -57,50 +61,71 @@ fn evenly(count: usize) -> Vec<f64> {
     (0..count).map(|i| i as f64 / (count - 1) as f64).collect()
 }
 
-/// The parameters of the point at `t` along a side and `e` beyond it.
-fn parameters(side: usize, t: f64, e: f64) -> (f64, f64) {
-    match side {
-        0 => (-e, t),
-        1 => (1.0 + e, t),
-        2 => (t, -e),
-        _ => (t, 1.0 + e),
+/// The sides of the two neighbours of a side.
+fn neighbours<'f>(sides: &[Side<'f>; 4], side: usize) -> [Side<'f>; 2] {
+    if side < 2 {
+        [sides[2], sides[3]]
+    } else {
+        [sides[0], sides[1]]
     }
 }
 
-/// The patch longer by a share at one side.
-fn extended(patch: &RationalPatch, side: usize, share: f64) -> RationalPatch {
-    let whole = (0.0, 1.0);
-    match side {
-        0 => patch.part((-share, 1.0), whole),
-        1 => patch.part((0.0, 1.0 + share), whole),
-        2 => patch.part(whole, (-share, 1.0)),
-        _ => patch.part(whole, (0.0, 1.0 + share)),
-    }
-}
-
-/// The coefficients in the Bernstein basis of what has these values at 0, 1/n, …, 1.
-fn interpolated(values: &[[f64; 4]]) -> Option<Vec<[f64; 4]>> {
-    let n = values.len();
-    let rows: Vec<Vec<f64>> = (0..n)
-        .map(|i| bernstein(n - 1, i as f64 / (n - 1) as f64).0)
-        .collect();
-    let mut normal: Vec<f64> = (0..n * n)
-        .map(|k| rows.iter().map(|r| r[k / n] * r[k % n]).sum())
-        .collect();
-    if !cholesky(&mut normal, n) {
-        return None;
-    }
-    let mut out = vec![[0.0; 4]; n];
-    for k in 0..4 {
-        let mut x: Vec<f64> = (0..n)
-            .map(|i| rows.iter().zip(values).map(|(r, v)| r[i] * v[k]).sum())
-            .collect();
-        cholesky_solve(&normal, n, &mut x);
-        for (o, x) in out.iter_mut().zip(x) {
-            o[k] = x;
+/// A range about the place where `is_below` ends to hold, from 0 to `hi`.
+fn bisected(hi: f64, is_below: impl Fn(f64) -> bool) -> (f64, f64) {
+    let (mut lo, mut hi) = (0.0, hi);
+    for _ in 0..BISECTIONS {
+        let share = 0.5 * (lo + hi);
+        if is_below(share) {
+            lo = share
+        } else {
+            hi = share
         }
     }
-    Some(out)
+    (lo, hi)
+}
+
+/// How a side is looked at.
+#[derive(Clone, Copy)]
+struct Look<'a, 'f> {
+    on: On<'f>,
+    side: usize,
+    /// How far it may lie beyond edges.
+    allowed: f64,
+    /// Parameters along it.
+    samples: &'a [f64],
+    /// What its neighbours do: near its ends it may lie beyond those edges that they are held on,
+    /// as Newton steps see to them.
+    neighbours: [Side<'f>; 2],
+}
+
+impl<'f> Look<'_, 'f> {
+    /// Where the side of a patch lies farthest beyond an edge.
+    fn farthest(&self, patch: &RationalPatch) -> Option<Beyond<'f>> {
+        let mut worst: Option<Beyond<'f>> = None;
+        for &t in self.samples {
+            let (u, v) = beside(self.side, t, 0.0);
+            let Some(beyond) = self.on.beyond(patch.point(u, v)) else {
+                continue;
+            };
+            let is_worse = beyond.by > worst.map_or(self.allowed, |w| w.by);
+            if is_worse && !self.is_excused(t, &beyond) {
+                worst = Some(beyond);
+            }
+        }
+        worst
+    }
+
+    /// Whether a neighbour sees to a place.
+    fn is_excused(&self, t: f64, beyond: &Beyond<'_>) -> bool {
+        let [first, last] = self.neighbours;
+        t < NEAR_END && first.is_held_at(beyond.edge)
+            || t > 1.0 - NEAR_END && last.is_held_at(beyond.edge)
+    }
+
+    /// Whether the side of a patch lies beyond an edge.
+    fn is_beyond(&self, patch: &RationalPatch) -> bool {
+        self.farthest(patch).is_some()
+    }
 }
 
 impl<'f> Growth<'f> {
@@ -108,8 +133,8 @@ impl<'f> Growth<'f> {
     pub(crate) fn off_edges(&self, on: On<'f>) -> f64 {
         let mut most = 0.0f64;
         for side in 0..4 {
-            for i in 0..SAMPLES {
-                let (u, v) = parameters(side, i as f64 / (SAMPLES - 1) as f64, 0.0);
+            for t in evenly(SAMPLES) {
+                let (u, v) = beside(side, t, 0.0);
                 let p = self.patch.point(u, v);
                 if let Side::At(edge) = self.sides[side] {
                     let j = edge.jet(p);
@@ -128,169 +153,13 @@ impl<'f> Growth<'f> {
         allowed: f64,
         at_edge: bool,
     ) -> bool {
-        let first = usize::from(at_edge);
-        (0..5).all(|i| {
-            (first..5).all(|j| {
-                on.beyond(patch.point(i as f64 / 4.0, j as f64 / 4.0))
-                    .is_none_or(|b| b.by <= allowed)
-            })
-        })
-    }
-
-    /// Where a side lies farthest beyond an edge. Near its ends it may lie beyond those that its
-    /// neighbours `held` are held on: Newton steps see to them.
-    fn farthest(
-        on: On<'f>,
-        patch: &RationalPatch,
-        side: usize,
-        (allowed, samples): (f64, &[f64]),
-        held: [Side<'f>; 2],
-    ) -> Option<Beyond<'f>> {
-        let mut worst: Option<Beyond<'f>> = None;
-        for &t in samples {
-            let (u, v) = parameters(side, t, 0.0);
-            let Some(beyond) = on
-                .beyond(patch.point(u, v))
-                .filter(|b| b.by > worst.map_or(allowed, |w| w.by))
-            else {
-                continue;
-            };
-            let is_held = |side: Side<'f>| matches!(side, Side::At(edge) if std::ptr::addr_eq(edge, beyond.edge));
-            if !(t < NEAR_END && is_held(held[0]) || t > 1.0 - NEAR_END && is_held(held[1])) {
-                worst = Some(beyond);
-            }
-        }
-        worst
-    }
-
-    /// Takes back sides that Newton steps have moved far beyond the region: where a surface can be
-    /// shifted along itself, as a cylinder can, nothing else keeps them. Only to a tolerance, for
-    /// which steps go far.
-    fn trim_to_region(&mut self) {
-        let mut patch = self.patch.clone();
-        for side in 0..4 {
-            let is_beyond = |share: f64, spill: f64| {
-                let wide = self.wider(spill);
-                let shorter = extended(&patch, side, -share);
-                evenly(SAMPLES).into_iter().any(|t| {
-                    let (u, v) = parameters(side, t, 0.0);
-                    !contains(&wide, shorter.point(u, v))
-                })
-            };
-            if !is_beyond(0.0, MOST_SPILL) || is_beyond(MOST_TRIMMED, SPILL) {
-                continue;
-            }
-            let (mut lo, mut hi) = (0.0, MOST_TRIMMED);
-            for _ in 0..BISECTIONS {
-                let share = 0.5 * (lo + hi);
-                if is_beyond(share, SPILL) {
-                    lo = share
-                } else {
-                    hi = share
-                }
-            }
-            patch = extended(&patch, side, -hi);
-        }
-        self.put(patch);
-    }
-
-    /// Whether no side lies far beyond the region.
-    pub(crate) fn is_near_region(&self) -> bool {
-        let wide = self.wider(MOST_SPILL);
-        (0..4).all(|side| {
-            evenly(SAMPLES).into_iter().all(|t| {
-                let (u, v) = parameters(side, t, 0.0);
-                contains(&wide, self.patch.point(u, v))
-            })
-        })
-    }
-
-    /// Takes a patch that is another one.
-    fn put(&mut self, patch: RationalPatch) {
-        if patch != self.patch
-            && let patch = balanced(patch)
-            && let Some((targets, at)) = self.retargeted(&patch)
-        {
-            self.take(patch, targets, at);
-        }
-    }
-
-    /// Takes back sides that Newton steps have moved beyond edges, and far beyond the region.
-    pub(crate) fn trim(&mut self) {
-        if self.options.tolerance.is_some() {
-            self.trim_to_region();
-        }
-        let samples = evenly(SAMPLES);
-        self.trim_to(
-            self.overlap(),
-            &std::array::from_fn(|_| samples.clone()),
-            false,
-        );
-    }
-
-    /// Takes back what lies beyond edges by more than that between samples, too, above all near a
-    /// place where that seems to be.
-    pub(crate) fn trim_finely(&mut self, allowed: f64, near: Option<(f64, f64)>) {
-        let samples = |side: usize| {
-            let mut samples = evenly(FINE_SAMPLES);
-            if let Some((u, v)) = near {
-                let t = if side < 2 { v } else { u };
-                let close = evenly(CLOSE_SAMPLES)
-                    .into_iter()
-                    .map(|s| t + (2.0 * s - 1.0) * CLOSE);
-                samples.extend(close.filter(|t| (0.0..=1.0).contains(t)));
-            }
-            samples
+        let at = |i: usize| i as f64 / START_SAMPLES as f64;
+        let is_within = |i: usize, j: usize| {
+            let beyond = on.beyond(patch.point(at(i), at(j)));
+            beyond.is_none_or(|b| b.by <= allowed)
         };
-        self.trim_to(allowed, &std::array::from_fn(samples), true);
-    }
-
-    /// The same with samples for each side; with `held`, where that fails, what lies beyond edges
-    /// that the neighbours are held on does not count.
-    fn trim_to(&mut self, allowed: f64, samples: &[Vec<f64>; 4], held: bool) {
-        if self.on.whole.is_single() {
-            return;
-        }
-        let on = self.on;
-        let mut patch = self.patch.clone();
-        for side in 0..4 {
-            if self.sides[side].is_at_edge() {
-                continue;
-            }
-            let neighbours = if side < 2 {
-                [self.sides[2], self.sides[3]]
-            } else {
-                [self.sides[0], self.sides[1]]
-            };
-            for neighbours in [Some([Side::Free; 2]), held.then_some(neighbours)]
-                .into_iter()
-                .flatten()
-            {
-                let is_beyond = |share: f64| {
-                    let shorter = extended(&patch, side, -share);
-                    Self::farthest(on, &shorter, side, (allowed, &samples[side]), neighbours)
-                        .is_some()
-                };
-                if !is_beyond(0.0) {
-                    break;
-                }
-                if is_beyond(MOST_TRIMMED) {
-                    continue;
-                }
-                let (mut lo, mut hi) = (0.0, MOST_TRIMMED);
-                for _ in 0..BISECTIONS {
-                    let share = 0.5 * (lo + hi);
-                    if is_beyond(share) {
-                        lo = share
-                    } else {
-                        hi = share
-                    }
-                }
-                patch = extended(&patch, side, -hi);
-                break;
-            }
-        }
-        self.put(patch);
+        let first = usize::from(at_edge);
+        (0..=START_SAMPLES).all(|i| (first..=START_SAMPLES).all(|j| is_within(i, j)))
     }
 
     /// The patch longer by shares of its edges at its four sides, but no longer than the part; and
@@ -304,109 +173,43 @@ impl<'f> Growth<'f> {
         let (mut patch, mut sides) = (self.patch.clone(), self.sides);
         let samples = evenly(SAMPLES);
         for side in 0..4 {
-            let longer = extended(&patch, side, by[side]);
-            let held = if side < 2 {
-                [sides[2], sides[3]]
-            } else {
-                [sides[0], sides[1]]
+            let look = Look {
+                on,
+                side,
+                allowed,
+                samples: &samples,
+                neighbours: neighbours(&sides, side),
             };
-            if by[side] <= 0.0 {
-                patch = longer;
-                continue;
-            }
-            let Some(beyond) = Self::farthest(on, &longer, side, (allowed, &samples), held) else {
-                patch = longer;
-                continue;
-            };
-            if let Some(put) = Self::put_on(&patch, side, by[side], beyond.edge) {
-                (patch, sides[side]) = (put, Side::At(beyond.edge));
-                continue;
-            }
-            let (mut lo, mut hi) = (0.0, by[side]);
-            for _ in 0..BISECTIONS {
-                let share = 0.5 * (lo + hi);
-                match Self::farthest(
-                    on,
-                    &extended(&patch, side, share),
-                    side,
-                    (allowed, &samples),
-                    held,
-                ) {
-                    None => lo = share,
-                    Some(_) => hi = share,
-                }
-            }
-            patch = extended(&patch, side, lo);
-            if lo < STUCK {
-                sides[side] = Side::Stopped;
+            let (longer, end) = moved_out(&patch, &look, by[side]);
+            patch = longer;
+            if let Some(end) = end {
+                sides[side] = end;
             }
         }
         (balanced(patch), sides)
     }
+}
 
-    /// The patch with a side moved onto an edge; none where parameter lines do not meet it nearby.
-    fn put_on(
-        patch: &RationalPatch,
-        side: usize,
-        share: f64,
-        edge: &dyn Field,
-    ) -> Option<RationalPatch> {
-        let (m, n) = patch.degree();
-        let count = if side < 2 { n } else { m };
-        let meets = |t: f64| {
-            let mut e = 0.0f64;
-            for _ in 0..STEPS {
-                let (u, v) = parameters(side, t, e);
-                let at = patch.tangents(u, v);
-                let d: Point3 = match side {
-                    0 => at.u.map(|x| -x),
-                    1 => at.u,
-                    2 => at.v.map(|x| -x),
-                    _ => at.v,
-                };
-                let j = edge.jet(at.point);
-                let step = j.v / dot(j.g, d);
-                e = (e - step).clamp(2.0 * REACH.0, share + 2.0 * REACH.1);
-                if !e.is_finite() {
-                    return None;
-                }
-                if step.abs() < 1e-10 {
-                    break;
-                }
-            }
-            let (u, v) = parameters(side, t, e);
-            let j = edge.jet(patch.point(u, v));
-            (e > REACH.0
-                && e < share + REACH.1
-                && j.v.abs() <= 1e-6 * norm(j.g) * norm(patch.tangents(u, v).u))
-            .then_some(e)
-        };
-        let moved: Vec<f64> = (0..=count)
-            .map(|k| meets(k as f64 / count as f64))
-            .collect::<Option<_>>()?;
-        // Interpolated where the old patch is at new parameters: first along v for each u, then
-        // along u.
-        let value = |i: usize, j: usize| {
-            let (s, t) = (i as f64 / m as f64, j as f64 / n as f64);
-            let (u, v) = match side {
-                0 => (-moved[j] + s * (1.0 + moved[j]), t),
-                1 => (s * (1.0 + moved[j]), t),
-                2 => (s, -moved[i] + t * (1.0 + moved[i])),
-                _ => (s, t * (1.0 + moved[i])),
-            };
-            patch.homogeneous(u, v)[0]
-        };
-        let rows: Vec<Vec<[f64; 4]>> = (0..=m)
-            .map(|i| interpolated(&(0..=n).map(|j| value(i, j)).collect::<Vec<_>>()))
-            .collect::<Option<_>>()?;
-        let columns: Vec<Vec<[f64; 4]>> = (0..=n)
-            .map(|j| interpolated(&rows.iter().map(|r| r[j]).collect::<Vec<_>>()))
-            .collect::<Option<_>>()?;
-        let control = (0..=m)
-            .flat_map(|i| columns.iter().map(move |c| c[i]))
-            .collect();
-        RationalPatch::new((m, n), control)
-            .ok()
-            .filter(|p| p.control_weights().0 > 0.0)
+/// A patch longer by a share at one side, but no longer than the part; and what the side does then,
+/// if that changes.
+fn moved_out<'f>(
+    patch: &RationalPatch,
+    look: &Look<'_, 'f>,
+    share: f64,
+) -> (RationalPatch, Option<Side<'f>>) {
+    let side = look.side;
+    let longer = extended(patch, side, share);
+    if share <= 0.0 {
+        return (longer, None);
     }
+    let Some(beyond) = look.farthest(&longer) else {
+        return (longer, None);
+    };
+    if let Some(put) = put_on(patch, side, share, beyond.edge) {
+        return (put, Some(Side::At(beyond.edge)));
+    }
+    let is_within = |share: f64| !look.is_beyond(&extended(patch, side, share));
+    let (most, _) = bisected(share, is_within);
+    let end = (most < STUCK).then_some(Side::Stopped);
+    (extended(patch, side, most), end)
 }

@@ -1,0 +1,67 @@
+//! The proof that the surface lies as deep inside of patches as a margin asks for.
+
+use super::Depth;
+use super::rounds::Work;
+use crate::depth::{Proof, Question, Sheet, prove};
+use crate::places::{contains, wider};
+use crate::surface::project;
+use isoform_geom::{Aabb, Point3};
+
+/// Proofs of the margin, with patches for what the one before left open in between.
+const MOST_PROOFS: usize = 4;
+/// The margin is proved this much beyond the region, in its diagonals: a region some million times
+/// as far away as it is large has no sharper corners.
+const CORNER: f64 = 1e-9;
+
+impl Work<'_> {
+    /// Proves that all of the surface lies as deep; adds patches where that fails.
+    pub(super) fn prove_margin(&mut self, margin: f64) -> Depth {
+        let mut proof = self.proof(margin);
+        for _ in 1..MOST_PROOFS {
+            let before = self.patches.len();
+            let fresh = self.points_of(&proof.open);
+            if fresh.is_empty() || self.control.is_stopped() {
+                break;
+            }
+            self.add(&fresh);
+            self.cover_samples(1);
+            if self.patches.len() == before {
+                break;
+            }
+            proof = self.proof(margin);
+        }
+        Depth {
+            margin,
+            distance: proof.open.is_empty().then_some(proof.distance),
+            open: proof.open,
+        }
+    }
+
+    /// Points of the surface in the region near the middles of boxes, with the only part.
+    fn points_of(&self, boxes: &[Aabb]) -> Vec<(Point3, usize)> {
+        let (scale, field) = (self.region.diagonal(), self.whole.field(0));
+        (boxes.iter())
+            .filter_map(|cell| project(field, cell.center(), scale))
+            .filter(|p| contains(&self.region, *p))
+            .map(|p| (p, 0))
+            .collect()
+    }
+
+    fn proof(&self, margin: f64) -> Proof {
+        let sheets: Vec<Sheet<'_>> = (self.patches.iter())
+            .map(|p| &p.made)
+            .filter_map(|made| Sheet::new(&made.grown.patch, made.distances.bound?, margin))
+            .collect();
+        let is_left_out = self.samples.iter().any(|s| s.is_left_out);
+        // Its corners are rounded on the way into the unit box.
+        let more = CORNER * self.region.diagonal();
+        let question = Question {
+            field: self.whole.field(0),
+            region: wider(&self.region, more),
+            depth: margin,
+            singular: if is_left_out { &self.singular } else { &[] },
+            apart: self.apart,
+        };
+        prove(&question, &sheets, &self.control)
+    }
+}

@@ -1,0 +1,353 @@
+//! Rounds: patches grown side by side at open samples.
+
+use super::samples::{Sample, next_seeds, update_far};
+use crate::depth::Border;
+use crate::feet::reached;
+use crate::options::{Covering, Error, Options};
+use crate::parameterized::Parameterized;
+use crate::places::{contains, wider};
+use crate::single;
+use crate::singular::{self, Avoided};
+use crate::surface::{Random, project};
+use crate::whole::{NearSingular, On, Whole};
+use isoform_control::Control;
+use isoform_geom::{Aabb, Point3, distance_squared, norm, sub};
+use rayon::prelude::*;
+
+/// Random places that are projected to samples of a part.
+const PLACES: usize = 30_000;
+/// Random places for all parts of a surface together.
+const MOST_PLACES: usize = 150_000;
+/// Patches that are grown side by side; fixed, so that the result does not depend on the number of
+/// threads.
+const ROUND: usize = 4;
+/// No other set of samples is looked at once no more than this share of one was not covered
+/// already.
+const ENOUGH: f64 = 3e-4;
+/// Failures altogether after which samples at which no patch may be had are given up.
+const MOST_FAILURES: usize = 200;
+/// A patch that was made shorter this often before its distance could be proved has met something
+/// hard: if there are singular points, those after it stay away from them.
+const HARD: usize = 3;
+/// Samples must lie this much deeper than the margin: what is left is for what lies between them,
+/// and for cells of the proof. With less there are more and smaller cells.
+const DEEPER: f64 = 1.25;
+/// The largest distance from singular points within which the surface may be left out, unless
+/// given, in the region's largest edge.
+const APART: f64 = 0.01;
+
+/// A patch with which samples it covers.
+pub(super) struct Covered {
+    pub(super) made: Parameterized,
+    covers: Vec<bool>,
+}
+
+/// A cover in the making.
+pub(super) struct Work<'w> {
+    pub(super) whole: &'w Whole<'w>,
+    /// For patches: with a margin they reach beyond the region that is to be covered.
+    options: Options,
+    pub(super) region: Aabb,
+    tolerance: f64,
+    covering: &'w Covering,
+    pub(super) control: Control<'w>,
+    random: Random,
+    pub(super) samples: Vec<Sample>,
+    /// Singular points near samples, and how far the surface about them may be left out.
+    pub(super) singular: Vec<Point3>,
+    pub(super) apart: f64,
+    /// What patches stay away from: nothing before one had trouble.
+    avoided: Option<Avoided>,
+    pub(super) patches: Vec<Covered>,
+    failures: usize,
+    pub(super) last_error: Error,
+}
+
+impl<'w> Work<'w> {
+    pub(super) fn new(
+        whole: &'w Whole<'w>,
+        options: &Options,
+        covering: &'w Covering,
+        control: Control<'w>,
+    ) -> Result<Self, Error> {
+        let tolerance = options.tolerance.ok_or(Error::Option {
+            name: "the tolerance",
+            value: f64::NAN,
+        })?;
+        let region = options.region;
+        let beyond = DEEPER * covering.margin.unwrap_or(0.0);
+        let mut work = Self {
+            whole,
+            options: Options {
+                region: wider(&region, beyond),
+                ..*options
+            },
+            region,
+            tolerance,
+            covering,
+            control,
+            random: Random::new(options.seed),
+            samples: Vec::new(),
+            singular: Vec::new(),
+            apart: covering.apart.unwrap_or(APART * options.edge()),
+            avoided: None,
+            patches: Vec::new(),
+            failures: 0,
+            last_error: Error::NoSurface,
+        };
+        work.more_samples();
+        if work.samples.is_empty() {
+            return Err(Error::NoSurface);
+        }
+        if whole.is_single() {
+            let points: Vec<Point3> = work.samples.iter().map(|s| s.point).collect();
+            work.singular =
+                singular::points(whole.field(0), &points, work.apart, region.diagonal());
+        }
+        Ok(work)
+    }
+
+    /// Starts patches until all samples are covered, and, for up to a number of rounds, all of
+    /// another set.
+    pub(super) fn cover_samples(&mut self, rounds: usize) {
+        let mut round = 1;
+        while !self.is_over() {
+            if self.samples.iter().any(|s| s.is_open) {
+                self.grow_some();
+                continue;
+            }
+            if round == rounds {
+                break;
+            }
+            // Other samples see what lies between the first ones.
+            round += 1;
+            let first = self.samples.len();
+            self.more_samples();
+            let fresh = &self.samples[first..];
+            let missed = fresh.iter().filter(|s| s.is_open).count();
+            if (missed as f64) < ENOUGH * fresh.len() as f64 {
+                break;
+            }
+        }
+    }
+
+    /// Whether no more patches may be tried.
+    fn is_over(&self) -> bool {
+        self.patches.len() >= self.covering.most
+            || self.failures >= MOST_FAILURES
+            || self.control.is_stopped()
+    }
+
+    /// Adds points of the surface in the region.
+    fn more_samples(&mut self) {
+        let scale = self.region.diagonal();
+        let whole = self.whole;
+        let relevant = if whole.is_single() {
+            vec![0]
+        } else {
+            whole.relevant()
+        };
+        let places = PLACES.min(MOST_PLACES / relevant.len().max(1));
+        let mut fresh = Vec::new();
+        for part in relevant {
+            for _ in 0..places {
+                let place = self.random.place(&self.region);
+                let foot = project(whole.field(part), place, scale)
+                    .filter(|p| contains(&self.region, *p))
+                    .filter(|p| whole.is_on(part, *p, scale));
+                fresh.extend(foot.map(|p| (p, part)));
+            }
+        }
+        self.add(&fresh);
+    }
+
+    /// Adds samples with the parts they lie on.
+    pub(super) fn add(&mut self, fresh: &[(Point3, usize)]) {
+        let first = self.samples.len();
+        let samples: Vec<Sample> = fresh
+            .iter()
+            .map(|&(p, part)| Sample::new(p, part, self.needed_depth(p, part)))
+            .collect();
+        self.samples.extend(samples);
+        let mut patches = std::mem::take(&mut self.patches);
+        for patch in &mut patches {
+            let more = self.covers(&patch.made, first);
+            for (sample, covers) in self.samples[first..].iter_mut().zip(&more) {
+                sample.is_open &= !covers;
+            }
+            patch.covers.extend(more);
+        }
+        self.patches = patches;
+        if self.samples.iter().any(|s| s.is_left_out) {
+            self.leave_out();
+        }
+        let count = self.samples.len();
+        update_far(&mut self.samples, 0..count);
+    }
+
+    /// How deep a point has to lie inside of a patch: not at all near edges, where patches end.
+    fn needed_depth(&self, p: Point3, part: usize) -> f64 {
+        let depth = DEEPER * self.covering.margin.unwrap_or(0.0);
+        let has_edges = depth > 0.0 && !self.whole.is_single();
+        let edge = has_edges
+            .then(|| self.whole.nearest_edge(part, p, self.region.diagonal()))
+            .flatten();
+        let is_near = edge.is_some_and(|(q, _)| norm(sub(p, q)) <= depth);
+        if is_near { 0.0 } else { depth }
+    }
+
+    /// Which samples, from one on, lie on a patch, and as deep as they have to.
+    fn covers(&self, made: &Parameterized, first: usize) -> Vec<bool> {
+        let patch = &made.grown.patch;
+        let samples = &self.samples[first..];
+        let points: Vec<Point3> = samples.iter().map(|s| s.point).collect();
+        let mut covers = reached(patch, &points, self.tolerance);
+        let is_bounded = made.distances.bound.is_some();
+        if let Some(margin) = self.covering.margin.filter(|_| is_bounded) {
+            let border = Border::new(patch, margin);
+            let is_deep = |s: &Sample| s.needs == 0.0 || border.distance(s.point) >= s.needs;
+            for (covers, sample) in covers.iter_mut().zip(samples) {
+                *covers = *covers && is_deep(sample);
+            }
+        }
+        covers
+    }
+
+    /// Grows some patches side by side.
+    fn grow_some(&mut self) {
+        let count = ROUND.min(self.covering.most - self.patches.len());
+        let seeds = next_seeds(&self.samples, count);
+        let this = &*self;
+        let made: Vec<Result<Covered, Error>> =
+            seeds.par_iter().map(|seed| this.grow_at(*seed)).collect();
+        let mut done = seeds.clone();
+        let was_avoided = self.avoided.is_some();
+        for (seed, made) in seeds.into_iter().zip(made) {
+            if self.is_hard(&made) && !self.singular.is_empty() {
+                self.avoided = Some(Avoided::new(&self.singular, self.apart));
+            }
+            // Its own sample is done with, even if rounding says that it is not quite reached.
+            self.samples[seed].is_open = false;
+            self.samples[seed].far = 0.0;
+            match made {
+                Ok(patch) if patch.made.keeps(&self.options) && patch.covers.contains(&true) => {
+                    done.extend(self.close(&patch.covers));
+                    self.patches.push(patch);
+                }
+                made => {
+                    if let Err(error) = made {
+                        self.last_error = error;
+                    }
+                    self.fail(seed, was_avoided);
+                }
+            }
+        }
+        update_far(&mut self.samples, done.into_iter());
+    }
+
+    /// Grows a patch at a sample.
+    fn grow_at(&self, seed: usize) -> Result<Covered, Error> {
+        let sample = &self.samples[seed];
+        let on = On {
+            whole: self.whole,
+            part: sample.part,
+            near_singular: self.near_singular(),
+        };
+        let made = single::at(on, sample.point, &self.options, &self.control)?;
+        let covers = self.covers(&made, 0);
+        Ok(Covered { made, covers })
+    }
+
+    /// Whether a patch has met something hard.
+    fn is_hard(&self, made: &Result<Covered, Error>) -> bool {
+        made.as_ref().map_or(true, |p| {
+            p.made.shortenings >= HARD || !p.made.keeps(&self.options)
+        })
+    }
+
+    /// Closes the open samples that are covered; gives them back.
+    fn close(&mut self, covers: &[bool]) -> Vec<usize> {
+        let is_newly_covered = |i: &usize| self.samples[*i].is_open && covers[*i];
+        let closed: Vec<usize> = (0..covers.len()).filter(is_newly_covered).collect();
+        for &i in &closed {
+            self.samples[i].is_open = false;
+        }
+        closed
+    }
+
+    /// No patch was found at a sample: near a singular point all that is as near to one is left
+    /// out; elsewhere it is tried again if singular points are to be avoided from now on.
+    fn fail(&mut self, seed: usize, was_avoided: bool) {
+        if self.is_near_singular(self.samples[seed].point) {
+            self.leave_out();
+        } else if self.avoided.is_some() && !was_avoided {
+            self.samples[seed].is_open = true;
+        } else {
+            self.failures += 1;
+        }
+    }
+
+    /// What the next patches do near singular points.
+    fn near_singular(&self) -> NearSingular<'_> {
+        match &self.avoided {
+            Some(avoided) => NearSingular::Avoid(avoided),
+            None if self.singular.is_empty() => NearSingular::Cross,
+            None => NearSingular::Try,
+        }
+    }
+
+    fn is_near_singular(&self, p: Point3) -> bool {
+        (self.singular.iter()).any(|s| distance_squared(*s, p) <= self.apart * self.apart)
+    }
+
+    /// Leaves out samples near singular points that lie on no patch.
+    fn leave_out(&mut self) {
+        for i in 0..self.samples.len() {
+            let is_covered = !self.samples[i].is_open && self.is_covered(i);
+            if !is_covered && self.is_near_singular(self.samples[i].point) {
+                self.samples[i].is_open = false;
+                self.samples[i].is_left_out = true;
+            }
+        }
+    }
+
+    /// Whether a sample lies on a patch.
+    fn is_covered(&self, i: usize) -> bool {
+        (self.patches.iter()).any(|p| p.covers.get(i) == Some(&true))
+    }
+
+    /// How many samples are left out.
+    pub(super) fn left_out(&self) -> usize {
+        self.samples.iter().filter(|s| s.is_left_out).count()
+    }
+
+    /// How many samples lie on a patch and are not left out.
+    pub(super) fn covered(&self) -> usize {
+        (0..self.samples.len())
+            .filter(|&i| !self.samples[i].is_left_out && self.is_covered(i))
+            .count()
+    }
+
+    /// Keeps a part of the patches that covers as much: greedily the one that covers most of what
+    /// is open.
+    pub(super) fn keep_needed(&mut self) {
+        let mut patches = std::mem::take(&mut self.patches);
+        let mut open = vec![true; self.samples.len()];
+        loop {
+            let gain = |p: &Covered| {
+                let each = p.covers.iter().zip(&open);
+                each.filter(|(c, o)| **c && **o).count()
+            };
+            let best = (0..patches.len())
+                .max_by(|&a, &b| gain(&patches[a]).cmp(&gain(&patches[b])).then(b.cmp(&a)));
+            let Some(best) = best.filter(|&b| gain(&patches[b]) > 0) else {
+                return;
+            };
+            let patch = patches.remove(best);
+            for (o, c) in open.iter_mut().zip(&patch.covers) {
+                *o &= !c;
+            }
+            self.patches.push(patch);
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Samples of a surface, and which of them are covered.
+
+use isoform_geom::{KdTree, Point3, distance_squared};
+
+/// A point of the surface.
+#[derive(Clone, Copy)]
+pub(super) struct Sample {
+    pub(super) point: Point3,
+    /// The part on which it lies.
+    pub(super) part: usize,
+    /// How deep it has to lie inside of a patch.
+    pub(super) needs: f64,
+    /// Whether it does not yet.
+    pub(super) is_open: bool,
+    /// If so, its squared distance from samples that do and from tried seeds.
+    pub(super) far: f64,
+    pub(super) is_left_out: bool,
+}
+
+impl Sample {
+    pub(super) fn new(point: Point3, part: usize, needs: f64) -> Self {
+        Self {
+            point,
+            part,
+            needs,
+            is_open: true,
+            far: f64::INFINITY,
+            is_left_out: false,
+        }
+    }
+}
+
+/// Takes note of the distances of open samples from some that no longer are.
+pub(super) fn update_far(samples: &mut [Sample], done: impl Iterator<Item = usize>) {
+    let done: Vec<Point3> = done
+        .map(|i| &samples[i])
+        .filter(|s| !s.is_open)
+        .map(|s| s.point)
+        .collect();
+    if done.is_empty() {
+        return;
+    }
+    let tree = KdTree::new(&done);
+    for sample in samples.iter_mut().filter(|s| s.is_open) {
+        let near = tree.nearest(sample.point).map_or(f64::INFINITY, |n| n.1);
+        sample.far = sample.far.min(near);
+    }
+}
+
+/// Open samples, each the farthest from what is covered and from those before it.
+pub(super) fn next_seeds(samples: &[Sample], count: usize) -> Vec<usize> {
+    let mut far: Vec<f64> = samples.iter().map(|s| s.far).collect();
+    let mut seeds: Vec<usize> = Vec::new();
+    for _ in 0..count {
+        // The first among equals.
+        let best = (0..samples.len())
+            .filter(|&i| samples[i].is_open)
+            .max_by(|&a, &b| far[a].total_cmp(&far[b]).then(b.cmp(&a)));
+        let Some(best) = best.filter(|b| !seeds.contains(b)) else {
+            break;
+        };
+        seeds.push(best);
+        for (f, s) in far.iter_mut().zip(samples) {
+            *f = f.min(distance_squared(s.point, samples[best].point));
+        }
+    }
+    seeds
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of places on a line with the first one covered, the last is the farthest, then the middle.
+    #[test]
+    fn seeds_are_far_from_what_is_covered_and_from_one_another() {
+        let mut samples: Vec<Sample> = (0..9)
+            .map(|i| Sample::new([f64::from(i), 0.0, 0.0], 0, 0.0))
+            .collect();
+        samples[0].is_open = false;
+        update_far(&mut samples, std::iter::once(0));
+        assert_eq!(samples[3].far, 9.0);
+        assert_eq!(next_seeds(&samples, 2), [8, 4]);
+    }
+}

@@ -1,0 +1,79 @@
+//! A patch that points may lie in, with places from which feet are sought.
+
+use super::border::Border;
+use crate::feet::step_to_foot;
+use crate::places::middles;
+use isoform_geom::{Aabb, Point3, RationalPatch, distance_squared, dot, norm, sub};
+
+/// Places of a patch in each direction from which feet are sought.
+const GRID: usize = 16;
+/// Newton steps towards a foot.
+const STEPS: usize = 8;
+/// The square of the share of the reach below which a step has found the foot.
+const FOUND: f64 = 1e-6;
+/// The distance from the nearest place, in distances between places, beyond which no foot is
+/// sought.
+const FAR: f64 = 4.0;
+
+/// A patch that points may lie in.
+pub(crate) struct Sheet<'p> {
+    pub(super) patch: &'p RationalPatch,
+    /// Its proved distance from the surface.
+    pub(super) bound: f64,
+    pub(super) border: Border,
+    /// It lies in this box.
+    region: Aabb,
+    /// Places from which feet are sought, with their parameters,
+    starts: Vec<((f64, f64), Point3)>,
+    /// and how far apart they are.
+    apart: f64,
+}
+
+impl<'p> Sheet<'p> {
+    /// None where control weights are not positive.
+    pub(crate) fn new(patch: &'p RationalPatch, bound: f64, depth: f64) -> Option<Self> {
+        let region = patch.control_box()?;
+        let starts: Vec<((f64, f64), Point3)> = middles(GRID)
+            .map(|(u, v)| ((u, v), patch.point(u, v)))
+            .collect();
+        let apart = |k: usize| norm(sub(starts[k].1, starts[k + 1].1));
+        let apart = (0..GRID * GRID - 1).map(apart).fold(0.0, f64::max);
+        Some(Self {
+            patch,
+            bound,
+            border: Border::new(patch, depth),
+            region,
+            starts,
+            apart,
+        })
+    }
+
+    /// The parameters of a place of the patch near a point; none where that is not within `reach`.
+    pub(super) fn foot(&self, p: Point3, reach: f64) -> Option<(f64, f64)> {
+        let far = reach + self.bound;
+        let (mut u, mut v) = self.start(p, far)?;
+        for _ in 0..STEPS {
+            let t = self.patch.tangents(u, v);
+            let (du, dv) = step_to_foot(&t, sub(p, t.point));
+            (u, v) = ((u + du).clamp(0.0, 1.0), (v + dv).clamp(0.0, 1.0));
+            if du * du * dot(t.u, t.u) + dv * dv * dot(t.v, t.v) <= FOUND * reach * reach {
+                break;
+            }
+        }
+        (norm(sub(self.patch.point(u, v), p)) <= far).then_some((u, v))
+    }
+
+    /// The parameters of the place from which the foot of a point is sought; none where it is
+    /// farther from the patch than `far`.
+    fn start(&self, p: Point3, far: f64) -> Option<(f64, f64)> {
+        let region = self.region;
+        let is_near = |k: usize| region.lo[k] - far <= p[k] && p[k] <= region.hi[k] + far;
+        if !(0..3).all(is_near) {
+            return None;
+        }
+        let distance = |q: &Point3| distance_squared(*q, p);
+        let nearest =
+            (self.starts.iter()).min_by(|a, b| distance(&a.1).total_cmp(&distance(&b.1)))?;
+        (distance(&nearest.1).sqrt() <= far + FAR * self.apart).then_some(nearest.0)
+    }
+}

@@ -1,0 +1,130 @@
+//! A proved bound made better: the cells with the largest bounds are divided first.
+
+use super::cell::{Prover, Rounding};
+use super::proof::Effort;
+use crate::cells::{Place, lengths, middle_of, parts};
+use crate::whole::Whole;
+use isoform_geom::RationalPatch;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+/// Halvings of the patch, in one direction at a time.
+const MOST_HALVINGS: u32 = 40;
+/// If halving in u and halving in v lower the bounds alike, within this factor, the longer
+/// direction is halved.
+const ALIKE: f64 = 1.2;
+/// Cells longer than this, in widths, are always halved across.
+const NARROW: f64 = 200.0;
+
+/// A cell with what is proved of it; the greatest has the largest bound, and came first among
+/// equals.
+struct Bounded {
+    bound: f64,
+    number: usize,
+    cell: RationalPatch,
+    place: Place,
+    depth: u32,
+}
+
+impl Ord for Bounded {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.bound
+            .total_cmp(&other.bound)
+            .then(other.number.cmp(&self.number))
+    }
+}
+impl PartialOrd for Bounded {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl PartialEq for Bounded {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+impl Eq for Bounded {}
+
+/// Divides the cells with the largest bounds until all are at most `goal`, or the effort is spent:
+/// the bound, and, if it is above the goal, the middle of the cell with the largest.
+pub(super) fn refined(
+    whole: &Whole<'_>,
+    patch: &RationalPatch,
+    proved: f64,
+    goal: f64,
+    effort: Effort<'_>,
+) -> (f64, Option<(f64, f64)>) {
+    let mut work = Refinement {
+        prover: Prover::new(whole, patch.degree(), f64::INFINITY),
+        patch,
+        goal,
+        looked_at: 0,
+    };
+    let root = work.bounded(patch.clone(), [(0.0, 1.0); 2], 0, proved);
+    let mut all = BinaryHeap::from([root]);
+    while let Some(worst) = all.pop() {
+        let is_over = effort.is_spent(work.looked_at + 1);
+        if worst.bound <= goal || worst.depth == MOST_HALVINGS || is_over {
+            let at = middle_of(worst.place);
+            return (worst.bound, (worst.bound > goal).then_some(at));
+        }
+        all.extend(work.halves(&worst));
+    }
+    (proved, None)
+}
+
+struct Refinement<'a> {
+    prover: Prover<'a>,
+    patch: &'a RationalPatch,
+    goal: f64,
+    looked_at: usize,
+}
+
+impl Refinement<'_> {
+    /// A cell with the best bound that can be proved of it, where `known` is one.
+    fn bounded(&mut self, cell: RationalPatch, place: Place, depth: u32, known: f64) -> Bounded {
+        self.looked_at += 1;
+        let rounding = Rounding::of_part(self.patch, place);
+        let of = |target: f64| self.prover.bound(&cell, rounding, target);
+        let proved = of(self.goal).or_else(|| of(known));
+        Bounded {
+            bound: proved.map_or(known, |b| b.min(known)),
+            number: self.looked_at,
+            cell,
+            place,
+            depth,
+        }
+    }
+
+    /// The halves of a cell in the direction in which more is gained: along an edge cells may stay
+    /// long.
+    fn halves(&mut self, cell: &Bounded) -> Vec<Bounded> {
+        let (in_u, in_v) = (self.halved(cell, true), self.halved(cell, false));
+        let (sum_u, sum_v) = (self.sum(&in_u), self.sum(&in_v));
+        let (along_u, along_v) = lengths(&cell.cell);
+        // Edges that run askew gain a little from ever narrower cells, and much from shorter ones
+        // later.
+        let alike = sum_u.max(sum_v) <= ALIKE * sum_u.min(sum_v)
+            || along_u.max(along_v) > NARROW * along_u.min(along_v);
+        let is_in_u = if alike {
+            along_u >= along_v
+        } else {
+            sum_u < sum_v
+        };
+        if is_in_u { in_u } else { in_v }
+    }
+
+    fn halved(&mut self, of: &Bounded, in_u: bool) -> Vec<Bounded> {
+        let halves = parts(&of.cell, of.place, in_u, !in_u).into_iter();
+        halves
+            .map(|(cell, place)| self.bounded(cell, place, of.depth + 1, of.bound))
+            .collect()
+    }
+
+    /// The sum of bounds, none of which counts as less than the goal.
+    fn sum(&self, cells: &[Bounded]) -> f64 {
+        cells
+            .iter()
+            .fold(0.0, |sum, h| sum + h.bound.max(self.goal))
+    }
+}

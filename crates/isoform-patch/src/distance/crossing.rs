@@ -1,0 +1,128 @@
+//! Self-intersections: a bound by second derivatives of both signs, and changes of sign.
+
+use super::taylor::{magnitude, middle, radius};
+use crate::whole::Whole;
+use isoform_geom::{Expansion, Point3, norm, sub};
+use isoform_num::Interval;
+use isoform_num::linalg::symmetric_eigen;
+
+/// Newton steps to a foot point about which the sign is looked at.
+const FOOT_STEPS: usize = 8;
+/// The part of |H| that rounding of eigenvectors may take from an eigenvalue; fifty units in the
+/// last place.
+const EIGEN_ROUNDING: f64 = 1e-14;
+
+/// √(2M/λ), where second derivatives have both signs by λ or more within `wide` of the point of
+/// expansion.
+pub(super) fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f64> {
+    let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
+    let (values, vectors) =
+        symmetric_eigen(&[h[0], h[1], h[2], h[1], h[3], h[4], h[2], h[4], h[5]], 3);
+    let size: f64 = h.iter().map(|v| v.abs()).sum();
+    // A lower bound of |eᵀHe| for an eigenvector e.
+    let least = |k: usize| {
+        let n = std::array::from_fn(|i| vectors[3 * k + i].abs());
+        values[k].abs() * (1.0 - 1e-12) - lost_along(e, n, wide, EIGEN_ROUNDING * size)
+    };
+    let lambda = least(0).min(least(2));
+    if values[0] >= 0.0 || values[2] <= 0.0 || lambda.is_nan() || lambda <= 0.0 {
+        return None;
+    }
+    Some((2.0 * most / lambda).sqrt() * (1.0 + 1e-12))
+}
+
+/// What third derivatives, radii and rounding may take away from nᵀHn.
+fn lost_along(e: &Expansion, n: Point3, wide: Point3, rounding: f64) -> f64 {
+    let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
+    let mut lost = rounding;
+    for i in 0..3 {
+        for j in 0..3 {
+            let along = |l: usize| t[Expansion::THIRD[i][j][l]] * wide[l];
+            lost += n[i]
+                * n[j]
+                * (radius(&e.hessian[Expansion::SECOND[i][j]]) + (0..3).map(along).sum::<f64>());
+        }
+    }
+    lost
+}
+
+/// Directions in which a change of sign is sought, of length 1 at most.
+const DIRECTIONS: [[f64; 3]; 13] = [
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [0.0, 0.7, 0.7],
+    [0.0, 0.7, -0.7],
+    [0.7, 0.0, 0.7],
+    [0.7, 0.0, -0.7],
+    [0.7, 0.7, 0.0],
+    [0.7, -0.7, 0.0],
+    [0.57, 0.57, 0.57],
+    [0.57, 0.57, -0.57],
+    [0.57, -0.57, 0.57],
+    [-0.57, 0.57, 0.57],
+];
+
+/// The certain signs of F that were seen.
+struct Signs<'w> {
+    whole: &'w Whole<'w>,
+    positive: bool,
+    negative: bool,
+}
+
+impl Signs<'_> {
+    /// Looks at a place; whether both signs have been seen.
+    fn see(&mut self, p: Point3) -> bool {
+        let range: Interval = self.whole.range_at(p);
+        let sign = i32::from(range.lo() > 0.0) - i32::from(range.hi() < 0.0);
+        self.positive |= sign > 0;
+        self.negative |= sign < 0;
+        self.positive && self.negative
+    }
+
+    /// Looks about a place, at the distance t or a little less.
+    fn see_around(&mut self, q: Point3, t: f64) -> bool {
+        let places = DIRECTIONS.iter().flat_map(|d| {
+            let at = move |s: f64| std::array::from_fn(|k| q[k] + s * d[k]);
+            [at(-t), at(t)]
+        });
+        places.into_iter().any(|p| self.see(p))
+    }
+}
+
+/// Whether F certainly vanishes within t of c: it has both signs in that ball, which is connected.
+/// Points are tried about c, and about where Newton's method leads to from there, as the sectors
+/// between two sheets that cross may be narrow.
+pub(super) fn changes_sign(whole: &Whole<'_>, c: Point3, t: f64) -> bool {
+    let mut signs = Signs {
+        whole,
+        positive: false,
+        negative: false,
+    };
+    signs.see(c);
+    if t <= 0.0 {
+        return false;
+    }
+    if signs.see_around(c, t) {
+        return true;
+    }
+    let q = foot(whole, c);
+    let left = t - norm(sub(q, c));
+    left > 0.1 * t && signs.see_around(q, 0.99 * left)
+}
+
+/// Where Newton's method with the function that decides the sign leads to.
+fn foot(whole: &Whole<'_>, from: Point3) -> Point3 {
+    let mut q = from;
+    for _ in 0..FOOT_STEPS {
+        let j = whole.field(whole.first_order(q).1).jet(q);
+        let step = j.v / j.g.iter().map(|g| g * g).sum::<f64>();
+        if !step.is_finite() {
+            break;
+        }
+        for k in 0..3 {
+            q[k] -= step * j.g[k];
+        }
+    }
+    q
+}

@@ -1,0 +1,226 @@
+//! F about a point as a Taylor polynomial with a remainder, its range on a cell, and limits of
+//! parts as linear functions.
+
+use super::cell::Cell;
+use super::products::Products;
+use isoform_geom::{Expansion, Point3};
+use isoform_num::Interval;
+
+/// Where ∂²F/∂xᵢ∂xⱼ stands.
+const AT: [[usize; 3]; 3] = Expansion::SECOND;
+
+/// The middle of an interval.
+#[inline]
+pub(super) fn middle(i: &Interval) -> f64 {
+    0.5 * i.lo() + 0.5 * i.hi()
+}
+/// The largest |x − middle|, rounded up.
+#[inline]
+pub(super) fn radius(i: &Interval) -> f64 {
+    let m = middle(i);
+    (i.hi() - m).max(m - i.lo()).next_up()
+}
+/// The largest |x|.
+#[inline]
+pub(super) fn magnitude(i: &Interval) -> f64 {
+    i.lo().abs().max(i.hi().abs())
+}
+
+/// ∇F at the point of expansion.
+#[inline]
+pub(super) fn slopes(e: &Expansion) -> Point3 {
+    std::array::from_fn(|k| middle(&e.gradient[k]))
+}
+
+/// Σ t_ijk r_i r_j r_k over all i, j, k; with `n`, Σ t_ijk n_i r_j r_k.
+pub(super) fn cubic(t: &[f64; 10], r: Point3, n: Option<Point3>) -> f64 {
+    let first = n.unwrap_or(r);
+    let mut sum = 0.0;
+    for i in 0..3 {
+        for j in 0..3 {
+            for k in 0..3 {
+                let f = first[i] * r[j] * r[k];
+                // 0 · ∞ is nothing here.
+                if f > 0.0 {
+                    sum += t[Expansion::THIRD[i][j][k]] * f;
+                }
+            }
+        }
+    }
+    sum
+}
+
+/// F about c: its Taylor polynomial of order 2 or 3, and how far F may be off it on a cell.
+#[derive(Clone, Copy)]
+pub(super) struct Taylor {
+    value: f64,
+    g: Point3,
+    h: [f64; 6],
+    /// 0 for order 2.
+    third: [f64; 10],
+    off: f64,
+}
+
+impl Taylor {
+    /// Of order 3 if third derivatives are known, with their values in the middle of the cell: what
+    /// they differ by from those falls with the fourth power of its size.
+    pub(super) fn new(e: &Expansion, r: Point3) -> Self {
+        let third: [f64; 10] = std::array::from_fn(|k| middle(&e.third[k]));
+        if third.iter().all(|t| t.is_finite()) {
+            let differ = std::array::from_fn(|k| radius(&e.third[k]));
+            Self::up_to(e, r, third, &differ)
+        } else {
+            Self::square(e, r)
+        }
+    }
+
+    /// Of order 2.
+    fn square(e: &Expansion, r: Point3) -> Self {
+        let t = std::array::from_fn(|k| magnitude(&e.third[k]));
+        Self::up_to(e, r, [0.0; 10], &t)
+    }
+
+    /// With `third`, from which third derivatives differ by no more than t.
+    fn up_to(e: &Expansion, r: Point3, third: [f64; 10], t: &[f64; 10]) -> Self {
+        let mut off = radius(&e.value) + cubic(t, r, None) / 6.0;
+        for i in 0..3 {
+            off += radius(&e.gradient[i]) * r[i];
+            for j in 0..3 {
+                off += 0.5 * radius(&e.hessian[AT[i][j]]) * r[i] * r[j];
+            }
+        }
+        Self {
+            value: middle(&e.value),
+            g: slopes(e),
+            h: std::array::from_fn(|k| middle(&e.hessian[k])),
+            third,
+            off,
+        }
+    }
+
+    /// F plus b (m − λ)(λ + ρ), which is nowhere negative where the limit is not, for b ≥ 0, and
+    /// nowhere positive for b ≤ 0.
+    pub(super) fn bent(&self, l: &Limit, b: f64, r: Point3) -> Self {
+        let (above, below) = (l.most - l.value, l.value + l.off);
+        let slope = b * (above - below);
+        let size = (0..3).map(|k| l.g[k].abs() * r[k]).sum::<f64>();
+        let mut h = self.h;
+        for i in 0..3 {
+            for j in i..3 {
+                h[AT[i][j]] -= 2.0 * b * l.g[i] * l.g[j];
+            }
+        }
+        let rounding = 16.0
+            * f64::EPSILON
+            * b.abs()
+            * (l.most.abs() + l.value.abs() + size)
+            * (l.value.abs() + l.off + size);
+        Self {
+            value: self.value + b * above * below,
+            g: std::array::from_fn(|k| self.g[k] + slope * l.g[k]),
+            h,
+            third: self.third,
+            off: self.off + rounding,
+        }
+    }
+
+    /// The factors of (w δ, w) in w³ times the polynomial, for a control point p = (w δ, w): first
+    /// T wδ/6, by which wδ is multiplied twice, then (H w δ/2, F(c) w + ∇F·w δ).
+    #[inline]
+    fn factors(&self, p: &[f64; 4]) -> [[f64; 4]; 4] {
+        let (g, h) = (self.g, |i: usize, j: usize| self.h[AT[i][j]]);
+        let third = |i: usize, j: usize, k: usize| self.third[Expansion::THIRD[i][j][k]];
+        let h = |k: usize| 0.5 * (h(k, 0) * p[0] + h(k, 1) * p[1] + h(k, 2) * p[2]);
+        let t = |i: usize, k: usize| {
+            (third(i, k, 0) * p[0] + third(i, k, 1) * p[1] + third(i, k, 2) * p[2]) / 6.0
+        };
+        let constant = self.value * p[3] + g[0] * p[0] + g[1] * p[1] + g[2] * p[2];
+        [
+            [t(0, 0), t(0, 1), t(0, 2), 0.0],
+            [t(1, 0), t(1, 1), t(1, 2), 0.0],
+            [t(2, 0), t(2, 1), t(2, 2), 0.0],
+            [h(0), h(1), h(2), constant],
+        ]
+    }
+
+    /// A bound on the sum of the absolute values of all terms for |δ| ≤ r.
+    fn size(&self, r: Point3) -> f64 {
+        let (g, h) = (self.g, |i: usize, j: usize| self.h[AT[i][j]]);
+        let second = |k: usize| (0..3).map(|j| h(k, j).abs() * r[k] * r[j]).sum::<f64>();
+        self.value.abs()
+            + (0..3)
+                .map(|k| g[k].abs() * r[k] + 0.5 * second(k))
+                .sum::<f64>()
+            + cubic(&self.third.map(f64::abs), r, None) / 6.0
+    }
+}
+
+/// Bounds of F on a cell: the least and the largest quotient of Bernstein coefficients of w³ F by
+/// those of w³, with what these leave out.
+pub(super) fn range(taylor: &Taylor, cell: &Cell, products: &Products) -> (f64, f64) {
+    let rights: Vec<[[f64; 4]; 4]> = cell.d.iter().map(|p| taylor.factors(p)).collect();
+    let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+    for [q, w3] in products.of(&cell.d, &rights) {
+        (lo, hi) = (lo.min(q / w3), hi.max(q / w3));
+    }
+    let most = products.roundings() * f64::EPSILON * taylor.size(cell.r) + taylor.off;
+    (lo - most, hi + most)
+}
+
+/// A limit of a part on a cell: where the part counts, the linear function λ = value + g·δ is at
+/// least −off.
+pub(super) struct Limit {
+    value: f64,
+    g: Point3,
+    off: f64,
+    /// λ on the cell is at most this; negative if the part does not count there.
+    pub(super) most: f64,
+}
+
+impl Limit {
+    /// None where it is not finite.
+    pub(super) fn new(e: &Expansion, cell: &Cell) -> Option<Self> {
+        let taylor = Taylor::square(e, cell.r);
+        let (g, r) = (taylor.g, cell.r);
+        let mut off = taylor.off;
+        for i in 0..3 {
+            off += g[i].abs() * (cell.rounding + 4.0 * f64::EPSILON * r[i]);
+            for j in 0..3 {
+                off += 0.5 * taylor.h[AT[i][j]].abs() * r[i] * r[j];
+            }
+        }
+        let off = (off + 4.0 * f64::EPSILON * taylor.value.abs()) * (1.0 + 1e-12);
+        // A linear function is largest at a control point.
+        let along = cell
+            .d
+            .iter()
+            .map(|p| (g[0] * p[0] + g[1] * p[1] + g[2] * p[2]) / p[3])
+            .fold(f64::NEG_INFINITY, f64::max);
+        let most = taylor.value + along + off;
+        (off.is_finite() && most.is_finite()).then_some(Self {
+            value: taylor.value,
+            g,
+            off,
+            most,
+        })
+    }
+
+    /// What part and neighbour differ by across the limit, as a multiple of the limit's square:
+    /// with that bent, what the part's function is where it does not count is not seen.
+    pub(super) fn bend(&self, own: &Expansion, other: &Expansion) -> f64 {
+        let n = slopes(own);
+        let nn = n.iter().map(|v| v * v).sum::<f64>();
+        let across = (0..3).map(|k| n[k] * self.g[k]).sum::<f64>() / nn;
+        let t: Point3 = std::array::from_fn(|k| self.g[k] - across * n[k]);
+        let slope = (0..3).map(|k| t[k] * self.g[k]).sum::<f64>();
+        let mut difference = 0.0;
+        for i in 0..3 {
+            for j in 0..3 {
+                let second = |e: &Expansion| middle(&e.hessian[AT[i][j]]);
+                difference += t[i] * (second(own) - second(other)) * t[j];
+            }
+        }
+        let bend = 0.5 * difference / (slope * slope);
+        if bend.is_finite() { bend } else { 0.0 }
+    }
+}

@@ -1,0 +1,282 @@
+//! Growing until the bound is reached: what each extrapolation is followed by.
+
+use super::{Growth, LEAST_WEIGHT, Side};
+use crate::fold;
+use crate::objective::Objective;
+use crate::terms::{Method, Terms};
+
+/// What is near the bound, as a load.
+const NEAR: f64 = 0.3;
+/// The share of the bound on S at which the last extrapolations aim.
+const AIM: f64 = 0.997;
+/// A patch with S above this share of the bound is as large as it gets.
+const FULL: f64 = 0.985;
+/// Shortenings in a row before the last good patch is taken.
+const SHORTENINGS: usize = 4;
+/// Patches in a row that keep the bound and are no larger than another one before them. Twice as
+/// many take a quarter more steps for patches of the same area.
+const STALE: usize = 3;
+/// S after an extrapolation, before Newton steps, may be this many times its bound.
+pub(super) const MOST_EXCESS: f64 = 30.0;
+/// How often L and R get more weight before a side stops for a fold.
+const EVENINGS: usize = 3;
+/// The factor by which they get more weight: a fold takes away what they cost.
+const MORE_EVEN: f64 = 30.0;
+/// How often ω_J is raised per extrapolation, at most, to keep control weights positive.
+const RAISES: usize = 8;
+/// ω_J is not raised while the load is above this: the patch is too large anyway.
+const MOST_RAISED: f64 = 1.5;
+/// Quadrature that is off by more than this share gets more nodes.
+const UNRESOLVED: f64 = 0.02;
+/// Quadrature is looked at from this load on.
+const RESOLVE: f64 = 0.05;
+/// With this many nodes in each direction quadrature gets no more.
+const ENOUGH_NODES: usize = 20;
+/// The exponent of the size in the load, if there is no history, and the range of what histories
+/// tell.
+const POWER: f64 = 6.0;
+const POWERS: (f64, f64) = (3.0, 12.0);
+/// Sizes with logarithms closer than this tell nothing of the exponent.
+const ALIKE: f64 = 1e-4;
+/// An extrapolation shortens the patch to this share at most.
+const SHORTEST: f64 = 0.8;
+
+/// What has happened so far while a patch grew.
+struct Course {
+    /// Logarithms of size and load.
+    history: Vec<(f64, f64)>,
+    /// Shortenings in a row.
+    shortened: usize,
+    /// How often L and R got more weight.
+    evened: usize,
+    /// Patches in a row that were no larger than a good one before.
+    stale: usize,
+    /// The share of the fastest growth that is tried.
+    caution: f64,
+}
+
+impl Course {
+    fn new() -> Self {
+        Self {
+            history: Vec::new(),
+            shortened: 0,
+            evened: 0,
+            stale: 0,
+            caution: 1.0,
+        }
+    }
+
+    /// Adds a patch with these edges.
+    fn note(&mut self, edges: [f64; 2], load: f64) {
+        self.history.push((
+            0.5 * (edges[0] * edges[1]).ln(),
+            load.max(f64::MIN_POSITIVE).ln(),
+        ));
+    }
+
+    /// The load as a power of the size, by the last two patches.
+    fn power(&self) -> f64 {
+        match self.history.as_slice() {
+            [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > ALIKE => {
+                ((y1 - y0) / (x1 - x0)).clamp(POWERS.0, POWERS.1)
+            }
+            _ => POWER,
+        }
+    }
+}
+
+impl Growth<'_> {
+    /// Grows until the bound on S, or on the distance, is reached.
+    pub(crate) fn grow_to_limit(&mut self) {
+        self.descend(self.pace.few_steps);
+        let mut course = Course::new();
+        for _ in 0..self.options.most_extrapolations {
+            if self.late() {
+                break;
+            }
+            let load = self.descend_near_bound();
+            let edges = self.objective.targets.edges();
+            course.note(edges, load);
+            let left = if self.is_good(load) {
+                self.keep_good(load, &mut course)
+            } else {
+                self.turn_back(load, &mut course)
+            };
+            let Some(load) = left else { break };
+            if !self.extrapolate(self.next_edges(edges, load, &course)) {
+                break;
+            }
+            self.descend(self.pace.few_steps);
+        }
+        if let Some(best) = self.good.take() {
+            self.settle(best);
+        }
+    }
+
+    /// What follows an extrapolation: near the bound more Newton steps, more nodes where quadrature
+    /// needs them, and more weight for J. The load in the end.
+    fn descend_near_bound(&mut self) -> f64 {
+        self.trim();
+        let mut load = self.load();
+        if load > NEAR {
+            self.descend(self.pace.many_steps);
+            self.trim();
+            load = self.load();
+        }
+        if load > RESOLVE && self.refine() {
+            self.descend(self.pace.many_steps);
+            load = self.load();
+        }
+        for _ in 0..RAISES {
+            if load > MOST_RAISED || !self.raise() {
+                break;
+            }
+            load = self.load();
+        }
+        load
+    }
+
+    /// Whether the patch keeps what is asked for.
+    fn is_good(&self, load: f64) -> bool {
+        load <= 1.0
+            && self.patch.control_weights().0 > LEAST_WEIGHT
+            && (self.options.tolerance.is_none() || self.is_near_region())
+    }
+
+    /// Keeps a good patch if it is the largest so far; its load, none where growing ends.
+    fn keep_good(&mut self, load: f64, course: &mut Course) -> Option<f64> {
+        let area = |growth: &Self, at| growth.objective.area(at);
+        let is_larger =
+            (self.good.as_ref()).is_none_or(|g| area(self, &self.at) > area(self, &g.at));
+        if is_larger {
+            self.good = Some(self.state());
+            course.stale = 0;
+        } else {
+            course.stale += 1;
+            if course.stale > STALE {
+                return None;
+            }
+        }
+        course.shortened = 0;
+        // With a tolerance the proportions may still change, and with them the area.
+        let is_full = load >= FULL && (self.options.tolerance.is_none() || course.stale > 0);
+        (!is_full).then_some(load)
+    }
+
+    /// Goes back to the last good patch where shortenings would not mend what has gone wrong; the
+    /// load then, none where growing ends.
+    fn turn_back(&mut self, load: f64, course: &mut Course) -> Option<f64> {
+        course.shortened += 1;
+        if course.shortened > SHORTENINGS {
+            return None;
+        }
+        let Some(good) = self.good.clone().filter(|_| load > MOST_EXCESS) else {
+            return Some(load);
+        };
+        let fold = fold::seen(&self.patch);
+        self.settle(good);
+        let mut load = self.load();
+        match fold {
+            Some(_) if self.options.tolerance.is_some() && course.evened < EVENINGS => {
+                course.evened += 1;
+                self.even();
+                load = self.load();
+            }
+            Some(side) => self.stop(side),
+            None => course.caution *= 0.5,
+        }
+        course.history.clear();
+        Some(load)
+    }
+
+    /// The edges at which the next extrapolation aims. Newton steps shorten what was extrapolated,
+    /// so that it aims at a size, not at a share of the present patch; but the proportions are
+    /// those of the present one, as the steps shorten that direction more in which length costs
+    /// more.
+    fn next_edges(&self, edges: [f64; 2], load: f64, course: &Course) -> [f64; 2] {
+        let longest = 1.0 + 2.0 * self.pace.most_in_direction * course.caution;
+        let factor = (AIM / load)
+            .powf(1.0 / course.power())
+            .clamp(SHORTEST, longest);
+        let reached = self.edges();
+        let shift = ((reached[1] * edges[0]) / (reached[0] * edges[1])).sqrt();
+        [edges[0] * factor / shift, edges[1] * factor * shift]
+    }
+
+    /// Gives the terms of shape more weight, so that parameter lines do not crowd before a patch
+    /// folds over.
+    fn even(&mut self) {
+        let (floor, weights) = (&mut self.options.floor, &mut self.objective.weights);
+        let raised = |w: f64| (MORE_EVEN * w).min(1.0);
+        (floor.l, floor.r) = (raised(weights.l), raised(weights.r));
+        (weights.l, weights.r) = (floor.l, floor.r);
+        if self.retake(self.patch.clone()) {
+            self.descend(self.pace.many_steps);
+            self.trim();
+        }
+    }
+
+    /// Stops a side, that of the last good patch, too.
+    fn stop(&mut self, side: usize) {
+        self.sides[side] = Side::Stopped;
+        if let Some(good) = &mut self.good {
+            good.sides[side] = Side::Stopped;
+        }
+    }
+
+    /// Where a control weight is too small, gives J more weight; whether it did.
+    fn raise(&mut self) -> bool {
+        if !self.objective.is_by_control() || self.patch.control_weights().0 > LEAST_WEIGHT {
+            return false;
+        }
+        let Some((targets, at)) = self.retargeted(&self.patch) else {
+            return false;
+        };
+        self.options.floor.j *= 10.0;
+        self.objective.weights.j = self.objective.weights.j.max(self.options.floor.j);
+        self.take(self.patch.clone(), targets, at);
+        self.descend(self.pace.many_steps);
+        self.trim();
+        true
+    }
+
+    /// Chooses more quadrature nodes where integrals are off by too much, as they are where
+    /// integrands have kinks: across self-intersections and at tight blends. Whether it did.
+    fn refine(&mut self) -> bool {
+        let nodes = self.objective.nodes_per_direction();
+        let is_fixed = self.options.nodes.is_some() || self.options.tolerance.is_some();
+        if is_fixed || nodes >= ENOUGH_NODES || self.is_resolved(nodes * 9 / 5) {
+            return false;
+        }
+        self.objective.set_nodes(nodes * 8 / 5);
+        if !self.retake(self.patch.clone()) {
+            self.objective.set_nodes(nodes);
+            return false;
+        }
+        true
+    }
+
+    /// Whether the terms with more nodes are what they are now.
+    fn is_resolved(&self, nodes: usize) -> bool {
+        let own = &self.objective;
+        let degree = self.patch.degree();
+        let mut finer = Objective::new(own.field(), degree, Method::Frozen, Some(nodes));
+        (finer.inner, finer.weights, finer.targets) = (own.inner, own.weights, own.targets);
+        let at = finer.evaluate(&self.patch);
+        at.is_some_and(|at| self.are_near(&at.terms))
+    }
+
+    /// Whether these terms are nearly the present ones, or differ by little of S.
+    fn are_near(&self, b: &Terms) -> bool {
+        let (a, w, sum) = (&self.at.terms, self.objective.weights, self.sum());
+        let near = |a: f64, b: f64, factor: f64| {
+            (a - b).abs() <= UNRESOLVED * a.max(b)
+                || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum
+        };
+        near(a.i, b.i, 1.0)
+            && near(a.j, b.j, w.j)
+            && near(a.l, b.l, w.l)
+            && near(a.r, b.r, w.r)
+            && (b.sum(&w) - sum).abs() <= 0.5 * UNRESOLVED * sum
+    }
+}

@@ -1,0 +1,137 @@
+//! Sides taken back that Newton steps have moved beyond edges, or far beyond the region.
+
+use super::super::{Growth, SPILL};
+use super::{Look, SAMPLES, Side, bisected, evenly, neighbours};
+use crate::places::contains;
+use crate::stretch::{balanced, beside, extended};
+use isoform_geom::{Aabb, RationalPatch};
+
+/// Samples along a side where nothing must lie between them.
+const FINE_SAMPLES: usize = 241;
+/// Additional samples near a place where something seems to lie between them,
+const CLOSE_SAMPLES: usize = 161;
+/// and the share of the side about the place in which they are.
+const CLOSE: f64 = 1.0 / 120.0;
+/// The most of a patch that is taken back at one side.
+const MOST_TRIMMED: f64 = 0.4;
+/// What lies beyond the region by more than this share of that is taken back to where sides stop.
+const MOST_SPILL: f64 = 0.3;
+
+impl<'f> Growth<'f> {
+    /// Whether no side lies far beyond the region.
+    pub(crate) fn is_near_region(&self) -> bool {
+        let wide = self.wider(MOST_SPILL);
+        (0..4).all(|side| is_side_within(&self.patch, side, &wide))
+    }
+
+    /// Takes back sides that Newton steps have moved beyond edges, and far beyond the region.
+    pub(crate) fn trim(&mut self) {
+        if self.options.tolerance.is_some() {
+            self.trim_to_region();
+        }
+        let samples = evenly(SAMPLES);
+        let samples = std::array::from_fn(|_| samples.clone());
+        self.trim_to(self.overlap(), &samples, false);
+    }
+
+    /// Takes back what lies beyond edges by more than is allowed between samples, too, above all
+    /// near a place where that seems to be.
+    pub(crate) fn trim_finely(&mut self, allowed: f64, near: Option<(f64, f64)>) {
+        let samples = std::array::from_fn(|side| fine_samples(side, near));
+        self.trim_to(allowed, &samples, true);
+    }
+
+    /// Takes back sides that Newton steps have moved far beyond the region: where a surface can be
+    /// shifted along itself, as a cylinder can, nothing else keeps them. Only to a tolerance, for
+    /// which steps go far.
+    fn trim_to_region(&mut self) {
+        let (far, near) = (self.wider(MOST_SPILL), self.wider(SPILL));
+        let mut patch = self.patch.clone();
+        for side in 0..4 {
+            let is_within = |share: f64, region: &Aabb| {
+                is_side_within(&extended(&patch, side, -share), side, region)
+            };
+            if is_within(0.0, &far) || !is_within(MOST_TRIMMED, &near) {
+                continue;
+            }
+            let (_, share) = bisected(MOST_TRIMMED, |share| !is_within(share, &near));
+            patch = extended(&patch, side, -share);
+        }
+        self.put(patch);
+    }
+
+    /// Takes back what lies beyond edges, by samples for each side; with `held`, where that fails,
+    /// what lies beyond edges that the neighbours are held on does not count.
+    fn trim_to(&mut self, allowed: f64, samples: &[Vec<f64>; 4], held: bool) {
+        if self.on.whole.is_single() {
+            return;
+        }
+        let mut patch = self.patch.clone();
+        for side in 0..4 {
+            if self.sides[side].is_at_edge() {
+                continue;
+            }
+            let strict = Look {
+                on: self.on,
+                side,
+                allowed,
+                samples: &samples[side],
+                neighbours: [Side::Free; 2],
+            };
+            let lenient = Look {
+                neighbours: neighbours(&self.sides, side),
+                ..strict
+            };
+            let looks = [Some(strict), held.then_some(lenient)];
+            if let Some(trimmed) = looks
+                .into_iter()
+                .flatten()
+                .find_map(|look| trimmed(&patch, &look))
+            {
+                patch = trimmed;
+            }
+        }
+        self.put(patch);
+    }
+
+    /// Takes a patch that differs from the present one.
+    fn put(&mut self, patch: RationalPatch) {
+        if patch != self.patch {
+            self.retake(balanced(patch));
+        }
+    }
+}
+
+/// A patch that does not lie beyond edges at one side; none where too much would have to be taken
+/// back.
+fn trimmed(patch: &RationalPatch, look: &Look<'_, '_>) -> Option<RationalPatch> {
+    let shorter = |share: f64| extended(patch, look.side, -share);
+    if !look.is_beyond(&shorter(0.0)) {
+        return Some(patch.clone());
+    }
+    if look.is_beyond(&shorter(MOST_TRIMMED)) {
+        return None;
+    }
+    let (_, share) = bisected(MOST_TRIMMED, |share| look.is_beyond(&shorter(share)));
+    Some(shorter(share))
+}
+
+/// Whether samples of a side lie in a box.
+fn is_side_within(patch: &RationalPatch, side: usize, region: &Aabb) -> bool {
+    evenly(SAMPLES).into_iter().all(|t| {
+        let (u, v) = beside(side, t, 0.0);
+        contains(region, patch.point(u, v))
+    })
+}
+
+/// Samples along a side, more of them near a place.
+fn fine_samples(side: usize, near: Option<(f64, f64)>) -> Vec<f64> {
+    let mut samples = evenly(FINE_SAMPLES);
+    if let Some((u, v)) = near {
+        let t = if side < 2 { v } else { u };
+        let close = evenly(CLOSE_SAMPLES).into_iter();
+        let close = close.map(|s| t + (2.0 * s - 1.0) * CLOSE);
+        samples.extend(close.filter(|t| (0.0..=1.0).contains(t)));
+    }
+    samples
+}

@@ -1,0 +1,141 @@
+//! Extrapolation: a patch made longer or shorter at its sides by its own polynomials.
+
+use super::course::MOST_EXCESS;
+use super::{Growth, Side};
+use crate::objective::Evaluated;
+use isoform_geom::RationalPatch;
+
+/// A patch that is longer by this factor has come near a pole. On a plane its distance would not
+/// show it.
+const MOST_LONGER: f64 = 2.5;
+/// The most by which an extrapolation shortens a patch at one side, in edges.
+const MOST_SHORTER: f64 = 0.2;
+/// Secant steps towards the size that an extrapolation aims at.
+const SECANTS: usize = 4;
+/// Secant steps that change shares by more than this factor, or to less than its inverse, are none.
+const MOST_CORRECTED: f64 = 10.0;
+/// Bisections of an extrapolation until it is a start for Newton's method.
+const BISECTIONS: usize = 6;
+
+/// An extrapolation in the making.
+struct Aim {
+    /// The roots of l₁ and l₂ before,
+    present: [f64; 2],
+    /// and those aimed at.
+    edges: [f64; 2],
+    /// Which sides move.
+    moves: [bool; 4],
+}
+
+impl Growth<'_> {
+    /// Extrapolates (or shortens) at the sides that lie in the region until √l₁ and √l₂ are the
+    /// given edges; by less where the result is no start for Newton's method. False where nothing
+    /// is gained.
+    pub(super) fn extrapolate(&mut self, edges: [f64; 2]) -> bool {
+        let present = self.edges();
+        let aim = Aim {
+            present,
+            edges,
+            moves: self.moves(edges, present),
+        };
+        let moving = |side: usize| u8::from(aim.moves[side]);
+        let sides = [0, 2].map(|first| f64::from(moving(first) + moving(first + 1)));
+        if sides == [0.0; 2] {
+            return false;
+        }
+        let shares = [0, 1].map(|k| {
+            if sides[k] > 0.0 {
+                self.in_range((edges[k] / present[k] - 1.0) / sides[k])
+            } else {
+                0.0
+            }
+        });
+        let shares = self.corrected(&aim, shares);
+        self.try_shares(&aim, shares)
+    }
+
+    /// Which sides move: those that are free and in the region, and those of a direction in which
+    /// the patch shall be shorter.
+    fn moves(&self, edges: [f64; 2], present: [f64; 2]) -> [bool; 4] {
+        let inside = self.sides_inside(&self.patch);
+        std::array::from_fn(|side| {
+            let is_free = matches!(self.sides[side], Side::Free);
+            (inside[side] && is_free)
+                || (edges[side / 2] < present[side / 2] && !self.sides[side].is_at_edge())
+        })
+    }
+
+    /// A share of an edge that a side may move by.
+    fn in_range(&self, share: f64) -> f64 {
+        share.clamp(-MOST_SHORTER, self.pace.most_at_side)
+    }
+
+    /// How far each side moves for shares of the edges, without coming near singular points.
+    fn by(&self, aim: &Aim, shares: [f64; 2]) -> [f64; 4] {
+        let avoided = self.on.near_singular.avoided();
+        std::array::from_fn(|side| {
+            let share = shares[side / 2];
+            match (aim.moves[side], avoided) {
+                (false, _) => 0.0,
+                (true, Some(avoided)) if share > 0.0 => avoided.within(&self.patch, side, share),
+                (true, _) => share,
+            }
+        })
+    }
+
+    /// Shares with which the extrapolated patch has the edges aimed at, by secant steps.
+    fn corrected(&self, aim: &Aim, mut shares: [f64; 2]) -> [f64; 2] {
+        for _ in 0..SECANTS {
+            let longer = self.longer(self.by(aim, shares));
+            let Some(reached) = self.objective.lengths(&longer) else {
+                break;
+            };
+            for (k, l) in [reached.0, reached.1].into_iter().enumerate() {
+                let present = aim.present[k];
+                let factor = (aim.edges[k] - present) / (l.sqrt() - present);
+                if factor > 1.0 / MOST_CORRECTED && factor < MOST_CORRECTED {
+                    shares[k] = self.in_range(shares[k] * factor);
+                }
+            }
+        }
+        shares
+    }
+
+    /// Takes the patch extrapolated by shares of its edges, halved until it is a start for Newton's
+    /// method; whether there is one.
+    fn try_shares(&mut self, aim: &Aim, mut shares: [f64; 2]) -> bool {
+        for _ in 0..BISECTIONS {
+            let before = self.sides;
+            let patch = self.extrapolated(self.by(aim, shares));
+            if let Some((targets, at)) = self.retargeted(&patch)
+                && (shares.iter().all(|s| *s < 0.0) || self.is_fair(&at))
+                && targets.l1.sqrt() <= MOST_LONGER * aim.present[0]
+                && targets.l2.sqrt() <= MOST_LONGER * aim.present[1]
+            {
+                self.take(patch, targets, at);
+                return true;
+            }
+            self.set_sides(before);
+            shares = shares.map(|s| 0.5 * s);
+        }
+        false
+    }
+
+    /// The patch longer at its sides, which may come to edges then.
+    fn extrapolated(&mut self, by: [f64; 4]) -> RationalPatch {
+        if self.on.whole.is_single() {
+            return self.longer(by);
+        }
+        let (patch, sides) = self.within_edges(self.on, by, self.overlap());
+        self.set_sides(sides);
+        patch
+    }
+
+    /// Whether an extrapolated patch is a start for Newton's method.
+    fn is_fair(&self, at: &Evaluated) -> bool {
+        match self.options.tolerance {
+            Some(t) => at.terms.i.sqrt() <= MOST_EXCESS * t,
+            None => self.objective.sum(&at.terms) <= MOST_EXCESS * self.limit(),
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! The start patch: a small piece of the tangent plane at the seed.
+
+use super::{Growth, Pace, Side};
+use crate::objective::{Evaluated, Objective};
+use crate::options::{Error, Options};
+use crate::solver::Minimiser;
+use crate::surface::Seed;
+use crate::whole::On;
+use isoform_control::Control;
+use isoform_geom::{Field, RationalPatch};
+
+/// Edge of the start patch, in edges of the region.
+const START_SIZE: f64 = 0.1;
+/// The start patch is halved until its planar self has at most this multiple of the allowed S.
+const START_EXCESS: f64 = 10.0;
+/// Halvings of the start patch: 2⁻³⁰ of the region is beyond any use.
+const HALVINGS: usize = 30;
+/// With a tolerance, a root mean square distance below this share of it is no reason to let go of
+/// the patch's shape.
+const LITTLE: f64 = 0.05;
+
+/// Where a patch starts, and how it grows.
+#[derive(Clone, Copy)]
+pub(crate) struct Start<'f> {
+    pub(crate) on: On<'f>,
+    pub(crate) seed: Seed,
+    /// A function that vanishes along the edge on which the seed lies, if it lies on one; the patch
+    /// starts to the left of it.
+    pub(crate) edge: Option<&'f dyn Field>,
+    pub(crate) pace: Pace,
+    pub(crate) control: Control<'f>,
+}
+
+impl<'f> Growth<'f> {
+    /// The start patch about a seed.
+    pub(crate) fn start(
+        objective: Objective<'f>,
+        start: Start<'f>,
+        options: &Options,
+    ) -> Result<Self, Error> {
+        let mut growth = Self::new(objective, start, options);
+        let mut size = START_SIZE * growth.unit;
+        for _ in 0..HALVINGS {
+            let patch = start.square(options.degree, size);
+            if let Some((targets, at)) = growth.retargeted(&patch)
+                && growth.is_start(&at)
+                && growth.lies_well(&start, &patch)
+            {
+                let mut sides = growth.sides;
+                if let Some(edge) = start.edge {
+                    sides[2] = Side::At(edge);
+                }
+                growth.set_sides(sides);
+                let Some(at) = growth.objective.evaluate_with(&patch, &targets) else {
+                    break;
+                };
+                (growth.patch, growth.at, growth.objective.targets) = (patch, at, targets);
+                return Ok(growth);
+            }
+            size *= 0.5;
+        }
+        Err(Error::NoPatch {
+            at: start.seed.point,
+        })
+    }
+
+    /// Without a patch yet.
+    fn new(objective: Objective<'f>, start: Start<'f>, options: &Options) -> Self {
+        let Start {
+            on,
+            seed,
+            pace,
+            control,
+            ..
+        } = start;
+        let [u, v] = seed.tangents;
+        let mut growth = Self {
+            patch: RationalPatch::planar(options.degree, seed.point, u, v),
+            at: Evaluated::default(),
+            objective,
+            trace: Vec::new(),
+            is_late: false,
+            shortenings: 0,
+            good: None,
+            options: *options,
+            control,
+            pace,
+            minimiser: Minimiser::new(options.floor),
+            seed,
+            unit: options.edge(),
+            on,
+            sides: [Side::Free; 4],
+        };
+        let objective = &mut growth.objective;
+        objective.weights = options.start;
+        if let Some(tolerance) = options.tolerance {
+            objective.little = (LITTLE * tolerance).powi(2);
+            objective.keep_shape_loosely();
+            objective.bends = true;
+            objective.weigh_border(pace.border);
+        }
+        growth
+    }
+
+    /// Whether a planar patch is small enough to start with.
+    fn is_start(&self, at: &Evaluated) -> bool {
+        match self.options.tolerance {
+            Some(t) => at.terms.i.sqrt() <= START_EXCESS * t,
+            None => at.terms.i <= START_EXCESS * self.limit(),
+        }
+    }
+
+    /// Whether a start patch is away from singular points, and on its part.
+    fn lies_well(&self, start: &Start<'f>, patch: &RationalPatch) -> bool {
+        let avoided = start.on.near_singular.avoided();
+        let is_single = start.on.whole.is_single();
+        !avoided.is_some_and(|a| a.is_near(patch))
+            && (is_single
+                || Self::starts_within(start.on, patch, self.overlap(), start.edge.is_some()))
+    }
+}
+
+impl Start<'_> {
+    /// The square of an edge length in the tangent plane, about the seed or to the left of its
+    /// edge.
+    fn square(&self, degree: (usize, usize), size: f64) -> RationalPatch {
+        let [a, b] = self.seed.tangents.map(|t| t.map(|v| v * size));
+        let below = if self.edge.is_some() { 0.0 } else { 0.5 };
+        let origin = std::array::from_fn(|k| self.seed.point[k] - (0.5 * a[k] + below * b[k]));
+        RationalPatch::planar(degree, origin, a, b)
+    }
+}

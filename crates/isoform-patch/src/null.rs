@@ -1,0 +1,82 @@
+//! Null vectors of matrices with many rows.
+//!
+//! By Hestenes' one-sided Jacobi method: rotations of the columns of the matrix until they are
+//! orthogonal. Moments would square the small singular values, and half of the digits would be
+//! lost.
+
+/// Columns with a smaller cosine are orthogonal.
+const ORTHOGONAL: f64 = 1e-15;
+/// Sweeps of rotations, at most; some ten are needed.
+const SWEEPS: usize = 40;
+
+/// The unit vector a with a·m = 0 for all rows m, if there is one and one only; singular values
+/// below the share `zero` of the largest are 0.
+pub(crate) fn null<const N: usize>(mut rows: Vec<[f64; N]>, zero: f64) -> Option<[f64; N]> {
+    let mut v: [[f64; N]; N] =
+        std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+    for _ in 0..SWEEPS {
+        if !sweep(&mut rows, &mut v) {
+            break;
+        }
+    }
+    let sizes: [f64; N] =
+        std::array::from_fn(|k| rows.iter().map(|r| r[k] * r[k]).sum::<f64>().sqrt());
+    let most = sizes.iter().fold(0.0f64, |m, v| m.max(*v));
+    let small: Vec<usize> = (0..N).filter(|&k| sizes[k] <= zero * most).collect();
+    match small.as_slice() {
+        &[k] => Some(std::array::from_fn(|i| v[i][k])),
+        _ => None,
+    }
+}
+
+/// Makes each two columns orthogonal in turn, with the rotations in v, too; whether any were not.
+fn sweep<const N: usize>(rows: &mut [[f64; N]], v: &mut [[f64; N]; N]) -> bool {
+    let mut rotated = false;
+    for p in 0..N {
+        for q in p + 1..N {
+            let Some((c, s)) = rotation(rows, p, q) else {
+                continue;
+            };
+            rotated = true;
+            for r in rows.iter_mut().chain(v.iter_mut()) {
+                (r[p], r[q]) = (c * r[p] - s * r[q], s * r[p] + c * r[q]);
+            }
+        }
+    }
+    rotated
+}
+
+/// Cosine and sine of the rotation that makes two columns orthogonal; none where they are.
+fn rotation<const N: usize>(rows: &[[f64; N]], p: usize, q: usize) -> Option<(f64, f64)> {
+    let (mut pp, mut qq, mut pq) = (0.0, 0.0, 0.0);
+    for r in rows {
+        (pp, qq, pq) = (pp + r[p] * r[p], qq + r[q] * r[q], pq + r[p] * r[q]);
+    }
+    if pq.abs() <= ORTHOGONAL * (pp * qq).sqrt() {
+        return None;
+    }
+    let zeta = (qq - pp) / (2.0 * pq);
+    let t = if zeta >= 0.0 { 1.0 } else { -1.0 } / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
+    let c = 1.0 / (1.0 + t * t).sqrt();
+    Some((c, c * t))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows that are orthogonal to (2, −1, 2)/3 only; all of a plane; and all of a line, to which
+    /// more than one vector is orthogonal.
+    #[test]
+    fn null_vectors_are_found() {
+        let rows = vec![[1.0, 2.0, 0.0], [0.0, 2.0, 1.0], [1.0, 4.0, 1.0]];
+        let a = null(rows, 1e-13).expect("a null vector");
+        let sign = a[0].signum();
+        for (a, want) in a.into_iter().zip([2.0, -1.0, 2.0]) {
+            assert!((sign * a - want / 3.0).abs() < 1e-14);
+        }
+        let all = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        assert_eq!(null(all, 1e-13), None);
+        assert_eq!(null(vec![[1.0, 0.0, 0.0]; 4], 1e-13), None);
+    }
+}

@@ -1,0 +1,246 @@
+//! Attempts at one place: along several directions and at several paces, of which the largest patch
+//! is taken.
+
+use super::certify::certified;
+use crate::exact::make_exact;
+use crate::grow::{Growth, Pace, Start};
+use crate::objective::Objective;
+use crate::options::{Error, Options};
+use crate::parameterized::{Clock, Parameterized, both_times};
+use crate::surface::{self, Seed};
+use crate::terms::{Inner, Method};
+use crate::whole::On;
+use isoform_control::Control;
+use std::f64::consts::FRAC_PI_4;
+use std::time::Instant;
+
+/// The share of the time that growing may take: the rest is for the proof.
+const GROWING_TIME: f64 = 0.6;
+/// A patch counts as larger than another one only above this multiple of its area: where directions
+/// are alike, rounding is not to decide.
+const CLEARLY: f64 = 1.01;
+
+/// Grows a patch; with a tolerance along the lines of curvature, between them, and along the seed's
+/// own directions, and at other paces, and takes the largest: which of them it is depends on the
+/// place.
+pub(super) fn turned(
+    on: On<'_>,
+    seed: Seed,
+    options: &Options,
+    mut clock: Clock,
+    control: &Control<'_>,
+) -> Result<Parameterized, Error> {
+    let start = |seed: Seed, pace: Pace| Start {
+        on,
+        seed,
+        edge: None,
+        pace,
+        control: *control,
+    };
+    if options.tolerance.is_none() || options.exact {
+        return grown(start(seed, Pace::of(options)), options, clock);
+    }
+    let scale = options.region.diagonal();
+    let frame = |angle: f64| surface::frame(on.field(), seed.point, angle, scale);
+    let along = frame(0.0)?;
+    let own = (seed.tangents != along.tangents).then_some((seed, Pace::EVEN));
+    let starts = [
+        Some((along, Pace::EVEN)),
+        Some((frame(FRAC_PI_4)?, Pace::EVEN)),
+        own,
+        Some((seed, Pace::STEADY)),
+        Some((seed, Pace::QUICK)),
+    ];
+    let starts = starts.into_iter().flatten();
+    let mut candidates = Candidates::grown(starts.map(|(seed, pace)| start(seed, pace)), options);
+    clock.phase("grow");
+    let none = Err(Error::NoPatch { at: seed.point });
+    candidates.largest(none, options, clock)
+}
+
+/// Grown patches of which nothing is proved yet.
+struct Candidates<'f> {
+    /// With their areas in the region.
+    list: Vec<(f64, Growth<'f>)>,
+    /// Why the last one that failed did so.
+    error: Option<Error>,
+}
+
+impl<'f> Candidates<'f> {
+    /// One patch for each start, until the time is over.
+    fn grown(starts: impl Iterator<Item = Start<'f>>, options: &Options) -> Self {
+        let mut all = Self {
+            list: Vec::new(),
+            error: None,
+        };
+        for start in starts {
+            match grow(start, options) {
+                Ok(growth) => {
+                    let is_late = growth.is_late;
+                    all.list.push((growth.area(&options.region), growth));
+                    if is_late {
+                        break;
+                    }
+                }
+                Err(error) => all.error = Some(error),
+            }
+        }
+        all
+    }
+
+    /// The largest of them after proof. Proofs only make patches smaller: the largest goes first,
+    /// and those that cannot become the largest any more are not proved.
+    fn largest(
+        &mut self,
+        none: Result<Parameterized, Error>,
+        options: &Options,
+        mut clock: Clock,
+    ) -> Result<Parameterized, Error> {
+        let mut made = self.error.map_or(none, Err);
+        while let Some(most) = self.list.iter().map(|g| g.0).reduce(f64::max) {
+            let is_enough = made.as_ref().is_ok_and(|m| {
+                let worth = Worth::of(m, options);
+                m.is_late || (worth.keeps && most <= CLEARLY * worth.area)
+            });
+            if is_enough {
+                break;
+            }
+            let next = (self.list.iter().position(|g| CLEARLY * g.0 >= most)).unwrap_or(0);
+            let other = certified(self.list.remove(next).1, std::mem::take(&mut clock));
+            made = match (made, other) {
+                (Ok(a), Ok(b)) => Ok(better(a, b, options)),
+                (Err(_), b) => b,
+                (a, Err(_)) => a,
+            };
+        }
+        made
+    }
+}
+
+/// By what patches are compared: what is proved counts first.
+struct Worth {
+    keeps: bool,
+    area: f64,
+}
+
+impl Worth {
+    fn of(made: &Parameterized, options: &Options) -> Self {
+        Self {
+            keeps: made.keeps(options),
+            area: made.grown.area(&options.region),
+        }
+    }
+}
+
+/// The better of two patches, with the times of both.
+fn better(a: Parameterized, b: Parameterized, options: &Options) -> Parameterized {
+    let (x, y) = (Worth::of(&a, options), Worth::of(&b, options));
+    let seconds = both_times(&a.seconds, &b.seconds);
+    let is_b = y.keeps && !x.keeps || y.keeps == x.keeps && y.area > CLEARLY * x.area;
+    Parameterized {
+        seconds,
+        ..if is_b { b } else { a }
+    }
+}
+
+/// Grows a patch and proves how far from the surface it is.
+pub(super) fn grown(
+    start: Start<'_>,
+    options: &Options,
+    mut clock: Clock,
+) -> Result<Parameterized, Error> {
+    let growth = grow(start, options)?;
+    clock.phase("grow");
+    certified(growth, clock)
+}
+
+/// Grows a patch, exact if that is asked for; nothing is proved of it.
+fn grow<'f>(mut start: Start<'f>, asked: &Options) -> Result<Growth<'f>, Error> {
+    let options = &asked.relaxed();
+    let (is_single, field) = (start.on.whole.is_single(), start.on.field());
+    // A patch that ends at edges would leave them.
+    let to_be_exact = options.exact && is_single;
+    if to_be_exact {
+        // Tori and cylinders have exact patches of low degree only along their lines of curvature.
+        let scale = options.region.diagonal();
+        start.seed = surface::frame(field, start.seed.point, 0.0, scale)?;
+    }
+    if options.method == Method::Newton && field.jet3(start.seed.point).is_none() {
+        return Err(Error::NoThirdDerivatives);
+    }
+    let growing = Start {
+        control: growing_time(&start.control),
+        ..start
+    };
+    let mut growth = Growth::start(
+        objective(start.on, options.degree, options),
+        growing,
+        options,
+    )?;
+    growth.grow_to_limit();
+    growth.control = start.control;
+    if to_be_exact {
+        make_exact(&mut growth, |degree, share| {
+            grow_another(start, degree, share, asked)
+        });
+    }
+    Ok(growth)
+}
+
+/// The objective for patches of a degree.
+fn objective<'f>(on: On<'f>, degree: (usize, usize), options: &Options) -> Objective<'f> {
+    // Patches along edges get long: L, which is about squared lengths, would not care for the
+    // shorter ones.
+    let inner = if on.whole.is_single() {
+        options.inner
+    } else {
+        Inner::Tangents
+    };
+    Objective::new(on.field(), degree, options.method, options.nodes).with_inner(inner)
+}
+
+/// A control that leaves time for the proof: a patch without a bound is worth less than a smaller
+/// one.
+fn growing_time<'f>(control: &Control<'f>) -> Control<'f> {
+    let Some(deadline) = control.deadline else {
+        return *control;
+    };
+    let now = Instant::now();
+    control.until(
+        now + deadline
+            .saturating_duration_since(now)
+            .mul_f64(GROWING_TIME),
+    )
+}
+
+/// A patch of another degree from which an exact one is sought, grown to a share of the bound on S;
+/// below 1, to that alone.
+fn grow_another<'f>(
+    start: Start<'f>,
+    degree: (usize, usize),
+    share: f64,
+    asked: &Options,
+) -> Option<Growth<'f>> {
+    let options = if share < 1.0 {
+        Options {
+            degree,
+            limit: share * asked.limit,
+            tolerance: None,
+            ..*asked
+        }
+    } else {
+        Options {
+            degree,
+            ..asked.relaxed()
+        }
+    };
+    let start = Start {
+        edge: None,
+        pace: Pace::of(&options),
+        ..start
+    };
+    let objective = objective(start.on, degree, &asked.relaxed());
+    let mut other = Growth::start(objective, start, &options).ok()?;
+    other.grow_to_limit();
+    Some(other)
+}

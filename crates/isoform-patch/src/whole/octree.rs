@@ -1,0 +1,216 @@
+//! An octree over the region, whose cells know which parts may decide in them.
+
+use super::Whole;
+use crate::places::wider_by_share;
+use isoform_geom::{Aabb, Csg};
+use isoform_num::Interval;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// What the octree reaches beyond the region, in its edges: patches reach beyond it.
+const MARGIN: f64 = 0.3;
+/// Halvings of its cells.
+const DEEPEST: usize = 6;
+/// Cells with no more parts than this are not divided.
+const FEW: usize = 2;
+
+/// What matters in a cell.
+#[derive(Clone)]
+pub(super) struct Local {
+    pub(super) tree: Csg,
+    /// The pieces of the tree with those of their parts that may count.
+    pub(super) pieces: Vec<(u32, Vec<usize>)>,
+}
+
+impl Local {
+    /// The parts of a piece.
+    pub(super) fn parts(&self, piece: u32) -> &[usize] {
+        let found = self.pieces.iter().find(|p| p.0 == piece);
+        found.map_or(&[], |p| &p.1)
+    }
+}
+
+/// A cell of the octree.
+pub(super) struct Cell {
+    pub(super) region: Aabb,
+    pub(super) local: Arc<Local>,
+    /// The first of eight cells that this one is divided into.
+    children: Option<usize>,
+}
+
+impl Cell {
+    pub(super) fn new(region: Aabb, local: Local) -> Self {
+        Self {
+            region,
+            local: Arc::new(local),
+            children: None,
+        }
+    }
+
+    /// Whether it holds a region.
+    fn holds(&self, region: &Aabb) -> bool {
+        let own = &self.region;
+        (0..3).all(|k| own.lo[k] <= region.lo[k] && region.hi[k] <= own.hi[k])
+    }
+
+    /// One of its octants, with what matters in the cell.
+    fn octant(&self, octant: usize) -> Self {
+        let region = self.region;
+        let middle = |k: usize| 0.5 * (region.lo[k] + region.hi[k]);
+        let upper = |k: usize| octant >> k & 1 == 1;
+        let octant = Aabb {
+            lo: std::array::from_fn(|k| if upper(k) { middle(k) } else { region.lo[k] }),
+            hi: std::array::from_fn(|k| if upper(k) { region.hi[k] } else { middle(k) }),
+        };
+        Self {
+            region: octant,
+            local: self.local.clone(),
+            children: None,
+        }
+    }
+}
+
+/// The box of the octree for a region.
+pub(super) fn around(region: &Aabb) -> Aabb {
+    wider_by_share(region, MARGIN)
+}
+
+/// Cells; the root is the first one.
+pub(super) struct Octree(Vec<Cell>);
+
+impl Octree {
+    pub(super) fn of_one(root: Cell) -> Self {
+        Self(vec![root])
+    }
+
+    pub(super) fn leaves(&self) -> impl Iterator<Item = &Cell> {
+        self.0.iter().filter(|c| c.children.is_none())
+    }
+
+    /// The smallest cell that holds a region; none where the root does not.
+    fn smallest(&self, region: &Aabb) -> Option<&Cell> {
+        let mut at = self.0.first().filter(|root| root.holds(region))?;
+        while let Some(first) = at.children {
+            let mut octants = self.0[first..first + 8].iter();
+            let Some(child) = octants.find(|c| c.holds(region)) else {
+                break;
+            };
+            at = child;
+        }
+        Some(at)
+    }
+}
+
+impl Whole<'_> {
+    /// Divides a cell until few parts are left.
+    pub(super) fn divide(&mut self, cell: usize, depth: usize) {
+        let region = self.octree.0[cell].region;
+        // Without surface in it, what matters is what did before.
+        let Some(local) = self.narrow(&self.octree.0[cell].local, region) else {
+            return;
+        };
+        let parts: usize = local.pieces.iter().map(|p| p.1.len()).sum();
+        let cells = &mut self.octree.0;
+        cells[cell].local = Arc::new(local);
+        if parts <= FEW || depth == DEEPEST {
+            return;
+        }
+        let first = cells.len();
+        cells[cell].children = Some(first);
+        for octant in 0..8 {
+            let octant = cells[cell].octant(octant);
+            cells.push(octant);
+        }
+        for child in first..first + 8 {
+            self.divide(child, depth + 1);
+        }
+    }
+
+    /// What matters in a region, of what matters in one that holds it; none where there is no
+    /// surface.
+    pub(super) fn narrow(&self, of: &Local, region: Aabb) -> Option<Local> {
+        let known: Vec<(u32, Vec<usize>, Interval)> = of
+            .pieces
+            .iter()
+            .map(|(piece, parts)| {
+                let parts = self.possible(parts, region);
+                let range = self.hull(&parts, region);
+                (*piece, parts, range)
+            })
+            .collect();
+        let find = |piece: u32| known.iter().find(|k| k.0 == piece);
+        let range = |piece: u32| find(piece).map_or(Interval::ALL, |k| k.2);
+        let tree = narrowed(&of.tree, &range).ok()?;
+        let left: BTreeSet<u32> = tree.pieces().into_iter().collect();
+        let pieces = known.into_iter().filter(|k| left.contains(&k.0));
+        Some(Local {
+            tree,
+            pieces: pieces.map(|k| (k.0, k.1)).collect(),
+        })
+    }
+
+    /// What matters in the smallest cell that holds a region.
+    pub(super) fn local(&self, region: Aabb) -> &Local {
+        let cell = self.octree.smallest(&region);
+        cell.map_or(&self.all, |cell| &cell.local)
+    }
+}
+
+/// A tree without what does not change its sign where the pieces have these ranges; an error with
+/// its sign, true if it is positive, where the whole tree does not change it.
+fn narrowed(tree: &Csg, range: &impl Fn(u32) -> Interval) -> Result<Csg, bool> {
+    let (children, is_min) = match tree {
+        Csg::Piece(i) => {
+            let r = range(*i);
+            let sign = (r.lo() > 0.0).then_some(true);
+            let sign = sign.or((r.hi() < 0.0).then_some(false));
+            return sign.map_or_else(|| Ok(tree.clone()), Err);
+        }
+        Csg::Min(children) => (children, true),
+        Csg::Max(children) => (children, false),
+    };
+    let mut kept = Vec::new();
+    for child in children {
+        match narrowed(child, range) {
+            Ok(child) => kept.push(child),
+            // A minimum is positive where all are, negative where one is.
+            Err(positive) if positive != is_min => return Err(positive),
+            Err(_) => {}
+        }
+    }
+    match kept.len() {
+        0 => Err(is_min),
+        1 => Ok(kept.remove(0)),
+        _ => Ok(if is_min {
+            Csg::Min(kept)
+        } else {
+            Csg::Max(kept)
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// min(a, max(b, c)) where a is positive is what the maximum is; where b is negative, too, c.
+    #[test]
+    fn trees_are_narrowed() {
+        let tree = Csg::Min(vec![
+            Csg::Piece(0),
+            Csg::Max(vec![Csg::Piece(1), Csg::Piece(2)]),
+        ]);
+        let of = |ranges: [(f64, f64); 3]| {
+            narrowed(&tree, &|i| {
+                let (lo, hi) = ranges[i as usize];
+                Interval::new(lo, hi)
+            })
+        };
+        let open = (-1.0, 1.0);
+        let inner = Csg::Max(vec![Csg::Piece(1), Csg::Piece(2)]);
+        assert_eq!(of([(1.0, 2.0), open, open]), Ok(inner));
+        assert_eq!(of([(1.0, 2.0), (-2.0, -1.0), open]), Ok(Csg::Piece(2)));
+        assert_eq!(of([(-2.0, -1.0), open, open]), Err(false));
+        assert_eq!(of([(1.0, 2.0), open, (1.0, 2.0)]), Err(true));
+    }
+}
