@@ -5,6 +5,25 @@ use isoform_num::{Interval, Jet2};
 
 /// The intersection of a solid with a box, whose sides are six more pieces named `cap.x_min` to
 /// `cap.z_max`.
+///
+/// ```
+/// use isoform_check::Capped;
+/// use isoform_geom::{Aabb, Csg, OnePiece, Solid};
+/// # use isoform_geom::{Field, Point3};
+/// # use isoform_num::Jet2;
+/// # struct Everywhere;
+/// # impl Field for Everywhere {
+/// #     fn value(&self, _: Point3) -> f64 { 1.0 }
+/// #     fn jet(&self, _: Point3) -> Jet2 { Jet2 { v: 1.0, g: [0.0; 3], h: [0.0; 6] } }
+/// # }
+/// // All of space, cut off at the unit cube.
+/// let all = OnePiece::new(Everywhere, "space");
+/// let cube = Capped::new(&all, Aabb { lo: [0.0; 3], hi: [1.0; 3] });
+/// assert_eq!(cube.names()[1..3], ["cap.x_min", "cap.x_max"]);
+/// let mut signs = [0.0; 2];
+/// cube.sign_values(&[[0.5; 3], [0.5, 0.5, 1.5]], &mut signs);
+/// assert!(signs[0] > 0.0 && signs[1] < 0.0);
+/// ```
 pub struct Capped<'s> {
     solid: &'s dyn Solid,
     region: Aabb,

@@ -37,7 +37,7 @@ impl Defects {
             self.places.push(place());
         }
     }
-    /// Joins those of a later part of the mesh.
+    /// Joins the findings of a later part of the mesh.
     pub(super) fn append(&mut self, room: usize, later: Self) {
         self.count += later.count;
         let free = room.saturating_sub(self.places.len());
@@ -66,7 +66,7 @@ impl Lowest {
         self.items.insert(at, (value, index));
         self.items.truncate(room);
     }
-    /// Joins those of a later part of the mesh.
+    /// Joins the findings of a later part of the mesh.
     pub(super) fn append(&mut self, room: usize, later: Self) {
         for (value, index) in later.items {
             self.add(room, value, index);

@@ -47,7 +47,7 @@ pub struct Deviation {
     /// Points of the faces (curved ones, of a mesh of second order): the chord error. The mean is
     /// taken by area.
     pub faces: Distances,
-    /// The same by parts, in the order of the mesh's labels.
+    /// Distances of nodes and faces by parts, in the order of the mesh's labels.
     pub parts: Vec<PartDeviation>,
     /// Nodes on parts that are not the solid's surface there; the value is that of the tree, by
     /// distances.
@@ -283,8 +283,8 @@ fn signed_distance(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     if v == 0.0 { 0.0 } else { v / norm(g) }
 }
 
-/// All different pairs of label and node, sorted; `nodes` are those of triangles, corners or mid
-/// nodes.
+/// All different pairs of label and node, sorted; `nodes` are the corners or the mid nodes of
+/// triangles.
 fn labelled_nodes(nodes: &[[u32; 3]], labels: &[u32]) -> Vec<(u32, u32)> {
     let mut pairs: Vec<(u32, u32)> = nodes
         .iter()

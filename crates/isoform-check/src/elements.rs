@@ -213,7 +213,7 @@ impl Sums {
         self.worst.add(room, -high, k);
     }
 
-    /// Adds the shape of a tetrahedron; `bounds` are those of the histogram, as cosines.
+    /// Adds the shape of a tetrahedron; `bounds` are the limits of the bins, as cosines.
     fn add_tetrahedron(&mut self, room: usize, k: u32, shape: &Shape, bounds: &[f64; 17]) {
         let (cosines, sines) = (cosines(shape), sines(shape));
         let mut worst = f64::INFINITY;

@@ -18,7 +18,8 @@
 //! assert!(certificate.is_ok() && certificate.surface.is_some_and(|s| s.euler == 2));
 //!
 //! mesh.triangles.pop();
-//! assert_eq!(certify(&mesh, None, &Options::default(), &Control::default()).failures()[0].to_string(), "3 edges of one triangle only");
+//! let failures = certify(&mesh, None, &Options::default(), &Control::default()).failures();
+//! assert_eq!(failures[0].to_string(), "3 edges of one triangle only");
 //! ```
 //!
 //! [`failures`]: Certificate::failures

@@ -21,7 +21,7 @@ pub(crate) struct Joined {
     pub(crate) core: Core,
     /// Vertices of the core below this number are vertices of the band.
     pub(crate) band_points: usize,
-    /// Vertices of the band to those of the complex.
+    /// The vertex of the complex for each vertex of the band.
     pub(crate) number: Vec<u32>,
 }
 

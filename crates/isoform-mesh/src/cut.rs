@@ -95,7 +95,7 @@ impl Cutter<'_> {
         self.cut();
     }
 
-    /// The distance of a vertex to a piece; 0 for those that it is held on.
+    /// The distance of a vertex to a piece; 0 for pieces that hold it.
     fn distance(&mut self, v: u32, piece: u32) -> f64 {
         if self.on[v as usize].contains(piece) {
             return 0.0;

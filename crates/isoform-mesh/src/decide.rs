@@ -16,6 +16,19 @@ use std::sync::Arc;
 ///
 /// None is added if and only if the range has one sign (inside is ≥ 0: \[0, 1\] is certain, \[−1,
 /// 0\] is not).
+///
+/// ```
+/// use isoform_geom::Csg;
+/// use isoform_mesh::decide::decisive;
+/// use isoform_num::Interval;
+///
+/// // The minimum of a piece that is positive and one that may be either.
+/// let tree = Csg::Min(vec![Csg::Piece(0), Csg::Piece(1)]);
+/// let ranges = [Interval::new(1.0, 2.0), Interval::new(-1.0, 3.0)];
+/// let mut pieces = Vec::new();
+/// let range = decisive(&tree, &|i| ranges[i as usize], &mut pieces);
+/// assert_eq!((range, pieces), (Interval::new(-1.0, 2.0), vec![1]));
+/// ```
 pub fn decisive(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32>) -> Interval {
     let (lo, hi) = collect(tree, ranges, out, 0);
     Interval::new(lo, hi)

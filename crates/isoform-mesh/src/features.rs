@@ -123,6 +123,28 @@ pub struct Features {
 ///
 /// Features much smaller than size/32 can be missed within a cell that intervals do not decide; see
 /// [`Features::certified`].
+///
+/// ```
+/// use isoform_field::Pieces;
+/// use isoform_field::hyperfun::{Mode, Model};
+/// use isoform_geom::Aabb;
+/// use isoform_mesh::Control;
+/// use isoform_mesh::features::{FeatureOptions, find};
+///
+/// // A cylinder of radius 1 between z = −1 and z = 1 has two circles for edges.
+/// let program = "rod(x[3], a[1]) { rod = (1 - x[1]^2 - x[2]^2) & (1 - x[3]) & (x[3] + 1); }";
+/// let model = Model::parse(program, Mode::Default)?;
+/// let solid = Pieces::of_model(&model, &vec![0.0; model.n_params()])?;
+/// let region = Aabb { lo: [-2.0; 3], hi: [2.0; 3] };
+/// let options = FeatureOptions { size: 0.25, ..FeatureOptions::default() };
+/// let found = find(&solid, region, &options, &Control::default());
+/// assert_eq!((found.curves.len(), found.corners.len()), (2, 0));
+/// for curve in &found.curves {
+///     assert!(curve.closed && (curve.angles[0] - 90f64.to_radians()).abs() < 1e-9);
+///     assert!(curve.points.iter().all(|p| (p[0].hypot(p[1]) - 1.0).abs() < 1e-12));
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn find(
     solid: &dyn Solid,
     region: Aabb,

@@ -1,4 +1,28 @@
 //! Labelled surface meshes and tetrahedra of any solid that can say its parts.
+//!
+//! [`mesh`] makes them, [`adapt`] improves a given one, [`features`] finds the edges,
+//! corners and the box of a solid. Lengths are in model units, angles in degrees where an option
+//! says so and in radians else. What a mesh is worth, the certificate of isoform-check tells.
+//!
+//! ```
+//! use isoform_field::Pieces;
+//! use isoform_field::hyperfun::{Mode, Model};
+//! use isoform_mesh::{Control, Options, mesh};
+//!
+//! // The upper half of a ball: two parts that meet in a circle of radius 1.
+//! let program = "half(x[3], a[1]) { half = (1 - x[1]^2 - x[2]^2 - x[3]^2) & x[3]; }";
+//! let model = Model::parse(program, Mode::Default)?;
+//! let solid = Pieces::of_model(&model, &vec![0.0; model.n_params()])?;
+//!
+//! let options = Options { size: 0.3, ..Options::default() };
+//! let made = mesh(&solid, &options, &Control::default())?;
+//! assert_eq!((made.mesh.parts.len(), made.mesh.curves.len()), (2, 1));
+//! for edge in &made.mesh.edges {
+//!     let [x, y, z] = made.mesh.points[edge[0] as usize];
+//!     assert!((x.hypot(y) - 1.0).abs() < 1e-12 && z.abs() < 1e-12);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
 mod adapt;

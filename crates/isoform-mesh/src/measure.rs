@@ -5,7 +5,7 @@
 //! 20° and 150° equally bad.
 
 use isoform_check::quality::OBTUSE_WEIGHT;
-use isoform_geom::{Point3, cross, dot, norm, sub};
+use isoform_geom::{Point3, TET_FACES, cross, dot, norm, sub};
 
 /// Edges of a tetrahedron with the two faces (by opposite vertex) that meet there.
 const EDGES: [[usize; 4]; 6] = [
@@ -115,7 +115,9 @@ pub(crate) struct Around {
     tets: Vec<Opposite>,
     /// The other two corners of each face of the surface, in its sense.
     faces: Vec<[Point3; 2]>,
+    /// Measures that are not far above the worst one, with their gradients.
     terms: Vec<(f64, Point3)>,
+    /// The gradients of those next to the worst one.
     active: Vec<Point3>,
 }
 
@@ -123,6 +125,12 @@ pub(crate) struct Around {
 const HULL: usize = 16;
 /// Terms this close to the worst one decide the direction of a move together with it.
 const ACTIVE: f64 = 0.04;
+/// Growth of the worst terms over the length of the shortest edge below which a vertex stays where it
+/// is.
+const LEVEL: f64 = 1e-4;
+/// Share of a vector's squared length that no gradient of the hull falls short of, when it is
+/// short enough.
+const SHORT: f64 = 0.95;
 /// Terms farther than this from the worst one do not limit the length of a move.
 const FAR: f64 = 0.25;
 
@@ -191,16 +199,34 @@ impl Around {
         worst: f64,
         tangent: impl Fn(Point3) -> Point3,
     ) -> Option<(Point3, f64)> {
+        let shortest = self.collect_terms(p, worst, tangent);
+        let d = shortest_in_hull(&self.active);
+        let slope = dot(d, d);
+        if slope.is_nan() || slope.sqrt() * shortest < LEVEL {
+            return None;
+        }
+        // As far as the linear model says that no other term falls below the active ones.
+        let mut step = 0.5 * shortest / slope.sqrt();
+        for (s, g) in &self.terms {
+            let rate = slope - dot(*g, d);
+            if *s > worst + ACTIVE && rate > 0.0 {
+                step = step.min((s - worst) / rate);
+            }
+        }
+        Some((d, step))
+    }
+
+    /// Collects the terms that are not far above the worst one, with their gradients, and those
+    /// next to it. Returns the length of the shortest edge at the vertex.
+    fn collect_terms(&mut self, p: Point3, worst: f64, tangent: impl Fn(Point3) -> Point3) -> f64 {
         let Self {
             tets,
             faces,
             terms,
             active,
-            ..
         } = self;
         terms.clear();
         active.clear();
-        let mut shortest = f64::INFINITY;
         let mut push = |s: f64, g: Point3| {
             if s < worst + FAR {
                 let g = tangent(g);
@@ -210,6 +236,7 @@ impl Around {
                 }
             }
         };
+        let mut shortest = f64::INFINITY;
         let limit = (worst + FAR) * (worst + FAR).abs();
         for t in tets.iter() {
             for q in t.q {
@@ -222,25 +249,11 @@ impl Around {
                 }
             }
         }
-        let shortest = shortest.sqrt();
         for f in faces.iter() {
             let (s, g) = smallest_sine_and_derivative([p, f[0], f[1]]);
             push(s, g);
         }
-        let d = shortest_in_hull(active);
-        let slope = dot(d, d);
-        if slope.is_nan() || slope.sqrt() * shortest < 1e-4 {
-            return None;
-        }
-        // As far as the linear model says that no other term falls below the active ones.
-        let mut step = 0.5 * shortest / slope.sqrt();
-        for (s, g) in terms.iter() {
-            let rate = slope - dot(*g, d);
-            if *s > worst + ACTIVE && rate > 0.0 {
-                step = step.min((s - worst) / rate);
-            }
-        }
-        Some((d, step))
+        shortest.sqrt()
     }
 }
 
@@ -263,7 +276,7 @@ fn shortest_in_hull(gradients: &[Point3]) -> Point3 {
                 (lowest, g) = (k, *h);
             }
         }
-        if lowest >= 0.95 * dot(d, d) {
+        if lowest >= SHORT * dot(d, d) {
             break;
         }
         let e = sub(g, d);
@@ -279,15 +292,7 @@ pub(crate) fn biased_sines(p: [Point3; 4], x: usize) -> [(f64, Point3); 6] {
     let area = n.map(norm);
     // ∇V₆ = minus the outward area vector of the face opposite to x.
     let dv = n[x].map(|v| -v);
-    // ∇|n_k| for the faces that hold x: (p − q) × n̂ for its other vertices p, q in the sense of n.
-    let mut da = [[0.0; 3]; 4];
-    for k in (0..4).filter(|&k| k != x) {
-        let f = isoform_geom::TET_FACES[k];
-        let at = f.iter().position(|&i| i == x).unwrap_or(0);
-        let (q, r) = (p[f[(at + 1) % 3]], p[f[(at + 2) % 3]]);
-        let unit = n[k].map(|v| v / area[k]);
-        da[k] = cross(sub(q, r), unit);
-    }
+    let da = area_gradients(p, x, n, area);
     EDGES.map(|[a, b, k, l]| {
         let e = sub(p[a], p[b]);
         let length = norm(e);
@@ -313,12 +318,27 @@ pub(crate) fn biased_sines(p: [Point3; 4], x: usize) -> [(f64, Point3); 6] {
     })
 }
 
+/// ∇|n_k| for the faces that hold vertex `x`: (q − r) × n̂ for its other vertices q, r in the sense
+/// of n.
+#[inline]
+fn area_gradients(p: [Point3; 4], x: usize, n: [Point3; 4], area: [f64; 4]) -> [Point3; 4] {
+    let mut da = [[0.0; 3]; 4];
+    for k in (0..4).filter(|&k| k != x) {
+        let f = TET_FACES[k];
+        let at = f.iter().position(|&i| i == x).unwrap_or(0);
+        let (q, r) = (p[f[(at + 1) % 3]], p[f[(at + 2) % 3]]);
+        let unit = n[k].map(|v| v / area[k]);
+        da[k] = cross(sub(q, r), unit);
+    }
+    da
+}
+
 /// Sine of the smallest angle of a triangle.
 pub(crate) fn smallest_sine(p: [Point3; 3]) -> f64 {
     smallest_sine_and_derivative(p).0
 }
 
-/// The same with its derivative by the first vertex.
+/// Sine of the smallest angle of a triangle, with its derivative by the first vertex.
 pub(crate) fn smallest_sine_and_derivative(p: [Point3; 3]) -> (f64, Point3) {
     // The smallest angle is opposite to the shortest edge: its sine is twice the area over the
     // product of the other two.

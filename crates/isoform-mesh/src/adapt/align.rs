@@ -1,6 +1,6 @@
 //! Edges of a given mesh brought onto those of a solid.
 //!
-//! Every vertex of the surface is given the pieces that it lies on: those of a corner or curve of
+//! Every vertex of the surface is given the pieces that it lies on: the pieces of a corner or curve of
 //! the solid if one is near enough to move it there, else those at its nearest point (`placing`).
 //! An edge between vertices without a common piece crosses a curve of the solid and is split there
 //! (`splitting`), until there is none; then the vertices of every face have a piece in common,
@@ -50,8 +50,8 @@ pub(super) struct Aligned {
 
 /// Rounds of splitting: an edge is split once in each, and crosses few curves.
 const ROUNDS: usize = 16;
-/// One vertex in so many may be near nothing; with more the mesh is of something else, and the work
-/// ends.
+/// Vertices per vertex that may be near nothing: with more than a quarter of them far away the mesh is
+/// of something else, and the work ends.
 const FEW_FAR: usize = 4;
 /// Distance of a point from the surface, in roundings, within which it is on it: it lies on two
 /// pieces within one rounding each.

@@ -19,7 +19,7 @@ use isoform_geom::{Point3, cross, dot, norm, sub};
 const ROUNDS: usize = 12;
 /// Rounds in the beginning in which vertices move freely, also where angles suffer.
 const FREE_ROUNDS: usize = 2;
-/// The rounds end when fewer than one operation in so many faces is done.
+/// Faces per operation of a round: with fewer operations the rounds end.
 const SETTLED: usize = 100;
 /// Times that edges are split which leave the surface after mending.
 const REPAIRS: usize = 6;

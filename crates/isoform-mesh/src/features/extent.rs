@@ -89,6 +89,25 @@ pub enum ExtentError {
 /// The search begins in `start` ([`START`] where nothing better is known) and goes on in boxes
 /// twice as large while the solid touches their border, then looks for parts of the solid farther
 /// out.
+///
+/// ```
+/// use isoform_field::Pieces;
+/// use isoform_field::hyperfun::{Mode, Model};
+/// use isoform_mesh::features::{START, extent};
+///
+/// // A ball of radius 3 about (20, 0, 0), outside of the start box.
+/// let program = "ball(x[3], a[1]) { ball = 9 - (x[1] - 20)^2 - x[2]^2 - x[3]^2; }";
+/// let model = Model::parse(program, Mode::Default)?;
+/// let solid = Pieces::of_model(&model, &vec![0.0; model.n_params()])?;
+/// let found = extent(&solid, START, 0.1)?;
+/// assert!(found.certified);
+/// assert!((found.bounds.lo[0] - 17.0).abs() < 0.1 && (found.bounds.hi[2] - 3.0).abs() < 0.1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// If the solid is empty, has no end, or is not a number, or if the start box or the size has no
+/// meaning.
 pub fn extent(solid: &dyn Solid, start: Aabb, size: f64) -> Result<Extent, ExtentError> {
     extent_within(solid, start, size, &Control::default())
 }

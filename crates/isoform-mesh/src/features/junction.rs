@@ -27,7 +27,8 @@ use std::f64::consts::{PI, TAU};
 const IN_LINE: f64 = 1e-6;
 /// Where there is a choice of curves, they are looked at this part of the size away from the point.
 const PROBE: f64 = 1.0 / 64.0;
-/// Of curves that cross the angle grows from 0 on: they are looked at so many times as far away.
+/// Distances of the probes, in the nearest, on curves that cross: there the angle between the pieces
+/// grows from 0 on, and may be large enough for a feature only farther away.
 const FARTHER: [f64; 4] = [1.0, 4.0, 16.0, 48.0];
 /// Part of the way to a probe by which a curve may miss its tangent there.
 const MISS: f64 = 0.3;

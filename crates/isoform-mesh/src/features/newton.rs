@@ -166,3 +166,34 @@ pub(crate) fn onto_three(
     }
     None
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_field::Pieces;
+    use isoform_field::hyperfun::{Mode, Model};
+
+    #[test]
+    fn common_points_in_closed_form() {
+        // A ball of radius 2 cut by the planes x = 1 and y = 1.
+        let program = "cut(x[3], a[1]) { \
+            cut = (4 - x[1]^2 - x[2]^2 - x[3]^2) & (1 - x[1]) & (1 - x[2]); }";
+        let model = Model::parse(program, Mode::Default).expect("a program");
+        let none = vec![0.0; model.n_params()];
+        let solid = Pieces::of_model(&model, &none).expect("a solid");
+        let pieces = solid.tree().pieces();
+        let [ball, x, y] = pieces[..] else {
+            panic!("three pieces, not {pieces:?}")
+        };
+        let near = [1.1, 0.9, 1.3];
+        let (p, det) = onto_three(&solid, [ball, x, y], near, 1.0).expect("a corner");
+        assert!(norm(sub(p, [1.0, 1.0, 2f64.sqrt()])) < 1e-14, "{p:?}");
+        // Normals −p/2, −e₁, −e₂: the determinant is half the third coordinate.
+        assert!((det.abs() - 0.5 * 2f64.sqrt()).abs() < 1e-14);
+        let (p, _) = onto_two(&solid, [x, y], near, 1.0).expect("an edge");
+        assert!(norm(sub(p, [1.0, 1.0, 1.3])) < 1e-14, "{p:?}");
+        let p = onto_one(&solid, x, near, 1.0).expect("a face");
+        assert!(norm(sub(p, [1.0, 0.9, 1.3])) < 1e-14, "{p:?}");
+        assert!(onto_one(&solid, x, [3.0, 0.0, 0.0], 1.0).is_none());
+    }
+}

@@ -326,7 +326,7 @@ fn is_nearly_flat(solid: &dyn Solid, piece: u32, cell: Aabb) -> bool {
     })
 }
 
-/// One piece for each surface: those that coincide at the probes are one.
+/// One piece for each surface: pieces that coincide at the probes are one surface.
 pub(crate) fn surfaces(solid: &dyn Solid, pieces: &[u32], cell: Aabb) -> Vec<u32> {
     let center = cell.center();
     let points = PROBES.map(|at| inside(&cell, at));

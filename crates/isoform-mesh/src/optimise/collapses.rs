@@ -89,8 +89,9 @@ impl Optimiser<'_> {
         let mut star = Vec::new();
         self.complex.star(u, &mut star);
         let bound = least.unwrap_or_else(|| self.worst(&star) + GAIN);
+        let mut left = self.collapsed(&star, pull, bound)?;
         let faces = self.faces_at(&star, u);
-        let left = self.collapsed(&star, &faces, pull, bound)?;
+        self.collapse_faces(&faces, pull, bound, &mut left)?;
         let mut other = Vec::new();
         self.complex.star(w, &mut other);
         if !keeps_topology(&self.complex, [(u, &star), (w, &other)], &self.scratch.ring)
@@ -105,12 +106,12 @@ impl Optimiser<'_> {
         Some(left.worst)
     }
 
-    /// What a collapse would leave of the star of `u`; none if any of it is not better than
-    /// `bound`, or a face turns away from its piece.
-    fn collapsed(&self, star: &[u32], faces: &[Face], pull: Pull, bound: f64) -> Option<Collapsed> {
+    /// The tetrahedra that a collapse would leave of the star of `u`; none if any of them is not
+    /// better than `bound`.
+    fn collapsed(&self, star: &[u32], pull: Pull, bound: f64) -> Option<Collapsed> {
         let mut left = Collapsed {
             tets: Vec::with_capacity(star.len()),
-            labels: Vec::with_capacity(faces.len()),
+            labels: Vec::new(),
             worst: f64::INFINITY,
         };
         for &t in star {
@@ -125,6 +126,19 @@ impl Optimiser<'_> {
             }
             left.tets.push(v);
         }
+        Some(left)
+    }
+
+    /// Adds the faces of the surface that a collapse would leave; none if one of them is not better
+    /// than `bound`, or turns away from its piece.
+    fn collapse_faces(
+        &self,
+        faces: &[Face],
+        pull: Pull,
+        bound: f64,
+        left: &mut Collapsed,
+    ) -> Option<()> {
+        left.labels.reserve(faces.len());
         for &(f, label) in faces.iter().filter(|(f, _)| !f.contains(&pull.w)) {
             let mut g = f.map(|k| pull.of(k));
             let [old, new] = [f, g].map(|f| f.map(|k| self.point(k)));
@@ -135,7 +149,7 @@ impl Optimiser<'_> {
             g.sort_unstable();
             left.labels.push((g, label));
         }
-        Some(left)
+        Some(())
     }
 
     /// Whether a free vertex between two sheets, pulled onto one, would join them in an edge or

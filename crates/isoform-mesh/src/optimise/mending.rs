@@ -15,16 +15,15 @@ const ENOUGH: f64 = 1.25;
 const ROUNDS: usize = 30;
 /// Round from which vertices are inserted: flips and collapses come first.
 const INSERT_FROM: usize = 3;
-/// Bad tetrahedra up to which vertices are inserted in meshes of any size; in large ones it is one
-/// in [`MANY_OF`].
+/// Bad tetrahedra up to which vertices are inserted in meshes of any size.
 const MANY: usize = 200;
-/// See [`MANY`].
+/// Tetrahedra per bad one from which on vertices are inserted in large meshes.
 const MANY_OF: usize = 200;
 /// Edges of a bad tetrahedron that are tried for an insertion, longest first.
 const TRIED: usize = 4;
 /// Least improvement of the worst tetrahedron that is progress.
 const PROGRESS: f64 = 1e-4;
-/// Progress, too, is one bad tetrahedron less in so many.
+/// Bad tetrahedra per one less that count as progress, too: two of a hundred.
 const FEWER: usize = 50;
 /// Rounds without progress after which mending ends.
 const IDLE: usize = 4;
@@ -188,7 +187,7 @@ impl Optimiser<'_> {
         tried > 0 && vertices.all(|&k| self.touched[k as usize] < tried)
     }
 
-    /// The vertices of all tetrahedra around those that are bad.
+    /// The vertices of all tetrahedra around the bad ones.
     fn wide_surroundings(&mut self, bad: &[Bad]) -> Vec<u32> {
         let there = bad.iter().filter(|b| self.complex.is_there(b.1));
         let near = there.flat_map(|b| self.complex.tets[b.1 as usize]);

@@ -22,7 +22,7 @@ const FEW: usize = 16;
 const MENDING: usize = 8;
 
 impl Optimiser<'_> {
-    /// The vertices off the surface among those that `may` says may be, in order.
+    /// The vertices off the surface, in order; only vertices that `may` admits are looked at.
     pub(super) fn off(&self, may: impl Fn(u32) -> bool + Sync) -> Vec<u32> {
         let is_off = |&v: &u32| {
             self.complex.tet_of[v as usize] != NONE
@@ -65,8 +65,8 @@ impl Optimiser<'_> {
             .collect()
     }
 
-    /// Brings vertices onto the surface, as far as the tetrahedra allow. Returns those that are not
-    /// there.
+    /// Brings vertices onto the surface, as far as the tetrahedra allow. Returns the vertices that
+    /// are not there.
     fn bring_all(&mut self, off: Vec<u32>, least: f64) -> Vec<u32> {
         let mut left = Vec::new();
         for (k, v) in off.into_iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Sizes that follow the curvature of the surface, and those that are wished for.
+//! Sizes that follow the curvature of the surface, and sizes that are wished for.
 
 use super::{CHUNK, Refiner, SAME, longest};
 use crate::complex::Complex;

@@ -116,7 +116,7 @@ impl Search<'_> {
             .collect();
     }
 
-    /// Edges that may be crossed twice: those of new tetrahedra, and those that were left.
+    /// Edges that may be crossed twice: edges of new tetrahedra, and edges that could not be halved.
     fn edges(&self, complex: &Complex, fresh: &[u32]) -> Vec<[u32; 2]> {
         let mut edges: Vec<[u32; 2]> = fresh
             .iter()

@@ -17,7 +17,7 @@ struct Lengths {
 }
 
 impl<M: Cuttable> Aligner<'_, M> {
-    /// Moves vertices to corners, curves and the surface. Returns those that are near none.
+    /// Moves vertices to corners, curves and the surface. Returns the vertices near none.
     pub(super) fn place_vertices(&mut self) -> Vec<Point3> {
         let faces = self.mesh.faces();
         let lengths = self.lengths(&faces);
@@ -81,7 +81,7 @@ impl<M: Cuttable> Aligner<'_, M> {
         }
     }
 
-    /// All others go to the nearest point of the surface. Returns those that are not near it.
+    /// All others go to the nearest point of the surface. Returns the vertices that are not near it.
     fn place_on_surface(&mut self, vertices: &[u32], lengths: &Lengths) -> Vec<Point3> {
         let mut far = Vec::new();
         for &v in vertices {
