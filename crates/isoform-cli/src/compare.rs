@@ -1,6 +1,5 @@
 //! `isoform compare`: how far two shapes are apart, both ways.
 
-use crate::fit::table::brief;
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::scan;
@@ -8,8 +7,8 @@ use crate::{eval, gallery};
 use isoform::field::hyperfun::Pose;
 use isoform::geom::{Aabb, PointCloud};
 use isoform::io::MeshPoints;
+use isoform::report::{CompareReport, SideReport, brief};
 use isoform::{CompareError, Distances, FrepTemplate, Side, compare, surface_of};
-use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Measures the deviation between two of points, meshes and models, both ways
@@ -95,18 +94,12 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         CompareError::Empty(_) => Failure::input("empty", e.to_string())
             .hint("isoform inspect; for models, another --box"),
     })?;
-    let is_within = args
-        .tolerance
-        .is_none_or(|t| there.max <= t && back.max <= t);
-    let json = json!({
-        "verb": "compare",
-        "first": {"file": args.first.display().to_string(), "kind": side(&first)},
-        "second": {"file": args.second.display().to_string(), "kind": side(&second)},
-        "first_to_second": distances(&there),
-        "second_to_first": distances(&back),
-        "tolerance": args.tolerance,
-        "within_tolerance": is_within,
+    let sides = [(&args.first, &first), (&args.second, &second)];
+    let sides = sides.map(|(path, loaded)| SideReport {
+        file: path.display().to_string(),
+        kind: side(loaded),
     });
+    let report = CompareReport::new(sides, (there, back), args.tolerance);
     let line = |name: &str, d: &Distances| {
         format!(
             "{name:<16}  rms {}  mean {}  95 % within {}  max {}  ({} points)\n",
@@ -119,8 +112,12 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     };
     let text = line("first to second", &there) + &line("second to first", &back);
     Ok(Outcome {
-        exit: if is_within { DONE } else { output::PARTIAL },
-        json,
+        exit: if report.within_tolerance {
+            DONE
+        } else {
+            output::PARTIAL
+        },
+        json: output::json_of(&report),
         stdout: text.into_bytes(),
     })
 }
@@ -162,8 +159,4 @@ fn as_side(loaded: &Loaded, vertices: bool) -> Side<'_> {
         Loaded::Cloud(c) => Side::Mesh(c),
         Loaded::Model(t, values) => Side::Model(t, values),
     }
-}
-
-fn distances(d: &Distances) -> Value {
-    json!({"rms": d.rms, "mean": d.mean, "p95": d.p95, "max": d.max, "samples": d.samples})
 }

@@ -1,13 +1,12 @@
 //! `isoform inspect`: what is in a file of points or a mesh.
 
-use crate::fit::table::brief;
 use crate::mesh::table;
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::scan;
 use isoform::check::{Options, certify};
 use isoform::io::{Inspection, MeshPoints, inspect};
 use isoform::mesh::Control;
-use isoform::report::{CertificateReport, ContentsReport};
+use isoform::report::{CertificateReport, ContentsReport, InspectReport, brief};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -46,29 +45,15 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         context,
     )?;
     let seen = inspect(&cloud, &report);
-    let absolute = |p: [f64; 3]| std::array::from_fn::<f64, 3, _>(|k| p[k] + seen.origin[k]);
-    let bounds =
-        (!seen.bounds.is_empty()).then(|| [absolute(seen.bounds.lo), absolute(seen.bounds.hi)]);
-    let columns: Vec<_> = seen
-        .columns
-        .iter()
-        .map(|c| json!({"name": c.name, "min": c.min, "max": c.max, "missing": c.missing}))
-        .collect();
-    let json = json!({
-        "verb": "inspect", "file": args.file.display().to_string(), "format": seen.format, "points": seen.points, "rows": seen.rows,
-        "dropped": seen.dropped_points, "duplicates": seen.duplicates, "subsampled": seen.subsampled, "bounds": bounds,
-        "origin": seen.origin, "diagonal": seen.diagonal, "spacing": seen.spacing, "normals": seen.has_normals, "colors": seen.has_colors,
-        "triangles": seen.triangles, "columns": columns,
-        "unit": {"name": Some(&seen.unit.unit).filter(|u| !u.is_empty()), "stated": seen.unit.is_stated, "reason": seen.unit.reason},
-        "warnings": seen.warnings,
-    });
+    let file = args.file.display().to_string();
+    let report = InspectReport::new(&file, &seen);
     for w in seen.warnings.iter().filter(|_| !context.global.json) {
         context.warn(w);
     }
     Ok(Outcome {
         exit: DONE,
-        json,
-        stdout: text(&args.file.display().to_string(), &seen, bounds).into_bytes(),
+        json: output::json_of(&report),
+        stdout: text(&file, &seen, report.bounds).into_bytes(),
     })
 }
 

@@ -9,6 +9,7 @@ use crate::FrepTemplate;
 use crate::facets::on_triangle;
 use isoform_fit::{Template, surface_samples};
 use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
+use serde::Serialize;
 
 /// Samples of a mesh whose triangles are measured: the nearest triangle is nearly always among
 /// them.
@@ -29,7 +30,7 @@ pub enum Side<'a> {
 }
 
 /// Distances of one side's points from the other side.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Distances {
     /// Root of the mean square.
     pub rms: f64,

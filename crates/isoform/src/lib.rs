@@ -33,6 +33,7 @@ mod facets;
 mod fit_scan;
 mod gallery;
 mod held;
+mod implicit_surface;
 mod mesh_model;
 mod meshing;
 mod patches;
@@ -46,6 +47,9 @@ pub use facets::points_on_faces;
 pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFit, fit_scan};
 pub use gallery::{EXAMPLE_SCAN, GalleryTemplate, example_scan, template, templates};
 pub use held::{Bounds, HeldTemplate, ParameterError};
+pub use implicit_surface::{
+    Coverage, ImplicitSurface, PatchFinding, cover_surface, parameterize_surface, patch_findings,
+};
 pub use isoform_algebra as algebra;
 pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};

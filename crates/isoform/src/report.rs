@@ -3,18 +3,27 @@
 //! Everything but the seconds is the same each time. What does not apply, or was not reached, is
 //! none, and null in JSON; so are numbers that are not finite.
 
+mod compare;
 mod fit;
+mod inspect;
 mod mesh;
+mod patches;
 
+pub use compare::{CompareReport, SideReport};
 pub use fit::{
     About, Coverage, DataToModelReport, EvidenceReport, FitReport, OpenReport, OtherMinimumReport,
     ParameterReport, PartReport, PoseReport, ScanReport, TemplateReport, TwoSided, loss_name,
     method_name,
 };
+pub use inspect::{ColumnReport, InspectReport, UnitReport};
 pub use mesh::{
     CertificateReport, ContentsReport, Counts, CurveGroup, DeviationReport, DistancesReport,
     FailureReport, FeaturesReport, LengthsReport, MeshReport, ModelName, PartGroup, RatioReport,
     RegionGroup, WarningReport, WrittenFile,
+};
+pub use patches::{
+    AboutPatches, BoxReport, CoverageReport, Entity, LeftOutReport, MarginReport, PatchReport,
+    PatchesReport, WeightsReport, solver_name,
 };
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
@@ -38,6 +47,24 @@ impl Serialize for Seconds {
             map.serialize_entry(phase, seconds)?;
         }
         map.end()
+    }
+}
+
+/// A length as text, with four digits.
+///
+/// ```
+/// use isoform::report::brief;
+/// assert_eq!([0.1 + 0.2, 12345.678, 1.5e-9].map(brief), ["0.3000", "12346", "1.500e-9"]);
+/// ```
+pub fn brief(v: f64) -> String {
+    if v == 0.0 || !v.is_finite() {
+        return format!("{v}");
+    }
+    let digits = 3 - v.abs().log10().floor() as i32;
+    if (-3..=7).contains(&digits) {
+        format!("{v:.*}", digits.max(0) as usize)
+    } else {
+        format!("{v:.3e}")
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::job::Job;
 use isoform::fit::{Estimate, Kind, Status, Template};
-use isoform::report::method_name;
+use isoform::report::{brief, method_name};
 
 /// The decimal place, as a power of ten, of the second significant digit of an error; none where
 /// there is no error to go by.
@@ -36,19 +36,6 @@ fn at_place(value: f64, place: i32) -> String {
 /// A value to the second significant digit of its error, six decimals without one.
 pub(crate) fn rounded(value: f64, error: f64) -> String {
     at_place(value, place(error).unwrap_or(-6))
-}
-
-/// A length, with four digits.
-pub(crate) fn brief(v: f64) -> String {
-    if v == 0.0 || !v.is_finite() {
-        return format!("{v}");
-    }
-    let digits = 3 - v.abs().log10().floor() as i32;
-    if (-3..=7).contains(&digits) {
-        format!("{v:.*}", digits.max(0) as usize)
-    } else {
-        format!("{v:.3e}")
-    }
 }
 
 /// Factor from a unit to millimetres.

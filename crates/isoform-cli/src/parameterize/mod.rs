@@ -7,15 +7,14 @@ mod subject;
 mod table;
 
 use crate::eval;
-use crate::fit::table::brief;
 use crate::interrupt;
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use isoform::geom::{Aabb, Point3};
 use isoform::io::STEP_UNITS;
-use isoform::patch::{
-    self, Control, Covering, Depth, Error, Method, Options, Parameterized, cover, cover_parts,
-    parameterize, parameterize_part,
+use isoform::patch::{self, Covering, Error, Method, Options, Parameterized};
+use isoform::{
+    Control, Coverage, PatchFinding, cover_surface, parameterize_surface, patch_findings,
 };
 use std::path::PathBuf;
 use std::time::Instant;
@@ -23,8 +22,6 @@ use std::time::Instant;
 /// Half the width of the box unless another is given: the paper's cube of edge 1.
 const HALF_WIDTH: f64 = 0.5;
 
-/// The share of samples that a cover must have on patches to count as one.
-const COVERED: f64 = 0.999;
 /// Squares along each side of a patch unless another number is given.
 const SQUARES: u16 = 32;
 /// Patches of a cover unless another number is given.
@@ -184,88 +181,11 @@ struct Made {
     seconds: Vec<(&'static str, f64)>,
 }
 
-/// How the patches of a cover cover the surface.
-struct Coverage {
-    /// How many samples of the surface lie on a patch, with a margin as deep, and how many there
-    /// are but for those left out.
-    covered: usize,
-    samples: usize,
-    /// How many were left out, within so far of these singular points.
-    left_out: usize,
-    apart: f64,
-    singular: Vec<Point3>,
-    depth: Option<Depth>,
-}
-
 impl Made {
     /// What was asked for and is not so.
-    fn failures(&self) -> Vec<String> {
-        let mut list = Vec::new();
-        let coverage = self.coverage.as_ref();
-        if let Some(c) = coverage.filter(|c| (c.covered as f64) < COVERED * c.samples as f64) {
-            list.push(format!(
-                "{} of {} samples of the surface lie on a patch",
-                c.covered, c.samples
-            ));
-        }
-        if let Some(depth) = coverage
-            .and_then(|c| c.depth.as_ref())
-            .filter(|d| d.distance.is_none())
-        {
-            list.push(format!("margin: {}", unproved(depth)));
-        }
-        for (i, p) in self.patches.iter().enumerate() {
-            match p.distances.bound {
-                None => list.push(format!(
-                    "patch {}: no bound on its distance from the surface could be proved",
-                    i + 1
-                )),
-                Some(b) if self.options.tolerance.is_some_and(|t| b > t) => {
-                    list.push(format!(
-                        "patch {}: its distance is proved to be at most {b:e} only",
-                        i + 1
-                    ));
-                }
-                Some(_) => {}
-            }
-            if !p.is_unfolded {
-                list.push(format!(
-                    "patch {}: it could not be proved that it does not fold over",
-                    i + 1
-                ));
-            }
-            if self.options.tolerance.is_none() && !p.is_within_limit {
-                list.push(format!(
-                    "patch {}: S is {:e}, above the bound",
-                    i + 1,
-                    p.grown.sum()
-                ));
-            }
-            if p.is_late {
-                list.push(format!(
-                    "patch {}: the time was over before it was as large as it gets",
-                    i + 1
-                ));
-            }
-            if self.options.exact && !p.is_exact {
-                list.push(format!("patch {}: it could not be made exact", i + 1));
-            }
-        }
-        list
+    fn findings(&self) -> Vec<PatchFinding> {
+        patch_findings(&self.patches, self.coverage.as_ref(), &self.options)
     }
-}
-
-/// Of what a margin could not be proved.
-fn unproved(depth: &Depth) -> String {
-    let Some(first) = depth.open.first() else {
-        return "it could not be proved".to_owned();
-    };
-    let [x, y, z] = first.center().map(brief);
-    format!(
-        "it could not be proved in {} boxes, one of them about ({x}, {y}, {z}), {} across",
-        depth.open.len(),
-        brief(first.diagonal())
-    )
 }
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
@@ -277,49 +197,26 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let subject = subject::read(&args.model, &args.language, args.params.as_ref(), context)?;
     let mut seconds = vec![("read", clock.elapsed().as_secs_f64())];
     let options = options(args, context);
+    let failed = |e| failure(&e, &subject.name, &options);
     let (patches, coverage) = if args.cover {
         clock = Instant::now();
-        let control = Control {
-            cancelled: Some(interrupt::watch()),
-            deadline: context.deadline,
-            progress: None,
-        };
         let covering = Covering {
             most: args.patches,
             margin: args.margin,
             apart: args.singular,
         };
-        let made = match &subject.parts {
-            Some(parts) => cover_parts(parts, &options, &covering, &control),
-            None => cover(subject.field.as_ref(), &options, &covering, &control),
-        };
-        let made = made.map_err(|e| failure(&e, &subject.name, &options))?;
+        let made = cover_surface(&subject.surface, &options, &covering, &context.control());
+        let (patches, coverage) = Coverage::of(made.map_err(failed)?);
         seconds.push(("cover", clock.elapsed().as_secs_f64()));
-        let coverage = Coverage {
-            covered: made.covered,
-            samples: made.samples,
-            left_out: made.left_out,
-            apart: made.apart,
-            singular: made.singular,
-            depth: made.depth,
-        };
-        (made.patches, Some(coverage))
+        (patches, Some(coverage))
     } else {
+        // Ctrl-C ends the program: of a single patch there is nothing to keep.
         let control = Control {
             deadline: context.deadline,
             ..Control::default()
         };
-        // The bound on S is of the whole function; a distance is from the surface, whatever its
-        // parts are.
-        let made = match subject
-            .parts
-            .as_ref()
-            .filter(|_| options.tolerance.is_some())
-        {
-            Some(parts) => parameterize_part(parts, &options, &control),
-            None => parameterize(subject.field.as_ref(), &options, &control),
-        };
-        let patch = made.map_err(|e| failure(&e, &subject.name, &options))?;
+        let made = parameterize_surface(&subject.surface, &options, &control);
+        let patch = made.map_err(failed)?;
         seconds.extend(patch.seconds.iter().copied());
         (vec![patch], None)
     };
@@ -334,24 +231,30 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     };
 
     clock = Instant::now();
-    let stdout = files::write(&mut made, subject.field.as_ref(), &targets, args)?;
+    let stdout = files::write(&mut made, subject.surface.field.as_ref(), &targets, args)?;
     if let Some(path) = &args.trace {
         output::write_file(path, document::trace(&made.patches[0].grown).as_bytes())?;
         made.written.push(path.display().to_string());
     }
     if let Some(path) = &args.figure {
-        let svg = figure::svg(subject.field.as_ref(), &made.patches[0].grown, &made.name);
+        let svg = figure::svg(
+            subject.surface.field.as_ref(),
+            &made.patches[0].grown,
+            &made.name,
+        );
         output::write_file(path, svg.as_bytes())?;
         made.written.push(path.display().to_string());
     }
     if !made.written.is_empty() {
         made.seconds.push(("write", clock.elapsed().as_secs_f64()));
     }
-    made.warnings.extend(made.failures());
+    let findings = made.findings();
+    made.warnings
+        .extend(findings.iter().map(ToString::to_string));
     made.warnings.iter().for_each(|w| context.warn(w));
     let exit = match () {
         () if interrupt::happened() => interrupt::INTERRUPTED,
-        () if made.failures().is_empty() => DONE,
+        () if findings.is_empty() => DONE,
         () => PARTIAL,
     };
     let mut json = document::document(&made);

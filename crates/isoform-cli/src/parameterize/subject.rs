@@ -3,18 +3,16 @@
 use crate::model::{self, Language};
 use crate::output::{self, Context, Failure};
 use crate::{eval, gallery};
+use isoform::ImplicitSurface;
 use isoform::algebra::ParseError;
 use isoform::field::SolidError;
-use isoform::geom::{Field, Parts};
 use serde_json::Value;
 use std::path::Path;
 
 /// A surface with its name for messages.
 pub(super) struct Subject {
     pub(super) name: String,
-    pub(super) field: Box<dyn Field>,
-    /// Its smooth parts, if it has several.
-    pub(super) parts: Option<Parts>,
+    pub(super) surface: ImplicitSurface,
     pub(super) warnings: Vec<String>,
 }
 
@@ -36,11 +34,10 @@ pub(super) fn read(
                     Failure::usage("a polynomial has no parameters").hint("leave out --params")
                 );
             }
-            let field = polynomial(path, &text)?;
+            let surface = polynomial(path, &text)?;
             return Ok(Subject {
                 name,
-                field,
-                parts: None,
+                surface,
                 warnings: Vec::new(),
             });
         }
@@ -56,7 +53,7 @@ fn program(
     name: String,
 ) -> Result<Subject, Failure> {
     let values = eval::values(model, params.map_or(&[], |p| &p.0))?;
-    let (field, is_run) = isoform::field_of(model, &values).map_err(|e| {
+    let surface = ImplicitSurface::of_model(model, &values).map_err(|e| {
         let failure = Failure::input("model", format!("{name}: {e}"));
         if matches!(e, SolidError::Dimension { .. }) {
             failure.hint("--object with one of three coordinates")
@@ -65,21 +62,19 @@ fn program(
         }
     })?;
     let warning = "the program is no expression: it is run statement by statement, and nothing is proved of it";
-    let parts = isoform::parts_of(model, &values);
+    let warnings = match surface.is_run {
+        true => vec![warning.to_owned()],
+        false => Vec::new(),
+    };
     Ok(Subject {
         name,
-        field,
-        parts,
-        warnings: if is_run {
-            vec![warning.to_owned()]
-        } else {
-            Vec::new()
-        },
+        surface,
+        warnings,
     })
 }
 
 /// The polynomial of a JSON object's key F.
-fn polynomial(path: &Path, text: &str) -> Result<Box<dyn Field>, Failure> {
+fn polynomial(path: &Path, text: &str) -> Result<ImplicitSurface, Failure> {
     const EXAMPLE: &str = r#"{"F": "x^2 + y^2 + z^2 - 1/4"}"#;
     let shown = if path == Path::new("-") {
         Path::new("stdin")
@@ -102,18 +97,17 @@ fn polynomial(path: &Path, text: &str) -> Result<Box<dyn Field>, Failure> {
     let Some(formula) = json.get("F").and_then(Value::as_str) else {
         return Err(wrong("key", "there is no text under the key F".to_owned()).hint(EXAMPLE));
     };
-    let parsed = isoform::polynomial(formula).map_err(|e: ParseError| {
+    let parsed = ImplicitSurface::of_polynomial(formula).map_err(|e: ParseError| {
         let mut failure = wrong("polynomial", format!("F, column {}: {e}", e.column))
             .hint("a polynomial in x, y and z with rational coefficients");
         failure.place.column = Some(e.column);
         failure
     })?;
-    match parsed {
-        Some(field) => Ok(Box::new(field)),
-        None => Err(wrong(
+    parsed.ok_or_else(|| {
+        wrong(
             "polynomial",
             "F is constant, or has a coefficient beyond the largest number".to_owned(),
         )
-        .hint(EXAMPLE)),
-    }
+        .hint(EXAMPLE)
+    })
 }

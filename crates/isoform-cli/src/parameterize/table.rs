@@ -1,9 +1,9 @@
 //! The result for people.
 
-use super::{Made, document};
-use crate::fit::table::brief;
+use super::Made;
 use crate::mesh::table::line;
 use isoform::patch::{Parameterized, Phase, Quadric};
+use isoform::report::{brief, solver_name};
 
 /// The patches, what is proved of them, and where they went.
 pub(super) fn text(made: &Made) -> String {
@@ -11,7 +11,7 @@ pub(super) fn text(made: &Made) -> String {
     let mut text = line("surface", made.name.clone())
         + &line(
             "degree",
-            format!("{m},{n}; {}", document::method(made.options.method)),
+            format!("{m},{n}; {}", solver_name(made.options.method)),
         );
     if let Some(c) = &made.coverage {
         text += &line(
@@ -57,8 +57,8 @@ pub(super) fn text(made: &Made) -> String {
             text += &patch(p, made);
         }
     }
-    for sentence in made.failures() {
-        text += &line("NOT KEPT", sentence);
+    for finding in made.findings() {
+        text += &line("NOT KEPT", finding.to_string());
     }
     let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
     text += &line("time", format!("{} s", brief(seconds)));

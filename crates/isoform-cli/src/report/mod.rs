@@ -4,8 +4,9 @@ mod drawing;
 pub(crate) mod svg;
 
 use crate::fit::job::Job;
-use crate::fit::table::{self, brief, counted, millimetres, rounded, starts_found, with_unit};
+use crate::fit::table::{self, counted, millimetres, rounded, starts_found, with_unit};
 use isoform::fit::{Fit, PartStatistics, Step, Template, Verdict};
+use isoform::report::brief;
 use isoform::report::{loss_name, method_name};
 use std::collections::BTreeMap;
 use std::fmt::Write;

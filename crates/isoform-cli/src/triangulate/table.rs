@@ -1,9 +1,9 @@
 //! The result for people.
 
 use super::{Made, document};
-use crate::fit::table::brief;
 use crate::mesh::table::{line, wrote};
 use isoform::algebra::CurveTopology;
+use isoform::report::brief;
 use isoform::tess::{BasePoint, Basis, Mode, Surface};
 use std::path::PathBuf;
 

@@ -1,0 +1,313 @@
+//! Surfaces of programs and polynomials, and rational patches on them.
+
+use crate::{field_of, parts_of, polynomial};
+use isoform_algebra::ParseError;
+use isoform_control::Control;
+use isoform_field::SolidError;
+use isoform_field::hyperfun::Model;
+use isoform_geom::{Aabb, Field, Parts};
+use isoform_patch::{
+    Cover, Covering, Depth, Error, Options, Parameterized, cover, cover_parts, parameterize,
+    parameterize_part,
+};
+use std::fmt;
+
+/// The share of samples that a cover must have on patches to count as one. Samples on the border
+/// of the region may lie beside a patch by rounding: 1 would call most covers of many patches
+/// incomplete, 0.99 would let a hole of some patches pass.
+const COVERED: f64 = 0.999;
+
+/// The zero set of a function of space, with its smooth parts.
+pub struct ImplicitSurface {
+    /// The function: positive inside.
+    pub field: Box<dyn Field>,
+    /// Its smooth parts, if it has several.
+    pub parts: Option<Parts>,
+    /// Whether the program is run statement by statement, so that nothing is proved of it.
+    pub is_run: bool,
+}
+
+impl ImplicitSurface {
+    /// The surface of a model with the values `a` of its parameters.
+    ///
+    /// # Errors
+    /// If the model is no function of space.
+    pub fn of_model(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
+        let (field, is_run) = field_of(model, a)?;
+        Ok(Self {
+            field,
+            parts: parts_of(model, a),
+            is_run,
+        })
+    }
+
+    /// The surface F = 0 of a polynomial in x, y and z with rational coefficients; none where F is
+    /// constant or has a coefficient beyond the largest number.
+    ///
+    /// # Errors
+    /// If the text is no polynomial.
+    pub fn of_polynomial(text: &str) -> Result<Option<Self>, ParseError> {
+        let field = polynomial(text)?;
+        Ok(field.map(|field| Self {
+            field: Box::new(field),
+            parts: None,
+            is_run: false,
+        }))
+    }
+}
+
+impl fmt::Debug for ImplicitSurface {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ImplicitSurface")
+            .field("parts", &self.parts.as_ref().map(|p| p.parts.len()))
+            .field("is_run", &self.is_run)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A rational patch as large as possible on a surface, with a proved bound on its distance.
+///
+/// ```
+/// use isoform::geom::Aabb;
+/// use isoform::patch::Options;
+/// use isoform::{Control, ImplicitSurface, parameterize_surface, patch_findings};
+/// let sphere = ImplicitSurface::of_polynomial("x^2 + y^2 + z^2 - 1/4")?.expect("a surface");
+/// let region = Aabb { lo: [-0.5; 3], hi: [0.5; 3] };
+/// let options = Options::new((2, 2), 1e-3, region);
+/// let patch = parameterize_surface(&sphere, &options, &Control::default())?;
+/// assert!(patch.distances.bound.is_some_and(|bound| bound <= 1e-3));
+/// assert!(patch_findings(&[patch], None, &options).is_empty());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// If there is no patch.
+pub fn parameterize_surface(
+    surface: &ImplicitSurface,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Parameterized, Error> {
+    // The bound on S is of the whole function; a distance is from the surface, whatever its parts.
+    let parts = surface.parts.as_ref();
+    match parts.filter(|_| options.tolerance.is_some()) {
+        Some(parts) => parameterize_part(parts, options, control),
+        None => parameterize(surface.field.as_ref(), options, control),
+    }
+}
+
+/// Patches on a surface until all of it in the region lies on one.
+///
+/// ```
+/// use isoform::geom::Aabb;
+/// use isoform::patch::{Covering, Options};
+/// use isoform::{Control, ImplicitSurface, cover_surface};
+/// let sphere = ImplicitSurface::of_polynomial("x^2 + y^2 + z^2 - 1/4")?.expect("a surface");
+/// let region = Aabb { lo: [-0.6; 3], hi: [0.6; 3] };
+/// let options = Options::new((2, 2), 1e-2, region);
+/// let cover = cover_surface(&sphere, &options, &Covering::default(), &Control::default())?;
+/// assert_eq!(cover.covered, cover.samples);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// If there is no patch at all.
+pub fn cover_surface(
+    surface: &ImplicitSurface,
+    options: &Options,
+    covering: &Covering,
+    control: &Control<'_>,
+) -> Result<Cover, Error> {
+    match &surface.parts {
+        Some(parts) => cover_parts(parts, options, covering, control),
+        None => cover(surface.field.as_ref(), options, covering, control),
+    }
+}
+
+/// What was asked for of patches and is not so. Patches are counted from 1.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum PatchFinding {
+    /// Samples of the surface lie on no patch.
+    Uncovered {
+        /// Samples on a patch.
+        covered: usize,
+        /// All samples.
+        samples: usize,
+    },
+    /// A margin could not be proved.
+    MarginNotProved {
+        /// Boxes for which it could not.
+        open: usize,
+        /// One of them.
+        first: Option<Aabb>,
+    },
+    /// No bound on the distance of a patch could be proved.
+    NoBound {
+        /// The patch.
+        patch: usize,
+    },
+    /// The proved distance of a patch exceeds the tolerance.
+    TooFar {
+        /// The patch.
+        patch: usize,
+        /// The bound that is proved.
+        bound: f64,
+    },
+    /// It could not be proved that a patch does not fold over.
+    MayFold {
+        /// The patch.
+        patch: usize,
+    },
+    /// S of a patch is above its bound.
+    AboveLimit {
+        /// The patch.
+        patch: usize,
+        /// S.
+        sum: f64,
+    },
+    /// The time was over before a patch was as large as it gets.
+    Late {
+        /// The patch.
+        patch: usize,
+    },
+    /// A patch could not be made exact.
+    NotExact {
+        /// The patch.
+        patch: usize,
+    },
+}
+
+impl fmt::Display for PatchFinding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Uncovered { covered, samples } => {
+                write!(
+                    f,
+                    "{covered} of {samples} samples of the surface lie on a patch"
+                )
+            }
+            Self::MarginNotProved { first: None, .. } => {
+                f.write_str("margin: it could not be proved")
+            }
+            Self::MarginNotProved {
+                open,
+                first: Some(first),
+            } => {
+                let [x, y, z] = first.center().map(crate::report::brief);
+                let across = crate::report::brief(first.diagonal());
+                write!(
+                    f,
+                    "margin: it could not be proved in {open} boxes, one of them about \
+                     ({x}, {y}, {z}), {across} across"
+                )
+            }
+            Self::NoBound { patch } => write!(
+                f,
+                "patch {patch}: no bound on its distance from the surface could be proved"
+            ),
+            Self::TooFar { patch, bound } => write!(
+                f,
+                "patch {patch}: its distance is proved to be at most {bound:e} only"
+            ),
+            Self::MayFold { patch } => write!(
+                f,
+                "patch {patch}: it could not be proved that it does not fold over"
+            ),
+            Self::AboveLimit { patch, sum } => {
+                write!(f, "patch {patch}: S is {sum:e}, above the bound")
+            }
+            Self::Late { patch } => write!(
+                f,
+                "patch {patch}: the time was over before it was as large as it gets"
+            ),
+            Self::NotExact { patch } => write!(f, "patch {patch}: it could not be made exact"),
+        }
+    }
+}
+
+/// What was asked for and is not so: of the cover, then of each patch. Nothing where all of it
+/// holds.
+pub fn patch_findings(
+    patches: &[Parameterized],
+    cover: Option<&Coverage>,
+    options: &Options,
+) -> Vec<PatchFinding> {
+    let of_cover = cover.into_iter().flat_map(Coverage::findings);
+    let of_patches = patches.iter().enumerate();
+    of_cover
+        .chain(of_patches.flat_map(|(i, p)| findings_of(p, i + 1, options)))
+        .collect()
+}
+
+fn findings_of(p: &Parameterized, patch: usize, options: &Options) -> Vec<PatchFinding> {
+    let mut found = Vec::new();
+    match p.distances.bound {
+        None => found.push(PatchFinding::NoBound { patch }),
+        Some(bound) if options.tolerance.is_some_and(|t| bound > t) => {
+            found.push(PatchFinding::TooFar { patch, bound });
+        }
+        Some(_) => {}
+    }
+    if !p.is_unfolded {
+        found.push(PatchFinding::MayFold { patch });
+    }
+    if options.tolerance.is_none() && !p.is_within_limit {
+        let sum = p.grown.sum();
+        found.push(PatchFinding::AboveLimit { patch, sum });
+    }
+    if p.is_late {
+        found.push(PatchFinding::Late { patch });
+    }
+    if options.exact && !p.is_exact {
+        found.push(PatchFinding::NotExact { patch });
+    }
+    found
+}
+
+/// How the patches of a cover cover the surface.
+#[derive(Clone, Debug)]
+pub struct Coverage {
+    /// Samples of the surface on a patch, with a margin as deep.
+    pub covered: usize,
+    /// Samples of the surface, but for those left out.
+    pub samples: usize,
+    /// Samples left out near singular points.
+    pub left_out: usize,
+    /// How near.
+    pub apart: f64,
+    /// The singular points.
+    pub singular: Vec<isoform_geom::Point3>,
+    /// What was proved of the margin.
+    pub depth: Option<Depth>,
+}
+
+impl Coverage {
+    /// The patches of a cover, and how they cover the surface.
+    pub fn of(cover: Cover) -> (Vec<Parameterized>, Self) {
+        let coverage = Self {
+            covered: cover.covered,
+            samples: cover.samples,
+            left_out: cover.left_out,
+            apart: cover.apart,
+            singular: cover.singular,
+            depth: cover.depth,
+        };
+        (cover.patches, coverage)
+    }
+
+    fn findings(&self) -> Vec<PatchFinding> {
+        let mut found = Vec::new();
+        let (covered, samples) = (self.covered, self.samples);
+        if (covered as f64) < COVERED * samples as f64 {
+            found.push(PatchFinding::Uncovered { covered, samples });
+        }
+        let depth = self.depth.as_ref();
+        if let Some(depth) = depth.filter(|depth| depth.distance.is_none()) {
+            found.push(PatchFinding::MarginNotProved {
+                open: depth.open.len(),
+                first: depth.open.first().copied(),
+            });
+        }
+        found
+    }
+}
