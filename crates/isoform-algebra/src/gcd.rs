@@ -11,8 +11,7 @@ use crate::poly::{Exponents, MAX_VARS, Poly};
 use crate::upoly::UPoly;
 use dashu_base::Gcd;
 use dashu_int::{IBig, UBig};
-use std::cmp::Ordering;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Terms modulo a prime, in descending lexicographic order, none zero.
 type Terms = Vec<(Exponents, u64)>;
@@ -128,71 +127,91 @@ fn gcd_of_forms(a: &Poly, b: &Poly, var: usize) -> Poly {
 fn gcd_primitive(a: &Poly, b: &Poly, variables: &[usize]) -> Poly {
     let (lead_a, lead_b) = (&a.terms()[0].1, &b.terms()[0].1);
     let lead = IBig::from(lead_a.gcd(lead_b));
-    // The lexicographic leading exponents, their residues and the exponents of all terms found so
-    // far.
-    let mut best: Option<(Vec<Exponents>, Crt)> = None;
+    let mut found: Option<Images> = None;
     for f in primes() {
         if f.of_ibig(lead_a) == 0 || f.of_ibig(lead_b) == 0 {
             continue;
         }
-        let residues = |p: &Poly| -> Terms {
-            p.terms()
-                .iter()
-                .map(|(e, c)| (*e, f.of_ibig(c)))
-                .filter(|(_, c)| *c != 0)
-                .collect()
-        };
-        let image = gcd_modular(&f, &residues(a), &residues(b), variables);
-        if image[0].0 == [0; MAX_VARS] {
+        let [a_here, b_here] = [a, b].map(|p| nonzero_residues(&f, p));
+        let mut image = gcd_modular(&f, &a_here, &b_here, variables);
+        let highest = image[0].0;
+        if highest == [0; MAX_VARS] {
             return Poly::one();
         }
-        let scale = f.of_ibig(&lead);
-        let image: Terms = image
-            .into_iter()
-            .map(|(e, c)| (e, f.mul(c, scale)))
-            .collect();
         // A prime is unlucky if the leading term of its image is too high.
-        match best
-            .as_ref()
-            .map_or(Ordering::Less, |(e, _)| image[0].0.cmp(&e[0]))
-        {
-            Ordering::Greater => continue,
-            Ordering::Less => {
-                best = Some((image.iter().map(|t| t.0).collect(), Crt::new(image.len())))
-            }
-            Ordering::Equal => {}
+        if found.as_ref().is_some_and(|i| highest > i.exponents[0]) {
+            continue;
         }
-        let Some((exponents, crt)) = &mut best else {
-            unreachable!("just set")
-        };
-        if exponents.len() != image.len() || exponents.iter().zip(&image).any(|(e, t)| *e != t.0) {
-            // Terms that vanish modulo one of the primes: begin again, with zeros for the terms of
-            // this one only.
-            let all: std::collections::BTreeSet<Exponents> = exponents
-                .iter()
-                .copied()
-                .chain(image.iter().map(|t| t.0))
-                .collect();
-            *exponents = all.into_iter().rev().collect();
-            *crt = Crt::new(exponents.len());
-        }
-        let find = |e: &Exponents| {
-            image
-                .binary_search_by(|t| e.cmp(&t.0))
-                .map_or(0, |i| image[i].1)
-        };
-        let first = crt.modulus().is_one();
-        let changed = crt.push(&f, &exponents.iter().map(find).collect::<Vec<_>>());
-        if !changed || first {
-            let candidate =
-                Poly::from_integers(exponents.iter().copied().zip(crt.symmetric()), UBig::ONE)
-                    .primitive();
+        let scale = f.of_ibig(&lead);
+        image.iter_mut().for_each(|(_, c)| *c = f.mul(*c, scale));
+        let lucky = found.take().filter(|i| highest == i.exponents[0]);
+        let images = found.insert(lucky.unwrap_or_else(|| Images::new(&image)));
+        if images.push(&f, &image) {
+            let candidate = images.candidate();
             if a.is_multiple_of(&candidate) && b.is_multiple_of(&candidate) {
                 return candidate;
             }
         }
     }
     unreachable!("there are enough primes below 2^62")
+}
+
+fn nonzero_residues(f: &Fp, p: &Poly) -> Terms {
+    p.terms()
+        .iter()
+        .map(|(e, c)| (*e, f.of_ibig(c)))
+        .filter(|(_, c)| *c != 0)
+        .collect()
+}
+
+/// A polynomial over Z by its images modulo primes.
+struct Images {
+    /// The exponents of all terms found so far, descending.
+    exponents: Vec<Exponents>,
+    crt: Crt,
+}
+
+impl Images {
+    /// No image yet, but the exponents of the first one.
+    fn new(image: &Terms) -> Self {
+        Self {
+            exponents: image.iter().map(|t| t.0).collect(),
+            crt: Crt::new(image.len()),
+        }
+    }
+
+    /// Adds an image; whether the coefficients may be known: at the first prime, and where a prime
+    /// changes nothing.
+    fn push(&mut self, f: &Fp, image: &Terms) -> bool {
+        let exponents = image.iter().map(|t| &t.0);
+        if !exponents.eq(&self.exponents) {
+            self.begin_again(image);
+        }
+        let find = |e: &Exponents| {
+            image
+                .binary_search_by(|t| e.cmp(&t.0))
+                .map_or(0, |i| image[i].1)
+        };
+        let first = self.crt.modulus().is_one();
+        let coefficients: Vec<u64> = self.exponents.iter().map(find).collect();
+        let changed = self.crt.push(f, &coefficients);
+        !changed || first
+    }
+
+    /// Where terms vanish modulo one of the primes: without images, with zeros for the terms that
+    /// only this one lacks.
+    fn begin_again(&mut self, image: &Terms) {
+        let known = self.exponents.iter().copied();
+        let all: BTreeSet<Exponents> = known.chain(image.iter().map(|t| t.0)).collect();
+        self.exponents = all.into_iter().rev().collect();
+        self.crt = Crt::new(self.exponents.len());
+    }
+
+    /// The primitive polynomial with the least coefficients that has these images.
+    fn candidate(&self) -> Poly {
+        let terms = self.exponents.iter().copied().zip(self.crt.symmetric());
+        Poly::from_integers(terms, UBig::ONE).primitive()
+    }
 }
 
 /// A polynomial in the variables before `var` with dense coefficients in `var`, modulo a prime.
@@ -229,6 +248,50 @@ fn take_content(f: &Fp, p: &mut InLast) -> Vec<u64> {
     content
 }
 
+/// The leading coefficient of the highest term in the other variables.
+fn leading(p: &InLast) -> &Vec<u64> {
+    let (_, lead) = p.last_key_value().expect("a polynomial that is not zero");
+    lead
+}
+
+/// The degree in the last variable, plus 1.
+fn length(p: &InLast) -> usize {
+    p.values().map(Vec::len).max().unwrap_or(0)
+}
+
+/// The values at a point of the last variable.
+fn at(f: &Fp, p: &InLast, point: u64) -> Terms {
+    let values = p
+        .iter()
+        .rev()
+        .map(|(e, c)| (*e, modpoly::eval(f, c, point)));
+    values.filter(|(_, c)| *c != 0).collect()
+}
+
+/// The exponents with a power of one more variable.
+fn with_power(e: &Exponents, var: usize, n: usize) -> Exponents {
+    let mut e = *e;
+    e[var] = n as u16;
+    e
+}
+
+/// The terms of a polynomial, descending.
+fn terms_of(p: &InLast, var: usize) -> Terms {
+    let mut terms: Terms = Vec::new();
+    for (e, c) in p.iter().rev() {
+        let powers = c.iter().enumerate().rev().filter(|(_, c)| **c != 0);
+        terms.extend(powers.map(|(n, &c)| (with_power(e, var, n), c)));
+    }
+    terms
+}
+
+/// The terms divided by the leading coefficient.
+fn monic(f: &Fp, mut terms: Terms) -> Terms {
+    let inverse = terms.first().map_or(0, |t| f.inv(t.1));
+    terms.iter_mut().for_each(|(_, c)| *c = f.mul(*c, inverse));
+    terms
+}
+
 /// The greatest common divisor modulo a prime, its lexicographic leading coefficient 1. Not proven:
 /// evaluation points may be unlucky, which the division by the caller would show.
 fn gcd_modular(
@@ -237,118 +300,108 @@ fn gcd_modular(
     b: &[(Exponents, u64)],
     variables: &[usize],
 ) -> Terms {
-    let [rest @ .., var] = variables else {
-        return vec![([0; MAX_VARS], f.one())];
-    };
-    let var = *var;
-    let with_power = |e: &Exponents, n: usize| {
-        let mut e = *e;
-        e[var] = n as u16;
-        e
-    };
-    if rest.is_empty() {
-        let dense =
-            |p: &[(Exponents, u64)]| in_last(p, var).into_values().next().unwrap_or_default();
-        let g = modpoly::gcd(f, &dense(a), &dense(b));
-        let terms = g.iter().enumerate().rev().filter(|(_, c)| **c != 0);
-        return terms
-            .map(|(n, &c)| (with_power(&[0; MAX_VARS], n), c))
-            .collect();
-    }
-    let (mut a, mut b) = (in_last(a, var), in_last(b, var));
-    let content = modpoly::gcd(f, &take_content(f, &mut a), &take_content(f, &mut b));
-    let expand = |p: &InLast| -> Terms {
-        let mut terms: Terms = Vec::new();
-        for (e, c) in p.iter().rev() {
-            terms.extend(
-                c.iter()
-                    .enumerate()
-                    .rev()
-                    .filter(|(_, c)| **c != 0)
-                    .map(|(n, &c)| (with_power(e, n), c)),
-            );
+    match *variables {
+        [] => vec![([0; MAX_VARS], f.one())],
+        [var] => {
+            let dense =
+                |p: &[(Exponents, u64)]| in_last(p, var).into_values().next().unwrap_or_default();
+            let g = modpoly::gcd(f, &dense(a), &dense(b));
+            terms_of(&InLast::from([([0; MAX_VARS], g)]), var)
         }
-        let inverse = terms.first().map_or(0, |t| f.inv(t.1));
-        terms
-            .into_iter()
-            .map(|(e, c)| (e, f.mul(c, inverse)))
-            .collect()
-    };
-    let (Some(lead_a), Some(lead_b)) = (
-        a.values().next_back().cloned(),
-        b.values().next_back().cloned(),
-    ) else {
-        unreachable!("polynomials that are not zero")
-    };
-    let lead = modpoly::gcd(f, &lead_a, &lead_b);
-    let degree = |p: &InLast| p.values().map(Vec::len).max().unwrap_or(0);
-    let enough = degree(&a).min(degree(&b)) + lead.len();
-    // A fixed pseudo-random stream of points: at small integers polynomials that people write agree
-    // by design.
-    let mut point = f.of_u64(0x9e37_79b9_7f4a_7c15);
-    let mut found: Option<(Exponents, InLast)> = None;
-    let mut product = vec![f.one()];
+        [ref rest @ .., var] => gcd_by_points(f, [in_last(a, var), in_last(b, var)], rest, var),
+    }
+}
+
+/// Where the sequence of points begins at which polynomials are evaluated. It goes on by x ↦ x² + x,
+/// without pattern: at small integers polynomials that people write agree by design.
+const FIRST_POINT: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// The greatest common divisor modulo a prime from those at points of the last variable.
+fn gcd_by_points(f: &Fp, mut pair: [InLast; 2], rest: &[usize], var: usize) -> Terms {
+    let [content_a, content_b] = pair.each_mut().map(|p| take_content(f, p));
+    let content = modpoly::gcd(f, &content_a, &content_b);
+    let [a, b] = &pair;
+    let lead = modpoly::gcd(f, leading(a), leading(b));
+    let enough = length(a).min(length(b)) + lead.len();
+    let mut point = f.of_u64(FIRST_POINT);
+    let mut found: Option<Interpolated> = None;
     loop {
         point = f.mul(point, f.add(point, f.one()));
-        if modpoly::eval(f, &lead_a, point) == 0
-            || modpoly::eval(f, &lead_b, point) == 0
-            || modpoly::eval(f, &product, point) == 0
+        let vanishes = |p: &[u64]| modpoly::eval(f, p, point) == 0;
+        if vanishes(leading(a))
+            || vanishes(leading(b))
+            || found.as_ref().is_some_and(|i| vanishes(&i.nodes))
         {
             point = f.add(point, f.one());
             continue;
         }
-        let at = |p: &InLast| -> Terms {
-            let values = p
-                .iter()
-                .rev()
-                .map(|(e, c)| (*e, modpoly::eval(f, c, point)));
-            values.filter(|(_, c)| *c != 0).collect()
-        };
-        let image = gcd_modular(f, &at(&a), &at(&b), rest);
-        if image[0].0 == [0; MAX_VARS] {
-            return expand(&InLast::from([([0; MAX_VARS], content)]));
+        let image = gcd_modular(f, &at(f, a, point), &at(f, b, point), rest);
+        let highest = image[0].0;
+        if highest == [0; MAX_VARS] {
+            let constant = InLast::from([([0; MAX_VARS], content)]);
+            return monic(f, terms_of(&constant, var));
         }
-        match found
-            .as_ref()
-            .map_or(Ordering::Less, |(e, _)| image[0].0.cmp(e))
-        {
-            Ordering::Greater => continue,
-            Ordering::Less => {
-                found = Some((image[0].0, InLast::new()));
-                product = vec![f.one()];
-            }
-            Ordering::Equal => {}
+        // A point is unlucky if the leading term of its image is too high.
+        if found.as_ref().is_some_and(|i| highest > i.highest) {
+            continue;
         }
-        let Some((_, sum)) = &mut found else {
-            unreachable!("just set")
-        };
-        let scale = modpoly::eval(f, &lead, point);
-        let inverse = f.inv(modpoly::eval(f, &product, point));
-        let mut changed = false;
+        let lucky = found.take().filter(|i| highest == i.highest);
+        let divisor = found.insert(lucky.unwrap_or_else(|| Interpolated::new(f, highest)));
+        let changed = divisor.push(f, point, image, modpoly::eval(f, &lead, point));
+        if !changed || divisor.nodes.len() > enough {
+            return monic(f, terms_of(&divisor.with_content(f, &content), var));
+        }
+    }
+}
+
+/// A polynomial that is interpolated in its last variable v, by Newton's formula.
+struct Interpolated {
+    /// The leading exponents of all values.
+    highest: Exponents,
+    sum: InLast,
+    /// ∏ (v − x) over the points x so far.
+    nodes: Vec<u64>,
+}
+
+impl Interpolated {
+    fn new(f: &Fp, highest: Exponents) -> Self {
+        Self {
+            highest,
+            sum: InLast::new(),
+            nodes: vec![f.one()],
+        }
+    }
+
+    /// Adds the value `image` · `scale` at a point; whether that changes the polynomial.
+    fn push(&mut self, f: &Fp, point: u64, image: Terms, scale: u64) -> bool {
+        let inverse = f.inv(modpoly::eval(f, &self.nodes, point));
         let mut image: BTreeMap<Exponents, u64> = image.into_iter().collect();
-        for e in sum.keys() {
+        for e in self.sum.keys() {
             image.entry(*e).or_insert(0);
         }
+        let mut changed = false;
         for (e, value) in image {
-            let coefficient = sum.entry(e).or_default();
-            let step = f.mul(
-                f.sub(f.mul(value, scale), modpoly::eval(f, coefficient, point)),
-                inverse,
-            );
-            if step != 0 {
+            let coefficient = self.sum.entry(e).or_default();
+            let missing = f.sub(f.mul(value, scale), modpoly::eval(f, coefficient, point));
+            if missing != 0 {
                 changed = true;
-                *coefficient = modpoly::add(f, coefficient, &modpoly::scale(f, &product, step));
+                let step = modpoly::scale(f, &self.nodes, f.mul(missing, inverse));
+                *coefficient = modpoly::add(f, coefficient, &step);
             }
         }
-        product = modpoly::mul(f, &product, &[f.neg(point), f.one()]);
-        if !changed || product.len() > enough {
-            sum.retain(|_, c| !c.is_empty());
-            take_content(f, sum);
-            for c in sum.values_mut() {
-                *c = modpoly::mul(f, c, &content);
-            }
-            return expand(sum);
+        self.nodes = modpoly::mul(f, &self.nodes, &[f.neg(point), f.one()]);
+        changed
+    }
+
+    /// The polynomial with another content.
+    fn with_content(&mut self, f: &Fp, content: &[u64]) -> InLast {
+        let mut p = std::mem::take(&mut self.sum);
+        p.retain(|_, c| !c.is_empty());
+        take_content(f, &mut p);
+        for c in p.values_mut() {
+            *c = modpoly::mul(f, c, content);
         }
+        p
     }
 }
 

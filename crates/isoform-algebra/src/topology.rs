@@ -62,6 +62,111 @@ pub fn curve_topology(
     Ok(graph.components())
 }
 
+/// A point of one triangle: the number of its wall, and its number on the wall.
+type Spot = (usize, usize);
+
+/// A point as it is seen from one triangle.
+#[derive(Clone, Copy)]
+struct Seen {
+    node: Node,
+    /// Whether the triangle takes (s, t, w) for −(s, t, w): points with w = 0 are counted with
+    /// s > 0, or s = 0 and t > 0.
+    is_opposite: bool,
+}
+
+/// The part of a curve in one triangle.
+struct Triangle<'a> {
+    arrangement: &'a Arrangement,
+    quadrant: usize,
+}
+
+impl Triangle<'_> {
+    /// Whether a point of a wall lies on the curve.
+    fn has(&self, (k, p): Spot) -> bool {
+        let wall = &self.arrangement.walls[k];
+        wall.points[p].curves.contains(&0) || wall.vertical.contains(&0)
+    }
+
+    /// All points of walls, ascending. What lies on sides has one name from both sides of them.
+    fn points(&self) -> BTreeMap<Spot, Seen> {
+        let mut on_sides = [0; 3];
+        let spots = self.arrangement.walls.iter().enumerate();
+        spots
+            .flat_map(|(k, wall)| (0..wall.points.len()).map(move |p| (k, p)))
+            .map(|spot| (spot, self.seen(spot, &mut on_sides)))
+            .collect()
+    }
+
+    /// The name of the next point; `on_sides` counts the points of the curve on each side so far.
+    fn seen(&self, (k, p): Spot, on_sides: &mut [usize; 3]) -> Seen {
+        let [s, t] = QUADRANTS[self.quadrant];
+        let walls = &self.arrangement.walls;
+        let top = walls[k].points.len() - 1;
+        let mut on_side = |side: usize, sign: i64| {
+            on_sides[side] += usize::from(self.has((k, p)));
+            Node::Side(side, sign, on_sides[side])
+        };
+        let (node, is_opposite) = if k == walls.len() - 1 {
+            (Node::Corner(1), s < 0)
+        } else if k == 0 && p == 0 {
+            (Node::Corner(0), false)
+        } else if k == 0 && p == top {
+            (Node::Corner(2), t < 0)
+        } else if k == 0 {
+            (on_side(0, t), false)
+        } else if p == 0 {
+            (on_side(1, s), false)
+        } else if p == top {
+            (on_side(2, s * t), s < 0)
+        } else {
+            (Node::Inner(self.quadrant, k, p), false)
+        };
+        Seen { node, is_opposite }
+    }
+
+    /// Pairs of points that an arc, or a part of a vertical line, joins.
+    fn inner_edges(&self) -> Vec<[Spot; 2]> {
+        let mut edges = Vec::new();
+        for (k, slab) in self.arrangement.slabs.iter().enumerate() {
+            let arcs = slab.arcs.iter().filter(|a| a.curve == 0);
+            edges.extend(arcs.map(|arc| [(k, arc.left), (k + 1, arc.right)]));
+        }
+        let walls = self.arrangement.walls.iter().enumerate();
+        for (k, wall) in walls.filter(|(_, w)| w.vertical.contains(&0)) {
+            edges.extend((1..wall.points.len()).map(|p| [(k, p - 1), (k, p)]));
+        }
+        edges
+    }
+
+    /// Pairs of neighbours on sides that belong to the curve, each side from one of its two
+    /// triangles.
+    fn side_edges(&self) -> Vec<[Spot; 2]> {
+        let [s, _] = QUADRANTS[self.quadrant];
+        let walls = &self.arrangement.walls;
+        let sides = self.arrangement.sides[0];
+        let mut edges = Vec::new();
+        if sides[0] && self.quadrant.is_multiple_of(2) {
+            edges.extend(self.along((0..walls[0].points.len()).map(|p| (0, p)).collect()));
+        }
+        if sides[1] && self.quadrant < 2 {
+            edges.extend(self.along((0..walls.len()).map(|k| (k, 0)).collect()));
+        }
+        if sides[2] && s > 0 {
+            let tops = walls.iter().map(|w| w.points.len() - 1);
+            edges.extend(self.along(tops.enumerate().collect()));
+        }
+        edges
+    }
+
+    /// Neighbours among the corners and the points of other components on a side.
+    fn along(&self, mut side: Vec<Spot>) -> Vec<[Spot; 2]> {
+        let ends = [side[0], side[side.len() - 1]];
+        side.retain(|spot| self.has(*spot) || ends.contains(spot));
+        side.windows(2).map(|w| [w[0], w[1]]).collect()
+    }
+}
+
+/// The curve as a graph of points and arcs.
 #[derive(Default)]
 struct Graph {
     nodes: BTreeMap<Node, usize>,
@@ -75,84 +180,21 @@ impl Graph {
         *self.nodes.entry(node).or_insert(next)
     }
 
-    /// The part of the curve in one triangle; what lies on sides is the same from both sides of
-    /// them.
+    /// Adds the part of the curve in one triangle.
     fn add(&mut self, arrangement: &Arrangement, quadrant: usize) {
-        let [s, t] = QUADRANTS[quadrant];
-        let walls = &arrangement.walls;
-        let last = walls.len() - 1;
-        let on = |k: usize, p: usize| {
-            walls[k].points[p].curves.contains(&0) || walls[k].vertical.contains(&0)
+        let triangle = Triangle {
+            arrangement,
+            quadrant,
         };
-        // Names of the points, and whether they are taken as −(s, t, w) here: those with w = 0 have
-        // s > 0, or s = 0 and t > 0.
-        let mut names: BTreeMap<(usize, usize), (Node, bool)> = BTreeMap::new();
-        let (mut on_left, mut on_lower, mut on_upper) = (0, 0, 0);
-        for (k, wall) in walls.iter().enumerate() {
-            let top = wall.points.len() - 1;
-            for p in 0..=top {
-                let name = if k == last {
-                    (Node::Corner(1), s < 0)
-                } else if k == 0 && p == 0 {
-                    (Node::Corner(0), false)
-                } else if k == 0 && p == top {
-                    (Node::Corner(2), t < 0)
-                } else if k == 0 {
-                    on_left += usize::from(on(k, p));
-                    (Node::Side(0, t, on_left), false)
-                } else if p == 0 {
-                    on_lower += usize::from(on(k, p));
-                    (Node::Side(1, s, on_lower), false)
-                } else if p == top {
-                    on_upper += usize::from(on(k, p));
-                    (Node::Side(2, s * t, on_upper), s < 0)
-                } else {
-                    (Node::Inner(quadrant, k, p), false)
-                };
-                names.insert((k, p), name);
-                if on(k, p) {
-                    self.node(name.0);
-                }
-            }
+        let points = triangle.points();
+        for (_, seen) in points.iter().filter(|(spot, _)| triangle.has(**spot)) {
+            self.node(seen.node);
         }
-        let edge = |graph: &mut Self, a: (usize, usize), b: (usize, usize)| {
-            let ((a, x), (b, y)) = (names[&a], names[&b]);
-            let (a, b) = (graph.node(a), graph.node(b));
-            graph.edges.push((a, b, x != y));
-        };
-        for (k, slab) in arrangement.slabs.iter().enumerate() {
-            for arc in slab.arcs.iter().filter(|a| a.curve == 0) {
-                edge(self, (k, arc.left), (k + 1, arc.right));
-            }
-        }
-        for (k, wall) in walls
-            .iter()
-            .enumerate()
-            .filter(|(_, w)| w.vertical.contains(&0))
-        {
-            (1..wall.points.len()).for_each(|p| edge(self, (k, p - 1), (k, p)));
-        }
-        // Sides that belong to the curve, each from one of its two triangles.
-        let sides = arrangement.sides[0];
-        let along = |graph: &mut Self, points: Vec<(usize, usize)>| {
-            let ends = [points[0], points[points.len() - 1]];
-            let points: Vec<_> = points
-                .into_iter()
-                .filter(|&(k, p)| on(k, p) || ends.contains(&(k, p)))
-                .collect();
-            points.windows(2).for_each(|w| edge(graph, w[0], w[1]));
-        };
-        if sides[0] && quadrant.is_multiple_of(2) {
-            along(self, (0..walls[0].points.len()).map(|p| (0, p)).collect());
-        }
-        if sides[1] && quadrant < 2 {
-            along(self, (0..=last).map(|k| (k, 0)).collect());
-        }
-        if sides[2] && s > 0 {
-            along(
-                self,
-                (0..=last).map(|k| (k, walls[k].points.len() - 1)).collect(),
-            );
+        for edge in [triangle.inner_edges(), triangle.side_edges()].concat() {
+            let [a, b] = edge.map(|spot| points[&spot]);
+            let (from, to) = (self.node(a.node), self.node(b.node));
+            let turns = a.is_opposite != b.is_opposite;
+            self.edges.push((from, to, turns));
         }
     }
 

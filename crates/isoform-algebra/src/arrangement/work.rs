@@ -1,0 +1,442 @@
+//! The work on an arrangement: walls over critical values, slabs between them, and which arc ends
+//! in which point.
+
+use super::critical::{Critical, Event};
+use super::curve::{Curve, over_u, roots_between_sides};
+use super::stack::{Common, Roots, Stack};
+use super::{Arc, ArrangementError, Slab, V, Wall};
+use crate::fibre::{FIRST_BITS, FIRST_FIBRE_BITS, FibreError, Fibres};
+use crate::float_roots::Wide;
+use crate::poly::Poly;
+use crate::precision::{DOUBLED, Growth, refine_until};
+use crate::resultant::{ResultantError, Subresultants};
+use crate::roots::{RealRoot, real_roots, simplest_between};
+use dashu_int::IBig;
+use dashu_ratio::RBig;
+use isoform_control::Control;
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
+pub(super) struct Work {
+    pub(super) curves: Vec<Curve>,
+    /// Subresultants of pairs of curves, as far as they were asked for.
+    pairs: BTreeMap<(usize, usize), Subresultants>,
+}
+
+/// A wall with what the slabs beside it need.
+pub(super) struct Standing {
+    pub(super) wall: Wall,
+    /// Rational numbers between the points of the wall, one fewer than these.
+    separators: Vec<RBig>,
+    /// Whether a curve touches the wall in one of the points.
+    touches: bool,
+}
+
+impl Standing {
+    /// Whether curves cross the wall one by one, so that nothing happens there.
+    pub(super) fn is_regular(&self) -> bool {
+        self.wall.vertical.is_empty()
+            && self.wall.points.iter().all(|p| p.curves.len() == 1)
+            && !self.touches
+    }
+}
+
+/// A number v between two rational ones, and the curve or side that it belongs to.
+struct Located {
+    lo: RBig,
+    hi: RBig,
+    curve: usize,
+}
+
+/// A polynomial over a u at which its leading coefficients in v may vanish.
+struct Specialised {
+    /// Without the powers of v whose coefficients vanish.
+    poly: Poly,
+    /// In v.
+    degree: usize,
+    /// Whether no power was left out.
+    is_whole: bool,
+}
+
+impl Specialised {
+    /// None where all coefficients vanish.
+    fn new(f: &Poly, u: &RealRoot) -> Option<Self> {
+        let rows = f.coefficients_in(V);
+        let degree = (0..rows.len())
+            .rev()
+            .find(|&i| u.sign_of(&over_u(&rows[i])).is_ne())?;
+        let is_whole = degree + 1 == rows.len();
+        let terms = rows.into_iter().take(degree + 1).enumerate();
+        let poly = terms.fold(Poly::zero(), |sum, (i, c)| {
+            sum + c * Poly::var(V).pow(i as u32)
+        });
+        Some(Self {
+            poly,
+            degree,
+            is_whole,
+        })
+    }
+}
+
+impl Work {
+    pub(super) fn new(curves: Vec<Curve>) -> Self {
+        Self {
+            curves,
+            pairs: BTreeMap::new(),
+        }
+    }
+
+    /// The roots of the curves over a critical value; those of curves that are just crossed there
+    /// in floating point, unless `exact`.
+    fn roots_at(
+        &self,
+        critical: &Critical,
+        exact: bool,
+        control: &Control<'_>,
+    ) -> Result<Vec<Roots>, ArrangementError> {
+        let (lo, hi) = critical.u.interval();
+        let u = Wide::between(&lo, &hi);
+        let roots = |(k, c): (usize, &Curve)| {
+            let Some(fibres) = &c.fibres else {
+                return Ok(Roots::None);
+            };
+            let near = (!exact && !critical.is_special(k)).then(|| c.roots_over(u));
+            if let Some(ranges) = near.flatten() {
+                return Ok(Roots::Near(ranges));
+            }
+            match fibres.at(&critical.u, control) {
+                Ok(fibre) => Ok(Roots::Exact(fibre)),
+                Err(FibreError::Resultant(e)) => Err(e.into()),
+                Err(FibreError::Vertical) => unreachable!("vertical lines were split off"),
+            }
+        };
+        self.curves.iter().enumerate().map(roots).collect()
+    }
+
+    /// The points over a critical value and the numbers between them.
+    pub(super) fn wall(
+        &mut self,
+        mut critical: Critical,
+        control: &Control<'_>,
+    ) -> Result<Standing, ArrangementError> {
+        // What all fibres begin with, found once.
+        critical.u.refine(FIRST_BITS);
+        let mut stack = Stack::new(self.roots_at(&critical, false, control)?);
+        let common = self.common(&critical, control)?;
+        let near = stack.placed(&mut critical.u, FIRST_FIBRE_BITS, &common, control)?;
+        let placed = match near {
+            Some(placed) => placed,
+            None => {
+                // Too near to each other for floating point.
+                stack = Stack::new(self.roots_at(&critical, true, control)?);
+                refine_until(FIRST_FIBRE_BITS, DOUBLED, control, |bits| {
+                    stack.placed(&mut critical.u, bits, &common, control)
+                })?
+            }
+        };
+        let (points, touches) = stack.points(&placed);
+        let separators = points
+            .windows(2)
+            .map(|w| simplest_between(&w[0].hi, &w[1].lo))
+            .collect();
+        let contains_line = |k: &usize| {
+            let vertical = &self.curves[*k].vertical;
+            vertical.degree() > 0 && critical.u.sign_of(vertical).is_eq()
+        };
+        let vertical = (0..self.curves.len()).filter(contains_line).collect();
+        let u = critical.u;
+        Ok(Standing {
+            wall: Wall {
+                u,
+                points,
+                vertical,
+            },
+            separators,
+            touches,
+        })
+    }
+
+    /// How many numbers each two of the curves and the sides have in common over a critical value.
+    fn common(
+        &mut self,
+        critical: &Critical,
+        control: &Control<'_>,
+    ) -> Result<Common, ArrangementError> {
+        let n = self.curves.len();
+        let mut common = vec![vec![0usize; n + 2]; n + 2];
+        for k in 0..n {
+            let curve = &self.curves[k];
+            if curve.fibres.is_none() {
+                continue;
+            }
+            if critical.has(Event::Alone(k)) {
+                let [lower, upper] = [&curve.on_lower, &curve.on_upper]
+                    .map(|on| usize::from(critical.u.sign_of(on).is_eq()));
+                (common[k][n], common[k][n + 1]) = (lower, upper);
+            }
+            for j in 0..k {
+                if critical.has(Event::Pair(j, k)) {
+                    common[j][k] = self.common_roots(j, k, &critical.u, control)?;
+                }
+            }
+        }
+        common[n][n + 1] = usize::from(critical.u.cmp_rational(&RBig::ONE).is_eq());
+        Ok(common)
+    }
+
+    /// The number of real numbers v at which both curves vanish over u.
+    fn common_roots(
+        &mut self,
+        j: usize,
+        k: usize,
+        u: &RealRoot,
+        control: &Control<'_>,
+    ) -> Result<usize, ArrangementError> {
+        let [a, b] = [j, k].map(|k| &self.curves[k]);
+        if a.fibres.is_none() || b.fibres.is_none() {
+            return Ok(0);
+        }
+        let over = [a, b].map(|c| Specialised::new(&c.rest, u));
+        let [Some(f), Some(g)] = over else {
+            return Ok(0);
+        };
+        if f.degree == 0 || g.degree == 0 {
+            return Ok(0);
+        }
+        let (f, g) = if f.degree >= g.degree { (f, g) } else { (g, f) };
+        let make = || Subresultants::new(&f.poly, &g.poly, V, control);
+        let made;
+        let chain = if f.is_whole && g.is_whole {
+            match self.pairs.entry((j, k)) {
+                Entry::Vacant(place) => place.insert(make()?),
+                Entry::Occupied(known) => known.into_mut(),
+            }
+        } else {
+            made = make()?;
+            &made
+        };
+        let mut degree = 0;
+        while degree < chain.count() && u.sign_of(&chain.principal(degree, control)?).is_eq() {
+            degree += 1;
+        }
+        let divisor = match degree {
+            0 => return Ok(0),
+            // A real divisor of odd degree one has one root.
+            1 if chain.count() > 1 => return Ok(1),
+            d if d < chain.count() => chain.polynomial(d, control)?,
+            _ => g.poly,
+        };
+        match Fibres::new(&divisor, V, control)?.at(u, control) {
+            Ok(fibre) => Ok(fibre.roots.len()),
+            Err(FibreError::Vertical) => unreachable!("the principal coefficient does not vanish"),
+            Err(FibreError::Resultant(e)) => Err(e.into()),
+        }
+    }
+
+    /// What lies between two neighbouring walls.
+    pub(super) fn slab(
+        &self,
+        left: &Standing,
+        right: &Standing,
+        control: &Control<'_>,
+    ) -> Result<Slab, ResultantError> {
+        if control.is_stopped() {
+            return Err(ResultantError::Stopped);
+        }
+        let u = left.wall.u.rational_below(&right.wall.u);
+        let found = self.over(&u, control)?;
+        let between = found
+            .windows(2)
+            .map(|w| simplest_between(&w[0].hi, &w[1].lo))
+            .collect();
+        let lefts = self.ends(left, &u, Ordering::Greater, control)?;
+        let rights = self.ends(right, &u, Ordering::Less, control)?;
+        let arcs = found
+            .iter()
+            .zip(lefts.into_iter().zip(rights))
+            .map(|(f, (left, right))| Arc {
+                curve: f.curve,
+                left,
+                right,
+            })
+            .collect();
+        Ok(Slab { u, arcs, between })
+    }
+
+    /// The curves and sides over a rational u that is not critical, ascending, in disjoint ranges.
+    fn over(&self, u: &RBig, control: &Control<'_>) -> Result<Vec<Located>, ResultantError> {
+        let top = RBig::ONE - u;
+        let near = self.near_roots_at(u).map(|r| self.with_sides(r, &top));
+        if let Some(found) = near.filter(|found| are_apart(found)) {
+            return Ok(found);
+        }
+        let mut roots = self.exact_roots_at(u, &top);
+        // All differ, as u is not critical.
+        refine_until(32, DOUBLED, control, |bits| {
+            let range = |(r, curve): &mut (RealRoot, usize)| {
+                r.refine(bits);
+                let (lo, hi) = r.interval();
+                Located {
+                    lo,
+                    hi,
+                    curve: *curve,
+                }
+            };
+            let found = self.with_sides(roots.iter_mut().map(range).collect(), &top);
+            Ok(are_apart(&found).then_some(found))
+        })
+    }
+
+    /// The roots of the curves between the sides, if floating point proves them; by curves.
+    fn near_roots_at(&self, u: &RBig) -> Option<Vec<Located>> {
+        let at = Wide::between(u, u);
+        let mut found = Vec::new();
+        let curves = self.curves.iter().enumerate();
+        for (curve, c) in curves.filter(|(_, c)| c.fibres.is_some()) {
+            let roots = c.roots_over(at)?.into_iter();
+            found.extend(roots.map(|[lo, hi]| Located { lo, hi, curve }));
+        }
+        Some(found)
+    }
+
+    /// With the sides v = 0 and v = `top`, ascending.
+    fn with_sides(&self, mut found: Vec<Located>, top: &RBig) -> Vec<Located> {
+        let n = self.curves.len();
+        let sides = [(RBig::ZERO, n), (top.clone(), n + 1)];
+        found.extend(sides.map(|(v, curve)| Located {
+            lo: v.clone(),
+            hi: v,
+            curve,
+        }));
+        found.sort_by(|a, b| a.lo.cmp(&b.lo));
+        found
+    }
+
+    /// The roots of the curves between the sides over a rational u, by curves.
+    fn exact_roots_at(&self, u: &RBig, top: &RBig) -> Vec<(RealRoot, usize)> {
+        let curves = self.curves.iter().enumerate();
+        curves
+            .filter(|(_, c)| c.fibres.is_some())
+            .flat_map(|(k, c)| roots_between_sides(&c.rest, u, top).map(move |r| (r, k)))
+            .collect()
+    }
+
+    /// The points of the wall in which the arcs on one side of it end: on the right side if `side`
+    /// is `Greater`. `sample` is in the slab there.
+    fn ends(
+        &self,
+        standing: &Standing,
+        sample: &RBig,
+        side: Ordering,
+        control: &Control<'_>,
+    ) -> Result<Vec<usize>, ResultantError> {
+        let separators = &standing.separators;
+        let at = self.clear_place(standing, sample, side, control)?;
+        let mut points = self.near_gaps(&at, separators).unwrap_or_else(|| {
+            let below = |r: &RealRoot| {
+                let is_above = |s: &&RBig| r.cmp_rational(s).is_gt();
+                separators.iter().filter(is_above).count()
+            };
+            let roots = self.exact_roots_at(&at, &(RBig::ONE - &at));
+            roots.iter().map(|(r, _)| below(r)).collect()
+        });
+        // The order of the arcs is that of the slab, and points ascend with them.
+        points.sort_unstable();
+        let mut ends = vec![0];
+        ends.extend(points);
+        ends.push(standing.wall.points.len() - 1);
+        Ok(ends)
+    }
+
+    /// A u so close to a wall that no curve crosses a separator between them: `sample`, or one
+    /// nearer.
+    fn clear_place(
+        &self,
+        standing: &Standing,
+        sample: &RBig,
+        side: Ordering,
+        control: &Control<'_>,
+    ) -> Result<RBig, ResultantError> {
+        /// Share of the way to the wall that is left after the sample, in bits.
+        const FIRST: usize = 8;
+        /// How the share shrinks: by steps after which a rough look may do.
+        const NEARER: Growth = |bits| bits + bits / 4;
+        /// From these bits on a look is exact: then the place, not the look, is to blame.
+        const ROUGH: usize = 48;
+        let mut u = standing.wall.u.clone();
+        refine_until(FIRST, NEARER, control, |bits| {
+            let at = if bits > FIRST {
+                u.refine(2 * bits);
+                nearer(&u, sample, side, bits)
+            } else {
+                Some(sample.clone())
+            };
+            // Walls may be closer together than the wall is known yet.
+            let Some(at) = at else {
+                return Ok(None);
+            };
+            let is_clear = |c: &RBig| self.is_clear(&u, &at, c, bits > ROUGH);
+            Ok(standing.separators.iter().all(is_clear).then_some(at))
+        })
+    }
+
+    /// Of each root between the sides over u the number of separators below it, if floating point
+    /// tells.
+    fn near_gaps(&self, u: &RBig, separators: &[RBig]) -> Option<Vec<usize>> {
+        let at = Wide::between(u, u);
+        let mut found = Vec::new();
+        for c in self.curves.iter().filter(|c| c.fibres.is_some()) {
+            for [lo, hi] in c.roots_over(at)? {
+                let below = separators.partition_point(|s| *s < lo);
+                found.push((separators.partition_point(|s| *s < hi) == below).then_some(below)?);
+            }
+        }
+        Some(found)
+    }
+
+    /// Whether no curve crosses the line v = c from the wall as far as `at`. Without `exact` a
+    /// false answer may only mean too rough a look.
+    fn is_clear(&self, u: &RealRoot, at: &RBig, c: &RBig, exact: bool) -> bool {
+        let (lo, hi) = u.interval();
+        let (lo, hi) = (lo.min(at.clone()), hi.max(at.clone()));
+        // The upper side: u = 1 − c.
+        let crossing = RBig::ONE - c;
+        if crossing >= lo && crossing <= hi {
+            return false;
+        }
+        self.curves.iter().filter(|f| f.fibres.is_some()).all(|f| {
+            f.misses([&lo, &hi], c)
+                || exact && {
+                    let g = over_u(&f.rest.set(V, c));
+                    g.degree() == 0
+                        || real_roots(&g).iter().all(|r| {
+                            let (from, to) = (r.cmp(u), r.cmp_rational(at));
+                            // On the same side of both, and not on the wall, by the choice of c.
+                            from == to && to.is_ne()
+                        })
+                }
+        })
+    }
+}
+
+/// Whether ranges in ascending order are disjoint.
+fn are_apart(found: &[Located]) -> bool {
+    found.windows(2).all(|w| w[0].hi < w[1].lo)
+}
+
+/// A simple number between a wall and the 2^−bits part of the way from it to `sample`, on the given
+/// side of the wall; none if the sample may be within what is known of the wall.
+fn nearer(wall: &RealRoot, sample: &RBig, side: Ordering, bits: usize) -> Option<RBig> {
+    let (lo, hi) = wall.interval();
+    let near = if side.is_gt() { hi } else { lo };
+    if sample.cmp(&near) != side {
+        return None;
+    }
+    let step = (sample - &near) / RBig::from(IBig::ONE << bits);
+    Some(if side.is_gt() {
+        simplest_between(&near, &(&near + step))
+    } else {
+        simplest_between(&(&near + step), &near)
+    })
+}
