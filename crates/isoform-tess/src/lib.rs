@@ -45,6 +45,7 @@ mod singular;
 mod surface;
 mod tangents;
 mod triangulate;
+mod union_find;
 mod univariate;
 mod zeros;
 

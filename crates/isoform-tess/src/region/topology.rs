@@ -17,6 +17,7 @@
 //! ```
 
 use super::{Cell, Region, Triangle};
+use crate::union_find::UnionFind;
 use isoform_algebra::{Arc, QUADRANTS};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -305,30 +306,15 @@ impl Count {
     }
 }
 
-/// The number of connected components of a graph.
-fn groups(pairs: impl Iterator<Item = (Place, Place)>) -> usize {
-    let mut number: BTreeMap<Place, usize> = BTreeMap::new();
-    let mut parent: Vec<usize> = Vec::new();
-    fn root(parent: &mut [usize], mut k: usize) -> usize {
-        while parent[k] != k {
-            parent[k] = parent[parent[k]];
-            k = parent[k];
-        }
-        k
+/// The number of connected components of a graph, given by its edges.
+fn groups(edges: impl Iterator<Item = (Place, Place)>) -> usize {
+    let mut numbers: BTreeMap<Place, u32> = BTreeMap::new();
+    let mut sets = UnionFind::default();
+    for (a, b) in edges {
+        let [a, b] = [a, b].map(|p| *numbers.entry(p).or_insert_with(|| sets.add()));
+        sets.unite(a, b);
     }
-    for (a, b) in pairs {
-        let [a, b] = [a, b].map(|p| {
-            let next = parent.len();
-            let k = *number.entry(p).or_insert(next);
-            if k == next {
-                parent.push(k);
-            }
-            root(&mut parent, k)
-        });
-        let [a, b] = [a, b].map(|k| root(&mut parent, k));
-        parent[a] = b;
-    }
-    (0..parent.len()).filter(|&k| parent[k] == k).count()
+    sets.count()
 }
 
 #[cfg(test)]
