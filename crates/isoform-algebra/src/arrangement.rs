@@ -489,7 +489,7 @@ fn critical_values(
         roots.sort_by(|a, b| a.u.interval().0.cmp(&b.u.interval().0));
         let mut pairs = roots.windows(2);
         let apart = pairs.all(|w| w[0].u.interval().1 < w[1].u.interval().0);
-        Ok(apart.then_some(()))
+        Ok::<_, ResultantError>(apart.then_some(()))
     })?;
     Ok(roots)
 }
@@ -844,7 +844,7 @@ impl Work {
                         (lo, hi, *k)
                     };
                     let found = with_sides(roots.iter_mut().map(ranges).collect());
-                    Ok(are_apart(&found).then_some(found))
+                    Ok::<_, ResultantError>(are_apart(&found).then_some(found))
                 })?
             }
         };
@@ -901,7 +901,7 @@ impl Work {
                 };
             }
             let is_clear = |c: &RBig| self.is_clear(&u, &at, c, bits > 48);
-            Ok(separators.iter().all(is_clear).then_some(()))
+            Ok::<_, ResultantError>(separators.iter().all(is_clear).then_some(()))
         })?;
         let mut points = self.near_gaps(&at, separators).unwrap_or_else(|| {
             let below = |r: &RealRoot| {

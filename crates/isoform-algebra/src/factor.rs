@@ -19,6 +19,7 @@ use dashu_base::{Abs, UnsignedAbs};
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
 use isoform_control::{Control, Stopped};
+use isoform_num::Random;
 
 /// Why there is no factorisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -55,6 +56,7 @@ impl Poly {
     ///
     /// ```
     /// use isoform_algebra::Poly;
+    /// use isoform_control::Control;
     /// let p = |text| Poly::parse(text, &["x", "y", "z"]).expect(text);
     /// let factors = p("x^4*z - y^4*z").factor(&Control::default());
     /// assert_eq!(factors, Ok(vec![(p("z"), 1), (p("x - y"), 1), (p("x + y"), 1), (p("x^2 + y^2"), 1)]));
@@ -147,25 +149,13 @@ fn factor_squarefree(p: &Poly, control: &Control<'_>) -> Result<Vec<Poly>, Facto
     }
 }
 
-/// A fixed pseudo-random stream (Marsaglia's xorshift).
-struct Stream(u64);
-
-impl Stream {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-}
-
 /// The monic irreducible factors of a monic squarefree polynomial modulo a small odd prime.
 fn factor_modular(f: &Fp, p: &[u64]) -> Vec<Vec<u64>> {
     let mut factors = Vec::new();
     let mut rest = p.to_vec();
     let x = [0, f.one()];
     let mut power = x.to_vec();
-    let mut stream = Stream(0x2545_f491_4f6c_dd1d);
+    let mut stream = Random::xorshift(0);
     let mut degree = 0;
     while rest.len() > 1 {
         degree += 1;
@@ -190,7 +180,7 @@ fn split_equal_degrees(
     f: &Fp,
     p: Vec<u64>,
     degree: usize,
-    stream: &mut Stream,
+    stream: &mut Random,
     factors: &mut Vec<Vec<u64>>,
 ) {
     if p.len() - 1 == degree {
@@ -198,7 +188,7 @@ fn split_equal_degrees(
         return;
     }
     loop {
-        let mut h: Vec<u64> = (1..p.len()).map(|_| f.of_u64(stream.next())).collect();
+        let mut h: Vec<u64> = (1..p.len()).map(|_| f.of_u64(stream.bits())).collect();
         modpoly::trim(&mut h);
         // h^((p^d − 1)/2) is ±1 modulo each factor: the norm h^(1 + p + … + p^(d−1)) to the power
         // (p − 1)/2.

@@ -196,7 +196,7 @@ impl Fibres {
         let mut attempts = 0..;
         fibre.roots = refine_until(FIRST_PRECISION, DOUBLED, control, |precision| {
             let attempt = attempts.next().expect("there are enough numbers");
-            Ok(fibre.isolate(precision, attempt))
+            Ok::<_, ResultantError>(fibre.isolate(precision, attempt))
         })?;
         Ok(fibre)
     }
@@ -258,7 +258,7 @@ impl Fibres {
         let Some(chain) = &self.chain else {
             return Ok(Some(self.coefficients.len() - 1));
         };
-        let signs: Result<Vec<Ordering>, _> = (0..chain.count())
+        let signs: Result<Vec<Ordering>, ResultantError> = (0..chain.count())
             .map(|j| Ok(alpha.sign_of(&chain.principal(j, control)?)))
             .collect();
         Ok(Some(count_by_signs(lead, &signs?)))

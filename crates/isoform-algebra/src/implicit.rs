@@ -17,6 +17,7 @@ use crate::modular::{Crt, Echelon, Fp, primes, residues};
 use crate::poly::{Exponents, MAX_VARS, Poly};
 use crate::resultant::subresultants_at;
 use isoform_control::Control;
+use isoform_num::Random;
 
 /// Why a map has no implicit equation.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -90,7 +91,7 @@ pub fn image_dimension(map: &[Poly; 4]) -> Result<usize, MapError> {
         map.clone().map(|p| p.derivative(1)),
     ];
     let mut rank = 0;
-    let mut stream = Stream::new(1);
+    let mut stream = Residues::new(1);
     for field in primes().take(3) {
         let at = [stream.next(&field), stream.next(&field), field.one()];
         let mut echelon = Echelon::new(4);
@@ -144,7 +145,7 @@ pub fn map_degrees(map: &[Poly; 4], control: &Control<'_>) -> Result<MapDegrees,
         return Err(MapError::NotASurface { dimension });
     }
     let mut last = None;
-    let mut stream = Stream::new(2);
+    let mut stream = Residues::new(2);
     for field in primes().take(COUNTS) {
         if control.is_stopped() {
             return Err(MapError::Stopped);
@@ -166,6 +167,7 @@ pub fn map_degrees(map: &[Poly; 4], control: &Control<'_>) -> Result<MapDegrees,
 ///
 /// ```
 /// use isoform_algebra::{Poly, implicit};
+/// use isoform_control::Control;
 /// let map = ["2*s", "2*t", "1 - s^2 - t^2", "1 + s^2 + t^2"].map(|text| Poly::parse(text, &["s", "t"]).expect(text));
 /// let found = implicit(&map, 16, &Control::default()).expect("a surface").expect("of low degree");
 /// assert_eq!(found.equation.to_string(), "x^2 + y^2 + z^2 - w^2");
@@ -216,18 +218,15 @@ fn validate(map: &[Poly; 4]) -> Result<usize, MapError> {
     Ok(map.iter().map(Poly::total_degree).max().unwrap_or(0))
 }
 
-/// Fixed pseudo-random residues (Marsaglia's xorshift).
-struct Stream(u64);
+/// Pseudo-random residues modulo varying primes.
+struct Residues(Random);
 
-impl Stream {
+impl Residues {
     fn new(seed: u64) -> Self {
-        Self(0x2545_f491_4f6c_dd1d ^ seed)
+        Self(Random::xorshift(seed))
     }
     fn next(&mut self, f: &Fp) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        f.of_u64(self.0)
+        f.of_u64(self.0.bits())
     }
 }
 
@@ -261,7 +260,7 @@ struct Pullback {
 }
 
 impl Pullback {
-    fn new(f: &Fp, map: &[Poly; 4], n: usize, stream: &mut Stream) -> Self {
+    fn new(f: &Fp, map: &[Poly; 4], n: usize, stream: &mut Residues) -> Self {
         let mut pullback = Self {
             field: *f,
             n,
@@ -326,7 +325,7 @@ impl Pullback {
         (r.len() == self.nodes.len()).then_some(r)
     }
     /// The base points' s with multiplicities, from two general pairs of planes.
-    fn base(&self, stream: &mut Stream) -> Option<Vec<u64>> {
+    fn base(&self, stream: &mut Residues) -> Option<Vec<u64>> {
         let [a, b, c, d] = [(); 4].map(|()| [(); 4].map(|()| stream.next(&self.field)));
         Some(modpoly::gcd(
             &self.field,
@@ -337,7 +336,7 @@ impl Pullback {
 }
 
 /// One count of all degrees modulo a prime.
-fn count_degrees(f: &Fp, map: &[Poly; 4], n: usize, stream: &mut Stream) -> Option<MapDegrees> {
+fn count_degrees(f: &Fp, map: &[Poly; 4], n: usize, stream: &mut Residues) -> Option<MapDegrees> {
     let pullback = Pullback::new(f, map, n, stream);
     let base_multiplicity = pullback.base(stream)?.len() - 1;
     // Planes through the image of a point: one coefficient is solved for.
@@ -401,7 +400,7 @@ fn equation_by_lines(
         let d = degrees.implicit_degree;
         let mut crt: Option<Crt> = None;
         let mut last: Option<Poly> = None;
-        let mut stream = Stream::new(4);
+        let mut stream = Residues::new(4);
         let mut failures = 0;
         let mut minimal = false;
         for f in primes() {
@@ -452,7 +451,7 @@ fn residues_by_lines(
     f: &Fp,
     map: &[Poly; 4],
     degrees: &MapDegrees,
-    stream: &mut Stream,
+    stream: &mut Residues,
     control: &Control<'_>,
 ) -> Result<Option<(Vec<u64>, bool)>, MapError> {
     let (n, d) = (degrees.degree, degrees.implicit_degree);
@@ -616,7 +615,7 @@ fn equation_of_degree(
     let mut free = None;
     let mut crt: Option<Crt> = None;
     let mut last: Option<Poly> = None;
-    let mut stream = Stream::new(3);
+    let mut stream = Residues::new(3);
     for f in primes() {
         let forms: Vec<Vec<(Exponents, u64)>> = map.iter().map(|p| residues(&f, p)).collect();
         let mut echelon = Echelon::new(support.len());

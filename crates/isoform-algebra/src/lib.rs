@@ -17,8 +17,8 @@
 //!
 //! ```
 //! use isoform_algebra::{Fibres, Poly, real_roots};
+//! use isoform_control::Control;
 //! let folium = Poly::parse("x^3 + y^3 - 3*x*y", &["x", "y"])?;
-//! let go = || false;
 //! let fibres = Fibres::new(&folium, 1, &Control::default())?;
 //! let discriminant = &fibres.subresultants().expect("degree 3").resultant;
 //! let found: Vec<(f64, Vec<usize>)> = real_roots(discriminant)
@@ -64,6 +64,7 @@ pub use implicit::{
 };
 pub use parse::{MAX_DEGREE, ParseError, ParseProblem};
 pub use poly::{Exponents, MAX_VARS, Poly};
+pub use precision::{DOUBLED, Growth, decide, refine_until};
 pub use resultant::{ResultantError, Subresultants, discriminant, resultant, resultant_univariate};
 pub use roots::{RealRoot, count_roots_between, real_roots, simplest_between};
 pub use topology::{CurveTopology, QUADRANTS, curve_topology, in_triangle};

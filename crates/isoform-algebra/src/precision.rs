@@ -1,7 +1,6 @@
 //! Precision that grows until it decides: the one loop of that kind, which ends.
 
-use crate::resultant::ResultantError;
-use isoform_control::Control;
+use isoform_control::{Control, Stopped};
 
 /// Bits beyond which nothing is looked at more closely.
 ///
@@ -14,30 +13,46 @@ use isoform_control::Control;
 pub(crate) const MOST_BITS: usize = 1 << 20;
 
 /// How the number of bits grows from one attempt to the next.
-pub(crate) type Growth = fn(usize) -> usize;
+pub type Growth = fn(usize) -> usize;
 
-/// Twice as many: the last attempt costs about as much as all before.
-pub(crate) const DOUBLED: Growth = |bits| 2 * bits;
+/// Twice as many bits: the last attempt costs about as much as all before.
+pub const DOUBLED: Growth = |bits| 2 * bits;
 
 /// What the first attempt that decides finds, with `bits` bits and more. `control` is asked before
-/// each of them.
+/// each attempt.
+///
+/// ```
+/// use isoform_algebra::{DOUBLED, RBig, real_roots, refine_until, Poly};
+/// use isoform_control::{Control, Stopped};
+///
+/// // √2 = 1.4142135623… differs from 1.41421356 in its 29th bit.
+/// let p = Poly::parse("x^2 - 2", &["x"])?.to_upoly(0).expect("one variable");
+/// let mut root = real_roots(&p).pop().expect("the larger root");
+/// let near = RBig::from(141_421_356) / RBig::from(100_000_000);
+/// let is_less = refine_until(8, DOUBLED, &Control::default(), |bits| {
+///     root.refine(bits);
+///     let (lo, hi) = root.interval();
+///     let decided = lo > near || hi < near;
+///     Ok::<_, Stopped>(decided.then_some(hi < near))
+/// })?;
+/// assert!(!is_less);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
-/// [`ResultantError::Stopped`], and those of the attempts.
+/// [`Stopped`] as the error of the attempts, and their own errors.
 ///
 /// # Panics
-/// If [`MOST_BITS`] do not decide: what differs by exact arithmetic cannot be told apart, so that
-/// one of the two is wrong.
-pub(crate) fn refine_until<T>(
+/// If 2²⁰ bits do not decide: what differs by exact arithmetic cannot be told apart, so that one of
+/// the two is wrong.
+pub fn refine_until<T, E: From<Stopped>>(
     mut bits: usize,
-    growth: Growth,
+    growth: impl Fn(usize) -> usize,
     control: &Control<'_>,
-    mut attempt: impl FnMut(usize) -> Result<Option<T>, ResultantError>,
-) -> Result<T, ResultantError> {
+    mut attempt: impl FnMut(usize) -> Result<Option<T>, E>,
+) -> Result<T, E> {
     loop {
-        if control.is_stopped() {
-            return Err(ResultantError::Stopped);
-        }
+        control.check()?;
         if let Some(found) = attempt(bits)? {
             return Ok(found);
         }
@@ -47,6 +62,21 @@ pub(crate) fn refine_until<T>(
         );
         bits = growth(bits).max(bits + 1);
     }
+}
+
+/// [`refine_until`] for what takes no time: without control and errors.
+///
+/// # Panics
+/// If 2²⁰ bits do not decide.
+pub fn decide<T>(
+    bits: usize,
+    growth: impl Fn(usize) -> usize,
+    mut attempt: impl FnMut(usize) -> Option<T>,
+) -> T {
+    let found = refine_until(bits, growth, &Control::default(), |bits| {
+        Ok::<_, Stopped>(attempt(bits))
+    });
+    found.expect("a control without deadline does not stop")
 }
 
 #[cfg(test)]
@@ -59,7 +89,7 @@ mod tests {
         let mut tried = Vec::new();
         let found = refine_until(24, DOUBLED, &Control::default(), |bits| {
             tried.push(bits);
-            Ok((bits > 100).then_some(bits))
+            Ok::<_, Stopped>((bits > 100).then_some(bits))
         });
         assert_eq!((found, tried), (Ok(192), vec![24, 48, 96, 192]));
     }
@@ -67,7 +97,7 @@ mod tests {
     #[test]
     fn it_can_be_stopped() {
         let mut tried = 0;
-        let found: Result<(), _> = refine_until(
+        let found: Result<(), Stopped> = refine_until(
             1,
             |bits| bits + 1,
             &Control::default().until(Instant::now()),
@@ -76,18 +106,13 @@ mod tests {
                 Ok(None)
             },
         );
-        assert_eq!((found, tried), (Err(ResultantError::Stopped), 0));
+        assert_eq!((found, tried), (Err(Stopped), 0));
     }
 
     /// Even where the number of bits would not grow.
     #[test]
     #[should_panic(expected = "an error of the exact kernel")]
     fn it_ends() {
-        let _ = refine_until(
-            MOST_BITS - 3,
-            |bits| bits,
-            &Control::default(),
-            |_| Ok(None::<()>),
-        );
+        decide(MOST_BITS - 3, |bits| bits, |_| None::<()>);
     }
 }

@@ -53,14 +53,22 @@ impl ResultantError {
     }
 }
 
+impl From<Stopped> for ResultantError {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
+    }
+}
+
 /// The resultant of two polynomials with respect to a variable; they have at most one other
 /// variable. It is zero if one of the polynomials is, and the other's power if one of them lacks
 /// the variable.
 ///
 /// ```
+/// use isoform_control::Control;
 /// use isoform_algebra::{Poly, resultant};
 /// let p = |text| Poly::parse(text, &["x", "y"]).expect(text);
-/// assert_eq!(resultant(&p("x^2 + y^2 - 1"), &p("y - x"), 1, &Control::default()), Ok(p("2*x^2 - 1")));
+/// let circle_on_diagonal = resultant(&p("x^2 + y^2 - 1"), &p("y - x"), 1, &Control::default());
+/// assert_eq!(circle_on_diagonal, Ok(p("2*x^2 - 1")));
 /// ```
 ///
 /// # Errors

@@ -112,13 +112,9 @@ impl Expansion {
     }
 
     /// Where ∂²f/∂xᵢ∂xⱼ is among the six second derivatives.
-    pub const SECOND: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+    pub const SECOND: [[usize; 3]; 3] = isoform_num::SECOND;
     /// Where ∂³f/∂xᵢ∂xⱼ∂xₖ is among the ten third derivatives.
-    pub const THIRD: [[[usize; 3]; 3]; 3] = [
-        [[0, 1, 2], [1, 3, 4], [2, 4, 5]],
-        [[1, 3, 4], [3, 6, 7], [4, 7, 8]],
-        [[2, 4, 5], [4, 7, 8], [5, 8, 9]],
-    ];
+    pub const THIRD: [[[usize; 3]; 3]; 3] = isoform_num::THIRD;
 }
 
 /// A function of space with parameters a: the residual of a fit.

@@ -6,25 +6,31 @@
 
 mod cloud;
 mod field;
+mod gram;
 mod kdtree;
 mod mesh;
 mod parts;
 mod patch;
+pub mod plane;
 mod point;
 mod quadric;
 mod solid;
+mod union_find;
 
 pub use cloud::{Column, PointCloud};
 pub use field::{
     DistanceField, Edge, Expansion, Field, Foot, Frame, Nearby, NormalEquations, ParamField, Terms,
     add_normal_equations, normal_equations_of,
 };
+pub use gram::Gram;
 pub use kdtree::KdTree;
 pub use mesh::{Curve, Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
 pub use parts::{Parts, SmoothPart};
 pub use patch::{PatchError, RationalPatch, Tangents, bernstein};
+pub use plane::Point2;
 pub use point::{
-    Aabb, Point3, across, cross, distance_squared, distance_to_segment, dot, norm, sub,
+    Aabb, Point3, across, cross, distance_squared, distance_to_segment, dot, middle, norm, sub,
 };
 pub use quadric::{NormalForm, Quadric, QuadricKind};
 pub use solid::{Csg, OnePiece, Solid};
+pub use union_find::UnionFind;

@@ -1,6 +1,6 @@
 //! Rational tensor-product Bézier patches.
 
-use crate::{Aabb, Point3, cross};
+use crate::{Aabb, Gram, Point3, cross, dot};
 
 /// A rational patch p = (x/w, y/w, z/w) over \[0, 1\]²: p*(u, v) = Σ Bᵢᵐ(u) Bⱼⁿ(v) cᵢⱼ with
 /// homogeneous control points cᵢⱼ ∈ ℝ⁴, whose first three coordinates are multiplied by the weight
@@ -68,6 +68,25 @@ impl Tangents {
     /// pᵤ × pᵥ, of the length of the area element.
     pub fn normal(&self) -> Point3 {
         cross(self.u, self.v)
+    }
+
+    /// The Gauss–Newton step (δu, δv) towards the foot of a point that is `r` away from
+    /// [`point`](Self::point). Where pᵤ and pᵥ are parallel it is very long, and to be cut off.
+    ///
+    /// ```
+    /// use isoform_geom::RationalPatch;
+    ///
+    /// // On a plane one step leads to the foot, here from (0, 0) to (0.25, 0.5).
+    /// let plane = RationalPatch::planar((1, 1), [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+    /// let tangents = plane.tangents(0.5, 0.5);
+    /// let there = plane.point(0.75, 1.0);
+    /// let r = isoform_geom::sub([there[0], there[1], 7.0], tangents.point);
+    /// assert_eq!(tangents.step_to_foot(r), (0.25, 0.5));
+    /// ```
+    pub fn step_to_foot(&self, r: Point3) -> (f64, f64) {
+        let gram = Gram::of(self.u, self.v);
+        let [du, dv] = gram.solve_bounded([dot(self.u, r), dot(self.v, r)]);
+        (du, dv)
     }
 }
 

@@ -56,6 +56,18 @@ pub fn distance_squared(a: Point3, b: Point3) -> f64 {
     dot(sub(a, b), sub(a, b))
 }
 
+/// The middle of N points: their sum, in order, divided by N.
+///
+/// ```
+/// use isoform_geom::middle;
+///
+/// assert_eq!(middle([[0.0, 0.0, 0.0], [1.0, 2.0, 4.0]]), [0.5, 1.0, 2.0]);
+/// ```
+#[inline]
+pub fn middle<const N: usize>(points: [Point3; N]) -> Point3 {
+    std::array::from_fn(|i| points.iter().map(|p| p[i]).sum::<f64>() / N as f64)
+}
+
 /// An axis-parallel box; empty where a lower bound exceeds the upper one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {

@@ -53,6 +53,19 @@ impl Interval {
     pub fn width(&self) -> f64 {
         self.hi - self.lo
     }
+    /// (lo + hi)/2, rounded; it need not be the exact middle.
+    pub fn middle(&self) -> f64 {
+        0.5 * self.lo + 0.5 * self.hi
+    }
+    /// A bound on |x − [`middle`](Self::middle)| for all x of the interval, rounded up.
+    pub fn radius(&self) -> f64 {
+        let m = self.middle();
+        (self.hi - m).max(m - self.lo).next_up()
+    }
+    /// The largest |x| of the interval.
+    pub fn magnitude(&self) -> f64 {
+        self.lo.abs().max(self.hi.abs())
+    }
     /// Whether `v` lies in the interval.
     pub fn contains(&self, v: f64) -> bool {
         self.lo <= v && v <= self.hi
@@ -522,5 +535,15 @@ mod tests {
             Interval::ALL
         );
         assert!((Interval::new(1.0, 2.0) / Interval::new(0.0, 1.0)).lo() > 0.99);
+    }
+
+    #[test]
+    fn middle_and_radius_hold_the_interval() {
+        let i = Interval::new(-1.0, 3.0);
+        assert_eq!((i.middle(), i.magnitude()), (1.0, 3.0));
+        assert_eq!(i.radius(), 2f64.next_up());
+        // The sum of the ends exceeds all doubles.
+        let large = Interval::new(f64::MAX, f64::MAX);
+        assert_eq!(large.middle(), f64::MAX);
     }
 }

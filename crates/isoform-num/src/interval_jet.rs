@@ -5,7 +5,7 @@
 //! hull of both sides, which is Clarke's generalised gradient or more, and nothing is claimed of
 //! higher derivatives.
 
-use crate::jet::{AT2, PAIRS, TRIPLES};
+use crate::jet::{PAIRS, SECOND, TRIPLES};
 use crate::{Interval, Real};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -64,7 +64,7 @@ impl IntervalJet {
     }
     /// The function f(self), whose derivatives of order 0 to 3 have the ranges `f`.
     fn chain(&self, [f0, f1, f2, f3]: [Interval; 4]) -> Self {
-        let (g, s) = (&self.g, |i: usize, j: usize| self.h[AT2[i][j]]);
+        let (g, s) = (&self.g, |i: usize, j: usize| self.h[SECOND[i][j]]);
         Self {
             v: f0,
             g: g.map(|u| times(f1, u)),
@@ -95,8 +95,8 @@ impl IntervalJet {
     }
     fn product(&self, o: &Self) -> Self {
         let (a, b) = (
-            |i: usize, j: usize| self.h[AT2[i][j]],
-            |i: usize, j: usize| o.h[AT2[i][j]],
+            |i: usize, j: usize| self.h[SECOND[i][j]],
+            |i: usize, j: usize| o.h[SECOND[i][j]],
         );
         fn sum<const N: usize>(products: [(Interval, Interval); N]) -> Interval {
             products

@@ -7,12 +7,14 @@
 use crate::Real;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Index pairs i ≤ j in the order in which second derivatives are stored.
-pub(crate) const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
-/// Where ∂²/∂xᵢ∂xⱼ is stored.
-pub(crate) const AT2: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
-/// Index triples i ≤ j ≤ k in the order in which third derivatives are stored.
-pub(crate) const TRIPLES: [(usize, usize, usize); 10] = [
+/// The pairs i ≤ j in the order in which second derivatives ∂²f/∂xᵢ∂xⱼ are stored:
+/// xx, xy, xz, yy, yz, zz. [`SECOND`] is the way back.
+pub const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+/// Where ∂²f/∂xᵢ∂xⱼ is among the six second derivatives.
+pub const SECOND: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+/// The triples i ≤ j ≤ k in the order in which third derivatives ∂³f/∂xᵢ∂xⱼ∂xₖ are stored:
+/// xxx, xxy, xxz, xyy, xyz, xzz, yyy, yyz, yzz, zzz. [`THIRD`] is the way back.
+pub const TRIPLES: [(usize, usize, usize); 10] = [
     (0, 0, 0),
     (0, 0, 1),
     (0, 0, 2),
@@ -24,6 +26,22 @@ pub(crate) const TRIPLES: [(usize, usize, usize); 10] = [
     (1, 2, 2),
     (2, 2, 2),
 ];
+/// Where ∂³f/∂xᵢ∂xⱼ∂xₖ is among the ten third derivatives.
+pub const THIRD: [[[usize; 3]; 3]; 3] = [
+    [[0, 1, 2], [1, 3, 4], [2, 4, 5]],
+    [[1, 3, 4], [3, 6, 7], [4, 7, 8]],
+    [[2, 4, 5], [4, 7, 8], [5, 8, 9]],
+];
+
+/// The symmetric 3 × 3 matrix of six second derivatives, by rows.
+///
+/// ```
+/// let h = isoform_num::hessian(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+/// assert_eq!(h, [1.0, 2.0, 3.0, 2.0, 4.0, 5.0, 3.0, 5.0, 6.0]);
+/// ```
+pub fn hessian(h: &[f64; 6]) -> [f64; 9] {
+    std::array::from_fn(|k| h[SECOND[k / 3][k % 3]])
+}
 
 /// Value and first derivatives by N variables.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,7 +115,12 @@ impl Jet2 {
     }
     /// ∂²/∂xᵢ∂xⱼ.
     pub fn second(&self, i: usize, j: usize) -> f64 {
-        self.h[AT2[i][j]]
+        self.h[SECOND[i][j]]
+    }
+    /// The Hessian as a full matrix by rows, as [`symmetric_eigen`](crate::linalg::symmetric_eigen)
+    /// takes it.
+    pub fn hessian(&self) -> [f64; 9] {
+        hessian(&self.h)
     }
     fn chain(&self, [f0, f1, f2, _]: [f64; 4]) -> Self {
         let h = std::array::from_fn(|k| {
@@ -151,7 +174,7 @@ impl Jet3 {
     }
     /// ∂²/∂xᵢ∂xⱼ.
     pub fn second(&self, i: usize, j: usize) -> f64 {
-        self.h[AT2[i][j]]
+        self.h[SECOND[i][j]]
     }
     fn order2(&self) -> Jet2 {
         Jet2 {
@@ -163,7 +186,7 @@ impl Jet3 {
     fn chain(&self, f: [f64; 4]) -> Self {
         let low = self.order2().chain(f);
         let [_, f1, f2, f3] = f;
-        let (g, s) = (&self.g, |i: usize, j: usize| self.h[AT2[i][j]]);
+        let (g, s) = (&self.g, |i: usize, j: usize| self.h[SECOND[i][j]]);
         let t = std::array::from_fn(|n| {
             let (i, j, k) = TRIPLES[n];
             f1 * self.t[n]
@@ -189,8 +212,8 @@ impl Jet3 {
     fn product(&self, o: &Self) -> Self {
         let low = self.order2().product(&o.order2());
         let (u, v) = (
-            |i: usize, j: usize| self.h[AT2[i][j]],
-            |i: usize, j: usize| o.h[AT2[i][j]],
+            |i: usize, j: usize| self.h[SECOND[i][j]],
+            |i: usize, j: usize| o.h[SECOND[i][j]],
         );
         let t = std::array::from_fn(|n| {
             let (i, j, k) = TRIPLES[n];
@@ -415,5 +438,20 @@ mod tests {
         assert_eq!((three.v, three.g, three.h), (two.v, two.g, two.h));
         assert_eq!((one.v, one.g), (two.v, two.g));
         assert_eq!(one.v, formula(&AT[0], &AT[1], &AT[2]));
+    }
+
+    #[test]
+    fn tables_lead_back_to_where_derivatives_are_stored() {
+        for i in 0..3 {
+            for j in 0..3 {
+                assert_eq!(PAIRS[SECOND[i][j]], (i.min(j), i.max(j)));
+                for k in 0..3 {
+                    let mut sorted = [i, j, k];
+                    sorted.sort_unstable();
+                    let [a, b, c] = sorted;
+                    assert_eq!(TRIPLES[THIRD[i][j][k]], (a, b, c));
+                }
+            }
+        }
     }
 }

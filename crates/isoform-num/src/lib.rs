@@ -7,7 +7,9 @@
 //! - [`IntervalJet`]: intervals for all derivatives to order 3 over a box.
 //! - [`DoubleDouble`]: twice the digits, where they cancel.
 //! - [`gauss_legendre`]: nodes and weights of Gauss quadrature.
-//! - [`linalg`]: the few dense solvers of small symmetric systems that fitting needs.
+//! - [`linalg`]: the few dense solvers of small symmetric systems that fitting needs; [`Svd`]:
+//!   singular values of small matrices.
+//! - [`Random`]: pseudo-random streams that are the same in every run.
 #![forbid(unsafe_code)]
 
 mod double_double;
@@ -16,11 +18,15 @@ mod interval_jet;
 mod jet;
 pub mod linalg;
 mod quadrature;
+mod random;
 mod real;
+mod svd;
 
 pub use double_double::DoubleDouble;
 pub use interval::Interval;
 pub use interval_jet::IntervalJet;
-pub use jet::{Jet1, Jet2, Jet3};
+pub use jet::{Jet1, Jet2, Jet3, PAIRS, SECOND, THIRD, TRIPLES, hessian};
 pub use quadrature::gauss_legendre;
+pub use random::Random;
 pub use real::Real;
+pub use svd::Svd;

@@ -93,25 +93,47 @@ fn rotate(a: &mut [f64], v: &mut [f64], n: usize, p: usize, q: usize) {
     if apq == 0.0 {
         return;
     }
-    let theta = (a[q * n + q] - a[p * n + p]) / (2.0 * apq);
-    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-    let t = if theta == 0.0 { 1.0 } else { t };
-    let c = 1.0 / (t * t + 1.0).sqrt();
-    let s = t * c;
-    for k in 0..n {
-        let (kp, kq) = (a[k * n + p], a[k * n + q]);
-        a[k * n + p] = c * kp - s * kq;
-        a[k * n + q] = s * kp + c * kq;
+    let rotation = Rotation::diagonalizing(a[p * n + p], a[q * n + q], apq);
+    for row in a.chunks_mut(n) {
+        (row[p], row[q]) = rotation.of(row[p], row[q]);
     }
-    for k in 0..n {
-        let (pk, qk) = (a[p * n + k], a[q * n + k]);
-        a[p * n + k] = c * pk - s * qk;
-        a[q * n + k] = s * pk + c * qk;
+    let (low, high) = a.split_at_mut(q * n);
+    rotation.apply(&mut low[p * n..][..n], &mut high[..n]);
+    for row in v.chunks_mut(n) {
+        (row[p], row[q]) = rotation.of(row[p], row[q]);
     }
-    for k in 0..n {
-        let (kp, kq) = (v[k * n + p], v[k * n + q]);
-        v[k * n + p] = c * kp - s * kq;
-        v[k * n + q] = s * kp + c * kq;
+}
+
+/// A rotation of the plane by an angle of at most 45°.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rotation {
+    cos: f64,
+    sin: f64,
+}
+
+impl Rotation {
+    /// The Jacobi rotation that makes \[\[pp, pq\], \[pq, qq\]\] diagonal, pq ≠ 0: with
+    /// ζ = cot 2φ = (qq − pp)/(2 pq), t = tan φ is the smaller root of t² + 2 ζ t = 1.
+    #[inline]
+    pub(crate) fn diagonalizing(pp: f64, qq: f64, pq: f64) -> Self {
+        let zeta = (qq - pp) / (2.0 * pq);
+        let sign = if zeta >= 0.0 { 1.0 } else { -1.0 };
+        let t = sign / (zeta.abs() + (zeta * zeta + 1.0).sqrt());
+        let cos = 1.0 / (t * t + 1.0).sqrt();
+        Self { cos, sin: t * cos }
+    }
+
+    #[inline]
+    fn of(self, x: f64, y: f64) -> (f64, f64) {
+        (self.cos * x - self.sin * y, self.sin * x + self.cos * y)
+    }
+
+    /// Rotates two vectors of one length within their plane.
+    #[inline]
+    pub(crate) fn apply(self, x: &mut [f64], y: &mut [f64]) {
+        for (x, y) in x.iter_mut().zip(y) {
+            (*x, *y) = self.of(*x, *y);
+        }
     }
 }
 

@@ -1,0 +1,133 @@
+//! Gram matrices of two vectors: the 2 × 2 systems of Gauss–Newton steps.
+//!
+//! The least-squares solution of x u + y v = r, and the combination of two gradients u and v with
+//! given products u·d = e and v·d = f, both lead to the symmetric system
+//!
+//! ```text
+//! | u·u  u·v | |x|   |e|
+//! | u·v  v·v | |y| = |f|
+//! ```
+//!
+//! which Cramer's rule solves.
+
+use crate::{Point3, dot};
+
+/// The matrix ((uu, uv), (uv, vv)) of the products of two vectors.
+///
+/// ```
+/// use isoform_geom::Gram;
+///
+/// // 2 u + 3 v = (2, 5, 0) for u = (1, 1, 0), v = (0, 1, 0); what is normal to both is left out.
+/// let (u, v) = ([1.0, 1.0, 0.0], [0.0, 1.0, 0.0]);
+/// assert_eq!(Gram::of(u, v).shares(u, v, [2.0, 5.0, 7.0]), [2.0, 3.0]);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gram {
+    /// u·u.
+    pub uu: f64,
+    /// u·v.
+    pub uv: f64,
+    /// v·v.
+    pub vv: f64,
+}
+
+impl Gram {
+    /// The matrix of two vectors of space.
+    #[inline]
+    #[must_use]
+    pub fn of(u: Point3, v: Point3) -> Self {
+        Self {
+            uu: dot(u, u),
+            uv: dot(u, v),
+            vv: dot(v, v),
+        }
+    }
+
+    /// uu vv − uv² = |u × v|², but for rounding: it may come out below 0 where u and v are nearly
+    /// parallel.
+    #[inline]
+    #[must_use]
+    pub fn determinant(&self) -> f64 {
+        self.uu * self.vv - self.uv * self.uv
+    }
+
+    /// Whether sin² of the angle of u and v exceeds `share`; false where a product is no number.
+    #[inline]
+    #[must_use]
+    pub fn is_regular(&self, share: f64) -> bool {
+        self.determinant() > share * self.uu * self.vv
+    }
+
+    /// The solution (x, y) of the system with the right-hand side (e, f); not finite where the
+    /// determinant is 0.
+    #[inline]
+    #[must_use]
+    pub fn solve(&self, right: [f64; 2]) -> [f64; 2] {
+        self.solve_over(self.determinant(), right)
+    }
+
+    /// The solution where the determinant counts as at least the least normal number: long, in
+    /// place of infinite, where u and v are parallel. For steps that are cut off anyway.
+    #[inline]
+    #[must_use]
+    pub fn solve_bounded(&self, right: [f64; 2]) -> [f64; 2] {
+        self.solve_over(self.determinant().max(f64::MIN_POSITIVE), right)
+    }
+
+    #[inline]
+    fn solve_over(&self, determinant: f64, [e, f]: [f64; 2]) -> [f64; 2] {
+        [
+            (self.vv * e - self.uv * f) / determinant,
+            (self.uu * f - self.uv * e) / determinant,
+        ]
+    }
+
+    /// The (x, y) for which x u + y v is nearest to r, for the vectors u and v of the matrix.
+    #[inline]
+    #[must_use]
+    pub fn shares(&self, u: Point3, v: Point3, r: Point3) -> [f64; 2] {
+        self.solve([dot(u, r), dot(v, r)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{cross, norm, sub};
+
+    const U: Point3 = [1.0, -0.5, 2.0];
+    const V: Point3 = [0.3, 1.5, -0.25];
+
+    #[test]
+    fn the_determinant_is_the_square_of_an_area() {
+        let area = norm(cross(U, V));
+        assert!((Gram::of(U, V).determinant() - area * area).abs() < 1e-13);
+    }
+
+    /// What is left of r is normal to both vectors.
+    #[test]
+    fn shares_leave_the_normal_part() {
+        let r = [0.7, 0.1, -3.0];
+        let [x, y] = Gram::of(U, V).shares(U, V, r);
+        let rest = sub(r, std::array::from_fn(|k| x * U[k] + y * V[k]));
+        assert!(dot(rest, U).abs() < 1e-14 && dot(rest, V).abs() < 1e-14);
+    }
+
+    /// The combination of two gradients with given products.
+    #[test]
+    fn solutions_have_the_products_that_were_asked_for() {
+        let [x, y] = Gram::of(U, V).solve([0.4, -0.9]);
+        let d: Point3 = std::array::from_fn(|k| x * U[k] + y * V[k]);
+        assert!((dot(U, d) - 0.4).abs() < 1e-14 && (dot(V, d) + 0.9).abs() < 1e-14);
+    }
+
+    #[test]
+    fn parallel_vectors_are_not_regular() {
+        let parallel = Gram::of(U, U.map(|x| -2.0 * x));
+        assert!(!parallel.is_regular(1e-12) && Gram::of(U, V).is_regular(1e-12));
+        assert!(!Gram::of([f64::NAN; 3], V).is_regular(0.0));
+        let zero = Gram::of([0.0; 3], [0.0; 3]);
+        assert_eq!(zero.solve_bounded([0.0; 2]), [0.0; 2]);
+        assert!(zero.solve([0.0; 2])[0].is_nan());
+    }
+}
