@@ -14,7 +14,7 @@ use crate::field::{Algebraic, Element, NumberField};
 use crate::map::Map;
 use crate::univariate::{self, Coefficients};
 use crate::zeros::{Chart, Zero, common_zeros};
-use isoform_algebra::{Poly, RBig};
+use isoform_algebra::{Poly, RBig, RealRoot, decide};
 use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -579,22 +579,25 @@ impl Class {
 impl NearClass {
     /// The root of the field below at which a root of the field above lies.
     fn lies_over(&self, below: &Arc<NumberField>, above: usize) -> usize {
+        /// The bits by which θ gets closer from one attempt to the next.
+        const WORD: usize = 32;
         if Arc::ptr_eq(below, &self.class.field) {
             return above;
         }
         let theta = Algebraic::new(&self.class.field, above, self.theta.clone());
-        for bits in (32..).step_by(32) {
-            let (lo, hi) = theta.interval(bits);
-            // θ is one of the roots: the only one that is not apart from the interval.
-            let apart = |r: &isoform_algebra::RealRoot| {
-                r.cmp_rational(&lo).is_lt() || r.cmp_rational(&hi).is_gt()
-            };
-            let roots = below.real_roots().iter().enumerate();
-            let mut candidates = roots.filter(|(_, r)| !apart(r));
-            if let (Some((root, _)), None) = (candidates.next(), candidates.next()) {
-                return root;
-            }
-        }
-        unreachable!("the interval shrinks until one root is left")
+        decide(
+            WORD,
+            |bits| bits + WORD,
+            |bits| {
+                let (lo, hi) = theta.interval(bits);
+                // θ is one of the roots: the only one that is not apart from the interval.
+                let is_apart =
+                    |r: &RealRoot| r.cmp_rational(&lo).is_lt() || r.cmp_rational(&hi).is_gt();
+                let roots = below.real_roots().iter().enumerate();
+                let mut candidates = roots.filter(|(_, r)| !is_apart(r));
+                let (root, _) = candidates.next()?;
+                candidates.next().is_none().then_some(root)
+            },
+        )
     }
 }

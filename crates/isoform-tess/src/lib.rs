@@ -45,7 +45,6 @@ mod singular;
 mod surface;
 mod tangents;
 mod triangulate;
-mod union_find;
 mod univariate;
 mod zeros;
 

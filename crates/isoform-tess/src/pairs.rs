@@ -577,7 +577,7 @@ mod tests {
     /// Geometry of Three Dimensions*, on the surfaces of which the plane is an image).
     #[test]
     fn sections_of_general_maps() {
-        let mut stream = Stream(3);
+        let mut stream = Stream::new(3);
         for n in [2, 3, 4] {
             let pairs = Pairs::new(&dense(n), 2.0);
             let plane: Plane = stream.complex();
@@ -603,7 +603,7 @@ mod tests {
     #[test]
     fn parts_and_derivatives() {
         let pairs = Pairs::new(&dense(4), 1.0);
-        let mut stream = Stream(9);
+        let mut stream = Stream::new(9);
         for size in [1.0, 0.03, 0.015, 1e-6, 0.0] {
             let pair = Pair {
                 m: normalised(&stream.complex()),

@@ -218,7 +218,7 @@ fn distinct(source: &Source, points: impl IntoIterator<Item = V>) -> Vec<V> {
 
 /// The plane whose section is computed first.
 pub(super) fn general_plane() -> Plane {
-    Stream(PLANE_SEED).complex()
+    Stream::new(PLANE_SEED).complex()
 }
 
 impl Source {
@@ -237,7 +237,7 @@ impl Source {
         plane: &Plane,
         control: &Control<'_>,
     ) -> Result<bool, Stopped> {
-        let mut stream = Stream(LINES_SEED);
+        let mut stream = Stream::new(LINES_SEED);
         for _ in 0..TRIES {
             let lines = Lines::new(self.degree, &mut stream);
             let path = lines.to(plane);
@@ -267,7 +267,7 @@ impl Source {
     /// The section by a plane, from the section by the plane before and if need be from the general
     /// one.
     pub(super) fn section_by(&self, plane: &Plane, before: Option<(&Plane, &[V])>) -> Vec<V> {
-        let mut stream = Stream(BETWEEN_SEED);
+        let mut stream = Stream::new(BETWEEN_SEED);
         let general = general_plane();
         let mut found = Vec::new();
         let known = (&general, &self.section[..]);

@@ -2,6 +2,7 @@
 
 use super::source::{Image, Source, Values, real_image};
 use crate::complex::{C, V, along, dot, frame, in_frame, normalised};
+use isoform_num::Svd;
 
 /// Most steps of Gauss–Newton.
 const STEPS: usize = 12;
@@ -26,10 +27,6 @@ const DONE: f64 = 1e-10;
 const NEARLY_DONE: f64 = 1e-6;
 /// Steps that are not shorter than this share of the step before do not converge quadratically.
 const STALLED: f64 = 0.3;
-/// Most sweeps of rotations: they converge quadratically, too.
-const SWEEPS: usize = 30;
-/// Columns whose cosine is below this are orthogonal to rounding.
-const ORTHOGONAL: f64 = 1e-15;
 
 /// A real point of space on the image of a source: a solution of f = 0, Im φ = 0.
 #[derive(Clone, Copy, Debug)]
@@ -57,66 +54,6 @@ impl State {
     pub(super) fn reversed(mut self) -> Self {
         self.tangent = self.tangent.map(|c| -c);
         self
-    }
-}
-
-/// A singular value, its right singular vector, and the product of its left singular vector with the
-/// right-hand side.
-type Singular = (f64, [f64; 4], f64);
-
-/// The singular values of a matrix of five rows, given by its four columns, in descending order: by
-/// rotations of the columns (M. R. Hestenes, 1958), which find small values to their own precision.
-fn singular_values(mut columns: [[f64; 5]; 4], right: &[f64; 5]) -> [Singular; 4] {
-    let mut vectors: [[f64; 4]; 4] = Default::default();
-    for (i, row) in vectors.iter_mut().enumerate() {
-        row[i] = 1.0;
-    }
-    for _ in 0..SWEEPS {
-        let mut is_rotated = false;
-        for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
-            if let Some((c, s)) = rotation(&columns[i], &columns[j]) {
-                is_rotated = true;
-                rotate(&mut columns, [i, j], c, s);
-                rotate(&mut vectors, [i, j], c, s);
-            }
-        }
-        if !is_rotated {
-            break;
-        }
-    }
-    let mut found = [0, 1, 2, 3].map(|i| {
-        let size = product(&columns[i], &columns[i]).sqrt();
-        let share = if size > 0.0 {
-            product(&columns[i], right) / size
-        } else {
-            0.0
-        };
-        (size, vectors[i], share)
-    });
-    found.sort_by(|x, y| y.0.total_cmp(&x.0));
-    found
-}
-
-fn product(x: &[f64; 5], y: &[f64; 5]) -> f64 {
-    (0..5).map(|k| x[k] * y[k]).sum::<f64>()
-}
-
-/// The cosine and the sine of the rotation that makes two columns orthogonal, unless they are.
-fn rotation(a: &[f64; 5], b: &[f64; 5]) -> Option<(f64, f64)> {
-    let (p, q, r) = (product(a, a), product(b, b), product(a, b));
-    if r.abs() <= ORTHOGONAL * (p * q).sqrt() || r == 0.0 {
-        return None;
-    }
-    let zeta = (q - p) / (2.0 * r);
-    let t = zeta.signum() / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
-    let c = 1.0 / (1.0 + t * t).sqrt();
-    Some((c, c * t))
-}
-
-fn rotate<const N: usize>(rows: &mut [[f64; N]; 4], [i, j]: [usize; 2], c: f64, s: f64) {
-    for k in 0..N {
-        let (x, y) = (rows[i][k], rows[j][k]);
-        (rows[i][k], rows[j][k]) = (c * x - s * y, s * x + c * y);
     }
 }
 
@@ -207,13 +144,18 @@ impl Linearised {
     }
 }
 
+/// The singular values of the linearised equations.
+type Singular = Svd<[f64; 5], 4>;
+
 /// The shortest step to a solution, along three singular vectors: the fourth is the tangent.
-fn shortest_step(found: &[Singular; 4]) -> [f64; 4] {
+fn shortest_step(svd: &Singular, right: &[f64; 5]) -> [f64; 4] {
     let mut d = [0.0; 4];
-    for (size, vector, product) in &found[..3] {
-        if *size > NO_VALUE {
+    for k in 0..3 {
+        let size = svd.values[k];
+        if size > NO_VALUE {
+            let share = svd.along(k, right);
             for i in 0..4 {
-                d[i] -= product / size * vector[i];
+                d[i] -= share / size * svd.right[k][i];
             }
         }
     }
@@ -228,17 +170,17 @@ impl Source {
         let mut last = f64::INFINITY;
         for _ in 0..STEPS {
             let system = Linearised::at(self, &p)?;
-            let found = singular_values(system.columns, &system.right);
+            let svd = Singular::new(system.columns);
             let residual = system.residual();
             if is_done || residual < system.rounding {
                 let is_solution = residual < RESIDUAL + ROUNDINGS * system.rounding;
                 return is_solution.then(|| State {
                     p,
-                    tangent: system.vector(&found[3].1),
+                    tangent: system.vector(&svd.right[3]),
                     image: system.image,
                 });
             }
-            let d = shortest_step(&found);
+            let d = shortest_step(&svd, &system.right);
             let size = d.iter().map(|x| x * x).sum::<f64>().sqrt();
             if !size.is_finite() || size > FARTHEST || size > (LONGER * last).max(SHORT) {
                 return None;
@@ -258,27 +200,6 @@ impl Source {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The columns are orthogonal, of lengths 4, 3, 2, 1 in some order: these are the singular
-    /// values; mixed by a rotation they still are.
-    #[test]
-    fn singular_values_of_a_rotated_diagonal() {
-        let mut columns = [[0.0; 5]; 4];
-        for (i, size) in [2.0, 4.0, 1.0, 3.0].into_iter().enumerate() {
-            columns[i][i + 1] = size;
-        }
-        rotate(&mut columns, [0, 1], 0.6, 0.8);
-        rotate(&mut columns, [1, 3], 0.8, -0.6);
-        let right = [0.0, 1.0, 0.0, 0.0, 0.0];
-        let found = singular_values(columns, &right);
-        for (k, (size, vector, _)) in found.iter().enumerate() {
-            assert!((size - (4 - k) as f64).abs() < 1e-14, "{size}");
-            let length = vector.iter().map(|x| x * x).sum::<f64>();
-            assert!((length - 1.0).abs() < 1e-14);
-        }
-        let shares = found.map(|f| f.2.abs());
-        assert!((shares[2] - 1.0).abs() < 1e-14, "{shares:?}");
-    }
 
     #[test]
     fn reflections_are_orthogonal() {

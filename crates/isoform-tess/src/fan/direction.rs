@@ -1,5 +1,7 @@
 //! Directions at a node, up to sign, and the rays that lead there.
 
+use isoform_geom::plane::{cross, dot};
+
 /// The name of a point of a seam: its node, and the direction.
 pub(crate) type Key = (usize, [u64; 2]);
 
@@ -7,16 +9,6 @@ pub(crate) type Key = (usize, [u64; 2]);
 /// a direction. Larger, and two tangents become one; smaller, and one tangent found in two ways is
 /// two.
 const SAME_DIRECTION: f64 = 1e-12;
-
-/// The cross product of two vectors: positive if the second is counterclockwise of the first.
-pub(super) fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
-    a[0] * b[1] - a[1] * b[0]
-}
-
-/// The scalar product of two vectors.
-pub(super) fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
-}
 
 /// A direction (a, b) of length 1 in the local coordinates of a node, b > 0 or b = 0 < a.
 #[derive(Clone, Debug)]

@@ -1,9 +1,10 @@
 //! The coordinates of a base point's nodes, and those of the unit triangles.
 
 use super::Fan;
-use super::direction::{Direction, Key, cross, dot};
+use super::direction::{Direction, Key};
 use super::node::lifts;
 use isoform_algebra::QUADRANTS;
+use isoform_geom::plane::{cross, dot};
 
 /// The distance from its node, in the node's coordinates, at which a ray of a tree is taken to
 /// begin: near enough for the base point's own coordinates to tell rays apart by order, and a power

@@ -1,8 +1,8 @@
 //! Whether W keeps its sign in a sector.
 
-use super::direction::{cross, dot};
 use super::node::Form;
 use super::{Fan, Sector};
+use isoform_geom::plane::{cross, dot};
 
 /// A proof that a polynomial keeps its sign on a triangle, of which the first corner may be the
 /// origin.

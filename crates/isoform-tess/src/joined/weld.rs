@@ -5,8 +5,8 @@ use crate::claim::Claim;
 use crate::finding::Finding;
 use crate::patch::Patch;
 use crate::surface::Surface;
-use crate::union_find::UnionFind;
 use isoform_algebra::RBig;
+use isoform_geom::UnionFind;
 use std::collections::BTreeMap;
 
 /// A vertex of the surface of a patch.

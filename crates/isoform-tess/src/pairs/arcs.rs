@@ -197,7 +197,7 @@ pub(crate) fn arcs(
     control: &Control<'_>,
 ) -> Result<Arcs, Stopped> {
     let mut found = Arcs::default();
-    let mut stream = Stream(SEED);
+    let mut stream = Stream::new(SEED);
     let general: Plane = stream.complex();
     if expected.parameters == 0 {
         return Ok(found);

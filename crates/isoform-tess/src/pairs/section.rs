@@ -52,7 +52,7 @@ impl Pairs {
         expected: &Expected,
         control: &Control<'_>,
     ) -> Result<Section, Stopped> {
-        let mut stream = Stream(SEED);
+        let mut stream = Stream::new(SEED);
         let mut section = self.seeds(plane, expected, &mut stream, control)?;
         let mut in_vain = 0;
         for _ in 0..LOOPS {

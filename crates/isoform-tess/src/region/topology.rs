@@ -17,8 +17,8 @@
 //! ```
 
 use super::{Cell, Region, Triangle};
-use crate::union_find::UnionFind;
 use isoform_algebra::{Arc, QUADRANTS};
+use isoform_geom::UnionFind;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The topology of a region: of the surface in the box as far as no two parameters have the same
