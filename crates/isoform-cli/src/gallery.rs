@@ -1,22 +1,10 @@
-//! The templates that the program carries: one file each in examples/templates/.
+//! The templates of the gallery by their names, and what could be meant by a name that none has.
 
 use crate::model::{self, Language};
 use crate::output::{Context, Failure};
 use isoform::field::hyperfun::Model;
 use serde_json::{Value, json};
 use std::path::Path;
-
-/// Names and programs, in alphabetical order.
-static GALLERY: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/gallery.rs"));
-
-/// The program of that name; letters fold, and an ending .hf does not matter.
-fn program(name: &str) -> Option<(&'static str, &'static str)> {
-    let name = name.strip_suffix(".hf").unwrap_or(name);
-    GALLERY
-        .iter()
-        .copied()
-        .find(|(n, _)| n.eq_ignore_ascii_case(name))
-}
 
 /// Reads a template: the file if there is one, else the one of that name in the gallery.
 pub(crate) fn template(
@@ -26,8 +14,8 @@ pub(crate) fn template(
 ) -> Result<Model, Failure> {
     if !path.exists() && path != Path::new("-") {
         let name = path.to_string_lossy();
-        if let Some((name, text)) = program(&name) {
-            return model::parse(Path::new(name), text, language, context);
+        if let Some(found) = isoform::template(&name) {
+            return model::parse(Path::new(found.name), found.program, language, context);
         }
         let failure = Failure::input(
             "template",
@@ -45,7 +33,7 @@ pub(crate) fn template(
 
 /// The names of the templates.
 pub(crate) fn names() -> Vec<&'static str> {
-    GALLERY.iter().map(|g| g.0).collect()
+    isoform::templates().map(|t| t.name).collect()
 }
 
 /// What could be meant by a name: the templates, and the programs in the folder that it names.
@@ -122,9 +110,15 @@ fn edits(a: &str, b: &str) -> usize {
 pub(crate) fn list(context: &Context) -> Result<(String, Value), Failure> {
     let mut text = String::new();
     let mut rows = Vec::new();
-    let width = GALLERY.iter().map(|g| g.0.len()).max().unwrap_or(0);
-    for (name, program) in GALLERY {
-        let model = model::parse(Path::new(name), program, &Language::default(), context)?;
+    let width = names().iter().map(|name| name.len()).max().unwrap_or(0);
+    for template in isoform::templates() {
+        let name = template.name;
+        let model = model::parse(
+            Path::new(name),
+            template.program,
+            &Language::default(),
+            context,
+        )?;
         let parameters: Vec<&str> = model.params().iter().map(|p| p.name.as_str()).collect();
         let fits = model.info().fits.clone().unwrap_or_default();
         text += &format!(
@@ -132,9 +126,14 @@ pub(crate) fn list(context: &Context) -> Result<(String, Value), Failure> {
             "",
             parameters.join(", ")
         );
-        rows.push(json!({"name": name, "title": model.info().title, "fits": fits, "parameters": parameters}));
+        rows.push(json!({
+            "name": name,
+            "title": model.info().title,
+            "fits": fits,
+            "parameters": parameters,
+        }));
     }
-    if GALLERY.is_empty() {
+    if rows.is_empty() {
         text += "this build carries no templates\n";
     }
     Ok((text, json!({"templates": rows})))

@@ -4,9 +4,9 @@ use crate::fit::table::brief;
 use crate::mesh::{document, table};
 use crate::output::{Context, DONE, Failure, Outcome};
 use crate::scan;
+use isoform::check::{Options, certify};
 use isoform::io::{Inspection, MeshPoints, inspect};
 use isoform::mesh::Control;
-use isoform::mesh::check::{Options, certify};
 use serde_json::json;
 use std::path::PathBuf;
 

@@ -7,14 +7,10 @@ use crate::mesh::work::{self, Made, Subject};
 use crate::mesh::{self, files::Target};
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, Outcome};
-use isoform::io::{ReadOptions, Source, read};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// A scanned cup; see examples/scans/README.md.
-static SCAN: &[u8] = include_bytes!("../../../examples/scans/ycb_065-d_cup.ply");
-const SCAN_NAME: &str = "ycb_065-d_cup.ply";
 const TEMPLATE: &str = "cup";
 const FOLDER: &str = "isoform-recover";
 
@@ -63,7 +59,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = mesh::files::targets(&meshes, None, context)?;
     let scan = match &args.scan {
         Some(path) => job::read_scan(path, None, None, context)?,
-        None => embedded()?,
+        None => embedded(),
     };
     let mut job = output::stage("fit", || job::run_model(scan, &model, &request, context))?;
     let written = files::write(&mut job, &outputs, context)?;
@@ -115,7 +111,7 @@ fn fitted_mesh(
     targets: &[Target],
     context: &Context,
 ) -> Result<Made, Failure> {
-    let fitted = model::silently(&job.program(), language);
+    let fitted = model::silently(&job.found.program(), language);
     let model = fitted.map_err(|e| {
         Failure::internal("fitted program").why(format!("it cannot be read: {}", e.message))
     })?;
@@ -155,18 +151,13 @@ fn default_outputs(context: &Context) -> Result<Vec<PathBuf>, Failure> {
     Ok(files.into())
 }
 
-fn embedded() -> Result<job::Scan, Failure> {
+fn embedded() -> job::Scan {
     let started = Instant::now();
-    let source = Source::Bytes {
-        name: SCAN_NAME,
-        bytes: SCAN,
-    };
-    let (cloud, report) = read(source, None, &ReadOptions::default())
-        .map_err(|e| crate::scan::unreadable(Path::new(SCAN_NAME), &e))?;
-    Ok(job::Scan {
-        name: SCAN_NAME.to_owned(),
+    let (cloud, report) = isoform::example_scan();
+    job::Scan {
+        name: isoform::EXAMPLE_SCAN.to_owned(),
         cloud,
         report,
         seconds: started.elapsed().as_secs_f64(),
-    })
+    }
 }

@@ -101,7 +101,7 @@ impl Default for Options {
             loss: Loss::Auto,
             start: None,
             bounds: Vec::new(),
-            seed: 2004,
+            seed: 1,
             search_points: 512,
             confirm_points: 2048,
             least_starts: 4,

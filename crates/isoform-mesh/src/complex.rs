@@ -3,11 +3,31 @@
 //! Every operation of the mesher (splitting an edge, removing one, a flip, a collapse) takes some
 //! tetrahedra out and puts others into the same cavity: [`Complex::replace`] is the only place
 //! where neighbours are written, so they cannot get out of step.
+//!
+//! Words used here, and in all rooms that work on the complex:
+//! - the *star* of a vertex: all tetrahedra that have it as a corner;
+//! - the *ring* of an edge: all tetrahedra that have it as an edge, in order around it;
+//! - the *link* of an edge: the vertices of its ring but for its ends, in the same order;
+//! - a *cavity*: the room that some tetrahedra leave and others fill;
+//! - the *label* of a face on the boundary: the piece of the solid that it lies on.
+//!
+//! ```text
+//!        l1 ---- l2          The ring of an edge that stands upright on this page: its
+//!       /  \    /  \         tetrahedra are (a, b, l0, l1), (a, b, l1, l2), ... for the ends a
+//!      /    \  /    \        and b, its link is l0, l1, l2, ... An edge on the boundary has an
+//!    l0 ---- ab ---- l3      open ring: its link has one vertex more than it has tetrahedra.
+//! ```
 
+mod cavity;
+mod fans;
+mod neighbours;
+
+use cavity::Cavity;
+pub(crate) use cavity::label_in;
 use isoform_control::Control;
-use isoform_geom::{Point3, TET_FACES, TRIANGLE_EDGES};
+use isoform_geom::{Point3, TET_FACES, TRIANGLE_EDGES, norm, sub};
 use rayon::prelude::*;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 /// No tetrahedron, no vertex.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -15,9 +35,11 @@ pub(crate) const NONE: u32 = u32::MAX;
 pub(crate) const BOUNDARY: u32 = 1 << 31;
 /// The label of a boundary face that is no part of the solid's surface.
 pub(crate) const OPEN: u32 = BOUNDARY | (BOUNDARY - 2);
-
 /// The label of a face of the solid's surface that lies on no single piece.
 pub(crate) const STRAY: u32 = BOUNDARY - 3;
+/// Faces or tetrahedra up to which a list is searched from its front, which is faster than a table
+/// as long as lists are short; cavities and stars seldom hold more than some dozens.
+const FEW: usize = 200;
 
 /// Tetrahedra with neighbours. Slots are reused; a tetrahedron whose first vertex is [`NONE`] is
 /// not there.
@@ -29,27 +51,33 @@ pub(crate) struct Complex {
     pub(crate) adjacent: Vec<[u32; 4]>,
     /// One tetrahedron of each vertex, [`NONE`] where there is none.
     pub(crate) tet_of: Vec<u32>,
+    /// Slots without a tetrahedron.
     free: Vec<u32>,
+    /// The epoch in which each tetrahedron was met last.
     marks: Vec<u32>,
     epoch: u32,
-    /// Outer faces of the cavity: sorted vertices, neighbour.
-    outer: Vec<([u32; 3], u32)>,
-    inner: Vec<([u32; 3], u32)>,
+    /// Room to work in for [`Complex::replace`].
+    cavity: Cavity,
     /// Slots of tetrahedra that were put in or got other faces on the boundary, where that is kept:
     /// some may be empty again.
     pub(crate) log: Option<Vec<u32>>,
 }
 
-/// Vertices between two looks at the clock, where neighbours are sought: some milliseconds.
-const LOOK: usize = 1 << 12;
-
 /// The edges of a tetrahedron, by the places of their ends.
 pub(crate) const EDGES: [(usize, usize); 6] = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
 
+/// A face of the solid's surface: its vertices, outward, and its label.
+pub(crate) type Face = ([u32; 3], u32);
+
+/// The ends of an edge, lower vertex first.
+#[inline]
+pub(crate) fn edge(a: u32, b: u32) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
 /// The edges of labelled triangles, lower vertex first, each with its triangle's label; sorted, so
-/// that those of one edge stand together.
-pub(crate) fn labelled_edges(faces: impl Iterator<Item = ([u32; 3], u32)>) -> Vec<([u32; 2], u32)> {
-    let edge = |a: u32, b: u32| [a.min(b), a.max(b)];
+/// that all entries of one edge stand together.
+pub(crate) fn labelled_edges(faces: impl Iterator<Item = Face>) -> Vec<([u32; 2], u32)> {
     let mut edges: Vec<_> = faces
         .flat_map(|(f, label)| TRIANGLE_EDGES.map(|[i, j]| (edge(f[i], f[j]), label)))
         .collect();
@@ -57,6 +85,8 @@ pub(crate) fn labelled_edges(faces: impl Iterator<Item = ([u32; 3], u32)>) -> Ve
     edges
 }
 
+/// The vertices of a face in ascending order, by which it is found.
+#[inline]
 fn sorted(mut f: [u32; 3]) -> [u32; 3] {
     f.sort_unstable();
     f
@@ -73,61 +103,25 @@ pub(crate) struct Ring {
     pub(crate) closed: bool,
 }
 
+impl Ring {
+    /// The first and the last tetrahedron, each with the vertex of the link at its outer end. In an
+    /// open ring these hold the two faces of the boundary at the edge.
+    pub(crate) fn ends(&self) -> [(u32, u32); 2] {
+        let (t, l) = (self.tets.len() - 1, self.link.len() - 1);
+        [(self.tets[0], self.link[0]), (self.tets[t], self.link[l])]
+    }
+}
+
 impl Complex {
     /// From vertices and positive tetrahedra; boundary faces are [`OPEN`].
     pub(crate) fn new(points: Vec<Point3>, tets: Vec<[u32; 4]>) -> Self {
         Self::within(points, tets, &Control::default())
     }
 
-    /// The same. On a stop by `control` neighbours are missing.
+    /// From vertices and positive tetrahedra, like [`Self::new`]. On a stop by `control` neighbours
+    /// are missing.
     pub(crate) fn within(points: Vec<Point3>, tets: Vec<[u32; 4]>, control: &Control<'_>) -> Self {
-        // Faces by their lowest vertex: few have the same one, so that partners are found by
-        // comparing them all.
-        let mut from = vec![0u32; points.len() + 1];
-        let key = |t: usize, i: usize| sorted(TET_FACES[i].map(|k| tets[t][k]));
-        for v in &tets {
-            for f in TET_FACES {
-                from[f.iter().map(|&k| v[k]).min().expect("three") as usize] += 1;
-            }
-        }
-        let mut sum = 0;
-        for n in &mut from {
-            sum += *n;
-            *n = sum;
-        }
-        let mut faces = vec![([0u32; 2], 0u32); tets.len() * 4];
-        for t in 0..tets.len() {
-            for i in 0..4 {
-                let [a, b, c] = key(t, i);
-                from[a as usize] -= 1;
-                faces[from[a as usize] as usize] = ([b, c], (t * 4 + i) as u32);
-            }
-        }
-        let mut adjacent = vec![[OPEN; 4]; tets.len()];
-        for (lowest, w) in from.windows(2).enumerate() {
-            if lowest.is_multiple_of(LOOK) && control.is_stopped() {
-                break;
-            }
-            let same = &mut faces[w[0] as usize..w[1] as usize];
-            if same.len() > 200 {
-                same.sort_unstable();
-            }
-            for (k, a) in same.iter().enumerate() {
-                if adjacent[a.1 as usize / 4][a.1 as usize % 4] != OPEN {
-                    continue;
-                }
-                let after = &same[k + 1..];
-                let near = if same.len() > 200 {
-                    &after[..after.len().min(1)]
-                } else {
-                    after
-                };
-                if let Some(b) = near.iter().find(|b| b.0 == a.0) {
-                    adjacent[a.1 as usize / 4][a.1 as usize % 4] = b.1 / 4;
-                    adjacent[b.1 as usize / 4][b.1 as usize % 4] = a.1 / 4;
-                }
-            }
-        }
+        let adjacent = neighbours::of(points.len(), &tets, control);
         let mut tet_of = vec![NONE; points.len()];
         for (t, v) in tets.iter().enumerate() {
             for &k in v {
@@ -145,102 +139,101 @@ impl Complex {
         }
     }
 
-    /// Gives every further fan of tetrahedra at a vertex of the boundary (they share the vertex,
-    /// and no chain of faces joins them) a vertex of its own, except where faces are open: there
-    /// the rest of the lattice joins them. Returns the vertices that were copied, in the order of
-    /// the copies.
-    pub(crate) fn separate(&mut self) -> Vec<u32> {
-        let (mut on_boundary, mut on_open) = (
-            vec![false; self.points.len()],
-            vec![false; self.points.len()],
-        );
-        for t in self.live() {
-            for i in 0..4 {
-                let n = self.adjacent[t as usize][i];
-                if n >= BOUNDARY {
-                    self.face(t, i)
-                        .into_iter()
-                        .for_each(|v| on_boundary[v as usize] = true);
-                }
-                if n == OPEN {
-                    self.face(t, i)
-                        .into_iter()
-                        .for_each(|v| on_open[v as usize] = true);
-                }
-            }
-        }
-        on_boundary
-            .iter_mut()
-            .zip(on_open)
-            .for_each(|(b, open)| *b &= !open);
-        let mut seen = vec![[false; 4]; self.tets.len()];
-        let mut has_fan = vec![false; self.points.len()];
-        let (mut copied, mut fan) = (Vec::new(), Vec::new());
-        let live: Vec<u32> = self.live().collect();
-        for t in live {
-            for i in 0..4 {
-                let v = self.tets[t as usize][i];
-                if !on_boundary[v as usize] || seen[t as usize][i] {
-                    continue;
-                }
-                fan.clear();
-                fan.push((t, i));
-                seen[t as usize][i] = true;
-                let mut next = 0;
-                while let Some(&(t, i)) = fan.get(next) {
-                    next += 1;
-                    for j in (0..4).filter(|&j| j != i) {
-                        let n = self.adjacent[t as usize][j];
-                        if n < BOUNDARY {
-                            let k = self.place(n, v);
-                            if !std::mem::replace(&mut seen[n as usize][k], true) {
-                                fan.push((n, k));
-                            }
-                        }
-                    }
-                }
-                if std::mem::replace(&mut has_fan[v as usize], true) {
-                    let copy = self.add_point(self.points[v as usize]);
-                    on_boundary.push(true);
-                    has_fan.push(true);
-                    copied.push(v);
-                    fan.iter()
-                        .for_each(|&(t, i)| self.tets[t as usize][i] = copy);
-                    self.tet_of[copy as usize] = fan[0].0;
-                } else {
-                    self.tet_of[v as usize] = t;
-                }
-            }
-        }
-        copied
-    }
-
+    #[inline]
     pub(crate) fn is_there(&self, t: u32) -> bool {
         self.tets[t as usize][0] != NONE
     }
+
+    /// Where a vertex stands in space.
+    #[inline]
+    pub(crate) fn point(&self, v: u32) -> Point3 {
+        self.points[v as usize]
+    }
+
+    #[inline]
     pub(crate) fn corners(&self, t: u32) -> [Point3; 4] {
         self.tets[t as usize].map(|v| self.points[v as usize])
     }
+
     /// The mean of the vertices.
     pub(crate) fn middle(&self, t: u32) -> Point3 {
         let c = self.corners(t);
         std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i]))
     }
+
+    /// The edges of a tetrahedron, lower vertex first.
+    #[inline]
+    pub(crate) fn edges(&self, t: u32) -> [[u32; 2]; 6] {
+        let v = self.tets[t as usize];
+        EDGES.map(|(i, j)| edge(v[i], v[j]))
+    }
+
+    /// The distance of two vertices.
+    #[inline]
+    pub(crate) fn edge_length(&self, a: u32, b: u32) -> f64 {
+        norm(sub(self.points[a as usize], self.points[b as usize]))
+    }
+
     pub(crate) fn add_point(&mut self, p: Point3) -> u32 {
         self.points.push(p);
         self.tet_of.push(NONE);
         self.points.len() as u32 - 1
     }
+
     /// Where the vertex stands in the tetrahedron.
+    #[inline]
     pub(crate) fn place(&self, t: u32, v: u32) -> usize {
         self.tets[t as usize]
             .iter()
             .position(|&k| k == v)
             .expect("a vertex of the tetrahedron")
     }
+
     /// The face opposite to vertex `i` of tetrahedron `t`, outward.
+    #[inline]
     pub(crate) fn face(&self, t: u32, i: usize) -> [u32; 3] {
         TET_FACES[i].map(|k| self.tets[t as usize][k])
+    }
+
+    /// The label of the face opposite to vertex `i` of tetrahedron `t`, if it lies on the solid's
+    /// surface.
+    #[inline]
+    pub(crate) fn label(&self, t: u32, i: usize) -> Option<u32> {
+        let n = self.adjacent[t as usize][i];
+        (n >= BOUNDARY && n != OPEN).then_some(n & !BOUNDARY)
+    }
+
+    /// The label of the face of tetrahedron `t` with the vertices given, if it is one on the
+    /// solid's surface.
+    pub(crate) fn label_of(&self, t: u32, face: [u32; 3]) -> Option<u32> {
+        let i = (0..4).find(|&i| !face.contains(&self.tets[t as usize][i]))?;
+        self.label(t, i)
+    }
+
+    /// The labels of the two faces of the solid's surface at the edge from `a` to `b`, whose ring
+    /// is open.
+    pub(crate) fn labels_beside(&self, ring: &Ring, a: u32, b: u32) -> Option<[u32; 2]> {
+        let [first, last] = ring.ends();
+        let first = self.label_of(first.0, [a, b, first.1])?;
+        Some([first, self.label_of(last.0, [a, b, last.1])?])
+    }
+
+    /// The labelled faces of the solid's surface, outward.
+    pub(crate) fn faces(&self) -> Vec<Face> {
+        let mut faces = Vec::new();
+        for t in self.live() {
+            for i in 0..4 {
+                if let Some(label) = self.label(t, i) {
+                    faces.push((self.face(t, i), label));
+                }
+            }
+        }
+        faces
+    }
+
+    /// The tetrahedra that are there.
+    pub(crate) fn live(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..self.tets.len() as u32).filter(|&t| self.is_there(t))
     }
 
     fn next_epoch(&mut self) -> u32 {
@@ -262,11 +255,11 @@ impl Complex {
         self.marks = marks;
     }
 
-    /// The same without marks, for several threads at once; stars are small.
+    /// All tetrahedra at the vertex, found without marks, so that several threads may ask at once.
     pub(crate) fn star_shared(&self, v: u32, out: &mut Vec<u32>) {
         let mut many = HashSet::new();
         self.spread(v, out, |n, out| {
-            if out.len() < 200 {
+            if out.len() < FEW {
                 return !out.contains(&n);
             }
             if many.is_empty() {
@@ -297,6 +290,29 @@ impl Complex {
                 }
             }
         }
+    }
+
+    /// The vertices of the stars of those given, each once.
+    pub(crate) fn vertices_around(&mut self, vertices: &[u32]) -> Vec<u32> {
+        let (mut around, mut star) = (Vec::new(), Vec::new());
+        for &v in vertices {
+            self.star(v, &mut star);
+            around.extend(star.iter().flat_map(|&t| self.tets[t as usize]));
+        }
+        crate::points::unique(around)
+    }
+
+    /// Whether an edge joins two vertices.
+    pub(crate) fn are_neighbours(&self, a: u32, b: u32) -> bool {
+        self.shared_tet(a, b).is_some()
+    }
+
+    /// A tetrahedron with both vertices.
+    fn shared_tet(&self, a: u32, b: u32) -> Option<u32> {
+        let mut star = Vec::with_capacity(64);
+        self.star_shared(a, &mut star);
+        star.into_iter()
+            .find(|&t| self.tets[t as usize].contains(&b))
     }
 
     /// The tetrahedra around the edge from vertex `a` to `b` of tetrahedron `t`.
@@ -333,11 +349,7 @@ impl Complex {
 
     /// The tetrahedra around the edge from `a` to `b`; false if there is no such edge.
     pub(crate) fn ring_of(&self, a: u32, b: u32, ring: &mut Ring) -> bool {
-        let mut star = Vec::with_capacity(64);
-        self.star_shared(a, &mut star);
-        let found = star
-            .into_iter()
-            .find(|&t| self.tets[t as usize].contains(&b));
+        let found = self.shared_tet(a, b);
         if let Some(t) = found {
             self.ring(t, a, b, ring);
         }
@@ -365,163 +377,6 @@ impl Complex {
             ring.link.push(fresh);
             (at, from, over) = (next, over, fresh);
         }
-    }
-
-    /// Puts the tetrahedra `new` in the place of `old`, which fill the same cavity (or one that
-    /// differs by boundary faces). The new boundary faces get the label that `label` gives for
-    /// their vertices (sorted). Slots of the new ones go to `made`.
-    pub(crate) fn replace(
-        &mut self,
-        old: &[u32],
-        new: &[[u32; 4]],
-        mut label: impl FnMut([u32; 3]) -> u32,
-        made: &mut Vec<u32>,
-    ) {
-        let epoch = self.next_epoch();
-        for &t in old {
-            self.marks[t as usize] = epoch;
-        }
-        let (mut outer, mut inner) = (
-            std::mem::take(&mut self.outer),
-            std::mem::take(&mut self.inner),
-        );
-        outer.clear();
-        inner.clear();
-        for &t in old {
-            for i in 0..4 {
-                let n = self.adjacent[t as usize][i];
-                if n >= BOUNDARY || self.marks[n as usize] != epoch {
-                    outer.push((sorted(self.face(t, i)), n));
-                }
-            }
-        }
-        // Neighbours of boundary labels are found by their faces; those of tetrahedra are turned to
-        // the new ones below.
-        for &t in old {
-            for k in self.tets[t as usize] {
-                self.tet_of[k as usize] = NONE;
-            }
-            self.tets[t as usize] = [NONE; 4];
-            self.free.push(t);
-        }
-        made.clear();
-        for v in new {
-            let t = self.free.pop().unwrap_or_else(|| {
-                self.tets.push([NONE; 4]);
-                self.adjacent.push([OPEN; 4]);
-                self.marks.push(0);
-                self.tets.len() as u32 - 1
-            });
-            self.tets[t as usize] = *v;
-            made.push(t);
-        }
-        // Cavities are small as a rule, and a list is searched faster than a table.
-        let many = outer.len() > 200;
-        let (mut outer_at, mut inner_at) = (HashMap::new(), HashMap::new());
-        if many {
-            outer_at.extend(outer.iter().enumerate().map(|(k, o)| (o.0, k)));
-        }
-        let take =
-            |list: &mut Vec<([u32; 3], u32)>, at: &mut HashMap<[u32; 3], usize>, key: [u32; 3]| {
-                let k = if many {
-                    at.remove(&key)?
-                } else {
-                    list.iter().position(|o| o.0 == key)?
-                };
-                let (_, n) = list.swap_remove(k);
-                if many && k < list.len() {
-                    at.insert(list[k].0, k);
-                }
-                Some(n)
-            };
-        for &t in made.iter() {
-            for i in 0..4 {
-                let key = sorted(self.face(t, i));
-                if let Some(n) = take(&mut outer, &mut outer_at, key) {
-                    self.adjacent[t as usize][i] = n;
-                    if n < BOUNDARY {
-                        let back = (0..4)
-                            .find(|&j| !key.contains(&self.tets[n as usize][j]))
-                            .expect("one vertex is not on the face");
-                        self.adjacent[n as usize][back] = t;
-                    }
-                } else if let Some(other) = take(&mut inner, &mut inner_at, key) {
-                    self.adjacent[t as usize][i] = other / 4;
-                    self.adjacent[other as usize / 4][other as usize % 4] = t;
-                } else {
-                    if many {
-                        inner_at.insert(key, inner.len());
-                    }
-                    inner.push((key, 4 * t + i as u32));
-                }
-            }
-            for k in self.tets[t as usize] {
-                self.tet_of[k as usize] = t;
-            }
-        }
-        self.log
-            .iter_mut()
-            .for_each(|log| log.extend_from_slice(made));
-        for &(key, place) in &inner {
-            self.adjacent[place as usize / 4][place as usize % 4] = label(key) | BOUNDARY;
-        }
-        // Boundary faces that vanish leave nothing behind; a neighbour left behind is an opened
-        // boundary.
-        for &(key, n) in &outer {
-            if n < BOUNDARY {
-                let back = (0..4)
-                    .find(|&j| !key.contains(&self.tets[n as usize][j]))
-                    .expect("one vertex is not on the face");
-                self.adjacent[n as usize][back] = label(key) | BOUNDARY;
-                self.log.iter_mut().for_each(|log| log.push(n));
-                for k in self.tets[n as usize] {
-                    self.tet_of[k as usize] = n;
-                }
-            }
-        }
-        // Vertices of the cavity that no new tetrahedron holds may still live in neighbours.
-        for &(key, n) in &outer {
-            if n < BOUNDARY {
-                for k in key {
-                    if self.tet_of[k as usize] == NONE {
-                        self.tet_of[k as usize] = n;
-                    }
-                }
-            }
-        }
-        self.outer = outer;
-        self.inner = inner;
-    }
-
-    /// Splits the edge from `a` to `b` of the ring at vertex `m`: every tetrahedron of the ring
-    /// becomes two.
-    pub(crate) fn split(&mut self, ring: &Ring, a: u32, b: u32, m: u32, made: &mut Vec<u32>) {
-        let mut new = Vec::with_capacity(2 * ring.tets.len());
-        let mut labels: Vec<([u32; 3], u32)> = Vec::new();
-        for &t in &ring.tets {
-            let v = self.tets[t as usize];
-            new.push(v.map(|k| if k == b { m } else { k }));
-            new.push(v.map(|k| if k == a { m } else { k }));
-            for i in 0..4 {
-                let n = self.adjacent[t as usize][i];
-                let f = self.face(t, i);
-                if n >= BOUNDARY && f.contains(&a) && f.contains(&b) {
-                    labels.push((sorted(f.map(|k| if k == b { m } else { k })), n));
-                    labels.push((sorted(f.map(|k| if k == a { m } else { k })), n));
-                }
-            }
-        }
-        self.replace(
-            &ring.tets,
-            &new,
-            |key| labels.iter().find(|l| l.0 == key).map_or(OPEN, |l| l.1),
-            made,
-        );
-    }
-
-    /// The tetrahedra that are there.
-    pub(crate) fn live(&self) -> impl Iterator<Item = u32> + '_ {
-        (0..self.tets.len() as u32).filter(|&t| self.is_there(t))
     }
 
     /// What is wrong with the neighbours, for tests.
@@ -574,7 +429,7 @@ mod tests {
         assert!(
             c.tets
                 .iter()
-                .all(|t| crate::quality::six_volume(t.map(|v| c.points[v as usize])) > 0.0)
+                .all(|t| isoform_check::quality::six_volume(t.map(|v| c.points[v as usize])) > 0.0)
         );
         let mut ring = Ring::default();
         c.ring(2, 0, 1, &mut ring);

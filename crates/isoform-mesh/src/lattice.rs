@@ -5,23 +5,51 @@
 //! pieces that can still decide the sign there. Only cells of the third kind see the surface; the
 //! others are never evaluated at all (Labelle and Shewchuk, Isosurface stuffing, 2007, use the same
 //! lattice; the pruning is that of Duff, Interval arithmetic and recursive subdivision, 1992).
+//!
+//! Lattice points are the corners and the centres of the cells. Around each face between two cells
+//! four tetrahedra share the edge between the two centres; each has one edge of the face besides.
 
 use crate::decide::{Sign, reduced};
+use crate::points::unique;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::Interval;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
+/// Edge of a lattice cell for tetrahedra as large as regular ones of edge 1: a³/12 = √2/12.
+pub(crate) const CELL: f64 = 1.122_462_048_309_373;
+
 /// Cell surely inside.
 pub(crate) const IN: u32 = 0;
 /// Cell surely outside.
 pub(crate) const OUT: u32 = 1;
+/// Cells from here on are undecided: the number of the cell's reduced tree, plus this.
+const MIXED: u32 = 2;
 /// Cells are looked at with this margin (in cells) around them, so that what is found for a cell
 /// also holds for vertices moved there.
 const MARGIN: f64 = 0.75;
 /// Cells per side of the blocks that are shared among threads.
 const BLOCK: usize = 16;
+/// The lattice begins this many cells and one more before the region, in x, y and z: off the round
+/// numbers that models are full of, for lattice planes on faces of the solid leave every tie to
+/// rounding.
+const OFFSET: [f64; 3] = [0.618, 0.414, 0.732];
+/// Cells by which the lattice goes on behind the region.
+const BEHIND: f64 = 1.6;
+/// Cells that the lattice has beyond the region in each direction, at most.
+const BEYOND: f64 = 4.0;
+
+/// The part of a solid's tree that can decide the sign in a cell.
+#[derive(Debug)]
+pub(crate) struct Reduced {
+    pub(crate) tree: Csg,
+    /// The pieces of the tree, sorted, each once.
+    pub(crate) pieces: Vec<u32>,
+}
+
+/// A box of cells: by axis the first one and the one behind the last.
+type Cells = [[usize; 2]; 3];
 
 /// The cells of the lattice over a box.
 #[derive(Debug)]
@@ -31,21 +59,21 @@ pub(crate) struct Lattice {
     pub(crate) a: f64,
     /// Cells by axis.
     pub(crate) n: [usize; 3],
-    /// [`IN`], [`OUT`], or 2 + index of a reduced tree, x fastest.
+    /// [`IN`], [`OUT`], or the number of a reduced tree after these, x fastest.
     pub(crate) state: Vec<u32>,
-    pub(crate) trees: Vec<(Csg, Vec<u32>)>,
+    trees: Vec<Reduced>,
 }
 
 impl Lattice {
     /// The lattice with cells of edge `a` over the region, which must hold the solid. On a stop by
     /// `control` cells are left undecided, and the lattice must not be used.
     pub(crate) fn new(solid: &dyn Solid, region: Aabb, a: f64, control: &Control<'_>) -> Self {
-        // Off the round numbers that models are full of: lattice planes on faces of the solid leave
-        // every tie to rounding.
-        let offset = [0.618, 0.414, 0.732].map(|o| (1.0 + o) * a);
+        let offset = OFFSET.map(|o| (1.0 + o) * a);
         let origin: Point3 = std::array::from_fn(|i| region.lo[i] - offset[i]);
         let n: [usize; 3] = std::array::from_fn(|i| {
-            ((region.hi[i] + 1.6 * a - origin[i]) / a).ceil().max(3.0) as usize
+            ((region.hi[i] + BEHIND * a - origin[i]) / a)
+                .ceil()
+                .max(3.0) as usize
         });
         let mut lattice = Self {
             origin,
@@ -54,66 +82,84 @@ impl Lattice {
             state: vec![OUT; n[0] * n[1] * n[2]],
             trees: Vec::new(),
         };
-        let blocks: Vec<[[usize; 2]; 3]> = {
-            let ranges = n.map(|n| {
-                (0..n)
-                    .step_by(BLOCK)
-                    .map(|i| [i, (i + BLOCK).min(n)])
-                    .collect::<Vec<_>>()
-            });
-            let mut blocks = Vec::new();
-            for &z in &ranges[2] {
-                for &y in &ranges[1] {
-                    blocks.extend(ranges[0].iter().map(|&x| [x, y, z]));
-                }
-            }
-            blocks
-        };
         let all = solid.tree().pieces();
-        let found: Vec<Vec<([[usize; 2]; 3], Sign)>> = blocks
+        let found: Vec<Vec<(Cells, Sign)>> = blocks(n)
             .par_iter()
             .map(|b| {
                 let mut found = Vec::new();
-                if control.is_stopped() {
-                    return found;
+                if !control.is_stopped() {
+                    lattice.decide(solid, *b, solid.tree(), &all, &mut found);
                 }
-                lattice.decide(solid, *b, solid.tree(), &all, &mut found);
                 found
             })
             .collect();
+        lattice.set(found.into_iter().flatten());
+        lattice
+    }
+
+    /// Writes down what was found for boxes of cells; equal trees are kept once.
+    fn set(&mut self, found: impl Iterator<Item = (Cells, Sign)>) {
         let mut known: HashMap<Csg, u32> = HashMap::new();
-        for (cells, sign) in found.into_iter().flatten() {
+        for (cells, sign) in found {
             let state = match sign {
                 Sign::Inside => IN,
                 Sign::Outside => OUT,
                 Sign::Mixed(tree) => *known.entry(tree).or_insert_with_key(|tree| {
-                    lattice.trees.push((tree.clone(), unique(tree.pieces())));
-                    lattice.trees.len() as u32 + 1
+                    self.trees.push(Reduced {
+                        tree: tree.clone(),
+                        pieces: unique(tree.pieces()),
+                    });
+                    MIXED + self.trees.len() as u32 - 1
                 }),
             };
-            for k in cells[2][0]..cells[2][1] {
-                for j in cells[1][0]..cells[1][1] {
-                    let row = lattice.at([cells[0][0], j, k]);
-                    lattice.state[row..row + cells[0][1] - cells[0][0]].fill(state);
-                }
+            self.fill(cells, state);
+        }
+    }
+
+    fn fill(&mut self, cells: Cells, state: u32) {
+        for k in cells[2][0]..cells[2][1] {
+            for j in cells[1][0]..cells[1][1] {
+                let row = self.at([cells[0][0], j, k]);
+                self.state[row..row + cells[0][1] - cells[0][0]].fill(state);
             }
         }
-        lattice
     }
 
-    /// Cells that it would take.
+    /// About how many cells the lattice would have, as a number that cannot overflow.
     pub(crate) fn cells(region: Aabb, a: f64) -> f64 {
-        region.size().iter().map(|s| (s / a + 4.0).ceil()).product()
+        region
+            .size()
+            .iter()
+            .map(|s| (s / a + BEYOND).ceil())
+            .product()
     }
 
+    /// Decides a box of cells by intervals, by halves where the whole is undecided.
     fn decide(
         &self,
         solid: &dyn Solid,
-        cells: [[usize; 2]; 3],
+        cells: Cells,
         tree: &Csg,
         pieces: &[u32],
-        found: &mut Vec<([[usize; 2]; 3], Sign)>,
+        found: &mut Vec<(Cells, Sign)>,
     ) {
+        match self.sign(solid, cells, tree, pieces) {
+            Sign::Mixed(tree) => {
+                let Some(halves) = halves(cells) else {
+                    found.push((cells, Sign::Mixed(tree)));
+                    return;
+                };
+                let pieces = unique(tree.pieces());
+                for half in halves {
+                    self.decide(solid, half, &tree, &pieces, found);
+                }
+            }
+            decided => found.push((cells, decided)),
+        }
+    }
+
+    /// What intervals tell of the sign in a box of cells and the margin around it.
+    fn sign(&self, solid: &dyn Solid, cells: Cells, tree: &Csg, pieces: &[u32]) -> Sign {
         let corner = |k: usize, margin: f64| {
             std::array::from_fn(|i| self.origin[i] + (cells[i][k] as f64 + margin) * self.a)
         };
@@ -123,35 +169,24 @@ impl Lattice {
         };
         let mut ranges = vec![Interval::ALL; pieces.len()];
         solid.bounds(pieces, region, &mut ranges);
-        let range = |i: u32| {
+        reduced(tree, &|i| {
             pieces
                 .iter()
                 .position(|&p| p == i)
                 .map_or(Interval::ALL, |k| ranges[k])
-        };
-        match reduced(tree, &range) {
-            Sign::Mixed(tree) => {
-                let size = cells.map(|c| c[1] - c[0]);
-                let axis = (0..3).fold(0, |best, i| if size[i] > size[best] { i } else { best });
-                if size[axis] == 1 {
-                    found.push((cells, Sign::Mixed(tree)));
-                    return;
-                }
-                let pieces = unique(tree.pieces());
-                let middle = cells[axis][0] + size[axis] / 2;
-                for half in [[cells[axis][0], middle], [middle, cells[axis][1]]] {
-                    let mut cells = cells;
-                    cells[axis] = half;
-                    self.decide(solid, cells, &tree, &pieces, found);
-                }
-            }
-            decided => found.push((cells, decided)),
-        }
+        })
     }
 
     pub(crate) fn at(&self, [i, j, k]: [usize; 3]) -> usize {
         (k * self.n[1] + j) * self.n[0] + i
     }
+
+    /// The indices by axis of a cell.
+    pub(crate) fn indices(&self, cell: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.n;
+        [cell % nx, cell / nx % ny, cell / (nx * ny)]
+    }
+
     /// State of a cell; outside the grid there is nothing.
     pub(crate) fn cell(&self, c: [isize; 3]) -> u32 {
         if (0..3).any(|i| c[i] < 0 || c[i] as usize >= self.n[i]) {
@@ -160,17 +195,30 @@ impl Lattice {
             self.state[self.at(c.map(|v| v as usize))]
         }
     }
+
     /// State of the cell that holds a point.
     pub(crate) fn state_at(&self, p: Point3) -> u32 {
         self.cell(std::array::from_fn(|i| {
             ((p[i] - self.origin[i]) / self.a).floor() as isize
         }))
     }
+
+    /// The reduced tree of a state; none for a decided one.
+    pub(crate) fn reduced(&self, state: u32) -> Option<&Reduced> {
+        self.trees.get(state.checked_sub(MIXED)? as usize)
+    }
+
+    /// The reduced tree of the cell that holds a point; none if the cell is decided.
+    pub(crate) fn reduced_at(&self, p: Point3) -> Option<&Reduced> {
+        self.reduced(self.state_at(p))
+    }
+
     /// Position of a lattice point in half cells: even coordinates are corners of cells, odd ones
     /// centres.
     pub(crate) fn point(&self, half: [usize; 3]) -> Point3 {
         std::array::from_fn(|i| self.origin[i] + 0.5 * self.a * half[i] as f64)
     }
+
     /// The four tetrahedra around the face between cell `c` and the next one along `axis`, by
     /// lattice points in half cells.
     pub(crate) fn tets(c: [usize; 3], axis: usize) -> [[[usize; 3]; 4]; 4] {
@@ -190,8 +238,63 @@ impl Lattice {
     }
 }
 
-pub(crate) fn unique(mut v: Vec<u32>) -> Vec<u32> {
-    v.sort_unstable();
-    v.dedup();
-    v
+/// The blocks of a grid of cells, x fastest.
+fn blocks(n: [usize; 3]) -> Vec<Cells> {
+    let ranges = n.map(|n| {
+        (0..n)
+            .step_by(BLOCK)
+            .map(|i| [i, (i + BLOCK).min(n)])
+            .collect::<Vec<_>>()
+    });
+    let mut blocks = Vec::new();
+    for &z in &ranges[2] {
+        for &y in &ranges[1] {
+            blocks.extend(ranges[0].iter().map(|&x| [x, y, z]));
+        }
+    }
+    blocks
+}
+
+/// The halves of a box of cells across its longest side; none of a single cell.
+fn halves(cells: Cells) -> Option<[Cells; 2]> {
+    let size = cells.map(|c| c[1] - c[0]);
+    let axis = (0..3).fold(0, |best, i| if size[i] > size[best] { i } else { best });
+    if size[axis] == 1 {
+        return None;
+    }
+    let middle = cells[axis][0] + size[axis] / 2;
+    let (mut lower, mut upper) = (cells, cells);
+    lower[axis][1] = middle;
+    upper[axis][0] = middle;
+    Some([lower, upper])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The four tetrahedra around a face between two cells of edge 2 have the volume of a third of
+    /// a cell each side: 8/3 together.
+    #[test]
+    fn tetrahedra_of_a_face_fill_a_third_of_two_half_cells() {
+        for axis in 0..3 {
+            let volume: f64 = Lattice::tets([1, 2, 3], axis)
+                .iter()
+                .map(|t| isoform_check::quality::six_volume(t.map(|h| h.map(|i| i as f64))) / 6.0)
+                .sum();
+            assert!((volume - 8.0 / 3.0).abs() < 1e-12, "axis {axis}: {volume}");
+        }
+    }
+
+    #[test]
+    fn blocks_and_halves_hold_every_cell_once() {
+        let count = |c: &Cells| c.iter().map(|r| r[1] - r[0]).product::<usize>();
+        assert_eq!(
+            blocks([17, 3, 40]).iter().map(count).sum::<usize>(),
+            17 * 3 * 40
+        );
+        let [a, b] = halves([[0, 5], [2, 4], [0, 5]]).expect("more than one cell");
+        assert_eq!((a[0], b[0]), ([0, 2], [2, 5]));
+        assert!(halves([[3, 4], [5, 6], [0, 1]]).is_none());
+    }
 }

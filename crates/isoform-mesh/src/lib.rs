@@ -2,22 +2,27 @@
 #![forbid(unsafe_code)]
 
 mod adapt;
-mod cap;
-pub mod check;
+mod assemble;
+mod band;
 mod complex;
 mod crowd;
 mod cut;
 pub mod decide;
+mod error;
 pub mod features;
+mod inside;
 mod lattice;
 mod measure;
 mod mesher;
 mod optimise;
-pub mod quality;
+mod options;
+mod points;
 mod refine;
 mod second;
 mod surface;
 
 pub use adapt::{adapt, mean_edge, own_sizes};
+pub use error::{MeshError, Warning};
 pub use isoform_control::Control;
-pub use mesher::{MeshError, Meshed, Options, Sizes, Warning, mesh};
+pub use mesher::{Meshed, mesh};
+pub use options::{Options, Sizes};

@@ -4,7 +4,7 @@
 //! mesh improvement, 2007): one number that falls to 0 for every kind of bad tetrahedron, and holds
 //! 20° and 150° equally bad.
 
-use crate::quality::OBTUSE_WEIGHT;
+use isoform_check::quality::OBTUSE_WEIGHT;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
 /// Edges of a tetrahedron with the two faces (by opposite vertex) that meet there.

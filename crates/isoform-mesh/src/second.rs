@@ -1,8 +1,16 @@
 //! Meshes of second order: nodes in the middles of edges, on the true surface and on the feature
 //! curves.
+//!
+//! A ten-node tetrahedron has the nodes of its corners and one for each edge; its map is x(λ) =
+//! Σ λᵢ(2λᵢ − 1) xᵢ + Σ 4 λᵢλⱼ xᵢⱼ in barycentric coordinates λ. Its Jacobian determinant is 6 V all
+//! over where edges are straight.
 
+use crate::assemble::Labelled;
+use crate::error::{MeshError, Warning};
+use crate::options::Options;
+use crate::points::midpoint;
 use crate::surface::{SKIN, Surface};
-use isoform_geom::{Mesh, Point3, TET_EDGES, TRIANGLE_EDGES, norm, sub};
+use isoform_geom::{Mesh, Point3, TET_EDGES, TRIANGLE_EDGES, cross, dot, norm, sub};
 use rayon::prelude::*;
 
 /// Share of an edge's length that its middle may move to reach the surface. Farther points are
@@ -11,23 +19,118 @@ const REACH: f64 = 0.3;
 /// Scaled Jacobian below which a tetrahedron's curved edges are drawn back or its inner ones
 /// follow.
 const JACOBIAN: f64 = 0.35;
+/// Times that all middles around bad tetrahedra are moved.
+const ROUNDS: usize = 6;
+/// First and smallest step of the search for a better place, in lengths of the edge.
+const STEPS: [f64; 2] = [0.1, 0.004];
 
+/// Nodes in the middles of edges, if they are asked for. Returns a warning for each that could not
+/// be brought onto the surface.
+pub(crate) fn raise_order(
+    labelled: &mut Labelled,
+    surface: &Surface<'_>,
+    options: &Options,
+) -> Result<Vec<Warning>, MeshError> {
+    if options.order != 2 {
+        return Ok(Vec::new());
+    }
+    surface.control.begin("second order")?;
+    let off = add_middles(&mut labelled.mesh, surface, &labelled.pieces);
+    let message = "a mid-edge node could not be brought onto the surface";
+    Ok(Warning::each(message, off))
+}
+
+/// An edge as one number, its lower vertex in the upper half.
 fn key(a: u32, b: u32) -> u64 {
     u64::from(a.min(b)) << 32 | u64::from(a.max(b))
 }
 
+/// The vertices of an edge.
+fn ends(edge: u64) -> [u32; 2] {
+    [(edge >> 32) as u32, edge as u32]
+}
+
+/// All edges of a mesh, sorted: the place of an edge is the number of its middle.
+struct Edges(Vec<u64>);
+
+impl Edges {
+    fn of(mesh: &Mesh) -> Self {
+        let mut edges = Vec::with_capacity(6 * mesh.tets.len() + 3 * mesh.triangles.len());
+        for t in &mesh.tets {
+            edges.extend(TET_EDGES.map(|[i, j]| key(t[i], t[j])));
+        }
+        for t in &mesh.triangles {
+            edges.extend(TRIANGLE_EDGES.map(|[i, j]| key(t[i], t[j])));
+        }
+        edges.par_sort_unstable();
+        edges.dedup();
+        Self(edges)
+    }
+
+    fn at(&self, a: u32, b: u32) -> usize {
+        self.0
+            .binary_search(&key(a, b))
+            .expect("all edges are listed")
+    }
+
+    /// The middles of all edges.
+    fn middles(&self, mesh: &Mesh) -> Vec<Point3> {
+        let middle = |&e: &u64| {
+            let [p, q] = ends(e).map(|v| mesh.points[v as usize]);
+            midpoint(p, q)
+        };
+        self.0.par_iter().map(middle).collect()
+    }
+}
+
 /// Puts a node into the middle of every edge. `pieces` are the pieces of the mesh's parts. Returns
 /// the middles of edges that could not be brought onto the surface.
-pub(crate) fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]) -> Vec<Point3> {
-    let mut edges: Vec<u64> = Vec::with_capacity(6 * mesh.tets.len() + 3 * mesh.triangles.len());
-    for t in &mesh.tets {
-        edges.extend(TET_EDGES.map(|[i, j]| key(t[i], t[j])));
+fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]) -> Vec<Point3> {
+    let edges = Edges::of(mesh);
+    let mut middles = edges.middles(mesh);
+    let mut fixed = vec![false; middles.len()];
+    let mut off = Vec::new();
+    for (e, target) in curved_middles(mesh, surface, pieces) {
+        let [a, b] = ends(e);
+        let k = edges.at(a, b);
+        fixed[k] = true;
+        match target {
+            Some(p) => middles[k] = p,
+            None => off.push(middles[k]),
+        }
     }
-    for t in &mesh.triangles {
-        edges.extend(TRIANGLE_EDGES.map(|[i, j]| key(t[i], t[j])));
-    }
-    edges.par_sort_unstable();
-    edges.dedup();
+    let mut mids: Vec<[u32; 6]> = mesh
+        .tets
+        .par_iter()
+        .map(|t| TET_EDGES.map(|[i, j]| edges.at(t[i], t[j]) as u32))
+        .collect();
+    let curved = Curved {
+        mesh,
+        mids: &mids,
+        fixed: &fixed,
+    };
+    curved.relax(&mut middles);
+    let first = mesh.points.len() as u32;
+    let number = |a: u32, b: u32| edges.at(a, b) as u32 + first;
+    mesh.triangle_mids = mesh
+        .triangles
+        .par_iter()
+        .map(|t| TRIANGLE_EDGES.map(|[i, j]| number(t[i], t[j])))
+        .collect();
+    mesh.edge_mids = mesh.edges.iter().map(|e| number(e[0], e[1])).collect();
+    mids.par_iter_mut().for_each(|m| *m = m.map(|k| k + first));
+    mesh.tet_mids = mids;
+    mesh.points.extend(middles);
+    off
+}
+
+/// The edges of the surface, each with the place of its middle on the surface, if there is one
+/// near.
+fn curved_middles(
+    mesh: &Mesh,
+    surface: &Surface<'_>,
+    pieces: &[u32],
+) -> Vec<(u64, Option<Point3>)> {
     // Edges of the surface with the parts on both sides.
     let mut rim: Vec<(u64, u32)> = mesh
         .triangles
@@ -38,160 +141,134 @@ pub(crate) fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]
     rim.par_sort_unstable();
     let mut sharp: Vec<u64> = mesh.edges.iter().map(|e| key(e[0], e[1])).collect();
     sharp.sort_unstable();
-    let ends = |e: u64| [(e >> 32) as usize, (e & 0xFFFF_FFFF) as usize].map(|v| mesh.points[v]);
-    let curved: Vec<(u64, Option<Point3>)> = rim
-        .par_chunk_by(|a, b| a.0 == b.0)
+    rim.par_chunk_by(|a, b| a.0 == b.0)
         .map(|same| {
             let e = same[0].0;
-            let [p, q] = ends(e);
-            let middle: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
+            let [p, q] = ends(e).map(|v| mesh.points[v as usize]);
+            let middle = midpoint(p, q);
             let mut on: Vec<u32> = same.iter().map(|s| pieces[s.1 as usize]).collect();
             on.dedup();
             if sharp.binary_search(&e).is_err() {
-                // Across a seam between parts that touch tangentially either may be the surface.
-                let one = on.len() == 1
-                    && [p, q]
-                        .iter()
-                        .all(|&end| surface.distance(on[0], end) == 0.0);
-                on = vec![if one { on[0] } else { SKIN }];
+                on = vec![smooth_piece(surface, &on, [p, q])];
             }
             let target = surface
                 .project(&on, middle)
                 .filter(|m| norm(sub(*m, middle)) <= REACH * norm(sub(p, q)));
             (e, target)
         })
-        .collect();
-    let first = mesh.points.len() as u32;
-    let mut middles: Vec<Point3> = edges
-        .par_iter()
-        .map(|&e| {
-            let [p, q] = ends(e);
-            std::array::from_fn(|i| 0.5 * (p[i] + q[i]))
-        })
-        .collect();
-    let mut off = Vec::new();
-    let at = |a: u32, b: u32| {
-        edges
-            .binary_search(&key(a, b))
-            .expect("all edges are listed")
-    };
-    for (e, target) in curved {
-        let k = at((e >> 32) as u32, e as u32);
-        match target {
-            Some(p) => middles[k] = p,
-            None => off.push(middles[k]),
-        }
-    }
-    let of_tet = |t: &[u32; 4]| TET_EDGES.map(|[i, j]| at(t[i], t[j]) as u32);
-    mesh.tet_mids = mesh.tets.par_iter().map(of_tet).collect();
-    mesh.triangle_mids = mesh
-        .triangles
-        .par_iter()
-        .map(|t| TRIANGLE_EDGES.map(|[i, j]| at(t[i], t[j]) as u32 + first))
-        .collect();
-    mesh.edge_mids = mesh
-        .edges
-        .iter()
-        .map(|e| at(e[0], e[1]) as u32 + first)
-        .collect();
-    let fixed: Vec<bool> = {
-        let mut fixed = vec![false; edges.len()];
-        for (e, _) in &rim {
-            fixed[at((e >> 32) as u32, *e as u32)] = true;
-        }
-        fixed
-    };
-    let mut mids = std::mem::take(&mut mesh.tet_mids);
-    relax(mesh, &mids, &mut middles, &fixed);
-    mids.par_iter_mut().for_each(|m| *m = m.map(|k| k + first));
-    mesh.tet_mids = mids;
-    mesh.points.extend(middles);
-    off
+        .collect()
 }
 
-/// Where a curved face presses on a tetrahedron, the inner middles around give way.
-fn relax(mesh: &Mesh, mids: &[[u32; 6]], middles: &mut [Point3], fixed: &[bool]) {
-    let nodes = |t: usize, middles: &[Point3]| -> [Point3; 10] {
-        std::array::from_fn(|k| {
+/// What the middle of an edge lies on that is no edge of the solid: its piece, or across a seam
+/// between parts that touch tangentially, where either may be the surface, the solid itself.
+fn smooth_piece(surface: &Surface<'_>, pieces: &[u32], ends: [Point3; 2]) -> u32 {
+    match *pieces {
+        [piece] if ends.iter().all(|&p| surface.distance(piece, p) == 0.0) => piece,
+        _ => SKIN,
+    }
+}
+
+/// Tetrahedra with curved edges.
+struct Curved<'m> {
+    mesh: &'m Mesh,
+    /// The middles of each tetrahedron's edges, by number.
+    mids: &'m [[u32; 6]],
+    /// Whether each middle is on the surface.
+    fixed: &'m [bool],
+}
+
+impl Curved<'_> {
+    fn quality(&self, t: usize, middles: &[Point3]) -> f64 {
+        scaled_jacobian(&std::array::from_fn(|k| {
             if k < 4 {
-                mesh.points[mesh.tets[t][k] as usize]
+                self.mesh.points[self.mesh.tets[t][k] as usize]
             } else {
-                middles[mids[t][k - 4] as usize]
+                middles[self.mids[t][k - 4] as usize]
             }
-        })
-    };
-    let bad: Vec<usize> = (0..mids.len())
-        .into_par_iter()
-        .filter(|&t| {
-            mids[t].iter().any(|&m| fixed[m as usize])
-                && scaled_jacobian(&nodes(t, middles)) < JACOBIAN
-        })
-        .collect();
-    if bad.is_empty() {
-        return;
+        }))
     }
-    // Tetrahedra at each middle that may move.
-    let mut free: Vec<u32> = bad
-        .iter()
-        .flat_map(|&t| mids[t])
-        .filter(|&m| !fixed[m as usize])
-        .collect();
-    free.sort_unstable();
-    free.dedup();
-    let mut around: Vec<(u32, u32)> = Vec::new();
-    for (t, m) in mids.iter().enumerate() {
-        around.extend(
-            m.iter()
-                .filter(|m| free.binary_search(m).is_ok())
-                .map(|&m| (m, t as u32)),
-        );
-    }
-    around.sort_unstable();
-    for _ in 0..6 {
-        for star in around.chunk_by(|a, b| a.0 == b.0) {
-            let m = star[0].0 as usize;
-            let worst = |middles: &[Point3]| {
-                star.iter()
-                    .map(|s| scaled_jacobian(&nodes(s.1 as usize, middles)))
-                    .fold(f64::INFINITY, f64::min)
-            };
-            let mut best = worst(middles);
-            if best >= JACOBIAN {
-                continue;
-            }
-            let t = star[0].1 as usize;
-            let k = mids[t].iter().position(|&o| o as usize == m).unwrap_or(0);
-            let [i, j] = TET_EDGES[k];
-            let length = norm(sub(
-                mesh.points[mesh.tets[t][i] as usize],
-                mesh.points[mesh.tets[t][j] as usize],
-            ));
-            // Compass search: six directions, ever shorter steps.
-            let mut step = 0.1 * length;
-            while step > 0.004 * length {
-                let before = middles[m];
-                let mut found = None;
-                for axis in 0..3 {
-                    for sign in [-1.0, 1.0] {
-                        middles[m] = before;
-                        middles[m][axis] += sign * step;
-                        let w = worst(middles);
-                        if w > best {
-                            (best, found) = (w, Some(middles[m]));
-                        }
-                    }
-                }
-                middles[m] = found.unwrap_or(before);
-                if found.is_none() {
-                    step *= 0.5;
-                }
+
+    /// Where a curved face presses on a tetrahedron, the inner middles around give way.
+    fn relax(&self, middles: &mut [Point3]) {
+        let bad: Vec<usize> = (0..self.mids.len())
+            .into_par_iter()
+            .filter(|&t| {
+                let mut mids = self.mids[t].iter();
+                mids.any(|&m| self.fixed[m as usize]) && self.quality(t, middles) < JACOBIAN
+            })
+            .collect();
+        if bad.is_empty() {
+            return;
+        }
+        let around = self.around_free_middles(&bad);
+        for _ in 0..ROUNDS {
+            for star in around.chunk_by(|a, b| a.0 == b.0) {
+                self.move_middle(star, middles);
             }
         }
+    }
+
+    /// The middles of bad tetrahedra that may move, each with every tetrahedron that has it.
+    fn around_free_middles(&self, bad: &[usize]) -> Vec<(u32, u32)> {
+        let free = bad
+            .iter()
+            .flat_map(|&t| self.mids[t])
+            .filter(|&m| !self.fixed[m as usize]);
+        let free = crate::points::unique(free.collect());
+        let mut around: Vec<(u32, u32)> = Vec::new();
+        for (t, m) in self.mids.iter().enumerate() {
+            let free = m.iter().filter(|m| free.binary_search(m).is_ok());
+            around.extend(free.map(|&m| (m, t as u32)));
+        }
+        around.sort_unstable();
+        around
+    }
+
+    /// Moves a middle to a place that is better for the worst of the tetrahedra around it, by a
+    /// compass search: six directions, ever shorter steps.
+    fn move_middle(&self, star: &[(u32, u32)], middles: &mut [Point3]) {
+        let m = star[0].0 as usize;
+        let worst = |middles: &[Point3]| {
+            star.iter()
+                .map(|s| self.quality(s.1 as usize, middles))
+                .fold(f64::INFINITY, f64::min)
+        };
+        let mut best = worst(middles);
+        if best >= JACOBIAN {
+            return;
+        }
+        let length = self.edge_length(star[0].1 as usize, star[0].0);
+        let mut step = STEPS[0] * length;
+        while step > STEPS[1] * length {
+            let before = middles[m];
+            let mut found = None;
+            for axis in 0..3 {
+                for sign in [-1.0, 1.0] {
+                    middles[m] = before;
+                    middles[m][axis] += sign * step;
+                    let w = worst(middles);
+                    if w > best {
+                        (best, found) = (w, Some(middles[m]));
+                    }
+                }
+            }
+            middles[m] = found.unwrap_or(before);
+            if found.is_none() {
+                step *= 0.5;
+            }
+        }
+    }
+
+    /// The length of the edge of a tetrahedron with this middle.
+    fn edge_length(&self, t: usize, middle: u32) -> f64 {
+        let k = self.mids[t].iter().position(|&o| o == middle).unwrap_or(0);
+        let [p, q] = TET_EDGES[k].map(|i| self.mesh.points[self.mesh.tets[t][i] as usize]);
+        norm(sub(p, q))
     }
 }
 
 /// Least over largest Jacobian determinant of a ten-node tetrahedron, over its nodes and centre.
-pub(crate) fn scaled_jacobian(x: &[Point3; 10]) -> f64 {
+fn scaled_jacobian(x: &[Point3; 10]) -> f64 {
     let (mut least, mut most) = (f64::INFINITY, 0.0f64);
     for p in SAMPLES {
         let j = jacobian(x, p);
@@ -216,6 +293,7 @@ const SAMPLES: [[f64; 4]; 11] = [
     [0.25, 0.25, 0.25, 0.25],
 ];
 
+/// The Jacobian determinant at a point in barycentric coordinates.
 fn jacobian(x: &[Point3; 10], l: [f64; 4]) -> f64 {
     // Derivative of the position by each barycentric coordinate; the Jacobian is that by the last
     // three against the first.
@@ -232,7 +310,7 @@ fn jacobian(x: &[Point3; 10], l: [f64; 4]) -> f64 {
         }
     }
     let [u, v, w] = [1, 2, 3].map(|i| sub(d[i], d[0]));
-    isoform_geom::dot(u, isoform_geom::cross(v, w))
+    dot(u, cross(v, w))
 }
 
 #[cfg(test)]

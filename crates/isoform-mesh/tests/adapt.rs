@@ -1,10 +1,10 @@
 //! Meshes from elsewhere brought onto the model: surfaces and tetrahedra.
 
+use isoform_check::quality::six_volume;
+use isoform_check::{self as check, Certificate, certify};
 use isoform_field::Pieces;
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_geom::{Mesh, Point3, TRIANGLE_EDGES, norm, sub};
-use isoform_mesh::check::{self, Certificate, certify};
-use isoform_mesh::quality::six_volume;
 use isoform_mesh::{Control, MeshError, Meshed, Options, adapt, mean_edge, mesh, own_sizes};
 use std::collections::HashMap;
 

@@ -1,10 +1,10 @@
 //! Whole meshes: valid by the certificate, exact on the function, converging as theory says, the
 //! same for any number of threads.
 
+use isoform_check::{self as check, Certificate, certify};
 use isoform_field::Pieces;
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_geom::{Aabb, Mesh, Point3, Solid, dot, norm, sub};
-use isoform_mesh::check::{self, Certificate, certify};
 use isoform_mesh::{Control, MeshError, Meshed, Options, Sizes, adapt, mean_edge, mesh};
 
 const SPHERE: &str = "m(x[3], a[1]) { m = 1 - sqrt(x[1]^2 + x[2]^2 + x[3]^2); }";

@@ -2,7 +2,7 @@
 //!
 //! Both sheets get each other's vertices there, then further vertices in between, then a finer
 //! tolerance ([`Change`]), until no triangles cross or nothing helps any more; what is left is said.
-//! Triangles that cross are found by the caller ([`FindCrossings`]), exactly.
+//! Triangles that cross are found by the certificate of meshes ([`certify`]), by exact signs.
 
 use crate::analysis::Analysis;
 use crate::claim::Claim;
@@ -14,8 +14,9 @@ use crate::patch::Patch;
 use crate::surface::{Mode, Point3, Surface, TriangulateOptions};
 use crate::triangulate::{Crossing, Prepared, join_patches};
 use isoform_algebra::RBig;
+use isoform_check::{Place, certify};
 use isoform_control::{Control, Stopped};
-use isoform_geom::Aabb;
+use isoform_geom::{Aabb, Mesh};
 use std::time::Instant;
 
 /// How often the surface is made again, finer where its implicit equation finds triangles far away:
@@ -26,25 +27,61 @@ const ROUNDS: usize = 12;
 /// How many times a finer tolerance may be no better than what was there before.
 const IN_VAIN: usize = 2;
 
+/// More pairs of triangles that cross than this are no accident of sheets that are close together:
+/// other vertices do not part them.
+const MOST: usize = 2000;
+
 /// The triangles of a surface that cross.
-#[derive(Clone, Debug, Default)]
-pub struct Crossings {
+struct Crossings {
     /// How many pairs were found.
-    pub count: usize,
+    count: usize,
     /// Whether these are all.
-    pub is_complete: bool,
-    /// Pairs that were found, as many as are kept, each with a point in which they cross.
-    pub pairs: Vec<Crossing>,
+    is_complete: bool,
+    /// The first [`MOST`] of the pairs, each with a point in which they cross.
+    pairs: Vec<Crossing>,
 }
 
 impl Crossings {
+    /// None if there was no time to look for all of them.
+    fn of(surface: &Surface, control: &Control<'_>) -> Option<Self> {
+        if control.is_stopped() {
+            return None;
+        }
+        let mesh = Mesh {
+            points: surface.points.clone(),
+            triangles: surface.triangles.clone(),
+            ..Mesh::default()
+        };
+        let options = isoform_check::Options {
+            places: MOST,
+            pairs: MOST,
+            ..isoform_check::Options::default()
+        };
+        let silent = Control {
+            progress: None,
+            ..*control
+        };
+        let found = certify(&mesh, None, &options, &silent).intersections?;
+        if control.is_stopped() {
+            return None;
+        }
+        let pair = |p: &Place| {
+            let triangles = <[u32; 2]>::try_from(p.elements.as_slice()).ok()?;
+            Some(Crossing {
+                triangles,
+                point: Some(p.at),
+            })
+        };
+        Some(Self {
+            count: found.pairs.count,
+            is_complete: found.complete,
+            pairs: found.pairs.places.iter().filter_map(pair).collect(),
+        })
+    }
     fn are_none(&self) -> bool {
         self.is_complete && self.pairs.is_empty()
     }
 }
-
-/// Finds the triangles of a surface that cross; none if there was no time to look for them.
-pub type FindCrossings<'a> = &'a dyn Fn(&Surface, &Control<'_>) -> Option<Crossings>;
 
 /// What is changed where triangles cross.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,30 +106,50 @@ impl Change {
     }
 }
 
-/// Triangulates a map as [`triangulate`](crate::triangulate) does; where sheets are joined,
-/// triangles that cross all the same are found by `find`. The surface is made again with the
-/// vertices of both sheets in both of them, or with a finer tolerance there; pairs that are left are
-/// findings.
+/// Analyses a map and triangulates its surface in a box. The analysis says in `seconds` how long
+/// the triangulation took, too; the surface repeats in `findings` what the analysis could not
+/// prove.
+///
+/// Where sheets are joined, triangles that cross all the same are found exactly. The surface is made
+/// again with the vertices of both sheets in both of them, or with a finer tolerance there; pairs
+/// that are left are findings.
 ///
 /// Parameters far from their place are brought there first ([`Frame`]): what is said of them is said
 /// of the map's own, but for the corners of triangles, whose frame the surface names.
 ///
+/// ```
+/// use isoform_tess::{Claim, Control, Map, TriangulateOptions, triangulate};
+///
+/// // The unit sphere by stereographic projection.
+/// let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default())?;
+/// let mut options = TriangulateOptions::around(2.into());
+/// options.mesh.tolerance = 0.02;
+/// let (surface, analysis) = triangulate(&map, &options, &Control::default())?;
+/// assert!(surface.is_certified() && surface.holds(Claim::Crossings));
+/// assert_eq!(analysis.degrees.map(|d| (d.map_degree, d.implicit_degree)), Some((1, 2)));
+/// // Vertices are on it, the north pole at infinite parameters among them, and V − E + F = 2.
+/// let radius = |p: &[f64; 3]| p.iter().map(|x| x * x).sum::<f64>().sqrt();
+/// assert!(surface.points.iter().all(|p| (radius(p) - 1.0).abs() < 1e-12));
+/// assert!(surface.points.contains(&[0.0, 0.0, 1.0]));
+/// assert_eq!(2 * surface.points.len(), surface.triangles.len() + 4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// [`Stopped`].
-pub fn triangulate_embedded(
+pub fn triangulate(
     map: &Map,
     options: &TriangulateOptions,
-    find: FindCrossings<'_>,
     control: &Control<'_>,
 ) -> Result<(Surface, Analysis), Stopped> {
     let Some(frame) = Frame::of(map) else {
-        return in_place(map, options, find, control);
+        return in_place(map, options, control);
     };
     let inner = TriangulateOptions {
         domain: options.domain.as_ref().map(|d| frame.domain(d)),
         ..options.clone()
     };
-    let (mut surface, analysis) = in_place(&frame.map(map), &inner, find, control)?;
+    let (mut surface, analysis) = in_place(&frame.map(map), &inner, control)?;
     surface.frame = Some(frame.matrix());
     Ok((surface, frame.analysis(analysis)))
 }
@@ -101,7 +158,6 @@ pub fn triangulate_embedded(
 fn in_place(
     map: &Map,
     options: &TriangulateOptions,
-    find: FindCrossings<'_>,
     control: &Control<'_>,
 ) -> Result<(Surface, Analysis), Stopped> {
     let mut prepared = Prepared::new(map, options, control)?;
@@ -116,7 +172,7 @@ fn in_place(
     let mut is_embedded = surface.triangles.is_empty();
     if options.mode == Mode::Glued && !is_embedded {
         let found;
-        (surface, found) = prepared.without_crossings(surface, find, control);
+        (surface, found) = prepared.without_crossings(surface, control);
         is_embedded = found.as_ref().is_some_and(Crossings::are_none);
         surface.grades.push(Claim::Crossings.into());
         surface.findings.extend(crossing_finding(found.as_ref()));
@@ -208,11 +264,10 @@ impl Prepared<'_> {
     fn without_crossings(
         &mut self,
         surface: Surface,
-        find: FindCrossings<'_>,
         control: &Control<'_>,
     ) -> (Surface, Option<Crossings>) {
         let clock = Instant::now();
-        let first = find(&surface, control);
+        let first = Crossings::of(&surface, control);
         self.analysis.took("crossings", clock);
         let Some(crossings) = first else {
             return (surface, None);
@@ -236,7 +291,7 @@ impl Prepared<'_> {
                 continue;
             }
             let clock = Instant::now();
-            let found = find(&surface, control);
+            let found = Crossings::of(&surface, control);
             self.analysis.took("crossings", clock);
             let Some(crossings) = found else { break };
             let is_fewer = crossings.count < tried.crossings.count;
@@ -271,7 +326,7 @@ pub enum PatchesError {
     Stopped,
 }
 
-/// Triangulates patches, each over [0, 1]², as one mesh, as [`triangulate_embedded`] does: joined
+/// Triangulates patches, each over [0, 1]², as one mesh, as [`triangulate`] does: joined
 /// along the sides that they have in common. The domain of the options is not looked at. Of a patch
 /// that is proved to have no pole and to lie in the box only contracted curves are looked for, unless
 /// its sheets are to be joined.
@@ -281,7 +336,6 @@ pub enum PatchesError {
 pub fn triangulate_patches(
     patches: &[Patch],
     options: &TriangulateOptions,
-    find: FindCrossings<'_>,
     control: &Control<'_>,
 ) -> Result<(Surface, Vec<(Map, Analysis)>), PatchesError> {
     let is_normalised = options.mode == Mode::Normalised;
@@ -298,7 +352,7 @@ pub fn triangulate_patches(
             error,
         })?;
         let (surface, analysis) =
-            in_place(&map, &options, find, control).map_err(|Stopped| PatchesError::Stopped)?;
+            in_place(&map, &options, control).map_err(|Stopped| PatchesError::Stopped)?;
         let made = surface.triangles.len();
         options.mesh.triangles = options.mesh.triangles.saturating_sub(made);
         surfaces.push(surface);

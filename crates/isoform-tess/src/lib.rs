@@ -54,9 +54,7 @@ pub use claim::{Basis, Claim, Grade};
 pub use complex_seams::SeamLine;
 pub use domain::{Domain, DomainError, MAX_CORNERS, Parameters, bounds_over};
 pub use double::{pinch_points, solitary_arcs};
-pub use embedded::{
-    Crossings, FindCrossings, PatchesError, triangulate_embedded, triangulate_patches,
-};
+pub use embedded::{PatchesError, triangulate, triangulate_patches};
 pub use field::{Algebraic, Element, NumberField};
 pub use finding::{Finding, JoinedCurve, Phase, Unopened};
 pub use frame::Frame;
@@ -68,5 +66,5 @@ pub use singular::{
     Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular,
 };
 pub use surface::{DoubleArc, Kind, MeshOptions, Mode, Point3, Surface, TriangulateOptions};
-pub use triangulate::{Crossing, Prepared, join_patches, triangulate};
+pub use triangulate::{Crossing, Prepared, join_patches, triangulate_once};
 pub use zeros::Chart;

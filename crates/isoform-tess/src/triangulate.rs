@@ -271,32 +271,12 @@ fn deck_grades(deck: &Deck, base_points: usize) -> [Grade; 2] {
     [Claim::DeckTransformations.into(), domain]
 }
 
-/// Analyses a map and triangulates its surface in a box. The analysis says in `seconds` how long
-/// the triangulation took, too; the surface repeats in `findings` what the analysis could not
-/// prove. Whether triangles cross is not looked at: see
-/// [`triangulate_embedded`](crate::triangulate_embedded).
-///
-/// ```
-/// use isoform_tess::{Control, Map, TriangulateOptions, triangulate};
-///
-/// // The unit sphere by stereographic projection.
-/// let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default())?;
-/// let mut options = TriangulateOptions::around(2.into());
-/// options.mesh.tolerance = 0.02;
-/// let (surface, analysis) = triangulate(&map, &options, &Control::default())?;
-/// assert!(surface.is_certified());
-/// assert_eq!(analysis.degrees.map(|d| (d.map_degree, d.implicit_degree)), Some((1, 2)));
-/// // Vertices are on it, the north pole at infinite parameters among them, and V − E + F = 2.
-/// let radius = |p: &[f64; 3]| p.iter().map(|x| x * x).sum::<f64>().sqrt();
-/// assert!(surface.points.iter().all(|p| (radius(p) - 1.0).abs() < 1e-12));
-/// assert!(surface.points.contains(&[0.0, 0.0, 1.0]));
-/// assert_eq!(2 * surface.points.len(), surface.triangles.len() + 4);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// Analyses a map and triangulates its surface in a box, once: whether triangles cross is not looked
+/// at, as [`triangulate`](crate::triangulate) does.
 ///
 /// # Errors
 /// [`Stopped`], if not even the region of parameters was found in time.
-pub fn triangulate(
+pub fn triangulate_once(
     map: &Map,
     options: &TriangulateOptions,
     control: &Control<'_>,

@@ -30,6 +30,9 @@
 
 mod compare;
 mod facets;
+mod fit_scan;
+mod gallery;
+mod held;
 mod meshing;
 mod patches;
 mod rational;
@@ -38,7 +41,11 @@ mod topology;
 
 pub use compare::{CompareError, Distances, Side, compare};
 pub use facets::points_on_faces;
+pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFit, fit_scan};
+pub use gallery::{EXAMPLE_SCAN, GalleryTemplate, example_scan, template, templates};
+pub use held::{Bounds, HeldTemplate, ParameterError};
 pub use isoform_algebra as algebra;
+pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};
 pub use isoform_field as field;
 pub use isoform_fit as fit;

@@ -1,9 +1,9 @@
 //! From a model to a solid, its mesh and the certificate.
 
+use isoform_check::{self as check, Certificate, Limits, certify};
 use isoform_field::hyperfun::Model;
 use isoform_field::{Pieces, RunField, SolidError};
 use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, PointCloud, Solid};
-use isoform_mesh::check::{self, Certificate, Limits, certify};
 use isoform_mesh::features::{Corner, CornerKind, ExtentError, START, extent_within};
 use isoform_mesh::{Control, MeshError, Meshed, Options, adapt, mesh};
 

@@ -6,8 +6,8 @@
 use isoform::Control;
 use isoform::rational_surface;
 use isoform_algebra::RBig;
+use isoform_check::{Options, certify};
 use isoform_geom::{Mesh, Point3, cross, distance_to_segment, dot, norm, sub};
-use isoform_mesh::check::{Options, certify};
 use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions};
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -7,8 +7,8 @@ use serde_json::{Map, Value, json};
 /// Everything that the fit found, in the file's coordinates and unit. All but `seconds` is the same
 /// each time.
 pub(crate) fn document(job: &Job, verb: &str) -> Value {
-    let fit = &job.fit;
-    let shift = &job.template.shift;
+    let fit = &job.found.fit;
+    let shift = &job.found.template.shift;
     let parameters: Vec<Value> = fit
         .parameters
         .iter()
@@ -45,18 +45,23 @@ pub(crate) fn document(job: &Job, verb: &str) -> Value {
         .iter()
         .map(|o| json!({"parameters": o.parameters, "why": o.why}))
         .collect();
-    let pose = job.template.frep.placement(&job.relative()).map(|p| {
-        let t: [f64; 3] = std::array::from_fn(|k| p.translation[k] + job.cloud.origin[k]);
-        json!({"rotation": p.rotation, "translation": t, "scale": p.scale})
-    });
+    let pose = job
+        .found
+        .template
+        .frep
+        .placement(&job.found.fit.values())
+        .map(|p| {
+            let t: [f64; 3] = std::array::from_fn(|k| p.translation[k] + job.found.cloud.origin[k]);
+            json!({"rotation": p.rotation, "translation": t, "scale": p.scale})
+        });
     let unit = Some(&job.unit.unit).filter(|u| !u.is_empty());
     json!({
         "verb": verb,
         "scan": {
             "file": job.scan, "format": job.read.format, "rows": job.read.rows, "dropped": job.read.dropped_points,
-            "subsampled": job.read.subsampled, "origin": job.cloud.origin,
+            "subsampled": job.read.subsampled, "origin": job.found.cloud.origin,
         },
-        "template": {"name": job.template_name, "title": job.template.frep.model().info().title, "fits": job.template.frep.model().info().fits},
+        "template": {"name": job.template_name, "title": job.found.template.frep.model().info().title, "fits": job.found.template.frep.model().info().fits},
         "units": unit,
         "units_source": job.unit.reason,
         "verdict": fit.verdict.as_str(),

@@ -89,7 +89,7 @@ pub(crate) fn write(
 
 fn write_one(job: &Job, path: &Path, context: &Context) -> Result<(), Failure> {
     match kind(path)? {
-        Kind::Program => output::write_file(path, job.program().as_bytes()),
+        Kind::Program => output::write_file(path, job.found.program().as_bytes()),
         Kind::Points => {
             let options = WriteOptions {
                 units: Some(job.unit.unit.clone()).filter(|u| !u.is_empty()),
@@ -114,8 +114,8 @@ fn write_one(job: &Job, path: &Path, context: &Context) -> Result<(), Failure> {
 /// The points with deviation, part and whether they are outliers, coloured by deviation; grey are
 /// the outliers.
 fn deviations(job: &Job) -> PointCloud {
-    let fit = &job.fit;
-    let deviation = job.deviation();
+    let fit = &job.found.fit;
+    let deviation = job.found.deviation();
     let shown: Vec<f64> = deviation
         .iter()
         .zip(&fit.outliers)
@@ -144,7 +144,7 @@ fn deviations(job: &Job) -> PointCloud {
         normals: Vec::new(),
         colors,
         columns,
-        triangles: job.cloud.triangles.clone(),
-        ..job.cloud.clone()
+        triangles: job.found.cloud.triangles.clone(),
+        ..job.found.cloud.clone()
     }
 }

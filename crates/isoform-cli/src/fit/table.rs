@@ -154,7 +154,7 @@ impl Reading {
 /// degrees.
 pub(crate) fn reading(job: &Job, i: usize) -> Reading {
     let unit = job.unit_of(i).unwrap_or_default();
-    let (scale, unit) = match job.template.parameters()[i].kind {
+    let (scale, unit) = match job.found.template.parameters()[i].kind {
         Kind::Angle => (1_f64.to_degrees(), "°".to_owned()),
         _ => millimetres(&unit).map_or((1.0, unit), |s| (s, "mm".to_owned())),
     };
@@ -162,8 +162,8 @@ pub(crate) fn reading(job: &Job, i: usize) -> Reading {
 }
 
 fn scaled(job: &Job, i: usize, scale: f64, unit: &str) -> Reading {
-    let p = &job.fit.parameters[i];
-    let shift = job.template.shift[i];
+    let p = &job.found.fit.parameters[i];
+    let shift = job.found.template.shift[i];
     let value = (p.value + shift) * scale;
     match (p.status, p.ci95) {
         (Status::Fixed, _) => Reading::held(value, unit),
@@ -192,7 +192,7 @@ pub(crate) struct Row {
 
 /// The parameters as text.
 pub(crate) fn rows(job: &Job) -> Vec<Row> {
-    let parameters = job.template.parameters();
+    let parameters = job.found.template.parameters();
     let row = |(i, p): (usize, &Estimate)| {
         let unit = job.unit_of(i).unwrap_or_default();
         let is_length = matches!(
@@ -201,7 +201,7 @@ pub(crate) fn rows(job: &Job) -> Vec<Row> {
         );
         let scale = millimetres(&unit).filter(|s| is_length && *s != 1.0);
         let own = scaled(job, i, 1.0, &unit);
-        let shift = job.template.shift[i];
+        let shift = job.found.template.shift[i];
         Row {
             name: p.name.clone(),
             value: with_unit(&own.value, &unit),
@@ -218,12 +218,18 @@ pub(crate) fn rows(job: &Job) -> Vec<Row> {
             ),
         }
     };
-    job.fit.parameters.iter().enumerate().map(row).collect()
+    job.found
+        .fit
+        .parameters
+        .iter()
+        .enumerate()
+        .map(row)
+        .collect()
 }
 
 /// One sentence: whether the template fits.
 pub(crate) fn verdict(job: &Job) -> String {
-    let fit = &job.fit;
+    let fit = &job.found.fit;
     match (fit.acceptable, fit.complete) {
         (true, true) => "the template fits".to_owned(),
         (true, false) => "stopped early; the best so far fits".to_owned(),
@@ -257,7 +263,7 @@ pub(crate) fn starts_found(hits: usize, starts: usize) -> String {
 
 /// The table and what else a reader should know.
 pub(crate) fn text(job: &Job) -> String {
-    let fit = &job.fit;
+    let fit = &job.found.fit;
     let unit = &job.unit.unit;
     let rows = rows(job);
     let mut text = format!(

@@ -1,10 +1,8 @@
 //! The JSON document of a mesh.
 
 use super::work::Made;
+use isoform::check::{Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths};
 use isoform::geom::Mesh;
-use isoform::mesh::check::{
-    Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths,
-};
 use serde_json::{Map, Value, json};
 
 /// Everything that is known of the mesh. All but `seconds` is the same each time.

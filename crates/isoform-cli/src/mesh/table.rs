@@ -3,8 +3,8 @@
 use super::files::Written;
 use super::work::{Made, place};
 use crate::fit::table::brief;
+use isoform::check::Certificate;
 use isoform::geom::Mesh;
-use isoform::mesh::check::Certificate;
 
 /// What was made, whether it holds, and where it went.
 pub(crate) fn text(made: &Made) -> String {

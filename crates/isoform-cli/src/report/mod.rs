@@ -60,7 +60,7 @@ impl Lengths {
 
 /// The page; without a drawing where the time is up.
 pub(crate) fn page(job: &Job, is_late: bool) -> String {
-    let info = job.template.frep.model().info();
+    let info = job.found.template.frep.model().info();
     let title = info
         .title
         .clone()
@@ -72,7 +72,7 @@ pub(crate) fn page(job: &Job, is_late: bool) -> String {
         escaped(&title),
         escaped(&job.scan),
         include_str!("style.css"),
-        job.fit.n_points,
+        job.found.fit.n_points,
         if job.unit.unit.is_empty() {
             String::new()
         } else {
@@ -85,7 +85,7 @@ pub(crate) fn page(job: &Job, is_late: bool) -> String {
     );
     html += &verdict_box(&verdict(job, &lengths));
     let sheets = (!is_late)
-        .then(|| drawing::sheets(job, color_limit(&job.fit)))
+        .then(|| drawing::sheets(job, color_limit(&job.found.fit)))
         .flatten();
     html += &model(sheets.as_ref().map(|s| s[0].as_str()), is_late);
     html += &parameters(job);
@@ -119,7 +119,7 @@ struct Conclusion {
 }
 
 fn verdict(job: &Job, lengths: &Lengths) -> Conclusion {
-    let fit = &job.fit;
+    let fit = &job.found.fit;
     let least = if fit.complete {
         Verdict::Accepted
     } else {
@@ -172,7 +172,7 @@ fn verdict_box(conclusion: &Conclusion) -> String {
 }
 
 fn figures(job: &Job, lengths: &Lengths) -> String {
-    let fit = &job.fit;
+    let fit = &job.found.fit;
     let figure = |value: String, what: &str| {
         format!("<div><strong>{value}</strong><span>{what}</span></div>")
     };
@@ -217,7 +217,7 @@ fn model(sheet: Option<&str>, is_late: bool) -> String {
 
 fn parameters(job: &Job) -> String {
     let rows = table::rows(job);
-    let infos = job.template.frep.model().params();
+    let infos = job.found.template.frep.model().params();
     let has_mm = rows.iter().any(|r| !r.mm.is_empty());
     let mut html = String::from(
         "<section><h2>Parameters</h2><div class=\"wide\"><table><tr><th>parameter</th><th class=\"n\">value</th><th class=\"n\">± 95 %</th><th class=\"n\">95 % interval</th>",
@@ -253,7 +253,7 @@ fn parameters(job: &Job) -> String {
 
 /// What is open, what was dropped, and what to beware of.
 fn notes(job: &Job) -> String {
-    let fit = &job.fit;
+    let fit = &job.found.fit;
     let mut items: Vec<String> = fit.undetermined.iter().map(|o| o.why.clone()).collect();
     items.extend(job.warnings.iter().cloned());
     let mut dropped = format!(
@@ -288,8 +288,8 @@ fn maps(job: &Job, lengths: &Lengths, sheet: Option<&str>) -> String {
     let Some(sheet) = sheet else {
         return String::new();
     };
-    let limit = color_limit(&job.fit);
-    let note = if job.fit.n_outliers > 0 {
+    let limit = color_limit(&job.found.fit);
+    let note = if job.found.fit.n_outliers > 0 {
         " Outliers are dark grey."
     } else {
         ""
@@ -303,8 +303,9 @@ fn maps(job: &Job, lengths: &Lengths, sheet: Option<&str>) -> String {
 }
 
 fn deviations(job: &Job, lengths: &Lengths) -> String {
-    let fit = &job.fit;
+    let fit = &job.found.fit;
     let used: Vec<f64> = job
+        .found
         .deviation()
         .iter()
         .zip(&fit.outliers)
@@ -339,7 +340,7 @@ fn deviations(job: &Job, lengths: &Lengths) -> String {
 }
 
 fn parts(job: &Job, lengths: &Lengths) -> String {
-    let stats = &job.fit.part_statistics;
+    let stats = &job.found.fit.part_statistics;
     let worst = stats
         .iter()
         .map(|s| s.rms)
@@ -390,10 +391,10 @@ fn parts(job: &Job, lengths: &Lengths) -> String {
 
 fn convergence(job: &Job) -> String {
     let mut runs: BTreeMap<usize, Vec<&Step>> = BTreeMap::new();
-    for step in &job.fit.history {
+    for step in &job.found.fit.history {
         runs.entry(step.start).or_default().push(step);
     }
-    let is_searched = job.fit.starts > 1 || runs.len() > 1;
+    let is_searched = job.found.fit.starts > 1 || runs.len() > 1;
     let polish: BTreeMap<usize, Vec<&Step>> = runs
         .last_key_value()
         .map(|(k, v)| (*k, v.clone()))
@@ -411,7 +412,7 @@ fn convergence(job: &Job) -> String {
     let search = svg::convergence("Convergence of the search", &runs, best, "rms of f");
     let mut html = format!(
         "<section><h2>Convergence</h2><div class=\"two\"><div><h3>search, the model's own function, {}</h3>{search}</div>",
-        counted(job.fit.starts, "start", "starts")
+        counted(job.found.fit.starts, "start", "starts")
     );
     if let Some((k, _)) = polish.first_key_value() {
         let unit = if job.unit.unit.is_empty() {
@@ -428,17 +429,18 @@ fn convergence(job: &Job) -> String {
     let _ = writeln!(
         html,
         "</div><p>{}</p></section>",
-        sentence(&starts_found(job.fit.hits, job.fit.starts))
+        sentence(&starts_found(job.found.fit.hits, job.found.fit.starts))
     );
     html
 }
 
 fn minima(job: &Job) -> String {
-    let fit = &job.fit;
+    let fit = &job.found.fit;
     if fit.other_minima.is_empty() {
         return String::new();
     }
     let names = job
+        .found
         .template
         .parameters()
         .iter()
@@ -454,12 +456,12 @@ fn minima(job: &Job) -> String {
             brief(sum / fit.sum_f2)
         )
     };
-    let mut rows = row("<b>chosen</b>", fit.sum_f2, fit.hits, &job.values());
+    let mut rows = row("<b>chosen</b>", fit.sum_f2, fit.hits, &job.found.values());
     for m in &fit.other_minima {
         let values: Vec<f64> = m
             .parameters
             .iter()
-            .zip(&job.template.shift)
+            .zip(&job.found.template.shift)
             .map(|(v, s)| v + s)
             .collect();
         rows += &row("other", m.sum_f2, m.hits, &values);
@@ -498,11 +500,11 @@ fn again(job: &Job) -> String {
         "<section><h2>To do it again</h2><p>Method {}, loss {}, seed {}, isoform {}. The result does not depend on the number of threads.</p><pre>{}</pre>\
          <details><summary>The fitted model, HyperFun</summary><pre>{}</pre></details></section>\n",
         document::method(job.method),
-        document::loss(job.fit.loss),
+        document::loss(job.found.fit.loss),
         job.seed,
         env!("CARGO_PKG_VERSION"),
         escaped(&command.join(" ")),
-        escaped(&job.program())
+        escaped(&job.found.program())
     )
 }
 

@@ -1,8 +1,9 @@
 //! A surface of triangles under work: closed, oriented, changed by replacing faces.
 
-use super::align::{Cuttable, edges_of, key, middle};
-use crate::complex::NONE;
+use super::align::{Cuttable, edges_of};
+use crate::complex::{Face, NONE, edge};
 use crate::measure::smallest_sine;
+use crate::points::{centroid, unique};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
 /// Least sine of a triangle's angle that a vertex moved onto a curve may leave; less where it was
@@ -61,17 +62,36 @@ impl Skin {
     pub(super) fn corners(&self, f: u32) -> [Point3; 3] {
         self.faces[f as usize].map(|v| self.at(v))
     }
+    /// The label of a face.
+    pub(super) fn label_of(&self, f: u32) -> u32 {
+        self.labels[f as usize]
+    }
     pub(super) fn live(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.faces.len() as u32).filter(|&f| self.is_there(f))
     }
-    pub(super) fn add_point(&mut self, p: Point3) -> u32 {
+    /// The faces with their labels.
+    pub(super) fn labelled_faces(&self) -> Vec<Face> {
+        let labelled = |f: u32| (self.faces[f as usize], self.labels[f as usize]);
+        self.live().map(labelled).collect()
+    }
+
+    /// Gives each face the label found for it.
+    pub(super) fn label(&mut self, labels: &[Face]) {
+        for (face, label) in labels {
+            if let Some([f, _]) = self.sides(face[0], face[1]) {
+                self.labels[f as usize] = *label;
+            }
+        }
+    }
+
+    fn add_point(&mut self, p: Point3) -> u32 {
         self.points.push(p);
         self.around.push(Vec::new());
         self.points.len() as u32 - 1
     }
 
     /// Takes faces out and puts others, with their labels, in.
-    pub(super) fn replace(&mut self, old: &[u32], new: &[([u32; 3], u32)]) {
+    pub(super) fn replace(&mut self, old: &[u32], new: &[Face]) {
         for &f in old {
             for v in self.faces[f as usize] {
                 self.around[v as usize].retain(|&k| k != f);
@@ -87,9 +107,21 @@ impl Skin {
             });
             self.faces[slot as usize] = face;
             self.labels[slot as usize] = label;
-            face.iter()
-                .for_each(|&v| self.around[v as usize].push(slot));
+            for v in face {
+                self.around[v as usize].push(slot);
+            }
         }
+    }
+
+    /// A face with its label, and one vertex in the place of another.
+    pub(super) fn exchanged(&self, f: u32, old: u32, new: u32) -> Face {
+        let face = self.faces[f as usize].map(|v| if v == old { new } else { v });
+        (face, self.labels[f as usize])
+    }
+
+    /// The corners of a face, with a vertex at `p`.
+    pub(super) fn corners_with(&self, f: u32, v: u32, p: Point3) -> [Point3; 3] {
+        self.faces[f as usize].map(|k| if k == v { p } else { self.at(k) })
     }
 
     /// The faces at an edge: the one that runs along it from `a` to `b`, and the other.
@@ -118,7 +150,7 @@ impl Skin {
             .iter()
             .flat_map(|&f| self.faces[f as usize])
             .filter(|&k| k != v);
-        crate::lattice::unique(all.collect())
+        unique(all.collect())
     }
 
     /// Splits the edge at a new vertex.
@@ -139,25 +171,48 @@ impl Skin {
         Some(m)
     }
 
-    /// The faces at a vertex were it at `p`.
+    /// The faces at a vertex, with the vertex at `p`.
     pub(super) fn star_with(
         &self,
         v: u32,
         p: Point3,
     ) -> impl Iterator<Item = (u32, [Point3; 3])> + '_ {
-        self.around[v as usize].iter().map(move |&f| {
-            (
-                f,
-                self.faces[f as usize].map(|k| if k == v { p } else { self.at(k) }),
-            )
-        })
+        let star = self.around[v as usize].iter();
+        star.map(move |&f| (f, self.corners_with(f, v, p)))
     }
 
-    /// The smallest sine at a vertex were it at `p`.
+    /// The smallest sine at a vertex, with the vertex at `p`.
     pub(super) fn worst_at(&self, v: u32, p: Point3) -> f64 {
         self.star_with(v, p)
             .map(|(_, c)| smallest_sine(c))
             .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether an edge joins the two vertices.
+    pub(super) fn has_edge(&self, a: u32, b: u32) -> bool {
+        let mut star = self.around[a as usize].iter();
+        star.any(|&f| self.faces[f as usize].contains(&b))
+    }
+
+    /// All edges.
+    pub(super) fn edges(&self) -> Vec<[u32; 2]> {
+        edges_of(&self.faces())
+    }
+
+    /// The middle of a face.
+    pub(super) fn middle(&self, f: u32) -> Point3 {
+        centroid(self.corners(f))
+    }
+
+    /// Length of an edge.
+    pub(super) fn length(&self, [a, b]: [u32; 2]) -> f64 {
+        norm(sub(self.at(a), self.at(b)))
+    }
+
+    /// Edges of a face.
+    pub(super) fn edges_at(&self, f: u32) -> [[u32; 2]; 3] {
+        let f = self.faces[f as usize];
+        [edge(f[0], f[1]), edge(f[1], f[2]), edge(f[2], f[0])]
     }
 }
 
@@ -184,31 +239,5 @@ impl Cuttable for Skin {
     }
     fn split(&mut self, edge: [u32; 2], _: Point3, p: Point3) -> Option<u32> {
         self.split_at(edge[0], edge[1], p)
-    }
-}
-
-impl Skin {
-    /// Whether an edge joins the two vertices.
-    pub(super) fn has_edge(&self, a: u32, b: u32) -> bool {
-        self.around[a as usize]
-            .iter()
-            .any(|&f| self.faces[f as usize].contains(&b))
-    }
-    /// All edges.
-    pub(super) fn edges(&self) -> Vec<[u32; 2]> {
-        edges_of(&self.faces())
-    }
-    /// The middle of a face.
-    pub(super) fn middle(&self, f: u32) -> Point3 {
-        middle(self.corners(f))
-    }
-    /// Length of an edge.
-    pub(super) fn length(&self, a: u32, b: u32) -> f64 {
-        norm(sub(self.at(a), self.at(b)))
-    }
-    /// Edges of a face.
-    pub(super) fn edges_at(&self, f: u32) -> [[u32; 2]; 3] {
-        let f = self.faces[f as usize];
-        [key(f[0], f[1]), key(f[1], f[2]), key(f[2], f[0])]
     }
 }

@@ -5,8 +5,8 @@
 //! linear in (a, m). Where the surface is smooth the normals about the solution agree; about a tip
 //! they differ as much at a small distance as at a large one.
 
-use super::Search;
 use super::newton::{along, normalised};
+use super::search::Search;
 use crate::decide::{Local, decisive};
 use isoform_geom::{Aabb, Point3, dot, norm, sub};
 use isoform_num::Interval;
@@ -15,7 +15,17 @@ use isoform_num::Interval;
 const SPREAD: f64 = 0.9;
 /// Each look at a tip is from this part of the distance of the one before.
 const NEARER: f64 = 0.125;
+/// Looks at a tip.
 const LOOKS: usize = 4;
+/// A smooth surface looks flatter from nearer: its normals differ by a quarter of the angle or
+/// less. Below this part it is no tip.
+const FLATTER: f64 = 0.6;
+/// Distance, in those at which the points around are, that the tip may be from where it was sought.
+const ASTRAY: f64 = 1.2;
+/// Distance from a cell, in model units, within which a tip is in it.
+const BESIDE: f64 = 1e-9;
+/// Pivot below which the normals do not determine a tip.
+const SINGULAR: f64 = 1e-10;
 /// Directions from a cell's centre in which its normals are compared, the corners of a cube turned
 /// off the axes.
 const AROUND: [Point3; 8] = [
@@ -37,22 +47,17 @@ impl Search<'_> {
         let mut last = None;
         for _ in 0..LOOKS {
             let (spread, next) = self.look(piece, tip, reach)?;
-            // A smooth surface looks flatter from nearer: its normals differ by a quarter of the
-            // angle or less.
             if spread > SPREAD
-                || last.is_some_and(|l: f64| spread.acos() < 0.6 * l.acos())
-                || norm(sub(next, tip)) > 1.2 * reach
+                || last.is_some_and(|l: f64| spread.acos() < FLATTER * l.acos())
+                || norm(sub(next, tip)) > ASTRAY * reach
             {
                 return None;
             }
             (tip, last) = (next, Some(spread));
             reach *= NEARER;
         }
-        let octant = |i: usize| cell.lo[i] - 1e-9 <= tip[i] && tip[i] <= cell.hi[i] + 1e-9;
-        (0..3)
-            .all(octant)
-            .then_some(tip)
-            .filter(|tip| self.matters(piece, *tip))
+        let is_within = |i: usize| cell.lo[i] - BESIDE <= tip[i] && tip[i] <= cell.hi[i] + BESIDE;
+        ((0..3).all(is_within) && self.matters(piece, tip)).then_some(tip)
     }
 
     /// The least cosine between the normals around a point, and the tip they point to.
@@ -87,15 +92,12 @@ impl Search<'_> {
         let mut values = vec![0.0; pieces.len()];
         self.solid.values(&pieces, &[p], &mut values);
         let range = |k: u32| {
-            let v = pieces
-                .iter()
-                .position(|q| *q == k)
-                .map_or(0.0, |at| values[at]);
             if k == piece {
-                Interval::new(-1.0, 1.0)
-            } else {
-                Interval::new(v, v)
+                return Interval::new(-1.0, 1.0);
             }
+            let at = pieces.iter().position(|q| *q == k);
+            let v = at.map_or(0.0, |at| values[at]);
+            Interval::new(v, v)
         };
         let mut which = Vec::new();
         decisive(&tree, &range, &mut which);
@@ -107,7 +109,7 @@ impl Search<'_> {
 fn solve(mut m: [[f64; 4]; 4], mut b: [f64; 4]) -> Option<[f64; 4]> {
     for k in 0..4 {
         let pivot = (k..4).max_by(|x, y| m[*x][k].abs().total_cmp(&m[*y][k].abs()))?;
-        if m[pivot][k].is_nan() || m[pivot][k].abs() < 1e-10 {
+        if m[pivot][k].is_nan() || m[pivot][k].abs() < SINGULAR {
             return None;
         }
         m.swap(k, pivot);

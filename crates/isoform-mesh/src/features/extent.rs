@@ -4,8 +4,15 @@
 //! what lies within the hull, widened by the tolerance, need not be looked at. Boxes are cut where
 //! the hull's faces pass through them, so that a flat face of the solid costs as much as a corner,
 //! whatever the tolerance.
+//!
+//! First the region searched grows until the solid lies within it; then shells farther out are
+//! searched for other parts of the solid, each twice as large as the one before; last, the box is
+//! made as tight as asked for.
+
+mod boxes;
 
 use crate::decide::{Local, Narrowed, Scratch};
+use boxes::{clipped, doubled, shell, split, touches, union, widened, within};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
 
@@ -19,17 +26,19 @@ pub const START: Aabb = Aabb {
 /// Boxes that one search may look at. A cube takes about a hundred, a gyroid some thousands; at the
 /// end of the budget the boxes left are taken as if the solid filled them.
 const BUDGET: usize = 400_000;
-/// The same for each side of a shell farther out.
+/// Boxes that the search in one side of a shell farther out may look at.
 const SHELL_BUDGET: usize = 1000;
 /// Outside of the start box the solid is searched to this part of the box's size first.
 const COARSE: f64 = 1.0 / 64.0;
-
+/// Part of the size asked for to which the box is found.
+const FINE: f64 = 0.25;
+/// Parts of that for a solid which no sample has met: it is thinner, or nothing at all.
+const THIN: f64 = 8.0;
+/// Times that points of the solid are met at the border, up to the largest box, from which on it is
+/// taken to have no end. Once or twice may be a solid that just fills the boxes.
+const ENDLESS: usize = 2;
 /// Boxes between two looks at the clock: one takes up to a tenth of a millisecond.
 const LOOK: usize = 64;
-
-/// How thin slabs over a face of the solid may get. Larger suits flat faces along the axes, smaller
-/// suits oblique ones.
-const OUTWARD: f64 = 16.0;
 
 /// The box of a solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,124 +93,33 @@ pub fn extent(solid: &dyn Solid, start: Aabb, size: f64) -> Result<Extent, Exten
     extent_within(solid, start, size, &Control::default())
 }
 
-/// The same, as long as `control` lets it.
+/// The box of a solid like [`extent`], as long as `control` lets it.
+///
+/// # Errors
+/// If the solid is empty, has no end, or is not a number, if the start box or the size has no
+/// meaning, or on a stop.
 pub fn extent_within(
     solid: &dyn Solid,
     start: Aabb,
     size: f64,
     control: &Control<'_>,
 ) -> Result<Extent, ExtentError> {
-    let found = found(solid, start, size, control);
+    let sane = |v: f64| v.is_finite() && v.abs() <= LIMIT;
     if control.is_stopped() {
-        // Boxes were left out.
         return Err(ExtentError::Stopped);
     }
-    found
-}
-
-fn found(
-    solid: &dyn Solid,
-    start: Aabb,
-    size: f64,
-    control: &Control<'_>,
-) -> Result<Extent, ExtentError> {
-    let sane = |v: f64| v.is_finite() && v.abs() <= LIMIT;
     if start.is_empty()
         || !start.lo.into_iter().chain(start.hi).all(sane)
         || !(size > 0.0 && size.is_finite())
     {
         return Err(ExtentError::Start { start, size });
     }
-    let mut search = Search {
-        solid,
-        scratch: Scratch::new(solid),
-        everything: Local::everywhere(solid),
-        inside: Aabb::EMPTY,
-        control,
-        not_a_number: None,
-    };
-    let mut region = start;
-    let mut certified;
-    // How often points of the solid were met at the border: a thin solid without an end is lost
-    // sight of in the largest boxes.
-    let mut reached = 0;
-    let mut out = loop {
-        let found = search.run(region, coarse(region, size), BUDGET, false);
-        certified = found.complete;
-        if let Some(at) = search.not_a_number.filter(|_| !certified) {
-            return Err(ExtentError::NotANumber { at });
-        }
-        if !touches(found.bounds, region) {
-            break found.bounds;
-        }
-        reached += usize::from(touches(
-            widened(search.inside, coarse(region, size)),
-            region,
-        ));
-        if at_limit(region) {
-            if reached > 2 {
-                return Err(ExtentError::Unbounded { limit: LIMIT });
-            }
-            // Nothing can be proved far out: the solid as it is in the start box and where it was
-            // met.
-            certified = false;
-            region = union(start, search.inside);
-            break region;
-        }
-        region = doubled(region);
-    };
-    let mut inner = region;
-    while certified && !at_limit(inner) {
-        let outer = doubled(inner);
-        for slab in shell(inner, outer) {
-            let mut tolerance = coarse(outer, size);
-            let mut found = search.run(slab, tolerance, SHELL_BUDGET, true);
-            // Something that no sample has met: nearer to it.
-            while !found.met
-                && found.complete
-                && !found.bounds.is_empty()
-                && tolerance > 0.25 * size
-            {
-                tolerance = (0.25 * tolerance).max(0.25 * size);
-                found = search.run(found.bounds, tolerance, SHELL_BUDGET, true);
-            }
-            if found.met {
-                out = union(out, found.bounds);
-            }
-            certified &= found.met || found.bounds.is_empty();
-        }
-        inner = outer;
+    let found = Search::new(solid, size, control).find(start);
+    if control.is_stopped() {
+        // Boxes were left out.
+        return Err(ExtentError::Stopped);
     }
-    if touches(out, inner) && !search.inside.is_empty() && at_limit(inner) {
-        return Err(ExtentError::Unbounded { limit: LIMIT });
-    }
-    if out.is_empty() {
-        return Err(ExtentError::Empty { certified });
-    }
-    let fine = 0.25 * size;
-    let mut found = search.run(out, fine, BUDGET, false);
-    if search.inside.is_empty() && !found.bounds.is_empty() {
-        // Thinner than the tolerance, or nothing at all.
-        found = search.run(found.bounds, fine / 8.0, BUDGET, false);
-    }
-    if search.inside.is_empty() {
-        return Err(ExtentError::Empty {
-            certified: certified && found.bounds.is_empty(),
-        });
-    }
-    Ok(Extent {
-        bounds: found.bounds,
-        certified: certified && found.complete,
-    })
-}
-
-/// The tolerance of the first search of a region.
-fn coarse(region: Aabb, size: f64) -> f64 {
-    (COARSE * region.size().into_iter().fold(0.0, f64::max)).max(0.25 * size)
-}
-
-fn touches(part: Aabb, region: Aabb) -> bool {
-    !part.is_empty() && (0..3).any(|i| part.lo[i] <= region.lo[i] || part.hi[i] >= region.hi[i])
+    found
 }
 
 fn at_limit(region: Aabb) -> bool {
@@ -218,8 +136,17 @@ struct Found {
     met: bool,
 }
 
+/// The part of the solid that is known so far.
+#[derive(Clone, Copy)]
+struct Known {
+    bounds: Aabb,
+    /// Whether intervals prove that there is nothing else.
+    certified: bool,
+}
+
 struct Search<'a> {
     solid: &'a dyn Solid,
+    size: f64,
     scratch: Scratch,
     everything: Local,
     /// Hull of the points known to be inside.
@@ -229,168 +156,251 @@ struct Search<'a> {
     not_a_number: Option<Point3>,
 }
 
+/// How one region is searched.
+#[derive(Clone, Copy)]
+struct Task {
+    region: Aabb,
+    tolerance: f64,
+    /// Boxes that may be looked at.
+    budget: usize,
+    /// Whether the hull of what is known inside elsewhere does not count.
+    separate: bool,
+}
+
+/// What is known of a region while it is searched.
+struct Looked {
+    /// Hull of what is inside.
+    hull: Aabb,
+    /// Hull of what is not proved empty.
+    unproved: Aabb,
+    met: bool,
+    /// Boxes that may still be looked at.
+    left: usize,
+}
+
+impl<'a> Search<'a> {
+    fn new(solid: &'a dyn Solid, size: f64, control: &'a Control<'a>) -> Self {
+        Self {
+            solid,
+            size,
+            scratch: Scratch::new(solid),
+            everything: Local::everywhere(solid),
+            inside: Aabb::EMPTY,
+            control,
+            not_a_number: None,
+        }
+    }
+}
+
 impl Search<'_> {
-    /// The solid in a region, to a tolerance. With `separate`, the hull of what is known inside
-    /// elsewhere does not count.
-    fn run(&mut self, region: Aabb, tolerance: f64, budget: usize, separate: bool) -> Found {
-        let mut unproved = Aabb::EMPTY;
-        let mut hull = if separate {
-            Aabb::EMPTY
-        } else {
-            clipped(self.inside, region)
+    fn find(&mut self, start: Aabb) -> Result<Extent, ExtentError> {
+        let (region, known) = self.grow(start)?;
+        let (region, known) = self.look_beyond(region, known);
+        if touches(known.bounds, region) && !self.inside.is_empty() && at_limit(region) {
+            return Err(ExtentError::Unbounded { limit: LIMIT });
+        }
+        self.tighten(known)
+    }
+
+    /// The region, twice as large each time, that the solid does not reach the border of, and the
+    /// solid's part in it.
+    fn grow(&mut self, start: Aabb) -> Result<(Aabb, Known), ExtentError> {
+        let mut region = start;
+        // How often points of the solid were met at the border: a thin solid without an end is lost
+        // sight of in the largest boxes.
+        let mut reached = 0;
+        loop {
+            let coarse = self.coarse(region);
+            let found = self.look_at(region, coarse);
+            let certified = found.complete;
+            if let Some(at) = self.not_a_number.filter(|_| !certified) {
+                return Err(ExtentError::NotANumber { at });
+            }
+            let bounds = found.bounds;
+            if !touches(bounds, region) {
+                return Ok((region, Known { bounds, certified }));
+            }
+            reached += usize::from(touches(widened(self.inside, coarse), region));
+            if !at_limit(region) {
+                region = doubled(region, LIMIT);
+                continue;
+            }
+            if reached > ENDLESS {
+                return Err(ExtentError::Unbounded { limit: LIMIT });
+            }
+            // Nothing can be proved far out: the solid as it is in the start box and where it was
+            // met.
+            let bounds = union(start, self.inside);
+            let certified = false;
+            return Ok((bounds, Known { bounds, certified }));
+        }
+    }
+
+    /// Looks for other parts of the solid farther out, as long as the proof holds. Returns the
+    /// region searched and all that is known.
+    fn look_beyond(&mut self, region: Aabb, mut known: Known) -> (Aabb, Known) {
+        let mut inner = region;
+        while known.certified && !at_limit(inner) {
+            let outer = doubled(inner, LIMIT);
+            for slab in shell(inner, outer) {
+                let found = self.look_into(slab, self.coarse(outer));
+                if found.met {
+                    known.bounds = union(known.bounds, found.bounds);
+                }
+                known.certified &= found.met || found.bounds.is_empty();
+            }
+            inner = outer;
+        }
+        (inner, known)
+    }
+
+    /// Searches a slab of a shell; nearer to what is there but was met by no sample.
+    fn look_into(&mut self, slab: Aabb, tolerance: f64) -> Found {
+        let fine = FINE * self.size;
+        let mut task = Task {
+            region: slab,
+            tolerance,
+            budget: SHELL_BUDGET,
+            separate: true,
         };
-        let mut met = false;
-        let mut left = budget;
+        let mut found = self.run(task);
+        while !found.met && found.complete && !found.bounds.is_empty() && task.tolerance > fine {
+            task.tolerance = (0.25 * task.tolerance).max(fine);
+            task.region = found.bounds;
+            found = self.run(task);
+        }
+        found
+    }
+
+    /// The box to the tolerance asked for.
+    fn tighten(&mut self, known: Known) -> Result<Extent, ExtentError> {
+        let certified = known.certified;
+        if known.bounds.is_empty() {
+            return Err(ExtentError::Empty { certified });
+        }
+        let fine = FINE * self.size;
+        let mut found = self.look_at(known.bounds, fine);
+        if self.inside.is_empty() && !found.bounds.is_empty() {
+            found = self.look_at(found.bounds, fine / THIN);
+        }
+        if self.inside.is_empty() {
+            return Err(ExtentError::Empty {
+                certified: certified && found.bounds.is_empty(),
+            });
+        }
+        Ok(Extent {
+            bounds: found.bounds,
+            certified: certified && found.complete,
+        })
+    }
+
+    /// The tolerance of the first search of a region.
+    fn coarse(&self, region: Aabb) -> f64 {
+        let longest = region.size().into_iter().fold(0.0, f64::max);
+        (COARSE * longest).max(FINE * self.size)
+    }
+
+    /// The solid in a region, to a tolerance.
+    fn look_at(&mut self, region: Aabb, tolerance: f64) -> Found {
+        self.run(Task {
+            region,
+            tolerance,
+            budget: BUDGET,
+            separate: false,
+        })
+    }
+
+    fn run(&mut self, task: Task) -> Found {
+        let region = task.region;
+        let mut looked = Looked {
+            hull: if task.separate {
+                Aabb::EMPTY
+            } else {
+                clipped(self.inside, region)
+            },
+            unproved: Aabb::EMPTY,
+            met: false,
+            left: task.budget,
+        };
         // Level by level: the hull has grown from large boxes before small ones are looked at.
         let (mut level, mut next) = (vec![(region, self.everything.clone())], Vec::new());
         while !level.is_empty() {
             for (cell, local) in level.drain(..) {
-                // While no point of the solid is known, each box may hold the first.
-                let known = if hull.is_empty() {
-                    Aabb::EMPTY
-                } else {
-                    union(hull, unproved)
-                };
-                if within(cell, widened(known, tolerance)) {
-                    continue;
+                if let Some(parts) = self.look(cell, &local, task.tolerance, &mut looked) {
+                    next.extend(parts);
                 }
-                if left == 0 {
-                    unproved = union(unproved, cell);
-                    continue;
-                }
-                left -= 1;
-                if left.is_multiple_of(LOOK) && self.control.is_stopped() {
-                    left = 0;
-                }
-                let local = match local.narrow(self.solid, cell, &mut self.scratch) {
-                    Narrowed::Outside => continue,
-                    Narrowed::Inside => {
-                        hull = union(hull, cell);
-                        met = true;
-                        continue;
-                    }
-                    Narrowed::Mixed(local) => local,
-                };
-                let center = cell.center();
-                let value = local.value(self.solid, center, &mut self.scratch);
-                if value >= 0.0 {
-                    hull.add(center);
-                    met = true;
-                }
-                if value.is_nan() {
-                    self.not_a_number.get_or_insert(center);
-                }
-                let sides = cell.size();
-                if sides.iter().all(|s| *s <= tolerance) {
-                    unproved = union(unproved, cell);
-                    continue;
-                }
-                let (a, b) = split(cell, widened(union(hull, unproved), tolerance));
-                next.push((a, local.clone()));
-                next.push((b, local));
             }
             std::mem::swap(&mut level, &mut next);
         }
-        if met {
-            self.inside = union(self.inside, hull);
+        if looked.met {
+            self.inside = union(self.inside, looked.hull);
         }
-        let bounds = if hull.is_empty() {
-            unproved
+        let bounds = if looked.hull.is_empty() {
+            looked.unproved
         } else {
-            clipped(widened(union(hull, unproved), tolerance), region)
+            let all = union(looked.hull, looked.unproved);
+            clipped(widened(all, task.tolerance), region)
         };
         Found {
             bounds,
-            complete: left > 0,
-            met,
+            complete: looked.left > 0,
+            met: looked.met,
         }
     }
-}
 
-/// Two parts of a cell, cut where a face of `known` passes well through it, else in the middle of
-/// the longest side. Sides that stick out count [`OUTWARD`] times: thin slabs over a face of the
-/// solid are halved outwards before they are cut up along it.
-fn split(cell: Aabb, known: Aabb) -> (Aabb, Aabb) {
-    let size = cell.size();
-    let weight = |i: usize| {
-        size[i]
-            * if cell.lo[i] < known.lo[i] || cell.hi[i] > known.hi[i] {
-                OUTWARD
-            } else {
-                1.0
+    /// Looks at one box. Returns its parts, if they are to be looked at next.
+    fn look(
+        &mut self,
+        cell: Aabb,
+        local: &Local,
+        tolerance: f64,
+        looked: &mut Looked,
+    ) -> Option<[(Aabb, Local); 2]> {
+        // While no point of the solid is known, each box may hold the first.
+        let known = if looked.hull.is_empty() {
+            Aabb::EMPTY
+        } else {
+            union(looked.hull, looked.unproved)
+        };
+        if within(cell, widened(known, tolerance)) {
+            return None;
+        }
+        if looked.left == 0 {
+            looked.unproved = union(looked.unproved, cell);
+            return None;
+        }
+        looked.left -= 1;
+        if looked.left.is_multiple_of(LOOK) && self.control.is_stopped() {
+            looked.left = 0;
+        }
+        let local = match local.narrow(self.solid, cell, &mut self.scratch) {
+            Narrowed::Outside => return None,
+            Narrowed::Inside => {
+                looked.hull = union(looked.hull, cell);
+                looked.met = true;
+                return None;
             }
-    };
-    let longest = (0..3)
-        .max_by(|a, b| weight(*a).total_cmp(&weight(*b)))
-        .unwrap_or(0);
-    let mut cut = (longest, cell.center()[longest]);
-    if !known.is_empty() && (0..3).all(|i| known.lo[i] < cell.hi[i] && known.hi[i] > cell.lo[i]) {
-        let mut best = 0.0;
-        for i in 0..3 {
-            for at in [known.lo[i], known.hi[i]] {
-                let part = (at - cell.lo[i]).min(cell.hi[i] - at);
-                if part > best && part > 1e-3 * size[longest] {
-                    (best, cut) = (part, (i, at));
-                }
-            }
+            Narrowed::Mixed(local) => local,
+        };
+        self.sample(cell.center(), &local, looked);
+        if cell.size().iter().all(|s| *s <= tolerance) {
+            looked.unproved = union(looked.unproved, cell);
+            return None;
+        }
+        let known = widened(union(looked.hull, looked.unproved), tolerance);
+        let (a, b) = split(cell, known);
+        Some([(a, local.clone()), (b, local)])
+    }
+
+    /// Takes note of the sign at a point.
+    fn sample(&mut self, p: Point3, local: &Local, looked: &mut Looked) {
+        let value = local.value(self.solid, p, &mut self.scratch);
+        if value >= 0.0 {
+            looked.hull.add(p);
+            looked.met = true;
+        }
+        if value.is_nan() {
+            self.not_a_number.get_or_insert(p);
         }
     }
-    let (mut a, mut b) = (cell, cell);
-    a.hi[cut.0] = cut.1;
-    b.lo[cut.0] = cut.1;
-    (a, b)
-}
-
-fn union(a: Aabb, b: Aabb) -> Aabb {
-    Aabb {
-        lo: std::array::from_fn(|i| a.lo[i].min(b.lo[i])),
-        hi: std::array::from_fn(|i| a.hi[i].max(b.hi[i])),
-    }
-}
-
-fn clipped(a: Aabb, b: Aabb) -> Aabb {
-    Aabb {
-        lo: std::array::from_fn(|i| a.lo[i].max(b.lo[i])),
-        hi: std::array::from_fn(|i| a.hi[i].min(b.hi[i])),
-    }
-}
-
-fn widened(b: Aabb, by: f64) -> Aabb {
-    Aabb {
-        lo: b.lo.map(|v| v - by),
-        hi: b.hi.map(|v| v + by),
-    }
-}
-
-fn within(a: Aabb, b: Aabb) -> bool {
-    (0..3).all(|i| b.lo[i] <= a.lo[i] && a.hi[i] <= b.hi[i])
-}
-
-/// Twice as large about the same centre, not beyond the limit.
-fn doubled(b: Aabb) -> Aabb {
-    let (c, s) = (b.center(), b.size());
-    let half = s.into_iter().fold(0.0, f64::max).max(1e-3);
-    Aabb {
-        lo: std::array::from_fn(|i: usize| (c[i] - half).max(-LIMIT)),
-        hi: std::array::from_fn(|i: usize| (c[i] + half).min(LIMIT)),
-    }
-}
-
-/// What `outer` holds beyond `inner`, as six boxes.
-fn shell(inner: Aabb, outer: Aabb) -> Vec<Aabb> {
-    let mut rest = outer;
-    let mut slabs = Vec::with_capacity(6);
-    for i in 0..3 {
-        let (mut below, mut above) = (rest, rest);
-        below.hi[i] = inner.lo[i];
-        above.lo[i] = inner.hi[i];
-        slabs.extend(
-            [below, above]
-                .into_iter()
-                .filter(|b| (0..3).all(|k| b.lo[k] < b.hi[k])),
-        );
-        rest.lo[i] = inner.lo[i];
-        rest.hi[i] = inner.hi[i];
-    }
-    slabs
 }

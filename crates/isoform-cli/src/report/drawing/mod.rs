@@ -79,12 +79,12 @@ pub(crate) fn sheets(job: &Job, limit: f64) -> Option<[String; 2]> {
         samples,
         subject,
     };
-    let values = job.relative();
-    let own = job.template.frep.model().n_params();
+    let values = job.found.fit.values();
+    let own = job.found.template.frep.model().n_params();
     let forms = dimensions::forms(
         &drawing.subject,
         &drawing.samples,
-        &job.template as &dyn Template,
+        &job.found.template as &dyn Template,
         &values,
         own,
     );

@@ -783,7 +783,7 @@ fn label(drawing: &Drawing<'_>, form: &Form, i: usize) -> Label {
         _ => String::new(),
     };
     Label {
-        name: job.fit.parameters[i].name.clone(),
+        name: job.found.fit.parameters[i].name.clone(),
         value: mark + &table::reading(job, i).text(),
     }
 }
@@ -934,8 +934,8 @@ type Point = (Point3, f64);
 
 fn points(drawing: &Drawing<'_>) -> Vec<Point> {
     let job = drawing.job;
-    let all = job.cloud.points.iter().zip(job.deviation());
-    all.zip(&job.fit.outliers)
+    let all = job.found.cloud.points.iter().zip(job.found.deviation());
+    all.zip(&job.found.fit.outliers)
         .map(|((p, d), out)| (drawing.subject.framed(*p), if *out { f64::NAN } else { d }))
         .collect()
 }

@@ -50,13 +50,13 @@ const SAMPLES: usize = 8000;
 
 impl<'a> Subject<'a> {
     pub(super) fn of(job: &'a Job) -> Self {
-        let values = job.relative();
+        let values = job.found.fit.values();
         let identity = Placement {
             rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
             translation: [0.0; 3],
             scale: 1.0,
         };
-        let frep = &job.template.frep;
+        let frep = &job.found.template.frep;
         Self {
             job,
             place: frep.placement(&values).unwrap_or(identity),
@@ -89,7 +89,7 @@ impl<'a> Subject<'a> {
     pub(super) fn distances(&self, points: &[Point3]) -> Vec<f64> {
         let x: Vec<Point3> = points.iter().map(|p| self.world(*p)).collect();
         let mut out = vec![0.0; x.len()];
-        let field = self.job.template.metric();
+        let field = self.job.found.template.metric();
         field.values(&x, &self.values, &mut out);
         for v in &mut out {
             *v = if v.is_nan() {
@@ -105,7 +105,7 @@ impl<'a> Subject<'a> {
     pub(super) fn gradients(&self, points: &[Point3]) -> (Vec<f64>, Vec<Point3>) {
         let x: Vec<Point3> = points.iter().map(|p| self.world(*p)).collect();
         let (mut out, mut rows) = (vec![0.0; x.len()], vec![[0.0; 3]; x.len()]);
-        let field = self.job.template.metric();
+        let field = self.job.found.template.metric();
         field.gradients(&x, &self.values, &mut out, &mut rows);
         for (v, g) in out.iter_mut().zip(&mut rows) {
             *v /= self.place.scale;
@@ -117,14 +117,14 @@ impl<'a> Subject<'a> {
     pub(super) fn parts(&self, points: &[Point3]) -> Vec<u32> {
         let x: Vec<Point3> = points.iter().map(|p| self.world(*p)).collect();
         let mut out = vec![0; x.len()];
-        self.job.template.parts(&x, &self.values, &mut out);
+        self.job.found.template.parts(&x, &self.values, &mut out);
         out
     }
 
     /// By sample and parameter, how fast the surface moves outward as the parameter grows. On the
     /// surface d(x, a) = 0 this is ∂d/∂a / |∇d|.
     pub(super) fn motions(&self, samples: &[Sample]) -> Vec<Vec<f64>> {
-        let field = self.job.template.metric();
+        let field = self.job.found.template.metric();
         let dim = field.dim();
         let x: Vec<Point3> = samples.iter().map(|s| self.world(s.at)).collect();
         let (mut out, mut rows) = (vec![0.0; x.len()], vec![[0.0; 3]; x.len()]);
@@ -145,7 +145,7 @@ impl<'a> Subject<'a> {
     /// where there is no surface near the data.
     pub(super) fn shell(&self) -> Option<Shell> {
         let job = self.job;
-        let used = job.cloud.points.iter().zip(&job.fit.outliers);
+        let used = job.found.cloud.points.iter().zip(&job.found.fit.outliers);
         let points: Vec<Point3> = used
             .filter(|(_, out)| !**out)
             .map(|(p, _)| self.framed(*p))

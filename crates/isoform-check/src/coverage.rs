@@ -64,36 +64,39 @@ pub(super) fn measure(
     if out.length > 0.0 {
         out.covered = found / out.length;
     }
-    let mut nodes = mesh.corners.clone();
-    if nodes.is_empty() && !options.corners.is_empty() {
-        nodes = triangles.as_flattened().to_vec();
-        nodes.sort_unstable();
-        nodes.dedup();
-    }
-    let at_nodes: Vec<Point3> = nodes.iter().map(|&i| mesh.points[i as usize]).collect();
-    let tree = KdTree::new(&at_nodes);
-    let limit = options.limits.corner_distance * mesh.bounds().diagonal();
-    for &at in options.corners {
-        let nearest = if at.iter().all(|v| v.is_finite()) {
-            tree.nearest(at)
-        } else {
-            None
-        };
-        let value = nearest.map_or(f64::INFINITY, |(_, squared)| squared.sqrt());
-        out.corner_max = out
-            .corner_max
-            .max(if value.is_nan() { f64::INFINITY } else { value });
-        if value.is_nan() || value > limit {
-            let nodes = nearest.map(|(k, _)| nodes[k]).into_iter().collect();
-            out.missed_corners.add(room, || Place {
-                at,
-                nodes,
-                elements: Vec::new(),
-                value,
-            });
+    out.look_for_corners(mesh, triangles, options);
+    out
+}
+
+impl Coverage {
+    /// Looks for a node at each corner.
+    fn look_for_corners(&mut self, mesh: &Mesh, triangles: &[[u32; 3]], options: &Options<'_>) {
+        let mut nodes = mesh.corners.clone();
+        if nodes.is_empty() && !options.corners.is_empty() {
+            nodes = triangles.as_flattened().to_vec();
+            nodes.sort_unstable();
+            nodes.dedup();
+        }
+        let at_nodes: Vec<Point3> = nodes.iter().map(|&i| mesh.points[i as usize]).collect();
+        let tree = KdTree::new(&at_nodes);
+        let limit = options.limits.corner_distance * mesh.bounds().diagonal();
+        for &at in options.corners {
+            let is_place = at.iter().all(|v| v.is_finite());
+            let nearest = is_place.then(|| tree.nearest(at)).flatten();
+            let value = nearest.map_or(f64::INFINITY, |(_, squared)| squared.sqrt());
+            let far = if value.is_nan() { f64::INFINITY } else { value };
+            self.corner_max = self.corner_max.max(far);
+            if value.is_nan() || value > limit {
+                let nodes = nearest.map(|(k, _)| nodes[k]).into_iter().collect();
+                self.missed_corners.add(options.places, || Place {
+                    at,
+                    nodes,
+                    elements: Vec::new(),
+                    value,
+                });
+            }
         }
     }
-    out
 }
 
 /// The feature edges of a mesh, halved at their mid nodes.
@@ -103,6 +106,7 @@ struct Edges {
 }
 
 /// What part of one curve has edges.
+#[derive(Default)]
 struct Stretches {
     length: f64,
     found: f64,
@@ -141,38 +145,15 @@ impl Edges {
     /// Walks along a curve in steps no longer than the tolerance; each step counts for half by each
     /// of its ends.
     fn compare(&self, curve: &[Point3], tolerance: f64, room: usize) -> Stretches {
-        let mut out = Stretches {
-            length: 0.0,
-            found: 0.0,
-            uncovered: Defects::default(),
-        };
-        // The present stretch without edges: its points, and the length of the steps with such an
-        // end.
-        let (mut bare, mut bare_length): (Vec<Point3>, f64) = (Vec::new(), 0.0);
-        let mut close = |bare: &mut Vec<Point3>, length: &mut f64| {
-            if let Some(&at) = bare.get(bare.len() / 2) {
-                let value = *length;
-                out.uncovered.add(room, || Place {
-                    at,
-                    value,
-                    ..Place::default()
-                });
-            }
-            bare.clear();
-            *length = 0.0;
-        };
+        let mut out = Stretches::default();
+        let mut bare = Bare::default();
         let mut last: Option<bool> = None;
         for step in curve.windows(2) {
             let length = norm(sub(step[1], step[0]));
             if !length.is_finite() {
                 continue;
             }
-            // Not more than a million: beyond that the tolerance has no meaning for the curve.
-            let n = if tolerance > 0.0 {
-                (length / tolerance).ceil().clamp(1.0, 1e6) as usize
-            } else {
-                1
-            };
+            let n = parts(length, tolerance);
             for k in usize::from(last.is_some())..=n {
                 let s = k as f64 / n as f64;
                 let p: Point3 = std::array::from_fn(|i| step[0][i] * (1.0 - s) + step[1][i] * s);
@@ -180,24 +161,62 @@ impl Edges {
                 if let Some(last) = last {
                     let part = length / n as f64;
                     out.length += part;
-                    out.found +=
-                        part * 0.5 * (f64::from(u8::from(last)) + f64::from(u8::from(near)));
-                    bare_length +=
-                        part * 0.5 * (f64::from(u8::from(!last)) + f64::from(u8::from(!near)));
+                    out.found += part * half_by_each(last, near);
+                    bare.length += part * half_by_each(!last, !near);
                 }
                 if near {
-                    close(&mut bare, &mut bare_length);
+                    bare.end(&mut out.uncovered, room);
                 } else {
-                    bare.push(p);
+                    bare.points.push(p);
                 }
                 last = Some(near);
             }
         }
-        close(&mut bare, &mut bare_length);
+        bare.end(&mut out.uncovered, room);
         out
     }
 }
 
+/// The share of a step that counts: half for each of its ends.
+fn half_by_each(a: bool, b: bool) -> f64 {
+    0.5 * (f64::from(u8::from(a)) + f64::from(u8::from(b)))
+}
+
+/// Parts of a step no longer than the tolerance. Not more than a million: beyond that the tolerance
+/// has no meaning for the curve.
+fn parts(length: f64, tolerance: f64) -> usize {
+    if tolerance > 0.0 {
+        (length / tolerance).ceil().clamp(1.0, 1e6) as usize
+    } else {
+        1
+    }
+}
+
+/// The present stretch without edges.
+#[derive(Default)]
+struct Bare {
+    points: Vec<Point3>,
+    /// The length of the steps with an end in it.
+    length: f64,
+}
+
+impl Bare {
+    /// Adds the stretch, if it has a point, and begins anew.
+    fn end(&mut self, uncovered: &mut Defects, room: usize) {
+        if let Some(&at) = self.points.get(self.points.len() / 2) {
+            let value = self.length;
+            uncovered.add(room, || Place {
+                at,
+                value,
+                ..Place::default()
+            });
+        }
+        self.points.clear();
+        self.length = 0.0;
+    }
+}
+
+/// The distance of a point from a segment.
 fn distance_to_segment(p: Point3, [a, b]: [Point3; 2]) -> f64 {
     let e = sub(b, a);
     let s = (dot(sub(p, a), e) / dot(e, e).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);

@@ -31,17 +31,22 @@ fn sign(v: f64) -> i8 {
     i8::from(v > 0.0) - i8::from(v < 0.0)
 }
 
-/// An axis along which the triangle is seen with an area; `None` if its corners lie on a line.
-fn seen_along([a, b, c]: [Point3; 3]) -> Option<usize> {
-    let n = cross(sub(b, a), sub(c, a)).map(f64::abs);
-    // The largest first: it is nearly always the answer.
-    let first = if n[0] >= n[1] && n[0] >= n[2] {
+/// The axis along which a vector is longest.
+fn largest(v: Point3) -> usize {
+    let n = v.map(f64::abs);
+    if n[0] >= n[1] && n[0] >= n[2] {
         0
     } else if n[1] >= n[2] {
         1
     } else {
         2
-    };
+    }
+}
+
+/// An axis along which the triangle is seen with an area; `None` if its corners lie on a line.
+fn seen_along([a, b, c]: [Point3; 3]) -> Option<usize> {
+    // The largest first: it is nearly always the answer.
+    let first = largest(cross(sub(b, a), sub(c, a)));
     (first..first + 3)
         .map(|k| k % 3)
         .find(|&axis| area_sign(axis, a, b, c) != 0)
@@ -89,14 +94,7 @@ pub(super) fn triangles_meet(points: &[Point3], a: [u32; 3], b: [u32; 3]) -> boo
 /// a plane on the same side stay on the same side (or all fall on a line), so that opposite sides
 /// along any axis are an answer already.
 fn edge_meet([p, e, f]: [Point3; 3], q: Point3) -> bool {
-    let n = cross(sub(e, p), sub(f, p)).map(f64::abs);
-    let first = if n[0] >= n[1] && n[0] >= n[2] {
-        0
-    } else if n[1] >= n[2] {
-        1
-    } else {
-        2
-    };
+    let first = largest(cross(sub(e, p), sub(f, p)));
     if area_sign(first, e, f, p) * area_sign(first, e, f, q) < 0 || volume_sign(p, e, f, q) != 0 {
         return false;
     }
@@ -243,23 +241,22 @@ fn corner_apart(a: [Point3; 3], b: [Point3; 3]) -> bool {
     let d = std::array::from_fn(|i| (u1[i] + u2[i]) - (v1[i] + v2[i]));
     let above = |d, x| dot_bounds(d, x).0 > 0.0;
     let below = |d, x| dot_bounds(d, x).1 < 0.0;
-    if above(d, a1) && above(d, a2) && below(d, b1) && below(d, b2) {
+    let parts = |d| above(d, a1) && above(d, a2) && below(d, b1) && below(d, b2);
+    if parts(d) {
         return true;
     }
     let (na, nb) = (cross(a1, a2), cross(b1, b2));
     // Planes through the middle of a gap between them: x and y are the edges at the gap.
-    for (n, x, y) in [(na, u2, v1), (na, u1, v2), (nb, u2, v1), (nb, u1, v2)] {
-        let middle = [x[0] + y[0], x[1] + y[1], x[2] + y[2]];
-        let d = cross(n, middle);
-        let (p, q) = (dot_bounds(d, a1), dot_bounds(d, a2));
-        let (r, s) = (dot_bounds(d, b1), dot_bounds(d, b2));
-        if (p.0 > 0.0 && q.0 > 0.0 && r.1 < 0.0 && s.1 < 0.0)
-            || (p.1 < 0.0 && q.1 < 0.0 && r.0 > 0.0 && s.0 > 0.0)
-        {
-            return true;
-        }
-    }
-    false
+    [(na, u2, v1), (na, u1, v2), (nb, u2, v1), (nb, u1, v2)]
+        .into_iter()
+        .any(|(n, x, y)| {
+            let middle = [x[0] + y[0], x[1] + y[1], x[2] + y[2]];
+            let d = cross(n, middle);
+            let (p, q) = (dot_bounds(d, a1), dot_bounds(d, a2));
+            let (r, s) = (dot_bounds(d, b1), dot_bounds(d, b2));
+            (p.0 > 0.0 && q.0 > 0.0 && r.1 < 0.0 && s.1 < 0.0)
+                || (p.1 < 0.0 && q.1 < 0.0 && r.0 > 0.0 && s.0 > 0.0)
+        })
 }
 
 /// Whether a plane between two triangles is found by quick guesses: along the normals, and across

@@ -48,6 +48,37 @@ pub enum Malformed {
 
 /// Everything that is malformed.
 pub(super) fn examine(mesh: &Mesh) -> Vec<Malformed> {
+    let mut found = coordinates(mesh);
+    let (nodes, parts) = (mesh.points.len(), mesh.parts.len());
+    for (array, flat, width, limit) in [
+        ("triangles", mesh.triangles.as_flattened(), 3, nodes),
+        ("triangle_mids", mesh.triangle_mids.as_flattened(), 3, nodes),
+        ("triangle_parts", &mesh.triangle_parts, 1, parts),
+        ("tets", mesh.tets.as_flattened(), 4, nodes),
+        ("tet_mids", mesh.tet_mids.as_flattened(), 6, nodes),
+        ("tet_regions", &mesh.tet_regions, 1, mesh.regions.len()),
+        ("edges", mesh.edges.as_flattened(), 2, nodes),
+        ("edge_mids", &mesh.edge_mids, 1, nodes),
+        ("edge_curves", &mesh.edge_curves, 1, mesh.curves.len()),
+        ("corners", &mesh.corners, 1, nodes),
+    ] {
+        indices(&mut found, array, flat, width, limit);
+    }
+    for (k, curve) in mesh.curves.iter().enumerate() {
+        if curve.parts.iter().any(|&i| i as usize >= parts) {
+            found.push(Malformed::Index {
+                array: "curves",
+                count: 1,
+                first: k,
+            });
+        }
+    }
+    lengths(mesh, &mut found);
+    found
+}
+
+/// Looks for coordinates that are no numbers, and for more nodes than fit 32 bits.
+fn coordinates(mesh: &Mesh) -> Vec<Malformed> {
     let mut found = Vec::new();
     let bad = |p: &&[f64; 3]| p.iter().any(|v| !v.is_finite());
     let count = mesh.points.iter().filter(bad).count();
@@ -63,71 +94,19 @@ pub(super) fn examine(mesh: &Mesh) -> Vec<Malformed> {
             found: mesh.points.len(),
         });
     }
-    let (nodes, parts) = (mesh.points.len(), mesh.parts.len());
-    indices(
-        &mut found,
-        "triangles",
-        mesh.triangles.as_flattened(),
-        3,
-        nodes,
-    );
-    indices(
-        &mut found,
-        "triangle_mids",
-        mesh.triangle_mids.as_flattened(),
-        3,
-        nodes,
-    );
-    indices(&mut found, "triangle_parts", &mesh.triangle_parts, 1, parts);
-    indices(&mut found, "tets", mesh.tets.as_flattened(), 4, nodes);
-    indices(
-        &mut found,
-        "tet_mids",
-        mesh.tet_mids.as_flattened(),
-        6,
-        nodes,
-    );
-    indices(
-        &mut found,
-        "tet_regions",
-        &mesh.tet_regions,
-        1,
-        mesh.regions.len(),
-    );
-    indices(&mut found, "edges", mesh.edges.as_flattened(), 2, nodes);
-    indices(&mut found, "edge_mids", &mesh.edge_mids, 1, nodes);
-    indices(
-        &mut found,
-        "edge_curves",
-        &mesh.edge_curves,
-        1,
-        mesh.curves.len(),
-    );
-    indices(&mut found, "corners", &mesh.corners, 1, nodes);
-    for (k, curve) in mesh.curves.iter().enumerate() {
-        if curve.parts.iter().any(|&i| i as usize >= parts) {
-            found.push(Malformed::Index {
-                array: "curves",
-                count: 1,
-                first: k,
-            });
-        }
-    }
+    found
+}
+
+/// Looks for arrays that are neither empty nor as long as their elements.
+fn lengths(mesh: &Mesh, found: &mut Vec<Malformed>) {
+    let (triangles, tets, edges) = (mesh.triangles.len(), mesh.tets.len(), mesh.edges.len());
     for (array, length, wanted) in [
-        (
-            "triangle_mids",
-            mesh.triangle_mids.len(),
-            mesh.triangles.len(),
-        ),
-        (
-            "triangle_parts",
-            mesh.triangle_parts.len(),
-            mesh.triangles.len(),
-        ),
-        ("tet_mids", mesh.tet_mids.len(), mesh.tets.len()),
-        ("tet_regions", mesh.tet_regions.len(), mesh.tets.len()),
-        ("edge_mids", mesh.edge_mids.len(), mesh.edges.len()),
-        ("edge_curves", mesh.edge_curves.len(), mesh.edges.len()),
+        ("triangle_mids", mesh.triangle_mids.len(), triangles),
+        ("triangle_parts", mesh.triangle_parts.len(), triangles),
+        ("tet_mids", mesh.tet_mids.len(), tets),
+        ("tet_regions", mesh.tet_regions.len(), tets),
+        ("edge_mids", mesh.edge_mids.len(), edges),
+        ("edge_curves", mesh.edge_curves.len(), edges),
     ] {
         if length != 0 && length != wanted {
             found.push(Malformed::Length {
@@ -137,7 +116,6 @@ pub(super) fn examine(mesh: &Mesh) -> Vec<Malformed> {
             });
         }
     }
-    found
 }
 
 /// Looks for indices not below `limit`, in items of `width`, and for more than fit 32 bits.

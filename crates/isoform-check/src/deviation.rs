@@ -9,9 +9,9 @@
 //! of four).
 
 use super::stars::blocks;
-use super::{Defects, Limits, Options, Place};
+use super::{Defects, Options, Place};
 use isoform_control::Control;
-use isoform_geom::{Csg, Mesh, Point3, Solid, TRIANGLE_EDGES, cross, dot, norm, sub};
+use isoform_geom::{Mesh, Point3, Solid, TRIANGLE_EDGES, cross, dot, norm, sub};
 use rayon::prelude::*;
 
 /// Nodes or triangles per task.
@@ -27,6 +27,8 @@ const SAMPLES: [Point3; 7] = [
     [0.5, 2.0, 0.5],
     [0.5, 0.5, 2.0],
 ];
+/// Share of the first value below which the second step has got near.
+const NEARER: f64 = 0.5;
 /// No piece: a label whose name the solid does not know.
 const UNKNOWN: u32 = u32::MAX;
 
@@ -146,57 +148,42 @@ pub(super) fn measure(
     };
     let labels = Labels::new(mesh, triangles, solid, control);
     out.unknown_parts.clone_from(&labels.unknown);
-    let mut parts: Vec<PartDeviation> = labels
-        .names
-        .iter()
-        .map(|part| PartDeviation {
-            part: part.clone(),
-            ..PartDeviation::default()
-        })
-        .collect();
-
+    let compared = Compared {
+        mesh,
+        triangles,
+        solid,
+        labels: &labels,
+        enough: options.limits.node_distance * diagonal,
+    };
+    let named = |part: &String| PartDeviation {
+        part: part.clone(),
+        ..PartDeviation::default()
+    };
+    out.parts = labels.names.iter().map(named).collect();
     let nodes = labelled_nodes(triangles, &labels.of_triangles);
-    let enough = options.limits.node_distance * diagonal;
     let mut all = Sums::default();
-    for (label, sums) in node_distances(mesh, solid, &labels, &nodes, enough) {
+    for (label, sums) in compared.nodes(&nodes) {
         all.append(&sums);
-        parts[label as usize].nodes = sums.distances();
+        out.parts[label as usize].nodes = sums.distances();
     }
     out.nodes = all.distances();
     if !mesh.triangle_mids.is_empty() {
-        out.mids = joined(node_distances(
-            mesh,
-            solid,
-            &labels,
-            &labelled_nodes(&mesh.triangle_mids, &labels.of_triangles),
-            enough,
-        ));
+        let mids = labelled_nodes(&mesh.triangle_mids, &labels.of_triangles);
+        out.mids = joined(compared.nodes(&mids));
     }
     // Feature edges are on both of their parts, whatever the angle.
-    out.curves = joined(node_distances(
-        mesh,
-        solid,
-        &labels,
-        &curve_nodes(mesh),
-        f64::INFINITY,
-    ));
-
+    let on_curves = Compared {
+        enough: f64::INFINITY,
+        ..compared
+    };
+    out.curves = joined(on_curves.nodes(&curve_nodes(mesh)));
     let mut all = Sums::default();
-    for (label, sums) in face_distances(mesh, triangles, solid, &labels) {
+    for (label, sums) in compared.faces() {
         all.append(&sums);
-        parts[label as usize].faces = sums.distances();
+        out.parts[label as usize].faces = sums.distances();
     }
     out.faces = all.distances();
-    out.parts = parts;
-    out.misclassified = misclassified(
-        mesh,
-        &nodes,
-        solid,
-        diagonal,
-        &options.limits,
-        options.places,
-        control,
-    );
+    out.misclassified = compared.misclassified(&nodes, options.places);
     out
 }
 
@@ -240,13 +227,10 @@ impl<'c> Labels<'c> {
         };
         let pieces: Vec<u32> = mesh.parts.iter().map(piece).collect();
         let mut used = vec![false; pieces.len()];
-        mesh.triangle_parts
-            .iter()
-            .for_each(|&label| used[label as usize] = true);
-        mesh.curves
-            .iter()
-            .flat_map(|c| c.parts)
-            .for_each(|label| used[label as usize] = true);
+        let on_curves = mesh.curves.iter().flat_map(|c| c.parts);
+        for label in mesh.triangle_parts.iter().copied().chain(on_curves) {
+            used[label as usize] = true;
+        }
         let unknown = (0..pieces.len())
             .filter(|&k| used[k] && pieces[k] == UNKNOWN)
             .map(|k| mesh.parts[k].clone())
@@ -374,34 +358,6 @@ fn node_distance(solid: &dyn Solid, piece: u32, p: Point3, enough: f64) -> f64 {
     }
 }
 
-/// Distances of nodes to the parts they are labelled with, by labels. The pairs are sorted; those
-/// with unknown labels are left out.
-fn node_distances(
-    mesh: &Mesh,
-    solid: &dyn Solid,
-    labels: &Labels<'_>,
-    pairs: &[(u32, u32)],
-    enough: f64,
-) -> Vec<(u32, Sums)> {
-    by_label(
-        pairs,
-        |pair| pair.0,
-        labels,
-        |piece, chunk| {
-            let mut sums = Sums::default();
-            for &(_, node) in chunk {
-                let at = mesh.points[node as usize];
-                sums.add(node_distance(solid, piece, at, enough), 1.0, || Place {
-                    at,
-                    nodes: vec![node],
-                    ..Place::default()
-                });
-            }
-            sums
-        },
-    )
-}
-
 /// Works on items sorted by label in chunks of one label, with the label's piece.
 fn by_label<T: Sync>(
     items: &[T],
@@ -431,71 +387,165 @@ fn by_label<T: Sync>(
     out
 }
 
-/// Distances of samples of the faces to their parts, by labels.
-fn face_distances(
-    mesh: &Mesh,
-    triangles: &[[u32; 3]],
-    solid: &dyn Solid,
-    labels: &Labels<'_>,
-) -> Vec<(u32, Sums)> {
-    let mut order: Vec<(u32, u32)> = labels
-        .of_triangles
-        .iter()
-        .enumerate()
-        .map(|(k, &label)| (label, k as u32))
-        .collect();
-    order.par_sort_unstable();
-    by_label(
-        &order,
-        |item| item.0,
-        labels,
-        |piece, chunk| {
-            let samples: Vec<Point3> = chunk
-                .iter()
-                .flat_map(|&(_, k)| samples(mesh, triangles, k as usize))
-                .collect();
-            let normals: Vec<Point3> = samples
-                .chunks(SAMPLES.len())
-                .map(|s| {
-                    let g = solid.gradient(piece, s[0]).1;
-                    let gg = dot(g, g);
-                    g.map(|v| v / gg)
-                })
-                .collect();
-            let mut first = vec![0.0; samples.len()];
-            solid.values(&[piece], &samples, &mut first);
-            let step = |i: usize, s: f64| -> Point3 {
-                std::array::from_fn(|c| samples[i][c] - s * normals[i / SAMPLES.len()][c])
-            };
-            let moved: Vec<Point3> = (0..samples.len()).map(|i| step(i, first[i])).collect();
-            let mut second = vec![0.0; samples.len()];
-            solid.values(&[piece], &moved, &mut second);
+/// A mesh and the solid that it is compared with.
+#[derive(Clone, Copy)]
+struct Compared<'m> {
+    mesh: &'m Mesh,
+    triangles: &'m [[u32; 3]],
+    solid: &'m dyn Solid,
+    labels: &'m Labels<'m>,
+    /// The distance of nodes that is acceptable.
+    enough: f64,
+}
+
+/// Samples of faces of one piece, with the directions in which the piece is approached.
+struct Approach {
+    samples: Vec<Point3>,
+    /// ∇g/|∇g|² at the centre of each face.
+    normals: Vec<Point3>,
+    /// The values at the samples, and where the first step leads.
+    values: [Vec<f64>; 2],
+}
+
+impl Compared<'_> {
+    /// Distances of nodes to the parts they are labelled with, by labels. The pairs are sorted;
+    /// those with unknown labels are left out.
+    fn nodes(&self, pairs: &[(u32, u32)]) -> Vec<(u32, Sums)> {
+        let distances = |piece: u32, chunk: &[(u32, u32)]| {
             let mut sums = Sums::default();
-            for (i, &p) in samples.iter().enumerate() {
-                let (v, w) = (first[i], second[i]);
-                // By the secant through both values; where the first step has not got near, by
-                // gradients of its own.
-                let d = if v == 0.0 {
-                    0.0
-                } else if w.abs() < 0.5 * v.abs() {
-                    (v * v / (v - w)).abs() * norm(normals[i / SAMPLES.len()])
-                } else {
-                    distance(solid, piece, p)
-                };
-                let k = chunk[i / SAMPLES.len()].1;
-                let t = triangles[k as usize];
-                let [a, b, c] = t.map(|i| mesh.points[i as usize]);
-                let area = 0.5 * norm(cross(sub(b, a), sub(c, a)));
-                sums.add(d, area, || Place {
-                    at: p,
-                    nodes: t.to_vec(),
-                    elements: vec![k],
-                    value: 0.0,
+            for &(_, node) in chunk {
+                let at = self.mesh.points[node as usize];
+                let d = node_distance(self.solid, piece, at, self.enough);
+                sums.add(d, 1.0, || Place {
+                    at,
+                    nodes: vec![node],
+                    ..Place::default()
                 });
             }
             sums
-        },
-    )
+        };
+        by_label(pairs, |pair| pair.0, self.labels, distances)
+    }
+
+    /// Distances of samples of the faces to their parts, by labels.
+    fn faces(&self) -> Vec<(u32, Sums)> {
+        let labels = self.labels.of_triangles.iter().enumerate();
+        let mut order: Vec<(u32, u32)> = labels.map(|(k, &label)| (label, k as u32)).collect();
+        order.par_sort_unstable();
+        let distances = |piece: u32, chunk: &[(u32, u32)]| self.distances_of_faces(piece, chunk);
+        by_label(&order, |item| item.0, self.labels, distances)
+    }
+
+    /// Distances of samples of faces, given with their label, to a piece.
+    fn distances_of_faces(&self, piece: u32, faces: &[(u32, u32)]) -> Sums {
+        let approach = self.approach(piece, faces);
+        let mut sums = Sums::default();
+        for (i, &p) in approach.samples.iter().enumerate() {
+            let d = approach
+                .distance(i)
+                .unwrap_or_else(|| distance(self.solid, piece, p));
+            let k = faces[i / SAMPLES.len()].1;
+            let t = self.triangles[k as usize];
+            let [a, b, c] = t.map(|i| self.mesh.points[i as usize]);
+            let area = 0.5 * norm(cross(sub(b, a), sub(c, a)));
+            sums.add(d, area, || Place {
+                at: p,
+                nodes: t.to_vec(),
+                elements: vec![k],
+                value: 0.0,
+            });
+        }
+        sums
+    }
+
+    /// The two rounds of values at samples of faces.
+    fn approach(&self, piece: u32, faces: &[(u32, u32)]) -> Approach {
+        let samples: Vec<Point3> = faces
+            .iter()
+            .flat_map(|&(_, k)| samples(self.mesh, self.triangles, k as usize))
+            .collect();
+        let normal = |s: &[Point3]| {
+            let g = self.solid.gradient(piece, s[0]).1;
+            let gg = dot(g, g);
+            g.map(|v| v / gg)
+        };
+        let normals: Vec<Point3> = samples.chunks(SAMPLES.len()).map(normal).collect();
+        let mut first = vec![0.0; samples.len()];
+        self.solid.values(&[piece], &samples, &mut first);
+        let step = |i: usize, s: f64| -> Point3 {
+            std::array::from_fn(|c| samples[i][c] - s * normals[i / SAMPLES.len()][c])
+        };
+        let moved: Vec<Point3> = (0..samples.len()).map(|i| step(i, first[i])).collect();
+        let mut second = vec![0.0; samples.len()];
+        self.solid.values(&[piece], &moved, &mut second);
+        Approach {
+            samples,
+            normals,
+            values: [first, second],
+        }
+    }
+
+    /// Surface nodes where the tree, by distances, is farther from zero than the limit.
+    ///
+    /// The values of the pieces need not be distances, so the piece that decides by values is asked
+    /// for its distance first; only where that is too much are the distances of all pieces put into
+    /// the tree.
+    fn misclassified(&self, pairs: &[(u32, u32)], room: usize) -> Defects {
+        let mut nodes: Vec<u32> = pairs.iter().map(|pair| pair.1).collect();
+        nodes.par_sort_unstable();
+        nodes.dedup();
+        let parts: Vec<Defects> = blocks(nodes.len(), TASK)
+            .into_par_iter()
+            .map(|range| match self.labels.control.is_stopped() {
+                true => Defects::default(),
+                false => self.misclassified_among(&nodes[range], room),
+            })
+            .collect();
+        let mut all = Defects::default();
+        parts.into_iter().for_each(|part| all.append(room, part));
+        all
+    }
+
+    fn misclassified_among(&self, nodes: &[u32], room: usize) -> Defects {
+        let (solid, tree) = (self.solid, self.solid.tree());
+        let points: Vec<Point3> = nodes
+            .iter()
+            .map(|&i| self.mesh.points[i as usize])
+            .collect();
+        let (values, n) = (all_values(solid, &points), points.len());
+        let mut defects = Defects::default();
+        for (i, &p) in points.iter().enumerate() {
+            let (_, piece) = tree.value_and_piece(&|k| values[k as usize * n + i]);
+            if signed_distance(solid, piece, p).abs() <= self.enough {
+                continue;
+            }
+            let value = tree.value(&|k| signed_distance(solid, k, p));
+            if value.is_nan() || value.abs() > self.enough {
+                defects.add(room, || Place {
+                    at: p,
+                    nodes: vec![nodes[i]],
+                    elements: Vec::new(),
+                    value,
+                });
+            }
+        }
+        defects
+    }
+}
+
+impl Approach {
+    /// The distance of a sample by the secant through both values; none where the first step has
+    /// not got near, so that the sample needs gradients of its own.
+    fn distance(&self, i: usize) -> Option<f64> {
+        let [v, w] = [&self.values[0], &self.values[1]].map(|values| values[i]);
+        if v == 0.0 {
+            Some(0.0)
+        } else if w.abs() < NEARER * v.abs() {
+            Some((v * v / (v - w)).abs() * norm(self.normals[i / SAMPLES.len()]))
+        } else {
+            None
+        }
+    }
 }
 
 /// The sample points of a triangle, flat or curved.
@@ -518,57 +568,4 @@ fn samples(mesh: &Mesh, triangles: &[[u32; 3]], k: usize) -> [Point3; 7] {
             }
         })
     })
-}
-
-/// Surface nodes where the tree, by distances, is farther from zero than the limit.
-///
-/// The values of the pieces need not be distances, so the piece that decides by values is asked for
-/// its distance first; only where that is too much are the distances of all pieces put into the
-/// tree.
-fn misclassified(
-    mesh: &Mesh,
-    pairs: &[(u32, u32)],
-    solid: &dyn Solid,
-    diagonal: f64,
-    limits: &Limits,
-    room: usize,
-    control: &Control<'_>,
-) -> Defects {
-    let mut nodes: Vec<u32> = pairs.iter().map(|pair| pair.1).collect();
-    nodes.par_sort_unstable();
-    nodes.dedup();
-    let (tree, limit): (&Csg, f64) = (solid.tree(), limits.node_distance * diagonal);
-    let parts: Vec<Defects> = blocks(nodes.len(), TASK)
-        .into_par_iter()
-        .map(|range| {
-            let mut defects = Defects::default();
-            if control.is_stopped() {
-                return defects;
-            }
-            let points: Vec<Point3> = nodes[range.clone()]
-                .iter()
-                .map(|&i| mesh.points[i as usize])
-                .collect();
-            let (values, n) = (all_values(solid, &points), points.len());
-            for (i, &p) in points.iter().enumerate() {
-                let (_, piece) = tree.value_and_piece(&|k| values[k as usize * n + i]);
-                if signed_distance(solid, piece, p).abs() <= limit {
-                    continue;
-                }
-                let value = tree.value(&|k| signed_distance(solid, k, p));
-                if value.is_nan() || value.abs() > limit {
-                    defects.add(room, || Place {
-                        at: p,
-                        nodes: vec![nodes[range.start + i]],
-                        elements: Vec::new(),
-                        value,
-                    });
-                }
-            }
-            defects
-        })
-        .collect();
-    let mut all = Defects::default();
-    parts.into_iter().for_each(|part| all.append(room, part));
-    all
 }

@@ -5,17 +5,18 @@ use isoform_num::{Interval, Jet2};
 
 /// The intersection of a solid with a box, whose sides are six more pieces named `cap.x_min` to
 /// `cap.z_max`.
-pub(crate) struct Capped<'s> {
+pub struct Capped<'s> {
     solid: &'s dyn Solid,
     region: Aabb,
-    /// Pieces of the solid itself.
+    /// The number of pieces of the solid itself.
     n: u32,
     names: Vec<String>,
     tree: Csg,
 }
 
 impl<'s> Capped<'s> {
-    pub(crate) fn new(solid: &'s dyn Solid, region: Aabb) -> Self {
+    /// The solid cut off at the sides of the region.
+    pub fn new(solid: &'s dyn Solid, region: Aabb) -> Self {
         let n = solid.names().len() as u32;
         let sides = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
         let names = solid

@@ -189,6 +189,50 @@ fn places<const N: usize>(
     worst.items.iter().map(place).collect()
 }
 
+impl Sums {
+    /// Adds the shape of a triangle.
+    fn add_triangle(&mut self, room: usize, k: u32, p: [Point3; 3]) {
+        let c = triangle_cosines(p);
+        let (high, low) = (c[0].max(c[1]).max(c[2]), c[0].min(c[1]).min(c[2]));
+        self.cosine = (self.cosine.0.max(high), self.cosine.1.min(low));
+        let e = [
+            norm(sub(p[1], p[0])),
+            norm(sub(p[2], p[1])),
+            norm(sub(p[0], p[2])),
+        ];
+        let longest = e[0].max(e[1]).max(e[2]);
+        let perimeter = e[0] + e[1] + e[2];
+        let area2 = norm(cross(sub(p[1], p[0]), sub(p[2], p[0])));
+        self.edge = (
+            self.edge.0.min(e[0]).min(e[1]).min(e[2]),
+            self.edge.1 + perimeter,
+            self.edge.2.max(longest),
+        );
+        let aspect = longest * perimeter / (2.0 * 3f64.sqrt() * area2.max(f64::MIN_POSITIVE));
+        self.aspect = self.aspect.max(aspect);
+        self.worst.add(room, -high, k);
+    }
+
+    /// Adds the shape of a tetrahedron; `bounds` are those of the histogram, as cosines.
+    fn add_tetrahedron(&mut self, room: usize, k: u32, shape: &Shape, bounds: &[f64; 17]) {
+        let (cosines, sines) = (cosines(shape), sines(shape));
+        let mut worst = f64::INFINITY;
+        for (c, sine) in cosines.into_iter().zip(sines) {
+            self.cosine = (self.cosine.0.max(c), self.cosine.1.min(c));
+            self.histogram[bounds.iter().map(|&b| usize::from(c <= b)).sum::<usize>()] += 1;
+            worst = worst.min(sine * if c < 0.0 { OBTUSE_WEIGHT } else { 1.0 });
+        }
+        self.sine = (self.sine.0.min(worst), self.sine.1 + worst);
+        let ratio = shape.radius_ratio();
+        self.ratio = (self.ratio.0.min(ratio), self.ratio.1 + ratio);
+        self.aspect = self.aspect.max(shape.aspect());
+        for e in shape.edges {
+            self.edge = (self.edge.0.min(e), self.edge.1 + e, self.edge.2.max(e));
+        }
+        self.worst.add(room, worst, k);
+    }
+}
+
 /// Shape of the triangles; `None` if there are none.
 pub(super) fn triangles(
     points: &[Point3],
@@ -197,29 +241,7 @@ pub(super) fn triangles(
 ) -> Option<TriangleQuality> {
     let room = options.places;
     let all = sums(triangles.len(), room, |s, k| {
-        let p = triangles[k].map(|i| points[i as usize]);
-        let c = triangle_cosines(p);
-        let (high, low) = (c[0].max(c[1]).max(c[2]), c[0].min(c[1]).min(c[2]));
-        s.cosine = (s.cosine.0.max(high), s.cosine.1.min(low));
-        let e = [
-            norm(sub(p[1], p[0])),
-            norm(sub(p[2], p[1])),
-            norm(sub(p[0], p[2])),
-        ];
-        let longest = e[0].max(e[1]).max(e[2]);
-        let (perimeter, area2) = (
-            e[0] + e[1] + e[2],
-            norm(cross(sub(p[1], p[0]), sub(p[2], p[0]))),
-        );
-        s.edge = (
-            s.edge.0.min(e[0]).min(e[1]).min(e[2]),
-            s.edge.1 + perimeter,
-            s.edge.2.max(longest),
-        );
-        s.aspect = s
-            .aspect
-            .max(longest * perimeter / (2.0 * 3f64.sqrt() * area2.max(f64::MIN_POSITIVE)));
-        s.worst.add(room, -high, k as u32);
+        s.add_triangle(room, k as u32, triangles[k].map(|i| points[i as usize]));
     });
     (all.elements > 0).then(|| TriangleQuality {
         angle_min: degrees(all.cosine.0),
@@ -240,21 +262,7 @@ pub(super) fn tets(
     let bounds: [f64; 17] = std::array::from_fn(|k| (10.0 * (k + 1) as f64).to_radians().cos());
     let all = sums(tets.len(), room, |s, k| {
         let shape = Shape::of(tets[k].map(|i| points[i as usize]));
-        let (cosines, sines) = (cosines(&shape), sines(&shape));
-        let mut worst = f64::INFINITY;
-        for (c, sine) in cosines.into_iter().zip(sines) {
-            s.cosine = (s.cosine.0.max(c), s.cosine.1.min(c));
-            s.histogram[bounds.iter().map(|&b| usize::from(c <= b)).sum::<usize>()] += 1;
-            worst = worst.min(sine * if c < 0.0 { OBTUSE_WEIGHT } else { 1.0 });
-        }
-        s.sine = (s.sine.0.min(worst), s.sine.1 + worst);
-        let ratio = shape.radius_ratio();
-        s.ratio = (s.ratio.0.min(ratio), s.ratio.1 + ratio);
-        s.aspect = s.aspect.max(shape.aspect());
-        for e in shape.edges {
-            s.edge = (s.edge.0.min(e), s.edge.1 + e, s.edge.2.max(e));
-        }
-        s.worst.add(room, worst, k as u32);
+        s.add_tetrahedron(room, k as u32, &shape, &bounds);
     });
     let mean = |sum: f64| sum / all.elements as f64;
     (all.elements > 0).then(|| TetQuality {
@@ -332,75 +340,79 @@ fn bernstein_min(columns: &[[Point3; 3]; 4]) -> f64 {
 
 /// The Jacobian of tetrahedra with mid nodes; `None` if there are none.
 pub(super) fn curved(mesh: &Mesh, options: &Options<'_>) -> Option<CurvedQuality> {
-    let (points, room) = (&mesh.points, options.places);
+    let room = options.places;
     if mesh.tet_mids.is_empty() {
         return None;
     }
     let parts: Vec<(CurvedQuality, Lowest)> = blocks(mesh.tets.len(), TASK)
         .into_par_iter()
         .map(|range| {
-            let none = || Defects::default();
-            let mut part = CurvedQuality {
-                curved: 0,
-                scaled_jacobian_min: 1.0,
-                negative: none(),
-                unproved: none(),
-                worst: Vec::new(),
-            };
-            let mut worst = Lowest::default();
-            for k in range {
-                let t = mesh.tets[k];
-                let (p, m) = (
-                    t.map(|i| points[i as usize]),
-                    mesh.tet_mids[k].map(|i| points[i as usize]),
-                );
-                let straight = TET_EDGES.iter().zip(m).all(|(&[a, b], m)| {
-                    distance_squared(middle([p[a], p[b]]), m)
-                        <= STRAIGHT * STRAIGHT * distance_squared(p[a], p[b])
-                });
-                if straight && crate::quality::six_volume(p) > 0.0 {
-                    continue;
-                }
-                part.curved += 1;
-                let columns = columns(p, m);
-                let (least, size) = sampled(&columns);
-                let scaled = if size > 0.0 { least / size } else { 0.0 };
-                part.scaled_jacobian_min = part.scaled_jacobian_min.min(scaled);
-                worst.add(room, scaled, k as u32);
-                let place = || Place {
-                    at: middle(p),
-                    nodes: t.to_vec(),
-                    elements: vec![k as u32],
-                    value: scaled,
-                };
-                if scaled.is_nan() || scaled <= 0.0 {
-                    part.negative.add(room, place);
-                } else if bernstein_min(&columns) <= 0.0 {
-                    part.unproved.add(room, place);
-                }
-            }
+            let (mut part, mut worst) = (CurvedQuality::none(), Lowest::default());
+            range.for_each(|k| part.add(mesh, k, room, &mut worst));
             (part, worst)
         })
         .collect();
-    let mut worst = Lowest::default();
-    let mut all: Option<CurvedQuality> = None;
+    if parts.is_empty() {
+        return None;
+    }
+    let (mut all, mut worst) = (CurvedQuality::none(), Lowest::default());
     for (part, low) in parts {
         worst.append(room, low);
-        all = Some(match all {
-            None => part,
-            Some(mut all) => {
-                all.curved += part.curved;
-                all.scaled_jacobian_min = all.scaled_jacobian_min.min(part.scaled_jacobian_min);
-                all.negative.append(room, part.negative);
-                all.unproved.append(room, part.unproved);
-                all
-            }
-        });
+        all.curved += part.curved;
+        all.scaled_jacobian_min = all.scaled_jacobian_min.min(part.scaled_jacobian_min);
+        all.negative.append(room, part.negative);
+        all.unproved.append(room, part.unproved);
     }
-    all.map(|all| CurvedQuality {
-        worst: places(&worst, points, &mesh.tets, |v| v),
-        ..all
+    all.worst = places(&worst, &mesh.points, &mesh.tets, |v| v);
+    Some(all)
+}
+
+/// Whether all mid nodes are in the middles of their edges.
+fn is_straight(p: [Point3; 4], m: [Point3; 6]) -> bool {
+    TET_EDGES.iter().zip(m).all(|(&[a, b], m)| {
+        distance_squared(middle([p[a], p[b]]), m)
+            <= STRAIGHT * STRAIGHT * distance_squared(p[a], p[b])
     })
+}
+
+impl CurvedQuality {
+    /// Of no tetrahedra.
+    fn none() -> Self {
+        Self {
+            curved: 0,
+            scaled_jacobian_min: 1.0,
+            negative: Defects::default(),
+            unproved: Defects::default(),
+            worst: Vec::new(),
+        }
+    }
+
+    /// Adds a tetrahedron, if it is not straight.
+    fn add(&mut self, mesh: &Mesh, k: usize, room: usize, worst: &mut Lowest) {
+        let t = mesh.tets[k];
+        let p = t.map(|i| mesh.points[i as usize]);
+        let m = mesh.tet_mids[k].map(|i| mesh.points[i as usize]);
+        if is_straight(p, m) && crate::quality::six_volume(p) > 0.0 {
+            return;
+        }
+        self.curved += 1;
+        let columns = columns(p, m);
+        let (least, size) = sampled(&columns);
+        let scaled = if size > 0.0 { least / size } else { 0.0 };
+        self.scaled_jacobian_min = self.scaled_jacobian_min.min(scaled);
+        worst.add(room, scaled, k as u32);
+        let place = || Place {
+            at: middle(p),
+            nodes: t.to_vec(),
+            elements: vec![k as u32],
+            value: scaled,
+        };
+        if scaled.is_nan() || scaled <= 0.0 {
+            self.negative.add(room, place);
+        } else if bernstein_min(&columns) <= 0.0 {
+            self.unproved.add(room, place);
+        }
+    }
 }
 
 #[cfg(test)]

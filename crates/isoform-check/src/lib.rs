@@ -9,8 +9,8 @@
 //!
 //! ```
 //! use isoform_geom::Mesh;
-//! use isoform_mesh::Control;
-//! use isoform_mesh::check::{Options, certify};
+//! use isoform_check::{Options, certify};
+//! use isoform_control::Control;
 //!
 //! let points = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 //! let mut mesh = Mesh::from_triangles(points, vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]);
@@ -23,7 +23,10 @@
 //!
 //! [`failures`]: Certificate::failures
 
+#![forbid(unsafe_code)]
+
 mod boxes;
+mod cap;
 mod coverage;
 mod defects;
 mod deviation;
@@ -32,10 +35,12 @@ mod exact;
 mod failure;
 mod format;
 mod intersections;
+pub mod quality;
 mod stars;
 mod surface;
 mod volume;
 
+pub use cap::Capped;
 pub use coverage::Coverage;
 pub use defects::{Defects, Place};
 pub use deviation::{Deviation, Distances, PartDeviation};
@@ -46,7 +51,6 @@ pub use intersections::Intersections;
 pub use surface::{Shell, Surface};
 pub use volume::Volume;
 
-use crate::cap::Capped;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
 
@@ -65,8 +69,7 @@ pub struct Options<'a> {
     /// The size of elements that was asked for, which tells how near edges must be to feature
     /// curves; the mean edge length of the surface if not given.
     pub size: Option<f64>,
-    /// The box that the solid was cut off at, if it was: see the mesher's
-    /// [`Options::region`](crate::Options::region).
+    /// The box that the solid was cut off at, if it was: its sides are parts of the solid then.
     pub region: Option<Aabb>,
     /// What is acceptable.
     pub limits: Limits,
@@ -199,40 +202,13 @@ fn examine(
     control: &Control<'_>,
     certificate: &mut Certificate,
 ) -> Option<()> {
-    let points = &mesh.points;
-    let mut boundary = Vec::new();
-    if !mesh.tets.is_empty() {
-        control.begin("checking tetrahedra").ok()?;
-        let (volume, faces) = volume::examine(mesh, options);
-        certificate.volume = Some(volume);
-        boundary = faces;
-        control.begin("measuring tetrahedra").ok()?;
-        certificate.tets = elements::tets(points, &mesh.tets, options);
-        certificate.curved = elements::curved(mesh, options);
-    }
+    let boundary = examine_tetrahedra(mesh, options, control, certificate)?;
     let triangles = if mesh.triangles.is_empty() {
         &boundary
     } else {
         &mesh.triangles
     };
-    if !triangles.is_empty() {
-        control.begin("checking the surface").ok()?;
-        let flat = surface::without_area(points, triangles);
-        let tree = intersections::tree(points, triangles);
-        certificate.surface = Some(surface::examine(
-            points,
-            triangles,
-            &mesh.edges,
-            &flat,
-            &tree,
-            options,
-        ));
-        certificate.triangles = elements::triangles(points, triangles, options);
-        control.begin("looking for self-intersections").ok()?;
-        certificate.intersections = Some(intersections::find(
-            points, triangles, &flat, &tree, options, control,
-        ));
-    }
+    examine_surface(mesh, triangles, options, control, certificate)?;
     certificate.unused_nodes = unused_nodes(mesh);
     if let (Some(solid), false) = (solid, triangles.is_empty()) {
         control.begin("measuring distances").ok()?;
@@ -244,14 +220,56 @@ fn examine(
     }
     if !options.curves.is_empty() || !options.corners.is_empty() {
         control.begin("looking for features").ok()?;
-        let size = options
-            .size
-            .or_else(|| certificate.triangles.as_ref().map(|t| t.edges.mean))
-            .unwrap_or(0.0);
+        let mean = certificate.triangles.as_ref().map(|t| t.edges.mean);
+        let size = options.size.or(mean).unwrap_or(0.0);
         let coverage = coverage::measure(mesh, triangles, size, options, control);
         control.check().ok()?;
         certificate.coverage = Some(coverage);
     }
+    Some(())
+}
+
+/// The checks of tetrahedra, if there are any. Returns their boundary; `None` if stopped.
+fn examine_tetrahedra(
+    mesh: &Mesh,
+    options: &Options<'_>,
+    control: &Control<'_>,
+    certificate: &mut Certificate,
+) -> Option<Vec<[u32; 3]>> {
+    if mesh.tets.is_empty() {
+        return Some(Vec::new());
+    }
+    control.begin("checking tetrahedra").ok()?;
+    let (volume, boundary) = volume::examine(mesh, options);
+    certificate.volume = Some(volume);
+    control.begin("measuring tetrahedra").ok()?;
+    certificate.tets = elements::tets(&mesh.points, &mesh.tets, options);
+    certificate.curved = elements::curved(mesh, options);
+    Some(boundary)
+}
+
+/// The checks of the surface, if there is one; `None` if stopped.
+fn examine_surface(
+    mesh: &Mesh,
+    triangles: &[[u32; 3]],
+    options: &Options<'_>,
+    control: &Control<'_>,
+    certificate: &mut Certificate,
+) -> Option<()> {
+    if triangles.is_empty() {
+        return Some(());
+    }
+    control.begin("checking the surface").ok()?;
+    let points = &mesh.points;
+    let of = surface::Triangles { points, triangles };
+    let flat = surface::without_area(of);
+    let tree = intersections::tree(of);
+    let found = surface::examine(of, &mesh.edges, &flat, &tree, options);
+    certificate.surface = Some(found);
+    certificate.triangles = elements::triangles(points, triangles, options);
+    control.begin("looking for self-intersections").ok()?;
+    let found = intersections::find(of, &flat, &tree, options, control);
+    certificate.intersections = Some(found);
     Some(())
 }
 
@@ -266,10 +284,9 @@ fn unused_nodes(mesh: &Mesh) -> usize {
         mesh.edges.as_flattened(),
         &mesh.edge_mids,
     ];
-    arrays
-        .into_iter()
-        .flatten()
-        .for_each(|&i| used[i as usize] = true);
+    for &i in arrays.into_iter().flatten() {
+        used[i as usize] = true;
+    }
     used.into_iter().filter(|&u| !u).count()
 }
 

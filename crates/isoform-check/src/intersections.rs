@@ -1,0 +1,153 @@
+//! Self-intersections of the surface, found exactly.
+//!
+//! Boxes around the triangles give the pairs to ask about ([`BoxTree`]); each pair is decided by
+//! exact signs ([`exact`](super::exact)).
+
+use super::boxes::BoxTree;
+use super::exact::triangles_meet;
+use super::surface::Triangles;
+use super::{Defects, Options, Place};
+use isoform_control::Control;
+use isoform_geom::Aabb;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Leaves that are worked on between two looks at the clock and at the number of pairs found.
+const ROUND: usize = 1 << 12;
+/// Leaves per task: enough work (some ten microseconds) to be worth a task.
+const TASK: usize = 64;
+/// Pairs that a task decides between two looks at the clock.
+const LOOKS: usize = 256;
+
+/// Where the surface meets itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Intersections {
+    /// Pairs of triangles that meet elsewhere than in the nodes and edges they share, with a point
+    /// between them.
+    pub pairs: Defects,
+    /// How many triangles are in such a pair.
+    pub triangles: usize,
+    /// Whether all pairs were looked at: not if more than [`Options::pairs`] were found, then the
+    /// counts are of those looked at.
+    pub complete: bool,
+}
+
+/// A pair of triangles, the lower number first.
+type Pair = (u32, u32);
+
+/// All pairs of triangles of the surface that meet wrongly. Those with `skip` are left out.
+pub(super) fn find(
+    of: Triangles<'_>,
+    skip: &[bool],
+    tree: &BoxTree,
+    options: &Options<'_>,
+    control: &Control<'_>,
+) -> Intersections {
+    let search = Search {
+        of,
+        skip,
+        tree,
+        most: options.pairs,
+        control,
+    };
+    let (mut pairs, complete) = search.pairs();
+    pairs.par_sort_unstable();
+    let mut hit = vec![false; of.triangles.len()];
+    for &(a, b) in &pairs {
+        (hit[a as usize], hit[b as usize]) = (true, true);
+    }
+    let places = pairs.iter().take(options.places);
+    Intersections {
+        pairs: Defects {
+            count: pairs.len(),
+            places: places.map(|&pair| place(of, pair)).collect(),
+        },
+        triangles: hit.into_iter().filter(|&h| h).count(),
+        complete,
+    }
+}
+
+/// A point between two triangles: the centre of what their boxes have in common.
+fn place(of: Triangles<'_>, (a, b): Pair) -> Place {
+    let [x, y] = [a, b].map(|t| Aabb::of(&of.corners(of.triangles[t as usize])));
+    let common = Aabb {
+        lo: std::array::from_fn(|i| x.lo[i].max(y.lo[i])),
+        hi: std::array::from_fn(|i| x.hi[i].min(y.hi[i])),
+    };
+    Place {
+        at: common.center(),
+        elements: vec![a, b],
+        ..Place::default()
+    }
+}
+
+struct Search<'m> {
+    of: Triangles<'m>,
+    skip: &'m [bool],
+    tree: &'m BoxTree,
+    /// The search ends when more pairs than this were found.
+    most: usize,
+    control: &'m Control<'m>,
+}
+
+impl Search<'_> {
+    /// The pairs that meet, and whether all were looked at.
+    fn pairs(&self) -> (Vec<Pair>, bool) {
+        let leaves = self.tree.leaves();
+        let mut pairs = Vec::new();
+        let mut complete = true;
+        for round in (0..leaves).step_by(ROUND) {
+            if pairs.len() > self.most || self.control.is_stopped() {
+                return (pairs, false);
+            }
+            let to = (round + ROUND).min(leaves);
+            let starts: Vec<usize> = (round..to).step_by(TASK).collect();
+            let found: Vec<(Vec<Pair>, bool)> = starts
+                .into_par_iter()
+                .map(|from| self.pairs_of_leaves(from..(from + TASK).min(to)))
+                .collect();
+            for (found, is_whole) in found {
+                pairs.extend(found);
+                complete &= is_whole;
+            }
+        }
+        (pairs, complete)
+    }
+
+    /// The pairs of which one triangle is in these leaves, and whether all were looked at: where
+    /// everything meets everything, a task has a great many pairs.
+    fn pairs_of_leaves(&self, leaves: Range<usize>) -> (Vec<Pair>, bool) {
+        let (mut found, mut looked, mut over) = (Vec::new(), 0usize, self.control.is_stopped());
+        for leaf in leaves {
+            if over {
+                break;
+            }
+            self.tree.pairs_of_leaf(leaf, |a, b| {
+                looked += 1;
+                over |= found.len() > self.most
+                    || looked.is_multiple_of(LOOKS) && self.control.is_stopped();
+                let pair = (a.min(b), a.max(b));
+                if !over && self.meet(pair) {
+                    found.push(pair);
+                }
+            });
+        }
+        (found, !over)
+    }
+
+    fn meet(&self, (a, b): Pair) -> bool {
+        let (i, j) = (a as usize, b as usize);
+        let triangles = self.of.triangles;
+        !self.skip[i] && !self.skip[j] && triangles_meet(self.of.points, triangles[i], triangles[j])
+    }
+}
+
+/// The tree of the triangles' boxes.
+pub(super) fn tree(of: Triangles<'_>) -> BoxTree {
+    let boxes: Vec<Aabb> = of
+        .triangles
+        .par_iter()
+        .map(|t| Aabb::of(&of.corners(*t)))
+        .collect();
+    BoxTree::new(&boxes)
+}

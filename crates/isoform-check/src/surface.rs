@@ -1,0 +1,242 @@
+//! Topology of the surface: exact, by indices only.
+//!
+//! Everything is read off the triangles around each node (`fans`): an edge belongs to the node with
+//! its lower index, and a node's fans are the parts of its triangles that hang together across
+//! edges of exactly two triangles. Parts of the surface that hang together by nodes are shells
+//! (`shells`).
+
+mod fans;
+mod shells;
+
+use super::boxes::BoxTree;
+use super::exact::is_flat;
+use super::stars::{Stars, blocks};
+use super::{Defects, Options, Place};
+use fans::{Run, Surroundings, Work};
+use isoform_geom::Point3;
+use rayon::prelude::*;
+use shells::{Shells, misplaced};
+
+/// Nodes or triangles per task.
+const TASK: usize = 8192;
+
+/// Topology and measure of the surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Surface {
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Number of nodes in triangles.
+    pub nodes: usize,
+    /// Number of edges.
+    pub edges: usize,
+    /// Edges of one triangle.
+    pub open_edges: Defects,
+    /// Edges of more than two triangles.
+    pub crowded_edges: Defects,
+    /// Edges of two triangles that run along them in the same direction.
+    pub misoriented_edges: Defects,
+    /// Nodes whose triangles are not one fan (or one open fan).
+    pub pinched_nodes: Defects,
+    /// Triangles whose corners another triangle before them has, too.
+    pub repeated_triangles: Defects,
+    /// Triangles with a corner twice; they are left out of everything else.
+    pub degenerate_triangles: Defects,
+    /// Triangles whose corners lie exactly on a line.
+    pub flat_triangles: Defects,
+    /// Feature edges of the mesh that are no edges of its triangles.
+    pub loose_edges: Defects,
+    /// Nodes − edges + triangles.
+    pub euler: i64,
+    /// Number of shells: parts that hang together by nodes.
+    pub shells: usize,
+    /// Number of shells that enclose a positive volume: the components of the solid. The others
+    /// bound cavities.
+    pub components: usize,
+    /// Shells whose orientation contradicts where they lie: a component that is not in the open, or
+    /// a cavity that is not in exactly one component more than it leaves. The value is the number
+    /// of times that the other shells wind around them. Only looked for on closed surfaces that are
+    /// manifold.
+    pub misplaced_shells: Defects,
+    /// The shells with the largest area, no more than [`Options::places`].
+    pub largest: Vec<Shell>,
+    /// Enclosed volume.
+    pub volume: f64,
+    /// Area.
+    pub area: f64,
+}
+
+/// A part of the surface that hangs together by nodes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shell {
+    /// Its lowest node.
+    pub node: u32,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Nodes − edges + triangles.
+    pub euler: i64,
+    /// Number of handles, of a closed and consistently oriented manifold.
+    pub genus: Option<u64>,
+    /// Enclosed volume; negative around a cavity.
+    pub volume: f64,
+    /// Area.
+    pub area: f64,
+}
+
+impl Surface {
+    /// Whether it is a closed and consistently oriented manifold without repeated or degenerate
+    /// triangles.
+    pub fn is_closed_manifold(&self) -> bool {
+        [
+            &self.open_edges,
+            &self.crowded_edges,
+            &self.misoriented_edges,
+            &self.pinched_nodes,
+            &self.repeated_triangles,
+            &self.degenerate_triangles,
+        ]
+        .iter()
+        .all(|d| d.is_empty())
+    }
+}
+
+/// The triangles of a surface.
+#[derive(Clone, Copy)]
+pub(super) struct Triangles<'m> {
+    pub(super) points: &'m [Point3],
+    pub(super) triangles: &'m [[u32; 3]],
+}
+
+impl Triangles<'_> {
+    fn point(&self, node: u32) -> Point3 {
+        self.points[node as usize]
+    }
+    pub(super) fn corners(&self, t: [u32; 3]) -> [Point3; 3] {
+        t.map(|i| self.point(i))
+    }
+}
+
+/// Whether a triangle has a corner twice.
+fn is_degenerate(t: &[u32; 3]) -> bool {
+    t[0] == t[1] || t[1] == t[2] || t[2] == t[0]
+}
+
+/// The middle of an edge.
+fn middle(a: Point3, b: Point3) -> Point3 {
+    std::array::from_fn(|i| 0.5 * a[i] + 0.5 * b[i])
+}
+
+/// Which triangles have no area, by index or exactly on a line.
+pub(super) fn without_area(of: Triangles<'_>) -> Vec<bool> {
+    of.triangles
+        .par_iter()
+        .map(|t| is_degenerate(t) || is_flat(of.corners(*t)))
+        .collect()
+}
+
+/// Topology and measure of a surface with feature edges; `flat` is [`without_area`] of it, and the
+/// tree that of its triangles.
+pub(super) fn examine(
+    of: Triangles<'_>,
+    features: &[[u32; 2]],
+    flat: &[bool],
+    tree: &BoxTree,
+    options: &Options<'_>,
+) -> Surface {
+    let room = options.places;
+    let mut surface = Surface {
+        triangles: of.triangles.len(),
+        ..Surface::default()
+    };
+    surface.add_without_area(of, flat, room);
+    let around = Surroundings {
+        of,
+        stars: Stars::new(of.points.len(), of.triangles),
+        shells: Shells::new(of),
+        room,
+    };
+    surface.add_loose_edges(&around, features);
+    let runs: Vec<Run> = blocks(of.points.len(), TASK)
+        .into_par_iter()
+        .map(|range| {
+            let (mut run, mut work) = (Run::default(), Work::default());
+            for node in range {
+                around.look_at(node, &mut work, &mut run);
+            }
+            run
+        })
+        .collect();
+    let mut shells = around.shells.measure(of);
+    surface.add_runs(runs, &mut shells, room);
+    surface.shells = shells.len();
+    if surface.is_closed_manifold() {
+        surface.misplaced_shells = misplaced(of, &shells, &around.shells, tree, room);
+    }
+    shells.sort_by(|a, b| b.area.total_cmp(&a.area).then(a.node.cmp(&b.node)));
+    shells.truncate(room);
+    surface.largest = shells;
+    surface
+}
+
+impl Surface {
+    /// Triangles without an area.
+    fn add_without_area(&mut self, of: Triangles<'_>, flat: &[bool], room: usize) {
+        for (k, t) in of.triangles.iter().enumerate().filter(|&(k, _)| flat[k]) {
+            let defects = if is_degenerate(t) {
+                &mut self.degenerate_triangles
+            } else {
+                &mut self.flat_triangles
+            };
+            defects.add(room, || Place {
+                at: of.point(t[0]),
+                nodes: t.to_vec(),
+                elements: vec![k as u32],
+                value: 0.0,
+            });
+        }
+    }
+
+    /// Feature edges that are no edges of triangles.
+    fn add_loose_edges(&mut self, around: &Surroundings<'_>, features: &[[u32; 2]]) {
+        for &[a, b] in features {
+            if a == b || !around.has_edge(a, b) {
+                self.loose_edges.add(around.room, || Place {
+                    at: middle(around.of.point(a), around.of.point(b)),
+                    nodes: vec![a, b],
+                    ..Place::default()
+                });
+            }
+        }
+    }
+
+    /// Joins what the runs of nodes have, and completes the shells by it.
+    fn add_runs(&mut self, runs: Vec<Run>, shells: &mut [Shell], room: usize) {
+        let mut broken = vec![false; shells.len()];
+        for run in runs {
+            self.nodes += run.nodes;
+            self.open_edges.append(room, run.open);
+            self.crowded_edges.append(room, run.crowded);
+            self.misoriented_edges.append(room, run.misoriented);
+            self.pinched_nodes.append(room, run.pinched);
+            self.repeated_triangles.append(room, run.repeated);
+            for (shell, edges) in run.edges {
+                self.edges += edges as usize;
+                shells[shell as usize].euler += 1 - i64::from(edges);
+            }
+            for shell in run.broken {
+                broken[shell as usize] = true;
+            }
+        }
+        for (shell, broken) in shells.iter_mut().zip(broken) {
+            shell.euler += shell.triangles as i64;
+            shell.genus = if broken {
+                None
+            } else {
+                u64::try_from((2 - shell.euler) / 2).ok()
+            };
+            self.euler += shell.euler;
+            self.volume += shell.volume;
+            self.area += shell.area;
+            self.components += usize::from(shell.volume > 0.0);
+        }
+    }
+}

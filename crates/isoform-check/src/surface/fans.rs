@@ -1,0 +1,156 @@
+//! What is around one node: its edges, and the fans of its triangles.
+
+use super::shells::{Shells, root};
+use super::{Triangles, is_degenerate, middle};
+use crate::stars::Stars;
+use crate::{Defects, Place};
+
+/// What one run of nodes has.
+#[derive(Default)]
+pub(super) struct Run {
+    pub(super) nodes: usize,
+    pub(super) open: Defects,
+    pub(super) crowded: Defects,
+    pub(super) misoriented: Defects,
+    pub(super) pinched: Defects,
+    pub(super) repeated: Defects,
+    /// Number of edges at each node of the run that belong to it, by shells.
+    pub(super) edges: Vec<(u32, u32)>,
+    /// Shells with an edge or node that is not as in a closed manifold.
+    pub(super) broken: Vec<u32>,
+}
+
+/// An edge at a node as a triangle has it: other end, triangle, whether the triangle runs from the
+/// node to the other end.
+type Spoke = (u32, u32, bool);
+
+/// Memory that is used again for each node.
+#[derive(Default)]
+pub(super) struct Work {
+    /// Sorted, so that all spokes of one edge stand together.
+    spokes: Vec<Spoke>,
+    /// Union-find over the triangles around the node.
+    fan: Vec<u32>,
+    /// The other corners, ascending, of triangles of which the node is the lowest corner.
+    apexes: Vec<([u32; 2], u32)>,
+}
+
+impl Work {
+    /// Collects the spokes and apexes of a node.
+    fn collect(&mut self, triangles: &[[u32; 3]], around: &[u32], u: u32) {
+        self.spokes.clear();
+        self.apexes.clear();
+        for (local, &k) in around.iter().enumerate() {
+            let t = triangles[k as usize];
+            if is_degenerate(&t) {
+                continue;
+            }
+            let at = t.iter().position(|&i| i == u).unwrap_or(0);
+            let (next, last) = (t[(at + 1) % 3], t[(at + 2) % 3]);
+            self.spokes.push((next, local as u32, true));
+            self.spokes.push((last, local as u32, false));
+            if u < next && u < last {
+                self.apexes.push(([next.min(last), next.max(last)], k));
+            }
+        }
+        self.spokes.sort_unstable();
+        self.apexes.sort_unstable();
+    }
+
+    /// The number of fans: parts that hang together across edges of exactly two triangles.
+    fn fans(&mut self, triangles: usize) -> usize {
+        self.fan.clear();
+        self.fan.extend(0..triangles as u32);
+        let mut fans = self.spokes.len() / 2;
+        for group in self.spokes.chunk_by(|a, b| a.0 == b.0) {
+            if let [a, b] = group {
+                let (a, b) = (root(&mut self.fan, a.1), root(&mut self.fan, b.1));
+                if a != b {
+                    self.fan[a.max(b) as usize] = a.min(b);
+                    fans -= 1;
+                }
+            }
+        }
+        fans
+    }
+}
+
+/// The triangles around each node, and its shell.
+pub(super) struct Surroundings<'m> {
+    pub(super) of: Triangles<'m>,
+    pub(super) stars: Stars,
+    pub(super) shells: Shells,
+    /// How many places are kept of each kind of finding.
+    pub(super) room: usize,
+}
+
+impl Surroundings<'_> {
+    /// Whether a triangle has both nodes.
+    pub(super) fn has_edge(&self, a: u32, b: u32) -> bool {
+        let mut around = self.stars.of(a as usize).iter();
+        around.any(|&k| self.of.triangles[k as usize].contains(&b))
+    }
+
+    /// Looks at one node and the edges to nodes above it.
+    pub(super) fn look_at(&self, node: usize, work: &mut Work, run: &mut Run) {
+        let around = self.stars.of(node);
+        work.collect(self.of.triangles, around, node as u32);
+        if work.spokes.is_empty() {
+            return;
+        }
+        run.nodes += 1;
+        let shell = self.shells.of[node];
+        let (edges, mut whole) = self.edges(node, &work.spokes, run);
+        run.edges.push((shell, edges));
+        let fans = work.fans(around.len());
+        if fans > 1 {
+            whole = false;
+            run.pinched.add(self.room, || Place {
+                at: self.of.points[node],
+                nodes: vec![node as u32],
+                elements: around.to_vec(),
+                value: fans as f64,
+            });
+        }
+        for pair in work.apexes.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+            whole = false;
+            run.repeated.add(self.room, || Place {
+                at: self.of.points[node],
+                nodes: vec![node as u32, pair[0].0[0], pair[0].0[1]],
+                elements: vec![pair[0].1, pair[1].1],
+                value: 0.0,
+            });
+        }
+        if !whole {
+            run.broken.push(shell);
+        }
+    }
+
+    /// The number of edges to nodes above, and whether each has two triangles that run along it in
+    /// different directions.
+    fn edges(&self, node: usize, spokes: &[Spoke], run: &mut Run) -> (u32, bool) {
+        let (u, around) = (node as u32, self.stars.of(node));
+        let (mut edges, mut whole) = (0, true);
+        for group in spokes.chunk_by(|a, b| a.0 == b.0) {
+            let w = group[0].0;
+            if w < u {
+                continue;
+            }
+            edges += 1;
+            let defects = match group {
+                [_] => &mut run.open,
+                [a, b] if a.2 != b.2 => continue,
+                [_, _] => &mut run.misoriented,
+                _ => &mut run.crowded,
+            };
+            whole = false;
+            defects.add(self.room, || Place {
+                at: middle(self.of.points[node], self.of.point(w)),
+                nodes: vec![u, w],
+                elements: group.iter().map(|s| around[s.1 as usize]).collect(),
+                value: group.len() as f64,
+            });
+        }
+        (edges, whole)
+    }
+}

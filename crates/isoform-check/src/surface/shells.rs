@@ -1,0 +1,264 @@
+//! Parts of the surface that hang together by nodes, and whether they lie in each other rightly.
+
+use super::{Shell, TASK, Triangles, is_degenerate};
+use crate::boxes::BoxTree;
+use crate::exact::volume_sign;
+use crate::stars::blocks;
+use crate::{Defects, Place};
+use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
+use rayon::prelude::*;
+
+/// Directions that are tried for a ray that meets no edge; each fails only by a coincidence.
+const RAYS: u32 = 32;
+/// Tilt of the first ray, in shares of the diagonal; the others are tilted farther.
+const TILT: f64 = 1e-3;
+/// Steps of two sequences of low discrepancy (golden ratio and √2), as far from rational slopes as
+/// numbers get.
+const TURNS: [f64; 2] = [0.618_033_988_749_894_9, 0.414_213_562_373_095_03];
+
+/// The representative of a number's set in a union-find; paths are halved on the way.
+pub(super) fn root(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
+    }
+    i
+}
+
+/// Which nodes hang together.
+pub(super) struct Shells {
+    /// Number of the shell of each node that is in a triangle with three corners; shells are
+    /// numbered by their lowest nodes.
+    pub(super) of: Vec<u32>,
+    /// Lowest node of each shell.
+    lowest: Vec<u32>,
+}
+
+/// What the triangles of one shell have together.
+struct Sum {
+    shell: u32,
+    triangles: usize,
+    volume: f64,
+    area: f64,
+}
+
+impl Shells {
+    pub(super) fn new(of: Triangles<'_>) -> Self {
+        let nodes = of.points.len();
+        let mut parent: Vec<u32> = (0..nodes as u32).collect();
+        let mut used = vec![false; nodes];
+        for t in of.triangles.iter().filter(|t| !is_degenerate(t)) {
+            let a = root(&mut parent, t[0]);
+            let b = root(&mut parent, t[1]);
+            let ab = a.min(b);
+            parent[a.max(b) as usize] = ab;
+            let c = root(&mut parent, t[2]);
+            parent[ab.max(c) as usize] = ab.min(c);
+            for &i in t {
+                used[i as usize] = true;
+            }
+        }
+        // The root is the lowest node, so its number is known when the others are met.
+        let (mut shell_of, mut lowest) = (vec![0; nodes], Vec::new());
+        for i in 0..nodes {
+            let r = root(&mut parent, i as u32) as usize;
+            if r == i && used[i] {
+                shell_of[i] = lowest.len() as u32;
+                lowest.push(i as u32);
+            } else {
+                shell_of[i] = shell_of[r];
+            }
+        }
+        Self {
+            of: shell_of,
+            lowest,
+        }
+    }
+
+    /// Triangles, volume and area of each; volumes about the middle of all, against cancellation.
+    pub(super) fn measure(&self, of: Triangles<'_>) -> Vec<Shell> {
+        let o = bounds(of).center();
+        let parts: Vec<Vec<Sum>> = blocks(of.triangles.len(), TASK)
+            .into_par_iter()
+            .map(|range| self.sums(of, &of.triangles[range], o))
+            .collect();
+        let mut shells: Vec<Shell> = self
+            .lowest
+            .iter()
+            .map(|&node| Shell {
+                node,
+                ..Shell::default()
+            })
+            .collect();
+        for sum in parts.into_iter().flatten() {
+            let s = &mut shells[sum.shell as usize];
+            s.triangles += sum.triangles;
+            s.volume += sum.volume;
+            s.area += sum.area;
+        }
+        shells
+    }
+
+    /// Sums over triangles, one for each run of one shell: neighbours in the list mostly are
+    /// neighbours in space.
+    fn sums(&self, of: Triangles<'_>, triangles: &[[u32; 3]], o: Point3) -> Vec<Sum> {
+        let mut sums: Vec<Sum> = Vec::new();
+        for t in triangles.iter().filter(|t| !is_degenerate(t)) {
+            let [a, b, c] = of.corners(*t).map(|p| sub(p, o));
+            let n = cross(sub(b, a), sub(c, a));
+            let shell = self.of[t[0] as usize];
+            if sums.last().is_none_or(|s| s.shell != shell) {
+                sums.push(Sum {
+                    shell,
+                    triangles: 0,
+                    volume: 0.0,
+                    area: 0.0,
+                });
+            }
+            if let Some(s) = sums.last_mut() {
+                s.triangles += 1;
+                s.volume += dot(a, n) / 6.0;
+                s.area += 0.5 * norm(n);
+            }
+        }
+        sums
+    }
+}
+
+fn bounds(of: Triangles<'_>) -> Aabb {
+    Aabb::of(
+        of.triangles
+            .iter()
+            .flatten()
+            .map(|&i| &of.points[i as usize]),
+    )
+}
+
+/// Shells that the others wind around another number of times than their orientation wants: 0 for a
+/// component, 1 for a cavity.
+///
+/// The number is counted along a ray, each passage with its sign, exactly; a ray that meets an edge
+/// is given up for another one. A shell that touches others has no such number; touching is an
+/// intersection, and reported as one.
+pub(super) fn misplaced(
+    of: Triangles<'_>,
+    shells: &[Shell],
+    numbers: &Shells,
+    tree: &BoxTree,
+    room: usize,
+) -> Defects {
+    let bounds = bounds(of);
+    let windings: Vec<Option<i32>> = shells
+        .par_iter()
+        .map(|shell| {
+            let from = of.point(shell.node);
+            let mut rays = (0..RAYS).map(|k| ray_end(from, &bounds, k));
+            rays.find_map(|end| winding(of, numbers, tree, shell.node, end))
+        })
+        .collect();
+    let mut defects = Defects::default();
+    for (shell, winding) in shells.iter().zip(windings) {
+        let wanted = i32::from(shell.volume <= 0.0);
+        if winding.is_some_and(|w| w != wanted) {
+            defects.add(room, || Place {
+                at: of.point(shell.node),
+                nodes: vec![shell.node],
+                elements: Vec::new(),
+                value: winding.map_or(0.0, f64::from),
+            });
+        }
+    }
+    defects
+}
+
+/// A point beyond the bounds, nearly along +x so that the ray's box is thin; another one for each
+/// k.
+fn ray_end(from: Point3, bounds: &Aabb, k: u32) -> Point3 {
+    let reach = bounds.diagonal();
+    let [s, t] = TURNS.map(|turn| f64::from(k + 1) * turn);
+    let tilt = TILT * reach * f64::from(k + 1);
+    [
+        bounds.hi[0] + reach,
+        from[1] + tilt * (s.fract() - 0.5),
+        from[2] + tilt * (t.fract() - 0.5),
+    ]
+}
+
+/// How a segment passes a triangle.
+enum Passage {
+    /// Beside it.
+    Misses,
+    /// Through its inside; +1 where it leaves the solid, −1 where it enters.
+    Through(i32),
+    /// Through its border, or with an end in its plane: the count says nothing.
+    Touches,
+}
+
+/// How many times the other shells wind around a node; `None` if the segment to the outside meets
+/// one of their edges.
+fn winding(
+    of: Triangles<'_>,
+    shells: &Shells,
+    tree: &BoxTree,
+    node: u32,
+    end: Point3,
+) -> Option<i32> {
+    let from = of.point(node);
+    let (mut count, mut certain) = (0, true);
+    tree.query(&Aabb::of(&[from, end]), |k| {
+        let t = of.triangles[k as usize];
+        if shells.of[t[0] as usize] == shells.of[node as usize] {
+            return;
+        }
+        match passage(from, end, of.corners(t)) {
+            Passage::Misses => {}
+            Passage::Through(sign) => count += sign,
+            Passage::Touches => certain = false,
+        }
+    });
+    certain.then_some(count)
+}
+
+fn passage(from: Point3, end: Point3, [a, b, c]: [Point3; 3]) -> Passage {
+    let (s, e) = (volume_sign(a, b, c, from), volume_sign(a, b, c, end));
+    if s * e > 0 {
+        return Passage::Misses;
+    }
+    let sides = [
+        volume_sign(from, end, a, b),
+        volume_sign(from, end, b, c),
+        volume_sign(from, end, c, a),
+    ];
+    if sides.contains(&1) && sides.contains(&-1) {
+        Passage::Misses
+    } else if s == 0 || e == 0 || sides.contains(&0) {
+        Passage::Touches
+    } else {
+        // The ray leaves through a triangle that is counterclockwise seen from its end.
+        Passage::Through(i32::from(e))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn segments_through_beside_and_along_a_triangle() {
+        let t = [[0.0; 3], [3.0, 0.0, 0.0], [0.0, 3.0, 0.0]];
+        let up = |x: f64, y: f64| passage([x, y, -1.0], [x, y, 1.0], t);
+        assert!(matches!(up(1.0, 1.0), Passage::Through(1)));
+        let down = passage([1.0, 1.0, 1.0], [1.0, 1.0, -1.0], t);
+        assert!(matches!(down, Passage::Through(-1)));
+        assert!(matches!(up(2.0, 2.0), Passage::Misses));
+        assert!(matches!(up(0.0, 1.0), Passage::Touches));
+        let ends_on_it = passage([1.0, 1.0, -1.0], [1.0, 1.0, 0.0], t);
+        assert!(matches!(ends_on_it, Passage::Touches));
+    }
+
+    #[test]
+    fn sets_hang_together() {
+        let mut parent = vec![0, 0, 1, 3];
+        assert_eq!([2, 3].map(|i| root(&mut parent, i)), [0, 3]);
+    }
+}

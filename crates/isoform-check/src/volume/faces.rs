@@ -1,0 +1,227 @@
+//! What is around one node of the tetrahedra: faces and edges of which it is the lowest node.
+
+use super::Volume;
+use crate::Place;
+use crate::stars::Stars;
+use isoform_geom::{Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
+
+/// What one run of nodes has.
+#[derive(Default)]
+pub(super) struct Run {
+    pub(super) volume: Volume,
+    pub(super) boundary: Vec<[u32; 3]>,
+    /// Ratios of the mean edge lengths of neighbours.
+    pub(super) ratios: Vec<f64>,
+    /// Mid nodes with the ends of their edges.
+    pub(super) mids: Vec<(u32, [u32; 2])>,
+}
+
+/// Memory that is used again for each node.
+#[derive(Default)]
+pub(super) struct Work {
+    faces: Vec<Face>,
+    /// Other ends of the edges, with the mid node.
+    edges: Vec<(u32, u32)>,
+}
+
+/// A face at its lowest corner: the other two corners in ascending order, then what has it.
+struct Face {
+    others: [u32; 2],
+    /// Tetrahedron or triangle.
+    element: u32,
+    is_triangle: bool,
+    /// Whether it runs from the lowest corner to the lower of the others, seen from outside of its
+    /// tetrahedron.
+    ascending: bool,
+}
+
+impl Face {
+    fn key(&self) -> ([u32; 2], bool, u32) {
+        (self.others, self.is_triangle, self.element)
+    }
+    /// As seen from outside.
+    fn corners(&self, lowest: u32) -> [u32; 3] {
+        let [a, b] = self.others;
+        if self.ascending {
+            [lowest, a, b]
+        } else {
+            [lowest, b, a]
+        }
+    }
+}
+
+/// The face as its lowest corner has it, if that is `node`.
+fn face_at(node: u32, f: [u32; 3], element: u32, is_triangle: bool) -> Option<Face> {
+    let [a, b] = match f {
+        [x, a, b] | [b, x, a] | [a, b, x] if x == node => [a, b],
+        _ => return None,
+    };
+    (node < a && node < b && a != b).then(|| Face {
+        others: [a.min(b), a.max(b)],
+        element,
+        is_triangle,
+        ascending: a < b,
+    })
+}
+
+/// The elements around each node.
+pub(super) struct Elements<'m> {
+    pub(super) mesh: &'m Mesh,
+    pub(super) tets: Stars,
+    pub(super) triangles: Stars,
+    /// The mean edge length of each tetrahedron.
+    pub(super) lengths: Vec<f64>,
+    /// How many places are kept of each kind of finding.
+    pub(super) room: usize,
+}
+
+impl Elements<'_> {
+    /// Looks at the faces and edges that belong to a node, being its lowest.
+    pub(super) fn look_at(&self, node: usize, work: &mut Work, run: &mut Run) {
+        work.faces.clear();
+        work.edges.clear();
+        self.collect_tetrahedra(node, work);
+        run.volume.nodes += usize::from(!self.tets.of(node).is_empty());
+        work.edges.sort_unstable();
+        work.edges.dedup();
+        run.volume.edges += work.edges.chunk_by(|a, b| a.0 == b.0).count();
+        self.collect_triangles(node, work);
+        if !self.mesh.tet_mids.is_empty() {
+            self.mids(node, &mut work.edges, run);
+        }
+        // Equal keys only occur if an element has a face twice; then it has a corner twice, and its
+        // face is none.
+        work.faces.sort_unstable_by_key(Face::key);
+        for group in work.faces.chunk_by(|a, b| a.others == b.others) {
+            self.face(node as u32, group, run);
+        }
+    }
+
+    fn collect_tetrahedra(&self, node: usize, work: &mut Work) {
+        let u = node as u32;
+        for &k in self.tets.of(node) {
+            let t = self.mesh.tets[k as usize];
+            for f in TET_FACES {
+                work.faces.extend(face_at(u, f.map(|i| t[i]), k, false));
+            }
+            let mids = self.mesh.tet_mids.get(k as usize);
+            for (e, ends) in TET_EDGES.into_iter().enumerate() {
+                let [a, b] = ends.map(|i| t[i]);
+                if a.min(b) == u && a != b {
+                    work.edges.push((a.max(b), mids.map_or(0, |mids| mids[e])));
+                }
+            }
+        }
+    }
+
+    fn collect_triangles(&self, node: usize, work: &mut Work) {
+        let u = node as u32;
+        for &k in self.triangles.of(node) {
+            let t = self.mesh.triangles[k as usize];
+            work.faces.extend(face_at(u, t, k, true));
+            let mids = self.mesh.triangle_mids.get(k as usize);
+            let Some(mids) = mids.filter(|_| !self.mesh.tet_mids.is_empty()) else {
+                continue;
+            };
+            for (e, ends) in TRIANGLE_EDGES.into_iter().enumerate() {
+                let [a, b] = ends.map(|i| t[i]);
+                if a.min(b) == u && a != b {
+                    work.edges.push((a.max(b), mids[e]));
+                }
+            }
+        }
+    }
+
+    /// The mid nodes of edges on which all elements agree; the others are findings.
+    fn mids(&self, node: usize, edges: &mut Vec<(u32, u32)>, run: &mut Run) {
+        let u = node as u32;
+        edges.sort_unstable();
+        edges.dedup();
+        for group in edges.chunk_by(|a, b| a.0 == b.0) {
+            if let [(other, mid)] = group {
+                run.mids.push((*mid, [u, *other]));
+                continue;
+            }
+            let mids = group.iter().map(|e| e.1);
+            let nodes = [u, group[0].0].into_iter().chain(mids).collect();
+            run.volume.mid_nodes.add(self.room, || Place {
+                at: self.mesh.points[node],
+                nodes,
+                ..Place::default()
+            });
+        }
+    }
+
+    /// Looks at one face: the tetrahedra that have it, then the triangles.
+    fn face(&self, lowest: u32, group: &[Face], run: &mut Run) {
+        let room = self.room;
+        let (tets, triangles) = group.split_at(group.partition_point(|f| !f.is_triangle));
+        let place = |elements: &[Face]| self.place(lowest, elements);
+        let one = |t: &Face| self.place(lowest, std::slice::from_ref(t));
+        let volume = &mut run.volume;
+        volume.faces += usize::from(!tets.is_empty());
+        match tets {
+            [] => {
+                for t in triangles {
+                    volume.loose_triangles.add(room, || one(t));
+                }
+            }
+            [face] => {
+                run.boundary.push(face.corners(lowest));
+                if triangles.is_empty() && !self.mesh.triangles.is_empty() {
+                    volume.uncovered_faces.add(room, || place(tets));
+                }
+                for t in triangles.iter().filter(|t| t.ascending != face.ascending) {
+                    volume.inward_triangles.add(room, || one(t));
+                }
+            }
+            [a, b] => {
+                let [x, y] = [a, b].map(|f| self.lengths[f.element as usize]);
+                run.ratios.push((x / y).max(y / x));
+                if a.ascending == b.ascending {
+                    volume.folded_faces.add(room, || place(tets));
+                }
+            }
+            _ => volume.crowded_faces.add(room, || place(tets)),
+        }
+        if tets.len() > 1 {
+            for t in triangles {
+                volume.inner_triangles.add(room, || one(t));
+            }
+        }
+    }
+
+    /// The middle of a face, with the elements that have it.
+    fn place(&self, lowest: u32, elements: &[Face]) -> Place {
+        let nodes = elements[0].corners(lowest);
+        let [a, b, c] = nodes.map(|i| self.mesh.points[i as usize]);
+        Place {
+            at: std::array::from_fn(|i| (a[i] + b[i] + c[i]) / 3.0),
+            nodes: nodes.to_vec(),
+            elements: elements.iter().map(|f| f.element).collect(),
+            value: elements.len() as f64,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faces_at_their_lowest_corner() {
+        let f = face_at(2, [7, 2, 5], 0, false).expect("the lowest corner");
+        assert_eq!(
+            (f.others, f.ascending, f.corners(2)),
+            ([5, 7], true, [2, 5, 7])
+        );
+        let f = face_at(2, [5, 2, 7], 0, false).expect("the lowest corner");
+        assert_eq!(
+            (f.others, f.ascending, f.corners(2)),
+            ([5, 7], false, [2, 7, 5])
+        );
+        assert!(
+            face_at(5, [5, 2, 7], 0, false).is_none() && face_at(3, [3, 4, 4], 0, true).is_none()
+        );
+    }
+}

@@ -1,0 +1,48 @@
+//! Mid nodes that several edges share, or that are corners as well.
+
+use super::faces::Run;
+use crate::{Defects, Place};
+use isoform_geom::Mesh;
+
+/// Nodes that are listed of one finding.
+const LISTED: usize = 16;
+
+/// Edges that share a mid node, and those whose mid node is a corner.
+pub(super) fn examine(mesh: &Mesh, runs: &[Run], room: usize, defects: &mut Defects) {
+    if !mesh.tet_mids.is_empty() && is_any_shared(mesh, runs) {
+        list_shared(mesh, runs, room, defects);
+    }
+}
+
+/// Whether there is something to be listed at all.
+fn is_any_shared(mesh: &Mesh, runs: &[Run]) -> bool {
+    let mut used = vec![false; mesh.points.len()];
+    for (mid, _) in runs.iter().flat_map(|run| &run.mids) {
+        if std::mem::replace(&mut used[*mid as usize], true) {
+            return true;
+        }
+    }
+    mesh.tets.iter().flatten().any(|&i| used[i as usize])
+}
+
+fn list_shared(mesh: &Mesh, runs: &[Run], room: usize, defects: &mut Defects) {
+    let mids = runs.iter().flat_map(|run| run.mids.iter().copied());
+    let mut mids: Vec<(u32, [u32; 2])> = mids.collect();
+    mids.sort_unstable();
+    let mut is_corner = vec![false; mesh.points.len()];
+    for &i in mesh.tets.iter().flatten() {
+        is_corner[i as usize] = true;
+    }
+    for group in mids.chunk_by(|a, b| a.0 == b.0) {
+        let mid = group[0].0;
+        if group.len() > 1 || is_corner[mid as usize] {
+            let ends = group.iter().flat_map(|m| m.1);
+            defects.add(room, || Place {
+                at: mesh.points[mid as usize],
+                nodes: std::iter::once(mid).chain(ends).take(LISTED).collect(),
+                elements: Vec::new(),
+                value: group.len() as f64,
+            });
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! Edges that cross curves of the solid are split there, and faces that hold a corner of it.
+
+use super::{Aligner, Cuttable, common, edges_of, shared};
+use crate::points::{along, centroid};
+use crate::surface::meet_at_an_angle;
+use isoform_geom::{Point3, TRIANGLE_EDGES, distance_squared, dot, norm, sub};
+
+/// Share of an edge next to a vertex within which the vertex is moved rather than the edge split.
+const WARP: f64 = 0.25;
+/// Least and largest share of an edge at which it is split for a curve.
+const AT_CURVE: [f64; 2] = [0.02, 0.98];
+/// Least and largest share of an edge at which it is split for a corner.
+const AT_CORNER: [f64; 2] = [0.1, 0.9];
+/// Bisections towards the place where an edge crosses a curve: Newton's method does the rest.
+const HALVINGS: usize = 30;
+
+/// What an edge between vertices without a common piece crosses.
+enum Crossing {
+    /// A curve of the solid: the share of the way, and the point of the curve.
+    Curve(f64, Point3),
+    /// A seam between pieces that touch tangentially.
+    Smooth,
+    /// Neither was found.
+    Unknown,
+}
+
+impl<M: Cuttable> Aligner<'_, M> {
+    /// Splits edges between vertices without a common piece; returns how many.
+    pub(super) fn split_edges(&mut self) -> usize {
+        let edges = edges_of(&self.mesh.faces()).into_iter();
+        edges.filter(|&ends| self.split_at_curve(ends)).count()
+    }
+
+    /// Splits an edge where it crosses a curve, or moves an end there; says whether it did.
+    fn split_at_curve(&mut self, ends: [u32; 2]) -> bool {
+        if !self.is_across(ends) {
+            return false;
+        }
+        let (t, q) = match self.crossing(ends) {
+            Crossing::Curve(t, q) => (t, q),
+            Crossing::Smooth => {
+                self.smooth.insert(ends);
+                return false;
+            }
+            Crossing::Unknown => {
+                self.give_up(ends);
+                return false;
+            }
+        };
+        let on = self.vanishing(q);
+        // A vertex next to the curve is moved there: a split would leave a short edge.
+        let close = [(ends[0], t), (ends[1], 1.0 - t)]
+            .into_iter()
+            .find(|&(k, share)| share < WARP && self.is_free(k));
+        if let Some((k, _)) = close
+            && shared(&on, &self.on[k as usize]).is_some()
+            && self.hold(k, q, on.clone())
+        {
+            return true;
+        }
+        let is_split = self.split(ends, t.clamp(AT_CURVE[0], AT_CURVE[1]), q, on);
+        if !is_split {
+            self.give_up(ends);
+        }
+        is_split
+    }
+
+    /// Whether the ends of an edge lie on pieces, but on none together, and nothing is known of it
+    /// yet.
+    fn is_across(&self, ends: [u32; 2]) -> bool {
+        let [a, b] = ends.map(|v| &self.on[v as usize]);
+        shared(a, b).is_none()
+            && !a.is_empty()
+            && !b.is_empty()
+            && !self.smooth.contains(&ends)
+            && !self.given_up.contains(&ends)
+    }
+
+    fn give_up(&mut self, ends: [u32; 2]) {
+        if self.given_up.insert(ends) {
+            let [p, q] = ends.map(|v| self.at(v));
+            self.lost.push(along(p, q, 0.5));
+        }
+    }
+
+    /// Whether a vertex lies on one piece alone.
+    fn is_free(&self, v: u32) -> bool {
+        let (p, on) = (self.at(v), &self.on[v as usize]);
+        let no_edge = |a: u32, b: u32| a == b || !self.surface.is_edge([a, b], p);
+        self.surface.solid.tree().pieces().len() > 1
+            && on.iter().all(|&a| on.iter().all(|&b| no_edge(a, b)))
+    }
+
+    /// Where an edge crosses a curve of the solid.
+    fn crossing(&self, ends: [u32; 2]) -> Crossing {
+        let [p, q] = ends.map(|v| self.at(v));
+        let Some((x, there)) = self.turning_point(ends) else {
+            return Crossing::Unknown;
+        };
+        let (mut best, mut is_smooth): (Option<(f64, Point3)>, bool) = (None, true);
+        for &a in &self.on[ends[0] as usize] {
+            for &b in &there {
+                is_smooth &= !meet_at_an_angle(self.surface.solid, [a, b], x);
+                let Some(y) = self.surface.project(&[a, b], x) else {
+                    continue;
+                };
+                let d = norm(sub(x, y));
+                if d < norm(sub(p, q))
+                    && best.is_none_or(|best| d < best.0)
+                    && self.is_on_curve([a, b], y)
+                {
+                    best = Some((d, y));
+                }
+            }
+        }
+        match best {
+            Some((_, y)) => {
+                let e = sub(q, p);
+                Crossing::Curve((dot(sub(y, p), e) / dot(e, e)).clamp(0.0, 1.0), y)
+            }
+            None if is_smooth => Crossing::Smooth,
+            None => Crossing::Unknown,
+        }
+    }
+
+    /// Where the nearest point of the surface leaves the pieces of an edge's first end, by
+    /// bisection, and the pieces behind it; none if the edge is too far from the surface.
+    fn turning_point(&self, ends: [u32; 2]) -> Option<(Point3, Vec<u32>)> {
+        let [p, q] = ends.map(|v| self.at(v));
+        let here = &self.on[ends[0] as usize];
+        let (mut lo, mut hi) = (0.0, 1.0);
+        let mut there = self.on[ends[1] as usize].clone();
+        for _ in 0..HALVINGS {
+            let m = 0.5 * (lo + hi);
+            let (_, on) = self.nearest(along(p, q, m))?;
+            if shared(&on, here).is_some() {
+                lo = m;
+            } else {
+                (hi, there) = (m, on);
+            }
+        }
+        Some((along(p, q, 0.5 * (lo + hi)), there))
+    }
+
+    /// Splits faces that hold a corner of the solid: their vertices have a piece in common two by
+    /// two, but not all three. Returns how many.
+    pub(super) fn split_faces(&mut self) -> usize {
+        let faces = self.mesh.faces().into_iter();
+        faces
+            .filter(|&f| self.may_hold_corner(f) && self.split_at_corner(f))
+            .count()
+    }
+
+    /// Whether the vertices of a face have pieces in common two by two, but not all three. Where
+    /// two have none, edges around it were split: it comes again.
+    fn may_hold_corner(&self, f: [u32; 3]) -> bool {
+        let on = f.map(|v| self.on[v as usize].as_slice());
+        let meet = |[i, j]: [usize; 2]| shared(on[i], on[j]).is_some();
+        !self.has_smooth_edge(f) && common(on).is_empty() && TRIANGLE_EDGES.into_iter().all(meet)
+    }
+
+    /// Splits the edge of a face that is nearest to the corner next to its middle, and puts the new
+    /// vertex there.
+    fn split_at_corner(&mut self, f: [u32; 3]) -> bool {
+        let p = f.map(|v| self.at(v));
+        let Some(k) = self.free_corner_near(p) else {
+            return false;
+        };
+        let c = self.corners[k].at;
+        let nearest = TRIANGLE_EDGES
+            .map(|[i, j]| {
+                let e = sub(p[j], p[i]);
+                let t = dot(sub(c, p[i]), e) / dot(e, e);
+                let t = t.clamp(AT_CORNER[0], AT_CORNER[1]);
+                (distance_squared(along(p[i], p[j], t), c), [f[i], f[j]], t)
+            })
+            .into_iter()
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((_, ends, share)) = nearest
+            && self.mesh.faces().contains(&f)
+            && self.split(ends, share, c, self.corners[k].pieces.clone())
+        {
+            self.corners[k].is_taken = true;
+            return true;
+        }
+        false
+    }
+
+    /// The corner without a vertex that is nearest to the middle of a triangle, within the length
+    /// of its longest edge.
+    fn free_corner_near(&self, p: [Point3; 3]) -> Option<usize> {
+        let middle = centroid(p);
+        let length = |i: usize| norm(sub(p[i], p[(i + 1) % 3]));
+        let size = (0..3).map(length).fold(0.0, f64::max);
+        let off = |k: &usize| distance_squared(self.corners[*k].at, middle);
+        (0..self.corners.len())
+            .filter(|k| !self.corners[*k].is_taken && off(k) < size * size)
+            .min_by(|a, b| off(a).total_cmp(&off(b)))
+    }
+}

@@ -1,0 +1,168 @@
+//! What meshes are accepted, and what alignment leaves open.
+
+use super::align::Aligned;
+use crate::error::{MeshError, Warning};
+use crate::points::centroid;
+use crate::surface::first_order_at;
+use isoform_check::Certificate;
+use isoform_geom::{Mesh, Point3, Solid};
+use std::collections::HashMap;
+
+/// Share of the diagonal by which a mesh may be off the model at all.
+const OFF: f64 = 0.15;
+/// Least share of the vertices that must be near the model.
+const NEAR: f64 = 0.75;
+
+/// The error of a mesh that is not accepted.
+pub(super) fn wrong(why: impl Into<String>) -> MeshError {
+    MeshError::Input { why: why.into() }
+}
+
+fn nowhere_near(at: Point3) -> MeshError {
+    let at = place(at);
+    wrong(format!(
+        "has a surface that is nowhere near the model's, as at {at}"
+    ))
+}
+
+/// A point as messages name it.
+pub(super) fn place([x, y, z]: Point3) -> String {
+    format!("({x}, {y}, {z})")
+}
+
+/// The mesh without mid nodes, labels and unused nodes, nodes in the same place made one: files of
+/// triangles repeat them.
+pub(super) fn welded(mesh: &Mesh) -> Mesh {
+    let mut known: HashMap<[u64; 3], u32> = HashMap::new();
+    let mut points = Vec::new();
+    let mut number = |v: u32| {
+        let p = mesh.points[v as usize];
+        // Both zeros are one place.
+        *known
+            .entry(p.map(|x| (x + 0.0).to_bits()))
+            .or_insert_with(|| {
+                points.push(p);
+                points.len() as u32 - 1
+            })
+    };
+    let tets: Vec<[u32; 4]> = mesh.tets.iter().map(|t| t.map(&mut number)).collect();
+    let bare_triangles = if tets.is_empty() {
+        mesh.triangles.as_slice()
+    } else {
+        &[]
+    };
+    let triangles = bare_triangles.iter().map(|t| t.map(&mut number)).collect();
+    Mesh {
+        points,
+        triangles,
+        tets,
+        ..Mesh::default()
+    }
+}
+
+/// What cannot be worked on is refused, with a place.
+pub(super) fn check_given(mesh: &Mesh, certificate: &Certificate) -> Result<(), MeshError> {
+    if !certificate.malformed.is_empty() {
+        return Err(wrong("is malformed"));
+    }
+    if let Some(v) = &certificate.volume {
+        let is_valid = v.inverted.is_empty() && v.flat.is_empty() && v.crowded_faces.is_empty();
+        return if is_valid {
+            Ok(())
+        } else {
+            Err(wrong("has inverted or overlapping tetrahedra"))
+        };
+    }
+    check_surface(certificate)?;
+    if mesh.points.len() < 4 {
+        Err(wrong("has no inside"))
+    } else {
+        Ok(())
+    }
+}
+
+/// Whether a bare surface is closed, oriented, a manifold, and free of intersections.
+fn check_surface(certificate: &Certificate) -> Result<(), MeshError> {
+    let Some(s) = &certificate.surface else {
+        return Err(wrong("has no inside"));
+    };
+    let findings = [
+        (&s.open_edges, "is not closed: a triangle has no neighbour"),
+        (
+            &s.crowded_edges,
+            "is no manifold: an edge has more than two triangles",
+        ),
+        (
+            &s.pinched_nodes,
+            "is no manifold: parts of the surface touch in one node",
+        ),
+        (&s.repeated_triangles, "has a triangle twice"),
+        (
+            &s.degenerate_triangles,
+            "has a triangle with a corner twice",
+        ),
+        (
+            &s.misoriented_edges,
+            "is not oriented: neighbouring triangles face opposite ways",
+        ),
+        (&s.misplaced_shells, "has a shell that is inside out"),
+    ];
+    for (defects, why) in findings {
+        if let Some(first) = defects.places.first() {
+            return Err(wrong(format!("{why} at {}", place(first.at))));
+        }
+    }
+    let crossings = certificate.intersections.as_ref();
+    match crossings.and_then(|i| i.pairs.places.first()) {
+        Some(first) => Err(wrong(format!("intersects itself at {}", place(first.at)))),
+        None => Ok(()),
+    }
+}
+
+/// The farthest that any vertex of a surface, or middle of a face, is from the solid; an error if
+/// most are far away.
+pub(super) fn distance(mesh: &Mesh, solid: &dyn Solid, diagonal: f64) -> Result<f64, MeshError> {
+    let tree = solid.tree();
+    let value = |p: Point3| tree.value(&|i| first_order_at(solid, i, p)).abs();
+    let (triangles, points) = (&mesh.triangles, &mesh.points);
+    if triangles.is_empty() {
+        return Ok(0.0);
+    }
+    let mut off: Vec<(f64, Point3)> = points.iter().map(|&p| (value(p), p)).collect();
+    if let Some(at) = off.iter().find(|o| o.0.is_nan()) {
+        return Err(MeshError::NotANumber { at: at.1 });
+    }
+    off.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let most = off[(NEAR * (off.len() - 1) as f64) as usize];
+    if most.0 > OFF * diagonal {
+        return Err(nowhere_near(most.1));
+    }
+    let middles = triangles
+        .iter()
+        .map(|t| value(centroid(t.map(|v| points[v as usize]))));
+    let worst = middles.fold(off[off.len() - 1].0, f64::max);
+    Ok(worst.min(OFF * diagonal))
+}
+
+/// What alignment of a surface with `n` vertices left open: an error where most is far away, else
+/// warnings.
+pub(super) fn settled(aligned: &Aligned, n: usize) -> Result<Vec<Warning>, MeshError> {
+    if let (true, Some(&at)) = (
+        (aligned.far.len() as f64) > (1.0 - NEAR) * n as f64,
+        aligned.far.first(),
+    ) {
+        return Err(nowhere_near(at));
+    }
+    let missed = &aligned.missed_corners;
+    if let (true, Some(&at)) = (2 * missed.len() > aligned.corners, missed.first()) {
+        let at = place(at);
+        return Err(wrong(format!(
+            "has nothing near most corners of the model, as at {at}"
+        )));
+    }
+    let far = "a vertex of the mesh given lies nowhere near the model";
+    let lost = "the mesh given cannot be made to follow an edge of the model";
+    let mut warnings = Warning::each(far, aligned.far.iter().copied());
+    warnings.extend(Warning::each(lost, aligned.lost.iter().copied()));
+    Ok(warnings)
+}

@@ -1,0 +1,197 @@
+//! From the optimised complex to the mesh that is given out: numbers without gaps, parts, curves
+//! and corners.
+
+use crate::band::Core;
+use crate::complex::{Complex, Face, NONE, labelled_edges};
+use crate::error::MeshError;
+use crate::points::{midpoint, unique};
+use crate::surface::{Surface, first_order_at, meet_at_an_angle};
+use isoform_geom::{Curve, Mesh, Point3};
+
+/// A mesh with the pieces of the solid that its parts lie on.
+pub(crate) struct Labelled {
+    pub(crate) mesh: Mesh,
+    /// The piece of each part.
+    pub(crate) pieces: Vec<u32>,
+}
+
+/// The core, and how it is joined to the complex around it.
+#[derive(Default)]
+pub(crate) struct Joined {
+    pub(crate) core: Core,
+    /// Vertices of the core below this number are vertices of the band.
+    pub(crate) band_points: usize,
+    /// Vertices of the band to those of the complex.
+    pub(crate) number: Vec<u32>,
+}
+
+/// Vertices of a complex that a mesh has, numbered without gaps.
+struct Numbering {
+    /// Vertices of the complex to nodes of the mesh.
+    node: Vec<u32>,
+    points: Vec<Point3>,
+}
+
+impl Numbering {
+    fn new(vertices: usize) -> Self {
+        Self {
+            node: vec![NONE; vertices],
+            points: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, v: u32, p: Point3) {
+        if self.node[v as usize] == NONE {
+            self.node[v as usize] = self.points.len() as u32;
+            self.points.push(p);
+        }
+    }
+
+    fn node(&self, v: u32) -> u32 {
+        self.node[v as usize]
+    }
+}
+
+/// The mesh of triangles with corners at `points`.
+pub(crate) fn assemble_surface(
+    surface: &Surface<'_>,
+    faces: &[Face],
+    points: &[Point3],
+) -> Labelled {
+    let mut numbering = Numbering::new(points.len());
+    for &v in faces.iter().flat_map(|(f, _)| f) {
+        numbering.add(v, points[v as usize]);
+    }
+    let mesh = Mesh {
+        points: std::mem::take(&mut numbering.points),
+        ..Mesh::default()
+    };
+    label(surface, faces, &numbering, mesh)
+}
+
+/// The mesh of tetrahedra of a complex and of a core within it.
+pub(crate) fn assemble_volume(
+    surface: &Surface<'_>,
+    complex: &Complex,
+    joined: Joined,
+) -> Result<Labelled, MeshError> {
+    let faces = complex.faces();
+    let mut numbering = Numbering::new(complex.points.len());
+    for (v, &p) in complex.points.iter().enumerate() {
+        if complex.tet_of[v] != NONE {
+            numbering.add(v as u32, p);
+        }
+    }
+    let mut vertices = faces.iter().flat_map(|(f, _)| f);
+    if let Some(&v) = vertices.find(|&&v| numbering.node(v) == NONE) {
+        let [x, y, z] = complex.point(v);
+        let what = format!("a vertex of the surface at ({x}, {y}, {z}) lost its tetrahedra");
+        return Err(MeshError::Internal { what });
+    }
+    let mut points = std::mem::take(&mut numbering.points);
+    let offset = points.len() as u32;
+    points.extend(joined.core.points);
+    let of_core = |v: u32| match (v as usize) < joined.band_points {
+        true => numbering.node(joined.number[v as usize]),
+        false => v - joined.band_points as u32 + offset,
+    };
+    let mut tets: Vec<[u32; 4]> = complex
+        .live()
+        .map(|t| complex.tets[t as usize].map(|v| numbering.node(v)))
+        .collect();
+    tets.extend(joined.core.tets.iter().map(|t| t.map(of_core)));
+    let mesh = Mesh {
+        points,
+        tet_regions: vec![0; tets.len()],
+        tets,
+        regions: vec!["solid".to_owned()],
+        ..Mesh::default()
+    };
+    Ok(label(surface, &faces, &numbering, mesh))
+}
+
+/// Gives a mesh its labelled triangles, parts, curves and corners.
+fn label(surface: &Surface<'_>, faces: &[Face], numbering: &Numbering, mut mesh: Mesh) -> Labelled {
+    let names = surface.solid.names();
+    let mut part_of = vec![NONE; names.len()];
+    let used = faces
+        .iter()
+        .map(|f| f.1)
+        .filter(|&l| (l as usize) < names.len());
+    let pieces = unique(used.collect());
+    for (k, &piece) in pieces.iter().enumerate() {
+        part_of[piece as usize] = k as u32;
+        mesh.parts.push(names[piece as usize].clone());
+    }
+    mesh.triangles = faces
+        .iter()
+        .map(|(f, _)| f.map(|v| numbering.node(v)))
+        .collect();
+    mesh.triangle_parts = faces
+        .iter()
+        .map(|(_, l)| part_of.get(*l as usize).copied().unwrap_or(0))
+        .collect();
+    let found = feature_edges(surface, &pieces, &mesh);
+    add_curves(&mut mesh, &found);
+    mesh.corners = corners(&mesh);
+    Labelled { mesh, pieces }
+}
+
+/// An edge between two parts: the parts, then its ends.
+type FeatureEdge = ([u32; 2], [u32; 2]);
+
+/// Edges between faces of two parts that meet at an angle, where the ends lie on both: seams of
+/// parts that touch are none. Sorted by parts.
+fn feature_edges(surface: &Surface<'_>, pieces: &[u32], mesh: &Mesh) -> Vec<FeatureEdge> {
+    let triangles = mesh.triangles.iter().copied();
+    let edges = labelled_edges(triangles.zip(mesh.triangle_parts.iter().copied()));
+    let is_on = |v: u32, part: u32| {
+        let (piece, p) = (pieces[part as usize], mesh.points[v as usize]);
+        first_order_at(surface.solid, piece, p).abs() <= surface.zero
+    };
+    let mut found: Vec<FeatureEdge> = Vec::new();
+    for same in edges.chunk_by(|a, b| a.0 == b.0) {
+        let (ends, parts) = (same[0].0, [same[0].1, same[same.len() - 1].1]);
+        let are_on_both = || ends.iter().all(|&v| parts.iter().all(|&k| is_on(v, k)));
+        if parts[0] == parts[1] || !are_on_both() {
+            continue;
+        }
+        let [p, q] = ends.map(|v| mesh.points[v as usize]);
+        let pair = parts.map(|k| pieces[k as usize]);
+        if meet_at_an_angle(surface.solid, pair, midpoint(p, q)) {
+            found.push((parts, ends));
+        }
+    }
+    found.sort_unstable();
+    found
+}
+
+/// Gives a mesh one curve for each pair of parts, named by both, with its edges.
+fn add_curves(mesh: &mut Mesh, edges: &[FeatureEdge]) {
+    for same in edges.chunk_by(|a, b| a.0 == b.0) {
+        let curve = mesh.curves.len() as u32;
+        let parts = same[0].0;
+        let [a, b] = parts.map(|k| &mesh.parts[k as usize]);
+        let name = format!("{a}/{b}");
+        mesh.curves.push(Curve { name, parts });
+        for (_, ends) in same {
+            mesh.edges.push(*ends);
+            mesh.edge_curves.push(curve);
+        }
+    }
+}
+
+/// Nodes where anything but two edges of one curve meet.
+fn corners(mesh: &Mesh) -> Vec<u32> {
+    let mut ends: Vec<(u32, u32)> = mesh
+        .edges
+        .iter()
+        .zip(&mesh.edge_curves)
+        .flat_map(|(e, &c)| e.map(|v| (v, c)))
+        .collect();
+    ends.sort_unstable();
+    ends.chunk_by(|a, b| a.0 == b.0)
+        .filter(|at| at.len() != 2 || at[0].1 != at[1].1)
+        .map(|at| at[0].0)
+        .collect()
+}

@@ -1,0 +1,203 @@
+//! The lattice around the surface as a complex, and what lies deeper as plain tetrahedra.
+
+use crate::complex::{Complex, NONE};
+use crate::lattice::{IN, Lattice, OUT};
+use isoform_control::Control;
+use isoform_geom::Point3;
+use rayon::prelude::*;
+
+/// Cells of the lattice around the surface that the optimiser may work in, beyond those that the
+/// surface can meet.
+const LAYERS: usize = 1;
+
+/// Tetrahedra of the lattice deep inside, which stay as they are.
+#[derive(Default)]
+pub(crate) struct Core {
+    /// Vertices below the number in the band are the band's.
+    pub(crate) tets: Vec<[u32; 4]>,
+    /// Vertices that are not in the band; numbered after the band's own.
+    pub(crate) points: Vec<Point3>,
+}
+
+/// The lattice around the surface as a complex, and what lies deeper as plain tetrahedra.
+pub(crate) struct Band {
+    pub(crate) complex: Complex,
+    /// Vertices shared with the core.
+    pub(crate) frozen: Vec<bool>,
+    pub(crate) core: Core,
+}
+
+impl Band {
+    /// With `all` there is no core: everything may change. On a stop by `control` cells are left
+    /// out.
+    pub(crate) fn new(
+        lattice: &Lattice,
+        with_core: bool,
+        all: bool,
+        control: &Control<'_>,
+    ) -> Self {
+        let faces = Faces {
+            lattice,
+            deep: if all {
+                vec![false; lattice.state.len()]
+            } else {
+                deep_cells(lattice)
+            },
+            control,
+        };
+        let mut vertices = Vertices::new(lattice);
+        let mut tets = Vec::new();
+        faces.visit(|around, deep| {
+            if !deep {
+                vertices.take(around, &mut tets);
+            }
+        });
+        let band = vertices.points.len();
+        let mut core = Vec::new();
+        // Without the core only what it shares with the band is of interest.
+        faces.visit(|around, deep| {
+            if deep && (with_core || vertices.any_below(band as u32, around)) {
+                vertices.take(around, &mut core);
+            }
+        });
+        let mut frozen = vec![false; band];
+        for v in core.iter().flatten().map(|&v| v as usize) {
+            if v < band {
+                frozen[v] = true;
+            }
+        }
+        let mut points = vertices.points;
+        let core_points = points.split_off(band);
+        Self {
+            complex: Complex::within(points, tets, control),
+            frozen,
+            core: if with_core {
+                Core {
+                    tets: core,
+                    points: core_points,
+                }
+            } else {
+                Core::default()
+            },
+        }
+    }
+}
+
+/// The four tetrahedra around a face between two cells, by lattice points in half cells.
+type AroundFace = [[[usize; 3]; 4]; 4];
+
+/// The faces between cells of which not both are outside.
+struct Faces<'l> {
+    lattice: &'l Lattice,
+    /// Whether each cell belongs to the core.
+    deep: Vec<bool>,
+    control: &'l Control<'l>,
+}
+
+impl Faces<'_> {
+    /// Shows the tetrahedra around each face, and whether both of its cells are deep.
+    fn visit(&self, mut show: impl FnMut(&AroundFace, bool)) {
+        let n = self.lattice.n;
+        for k in 0..n[2] {
+            if self.control.is_stopped() {
+                return;
+            }
+            for j in 0..n[1] {
+                for i in 0..n[0] {
+                    for axis in 0..3 {
+                        if let Some(deep) = self.is_deep([i, j, k], axis) {
+                            show(&Lattice::tets([i, j, k], axis), deep);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether the cell and the next one along the axis are deep; none where there is no next one,
+    /// or both are outside.
+    fn is_deep(&self, cell: [usize; 3], axis: usize) -> Option<bool> {
+        let mut next = cell;
+        next[axis] += 1;
+        if next[axis] == self.lattice.n[axis] {
+            return None;
+        }
+        let (s, t) = (self.lattice.at(cell), self.lattice.at(next));
+        let state = &self.lattice.state;
+        (state[s] != OUT || state[t] != OUT).then(|| self.deep[s] && self.deep[t])
+    }
+}
+
+/// Numbers of lattice points in the order in which they are met.
+struct Vertices<'l> {
+    lattice: &'l Lattice,
+    /// Corners of cells, then their centres.
+    number: Vec<u32>,
+    points: Vec<Point3>,
+}
+
+impl<'l> Vertices<'l> {
+    fn new(lattice: &'l Lattice) -> Self {
+        let n = lattice.n;
+        let corners = (n[0] + 1) * (n[1] + 1) * (n[2] + 1);
+        Self {
+            lattice,
+            number: vec![NONE; corners + n[0] * n[1] * n[2]],
+            points: Vec::new(),
+        }
+    }
+
+    /// Place of a lattice point in the list of numbers.
+    #[inline]
+    fn slot(&self, half: [usize; 3]) -> usize {
+        let n = self.lattice.n;
+        let [i, j, k] = half.map(|h| h / 2);
+        if half[0].is_multiple_of(2) {
+            (k * (n[1] + 1) + j) * (n[0] + 1) + i
+        } else {
+            (n[0] + 1) * (n[1] + 1) * (n[2] + 1) + (k * n[1] + j) * n[0] + i
+        }
+    }
+
+    fn take(&mut self, around: &AroundFace, into: &mut Vec<[u32; 4]>) {
+        for t in around {
+            into.push(t.map(|half| self.vertex(half)));
+        }
+    }
+
+    fn vertex(&mut self, half: [usize; 3]) -> u32 {
+        let slot = self.slot(half);
+        if self.number[slot] == NONE {
+            self.number[slot] = self.points.len() as u32;
+            self.points.push(self.lattice.point(half));
+        }
+        self.number[slot]
+    }
+
+    /// Whether any of the vertices has a number below the one given.
+    fn any_below(&self, number: u32, around: &AroundFace) -> bool {
+        let mut points = around.iter().flatten();
+        points.any(|&half| self.number[self.slot(half)] < number)
+    }
+}
+
+/// Cells inside with only such cells within [`LAYERS`].
+fn deep_cells(lattice: &Lattice) -> Vec<bool> {
+    let n = lattice.n;
+    let mut deep: Vec<bool> = lattice.state.iter().map(|&s| s == IN).collect();
+    let step = [1, n[0], n[0] * n[1]];
+    for axis in 0..3 {
+        for _ in 0..LAYERS {
+            let before = deep.clone();
+            deep.par_iter_mut().enumerate().for_each(|(c, d)| {
+                let i = c / step[axis] % n[axis];
+                *d = *d
+                    && i > 0
+                    && i + 1 < n[axis]
+                    && before[c - step[axis]]
+                    && before[c + step[axis]];
+            });
+        }
+    }
+    deep
+}

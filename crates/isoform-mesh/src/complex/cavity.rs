@@ -1,0 +1,229 @@
+//! Cavities: some tetrahedra go, others fill the room that they leave.
+
+use super::{BOUNDARY, Complex, FEW, NONE, OPEN, Ring, sorted};
+use std::collections::HashMap;
+
+/// Faces that wait for the tetrahedron on their other side, each with a number.
+#[derive(Clone, Debug, Default)]
+struct Faces {
+    list: Vec<([u32; 3], u32)>,
+    /// Places in the list by face, where it is long.
+    table: HashMap<[u32; 3], usize>,
+    is_indexed: bool,
+}
+
+impl Faces {
+    fn clear(&mut self) {
+        self.list.clear();
+        self.table.clear();
+        self.is_indexed = false;
+    }
+
+    fn index(&mut self) {
+        self.is_indexed = true;
+        self.table
+            .extend(self.list.iter().enumerate().map(|(k, f)| (f.0, k)));
+    }
+
+    #[inline]
+    fn push(&mut self, face: [u32; 3], number: u32) {
+        if self.is_indexed {
+            self.table.insert(face, self.list.len());
+        }
+        self.list.push((face, number));
+    }
+
+    /// Takes a face out and returns its number.
+    #[inline]
+    fn take(&mut self, face: [u32; 3]) -> Option<u32> {
+        let k = if self.is_indexed {
+            self.table.remove(&face)?
+        } else {
+            self.list.iter().position(|f| f.0 == face)?
+        };
+        let (_, number) = self.list.swap_remove(k);
+        if self.is_indexed && k < self.list.len() {
+            self.table.insert(self.list[k].0, k);
+        }
+        Some(number)
+    }
+}
+
+/// The faces of a cavity while it is filled.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Cavity {
+    /// Faces around the cavity, with the neighbour beyond or the label.
+    outer: Faces,
+    /// Faces of new tetrahedra that no other one has yet, with their places: four times the
+    /// tetrahedron plus the vertex opposite.
+    inner: Faces,
+}
+
+impl Complex {
+    /// Puts the tetrahedra `new` in the place of `old`, which fill the same cavity (or one that
+    /// differs by boundary faces). The new boundary faces get the label that `label` gives for
+    /// their vertices (sorted). Slots of the new ones go to `made`.
+    pub(crate) fn replace(
+        &mut self,
+        old: &[u32],
+        new: &[[u32; 4]],
+        mut label: impl FnMut([u32; 3]) -> u32,
+        made: &mut Vec<u32>,
+    ) {
+        let mut cavity = std::mem::take(&mut self.cavity);
+        cavity.inner.clear();
+        self.list_outer_faces(old, &mut cavity.outer);
+        if cavity.outer.list.len() > FEW {
+            cavity.outer.index();
+            cavity.inner.index();
+        }
+        self.take_out(old);
+        self.put_in(new, made);
+        for &t in made.iter() {
+            for i in 0..4 {
+                self.join(t, i, &mut cavity);
+            }
+            self.find_vertices_from(t);
+        }
+        if let Some(log) = &mut self.log {
+            log.extend_from_slice(made);
+        }
+        for &(face, place) in &cavity.inner.list {
+            self.adjacent[place as usize / 4][place as usize % 4] = label(face) | BOUNDARY;
+        }
+        for &(face, n) in &cavity.outer.list {
+            if n < BOUNDARY {
+                self.open(n, face, label(face));
+            }
+        }
+        self.keep_vertices(&cavity.outer);
+        self.cavity = cavity;
+    }
+
+    /// The faces between the tetrahedra given and what is around them, with the neighbour or label
+    /// there. Those of boundary labels are found again by their vertices.
+    fn list_outer_faces(&mut self, old: &[u32], outer: &mut Faces) {
+        outer.clear();
+        let epoch = self.next_epoch();
+        for &t in old {
+            self.marks[t as usize] = epoch;
+        }
+        for &t in old {
+            for i in 0..4 {
+                let n = self.adjacent[t as usize][i];
+                if n >= BOUNDARY || self.marks[n as usize] != epoch {
+                    outer.push(sorted(self.face(t, i)), n);
+                }
+            }
+        }
+    }
+
+    /// Empties the slots of tetrahedra.
+    fn take_out(&mut self, old: &[u32]) {
+        for &t in old {
+            for k in self.tets[t as usize] {
+                self.tet_of[k as usize] = NONE;
+            }
+            self.tets[t as usize] = [NONE; 4];
+            self.free.push(t);
+        }
+    }
+
+    /// Puts tetrahedra without neighbours into free slots, or new ones.
+    fn put_in(&mut self, new: &[[u32; 4]], made: &mut Vec<u32>) {
+        made.clear();
+        for v in new {
+            let t = self.free.pop().unwrap_or_else(|| {
+                self.tets.push([NONE; 4]);
+                self.adjacent.push([OPEN; 4]);
+                self.marks.push(0);
+                self.tets.len() as u32 - 1
+            });
+            self.tets[t as usize] = *v;
+            made.push(t);
+        }
+    }
+
+    /// Joins face `i` of a new tetrahedron to what lies beyond it: what was around the cavity,
+    /// another new tetrahedron, or one that is still to come.
+    #[inline]
+    fn join(&mut self, t: u32, i: usize, cavity: &mut Cavity) {
+        let face = sorted(self.face(t, i));
+        if let Some(n) = cavity.outer.take(face) {
+            self.adjacent[t as usize][i] = n;
+            if n < BOUNDARY {
+                let back = self.place_opposite(n, face);
+                self.adjacent[n as usize][back] = t;
+            }
+        } else if let Some(other) = cavity.inner.take(face) {
+            self.adjacent[t as usize][i] = other / 4;
+            self.adjacent[other as usize / 4][other as usize % 4] = t;
+        } else {
+            cavity.inner.push(face, 4 * t + i as u32);
+        }
+    }
+
+    /// The place in tetrahedron `t` of the vertex that is not on its face.
+    fn place_opposite(&self, t: u32, face: [u32; 3]) -> usize {
+        (0..4)
+            .find(|&j| !face.contains(&self.tets[t as usize][j]))
+            .expect("one vertex is not on the face")
+    }
+
+    fn find_vertices_from(&mut self, t: u32) {
+        for k in self.tets[t as usize] {
+            self.tet_of[k as usize] = t;
+        }
+    }
+
+    /// A neighbour of the cavity that is left behind: its face is on the boundary from now on.
+    /// Boundary faces that vanish leave nothing behind.
+    fn open(&mut self, n: u32, face: [u32; 3], label: u32) {
+        let back = self.place_opposite(n, face);
+        self.adjacent[n as usize][back] = label | BOUNDARY;
+        if let Some(log) = &mut self.log {
+            log.push(n);
+        }
+        self.find_vertices_from(n);
+    }
+
+    /// Vertices of the cavity that no new tetrahedron holds may still live in neighbours.
+    fn keep_vertices(&mut self, outer: &Faces) {
+        for &(face, n) in &outer.list {
+            if n < BOUNDARY {
+                for k in face {
+                    if self.tet_of[k as usize] == NONE {
+                        self.tet_of[k as usize] = n;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Splits the edge from `a` to `b` of the ring at vertex `m`: every tetrahedron of the ring
+    /// becomes two.
+    pub(crate) fn split(&mut self, ring: &Ring, a: u32, b: u32, m: u32, made: &mut Vec<u32>) {
+        let with = |from: u32| move |k: u32| if k == from { m } else { k };
+        let mut new = Vec::with_capacity(2 * ring.tets.len());
+        let mut labels: Vec<([u32; 3], u32)> = Vec::new();
+        for &t in &ring.tets {
+            let v = self.tets[t as usize];
+            new.push(v.map(with(b)));
+            new.push(v.map(with(a)));
+            for i in 0..4 {
+                let n = self.adjacent[t as usize][i];
+                let f = self.face(t, i);
+                if n >= BOUNDARY && f.contains(&a) && f.contains(&b) {
+                    labels.push((sorted(f.map(with(b))), n));
+                    labels.push((sorted(f.map(with(a))), n));
+                }
+            }
+        }
+        self.replace(&ring.tets, &new, |face| label_in(&labels, face), made);
+    }
+}
+
+/// The label of a face in a list of faces with sorted vertices; [`OPEN`] if it is not listed.
+pub(crate) fn label_in(labels: &[([u32; 3], u32)], face: [u32; 3]) -> u32 {
+    labels.iter().find(|l| l.0 == face).map_or(OPEN, |l| l.1)
+}

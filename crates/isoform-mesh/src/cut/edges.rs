@@ -1,0 +1,282 @@
+//! Edges are cut where the surface crosses them, or one of their ends is moved there.
+
+use super::sign::Side;
+use super::{Cutter, LOOK};
+use crate::complex::Ring;
+use crate::points::along;
+use crate::surface::{NO_PIECE, On};
+use isoform_geom::{Point3, norm, sub};
+use std::collections::VecDeque;
+
+/// Depth, in lengths of the edge to be cut, below which an end that cannot be moved counts as lying
+/// on the surface all the same: cuts closer than that would go on for ever where pieces touch, and
+/// where three meet along a curve.
+const SHALLOW: f64 = 1e-2;
+/// Tetrahedra of the lattice per cut allowed; ordinary solids need a cut for every ten or more.
+const BUDGET: usize = 2;
+/// Cuts that are allowed however few tetrahedra there are.
+const LEAST_BUDGET: usize = 10_000;
+/// Cuts of edges at one vertex after which the lattice is too coarse there; regular ones see a few
+/// dozen.
+const TIRED: u16 = 200;
+/// Share of an edge next to an end within which the end is moved instead of cutting, if it can be.
+const SLIDE: f64 = 0.3;
+/// Farthest that an end is moved, in cells of the lattice around it.
+const SLIDE_REACH: f64 = 0.5;
+/// Worst measure that such a move may leave. Higher: more cuts and short edges; lower: flat
+/// tetrahedra that only the optimiser can mend.
+const SLIDE_QUALITY: f64 = 0.08;
+/// Farthest that a new vertex is moved from its chord onto its pieces, in lengths of the edge.
+const CUT_REACH: f64 = 0.5;
+/// Worst measure that this may leave at a vertex on two pieces or more.
+const CUT_QUALITY: f64 = 1e-3;
+
+/// An edge to be cut: where the solid's value changes its sign, or where a piece alone does.
+#[derive(Clone, Copy)]
+struct Crossing {
+    ends: [u32; 2],
+    piece: Option<u32>,
+}
+
+/// The longest edge offered; of equally long ones that with the lowest vertices.
+#[derive(Default)]
+struct Longest(Option<(f64, [u32; 2])>);
+
+impl Longest {
+    /// Takes the edge if it is longer than the one before, and says so.
+    fn offer(&mut self, length: f64, ends: [u32; 2]) -> bool {
+        let is_longer = self
+            .0
+            .is_none_or(|best| length > best.0 || (length == best.0 && ends < best.1));
+        if is_longer {
+            self.0 = Some((length, ends));
+        }
+        is_longer
+    }
+}
+
+impl Cutter<'_> {
+    /// Cuts until every tetrahedron is decided, or the budget is spent.
+    pub(super) fn cut(&mut self) {
+        let mut queue: VecDeque<u32> = self.complex.live().collect();
+        let mut budget = queue.len() / BUDGET + LEAST_BUDGET;
+        let mut ring = Ring::default();
+        while let Some(t) = queue.pop_front() {
+            if !self.complex.is_there(t) {
+                continue;
+            }
+            if budget == 0 || (budget.is_multiple_of(LOOK) && self.control.is_stopped()) {
+                queue.push_front(t);
+                self.give_up(queue);
+                return;
+            }
+            let Some(crossing) = self.crossing(t) else {
+                continue;
+            };
+            let [u, w] = crossing.ends.map(|v| v as usize);
+            if self.cuts[u].max(self.cuts[w]) > TIRED {
+                self.undecided.push(self.complex.middle(t));
+                continue;
+            }
+            self.cuts[u] += 1;
+            self.cuts[w] += 1;
+            budget -= 1;
+            queue.extend(self.cut_edge(t, crossing, &mut ring));
+        }
+    }
+
+    /// Leaves the tetrahedra of the queue undecided.
+    fn give_up(&mut self, queue: VecDeque<u32>) {
+        let left = queue.into_iter().filter(|&t| self.complex.is_there(t));
+        self.undecided.extend(left.map(|t| self.complex.middle(t)));
+    }
+
+    /// The longest edge of a tetrahedron that the surface crosses, or that a piece crosses which
+    /// leaves it undecided. Where an edge may run through a thin sheet from outside to outside both
+    /// kinds compete: cutting only the shorter ones around it would go on for ever.
+    fn crossing(&mut self, t: u32) -> Option<Crossing> {
+        let edges = self.complex.edges(t);
+        let mut best = Longest::default();
+        let mut through = false;
+        for [a, b] in edges {
+            let (f, g) = (self.value[a as usize], self.value[b as usize]);
+            if f * g < 0.0 {
+                best.offer(self.complex.edge_length(a, b), [a, b]);
+            } else if f * g > 0.0 {
+                through |= f.abs() + g.abs() < self.complex.edge_length(a, b);
+            }
+        }
+        if let (Some((_, ends)), false) = (best.0, through) {
+            return Some(Crossing { ends, piece: None });
+        }
+        let piece = self.offer_pieces(t, &mut best);
+        best.0.map(|(_, ends)| Crossing { ends, piece })
+    }
+
+    /// Offers the edges that pieces cross which leave the tetrahedron undecided, but not the
+    /// surface. Returns the piece of the longest, if that was not offered before.
+    fn offer_pieces(&mut self, t: u32, best: &mut Longest) -> Option<u32> {
+        let mut which = None;
+        let Side::Cut(pieces) = self.side(t) else {
+            return which;
+        };
+        let edges = self.complex.edges(t);
+        for piece in pieces {
+            for [a, b] in edges {
+                let by_value = self.value[a as usize] * self.value[b as usize] < 0.0;
+                if !by_value
+                    && self.distance(a, piece) * self.distance(b, piece) < 0.0
+                    && best.offer(self.complex.edge_length(a, b), [a, b])
+                {
+                    which = Some(piece);
+                }
+            }
+        }
+        which
+    }
+
+    /// Cuts the edge where the surface (or one piece) crosses it, or moves an end there. Returns
+    /// the tetrahedra that changed.
+    fn cut_edge(&mut self, t: u32, crossing: Crossing, ring: &mut Ring) -> Vec<u32> {
+        let [u, w] = crossing.ends;
+        let found = self.root(crossing);
+        let (share, piece) = found.unwrap_or((0.5, crossing.piece.unwrap_or(NO_PIECE)));
+        let (end, near) = if share < 0.5 {
+            (u, share)
+        } else {
+            (w, 1.0 - share)
+        };
+        if near < SLIDE
+            && piece != NO_PIECE
+            && let Some(changed) = self.slide(end, piece)
+        {
+            return changed;
+        }
+        if let Some(changed) = self.touch(crossing, piece) {
+            return changed;
+        }
+        let [a, b] = crossing.ends.map(|v| self.complex.point(v));
+        let mut on = self.on[u as usize].common(&self.on[w as usize]);
+        if piece != NO_PIECE && found.is_some() {
+            on = on.with(piece).unwrap_or(on);
+        }
+        let m = self.add_vertex(along(a, b, share), crossing.ends);
+        self.complex.ring(t, u, w, ring);
+        let mut made = std::mem::take(&mut self.made);
+        self.complex.split(ring, u, w, m, &mut made);
+        self.bring(m, on, CUT_REACH * norm(sub(a, b)));
+        let changed = made.clone();
+        self.made = made;
+        changed
+    }
+
+    /// Where the edge is crossed: the share of the way, and the piece that vanishes there.
+    fn root(&mut self, crossing: Crossing) -> Option<(f64, u32)> {
+        let [u, w] = crossing.ends;
+        let [a, b] = crossing.ends.map(|v| self.complex.point(v));
+        match crossing.piece {
+            None => {
+                let [f, g] = [u, w].map(|v| self.value[v as usize].clamp(-f64::MAX, f64::MAX));
+                self.surface.root((a, f), (b, g))
+            }
+            Some(i) => {
+                let (f, g) = (self.distance(u, i), self.distance(w, i));
+                let share = self.surface.root_of(i, (a, f), (b, g))?;
+                Some((share, i))
+            }
+        }
+    }
+
+    /// A vertex that is held on nothing, on the edge between two others.
+    fn add_vertex(&mut self, at: Point3, [u, w]: [u32; 2]) -> u32 {
+        self.on.push(On::default());
+        self.frozen.push(false);
+        self.value.push(0.0);
+        self.known.push(Vec::new());
+        self.cuts.push(0);
+        let cell = self.cell[u as usize].min(self.cell[w as usize]);
+        self.cell.push(cell);
+        self.complex.add_point(at)
+    }
+
+    /// Brings a new vertex onto its pieces. Where that is too far, or there is no room, it is left
+    /// on the chord, a little off the pieces: the optimiser brings it there later.
+    fn bring(&mut self, m: u32, on: On, reach: f64) {
+        let at = self.complex.point(m);
+        let target = self
+            .surface
+            .project(on.slice(), at)
+            .filter(|q| norm(sub(*q, at)) < reach);
+        match target {
+            Some(q) if on.len() < 2 || self.worst_if(m, q) > CUT_QUALITY => self.place(m, q, on),
+            _ => {
+                self.place(m, at, on);
+                if !on.is_empty() {
+                    self.value[m as usize] = 0.0;
+                }
+            }
+        }
+    }
+
+    /// Lets the end of an edge that is nearer to the surface (or to a piece alone) count as lying
+    /// on it, if it is so near that a cut would only leave a short edge or a flat tetrahedron. The
+    /// optimiser brings it there.
+    fn touch(&mut self, crossing: Crossing, found: u32) -> Option<Vec<u32>> {
+        let [u, w] = crossing.ends;
+        let (du, dw) = (self.depth(u, crossing.piece), self.depth(w, crossing.piece));
+        let (end, depth) = if du <= dw { (u, du) } else { (w, dw) };
+        let shallow = SHALLOW * self.complex.edge_length(u, w);
+        if depth >= shallow {
+            return None;
+        }
+        let p = self.complex.point(end);
+        let surface = self.surface;
+        let deciding = crossing.piece.unwrap_or_else(|| surface.value(p).1);
+        let mut near = surface
+            .lattice
+            .reduced_at(p)
+            .map_or(Vec::new(), |reduced| reduced.pieces.clone());
+        near.retain(|&i| self.distance(end, i).abs() < shallow);
+        near.extend([deciding, found]);
+        for i in near {
+            if i != NO_PIECE && self.distance(end, i).abs() < shallow {
+                self.known[end as usize].retain(|k| k.0 != i);
+                self.known[end as usize].push((i, 0.0));
+            }
+        }
+        if crossing.piece.is_none() {
+            self.value[end as usize] = 0.0;
+        }
+        self.complex.star(end, &mut self.star);
+        Some(self.star.clone())
+    }
+
+    /// How far a vertex is from a piece, or from the surface.
+    fn depth(&mut self, v: u32, piece: Option<u32>) -> f64 {
+        match piece {
+            None => self.value[v as usize].abs(),
+            Some(i) => self.distance(v, i).abs(),
+        }
+    }
+
+    /// Moves a vertex along the pieces that it is held on to one more.
+    fn slide(&mut self, v: u32, piece: u32) -> Option<Vec<u32>> {
+        if self.frozen[v as usize] {
+            return None;
+        }
+        let held = self.on[v as usize];
+        let on = held.with(piece)?;
+        let p = self.complex.point(v);
+        let q = self.surface.project(on.slice(), p)?;
+        let zero = self.surface.zero;
+        if norm(sub(p, q)) > SLIDE_REACH * self.cell[v as usize]
+            || (!held.is_empty() && self.surface.value(q).0.abs() > zero)
+            || self.worst_if(v, q) < SLIDE_QUALITY
+        {
+            return None;
+        }
+        self.place(v, q, on);
+        self.complex.star(v, &mut self.star);
+        Some(self.star.clone())
+    }
+}

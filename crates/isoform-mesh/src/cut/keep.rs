@@ -1,0 +1,140 @@
+//! What is inside is kept, with its faces on the surface labelled.
+
+use super::Cutter;
+use crate::complex::{BOUNDARY, Complex, NONE, STRAY};
+use crate::inside::Inside;
+use crate::points::{centroid, unique};
+use isoform_geom::{Point3, cross, dot, norm, sub};
+
+/// What a piece gains over others on which the vertices of a face only count as lying: more than
+/// cosines differ.
+const EXACT: f64 = 2.0;
+/// Least difference of cosines that decides between two pieces; below it the first one counts.
+const CLEARER: f64 = 1e-9;
+
+/// Vertices that are kept, renumbered without gaps.
+struct Kept {
+    /// Old vertices to new ones.
+    number: Vec<u32>,
+    points: Vec<Point3>,
+    frozen: Vec<bool>,
+}
+
+impl Cutter<'_> {
+    /// Drops what is outside.
+    pub(crate) fn finish(mut self, inside: &[bool]) -> Inside {
+        let live: Vec<u32> = self
+            .complex
+            .live()
+            .filter(|&t| inside[t as usize])
+            .collect();
+        let Kept {
+            number,
+            points,
+            mut frozen,
+        } = self.kept(&live);
+        let tets = live
+            .iter()
+            .map(|&t| self.complex.tets[t as usize].map(|v| number[v as usize]))
+            .collect();
+        let mut complex = Complex::new(points, tets);
+        let stray = self.label(&live, inside, &mut complex);
+        for v in complex.separate() {
+            frozen.push(frozen[v as usize]);
+        }
+        Inside {
+            complex,
+            frozen,
+            number,
+            stray,
+        }
+    }
+
+    /// The vertices of tetrahedra, in their old order: those shared with the core keep their places
+    /// in the list of the frozen.
+    fn kept(&self, live: &[u32]) -> Kept {
+        let mut used = vec![false; self.complex.points.len()];
+        for &t in live {
+            for v in self.complex.tets[t as usize] {
+                used[v as usize] = true;
+            }
+        }
+        let mut kept = Kept {
+            number: vec![NONE; used.len()],
+            points: Vec::new(),
+            frozen: Vec::new(),
+        };
+        for v in (0..used.len()).filter(|&v| used[v]) {
+            kept.number[v] = kept.points.len() as u32;
+            kept.points.push(self.complex.points[v]);
+            kept.frozen.push(self.frozen[v]);
+        }
+        kept
+    }
+
+    /// Labels the faces between inside and outside in the complex of the tetrahedra kept. Returns
+    /// places of faces on no single piece.
+    fn label(&mut self, live: &[u32], inside: &[bool], kept: &mut Complex) -> Vec<Point3> {
+        let mut stray = Vec::new();
+        for (slot, &t) in live.iter().enumerate() {
+            for i in 0..4 {
+                let n = self.complex.adjacent[t as usize][i];
+                if n >= BOUNDARY || inside[n as usize] {
+                    continue;
+                }
+                let face = self.complex.face(t, i);
+                let label = self.piece_of(face).unwrap_or_else(|| {
+                    stray.push(self.complex.point(face[0]));
+                    STRAY
+                });
+                kept.adjacent[slot][i] = BOUNDARY | label;
+            }
+        }
+        stray
+    }
+
+    /// The piece that a face on the surface lies on: all three vertices vanish on it, and its
+    /// normal is the face's as nearly as possible.
+    fn piece_of(&mut self, f: [u32; 3]) -> Option<u32> {
+        let p = f.map(|v| self.complex.point(v));
+        let normal = cross(sub(p[1], p[0]), sub(p[2], p[0]));
+        let middle = centroid(p);
+        let mut best: Option<(f64, u32)> = None;
+        for i in self.pieces_at(f) {
+            let g = self.surface.solid.gradient(i, middle).1;
+            // Vertices that only count as lying on a piece stand behind those that do.
+            let exact = p.iter().all(|&q| self.surface.distance(i, q) == 0.0);
+            let c = -dot(g, normal) / (norm(g) * norm(normal)).max(1e-300)
+                + if exact { EXACT } else { 0.0 };
+            if best.is_none_or(|b| c > b.0 + CLEARER) {
+                best = Some((c, i));
+            }
+        }
+        best.map(|b| b.1)
+    }
+
+    /// The pieces on which all three vertices of a face lie; if there are several, those that are
+    /// the surface at one of them.
+    fn pieces_at(&mut self, f: [u32; 3]) -> Vec<u32> {
+        let p = f.map(|v| self.complex.point(v));
+        let mut pieces: Vec<u32> = self.on[f[0] as usize].slice().to_vec();
+        for c in [centroid(p), p[0], p[1], p[2]] {
+            if let Some(reduced) = self.surface.lattice.reduced_at(c) {
+                pieces.extend(&reduced.pieces);
+            }
+        }
+        pieces = unique(pieces);
+        pieces.retain(|&i| f.iter().all(|&v| self.distance(v, i) == 0.0));
+        if pieces.len() > 1 {
+            let faces: Vec<u32> = pieces
+                .iter()
+                .copied()
+                .filter(|&i| p.iter().any(|&q| self.surface.is_face(i, q)))
+                .collect();
+            if !faces.is_empty() {
+                pieces = faces;
+            }
+        }
+        pieces
+    }
+}

@@ -1,0 +1,132 @@
+//! The sign of a tree in a tetrahedron, from the values of the pieces at its vertices.
+
+use super::Cutter;
+use crate::lattice::{IN, OUT};
+use crate::surface::Surface;
+use isoform_geom::Csg;
+
+/// What the signs at the vertices say of a tetrahedron.
+pub(super) enum Side {
+    In,
+    Out,
+    /// All values that matter are 0: it lies flat in the surface.
+    Flat,
+    /// The pieces that must be cut.
+    Cut(Vec<u32>),
+}
+
+/// The least and the largest value of a piece over the vertices.
+struct Range {
+    piece: u32,
+    lo: f64,
+    hi: f64,
+}
+
+impl Cutter<'_> {
+    /// What the vertices' signs say of a tetrahedron.
+    pub(super) fn side(&mut self, t: u32) -> Side {
+        let surface: &Surface<'_> = self.surface;
+        let state = surface.lattice.state_at(self.complex.middle(t));
+        let Some(reduced) = surface.lattice.reduced(state) else {
+            debug_assert!(state == IN || state == OUT);
+            return if state == IN { Side::In } else { Side::Out };
+        };
+        let ranges: Vec<Range> = reduced
+            .pieces
+            .iter()
+            .map(|&piece| self.range(t, piece))
+            .collect();
+        side(&reduced.tree, &ranges)
+    }
+
+    fn range(&mut self, t: u32, piece: u32) -> Range {
+        let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+        for v in self.complex.tets[t as usize] {
+            let d = self.distance(v, piece);
+            (lo, hi) = (lo.min(d), hi.max(d));
+        }
+        Range { piece, lo, hi }
+    }
+
+    /// Whether each tetrahedron is inside.
+    pub(crate) fn inside(&mut self) -> Vec<bool> {
+        let mut inside = vec![false; self.complex.tets.len()];
+        for t in 0..self.complex.tets.len() as u32 {
+            if !self.complex.is_there(t) {
+                continue;
+            }
+            inside[t as usize] = match self.side(t) {
+                Side::In => true,
+                Side::Out => false,
+                Side::Flat | Side::Cut(_) => self.surface.value(self.complex.middle(t)).0 > 0.0,
+            };
+        }
+        inside
+    }
+}
+
+/// The sign of a tree from the ranges of its pieces over the vertices, where 0 is on either side.
+fn side(tree: &Csg, ranges: &[Range]) -> Side {
+    match tree {
+        Csg::Piece(i) => side_of_piece(*i, ranges),
+        Csg::Min(children) => side_of_many(children, ranges, true),
+        Csg::Max(children) => side_of_many(children, ranges, false),
+    }
+}
+
+/// The sign of one piece. Of a piece that is not listed nothing is known.
+fn side_of_piece(piece: u32, ranges: &[Range]) -> Side {
+    let range = ranges.iter().find(|r| r.piece == piece);
+    let (lo, hi) = range.map_or((-1.0, 1.0), |r| (r.lo, r.hi));
+    match (lo < 0.0, hi > 0.0) {
+        (true, true) => Side::Cut(vec![piece]),
+        (true, false) => Side::Out,
+        (false, true) => Side::In,
+        (false, false) => Side::Flat,
+    }
+}
+
+/// The sign of a minimum or a maximum.
+fn side_of_many(children: &[Csg], ranges: &[Range], is_min: bool) -> Side {
+    let (mut flat, mut cut) = (false, Vec::new());
+    for child in children {
+        match (side(child, ranges), is_min) {
+            (Side::Out, true) => return Side::Out,
+            (Side::In, false) => return Side::In,
+            (Side::In, true) | (Side::Out, false) => {}
+            (Side::Flat, _) => flat = true,
+            (Side::Cut(pieces), _) => cut.extend(pieces),
+        }
+    }
+    if !cut.is_empty() {
+        Side::Cut(cut)
+    } else if flat {
+        Side::Flat
+    } else if is_min {
+        Side::In
+    } else {
+        Side::Out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn range(piece: u32, lo: f64, hi: f64) -> Range {
+        Range { piece, lo, hi }
+    }
+
+    #[test]
+    fn zero_is_on_either_side() {
+        let both = Csg::Min(vec![Csg::Piece(0), Csg::Piece(1)]);
+        let one = [range(0, 0.0, 1.0), range(1, 0.0, 2.0)];
+        assert!(matches!(side(&both, &one), Side::In));
+        let flat = [range(0, 0.0, 0.0), range(1, 0.0, 2.0)];
+        assert!(matches!(side(&both, &flat), Side::Flat));
+        let out = [range(0, -1.0, 0.0), range(1, -1.0, 2.0)];
+        assert!(matches!(side(&both, &out), Side::Out));
+        let cut = [range(0, 0.0, 1.0), range(1, -1.0, 2.0)];
+        assert!(matches!(side(&both, &cut), Side::Cut(pieces) if pieces == [1]));
+    }
+}

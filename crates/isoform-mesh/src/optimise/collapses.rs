@@ -1,0 +1,238 @@
+//! A vertex is pulled onto its neighbour, and the tetrahedra between them vanish.
+
+use super::holds::Hold;
+use super::link::keeps_topology;
+use super::{GAIN, LOOK, Optimiser};
+use crate::complex::{EDGES, Face, NONE, Ring, label_in};
+use crate::measure::{biased_sine, smallest_sine};
+use crate::surface::On;
+use isoform_geom::{dot, norm, sub};
+
+/// Edges shorter than this share of the size asked for are collapsed without asking for better
+/// angles.
+const MICRO: f64 = 0.004;
+/// Measure that the collapse of such an edge must leave: this share of what was there, or this.
+const MICRO_LEAST: [f64; 2] = [0.5, 0.05];
+
+/// Vertex `u` pulled onto its neighbour `w`.
+#[derive(Clone, Copy)]
+pub(super) struct Pull {
+    pub(super) u: u32,
+    pub(super) w: u32,
+}
+
+impl Pull {
+    /// What becomes of a vertex.
+    fn of(self, k: u32) -> u32 {
+        if k == self.u { self.w } else { k }
+    }
+}
+
+/// What a collapse leaves.
+struct Collapsed {
+    tets: Vec<[u32; 4]>,
+    /// Faces of the surface, vertices sorted.
+    labels: Vec<Face>,
+    /// The worst measure of all these.
+    worst: f64,
+}
+
+impl Optimiser<'_> {
+    /// Whether vertex `u` may be pulled onto its neighbour `w`: not across the solid from one side
+    /// of the surface to the other, on the surface only along it, and on a curve only along that.
+    fn may_collapse(&self, Pull { u, w }: Pull, ring: &Ring) -> bool {
+        let Hold::On(on) = self.hold[u as usize] else {
+            return false;
+        };
+        let labels = self.labels[u as usize];
+        if labels.is_empty() {
+            // A free vertex: onto anything.
+            return true;
+        }
+        if ring.closed {
+            return false;
+        }
+        let Some([a, b]) = self.complex.labels_beside(ring, u, w) else {
+            return false;
+        };
+        let is_within = labels.is_within(&self.labels[w as usize]);
+        if self.is_skin(u) {
+            // Seams between pieces that touch tangentially may go where they like.
+            return is_within || matches!(self.hold[w as usize], Hold::On(held) if held.len() == 1);
+        }
+        is_within
+            && if on.len() == 2 {
+                a != b && on.contains(a) && on.contains(b)
+            } else {
+                labels.len() == 1 || a != b
+            }
+    }
+
+    /// The worst measure after `u` of tetrahedron `t` is pulled onto `w`, if the worst around `u`
+    /// improves, or at least stays above `least` where that is given; if so and `apply` is set it
+    /// is done.
+    pub(super) fn collapse(
+        &mut self,
+        t: u32,
+        pull: Pull,
+        least: Option<f64>,
+        apply: bool,
+    ) -> Option<f64> {
+        let Pull { u, w } = pull;
+        let mut ring = std::mem::take(&mut self.scratch.ring);
+        self.complex.ring(t, u, w, &mut ring);
+        let allowed = self.may_collapse(pull, &ring);
+        self.scratch.ring = ring;
+        if !allowed {
+            return None;
+        }
+        let mut star = Vec::new();
+        self.complex.star(u, &mut star);
+        let bound = least.unwrap_or_else(|| self.worst(&star) + GAIN);
+        let faces = self.faces_at(&star, u);
+        let left = self.collapsed(&star, &faces, pull, bound)?;
+        let mut other = Vec::new();
+        self.complex.star(w, &mut other);
+        if !keeps_topology(&self.complex, [(u, &star), (w, &other)], &self.scratch.ring)
+            || self.joins_sheets(pull, &left.tets)
+            || (least.is_none() && self.leaves_surface(pull, &faces))
+        {
+            return None;
+        }
+        if apply {
+            self.apply_collapse(pull, &star, &left);
+        }
+        Some(left.worst)
+    }
+
+    /// What a collapse would leave of the star of `u`; none if any of it is not better than
+    /// `bound`, or a face turns away from its piece.
+    fn collapsed(&self, star: &[u32], faces: &[Face], pull: Pull, bound: f64) -> Option<Collapsed> {
+        let mut left = Collapsed {
+            tets: Vec::with_capacity(star.len()),
+            labels: Vec::with_capacity(faces.len()),
+            worst: f64::INFINITY,
+        };
+        for &t in star {
+            let v = self.complex.tets[t as usize];
+            if v.contains(&pull.w) {
+                continue;
+            }
+            let v = v.map(|k| pull.of(k));
+            left.worst = left.worst.min(biased_sine(v.map(|k| self.point(k))));
+            if left.worst <= bound {
+                return None;
+            }
+            left.tets.push(v);
+        }
+        for &(f, label) in faces.iter().filter(|(f, _)| !f.contains(&pull.w)) {
+            let mut g = f.map(|k| pull.of(k));
+            let [old, new] = [f, g].map(|f| f.map(|k| self.point(k)));
+            left.worst = left.worst.min(smallest_sine(new));
+            if left.worst <= bound || self.turns_away(old, new, label) {
+                return None;
+            }
+            g.sort_unstable();
+            left.labels.push((g, label));
+        }
+        Some(left)
+    }
+
+    /// Whether a free vertex between two sheets, pulled onto one, would join them in an edge or
+    /// face of the surface.
+    fn joins_sheets(&self, Pull { u, w }: Pull, new: &[[u32; 4]]) -> bool {
+        let is_free = |v: u32| self.labels[v as usize].is_empty();
+        is_free(u) && !is_free(w) && new.iter().any(|v| v.iter().all(|&k| !is_free(k)))
+    }
+
+    /// Whether a new edge would leave the surface too far: such edges were split before, and would
+    /// be again.
+    fn leaves_surface(&self, pull: Pull, faces: &[Face]) -> bool {
+        let curve = match self.hold[pull.u as usize] {
+            Hold::On(on) if on.len() == 2 => Some([on.slice()[0], on.slice()[1]]),
+            _ => None,
+        };
+        let w = pull.w;
+        let is_along = |x: u32, pieces: &[u32; 2]| {
+            let on = |v: u32, i: u32| self.labels[v as usize].contains(i);
+            pieces.iter().all(|&i| on(x, i) && on(w, i))
+        };
+        let new_faces = faces.iter().filter(|(f, _)| !f.contains(&w));
+        let mut new_edges = new_faces.flat_map(|(f, label)| f.map(|x| (x, *label)));
+        new_edges.any(|(x, label)| {
+            x != pull.u && {
+                let along = curve.filter(|pieces| is_along(x, pieces));
+                self.excess([w, x], along.unwrap_or([label; 2]), self.error)
+                    .is_some()
+            }
+        })
+    }
+
+    /// Open faces of the band (towards the lattice beyond) stay: their vertices are fixed, so `u`
+    /// is on none.
+    fn apply_collapse(&mut self, Pull { u, w }: Pull, star: &[u32], left: &Collapsed) {
+        self.replace(star, &left.tets, |face| label_in(&left.labels, face));
+        self.complex.tet_of[u as usize] = NONE;
+        let held = self.labels[w as usize];
+        let mine = self.labels[u as usize];
+        let add = |all: On, &l: &u32| all.with(l).unwrap_or(all);
+        let both = mine.slice().iter().fold(held, add);
+        if self.is_skin(u) && both != held {
+            (self.labels[w as usize], self.hold[w as usize]) = (both, self.hold[u as usize]);
+        }
+    }
+
+    /// Collapses edges that are far shorter than any wanted, as cuts leave them where pieces nearly
+    /// touch.
+    pub(super) fn collapse_micro(&mut self) {
+        let mut ring = Ring::default();
+        for (k, ends) in self.micro_edges().into_iter().enumerate() {
+            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+                return;
+            }
+            let [a, b] = ends;
+            for pull in [Pull { u: a, w: b }, Pull { u: b, w: a }] {
+                let is_there = |v: u32| self.complex.tet_of[v as usize] != NONE;
+                if !is_there(a) || !is_there(b) || self.collapse_short(pull, &mut ring) {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// The edges far shorter than any wanted, shortest first.
+    fn micro_edges(&self) -> Vec<[u32; 2]> {
+        let micro = MICRO * self.size;
+        let mut short: Vec<(f64, [u32; 2])> = Vec::new();
+        for t in self.complex.live() {
+            let (edges, p) = (self.complex.edges(t), self.complex.corners(t));
+            for (ends, (i, j)) in edges.into_iter().zip(EDGES) {
+                let e = sub(p[i], p[j]);
+                if dot(e, e) < micro * micro {
+                    short.push((norm(e), ends));
+                }
+            }
+        }
+        short.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        short.dedup();
+        short.into_iter().map(|s| s.1).collect()
+    }
+
+    /// Pulls one end of a short edge onto the other; true if that is done or there is no such edge.
+    fn collapse_short(&mut self, pull: Pull, ring: &mut Ring) -> bool {
+        let Pull { u, w } = pull;
+        if !self.complex.ring_of(u, w, ring) {
+            return true;
+        }
+        if !self.labels[u as usize].is_empty() {
+            self.free(u);
+        }
+        let [share, least] = MICRO_LEAST;
+        let least = (share * self.worst(&ring.tets)).min(least);
+        let done = self.collapse(ring.tets[0], pull, Some(least), true);
+        if done.is_some() {
+            self.touched[w as usize] = self.clock + 1;
+        }
+        done.is_some()
+    }
+}

@@ -1,0 +1,172 @@
+//! What holds the vertices: pieces of the solid, or the lattice beyond the band.
+
+use super::Optimiser;
+use crate::complex::{NONE, STRAY, labelled_edges};
+use crate::points::{midpoint, unique};
+use crate::surface::{On, SKIN, meet_at_an_angle};
+use isoform_geom::Point3;
+
+/// What holds a vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Hold {
+    /// Corners, and vertices shared with the lattice beyond the band.
+    Fixed,
+    /// On one piece (or [`SKIN`]), on two (a curve), or on none.
+    On(On),
+}
+
+/// What is around a vertex of the surface.
+#[derive(Clone, Default)]
+struct Surroundings {
+    /// Labels of its faces.
+    labels: Vec<u32>,
+    /// The pairs of pieces that meet in its sharp edges.
+    curves: Vec<[u32; 2]>,
+}
+
+impl Optimiser<'_> {
+    /// Settles what holds each vertex, from the labels of the faces around it.
+    pub(super) fn hold_vertices(&mut self, frozen: &[bool]) {
+        for (v, around) in self.surroundings().into_iter().enumerate() {
+            let labels = unique(around.labels);
+            self.hold[v] = if frozen[v] {
+                Hold::Fixed
+            } else {
+                hold(&labels, &around.curves)
+            };
+            let pieces: Vec<u32> = labels.into_iter().filter(|&l| l < STRAY).collect();
+            self.labels[v] = On::of(&pieces);
+        }
+    }
+
+    fn surroundings(&self) -> Vec<Surroundings> {
+        let mut around = vec![Surroundings::default(); self.complex.points.len()];
+        let faces = self.complex.faces();
+        for &(f, label) in &faces {
+            for v in f {
+                around[v as usize].labels.push(label);
+            }
+        }
+        let edges = labelled_edges(faces.into_iter());
+        for same in edges.chunk_by(|a, b| a.0 == b.0) {
+            let ends = same[0].0;
+            let several = unique(same.iter().map(|p| p.1).collect());
+            for v in ends.map(|v| v as usize) {
+                if same.len() != 2 {
+                    // Not a manifold there: nothing moves.
+                    around[v].curves.extend([[NONE; 2]; 3]);
+                } else if let [a, b] = several[..]
+                    && self.is_sharp(ends, [a, b])
+                {
+                    around[v].curves.push([a, b]);
+                }
+            }
+        }
+        around
+    }
+
+    /// Whether two pieces meet at an angle at an edge.
+    pub(super) fn is_sharp(&self, ends: [u32; 2], pieces: [u32; 2]) -> bool {
+        if pieces.iter().any(|&p| p >= STRAY) {
+            return true;
+        }
+        let [p, q] = ends.map(|v| self.point(v));
+        meet_at_an_angle(self.surface.solid, pieces, midpoint(p, q))
+    }
+
+    /// The pieces that a vertex belongs on.
+    pub(super) fn holding(&self, v: u32) -> On {
+        match self.hold[v as usize] {
+            Hold::On(on) if !on.is_empty() => on,
+            _ => self.labels[v as usize],
+        }
+    }
+
+    /// Whether a vertex is off the surface at `p`: off what holds it, or off the solid where more
+    /// pieces meet there.
+    pub(super) fn is_off(&self, v: u32, p: Point3) -> bool {
+        let labels = self.labels[v as usize];
+        match self.hold[v as usize] {
+            Hold::On(on) if !on.is_empty() => {
+                on.slice()
+                    .iter()
+                    .any(|&l| self.surface.distance(l, p) != 0.0)
+                    || (labels.len() > on.len() && self.surface.distance(SKIN, p) != 0.0)
+            }
+            _ => labels
+                .slice()
+                .iter()
+                .any(|&l| self.surface.distance(l, p) != 0.0),
+        }
+    }
+
+    /// Whether a vertex on one piece has slipped past where that is the surface, over a seam with a
+    /// piece that it touches tangentially.
+    pub(super) fn is_hidden(&self, v: u32) -> bool {
+        let p = self.point(v);
+        let may_slip = match self.hold[v as usize] {
+            Hold::On(on) if on.len() == 1 => !self.surface.is_alone(on.slice()[0], p),
+            _ => false,
+        };
+        may_slip && self.surface.distance(SKIN, p) != 0.0 && !self.is_off(v, p)
+    }
+
+    /// Whether a vertex is held on the solid itself, at a seam between pieces that touch.
+    pub(super) fn is_skin(&self, v: u32) -> bool {
+        matches!(self.hold[v as usize], Hold::On(on) if on.contains(SKIN))
+    }
+
+    /// The piece to project a point of a face on: its label, or the solid next to a seam between
+    /// pieces that touch tangentially.
+    pub(super) fn piece_at(&self, vertices: &[u32], label: u32) -> u32 {
+        if vertices.iter().any(|&v| self.is_skin(v)) {
+            SKIN
+        } else {
+            label
+        }
+    }
+
+    /// The pieces to project the middle of an edge on that has faces with these labels beside it:
+    /// both where they meet at an angle; across a seam the solid itself.
+    pub(super) fn pieces_of_edge(&self, ends: [u32; 2], labels: [u32; 2]) -> On {
+        if labels[0] == labels[1] {
+            On::of(&[self.piece_at(&ends, labels[0])])
+        } else if self.is_sharp(ends, labels) {
+            On::of(&labels)
+        } else {
+            On::of(&[SKIN])
+        }
+    }
+}
+
+/// What holds a vertex between faces with these labels, where sharp edges between these pieces end.
+fn hold(labels: &[u32], curves: &[[u32; 2]]) -> Hold {
+    if labels.len() > 3 || labels.iter().any(|&l| l >= STRAY) {
+        return Hold::Fixed;
+    }
+    match *curves {
+        // Pieces that touch tangentially make one smooth surface.
+        [] if labels.len() > 1 => Hold::On(On::of(&[SKIN])),
+        [] => Hold::On(On::of(labels)),
+        [a, b] if a == b => Hold::On(On::of(&a)),
+        _ => Hold::Fixed,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faces_edges_corners_and_seams() {
+        assert_eq!(hold(&[], &[]), Hold::On(On::default()));
+        assert_eq!(hold(&[4], &[]), Hold::On(On::of(&[4])));
+        assert_eq!(hold(&[4, 7], &[[4, 7]; 2]), Hold::On(On::of(&[4, 7])));
+        // An edge that ends, three edges that meet, four pieces, a face on no single piece.
+        assert_eq!(hold(&[4, 7], &[[4, 7]]), Hold::Fixed);
+        assert_eq!(hold(&[1, 2, 3], &[[1, 2], [1, 3], [2, 3]]), Hold::Fixed);
+        assert_eq!(hold(&[1, 2, 3, 4], &[]), Hold::Fixed);
+        assert_eq!(hold(&[STRAY], &[]), Hold::Fixed);
+        assert_eq!(hold(&[4, 7], &[]), Hold::On(On::of(&[SKIN])));
+    }
+}

@@ -1,0 +1,267 @@
+//! Vertices go to better places: within the solid freely, on pieces by projection.
+
+use super::holds::Hold;
+use super::{FACING, GAIN, Optimiser};
+use crate::complex::Face;
+use crate::measure::{Around, biased_sine, smallest_sine};
+use crate::points::{midpoint, unit};
+use crate::surface::On;
+use isoform_geom::{Point3, cross, dot};
+use rayon::prelude::*;
+
+/// Steps of a move.
+const ROUNDS: usize = 4;
+/// Lengths that are tried for a step, each half as long as the one before.
+const LENGTHS: usize = 6;
+/// Batches of vertices: proposals are made together within a batch, so that the result does not
+/// depend on threads. Neighbours seldom share a batch of eight, and where they do the second one
+/// is looked at again.
+const BATCHES: u32 = 8;
+/// Vertices that a thread takes at once.
+const CHUNK: usize = 64;
+
+/// What the move of a vertex works with.
+#[derive(Default)]
+pub(super) struct Move {
+    star: Vec<u32>,
+    faces: Vec<Face>,
+    around: Around,
+}
+
+/// A place with the worst measure around a vertex there.
+#[derive(Clone, Copy)]
+struct Judged {
+    at: Point3,
+    worst: f64,
+}
+
+/// The batch of a vertex, by the leading three bits of a multiplicative hash.
+fn batch_of(v: u32) -> u32 {
+    v.wrapping_mul(0x9E37_79B9) >> 29
+}
+
+impl Optimiser<'_> {
+    /// A better place for a vertex, if there is one.
+    pub(super) fn better_place(&self, v: u32, moving: &mut Move) -> Option<Point3> {
+        let Hold::On(on) = self.hold[v as usize] else {
+            return None;
+        };
+        if on.len() > 2 {
+            return None;
+        }
+        self.look_around(v, &on, moving)?;
+        let around = &mut moving.around;
+        let start = self.point(v);
+        let first = around.worst(start, f64::NEG_INFINITY);
+        if on.is_empty() {
+            let last = self.climb_freely(start, first, around);
+            return (last.worst > first + GAIN).then_some(last.at);
+        }
+        let mut places = [start; ROUNDS];
+        let mut n = 0;
+        let mut last = Judged {
+            at: start,
+            worst: first,
+        };
+        while n < ROUNDS
+            && let Some(next) = self.step(&on, last, around)
+        {
+            places[n] = next.at;
+            n += 1;
+            last = next;
+        }
+        // The last place counts that stands when it is brought onto the surface to rounding.
+        places[..n].iter().rev().find_map(|&p| {
+            let p = self.surface.project(on.slice(), p)?;
+            let is_better = around.worst(p, first + GAIN) > first + GAIN;
+            (is_better && self.may_stand(v, p, &moving.faces)).then_some(p)
+        })
+    }
+
+    /// Collects the tetrahedra and the faces of the surface around a vertex.
+    fn look_around(&self, v: u32, on: &On, moving: &mut Move) -> Option<()> {
+        let Move {
+            star,
+            faces,
+            around,
+        } = moving;
+        self.complex.star_shared(v, star);
+        faces.clear();
+        if !on.is_empty() {
+            self.add_faces_at(star, v, faces);
+        }
+        around.clear();
+        for &t in star.iter() {
+            around.push(self.complex.corners(t), self.complex.place(t, v));
+        }
+        for (f, _) in faces.iter() {
+            let x = f.iter().position(|&k| k == v)?;
+            around.push_face([1, 2].map(|k| self.point(f[(x + k) % 3])));
+        }
+        Some(())
+    }
+
+    /// The best place for a vertex within the solid.
+    fn climb_freely(&self, start: Point3, first: f64, around: &mut Around) -> Judged {
+        let mut last = Judged {
+            at: start,
+            worst: first,
+        };
+        if first < self.enough {
+            // As good as a search by gradients in most cases, and far cheaper.
+            let at = around.centre(start);
+            let worst = around.worst(at, first + GAIN);
+            if worst > first + GAIN {
+                last = Judged { at, worst };
+            }
+        }
+        for _ in 0..ROUNDS {
+            match self.step(&On::default(), last, around) {
+                Some(next) => last = next,
+                None => break,
+            }
+        }
+        last
+    }
+
+    /// A place that is better than the last one, in the direction in which the worst tetrahedra
+    /// improve; none where that is good enough, or there is none.
+    fn step(&self, on: &On, last: Judged, around: &mut Around) -> Option<Judged> {
+        let Judged { at, worst } = last;
+        if worst >= self.enough || worst.is_nan() {
+            return None;
+        }
+        let (direction, step) = around.direction(at, worst, self.tangent(on, at))?;
+        let mut found = None;
+        let (mut s, mut bound) = (step, worst + GAIN);
+        for _ in 0..LENGTHS {
+            let raw = std::array::from_fn(|i| at[i] + s * direction[i]);
+            // One step of Newton's method does to judge a place by; the one that is taken is
+            // brought to the surface to rounding.
+            let place = if on.is_empty() {
+                Some(raw)
+            } else {
+                self.surface.nearer(on.slice(), raw)
+            };
+            if let Some(at) = place {
+                let worst = around.worst(at, bound);
+                if worst > bound {
+                    found = Some(Judged { at, worst });
+                    bound = worst;
+                } else if found.is_some() {
+                    break;
+                }
+            }
+            s *= 0.5;
+        }
+        found
+    }
+
+    /// The projection of vectors onto the directions in which a vertex may move.
+    fn tangent(&self, on: &On, p: Point3) -> impl Fn(Point3) -> Point3 + use<> {
+        let normal = |k: usize| unit(self.surface.gradient(on.slice()[k], p).1);
+        let n = on.len();
+        // The normal of a piece, or the tangent of a curve.
+        let axis = match n {
+            0 => [0.0; 3],
+            1 => normal(0),
+            _ => unit(cross(normal(0), normal(1))),
+        };
+        move |g| {
+            let c = dot(g, axis);
+            match n {
+                0 => g,
+                1 => std::array::from_fn(|i| g[i] - c * axis[i]),
+                _ => axis.map(|x| c * x),
+            }
+        }
+    }
+
+    /// Whether a vertex of the surface may stand at `p`: all that holds it vanishes there and its
+    /// faces look outward.
+    fn may_stand(&self, v: u32, p: Point3, faces: &[Face]) -> bool {
+        let at = self.with(v, p);
+        !self.is_off(v, p)
+            && faces.iter().all(|&(f, label)| {
+                let c = self.facing(f.map(&at), label);
+                c >= FACING || c >= self.facing(f.map(|k| self.point(k)), label)
+            })
+    }
+
+    /// The places of vertices, with `v` at `p`.
+    fn with(&self, v: u32, p: Point3) -> impl Fn(u32) -> Point3 {
+        move |k| if k == v { p } else { self.point(k) }
+    }
+
+    /// The worst measure of tetrahedra and faces, with `v` at `p`.
+    pub(super) fn worst_at(&self, v: u32, p: Point3, star: &[u32], faces: &[Face]) -> f64 {
+        let at = self.with(v, p);
+        let mut worst = f64::INFINITY;
+        for &t in star {
+            worst = worst.min(biased_sine(self.complex.tets[t as usize].map(&at)));
+        }
+        for (f, _) in faces {
+            worst = worst.min(smallest_sine(f.map(&at)));
+        }
+        worst
+    }
+
+    /// Moves the vertices given, each where that improves the worst tetrahedron at it. Returns how
+    /// many moved.
+    pub(super) fn smooth(&mut self, vertices: &[u32]) -> usize {
+        let mut moved = 0;
+        for batch in 0..BATCHES {
+            let these: Vec<u32> = vertices
+                .iter()
+                .copied()
+                .filter(|&v| batch_of(v) == batch)
+                .collect();
+            let places = self.better_places(&these);
+            for (&v, place) in these.iter().zip(&places) {
+                if let Some(p) = *place
+                    && self.move_if_better(v, p)
+                {
+                    moved += 1;
+                }
+            }
+        }
+        moved
+    }
+
+    /// Better places for vertices, as long as the others stay where they are.
+    fn better_places(&self, vertices: &[u32]) -> Vec<Option<Point3>> {
+        let propose = |moving: &mut Move, &v: &u32| {
+            if self.control.is_stopped() {
+                None
+            } else {
+                self.better_place(v, moving)
+            }
+        };
+        vertices
+            .par_iter()
+            .with_min_len(CHUNK)
+            .map_init(Move::default, propose)
+            .collect()
+    }
+
+    /// Moves a vertex if what is around it is better for it; says whether it did.
+    fn move_if_better(&mut self, v: u32, p: Point3) -> bool {
+        let mut star = std::mem::take(&mut self.scratch.star);
+        self.complex.star(v, &mut star);
+        let faces = self.faces_at(&star, v);
+        let before = self.worst_at(v, self.point(v), &star, &faces);
+        let is_better = self.worst_at(v, p, &star, &faces) > before;
+        if is_better {
+            self.complex.points[v as usize] = p;
+            self.touched[v as usize] = self.clock;
+            self.suspects.extend_from_slice(&star);
+        }
+        self.scratch.star = star;
+        is_better
+    }
+
+    /// The middle of an edge.
+    pub(super) fn middle_of(&self, [a, b]: [u32; 2]) -> Point3 {
+        midpoint(self.point(a), self.point(b))
+    }
+}

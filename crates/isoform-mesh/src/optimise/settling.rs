@@ -1,0 +1,179 @@
+//! Vertices that cutting had to leave off the surface are brought onto it.
+
+use super::holds::Hold;
+use super::{LOOK, Optimiser};
+use crate::complex::{BOUNDARY, NONE};
+use crate::points::{along, centroid};
+use crate::surface::{On, SKIN};
+use isoform_geom::{Point3, norm, sub};
+use rayon::prelude::*;
+
+/// Rounds of settling.
+const ROUNDS: i32 = 6;
+/// Worst measure that a step onto the surface may leave in the first round; half of it in each
+/// round that follows.
+const LEAST: f64 = 0.05;
+/// Shares of the way to the surface that are tried: the whole of it if possible.
+const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
+/// Vertices off the surface that are tried in every round. Many that do not get fewer are a solid
+/// too fine for the size; a few are worth every round.
+const FEW: usize = 16;
+/// Rounds of mending after each round.
+const MENDING: usize = 8;
+
+impl Optimiser<'_> {
+    /// The vertices off the surface among those that `may` says may be, in order.
+    pub(super) fn off(&self, may: impl Fn(u32) -> bool + Sync) -> Vec<u32> {
+        let is_off = |&v: &u32| {
+            self.complex.tet_of[v as usize] != NONE
+                && may(v)
+                && (self.is_off(v, self.point(v)) || self.is_hidden(v))
+        };
+        (0..self.complex.points.len() as u32)
+            .into_par_iter()
+            .filter(is_off)
+            .collect()
+    }
+
+    /// Brings vertices that the cutting had to leave off their pieces onto them, making room by
+    /// mending. Returns those left.
+    pub(super) fn settle(&mut self, goal: f64) -> Vec<Point3> {
+        let mut left = std::mem::take(&mut self.first_off);
+        let mut fewest = usize::MAX;
+        let mut since = 0;
+        for round in 0..ROUNDS {
+            if self.control.is_stopped() {
+                break;
+            }
+            let off =
+                self.off(|v| self.touched[v as usize] > since || left.binary_search(&v).is_ok());
+            since = self.clock;
+            left = self.bring_all(off, LEAST * 0.5f64.powi(round));
+            let are_many = left.len() > FEW.max(fewest - fewest / 10);
+            if (left.is_empty() && round > 0) || are_many {
+                break;
+            }
+            fewest = left.len();
+            left.iter().for_each(|&v| self.free(v));
+            self.collapse_micro();
+            self.make_room(&left);
+            self.mend_all(goal, MENDING);
+        }
+        left.into_iter()
+            .filter(|&v| self.complex.tet_of[v as usize] != NONE)
+            .map(|v| self.point(v))
+            .collect()
+    }
+
+    /// Brings vertices onto the surface, as far as the tetrahedra allow. Returns those that are not
+    /// there.
+    fn bring_all(&mut self, off: Vec<u32>, least: f64) -> Vec<u32> {
+        let mut left = Vec::new();
+        for (k, v) in off.into_iter().enumerate() {
+            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+                break;
+            }
+            if !self.bring(v, least) {
+                left.push(v);
+            }
+        }
+        left
+    }
+
+    /// Brings a vertex nearer to what holds it; says whether it is there.
+    fn bring(&mut self, v: u32, least: f64) -> bool {
+        if self.is_hidden(v) {
+            self.hold[v as usize] = Hold::On(On::of(&[SKIN]));
+        }
+        let p = self.point(v);
+        let Some(q) = self.place_of(v) else {
+            return false;
+        };
+        let mut star = Vec::new();
+        self.complex.star(v, &mut star);
+        let faces = self.faces_at(&star, v);
+        let share = SHARES
+            .into_iter()
+            .find(|&t| self.worst_at(v, along(p, q, t), &star, &faces) > least);
+        if let Some(t) = share {
+            self.suspects.extend_from_slice(&star);
+            self.touched[v as usize] = self.clock + 1;
+            self.complex.points[v as usize] = if t == 1.0 { q } else { along(p, q, t) };
+        }
+        share == Some(1.0)
+    }
+
+    /// Where a vertex belongs: the nearest point on all that holds it, if there is one within the
+    /// size asked for.
+    fn place_of(&self, v: u32) -> Option<Point3> {
+        let p = self.point(v);
+        self.surface
+            .project(self.holding(v).slice(), p)
+            .filter(|q| norm(sub(*q, p)) < self.size)
+    }
+
+    /// Moves the vertices around those given as far as it helps, also where they are good enough
+    /// otherwise.
+    pub(super) fn make_room(&mut self, vertices: &[u32]) {
+        let near = self.complex.vertices_around(vertices);
+        self.clock += 1;
+        let enough = std::mem::replace(&mut self.enough, f64::INFINITY);
+        self.smooth(&near);
+        self.enough = enough;
+    }
+
+    /// Frees a vertex whose labels have no edge or corner of the solid in common near it, as where
+    /// pieces touch tangentially: it is held on the solid alone, and the faces around it are
+    /// labelled anew, as the solid is at their middles.
+    pub(super) fn free(&mut self, v: u32) {
+        let on = self.holding(v);
+        if on.is_empty() || self.place_of(v).is_some_and(|q| self.is_real(on, q)) {
+            return;
+        }
+        self.hold[v as usize] = Hold::On(On::of(&[SKIN]));
+        self.touched[v as usize] = self.clock + 1;
+        let mut star = Vec::new();
+        self.complex.star(v, &mut star);
+        let mut labels = On::default();
+        for &t in &star {
+            for i in 0..4 {
+                if let Some(old) = self.complex.label(t, i)
+                    && self.complex.tets[t as usize][i] != v
+                {
+                    let label = self.label_anew(v, self.complex.face(t, i), old);
+                    self.complex.adjacent[t as usize][i] = BOUNDARY | label;
+                    labels = labels.with(label).unwrap_or(labels);
+                }
+            }
+        }
+        self.labels[v as usize] = labels;
+    }
+
+    /// Whether pieces meet at a point in an edge or corner of the solid, if there are several.
+    fn is_real(&self, on: On, q: Point3) -> bool {
+        match on.slice() {
+            &[a, b] => self.surface.is_edge([a, b], q),
+            [_, _, _] => self.surface.is_corner(on.slice(), q),
+            _ => true,
+        }
+    }
+
+    /// The piece that a face at a vertex lies on, as the solid is at its middle: of the vertex's
+    /// pieces and the one that decides there the one that the face faces best.
+    fn label_anew(&self, v: u32, face: [u32; 3], old: u32) -> u32 {
+        let c = face.map(|k| self.point(k));
+        let Some(q) = self.surface.project(&[SKIN], centroid(c)) else {
+            return old;
+        };
+        let mine = self.labels[v as usize];
+        let candidates = mine.with(self.surface.value(q).1).unwrap_or(mine);
+        let is_face = |l: &u32| self.surface.distance(*l, q) == 0.0 && self.surface.is_face(*l, q);
+        candidates
+            .slice()
+            .iter()
+            .copied()
+            .filter(is_face)
+            .max_by(|&a, &b| self.facing(c, a).total_cmp(&self.facing(c, b)))
+            .unwrap_or(old)
+    }
+}

@@ -1,0 +1,54 @@
+//! Points between points, and what else vectors are asked for all over the mesher.
+//!
+//! Sums are taken in one order everywhere, so that the middle of an edge is the same number
+//! whoever asks for it.
+
+use isoform_geom::{Point3, norm};
+
+/// The middle of two points.
+#[inline]
+pub(crate) fn midpoint(p: Point3, q: Point3) -> Point3 {
+    std::array::from_fn(|i| 0.5 * (p[i] + q[i]))
+}
+
+/// The point at share `t` of the way from `p` to `q`.
+#[inline]
+pub(crate) fn along(p: Point3, q: Point3, t: f64) -> Point3 {
+    std::array::from_fn(|i| p[i] + t * (q[i] - p[i]))
+}
+
+/// The centroid of a triangle.
+#[inline]
+pub(crate) fn centroid(p: [Point3; 3]) -> Point3 {
+    std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0)
+}
+
+/// The vector divided by its length; nothing is done to a vector of length 0.
+#[inline]
+pub(crate) fn unit(v: Point3) -> Point3 {
+    let n = norm(v).max(1e-300);
+    v.map(|x| x / n)
+}
+
+/// The list sorted, each number once.
+pub(crate) fn unique(mut v: Vec<u32>) -> Vec<u32> {
+    v.sort_unstable();
+    v.dedup();
+    v
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_of_the_way_is_the_middle() {
+        let (p, q) = ([0.0, 1.0, -2.0], [4.0, 3.0, 2.0]);
+        assert_eq!(midpoint(p, q), [2.0, 2.0, 0.0]);
+        assert_eq!(along(p, q, 0.5), midpoint(p, q));
+        assert_eq!(centroid([p, q, [2.0, 2.0, 3.0]]), [2.0, 2.0, 1.0]);
+        assert_eq!(unit([0.0, 3.0, 4.0]), [0.0, 0.6, 0.8]);
+        assert_eq!(unit([0.0; 3]), [0.0; 3]);
+        assert_eq!(unique(vec![3, 1, 3]), [1, 3]);
+    }
+}

@@ -1,0 +1,156 @@
+//! Sizes that follow the curvature of the surface, and those that are wished for.
+
+use super::{CHUNK, Refiner, SAME, longest};
+use crate::complex::Complex;
+use crate::lattice::{CELL, Reduced};
+use crate::options::Options;
+use crate::surface::Surface;
+use isoform_geom::{Point3, across, dot, norm, sub};
+use isoform_num::Jet2;
+use rayon::prelude::*;
+
+/// Edges are at most this share of the smallest radius of curvature: an arc of some 50 degrees
+/// each. Coarser ones cannot tell sheets that bend into each other apart.
+const RADIUS: f64 = 0.8;
+/// Smallest share of the size asked for that curvature alone may lead to; sharper bends are left to
+/// the chordal error, if one is asked for.
+const BEND_LEAST: f64 = 0.25;
+/// Distance of a piece, in radii of a tetrahedron, beyond which it does not pass through that.
+const REACH: f64 = 1.1;
+/// The chordal error is measured on the mesh afterwards and what exceeds it split: here it may be
+/// exceeded by this factor.
+const EXCEEDED: f64 = 1.3;
+
+/// Largest principal curvature, by magnitude, of the level set through a point.
+///
+/// With the unit normal n and directions u, v across it these are the eigenvalues of the Hessian
+/// restricted to u and v, over |∇g|.
+pub(crate) fn curvature(j: &Jet2) -> f64 {
+    let l = norm(j.g);
+    if !(l > 0.0 && l.is_finite()) {
+        return 0.0;
+    }
+    let [u, v] = across(j.g.map(|v| v / l));
+    let times = |w: Point3| -> Point3 {
+        std::array::from_fn(|i| (0..3).map(|k| j.second(i, k) * w[k]).sum())
+    };
+    let (hu, hv) = (times(u), times(v));
+    let (a, b, c) = (dot(u, hu) / l, dot(u, hv) / l, dot(v, hv) / l);
+    let (mean, off) = (0.5 * (a + c), (0.25 * (a - c) * (a - c) + b * b).sqrt());
+    (mean + off).abs().max((mean - off).abs())
+}
+
+/// Edge length at which the surface in a tetrahedron is followed: within the chordal error `error`,
+/// and without turning too far at once (down to a share of `size`). Infinite away from the surface.
+fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, size: f64) -> f64 {
+    let (c, middle) = (complex.corners(t), complex.middle(t));
+    let Some(reduced) = surface.lattice.reduced_at(middle) else {
+        return f64::INFINITY;
+    };
+    let reach = c.iter().map(|p| norm(sub(*p, middle))).fold(0.0, f64::max);
+    let values: Vec<f64> = reduced
+        .pieces
+        .iter()
+        .map(|&i| surface.distance(i, middle))
+        .collect();
+    let mut wanted = f64::INFINITY;
+    for (&piece, &v) in reduced.pieces.iter().zip(&values) {
+        if v.abs() > REACH * reach || value_without(reduced, &values, piece).abs() > reach {
+            continue;
+        }
+        let bend = curvature(&surface.solid.jet(piece, middle));
+        if bend > 0.0 {
+            // Level sets at a distance v have other radii: 1/κ changes by v. A chord of length s
+            // leaves a circle of curvature κ by κ s²/8, an equilateral triangle a sphere by κ s²/6.
+            let radius = (1.0 / bend - v.abs()).max(0.5 / bend);
+            let by_error = (6.0 * error * radius).sqrt();
+            let by_turn = (RADIUS * radius).max(BEND_LEAST * size);
+            wanted = wanted.min(by_error).min(by_turn);
+        }
+    }
+    wanted
+}
+
+/// The value of a tree where a piece vanishes and the others have the values given: near 0 only
+/// where the piece bounds the solid, or nearly so.
+fn value_without(reduced: &Reduced, values: &[f64], piece: u32) -> f64 {
+    let place = |i: u32| reduced.pieces.iter().position(|&p| p == i);
+    reduced.tree.value(&|i| {
+        if i == piece {
+            0.0
+        } else {
+            place(i).map_or(0.0, |k| values[k])
+        }
+    })
+}
+
+/// The edge length wanted in a tetrahedron of the lattice, whose cells of edge [`CELL`] hold edges
+/// of length 1: by curvature and by wishes.
+fn wanted(surface: &Surface<'_>, options: &Options, complex: &Complex, t: u32) -> f64 {
+    let error = options.grade.map_or(f64::INFINITY, |e| EXCEEDED * e);
+    let curved = curved_size(surface, complex, t, error, options.size);
+    let wished = options.sizes.as_ref().map_or(f64::INFINITY, |sizes| {
+        let c = complex.corners(t);
+        c.iter().map(|p| sizes.at(*p)).fold(f64::INFINITY, f64::min)
+    });
+    CELL * curved.min(wished)
+}
+
+impl Refiner<'_> {
+    /// Bisects where the surface bends or a size is wished for: see [`Options`]. Says whether the
+    /// limit of tetrahedra was met.
+    pub(crate) fn follow(&mut self, surface: &Surface<'_>, options: &Options) -> bool {
+        let complex = &self.complex;
+        let before = complex.tets.clone();
+        let sizes: Vec<f64> = (0..before.len() as u32)
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|t| {
+                if complex.is_there(t) && !surface.control.is_stopped() {
+                    wanted(surface, options, complex, t)
+                } else {
+                    f64::INFINITY
+                }
+            })
+            .collect();
+        let any = sizes
+            .par_iter()
+            .enumerate()
+            .with_min_len(CHUNK)
+            .any(|(t, s)| s.is_finite() && longest(complex, t as u32).0 > s * SAME);
+        any && self.bisect(|complex, t| match before.get(t as usize) {
+            Some(v) if *v == complex.tets[t as usize] => sizes[t as usize],
+            _ => wanted(surface, options, complex, t),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// x² + y² has level sets of curvature 1/r across the axis and 0 along it.
+    #[test]
+    fn curvature_of_a_cylinder() {
+        for r in [0.5, 2.0, 10.0] {
+            let (x, y) = (0.6 * r, 0.8 * r);
+            let mut j = Jet2 {
+                v: r * r,
+                g: [2.0 * x, 2.0 * y, 0.0],
+                h: [0.0; 6],
+            };
+            let diagonal: Vec<usize> = (0..6)
+                .filter(|&k| {
+                    j.h = [0.0; 6];
+                    j.h[k] = 1.0;
+                    j.second(0, 0) == 1.0 || j.second(1, 1) == 1.0
+                })
+                .collect();
+            j.h = [0.0; 6];
+            for k in diagonal {
+                j.h[k] = 2.0;
+            }
+            assert!((curvature(&j) - 1.0 / r).abs() < 1e-12, "radius {r}");
+        }
+    }
+}

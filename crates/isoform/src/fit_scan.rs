@@ -1,0 +1,594 @@
+//! The parameters of a HyperFun program from a scan, in whatever pose and with whatever clutter
+//! the scan comes.
+
+use crate::held::{HeldTemplate, ParameterError};
+use crate::{FrepTemplate, TemplateError, points_on_faces};
+use isoform_control::Control;
+use isoform_field::hyperfun::{Model, Placement, Pose};
+use isoform_fit::{
+    Beside, Candidate, Finding, Fit, FitError, Method, Options, Scan, fit, search, settle,
+};
+use isoform_geom::{Point3, PointCloud};
+use std::borrow::Cow;
+use std::fmt;
+use std::time::Instant;
+
+/// Starts of each other way to stand: enough to tell whether it is the right one.
+const STARTS_PER_TURN: usize = 8;
+/// A fit is better than another if its misfit is below this share of the other's. Alike ones, the
+/// symmetries of a part, differ by less, and count as one.
+const BETTER: f64 = 0.97;
+/// A scan that stands askew by more than this (as a Rodrigues vector: 0.6 degrees) is looked at
+/// along the template's axes again, since shares of its box change with the frame.
+const ASKEW: f64 = 5e-3;
+/// Makes the seed of the second search, which must come to the place of the first.
+const OTHER_SEED: u64 = 0x5EED;
+/// Two searches agree when their misfits differ by less than this share.
+const AGREE: f64 = 0.03;
+/// A value this near to a bound, as a share of the range, has reached it.
+const AT_BOUND: f64 = 0.005;
+/// A value this near to a bound has reached it where the fit is not accepted: one that a bound
+/// keeps from its place may end beside the bound, too.
+const BESIDE_BOUND: f64 = 0.05;
+/// Rounds in which bounds that are shares of the box give way.
+const WIDENINGS: usize = 2;
+/// Most of the points that may be left out as clutter, as a share: with more gone, what is left
+/// need not be the part.
+const MOST_LEFT_OUT: f64 = 0.6;
+/// About how many points are added on the flat faces of a CAD model.
+const ON_FACES: usize = 6000;
+
+/// Lower and upper bounds of parameters, by name, 1-based number, or `a[number]`.
+pub type NamedBounds = Vec<(String, (f64, f64))>;
+
+/// How a scan is fitted. Values, bounds and starts are in the file's coordinates and unit.
+///
+/// ```
+/// use isoform::FitOptions;
+/// // One parameter is known, another one has bounds.
+/// let options = FitOptions {
+///     fixed: vec![("radius".to_owned(), 2.0)],
+///     bounds: vec![("height".to_owned(), (1.0, 9.0))],
+///     ..FitOptions::default()
+/// };
+/// assert_eq!(options.fit.seed, 1);
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct FitOptions {
+    /// Start values of all parameters, or of those of the program without the pose; by default the
+    /// template's, else the data decide.
+    pub start: Option<Vec<f64>>,
+    /// Bounds of parameters, by name, 1-based number, or `a[number]`.
+    pub bounds: NamedBounds,
+    /// Parameters that are held, by name, 1-based number, or `a[number]`.
+    pub fixed: Vec<(String, f64)>,
+    /// Motion of the whole template as further parameters; by default as the program says.
+    pub pose: Option<Pose>,
+    /// Clutter of these kinds is fitted like the rest. Where a fit is in doubt, other clutter is
+    /// left out.
+    pub keep: Vec<Beside>,
+    /// Method, loss, seed and effort. Its `start` and `bounds` are not looked at.
+    pub fit: Options,
+}
+
+/// Why there is no fit of a scan.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FitScanError {
+    /// The scan is empty.
+    #[error("there is no point to fit to")]
+    NoPoints,
+    /// The program is no template.
+    #[error(transparent)]
+    Template(#[from] TemplateError),
+    /// A parameter cannot be held.
+    #[error("{key}: {error}")]
+    Fixed {
+        /// What was said to be held.
+        key: String,
+        /// Why it cannot be.
+        error: ParameterError,
+    },
+    /// Bounds do not suit the parameters.
+    #[error("{key}: {error}")]
+    Bounds {
+        /// What was said to have bounds.
+        key: String,
+        /// What is wrong.
+        error: ParameterError,
+    },
+    /// Start values do not suit the parameters.
+    #[error(transparent)]
+    Start(ParameterError),
+    /// No fit was found.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+}
+
+/// What a reader should know of how a scan was fitted.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum FitScanWarning {
+    /// The scan is a CAD model, and got points on its flat faces and straight lines.
+    FacesAdded {
+        /// Points added.
+        added: usize,
+        /// Vertices that were there.
+        vertices: usize,
+    },
+    /// The points lie far from the origin, and the template has no pose that could follow.
+    FarAndFixed,
+    /// Points were left out as clutter.
+    LeftOut {
+        /// Of which kind.
+        kind: Beside,
+        /// How many.
+        count: usize,
+        /// As a share of all.
+        share: f64,
+    },
+}
+
+impl fmt::Display for FitScanWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::FacesAdded { added, vertices } => write!(
+                f,
+                "a CAD model: {added} points of its flat faces and straight lines were added to \
+                 {vertices} vertices"
+            ),
+            Self::FarAndFixed => f.write_str(
+                "the points lie far from the origin and the template cannot be moved: digits are \
+                 lost; try --pose translate",
+            ),
+            Self::LeftOut { kind, count, share } => {
+                let (place, option) = match kind {
+                    Beside::Plane => ("on a plane beyond the part", "--keep-planes"),
+                    Beside::Apart => ("apart from the part", "--keep-apart"),
+                    Beside::Stray => ("astray", "--no-outlier-filter"),
+                };
+                let share = 100.0 * share;
+                write!(
+                    f,
+                    "{count} points ({share:.1} %) lie {place} and were left out; {option} fits \
+                     them, too"
+                )
+            }
+        }
+    }
+}
+
+/// A template fitted to a scan.
+#[derive(Debug)]
+pub struct ScanFit {
+    /// The points that were fitted, those added on the faces of a CAD model included.
+    pub cloud: PointCloud,
+    /// The template in the pose in which it fits.
+    pub template: HeldTemplate,
+    /// Values, deviations and verdict, relative to the origin of the cloud.
+    pub fit: Fit,
+    /// What a reader should know beside [`Fit::warnings`].
+    pub warnings: Vec<FitScanWarning>,
+    /// Seconds by phase.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+impl ScanFit {
+    /// The values of all parameters in the file's coordinates.
+    pub fn values(&self) -> Vec<f64> {
+        let relative = self.fit.parameters.iter().map(|p| p.value);
+        relative
+            .zip(&self.template.shift)
+            .map(|(value, shift)| value + shift)
+            .collect()
+    }
+    /// The fitted program, in the file's coordinates: plain HyperFun that any tool can evaluate.
+    pub fn program(&self) -> String {
+        let frep = &self.template.frep;
+        frep.fitted_program(&self.fit.values(), self.cloud.origin)
+    }
+    /// Deviation of each point from the fitted model: positive outside, as inspectors have it.
+    pub fn deviation(&self) -> Vec<f64> {
+        self.fit.residuals.iter().map(|r| 0.0 - r).collect()
+    }
+    /// Where the model lies in the file's coordinates; none without a pose.
+    pub fn placement(&self) -> Option<Placement> {
+        let placement = self.template.frep.placement(&self.fit.values())?;
+        let origin = self.cloud.origin;
+        Some(Placement {
+            translation: std::array::from_fn(|k| placement.translation[k] + origin[k]),
+            ..placement
+        })
+    }
+}
+
+/// Fits a HyperFun program to a scan.
+///
+/// Where the program does not fit as the scan stands, other ways to stand are tried, its box is
+/// measured along the template's own axes, and bounds that presume a whole part give way. Where a
+/// fit is in doubt and planes or other objects beside the part are seen, it is fitted without them,
+/// too. The flat faces of CAD meshes, which have no vertices inside, get points.
+///
+/// ```
+/// use isoform::{Control, FitOptions, fit_scan, geom::PointCloud, template};
+/// // Points of a ball of radius 2 about (1, 0, 0).
+/// let on_ball = |i: u32| {
+///     let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 150.0 - 1.0);
+///     let r = (1.0 - z * z).sqrt();
+///     [1.0 + 2.0 * r * t.cos(), 2.0 * r * t.sin(), 2.0 * z]
+/// };
+/// let scan = PointCloud::from_points((0..300).map(on_ball).collect());
+/// let ball = template("sphere").expect("a template of the gallery").model();
+/// let fitted = fit_scan(&scan, &ball, &FitOptions::default(), &Control::default())?;
+/// let radius = fitted.template.index("radius").expect("a parameter");
+/// assert!((fitted.values()[radius] - 2.0).abs() < 1e-9);
+/// # Ok::<(), isoform::FitScanError>(())
+/// ```
+///
+/// # Errors
+/// [`FitScanError`].
+pub fn fit_scan(
+    scan: &PointCloud,
+    model: &Model,
+    options: &FitOptions,
+    control: &Control<'_>,
+) -> Result<ScanFit, FitScanError> {
+    let started = Instant::now();
+    let mut warnings = Vec::new();
+    let mut cloud = with_faces(scan, &mut warnings);
+    if cloud.points.is_empty() {
+        return Err(FitScanError::NoPoints);
+    }
+    let posed = |points: &[Point3]| match options.pose {
+        None => FrepTemplate::new(model, points),
+        Some(pose) => FrepTemplate::with_pose(model, pose, points),
+    };
+    let mut template = HeldTemplate::new(posed(&cloud.points)?, cloud.origin);
+    if cloud.origin != [0.0; 3] && !template.moves() {
+        // The template's own coordinates are the file's.
+        let absolute = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
+        let moved = cloud.to_mut();
+        (moved.points, moved.origin) = (absolute, [0.0; 3]);
+        warnings.push(FitScanWarning::FarAndFixed);
+        template = HeldTemplate::new(posed(&cloud.points)?, cloud.origin);
+    }
+    hold(&mut template, options)?;
+    let task = Task {
+        options,
+        inner: inner_options(&template, options)?,
+        control,
+        origin: cloud.origin,
+        posed: &posed,
+    };
+    let prepared = started.elapsed().as_secs_f64();
+    let posed = task.fit_beside_clutter(&cloud.points, template)?;
+    warnings.extend(left_out(&posed.beside));
+    let mut seconds = vec![("template", prepared)];
+    seconds.extend(posed.fit.seconds.iter().copied());
+    Ok(ScanFit {
+        cloud: cloud.into_owned(),
+        template: posed.template,
+        fit: posed.fit,
+        warnings,
+        seconds,
+    })
+}
+
+/// The scan; of a CAD model with points on its flat faces and straight lines.
+fn with_faces<'a>(scan: &'a PointCloud, warnings: &mut Vec<FitScanWarning>) -> Cow<'a, PointCloud> {
+    if scan.triangles.is_empty() {
+        return Cow::Borrowed(scan);
+    }
+    let (with_faces, added) = points_on_faces(scan, ON_FACES);
+    if added == 0 {
+        return Cow::Borrowed(scan);
+    }
+    let vertices = scan.points.len();
+    warnings.push(FitScanWarning::FacesAdded { added, vertices });
+    Cow::Owned(with_faces)
+}
+
+/// Holds the parameters that the caller holds.
+fn hold(template: &mut HeldTemplate, options: &FitOptions) -> Result<(), FitScanError> {
+    template
+        .hold(&options.fixed)
+        .map_err(|(place, error)| FitScanError::Fixed {
+            key: options.fixed[place].0.clone(),
+            error,
+        })
+}
+
+/// The options of the stage, in the template's coordinates.
+fn inner_options(template: &HeldTemplate, options: &FitOptions) -> Result<Options, FitScanError> {
+    let start = match &options.start {
+        Some(values) => Some(template.start(values).map_err(FitScanError::Start)?),
+        None => None,
+    };
+    let bounds = if options.bounds.is_empty() {
+        Vec::new()
+    } else {
+        let key = |place: usize| options.bounds[place].0.clone();
+        template
+            .bounds(&options.bounds)
+            .map_err(|(place, error)| FitScanError::Bounds {
+                key: key(place),
+                error,
+            })?
+    };
+    Ok(Options {
+        start,
+        bounds,
+        ..options.fit.clone()
+    })
+}
+
+/// A warning for each kind of points that were left out.
+fn left_out(beside: &[Option<Beside>]) -> impl Iterator<Item = FitScanWarning> {
+    let kinds = [Beside::Plane, Beside::Apart, Beside::Stray];
+    kinds.into_iter().filter_map(|kind| {
+        let count = beside.iter().filter(|b| **b == Some(kind)).count();
+        let share = count as f64 / beside.len() as f64;
+        (count > 0).then_some(FitScanWarning::LeftOut { kind, count, share })
+    })
+}
+
+/// The points that nothing is beside the part for.
+fn kept_of(points: &[Point3], beside: &[Option<Beside>]) -> Vec<Point3> {
+    let kept = points.iter().zip(beside).filter(|(_, b)| b.is_none());
+    kept.map(|(p, _)| *p).collect()
+}
+
+/// A fit, the pose of the template in which it was found, and what was left out.
+struct Posed {
+    template: HeldTemplate,
+    fit: Fit,
+    /// By point, as what it was left out; empty if all were fitted.
+    beside: Vec<Option<Beside>>,
+}
+
+/// The result of a search and the template that it was made with.
+struct Found {
+    template: HeldTemplate,
+    candidate: Candidate,
+}
+
+impl Found {
+    /// Takes another candidate if it is better, and counts the time of the one that is dropped.
+    fn offer(&mut self, template: HeldTemplate, mut candidate: Candidate, is_better: bool) {
+        if is_better {
+            std::mem::swap(&mut self.candidate, &mut candidate);
+            self.template = template;
+        }
+        self.candidate.add_seconds(&candidate);
+    }
+}
+
+/// Makes a template from a program and the points whose frame it takes.
+type Posing<'a> = dyn Fn(&[Point3]) -> Result<FrepTemplate, TemplateError> + 'a;
+
+/// What all stages of a fit share.
+struct Task<'a> {
+    options: &'a FitOptions,
+    /// Those of the stage.
+    inner: Options,
+    control: &'a Control<'a>,
+    /// What is added to the points to get the file's coordinates.
+    origin: Point3,
+    posed: &'a Posing<'a>,
+}
+
+impl Task<'_> {
+    /// The fit; where it is in doubt, and planes or other objects beside the part are seen, the fit
+    /// without them if that is better.
+    fn fit_beside_clutter(
+        &self,
+        points: &[Point3],
+        template: HeldTemplate,
+    ) -> Result<Posed, FitScanError> {
+        let mut whole = self.fit_in_pose(points, template)?;
+        let is_clutter = |f: &Finding| {
+            matches!(
+                f,
+                Finding::Apart { .. } | Finding::Table { .. } | Finding::Stray { .. }
+            )
+        };
+        if !whole.fit.findings.iter().any(is_clutter) || self.control.is_stopped() {
+            return Ok(whole);
+        }
+        let Some(mut part) = self.fit_part(points, &mut whole.fit)? else {
+            return Ok(whole);
+        };
+        if part.fit.verdict >= whole.fit.verdict {
+            whole.fit.add_seconds(&part.fit);
+            return Ok(whole);
+        }
+        part.fit.add_seconds(&whole.fit);
+        Ok(part)
+    }
+
+    /// The fit without clutter; none where there is none, where hardly anything else is there, or
+    /// where too few points are left. The time of finding clutter is counted as the whole fit's.
+    fn fit_part(&self, points: &[Point3], whole: &mut Fit) -> Result<Option<Posed>, FitScanError> {
+        let started = Instant::now();
+        let scan = Scan::new(points, &self.inner, self.control)?;
+        let clutter = scan.clutter();
+        let keep = &self.options.keep;
+        let mut beside: Vec<Option<Beside>> = points
+            .iter()
+            .map(|p| clutter.of(*p).filter(|b| !keep.contains(b)))
+            .collect();
+        let mut kept = kept_of(points, &beside);
+        let took = started.elapsed().as_secs_f64();
+        whole.seconds.push(("clutter", took));
+        let is_most = kept.len() as f64 >= (1.0 - MOST_LEFT_OUT) * points.len() as f64;
+        if kept.len() == points.len() || !is_most {
+            return Ok(None);
+        }
+        let Some(mut part) = self.fit_alone(&kept)? else {
+            return Ok(None);
+        };
+        let fringe = clutter.fringe(&part.fit, &kept);
+        if fringe.contains(&true) && !keep.contains(&Beside::Plane) {
+            let mut of_kept = fringe.iter();
+            for b in beside.iter_mut().filter(|b| b.is_none()) {
+                *b = of_kept.next().filter(|f| **f).map(|_| Beside::Plane);
+            }
+            kept = kept_of(points, &beside);
+            let Some(mut again) = self.fit_alone(&kept)? else {
+                return Ok(None);
+            };
+            again.fit.add_seconds(&part.fit);
+            part = again;
+        }
+        part.fit = part.fit.with_left_out(&part.template, points, &beside);
+        part.beside = beside;
+        Ok(Some(part))
+    }
+
+    /// The fit to some of the points; none where they are too few, say.
+    fn fit_alone(&self, kept: &[Point3]) -> Result<Option<Posed>, FitScanError> {
+        let template = self.held((self.posed)(kept)?)?;
+        Ok(self.fit_in_pose(kept, template).ok())
+    }
+
+    /// The fit, in whatever pose the scan comes: where the template does not fit as the scan
+    /// stands, the other ways are tried; then the box is measured along the template's own axes;
+    /// then bounds that presume a whole part give way where the fit ran into them.
+    fn fit_in_pose(
+        &self,
+        points: &[Point3],
+        template: HeldTemplate,
+    ) -> Result<Posed, FitScanError> {
+        let (inner, control) = (&self.inner, self.control);
+        let is_free = self.options.start.is_none()
+            && self.options.bounds.is_empty()
+            && inner.method == Method::Default;
+        if !is_free {
+            let fit = fit(points, &template, inner, control)?;
+            return Ok(Posed::of_all(template, fit));
+        }
+        let scan = Scan::new(points, inner, control)?;
+        let candidate = search(&scan, &template, inner, control)?;
+        let mut found = Found {
+            template,
+            candidate,
+        };
+        if !found.candidate.is_at_noise() {
+            self.try_turned(&scan, points, &mut found)?;
+        }
+        self.try_aligned(&scan, points, &mut found)?;
+        let fit = settle(&scan, &found.template, inner, control, found.candidate)?;
+        self.widened(&scan, points, Posed::of_all(found.template, fit))
+    }
+
+    /// Looks at the template standing in other ways on the scan.
+    fn try_turned(
+        &self,
+        scan: &Scan<'_>,
+        points: &[Point3],
+        best: &mut Found,
+    ) -> Result<(), FitScanError> {
+        let quick = Options {
+            most_starts: STARTS_PER_TURN,
+            refine: false,
+            ..self.inner.clone()
+        };
+        for frep in best.template.frep.turned(points) {
+            if self.control.is_stopped() {
+                break;
+            }
+            let turned = self.held(frep)?;
+            let Ok(candidate) = search(scan, &turned, &quick, self.control) else {
+                continue;
+            };
+            let is_better = candidate.misfit < BETTER * best.candidate.misfit;
+            best.offer(turned, candidate, is_better);
+            if best.candidate.is_at_noise() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks at a scan that stands askew, or whose search is in doubt, along the template's own
+    /// axes.
+    fn try_aligned(
+        &self,
+        scan: &Scan<'_>,
+        points: &[Point3],
+        best: &mut Found,
+    ) -> Result<(), FitScanError> {
+        let (frep, values) = (&best.template.frep, best.candidate.values());
+        let is_settled = best.candidate.is_at_noise() && best.candidate.is_certain();
+        let is_wanted = frep.askew(values) > ASKEW || !is_settled;
+        if !is_wanted || self.control.is_stopped() {
+            return Ok(());
+        }
+        let aligned = self.held(frep.aligned(values, points))?;
+        let other = Options {
+            seed: self.inner.seed ^ OTHER_SEED,
+            ..self.inner.clone()
+        };
+        let Ok(mut found) = search(scan, &aligned, &other, self.control) else {
+            return Ok(());
+        };
+        if (found.misfit / best.candidate.misfit - 1.0).abs() < AGREE {
+            found.confirm();
+            best.candidate.confirm();
+        }
+        let is_better = found.misfit < best.candidate.misfit / BETTER;
+        best.offer(aligned, found, is_better);
+        Ok(())
+    }
+
+    /// Lets bounds that are shares of the box give way where the fit ran into them.
+    fn widened(
+        &self,
+        scan: &Scan<'_>,
+        points: &[Point3],
+        mut best: Posed,
+    ) -> Result<Posed, FitScanError> {
+        for _ in 0..WIDENINGS {
+            let near = if best.fit.acceptable {
+                AT_BOUND
+            } else {
+                BESIDE_BOUND
+            };
+            let values = best.fit.values();
+            let Some(frep) = best.template.frep.widened(&values, points, near) else {
+                break;
+            };
+            let wider = self.held(frep)?;
+            let Ok(candidate) = search(scan, &wider, &self.inner, self.control) else {
+                break;
+            };
+            let mut again = settle(scan, &wider, &self.inner, self.control, candidate)?;
+            let cost = |f: &Fit| f.rms * (1.0 + f.n_outliers as f64 / f.n_points as f64);
+            if cost(&again) > cost(&best.fit) / BETTER {
+                best.fit.add_seconds(&again);
+                break;
+            }
+            again.add_seconds(&best.fit);
+            best = Posed::of_all(wider, again);
+        }
+        Ok(best)
+    }
+
+    /// The template with what the caller holds.
+    fn held(&self, frep: FrepTemplate) -> Result<HeldTemplate, FitScanError> {
+        let mut template = HeldTemplate::new(frep, self.origin);
+        hold(&mut template, self.options)?;
+        Ok(template)
+    }
+}
+
+impl Posed {
+    /// A fit of all points.
+    fn of_all(template: HeldTemplate, fit: Fit) -> Self {
+        Self {
+            template,
+            fit,
+            beside: Vec::new(),
+        }
+    }
+}
